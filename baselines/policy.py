@@ -1,0 +1,114 @@
+"""What a policy is, and the base of the policies that command one gain.
+
+`Policy` is stable-baselines3's ``predict``, so a trained agent and a baseline are run by the same code.
+Symbols: ``lambda`` the gain on the control law's torque (14), dimensionless; ``k`` the length of an
+    observation.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import Any, Protocol
+
+import numpy as np
+
+from flexarm_baselines.arrays import Array, Float32s, Floats
+from flexarm_env.actions import action_from_gain
+
+Observation = Array | dict[str, Array]
+State = tuple[Array, ...] | None
+
+
+class Policy(Protocol):
+    """Anything that maps observations to actions the way a stable-baselines3 model does."""
+
+    def predict(
+        self,
+        observation: Observation,
+        state: State = None,
+        episode_start: Array | None = None,
+        deterministic: bool = False,
+    ) -> tuple[Array, State]:
+        """Choose actions.
+
+        Args:
+            observation: one observation, shape ``(k,)``, or a batch, shape ``(n, k)``.
+            state: memory from the previous call, for policies that have one.
+            episode_start: flags of the observations that begin an episode, shape ``(n,)``.
+            deterministic: whether to leave out the policy's own randomness.
+
+        Returns:
+            The actions in [-1, 1], one row per observation if a batch was given, and the next state.
+        """
+
+
+class GainPolicy(ABC):
+    """A policy without memory or randomness whose action is one gain.
+
+    Attributes:
+        gain_limit: gain that the action 1 stands for, dimensionless.
+    """
+
+    gain_limit: float
+
+    @abstractmethod
+    def gains(self, observations: Floats) -> Floats:
+        """Gains lambda for a batch of observations.
+
+        Args:
+            observations: shape ``(n, k)``.
+
+        Returns:
+            Gains in [0, gain_limit], dimensionless, shape ``(n,)``.
+        """
+
+    def predict(
+        self,
+        observation: Observation,
+        state: State = None,
+        episode_start: Array | None = None,
+        deterministic: bool = False,
+    ) -> tuple[Float32s, State]:
+        """Choose actions; see `Policy.predict`. The state comes back as it was given.
+
+        Returns:
+            Actions in [-1, 1], shape ``(1,)`` for one observation, ``(n, 1)`` for a batch, and ``state``.
+
+        Raises:
+            TypeError: the observation is a dict.
+            ValueError: the observation is neither a vector nor a batch of vectors.
+        """
+        if isinstance(observation, dict):
+            raise TypeError(f"observation must be an array, got a dict with keys {sorted(observation)}")
+        rows = np.asarray(observation, dtype=np.float64)
+        if rows.ndim not in (1, 2):
+            raise ValueError(f"observation must have shape (k,) or (n, k), got {rows.shape}")
+        gains = self.gains(np.atleast_2d(rows))
+        actions = action_from_gain(gains, self.gain_limit).astype(np.float32)
+        return actions.reshape(*rows.shape[:-1], 1), state
+
+
+def env_attribute(env: Any, name: str) -> Any:
+    """An attribute of the environment below all wrappers.
+
+    Raises:
+        TypeError: it has none of this name, so it is no FlexArm environment.
+    """
+    base = env.unwrapped
+    if not hasattr(base, name):
+        raise TypeError(f"env must be a FlexArm environment, but {base!r} has no attribute {name!r}")
+    return getattr(base, name)
+
+
+def env_gain_limit(env: Any) -> float:
+    """Gain limit of a single or vector environment whose action is the gain.
+
+    Raises:
+        TypeError: it is no FlexArm environment.
+        ValueError: its action is something else than one gain.
+    """
+    limit = float(env_attribute(env, "gain_limit"))
+    space = getattr(env.unwrapped, "single_action_space", None) or env.unwrapped.action_space
+    if space.shape != (1,):
+        raise ValueError(f"env must take one gain as action, a space of shape (1,), got shape {space.shape}")
+    return limit

@@ -1,0 +1,309 @@
+"""One implicit stage of the arm under the inner law, as plain functions of numbers (see `dynamics`).
+
+The law (10), (14) acts in continuous time inside the integrator. Its rate feedback is very stiff: without hub
+inertia a joint's effective inertia at high frequency is small and shrinks with every mode, while the feedback
+reaches Kd |J|^2 = 1400 N m s/rad. The fastest closed-loop pole is near -11 000 /s with one mode a link and
+-271 000 /s with four, times lambda. So each stage solves for the velocity with the law's torque taken at the end of
+the stage. The torque is linear in the velocity and acts through two joints: that takes one factorisation of M and
+a 2 x 2 system, whatever the number of modes.
+
+Symbols:
+    reading: what the sensor measures: the joint angles ("collocated", "rigid") or the Cartesian point ("true").
+        Late readings arrive as ``offset + weight * current``: weight 0 for a reading from the past, weight 1 and
+        offset 0 without delay, in between for a delay shorter than the stage (interpolated within the step).
+    command: reference position and velocity, for each joint's torque its own (its delay may differ).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+from flexarm_env.dynamics import (
+    Constants,
+    applied_forces,
+    dot,
+    factor,
+    generalised_torque,
+    joint_angles,
+    mass_matrix,
+    rigid_velocity_forces,
+    solve,
+    velocity_forces,
+)
+from flexarm_env.elementary import sincos
+from flexarm_env.tracing import clip
+
+Pair = Sequence[Any]
+
+
+class Law(NamedTuple):
+    """What the law needs in one stage; each field a number, or a tuple of numbers.
+
+    Attributes:
+        gain: lambda (14).
+        proportional_gain: Kp (11).
+        derivative_gain: Kd (12).
+        torque_limit: of shoulder and elbow [N m].
+        sensor_distance: of the sensor from the elbow [m].
+        sensor_values: phi_i at the sensor (link 2), used by "true" only.
+        noise: added to the reading's Cartesian position [m].
+        command_1: reference position and velocity (x, y, x', y') in the shoulder's torque.
+        command_2: the same in the elbow's.
+        offset: late part of the two readings.
+        weight: share of the current two readings.
+        rate_offset: late part of the two readings' rates.
+        rate_weight: share of the current rates.
+    """
+
+    gain: Any
+    proportional_gain: Any
+    derivative_gain: Any
+    torque_limit: Pair
+    sensor_distance: Any
+    sensor_values: Sequence[Any]
+    noise: Pair
+    command_1: Sequence[Any]
+    command_2: Sequence[Any]
+    offset: Pair
+    weight: Pair
+    rate_offset: Pair
+    rate_weight: Pair
+
+    @staticmethod
+    def sizes(modes: int) -> dict[str, int]:
+        """How many numbers each field holds."""
+        return {
+            "gain": 1,
+            "proportional_gain": 1,
+            "derivative_gain": 1,
+            "torque_limit": 2,
+            "sensor_distance": 1,
+            "sensor_values": modes,
+            "noise": 2,
+            "command_1": 4,
+            "command_2": 4,
+            "offset": 2,
+            "weight": 2,
+            "rate_offset": 2,
+            "rate_weight": 2,
+        }
+
+
+def rigid_point(distance_1: Any, distance_2: Any, one: Pair, both: Pair) -> tuple[Any, Any]:
+    """Rigid kinematics (8), (9); `one`, `both`: sine and cosine of theta1 and of theta1 + theta2."""
+    return distance_1 * one[1] + distance_2 * both[1], distance_1 * one[0] + distance_2 * both[0]
+
+
+def rigid_jacobian(distance_1: Any, distance_2: Any, one: Pair, both: Pair) -> tuple[Pair, Pair]:
+    """J (13), by columns: of the shoulder and of the elbow. Row 2, column 1 has the cosine that (13) misprints."""
+    x, y = rigid_point(distance_1, distance_2, one, both)
+    return (-y, x), (-(distance_2 * both[0]), distance_2 * both[1])
+
+
+def true_point(k: Constants, law: Law, y: Sequence[Any], one: Pair, two: Pair) -> tuple[Any, Any]:
+    """A point of link 2 with deflection; `one`, `two`: sine and cosine of a1 and of a2."""
+    m = len(k.elbow_values)
+    w1 = dot(k.elbow_values, y[1 : m + 1])
+    w2 = dot(law.sensor_values, y[m + 2 :])
+    return (
+        k.elbow_distance * one[1] - w1 * one[0] + law.sensor_distance * two[1] - w2 * two[0],
+        k.elbow_distance * one[0] + w1 * one[1] + law.sensor_distance * two[0] + w2 * two[1],
+    )
+
+
+def true_jacobian(
+    k: Constants, law: Law, y: Sequence[Any], one: Pair, two: Pair
+) -> tuple[list[Any], list[Any]]:
+    """Rows of d(true point)/dy."""
+    m = len(k.elbow_values)
+    w1 = dot(k.elbow_values, y[1 : m + 1])
+    w2 = dot(law.sensor_values, y[m + 2 :])
+    row_x = [
+        -(k.elbow_distance * one[0] + w1 * one[1]),
+        *(-(value * one[0]) for value in k.elbow_values),
+        -(law.sensor_distance * two[0] + w2 * two[1]),
+        *(-(value * two[0]) for value in law.sensor_values),
+    ]
+    row_y = [
+        k.elbow_distance * one[1] - w1 * one[0],
+        *(value * one[1] for value in k.elbow_values),
+        law.sensor_distance * two[1] - w2 * two[0],
+        *(value * two[1] for value in law.sensor_values),
+    ]
+    return row_x, row_y
+
+
+def _late(current: Pair, law: Law) -> list[Any]:
+    return [law.offset[j] + law.weight[j] * current[j] for j in (0, 1)]
+
+
+def _measured(
+    k: Constants, law: Law, sensor: str, rate_jacobian: str, y: Sequence[Any], angles: dict[str, Any]
+) -> tuple[Pair, Pair, Sequence[Sequence[Any]]]:
+    """Measured position, the late part of its rate, and the rows G with rate = late part + G v."""
+    size = len(y)
+    if sensor == "true":
+        point = _late(true_point(k, law, y, angles["one"], angles["two"]), law)
+        rows = true_jacobian(k, law, y, angles["one"], angles["two"])
+        scaled = [[law.rate_weight[j] * value for value in rows[j]] for j in (0, 1)]
+        return point, law.rate_offset, scaled
+    theta1, theta2 = _late(joint_angles(k, y), law)
+    one, both = sincos(theta1), sincos(theta1 + theta2)
+    point = rigid_point(k.elbow_distance, law.sensor_distance, one, both)
+    columns = (
+        rigid_jacobian(k.elbow_distance, law.sensor_distance, one, both)
+        if rate_jacobian == "delayed"
+        else angles["jacobian"]
+    )
+    rate_rows = [_joint_row(k, 0, size), _joint_row(k, 1, size)]
+    late = [columns[0][r] * law.rate_offset[0] + columns[1][r] * law.rate_offset[1] for r in (0, 1)]
+    weighted = [[columns[j][r] * law.rate_weight[j] for j in (0, 1)] for r in (0, 1)]
+    rows = [
+        [weighted[r][0] * rate_rows[0][c] + weighted[r][1] * rate_rows[1][c] for c in range(size)]
+        for r in (0, 1)
+    ]
+    return point, late, rows
+
+
+def _joint_row(k: Constants, joint: int, size: int) -> list[Any]:
+    """d(theta_joint)/dy: the transpose of `generalised_torque`."""
+    unit = (1.0, 0.0) if joint == 0 else (0.0, 1.0)
+    row = generalised_torque(k, unit)
+    assert len(row) == size
+    return row
+
+
+def law_stage(
+    k: Constants,
+    law: Law,
+    variant: tuple[bool, str, str],
+    y: Sequence[Any],
+    v_known: Sequence[Any],
+    h_gamma: Any,
+) -> tuple[list[Any], list[Any], list[Any], list[Any]]:
+    """Solve one stage ``v = v_known + h gamma M^-1 B tau(v)`` for v.
+
+    Args:
+        k: constants of the arm.
+        law: the law's data in this stage.
+        variant: complete velocity forces?, sensor model, Jacobian of the rate.
+        y: internal coordinates of the stage (explicit).
+        v_known: explicit part of its rates.
+        h_gamma: step times the diagonal coefficient [s].
+
+    Returns:
+        v; the mechanical acceleration M^-1 (-h - K y - D v) at v; the law's acceleration M^-1 B tau; tau [N m].
+    """
+    complete, sensor, rate_jacobian = variant
+    m = len(k.elbow_values)
+    a1, a2 = y[0], y[m + 1]
+    absolute2 = a2 - dot(k.elbow_slopes, y[1 : m + 1])  # theta1 + theta2
+    cos_sin = sincos(a2 - a1)
+    cos, sin = cos_sin[1], cos_sin[0]
+    one, both = sincos(a1), sincos(absolute2)
+    jacobian = rigid_jacobian(k.elbow_distance, law.sensor_distance, one, both)
+    angles = {"one": one, "jacobian": jacobian}
+    if sensor == "true":
+        angles["two"] = sincos(a2)
+    factors = factor(mass_matrix(k, y, cos, sin))
+    responses = [solve(factors, generalised_torque(k, unit)) for unit in ((1.0, 0.0), (0.0, 1.0))]
+
+    point, late_rate, rows = _measured(k, law, sensor, rate_jacobian, y, angles)
+    known_rate = [late_rate[r] + dot(rows[r], v_known) for r in (0, 1)]
+    rate_response = [[dot(rows[r], responses[j]) for j in (0, 1)] for r in (0, 1)]
+    commands = (law.command_1, law.command_2)
+    wanted, feedback = [], []
+    for j in (0, 1):  # (10), row by row: the two joints may be commanded with different delays
+        force = [
+            law.proportional_gain * (commands[j][r] - (point[r] + law.noise[r]))
+            + law.derivative_gain * (commands[j][2 + r] - known_rate[r])
+            for r in (0, 1)
+        ]
+        wanted.append(law.gain * (jacobian[j][0] * force[0] + jacobian[j][1] * force[1]))
+        damping = h_gamma * law.gain * law.derivative_gain
+        feedback.append(
+            [
+                damping * (jacobian[j][0] * rate_response[0][i] + jacobian[j][1] * rate_response[1][i])
+                for i in (0, 1)
+            ]
+        )
+    tau = _limited_solution(wanted, feedback, law.torque_limit)
+    law_acceleration = [responses[0][r] * tau[0] + responses[1][r] * tau[1] for r in range(len(y))]
+    v = [v_known[r] + h_gamma * law_acceleration[r] for r in range(len(y))]
+    sin_theta2 = both[0] * one[1] - both[1] * one[0]
+    h = velocity_forces(k, y, v, cos, sin) if complete else rigid_velocity_forces(k, v, sin_theta2)
+    return v, solve(factors, applied_forces(k, y, v, h)), law_acceleration, tau
+
+
+def _limited_solution(wanted: Pair, feedback: Sequence[Pair], limit: Pair) -> list[Any]:
+    """tau = clip(wanted - feedback tau), limited joint by joint.
+
+    The free solution, then one Gauss-Seidel sweep over the limited problem: where neither or one torque is at
+    its limit that is the solution, and where both are, both stay there.
+    """
+    d1, d2 = 1.0 + feedback[0][0], 1.0 + feedback[1][1]
+    determinant = d1 * d2 - feedback[0][1] * feedback[1][0]
+    free2 = (d1 * wanted[1] - feedback[1][0] * wanted[0]) / determinant
+    tau2 = clip(free2, -limit[1], limit[1])
+    tau1 = clip((wanted[0] - feedback[0][1] * tau2) / d1, -limit[0], limit[0])
+    return [tau1, clip((wanted[1] - feedback[1][0] * tau1) / d2, -limit[1], limit[1])]
+
+
+def reading(k: Constants, law: Law, sensor: str, y: Sequence[Any], v: Sequence[Any]) -> list[Any]:
+    """What the sensor measures at this instant: two readings and their rates."""
+    if sensor != "true":
+        return [*joint_angles(k, y), *joint_angles(k, v)]
+    one, two = sincos(y[0]), sincos(y[len(k.elbow_values) + 1])
+    rows = true_jacobian(k, law, y, one, two)
+    return [*true_point(k, law, y, one, two), dot(rows[0], v), dot(rows[1], v)]
+
+
+class Outputs(NamedTuple):
+    """What a controller may know at an instant, and the two tips; each a list of numbers.
+
+    Attributes:
+        observation: joint angles, joint rates, sensed position (late, noisy), modal coordinates, reference
+            position and velocity.
+        true_tip: with deflection [m].
+        rigid_tip: by rigid kinematics (8), (9) [m].
+    """
+
+    observation: list[Any]
+    true_tip: Sequence[Any]
+    rigid_tip: Sequence[Any]
+
+
+def outputs(
+    k: Constants,
+    law: Law,
+    sensor: str,
+    state: tuple[Sequence[Any], Sequence[Any]],
+    tip: tuple[Any, Sequence[Any]],
+    reference: Sequence[Any],
+) -> Outputs:
+    """Observation and tips.
+
+    Args:
+        k: constants of the arm.
+        law: sensor data, offsets and weights at this instant.
+        sensor: sensor model.
+        state: y and v.
+        tip: L2 [m] and phi_i(L2).
+        reference: position and velocity, not delayed.
+    """
+    y, v = state
+    m = len(k.elbow_values)
+    theta1, theta2 = joint_angles(k, y)
+    one, two = sincos(y[0]), sincos(y[m + 1])
+    true_tip = true_point(k, law._replace(sensor_distance=tip[0], sensor_values=tip[1]), y, one, two)
+    rigid_tip = rigid_point(k.elbow_distance, tip[0], one, sincos(theta1 + theta2))
+    if sensor == "true":
+        point: Sequence[Any] = _late(true_point(k, law, y, one, two), law)
+    else:
+        late1, late2 = _late((theta1, theta2), law)
+        point = rigid_point(k.elbow_distance, law.sensor_distance, sincos(late1), sincos(late1 + late2))
+    sensed = [point[r] + law.noise[r] for r in (0, 1)]
+    modal = [*y[1 : m + 1], *y[m + 2 :]]
+    observation = [theta1, theta2, *joint_angles(k, v), *sensed, *modal, *reference]
+    return Outputs(observation, true_tip, rigid_tip)

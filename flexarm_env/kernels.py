@@ -1,0 +1,250 @@
+"""Assembles, compiles and loads the kernels: one module per variant, made when first used.
+
+A variant fixes what the compiler should know: number of modes, velocity forces, sensor model, lanes of a block.
+Its module is one file holding everything it calls: `elementary.sincos`, the recorded physics (`dynamics`,
+`closed_loop`) and the drivers (`stepping`). The file's name carries a hash of its text, so that an edited
+formula can never meet a stale compiled cache (numba does not see edits in other files: numba issue 1833).
+"""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.util
+import inspect
+import os
+import sys
+import tempfile
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import platformdirs
+
+from flexarm_env import closed_loop, stepping
+from flexarm_env import dynamics as dyn
+from flexarm_env.elementary import sincos
+from flexarm_env.tracing import Trace
+
+# Strict IEEE arithmetic: no fast-math, no contraction to fused operations; "numpy" only drops the checks for
+# division by zero, which would keep the compiler from vectorising.
+_DECORATOR = '@njit(cache=True, nogil=True, error_model="numpy", boundscheck=False)\n'
+STAGES = 4
+
+
+@dataclass(frozen=True)
+class Variant:
+    """What a kernel module is compiled for.
+
+    Attributes:
+        kind: "open" (torque-driven) or "loop" (inner law).
+        modes: per link.
+        complete: complete velocity forces, or C_r.
+        lanes: environments in a block.
+        sensor: "rigid" or "true" (loop only; "collocated" is "rigid" without delay).
+        rate_jacobian: "delayed" or "current" (loop only).
+    """
+
+    kind: str
+    modes: int
+    complete: bool
+    lanes: int
+    sensor: str = "rigid"
+    rate_jacobian: str = "delayed"
+
+
+@lru_cache
+def layout(kind: str, modes: int) -> dict[str, tuple[int, int]]:
+    """First row and number of rows of each named part of an arena."""
+    size = 2 * modes + 2
+    parts: dict[str, int] = {"Y": size, "V": size, "CONSTANTS": sum(n or 1 for n in dyn.Constants.sizes(modes))}
+    if kind == "open":
+        parts |= {"TAU": 2, "Y_SLOPE": size, "V_SLOPE": size, "Y_SUM": size, "V_SUM": size}
+    else:
+        parts |= {name.upper(): n for name, n in closed_loop.Law.sizes(modes).items()}
+        parts |= {"DELAY": 2, "COMMAND_DELAY": 2, "RATE_LATE": 1, "TAU": 2, "READING": 4}
+        parts |= {"TIP_VALUES": modes, "TIP_DISTANCE": 1, "REFERENCE": 4}
+        parts |= {"OBSERVATION": 10 + 2 * modes, "TRUE_TIP": 2, "RIGID_TIP": 2}
+        parts |= {"Y_STAGE": size, "V_STAGE": size, "MECHANICAL": size, "FEEDBACK": size}
+        parts |= {name: (STAGES + 1) * size for name in ("V_SLOTS", "MECHANICAL_SLOTS", "FEEDBACK_SLOTS")}
+    rows, first = {}, 0
+    for name, count in parts.items():
+        rows[name] = (first, count)
+        first += count
+    return rows
+
+
+def arena_rows(kind: str, modes: int) -> int:
+    """Rows of one arena."""
+    first, count = list(layout(kind, modes).values())[-1]
+    return first + count
+
+
+class _Recorder:
+    """Records one kernel over the lanes of an arena."""
+
+    def __init__(self, variant: Variant) -> None:
+        self.variant = variant
+        self.trace = Trace()
+        self.stores: list[str] = []
+
+    def read(self, name: str) -> list[Any]:
+        first, count = layout(self.variant.kind, self.variant.modes)[name]
+        lanes = self.variant.lanes
+        return self.trace.inputs([f"arena[i + {row * lanes}]" for row in range(first, first + count)])
+
+    def one(self, name: str) -> Any:
+        return self.read(name)[0]
+
+    def write(self, name: str, values: Sequence[Any]) -> None:
+        first, count = layout(self.variant.kind, self.variant.modes)[name]
+        assert len(values) == count, f"{name}: {len(values)} values for {count} rows"
+        for row, value in enumerate(values, first):
+            code = value.name if hasattr(value, "name") else repr(float(value))
+            self.stores.append(f"arena[i + {row * self.variant.lanes}] = {code}")
+
+    def constants(self) -> dyn.Constants:
+        return dyn.Constants.unflat(self.read("CONSTANTS"), self.variant.modes)
+
+    def law(self) -> closed_loop.Law:
+        fields = {}
+        for name, count in closed_loop.Law.sizes(self.variant.modes).items():
+            values = self.read(name.upper())
+            scalar = count == 1 and name not in ("sensor_values",)
+            fields[name] = values[0] if scalar else values
+        return closed_loop.Law(**fields)
+
+    def source(self, header: str) -> str:
+        body = [*self.trace.lines, *self.stores]
+        lines = "".join(f"        {line}\n" for line in body)
+        return f"{_DECORATOR}def {header}:\n    for i in range({self.variant.lanes}):\n{lines}\n\n"
+
+
+def _slope_source(variant: Variant) -> str:
+    r = _Recorder(variant)
+    k, step, weight = r.constants(), r.trace.input("step"), r.trace.input("weight")
+    y = [a + step * b for a, b in zip(r.read("Y"), r.read("Y_SLOPE"), strict=True)]
+    v = [a + step * b for a, b in zip(r.read("V"), r.read("V_SLOPE"), strict=True)]
+    m = variant.modes
+    sin, cos = sincos(y[m + 1] - y[0])
+    sin_theta2 = None if variant.complete else sincos(dyn.joint_angles(k, y)[1])[0]
+    slope = dyn.acceleration(k, variant.complete, y, v, r.read("TAU"), (cos, sin, sin_theta2))
+    r.write("Y_SUM", [a + weight * b for a, b in zip(r.read("Y_SUM"), v, strict=True)])
+    r.write("V_SUM", [a + weight * b for a, b in zip(r.read("V_SUM"), slope, strict=True)])
+    r.write("Y_SLOPE", v)
+    r.write("V_SLOPE", slope)
+    return r.source("slope_kernel(arena, step, weight)")
+
+
+def _law_source(variant: Variant) -> str:
+    r = _Recorder(variant)
+    options = (variant.complete, variant.sensor, variant.rate_jacobian)
+    v, mechanical, feedback, tau = closed_loop.law_stage(
+        r.constants(), r.law(), options, r.read("Y_STAGE"), r.read("V_STAGE"), r.trace.input("h_gamma")
+    )
+    r.write("V_STAGE", v)
+    r.write("MECHANICAL", mechanical)
+    r.write("FEEDBACK", feedback)
+    r.write("TAU", tau)
+    return r.source("law_kernel(arena, h_gamma)")
+
+
+def _reading_source(variant: Variant) -> str:
+    r = _Recorder(variant)
+    r.write("READING", closed_loop.reading(r.constants(), r.law(), variant.sensor, r.read("Y"), r.read("V")))
+    return r.source("reading_kernel(arena)")
+
+
+def _outputs_source(variant: Variant) -> str:
+    r = _Recorder(variant)
+    outputs = closed_loop.outputs(
+        r.constants(),
+        r.law(),
+        variant.sensor,
+        (r.read("Y"), r.read("V")),
+        (r.one("TIP_DISTANCE"), r.read("TIP_VALUES")),
+        r.read("REFERENCE"),
+    )
+    r.write("OBSERVATION", outputs.observation)
+    r.write("TRUE_TIP", outputs.true_tip)
+    r.write("RIGID_TIP", outputs.rigid_tip)
+    return r.source("outputs_kernel(arena)")
+
+
+_DRIVERS: dict[str, tuple[Callable[..., Any], ...]] = {
+    "open": (stepping.begin_step, stepping.end_step, stepping.open_step, stepping.run_open),
+    "loop": (
+        stepping.reference_at,
+        stepping.prepare_reading,
+        stepping.prepare_stage,
+        stepping.store_reading,
+        stepping.start,
+        stepping.write_outputs,
+        stepping.combine_slots,
+        stepping.loop_step,
+        stepping.run_loop,
+    ),
+}
+_RECORDED: dict[str, tuple[Callable[[Variant], str], ...]] = {
+    "open": (_slope_source,),
+    "loop": (_law_source, _reading_source, _outputs_source),
+}
+
+
+def render(variant: Variant) -> str:
+    """Source text of a variant's module."""
+    rows = layout(variant.kind, variant.modes)
+    header = {"LANES": variant.lanes, "SIZE": 2 * variant.modes + 2, "STAGES": STAGES}
+    header |= {name: first for name, (first, _) in rows.items()}
+    tables = ("NODES", "GAMMA", "EXPLICIT", "IMPLICIT", "RK4_STEP", "RK4_WEIGHT")
+    constants = {name: getattr(stepping, name) for name in tables}
+    text = f'"""Assembled by flexarm_env.kernels for {variant}; do not edit."""\n\n'
+    text += "from typing import Any\n\nfrom math import floor\n\nfrom numba import njit\n\n"
+    text += "".join(f"{name} = {value!r}\n" for name, value in (header | constants).items()) + "\n\n"
+    for record in _RECORDED[variant.kind]:
+        text += record(variant)
+    for driver in _DRIVERS[variant.kind]:
+        text += _DECORATOR + inspect.getsource(driver) + "\n\n"
+    return text
+
+
+def cache_folder() -> Path:
+    """Where assembled modules and numba's compiled code are kept; FLEXARM_CACHE_DIR overrides it.
+
+    A folder that cannot be written (a read-only home) is replaced by one under the system's temporary folder.
+    """
+    override = os.environ.get("FLEXARM_CACHE_DIR")
+    folder = Path(override) if override else Path(platformdirs.user_cache_dir("flexarm"))
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            return folder
+    except OSError:
+        if override:
+            raise
+    fallback = Path(tempfile.gettempdir()) / f"flexarm-{os.getuid() if hasattr(os, 'getuid') else 'cache'}"
+    fallback.mkdir(parents=True, exist_ok=True)
+    return fallback
+
+
+@lru_cache
+def load(variant: Variant) -> ModuleType:
+    """The compiled module of a variant; numba compiles a function when it is first called."""
+    text = render(variant)
+    digest = hashlib.sha256(text.encode()).hexdigest()[:16]
+    name = f"flexarm_{variant.kind}_{variant.modes}_{variant.lanes}_{digest}"
+    folder = cache_folder()
+    path = folder / f"{name}.py"
+    if not path.exists():  # written aside and renamed: workers may start together
+        handle, temporary = tempfile.mkstemp(dir=folder, suffix=".tmp")
+        with os.fdopen(handle, "w") as file:
+            file.write(text)
+        os.replace(temporary, path)
+    spec = importlib.util.spec_from_file_location(name, path)
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    spec.loader.exec_module(module)
+    return module

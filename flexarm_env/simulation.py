@@ -1,0 +1,276 @@
+"""`ClosedLoop`: a batch of arms under the inner law, each with its own sensor and command delays.
+
+The gain lambda is held over a control period; the law itself acts in continuous time inside the integrator
+(`closed_loop`). One environment or many, the same compiled functions run.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from flexarm_env import kernels
+from flexarm_env.arm import FlexibleArm
+from flexarm_env.parameters import LawParameters, SensorParameters
+from flexarm_env.reference import Path
+from flexarm_env.validation import finite_array, number
+
+Array = NDArray[np.float64]
+
+# The explicit part of ARS(4,4,3) is stable for undamped modes up to h omega = 1.57; the default step, a tenth of
+# that and 0.25 ms at most, keeps the state within 1e-3 of its range over the lap (tests/test_closed_loop.py).
+STEP_LIMIT = 1.2
+DEFAULT_ANGLE = 0.15
+DEFAULT_STEP = 2.5e-4
+BLOCK = 8  # lanes; one environment alone has a block of one
+
+
+@dataclass(frozen=True)
+class LoopCase:
+    """What may differ between the arms of a batch.
+
+    Attributes:
+        sensor: its model may differ only between "collocated" and "rigid", which share a kernel.
+        law: gains, command delay, torque limit.
+    """
+
+    sensor: SensorParameters
+    law: LawParameters
+
+
+class ClosedLoop:
+    """N arms of equal parameters following one path.
+
+    Attributes:
+        arm: the arm.
+        path: the reference.
+        control_period: the gain is held so long [s].
+        substeps: integration steps in a control period.
+        observation_size: numbers in one observation, 10 + 2 m.
+    """
+
+    def __init__(
+        self,
+        arm: FlexibleArm,
+        cases: Sequence[LoopCase],
+        path: Path,
+        control_period: float = 1e-3,
+        physics_step: float | None = None,
+    ) -> None:
+        """Lay out the batch; the kernel is compiled (or found in the cache) at the first reset.
+
+        Args:
+            arm: the arm.
+            cases: one for each member of the batch.
+            path: the reference.
+            control_period: [s].
+            physics_step: longest integration step [s]; None: as the arm's fastest mode demands.
+
+        Raises:
+            ValueError: for bad input: no cases, a sensor off the link, a compensation without delay, a step too
+                long for the fastest mode.
+        """
+        self.arm, self.path, self._cases = arm, path, list(cases)
+        if not self._cases:
+            raise ValueError("cases: must hold at least one LoopCase")
+        for case in self._cases:
+            _check_case(case, arm)
+        self.control_period = number("control_period", control_period, "s", above=0.0)
+        self.substeps = self._count_substeps(physics_step)
+        modes = arm.parameters.modes_per_link
+        lanes = 1 if len(self._cases) == 1 else BLOCK
+        self._variant = kernels.Variant(
+            "loop",
+            modes,
+            arm.parameters.velocity_forces == "complete",
+            lanes,
+            *self._sensor_variant(),
+        )
+        self._rows = kernels.layout("loop", modes)
+        self.observation_size = self._rows["OBSERVATION"][1]
+        blocks = -(-len(self._cases) // lanes)
+        self._arenas = np.zeros((blocks, kernels.arena_rows("loop", modes), lanes))
+        slots = 3 + int(max(max(self._delays(case)) for case in self._cases) / self.physics_step)
+        self._histories = np.zeros((blocks, slots, 4, lanes))
+        self._counts = np.zeros((blocks, lanes), dtype=np.int64)
+        self._put("CONSTANTS", np.tile(arm.constants.flat(), (len(self._cases), 1)))
+        for name, values in self._settings().items():
+            self._put(name, values)
+
+    def __len__(self) -> int:
+        """Number of arms."""
+        return len(self._cases)
+
+    @property
+    def physics_step(self) -> float:
+        """Integration step [s]."""
+        return self.control_period / self.substeps
+
+    @property
+    def time(self) -> float:
+        """Since the reset [s]."""
+        return float(self._counts[0, 0] * self.physics_step)
+
+    # --- running ---------------------------------------------------------------------------------------------------
+
+    def reset(self, states: ArrayLike, noise: ArrayLike | None = None) -> None:
+        """Put all arms at time 0, their delay lines filled with the first measurement.
+
+        Args:
+            states: public states. Shape (N, 4 + 4 m).
+            noise: see `advance`.
+        """
+        start = finite_array("states", states, (len(self), 2 * self.arm.size))
+        internal = self.arm.internal_state(start)
+        self._counts[:] = 0
+        self._put("Y", internal[:, : self.arm.size])
+        self._put("V", internal[:, self.arm.size :])
+        self._put_noise(noise)
+        module = kernels.load(self._variant)
+        for arena, history, count in zip(self._flat(self._arenas), self._histories, self._counts, strict=True):
+            module.store_reading(arena, history.reshape(-1), count)
+        self._histories[:, 1:] = self._histories[:, :1]
+        self._histories[:, 1:, 2:] = 0.0  # before the start nothing moves
+        self._run(0, initialise=True)
+
+    def advance(self, gain: ArrayLike, noise: ArrayLike | None = None) -> None:
+        """One control period.
+
+        Args:
+            gain: lambda of each arm. Shape (N,).
+            noise: added to each arm's reading [m]. Shape (N, 2); None for none.
+        """
+        values = finite_array("gain", gain, (len(self),))
+        if np.any(values < 0.0):
+            raise ValueError(f"gain = {float(values.min())!r}: must be >= 0")
+        self._put("GAIN", values[:, None])
+        self._put_noise(noise)
+        self._run(self.substeps, initialise=False)
+
+    # --- what is known at the present instant; new arrays ----------------------------------------------------------
+
+    @property
+    def state(self) -> Array:
+        """Public states. Shape (N, 4 + 4 m)."""
+        return self.arm.public_state(np.concatenate([self._get("Y"), self._get("V")], axis=1))
+
+    @property
+    def observation(self) -> Array:
+        """What a controller may know, see `closed_loop.Outputs`. Shape (N, 10 + 2 m)."""
+        return self._get("OBSERVATION")
+
+    @property
+    def true_tip(self) -> Array:
+        """With deflection [m]. Shape (N, 2)."""
+        return self._get("TRUE_TIP")
+
+    @property
+    def rigid_tip(self) -> Array:
+        """By rigid kinematics [m]. Shape (N, 2)."""
+        return self._get("RIGID_TIP")
+
+    @property
+    def torque(self) -> Array:
+        """The law's torque at the end of the last period [N m]; at the reset that of gain 0. Shape (N, 2)."""
+        return self._get("TAU")
+
+    # --- inside ----------------------------------------------------------------------------------------------------
+
+    def _count_substeps(self, physics_step: float | None) -> int:
+        fastest = self.arm.fastest_rate()
+        if physics_step is None:
+            wanted = min(DEFAULT_STEP, DEFAULT_ANGLE / fastest)
+        else:
+            wanted = number("physics_step", physics_step, "s", above=0.0)
+            if wanted > STEP_LIMIT / fastest:
+                raise ValueError(
+                    f"physics_step = {wanted} s: too long for the arm's fastest mode, {fastest:.4g} rad/s; "
+                    f"at most {STEP_LIMIT / fastest:.4g} s is allowed"
+                )
+        return int(np.ceil(self.control_period / wanted - 1e-9))
+
+    def _sensor_variant(self) -> tuple[str, str]:
+        kinds = {
+            ("true" if case.sensor.model == "true" else "rigid", case.sensor.rate_jacobian)
+            for case in self._cases
+        }
+        if len(kinds) > 1:
+            raise ValueError(f"cases: sensors of one batch must share model and rate_jacobian, got {sorted(kinds)}")
+        return kinds.pop()
+
+    def _delays(self, case: LoopCase) -> tuple[float, float]:
+        return case.sensor.joint_delays(self.arm.parameters.link_lengths[0])
+
+    def _command_delays(self, case: LoopCase) -> tuple[float, float]:
+        shoulder, elbow = self._delays(case)
+        return {"none": (0.0, 0.0), "shared": (shoulder, shoulder), "per_joint": (shoulder, elbow)}[
+            case.law.compensation
+        ]
+
+    def _settings(self) -> dict[str, Array]:
+        """Rows of the arena that do not change, for each arm."""
+        link2 = self.arm.modes[1]
+        columns: dict[str, list[list[float]]] = {}
+        for case in self._cases:
+            sensor, law = case.sensor, case.law
+            limit = law.torque_limit or (np.inf, np.inf)
+            values: dict[str, Sequence[float]] = {
+                "PROPORTIONAL_GAIN": [law.proportional_gain],
+                "DERIVATIVE_GAIN": [law.derivative_gain],
+                "TORQUE_LIMIT": limit,
+                "SENSOR_DISTANCE": [sensor.position],
+                "SENSOR_VALUES": link2.shape(sensor.position).tolist(),
+                "DELAY": self._delays(case),
+                "COMMAND_DELAY": self._command_delays(case),
+                "RATE_LATE": [float(sensor.delayed == "position+rate")],
+                "TIP_VALUES": link2.tip_values.tolist(),
+                "TIP_DISTANCE": [link2.length],
+            }
+            for name, row in values.items():
+                columns.setdefault(name, []).append(list(row))
+        return {name: np.array(rows) for name, rows in columns.items()}
+
+    def _put(self, name: str, values: Array) -> None:
+        """Write rows of all arms; lanes beyond the last arm repeat the first."""
+        first, count = self._rows[name]
+        blocks, _, lanes = self._arenas.shape
+        padded = np.concatenate([values, np.repeat(values[:1], blocks * lanes - len(values), axis=0)])
+        self._arenas[:, first : first + count] = padded.reshape(blocks, lanes, count).transpose(0, 2, 1)
+
+    def _put_noise(self, noise: ArrayLike | None) -> None:
+        values = np.zeros((len(self), 2)) if noise is None else finite_array("noise", noise, (len(self), 2))
+        self._put("NOISE", values)
+
+    def _get(self, name: str) -> Array:
+        first, count = self._rows[name]
+        rows = self._arenas[:, first : first + count]
+        return rows.transpose(0, 2, 1).copy().reshape(-1, count)[: len(self)]
+
+    @staticmethod
+    def _flat(arrays: NDArray) -> NDArray:
+        return arrays.reshape(len(arrays), -1)  # a view
+
+    def _run(self, steps: int, initialise: bool) -> None:
+        kernels.load(self._variant).run_loop(
+            self._flat(self._arenas),
+            self._flat(self._histories),
+            self._counts,
+            self.path.table,
+            self.physics_step,
+            steps,
+            initialise,
+        )
+
+
+def _check_case(case: LoopCase, arm: FlexibleArm) -> None:
+    length2 = arm.parameters.link_lengths[1]
+    if case.sensor.position > length2:
+        raise ValueError(f"sensor_position = {case.sensor.position} m: must be on link 2, > 0 and <= {length2} m")
+    if case.law.compensation != "none" and case.sensor.model == "collocated":
+        raise ValueError(
+            f"compensation = {case.law.compensation!r}: a collocated sensor has no delay to compensate; "
+            "it must be 'none'"
+        )

@@ -1,0 +1,325 @@
+"""Drivers of the compiled kernels: loops over lanes, stages, steps and blocks.
+
+`kernels` assembles these functions with the recorded physics into one module per variant and compiles that; here
+they are plain Python for reading, checking and testing. The names in capitals are constants of the assembled
+module (`layout`); those below belong to one mode and one lane, and stand here so that the file is complete.
+
+A *block* holds LANES environments. Its *arena* is one flat array of rows of LANES numbers, ``arena[i + row *
+LANES]`` for lane i: constant row distance and indices that cannot be negative let the compiler work on several
+lanes at once.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+LANES = 1
+SIZE = 4  # internal coordinates
+STAGES = 4
+Y = V = Y_STAGE = V_STAGE = V_SLOTS = MECHANICAL = MECHANICAL_SLOTS = FEEDBACK = FEEDBACK_SLOTS = OFFSET = 0
+WEIGHT = RATE_OFFSET = RATE_WEIGHT = COMMAND_1 = COMMAND_2 = DELAY = COMMAND_DELAY = RATE_LATE = READING = 0
+TAU = Y_SLOPE = V_SLOPE = Y_SUM = V_SUM = REFERENCE = 0
+
+# ARS(4,4,3) of Ascher, Ruuth & Spiteri (1997), third order: explicit coefficients for the arm, singly diagonally
+# implicit and stiffly accurate ones (gamma = 1/2, L-stable) for the law. The last stage is the step's result.
+NODES = (0.5, 2.0 / 3.0, 0.5, 1.0)
+GAMMA = 0.5
+EXPLICIT = (
+    (0.5, 0.0, 0.0, 0.0),
+    (11.0 / 18.0, 1.0 / 18.0, 0.0, 0.0),
+    (5.0 / 6.0, -5.0 / 6.0, 0.5, 0.0),
+    (0.25, 1.75, 0.75, -1.75),
+)
+IMPLICIT = (
+    (0.0, 0.0, 0.0, 0.0),
+    (0.0, 1.0 / 6.0, 0.0, 0.0),
+    (0.0, -0.5, 0.5, 0.0),
+    (0.0, 1.5, -1.5, 0.5),
+)
+# The classical Runge-Kutta method of fourth order, for the torque-driven arm.
+RK4_STEP = (0.0, 0.5, 0.5, 1.0)
+RK4_WEIGHT = (1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0)
+
+
+def law_kernel(arena: Any, h_gamma: float) -> None:
+    """`closed_loop.law_stage` on every lane (recorded)."""
+    raise NotImplementedError("the recorded kernel exists in assembled modules only")
+
+
+def reading_kernel(arena: Any) -> None:
+    """What the sensor would measure now, without delay, on every lane (recorded)."""
+    raise NotImplementedError("the recorded kernel exists in assembled modules only")
+
+
+def outputs_kernel(arena: Any) -> None:
+    """Sensed position and tips on every lane (recorded)."""
+    raise NotImplementedError("the recorded kernel exists in assembled modules only")
+
+
+def slope_kernel(arena: Any, step: float, weight: float) -> None:
+    """One explicit Runge-Kutta stage of the torque-driven arm on every lane (recorded)."""
+    raise NotImplementedError("the recorded kernel exists in assembled modules only")
+
+
+def reference_at(path: Any, time: float, side: float) -> tuple[float, float, float, float]:
+    """Reference position and velocity on a closed polyline.
+
+    Args:
+        path: way-points (time [s], x, y [m]), the last one closing the lap. Shape (n, 3).
+        time: where to evaluate [s]; before 0 the reference rests at the start.
+        side: picks the segment where `time` is at a corner: a time within the step at hand [s].
+
+    Returns:
+        x, y [m], x', y' [m/s].
+    """
+    if side < 0.0:
+        return path[0, 1], path[0, 2], 0.0, 0.0
+    lap = path[path.shape[0] - 1, 0]
+    laps = side // lap
+    within = side - laps * lap
+    k = 1
+    while k < path.shape[0] - 1 and within >= path[k, 0]:
+        k += 1
+    duration = path[k, 0] - path[k - 1, 0]
+    vx = (path[k, 1] - path[k - 1, 1]) / duration
+    vy = (path[k, 2] - path[k - 1, 2]) / duration
+    since = (time - laps * lap) - path[k - 1, 0]
+    return path[k - 1, 1] + vx * since, path[k - 1, 2] + vy * since, vx, vy
+
+
+def prepare_stage(
+    arena: Any, history: Any, count: Any, path: Any, h: float, node: float, side_node: float
+) -> None:
+    """Write commands and late readings for a stage at t + node h.
+
+    Args:
+        arena: of one block.
+        history: readings at past steps, a ring. Shape (slots, 4, LANES) flat: two readings, two rates.
+        count: steps since the start of each lane. Shape (LANES,).
+        path: see `reference_at`.
+        h: step [s].
+        node: of the stage, 0 to 1.
+        side_node: picks the reference's segment, see `reference_at`.
+    """
+    slots = history.shape[0] // (4 * LANES)
+    for i in range(LANES):
+        now = count[i]
+        for j in range(2):
+            late = arena[i + (COMMAND_DELAY + j) * LANES]
+            x, y, vx, vy = reference_at(path, (now + node) * h - late, (now + side_node) * h - late)
+            row = COMMAND_1 if j == 0 else COMMAND_2
+            arena[i + row * LANES] = x
+            arena[i + (row + 1) * LANES] = y
+            arena[i + (row + 2) * LANES] = vx
+            arena[i + (row + 3) * LANES] = vy
+        for j in range(2):
+            prepare_reading(arena, history, slots, now, i, j, h, node)
+
+
+def prepare_reading(
+    arena: Any, history: Any, slots: int, now: int, i: int, j: int, h: float, node: float
+) -> None:
+    """Write offset and weight of reading j of lane i at t + node h (see `closed_loop.Law`).
+
+    Readings at past steps are interpolated by cubic Hermite polynomials, whose error is of fourth order. A delay
+    shorter than node h falls into the step at hand: the reading is then a parabola through the one at t, with its
+    rate, and the stage's own, so that it tends to the undelayed one as the delay vanishes.
+    """
+    position = node - arena[i + (DELAY + j) * LANES] / h  # in steps from t
+    here = (now % slots) * 4 * LANES
+    offset = 0.0
+    weight = 1.0
+    rate_offset = 0.0
+    rate_weight = 1.0
+    if position > 0.0:
+        u = position / node
+        value = history[i + here + j * LANES]
+        rate = history[i + here + (2 + j) * LANES]
+        weight = u * u
+        offset = value * (1.0 - u * u) + rate * h * (position - position * u)
+        rate_weight = u
+        rate_offset = rate * (1.0 - u)
+    elif node > 0.0 or position < 0.0:
+        whole = int(-position)  # steps back, rounded towards t
+        u = 1.0 - (-position - whole)  # within the interval that ends there
+        end = ((now - whole) % slots) * 4 * LANES
+        start = ((now - whole - 1) % slots) * 4 * LANES
+        a = history[i + start + j * LANES]
+        b = history[i + end + j * LANES]
+        a_rate = h * history[i + start + (2 + j) * LANES]
+        b_rate = h * history[i + end + (2 + j) * LANES]
+        difference = b - a
+        curve = 3.0 * difference - 2.0 * a_rate - b_rate
+        twist = a_rate + b_rate - 2.0 * difference
+        offset = a + u * (a_rate + u * (curve + u * twist))
+        rate_offset = (a_rate + u * (2.0 * curve + u * 3.0 * twist)) / h
+        weight = 0.0
+        rate_weight = 0.0
+    arena[i + (OFFSET + j) * LANES] = offset
+    arena[i + (WEIGHT + j) * LANES] = weight
+    late = arena[i + RATE_LATE * LANES] > 0.0
+    arena[i + (RATE_OFFSET + j) * LANES] = rate_offset if late else 0.0
+    arena[i + (RATE_WEIGHT + j) * LANES] = rate_weight if late else 1.0
+
+
+def store_reading(arena: Any, history: Any, count: Any) -> None:
+    """Enter the current readings into the delay line."""
+    reading_kernel(arena)
+    slots = history.shape[0] // (4 * LANES)
+    for i in range(LANES):
+        here = (count[i] % slots) * 4 * LANES
+        for r in range(4):
+            history[i + here + r * LANES] = arena[i + (READING + r) * LANES]
+
+
+def start(arena: Any, history: Any, count: Any, path: Any, h: float) -> None:
+    """Complete every lane of a block from its state: mechanical acceleration and outputs."""
+    prepare_stage(arena, history, count, path, h, 0.0, 0.5)
+    for r in range(SIZE):
+        for i in range(LANES):
+            arena[i + (Y_STAGE + r) * LANES] = arena[i + (Y + r) * LANES]
+            arena[i + (V_STAGE + r) * LANES] = arena[i + (V + r) * LANES]
+    law_kernel(arena, 0.0)
+    for r in range(SIZE):
+        for i in range(LANES):
+            arena[i + (MECHANICAL_SLOTS + r) * LANES] = arena[i + (MECHANICAL + r) * LANES]
+
+
+def loop_step(arena: Any, history: Any, count: Any, path: Any, h: float) -> None:
+    """One step of the closed loop on every lane of a block."""
+    for r in range(SIZE):
+        for i in range(LANES):
+            arena[i + (V_SLOTS + r) * LANES] = arena[i + (V + r) * LANES]
+    for stage in range(STAGES):
+        prepare_stage(arena, history, count, path, h, NODES[stage], 0.5)
+        combine_slots(arena, stage, h)
+        law_kernel(arena, h * GAMMA)
+        for r in range(SIZE):
+            for i in range(LANES):
+                row = (stage + 1) * SIZE + r
+                arena[i + (V_SLOTS + row) * LANES] = arena[i + (V_STAGE + r) * LANES]
+                arena[i + (MECHANICAL_SLOTS + row) * LANES] = arena[i + (MECHANICAL + r) * LANES]
+                arena[i + (FEEDBACK_SLOTS + row) * LANES] = arena[i + (FEEDBACK + r) * LANES]
+    for r in range(SIZE):
+        for i in range(LANES):
+            arena[i + (Y + r) * LANES] = arena[i + (Y_STAGE + r) * LANES]
+            arena[i + (V + r) * LANES] = arena[i + (V_STAGE + r) * LANES]
+            # the last stage is the step's end: its mechanical acceleration starts the next step
+            arena[i + (MECHANICAL_SLOTS + r) * LANES] = arena[i + (MECHANICAL + r) * LANES]
+    for i in range(LANES):
+        count[i] += 1
+    store_reading(arena, history, count)
+
+
+def combine_slots(arena: Any, stage: int, h: float) -> None:
+    """Positions and the explicit part of the rates of a stage, from the stages before it."""
+    for r in range(SIZE):
+        for i in range(LANES):
+            arena[i + (Y_STAGE + r) * LANES] = arena[i + (Y + r) * LANES]
+            arena[i + (V_STAGE + r) * LANES] = arena[i + (V + r) * LANES]
+    for slot in range(stage + 1):
+        explicit = h * EXPLICIT[stage][slot]
+        implicit = h * IMPLICIT[stage][slot]
+        for r in range(SIZE):
+            for i in range(LANES):
+                row = slot * SIZE + r
+                arena[i + (Y_STAGE + r) * LANES] += explicit * arena[i + (V_SLOTS + row) * LANES]
+                arena[i + (V_STAGE + r) * LANES] += (
+                    explicit * arena[i + (MECHANICAL_SLOTS + row) * LANES]
+                    + implicit * arena[i + (FEEDBACK_SLOTS + row) * LANES]
+                )
+
+
+def write_outputs(arena: Any, history: Any, count: Any, path: Any, h: float) -> None:
+    """Observation and tips of every lane of a block at the present instant."""
+    prepare_stage(arena, history, count, path, h, 0.0, 0.5)
+    for i in range(LANES):
+        reference = reference_at(path, count[i] * h, (count[i] + 0.5) * h)
+        for r in range(4):
+            arena[i + (REFERENCE + r) * LANES] = reference[r]
+    outputs_kernel(arena)
+
+
+def run_loop(
+    arenas: Any, histories: Any, counts: Any, path: Any, h: float, steps: int, initialise: bool
+) -> None:
+    """Advance all blocks, or complete them after a reset.
+
+    Args:
+        arenas: Shape (blocks, rows * LANES).
+        histories: Shape (blocks, slots * 4 * LANES).
+        counts: Shape (blocks, LANES).
+        path: see `reference_at`.
+        h: step [s].
+        steps: how many.
+        initialise: complete the states first (after a reset).
+    """
+    for block in range(arenas.shape[0]):
+        arena = arenas[block]
+        history = histories[block]
+        count = counts[block]
+        if initialise:
+            start(arena, history, count, path, h)
+        for _ in range(steps):
+            loop_step(arena, history, count, path, h)
+        write_outputs(arena, history, count, path, h)
+
+
+def run_open(arenas: Any, torques: Any, states: Any, h: float, every: int) -> int:
+    """Drive all blocks by torques held over each step, and record states.
+
+    Args:
+        arenas: Shape (blocks, rows * LANES).
+        torques: Shape (steps, blocks, 2 * LANES) [N m].
+        states: receives y and v after each `every` steps. Shape (steps // every, blocks, 2 * SIZE * LANES).
+        h: step [s].
+        every: record after so many steps.
+
+    Returns:
+        How many steps were done: fewer than asked if a state stopped being finite.
+    """
+    for step in range(torques.shape[0]):
+        total = 0.0
+        for block in range(arenas.shape[0]):
+            arena = arenas[block]
+            for r in range(2):
+                for i in range(LANES):
+                    arena[i + (TAU + r) * LANES] = torques[step, block, i + r * LANES]
+            open_step(arena, h)
+            for r in range(SIZE):
+                for i in range(LANES):
+                    total += arena[i + (Y + r) * LANES] + arena[i + (V + r) * LANES]
+            if (step + 1) % every == 0:
+                for r in range(SIZE):
+                    for i in range(LANES):
+                        states[step // every, block, i + r * LANES] = arena[i + (Y + r) * LANES]
+                        states[step // every, block, i + (SIZE + r) * LANES] = arena[i + (V + r) * LANES]
+        if not total - total == 0.0:
+            return step
+    return torques.shape[0]
+
+
+def open_step(arena: Any, h: float) -> None:
+    """One classical Runge-Kutta step of the torque-driven arm on every lane of a block, torques held."""
+    begin_step(arena)
+    for stage in range(4):
+        slope_kernel(arena, h * RK4_STEP[stage], RK4_WEIGHT[stage])
+    end_step(arena, h)
+
+
+def begin_step(arena: Any) -> None:
+    """Clear slopes and their weighted sums."""
+    for r in range(SIZE):
+        for i in range(LANES):
+            arena[i + (Y_SLOPE + r) * LANES] = 0.0
+            arena[i + (V_SLOPE + r) * LANES] = 0.0
+            arena[i + (Y_SUM + r) * LANES] = 0.0
+            arena[i + (V_SUM + r) * LANES] = 0.0
+
+
+def end_step(arena: Any, h: float) -> None:
+    """Advance the state by the weighted sum of slopes."""
+    for r in range(SIZE):
+        for i in range(LANES):
+            arena[i + (Y + r) * LANES] += h * arena[i + (Y_SUM + r) * LANES]
+            arena[i + (V + r) * LANES] += h * arena[i + (V_SUM + r) * LANES]

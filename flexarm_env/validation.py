@@ -1,0 +1,127 @@
+"""Checks shared by everything that takes a user's input.
+
+Each function returns the checked value in its canonical type, or raises an error that names the parameter, the
+value it got and what is allowed. Nothing is clipped or replaced.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from numbers import Integral, Real
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+
+def number(
+    name: str,
+    value: object,
+    unit: str = "",
+    *,
+    above: float | None = None,
+    least: float | None = None,
+    most: float | None = None,
+) -> float:
+    """Check one finite real number.
+
+    Args:
+        name: parameter name for the message.
+        value: what the user gave.
+        unit: physical unit for the message, e.g. "m".
+        above: exclusive lower bound.
+        least: inclusive lower bound.
+        most: inclusive upper bound.
+
+    Returns:
+        The value as a float.
+
+    Raises:
+        TypeError: if it is not a real number (booleans are not).
+        ValueError: if it is not finite or out of range.
+    """
+    bounds = [
+        text
+        for text, bound in ((f"> {above}", above), (f">= {least}", least), (f"<= {most}", most))
+        if bound is not None
+    ]
+    allowed = " and ".join(["a finite number", *bounds]) + (f" [{unit}]" if unit else "")
+    if isinstance(value, bool) or not isinstance(value, Real):
+        raise TypeError(f"{name} = {value!r}: must be {allowed}")
+    x = float(value)
+    out_of_range = (
+        (above is not None and not x > above)
+        or (least is not None and not x >= least)
+        or (most is not None and not x <= most)
+    )
+    if not np.isfinite(x) or out_of_range:
+        raise ValueError(f"{name} = {value!r}: must be {allowed}")
+    return x
+
+
+def integer(name: str, value: object, least: int, most: int | None = None) -> int:
+    """Check one integer in [least, most].
+
+    Raises:
+        TypeError: if it is not an integer (booleans and floats are not).
+        ValueError: if it is out of range.
+    """
+    allowed = f"an integer >= {least}" if most is None else f"an integer from {least} to {most}"
+    if isinstance(value, bool) or not isinstance(value, Integral):
+        raise TypeError(f"{name} = {value!r}: must be {allowed}")
+    if value < least or (most is not None and value > most):
+        raise ValueError(f"{name} = {value!r}: must be {allowed}")
+    return int(value)
+
+
+def pair(
+    name: str,
+    value: object,
+    unit: str = "",
+    *,
+    above: float | None = None,
+    least: float | None = None,
+    most: float | None = None,
+) -> tuple[float, float]:
+    """Check two finite numbers, one for each link or joint; bounds as in `number`."""
+    if isinstance(value, str) or not isinstance(value, Sequence | np.ndarray) or len(value) != 2:
+        raise TypeError(f"{name} = {value!r}: must be a pair of numbers" + (f" [{unit}]" if unit else ""))
+    first, second = (
+        number(f"{name}[{i}]", value[i], unit, above=above, least=least, most=most) for i in (0, 1)
+    )
+    return first, second
+
+
+def choice(name: str, value: object, allowed: Iterable[str]) -> str:
+    """Check that a string option is one of the allowed names.
+
+    Raises:
+        ValueError: naming the allowed ones.
+    """
+    names = list(allowed)
+    if not isinstance(value, str) or value not in names:
+        raise ValueError(f"{name} = {value!r}: must be one of {', '.join(map(repr, names))}")
+    return value
+
+
+def finite_array(name: str, value: ArrayLike, shape: tuple[int | None, ...]) -> NDArray[np.float64]:
+    """Check an array of finite numbers against a shape (None admits any length on that axis).
+
+    Returns:
+        A new float64 array, so that the caller's is never changed.
+
+    Raises:
+        ValueError: for another shape, or naming the index of the first entry that is not finite.
+    """
+    try:
+        array = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{name}: must be an array of numbers ({error})") from None
+    if array.ndim != len(shape) or any(
+        n is not None and n != m for n, m in zip(shape, array.shape, strict=True)
+    ):
+        wanted = "(" + ", ".join("n" if n is None else str(n) for n in shape) + ")"
+        raise ValueError(f"{name}: must have shape {wanted}, got {array.shape}")
+    if not np.all(np.isfinite(array)):
+        index = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
+        raise ValueError(f"{name}{list(index)} = {array[index]}: must be finite")
+    return array

@@ -1,0 +1,334 @@
+"""The baselines as policies: what `predict` takes and gives, and how they read an environment."""
+
+from __future__ import annotations
+
+import inspect
+from types import SimpleNamespace
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from flexarm_baselines import FLSAC, IFDC, GainPolicy, Policy
+from flexarm_env.actions import action_from_gain, gain_from_action
+
+# Two modes a link, A = 0.1: tip deflection = 0.2 q_1 - 0.2 q_2. One value before them, one after.
+TWO_MODES = {"modal_slice": slice(1, 5), "tip_weights": np.array([0.2, -0.2])}
+OBSERVATION = np.array([9.0, 0.75, 0.25, -0.5, -0.5, 9.0], dtype=np.float32)  # delta = (0.5, 0)
+
+
+class OneGain(gym.Env[Any, Any]):
+    """What a baseline reads of an environment, and a reward by which to see which gain arrived."""
+
+    def __init__(self, gain_limit: float = 4.0, actions: int = 1) -> None:
+        self.observation_space = gym.spaces.Box(-10.0, 10.0, (6,))
+        self.action_space = gym.spaces.Box(-1.0, 1.0, (actions,))
+        self.gain_limit = gain_limit
+        self.observation_blocks = {"clock": slice(0, 1), "modal_coordinates": slice(1, 5)}
+        weights = np.array([0.2, -0.2])
+        # link 2 twice as flexible at its tip: a policy that mixes the links up is seen
+        self.arm = SimpleNamespace(
+            modes=(SimpleNamespace(tip_values=weights), SimpleNamespace(tip_values=2 * weights))
+        )
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Any, dict[str, Any]]:
+        super().reset(seed=seed)
+        self.steps = 0
+        return OBSERVATION, {}
+
+    def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
+        assert self.action_space.contains(action)
+        self.steps += 1
+        return OBSERVATION, float(gain_from_action(action, self.gain_limit)[0]), False, self.steps == 3, {}
+
+
+POLICIES = [
+    IFDC(),
+    IFDC(gain=0.35, gain_limit=2.0),
+    FLSAC(**TWO_MODES),
+    FLSAC(**TWO_MODES, K_s=1.5, scale="width"),
+    FLSAC(**TWO_MODES, K_n=0.2, K_s=6.0, gain_limit=5.0),
+]
+
+
+# --- predict ------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("policy", POLICIES, ids=repr)
+def test_one_observation_or_a_batch(policy: Policy) -> None:
+    batch = np.random.default_rng(2).normal(size=(7, 6)).astype(np.float32)
+    before = batch.copy()
+    actions, state = policy.predict(batch)
+    assert actions.shape == (7, 1)
+    assert actions.dtype == np.float32
+    assert state is None
+    assert np.all(np.abs(actions) <= 1.0)
+    for row, expected in zip(batch, actions, strict=True):
+        action, _ = policy.predict(row)
+        assert action.shape == (1,)
+        assert action.dtype == np.float32
+        np.testing.assert_array_equal(action, expected)
+    np.testing.assert_array_equal(batch, before)
+
+
+@pytest.mark.parametrize("policy", POLICIES, ids=repr)
+def test_state_comes_back_and_answers_are_new(policy: Policy) -> None:
+    memory = (np.array([1.0]),)
+    first, state = policy.predict(
+        OBSERVATION, state=memory, episode_start=np.ones(1, bool), deterministic=True
+    )
+    assert state is memory
+    expected = first.copy()
+    first[:] = 7.0
+    np.testing.assert_array_equal(policy.predict(OBSERVATION)[0], expected)
+
+
+@pytest.mark.parametrize("policy", POLICIES, ids=repr)
+def test_what_is_no_observation(policy: Policy) -> None:
+    with pytest.raises(TypeError, match=r"observation must be an array, got a dict with keys \['modal'\]"):
+        policy.predict({"modal": OBSERVATION})
+    for shape in ((), (2, 3, 6)):
+        with pytest.raises(ValueError, match=r"observation must have shape \(k,\) or \(n, k\), got \("):
+            policy.predict(np.zeros(shape))
+
+
+def test_the_signature_is_that_of_stable_baselines3() -> None:
+    base = pytest.importorskip("stable_baselines3.common.base_class").BaseAlgorithm
+    theirs = inspect.signature(base.predict).parameters
+    for ours in (Policy.predict, GainPolicy.predict):
+        parameters = inspect.signature(ours).parameters
+        assert [(p.name, p.default, p.kind) for p in parameters.values()] == [
+            (p.name, p.default, p.kind) for p in theirs.values()
+        ]
+
+
+def test_stable_baselines3_evaluates_a_baseline() -> None:
+    evaluation = pytest.importorskip("stable_baselines3.common.evaluation")
+    monitor = pytest.importorskip("stable_baselines3.common.monitor")
+    env = monitor.Monitor(OneGain())
+    for policy, gain in [(IFDC.for_env(env), 1.0), (FLSAC.for_env(env, K_s=2.0), 2 * 37 / 84)]:
+        returns, lengths = evaluation.evaluate_policy(
+            policy, env, n_eval_episodes=2, return_episode_rewards=True
+        )
+        assert lengths == [3, 3]
+        assert returns == pytest.approx([3 * gain] * 2, rel=1e-6)
+
+
+# --- IFDC ---------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("policy", "action"),
+    [
+        (IFDC(), 1.0),  # gain 1 of at most 1
+        (IFDC(gain_limit=4.0), -0.5),  # a quarter of the way from -1 to 1
+        (IFDC(gain=0.0), -1.0),
+        (IFDC(gain=0.35, gain_limit=0.7), 0.0),
+        (IFDC(gain=3.0, gain_limit=3.0), 1.0),
+    ],
+)
+def test_the_constant_gain(policy: IFDC, action: float) -> None:
+    assert policy.predict(OBSERVATION)[0] == np.float32([action])
+    np.testing.assert_array_equal(policy.predict(np.full((3, 6), np.nan))[0], np.float32([[action]] * 3))
+
+
+@pytest.mark.parametrize(
+    ("options", "error", "message"),
+    [
+        ({"gain": 1.5}, ValueError, "gain = 1.5: must be a finite number and >= 0.0 and <= 1.0"),
+        ({"gain": -0.1}, ValueError, "gain = -0.1: must be"),
+        ({"gain": np.nan}, ValueError, "gain = nan: must be"),
+        ({"gain": "1"}, TypeError, "gain = '1': must be"),
+        ({"gain_limit": 0.5}, ValueError, "gain = 1.0: must be .* <= 0.5"),
+        ({"gain_limit": 0.0}, ValueError, "gain_limit = 0.0: must be a finite number and > 0.0"),
+        ({"gain_limit": np.inf}, ValueError, "gain_limit = inf: must be"),
+    ],
+)
+def test_impossible_constants(options: dict[str, Any], error: type[Exception], message: str) -> None:
+    with pytest.raises(error, match=message):
+        IFDC(**options)
+
+
+# --- FLSAC --------------------------------------------------------------------------------------------------
+
+
+def flsac_gain(observation: Any, **options: Any) -> float:
+    policy = FLSAC(**({**TWO_MODES, **options}))
+    return float(gain_from_action(policy.predict(np.asarray(observation))[0], policy.gain_limit)[0])
+
+
+def test_the_fuzzy_gain_by_hand() -> None:
+    # delta_1 = (0.2 * 0.75 - 0.2 * 0.25) / 0.2 = 0.5 and delta_2 = 0; times K_n = 5: (2.5, 0), which gives
+    # 37/84 (see test_fuzzy).
+    action, _ = FLSAC(**TWO_MODES).predict(OBSERVATION)
+    assert action[0] == pytest.approx(2 * 37 / 84 - 1, abs=1e-7)
+    assert flsac_gain(OBSERVATION, K_n=2.0) == pytest.approx(167 / 510, abs=1e-7)  # (1, 0)
+    assert flsac_gain(OBSERVATION, K_s=2.0, gain_limit=2.0) == pytest.approx(37 / 42, abs=1e-7)
+    # Twice the width at rest: 49/108, see test_fuzzy. As width scale, K_s leaves the output as it is.
+    rest = [9.0, 0.5, 0.5, -1.0, -1.0, 9.0]
+    assert flsac_gain(rest, K_s=2.0, scale="width") == pytest.approx(49 / 108, abs=1e-7)
+    # Far out, the inputs end at the universe.
+    assert flsac_gain([0, 100, 0, -100, 0, 0]) == pytest.approx(5 / 6, abs=1e-7)
+    assert flsac_gain([0, 0, 0, 100, 0, 0]) == pytest.approx(1 / 2, abs=1e-7)
+
+
+def test_the_links_have_tip_weights_of_their_own() -> None:
+    policy = FLSAC(modal_slice=slice(0, 4), tip_weights=np.array([[0.2, -0.2], [0.4, 0.6]]))
+    delta = policy.deflections(np.array([[1.0, 2.0, 3.0, 4.0], [0.5, 0.0, 0.0, -1.0]]))
+    # (0.2 - 0.4) / 0.2, (1.2 + 2.4) / 0.2; 0.1 / 0.2, -0.6 / 0.2
+    np.testing.assert_allclose(delta, [[-1.0, 18.0], [0.5, -3.0]], rtol=1e-15)
+    equal = FLSAC(modal_slice=slice(0, 4), tip_weights=np.array([0.2, -0.2]))
+    np.testing.assert_allclose(
+        equal.deflections(np.array([[1.0, 2.0, 3.0, 4.0]])), [[-1.0, -1.0]], rtol=1e-15
+    )
+
+
+def test_the_paper_arm_reads_its_modal_coordinate() -> None:
+    one_mode = FLSAC(modal_slice=slice(0, 2), tip_weights=np.array([0.2]))
+    np.testing.assert_allclose(one_mode.deflections(np.array([[0.3, -4.5]])), [[0.3, -4.5]], rtol=1e-15)
+
+
+def test_the_callers_weights_are_copied() -> None:
+    weights = np.array([0.2, -0.2])
+    policy = FLSAC(modal_slice=slice(1, 5), tip_weights=weights)
+    before, _ = policy.predict(OBSERVATION)
+    weights[:] = 0.0
+    np.testing.assert_array_equal(policy.predict(OBSERVATION)[0], before)
+
+
+@given(st.floats(1e-3, 1e3))
+def test_the_largest_scale_that_the_limit_allows_works(gain_limit: float) -> None:
+    gain = flsac_gain([0, 100, 0, 100, 0, 0], K_s=gain_limit * 6 / 5, gain_limit=gain_limit)
+    assert gain == pytest.approx(gain_limit, rel=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("options", "error", "message"),
+    [
+        ({"K_s": 1.3}, ValueError, r"K_s = 1.3: .* the gain reaches 1.08333, but .* gain_limit = 1.0"),
+        (
+            {"gain_limit": 0.8},
+            ValueError,
+            r"K_s = 1.0: .* reaches 0.833333, but .* gain_limit = 0.8",
+        ),
+        ({"gain_limit": 0.8, "scale": "width"}, ValueError, "scale = 'width' the gain reaches 0.833333"),
+        ({"K_s": 0.0}, ValueError, "K_s = 0.0: must be a finite number and > 0"),
+        ({"K_s": 0.5, "scale": "width"}, ValueError, "K_s = 0.5: must be a finite number and > 0.5"),
+        ({"K_n": -5.0}, ValueError, "K_n = -5.0: must be a finite number and > 0"),
+        ({"K_n": np.nan}, ValueError, "K_n = nan"),
+        ({"K_n": "5"}, TypeError, "K_n = '5'"),
+        ({"gain_limit": -1.0}, ValueError, "gain_limit = -1.0: must be"),
+        ({"scale": "input"}, ValueError, "scale = 'input': must be one of 'output', 'width'"),
+        (
+            {"tip_weights": np.zeros((3, 2))},
+            ValueError,
+            r"tip_weights: must have shape .* got \(3, 2\)",
+        ),
+        ({"tip_weights": np.array([0.2, np.inf])}, ValueError, r"tip_weights\[0, 1\] = inf: must be finite"),
+        ({"tip_weights": 0.2}, ValueError, "tip_weights: must have shape"),
+        ({"tip_weights": np.array([])}, ValueError, "number of tip_weights of both links, which must be > 0"),
+        ({"modal_slice": slice(1, 4)}, ValueError, r"modal_slice = slice\(1, 4, None\): .* stop - start = 4"),
+        ({"modal_slice": slice(None, 4)}, ValueError, "modal_slice = "),
+        ({"modal_slice": slice(-5, -1)}, ValueError, "modal_slice = .* start >= 0"),
+        ({"modal_slice": slice(0, 4, 2)}, ValueError, "modal_slice = "),
+        ({"modal_slice": (1, 5)}, TypeError, r"modal_slice = \(1, 5\): must be a slice"),
+    ],
+)
+def test_impossible_fuzzy_gains(options: dict[str, Any], error: type[Exception], message: str) -> None:
+    with pytest.raises(error, match=message):
+        FLSAC(**{**TWO_MODES, **options})
+
+
+def test_impossible_deflections() -> None:
+    policy = FLSAC(**TWO_MODES)
+    with pytest.raises(ValueError, match="observation must hold at least 5 values, got 4"):
+        policy.predict(np.zeros(4))
+    with pytest.raises(ValueError, match="inputs hold nan: must be finite"):
+        policy.predict(np.array([0.0, np.nan, 0.0, 0.0, 0.0]))
+
+
+# --- for_env ------------------------------------------------------------------------------------------------
+
+
+def test_a_policy_reads_its_environment_through_wrappers() -> None:
+    env = gym.wrappers.TimeLimit(OneGain(gain_limit=4.0), 10)
+    assert IFDC.for_env(env) == IFDC(gain=1.0, gain_limit=4.0)
+    assert IFDC.for_env(env, gain=2.5) == IFDC(gain=2.5, gain_limit=4.0)
+    policy = FLSAC.for_env(env, K_n=1.0, K_s=3.0)
+    assert (policy.K_n, policy.K_s, policy.gain_limit) == (1.0, 3.0, 4.0)
+    assert policy.modal_slice == slice(1, 5)
+    np.testing.assert_array_equal(policy.tip_weights, [[0.2, -0.2], [0.4, -0.4]])
+
+
+def test_a_vector_environment_will_do() -> None:
+    single = OneGain()
+    vector = SimpleNamespace(
+        single_action_space=single.action_space,
+        action_space=gym.spaces.Box(-1.0, 1.0, (12, 1)),
+        gain_limit=4.0,
+        observation_blocks=single.observation_blocks,
+        arm=single.arm,
+    )
+    vector.unwrapped = vector
+    assert IFDC.for_env(vector).gain_limit == 4.0
+    assert FLSAC.for_env(vector).predict(np.zeros((12, 6)))[0].shape == (12, 1)
+
+
+@pytest.mark.parametrize("policy", [IFDC, FLSAC])
+def test_environments_that_do_not_fit(policy: type[IFDC] | type[FLSAC]) -> None:
+    with pytest.raises(TypeError, match=r"must be a FlexArm environment, but .*CartPole.* has no attribute"):
+        policy.for_env(gym.make("CartPole-v1"))
+    with pytest.raises(ValueError, match=r"must take one gain as action, .* got shape \(2,\)"):
+        policy.for_env(OneGain(actions=2))
+    with pytest.raises(ValueError, match=r"gain_limit = 0\.5|<= 0\.5"):
+        policy.for_env(OneGain(gain_limit=0.5))
+
+
+def test_the_modal_coordinates_must_be_observed() -> None:
+    env = OneGain()
+    env.observation_blocks = {"joint_angles": slice(0, 2), "clock": slice(2, 3)}
+    with pytest.raises(ValueError, match=r"'modal_coordinates', .* holds \['clock', 'joint_angles'\]"):
+        FLSAC.for_env(env)
+
+
+# --- the map between actions and gains ----------------------------------------------------------------------
+
+
+def test_the_action_map_by_hand() -> None:
+    np.testing.assert_array_equal(gain_from_action([[-1.0, 0.0], [0.5, 1.0]], 4.0), [[0.0, 2.0], [3.0, 4.0]])
+    np.testing.assert_array_equal(action_from_gain([[0.0, 2.0], [3.0, 4.0]], 4.0), [[-1.0, 0.0], [0.5, 1.0]])
+    assert gain_from_action(np.float32([0.25]), 2.0).dtype == np.float64
+
+
+@given(st.floats(1e-6, 1e6), st.floats(0.0, 1.0))
+def test_the_action_map_inverts(gain_limit: float, share: float) -> None:
+    gain = share * gain_limit
+    assert gain_from_action(action_from_gain(gain, gain_limit), gain_limit) == pytest.approx(
+        gain, abs=1e-15 * gain_limit
+    )
+    assert action_from_gain(gain_limit, gain_limit) == 1.0
+    assert gain_from_action(1.0, gain_limit) == gain_limit
+
+
+@pytest.mark.parametrize("bad", [-1.0000001, 1.5, np.nan, np.inf, -np.inf])
+def test_impossible_actions(bad: float) -> None:
+    with pytest.raises(ValueError, match=rf"action = {bad!r}: must be finite and in \[-1.0, 1.0\]"):
+        gain_from_action([0.0, bad], 2.0)
+
+
+@pytest.mark.parametrize("bad", [-1e-9, 2.0000001, np.nan, np.inf])
+def test_impossible_gains(bad: float) -> None:
+    with pytest.raises(ValueError, match=rf"gain = {bad!r}: must be finite and in \[0.0, 2.0\]"):
+        action_from_gain([0.0, bad], 2.0)
+
+
+@pytest.mark.parametrize("bad", [0.0, -1.0, np.nan, np.inf])
+@pytest.mark.parametrize("function", [gain_from_action, action_from_gain])
+def test_impossible_limits(function: Any, bad: float) -> None:
+    with pytest.raises(ValueError, match=rf"gain_limit = {bad!r}: must be a finite number > 0"):
+        function(0.0, bad)
