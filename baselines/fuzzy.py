@@ -85,7 +85,7 @@ class MamdaniSystem:
 
 def _checked_rules(rules: npt.ArrayLike, shape: tuple[int, ...], outputs: int) -> Integers:
     """The rule table as an array of its own, refused unless it fits the sets."""
-    table = np.array(rules)
+    table = np.asarray(rules)
     if not np.issubdtype(table.dtype, np.integer):
         raise TypeError(f"rules: must hold integers, got dtype {table.dtype}")
     if table.shape != shape:

@@ -265,11 +265,13 @@ class Outputs(NamedTuple):
     Attributes:
         observation: joint angles, joint rates, sensed position (late, noisy), modal coordinates, reference
             position and velocity.
+        state: public state.
         true_tip: with deflection [m].
         rigid_tip: by rigid kinematics (8), (9) [m].
     """
 
     observation: list[Any]
+    state: list[Any]
     true_tip: Sequence[Any]
     rigid_tip: Sequence[Any]
 
@@ -305,5 +307,7 @@ def outputs(
         point = rigid_point(k.elbow_distance, law.sensor_distance, sincos(late1), sincos(late1 + late2))
     sensed = [point[r] + law.noise[r] for r in (0, 1)]
     modal = [*y[1 : m + 1], *y[m + 2 :]]
-    observation = [theta1, theta2, *joint_angles(k, v), *sensed, *modal, *reference]
-    return Outputs(observation, true_tip, rigid_tip)
+    rates = joint_angles(k, v)
+    observation = [theta1, theta2, *rates, *sensed, *modal, *reference]
+    state_now = [theta1, theta2, *modal, *rates, *v[1 : m + 1], *v[m + 2 :]]
+    return Outputs(observation, state_now, true_tip, rigid_tip)

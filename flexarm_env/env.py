@@ -25,8 +25,8 @@ from flexarm_env.parameters import (
     SquareParameters,
 )
 from flexarm_env.reference import inverse_kinematics, square
-from flexarm_env.reward import reward_terms
-from flexarm_env.simulation import ClosedLoop, LoopCase
+from flexarm_env.reward import TERMS as REWARD_TERMS
+from flexarm_env.simulation import ClosedLoop, LoopCase, Results
 from flexarm_env.validation import finite_array, number
 
 CONTROL_PERIOD = 1e-3  # [s]; the paper's step size
@@ -137,7 +137,12 @@ class FlexArmEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         path.check_reach(self.arm.parameters)
         self._noise = sensor_parameters.noise
         self._loop = ClosedLoop(
-            self.arm, [LoopCase(sensor_parameters, law)], path, CONTROL_PERIOD, physics_step=physics_step
+            self.arm,
+            [LoopCase(sensor_parameters, law)],
+            path,
+            CONTROL_PERIOD,
+            physics_step=physics_step,
+            state_limits=state_limits(self.arm),
         )
         self._start = rest_state(self.arm, path.table[0, 1:], task.elbow_branch)
         self.observation_blocks = observation_blocks(self.arm.parameters.modes_per_link)
@@ -163,43 +168,39 @@ class FlexArmEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         if options:
             raise ValueError(f"options = {options!r}: no option is known; it must be None or empty")
         self._loop.reset(self._start[None], self._draw())
-        return self._observe(), self._info(gain=0.0)
+        results = self._loop.results()
+        self._observation = results.observation[0].astype(np.float32)
+        return self._observation.copy(), self._info(results, gain=0.0)
 
     def step(
         self, action: NDArray[np.float32]
     ) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
         """Hold the action's gain for one control period; see the class."""
         checked = finite_array("action", action, (1,))
-        gain = float(gain_from_action(np.clip(checked, -1.0, 1.0), self.gain_limit)[0])
-        self._loop.advance(np.array([gain]), self._draw())
-        info = self._info(gain)
-        reason = _termination_reason(self.arm, info["state"])
+        gain = gain_from_action(np.clip(checked, -1.0, 1.0), self.gain_limit)
+        self._loop.advance(gain, self._draw())
+        results = self._loop.results()
+        info = self._info(results, float(gain[0]))
+        reason = self._loop.failure(results.status[0])
         if reason is not None:
             info["termination_reason"] = reason
-            # the state may be anything now: report the last one that is a state
-            return self._last_observation.copy(), 0.0, True, False, info
-        observation = self._observe()
-        block = self.observation_blocks["reference_position"]
-        terms = reward_terms(info["true_tip"], self._loop.observation[0, block])
-        info["reward_terms"] = {name: float(value) for name, value in terms.items()}
-        return observation, sum(info["reward_terms"].values()), False, False, info
+            # the state may be anything now: the observation stays at the last valid one
+            return self._observation.copy(), 0.0, True, False, info
+        self._observation = results.observation[0].astype(np.float32)
+        info["reward_terms"] = dict(zip(REWARD_TERMS, results.reward_terms[0].tolist(), strict=True))
+        return self._observation.copy(), sum(info["reward_terms"].values()), False, False, info
 
     def _draw(self) -> NDArray[np.float64] | None:
         return self.np_random.normal(0.0, self._noise, (1, 2)) if self._noise > 0.0 else None
 
-    def _observe(self) -> NDArray[np.float32]:
-        observation = self._loop.observation[0].astype(np.float32)
-        self._last_observation = observation
-        return observation.copy()
-
-    def _info(self, gain: float) -> dict[str, Any]:
+    def _info(self, results: Results, gain: float) -> dict[str, Any]:
         return {
             "time": self._loop.time,
             "gain": gain,
-            "torque": self._loop.torque[0],
-            "true_tip": self._loop.true_tip[0],
-            "rigid_tip": self._loop.rigid_tip[0],
-            "state": self._loop.state[0],
+            "torque": results.torque[0],
+            "true_tip": results.true_tip[0],
+            "rigid_tip": results.rigid_tip[0],
+            "state": results.state[0],
         }
 
 
@@ -241,22 +242,14 @@ def observation_blocks(modes: int) -> dict[str, slice]:
     return {name: slice(end - size, end) for (name, size), end in zip(sizes.items(), ends, strict=True)}
 
 
-def _modal_limits(arm: FlexibleArm) -> NDArray[np.float64]:
-    """The modal coordinates that alone bend a link's tip by the link's length."""
-    return np.concatenate([link.length / np.abs(link.tip_values) for link in arm.modes])
+def state_limits(arm: FlexibleArm) -> NDArray[np.float64]:
+    """Magnitudes of a valid state: angles, modal coordinates, joint rates; modal rates have none.
 
-
-def _termination_reason(arm: FlexibleArm, state: NDArray[np.float64]) -> str | None:
-    size = arm.size
-    if not np.all(np.isfinite(state)):
-        return "diverged"
-    if np.any(np.abs(state[:2]) > ANGLE_LIMIT):
-        return "angle"
-    if np.any(np.abs(state[size : size + 2]) > RATE_LIMIT):
-        return "rate"
-    if np.any(np.abs(state[2:size]) > _modal_limits(arm)):
-        return "deflection"
-    return None
+    A modal coordinate's limit is the one that alone bends its link's tip by the link's length.
+    """
+    modal = np.concatenate([link.length / np.abs(link.tip_values) for link in arm.modes])
+    angles, rates, unlimited = np.full(2, ANGLE_LIMIT), np.full(2, RATE_LIMIT), np.full(len(modal), np.inf)
+    return np.concatenate([angles, modal, rates, unlimited])
 
 
 def _observation_bound(
@@ -271,7 +264,7 @@ def _observation_bound(
         "joint_angles": np.full(2, ANGLE_LIMIT),
         "joint_rates": np.full(2, RATE_LIMIT),
         "sensed_position": np.full(2, sensed),
-        "modal_coordinates": _modal_limits(arm),
+        "modal_coordinates": state_limits(arm)[2 : arm.size],
         "reference_position": np.full(2, 0.5 * task.side),
         "reference_velocity": np.full(2, 4.0 * task.side / task.lap_time),
     }

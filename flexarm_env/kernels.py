@@ -23,7 +23,7 @@ from typing import Any
 
 import platformdirs
 
-from flexarm_env import closed_loop, stepping
+from flexarm_env import closed_loop, reward, stepping
 from flexarm_env import dynamics as dyn
 from flexarm_env.elementary import sincos
 from flexarm_env.tracing import Trace
@@ -55,6 +55,20 @@ class Variant:
     rate_jacobian: str = "delayed"
 
 
+def result_sizes(modes: int) -> dict[str, int]:
+    """What a closed loop gives out at an instant: rows that follow each other in the arena."""
+    size = 2 * modes + 2
+    return {
+        "OBSERVATION": 10 + 2 * modes,
+        "STATE": 2 * size,
+        "TAU": 2,
+        "TRUE_TIP": 2,
+        "RIGID_TIP": 2,
+        "REWARD_TERMS": len(reward.TERMS),
+        "STATUS": 1,
+    }
+
+
 @lru_cache
 def layout(kind: str, modes: int) -> dict[str, tuple[int, int]]:
     """First row and number of rows of each named part of an arena."""
@@ -64,9 +78,9 @@ def layout(kind: str, modes: int) -> dict[str, tuple[int, int]]:
         parts |= {"TAU": 2, "Y_SLOPE": size, "V_SLOPE": size, "Y_SUM": size, "V_SUM": size}
     else:
         parts |= {name.upper(): n for name, n in closed_loop.Law.sizes(modes).items()}
-        parts |= {"DELAY": 2, "COMMAND_DELAY": 2, "RATE_LATE": 1, "TAU": 2, "READING": 4}
+        parts |= {"DELAY": 2, "COMMAND_DELAY": 2, "RATE_LATE": 1, "READING": 4, "LIMITS": 2 * size}
         parts |= {"TIP_VALUES": modes, "TIP_DISTANCE": 1, "REFERENCE": 4}
-        parts |= {"OBSERVATION": 10 + 2 * modes, "TRUE_TIP": 2, "RIGID_TIP": 2}
+        parts |= result_sizes(modes)
         parts |= {"Y_STAGE": size, "V_STAGE": size, "MECHANICAL": size, "FEEDBACK": size}
         parts |= {name: (STAGES + 1) * size for name in ("V_SLOTS", "MECHANICAL_SLOTS", "FEEDBACK_SLOTS")}
     rows, first = {}, 0
@@ -168,6 +182,7 @@ def _outputs_source(variant: Variant) -> str:
         r.read("REFERENCE"),
     )
     r.write("OBSERVATION", outputs.observation)
+    r.write("STATE", outputs.state)
     r.write("TRUE_TIP", outputs.true_tip)
     r.write("RIGID_TIP", outputs.rigid_tip)
     return r.source("outputs_kernel(arena)")
@@ -176,11 +191,13 @@ def _outputs_source(variant: Variant) -> str:
 _DRIVERS: dict[str, tuple[Callable[..., Any], ...]] = {
     "open": (stepping.begin_step, stepping.end_step, stepping.open_step, stepping.run_open),
     "loop": (
+        reward.reward_terms,
         stepping.reference_at,
         stepping.prepare_reading,
         stepping.prepare_stage,
         stepping.store_reading,
         stepping.start,
+        stepping.state_status,
         stepping.write_outputs,
         stepping.combine_slots,
         stepping.loop_step,
@@ -199,9 +216,9 @@ def render(variant: Variant) -> str:
     header = {"LANES": variant.lanes, "SIZE": 2 * variant.modes + 2, "STAGES": STAGES}
     header |= {name: first for name, (first, _) in rows.items()}
     tables = ("NODES", "GAMMA", "EXPLICIT", "IMPLICIT", "RK4_STEP", "RK4_WEIGHT")
-    constants = {name: getattr(stepping, name) for name in tables}
+    constants = {name: getattr(stepping, name) for name in tables} | {"WIDTHS": reward.WIDTHS}
     text = f'"""Assembled by flexarm_env.kernels for {variant}; do not edit."""\n\n'
-    text += "from typing import Any\n\nfrom math import floor\n\nfrom numba import njit\n\n"
+    text += "from typing import Any\n\nfrom math import exp, floor, sqrt\n\nfrom numba import njit\n\n"
     text += "".join(f"{name} = {value!r}\n" for name, value in (header | constants).items()) + "\n\n"
     for record in _RECORDED[variant.kind]:
         text += record(variant)

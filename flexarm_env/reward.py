@@ -1,30 +1,26 @@
-"""Reward: named terms of the state after the step, and their weighted sum."""
+"""Reward: terms of the state after the step. Compiled into the kernels as it stands (`kernels`)."""
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from math import exp, sqrt
 
-# Two bounded tracking terms, a wide one that pulls from afar and a narrow one that rewards precision. All are in
-# [0, 1], so that ending an episode early never pays.
-WIDE = 0.6  # [m]
-NARROW = 0.15  # [m]
+TERMS = ("tracking_wide", "tracking_narrow")
+# Widths [m] of the two bounded tracking terms: a wide one that pulls from afar, a narrow one that rewards precision.
+# Each term is in [0, 0.5], so that ending an episode early never pays.
+WIDTHS = (0.6, 0.15)
 
 
-def reward_terms(tip: ArrayLike, reference: ArrayLike) -> dict[str, NDArray[np.float64]]:
-    """Weighted terms of the reward, each in [0, 0.5].
+def reward_terms(x: float, y: float, reference_x: float, reference_y: float) -> tuple[float, float]:
+    """Weighted terms of the reward, in the order of `TERMS`; their sum is the reward.
 
     Args:
-        tip: true tip [m]. Shape (..., 2).
-        reference: where it should be [m]. Shape (..., 2).
+        x: of the true tip [m].
+        y: of the true tip [m].
+        reference_x: where it should be [m].
+        reference_y: where it should be [m].
 
     Returns:
-        "tracking_wide": ``0.5 exp(-(e / 0.6 m)^2)``; "tracking_narrow": ``0.5 exp(-e / 0.15 m)``, e the distance
-        of the two. Shape (...) each.
+        ``0.5 exp(-(e / WIDTHS[0])^2)`` and ``0.5 exp(-e / WIDTHS[1])``, e the distance of the two.
     """
-    x, y = np.moveaxis(np.asarray(tip, dtype=float) - np.asarray(reference, dtype=float), -1, 0)
-    distance = np.sqrt(x * x + y * y)
-    return {
-        "tracking_wide": 0.5 * np.exp(-((distance / WIDE) ** 2)),
-        "tracking_narrow": 0.5 * np.exp(-distance / NARROW),
-    }
+    square = (x - reference_x) * (x - reference_x) + (y - reference_y) * (y - reference_y)
+    return 0.5 * exp(-square / (WIDTHS[0] * WIDTHS[0])), 0.5 * exp(-sqrt(square) / WIDTHS[1])

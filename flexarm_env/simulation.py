@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -41,6 +42,29 @@ class LoopCase:
     law: LawParameters
 
 
+class Results(NamedTuple):
+    """What a batch of N arms gives out at an instant.
+
+    Attributes:
+        observation: what a controller may know (`closed_loop.Outputs`). Shape (N, 10 + 2 m).
+        state: public states. Shape (N, 4 + 4 m).
+        torque: the law's at the end of the last period [N m]; at the reset that of gain 0. Shape (N, 2).
+        true_tip: with deflection [m]. Shape (N, 2).
+        rigid_tip: by rigid kinematics (8), (9) [m]. Shape (N, 2).
+        reward_terms: `reward.reward_terms`. Shape (N, 2).
+        status: 0 for a valid state, -1 for one that is not finite, n where entry n - 1 of the state passed its
+            limit. Shape (N,).
+    """
+
+    observation: Array
+    state: Array
+    torque: Array
+    true_tip: Array
+    rigid_tip: Array
+    reward_terms: Array
+    status: Array
+
+
 class ClosedLoop:
     """N arms of equal parameters following one path.
 
@@ -49,7 +73,6 @@ class ClosedLoop:
         path: the reference.
         control_period: the gain is held so long [s].
         substeps: integration steps in a control period.
-        observation_size: numbers in one observation, 10 + 2 m.
     """
 
     def __init__(
@@ -59,6 +82,7 @@ class ClosedLoop:
         path: Path,
         control_period: float = 1e-3,
         physics_step: float | None = None,
+        state_limits: ArrayLike | None = None,
     ) -> None:
         """Lay out the batch; the kernel is compiled (or found in the cache) at the first reset.
 
@@ -68,6 +92,7 @@ class ClosedLoop:
             path: the reference.
             control_period: [s].
             physics_step: longest integration step [s]; None: as the arm's fastest mode demands.
+            state_limits: magnitudes beyond which a state's `Results.status` says so. Shape (4 + 4 m,).
 
         Raises:
             ValueError: for bad input: no cases, a sensor off the link, a compensation without delay, a step too
@@ -90,13 +115,14 @@ class ClosedLoop:
             *self._sensor_variant(),
         )
         self._rows = kernels.layout("loop", modes)
-        self.observation_size = self._rows["OBSERVATION"][1]
         blocks = -(-len(self._cases) // lanes)
         self._arenas = np.zeros((blocks, kernels.arena_rows("loop", modes), lanes))
         slots = 3 + int(max(max(self._delays(case)) for case in self._cases) / self.physics_step)
         self._histories = np.zeros((blocks, slots, 4, lanes))
         self._counts = np.zeros((blocks, lanes), dtype=np.int64)
         self._put("CONSTANTS", np.tile(arm.constants.flat(), (len(self._cases), 1)))
+        limits = np.full(2 * arm.size, np.inf) if state_limits is None else np.asarray(state_limits, dtype=float)
+        self._put("LIMITS", np.tile(limits, (len(self._cases), 1)))
         for name, values in self._settings().items():
             self._put(name, values)
 
@@ -141,41 +167,34 @@ class ClosedLoop:
 
         Args:
             gain: lambda of each arm. Shape (N,).
-            noise: added to each arm's reading [m]. Shape (N, 2); None for none.
+            noise: added to each arm's reading [m]. Shape (N, 2); None leaves it as it was.
         """
         values = finite_array("gain", gain, (len(self),))
         if np.any(values < 0.0):
             raise ValueError(f"gain = {float(values.min())!r}: must be >= 0")
         self._put("GAIN", values[:, None])
-        self._put_noise(noise)
+        if noise is not None:
+            self._put_noise(noise)
         self._run(self.substeps, initialise=False)
 
-    # --- what is known at the present instant; new arrays ----------------------------------------------------------
+    def results(self) -> Results:
+        """All that is known at the present instant; new arrays on every call."""
+        first = self._rows["OBSERVATION"][0]
+        sizes = kernels.result_sizes(self.arm.parameters.modes_per_link).values()
+        rows = self._arenas[:, first : first + sum(sizes)].transpose(0, 2, 1).copy()
+        rows = rows.reshape(-1, rows.shape[2])[: len(self)]
+        ends = np.cumsum(list(sizes)).tolist()
+        parts = [rows[:, end - size : end] for size, end in zip(sizes, ends, strict=True)]
+        return Results(*parts[:-1], status=parts[-1][:, 0])
 
-    @property
-    def state(self) -> Array:
-        """Public states. Shape (N, 4 + 4 m)."""
-        return self.arm.public_state(np.concatenate([self._get("Y"), self._get("V")], axis=1))
-
-    @property
-    def observation(self) -> Array:
-        """What a controller may know, see `closed_loop.Outputs`. Shape (N, 10 + 2 m)."""
-        return self._get("OBSERVATION")
-
-    @property
-    def true_tip(self) -> Array:
-        """With deflection [m]. Shape (N, 2)."""
-        return self._get("TRUE_TIP")
-
-    @property
-    def rigid_tip(self) -> Array:
-        """By rigid kinematics [m]. Shape (N, 2)."""
-        return self._get("RIGID_TIP")
-
-    @property
-    def torque(self) -> Array:
-        """The law's torque at the end of the last period [N m]; at the reset that of gain 0. Shape (N, 2)."""
-        return self._get("TAU")
+    def failure(self, status: float) -> str | None:
+        """What a `Results.status` means: None, "diverged", "angle", "deflection" or "rate"."""
+        if status <= 0.0:
+            return None if status == 0.0 else "diverged"
+        entry = int(status) - 1
+        if entry >= self.arm.size:
+            return "rate"
+        return "angle" if entry < 2 else "deflection"
 
     # --- inside ----------------------------------------------------------------------------------------------------
 
@@ -243,11 +262,6 @@ class ClosedLoop:
     def _put_noise(self, noise: ArrayLike | None) -> None:
         values = np.zeros((len(self), 2)) if noise is None else finite_array("noise", noise, (len(self), 2))
         self._put("NOISE", values)
-
-    def _get(self, name: str) -> Array:
-        first, count = self._rows[name]
-        rows = self._arenas[:, first : first + count]
-        return rows.transpose(0, 2, 1).copy().reshape(-1, count)[: len(self)]
 
     @staticmethod
     def _flat(arrays: NDArray) -> NDArray:

@@ -13,12 +13,14 @@ from __future__ import annotations
 
 from typing import Any
 
+from flexarm_env.reward import reward_terms
+
 LANES = 1
 SIZE = 4  # internal coordinates
 STAGES = 4
 Y = V = Y_STAGE = V_STAGE = V_SLOTS = MECHANICAL = MECHANICAL_SLOTS = FEEDBACK = FEEDBACK_SLOTS = OFFSET = 0
 WEIGHT = RATE_OFFSET = RATE_WEIGHT = COMMAND_1 = COMMAND_2 = DELAY = COMMAND_DELAY = RATE_LATE = READING = 0
-TAU = Y_SLOPE = V_SLOPE = Y_SUM = V_SUM = REFERENCE = 0
+TAU = Y_SLOPE = V_SLOPE = Y_SUM = V_SUM = REFERENCE = STATE = LIMITS = TRUE_TIP = REWARD_TERMS = STATUS = 0
 
 # ARS(4,4,3) of Ascher, Ruuth & Spiteri (1997), third order: explicit coefficients for the arm, singly diagonally
 # implicit and stiffly accurate ones (gamma = 1/2, L-stable) for the law. The last stage is the step's result.
@@ -230,14 +232,36 @@ def combine_slots(arena: Any, stage: int, h: float) -> None:
                 )
 
 
+def state_status(arena: Any, i: int) -> float:
+    """0 for a valid state of lane i; -1 if it is not finite; n if its entry n - 1 is beyond its limit."""
+    status = 0.0
+    for r in range(2 * SIZE):
+        value = arena[i + (STATE + r) * LANES]
+        if not value - value == 0.0:
+            return -1.0
+        if status == 0.0 and abs(value) > arena[i + (LIMITS + r) * LANES]:
+            status = r + 1.0
+    return status
+
+
 def write_outputs(arena: Any, history: Any, count: Any, path: Any, h: float) -> None:
-    """Observation and tips of every lane of a block at the present instant."""
+    """Observation, state, tips, reward and status of every lane of a block at the present instant."""
     prepare_stage(arena, history, count, path, h, 0.0, 0.5)
     for i in range(LANES):
         reference = reference_at(path, count[i] * h, (count[i] + 0.5) * h)
         for r in range(4):
             arena[i + (REFERENCE + r) * LANES] = reference[r]
     outputs_kernel(arena)
+    for i in range(LANES):
+        terms = reward_terms(
+            arena[i + TRUE_TIP * LANES],
+            arena[i + (TRUE_TIP + 1) * LANES],
+            arena[i + REFERENCE * LANES],
+            arena[i + (REFERENCE + 1) * LANES],
+        )
+        arena[i + REWARD_TERMS * LANES] = terms[0]
+        arena[i + (REWARD_TERMS + 1) * LANES] = terms[1]
+        arena[i + STATUS * LANES] = state_status(arena, i)
 
 
 def run_loop(

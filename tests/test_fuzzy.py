@@ -57,9 +57,7 @@ def test_the_paper_system_by_hand(delta: tuple[float, float], expected: float) -
 def test_one_input_and_a_vertical_edge_inside_the_universe() -> None:
     # At 1/4 the input is low to 3/4 and high to 1/4. The output's low, clipped at 3/4, is 3/4 on [0, 1/16]
     # and falls to 0 at 1/4; its high, clipped at 1/4, jumps up at 1/2, stays to 7/8 and falls to 0 at 1.
-    system = MamdaniSystem(
-        [variable((0, 0, 1), (0, 1, 1))], variable((0, 0, 0.25), (0.5, 0.5, 1), name="y"), [0, 1]
-    )
+    system = MamdaniSystem([variable((0, 0, 1), (0, 1, 1))], variable((0, 0, 0.25), (0.5, 0.5, 1), name="y"), [0, 1])
     # areas: 3/64 + 9/128 = 15/128; 3/32 + 1/64 = 7/64
     # moments: 3/64 * 1/32 + 9/128 * (1/16 + 1/16); 3/32 * 11/16 + 1/64 * (7/8 + 1/24)
     moment = 3 / 64 / 32 + 9 / 128 / 8 + 3 / 32 * 11 / 16 + 1 / 64 * (11 / 12)
@@ -147,9 +145,7 @@ def rational_membership(x: Fraction, triangle: Triangle) -> Fraction:
     return min(rising, falling)
 
 
-def rational_centroid(
-    clipped: Sequence[tuple[Triangle, Fraction]], universe: tuple[Fraction, Fraction]
-) -> Fraction:
+def rational_centroid(clipped: Sequence[tuple[Triangle, Fraction]], universe: tuple[Fraction, Fraction]) -> Fraction:
     """Integrate over x, between all points at which two of the lines that bound the union can cross."""
     low, high = universe
     lines = {(Fraction(0), Fraction(0))}
@@ -264,9 +260,7 @@ def scikit_fuzzy(system: MamdaniSystem, points: Sequence[tuple[float, ...]], sam
         for antecedent, i in zip(antecedents[1:], index[1:], strict=True):
             condition = condition & antecedent[str(i)]  # fmin
         rules.append(control.Rule(condition, consequent[str(system.rules[index])]))
-    simulation = control.ControlSystemSimulation(
-        control.ControlSystem(rules), clip_to_bounds=True, cache=False
-    )
+    simulation = control.ControlSystemSimulation(control.ControlSystem(rules), clip_to_bounds=True, cache=False)
     results = []
     for point in points:
         for i, value in enumerate(point):
@@ -282,13 +276,13 @@ def test_agrees_with_scikit_fuzzy(width_scale: float) -> None:
     """scikit-fuzzy integrates over its samples of the output's universe, and the clip points.
 
     Where two sets cross between samples it cuts the corner off, an area of the order of spacing^2: with 1001
-    samples the centroids differ by some 1e-6.
+    samples on [0, 1] the centroids differ by up to 2e-7, with half as many by four times that.
     """
     system = paper_system(width_scale)
     axis = [-6.0, -4.1, -2.5, -1.0, 0.0, 0.7, 3.3, 5.0]
     points = list(itertools.product(axis, axis))
     expected = scikit_fuzzy(system, points, samples=1001)
-    np.testing.assert_allclose(system.evaluate(points), expected, atol=3e-6, rtol=0)
+    np.testing.assert_allclose(system.evaluate(points), expected, atol=5e-7, rtol=0)
 
 
 @SCIKIT_FUZZY_AND_NUMPY
@@ -299,7 +293,7 @@ def test_agrees_with_scikit_fuzzy_where_nothing_is_symmetric() -> None:
     system = MamdaniSystem([a, b], c, [[3, 0], [1, 1], [0, 2]])
     points = list(itertools.product([0.0, 0.1, 0.3, 0.45, 0.8, 1.2], [-2.5, -1.1, 0.0, 0.3, 1.9]))
     expected = scikit_fuzzy(system, points, samples=2001)
-    np.testing.assert_allclose(system.evaluate(points), expected, atol=3e-6, rtol=0)
+    np.testing.assert_allclose(system.evaluate(points), expected, atol=5e-7, rtol=0)
 
 
 # --- what is refused ----------------------------------------------------------------------------------------
@@ -346,6 +340,7 @@ def test_impossible_variables(
         ([(0, 0.5, 1.5)], "0"),  # zero at the lower end
         ([(0, 0, 0.75), (0, 0.5, 1)], "1"),  # zero at the upper end
         ([(0.125, 0.5, 1.5)], "0"),
+        ([(-1, 0.25, 0.25), (0.75, 0.75, 2)], "0.5"),  # full membership at both ends of the gap
     ],
 )
 def test_inputs_must_be_covered(corners: list[tuple[float, float, float]], bare: str) -> None:

@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from flexarm_baselines import FLSAC, IFDC, GainPolicy, Policy
+from flexarm_baselines import FLSAC, IFDC, GainPolicy, Policy, paper_system
 from flexarm_env.actions import action_from_gain, gain_from_action
 
 # Two modes a link, A = 0.1: tip deflection = 0.2 q_1 - 0.2 q_2. One value before them, one after.
@@ -30,13 +30,9 @@ class OneGain(gym.Env[Any, Any]):
         self.observation_blocks = {"clock": slice(0, 1), "modal_coordinates": slice(1, 5)}
         weights = np.array([0.2, -0.2])
         # link 2 twice as flexible at its tip: a policy that mixes the links up is seen
-        self.arm = SimpleNamespace(
-            modes=(SimpleNamespace(tip_values=weights), SimpleNamespace(tip_values=2 * weights))
-        )
+        self.arm = SimpleNamespace(modes=(SimpleNamespace(tip_values=weights), SimpleNamespace(tip_values=2 * weights)))
 
-    def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[Any, dict[str, Any]]:
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
         super().reset(seed=seed)
         self.steps = 0
         return OBSERVATION, {}
@@ -79,9 +75,7 @@ def test_one_observation_or_a_batch(policy: Policy) -> None:
 @pytest.mark.parametrize("policy", POLICIES, ids=repr)
 def test_state_comes_back_and_answers_are_new(policy: Policy) -> None:
     memory = (np.array([1.0]),)
-    first, state = policy.predict(
-        OBSERVATION, state=memory, episode_start=np.ones(1, bool), deterministic=True
-    )
+    first, state = policy.predict(OBSERVATION, state=memory, episode_start=np.ones(1, bool), deterministic=True)
     assert state is memory
     expected = first.copy()
     first[:] = 7.0
@@ -112,9 +106,7 @@ def test_stable_baselines3_evaluates_a_baseline() -> None:
     monitor = pytest.importorskip("stable_baselines3.common.monitor")
     env = monitor.Monitor(OneGain())
     for policy, gain in [(IFDC.for_env(env), 1.0), (FLSAC.for_env(env, K_s=2.0), 2 * 37 / 84)]:
-        returns, lengths = evaluation.evaluate_policy(
-            policy, env, n_eval_episodes=2, return_episode_rewards=True
-        )
+        returns, lengths = evaluation.evaluate_policy(policy, env, n_eval_episodes=2, return_episode_rewards=True)
         assert lengths == [3, 3]
         assert returns == pytest.approx([3 * gain] * 2, rel=1e-6)
 
@@ -183,9 +175,7 @@ def test_the_links_have_tip_weights_of_their_own() -> None:
     # (0.2 - 0.4) / 0.2, (1.2 + 2.4) / 0.2; 0.1 / 0.2, -0.6 / 0.2
     np.testing.assert_allclose(delta, [[-1.0, 18.0], [0.5, -3.0]], rtol=1e-15)
     equal = FLSAC(modal_slice=slice(0, 4), tip_weights=np.array([0.2, -0.2]))
-    np.testing.assert_allclose(
-        equal.deflections(np.array([[1.0, 2.0, 3.0, 4.0]])), [[-1.0, -1.0]], rtol=1e-15
-    )
+    np.testing.assert_allclose(equal.deflections(np.array([[1.0, 2.0, 3.0, 4.0]])), [[-1.0, -1.0]], rtol=1e-15)
 
 
 def test_the_paper_arm_reads_its_modal_coordinate() -> None:
@@ -277,6 +267,22 @@ def test_a_vector_environment_will_do() -> None:
     vector.unwrapped = vector
     assert IFDC.for_env(vector).gain_limit == 4.0
     assert FLSAC.for_env(vector).predict(np.zeros((12, 6)))[0].shape == (12, 1)
+
+
+@pytest.mark.parametrize(("arm", "signs"), [("paper", [1.0]), ("default", [1.0, -1.0])])
+def test_the_own_environment_gets_the_gain_of_its_deflections(arm: str, signs: list[float]) -> None:
+    env = gym.make("flexarm_env:FlexArm/Paper-v0", arm=arm, gain_limit=2.0)
+    policy = FLSAC.for_env(env, K_n=1.0, K_s=2.0)
+    observation, _ = env.reset(seed=0)
+    gains = []
+    for _ in range(300):
+        modal = observation[env.unwrapped.observation_blocks["modal_coordinates"]].astype(float)
+        deltas = modal.reshape(2, -1) @ signs  # with A = 0.1 a mode's tip value is 0.2 m, signs alternate
+        observation, *_, info = env.step(policy.predict(observation)[0])
+        assert info["gain"] == pytest.approx(2.0 * paper_system().evaluate(deltas), rel=1e-6)
+        gains.append(info["gain"])
+    assert gains[0] == pytest.approx(2 / 6, rel=1e-6)  # straight links
+    assert max(gains) > 2 * gains[0]  # bent ones
 
 
 @pytest.mark.parametrize("policy", [IFDC, FLSAC])

@@ -1,0 +1,153 @@
+"""Figures of merit: pure functions of a `Trajectory`."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from flexarm_env.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+
+class TrackingError(NamedTuple):
+    """Distance of a tip from the reference over a run [m]."""
+
+    rms: float
+    maximum: float
+
+
+class CircleFit(NamedTuple):
+    """Least-squares circle through a path.
+
+    Attributes:
+        centre: x, y [m]. Shape (2,).
+        radius: [m].
+        deviation: r.m.s. distance of the path from the circle [m].
+    """
+
+    centre: Array
+    radius: float
+    deviation: float
+
+
+def _reference(run: Trajectory) -> Array:
+    if run.reference is None:
+        raise ValueError("run.reference: the run has none; only runs of policies do")
+    return run.reference
+
+
+def tracking_error(run: Trajectory, tip: str = "true", since: float = 0.0) -> TrackingError:
+    """Distance of the tip from the (undelayed) reference.
+
+    Args:
+        run: a policy's run.
+        tip: "true" or "rigid".
+        since: from this time on [s].
+    """
+    if tip not in ("true", "rigid"):
+        raise ValueError(f"tip = {tip!r}: must be 'true' or 'rigid'")
+    points = run.tip if tip == "true" else run.rigid_tip
+    distance = np.linalg.norm(points - _reference(run), axis=1)[run.time >= since]
+    if not len(distance):
+        raise ValueError(f"since = {since} s: the run ends at {run.time[-1]} s")
+    return TrackingError(float(np.sqrt(np.mean(distance**2))), float(distance.max()))
+
+
+def overshoot(path: Array, time: Array, corner: Array, incoming: Array, window: tuple[float, float]) -> float:
+    """How far a path goes past a corner, in the direction in which the reference came.
+
+    Args:
+        path: Shape (n, 2) [m].
+        time: Shape (n,) [s].
+        corner: x, y [m]. Shape (2,).
+        incoming: direction of the side that ends at the corner, any length. Shape (2,).
+        window: times between which to look [s].
+
+    Returns:
+        The largest advance past the corner [m]; negative if the path stays short of it.
+    """
+    direction = incoming / np.linalg.norm(incoming)
+    inside = (time >= window[0]) & (time <= window[1])
+    if not inside.any():
+        raise ValueError(f"window = {window} s: the run covers {time[0]} to {time[-1]} s")
+    return float(((path[inside] - corner) @ direction).max())
+
+
+def path_difference(one: Array, other: Array) -> Array:
+    """Distance of each point of a path from the nearest point of another, whatever the time [m].
+
+    Args:
+        one: Shape (n, 2) [m].
+        other: Shape (k, 2) [m].
+
+    Returns:
+        Shape (n,).
+    """
+    return np.asarray(cKDTree(other).query(one)[0])
+
+
+def vibration(run: Trajectory, since: float = 0.0) -> float:
+    """R.m.s. rate of the links' tip deflections, both links together [m/s].
+
+    Args:
+        run: any run of at least 3 instants.
+        since: from this time on [s].
+    """
+    rates = np.gradient(run.tip_deflection, run.time, axis=0)[run.time >= since]
+    return float(np.sqrt(np.mean(np.sum(rates**2, axis=1))))
+
+
+def roughness(path: Array, time: Array, cutoff: float, since: float = 0.0) -> float:
+    """R.m.s. of what remains of a path above a frequency [m]: its vibration as the eye sees it.
+
+    Args:
+        path: evenly sampled. Shape (n, 2) [m].
+        time: Shape (n,) [s].
+        cutoff: [Hz].
+        since: from this time on [s].
+    """
+    from scipy.signal import butter, sosfiltfilt
+
+    rate = (len(time) - 1) / (time[-1] - time[0])
+    slow = sosfiltfilt(butter(4, cutoff, fs=rate, output="sos"), path, axis=0)
+    rest = (path - slow)[time >= since]
+    return float(np.sqrt(np.mean(np.sum(rest**2, axis=1))))
+
+
+def circle_fit(path: Array) -> CircleFit:
+    """Least-squares circle (Kasa's linear fit) and how far the path is from it.
+
+    Args:
+        path: Shape (n, 2) [m].
+    """
+    system = np.column_stack([2.0 * path, np.ones(len(path))])
+    solution, *_ = np.linalg.lstsq(system, np.sum(path**2, axis=1), rcond=None)
+    centre = solution[:2]
+    radius = float(np.sqrt(solution[2] + centre @ centre))
+    deviation = np.linalg.norm(path - centre, axis=1) - radius
+    return CircleFit(centre, radius, float(np.sqrt(np.mean(deviation**2))))
+
+
+def summary(run: Trajectory) -> dict[str, object]:
+    """The figures that every run is reported with; plain numbers, lengths in m, torques in N m."""
+    true, rigid, later = tracking_error(run), tracking_error(run, "rigid"), tracking_error(run, since=2.0)
+    figures: dict[str, object] = {
+        "ended": run.notes.get("ended"),
+        "duration": float(run.time[-1]),
+        "true_tip_rms": true.rms,
+        "true_tip_max": true.maximum,
+        "true_tip_rms_after_2s": later.rms,
+        "true_tip_max_after_2s": later.maximum,
+        "rigid_tip_rms": rigid.rms,
+        "rigid_tip_max": rigid.maximum,
+        "peak_deflection": np.abs(run.tip_deflection).max(axis=0).tolist(),
+        "peak_torque": np.abs(run.torque).max(axis=0).tolist(),
+        "vibration": vibration(run),
+    }
+    if run.gain is not None:
+        figures["mean_gain"] = float(run.gain[:-1].mean())
+    return figures

@@ -1,0 +1,165 @@
+"""Runs policies and records what happened: one environment, or a batch of closed loops."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import gymnasium
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from flexarm_env.actions import gain_from_action
+from flexarm_env.env import FlexArmEnv, observation_blocks
+from flexarm_env.simulation import ClosedLoop, Results
+from flexarm_env.trajectory import Trajectory
+from flexarm_env.validation import integer
+
+Array = NDArray[np.float64]
+
+
+def run_policy(
+    env: gymnasium.Env[Any, Any], policy: Any, seed: int | None = None, deterministic: bool = True
+) -> Trajectory:
+    """One episode of a FlexArm environment.
+
+    Args:
+        env: a `FlexArmEnv`, wrapped or not.
+        policy: anything with stable-baselines3's ``predict``.
+        seed: for the environment's reset.
+        deterministic: passed to ``predict``.
+
+    Returns:
+        The episode; `notes["ended"]` says why: "truncated" or a termination reason.
+
+    Raises:
+        TypeError: if the environment is not a `FlexArmEnv` underneath.
+    """
+    inner = env.unwrapped
+    if not isinstance(inner, FlexArmEnv):
+        raise TypeError(f"env = {env!r}: must be a FlexArmEnv, wrapped or not")
+    observation, info = env.reset(seed=seed)
+    rows = [_row(inner, observation, info, reward=0.0)]
+    memory, start, ended = None, np.ones(1, dtype=bool), None
+    while ended is None:
+        action, memory = policy.predict(observation, memory, start, deterministic)
+        start = np.zeros(1, dtype=bool)
+        observation, reward, terminated, truncated, info = env.step(action)
+        rows[-1]["gain"] = info["gain"]
+        if terminated:
+            ended = info["termination_reason"]
+            break  # the last state is not one: the record ends before it
+        rows.append(_row(inner, observation, info, float(reward)))
+        ended = "truncated" if truncated else None
+    rows[-1].setdefault("gain", rows[-2]["gain"] if len(rows) > 1 else 0.0)
+    arrays = {name: np.array([row[name] for row in rows]) for name in rows[0]}
+    return inner.arm.record(**arrays, notes={"ended": ended})
+
+
+def _row(env: FlexArmEnv, observation: NDArray[np.float32], info: dict[str, Any], reward: float) -> dict[str, Any]:
+    blocks = env.observation_blocks
+    return {
+        "time": info["time"],
+        "state": info["state"],
+        "torque": info["torque"],
+        "reference": observation[blocks["reference_position"]].astype(float),
+        "sensed": observation[blocks["sensed_position"]].astype(float),
+        "reward": reward,
+    }
+
+
+def run_batch(
+    loop: ClosedLoop,
+    states: ArrayLike,
+    policies: Sequence[Any],
+    gain_limits: ArrayLike,
+    steps: int,
+    progress: Callable[[int], Any] | None = None,
+) -> list[Trajectory]:
+    """Run a policy on every arm of a batch.
+
+    What a policy sees and does is what it would in `FlexArmEnv`: float32 observations, actions in [-1, 1].
+
+    Args:
+        loop: the batch, of N arms.
+        states: where they start. Shape (N, 4 + 4 m).
+        policies: one for each arm; arms that share an object are predicted in one call.
+        gain_limits: lambda at action 1. Shape (N,).
+        steps: control periods.
+        progress: called with the number of control periods done since the last call.
+
+    Returns:
+        A `Trajectory` for each arm, `notes["ended"]` as in `run_policy`; an arm whose state stops being valid ends
+        there, the others go on.
+    """
+    steps = integer("steps", steps, 1)
+    count = len(loop)
+    if len(policies) != count:
+        raise ValueError(f"policies: must be {count}, one for each arm, got {len(policies)}")
+    limits = np.broadcast_to(np.asarray(gain_limits, dtype=float), (count,))
+    groups = _groups(policies)
+    memories: list[Any] = [None] * len(groups)
+    gains = np.zeros((steps + 1, count))
+    alive = np.ones(count, dtype=bool)
+    ends = np.full(count, steps + 1)
+    loop.reset(states)
+    records = [loop.results()]
+    for step in range(steps):
+        observation = records[-1].observation.astype(np.float32)
+        start = np.full(count, step == 0)
+        for k, (policy, members) in enumerate(groups):
+            action, memories[k] = policy.predict(observation[members], memories[k], start[members], True)
+            gains[step, members] = _gains(action[:, 0], limits[members])
+        gains[step, ~alive] = 0.0
+        loop.advance(gains[step])
+        records.append(loop.results())
+        failed = alive & (records[-1].status != 0.0)
+        ends[failed] = step + 1
+        alive &= ~failed
+        if progress is not None:
+            progress(1)
+        if not alive.any():
+            break
+    gains[len(records) - 1] = gains[len(records) - 2]
+    return _trajectories(loop, records, gains, ends)
+
+
+def _gains(actions: Array, limits: Array) -> Array:
+    # one call where all limits agree, the common case
+    if np.all(limits == limits[0]):
+        return gain_from_action(actions, float(limits[0]))
+    return np.array([gain_from_action(a, float(limit)) for a, limit in zip(actions, limits, strict=True)])
+
+
+def _groups(policies: Sequence[Any]) -> list[tuple[Any, NDArray[np.int64]]]:
+    """Arms that share a policy object, each group contiguous in its indices' order."""
+    members: dict[int, list[int]] = {}
+    for index, policy in enumerate(policies):
+        members.setdefault(id(policy), []).append(index)
+    return [(policies[indices[0]], np.array(indices)) for indices in members.values()]
+
+
+def _trajectories(loop: ClosedLoop, records: list[Results], gains: Array, ends: NDArray[Any]) -> list[Trajectory]:
+    time = loop.control_period * np.arange(len(records))
+    stacked = Results(*(np.array(parts) for parts in zip(*records, strict=True)))
+    blocks = observation_blocks(loop.arm.parameters.modes_per_link)
+    trajectories = []
+    for i in range(len(loop)):
+        keep = slice(0, min(int(ends[i]), len(records)))
+        whole = keep.stop == len(records) and stacked.status[-1, i] == 0.0
+        observation = stacked.observation[keep, i]
+        reward = stacked.reward_terms[keep, i].sum(axis=1)
+        reward[0] = 0.0
+        trajectories.append(
+            loop.arm.record(
+                time[keep],
+                stacked.state[keep, i],
+                stacked.torque[keep, i],
+                reference=observation[:, blocks["reference_position"]],
+                sensed=observation[:, blocks["sensed_position"]],
+                gain=gains[keep, i],
+                reward=reward,
+                notes={"ended": "truncated" if whole else loop.failure(stacked.status[keep.stop, i])},
+            )
+        )
+    return trajectories
