@@ -4,7 +4,8 @@ Importing this package registers its environments with Gymnasium; `gymnasium.mak
 imports it by itself.
 """
 
-from flexarm_env.arm import DivergenceError, Energy, FlexibleArm, Linearisation
+from flexarm_env.arm import DivergenceError, Energy, FlexibleArm
+from flexarm_env.linearisation import Linearisation
 from flexarm_env.parameters import ArmParameters, LawParameters, SensorParameters, SquareParameters
 from flexarm_env.reference import Path, inverse_kinematics, square
 from flexarm_env.registration import register_environments

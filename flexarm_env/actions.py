@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 
-def gain_from_action(action: ArrayLike, gain_limit: float) -> NDArray[np.float64]:
+def gain_from_action(action: ArrayLike, gain_limit: ArrayLike) -> NDArray[np.float64]:
     """Gain that an action stands for: ``gain_limit (action + 1) / 2``.
 
     Args:
         action: values in [-1, 1], any shape.
-        gain_limit: largest gain, positive, dimensionless.
+        gain_limit: largest gain, positive, dimensionless; one for all, or one each.
 
     Returns:
         Gains in [0, gain_limit], dimensionless, shape of ``action``.
@@ -24,16 +24,16 @@ def gain_from_action(action: ArrayLike, gain_limit: float) -> NDArray[np.float64
         ValueError: an action is not finite or not in [-1, 1], or the limit is not finite and positive.
     """
     limit = _checked_limit(gain_limit)
-    values = _checked_range("action", action, -1.0, 1.0)
+    values = _checked_range("action", action, -1.0, np.asarray(1.0))
     return np.asarray(limit * (0.5 * (values + 1.0)))  # in this order: 1 gives the limit itself, never more
 
 
-def action_from_gain(gain: ArrayLike, gain_limit: float) -> NDArray[np.float64]:
+def action_from_gain(gain: ArrayLike, gain_limit: ArrayLike) -> NDArray[np.float64]:
     """Action that stands for a gain: ``2 gain / gain_limit - 1``.
 
     Args:
         gain: values in [0, gain_limit], dimensionless, any shape.
-        gain_limit: largest gain, positive, dimensionless.
+        gain_limit: largest gain, positive, dimensionless; one for all, or one each.
 
     Returns:
         Actions in [-1, 1], shape of ``gain``.
@@ -46,15 +46,19 @@ def action_from_gain(gain: ArrayLike, gain_limit: float) -> NDArray[np.float64]:
     return np.asarray(2.0 * (values / limit) - 1.0)  # in this order: the limit gives 1 itself, never more
 
 
-def _checked_limit(gain_limit: float) -> float:
-    if not 0.0 < gain_limit < np.inf:
-        raise ValueError(f"gain_limit = {gain_limit!r}: must be a finite number > 0")
-    return float(gain_limit)
+def _checked_limit(gain_limit: ArrayLike) -> NDArray[np.float64]:
+    limits = np.asarray(gain_limit, dtype=np.float64)
+    valid = (limits > 0.0) & (limits < np.inf)
+    if not valid.all():
+        raise ValueError(f"gain_limit = {float(limits[~valid].flat[0])!r}: must be a finite number > 0")
+    return limits
 
 
-def _checked_range(name: str, value: ArrayLike, low: float, high: float) -> NDArray[np.float64]:
+def _checked_range(name: str, value: ArrayLike, low: float, high: NDArray[np.float64]) -> NDArray[np.float64]:
     values = np.asarray(value, dtype=np.float64)
     inside = (values >= low) & (values <= high)  # false for nan
     if not inside.all():
-        raise ValueError(f"{name} = {float(values[~inside][0])!r}: must be finite and in [{low}, {high}]")
+        index = int(np.argmin(inside))
+        worst, bound = np.broadcast_to(values, inside.shape).flat[index], np.broadcast_to(high, inside.shape).flat[index]
+        raise ValueError(f"{name} = {float(worst)!r}: must be finite and in [{low}, {float(bound)}]")
     return values

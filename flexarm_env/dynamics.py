@@ -84,9 +84,7 @@ def arm_modes(parameters: ArmParameters) -> tuple[LinkModes, LinkModes]:
     p = parameters
     first, second = (
         link_modes(length, rigidity, density, p.modes_per_link, p.mode_scale)
-        for length, rigidity, density in zip(
-            p.link_lengths, p.flexural_rigidities, p.masses_per_length, strict=True
-        )
+        for length, rigidity, density in zip(p.link_lengths, p.flexural_rigidities, p.masses_per_length, strict=True)
     )
     return first, second
 

@@ -12,11 +12,10 @@ from typing import Any
 from flexarm_env.tracing import floor
 
 
-
 def sincos(x: Any) -> tuple[Any, Any]:
     """Sine and cosine, branch-free; within 2 units in the last place for |x| < 1e5 rad.
 
-    pi/2 is subtracted in three parts of at most 33 bits (Cody & Waite 1980): k times a part is exact for
+    pi/2 is subtracted in three parts (Cody & Waite 1980), the first two of 33 bits: k times them is exact for
     |k| < 2^20. Minimax polynomials on [-pi/4, pi/4] from the Cephes library (Moshier 1989), quadrant by
     arithmetic.
 

@@ -82,7 +82,7 @@ def layout(kind: str, modes: int) -> dict[str, tuple[int, int]]:
         parts |= {"TIP_VALUES": modes, "TIP_DISTANCE": 1, "REFERENCE": 4}
         parts |= result_sizes(modes)
         parts |= {"Y_STAGE": size, "V_STAGE": size, "MECHANICAL": size, "FEEDBACK": size}
-        parts |= {name: (STAGES + 1) * size for name in ("V_SLOTS", "MECHANICAL_SLOTS", "FEEDBACK_SLOTS")}
+        parts |= dict.fromkeys(("V_SLOTS", "MECHANICAL_SLOTS", "FEEDBACK_SLOTS"), (STAGES + 1) * size)
     rows, first = {}, 0
     for name, count in parts.items():
         rows[name] = (first, count)
@@ -192,6 +192,7 @@ _DRIVERS: dict[str, tuple[Callable[..., Any], ...]] = {
     "open": (stepping.begin_step, stepping.end_step, stepping.open_step, stepping.run_open),
     "loop": (
         reward.reward_terms,
+        stepping.side_velocity,
         stepping.reference_at,
         stepping.prepare_reading,
         stepping.prepare_stage,

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import butter, sosfiltfilt
 from scipy.spatial import cKDTree
 
 from flexarm_env.trajectory import Trajectory
@@ -110,8 +111,6 @@ def roughness(path: Array, time: Array, cutoff: float, since: float = 0.0) -> fl
         cutoff: [Hz].
         since: from this time on [s].
     """
-    from scipy.signal import butter, sosfiltfilt
-
     rate = (len(time) - 1) / (time[-1] - time[0])
     slow = sosfiltfilt(butter(4, cutoff, fs=rate, output="sos"), path, axis=0)
     rest = (path - slow)[time >= since]
@@ -133,15 +132,19 @@ def circle_fit(path: Array) -> CircleFit:
 
 
 def summary(run: Trajectory) -> dict[str, object]:
-    """The figures that every run is reported with; plain numbers, lengths in m, torques in N m."""
-    true, rigid, later = tracking_error(run), tracking_error(run, "rigid"), tracking_error(run, since=2.0)
+    """The figures that every run is reported with; plain numbers, lengths in m, torques in N m.
+
+    Those after 2 s, the start's transient, are None for a run that ended before.
+    """
+    true, rigid = tracking_error(run), tracking_error(run, "rigid")
+    later = tracking_error(run, since=2.0) if run.time[-1] >= 2.0 else None
     figures: dict[str, object] = {
         "ended": run.notes.get("ended"),
         "duration": float(run.time[-1]),
         "true_tip_rms": true.rms,
         "true_tip_max": true.maximum,
-        "true_tip_rms_after_2s": later.rms,
-        "true_tip_max_after_2s": later.maximum,
+        "true_tip_rms_after_2s": later.rms if later else None,
+        "true_tip_max_after_2s": later.maximum if later else None,
         "rigid_tip_rms": rigid.rms,
         "rigid_tip_max": rigid.maximum,
         "peak_deflection": np.abs(run.tip_deflection).max(axis=0).tolist(),

@@ -90,9 +90,7 @@ def _shape(wavenumbers: Array, length: float, scale: float, x: Array, order: int
     return scale * wavenumbers**order * bracket
 
 
-def link_modes(
-    length: float, flexural_rigidity: float, mass_per_length: float, count: int, scale: float
-) -> LinkModes:
+def link_modes(length: float, flexural_rigidity: float, mass_per_length: float, count: int, scale: float) -> LinkModes:
     """Modes and integrals of a uniform link.
 
     Args:

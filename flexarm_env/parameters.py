@@ -72,16 +72,12 @@ class ArmParameters:
             "flexural_rigidities": pair("flexural_rigidities", self.flexural_rigidities, "N m^2", above=0.0),
             "masses_per_length": pair("masses_per_length", self.masses_per_length, "kg/m", above=0.0),
             "modes_per_link": integer("modes_per_link", self.modes_per_link, 1, MAX_MODES),
-            "shoulder_hub_inertia": number(
-                "shoulder_hub_inertia", self.shoulder_hub_inertia, "kg m^2", least=0.0
-            ),
+            "shoulder_hub_inertia": number("shoulder_hub_inertia", self.shoulder_hub_inertia, "kg m^2", least=0.0),
             "elbow_hub_inertia": number("elbow_hub_inertia", self.elbow_hub_inertia, "kg m^2", least=0.0),
             "elbow_mass": number("elbow_mass", self.elbow_mass, "kg", least=0.0),
             "payload_mass": number("payload_mass", self.payload_mass, "kg", least=0.0),
             "payload_inertia": number("payload_inertia", self.payload_inertia, "kg m^2", least=0.0),
-            "modal_damping_ratio": number(
-                "modal_damping_ratio", self.modal_damping_ratio, least=0.0, most=1.0
-            ),
+            "modal_damping_ratio": number("modal_damping_ratio", self.modal_damping_ratio, least=0.0, most=1.0),
             "joint_friction": pair("joint_friction", self.joint_friction, "N m s/rad", least=0.0),
             "velocity_forces": choice("velocity_forces", self.velocity_forces, ("complete", "rigid")),
             "mode_scale": number("mode_scale", self.mode_scale, above=0.0),
@@ -197,9 +193,7 @@ class LawParameters:
             object.__setattr__(self, name, number(name, getattr(self, name), unit, least=0.0))
         choice("compensation", self.compensation, ("none", "shared", "per_joint"))
         if self.torque_limit is not None:
-            object.__setattr__(
-                self, "torque_limit", pair("torque_limit", self.torque_limit, "N m", above=0.0)
-            )
+            object.__setattr__(self, "torque_limit", pair("torque_limit", self.torque_limit, "N m", above=0.0))
 
 
 @dataclass(frozen=True)

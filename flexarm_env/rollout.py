@@ -99,67 +99,64 @@ def run_batch(
     limits = np.broadcast_to(np.asarray(gain_limits, dtype=float), (count,))
     groups = _groups(policies)
     memories: list[Any] = [None] * len(groups)
-    gains = np.zeros((steps + 1, count))
+    observed = observation_blocks(loop.arm.parameters.modes_per_link)["reference_velocity"].stop
     alive = np.ones(count, dtype=bool)
     ends = np.full(count, steps + 1)
     loop.reset(states)
-    records = [loop.results()]
-    for step in range(steps):
-        observation = records[-1].observation.astype(np.float32)
-        start = np.full(count, step == 0)
+    first = loop.packed_results()
+    records = np.zeros((steps + 1, *first.shape))
+    gains = np.zeros((steps + 1, count))
+    records[0], done = first, 0
+    start = np.ones(count, dtype=bool)
+    observation = np.zeros((count, observed), dtype=np.float32)
+    while done < steps and alive.any():
+        observation[alive] = records[done, alive, :observed]  # an arm that ended keeps its last valid one
         for k, (policy, members) in enumerate(groups):
             action, memories[k] = policy.predict(observation[members], memories[k], start[members], True)
-            gains[step, members] = _gains(action[:, 0], limits[members])
-        gains[step, ~alive] = 0.0
-        loop.advance(gains[step])
-        records.append(loop.results())
-        failed = alive & (records[-1].status != 0.0)
-        ends[failed] = step + 1
+            gains[done, members] = gain_from_action(action[:, 0], limits[members])
+        start[:] = False
+        gains[done, ~alive] = 0.0
+        loop.advance(gains[done])
+        done += 1
+        records[done] = loop.packed_results()
+        failed = alive & (records[done, :, -1] != 0.0)
+        ends[failed] = done
         alive &= ~failed
         if progress is not None:
             progress(1)
-        if not alive.any():
-            break
-    gains[len(records) - 1] = gains[len(records) - 2]
-    return _trajectories(loop, records, gains, ends)
-
-
-def _gains(actions: Array, limits: Array) -> Array:
-    # one call where all limits agree, the common case
-    if np.all(limits == limits[0]):
-        return gain_from_action(actions, float(limits[0]))
-    return np.array([gain_from_action(a, float(limit)) for a, limit in zip(actions, limits, strict=True)])
+    gains[done] = gains[done - 1]
+    return _trajectories(loop, loop.unpack(records[: done + 1]), gains, ends)
 
 
 def _groups(policies: Sequence[Any]) -> list[tuple[Any, NDArray[np.int64]]]:
-    """Arms that share a policy object, each group contiguous in its indices' order."""
+    """Policies and the arms that share each."""
     members: dict[int, list[int]] = {}
     for index, policy in enumerate(policies):
         members.setdefault(id(policy), []).append(index)
     return [(policies[indices[0]], np.array(indices)) for indices in members.values()]
 
 
-def _trajectories(loop: ClosedLoop, records: list[Results], gains: Array, ends: NDArray[Any]) -> list[Trajectory]:
-    time = loop.control_period * np.arange(len(records))
-    stacked = Results(*(np.array(parts) for parts in zip(*records, strict=True)))
+def _trajectories(loop: ClosedLoop, results: Results, gains: Array, ends: NDArray[Any]) -> list[Trajectory]:
+    instants = len(results.status)
+    time = loop.control_period * np.arange(instants)
     blocks = observation_blocks(loop.arm.parameters.modes_per_link)
     trajectories = []
     for i in range(len(loop)):
-        keep = slice(0, min(int(ends[i]), len(records)))
-        whole = keep.stop == len(records) and stacked.status[-1, i] == 0.0
-        observation = stacked.observation[keep, i]
-        reward = stacked.reward_terms[keep, i].sum(axis=1)
+        end = int(ends[i])
+        keep = slice(0, min(end, instants))
+        observation = results.observation[keep, i]
+        reward = results.reward_terms[keep, i].sum(axis=1)
         reward[0] = 0.0
         trajectories.append(
             loop.arm.record(
                 time[keep],
-                stacked.state[keep, i],
-                stacked.torque[keep, i],
+                results.state[keep, i],
+                results.torque[keep, i],
                 reference=observation[:, blocks["reference_position"]],
                 sensed=observation[:, blocks["sensed_position"]],
                 gain=gains[keep, i],
                 reward=reward,
-                notes={"ended": "truncated" if whole else loop.failure(stacked.status[keep.stop, i])},
+                notes={"ended": loop.failure(results.status[end, i]) if end < instants else "truncated"},
             )
         )
     return trajectories

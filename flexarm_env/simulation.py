@@ -115,6 +115,9 @@ class ClosedLoop:
             *self._sensor_variant(),
         )
         self._rows = kernels.layout("loop", modes)
+        sizes = kernels.result_sizes(modes)
+        first = self._rows[next(iter(sizes))][0]
+        self._results = slice(first, first + sum(sizes.values()))
         blocks = -(-len(self._cases) // lanes)
         self._arenas = np.zeros((blocks, kernels.arena_rows("loop", modes), lanes))
         slots = 3 + int(max(max(self._delays(case)) for case in self._cases) / self.physics_step)
@@ -179,13 +182,19 @@ class ClosedLoop:
 
     def results(self) -> Results:
         """All that is known at the present instant; new arrays on every call."""
-        first = self._rows["OBSERVATION"][0]
+        return self.unpack(self.packed_results())
+
+    def packed_results(self) -> Array:
+        """`results` in one new array, for records. Shape (N, k)."""
+        rows = self._arenas[:, self._results].transpose(0, 2, 1).copy()
+        return rows.reshape(-1, rows.shape[2])[: len(self)]
+
+    def unpack(self, packed: Array) -> Results:
+        """Views of packed results. Shape (..., k)."""
         sizes = kernels.result_sizes(self.arm.parameters.modes_per_link).values()
-        rows = self._arenas[:, first : first + sum(sizes)].transpose(0, 2, 1).copy()
-        rows = rows.reshape(-1, rows.shape[2])[: len(self)]
         ends = np.cumsum(list(sizes)).tolist()
-        parts = [rows[:, end - size : end] for size, end in zip(sizes, ends, strict=True)]
-        return Results(*parts[:-1], status=parts[-1][:, 0])
+        parts = [packed[..., end - size : end] for size, end in zip(sizes, ends, strict=True)]
+        return Results(*parts[:-1], status=parts[-1][..., 0])
 
     def failure(self, status: float) -> str | None:
         """What a `Results.status` means: None, "diverged", "angle", "deflection" or "rate"."""

@@ -63,35 +63,59 @@ def slope_kernel(arena: Any, step: float, weight: float) -> None:
     raise NotImplementedError("the recorded kernel exists in assembled modules only")
 
 
-def reference_at(path: Any, time: float, side: float) -> tuple[float, float, float, float]:
+def side_velocity(path: Any, k: int) -> tuple[float, float]:
+    """Velocity on the side that ends at way-point k [m/s]."""
+    duration = path[k, 0] - path[k - 1, 0]
+    return (path[k, 1] - path[k - 1, 1]) / duration, (path[k, 2] - path[k - 1, 2]) / duration
+
+
+def reference_at(path: Any, time: float, middle: float, half: float) -> tuple[float, float, float, float]:
     """Reference position and velocity on a closed polyline.
+
+    Where a corner falls inside the step at hand, the velocity is its mean over the step: the jump then acts on the
+    arm at the right time, to second order in the step.
 
     Args:
         path: way-points (time [s], x, y [m]), the last one closing the lap. Shape (n, 3).
         time: where to evaluate [s]; before 0 the reference rests at the start.
-        side: picks the segment where `time` is at a corner: a time within the step at hand [s].
+        middle: of the step at hand [s]; it picks the side where `time` is at a corner.
+        half: of the step at hand [s]; 0 for the velocity at an instant.
 
     Returns:
         x, y [m], x', y' [m/s].
     """
-    if side < 0.0:
-        return path[0, 1], path[0, 2], 0.0, 0.0
-    lap = path[path.shape[0] - 1, 0]
-    laps = side // lap
-    within = side - laps * lap
+    last = path.shape[0] - 1
+    laps = max(middle // path[last, 0], 0.0)
+    now = time - laps * path[last, 0]  # both within the lap, negative before the start
+    within = middle - laps * path[last, 0]
     k = 1
-    while k < path.shape[0] - 1 and within >= path[k, 0]:
+    while k < last and within >= path[k, 0]:
         k += 1
-    duration = path[k, 0] - path[k - 1, 0]
-    vx = (path[k, 1] - path[k - 1, 1]) / duration
-    vy = (path[k, 2] - path[k - 1, 2]) / duration
-    since = (time - laps * lap) - path[k - 1, 0]
-    return path[k - 1, 1] + vx * since, path[k - 1, 2] + vy * since, vx, vy
+    vx, vy = side_velocity(path, k)
+    x, y = path[k - 1, 1] + vx * (now - path[k - 1, 0]), path[k - 1, 2] + vy * (now - path[k - 1, 0])
+    corner, share, beyond = 0.0, 0.0, 0.0  # a corner in the step: when, the other side's share of it, and its use
+    other_x, other_y = 0.0, 0.0  # velocity on the other side; rest before the start
+    if within < 0.0:
+        other_x, other_y = vx, vy
+        x, y, vx, vy = path[0, 1], path[0, 2], 0.0, 0.0
+        share, beyond = within + half, max(now, 0.0)
+    elif within - half < path[k - 1, 0]:
+        corner = path[k - 1, 0]
+        if k > 1 or laps > 0.0:
+            other_x, other_y = side_velocity(path, k - 1 if k > 1 else last)
+        share, beyond = corner - (within - half), min(now - corner, 0.0)
+    elif within + half > path[k, 0]:
+        corner = path[k, 0]
+        other_x, other_y = side_velocity(path, k + 1 if k < last else 1)
+        share, beyond = within + half - corner, max(now - corner, 0.0)
+    if half > 0.0 and share > 0.0:
+        share = 0.5 * share / half
+        x, y = x + (other_x - vx) * beyond, y + (other_y - vy) * beyond
+        vx, vy = vx + (other_x - vx) * share, vy + (other_y - vy) * share
+    return x, y, vx, vy
 
 
-def prepare_stage(
-    arena: Any, history: Any, count: Any, path: Any, h: float, node: float, side_node: float
-) -> None:
+def prepare_stage(arena: Any, history: Any, count: Any, path: Any, h: float, node: float) -> None:
     """Write commands and late readings for a stage at t + node h.
 
     Args:
@@ -101,14 +125,13 @@ def prepare_stage(
         path: see `reference_at`.
         h: step [s].
         node: of the stage, 0 to 1.
-        side_node: picks the reference's segment, see `reference_at`.
     """
     slots = history.shape[0] // (4 * LANES)
     for i in range(LANES):
         now = count[i]
         for j in range(2):
             late = arena[i + (COMMAND_DELAY + j) * LANES]
-            x, y, vx, vy = reference_at(path, (now + node) * h - late, (now + side_node) * h - late)
+            x, y, vx, vy = reference_at(path, (now + node) * h - late, (now + 0.5) * h - late, 0.5 * h)
             row = COMMAND_1 if j == 0 else COMMAND_2
             arena[i + row * LANES] = x
             arena[i + (row + 1) * LANES] = y
@@ -118,9 +141,7 @@ def prepare_stage(
             prepare_reading(arena, history, slots, now, i, j, h, node)
 
 
-def prepare_reading(
-    arena: Any, history: Any, slots: int, now: int, i: int, j: int, h: float, node: float
-) -> None:
+def prepare_reading(arena: Any, history: Any, slots: int, now: int, i: int, j: int, h: float, node: float) -> None:
     """Write offset and weight of reading j of lane i at t + node h (see `closed_loop.Law`).
 
     Readings at past steps are interpolated by cubic Hermite polynomials, whose error is of fourth order. A delay
@@ -176,7 +197,7 @@ def store_reading(arena: Any, history: Any, count: Any) -> None:
 
 def start(arena: Any, history: Any, count: Any, path: Any, h: float) -> None:
     """Complete every lane of a block from its state: mechanical acceleration and outputs."""
-    prepare_stage(arena, history, count, path, h, 0.0, 0.5)
+    prepare_stage(arena, history, count, path, h, 0.0)
     for r in range(SIZE):
         for i in range(LANES):
             arena[i + (Y_STAGE + r) * LANES] = arena[i + (Y + r) * LANES]
@@ -193,7 +214,7 @@ def loop_step(arena: Any, history: Any, count: Any, path: Any, h: float) -> None
         for i in range(LANES):
             arena[i + (V_SLOTS + r) * LANES] = arena[i + (V + r) * LANES]
     for stage in range(STAGES):
-        prepare_stage(arena, history, count, path, h, NODES[stage], 0.5)
+        prepare_stage(arena, history, count, path, h, NODES[stage])
         combine_slots(arena, stage, h)
         law_kernel(arena, h * GAMMA)
         for r in range(SIZE):
@@ -237,7 +258,7 @@ def state_status(arena: Any, i: int) -> float:
     status = 0.0
     for r in range(2 * SIZE):
         value = arena[i + (STATE + r) * LANES]
-        if not value - value == 0.0:
+        if value - value != 0.0:
             return -1.0
         if status == 0.0 and abs(value) > arena[i + (LIMITS + r) * LANES]:
             status = r + 1.0
@@ -246,9 +267,9 @@ def state_status(arena: Any, i: int) -> float:
 
 def write_outputs(arena: Any, history: Any, count: Any, path: Any, h: float) -> None:
     """Observation, state, tips, reward and status of every lane of a block at the present instant."""
-    prepare_stage(arena, history, count, path, h, 0.0, 0.5)
+    prepare_stage(arena, history, count, path, h, 0.0)
     for i in range(LANES):
-        reference = reference_at(path, count[i] * h, (count[i] + 0.5) * h)
+        reference = reference_at(path, count[i] * h, (count[i] + 0.5) * h, 0.0)
         for r in range(4):
             arena[i + (REFERENCE + r) * LANES] = reference[r]
     outputs_kernel(arena)
@@ -264,9 +285,7 @@ def write_outputs(arena: Any, history: Any, count: Any, path: Any, h: float) -> 
         arena[i + STATUS * LANES] = state_status(arena, i)
 
 
-def run_loop(
-    arenas: Any, histories: Any, counts: Any, path: Any, h: float, steps: int, initialise: bool
-) -> None:
+def run_loop(arenas: Any, histories: Any, counts: Any, path: Any, h: float, steps: int, initialise: bool) -> None:
     """Advance all blocks, or complete them after a reset.
 
     Args:
@@ -318,7 +337,7 @@ def run_open(arenas: Any, torques: Any, states: Any, h: float, every: int) -> in
                     for i in range(LANES):
                         states[step // every, block, i + r * LANES] = arena[i + (Y + r) * LANES]
                         states[step // every, block, i + (SIZE + r) * LANES] = arena[i + (V + r) * LANES]
-        if not total - total == 0.0:
+        if total - total != 0.0:
             return step
     return torques.shape[0]
 

@@ -6,8 +6,10 @@ import json
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any
+from zipfile import BadZipFile
 
 import numpy as np
+from numpy.lib.npyio import NpzFile
 from numpy.typing import NDArray
 
 from flexarm_env.parameters import ArmParameters
@@ -75,10 +77,10 @@ class Trajectory:
         return {name: value for name, value in values.items() if value is not None}
 
     def save(self, path: str | Path) -> None:
-        """Write an npz file (arrays, and the rest as JSON text)."""
+        """Write an npz file (arrays, and the rest as JSON text); not compressed, which would take most of a run."""
         head = json.dumps({"format": _FORMAT, "parameters": asdict(self.parameters), "notes": self.notes})
         with open(path, "wb") as file:
-            np.savez_compressed(file, head=np.array(head), **self.arrays())  # type: ignore[arg-type]
+            np.savez(file, head=np.array(head), **self.arrays())  # type: ignore[arg-type]
 
     @classmethod
     def load(cls, path: str | Path) -> Trajectory:
@@ -87,15 +89,20 @@ class Trajectory:
         Raises:
             ValueError: if the file is not such a file.
         """
-        with np.load(path, allow_pickle=False) as file:
+        try:
+            loaded = np.load(path, allow_pickle=False)
+        except (ValueError, EOFError, BadZipFile) as error:
+            raise ValueError(f"{path}: not a saved Trajectory ({error})") from error
+        if not isinstance(loaded, NpzFile):
+            raise ValueError(f"{path}: not a saved Trajectory (no archive of arrays)")
+        with loaded as file:
             if "head" not in file:
                 raise ValueError(f"{path}: not a saved Trajectory (no entry 'head')")
             head = json.loads(str(file["head"]))
             if head["format"] != _FORMAT:
                 raise ValueError(f"{path}: format {head['format']}; this version reads {_FORMAT}")
             arrays = {name: file[name] for name in file.files if name != "head"}
-        values = {
-            name: tuple(value) if isinstance(value, list) else value
-            for name, value in head["parameters"].items()
+        values: dict[str, Any] = {
+            name: tuple(value) if isinstance(value, list) else value for name, value in head["parameters"].items()
         }
         return cls(parameters=ArmParameters(**values), notes=head["notes"], **arrays)

@@ -47,7 +47,10 @@ def number(
     allowed = " and ".join(["a finite number", *bounds]) + (f" [{unit}]" if unit else "")
     if isinstance(value, bool) or not isinstance(value, Real):
         raise TypeError(f"{name} = {value!r}: must be {allowed}")
-    x = float(value)
+    try:
+        x = float(value)
+    except OverflowError:  # an integer beyond the largest float
+        x = np.inf
     out_of_range = (
         (above is not None and not x > above)
         or (least is not None and not x >= least)
@@ -68,9 +71,10 @@ def integer(name: str, value: object, least: int, most: int | None = None) -> in
     allowed = f"an integer >= {least}" if most is None else f"an integer from {least} to {most}"
     if isinstance(value, bool) or not isinstance(value, Integral):
         raise TypeError(f"{name} = {value!r}: must be {allowed}")
-    if value < least or (most is not None and value > most):
+    n = int(value)
+    if n < least or (most is not None and n > most):
         raise ValueError(f"{name} = {value!r}: must be {allowed}")
-    return int(value)
+    return n
 
 
 def pair(
@@ -83,11 +87,12 @@ def pair(
     most: float | None = None,
 ) -> tuple[float, float]:
     """Check two finite numbers, one for each link or joint; bounds as in `number`."""
-    if isinstance(value, str) or not isinstance(value, Sequence | np.ndarray) or len(value) != 2:
+    values: list[object] = []
+    if isinstance(value, Sequence | np.ndarray) and not isinstance(value, str | bytes | bytearray):
+        values = list(np.atleast_1d(value)) if isinstance(value, np.ndarray) else list(value)
+    if len(values) != 2:
         raise TypeError(f"{name} = {value!r}: must be a pair of numbers" + (f" [{unit}]" if unit else ""))
-    first, second = (
-        number(f"{name}[{i}]", value[i], unit, above=above, least=least, most=most) for i in (0, 1)
-    )
+    first, second = (number(f"{name}[{i}]", x, unit, above=above, least=least, most=most) for i, x in enumerate(values))
     return first, second
 
 
@@ -112,16 +117,44 @@ def finite_array(name: str, value: ArrayLike, shape: tuple[int | None, ...]) -> 
     Raises:
         ValueError: for another shape, or naming the index of the first entry that is not finite.
     """
-    try:
-        array = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise ValueError(f"{name}: must be an array of numbers ({error})") from None
-    if array.ndim != len(shape) or any(
-        n is not None and n != m for n, m in zip(shape, array.shape, strict=True)
-    ):
+    array = real_array(name, value)
+    if array.ndim != len(shape) or any(n is not None and n != m for n, m in zip(shape, array.shape, strict=True)):
         wanted = "(" + ", ".join("n" if n is None else str(n) for n in shape) + ")"
         raise ValueError(f"{name}: must have shape {wanted}, got {array.shape}")
     if not np.all(np.isfinite(array)):
         index = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
         raise ValueError(f"{name}{list(index)} = {array[index]}: must be finite")
     return array
+
+
+def finite_rows(name: str, value: ArrayLike, last: int) -> NDArray[np.float64]:
+    """Check an array of finite numbers with a given last axis and any number of leading ones.
+
+    Returns:
+        A new float64 array.
+
+    Raises:
+        ValueError: for another shape, or naming the index of the first entry that is not finite.
+    """
+    array = real_array(name, value)
+    if array.ndim == 0 or array.shape[-1] != last:
+        raise ValueError(f"{name}: must have shape (..., {last}), got {array.shape}")
+    return finite_array(name, array, tuple(array.shape))
+
+
+def real_array(name: str, value: ArrayLike) -> NDArray[np.float64]:
+    """Check an array of real numbers of any shape; strings, booleans, complex numbers and ragged lists are refused.
+
+    Returns:
+        A new float64 array.
+
+    Raises:
+        ValueError: for anything else.
+    """
+    try:
+        array = np.asarray(value)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{name}: must be an array of real numbers ({error})") from None
+    if array.dtype.kind not in "iuf":
+        raise ValueError(f"{name} = {value!r}: must be an array of real numbers")
+    return array.astype(np.float64)

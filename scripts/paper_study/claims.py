@@ -1,0 +1,359 @@
+"""The paper's claims: what each sentence means in figures, and whether it holds; decided from plain numbers.
+
+Every check takes one column's `measures` and `differences` and the controller to look at, so that the sentences about
+FLSAC can be put to a constant gain as well.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+import numpy as np
+
+from paper_study.cases import CONTROLLERS, PLACES, SENSINGS
+
+SIDE = 12.6  # [m]
+VISIBLE = 0.05  # [m]; a difference that the eye sees on the paper's axes, about 1/300 of their width
+RESOLUTION = 0.005  # [m]; smaller differences of overshoots are not told apart (integration error: below 1 mm)
+
+Measures = dict[str, dict[str, Any]]
+Differences = dict[str, dict[str, float]]
+
+
+@dataclass(frozen=True)
+class Finding:
+    """What a check found in one column.
+
+    Attributes:
+        holds: whether the sentence is true there.
+        values: the figures it was decided from.
+        merit: one figure for comparing controllers, smaller is better; None where there is no better.
+    """
+
+    holds: bool
+    values: dict[str, Any]
+    merit: float | None = None
+
+
+Check = Callable[[Measures, Differences, str], Finding]
+
+
+@dataclass(frozen=True)
+class Claim:
+    """One sentence of the paper.
+
+    Attributes:
+        id: stable name.
+        quote: the sentence, shortened.
+        measure: what it is taken to mean.
+        check: decides.
+        fuzzy: whether it says what FLSAC gains, so that constant gains are put beside it.
+        condition: a reading under which a check that fails in the paper's own column is still reported as met; the
+            check says so in `values["under_condition"]`.
+        note: what a reader must know.
+    """
+
+    id: str
+    quote: str
+    measure: str
+    check: Check
+    fuzzy: bool = False
+    condition: str = ""
+    note: str = ""
+
+
+@dataclass
+class Row:
+    """A row of claims.json."""
+
+    id: str
+    quote: str
+    measure: str
+    values: dict[str, Any]
+    verdict: str
+    note: str
+    holds: dict[str, bool] = field(default_factory=dict)
+    constant_gain: dict[str, Any] = field(default_factory=dict)
+
+
+def _first(m: Measures, controller: str, sensing: str) -> float:
+    return float(m[f"{controller}_{sensing}_tip"]["rigid_overshoot"][0])
+
+
+def _stable(m: Measures, d: Differences, controller: str) -> Finding:
+    ratios, ends = {}, {}
+    for name in (f"{c}_{s}_{p}" for c in CONTROLLERS for p in PLACES for s in SENSINGS):
+        ratios[name] = m[name]["vibration_last_side"] / m[name]["vibration_first_side"]
+        ends[name] = m[name]["ended"]
+    holds = all(end == "truncated" for end in ends.values()) and max(ratios.values()) <= 2.0
+    return Finding(holds, {"largest_last_to_first_side_vibration": max(ratios.values()), "runs": len(ends)})
+
+
+def _pronounced(m: Measures, d: Differences, controller: str) -> Finding:
+    found = {s: m[f"ifdc_{s}_tip"]["rigid_overshoot"] for s in SENSINGS}
+    return Finding(min(min(v) for v in found.values()) > 0.01 * SIDE, {"overshoot": found})
+
+
+def _shift_right(m: Measures, d: Differences, controller: str) -> Finding:
+    found = {s: m[f"ifdc_{s}_tip"]["rigid_overshoot"][1] for s in SENSINGS}
+    shift = {s: found[s] - found["collocated"] for s in ("nmp", "corrected")}
+    return Finding(min(shift.values()) > VISIBLE, {"overshoot_top_right": found, "shift": shift})
+
+
+def _rest(m: Measures, d: Differences, controller: str) -> Finding:
+    found = {s: d[f"ifdc_tip_{s}"] for s in ("nmp", "corrected")}
+    return Finding(max(f["rest"] for f in found.values()) <= VISIBLE, {"path_difference": found})
+
+
+def _nmp_greater(m: Measures, d: Differences, controller: str) -> Finding:
+    found = {s: _first(m, "ifdc", s) for s in SENSINGS}
+    return Finding(found["nmp"] > found["collocated"] + RESOLUTION, {"overshoot_top_left": found})
+
+
+def _corrected_greater(m: Measures, d: Differences, controller: str) -> Finding:
+    over = {s: _first(m, "ifdc", s) for s in SENSINGS}
+    error = {s: m[f"ifdc_{s}_tip"]["rigid_tip_max"] for s in SENSINGS}
+    values = {
+        "overshoot_top_left": over,
+        "largest_error": error,
+        "under_condition": error["corrected"] > error["nmp"] + RESOLUTION,
+    }
+    return Finding(over["corrected"] > over["nmp"] + RESOLUTION, values)
+
+
+def _little_and_much(m: Measures, d: Differences, controller: str) -> Finding:
+    found = {s: _first(m, controller, s) for s in SENSINGS}
+    little = abs(found["nmp"] - found["corrected"])
+    much = min(abs(found[s] - found["collocated"]) for s in ("nmp", "corrected"))
+    return Finding(little <= VISIBLE and much >= 2.0 * VISIBLE, {"overshoot_top_left": found})
+
+
+def _amplitude(m: Measures, d: Differences, controller: str) -> Finding:
+    found = {c: {s: _first(m, c, s) for s in SENSINGS} for c in ("ifdc", controller)}
+    lower = all(found[controller][s] < found["ifdc"][s] - RESOLUTION for s in SENSINGS)
+    return Finding(lower, {"overshoot_top_left": found}, merit=max(found[controller].values()))
+
+
+def _circle(m: Measures, d: Differences, controller: str) -> Finding:
+    found = {
+        f"{c}_{s}": m[f"{c}_{s}_elbow"]["circle_deviation"] / m[f"{c}_{s}_elbow"]["circle_radius"]
+        for c in CONTROLLERS
+        for s in SENSINGS
+    }
+    return Finding(max(found.values()) <= 0.01, {"deviation_over_radius": found})
+
+
+def _smooth(m: Measures, d: Differences, controller: str) -> Finding:
+    found = {c: {s: m[f"{c}_{s}_elbow"]["vibration"] for s in SENSINGS} for c in ("ifdc", controller)}
+    ratio = max(found[controller][s] / found["ifdc"][s] for s in SENSINGS)
+    return Finding(ratio <= 0.5, {"vibration": found, "largest_ratio": ratio}, merit=max(found[controller].values()))
+
+
+def _same_circle(m: Measures, d: Differences, controller: str) -> Finding:
+    found = {c: d[f"{c}_elbow_corrected"]["all"] for c in CONTROLLERS}
+    return Finding(max(found.values()) <= VISIBLE, {"path_difference": found})
+
+
+def _suppresses(m: Measures, d: Differences, controller: str) -> Finding:
+    late = ("nmp", "corrected")
+    found = {c: {s: m[f"{c}_{s}_tip"]["vibration"] for s in late} for c in ("ifdc", controller)}
+    ratio = max(found[controller][s] / found["ifdc"][s] for s in late)
+    return Finding(ratio <= 0.9, {"vibration": found, "largest_ratio": ratio}, merit=max(found[controller].values()))
+
+
+def _tracking(tip: str) -> Check:
+    def check(m: Measures, d: Differences, controller: str) -> Finding:
+        late = ("nmp", "corrected")
+        found = {c: {s: m[f"{c}_{s}_tip"][f"{tip}_tip_rms"] for s in late} for c in ("ifdc", controller)}
+        ratio = max(found[controller][s] / found["ifdc"][s] for s in late)
+        merit = max(found[controller].values())
+        return Finding(ratio <= 0.9, {f"{tip}_tip_rms": found, "largest_ratio": ratio}, merit)
+
+    return check
+
+
+CLAIMS = (
+    Claim(
+        "1-stable",
+        "All trajectories shown are stable.",
+        "every run completes the lap within the state's limits, and vibrates on the last side at most twice as much "
+        "as on the first",
+        _stable,
+    ),
+    Claim(
+        "2-overshoot",
+        "The IFDC strategy produces pronounced overshoots at each direction switch.",
+        "advance of the rigid tip past the corner above 1 % of the side (0.126 m) at all three switches, all three "
+        "sensings",
+        _pronounced,
+    ),
+    Claim(
+        "3a-shift",
+        "The overshoot at the second (top right) switch shows a distinct rightward shift.",
+        f"advance past the corner to the right, NMP cases more than collocated by over {VISIBLE} m",
+        _shift_right,
+    ),
+    Claim(
+        "3b-rest",
+        "The remainder of the trajectory exhibits minimal difference between the three cases.",
+        f"r.m.s. distance between the paths, but for the side around the top right switch, at most {VISIBLE} m",
+        _rest,
+        note="The first corner alone differs by more than that, as claim 4 itself says.",
+    ),
+    Claim(
+        "4a-nmp",
+        "First switch, IFDC: the NMP case has a greater amplitude than the collocated one.",
+        "advance of the rigid tip past the top left corner",
+        _nmp_greater,
+    ),
+    Claim(
+        "4b-corrected",
+        "But the amplitude for the NMP corrected case is even greater.",
+        f"advance past the top left corner, by more than {RESOLUTION} m; condition: largest error against the "
+        "undelayed reference",
+        _corrected_greater,
+        condition="if the amplitude is the error against the undelayed reference",
+        note="One delay shared by both joints shifts the whole closed loop in time: the path stays, the error grows.",
+    ),
+    Claim(
+        "5-flsac-sensings",
+        "FLSAC, first switch: minimal difference between NMP and NMP corrected, a large one to collocated.",
+        f"advances past the top left corner: the former within {VISIBLE} m, the latter over {2 * VISIBLE} m",
+        _little_and_much,
+        fuzzy=True,
+    ),
+    Claim(
+        "6-amplitude",
+        "FLSAC significantly reduces the amplitudes for all three cases.",
+        f"advance past the top left corner below IFDC's by more than {RESOLUTION} m in each case",
+        _amplitude,
+        fuzzy=True,
+    ),
+    Claim(
+        "7a-circle",
+        "With the sensor 0.5 m from the elbow a circular trajectory is obtained.",
+        "r.m.s. distance of the rigid tip from its least-squares circle at most 1 % of the radius, all six runs",
+        _circle,
+        note="The sensor cannot reach the square, so the arm stays nearly straight and its tip goes round at full "
+        "reach.",
+    ),
+    Claim(
+        "7b-smooth",
+        "There IFDC is erratic and vibratory, whereas FLSAC produces a smooth trajectory.",
+        "r.m.s. rate of the tip deflections: FLSAC's at most half of IFDC's in each case",
+        _smooth,
+        fuzzy=True,
+    ),
+    Claim(
+        "7c-same",
+        "The difference between NMP and NMP corrected is minimal for both control strategies.",
+        f"r.m.s. distance between the two paths at most {VISIBLE} m",
+        _same_circle,
+    ),
+    Claim(
+        "8a-vibration",
+        "FLSAC effectively suppresses link flexural vibrations with noncollocated sensors.",
+        "r.m.s. rate of the tip deflections, end-effector sensor: at least 10 % below IFDC's in both NMP cases",
+        _suppresses,
+        fuzzy=True,
+    ),
+    Claim(
+        "8b-tracking-true",
+        "FLSAC enhances tracking control with noncollocated sensors (true tip).",
+        "r.m.s. error of the true tip, end-effector sensor: at least 10 % below IFDC's in both NMP cases",
+        _tracking("true"),
+        fuzzy=True,
+    ),
+    Claim(
+        "8c-tracking-rigid",
+        "FLSAC enhances tracking control with noncollocated sensors (the tip that the paper plots).",
+        "r.m.s. error of the rigid-kinematics tip: at least 10 % below IFDC's in both NMP cases",
+        _tracking("rigid"),
+        fuzzy=True,
+    ),
+)
+
+
+def verdict(claim: Claim, findings: dict[str, Finding], titles: dict[str, str]) -> tuple[str, str]:
+    """Verdict and the condition it stands under.
+
+    Args:
+        claim: the claim.
+        findings: by column; "paper" is the paper's own arm.
+        titles: of the columns.
+    """
+    own = findings["paper"]
+    failing = [titles[name] for name, finding in findings.items() if not finding.holds]
+    if own.holds and not failing:
+        return "reproduced", ""
+    if own.holds:
+        return "reproduced under condition", f"holds for the {titles['paper']}; not for: {'; '.join(failing)}"
+    if claim.condition and own.values.get("under_condition"):
+        return "reproduced under condition", claim.condition
+    return "not reproduced", ""
+
+
+def decide(
+    table: dict[str, Measures],
+    differences: dict[str, Differences],
+    sweep: list[dict[str, Any]],
+    titles: dict[str, str],
+) -> list[Row]:
+    """All rows of claims.json.
+
+    Args:
+        table: measures by column and case name.
+        differences: path differences by column.
+        sweep: rows of the sweep "constant_gain" (the paper's arm); may be empty.
+        titles: of the columns.
+    """
+    rows = []
+    for claim in CLAIMS:
+        findings = {name: claim.check(table[name], differences[name], "flsac") for name in table}
+        decided, condition = verdict(claim, findings, titles)
+        row = Row(
+            id=claim.id,
+            quote=claim.quote,
+            measure=claim.measure,
+            values={name: finding.values for name, finding in findings.items()},
+            verdict=decided,
+            note=" ".join(part for part in (condition and condition + ".", claim.note) if part),
+            holds={name: finding.holds for name, finding in findings.items()},
+        )
+        if claim.fuzzy:
+            row.constant_gain = _constant_gains(claim, table, differences, sweep)
+        rows.append(row)
+    return rows
+
+
+def _constant_gains(
+    claim: Claim, table: dict[str, Measures], differences: dict[str, Differences], sweep: list[dict[str, Any]]
+) -> dict[str, Any]:
+    """The same sentence put to constant gains: FLSAC's mean in each column, and the best one up to 1."""
+    mean = {name: claim.check(table[name], differences[name], "constant") for name in table}
+    result: dict[str, Any] = {
+        "equal_to_mean_of_flsac": {
+            name: {"holds": finding.holds, "values": finding.values} for name, finding in mean.items()
+        }
+    }
+    own = claim.check(table["paper"], differences["paper"], "flsac")
+    by_gain: dict[float, Measures] = {}
+    for row in sweep:
+        if row["value"] <= 1.0:  # what FLSAC with K_s = 1 may use
+            by_gain.setdefault(row["value"], {})[f"constant_{row['sensing']}_{row['place']}"] = row
+    found = {
+        gain: claim.check(table["paper"] | rows, differences["paper"], "constant").merit
+        for gain, rows in by_gain.items()
+    }
+    merits = {gain: merit for gain, merit in found.items() if merit is not None and np.isfinite(merit)}
+    if merits and own.merit is not None:
+        best = min(merits, key=lambda gain: merits[gain])
+        result["best"] = {"gain": best, "merit": merits[best], "merit_of_flsac": own.merit}
+    return result
+
+
+def as_json(rows: list[Row]) -> list[dict[str, Any]]:
+    """Plain data."""
+    return [asdict(row) for row in rows]

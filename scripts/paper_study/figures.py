@@ -1,0 +1,236 @@
+"""The paper's figures and ours, drawn from files: PNG for reading, PDF for print."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+
+matplotlib.use("Agg")  # files only; no display needed
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from flexarm_baselines import paper_system
+from flexarm_env import Trajectory
+from paper_study.cases import SENSINGS
+
+STYLE = {
+    "collocated": {"color": "#0072B2", "linestyle": "-", "label": "collocated"},
+    "nmp": {"color": "#D55E00", "linestyle": "-", "label": "noncollocated (NMP)"},
+    "corrected": {"color": "#111111", "linestyle": (0, (2, 2.5)), "label": "NMP corrected"},
+}
+REFERENCE = {"color": "0.35", "linestyle": ":", "linewidth": 1.4, "label": "reference"}
+CONTROLLER = {"ifdc": "IFDC", "flsac": "FLSAC"}
+LINKS = ("#0072B2", "#D55E00")
+THIN = 5  # every fifth ms is drawn: more points than an A4 page has dots
+
+plt.rcParams.update(
+    {
+        "font.size": 11,
+        "axes.grid": True,
+        "grid.alpha": 0.25,
+        "axes.spines.top": False,
+        "axes.spines.right": False,
+        "legend.frameon": False,
+        "figure.constrained_layout.use": True,
+        "savefig.dpi": 110,
+        "pdf.fonttype": 42,
+    }
+)
+
+
+def save(figure: Figure, folder: Path, name: str) -> None:
+    """Write PNG and PDF; the PDF without a date, so that equal pictures are equal files."""
+    figure.savefig(folder / f"{name}.png")
+    figure.savefig(folder / f"{name}.pdf", metadata={"CreationDate": None})
+    plt.close(figure)
+
+
+def fuzzy_sets(folder: Path) -> None:
+    """Figure 2: input and output membership functions."""
+    system = paper_system()
+    figure, axes = plt.subplots(1, 2, figsize=(11, 3.6))
+    panels = (
+        (axes[0], system.inputs[0], "(a) input $\\delta_1$, $\\delta_2$", ("N", "ZERO", "P")),
+        (axes[1], system.output, "(b) output $\\lambda$", ("ZERO", "PM", "PMAX")),
+    )
+    for axis, variable, title, names in panels:
+        x = np.linspace(*variable.universe, 1001)
+        for triangle, name in zip(variable.sets, names, strict=True):
+            axis.plot(x, triangle.membership(x), linewidth=2)
+            axis.annotate(name, (triangle.peak, 1.03), ha="center")
+        axis.set(title=title, ylabel="membership", ylim=(0, 1.15), xlim=variable.universe)
+    axes[0].set_xlabel("$\\delta$ = tip deflection / 0.2 m, times $K_n$")
+    axes[1].set_xlabel("gain $\\lambda$")
+    save(figure, folder, "fig2")
+
+
+def paths(
+    folder: Path, name: str, runs: dict[str, Trajectory], controller: str, place: str, zoom: float | None, title: str
+) -> None:
+    """Figures 5 to 7: the three sensings superposed; left the paper's tip, right the true one.
+
+    Args:
+        folder: for the files.
+        name: of the figure.
+        runs: of one column, by case name.
+        controller: "ifdc" or "flsac".
+        place: "tip" or "elbow".
+        zoom: half width of the view around the first direction switch [m]; None for the whole square.
+        title: of the figure.
+    """
+    chosen = {s: runs[f"{controller}_{s}_{place}"] for s in SENSINGS if f"{controller}_{s}_{place}" in runs}
+    if not chosen:
+        return
+    figure, axes = plt.subplots(1, 2, figsize=(12.5, 6.4), sharex=True, sharey=True)
+    for axis, tip in zip(axes, ("rigid", "true"), strict=True):
+        reference = next(iter(chosen.values())).reference
+        assert reference is not None
+        axis.plot(*reference.T, **REFERENCE)
+        for sensing, run in chosen.items():
+            path = run.rigid_tip if tip == "rigid" else run.tip
+            axis.plot(*path[::THIN].T, linewidth=1.5, **STYLE[sensing])
+        axis.set_aspect("equal")
+        axis.set_xlabel("x [m]")
+    axes[0].set(ylabel="y [m]", title="end effector by rigid kinematics, as in the paper")
+    axes[1].set_title("true end effector, with deflection")
+    if zoom is None:
+        axes[0].set(xlim=(-9.6, 9.6), ylim=(-9.6, 9.6))
+    else:
+        axes[0].set(xlim=(-6.3 - zoom, -6.3 + zoom), ylim=(6.3 - zoom, 6.3 + zoom))
+    figure.suptitle(title)
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
+    save(figure, folder, name)
+
+
+PATH_FIGURES: dict[str, tuple[str, str, float | None, str]] = {
+    "fig5a": ("ifdc", "tip", None, "Fig. 5 (a)  IFDC, sensor at the end effector"),
+    "fig5b": ("flsac", "tip", None, "Fig. 5 (b)  FLSAC, sensor at the end effector"),
+    "fig6a": ("ifdc", "tip", 2.0, "Fig. 6 (a)  IFDC, first direction switch"),
+    "fig6b": ("flsac", "tip", 2.0, "Fig. 6 (b)  FLSAC, first direction switch"),
+    "fig7a": ("ifdc", "elbow", None, "Fig. 7 (a)  IFDC, sensor 0.5 m from the elbow"),
+    "fig7b": ("flsac", "elbow", None, "Fig. 7 (b)  FLSAC, sensor 0.5 m from the elbow"),
+}
+
+
+def time_histories(folder: Path, name: str, run: Trajectory) -> None:
+    """Deflection, torque and lambda of one run against time."""
+    assert run.gain is not None
+    figure, axes = plt.subplots(3, 1, figsize=(10, 7.2), sharex=True)
+    time = run.time[::THIN]
+    for joint, link in enumerate(("link 1", "link 2")):
+        axes[0].plot(time, run.tip_deflection[::THIN, joint], color=LINKS[joint], label=link)
+        axes[1].plot(time, run.torque[::THIN, joint], color=LINKS[joint], label=("shoulder", "elbow")[joint])
+    axes[2].plot(time, run.gain[::THIN], color="#111111")
+    axes[0].set_ylabel("tip deflection [m]")
+    axes[1].set_ylabel("torque [N m]")
+    axes[2].set(ylabel="gain $\\lambda$", xlabel="time [s]", xlim=(0, run.time[-1]))
+    axes[2].set_ylim(bottom=0)
+    for axis in axes[:2]:
+        axis.legend(loc="upper right", ncols=2)
+    for axis in axes:
+        for switch in np.arange(1, 4) * run.time[-1] / 4:
+            axis.axvline(switch, color="0.6", linewidth=0.8, linestyle="--", zorder=0)
+    notes = run.notes
+    sensor = "end effector" if notes["place"] == "tip" else "0.5 m from the elbow"
+    figure.suptitle(f"{CONTROLLER[notes['controller']]}, {STYLE[notes['sensing']]['label']}, sensor: {sensor}")
+    save(figure, folder, name)
+
+
+def rigid_and_true(folder: Path, runs: dict[str, dict[str, Trajectory]]) -> None:
+    """What the joints say and where the tip is: error against time, paper's arm and default arm."""
+    columns = [name for name in ("paper", "default") if name in runs]
+    figure, axes = plt.subplots(len(columns), 2, figsize=(12, 3.4 * len(columns)), sharex=True, sharey=True, squeeze=False)
+    for row, column in zip(axes, columns, strict=True):
+        for axis, controller in zip(row, CONTROLLER, strict=True):
+            run = runs[column].get(f"{controller}_collocated_tip")
+            if run is None or run.reference is None:
+                continue
+            for path, color, label in ((run.rigid_tip, LINKS[0], "rigid-kinematics tip"), (run.tip, LINKS[1], "true tip")):
+                error = np.linalg.norm(path - run.reference, axis=1)
+                rms = float(np.sqrt(np.mean(error**2)))
+                axis.plot(run.time[::THIN], error[::THIN], color=color, label=f"{label}, r.m.s. {rms:.2f} m")
+            arm = "paper's arm" if column == "paper" else "default arm"
+            axis.set_title(f"{CONTROLLER[controller]}, collocated, {arm}")
+            axis.legend(loc="upper right")
+    for axis in axes[:, 0]:
+        axis.set_ylabel("distance from reference [m]")
+    for axis in axes[-1]:
+        axis.set(xlabel="time [s]", ylim=(0, None))
+    save(figure, folder, "rigid_and_true_tip")
+
+
+_PANELS = (
+    ("overshoot past the top left corner [m]", lambda row: row["rigid_overshoot"][0], "tip"),
+    ("true tip, r.m.s. error [m]", lambda row: row["true_tip_rms"], "tip"),
+    ("vibration, sensor at the tip [m/s]", lambda row: row["vibration"], "tip"),
+    ("vibration, sensor 0.5 m from the elbow [m/s]", lambda row: row["vibration"], "elbow"),
+)
+
+
+def sweep_lines(folder: Path, rows: Sequence[dict[str, Any]], sweep: str, label: str, base: Sequence[dict[str, Any]]) -> None:
+    """A sweep over a number: four figures of merit against it.
+
+    Args:
+        folder: for the files.
+        rows: of all sweeps.
+        sweep: which one.
+        label: of the abscissa.
+        base: measures to draw as levels: dicts with "label", "place" and the measures.
+    """
+    figure, axes = plt.subplots(2, 2, figsize=(12, 7.6), sharex=True)
+    for axis, (title, pick, place) in zip(axes.flat, _PANELS, strict=True):
+        for sensing in SENSINGS:
+            chosen = [r for r in rows if (r["sweep"], r["sensing"], r["place"]) == (sweep, sensing, place)]
+            points = [(r["value"], pick(r)) for r in chosen if r["ended"] == "truncated"]
+            if points:
+                axis.plot(*np.array(points).T, marker="o", markersize=4, **STYLE[sensing])
+        for level, dash in zip([b for b in base if b["place"] == place], ("-.", "--", (0, (1, 1))), strict=False):
+            axis.axhline(pick(level), color="0.45", linewidth=1, linestyle=dash, label=level["label"])
+        axis.set(xscale="log", ylabel=title)
+        axis.set_ylim(bottom=0)
+        axis.legend(fontsize=9)
+    for axis in axes[-1]:
+        axis.set_xlabel(label)
+    save(figure, folder, f"sweep_{sweep}")
+
+
+def alternatives(folder: Path, rows: Sequence[dict[str, Any]]) -> None:
+    """The law's alternative readings: overshoot, or when the run ended."""
+    chosen = [r for r in rows if r["sweep"] in ("alternatives", "current_jacobian", "elbow_branch")]
+    names = list(dict.fromkeys(r["value"] for r in chosen))
+    figure, axis = plt.subplots(figsize=(11, 0.75 * len(names) + 1.6))
+    for offset, controller in ((0.18, "ifdc"), (-0.18, "flsac")):
+        for y, name in enumerate(reversed(names)):
+            for row in (r for r in chosen if r["value"] == name and r["controller"] == controller):
+                whole = row["ended"] == "truncated"
+                value = row["rigid_overshoot"][0] if whole else 0.0
+                axis.barh(y + offset, value, height=0.34, color=LINKS[controller == "flsac"])
+                text = f"{value:.2f} m" if whole else f"unstable: stopped at {row['duration']:.2f} s ({row['ended']})"
+                axis.annotate(f" {CONTROLLER[controller]} {text}", (max(value, 0.0), y + offset), va="center", fontsize=9)
+    axis.set_yticks(range(len(names)), list(reversed(names)))
+    axis.set(xlabel="overshoot past the top left corner, NMP case, sensor at the end effector [m]", xlim=(0, 1.4))
+    save(figure, folder, "alternatives")
+
+
+def true_tip_feedback(folder: Path, rows: Sequence[dict[str, Any]]) -> None:
+    """The same law fed with the true tip, undelayed: error where it stays bounded, time of failure where not."""
+    chosen = [r for r in rows if r["sweep"] == "true_tip_feedback"]
+    figure, axes = plt.subplots(1, 2, figsize=(12, 4), sharex=True)
+    for color, arm in zip(("#111111", *LINKS), dict.fromkeys(r["arm"] for r in chosen), strict=True):
+        mine = [r for r in chosen if r["arm"] == arm]
+        label = "damping ratio " + arm.removeprefix("zeta ")
+        axes[0].plot([r["value"] for r in mine], [r["duration"] for r in mine], "o-", color=color, label=label)
+        whole = [r for r in mine if r["ended"] == "truncated"]
+        axes[1].plot([r["value"] for r in whole], [r["true_tip_rms"] for r in whole], "o-", color=color, label=label)
+    axes[0].set(ylabel="run lasts [s] (a lap is 16 s)", ylim=(0, 17))
+    axes[1].set(ylabel="true tip, r.m.s. error of whole laps [m]")
+    axes[1].set_ylim(bottom=0)
+    for axis in axes:
+        axis.set(xscale="log", xlabel="constant gain $\\lambda$")
+        axis.legend()
+    save(figure, folder, "true_tip_feedback")

@@ -1,0 +1,69 @@
+"""Runs -> plain numbers: what the claims, tables and sweeps are decided from."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from flexarm_env import SquareParameters, Trajectory, square
+from flexarm_env.metrics import circle_fit, overshoot, path_difference, summary, vibration
+
+SWITCHES = ("top left", "top right", "bottom right")  # direction switches within a lap
+
+
+def measures(run: Trajectory, lap_time: float) -> dict[str, Any]:
+    """Figures of one run; lengths in m, rates in m/s.
+
+    Besides `flexarm_env.metrics.summary`: the overshoot past each switch of the rigid-kinematics tip (the one that
+    the paper plots) and of the true tip, from the switch until the next one; the vibration over the first and over
+    the last side; the circle through the path.
+    """
+    table = square(SquareParameters(lap_time=lap_time)).table
+    figures: dict[str, Any] = dict(summary(run))
+    for tip, path in (("rigid", run.rigid_tip), ("true", run.tip)):
+        figures[f"{tip}_overshoot"] = [
+            overshoot(path, run.time, table[k, 1:], table[k, 1:] - table[k - 1, 1:], (table[k, 0], table[k + 1, 0]))
+            if run.time[-1] >= table[k, 0]
+            else float("nan")
+            for k in (1, 2, 3)
+        ]
+    whole = figures["ended"] == "truncated"
+    figures["vibration_last_side"] = vibration(run, since=0.75 * lap_time) if whole else float("inf")
+    figures["vibration_first_side"] = _first_side(run, 0.25 * lap_time)
+    fit = circle_fit(run.rigid_tip)
+    figures["circle_radius"], figures["circle_deviation"] = fit.radius, fit.deviation
+    return figures
+
+
+def _first_side(run: Trajectory, until: float) -> float:
+    rates = np.gradient(run.tip_deflection, run.time, axis=0)[run.time <= until]
+    return float(np.sqrt(np.mean(np.sum(rates**2, axis=1))))
+
+
+def differences(runs: dict[str, Trajectory], lap_time: float) -> dict[str, dict[str, float]]:
+    """Path differences (rigid tip, whatever the time, r.m.s. in m) between the sensings of one column.
+
+    Keys are `<controller>_<place>_nmp` (NMP from collocated) and `<controller>_<place>_corrected` (corrected from NMP);
+    values `all`, `top_right` (from a quarter of a side before the second switch to three quarters after) and `rest`.
+    """
+    found: dict[str, dict[str, float]] = {}
+    side = 0.25 * lap_time
+    for name, run in runs.items():
+        controller, sensing, place = name.split("_")
+        other = {"nmp": "collocated", "corrected": "nmp"}.get(sensing)
+        against = runs.get(f"{controller}_{other}_{place}")
+        if against is None:
+            continue
+        distance = path_difference(run.rigid_tip, against.rigid_tip)
+        near = (run.time > 1.75 * side) & (run.time < 2.75 * side)
+        found[f"{controller}_{place}_{sensing}"] = {
+            "all": _rms(distance),
+            "top_right": _rms(distance[near]),
+            "rest": _rms(distance[~near]),
+        }
+    return found
+
+
+def _rms(values: Any) -> float:
+    return float(np.sqrt(np.mean(np.square(values)))) if len(values) else float("nan")
