@@ -42,7 +42,7 @@ contract: $(TEST)  ## Check that imports follow the one-way flow (import-linter)
 bench: $(PLOT)  ## Measure the speed of simulation and environments
 	$(PY) scripts/bench.py $(ARGS)
 
-docs: $(PLOT)  ## Regenerate the pictures and tables committed under docs/
+docs: reproduce  ## Regenerate the pictures and tables committed under docs/
 	$(PY) scripts/build_docs.py $(ARGS)
 
 clean:  ## Remove builds and caches (not .venv)

@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from flexarm_baselines.arrays import Floats
 from flexarm_baselines.fuzzy_kernels import membership
@@ -41,6 +42,12 @@ class TriangularSet:
             number(name, getattr(self, name))
         if not (self.left <= self.peak <= self.right and self.left < self.right):
             raise ValueError(f"{self}: must have left <= peak <= right and left < right")
+
+    def membership(self, x: ArrayLike) -> Floats:
+        """mu at the values x, in [0, 1]; shape of ``x``."""
+        values = np.asarray(x, dtype=np.float64)
+        degrees = [membership(value, self.left, self.peak, self.right) for value in values.ravel().tolist()]
+        return np.array(degrees).reshape(values.shape)
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import butter, sosfiltfilt
 from scipy.spatial import cKDTree
 
 from flexarm_env.trajectory import Trajectory
@@ -91,30 +90,16 @@ def path_difference(one: Array, other: Array) -> Array:
     return np.asarray(cKDTree(other).query(one)[0])
 
 
-def vibration(run: Trajectory, since: float = 0.0) -> float:
+def vibration(run: Trajectory, since: float = 0.0, until: float = np.inf) -> float:
     """R.m.s. rate of the links' tip deflections, both links together [m/s].
 
     Args:
         run: any run of at least 3 instants.
         since: from this time on [s].
+        until: up to this time [s].
     """
-    rates = np.gradient(run.tip_deflection, run.time, axis=0)[run.time >= since]
+    rates = np.gradient(run.tip_deflection, run.time, axis=0)[(run.time >= since) & (run.time <= until)]
     return float(np.sqrt(np.mean(np.sum(rates**2, axis=1))))
-
-
-def roughness(path: Array, time: Array, cutoff: float, since: float = 0.0) -> float:
-    """R.m.s. of what remains of a path above a frequency [m]: its vibration as the eye sees it.
-
-    Args:
-        path: evenly sampled. Shape (n, 2) [m].
-        time: Shape (n,) [s].
-        cutoff: [Hz].
-        since: from this time on [s].
-    """
-    rate = (len(time) - 1) / (time[-1] - time[0])
-    slow = sosfiltfilt(butter(4, cutoff, fs=rate, output="sos"), path, axis=0)
-    rest = (path - slow)[time >= since]
-    return float(np.sqrt(np.mean(np.sum(rest**2, axis=1))))
 
 
 def circle_fit(path: Array) -> CircleFit:

@@ -11,7 +11,7 @@ import mpmath
 import numpy as np
 import torch
 from hypothesis import strategies as st
-from torch.func import grad, hessian, jvp
+from torch.func import grad, jacrev, vjp
 
 from flexarm_env import ArmParameters
 
@@ -47,6 +47,16 @@ def shapes(p: ArmParameters, length: float, x: Any, order: int = 0) -> np.ndarra
 
 def tensor(values: Any) -> torch.Tensor:
     return torch.tensor(np.asarray(values), dtype=torch.float64)
+
+
+def push_forward(function: Any, q: torch.Tensor, v: torch.Tensor) -> Any:
+    """d(function)/dq v: the pull-back is linear in what it pulls back, and its own pull-back pushes forward.
+
+    (torch's forward mode would do, but warns of torch's own deprecations.)
+    """
+    values, pull_back = vjp(function, q)
+    zeros = tuple(torch.zeros_like(value) for value in values)
+    return vjp(lambda *cotangent: pull_back(cotangent)[0], *zeros)[1](v)
 
 
 class Lagrangian:
@@ -89,7 +99,7 @@ class Lagrangian:
         return points, torch.stack([a1, a2, a2 + self.tip_slope[1] @ q2])
 
     def kinetic(self, q: torch.Tensor, v: torch.Tensor) -> torch.Tensor:
-        velocities, turns = jvp(self.configuration, (q,), (v,))[1]
+        velocities, turns = push_forward(self.configuration, q, v)
         return 0.5 * (self.masses @ (velocities**2).sum(dim=-1) + self.inertias @ turns**2)
 
     def strain(self, q: torch.Tensor) -> torch.Tensor:
@@ -99,13 +109,13 @@ class Lagrangian:
     # --- the same, on numpy arrays -----------------------------------------------------------------------------------
 
     def mass_matrix(self, q: np.ndarray) -> np.ndarray:
-        zero = torch.zeros(len(q), dtype=torch.float64)
-        return hessian(self.kinetic, argnums=1)(tensor(q), zero).numpy()
+        at, zero = tensor(q), torch.zeros(len(q), dtype=torch.float64)
+        return jacrev(grad(self.kinetic, argnums=1), argnums=1)(at, zero).numpy()
 
     def velocity_forces(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """d(dT/dv)/dq v - dT/dq."""
         at, rates = tensor(q), tensor(v)
-        drift = jvp(lambda x: grad(self.kinetic, argnums=1)(x, rates), (at,), (rates,))[1]
+        drift = jacrev(grad(self.kinetic, argnums=1))(at, rates) @ rates
         return (drift - grad(self.kinetic)(at, rates)).numpy()
 
     def passive_forces(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:

@@ -256,7 +256,10 @@ def oracle(problem: Problem, rtol: float = 1e-9) -> Array:
     pieces: list[Callable[[float], Array]] = []
 
     def past(t: float) -> Array:
-        return before if t <= 0.0 else pieces[bisect.bisect_left(ends, t)](t)
+        if t <= 0.0:
+            return before
+        assert t <= ends[-1] * (1.0 + 1e-12), "the step was longer than the delay"
+        return pieces[min(bisect.bisect_left(ends, t), len(ends) - 1)](t)
 
     times = PERIOD * np.arange(problem.periods + 1)
     states = np.empty((len(times), len(x)))

@@ -15,7 +15,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from flexarm_baselines import paper_system
-from flexarm_env import Trajectory
+from flexarm_env import FlexibleArm, Trajectory
 from paper_study.cases import SENSINGS
 
 STYLE = {
@@ -45,6 +45,8 @@ plt.rcParams.update(
 
 def save(figure: Figure, folder: Path, name: str) -> None:
     """Write PNG and PDF; the PDF without a date, so that equal pictures are equal files."""
+    figure.draw_without_rendering()
+    figure.set_layout_engine("none")  # laid out once, for both
     figure.savefig(folder / f"{name}.png")
     figure.savefig(folder / f"{name}.pdf", metadata={"CreationDate": None})
     plt.close(figure)
@@ -156,12 +158,42 @@ def rigid_and_true(folder: Path, runs: dict[str, dict[str, Trajectory]]) -> None
                 axis.plot(run.time[::THIN], error[::THIN], color=color, label=f"{label}, r.m.s. {rms:.2f} m")
             arm = "paper's arm" if column == "paper" else "default arm"
             axis.set_title(f"{CONTROLLER[controller]}, collocated, {arm}")
-            axis.legend(loc="upper right")
+            axis.legend(loc="upper left", ncols=2)
     for axis in axes[:, 0]:
         axis.set_ylabel("distance from reference [m]")
     for axis in axes[-1]:
-        axis.set(xlabel="time [s]", ylim=(0, None))
+        axis.set_xlabel("time [s]")
+    axes[0, 0].set_ylim(0, 1.2 * axes[0, 0].get_ylim()[1])  # room for the legends
     save(figure, folder, "rigid_and_true_tip")
+
+
+def arm_at_corner(folder: Path, runs: dict[str, dict[str, Trajectory]]) -> None:
+    """The bent arm around the first switch, every 0.12 s, under both controllers (default arm, collocated)."""
+    figure, axes = plt.subplots(1, 2, figsize=(12.5, 6.2), sharex=True, sharey=True)
+    for axis, controller in zip(axes, CONTROLLER, strict=True):
+        run = runs.get("default", {}).get(f"{controller}_collocated_tip")
+        if run is None or run.reference is None:
+            plt.close(figure)
+            return
+        arm = FlexibleArm(run.parameters)
+        axis.plot(*run.reference.T, **REFERENCE)
+        switch = run.time[-1] / 4
+        shown = np.flatnonzero((run.time > switch - 0.5) & (run.time < switch + 1.4))
+        axis.plot(*run.tip[shown].T, color="#D55E00", linewidth=2, label="true tip")
+        axis.plot(*run.rigid_tip[shown].T, color="#0072B2", linewidth=1.5, label="tip by rigid kinematics")
+        instants = shown[::120]
+        for index, shade in zip(instants, np.linspace(0.85, 0.1, len(instants)), strict=True):
+            for link, length in enumerate(run.parameters.link_lengths, 1):
+                points = arm.position(run.state[index, : arm.size], link, np.linspace(0.0, length, 40))
+                axis.plot(*points.T, color=str(shade), linewidth=1.3, zorder=1)
+            axis.plot(*run.tip[index], "o", color="#D55E00", markersize=4)
+        axis.plot(0, 0, "ks", markersize=7)
+        axis.set_title(CONTROLLER[controller])
+        axis.set_aspect("equal")
+        axis.set_xlabel("x [m]")
+    axes[0].set(ylabel="y [m]", xlim=(-8, 1), ylim=(-1.2, 8))
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
+    save(figure, folder, "arm_at_corner")
 
 
 _PANELS = (
@@ -191,12 +223,21 @@ def sweep_lines(folder: Path, rows: Sequence[dict[str, Any]], sweep: str, label:
                 axis.plot(*np.array(points).T, marker="o", markersize=4, **STYLE[sensing])
         for level, dash in zip([b for b in base if b["place"] == place], ("-.", "--", (0, (1, 1))), strict=False):
             axis.axhline(pick(level), color="0.45", linewidth=1, linestyle=dash, label=level["label"])
-        axis.set(xscale="log", ylabel=title)
+        _number_axis(axis, [r["value"] for r in rows if r["sweep"] == sweep])
+        axis.set_ylabel(title)
         axis.set_ylim(bottom=0)
-        axis.legend(fontsize=9)
     for axis in axes[-1]:
         axis.set_xlabel(label)
+    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=5)
     save(figure, folder, f"sweep_{sweep}")
+
+
+def _number_axis(axis: Axes, values: Sequence[float]) -> None:
+    """Logarithmic abscissa with a tick, as a plain number, at each value of a sweep."""
+    ticks = sorted(set(values))
+    axis.set_xscale("log")
+    axis.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
+    axis.set_xticks([], minor=True)
 
 
 def alternatives(folder: Path, rows: Sequence[dict[str, Any]]) -> None:
@@ -231,6 +272,7 @@ def true_tip_feedback(folder: Path, rows: Sequence[dict[str, Any]]) -> None:
     axes[1].set(ylabel="true tip, r.m.s. error of whole laps [m]")
     axes[1].set_ylim(bottom=0)
     for axis in axes:
-        axis.set(xscale="log", xlabel="constant gain $\\lambda$")
+        _number_axis(axis, [r["value"] for r in chosen])
+        axis.set_xlabel("constant gain $\\lambda$")
         axis.legend()
     save(figure, folder, "true_tip_feedback")

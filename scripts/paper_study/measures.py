@@ -16,8 +16,7 @@ def measures(run: Trajectory, lap_time: float) -> dict[str, Any]:
     """Figures of one run; lengths in m, rates in m/s.
 
     Besides `flexarm_env.metrics.summary`: the overshoot past each switch of the rigid-kinematics tip (the one that
-    the paper plots) and of the true tip, from the switch until the next one; the vibration over the first and over
-    the last side; the circle through the path.
+    the paper plots) and of the true tip, from the switch until the next one; the vibration over each side; the circle through the path.
     """
     table = square(SquareParameters(lap_time=lap_time)).table
     figures: dict[str, Any] = dict(summary(run))
@@ -28,17 +27,16 @@ def measures(run: Trajectory, lap_time: float) -> dict[str, Any]:
             else float("nan")
             for k in (1, 2, 3)
         ]
-    whole = figures["ended"] == "truncated"
-    figures["vibration_last_side"] = vibration(run, since=0.75 * lap_time) if whole else float("inf")
-    figures["vibration_first_side"] = _first_side(run, 0.25 * lap_time)
+    figures["vibration_by_side"] = [vibration(run, *window) for window in _sides(run, lap_time)]
     fit = circle_fit(run.rigid_tip)
     figures["circle_radius"], figures["circle_deviation"] = fit.radius, fit.deviation
     return figures
 
 
-def _first_side(run: Trajectory, until: float) -> float:
-    rates = np.gradient(run.tip_deflection, run.time, axis=0)[run.time <= until]
-    return float(np.sqrt(np.mean(np.sum(rates**2, axis=1))))
+def _sides(run: Trajectory, lap_time: float) -> list[tuple[float, float]]:
+    """Start and end of each side that the run completes [s]."""
+    ends = [0.25 * lap_time * k for k in range(1, 5)]
+    return [(end - 0.25 * lap_time, end) for end in ends if run.time[-1] >= end - 1e-9]
 
 
 def differences(runs: dict[str, Trajectory], lap_time: float) -> dict[str, dict[str, float]]:

@@ -59,7 +59,8 @@ def reproduce(study: Study, cases: Sequence[Case], folder: Path, sweeps: bool, p
     figures_folder.mkdir()
     names = list(SWEEPS) if sweeps else []
     context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(workers, mp_context=context) as pool:
+    pool = ProcessPoolExecutor(workers, mp_context=context)
+    try:
         # the longest first
         jobs: dict[Future[Any], tuple[str, str]] = {}
         for name in names:
@@ -73,6 +74,8 @@ def reproduce(study: Study, cases: Sequence[Case], folder: Path, sweeps: bool, p
         if pictures:
             drawings = {pool.submit(draw, folder, name): ("figures", name) for name in _drawings(cases, bool(names))}
             _collect(drawings, "drawing")
+    finally:
+        pool.shutdown(cancel_futures=True)  # a failure, or Ctrl-C, does not wait for what has not begun
 
 
 def _collect(jobs: dict[Future[Any], tuple[str, str]], label: str) -> dict[tuple[str, str], Any]:
@@ -98,7 +101,8 @@ def _decide(
                 figures_of_run["clock_time"] = clocks[column]["run"]
                 figures_of_run["clock_time_ratio_paper_over_ours"] = paper / clocks[column]["run"]
     write_json(folder / "summary.json", {"study": asdict(study), "runs": found, "path_differences": apart})
-    (folder / "summary.md").write_text("".join(f"## {TITLES[c]}\n\n{tables.runs(found, c)}\n" for c in found))
+    for column in found:
+        (folder / f"summary_{column}.md").write_text(tables.runs(found, column))
     if rows and "branch" in found:
         rows += [
             {"sweep": "elbow_branch", "arm": "paper", "value": "elbow bent the other way (theta2 < 0)"}
@@ -123,11 +127,12 @@ def _decide(
         constant = [row for row in rows if row["sweep"] == "constant_gain"]
         decided = claims.as_json(claims.decide(found, apart, constant, TITLES))
         write_json(folder / "claims.json", decided)
+        (folder / "verdicts.md").write_text(tables.verdicts(decided, TITLES))
         (folder / "claims.md").write_text(tables.claims(decided, TITLES))
 
 
 def _drawings(cases: Sequence[Case], sweeps: bool) -> list[str]:
-    names = [*figures.PATH_FIGURES, "fig2", "rigid_and_true_tip", *(f"time_{case.name}" for case in cases)]
+    names = [*figures.PATH_FIGURES, "fig2", "arm_at_corner", "rigid_and_true_tip", *(f"time_{case.name}" for case in cases)]
     return names + ([f"sweep_{name}" for name in SWEEP_LABELS] + ["alternatives", "true_tip_feedback"] if sweeps else [])
 
 
@@ -147,6 +152,8 @@ def draw(folder: Path, name: str) -> None:
     elif name.startswith("time_"):
         case = name.removeprefix("time_")
         figures.time_histories(target, name, paper_runs(case)[case])
+    elif name == "arm_at_corner":
+        figures.arm_at_corner(target, load_runs(folder / "runs"))
     elif name == "rigid_and_true_tip":
         figures.rigid_and_true(target, load_runs(folder / "runs"))
     else:

@@ -32,17 +32,22 @@ def _shown(values: dict[str, Any]) -> str:
     return brief({k: v for k, v in values.items() if k != "under_condition"})
 
 
-def claims(rows: Sequence[dict[str, Any]], titles: dict[str, str]) -> str:
-    """The verdicts, then each claim with its measure and the figures of every column."""
-    text = table(
+def verdicts(rows: Sequence[dict[str, Any]], titles: dict[str, str]) -> str:
+    """The verdicts at a glance."""
+    return table(
         ["claim", "the paper says", "verdict", *titles.values()],
         [
             [r["id"], r["quote"], f"**{r['verdict']}**", *("holds" if r["holds"][c] else "fails" for c in titles)]
             for r in rows
         ],
     )
+
+
+def claims(rows: Sequence[dict[str, Any]], titles: dict[str, str]) -> str:
+    """Each claim with its measure and the figures of every column."""
+    text = ""
     for r in rows:
-        text += f"\n#### {r['id']}: {r['verdict']}\n\n> {r['quote']}\n\n*Measure:* {r['measure']}.\n"
+        text += f"\n### {r['id']}: {r['verdict']}\n\n> {r['quote']}\n\n*Measure:* {r['measure']}.\n"
         if r["note"]:
             text += f"\n*Note:* {r['note']}\n"
         body = [[titles[c], "holds" if r["holds"][c] else "fails", _shown(r["values"][c])] for c in titles]
@@ -54,11 +59,10 @@ def claims(rows: Sequence[dict[str, Any]], titles: dict[str, str]) -> str:
         if "best" in gains:
             best = gains["best"]
             text += (
-                f"\nBest constant gain up to 1 on the paper's arm by this measure (worst of the cases, smaller is "
-                f"better): lambda = {best['gain']:g} with {best['merit']:.3g}; FLSAC has "
-                f"{best['merit_of_flsac']:.3g}.\n"
+                "\nBest constant gain up to 1 on the paper's arm by this measure (worst of the cases; smaller is "
+                f"better): lambda = {best['gain']:g} with {best['merit']:.3g}; FLSAC has {best['merit_of_flsac']:.3g}.\n"
             )
-    return text
+    return text.lstrip("\n")
 
 
 def numbers(rows: Sequence[dict[str, Any]]) -> str:
