@@ -43,7 +43,7 @@ bench: $(PLOT)  ## Measure the speed of simulation and environments
 	$(PY) scripts/bench.py $(ARGS)
 
 docs: reproduce  ## Regenerate the pictures and tables committed under docs/
-	$(PY) scripts/build_docs.py $(ARGS)
+	$(PY) scripts/build_docs.py
 
 clean:  ## Remove builds and caches (not .venv)
 	rm -rf build dist flexarm.egg-info .hypothesis .import_linter_cache .mypy_cache .pytest_cache .ruff_cache

@@ -89,14 +89,12 @@ class Trajectory:
         Raises:
             ValueError: if the file is not such a file.
         """
-        try:
-            loaded = np.load(path, allow_pickle=False)
-        except (ValueError, EOFError, BadZipFile) as error:
-            raise ValueError(f"{path}: not a saved Trajectory ({error})") from error
-        if not isinstance(loaded, NpzFile):
-            raise ValueError(f"{path}: not a saved Trajectory (no archive of arrays)")
-        with loaded as file:
-            if "head" not in file:
+        with open(path, "rb") as stream:  # not by np.load, which leaves a damaged file open
+            try:
+                file = np.load(stream, allow_pickle=False)
+            except (ValueError, EOFError, BadZipFile) as error:
+                raise ValueError(f"{path}: not a saved Trajectory ({error})") from error
+            if not isinstance(file, NpzFile) or "head" not in file:
                 raise ValueError(f"{path}: not a saved Trajectory (no entry 'head')")
             head = json.loads(str(file["head"]))
             if head["format"] != _FORMAT:

@@ -1,0 +1,184 @@
+"""`scripts/reproduce_paper.py` end to end, and the committed tables against what it produces."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+from flexarm_env import Trajectory
+
+ROOT = Path(__file__).resolve().parent.parent
+SCRIPT = ROOT / "scripts" / "reproduce_paper.py"
+VERDICTS = {"reproduced", "reproduced under condition", "not reproduced"}
+
+
+def run_script(*arguments: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([sys.executable, str(SCRIPT), *arguments], capture_output=True, text=True, check=False)
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """One whole reproduction, shared by the tests below."""
+    output = tmp_path_factory.mktemp("reproduction") / "paper"
+    done = run_script("--output", str(output))
+    assert done.returncode == 0, done.stderr
+    return output
+
+
+@pytest.fixture(scope="module")
+def scripts() -> ModuleType:
+    """The scripts' own modules, importable as when a script runs."""
+    sys.path.insert(0, str(ROOT / "scripts"))
+    try:
+        import build_docs
+        import paper_study.claims  # noqa: F401  (kept in sys.modules for the tests below)
+    finally:
+        sys.path.pop(0)
+    return build_docs
+
+
+def read(results: Path, name: str) -> object:
+    return json.loads((results / name).read_text())
+
+
+def test_results_are_complete(results: Path) -> None:
+    """72 trajectories: twelve runs and six constant gains in each of four columns; figures in two formats."""
+    assert len(list((results / "runs").glob("*.npz"))) == 4 * 18
+    run = Trajectory.load(results / "runs" / "paper__flsac_nmp_tip.npz")
+    assert len(run) == 16_001
+    assert run.notes["controller"] == "flsac"
+    names = {"fig2", *(f"fig{n}{part}" for n in (5, 6, 7) for part in "ab")}
+    for suffix in ("png", "pdf"):
+        assert names <= {path.stem for path in (results / "figures").glob(f"*.{suffix}")}
+        assert len(list((results / "figures").glob(f"time_*.{suffix}"))) == 12
+    for name in ("summary.json", "numbers.json", "claims.json", "sweeps.json"):
+        assert read(results, name)
+    assert [path.name for path in results.parent.iterdir()] == [results.name], "work files were left behind"
+
+
+def test_claims_are_decided(results: Path) -> None:
+    claims = read(results, "claims.json")
+    assert {"id", "quote", "measure", "values", "verdict", "note"} <= set(claims[0])
+    assert {claim["verdict"] for claim in claims} <= VERDICTS
+    assert {claim["id"][0] for claim in claims} == set("12345678")
+    for claim in claims:
+        assert set(claim["values"]) == {"paper", "complete", "default", "branch"}
+        if claim["verdict"] == "reproduced":
+            assert all(claim["holds"].values())
+        if claim["verdict"] == "not reproduced":
+            assert not claim["holds"]["paper"]
+    fuzzy = [claim for claim in claims if claim["id"][0] in "568" or claim["id"] == "7b-smooth"]
+    assert all(claim["constant_gain"]["equal_to_mean_of_flsac"] for claim in fuzzy)
+
+
+@pytest.mark.parametrize(
+    ("run", "overshoot"),
+    [
+        ("ifdc_collocated_tip", 0.48),
+        ("ifdc_nmp_tip", 0.71),
+        ("ifdc_corrected_tip", 0.71),
+        ("flsac_collocated_tip", 0.40),
+        ("flsac_nmp_tip", 0.21),
+        ("flsac_corrected_tip", 0.21),
+    ],
+)
+def test_first_overshoot_is_that_of_an_independent_study(results: Path, run: str, overshoot: float) -> None:
+    """Figures of a separate program with the same reading of the paper, given to 0.01 m."""
+    found = read(results, "summary.json")["runs"]["paper"][run]["rigid_overshoot"][0]
+    assert found == pytest.approx(overshoot, abs=0.0051)
+
+
+def test_summary_has_what_every_run_is_reported_with(results: Path) -> None:
+    runs = read(results, "summary.json")["runs"]
+    assert set(runs) == {"paper", "complete", "default", "branch"}
+    wanted = {"rigid_tip_rms", "rigid_tip_max", "true_tip_rms", "true_tip_max", "peak_deflection", "peak_torque"}
+    for column in runs.values():
+        for name, run in column.items():
+            assert wanted <= set(run)
+            if not name.startswith("constant"):
+                assert run["clock_time"] > 0.0
+                paper = 77.0 if name.startswith("ifdc") else 100.0
+                assert run["clock_time_ratio_paper_over_ours"] == pytest.approx(paper / run["clock_time"])
+
+
+def test_numbers_agree_but_for_the_errata(results: Path) -> None:
+    """Printed to three or four digits, so 0.1 % is agreement; the exceptions are errata and carry a note."""
+    for row in read(results, "numbers.json"):
+        if abs(row["relative_difference"]) > 1e-3 or row["paper"] == 0.0:
+            assert row["note"] or row["name"].startswith("clock time"), row
+
+
+def test_committed_tables_match(results: Path, scripts: ModuleType) -> None:
+    """`make docs` brings them up to date."""
+    for name in scripts.PAGES:
+        page = (ROOT / "docs" / name).read_text()
+        assert page == scripts.filled(page, results), f"docs/{name} is out of date: run `make docs`"
+
+
+def test_part_of_the_cases(tmp_path: Path) -> None:
+    """A subset with other options; claims need all cases and are not decided. An old result is replaced whole."""
+    output = tmp_path / "part"
+    output.mkdir()
+    (output / "old").touch()
+    parameters = tmp_path / "arm.toml"
+    parameters.write_text("payload_mass = 0.2\n")
+    chosen = ["--controllers", "flsac", "--sensings", "nmp", "--places", "tip", "--no-sweeps", "--no-figures"]
+    options = ["--K-s", "2", "--lap-time", "20", "--parameters", str(parameters)]
+    done = run_script("--output", str(output), *chosen, *options)
+    assert done.returncode == 0, done.stderr
+    assert not (output / "old").exists()
+    assert not (output / "claims.json").exists()
+    run = Trajectory.load(output / "runs" / "paper__flsac_nmp_tip.npz")
+    assert run.parameters.payload_mass == 0.2
+    assert run.time[-1] == pytest.approx(20.0)
+    assert run.gain is not None
+    assert run.gain.max() > 5.0 / 6.0  # K_s = 2 reaches beyond the fuzzy system's own range
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--K-s", "-1"], "K_s = -1"),
+        (["--lap-time", "0"], "lap_time = 0"),
+        (["--workers", "0"], "workers = 0"),
+        (["--parameters", "no_such_file.json"], "no_such_file.json"),
+        (["--sensings", "late"], "late"),
+    ],
+)
+def test_bad_options_leave_the_old_results_alone(tmp_path: Path, arguments: list[str], message: str) -> None:
+    output = tmp_path / "paper"
+    output.mkdir()
+    (output / "kept").touch()
+    done = run_script("--output", str(output), "--no-sweeps", "--no-figures", *arguments)
+    assert done.returncode != 0
+    assert message in done.stderr + done.stdout
+    assert "Traceback" not in done.stderr
+    assert [path.name for path in tmp_path.iterdir()] == ["paper"]
+    assert [path.name for path in output.iterdir()] == ["kept"]
+
+
+def test_help_explains_the_options() -> None:
+    text = run_script("--help").stdout
+    for option in ("--output", "--controllers", "--K-s", "--lap-time", "--parameters"):
+        assert option in text
+
+
+def test_verdicts_follow_from_the_columns(scripts: ModuleType) -> None:
+    claims = sys.modules["paper_study.claims"]
+    claim = claims.CLAIMS[0]
+    conditional = next(c for c in claims.CLAIMS if c.condition)
+    titles = {"paper": "own arm", "other": "other arm"}
+
+    def verdict(claim: object, own: bool, other: bool, **values: object) -> tuple[str, str]:
+        found = {"paper": claims.Finding(own, values), "other": claims.Finding(other, {})}
+        return claims.verdict(claim, found, titles)
+
+    assert verdict(claim, True, True)[0] == "reproduced"
+    assert verdict(claim, True, False)[0] == "reproduced under condition"
+    assert "other arm" in verdict(claim, True, False)[1]
+    assert verdict(claim, False, True)[0] == "not reproduced"
+    assert verdict(conditional, False, True, under_condition=True)[0] == "reproduced under condition"
+    assert verdict(conditional, False, True, under_condition=False)[0] == "not reproduced"
