@@ -25,7 +25,8 @@ from flexarm_env.validation import finite_array, finite_rows, integer, number, r
 
 Array = NDArray[np.float64]
 
-# RK4 is stable for undamped modes up to h omega = 2.83; 2 leaves room for the mass matrix's change with deflection.
+# RK4 is stable for undamped modes up to h omega = 2.83. Deflections of 1 m raise the fastest rate by 3 % at most; what
+# 2 leaves room for is the coupling of large vibrations, which change the mass matrix within a step.
 STEP_LIMIT = 2.0
 
 

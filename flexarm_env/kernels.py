@@ -219,7 +219,7 @@ def render(variant: Variant) -> str:
     tables = ("NODES", "GAMMA", "EXPLICIT", "IMPLICIT", "RK4_STEP", "RK4_WEIGHT")
     constants = {name: getattr(stepping, name) for name in tables} | {"WIDTHS": reward.WIDTHS}
     text = f'"""Assembled by flexarm_env.kernels for {variant}; do not edit."""\n\n'
-    text += "from typing import Any\n\nfrom math import exp, floor, sqrt\n\nfrom numba import njit\n\n"
+    text += "from typing import Any\n\nfrom math import exp, sqrt\n\nfrom numba import njit\nfrom numpy import floor\n\n"
     text += "".join(f"{name} = {value!r}\n" for name, value in (header | constants).items()) + "\n\n"
     for record in _RECORDED[variant.kind]:
         text += record(variant)

@@ -9,6 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+import numpy as np
+
 from flexarm_env.validation import choice, integer, number, pair
 
 VelocityForces = Literal["complete", "rigid"]
@@ -145,7 +147,7 @@ class SensorParameters:
         if self.delay is not None:
             if self.model == "collocated":
                 raise ValueError(f"delay = {self.delay!r}: a collocated sensor has none; it must be None")
-            if isinstance(self.delay, int | float):
+            if not isinstance(self.delay, tuple | list | np.ndarray):
                 object.__setattr__(self, "delay", number("delay", self.delay, "s", least=0.0))
             elif self.model == "true":
                 raise ValueError(

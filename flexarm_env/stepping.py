@@ -11,6 +11,7 @@ lanes at once.
 
 from __future__ import annotations
 
+from math import floor
 from typing import Any
 
 from flexarm_env.reward import reward_terms
@@ -65,8 +66,8 @@ def slope_kernel(arena: Any, step: float, weight: float) -> None:
 
 def side_velocity(path: Any, k: int) -> tuple[float, float]:
     """Velocity on the side that ends at way-point k [m/s]."""
-    duration = path[k, 0] - path[k - 1, 0]
-    return (path[k, 1] - path[k - 1, 1]) / duration, (path[k, 2] - path[k - 1, 2]) / duration
+    per_second = 1.0 / (path[k, 0] - path[k - 1, 0])
+    return (path[k, 1] - path[k - 1, 1]) * per_second, (path[k, 2] - path[k - 1, 2]) * per_second
 
 
 def reference_at(path: Any, time: float, middle: float, half: float) -> tuple[float, float, float, float]:
@@ -85,7 +86,7 @@ def reference_at(path: Any, time: float, middle: float, half: float) -> tuple[fl
         x, y [m], x', y' [m/s].
     """
     last = path.shape[0] - 1
-    laps = max(middle // path[last, 0], 0.0)
+    laps = max(floor(middle / path[last, 0]), 0.0)
     now = time - laps * path[last, 0]  # both within the lap, negative before the start
     within = middle - laps * path[last, 0]
     k = 1
@@ -129,19 +130,21 @@ def prepare_stage(arena: Any, history: Any, count: Any, path: Any, h: float, nod
     slots = history.shape[0] // (4 * LANES)
     for i in range(LANES):
         now = count[i]
+        late_1 = arena[i + COMMAND_DELAY * LANES]
+        late_2 = arena[i + (COMMAND_DELAY + 1) * LANES]
+        command_1 = reference_at(path, (now + node) * h - late_1, (now + 0.5) * h - late_1, 0.5 * h)
+        command_2 = command_1
+        if late_2 != late_1:
+            command_2 = reference_at(path, (now + node) * h - late_2, (now + 0.5) * h - late_2, 0.5 * h)
+        for r in range(4):
+            arena[i + (COMMAND_1 + r) * LANES] = command_1[r]
+            arena[i + (COMMAND_2 + r) * LANES] = command_2[r]
+        slot = now % slots
         for j in range(2):
-            late = arena[i + (COMMAND_DELAY + j) * LANES]
-            x, y, vx, vy = reference_at(path, (now + node) * h - late, (now + 0.5) * h - late, 0.5 * h)
-            row = COMMAND_1 if j == 0 else COMMAND_2
-            arena[i + row * LANES] = x
-            arena[i + (row + 1) * LANES] = y
-            arena[i + (row + 2) * LANES] = vx
-            arena[i + (row + 3) * LANES] = vy
-        for j in range(2):
-            prepare_reading(arena, history, slots, now, i, j, h, node)
+            prepare_reading(arena, history, slots, slot, i, j, h, node)
 
 
-def prepare_reading(arena: Any, history: Any, slots: int, now: int, i: int, j: int, h: float, node: float) -> None:
+def prepare_reading(arena: Any, history: Any, slots: int, slot: int, i: int, j: int, h: float, node: float) -> None:
     """Write offset and weight of reading j of lane i at t + node h (see `closed_loop.Law`).
 
     Readings at past steps are interpolated by cubic Hermite polynomials, whose error is of fourth order. A delay
@@ -149,7 +152,7 @@ def prepare_reading(arena: Any, history: Any, slots: int, now: int, i: int, j: i
     rate, and the stage's own, so that it tends to the undelayed one as the delay vanishes.
     """
     position = node - arena[i + (DELAY + j) * LANES] / h  # in steps from t
-    here = (now % slots) * 4 * LANES
+    here = slot * 4 * LANES
     offset = 0.0
     weight = 1.0
     rate_offset = 0.0
@@ -165,8 +168,10 @@ def prepare_reading(arena: Any, history: Any, slots: int, now: int, i: int, j: i
     elif node > 0.0 or position < 0.0:
         whole = int(-position)  # steps back, rounded towards t
         u = 1.0 - (-position - whole)  # within the interval that ends there
-        end = ((now - whole) % slots) * 4 * LANES
-        start = ((now - whole - 1) % slots) * 4 * LANES
+        last = slot - whole  # the ring is longer than any delay, so one turn back is enough
+        first = last - 1
+        end = (last if last >= 0 else last + slots) * 4 * LANES
+        start = (first if first >= 0 else first + slots) * 4 * LANES
         a = history[i + start + j * LANES]
         b = history[i + end + j * LANES]
         a_rate = h * history[i + start + (2 + j) * LANES]

@@ -1,13 +1,12 @@
-"""`FlexibleArm` and `Trajectory`: what they promise to a user."""
+"""`FlexibleArm`: what it promises to a user (its physics: test_dynamics, test_open_loop)."""
 
 from collections.abc import Callable
-from dataclasses import fields
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from lagrange import loaded_arm, random_state
+from refusals import refuses
 
 from flexarm_env import ArmParameters, DivergenceError, FlexibleArm, Trajectory
 
@@ -29,9 +28,14 @@ def states(arm: FlexibleArm, *shape: int) -> np.ndarray:
     return np.array([random_state(arm.parameters, seed) for seed in range(count)]).reshape(*shape, 2 * arm.size)
 
 
-def refuses(kind: type[Exception], *words: str) -> Any:
-    """The error names parameter, value and what is allowed."""
-    return pytest.raises(kind, match="(?s)" + "".join(f"(?=.*{word})" for word in words))
+def vibrating_state(arm: FlexibleArm, seed: int, deflection: float) -> np.ndarray:
+    """Any angles; modes as a sudden load leaves them: tip values [m] falling with the square of the frequency."""
+    rng = np.random.default_rng(seed)
+    omega = arm.modes[0].frequencies
+    size = deflection / np.abs(arm.modes[0].tip_values) * (omega[0] / omega) ** 2
+    q = [rng.uniform(-np.pi, np.pi, 2), rng.normal(size=(2, len(omega))) * size]
+    rates = [rng.normal(size=2), rng.normal(size=(2, len(omega))) * size * omega[0]]
+    return np.concatenate([part.ravel() for part in (*q, *rates)])
 
 
 # --- shapes -----------------------------------------------------------------------------------------------------------
@@ -221,15 +225,24 @@ def test_a_torque_function_cannot_change_the_run_through_its_argument(default: F
 def test_longest_step_is_named_allowed_and_stable(modes: int) -> None:
     arm = FlexibleArm(ArmParameters(modes_per_link=modes, modal_damping_ratio=0.0))
     longest = arm.longest_step()
-    start = np.zeros(2 * arm.size)
-    with refuses(ValueError, "step = ", f"at most {longest:.4g} s is allowed", r"substeps='auto', here 2\)"):
-        arm.simulate(start, None, 1.001 * longest, step=1.001 * longest)
-    for seed in range(3):
-        state = random_state(arm.parameters, seed, deflection=0.05, rate=0.3)
-        run = arm.simulate(state, None, 400 * longest, step=longest)
+    with refuses(ValueError, "step = ", f"at most {longest:.4g} s is allowed", "substeps='auto', here 2)"):
+        arm.simulate(np.zeros(2 * arm.size), None, 1.001 * longest, step=1.001 * longest)
+    for seed in range(5):
+        run = arm.simulate(vibrating_state(arm, seed, deflection=0.2), None, 400 * longest, step=longest)
         energy = run.kinetic_energy + run.strain_energy
         # the method damps what it does not resolve; beyond its limit, h omega = 2.83, energy would grow without bound
         assert energy[-1] < energy[0]
+
+
+@pytest.mark.parametrize("modes", [1, 2, 4])
+def test_fastest_rate_holds_for_the_bent_arm(modes: int) -> None:
+    arm = FlexibleArm(ArmParameters(modes_per_link=modes))
+    for seed in range(20):
+        matrix = arm.linearise(vibrating_state(arm, seed, deflection=1.0)).A
+        # seen: 3 % at most in 100 states; the step's limit leaves 40 %
+        assert np.abs(np.linalg.eigvals(matrix)).max() < 1.1 * arm.fastest_rate()
+    straight = arm.linearise(np.zeros(2 * arm.size)).A
+    assert np.abs(np.linalg.eigvals(straight)).max() > 0.9 * arm.fastest_rate()
 
 
 def test_substeps(default: FlexibleArm) -> None:
@@ -266,20 +279,20 @@ def test_divergence_stops_with_time_and_the_run_until_then(
 
 
 BAD_RUNS: list[tuple[dict[str, Any], type[Exception], tuple[str, ...]]] = [
-    ({"initial_state": np.zeros(8)}, ValueError, ("initial_state", r"\(12\)", r"\(8,\)")),
-    ({"initial_state": np.zeros((1, 12))}, ValueError, ("initial_state", r"\(12\)")),
-    ({"initial_state": [0.0] * 11 + [np.nan]}, ValueError, (r"initial_state\[11\] = nan", "finite")),
+    ({"initial_state": np.zeros(8)}, ValueError, ("initial_state", "(12,)", "(8,)")),
+    ({"initial_state": np.zeros((1, 12))}, ValueError, ("initial_state", "(12,)")),
+    ({"initial_state": [0.0] * 11 + [np.nan]}, ValueError, ("initial_state[11] = nan", "finite")),
     ({"initial_state": ["0.0"] * 12}, ValueError, ("initial_state", "real numbers")),
     ({"initial_state": None}, ValueError, ("initial_state", "real numbers")),
-    ({"torque": np.zeros((9, 2))}, ValueError, ("torque", r"\(10, 2\)", r"\(9, 2\)")),
-    ({"torque": (1.0, 2.0)}, ValueError, ("torque", r"\(10, 2\)")),
-    ({"torque": np.full((10, 2), np.inf)}, ValueError, (r"torque\[0, 0\] = inf", "finite")),
-    ({"torque": lambda time, state: 1.0}, ValueError, (r"torque\(time=0, state\)", r"\(2\)")),
+    ({"torque": np.zeros((9, 2))}, ValueError, ("torque", "(10, 2)", "(9, 2)")),
+    ({"torque": (1.0, 2.0)}, ValueError, ("torque", "(10, 2)")),
+    ({"torque": np.full((10, 2), np.inf)}, ValueError, ("torque[0, 0] = inf", "finite")),
+    ({"torque": lambda time, state: 1.0}, ValueError, ("torque(time=0, state)", "(2,)")),
     ({"torque": lambda time, state: (0.0, time / 0.0 if time == 0 else 0.0)}, ZeroDivisionError, ("division",)),
     (
         {"torque": lambda time, state: (0.0, np.nan if time > 0.0041 else 0.0)},
         ValueError,
-        (r"torque\(time=0.0045, state\)\[1\] = nan", "finite"),
+        ("torque(time=0.0045, state)[1] = nan", "finite"),
     ),
     ({"duration": 0.0105}, ValueError, ("duration = 0.0105", "whole number of steps of 0.001 s")),
     ({"duration": 0.0}, ValueError, ("duration = 0.0", "> 0.0")),
@@ -311,25 +324,25 @@ def test_whole_numbers_of_steps_survive_rounding(default: FlexibleArm) -> None:
 
 
 BAD_CALLS: list[tuple[Callable[[FlexibleArm], Any], type[Exception], tuple[str, ...]]] = [
-    (lambda arm: arm.mass_matrix(np.zeros(12)), ValueError, (r"q: must have shape \(..., 6\), got \(12,\)",)),
-    (lambda arm: arm.mass_matrix(0.0), ValueError, (r"q: must have shape \(..., 6\)",)),
+    (lambda arm: arm.mass_matrix(np.zeros(12)), ValueError, ("q: must have shape (..., 6), got (12,)",)),
+    (lambda arm: arm.mass_matrix(0.0), ValueError, ("q: must have shape (..., 6)",)),
     (lambda arm: arm.mass_matrix([[0.0] * 6, [0.0] * 5]), ValueError, ("q: must be an array of real numbers",)),
     (lambda arm: arm.mass_matrix(["0"] * 6), ValueError, ("q = ", "real numbers")),
     (lambda arm: arm.mass_matrix([True] * 6), ValueError, ("q = ", "real numbers")),
     (lambda arm: arm.mass_matrix([1j] * 6), ValueError, ("q = ", "real numbers")),
-    (lambda arm: arm.velocity_forces(np.zeros(6), [0.0] * 5 + [np.inf]), ValueError, (r"rates\[5\] = inf",)),
-    (lambda arm: arm.acceleration(np.zeros(6)), ValueError, (r"state: must have shape \(..., 12\)",)),
-    (lambda arm: arm.acceleration(REST, (1.0, np.nan)), ValueError, (r"torque\[1\] = nan",)),
-    (lambda arm: arm.acceleration(REST, 1.0), ValueError, (r"torque: must have shape \(..., 2\)",)),
-    (lambda arm: arm.energy([np.nan] * 12), ValueError, (r"state\[0\] = nan",)),
+    (lambda arm: arm.velocity_forces(np.zeros(6), [0.0] * 5 + [np.inf]), ValueError, ("rates[5] = inf",)),
+    (lambda arm: arm.acceleration(np.zeros(6)), ValueError, ("state: must have shape (..., 12)",)),
+    (lambda arm: arm.acceleration(REST, (1.0, np.nan)), ValueError, ("torque[1] = nan",)),
+    (lambda arm: arm.acceleration(REST, 1.0), ValueError, ("torque: must have shape (..., 2)",)),
+    (lambda arm: arm.energy([np.nan] * 12), ValueError, ("state[0] = nan",)),
     (lambda arm: arm.position(np.zeros(6), 3, 1.0), ValueError, ("link = 3", "from 1 to 2")),
     (lambda arm: arm.position(np.zeros(6), "1", 1.0), TypeError, ("link = '1'", "integer")),
     (lambda arm: arm.position(np.zeros(6), 1, 4.6), ValueError, ("s = 4.6", "0 to 4.5")),
     (lambda arm: arm.velocity(REST, 2, -0.1), ValueError, ("s = -0.1", "0 to 4.5")),
     (lambda arm: arm.point_jacobian(np.zeros(6), 2, np.nan), ValueError, ("s = nan", "0 to 4.5")),
     (lambda arm: arm.position(np.zeros(6), 2, "x"), ValueError, ("s = 'x'", "real numbers")),
-    (lambda arm: arm.linearise(np.zeros((2, 12))), ValueError, (r"state: must have shape \(12\)",)),
-    (lambda arm: arm.linearise(REST, (np.inf, 0.0)), ValueError, (r"torque\[0\] = inf",)),
+    (lambda arm: arm.linearise(np.zeros((2, 12))), ValueError, ("state: must have shape (12,)",)),
+    (lambda arm: arm.linearise(REST, (np.inf, 0.0)), ValueError, ("torque[0] = inf",)),
     (lambda arm: FlexibleArm({"modes_per_link": 2}), TypeError, ("parameters = ", "ArmParameters")),  # type: ignore[arg-type]
 ]
 
@@ -340,50 +353,3 @@ def test_bad_arguments_are_refused(
 ) -> None:
     with refuses(kind, *words):
         call(default)
-
-
-# --- trajectory -------------------------------------------------------------------------------------------------------
-
-
-def test_a_run_survives_saving(arm: FlexibleArm, tmp_path: Path) -> None:
-    run = arm.simulate(random_state(arm.parameters, 2, 0.1, 0.5), np.ones((5, 2)), 0.05, step=0.01, substeps="auto")
-    run.notes["case"] = {"name": "doublet", "gains": [1, 2.5], "ended": None}
-    run.save(tmp_path / "run.npz")
-    again = Trajectory.load(tmp_path / "run.npz")
-    assert again.parameters == run.parameters
-    assert again.notes == run.notes
-    assert set(again.arrays()) == set(run.arrays())
-    for name, array in run.arrays().items():
-        np.testing.assert_array_equal(again.arrays()[name], array, strict=True)
-    FlexibleArm(again.parameters)  # of the right types, down to the tuples
-
-
-def test_a_policys_run_survives_saving(default: FlexibleArm, tmp_path: Path) -> None:
-    extra = {"reference": np.ones((3, 2)), "sensed": np.zeros((3, 2)), "gain": np.arange(3.0), "reward": np.ones(3)}
-    run = default.record(0.1 * np.arange(3), np.zeros((3, 12)), np.zeros((3, 2)), **extra)
-    run.save(tmp_path / "run.npz")
-    again = Trajectory.load(tmp_path / "run.npz")
-    for name, array in extra.items():
-        np.testing.assert_array_equal(getattr(again, name), array)
-    assert set(run.arrays()) == {f.name for f in fields(Trajectory)} - {"parameters", "notes"}
-
-
-def test_arrays_of_another_length_are_refused(default: FlexibleArm) -> None:
-    with refuses(ValueError, "reward: has 2 instants, time has 3"):
-        default.record(np.arange(3.0), np.zeros((3, 12)), np.zeros((3, 2)), reward=np.zeros(2))
-
-
-def test_other_files_are_refused(tmp_path: Path) -> None:
-    paths = {name: tmp_path / f"{name}.npz" for name in ("text", "empty", "array", "arrays", "cut", "future")}
-    paths["text"].write_text("time, x, y")
-    paths["empty"].write_bytes(b"")
-    with paths["array"].open("wb") as file:
-        np.save(file, np.zeros(3))
-    np.savez(paths["arrays"], time=np.zeros(3))
-    paths["cut"].write_bytes(paths["arrays"].read_bytes()[:100])
-    np.savez(paths["future"], head=np.array('{"format": 99}'))
-    for path in paths.values():
-        with refuses(ValueError, path.name, "(not a saved Trajectory|format 99; this version reads 1)"):
-            Trajectory.load(path)
-    with pytest.raises(FileNotFoundError):
-        Trajectory.load(tmp_path / "none.npz")

@@ -1,0 +1,134 @@
+"""Takes the time of subjects by turns, so that a ratio compares moments that lie side by side."""
+
+from __future__ import annotations
+
+import statistics
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+UNITS = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
+
+
+@dataclass(frozen=True)
+class Subject:
+    """Something whose time is taken.
+
+    Attributes:
+        name: for the tables.
+        work: one timed call; it may return the seconds of its parts by name.
+        amount: how many units of work a call does.
+        prepare: an untimed call before each timed one; here a kernel is compiled.
+        at_most: so many repeats at most; None for as many as the group's.
+    """
+
+    name: str
+    work: Callable[[], Mapping[str, float] | None]
+    amount: float = 1.0
+    prepare: Callable[[], Any] | None = None
+    at_most: int | None = None
+
+
+@dataclass(frozen=True)
+class Ratio:
+    """How many times longer `slow` takes than `fast`, repeat by repeat.
+
+    Attributes:
+        slow: name of a subject, or of a number in `Group.given`.
+        fast: the same.
+        says: what the ratio means, in words.
+    """
+
+    slow: str
+    fast: str
+    says: str
+
+
+@dataclass(frozen=True)
+class Group:
+    """Subjects that are timed by turns.
+
+    Attributes:
+        name: key in the JSON file.
+        title: for people.
+        unit: of the times: a key of `UNITS`.
+        per: what one unit of work is.
+        subjects: what is timed.
+        ratios: what is compared.
+        given: times that were not measured here [s].
+        facts: further numbers for the JSON file.
+        warm: do every subject's work once before the first timed call.
+        share: of the option `repeats`.
+    """
+
+    name: str
+    title: str
+    unit: str
+    per: str
+    subjects: Sequence[Subject]
+    ratios: Sequence[Ratio]
+    given: Mapping[str, float] = field(default_factory=dict)
+    facts: Mapping[str, float] = field(default_factory=dict)
+    warm: bool = True
+    share: float = 1.0
+
+    def repeats(self, wanted: int) -> int:
+        """How often each subject is timed; twice at least."""
+        return max(2, round(self.share * wanted))
+
+
+def measure(group: Group, repeats: int, progress: Callable[[str], Any]) -> dict[str, Any]:
+    """Time a group.
+
+    Args:
+        group: the group.
+        repeats: the option; see `Group.share`.
+        progress: called with a subject's name after each timed call.
+
+    Returns:
+        The group's entry in the JSON file.
+    """
+    samples: dict[str, list[float]] = {}
+    if group.warm:
+        for subject in group.subjects:
+            _timed(subject, {})
+    for repeat in range(group.repeats(repeats)):
+        turn = group.subjects if repeat % 2 == 0 else group.subjects[::-1]
+        for subject in turn:
+            if subject.at_most is None or repeat < subject.at_most:
+                _timed(subject, samples)
+                progress(subject.name)
+    compared = samples | {name: [value] * group.repeats(repeats) for name, value in group.given.items()}
+    return {
+        "title": group.title,
+        "unit": f"{group.unit} per {group.per}",
+        "times": {name: _rated(values, group.unit) for name, values in samples.items()},
+        "given": {name: UNITS[group.unit] * value for name, value in group.given.items()},
+        "facts": dict(group.facts),
+        "ratios": [_compare(ratio, compared) for ratio in group.ratios],
+    }
+
+
+def _timed(subject: Subject, samples: dict[str, list[float]]) -> None:
+    if subject.prepare is not None:
+        subject.prepare()
+    start = time.perf_counter()
+    parts = subject.work()
+    elapsed = time.perf_counter() - start
+    samples.setdefault(subject.name, []).append(elapsed / subject.amount)
+    for name, seconds in (parts or {}).items():
+        samples.setdefault(f"{subject.name}: {name}", []).append(seconds)
+
+
+def _compare(ratio: Ratio, samples: Mapping[str, list[float]]) -> dict[str, Any]:
+    pairs = zip(samples[ratio.slow], samples[ratio.fast], strict=False)  # as many as both have
+    return {"says": ratio.says, "slow": ratio.slow, "fast": ratio.fast} | _summary([a / b for a, b in pairs])
+
+
+def _rated(values: Sequence[float], unit: str) -> dict[str, float]:
+    return _summary([UNITS[unit] * x for x in values]) | {"per_second": 1.0 / statistics.median(values)}
+
+
+def _summary(values: Sequence[float]) -> dict[str, float]:
+    return {"median": statistics.median(values), "min": min(values), "max": max(values), "repeats": len(values)}

@@ -1,0 +1,15 @@
+"""How the tests ask for a good error message."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import pytest
+
+
+@contextmanager
+def refuses(kind: type[Exception], *words: str) -> Iterator[None]:
+    """The error is of this kind and says all of this: parameter, value, what is allowed."""
+    with pytest.raises(kind) as caught:
+        yield
+    for word in words:
+        assert word in str(caught.value)

@@ -1,0 +1,81 @@
+"""The benchmark's command line, end to end; what it measures is not judged here."""
+
+import json
+import math
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+SCRIPT = Path(__file__).resolve().parents[1] / "scripts" / "bench.py"
+GROUPS = {"torque_driven", "closed_loop", "environment", "first_step", "lap"}
+
+
+def run(*arguments):
+    return subprocess.run([sys.executable, SCRIPT, *map(str, arguments)], capture_output=True, text=True)
+
+
+@pytest.fixture(scope="module")
+def trial(tmp_path_factory):
+    """What `--quick` writes and prints."""
+    path = tmp_path_factory.mktemp("bench") / "new folder" / "bench.json"
+    done = run("--quick", "--output", path)
+    assert done.returncode == 0, done.stderr
+
+    def refuse(constant):
+        raise ValueError(f"not strict JSON: {constant}")
+
+    assert [file.name for file in path.parent.iterdir()] == ["bench.json"]
+    return json.loads(path.read_text(), parse_constant=refuse), done.stdout
+
+
+def test_structure(trial):
+    results, _ = trial
+    assert set(results) == {"machine", "quick", "groups"}
+    assert results["quick"] is True
+    assert {"cpu", "cores", "python", "numba", "numpy", "scipy", "gymnasium"} <= set(results["machine"])
+    assert set(results["groups"]) == GROUPS
+    for group in results["groups"].values():
+        assert set(group) == {"title", "unit", "times", "given", "facts", "ratios"}
+        assert group["times"]
+        assert group["ratios"]
+
+
+def test_ratios_are_positive_and_name_what_was_timed(trial):
+    results, _ = trial
+    for group in results["groups"].values():
+        named = set(group["times"]) | set(group["given"])
+        for ratio in group["ratios"]:
+            assert {ratio["slow"], ratio["fast"]} <= named
+            assert 0.0 < ratio["min"] <= ratio["median"] <= ratio["max"] < math.inf
+            assert ratio["repeats"] >= 1
+
+
+def test_times_are_positive(trial):
+    results, _ = trial
+    for group in results["groups"].values():
+        for values in group["times"].values():
+            assert 0.0 < values["min"] <= values["median"] <= values["max"] < math.inf
+            assert 0.0 < values["per_second"] < math.inf
+
+
+def test_report_says_every_ratio_and_that_a_trial_means_little(trial):
+    results, printed = trial
+    assert "mean little" in printed
+    for group in results["groups"].values():
+        for ratio in group["ratios"]:
+            assert ratio["says"] in printed
+
+
+@pytest.mark.parametrize(
+    ("arguments", "named"),
+    [(("--repeats", 0), "repeats = 0"), (("--cold", -1), "cold = -1"), (("--modes", 1, 7), "modes = (1, 7)")],
+)
+def test_bad_options_are_refused_before_any_work(arguments, named, tmp_path):
+    path = tmp_path / "bench.json"
+    done = run(*arguments, "--output", path)
+    assert done.returncode != 0
+    assert f"error: {named}: must be" in done.stderr
+    assert "Traceback" not in done.stderr
+    assert not path.exists()

@@ -1,0 +1,358 @@
+"""Compiled kernels: the formulas as written, the same bits in any lane and thread, vectorised, never stale."""
+
+import os
+import platform
+import re
+import shutil
+import subprocess
+import sys
+import time
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from types import ModuleType
+
+import mpmath
+import numpy as np
+import pytest
+from lagrange import loaded_arm, random_state
+from numba import njit
+
+from flexarm_env import FlexibleArm, kernels
+from flexarm_env import dynamics as dyn
+from flexarm_env.elementary import sincos
+from flexarm_env.kernels import Variant
+
+PACKAGE = Path(kernels.__file__).parent
+LANES = 8
+VARIANTS = [(1, True), (2, True), (4, True), (2, False)]
+
+
+class Batch:
+    """Random arms of one variant at random states, as the kernels and as numpy want them."""
+
+    def __init__(self, modes: int, complete: bool, count: int = LANES) -> None:
+        rng = np.random.default_rng(modes)
+        self.modes, self.complete, self.count = modes, complete, count
+        self.size = 2 * modes + 2
+        self.constants, internal = [], []
+        for seed in range(count):
+            parameters = loaded_arm(modes, payload_mass=rng.uniform(0.0, 2.0), elbow_hub_inertia=rng.uniform(0.0, 1.0))
+            arm = FlexibleArm(parameters)
+            self.constants.append(arm.constants.flat())
+            internal.append(arm.internal_state(random_state(parameters, seed, deflection=0.2, rate=1.0)))
+        self.y, self.v = np.split(np.array(internal).T.copy(), 2)  # Shape (size, count)
+        self.tau = rng.normal(size=(2, count)) * 30.0
+
+    def module(self, lanes: int) -> ModuleType:
+        return kernels.load(Variant("open", self.modes, self.complete, lanes))
+
+    def arenas(self, lanes: int) -> np.ndarray:
+        """Shape (blocks, rows * lanes)."""
+        rows = np.zeros((kernels.arena_rows("open", self.modes), self.count))
+        values = {"Y": self.y, "V": self.v, "CONSTANTS": np.array(self.constants).T, "TAU": self.tau}
+        for name, value in values.items():
+            first, n = self.rows[name]
+            rows[first : first + n] = value
+        return np.array([block.ravel() for block in np.split(rows, self.count // lanes, axis=1)])
+
+    @property
+    def rows(self) -> dict[str, tuple[int, int]]:
+        return kernels.layout("open", self.modes)
+
+    def part(self, arenas: np.ndarray, lanes: int, name: str) -> np.ndarray:
+        """Shape (n, count)."""
+        first, n = self.rows[name]
+        return np.concatenate([block.reshape(-1, lanes)[first : first + n] for block in arenas], axis=1)
+
+    def by_numpy(self, y: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """The accelerations that the package's formulas give on arrays."""
+        k = dyn.Constants.unflat(list(np.array(self.constants).T), self.modes)
+        sin, cos = sincos(y[self.modes + 1] - y[0])
+        sin_theta2 = sincos(dyn.joint_angles(k, y)[1])[0]
+        return np.array(dyn.acceleration(k, self.complete, list(y), list(v), self.tau, (cos, sin, sin_theta2)))
+
+    def run(self, lanes: int, steps: int = 200) -> np.ndarray:
+        """States after each of some steps under the held torques. Shape (steps, 2 size, count)."""
+        arenas = self.arenas(lanes)
+        blocks = len(arenas)
+        torques = np.array([self.part(arenas[b : b + 1], lanes, "TAU").ravel() for b in range(blocks)])
+        states = np.zeros((steps, blocks, 2 * self.size * lanes))
+        done = self.module(lanes).run_open(arenas, np.tile(torques, (steps, 1, 1)), states, 1e-3, 1)
+        assert done == steps
+        shaped = states.reshape(steps, blocks, 2 * self.size, lanes)
+        return np.concatenate(list(shaped.transpose(1, 0, 2, 3)), axis=2)
+
+
+@pytest.fixture(scope="module", params=VARIANTS, ids=lambda variant: f"{variant[0]}-{variant[1]}")
+def batch(request: pytest.FixtureRequest) -> Batch:
+    return Batch(*request.param)
+
+
+# --- the formulas as written ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("lanes", [1, LANES])
+def test_slopes_are_the_formulas_on_arrays_to_the_last_bit(batch: Batch, lanes: int) -> None:
+    """Nothing is reordered, contracted or replaced, neither by the recorder nor by the compiler."""
+    arenas, module = batch.arenas(lanes), batch.module(lanes)
+    for arena in arenas:
+        module.slope_kernel(arena, 0.0, 0.25)
+    np.testing.assert_array_equal(batch.part(arenas, lanes, "Y_SLOPE"), batch.v)
+    slope = batch.by_numpy(batch.y, batch.v)
+    np.testing.assert_array_equal(batch.part(arenas, lanes, "V_SLOPE"), slope)
+    # the next stage starts from these slopes, and adds to the weighted sums
+    for arena in arenas:
+        module.slope_kernel(arena, 1e-3, 0.5)
+    y, v = batch.y + 1e-3 * batch.v, batch.v + 1e-3 * slope
+    np.testing.assert_array_equal(batch.part(arenas, lanes, "Y_SLOPE"), v)
+    np.testing.assert_array_equal(batch.part(arenas, lanes, "V_SLOPE"), batch.by_numpy(y, v))
+    np.testing.assert_array_equal(batch.part(arenas, lanes, "Y_SUM"), 0.25 * batch.v + 0.5 * v)
+
+
+def test_slopes_are_the_arms_accelerations() -> None:
+    """The friendly object uses numpy's sines: some ulp off, grown by the mass matrix's condition of 1e4."""
+    batch = Batch(2, True)
+    for lane in range(LANES):
+        arm = FlexibleArm(loaded_arm(2))
+        state = random_state(arm.parameters, lane, deflection=0.2, rate=1.0)
+        internal = arm.internal_state(state)
+        batch.y[:, lane], batch.v[:, lane] = np.split(internal, 2)
+        batch.constants[lane] = arm.constants.flat()
+        rates = arm.public_state(np.concatenate([batch.v[:, lane], batch.by_numpy(batch.y, batch.v)[:, lane]]))
+        expected = arm.acceleration(state, batch.tau[:, lane])
+        np.testing.assert_allclose(rates[arm.size :], expected, atol=1e-11 * np.abs(expected).max())
+
+
+# --- the same bits everywhere -----------------------------------------------------------------------------------------
+
+
+def test_a_lane_of_a_block_runs_as_it_runs_alone(batch: Batch) -> None:
+    together, alone = batch.run(LANES), batch.run(1)
+    assert np.all(np.isfinite(together))
+    assert np.abs(together[-1] - together[0]).max() > 0.1
+    np.testing.assert_array_equal(together, alone)
+
+
+def test_threads_run_as_one_does(batch: Batch) -> None:
+    expected = batch.run(LANES)
+    with ThreadPoolExecutor(4) as pool:
+        for result in pool.map(lambda _: batch.run(LANES), range(8)):
+            np.testing.assert_array_equal(result, expected)
+
+
+def test_kernels_release_the_interpreter() -> None:
+    """While a kernel runs in another thread, this one goes on counting."""
+    batch = Batch(1, True)
+    batch.run(LANES, 1)
+    with ThreadPoolExecutor(1) as pool:
+        started = time.perf_counter()
+        running = pool.submit(batch.run, LANES, 100_000)
+        longest, last = 0.0, time.perf_counter()
+        while not running.done():
+            now = time.perf_counter()
+            longest, last = max(longest, now - last), now
+        took = time.perf_counter() - started
+    # a kernel that held the interpreter would stop this loop for nearly all of its time
+    assert longest < 0.5 * took
+
+
+# --- sine and cosine --------------------------------------------------------------------------------------------------
+
+
+def ulp_errors(x: np.ndarray) -> np.ndarray:
+    """Of sine and cosine against 60 digits [units in the last place of the exact value]. Shape (2, n)."""
+    ours = np.array(sincos(x))
+    errors = np.empty_like(ours)
+    with mpmath.workdps(60):
+        for j, value in enumerate(x.tolist()):
+            for i, exact in enumerate(reversed(mpmath.cos_sin(mpmath.mpf(value)))):
+                errors[i, j] = abs((mpmath.mpf(float(ours[i, j])) - exact) / np.spacing(abs(float(exact))))
+    return errors
+
+
+def random_angles(bound: float) -> np.ndarray:
+    return np.random.default_rng(0).uniform(-bound, bound, 2000)
+
+
+def angles_near_quarters() -> np.ndarray:
+    """Doubles next to multiples of pi/2: the first, and those up to 1e5 that come closest to one."""
+    quarters = np.arange(1, 63662) * (np.pi / 2)
+    closest = np.argsort(np.minimum(np.abs(np.sin(quarters)), np.abs(np.cos(quarters))))
+    return np.concatenate([quarters[:500], quarters[closest[:1500]]])
+
+
+ANGLES = {
+    "a quarter": random_angles(0.8),
+    "a turn": random_angles(4.0),
+    "turns": random_angles(100.0),
+    "many turns": random_angles(1e5),
+    "next to multiples of pi/2": angles_near_quarters(),
+    "next to odd multiples of pi/4": np.arange(1, 2001, 2) * (np.pi / 4),
+    "tiny": 10.0 ** np.random.default_rng(1).uniform(-300.0, -1.0, 1000),
+}
+
+
+@pytest.mark.parametrize("name", ANGLES)
+def test_sine_and_cosine_are_within_two_ulp(name: str) -> None:
+    x = ANGLES[name]
+    assert ulp_errors(np.concatenate([x, -x[:100], np.nextafter(x[:100], 0.0)])).max() < 2.0
+
+
+def test_sine_and_cosine_of_zero_are_exact() -> None:
+    assert sincos(0.0) == (0.0, 1.0)
+
+
+def test_sine_and_cosine_pass_on_what_is_not_finite() -> None:
+    with np.errstate(invalid="ignore"):
+        results = np.array(sincos(np.array([np.nan, np.inf, -np.inf, 1.0])))
+    assert np.all(np.isnan(results[:, :3]))
+    assert np.all(np.isfinite(results[:, 3]))
+
+
+def test_a_lane_that_is_not_finite_stays_so_and_alone() -> None:
+    batch = Batch(2, True)
+    expected = batch.arenas(LANES)
+    batch.module(LANES).slope_kernel(expected[0], 0.0, 1.0)
+    batch.v[0, 3] = np.nan
+    arenas = batch.arenas(LANES)
+    batch.module(LANES).slope_kernel(arenas[0], 0.0, 1.0)
+    slope = batch.part(arenas, LANES, "V_SLOPE")
+    assert np.all(np.isnan(slope[:, 3]))
+    others = np.arange(LANES) != 3
+    np.testing.assert_array_equal(slope[:, others], batch.part(expected, LANES, "V_SLOPE")[:, others])
+
+
+# --- vectorised -------------------------------------------------------------------------------------------------------
+
+# packed and scalar double-precision arithmetic, and jumps to a library's sine or cosine
+MACHINES = {
+    "x86_64": (r"\bv?(?:mul|add|sub|div)pd\b", r"\bv?(?:mul|add|sub|div)sd\b", r"\b(?:callq?|jmpq?)\b"),
+    "aarch64": (
+        r"\bf(?:mul|add|sub|div)\s+v\d+\.2d|\bf(?:mul|add|sub|div)\.2d",
+        r"\bf(?:mul|add|sub|div)\s+d\d",
+        r"\bbl\b",
+    ),
+}
+
+
+@pytest.mark.parametrize(
+    ("variant", "kernel", "arguments"),
+    [
+        (Variant("open", 1, True, LANES), "slope_kernel", (0.0, 1.0)),
+        (Variant("loop", 1, True, LANES), "law_kernel", (0.0,)),
+    ],
+    ids=lambda value: value if isinstance(value, str) else "",
+)
+def test_batch_kernels_work_on_several_lanes_at_once(
+    variant: Variant, kernel: str, arguments: tuple[float, ...]
+) -> None:
+    machine = {"AMD64": "x86_64", "arm64": "aarch64"}.get(platform.machine(), platform.machine())
+    if machine not in MACHINES:
+        pytest.skip(f"no pattern of vector instructions for {machine}")
+    dispatcher = getattr(kernels.load(variant), kernel)
+    options = {name: value for name, value in dispatcher.targetoptions.items() if name not in ("cache", "nopython")}
+    assert not options.get("fastmath")
+    fresh = njit(**options)(dispatcher.py_func)  # what comes from a cache has no assembly to show
+    fresh(np.zeros(kernels.arena_rows(variant.kind, variant.modes) * LANES), *arguments)
+    (assembly,) = fresh.inspect_asm().values()
+    packed, scalar, _ = (len(re.findall(pattern, assembly)) for pattern in MACHINES[machine])
+    # hundreds of operations; scalar ones are left to the wrapper and to a loop's remainder, of which there is none
+    assert packed > 200
+    assert scalar < 0.05 * packed
+    assert not re.search(rf"(?:{MACHINES[machine][2]}).*\b_*(?:sin|cos|sincos|fma)", assembly)
+
+
+# --- never stale ------------------------------------------------------------------------------------------------------
+
+PROGRAM = """
+import sys, numpy as np, flexarm_env
+from flexarm_env import ArmParameters, FlexibleArm, kernels
+assert flexarm_env.__file__.startswith(sys.argv[1]), flexarm_env.__file__
+arm = FlexibleArm(ArmParameters(modes_per_link=1))
+run = arm.simulate([0.1, 0.2, 0.3, -0.2, 1.0, -1.0, 0.5, 0.4], np.ones((10, 2)), 0.01)
+stats = kernels.load(kernels.Variant("open", 1, True, 1)).run_open.stats
+print(sum(stats.cache_hits.values()), *(x.hex() for x in run.state[-1]))
+"""
+
+
+def start(folder: Path) -> subprocess.Popen[str]:
+    """Run the program on the copy of the package in a folder, with a cache of its own."""
+    environment = os.environ | {"PYTHONPATH": str(folder), "FLEXARM_CACHE_DIR": str(folder / "cache")}
+    command = [sys.executable, "-c", PROGRAM, str(folder)]
+    return subprocess.Popen(
+        command, cwd=folder, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+
+
+def finish(process: subprocess.Popen[str]) -> tuple[int, list[float]]:
+    """Hits in the cache, and the last state."""
+    out, err = process.communicate(timeout=300)
+    assert process.returncode == 0, err
+    hits, *state = out.split()
+    return int(hits), [float.fromhex(x) for x in state]
+
+
+@pytest.fixture
+def copy(tmp_path: Path) -> Path:
+    shutil.copytree(PACKAGE, tmp_path / "flexarm_env", ignore=shutil.ignore_patterns("__pycache__"))
+    return tmp_path
+
+
+EDITS = [
+    ("dynamics.py", "elbow_n = deflection * w1 * w1", "elbow_n = deflection * w1 * w2"),
+    ("elementary.py", "p = p * z - 1.66666666666666307295e-1", "p = p * z - 1.5e-1"),
+    ("stepping.py", "RK4_WEIGHT = (1.0 / 6.0, 1.0 / 3.0,", "RK4_WEIGHT = (1.0 / 3.0, 1.0 / 6.0,"),
+    ("stepping.py", "arena[i + (Y + r) * LANES] += h * arena", "arena[i + (Y + r) * LANES] += 2.0 * h * arena"),
+]
+
+
+def test_an_edited_formula_comes_through_and_an_unedited_one_comes_from_the_cache(copy: Path) -> None:
+    hits, original = finish(start(copy))
+    assert hits == 0
+    hits, again = finish(start(copy))
+    assert hits == 1  # the cache is at work: it could be stale
+    assert again == original
+    seen = [original]
+    for name, old, new in EDITS:
+        file = copy / "flexarm_env" / name
+        text = file.read_text(encoding="utf-8")
+        assert text.count(old) == 1, f"{name} no longer holds {old!r}"
+        stamp = file.stat()
+        file.write_text(text.replace(old, new), encoding="utf-8")
+        os.utime(file, ns=(stamp.st_atime_ns, stamp.st_mtime_ns + 10**9))  # for Python's own cache of bytecode
+        hits, state = finish(start(copy))
+        assert hits == 0
+        assert state not in seen
+        seen.append(state)
+        file.write_text(text, encoding="utf-8")
+        os.utime(file, ns=(stamp.st_atime_ns, stamp.st_mtime_ns + 2 * 10**9))
+    hits, back = finish(start(copy))
+    assert (hits, back) == (1, original)
+
+
+def test_processes_may_start_together_on_an_empty_cache(copy: Path) -> None:
+    results = [finish(process) for process in [start(copy), start(copy), start(copy)]]
+    assert results[0][1] == results[1][1] == results[2][1]
+    assert not list((copy / "cache").glob("*.tmp"))  # nothing is left lying about
+    assert finish(start(copy)) == (1, results[0][1])  # and the cache that they leave is a good one
+
+
+def test_a_folder_that_cannot_be_written_is_an_error_if_the_user_chose_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    blocker = tmp_path / "file"
+    blocker.write_text("")
+    monkeypatch.setenv("FLEXARM_CACHE_DIR", str(blocker / "cache"))
+    with pytest.raises(OSError, match="cache"):
+        kernels.cache_folder()
+
+
+def test_a_home_that_cannot_be_written_falls_back(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    blocker = tmp_path / "file"
+    blocker.write_text("")
+    monkeypatch.delenv("FLEXARM_CACHE_DIR", raising=False)
+    monkeypatch.setattr(kernels.platformdirs, "user_cache_dir", lambda name: str(blocker / name))
+    monkeypatch.setattr(kernels.tempfile, "gettempdir", lambda: str(tmp_path))
+    folder = kernels.cache_folder()
+    assert folder.is_dir()
+    assert folder.parent == tmp_path

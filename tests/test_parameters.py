@@ -1,0 +1,309 @@
+"""Input is checked at the border: every error names the parameter, its value, and what is allowed."""
+
+from collections.abc import Callable
+from dataclasses import FrozenInstanceError, asdict, fields, replace
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from lagrange import arms
+from refusals import refuses
+
+from flexarm_env import ArmParameters, LawParameters, SensorParameters, SquareParameters
+from flexarm_env.validation import choice, finite_array, finite_rows, integer, number, pair
+
+CLASSES = (ArmParameters, SensorParameters, LawParameters, SquareParameters)
+
+# Every numeric field: class, field, its name in messages, unit, whether it is a pair, the bound.
+POSITIVE, NOT_NEGATIVE = "> 0.0", ">= 0.0"
+NUMBERS: list[tuple[type, str, str, str, bool, str]] = [
+    (ArmParameters, "link_lengths", "link_lengths", "[m]", True, POSITIVE),
+    (ArmParameters, "flexural_rigidities", "flexural_rigidities", "[N m^2]", True, POSITIVE),
+    (ArmParameters, "masses_per_length", "masses_per_length", "[kg/m]", True, POSITIVE),
+    (ArmParameters, "shoulder_hub_inertia", "shoulder_hub_inertia", "[kg m^2]", False, NOT_NEGATIVE),
+    (ArmParameters, "elbow_hub_inertia", "elbow_hub_inertia", "[kg m^2]", False, NOT_NEGATIVE),
+    (ArmParameters, "elbow_mass", "elbow_mass", "[kg]", False, NOT_NEGATIVE),
+    (ArmParameters, "payload_mass", "payload_mass", "[kg]", False, NOT_NEGATIVE),
+    (ArmParameters, "payload_inertia", "payload_inertia", "[kg m^2]", False, NOT_NEGATIVE),
+    (ArmParameters, "modal_damping_ratio", "modal_damping_ratio", "<= 1.0", False, NOT_NEGATIVE),
+    (ArmParameters, "joint_friction", "joint_friction", "[N m s/rad]", True, NOT_NEGATIVE),
+    (ArmParameters, "mode_scale", "mode_scale", "", False, POSITIVE),
+    (SensorParameters, "position", "sensor_position", "[m]", False, POSITIVE),
+    (SensorParameters, "delay", "delay", "[s]", False, NOT_NEGATIVE),
+    (SensorParameters, "delay", "delay", "[s]", True, NOT_NEGATIVE),
+    (SensorParameters, "noise", "noise", "[m]", False, NOT_NEGATIVE),
+    (SensorParameters, "wave_speed", "wave_speed", "[m/s]", False, POSITIVE),
+    (LawParameters, "proportional_gain", "proportional_gain", "[N/m]", False, NOT_NEGATIVE),
+    (LawParameters, "derivative_gain", "derivative_gain", "[N s/m]", False, NOT_NEGATIVE),
+    (LawParameters, "torque_limit", "torque_limit", "[N m]", True, POSITIVE),
+    (SquareParameters, "side", "side", "[m]", False, POSITIVE),
+    (SquareParameters, "lap_time", "lap_time", "[s]", False, POSITIVE),
+]
+OPTIONS: list[tuple[type, str, str, tuple[str, ...]]] = [
+    (ArmParameters, "velocity_forces", "velocity_forces", ("complete", "rigid")),
+    (SensorParameters, "model", "sensor", ("collocated", "rigid", "true")),
+    (SensorParameters, "delayed", "delayed", ("position", "position+rate")),
+    (SensorParameters, "rate_jacobian", "rate_jacobian", ("delayed", "current")),
+    (LawParameters, "compensation", "compensation", ("none", "shared", "per_joint")),
+    (SquareParameters, "start_corner", "start_corner", ("lower left", "upper left", "upper right", "lower right")),
+    (SquareParameters, "direction", "direction", ("clockwise", "counterclockwise")),
+    (SquareParameters, "elbow_branch", "elbow_branch", ("positive", "negative")),
+]
+BAD_NUMBERS: list[tuple[Any, type[Exception]]] = [
+    (-1.0, ValueError),
+    (-1e-300, ValueError),
+    (np.nan, ValueError),
+    (np.inf, ValueError),
+    (-np.inf, ValueError),
+    (10**400, ValueError),
+    (True, TypeError),
+    (np.True_, TypeError),
+    ("1.0", TypeError),
+    (1j, TypeError),
+]
+
+
+def called(row: Any) -> str | None:
+    return f"{row.__name__}" if isinstance(row, type) else None
+
+
+def test_the_tables_below_leave_no_field_out() -> None:
+    checked = {(kind, name) for kind, name, *_ in [*NUMBERS, *OPTIONS]} | {(ArmParameters, "modes_per_link")}
+    assert checked == {(kind, field.name) for kind in CLASSES for field in fields(kind)}
+
+
+@pytest.mark.parametrize(("kind", "field", "name", "unit", "is_pair", "bound"), NUMBERS, ids=called)
+def test_bad_numbers_are_refused(kind: Any, field: str, name: str, unit: str, is_pair: bool, bound: str) -> None:
+    for bad, error in BAD_NUMBERS:
+        if is_pair:
+            for i, values in enumerate([(bad, 1.0), (1.0, bad)]):
+                with refuses(error, f"{name}[{i}] = {bad!r}: must be a finite number", bound, unit):
+                    kind(**{field: values})
+        else:
+            with refuses(error, f"{name} = {bad!r}: must be ", bound, unit):
+                kind(**{field: bad})
+
+
+@pytest.mark.parametrize(("kind", "field", "name", "unit", "is_pair", "bound"), NUMBERS, ids=called)
+def test_the_bound_itself(kind: Any, field: str, name: str, unit: str, is_pair: bool, bound: str) -> None:
+    zero = (0.0, 0.0) if is_pair else 0.0
+    if bound == POSITIVE:
+        with refuses(ValueError, name, "= 0.0: must be a finite number and > 0.0"):
+            kind(**{field: zero})
+    else:
+        assert getattr(kind(**{field: zero}), field) == zero
+
+
+NO_PAIRS: list[Any] = [1.0, None, (1.0,), (1.0, 2.0, 3.0), "ab", b"ab", {1.0, 2.0}, {"a": 1.0, "b": 2.0}, np.array(1.0)]
+
+
+@pytest.mark.parametrize(
+    "field", [field for kind, field, _, _, is_pair, _ in NUMBERS if is_pair and kind is ArmParameters]
+)
+def test_what_is_no_pair_is_refused(field: str) -> None:
+    for bad in NO_PAIRS:
+        with refuses(TypeError, f"{field} = {bad!r}: must be a pair of numbers"):
+            ArmParameters(**{field: bad})
+    with refuses(TypeError, f"{field}[0] = array([1., 1.]): must be a finite number"):
+        ArmParameters(**{field: np.ones((2, 2))})  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(("kind", "field", "name", "allowed"), OPTIONS, ids=called)
+def test_unknown_options_are_refused(kind: Any, field: str, name: str, allowed: tuple[str, ...]) -> None:
+    for bad in ("", "Complete", "unknown", 1, None, True, ("rigid",)):
+        with refuses(ValueError, f"{name} = {bad!r}: must be one of {', '.join(map(repr, allowed))}"):
+            kind(**{field: bad})
+
+
+@pytest.mark.parametrize(("kind", "field", "name", "allowed"), OPTIONS, ids=called)
+def test_all_options_are_accepted(kind: Any, field: str, name: str, allowed: tuple[str, ...]) -> None:
+    for option in allowed:
+        assert getattr(kind(**{field: option}), field) == option
+
+
+def test_bad_numbers_of_modes_are_refused() -> None:
+    for bad in (0, -1, 5, 9, 10**400):
+        with refuses(ValueError, f"modes_per_link = {bad}: must be an integer from 1 to 4"):
+            ArmParameters(modes_per_link=bad)
+    wrong: list[Any] = [1.0, True, "2", None, np.nan]
+    for value in wrong:
+        with refuses(TypeError, f"modes_per_link = {value!r}: must be an integer from 1 to 4"):
+            ArmParameters(modes_per_link=value)
+
+
+def test_more_damping_than_critical_is_refused() -> None:
+    with refuses(ValueError, "modal_damping_ratio = 1.01", "<= 1.0"):
+        ArmParameters(modal_damping_ratio=1.01)
+    assert ArmParameters(modal_damping_ratio=1.0).modal_damping_ratio == 1.0
+
+
+def test_unknown_names_are_refused() -> None:
+    for kind in CLASSES:
+        with pytest.raises(TypeError, match="no_such_parameter"):
+            kind(no_such_parameter=1.0)  # type: ignore[call-arg]
+    with pytest.raises(TypeError, match="no_such_parameter"):
+        ArmParameters.paper(no_such_parameter=1.0)
+
+
+# --- what sensors do not combine with ---------------------------------------------------------------------------------
+
+
+def test_a_collocated_sensor_has_no_delay() -> None:
+    for delay in (0.0, 0.01, (0.01, 0.02)):
+        with refuses(ValueError, "delay = ", "collocated", "None"):
+            SensorParameters(model="collocated", delay=delay)
+    assert SensorParameters(model="collocated").joint_delays(4.5) == (0.0, 0.0)
+
+
+def test_a_true_sensor_has_one_delay() -> None:
+    with refuses(ValueError, "delay = (0.01, 0.02)", "one number"):
+        SensorParameters(model="true", delay=(0.01, 0.02))
+    assert SensorParameters(model="true", delay=0.01).joint_delays(4.5) == (0.01, 0.01)
+    shoulder, elbow = SensorParameters(model="true").joint_delays(4.5)
+    assert shoulder == elbow == pytest.approx(9.0 / 288.33)
+
+
+def test_delays_are_the_papers() -> None:
+    # (16), (18) and their like at 0.5 m: printed with three or four digits
+    np.testing.assert_allclose(SensorParameters().joint_delays(4.5), [31.2e-3, 15.6e-3], rtol=2e-3)
+    np.testing.assert_allclose(SensorParameters(position=0.5).joint_delays(4.5), [17.34e-3, 1.734e-3], rtol=3e-4)
+    assert SensorParameters(delay=0.02).joint_delays(4.5) == (0.02, 0.02)
+    assert SensorParameters(delay=(0.02, 0.01)).joint_delays(4.5) == (0.02, 0.01)
+    assert SensorParameters(wave_speed=100.0).joint_delays(4.5) == (0.09, 0.045)
+
+
+@pytest.mark.parametrize("delay", [np.float32(0.25), np.int64(2), Fraction(1, 4), 1])
+@pytest.mark.parametrize("model", ["rigid", "true"])
+def test_any_real_number_is_a_delay(model: Any, delay: Any) -> None:
+    stored = SensorParameters(model=model, delay=delay).delay
+    assert stored == float(delay)
+    assert type(stored) is float
+
+
+# --- what is stored ---------------------------------------------------------------------------------------------------
+
+
+@given(arms())
+def test_arm_parameters_keep_what_they_are_given(parameters: ArmParameters) -> None:
+    again = ArmParameters(**asdict(parameters))
+    assert again == parameters
+    assert hash(again) == hash(parameters)
+    assert parameters.reach == sum(parameters.link_lengths)
+
+
+def test_values_take_their_canonical_types() -> None:
+    loose: Any = {
+        "link_lengths": np.array([4, 5], dtype=np.float32),
+        "flexural_rigidities": [1000, Fraction(1, 2)],
+        "modes_per_link": np.int64(3),
+        "payload_mass": np.float32(0.5),
+        "elbow_mass": 2,
+    }
+    parameters = ArmParameters(**loose)
+    assert parameters.link_lengths == (4.0, 5.0)
+    assert {type(x) for x in (*parameters.link_lengths, *parameters.flexural_rigidities)} == {float}
+    assert {type(parameters.payload_mass), type(parameters.elbow_mass)} == {float}
+    assert type(parameters.modes_per_link) is int
+    assert parameters == ArmParameters((4.0, 5.0), (1000.0, 0.5), modes_per_link=3, payload_mass=0.5, elbow_mass=2.0)
+
+
+@pytest.mark.parametrize("kind", CLASSES)
+def test_sets_are_frozen_and_replaceable(kind: Any) -> None:
+    parameters = kind()
+    name = fields(kind)[0].name
+    with pytest.raises(FrozenInstanceError):
+        setattr(parameters, name, getattr(parameters, name))
+    assert replace(parameters) == parameters
+    with pytest.raises((TypeError, ValueError)):
+        replace(parameters, **{name: object()})  # a changed set is checked again
+
+
+def test_papers_arm() -> None:
+    paper = ArmParameters.paper()
+    assert paper.modes_per_link == 1
+    assert paper.velocity_forces == "rigid"
+    assert paper.modal_damping_ratio == 0.0
+    assert paper.mode_scale == 0.1
+    assert paper.link_lengths == (4.5, 4.5)
+    assert paper.flexural_rigidities == (1676.0, 1676.0)
+    assert paper.masses_per_length == (0.335, 0.335)
+    assert ArmParameters.paper(modes_per_link=2, payload_mass=1.0).payload_mass == 1.0
+    assert (LawParameters().proportional_gain, LawParameters().derivative_gain) == (150.79, 17.364)
+
+
+# --- the checks themselves --------------------------------------------------------------------------------------------
+
+
+@given(st.floats(allow_nan=True, allow_infinity=True), st.floats(-10.0, 10.0), st.floats(-10.0, 10.0))
+def test_number_accepts_exactly_what_it_says(value: float, low: float, high: float) -> None:
+    for bounds, inside in (
+        ({"above": low}, value > low),
+        ({"least": low}, value >= low),
+        ({"most": high}, value <= high),
+        ({"least": low, "most": high}, low <= value <= high),
+    ):
+        if np.isfinite(value) and inside:
+            assert number("x", value, "m", **bounds) == value
+        else:
+            with refuses(ValueError, "x = ", "must be a finite number", "[m]"):
+                number("x", value, "m", **bounds)
+
+
+@given(st.integers(-100, 100), st.integers(-10, 10), st.integers(-10, 10))
+def test_integer_accepts_exactly_what_it_says(value: int, least: int, most: int) -> None:
+    if least <= value <= most:
+        assert integer("n", value, least, most) == value
+    else:
+        with refuses(ValueError, f"n = {value}: must be an integer from {least} to {most}"):
+            integer("n", value, least, most)
+    if value < least:
+        with refuses(ValueError, f"n = {value}: must be an integer >= {least}"):
+            integer("n", value, least)
+
+
+def test_pair_and_choice() -> None:
+    assert pair("p", [1, 2]) == (1.0, 2.0)
+    assert choice("c", "a", ("a", "b")) == "a"
+    with refuses(ValueError, "p[1] = 3", "<= 2.0"):
+        pair("p", (1, 3), most=2.0)
+
+
+BAD_ARRAYS: list[tuple[Any, tuple[str, ...]]] = [
+    ([1.0, 2.0], ("a: must have shape (n, 2), got (2,)",)),
+    (np.zeros((2, 3)), ("must have shape (n, 2), got (2, 3)",)),
+    (1.0, ("must have shape (n, 2), got ()",)),
+    ([[1.0, 2.0], [3.0, np.nan]], ("a[1, 1] = nan: must be finite",)),
+    ([[1.0, -np.inf]], ("a[0, 1] = -inf: must be finite",)),
+    ([[1.0, 2.0], [3.0]], ("a: must be an array of real numbers",)),
+    ([["1.0", "2.0"]], ("a = ", "array of real numbers")),
+    ([[None, 2.0]], ("a = ", "array of real numbers")),
+    ([[True, False]], ("a = ", "array of real numbers")),
+    ([[1j, 2.0]], ("a = ", "array of real numbers")),
+    ("ab", ("a = 'ab'", "array of real numbers")),
+]
+
+
+@pytest.mark.parametrize(("bad", "words"), BAD_ARRAYS, ids=lambda value: str(value)[:25])
+def test_bad_arrays_are_refused(bad: Any, words: tuple[str, ...]) -> None:
+    with refuses(ValueError, *words):
+        finite_array("a", bad, (None, 2))
+
+
+@pytest.mark.parametrize("check", [lambda a: finite_array("a", a, (3, 2)), lambda a: finite_rows("a", a, 2)])
+def test_checked_arrays_are_copies(check: Callable[[Any], np.ndarray]) -> None:
+    mine = np.ones((3, 2))
+    checked = check(mine)
+    checked[:] = 7.0
+    np.testing.assert_array_equal(mine, 1.0)
+    assert check(mine.astype(np.float32)).dtype == check([[1, 2]] * 3).dtype == np.float64
+
+
+def test_rows_admit_any_leading_axes() -> None:
+    for shape in ((2,), (5, 2), (3, 0, 2), (4, 3, 2)):
+        assert finite_rows("a", np.zeros(shape), 2).shape == shape
+    for bad in (0.0, np.zeros(3), np.zeros((2, 1))):
+        with refuses(ValueError, "a: must have shape (..., 2), got"):
+            finite_rows("a", bad, 2)
