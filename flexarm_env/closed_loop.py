@@ -32,9 +32,10 @@ from flexarm_env.dynamics import (
     velocity_forces,
 )
 from flexarm_env.elementary import sincos
-from flexarm_env.tracing import clip
+from flexarm_env.tracing import at_least, clip
 
 Pair = Sequence[Any]
+SMALL = 1e-9  # a divisor that pushes a torque to its limit
 
 
 class Law(NamedTuple):
@@ -239,15 +240,18 @@ def law_stage(
 def _limited_solution(wanted: Pair, feedback: Sequence[Pair], limit: Pair) -> list[Any]:
     """tau = clip(wanted - feedback tau), limited joint by joint.
 
-    The free solution, then one Gauss-Seidel sweep over the limited problem: where neither or one torque is at
-    its limit that is the solution, and where both are, both stay there.
+    The free solution, then one Gauss-Seidel sweep over the limited problem. While the diagonal of 1 + feedback and
+    its determinant are positive, that is the one solution. (Gains near 17 with a torque limit can make a diagonal
+    element negative; the torque is then at a limit.)
     """
     d1, d2 = 1.0 + feedback[0][0], 1.0 + feedback[1][1]
     determinant = d1 * d2 - feedback[0][1] * feedback[1][0]
+    free1 = (d2 * wanted[0] - feedback[0][1] * wanted[1]) / determinant
     free2 = (d1 * wanted[1] - feedback[1][0] * wanted[0]) / determinant
-    tau2 = clip(free2, -limit[1], limit[1])
-    tau1 = clip((wanted[0] - feedback[0][1] * tau2) / d1, -limit[0], limit[0])
-    return [tau1, clip((wanted[1] - feedback[1][0] * tau1) / d2, -limit[1], limit[1])]
+    cut2 = free2 - clip(free2, -limit[1], limit[1])  # 0 without limit: no small d1 can spoil the free solution
+    tau1 = clip(free1 + feedback[0][1] * cut2 / at_least(d1, SMALL), -limit[0], limit[0])
+    cut1 = free1 - tau1
+    return [tau1, clip(free2 + feedback[1][0] * cut1 / at_least(d2, SMALL), -limit[1], limit[1])]
 
 
 def reading(k: Constants, law: Law, sensor: str, y: Sequence[Any], v: Sequence[Any]) -> list[Any]:

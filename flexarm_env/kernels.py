@@ -26,7 +26,7 @@ import platformdirs
 from flexarm_env import closed_loop, reward, stepping
 from flexarm_env import dynamics as dyn
 from flexarm_env.elementary import sincos
-from flexarm_env.tracing import Trace
+from flexarm_env.tracing import Expression, Trace
 
 # Strict IEEE arithmetic: no fast-math, no contraction to fused operations; "numpy" only drops the checks for
 # division by zero, which would keep the compiler from vectorising.
@@ -102,7 +102,7 @@ class _Recorder:
     def __init__(self, variant: Variant) -> None:
         self.variant = variant
         self.trace = Trace()
-        self.stores: list[str] = []
+        self.stores: list[tuple[int, Any]] = []
 
     def read(self, name: str) -> list[Any]:
         first, count = layout(self.variant.kind, self.variant.modes)[name]
@@ -115,9 +115,7 @@ class _Recorder:
     def write(self, name: str, values: Sequence[Any]) -> None:
         first, count = layout(self.variant.kind, self.variant.modes)[name]
         assert len(values) == count, f"{name}: {len(values)} values for {count} rows"
-        for row, value in enumerate(values, first):
-            code = value.name if hasattr(value, "name") else repr(float(value))
-            self.stores.append(f"arena[i + {row * self.variant.lanes}] = {code}")
+        self.stores += enumerate(values, first)
 
     def constants(self) -> dyn.Constants:
         return dyn.Constants.unflat(self.read("CONSTANTS"), self.variant.modes)
@@ -131,7 +129,10 @@ class _Recorder:
         return closed_loop.Law(**fields)
 
     def source(self, header: str) -> str:
-        body = [*self.trace.lines, *self.stores]
+        body = self.trace.lines([value for _, value in self.stores])
+        for row, value in self.stores:
+            code = value.name if isinstance(value, Expression) else repr(float(value))
+            body.append(f"arena[i + {row * self.variant.lanes}] = {code}")
         lines = "".join(f"        {line}\n" for line in body)
         return f"{_DECORATOR}def {header}:\n    for i in range({self.variant.lanes}):\n{lines}\n\n"
 

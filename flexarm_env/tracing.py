@@ -14,30 +14,70 @@ from typing import Any
 import numpy as np
 
 
+_DEEPEST = 12  # nesting of a written expression; Python's parser and readers have limits
+
+
 class Trace:
-    """A growing list of assignments, each `name = expression of earlier names`."""
+    """A growing list of operations, each on inputs, literals and earlier operations."""
 
     def __init__(self) -> None:
         """Start empty."""
-        self.lines: list[str] = []
-        self._names: dict[str, Expression] = {}
+        self._operations: list[tuple[str, tuple[str, ...]]] = []
+        self._known: dict[tuple[str, tuple[str, ...]], Expression] = {}
 
     def input(self, code: str) -> Expression:
         """A value that the surrounding code provides, e.g. an array element."""
         return self.assign(code)
 
-    def assign(self, code: str) -> Expression:
-        """Record one operation, or find it if it was recorded before."""
-        known = self._names.get(code)
-        if known is None:
-            known = Expression(self, f"x{len(self.lines)}")
-            self.lines.append(f"{known.name} = {code}")
-            self._names[code] = known
-        return known
-
     def inputs(self, codes: Sequence[str]) -> list[Expression]:
         """Several inputs at once."""
         return [self.input(code) for code in codes]
+
+    def assign(self, template: str, *operands: str) -> Expression:
+        """Record one operation, or find it if it was recorded before."""
+        operation = (template, operands)
+        known = self._known.get(operation)
+        if known is None:
+            known = Expression(self, f"x{len(self._operations)}")
+            self._operations.append(operation)
+            self._known[operation] = known
+        return known
+
+    def lines(self, results: Sequence[Any]) -> list[str]:
+        """Assignments that compute the results, each under its own name; what no result needs is left out.
+
+        An operation used once is written inside the one that uses it: fewer names, which the compiler's time grows
+        with. Results always get a name, so that all inputs are read before the surrounding code writes anything.
+        """
+        uses = self._uses(results)
+        named = {result.name for result in results if isinstance(result, Expression)}
+        written: dict[str, tuple[str, int]] = {}  # code and nesting of operations without a name
+        lines = []
+        for index, (template, operands) in enumerate(self._operations):
+            name = f"x{index}"
+            if name not in uses:
+                continue
+            inner = [written.get(operand, (operand, 0)) for operand in operands]
+            code = template.format(*(f"({text})" if nesting else text for text, nesting in inner))
+            nesting = 1 + max((nesting for _, nesting in inner), default=0)
+            if uses[name] == 1 and name not in named and nesting < _DEEPEST:
+                written[name] = (code, nesting)
+            else:
+                lines.append(f"{name} = {code}")
+        return lines
+
+    def _uses(self, results: Sequence[Any]) -> dict[str, int]:
+        """How often each needed operation is used; the results count once more."""
+        uses: dict[str, int] = {}
+        for result in results:
+            if isinstance(result, Expression):
+                uses[result.name] = uses.get(result.name, 0) + 1
+        for index in reversed(range(len(self._operations))):
+            template, operands = self._operations[index]
+            if f"x{index}" in uses:
+                for place, operand in enumerate(operands):
+                    uses[operand] = uses.get(operand, 0) + template.count(f"{{{place}}}")
+        return uses
 
 
 class Expression:
@@ -52,47 +92,47 @@ class Expression:
         self.name = name
 
     def _record(self, template: str, *operands: Any) -> Expression:
-        return self.trace.assign(template.format(*(_code(operand) for operand in operands)))
+        return self.trace.assign(template, *(_code(operand) for operand in operands))
 
     def __add__(self, other: Any) -> Any:
         """Sum; adding a literal zero records nothing."""
-        return self if _is(other, 0.0) else self._record("{} + {}", self, other)
+        return self if _is(other, 0.0) else self._record("{0} + {1}", self, other)
 
     def __radd__(self, other: Any) -> Any:
         """Reflected sum."""
-        return self if _is(other, 0.0) else self._record("{} + {}", other, self)
+        return self if _is(other, 0.0) else self._record("{0} + {1}", other, self)
 
     def __sub__(self, other: Any) -> Any:
         """Difference."""
-        return self if _is(other, 0.0) else self._record("{} - {}", self, other)
+        return self if _is(other, 0.0) else self._record("{0} - {1}", self, other)
 
     def __rsub__(self, other: Any) -> Any:
         """Reflected difference."""
-        return -self if _is(other, 0.0) else self._record("{} - {}", other, self)
+        return -self if _is(other, 0.0) else self._record("{0} - {1}", other, self)
 
     def __mul__(self, other: Any) -> Any:
         """Product; a literal zero or one records nothing."""
         if _is(other, 0.0) or _is(other, 1.0):
             return 0.0 if _is(other, 0.0) else self
-        return self._record("{} * {}", self, other)
+        return self._record("{0} * {1}", self, other)
 
     def __rmul__(self, other: Any) -> Any:
         """Reflected product."""
         if _is(other, 0.0) or _is(other, 1.0):
             return 0.0 if _is(other, 0.0) else self
-        return self._record("{} * {}", other, self)
+        return self._record("{0} * {1}", other, self)
 
     def __truediv__(self, other: Any) -> Any:
         """Quotient."""
-        return self._record("{} / {}", self, other)
+        return self._record("{0} / {1}", self, other)
 
     def __rtruediv__(self, other: Any) -> Any:
         """Reflected quotient."""
-        return self._record("{} / {}", other, self)
+        return self._record("{0} / {1}", other, self)
 
     def __neg__(self) -> Any:
         """Negative."""
-        return self._record("-{}", self)
+        return self._record("-{0}", self)
 
 
 def _code(operand: Any) -> str:
@@ -105,7 +145,7 @@ def _is(operand: Any, value: float) -> bool:
 
 def floor(x: Any) -> Any:
     """Largest integer not above x, as a float."""
-    return x._record("floor({})", x) if isinstance(x, Expression) else np.floor(x)
+    return x._record("floor({0})", x) if isinstance(x, Expression) else np.floor(x)
 
 
 def clip(x: Any, low: Any, high: Any) -> Any:
@@ -113,3 +153,10 @@ def clip(x: Any, low: Any, high: Any) -> Any:
     if isinstance(x, Expression):
         return x._record("({1} if {0} < {1} else ({2} if {0} > {2} else {0}))", x, low, high)
     return np.clip(x, low, high)
+
+
+def at_least(x: Any, low: float) -> Any:
+    """The larger of x and low; NaN stays NaN."""
+    if isinstance(x, Expression):
+        return x._record("({1} if {0} < {1} else {0})", x, low)
+    return np.maximum(x, low)

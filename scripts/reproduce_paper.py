@@ -1,6 +1,6 @@
 """Reproduce Green & Sasiadek (IFAC 2008): the twelve runs, the figures, every number, every claim.
 
-Writes `runs/*.npz` (every trajectory), `figures/` (PNG and PDF), `summary.json`, `numbers.json`, `claims.json`,
+Writes `runs/*.npz` (every trajectory), `figures/` (PNG and SVG), `summary.json`, `numbers.json`, `claims.json`,
 `sweeps.json` and Markdown tables of these. The output folder is complete or absent: work is done beside it and put
 in its place at the end.
 """

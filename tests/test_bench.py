@@ -37,7 +37,7 @@ def test_structure(trial):
     assert {"cpu", "cores", "python", "numba", "numpy", "scipy", "gymnasium"} <= set(results["machine"])
     assert set(results["groups"]) == GROUPS
     for group in results["groups"].values():
-        assert set(group) == {"title", "unit", "times", "given", "facts", "ratios"}
+        assert set(group) == {"title", "unit", "clock", "times", "given", "facts", "ratios"}
         assert group["times"]
         assert group["ratios"]
 
@@ -58,6 +58,7 @@ def test_times_are_positive(trial):
         for values in group["times"].values():
             assert 0.0 < values["min"] <= values["median"] <= values["max"] < math.inf
             assert 0.0 < values["per_second"] < math.inf
+            assert 0.0 < values["wall"] < math.inf
 
 
 def test_report_says_every_ratio_and_that_a_trial_means_little(trial):

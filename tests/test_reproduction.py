@@ -51,7 +51,7 @@ def test_results_are_complete(results: Path) -> None:
     assert len(run) == 16_001
     assert run.notes["controller"] == "flsac"
     names = {"fig2", *(f"fig{n}{part}" for n in (5, 6, 7) for part in "ab")}
-    for suffix in ("png", "pdf"):
+    for suffix in ("png", "svg"):
         assert names <= {path.stem for path in (results / "figures").glob(f"*.{suffix}")}
         assert len(list((results / "figures").glob(f"time_*.{suffix}"))) == 12
     for name in ("summary.json", "numbers.json", "claims.json", "sweeps.json"):

@@ -105,7 +105,7 @@ def first_step(colds: int, cache: Path) -> Group:
         Ratio(cached, ACROBOT, "FlexArm (cached) over Acrobot, time to the first step"),
     ]
     title = "From process start to the first step (import, make, reset, step)"
-    return Group("first_step", title, "s", "process", subjects, ratios, warm=False, share=0.5)
+    return Group("first_step", title, "s", "process", subjects, ratios, wall=True, warm=False, share=0.5)
 
 
 def _process(name: str, cache: Path) -> dict[str, float]:

@@ -41,9 +41,7 @@ def torque_driven(modes: Sequence[int], effort: float) -> Group:
             name = f"{label}, {ARMS} arms, {lanes} lanes"
             subjects.append(_kernel(name, m, lanes, ARMS, round(400 * effort)))
             ratios.append(Ratio(f"{label}, 1 arm", name, f"batch of {lanes} lanes over scalar, {label}"))
-    return Group(
-        "torque_driven", "Physics of the torque-driven arm (RK4)", "ns", "step and arm", subjects, ratios
-    )
+    return Group("torque_driven", "Physics of the torque-driven arm (RK4)", "ns", "step and arm", subjects, ratios)
 
 
 def _kernel(name: str, modes: int, lanes: int, arms: int, steps: int) -> Subject:

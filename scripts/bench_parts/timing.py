@@ -1,4 +1,8 @@
-"""Takes the time of subjects by turns, so that a ratio compares moments that lie side by side."""
+"""Takes the time of subjects by turns, so that a ratio compares moments that lie side by side.
+
+Time is the processor's, spent by this process and all its threads: what the clock on the wall shows on a quiet machine,
+and nearly the same on a busy one. The wall clock's median stands beside it.
+"""
 
 from __future__ import annotations
 
@@ -58,6 +62,7 @@ class Group:
         ratios: what is compared.
         given: times that were not measured here [s].
         facts: further numbers for the JSON file.
+        wall: the work is done by other processes, so that only the clock on the wall counts.
         warm: do every subject's work once before the first timed call.
         share: of the option `repeats`.
     """
@@ -70,6 +75,7 @@ class Group:
     ratios: Sequence[Ratio]
     given: Mapping[str, float] = field(default_factory=dict)
     facts: Mapping[str, float] = field(default_factory=dict)
+    wall: bool = False
     warm: bool = True
     share: float = 1.0
 
@@ -90,35 +96,40 @@ def measure(group: Group, repeats: int, progress: Callable[[str], Any]) -> dict[
         The group's entry in the JSON file.
     """
     samples: dict[str, list[float]] = {}
+    walls: dict[str, list[float]] = {}
     if group.warm:
         for subject in group.subjects:
-            _timed(subject, {})
+            _timed(subject, {}, {})
     for repeat in range(group.repeats(repeats)):
         turn = group.subjects if repeat % 2 == 0 else group.subjects[::-1]
         for subject in turn:
             if subject.at_most is None or repeat < subject.at_most:
-                _timed(subject, samples)
+                _timed(subject, samples, walls)
                 progress(subject.name)
+    if group.wall:
+        samples |= walls
     compared = samples | {name: [value] * group.repeats(repeats) for name, value in group.given.items()}
     return {
         "title": group.title,
         "unit": f"{group.unit} per {group.per}",
-        "times": {name: _rated(values, group.unit) for name, values in samples.items()},
+        "clock": "wall" if group.wall else "processor",
+        "times": {name: _rated(values, walls[name], group.unit) for name, values in samples.items()},
         "given": {name: UNITS[group.unit] * value for name, value in group.given.items()},
         "facts": dict(group.facts),
         "ratios": [_compare(ratio, compared) for ratio in group.ratios],
     }
 
 
-def _timed(subject: Subject, samples: dict[str, list[float]]) -> None:
+def _timed(subject: Subject, samples: dict[str, list[float]], walls: dict[str, list[float]]) -> None:
     if subject.prepare is not None:
         subject.prepare()
-    start = time.perf_counter()
+    wall, processor = time.perf_counter(), time.process_time()
     parts = subject.work()
-    elapsed = time.perf_counter() - start
-    samples.setdefault(subject.name, []).append(elapsed / subject.amount)
+    processor, wall = time.process_time() - processor, time.perf_counter() - wall
+    samples.setdefault(subject.name, []).append(processor / subject.amount)
+    walls.setdefault(subject.name, []).append(wall / subject.amount)
     for name, seconds in (parts or {}).items():
-        samples.setdefault(f"{subject.name}: {name}", []).append(seconds)
+        walls.setdefault(f"{subject.name}: {name}", []).append(seconds)
 
 
 def _compare(ratio: Ratio, samples: Mapping[str, list[float]]) -> dict[str, Any]:
@@ -126,8 +137,10 @@ def _compare(ratio: Ratio, samples: Mapping[str, list[float]]) -> dict[str, Any]
     return {"says": ratio.says, "slow": ratio.slow, "fast": ratio.fast} | _summary([a / b for a, b in pairs])
 
 
-def _rated(values: Sequence[float], unit: str) -> dict[str, float]:
-    return _summary([UNITS[unit] * x for x in values]) | {"per_second": 1.0 / statistics.median(values)}
+def _rated(values: Sequence[float], walls: Sequence[float], unit: str) -> dict[str, float]:
+    median, scale = statistics.median(values), UNITS[unit]
+    rate = {"per_second": 1.0 / median, "wall": scale * statistics.median(walls)}
+    return _summary([scale * x for x in values]) | rate
 
 
 def _summary(values: Sequence[float]) -> dict[str, float]:

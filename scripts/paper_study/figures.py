@@ -1,4 +1,4 @@
-"""The paper's figures and ours, drawn from files: PNG for reading, PDF for print."""
+"""The paper's figures and ours, drawn from files: PNG for reading, SVG for print."""
 
 from __future__ import annotations
 
@@ -38,17 +38,18 @@ plt.rcParams.update(
         "legend.frameon": False,
         "figure.constrained_layout.use": True,
         "savefig.dpi": 110,
-        "pdf.fonttype": 42,
+        "svg.fonttype": "none",  # text stays text
+        "svg.hashsalt": "flexarm",  # equal pictures are equal files
     }
 )
 
 
 def save(figure: Figure, folder: Path, name: str) -> None:
-    """Write PNG and PDF; the PDF without a date, so that equal pictures are equal files."""
+    """Write PNG and SVG."""
     figure.draw_without_rendering()
     figure.set_layout_engine("none")  # laid out once, for both
     figure.savefig(folder / f"{name}.png")
-    figure.savefig(folder / f"{name}.pdf", metadata={"CreationDate": None})
+    figure.savefig(folder / f"{name}.svg", metadata={"Date": None})
     plt.close(figure)
 
 

@@ -61,12 +61,14 @@ def reproduce(study: Study, cases: Sequence[Case], folder: Path, sweeps: bool, p
     context = multiprocessing.get_context("spawn")
     pool = ProcessPoolExecutor(workers, mp_context=context)
     try:
-        # the longest first
+        # jobs of different kernels first: the two workers then compile different ones, and the rest find them
+        todo = sorted([("sweep", name) for name in names] + [("runs", name) for name in COLUMNS], key=_order)
         jobs: dict[Future[Any], tuple[str, str]] = {}
-        for name in names:
-            jobs[pool.submit(run_sweep, study, name)] = ("sweep", name)
-        for name in COLUMNS:
-            jobs[pool.submit(simulate_column, study, name, cases, runs_folder)] = ("runs", name)
+        for kind, name in todo:
+            if kind == "sweep":
+                jobs[pool.submit(run_sweep, study, name)] = (kind, name)
+            else:
+                jobs[pool.submit(simulate_column, study, name, cases, runs_folder)] = (kind, name)
         results = _collect(jobs, "simulating")
         rows = [row for name in names for row in results["sweep", name]]
         clocks = {name: results["runs", name] for name in COLUMNS}
@@ -76,6 +78,13 @@ def reproduce(study: Study, cases: Sequence[Case], folder: Path, sweeps: bool, p
             _collect(drawings, "drawing")
     finally:
         pool.shutdown(cancel_futures=True)  # a failure, or Ctrl-C, does not wait for what has not begun
+
+
+_FIRST = (("runs", "default"), ("sweep", "constant_gain"), ("runs", "complete"), ("sweep", "true_tip_feedback"))
+
+
+def _order(job: tuple[str, str]) -> int:
+    return _FIRST.index(job) if job in _FIRST else len(_FIRST)
 
 
 def _collect(jobs: dict[Future[Any], tuple[str, str]], label: str) -> dict[tuple[str, str], Any]:

@@ -14,8 +14,8 @@ from paper_study.measures import measures
 
 GAINS = (0.05, 0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 1.0, 1.5, 2.0, 3.0, 5.0)
 OUTPUT_SCALES = (1.0, 2.0, 3.0, 4.0, 6.0, 10.0, 14.0, 20.0)
-NORMALISERS = (0.2, 0.5, 1.0, 2.0, 5.0, 10.0)
-WIDTH_SCALES = (0.6, 0.75, 1.0, 1.5, 2.0, 3.0, 5.0)
+NORMALISERS = (0.2, 1.0, 5.0)
+WIDTH_SCALES = (0.75, 1.0, 2.0, 5.0)
 TRUE_TIP_GAINS = (0.06, 0.1, 0.2, 0.35, 0.5, 0.7, 1.0)
 TRUE_TIP_DAMPING = (0.0, 0.01, 0.03)
 SHORT_DELAY = 1.2e-3  # [s]
