@@ -6,6 +6,8 @@ reads actions with it and the baselines write them with it, so that both mean th
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -25,7 +27,12 @@ def gain_from_action(action: ArrayLike, gain_limit: ArrayLike) -> NDArray[np.flo
     """
     limit = _checked_limit(gain_limit)
     values = _checked_range("action", action, -1.0, np.asarray(1.0))
-    return np.asarray(limit * (0.5 * (values + 1.0)))  # in this order: 1 gives the limit itself, never more
+    return np.asarray(scaled(values, limit))
+
+
+def scaled(action: Any, gain_limit: Any) -> Any:
+    """The formula of `gain_from_action`, without checks, for values that are known to be valid."""
+    return gain_limit * (0.5 * (action + 1.0))  # in this order: 1 gives the limit itself, never more
 
 
 def action_from_gain(gain: ArrayLike, gain_limit: ArrayLike) -> NDArray[np.float64]:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from math import isfinite
 from typing import Any
 
 import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
-from flexarm_env.actions import gain_from_action
+from flexarm_env.actions import scaled
 from flexarm_env.arm import FlexibleArm
 from flexarm_env.parameters import (
     ArmParameters,
@@ -176,12 +177,13 @@ class FlexArmEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self, action: NDArray[np.float32]
     ) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
         """Hold the action's gain for one control period; see the class."""
-        checked = finite_array("action", action, (1,))
-        gain = gain_from_action(np.clip(checked, -1.0, 1.0), self.gain_limit)
-        self._loop.advance(gain, self._draw())
+        if np.shape(action) != (1,) or not isfinite(action[0]):
+            finite_array("action", action, (1,))  # says what is wrong
+        gain = scaled(min(max(float(action[0]), -1.0), 1.0), self.gain_limit)
+        self._loop.advance((gain,), self._draw())
         results = self._loop.results()
-        info = self._info(results, float(gain[0]))
-        reason = self._loop.failure(results.status[0])
+        info = self._info(results, gain)
+        reason = self._loop.failure(float(results.status[0]))
         if reason is not None:
             info["termination_reason"] = reason
             # the state may be anything now: the observation stays at the last valid one

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -128,6 +128,26 @@ class ClosedLoop:
         self._put("LIMITS", np.tile(limits, (len(self._cases), 1)))
         for name, values in self._settings().items():
             self._put(name, values)
+        self._link()
+
+    def _link(self) -> None:
+        """Views for the hot path: whole blocks as the kernels take them, the gains' rows, the parts of results."""
+        self._flat_arenas = self._arenas.reshape(len(self._arenas), -1)
+        self._flat_histories = self._histories.reshape(len(self._histories), -1)
+        self._gain_rows = self._arenas[:, self._rows["GAIN"][0]]
+        self._places = np.divmod(np.arange(len(self._cases)), self._arenas.shape[2])  # block and lane of each arm
+        ends = np.cumsum(list(kernels.result_sizes(self.arm.parameters.modes_per_link).values())).tolist()
+        self._parts = [slice(start, end) for start, end in zip([0, *ends], ends, strict=False)]
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Without the views, which would come back as copies."""
+        views = ("_flat_arenas", "_flat_histories", "_gain_rows")
+        return {name: value for name, value in self.__dict__.items() if name not in views}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Link the views again."""
+        self.__dict__.update(state)
+        self._link()
 
     def __len__(self) -> int:
         """Number of arms."""
@@ -159,8 +179,8 @@ class ClosedLoop:
         self._put("V", internal[:, self.arm.size :])
         self._put_noise(noise)
         module = kernels.load(self._variant)
-        for arena, history, count in zip(self._flat(self._arenas), self._histories, self._counts, strict=True):
-            module.store_reading(arena, history.reshape(-1), count)
+        for arena, history, count in zip(self._flat_arenas, self._flat_histories, self._counts, strict=True):
+            module.store_reading(arena, history, count)
         self._histories[:, 1:] = self._histories[:, :1]
         self._histories[:, 1:, 2:] = 0.0  # before the start nothing moves
         self._run(0, initialise=True)
@@ -172,10 +192,11 @@ class ClosedLoop:
             gain: lambda of each arm. Shape (N,).
             noise: added to each arm's reading [m]. Shape (N, 2); None leaves it as it was.
         """
-        values = finite_array("gain", gain, (len(self),))
-        if np.any(values < 0.0):
+        values = np.asarray(gain, dtype=np.float64)
+        if values.shape != (len(self),) or not ((values >= 0.0) & (values < np.inf)).all():
+            values = finite_array("gain", gain, (len(self),))
             raise ValueError(f"gain = {float(values.min())!r}: must be >= 0")
-        self._put("GAIN", values[:, None])
+        self._gain_rows[self._places] = values
         if noise is not None:
             self._put_noise(noise)
         self._run(self.substeps, initialise=False)
@@ -187,13 +208,11 @@ class ClosedLoop:
     def packed_results(self) -> Array:
         """`results` in one new array, for records. Shape (N, k)."""
         rows = self._arenas[:, self._results].transpose(0, 2, 1).copy()
-        return rows.reshape(-1, rows.shape[2])[: len(self)]
+        return rows.reshape(-1, rows.shape[2])[: len(self._cases)]
 
     def unpack(self, packed: Array) -> Results:
         """Views of packed results. Shape (..., k)."""
-        sizes = kernels.result_sizes(self.arm.parameters.modes_per_link).values()
-        ends = np.cumsum(list(sizes)).tolist()
-        parts = [packed[..., end - size : end] for size, end in zip(sizes, ends, strict=True)]
+        parts = [packed[..., part] for part in self._parts]
         return Results(*parts[:-1], status=parts[-1][..., 0])
 
     def failure(self, status: float) -> str | None:
@@ -272,14 +291,10 @@ class ClosedLoop:
         values = np.zeros((len(self), 2)) if noise is None else finite_array("noise", noise, (len(self), 2))
         self._put("NOISE", values)
 
-    @staticmethod
-    def _flat(arrays: NDArray) -> NDArray:
-        return arrays.reshape(len(arrays), -1)  # a view
-
     def _run(self, steps: int, initialise: bool) -> None:
         kernels.load(self._variant).run_loop(
-            self._flat(self._arenas),
-            self._flat(self._histories),
+            self._flat_arenas,
+            self._flat_histories,
             self._counts,
             self.path.table,
             self.physics_step,
