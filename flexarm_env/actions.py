@@ -66,6 +66,6 @@ def _checked_range(name: str, value: ArrayLike, low: float, high: NDArray[np.flo
     inside = (values >= low) & (values <= high)  # false for nan
     if not inside.all():
         index = int(np.argmin(inside))
-        worst, bound = np.broadcast_to(values, inside.shape).flat[index], np.broadcast_to(high, inside.shape).flat[index]
+        worst, bound = (np.broadcast_to(each, inside.shape).flat[index] for each in (values, high))
         raise ValueError(f"{name} = {float(worst)!r}: must be finite and in [{low}, {float(bound)}]")
     return values

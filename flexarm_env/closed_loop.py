@@ -139,40 +139,65 @@ def _late(current: Pair, law: Law) -> list[Any]:
     return [law.offset[j] + law.weight[j] * current[j] for j in (0, 1)]
 
 
-def _measured(
-    k: Constants, law: Law, sensor: str, rate_jacobian: str, y: Sequence[Any], angles: dict[str, Any]
-) -> tuple[Pair, Pair, Sequence[Sequence[Any]]]:
-    """Measured position, the late part of its rate, and the rows G with rate = late part + G v."""
-    size = len(y)
-    if sensor == "true":
-        point = _late(true_point(k, law, y, angles["one"], angles["two"]), law)
-        rows = true_jacobian(k, law, y, angles["one"], angles["two"])
-        scaled = [[law.rate_weight[j] * value for value in rows[j]] for j in (0, 1)]
-        return point, law.rate_offset, scaled
+class Measurement(NamedTuple):
+    """What the law knows of the sensed point in one stage.
+
+    Attributes:
+        point: x, y, late as the sensor is.
+        late_rate: the part of the point's rate that comes from the past.
+        rate_rows: rows G; the point's rate is ``late_rate + G v``.
+    """
+
+    point: Pair
+    late_rate: Pair
+    rate_rows: Sequence[Sequence[Any]]
+
+
+def _true_measurement(k: Constants, law: Law, y: Sequence[Any]) -> Measurement:
+    """Of the physical point, one delay for the whole reading."""
+    one, two = sincos(y[0]), sincos(y[len(k.elbow_values) + 1])
+    rows = true_jacobian(k, law, y, one, two)
+    weighted = [[law.rate_weight[r] * value for value in rows[r]] for r in (0, 1)]
+    return Measurement(_late(true_point(k, law, y, one, two), law), law.rate_offset, weighted)
+
+
+def _rigid_measurement(
+    k: Constants, law: Law, y: Sequence[Any], current_jacobian: tuple[Pair, Pair] | None
+) -> Measurement:
+    """By rigid kinematics of the joint angles, each with its own delay.
+
+    Args:
+        k: constants of the arm.
+        law: the law's data in this stage.
+        y: internal coordinates.
+        current_jacobian: J of the current angles, if the rate is to go through that one.
+    """
     theta1, theta2 = _late(joint_angles(k, y), law)
     one, both = sincos(theta1), sincos(theta1 + theta2)
     point = rigid_point(k.elbow_distance, law.sensor_distance, one, both)
-    columns = (
-        rigid_jacobian(k.elbow_distance, law.sensor_distance, one, both)
-        if rate_jacobian == "delayed"
-        else angles["jacobian"]
-    )
-    rate_rows = [_joint_row(k, 0, size), _joint_row(k, 1, size)]
+    columns = current_jacobian or rigid_jacobian(k.elbow_distance, law.sensor_distance, one, both)
+    # the joint rates are the transpose of the torques' action, B^T v
+    joints = [generalised_torque(k, unit) for unit in ((1.0, 0.0), (0.0, 1.0))]
     late = [columns[0][r] * law.rate_offset[0] + columns[1][r] * law.rate_offset[1] for r in (0, 1)]
     weighted = [[columns[j][r] * law.rate_weight[j] for j in (0, 1)] for r in (0, 1)]
-    rows = [
-        [weighted[r][0] * rate_rows[0][c] + weighted[r][1] * rate_rows[1][c] for c in range(size)]
-        for r in (0, 1)
-    ]
-    return point, late, rows
+    rows = [[weighted[r][0] * a + weighted[r][1] * b for a, b in zip(*joints, strict=True)] for r in (0, 1)]
+    return Measurement(point, late, rows)
 
 
-def _joint_row(k: Constants, joint: int, size: int) -> list[Any]:
-    """d(theta_joint)/dy: the transpose of `generalised_torque`."""
-    unit = (1.0, 0.0) if joint == 0 else (0.0, 1.0)
-    row = generalised_torque(k, unit)
-    assert len(row) == size
-    return row
+class Stage(NamedTuple):
+    """Result of one implicit stage.
+
+    Attributes:
+        v: internal rates.
+        mechanical: acceleration M^-1 (-h - K y - D v) at v.
+        feedback: acceleration M^-1 B tau by the law.
+        tau: torques [N m].
+    """
+
+    v: list[Any]
+    mechanical: list[Any]
+    feedback: list[Any]
+    tau: list[Any]
 
 
 def law_stage(
@@ -182,7 +207,7 @@ def law_stage(
     y: Sequence[Any],
     v_known: Sequence[Any],
     h_gamma: Any,
-) -> tuple[list[Any], list[Any], list[Any], list[Any]]:
+) -> Stage:
     """Solve one stage ``v = v_known + h gamma M^-1 B tau(v)`` for v.
 
     Args:
@@ -192,49 +217,60 @@ def law_stage(
         y: internal coordinates of the stage (explicit).
         v_known: explicit part of its rates.
         h_gamma: step times the diagonal coefficient [s].
-
-    Returns:
-        v; the mechanical acceleration M^-1 (-h - K y - D v) at v; the law's acceleration M^-1 B tau; tau [N m].
     """
     complete, sensor, rate_jacobian = variant
     m = len(k.elbow_values)
-    a1, a2 = y[0], y[m + 1]
-    absolute2 = a2 - dot(k.elbow_slopes, y[1 : m + 1])  # theta1 + theta2
-    cos_sin = sincos(a2 - a1)
-    cos, sin = cos_sin[1], cos_sin[0]
-    one, both = sincos(a1), sincos(absolute2)
+    sin, cos = sincos(y[m + 1] - y[0])
+    one, both = sincos(y[0]), sincos(y[m + 1] - dot(k.elbow_slopes, y[1 : m + 1]))  # theta1, theta1 + theta2
     jacobian = rigid_jacobian(k.elbow_distance, law.sensor_distance, one, both)
-    angles = {"one": one, "jacobian": jacobian}
     if sensor == "true":
-        angles["two"] = sincos(a2)
+        measured = _true_measurement(k, law, y)
+    else:
+        measured = _rigid_measurement(k, law, y, jacobian if rate_jacobian == "current" else None)
     factors = factor(mass_matrix(k, y, cos, sin))
     responses = [solve(factors, generalised_torque(k, unit)) for unit in ((1.0, 0.0), (0.0, 1.0))]
+    tau = _torque(law, jacobian, measured, v_known, responses, h_gamma)
+    feedback = [a * tau[0] + b * tau[1] for a, b in zip(*responses, strict=True)]
+    v = [known + h_gamma * acceleration for known, acceleration in zip(v_known, feedback, strict=True)]
+    sin_theta2 = both[0] * one[1] - both[1] * one[0]
+    h = velocity_forces(k, y, v, cos, sin) if complete else rigid_velocity_forces(k, v, sin_theta2)
+    return Stage(v, solve(factors, applied_forces(k, y, v, h)), feedback, tau)
 
-    point, late_rate, rows = _measured(k, law, sensor, rate_jacobian, y, angles)
-    known_rate = [late_rate[r] + dot(rows[r], v_known) for r in (0, 1)]
-    rate_response = [[dot(rows[r], responses[j]) for j in (0, 1)] for r in (0, 1)]
+
+def _torque(
+    law: Law,
+    jacobian: tuple[Pair, Pair],
+    measured: Measurement,
+    v_known: Sequence[Any],
+    responses: Sequence[Sequence[Any]],
+    h_gamma: Any,
+) -> list[Any]:
+    """The law's torque (14) at the end of the stage, from the rates' known part.
+
+    Args:
+        law: the law's data in this stage.
+        jacobian: J by columns.
+        measured: the sensed point.
+        v_known: explicit part of the rates.
+        responses: accelerations by unit torques of shoulder and elbow.
+        h_gamma: see `law_stage`.
+    """
+    known_rate = [measured.late_rate[r] + dot(measured.rate_rows[r], v_known) for r in (0, 1)]
+    response = [[dot(measured.rate_rows[r], responses[j]) for j in (0, 1)] for r in (0, 1)]
+    damping = h_gamma * law.gain * law.derivative_gain
     commands = (law.command_1, law.command_2)
     wanted, feedback = [], []
     for j in (0, 1):  # (10), row by row: the two joints may be commanded with different delays
         force = [
-            law.proportional_gain * (commands[j][r] - (point[r] + law.noise[r]))
+            law.proportional_gain * (commands[j][r] - (measured.point[r] + law.noise[r]))
             + law.derivative_gain * (commands[j][2 + r] - known_rate[r])
             for r in (0, 1)
         ]
         wanted.append(law.gain * (jacobian[j][0] * force[0] + jacobian[j][1] * force[1]))
-        damping = h_gamma * law.gain * law.derivative_gain
         feedback.append(
-            [
-                damping * (jacobian[j][0] * rate_response[0][i] + jacobian[j][1] * rate_response[1][i])
-                for i in (0, 1)
-            ]
+            [damping * (jacobian[j][0] * response[0][i] + jacobian[j][1] * response[1][i]) for i in (0, 1)]
         )
-    tau = _limited_solution(wanted, feedback, law.torque_limit)
-    law_acceleration = [responses[0][r] * tau[0] + responses[1][r] * tau[1] for r in range(len(y))]
-    v = [v_known[r] + h_gamma * law_acceleration[r] for r in range(len(y))]
-    sin_theta2 = both[0] * one[1] - both[1] * one[0]
-    h = velocity_forces(k, y, v, cos, sin) if complete else rigid_velocity_forces(k, v, sin_theta2)
-    return v, solve(factors, applied_forces(k, y, v, h)), law_acceleration, tau
+    return _limited_solution(wanted, feedback, law.torque_limit)
 
 
 def _limited_solution(wanted: Pair, feedback: Sequence[Pair], limit: Pair) -> list[Any]:

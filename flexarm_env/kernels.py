@@ -156,13 +156,13 @@ def _slope_source(variant: Variant) -> str:
 def _law_source(variant: Variant) -> str:
     r = _Recorder(variant)
     options = (variant.complete, variant.sensor, variant.rate_jacobian)
-    v, mechanical, feedback, tau = closed_loop.law_stage(
+    stage = closed_loop.law_stage(
         r.constants(), r.law(), options, r.read("Y_STAGE"), r.read("V_STAGE"), r.trace.input("h_gamma")
     )
-    r.write("V_STAGE", v)
-    r.write("MECHANICAL", mechanical)
-    r.write("FEEDBACK", feedback)
-    r.write("TAU", tau)
+    r.write("V_STAGE", stage.v)
+    r.write("MECHANICAL", stage.mechanical)
+    r.write("FEEDBACK", stage.feedback)
+    r.write("TAU", stage.tau)
     return r.source("law_kernel(arena, h_gamma)")
 
 
@@ -220,7 +220,7 @@ def render(variant: Variant) -> str:
     tables = ("NODES", "GAMMA", "EXPLICIT", "IMPLICIT", "RK4_STEP", "RK4_WEIGHT")
     constants = {name: getattr(stepping, name) for name in tables} | {"WIDTHS": reward.WIDTHS}
     text = f'"""Assembled by flexarm_env.kernels for {variant}; do not edit."""\n\n'
-    text += "from typing import Any\n\nfrom math import exp, sqrt\n\nfrom numba import njit\nfrom numpy import floor\n\n"
+    text += "from math import exp, sqrt\nfrom typing import Any\n\nfrom numba import njit\nfrom numpy import floor\n\n"
     text += "".join(f"{name} = {value!r}\n" for name, value in (header | constants).items()) + "\n\n"
     for record in _RECORDED[variant.kind]:
         text += record(variant)

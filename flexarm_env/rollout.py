@@ -138,7 +138,7 @@ def _groups(policies: Sequence[Any]) -> list[tuple[Any, NDArray[np.int64]]]:
 
 def _trajectories(loop: ClosedLoop, results: Results, gains: Array, ends: NDArray[Any]) -> list[Trajectory]:
     instants = len(results.status)
-    time = loop.control_period * np.arange(instants)
+    time = loop.control_period * np.arange(instants, dtype=np.float64)
     blocks = observation_blocks(loop.arm.parameters.modes_per_link)
     trajectories = []
     for i in range(len(loop)):

@@ -212,8 +212,8 @@ class ClosedLoop:
 
     def unpack(self, packed: Array) -> Results:
         """Views of packed results. Shape (..., k)."""
-        parts = [packed[..., part] for part in self._parts]
-        return Results(*parts[:-1], status=parts[-1][..., 0])
+        *parts, status = (packed[..., part] for part in self._parts)
+        return Results._make([*parts, status[..., 0]])
 
     def failure(self, status: float) -> str | None:
         """What a `Results.status` means: None, "diverged", "angle", "deflection" or "rate"."""

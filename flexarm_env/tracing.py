@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 
-
 _DEEPEST = 12  # nesting of a written expression; Python's parser and readers have limits
 
 

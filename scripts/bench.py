@@ -19,10 +19,10 @@ from typing import Any
 
 import llvmlite.binding
 import tyro
-from bench_parts import environments, lap, physics
-from bench_parts.timing import Group, measure
 from tqdm import tqdm
 
+from bench_parts import environments, lap, physics
+from bench_parts.timing import Group, measure
 from flexarm_env.parameters import MAX_MODES
 
 

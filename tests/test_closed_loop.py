@@ -9,18 +9,16 @@ solver's own dense output, a fresh start wherever the right-hand side jumps.
 from __future__ import annotations
 
 import bisect
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-import pytest
 from numba import njit
 from numpy.typing import NDArray
 from scipy.integrate import LSODA
 
 from flexarm_env import ArmParameters, ClosedLoop, FlexibleArm, LawParameters, LoopCase, Path, SensorParameters
-from flexarm_env.simulation import DEFAULT_STEP
 
 Array = NDArray[np.float64]
 PERIOD = 1e-3  # [s] control period

@@ -66,7 +66,7 @@ def test_overshoot_in_the_incoming_direction() -> None:
 def test_path_difference_ignores_time() -> None:
     one = np.column_stack([np.linspace(0, 1, 101), np.zeros(101)])
     assert path_difference(one, one[::-1]).max() == 0.0
-    assert path_difference(one, one + [0.0, 0.25]) == pytest.approx(0.25)
+    assert path_difference(one, one + np.array([0.0, 0.25])) == pytest.approx(0.25)
 
 
 def test_circle_fit_recovers_a_circle() -> None:

@@ -34,6 +34,7 @@ def scripts() -> ModuleType:
     sys.path.insert(0, str(ROOT / "scripts"))
     try:
         import build_docs
+
         import paper_study.claims  # noqa: F401  (kept in sys.modules for the tests below)
     finally:
         sys.path.pop(0)

@@ -11,7 +11,6 @@ from typing import Any
 import gymnasium
 import numpy as np
 from numpy.typing import NDArray
-from paper_study.cases import COLUMNS, Study, all_cases, simulate
 
 from bench_parts import scipy_lap
 from bench_parts.physics import LOOPS
@@ -20,6 +19,7 @@ from flexarm_baselines import IFDC
 from flexarm_env import ArmParameters, ClosedLoop, FlexibleArm, LawParameters, LoopCase, SensorParameters, square
 from flexarm_env.env import CONTROL_PERIOD, rest_state
 from flexarm_env.parameters import SquareParameters
+from paper_study.cases import COLUMNS, Study, all_cases, simulate
 
 LAP = 16.0  # [s]
 PAPER_CLOCK = {"paper, IFDC (2008)": 77.0, "paper, FLSAC (2008)": 100.0}  # [s]; end of section 4

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import matplotlib
+import matplotlib as mpl
 
-matplotlib.use("Agg")  # files only; no display needed
+mpl.use("Agg")  # files only; no display needed
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
