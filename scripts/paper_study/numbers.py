@@ -17,6 +17,7 @@ from flexarm_env import (
     square,
 )
 from flexarm_env.env import CONTROL_PERIOD
+from paper_study.cases import Study
 
 CLOCK_STEP = 0.0252  # [s]; the paper's clock time a step, in which it counts delays
 
@@ -92,6 +93,7 @@ def numbers() -> list[Number]:
             "16000 steps of 0.001 s are 16 s; 402 s is clock time and contradicts the 77 s and 100 s given later",
         ),
         Number("universe of delta", "1", "sec. 3", 5.0, float(system.inputs[0].universe[1])),
+        Number("normalising gain K_n", "1", "below Table 1", 5.0, Study().K_n, "taken as a factor"),
         Number("fuzzy rules", "1", "Table 1", 9.0, float(np.asarray(system.rules).size)),
         Number(
             "smallest lambda", "1", "sec. 3", 0.0, lowest,
