@@ -60,7 +60,7 @@ def test_papers_velocity_forces_do_not_conserve_energy() -> None:
 def test_angular_momentum_is_conserved_without_shoulder_torque(modes: int) -> None:
     """An elbow torque, elbow friction and modal damping are internal: they cannot change it."""
     arm = FlexibleArm(loaded_arm(modes, joint_friction=(0.0, 0.4)))
-    run = arm.simulate(start_of(arm), lambda time, state: (0.0, swing(time, state)[1]), 2.0, step=1e-2, substeps=20)
+    run = arm.simulate(start_of(arm), lambda time, state: (0.0, swing(time, state)[1]), 1.0, step=1e-2, substeps=20)
     momentum = arm.angular_momentum(run.state)
     drift = np.abs(momentum - momentum[0]).max()
     size = np.abs(energies(run)).max() ** 0.5 * arm.mass_matrix(run.state[0, : arm.size])[0, 0] ** 0.5
@@ -235,16 +235,16 @@ def test_stiff_links_move_like_the_rigid_arm() -> None:
 
     start = np.array([0.3, 0.8, 0.0, 0.0])
     times = np.linspace(0.0, duration, steps + 1)
-    # tolerances four orders below the smallest difference that is looked at, 2e-4 rad
+    # tolerances six orders below the smallest difference that is looked at, 8e-4 rad
     rigid = solve_ivp(rigid_rate, (0.0, duration), start, t_eval=times, method="DOP853", rtol=1e-10, atol=1e-11).y.T
     errors = []
-    for rigidity in (2e4, 8e4, 3.2e5):
+    for rigidity in (5e3, 2e4, 8e4):
         arm = FlexibleArm(parameters(rigidity))
         state = np.concatenate([start[:2], np.zeros(6)])
         substeps = int(3.0 * duration / steps / arm.longest_step()) + 1
         run = arm.simulate(state, torque, duration, step=duration / steps, substeps=substeps)
         errors.append(float(np.abs(run.state[:, :2] - rigid[:, :2]).max()))
     assert np.abs(rigid[:, :2] - start[:2]).max() > 1.0  # a real motion
-    assert errors[-1] < 3e-4
-    # EI by four: the error by four; what deviates is the square of the deflection, below 1 %
+    assert errors[-1] < 1e-3
+    # EI by four: the error by four; what deviates is the next power of 1 / EI, a few percent at first
     np.testing.assert_allclose(observed_orders(errors), 2.0, atol=0.05)
