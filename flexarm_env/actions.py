@@ -26,7 +26,7 @@ def gain_from_action(action: ArrayLike, gain_limit: ArrayLike) -> NDArray[np.flo
         ValueError: an action is not finite or not in [-1, 1], or the limit is not finite and positive.
     """
     limit = _checked_limit(gain_limit)
-    values = _checked_range("action", action, -1.0, np.asarray(1.0))
+    values = _checked_range("action", action, -1.0, 1.0)
     return np.asarray(scaled(values, limit))
 
 
@@ -53,7 +53,9 @@ def action_from_gain(gain: ArrayLike, gain_limit: ArrayLike) -> NDArray[np.float
     return np.asarray(2.0 * (values / limit) - 1.0)  # in this order: the limit gives 1 itself, never more
 
 
-def _checked_limit(gain_limit: ArrayLike) -> NDArray[np.float64]:
+def _checked_limit(gain_limit: ArrayLike) -> NDArray[np.float64] | float:
+    if isinstance(gain_limit, float) and 0.0 < gain_limit < np.inf:
+        return gain_limit
     limits = np.asarray(gain_limit, dtype=np.float64)
     valid = (limits > 0.0) & (limits < np.inf)
     if not valid.all():
@@ -61,7 +63,9 @@ def _checked_limit(gain_limit: ArrayLike) -> NDArray[np.float64]:
     return limits
 
 
-def _checked_range(name: str, value: ArrayLike, low: float, high: NDArray[np.float64]) -> NDArray[np.float64]:
+def _checked_range(
+    name: str, value: ArrayLike, low: float, high: NDArray[np.float64] | float
+) -> NDArray[np.float64]:
     values = np.asarray(value, dtype=np.float64)
     inside = (values >= low) & (values <= high)  # false for nan
     if not inside.all():

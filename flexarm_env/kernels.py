@@ -155,15 +155,30 @@ def _slope_source(variant: Variant) -> str:
 
 def _law_source(variant: Variant) -> str:
     r = _Recorder(variant)
+    h, ahead = r.trace.input("h"), r.trace.input("ahead")
+    y, v_known = r.read("Y"), r.read("V")
+    size = len(y)
+    slots = [r.read(name) for name in ("V_SLOTS", "MECHANICAL_SLOTS", "FEEDBACK_SLOTS")]
+    for slot in range(STAGES):
+        explicit, implicit = (h * r.trace.input(f"{name}[{slot}]") for name in ("explicit", "implicit"))
+        v, mechanical, feedback = (values[slot * size : (slot + 1) * size] for values in slots)
+        y = [a + explicit * b for a, b in zip(y, v, strict=True)]
+        v_known = [
+            a + (explicit * b + implicit * c) for a, b, c in zip(v_known, mechanical, feedback, strict=True)
+        ]
+    law = r.law()
+    here = [
+        [x + vx * ahead, y + vy * ahead, vx, vy] for x, y, vx, vy in (law.command_1, law.command_2)
+    ]
+    law = law._replace(command_1=here[0], command_2=here[1])
     options = (variant.complete, variant.sensor, variant.rate_jacobian)
-    stage = closed_loop.law_stage(
-        r.constants(), r.law(), options, r.read("Y_STAGE"), r.read("V_STAGE"), r.trace.input("h_gamma")
-    )
+    stage = closed_loop.law_stage(r.constants(), law, options, y, v_known, h * stepping.GAMMA)
+    r.write("Y_STAGE", y)
     r.write("V_STAGE", stage.v)
     r.write("MECHANICAL", stage.mechanical)
     r.write("FEEDBACK", stage.feedback)
     r.write("TAU", stage.tau)
-    return r.source("law_kernel(arena, h_gamma)")
+    return r.source("law_kernel(arena, h, ahead, explicit, implicit)")
 
 
 def _reading_source(variant: Variant) -> str:
@@ -193,16 +208,17 @@ _DRIVERS: dict[str, tuple[Callable[..., Any], ...]] = {
     "open": (stepping.begin_step, stepping.end_step, stepping.open_step, stepping.run_open),
     "loop": (
         reward.reward_terms,
-        stepping.side_velocity,
         stepping.reference_at,
+        stepping.chord_at,
+        stepping.prepare_commands,
         stepping.prepare_reading,
-        stepping.prepare_stage,
+        stepping.prepare_readings,
         stepping.store_reading,
+        stepping.store_stage,
         stepping.start,
+        stepping.loop_step,
         stepping.state_status,
         stepping.write_outputs,
-        stepping.combine_slots,
-        stepping.loop_step,
         stepping.run_loop,
     ),
 }

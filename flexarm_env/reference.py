@@ -57,7 +57,7 @@ class Path:
 
     def _evaluate(self, time: ArrayLike) -> Array:
         times = np.asarray(time, dtype=float)
-        rows = [reference_at(self.table, t, t, 0.0) for t in times.ravel().tolist()]
+        rows = [reference_at(self.table, t, t) for t in times.ravel().tolist()]
         return np.array(rows).reshape(*times.shape, 4)
 
     def check_reach(self, arm: ArmParameters) -> None:

@@ -100,8 +100,8 @@ def run_batch(
     groups = _groups(policies)
     memories: list[Any] = [None] * len(groups)
     observed = observation_blocks(loop.arm.parameters.modes_per_link)["reference_velocity"].stop
-    alive = np.ones(count, dtype=bool)
     ends = np.full(count, steps + 1)
+    live: slice | NDArray[np.int64] = slice(None)  # who goes on; an arm that ended keeps its last valid observation
     loop.reset(states)
     first = loop.packed_results()
     records = np.zeros((steps + 1, *first.shape))
@@ -109,31 +109,38 @@ def run_batch(
     records[0], done = first, 0
     start = np.ones(count, dtype=bool)
     observation = np.zeros((count, observed), dtype=np.float32)
-    while done < steps and alive.any():
-        observation[alive] = records[done, alive, :observed]  # an arm that ended keeps its last valid one
+    actions = np.zeros(count, dtype=np.float32)
+    while done < steps and ends.max() > steps:
+        observation[live] = records[done, live, :observed]
         for k, (policy, members) in enumerate(groups):
             action, memories[k] = policy.predict(observation[members], memories[k], start[members], True)
-            gains[done, members] = gain_from_action(action[:, 0], limits[members])
+            actions[members] = action[:, 0]
         start[:] = False
-        gains[done, ~alive] = 0.0
+        gains[done, live] = gain_from_action(actions, limits)[live]
         loop.advance(gains[done])
         done += 1
         records[done] = loop.packed_results()
-        failed = alive & (records[done, :, -1] != 0.0)
-        ends[failed] = done
-        alive &= ~failed
+        if records[done, live, -1].any():
+            ends[(records[done, :, -1] != 0.0) & (ends > steps)] = done
+            live = np.flatnonzero(ends > steps)
         if progress is not None:
             progress(1)
     gains[done] = gains[done - 1]
     return _trajectories(loop, loop.unpack(records[: done + 1]), gains, ends)
 
 
-def _groups(policies: Sequence[Any]) -> list[tuple[Any, NDArray[np.int64]]]:
-    """Policies and the arms that share each."""
+def _groups(policies: Sequence[Any]) -> list[tuple[Any, slice | NDArray[np.int64]]]:
+    """Policies and the arms that share each; a slice where these are neighbours, which is cheaper to index with."""
     members: dict[int, list[int]] = {}
     for index, policy in enumerate(policies):
         members.setdefault(id(policy), []).append(index)
-    return [(policies[indices[0]], np.array(indices)) for indices in members.values()]
+    return [
+        (
+            policies[found[0]],
+            slice(found[0], found[-1] + 1) if found[-1] - found[0] + 1 == len(found) else np.array(found),
+        )
+        for found in members.values()
+    ]
 
 
 def _trajectories(loop: ClosedLoop, results: Results, gains: Array, ends: NDArray[Any]) -> list[Trajectory]:

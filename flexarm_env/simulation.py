@@ -177,6 +177,7 @@ class ClosedLoop:
         self._counts[:] = 0
         self._put("Y", internal[:, : self.arm.size])
         self._put("V", internal[:, self.arm.size :])
+        self._gain_rows[:] = 0.0  # until the first period
         self._put_noise(noise)
         module = kernels.load(self._variant)
         for arena, history, count in zip(self._flat_arenas, self._flat_histories, self._counts, strict=True):

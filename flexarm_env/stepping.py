@@ -44,8 +44,16 @@ RK4_STEP = (0.0, 0.5, 0.5, 1.0)
 RK4_WEIGHT = (1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0)
 
 
-def law_kernel(arena: Any, h_gamma: float) -> None:
-    """`closed_loop.law_stage` on every lane (recorded)."""
+def law_kernel(arena: Any, h: float, ahead: float, explicit: Any, implicit: Any) -> None:
+    """One stage of the closed loop on every lane (recorded): combine the stages before it, then `closed_loop.law_stage`.
+
+    Args:
+        arena: of one block; results in Y_STAGE, V_STAGE, MECHANICAL, FEEDBACK, TAU.
+        h: step [s].
+        ahead: time of the stage after the step's start [s].
+        explicit: coefficients of the stages before, explicit part.
+        implicit: the same, implicit part.
+    """
     raise NotImplementedError("the recorded kernel exists in assembled modules only")
 
 
@@ -64,82 +72,75 @@ def slope_kernel(arena: Any, step: float, weight: float) -> None:
     raise NotImplementedError("the recorded kernel exists in assembled modules only")
 
 
-def side_velocity(path: Any, k: int) -> tuple[float, float]:
-    """Velocity on the side that ends at way-point k [m/s]."""
-    per_second = 1.0 / (path[k, 0] - path[k - 1, 0])
-    return (path[k, 1] - path[k - 1, 1]) * per_second, (path[k, 2] - path[k - 1, 2]) * per_second
-
-
-def reference_at(path: Any, time: float, middle: float, half: float) -> tuple[float, float, float, float]:
+def reference_at(path: Any, time: float, side: float) -> tuple[float, float, float, float]:
     """Reference position and velocity on a closed polyline.
-
-    Where a corner falls inside the step at hand, the velocity is its mean over the step: the jump then acts on the
-    arm at the right time, to second order in the step.
 
     Args:
         path: way-points (time [s], x, y [m]), the last one closing the lap. Shape (n, 3).
         time: where to evaluate [s]; before 0 the reference rests at the start.
-        middle: of the step at hand [s]; it picks the side where `time` is at a corner.
-        half: of the step at hand [s]; 0 for the velocity at an instant.
+        side: picks the side where `time` is at a corner: a time on it [s].
 
     Returns:
         x, y [m], x', y' [m/s].
     """
+    if side < 0.0:
+        return path[0, 1], path[0, 2], 0.0, 0.0
     last = path.shape[0] - 1
-    laps = max(floor(middle / path[last, 0]), 0.0)
-    now = time - laps * path[last, 0]  # both within the lap, negative before the start
-    within = middle - laps * path[last, 0]
+    before = floor(side / path[last, 0]) * path[last, 0]  # laps done
     k = 1
-    while k < last and within >= path[k, 0]:
+    while k < last and side - before >= path[k, 0]:
         k += 1
-    vx, vy = side_velocity(path, k)
-    x, y = path[k - 1, 1] + vx * (now - path[k - 1, 0]), path[k - 1, 2] + vy * (now - path[k - 1, 0])
-    corner, share, beyond = 0.0, 0.0, 0.0  # a corner in the step: when, the other side's share of it, and its use
-    other_x, other_y = 0.0, 0.0  # velocity on the other side; rest before the start
-    if within < 0.0:
-        other_x, other_y = vx, vy
-        x, y, vx, vy = path[0, 1], path[0, 2], 0.0, 0.0
-        share, beyond = within + half, max(now, 0.0)
-    elif within - half < path[k - 1, 0]:
-        corner = path[k - 1, 0]
-        if k > 1 or laps > 0.0:
-            other_x, other_y = side_velocity(path, k - 1 if k > 1 else last)
-        share, beyond = corner - (within - half), min(now - corner, 0.0)
-    elif within + half > path[k, 0]:
-        corner = path[k, 0]
-        other_x, other_y = side_velocity(path, k + 1 if k < last else 1)
-        share, beyond = within + half - corner, max(now - corner, 0.0)
-    if half > 0.0 and share > 0.0:
-        share = 0.5 * share / half
-        x, y = x + (other_x - vx) * beyond, y + (other_y - vy) * beyond
-        vx, vy = vx + (other_x - vx) * share, vy + (other_y - vy) * share
-    return x, y, vx, vy
+    per_second = 1.0 / (path[k, 0] - path[k - 1, 0])
+    vx = (path[k, 1] - path[k - 1, 1]) * per_second
+    vy = (path[k, 2] - path[k - 1, 2]) * per_second
+    since = time - before - path[k - 1, 0]
+    return path[k - 1, 1] + vx * since, path[k - 1, 2] + vy * since, vx, vy
 
 
-def prepare_stage(arena: Any, history: Any, count: Any, path: Any, h: float, node: float) -> None:
-    """Write commands and late readings for a stage at t + node h.
+def prepare_commands(arena: Any, count: Any, path: Any, h: float) -> None:
+    """Write each joint's command for the step at hand: position at its start, and velocity.
+
+    Within a step the reference runs along its chord. Where a corner falls inside, the velocity is then its mean over the
+    step, so that the jump acts on the arm at the right time, to second order in the step.
+
+    Args:
+        arena: of one block.
+        count: steps since the start of each lane. Shape (LANES,).
+        path: see `reference_at`.
+        h: step [s].
+    """
+    for i in range(LANES):
+        late_1 = arena[i + COMMAND_DELAY * LANES]
+        late_2 = arena[i + (COMMAND_DELAY + 1) * LANES]
+        command_1 = chord_at(path, count[i] * h - late_1, h)
+        command_2 = command_1
+        if late_2 != late_1:
+            command_2 = chord_at(path, count[i] * h - late_2, h)
+        for r in range(4):
+            arena[i + (COMMAND_1 + r) * LANES] = command_1[r]
+            arena[i + (COMMAND_2 + r) * LANES] = command_2[r]
+
+
+def chord_at(path: Any, time: float, h: float) -> tuple[float, float, float, float]:
+    """Position [m] at a time [s], and mean velocity [m/s] over the step h [s] that begins there."""
+    start = reference_at(path, time, time)
+    end = reference_at(path, time + h, time + h)
+    return start[0], start[1], (end[0] - start[0]) / h, (end[1] - start[1]) / h
+
+
+def prepare_readings(arena: Any, history: Any, count: Any, h: float, node: float) -> None:
+    """Write the late readings for a stage at t + node h.
 
     Args:
         arena: of one block.
         history: readings at past steps, a ring. Shape (slots, 4, LANES) flat: two readings, two rates.
         count: steps since the start of each lane. Shape (LANES,).
-        path: see `reference_at`.
         h: step [s].
         node: of the stage, 0 to 1.
     """
     slots = history.shape[0] // (4 * LANES)
     for i in range(LANES):
-        now = count[i]
-        late_1 = arena[i + COMMAND_DELAY * LANES]
-        late_2 = arena[i + (COMMAND_DELAY + 1) * LANES]
-        command_1 = reference_at(path, (now + node) * h - late_1, (now + 0.5) * h - late_1, 0.5 * h)
-        command_2 = command_1
-        if late_2 != late_1:
-            command_2 = reference_at(path, (now + node) * h - late_2, (now + 0.5) * h - late_2, 0.5 * h)
-        for r in range(4):
-            arena[i + (COMMAND_1 + r) * LANES] = command_1[r]
-            arena[i + (COMMAND_2 + r) * LANES] = command_2[r]
-        slot = now % slots
+        slot = count[i] % slots
         for j in range(2):
             prepare_reading(arena, history, slots, slot, i, j, h, node)
 
@@ -202,60 +203,42 @@ def store_reading(arena: Any, history: Any, count: Any) -> None:
 
 def start(arena: Any, history: Any, count: Any, path: Any, h: float) -> None:
     """Complete every lane of a block from its state: mechanical acceleration and outputs."""
-    prepare_stage(arena, history, count, path, h, 0.0)
+    prepare_commands(arena, count, path, h)
+    prepare_readings(arena, history, count, h, 0.0)
+    for row in range((STAGES + 1) * SIZE):  # what an earlier episode left, at worst not finite
+        for i in range(LANES):
+            arena[i + (V_SLOTS + row) * LANES] = 0.0
+            arena[i + (MECHANICAL_SLOTS + row) * LANES] = 0.0
+            arena[i + (FEEDBACK_SLOTS + row) * LANES] = 0.0
+    law_kernel(arena, 0.0, 0.0, (0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0))
+    store_stage(arena, 0)
+
+
+def store_stage(arena: Any, slot: int) -> None:
+    """Keep what the law's kernel found for the stages to come."""
     for r in range(SIZE):
         for i in range(LANES):
-            arena[i + (Y_STAGE + r) * LANES] = arena[i + (Y + r) * LANES]
-            arena[i + (V_STAGE + r) * LANES] = arena[i + (V + r) * LANES]
-    law_kernel(arena, 0.0)
-    for r in range(SIZE):
-        for i in range(LANES):
-            arena[i + (MECHANICAL_SLOTS + r) * LANES] = arena[i + (MECHANICAL + r) * LANES]
+            row = slot * SIZE + r
+            arena[i + (V_SLOTS + row) * LANES] = arena[i + (V_STAGE + r) * LANES]
+            arena[i + (MECHANICAL_SLOTS + row) * LANES] = arena[i + (MECHANICAL + r) * LANES]
+            arena[i + (FEEDBACK_SLOTS + row) * LANES] = arena[i + (FEEDBACK + r) * LANES]
 
 
 def loop_step(arena: Any, history: Any, count: Any, path: Any, h: float) -> None:
     """One step of the closed loop on every lane of a block."""
-    for r in range(SIZE):
-        for i in range(LANES):
-            arena[i + (V_SLOTS + r) * LANES] = arena[i + (V + r) * LANES]
+    prepare_commands(arena, count, path, h)
     for stage in range(STAGES):
-        prepare_stage(arena, history, count, path, h, NODES[stage])
-        combine_slots(arena, stage, h)
-        law_kernel(arena, h * GAMMA)
-        for r in range(SIZE):
-            for i in range(LANES):
-                row = (stage + 1) * SIZE + r
-                arena[i + (V_SLOTS + row) * LANES] = arena[i + (V_STAGE + r) * LANES]
-                arena[i + (MECHANICAL_SLOTS + row) * LANES] = arena[i + (MECHANICAL + r) * LANES]
-                arena[i + (FEEDBACK_SLOTS + row) * LANES] = arena[i + (FEEDBACK + r) * LANES]
+        prepare_readings(arena, history, count, h, NODES[stage])
+        law_kernel(arena, h, h * NODES[stage], EXPLICIT[stage], IMPLICIT[stage])
+        store_stage(arena, stage + 1)
     for r in range(SIZE):
         for i in range(LANES):
             arena[i + (Y + r) * LANES] = arena[i + (Y_STAGE + r) * LANES]
             arena[i + (V + r) * LANES] = arena[i + (V_STAGE + r) * LANES]
-            # the last stage is the step's end: its mechanical acceleration starts the next step
-            arena[i + (MECHANICAL_SLOTS + r) * LANES] = arena[i + (MECHANICAL + r) * LANES]
+    store_stage(arena, 0)  # the last stage is the step's end, where the next step starts
     for i in range(LANES):
         count[i] += 1
     store_reading(arena, history, count)
-
-
-def combine_slots(arena: Any, stage: int, h: float) -> None:
-    """Positions and the explicit part of the rates of a stage, from the stages before it."""
-    for r in range(SIZE):
-        for i in range(LANES):
-            arena[i + (Y_STAGE + r) * LANES] = arena[i + (Y + r) * LANES]
-            arena[i + (V_STAGE + r) * LANES] = arena[i + (V + r) * LANES]
-    for slot in range(stage + 1):
-        explicit = h * EXPLICIT[stage][slot]
-        implicit = h * IMPLICIT[stage][slot]
-        for r in range(SIZE):
-            for i in range(LANES):
-                row = slot * SIZE + r
-                arena[i + (Y_STAGE + r) * LANES] += explicit * arena[i + (V_SLOTS + row) * LANES]
-                arena[i + (V_STAGE + r) * LANES] += (
-                    explicit * arena[i + (MECHANICAL_SLOTS + row) * LANES]
-                    + implicit * arena[i + (FEEDBACK_SLOTS + row) * LANES]
-                )
 
 
 def state_status(arena: Any, i: int) -> float:
@@ -272,9 +255,9 @@ def state_status(arena: Any, i: int) -> float:
 
 def write_outputs(arena: Any, history: Any, count: Any, path: Any, h: float) -> None:
     """Observation, state, tips, reward and status of every lane of a block at the present instant."""
-    prepare_stage(arena, history, count, path, h, 0.0)
+    prepare_readings(arena, history, count, h, 0.0)
     for i in range(LANES):
-        reference = reference_at(path, count[i] * h, (count[i] + 0.5) * h, 0.0)
+        reference = reference_at(path, count[i] * h, (count[i] + 0.5) * h)
         for r in range(4):
             arena[i + (REFERENCE + r) * LANES] = reference[r]
     outputs_kernel(arena)
