@@ -210,12 +210,15 @@ def arm_parameters(arm: str | Mapping[str, Any]) -> ArmParameters:
     """The arm that an environment's `arm` argument stands for.
 
     Raises:
+        TypeError: for anything but a name or a mapping.
         ValueError: for another name, or a field that `ArmParameters` does not have.
     """
     if isinstance(arm, str):
         if arm not in ("paper", "default"):
             raise ValueError(f"arm = {arm!r}: must be 'paper', 'default' or a mapping of ArmParameters fields")
         return ArmParameters.paper() if arm == "paper" else ArmParameters()
+    if not isinstance(arm, Mapping):
+        raise TypeError(f"arm = {arm!r}: must be 'paper', 'default' or a mapping of ArmParameters fields")
     known = ArmParameters.__dataclass_fields__
     unknown = [name for name in arm if name not in known]
     if unknown:

@@ -45,7 +45,7 @@ RK4_WEIGHT = (1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0)
 
 
 def law_kernel(arena: Any, h: float, ahead: float, explicit: Any, implicit: Any) -> None:
-    """One stage of the closed loop on every lane (recorded): combine the stages before it, then `closed_loop.law_stage`.
+    """One stage of the closed loop on every lane (recorded): combine earlier stages, then `closed_loop.law_stage`.
 
     Args:
         arena: of one block; results in Y_STAGE, V_STAGE, MECHANICAL, FEEDBACK, TAU.
@@ -100,8 +100,8 @@ def reference_at(path: Any, time: float, side: float) -> tuple[float, float, flo
 def prepare_commands(arena: Any, count: Any, path: Any, h: float) -> None:
     """Write each joint's command for the step at hand: position at its start, and velocity.
 
-    Within a step the reference runs along its chord. Where a corner falls inside, the velocity is then its mean over the
-    step, so that the jump acts on the arm at the right time, to second order in the step.
+    Within a step the reference runs along its chord. Where a corner falls inside, the velocity is then its mean over
+    the step, so that the jump acts on the arm at the right time, to second order in the step.
 
     Args:
         arena: of one block.
@@ -257,7 +257,8 @@ def write_outputs(arena: Any, history: Any, count: Any, path: Any, h: float) -> 
     """Observation, state, tips, reward and status of every lane of a block at the present instant."""
     prepare_readings(arena, history, count, h, 0.0)
     for i in range(LANES):
-        reference = reference_at(path, count[i] * h, (count[i] + 0.5) * h)
+        # a billionth of a step ahead: at a corner the side that begins there, whatever the rounding
+        reference = reference_at(path, count[i] * h, (count[i] + 1e-9) * h)
         for r in range(4):
             arena[i + (REFERENCE + r) * LANES] = reference[r]
     outputs_kernel(arena)

@@ -555,10 +555,9 @@ HARD_CASES: dict[str, tuple[Problem, float, float]] = {
     ),
     "true sensor, undelayed": (Problem(sensor=SensorParameters("true", delay=0.0), periods=100), 3e-5, 3e-2),
     "true sensor": (Problem(sensor=SensorParameters("true"), periods=80), 1e-5, 1e-2),
-    "true sensor 2 m past the elbow, late rates, 2 modes, noise": (
+    "true sensor 2 m past the elbow, late rates, noise": (
         Problem(
-            arm_of(2),
-            SensorParameters("true", position=2.0, delayed="position+rate"),
+            sensor=SensorParameters("true", position=2.0, delayed="position+rate"),
             noise=np.repeat(RNG.normal(0.0, 0.02, (10, 2)), 6, axis=0),
             periods=60,
         ),

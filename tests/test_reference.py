@@ -104,12 +104,12 @@ def test_evaluating_leaves_no_trace() -> None:
 
 
 @given(st.floats(-1.0, 33.0), st.floats(1e-5, 1e-2))
-def test_the_integrator_follows_the_chord_of_a_step(time: float, h: float) -> None:
-    """Position at the step's start and mean velocity over it, whatever corner lies inside."""
-    *position, vx, vy = chord_at(PAPER.table, time, h)
-    np.testing.assert_array_equal(position, PAPER.position(time))
-    mean = (PAPER.position(time + h) - PAPER.position(time)) / h
-    np.testing.assert_allclose((vx, vy), mean, rtol=1e-15)
+def test_a_step_over_a_corner_takes_the_chord(time: float, step: float) -> None:
+    """What the integrator commands: the position where the step begins, and the mean velocity over it."""
+    x, y, vx, vy = chord_at(PAPER.table, time, step)
+    np.testing.assert_array_equal((x, y), PAPER.position(time))
+    end = (x + vx * step, y + vy * step)
+    np.testing.assert_allclose(end, PAPER.position(time + step), atol=ROUNDING)
 
 
 # --- reach --------------------------------------------------------------------------------------------------
