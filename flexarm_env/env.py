@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from flexarm_env.actions import scaled
 from flexarm_env.arm import FlexibleArm
 from flexarm_env.parameters import (
+    WAVE_SPEED,
     ArmParameters,
     Compensation,
     Corner,
@@ -25,14 +26,10 @@ from flexarm_env.parameters import (
     SensorParameters,
     SquareParameters,
 )
-from flexarm_env.reference import inverse_kinematics, square
 from flexarm_env.reward import TERMS as REWARD_TERMS
-from flexarm_env.simulation import ClosedLoop, LoopCase, Results
-from flexarm_env.validation import finite_array, number
-
-CONTROL_PERIOD = 1e-3  # [s]; the paper's step size
-ANGLE_LIMIT = 8.0 * np.pi  # [rad]; four turns
-RATE_LIMIT = 1e3  # [rad/s]
+from flexarm_env.simulation import LoopCase, Results
+from flexarm_env.task import ANGLE_LIMIT, RATE_LIMIT, square_loop, state_limits
+from flexarm_env.validation import choice, finite_array, number
 
 
 class FlexArmEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
@@ -77,11 +74,13 @@ class FlexArmEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     Termination, with `info["termination_reason"]`: `"diverged"` (the state stopped being finite), `"angle"` (a joint
     turned more than four times), `"rate"` (beyond 1000 rad/s), `"deflection"` (a modal coordinate that alone bends
-    its link's tip by the link's length). Truncation by the registered limit of 16 000 steps, one lap.
+    its link's tip by the link's length). Truncation by the registered limit of 16 000 steps, one lap of 16 s; with
+    another `lap_time` give `gymnasium.make` the `max_episode_steps` that fit it. Laps follow each other without it.
 
     ## Info
 
-    `time` [s], `gain` (lambda), `torque` [N m], `true_tip`, `rigid_tip` [m], `state` (`FlexibleArm`'s order).
+    `time` [s], `gain` (lambda of the period that ends), `torque` (at its start [N m]), `true_tip`, `rigid_tip`,
+    `reference`, `sensed` [m], `state` (`FlexibleArm`'s order).
 
     ## Arguments
 
@@ -89,10 +88,14 @@ class FlexArmEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     gymnasium.make("flexarm_env:FlexArm/Paper-v0", sensor_position=0.5, compensation="shared")
     ```
 
-    `arm`: "paper" (default), "default" (2 modes, complete dynamics, 1 % damping), or a mapping of `ArmParameters`
-    fields. `sensor`, `sensor_position`, `delay`, `delayed`, `rate_jacobian`, `noise`: see `SensorParameters`.
-    `compensation`, `torque_limit`: see `LawParameters`. `gain_limit`: lambda at action 1. `side`, `lap_time`,
-    `start_corner`, `direction`, `elbow_branch`: see `SquareParameters`. `physics_step`: see `ClosedLoop`.
+    | argument | default | see |
+    |---|---|---|
+    | `arm` | "paper" | or "default" (2 modes, complete dynamics, 1 % damping), or a mapping of `ArmParameters` fields, with `preset` ("paper" unless given) for the fields that it does not set |
+    | `sensor`, `sensor_position`, `delay`, `delayed`, `rate_jacobian`, `noise`, `wave_speed` | "rigid", 4.5 m, by wave speed, "position", "delayed", 0 m, 288.33 m/s | `SensorParameters` |
+    | `compensation`, `torque_limit`, `proportional_gain`, `derivative_gain` | "none", none, 150.79 N/m, 17.364 N s/m | `LawParameters` |
+    | `gain_limit` | 1 | lambda at action 1 |
+    | `side`, `lap_time`, `start_corner`, `direction`, `elbow_branch` | 12.6 m, 16 s, "lower left", "clockwise", "positive" | `SquareParameters` |
+    | `physics_step` | as the arm's fastest mode demands | `ClosedLoop` |
 
     ## Version history
 
@@ -110,8 +113,11 @@ class FlexArmEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         delayed: Delayed = "position",
         rate_jacobian: RateJacobian = "delayed",
         noise: float = 0.0,
+        wave_speed: float = WAVE_SPEED,
         compensation: Compensation = "none",
         torque_limit: tuple[float, float] | None = None,
+        proportional_gain: float = 150.79,
+        derivative_gain: float = 17.364,
         gain_limit: float = 1.0,
         side: float = 12.6,
         lap_time: float = 16.0,
@@ -130,26 +136,23 @@ class FlexArmEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             raise ValueError(f"render_mode = {render_mode!r}: this environment does not render; it must be None")
         self.render_mode = render_mode
         self.arm = FlexibleArm(arm_parameters(arm))
-        sensor_parameters = SensorParameters(sensor, sensor_position, delay, delayed, rate_jacobian, noise)
-        law = LawParameters(compensation=compensation, torque_limit=torque_limit)
+        sensor_parameters = SensorParameters(
+            sensor, sensor_position, delay, delayed, rate_jacobian, noise, wave_speed
+        )
+        law = LawParameters(proportional_gain, derivative_gain, compensation, torque_limit)
         task = SquareParameters(side, lap_time, start_corner, direction, elbow_branch)
         self.gain_limit = number("gain_limit", gain_limit, above=0.0)
-        path = square(task)
-        path.check_reach(self.arm.parameters)
         self._noise = sensor_parameters.noise
-        self._loop = ClosedLoop(
-            self.arm,
-            [LoopCase(sensor_parameters, law)],
-            path,
-            CONTROL_PERIOD,
-            physics_step=physics_step,
-            state_limits=state_limits(self.arm),
-        )
-        self._start = rest_state(self.arm, path.table[0, 1:], task.elbow_branch)
+        self._loop, self._start = square_loop(self.arm, [LoopCase(sensor_parameters, law)], task, physics_step)
         self.observation_blocks = observation_blocks(self.arm.parameters.modes_per_link)
         bound = _observation_bound(self.arm, sensor_parameters, task)
         self.observation_space = gymnasium.spaces.Box(-bound, bound, dtype=np.float32)
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (1,), np.float32)
+
+    @property
+    def lap_steps(self) -> int:
+        """Control periods in a lap."""
+        return round(self._loop.path.lap_time / self._loop.control_period)
 
     @property
     def control_period(self) -> float:
@@ -168,7 +171,7 @@ class FlexArmEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         super().reset(seed=seed)
         if options:
             raise ValueError(f"options = {options!r}: no option is known; it must be None or empty")
-        self._loop.reset(self._start[None], self._draw())
+        self._loop.reset(self._start, self._draw())
         results = self._loop.results()
         self._observation = results.observation[0].astype(np.float32)
         return self._observation.copy(), self._info(results, gain=0.0)
@@ -200,6 +203,8 @@ class FlexArmEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             "time": self._loop.time,
             "gain": gain,
             "torque": results.torque[0],
+            "reference": results.observation[0, self.observation_blocks["reference_position"]],
+            "sensed": results.observation[0, self.observation_blocks["sensed_position"]],
             "true_tip": results.true_tip[0],
             "rigid_tip": results.rigid_tip[0],
             "state": results.state[0],
@@ -214,23 +219,16 @@ def arm_parameters(arm: str | Mapping[str, Any]) -> ArmParameters:
         ValueError: for another name, or a field that `ArmParameters` does not have.
     """
     if isinstance(arm, str):
-        if arm not in ("paper", "default"):
-            raise ValueError(f"arm = {arm!r}: must be 'paper', 'default' or a mapping of ArmParameters fields")
-        return ArmParameters.paper() if arm == "paper" else ArmParameters()
+        arm = {"preset": arm}
     if not isinstance(arm, Mapping):
         raise TypeError(f"arm = {arm!r}: must be 'paper', 'default' or a mapping of ArmParameters fields")
+    fields = dict(arm)
+    preset = choice("arm", fields.pop("preset", "paper"), ("paper", "default"))
     known = ArmParameters.__dataclass_fields__
-    unknown = [name for name in arm if name not in known]
+    unknown = [name for name in fields if name not in known]
     if unknown:
-        raise ValueError(f"arm: unknown field(s) {unknown}; ArmParameters has {list(known)}")
-    return ArmParameters(**arm)
-
-
-def rest_state(arm: FlexibleArm, corner: NDArray[np.float64], elbow_branch: str) -> NDArray[np.float64]:
-    """At rest with straight links, the tip at a point. Shape (4 + 4 m,)."""
-    state = np.zeros(2 * arm.size)
-    state[:2] = inverse_kinematics(arm.parameters, corner, elbow_branch)
-    return state
+        raise ValueError(f"arm: unknown field(s) {unknown}; ArmParameters has {list(known)}, and there is 'preset'")
+    return ArmParameters.paper(**fields) if preset == "paper" else ArmParameters(**fields)
 
 
 def observation_blocks(modes: int) -> dict[str, slice]:
@@ -245,16 +243,6 @@ def observation_blocks(modes: int) -> dict[str, slice]:
     }
     ends = np.cumsum(list(sizes.values())).tolist()
     return {name: slice(end - size, end) for (name, size), end in zip(sizes.items(), ends, strict=True)}
-
-
-def state_limits(arm: FlexibleArm) -> NDArray[np.float64]:
-    """Magnitudes of a valid state: angles, modal coordinates, joint rates; modal rates have none.
-
-    A modal coordinate's limit is the one that alone bends its link's tip by the link's length.
-    """
-    modal = np.concatenate([link.length / np.abs(link.tip_values) for link in arm.modes])
-    angles, rates, unlimited = np.full(2, ANGLE_LIMIT), np.full(2, RATE_LIMIT), np.full(len(modal), np.inf)
-    return np.concatenate([angles, modal, rates, unlimited])
 
 
 def _observation_bound(

@@ -31,7 +31,6 @@ from flexarm_env.tracing import Expression, Trace
 # Strict IEEE arithmetic: no fast-math, no contraction to fused operations; "numpy" only drops the checks for
 # division by zero, which would keep the compiler from vectorising.
 _DECORATOR = '@njit(cache=True, nogil=True, error_model="numpy", boundscheck=False)\n'
-STAGES = 4
 
 
 @dataclass(frozen=True)
@@ -61,7 +60,7 @@ def result_sizes(modes: int) -> dict[str, int]:
     return {
         "OBSERVATION": 10 + 2 * modes,
         "STATE": 2 * size,
-        "TAU": 2,
+        "TORQUE": 2,
         "TRUE_TIP": 2,
         "RIGID_TIP": 2,
         "REWARD_TERMS": len(reward.TERMS),
@@ -81,8 +80,8 @@ def layout(kind: str, modes: int) -> dict[str, tuple[int, int]]:
         parts |= {"DELAY": 2, "COMMAND_DELAY": 2, "RATE_LATE": 1, "READING": 4, "LIMITS": 2 * size}
         parts |= {"TIP_VALUES": modes, "TIP_DISTANCE": 1, "REFERENCE": 4}
         parts |= result_sizes(modes)
-        parts |= {"Y_STAGE": size, "V_STAGE": size, "MECHANICAL": size, "FEEDBACK": size}
-        parts |= dict.fromkeys(("V_SLOTS", "MECHANICAL_SLOTS", "FEEDBACK_SLOTS"), (STAGES + 1) * size)
+        parts |= {"Y_STAGE": size, "V_STAGE": size, "MECHANICAL": size, "FEEDBACK": size, "TAU": 2}
+        parts |= dict.fromkeys(("V_SLOTS", "MECHANICAL_SLOTS", "FEEDBACK_SLOTS"), (stepping.STAGES + 1) * size)
     rows, first = {}, 0
     for name, count in parts.items():
         rows[name] = (first, count)
@@ -159,7 +158,7 @@ def _law_source(variant: Variant) -> str:
     y, v_known = r.read("Y"), r.read("V")
     size = len(y)
     slots = [r.read(name) for name in ("V_SLOTS", "MECHANICAL_SLOTS", "FEEDBACK_SLOTS")]
-    for slot in range(STAGES):
+    for slot in range(stepping.STAGES):
         explicit, implicit = (h * r.trace.input(f"{name}[{slot}]") for name in ("explicit", "implicit"))
         v, mechanical, feedback = (values[slot * size : (slot + 1) * size] for values in slots)
         y = [a + explicit * b for a, b in zip(y, v, strict=True)]
@@ -215,6 +214,7 @@ _DRIVERS: dict[str, tuple[Callable[..., Any], ...]] = {
         stepping.prepare_readings,
         stepping.store_reading,
         stepping.store_stage,
+        stepping.evaluate_law,
         stepping.start,
         stepping.loop_step,
         stepping.state_status,
@@ -231,7 +231,7 @@ _RECORDED: dict[str, tuple[Callable[[Variant], str], ...]] = {
 def render(variant: Variant) -> str:
     """Source text of a variant's module."""
     rows = layout(variant.kind, variant.modes)
-    header = {"LANES": variant.lanes, "SIZE": 2 * variant.modes + 2, "STAGES": STAGES}
+    header = {"LANES": variant.lanes, "SIZE": 2 * variant.modes + 2, "STAGES": stepping.STAGES}
     header |= {name: first for name, (first, _) in rows.items()}
     tables = ("NODES", "GAMMA", "EXPLICIT", "IMPLICIT", "RK4_STEP", "RK4_WEIGHT")
     constants = {name: getattr(stepping, name) for name in tables} | {"WIDTHS": reward.WIDTHS}
@@ -259,9 +259,21 @@ def cache_folder() -> Path:
     except OSError:
         if override:
             raise
-    fallback = Path(tempfile.gettempdir()) / f"flexarm-{os.getuid() if hasattr(os, 'getuid') else 'cache'}"
-    fallback.mkdir(parents=True, exist_ok=True)
-    return fallback
+    return _private_folder(Path(tempfile.gettempdir()))
+
+
+def _private_folder(parent: Path) -> Path:
+    """A folder for code that will be run, in one that others can write to: ours and closed to others, or refused."""
+    owner = os.getuid() if hasattr(os, "getuid") else None
+    folder = parent / (f"flexarm-{owner}" if owner is not None else "flexarm")
+    folder.mkdir(mode=0o700, exist_ok=True)
+    found = folder.lstat()
+    if owner is not None and (found.st_uid != owner or found.st_mode & 0o077):
+        raise PermissionError(
+            f"{folder}: must belong to this user and be closed to others, since code in it is run; "
+            "remove it, or set FLEXARM_CACHE_DIR to another folder"
+        )
+    return folder
 
 
 @lru_cache

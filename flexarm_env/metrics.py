@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from flexarm_env.arm import FlexibleArm
 from flexarm_env.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -51,9 +52,7 @@ def tracking_error(run: Trajectory, tip: str = "true", since: float = 0.0) -> Tr
     if tip not in ("true", "rigid"):
         raise ValueError(f"tip = {tip!r}: must be 'true' or 'rigid'")
     points = run.tip if tip == "true" else run.rigid_tip
-    distance = np.linalg.norm(points - _reference(run), axis=1)[run.time >= since]
-    if not len(distance):
-        raise ValueError(f"since = {since} s: the run ends at {run.time[-1]} s")
+    distance = np.linalg.norm(points - _reference(run), axis=1)[_window(run.time, since, np.inf)]
     return TrackingError(float(np.sqrt(np.mean(distance**2))), float(distance.max()))
 
 
@@ -64,21 +63,26 @@ def overshoot(path: Array, time: Array, corner: Array, incoming: Array, window: 
         path: Shape (n, 2) [m].
         time: Shape (n,) [s].
         corner: x, y [m]. Shape (2,).
-        incoming: direction of the side that ends at the corner, any length. Shape (2,).
+        incoming: direction of the side that ends at the corner, any length but 0. Shape (2,).
         window: times between which to look [s].
 
     Returns:
         The largest advance past the corner [m]; negative if the path stays short of it.
+
+    Raises:
+        ValueError: if the window holds no instant, or the direction is 0.
     """
-    direction = incoming / np.linalg.norm(incoming)
-    inside = (time >= window[0]) & (time <= window[1])
-    if not inside.any():
-        raise ValueError(f"window = {window} s: the run covers {time[0]} to {time[-1]} s")
-    return float(((path[inside] - corner) @ direction).max())
+    length = float(np.linalg.norm(incoming))
+    if not length > 0.0:
+        raise ValueError(f"incoming = {incoming!r}: must be a direction, not 0")
+    inside = _window(time, *window)
+    return float(((path[inside] - corner) @ incoming).max() / length)
 
 
 def path_difference(one: Array, other: Array) -> Array:
-    """Distance of each point of a path from the nearest point of another, whatever the time [m].
+    """Distance of each point of a path from another path, whatever the time [m].
+
+    The nearest sample of the other path is found first; the distance is then that to the two segments that meet there.
 
     Args:
         one: Shape (n, 2) [m].
@@ -87,19 +91,50 @@ def path_difference(one: Array, other: Array) -> Array:
     Returns:
         Shape (n,).
     """
-    return np.asarray(cKDTree(other).query(one)[0])
+    nearest = cKDTree(other).query(one)[1]
+    before, after = np.maximum(nearest - 1, 0), np.minimum(nearest + 1, len(other) - 1)
+    return np.minimum(_to_segment(one, other[before], other[nearest]), _to_segment(one, other[nearest], other[after]))
+
+
+def _to_segment(points: Array, start: Array, end: Array) -> Array:
+    side = end - start
+    squared = np.maximum(np.sum(side**2, axis=1), np.finfo(float).tiny)  # a segment may be a point
+    along = np.clip(np.sum((points - start) * side, axis=1) / squared, 0.0, 1.0)
+    return np.asarray(np.linalg.norm(points - (start + along[:, None] * side), axis=1))
+
+
+def _window(time: Array, since: float, until: float) -> NDArray[np.bool_]:
+    inside = (time >= since) & (time <= until)
+    if not inside.any():
+        raise ValueError(f"window = {since} to {until} s: holds no instant; the run covers {time[0]} to {time[-1]} s")
+    return inside
 
 
 def vibration(run: Trajectory, since: float = 0.0, until: float = np.inf) -> float:
     """R.m.s. rate of the links' tip deflections, both links together [m/s].
 
     Args:
-        run: any run of at least 3 instants.
+        run: any run.
         since: from this time on [s].
         until: up to this time [s].
     """
-    rates = np.gradient(run.tip_deflection, run.time, axis=0)[(run.time >= since) & (run.time <= until)]
+    arm = FlexibleArm(run.parameters)
+    rates = arm.tip_deflection(run.state[:, arm.size :])[_window(run.time, since, until)]  # linear in the coordinates
     return float(np.sqrt(np.mean(np.sum(rates**2, axis=1))))
+
+
+def tip_acceleration(run: Trajectory, since: float = 0.0, until: float = np.inf) -> float:
+    """R.m.s. acceleration of the rigid-kinematics tip, by second differences [m/s^2]: how smooth its motion is.
+
+    Args:
+        run: a run of at least 3 instants, evenly spaced.
+        since: from this time on [s].
+        until: up to this time [s].
+    """
+    step = run.time[1] - run.time[0]
+    acceleration = np.diff(run.rigid_tip, n=2, axis=0) / step**2
+    inside = _window(run.time[1:-1], since, until)
+    return float(np.sqrt(np.mean(np.sum(acceleration[inside] ** 2, axis=1))))
 
 
 def circle_fit(path: Array) -> CircleFit:

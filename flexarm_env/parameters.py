@@ -23,6 +23,7 @@ Direction = Literal["clockwise", "counterclockwise"]
 ElbowBranch = Literal["positive", "negative"]
 
 MAX_MODES = 4
+MAX_DELAY = 10.0  # [s]; the delay line holds a reading for every integration step
 WAVE_SPEED = 288.33  # c [m/s] (15)
 
 
@@ -119,7 +120,7 @@ class SensorParameters:
         position: distance of the sensor from the elbow along link 2 [m]; it replaces L2 in (8), (9) and (13) of
             all three models. Paper: 4.5 (end effector) and 0.5.
         delay: None: distance from each joint to the sensor over the wave speed (16), (18). Else [s], one number
-            for both or a pair (shoulder, elbow). "true" readings use the shoulder's only, so a pair is refused.
+            for both or a pair (shoulder, elbow), at most 10 s. "true" readings use the shoulder's only, so a pair is refused.
         delayed: "position" (the paper: rates are current) or "position+rate".
         rate_jacobian: Jacobian in the velocity error of the "rigid" model, of the "delayed" angles or of the
             "current" ones (a sensitivity; docs/reproduction.md).
@@ -148,13 +149,13 @@ class SensorParameters:
             if self.model == "collocated":
                 raise ValueError(f"delay = {self.delay!r}: a collocated sensor has none; it must be None")
             if not isinstance(self.delay, tuple | list | np.ndarray):
-                object.__setattr__(self, "delay", number("delay", self.delay, "s", least=0.0))
+                object.__setattr__(self, "delay", number("delay", self.delay, "s", least=0.0, most=MAX_DELAY))
             elif self.model == "true":
                 raise ValueError(
                     f"delay = {self.delay!r}: a 'true' sensor's reading has one delay; it must be one number [s]"
                 )
             else:
-                object.__setattr__(self, "delay", pair("delay", self.delay, "s", least=0.0))
+                object.__setattr__(self, "delay", pair("delay", self.delay, "s", least=0.0, most=MAX_DELAY))
 
     def joint_delays(self, shoulder_to_elbow: float) -> tuple[float, float]:
         """Delay of the shoulder's and of the elbow's measurement [s] (16), (18).

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from flexarm_env.parameters import ArmParameters, SquareParameters
 from flexarm_env.stepping import reference_at
-from flexarm_env.validation import finite_array
+from flexarm_env.validation import choice, finite_array
 
 Array = NDArray[np.float64]
 
@@ -19,7 +19,7 @@ _CORNERS = ("lower left", "upper left", "upper right", "lower right")  # clockwi
 _SIGNS = np.array([(-1.0, -1.0), (-1.0, 1.0), (1.0, 1.0), (1.0, -1.0)])
 
 
-class Path:
+class ReferencePath:
     """A closed polyline with the times of its way-points.
 
     Attributes:
@@ -90,14 +90,14 @@ def _distance_to_origin(a: Array, b: Array) -> float:
     return float(np.linalg.norm(a + along * side))
 
 
-def square(parameters: SquareParameters) -> Path:
+def square(parameters: SquareParameters) -> ReferencePath:
     """The square centred on the shoulder, a quarter of the lap time for each side."""
     first = _CORNERS.index(parameters.start_corner)
     turn = 1 if parameters.direction == "clockwise" else -1
     order = [(first + turn * i) % 4 for i in range(5)]
     corners = 0.5 * parameters.side * _SIGNS[order]
     times = 0.25 * parameters.lap_time * np.arange(5.0)
-    return Path(np.column_stack([times, corners]))
+    return ReferencePath(np.column_stack([times, corners]))
 
 
 def inverse_kinematics(arm: ArmParameters, point: ArrayLike, elbow_branch: str) -> Array:
@@ -115,6 +115,7 @@ def inverse_kinematics(arm: ArmParameters, point: ArrayLike, elbow_branch: str) 
         ValueError: if the point is out of reach, with the distance by which it is.
     """
     target = finite_array("point", point, (2,))
+    choice("elbow_branch", elbow_branch, ("positive", "negative"))
     length1, length2 = arm.link_lengths
     distance = float(np.linalg.norm(target))
     miss = max(distance - arm.reach, abs(length1 - length2) - distance)

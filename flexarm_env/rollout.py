@@ -19,7 +19,11 @@ Array = NDArray[np.float64]
 
 
 def run_policy(
-    env: gymnasium.Env[Any, Any], policy: Any, seed: int | None = None, deterministic: bool = True
+    env: gymnasium.Env[Any, Any],
+    policy: Any,
+    seed: int | None = None,
+    deterministic: bool = True,
+    max_steps: int | None = None,
 ) -> Trajectory:
     """One episode of a FlexArm environment.
 
@@ -28,44 +32,48 @@ def run_policy(
         policy: anything with stable-baselines3's ``predict``.
         seed: for the environment's reset.
         deterministic: passed to ``predict``.
+        max_steps: stop after so many; None: at the end of the episode, or of a lap where the environment has no
+            time limit.
 
     Returns:
         The episode; `notes["ended"]` says why: "truncated" or a termination reason.
 
     Raises:
         TypeError: if the environment is not a `FlexArmEnv` underneath.
+        ValueError: if the policy's action 1 means another gain than the environment's.
     """
     inner = env.unwrapped
     if not isinstance(inner, FlexArmEnv):
         raise TypeError(f"env = {env!r}: must be a FlexArmEnv, wrapped or not")
+    limit = getattr(policy, "gain_limit", inner.gain_limit)
+    if limit != inner.gain_limit:
+        raise ValueError(
+            f"policy.gain_limit = {limit}: must be the environment's, {inner.gain_limit}, or its actions mean other gains"
+        )
+    if max_steps is None and (env.spec is None or env.spec.max_episode_steps is None):
+        max_steps = inner.lap_steps
     observation, info = env.reset(seed=seed)
-    rows = [_row(inner, observation, info, reward=0.0)]
+    rows = [_row(info, reward=0.0)]
     memory, start, ended = None, np.ones(1, dtype=bool), None
     while ended is None:
         action, memory = policy.predict(observation, memory, start, deterministic)
         start = np.zeros(1, dtype=bool)
         observation, reward, terminated, truncated, info = env.step(action)
-        rows[-1]["gain"] = info["gain"]
+        # of the period that began at the instant recorded last
+        rows[-1].update(gain=info["gain"], torque=info["torque"])
         if terminated:
             ended = info["termination_reason"]
             break  # the last state is not one: the record ends before it
-        rows.append(_row(inner, observation, info, float(reward)))
-        ended = "truncated" if truncated else None
-    rows[-1].setdefault("gain", rows[-2]["gain"] if len(rows) > 1 else 0.0)
+        rows.append(_row(info, float(reward)))
+        ended = "truncated" if truncated or len(rows) - 1 == max_steps else None
+    if len(rows) > 1 and ended == "truncated":
+        rows[-1].update(gain=rows[-2]["gain"], torque=rows[-2]["torque"])
     arrays = {name: np.array([row[name] for row in rows]) for name in rows[0]}
     return inner.arm.record(**arrays, notes={"ended": ended})
 
 
-def _row(env: FlexArmEnv, observation: NDArray[np.float32], info: dict[str, Any], reward: float) -> dict[str, Any]:
-    blocks = env.observation_blocks
-    return {
-        "time": info["time"],
-        "state": info["state"],
-        "torque": info["torque"],
-        "reference": observation[blocks["reference_position"]].astype(float),
-        "sensed": observation[blocks["sensed_position"]].astype(float),
-        "reward": reward,
-    }
+def _row(info: dict[str, Any], reward: float) -> dict[str, Any]:
+    return {name: info[name] for name in ("time", "state", "reference", "sensed")} | {"reward": reward}
 
 
 def run_batch(
@@ -75,10 +83,11 @@ def run_batch(
     gain_limits: ArrayLike,
     steps: int,
     progress: Callable[[int], Any] | None = None,
+    seed: int | None = None,
 ) -> list[Trajectory]:
     """Run a policy on every arm of a batch.
 
-    What a policy sees and does is what it would in `FlexArmEnv`: float32 observations, actions in [-1, 1].
+    What a policy sees and does is what it would in `FlexArmEnv`: float32 observations, actions clipped to [-1, 1].
 
     Args:
         loop: the batch, of N arms.
@@ -87,6 +96,7 @@ def run_batch(
         gain_limits: lambda at action 1. Shape (N,).
         steps: control periods.
         progress: called with the number of control periods done since the last call.
+        seed: of the sensors' noise, where they have any.
 
     Returns:
         A `Trajectory` for each arm, `notes["ended"]` as in `run_policy`; an arm whose state stops being valid ends
@@ -96,13 +106,16 @@ def run_batch(
     count = len(loop)
     if len(policies) != count:
         raise ValueError(f"policies: must be {count}, one for each arm, got {len(policies)}")
+    if np.shape(gain_limits) not in ((), (count,)):
+        raise ValueError(f"gain_limits: must be one number or {count}, got shape {np.shape(gain_limits)}")
     limits = np.broadcast_to(np.asarray(gain_limits, dtype=float), (count,))
+    noise = _noise(loop, seed)
     groups = _groups(policies)
     memories: list[Any] = [None] * len(groups)
     observed = observation_blocks(loop.arm.parameters.modes_per_link)["reference_velocity"].stop
     ends = np.full(count, steps + 1)
     live: slice | NDArray[np.int64] = slice(None)  # who goes on; an arm that ended keeps its last valid observation
-    loop.reset(states)
+    loop.reset(states, noise())
     first = loop.packed_results()
     records = np.zeros((steps + 1, *first.shape))
     gains = np.zeros((steps + 1, count))
@@ -116,8 +129,8 @@ def run_batch(
             action, memories[k] = policy.predict(observation[members], memories[k], start[members], True)
             actions[members] = action[:, 0]
         start[:] = False
-        gains[done, live] = gain_from_action(actions, limits)[live]
-        loop.advance(gains[done])
+        gains[done, live] = gain_from_action(actions.clip(-1.0, 1.0), limits)[live]
+        loop.advance(gains[done], noise())
         done += 1
         records[done] = loop.packed_results()
         if records[done, live, -1].any():
@@ -127,6 +140,15 @@ def run_batch(
             progress(1)
     gains[done] = gains[done - 1]
     return _trajectories(loop, loop.unpack(records[: done + 1]), gains, ends)
+
+
+def _noise(loop: ClosedLoop, seed: int | None) -> Callable[[], Array | None]:
+    """Draws the sensors' noise of one period; draws nothing where no sensor has any."""
+    deviations = loop.noise
+    if not deviations.any():
+        return lambda: None
+    random = np.random.default_rng(seed)
+    return lambda: deviations[:, None] * random.normal(size=(len(deviations), 2))
 
 
 def _groups(policies: Sequence[Any]) -> list[tuple[Any, slice | NDArray[np.int64]]]:
@@ -158,7 +180,8 @@ def _trajectories(loop: ClosedLoop, results: Results, gains: Array, ends: NDArra
             loop.arm.record(
                 time[keep],
                 results.state[keep, i],
-                results.torque[keep, i],
+                # known only once the period has begun, so one instant late
+                np.concatenate([results.torque[1:, i], results.torque[-1:, i]])[keep],
                 reference=observation[:, blocks["reference_position"]],
                 sensed=observation[:, blocks["sensed_position"]],
                 gain=gains[keep, i],

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from flexarm_env import kernels
 from flexarm_env.arm import FlexibleArm
 from flexarm_env.parameters import LawParameters, SensorParameters
-from flexarm_env.reference import Path
+from flexarm_env.reference import ReferencePath
 from flexarm_env.validation import finite_array, number
 
 Array = NDArray[np.float64]
@@ -48,7 +48,8 @@ class Results(NamedTuple):
     Attributes:
         observation: what a controller may know (`closed_loop.Outputs`). Shape (N, 10 + 2 m).
         state: public states. Shape (N, 4 + 4 m).
-        torque: the law's at the end of the last period [N m]; at the reset that of gain 0. Shape (N, 2).
+        torque: the law's at the start of the period that ends now, with its gain [N m]; at the reset that of gain 0,
+            none. Shape (N, 2).
         true_tip: with deflection [m]. Shape (N, 2).
         rigid_tip: by rigid kinematics (8), (9) [m]. Shape (N, 2).
         reward_terms: `reward.reward_terms`. Shape (N, 2).
@@ -79,7 +80,7 @@ class ClosedLoop:
         self,
         arm: FlexibleArm,
         cases: Sequence[LoopCase],
-        path: Path,
+        path: ReferencePath,
         control_period: float = 1e-3,
         physics_step: float | None = None,
         state_limits: ArrayLike | None = None,
@@ -99,10 +100,15 @@ class ClosedLoop:
                 long for the fastest mode.
         """
         self.arm, self.path, self._cases = arm, path, list(cases)
+        if not isinstance(arm, FlexibleArm):
+            raise TypeError(f"arm = {arm!r}: must be a FlexibleArm")
+        if not isinstance(path, ReferencePath):
+            raise TypeError(f"path = {path!r}: must be a ReferencePath")
         if not self._cases:
             raise ValueError("cases: must hold at least one LoopCase")
         for case in self._cases:
             _check_case(case, arm)
+        self._ready = False  # until the first reset
         self.control_period = number("control_period", control_period, "s", above=0.0)
         self.substeps = self._count_substeps(physics_step)
         modes = arm.parameters.modes_per_link
@@ -124,7 +130,9 @@ class ClosedLoop:
         self._histories = np.zeros((blocks, slots, 4, lanes))
         self._counts = np.zeros((blocks, lanes), dtype=np.int64)
         self._put("CONSTANTS", np.tile(arm.constants.flat(), (len(self._cases), 1)))
-        limits = np.full(2 * arm.size, np.inf) if state_limits is None else np.asarray(state_limits, dtype=float)
+        limits = np.full(2 * arm.size, np.inf) if state_limits is None else np.array(state_limits, dtype=float)
+        if limits.shape != (2 * arm.size,) or not np.all(limits > 0.0):
+            raise ValueError(f"state_limits = {state_limits!r}: must be {2 * arm.size} numbers > 0 (inf for none)")
         self._put("LIMITS", np.tile(limits, (len(self._cases), 1)))
         for name, values in self._settings().items():
             self._put(name, values)
@@ -159,6 +167,11 @@ class ClosedLoop:
         return self.control_period / self.substeps
 
     @property
+    def noise(self) -> Array:
+        """Standard deviation of each sensor's noise [m], for whoever draws it. Shape (N,)."""
+        return np.array([case.sensor.noise for case in self._cases])
+
+    @property
     def time(self) -> float:
         """Since the reset [s]."""
         return float(self._counts[0, 0] * self.physics_step)
@@ -185,6 +198,7 @@ class ClosedLoop:
         self._histories[:, 1:] = self._histories[:, :1]
         self._histories[:, 1:, 2:] = 0.0  # before the start nothing moves
         self._run(0, initialise=True)
+        self._ready = True
 
     def advance(self, gain: ArrayLike, noise: ArrayLike | None = None) -> None:
         """One control period.
@@ -192,7 +206,13 @@ class ClosedLoop:
         Args:
             gain: lambda of each arm. Shape (N,).
             noise: added to each arm's reading [m]. Shape (N, 2); None leaves it as it was.
+
+        Raises:
+            RuntimeError: before the first reset.
+            ValueError: for a gain that is negative or not finite, or another shape.
         """
+        if not self._ready:
+            raise RuntimeError("advance() before reset(): there is no state to advance")
         values = np.asarray(gain, dtype=np.float64)
         if values.shape != (len(self),) or not ((values >= 0.0) & (values < np.inf)).all():
             values = finite_array("gain", gain, (len(self),))
@@ -305,6 +325,8 @@ class ClosedLoop:
 
 
 def _check_case(case: LoopCase, arm: FlexibleArm) -> None:
+    if not isinstance(case, LoopCase):
+        raise TypeError(f"cases hold {case!r}: must be LoopCase objects")
     length2 = arm.parameters.link_lengths[1]
     if case.sensor.position > length2:
         raise ValueError(f"sensor_position = {case.sensor.position} m: must be on link 2, > 0 and <= {length2} m")

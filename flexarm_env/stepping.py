@@ -21,7 +21,7 @@ SIZE = 4  # internal coordinates
 STAGES = 4
 Y = V = Y_STAGE = V_STAGE = V_SLOTS = MECHANICAL = MECHANICAL_SLOTS = FEEDBACK = FEEDBACK_SLOTS = OFFSET = 0
 WEIGHT = RATE_OFFSET = RATE_WEIGHT = COMMAND_1 = COMMAND_2 = DELAY = COMMAND_DELAY = RATE_LATE = READING = 0
-TAU = Y_SLOPE = V_SLOPE = Y_SUM = V_SUM = REFERENCE = STATE = LIMITS = TRUE_TIP = REWARD_TERMS = STATUS = 0
+TAU = Y_SLOPE = V_SLOPE = Y_SUM = V_SUM = REFERENCE = STATE = LIMITS = TRUE_TIP = REWARD_TERMS = STATUS = TORQUE = 0
 
 # ARS(4,4,3) of Ascher, Ruuth & Spiteri (1997), third order: explicit coefficients for the arm, singly diagonally
 # implicit and stiffly accurate ones (gamma = 1/2, L-stable) for the law. The last stage is the step's result.
@@ -201,16 +201,24 @@ def store_reading(arena: Any, history: Any, count: Any) -> None:
             history[i + here + r * LANES] = arena[i + (READING + r) * LANES]
 
 
-def start(arena: Any, history: Any, count: Any, path: Any, h: float) -> None:
-    """Complete every lane of a block from its state: mechanical acceleration and outputs."""
+def evaluate_law(arena: Any, history: Any, count: Any, path: Any, h: float) -> None:
+    """The law's torque at the present instant with the present gain; mechanical acceleration as well."""
     prepare_commands(arena, count, path, h)
     prepare_readings(arena, history, count, h, 0.0)
+    law_kernel(arena, 0.0, 0.0, (0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0))
+    for r in range(2):
+        for i in range(LANES):
+            arena[i + (TORQUE + r) * LANES] = arena[i + (TAU + r) * LANES]
+
+
+def start(arena: Any, history: Any, count: Any, path: Any, h: float) -> None:
+    """Complete every lane of a block from its state."""
     for row in range((STAGES + 1) * SIZE):  # what an earlier episode left, at worst not finite
         for i in range(LANES):
             arena[i + (V_SLOTS + row) * LANES] = 0.0
             arena[i + (MECHANICAL_SLOTS + row) * LANES] = 0.0
             arena[i + (FEEDBACK_SLOTS + row) * LANES] = 0.0
-    law_kernel(arena, 0.0, 0.0, (0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0))
+    evaluate_law(arena, history, count, path, h)
     store_stage(arena, 0)
 
 
@@ -275,7 +283,7 @@ def write_outputs(arena: Any, history: Any, count: Any, path: Any, h: float) -> 
 
 
 def run_loop(arenas: Any, histories: Any, counts: Any, path: Any, h: float, steps: int, initialise: bool) -> None:
-    """Advance all blocks, or complete them after a reset.
+    """Advance all blocks by a control period, or complete them after a reset.
 
     Args:
         arenas: Shape (blocks, rows * LANES).
@@ -283,7 +291,7 @@ def run_loop(arenas: Any, histories: Any, counts: Any, path: Any, h: float, step
         counts: Shape (blocks, LANES).
         path: see `reference_at`.
         h: step [s].
-        steps: how many.
+        steps: how many; 0 after a reset.
         initialise: complete the states first (after a reset).
     """
     for block in range(arenas.shape[0]):
@@ -292,6 +300,8 @@ def run_loop(arenas: Any, histories: Any, counts: Any, path: Any, h: float, step
         count = counts[block]
         if initialise:
             start(arena, history, count, path, h)
+        else:
+            evaluate_law(arena, history, count, path, h)
         for _ in range(steps):
             loop_step(arena, history, count, path, h)
         write_outputs(arena, history, count, path, h)

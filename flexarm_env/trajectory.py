@@ -27,7 +27,8 @@ class Trajectory:
         time: [s]. Shape (n,).
         state: theta1, theta2 [rad], modal coordinates of link 1 and of link 2, and the rates of all of these.
             Shape (n, 4 + 4 m).
-        torque: of shoulder and elbow [N m]; at each instant the one that acts just after it. Shape (n, 2).
+        torque: of shoulder and elbow [N m]; at each instant the one that acts just after it (the last instant, after
+            which nothing was computed, repeats the one before unless the torque is a function). Shape (n, 2).
         tip: true tip, with deflection [m]. Shape (n, 2).
         elbow: tip of link 1 [m]. Shape (n, 2).
         rigid_tip: tip by rigid kinematics of the joint angles (8), (9) [m]. Shape (n, 2).

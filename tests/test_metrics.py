@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from flexarm_env import ArmParameters, FlexibleArm, Trajectory
-from flexarm_env.metrics import circle_fit, overshoot, path_difference, summary, tracking_error, vibration
+from flexarm_env.metrics import circle_fit, overshoot, path_difference, summary, tip_acceleration, tracking_error, vibration
 
 TIME = np.linspace(0.0, 2.0, 2001)
 
@@ -14,6 +14,7 @@ def run_with(reference: np.ndarray, q1: np.ndarray | float = 0.0, **signals: np.
     arm = FlexibleArm(ArmParameters.paper())
     state = np.zeros((len(TIME), 8))
     state[:, 2] = q1
+    state[:, 6] = np.gradient(state[:, 2], TIME)
     return arm.record(TIME, state, np.zeros((len(TIME), 2)), reference=reference, **signals)
 
 
@@ -61,12 +62,25 @@ def test_overshoot_in_the_incoming_direction() -> None:
     assert overshoot(path, time, corner, incoming, (0.0, 0.0)) == pytest.approx(-0.3)
     with pytest.raises(ValueError, match="window"):
         overshoot(path, time, corner, incoming, (9.0, 10.0))
+    with pytest.raises(ValueError, match="incoming"):
+        overshoot(path, time, corner, 0.0 * incoming, (0.0, 4.0))
 
 
 def test_path_difference_ignores_time() -> None:
     one = np.column_stack([np.linspace(0, 1, 101), np.zeros(101)])
     assert path_difference(one, one[::-1]).max() == 0.0
     assert path_difference(one, one + np.array([0.0, 0.25])) == pytest.approx(0.25)
+    between = one[:-1] + 0.5 * (one[1] - one[0])  # samples between samples: still the same line
+    assert path_difference(between, one).max() == pytest.approx(0.0, abs=1e-15)
+
+
+def test_tip_acceleration_of_a_turning_arm() -> None:
+    """A straight arm turning at w: w^2 R towards the shoulder; second differences at 1 ms: (w h)^2 / 12 relative."""
+    arm = FlexibleArm(ArmParameters.paper())
+    state = np.zeros((len(TIME), 8))
+    state[:, 0] = 3.0 * TIME
+    run = arm.record(TIME, state, np.zeros((len(TIME), 2)))
+    assert tip_acceleration(run) == pytest.approx(9.0 * 9.0, rel=1e-5)
 
 
 def test_circle_fit_recovers_a_circle() -> None:
@@ -86,7 +100,7 @@ def test_errors_name_what_is_wrong() -> None:
     run = run_with(np.zeros((len(TIME), 2)))
     with pytest.raises(ValueError, match="tip = 'elbow'"):
         tracking_error(run, "elbow")
-    with pytest.raises(ValueError, match=r"since = 5\.0 s"):
+    with pytest.raises(ValueError, match=r"window = 5\.0 to inf s"):
         tracking_error(run, since=5.0)
 
 

@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from flexarm_env import ArmParameters, FlexibleArm, Path, SquareParameters, inverse_kinematics, square
+from flexarm_env import ArmParameters, FlexibleArm, ReferencePath, SquareParameters, inverse_kinematics, square
 from flexarm_env.parameters import Corner, Direction, ElbowBranch
 from flexarm_env.stepping import chord_at
 
@@ -124,7 +124,7 @@ def test_an_unreachable_corner_says_by_how_much() -> None:
 
 
 def test_the_farthest_way_point_is_the_one_named() -> None:
-    path = Path([(0.0, 1.0, 0.0), (1.0, 9.5, 0.0), (2.0, 0.0, 9.2), (3.0, 1.0, 0.0)])
+    path = ReferencePath([(0.0, 1.0, 0.0), (1.0, 9.5, 0.0), (2.0, 0.0, 9.2), (3.0, 1.0, 0.0)])
     with pytest.raises(ValueError, match=r"\(9\.5, 0\.0\) m is 9\.5 m .* misses it by 0\.5 m"):
         path.check_reach(ArmParameters())
 
@@ -204,12 +204,12 @@ def test_inverse_kinematics_refuses_what_is_out_of_reach() -> None:
 )
 def test_a_wrong_table_is_refused(table: Sequence[tuple[float, ...]], message: str) -> None:
     with pytest.raises(ValueError, match=message):
-        Path(table)
+        ReferencePath(table)
 
 
 def test_a_path_keeps_its_own_table() -> None:
     table = np.array([(0.0, 1.0, 1.0), (1.0, 2.0, 1.0), (3.0, 1.0, 1.0)])
-    path = Path(table)
+    path = ReferencePath(table)
     table[:] = 0.0
     np.testing.assert_array_equal(path.position([0.5, 2.0]), [(1.5, 1.0), (1.5, 1.0)])
     np.testing.assert_array_equal(path.velocity([0.5, 2.0]), [(1.0, 0.0), (-0.5, 0.0)])

@@ -5,9 +5,16 @@ import numpy as np
 import pytest
 
 from flexarm_baselines import FLSAC, IFDC
-from flexarm_env import ClosedLoop, LawParameters, LoopCase, SensorParameters, SquareParameters, square
-from flexarm_env.env import rest_state, state_limits
-from flexarm_env.rollout import run_batch, run_policy
+from flexarm_env import (
+    ClosedLoop,
+    LawParameters,
+    LoopCase,
+    SensorParameters,
+    run_batch,
+    run_policy,
+    square_loop,
+    state_limits,
+)
 
 STEPS = 300
 
@@ -17,10 +24,7 @@ def make(**options: object) -> gymnasium.Env:
 
 
 def batch(env: gymnasium.Env, cases: list[LoopCase]) -> tuple[ClosedLoop, np.ndarray]:
-    arm = env.unwrapped.arm
-    path = square(SquareParameters())
-    loop = ClosedLoop(arm, cases, path, state_limits=state_limits(arm))
-    return loop, np.tile(rest_state(arm, path.table[0, 1:], "positive"), (len(cases), 1))
+    return square_loop(env.unwrapped.arm, cases)
 
 
 def test_environment_and_batch_give_the_same_bits() -> None:
@@ -85,3 +89,58 @@ def test_progress_counts_every_period() -> None:
     seen: list[int] = []
     run_batch(loop, states, [IFDC()], 1.0, 25, progress=seen.append)
     assert sum(seen) == 25
+
+
+def test_torque_is_the_one_that_acts_just_after_the_instant() -> None:
+    """At the start nothing moves: lambda J^T Kd r', with r' = (0, 3.15) m/s. The paper's IFDC peaks there."""
+    run = run_policy(make(sensor="collocated"), IFDC())
+    theta1, theta2 = run.state[0, :2]
+    x, y = run.rigid_tip[0]
+    assert (x, y) == pytest.approx((-6.3, -6.3))
+    expected = 17.364 * 3.15 * np.array([x, 4.5 * np.cos(theta1 + theta2)])  # row 2 of J (13)
+    assert run.torque[0] == pytest.approx(expected, rel=1e-9)
+    half = run_policy(make(sensor="collocated"), IFDC(gain=0.5))
+    assert half.torque[0] == pytest.approx(0.5 * expected, rel=1e-9)
+
+
+def test_a_policy_for_another_gain_limit_is_refused() -> None:
+    with pytest.raises(ValueError, match=r"policy\.gain_limit = 1\.0: must be the environment's, 20\.0"):
+        run_policy(make(gain_limit=20.0), IFDC())
+
+
+def test_a_bare_environment_runs_one_lap() -> None:
+    env = gymnasium.make("flexarm_env:FlexArm/Paper-v0", lap_time=0.4, side=0.4).unwrapped
+    assert len(run_policy(env, IFDC())) == 401
+    assert len(run_policy(env, IFDC(), max_steps=7)) == 8
+
+
+def test_wrapped_observations_do_not_reach_the_record() -> None:
+    env = gymnasium.wrappers.TransformObservation(make(), lambda o: 0.1 * o, None)
+    run = run_policy(env, IFDC())
+    assert run.reference is not None
+    assert run.reference[0] == pytest.approx([-6.3, -6.3])
+
+
+def test_noise_in_a_batch_follows_its_seed() -> None:
+    env = make()
+    cases = [LoopCase(SensorParameters(noise=noise), LawParameters()) for noise in (0.05, 0.0)]
+    loop, states = batch(env, cases)
+    first, again, other = (run_batch(loop, states, [IFDC()] * 2, 1.0, 50, seed=seed) for seed in (1, 1, 2))
+    np.testing.assert_array_equal(first[0].state, again[0].state)
+    assert np.abs(first[0].state - other[0].state).max() > 0.0
+    np.testing.assert_array_equal(first[1].state, other[1].state)  # the quiet sensor
+    spread = (first[0].sensed - first[0].rigid_tip)[0:1]  # the first reading is not late
+    assert 0.0 < np.abs(spread).max() < 0.3
+
+
+def test_actions_beyond_the_range_are_clipped_as_in_the_environment() -> None:
+    class Bold:
+        def predict(self, observation, state=None, episode_start=None, deterministic=False):
+            return np.full((*np.shape(observation)[:-1], 1), 1.5, np.float32), state
+
+    env = make()
+    loop, states = batch(env, [LoopCase(SensorParameters(), LawParameters())])
+    (run,) = run_batch(loop, states, [Bold()], 1.0, 20)
+    np.testing.assert_array_equal(run.state, run_policy(make(), Bold(), max_steps=20).state)
+    assert run.gain is not None
+    assert run.gain.max() == 1.0

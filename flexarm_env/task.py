@@ -1,0 +1,63 @@
+"""The paper's task put together: the square, the start on its corner, and the limits of a valid state."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from flexarm_env.arm import FlexibleArm
+from flexarm_env.parameters import SquareParameters
+from flexarm_env.reference import inverse_kinematics, square
+from flexarm_env.simulation import ClosedLoop, LoopCase
+
+Array = NDArray[np.float64]
+
+CONTROL_PERIOD = 1e-3  # [s]; the paper's step size
+ANGLE_LIMIT = 8.0 * np.pi  # [rad]; four turns
+RATE_LIMIT = 1e3  # [rad/s]
+
+
+def square_loop(
+    arm: FlexibleArm,
+    cases: Sequence[LoopCase],
+    task: SquareParameters | None = None,
+    physics_step: float | None = None,
+) -> tuple[ClosedLoop, Array]:
+    """A batch of arms that track the square, and where they start.
+
+    Args:
+        arm: the arm.
+        cases: sensor and law of each.
+        task: the square; default `SquareParameters()`.
+        physics_step: see `ClosedLoop`.
+
+    Returns:
+        The batch, with limits on its states, and the starting states for its `reset`. Shape (N, 4 + 4 m).
+
+    Raises:
+        ValueError: if the tip cannot reach the square, with the distance by which it misses.
+    """
+    task = SquareParameters() if task is None else task
+    path = square(task)
+    path.check_reach(arm.parameters)
+    loop = ClosedLoop(arm, cases, path, CONTROL_PERIOD, physics_step=physics_step, state_limits=state_limits(arm))
+    return loop, np.tile(rest_state(arm, path.table[0, 1:], task.elbow_branch), (len(loop), 1))
+
+
+def rest_state(arm: FlexibleArm, point: ArrayLike, elbow_branch: str = "positive") -> Array:
+    """At rest with straight links, the tip at a point [m]. Shape (4 + 4 m,)."""
+    state = np.zeros(2 * arm.size)
+    state[:2] = inverse_kinematics(arm.parameters, point, elbow_branch)
+    return state
+
+
+def state_limits(arm: FlexibleArm) -> Array:
+    """Magnitudes of a valid state: angles, modal coordinates, joint rates; modal rates have none. Shape (4 + 4 m,).
+
+    A modal coordinate's limit is the one that alone bends its link's tip by the link's length.
+    """
+    modal = np.concatenate([link.length / np.abs(link.tip_values) for link in arm.modes])
+    angles, rates, unlimited = np.full(2, ANGLE_LIMIT), np.full(2, RATE_LIMIT), np.full(len(modal), np.inf)
+    return np.concatenate([angles, modal, rates, unlimited])
