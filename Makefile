@@ -58,9 +58,9 @@ if ! $(PY) -c 'import pip' >/dev/null 2>&1; then \
   command -v $(PYTHON) >/dev/null || fail "no '$(PYTHON)' here; name a Python 3.11 or newer: make PYTHON=..."; \
   $(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
     || fail "$$($(PYTHON) --version 2>&1) is too old; name a Python 3.11 or newer: make PYTHON=..."; \
-  $(PYTHON) -c 'import ensurepip, venv' >/dev/null 2>&1 \
-    || fail "$(PYTHON) comes without venv or ensurepip. Install them (Debian, Ubuntu: apt install python3-venv), or make $(VENV) by other means (virtualenv $(VENV)), then run make again."; \
-  $(PYTHON) -m venv $(VENV) || fail "could not make the environment $(VENV); remove that folder and run make again."; \
+  if $(PYTHON) -c 'import ensurepip, venv' >/dev/null 2>&1; then $(PYTHON) -m venv $(VENV); \
+  else $(PYTHON) -m venv --without-pip $(VENV) && $(PYTHON) -m pip --python $(PY) install pip; fi \
+    || fail "could not make the environment $(VENV); install venv and pip (Debian, Ubuntu: apt install python3-venv python3-pip), remove that folder, and run make again."; \
 fi
 endef
 

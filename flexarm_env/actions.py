@@ -63,9 +63,7 @@ def _checked_limit(gain_limit: ArrayLike) -> NDArray[np.float64] | float:
     return limits
 
 
-def _checked_range(
-    name: str, value: ArrayLike, low: float, high: NDArray[np.float64] | float
-) -> NDArray[np.float64]:
+def _checked_range(name: str, value: ArrayLike, low: float, high: NDArray[np.float64] | float) -> NDArray[np.float64]:
     values = np.asarray(value, dtype=np.float64)
     inside = (values >= low) & (values <= high)  # false for nan
     if not inside.all():

@@ -113,9 +113,7 @@ def true_point(k: Constants, law: Law, y: Sequence[Any], one: Pair, two: Pair) -
     )
 
 
-def true_jacobian(
-    k: Constants, law: Law, y: Sequence[Any], one: Pair, two: Pair
-) -> tuple[list[Any], list[Any]]:
+def true_jacobian(k: Constants, law: Law, y: Sequence[Any], one: Pair, two: Pair) -> tuple[list[Any], list[Any]]:
     """Rows of d(true point)/dy."""
     m = len(k.elbow_values)
     w1 = dot(k.elbow_values, y[1 : m + 1])
@@ -267,9 +265,7 @@ def _torque(
             for r in (0, 1)
         ]
         wanted.append(law.gain * (jacobian[j][0] * force[0] + jacobian[j][1] * force[1]))
-        feedback.append(
-            [damping * (jacobian[j][0] * response[0][i] + jacobian[j][1] * response[1][i]) for i in (0, 1)]
-        )
+        feedback.append([damping * (jacobian[j][0] * response[0][i] + jacobian[j][1] * response[1][i]) for i in (0, 1)])
     return _limited_solution(wanted, feedback, law.torque_limit)
 
 

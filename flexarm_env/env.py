@@ -90,12 +90,19 @@ class FlexArmEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     | argument | default | see |
     |---|---|---|
-    | `arm` | "paper" | or "default" (2 modes, complete dynamics, 1 % damping), or a mapping of `ArmParameters` fields, with `preset` ("paper" unless given) for the fields that it does not set |
-    | `sensor`, `sensor_position`, `delay`, `delayed`, `rate_jacobian`, `noise`, `wave_speed` | "rigid", 4.5 m, by wave speed, "position", "delayed", 0 m, 288.33 m/s | `SensorParameters` |
-    | `compensation`, `torque_limit`, `proportional_gain`, `derivative_gain` | "none", none, 150.79 N/m, 17.364 N s/m | `LawParameters` |
+    | `arm` | "paper" | below |
+    | `sensor` | "rigid" | `SensorParameters.model` |
+    | `sensor_position`, `delay`, `delayed` | 4.5 m, by wave speed, "position" | `SensorParameters` |
+    | `rate_jacobian`, `noise`, `wave_speed` | "delayed", 0 m, 288.33 m/s | `SensorParameters` |
+    | `compensation`, `torque_limit` | "none", none | `LawParameters` |
+    | `proportional_gain`, `derivative_gain` | 150.79 N/m, 17.364 N s/m | `LawParameters` |
     | `gain_limit` | 1 | lambda at action 1 |
-    | `side`, `lap_time`, `start_corner`, `direction`, `elbow_branch` | 12.6 m, 16 s, "lower left", "clockwise", "positive" | `SquareParameters` |
+    | `side`, `lap_time` | 12.6 m, 16 s | `SquareParameters` |
+    | `start_corner`, `direction`, `elbow_branch` | "lower left", "clockwise", "positive" | `SquareParameters` |
     | `physics_step` | as the arm's fastest mode demands | `ClosedLoop` |
+
+    `arm` is "paper", "default" (2 modes, complete dynamics, 1 % damping), or a mapping of `ArmParameters` fields,
+    with `preset` ("paper" unless given) for the fields that it does not set.
 
     ## Version history
 
@@ -136,9 +143,7 @@ class FlexArmEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             raise ValueError(f"render_mode = {render_mode!r}: this environment does not render; it must be None")
         self.render_mode = render_mode
         self.arm = FlexibleArm(arm_parameters(arm))
-        sensor_parameters = SensorParameters(
-            sensor, sensor_position, delay, delayed, rate_jacobian, noise, wave_speed
-        )
+        sensor_parameters = SensorParameters(sensor, sensor_position, delay, delayed, rate_jacobian, noise, wave_speed)
         law = LawParameters(proportional_gain, derivative_gain, compensation, torque_limit)
         task = SquareParameters(side, lap_time, start_corner, direction, elbow_branch)
         self.gain_limit = number("gain_limit", gain_limit, above=0.0)
@@ -176,9 +181,7 @@ class FlexArmEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self._observation = results.observation[0].astype(np.float32)
         return self._observation.copy(), self._info(results, gain=0.0)
 
-    def step(
-        self, action: NDArray[np.float32]
-    ) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
+    def step(self, action: NDArray[np.float32]) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
         """Hold the action's gain for one control period; see the class."""
         if np.shape(action) != (1,) or not isfinite(action[0]):
             finite_array("action", action, (1,))  # says what is wrong
@@ -245,9 +248,7 @@ def observation_blocks(modes: int) -> dict[str, slice]:
     return {name: slice(end - size, end) for (name, size), end in zip(sizes.items(), ends, strict=True)}
 
 
-def _observation_bound(
-    arm: FlexibleArm, sensor: SensorParameters, task: SquareParameters
-) -> NDArray[np.float32]:
+def _observation_bound(arm: FlexibleArm, sensor: SensorParameters, task: SquareParameters) -> NDArray[np.float32]:
     """Magnitudes that the observation cannot pass before the episode terminates."""
     length1, length2 = arm.parameters.link_lengths
     # deflections of up to m times a link's length bend the true point away; 10 standard deviations of noise

@@ -162,13 +162,9 @@ def _law_source(variant: Variant) -> str:
         explicit, implicit = (h * r.trace.input(f"{name}[{slot}]") for name in ("explicit", "implicit"))
         v, mechanical, feedback = (values[slot * size : (slot + 1) * size] for values in slots)
         y = [a + explicit * b for a, b in zip(y, v, strict=True)]
-        v_known = [
-            a + (explicit * b + implicit * c) for a, b, c in zip(v_known, mechanical, feedback, strict=True)
-        ]
+        v_known = [a + (explicit * b + implicit * c) for a, b, c in zip(v_known, mechanical, feedback, strict=True)]
     law = r.law()
-    here = [
-        [x + vx * ahead, y + vy * ahead, vx, vy] for x, y, vx, vy in (law.command_1, law.command_2)
-    ]
+    here = [[x + vx * ahead, y + vy * ahead, vx, vy] for x, y, vx, vy in (law.command_1, law.command_2)]
     law = law._replace(command_1=here[0], command_2=here[1])
     options = (variant.complete, variant.sensor, variant.rate_jacobian)
     stage = closed_loop.law_stage(r.constants(), law, options, y, v_known, h * stepping.GAMMA)

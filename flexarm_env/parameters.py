@@ -120,7 +120,8 @@ class SensorParameters:
         position: distance of the sensor from the elbow along link 2 [m]; it replaces L2 in (8), (9) and (13) of
             all three models. Paper: 4.5 (end effector) and 0.5.
         delay: None: distance from each joint to the sensor over the wave speed (16), (18). Else [s], one number
-            for both or a pair (shoulder, elbow), at most 10 s. "true" readings use the shoulder's only, so a pair is refused.
+            for both or a pair (shoulder, elbow), at most 10 s. "true" readings use the shoulder's only, so a pair is
+            refused.
         delayed: "position" (the paper: rates are current) or "position+rate".
         rate_jacobian: Jacobian in the velocity error of the "rigid" model, of the "delayed" angles or of the
             "current" ones (a sensitivity; docs/reproduction.md).

@@ -48,7 +48,7 @@ def run_policy(
     limit = getattr(policy, "gain_limit", inner.gain_limit)
     if limit != inner.gain_limit:
         raise ValueError(
-            f"policy.gain_limit = {limit}: must be the environment's, {inner.gain_limit}, or its actions mean other gains"
+            f"policy.gain_limit = {limit}: must be the environment's, {inner.gain_limit}; its actions mean other gains"
         )
     if max_steps is None and (env.spec is None or env.spec.max_episode_steps is None):
         max_steps = inner.lap_steps

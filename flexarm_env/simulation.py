@@ -262,8 +262,7 @@ class ClosedLoop:
 
     def _sensor_variant(self) -> tuple[str, str]:
         kinds = {
-            ("true" if case.sensor.model == "true" else "rigid", case.sensor.rate_jacobian)
-            for case in self._cases
+            ("true" if case.sensor.model == "true" else "rigid", case.sensor.rate_jacobian) for case in self._cases
         }
         if len(kinds) > 1:
             raise ValueError(f"cases: sensors of one batch must share model and rate_jacobian, got {sorted(kinds)}")

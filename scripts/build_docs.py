@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import json
 import re
 import shutil
 import sys
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import tyro
 
+from paper_study.cases import Study
+
 DOCS = Path(__file__).resolve().parent.parent / "docs"
 PAGES = ("reproduction.md", "claims.md")
 PICTURES = (
-    *(f"fig{name}" for name in ("5a", "5b", "6a", "6b", "7a", "7b")),
+    *(f"fig{name}" for name in ("2", "5a", "5b", "6a", "6b", "7a", "7b")),
     "arm_at_corner",
     "rigid_and_true_tip",
     "alternatives",
@@ -49,6 +52,9 @@ def main() -> None:
     options = tyro.cli(Options)
     if not (options.results / "claims.json").exists():
         sys.exit(f"error: results = {options.results}: no complete results there; run `make reproduce` first")
+    study = json.loads((options.results / "summary.json").read_text())["study"]
+    if study != asdict(Study()):
+        sys.exit(f"error: results = {options.results}: made with {study}; the docs show the defaults")
     for name in PAGES:
         page = options.docs / name
         page.write_text(filled(page.read_text(), options.results))

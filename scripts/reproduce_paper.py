@@ -24,6 +24,8 @@ from flexarm_env import ArmParameters
 from paper_study.cases import CONTROLLERS, PLACES, SENSINGS, Study, all_cases
 from paper_study.pipeline import reproduce
 
+MARKER = "summary.json"  # a complete result folder has it
+
 
 @dataclass
 class Options:
@@ -65,12 +67,24 @@ def read_parameters(path: Path | None) -> dict[str, Any]:
         raise ValueError(f"parameters = {path}: must be a .json or .toml file")
     text = path.read_text()
     data = json.loads(text) if path.suffix == ".json" else tomllib.loads(text)
+    if not isinstance(data, dict):
+        raise ValueError(f"parameters = {path}: must hold one object with fields of ArmParameters, got {data!r}")
     known = [f.name for f in fields(ArmParameters)]
     unknown = sorted(set(data) - set(known))
     if unknown:
         raise ValueError(f"parameters = {path}: unknown field(s) {unknown}; ArmParameters has {known}")
     ArmParameters(**data)  # bad values are refused here, before any work
     return data
+
+
+def check_replaceable(folder: Path) -> None:
+    """Refuse to replace what is not a result folder of this script.
+
+    Raises:
+        ValueError: naming the path.
+    """
+    if folder.exists() and not (folder.is_dir() and ((folder / MARKER).exists() or not any(folder.iterdir()))):
+        raise ValueError(f"output = {folder}: exists and holds no {MARKER}, so it is no result folder to replace")
 
 
 def put_in_place(finished: Path, target: Path) -> None:
@@ -90,6 +104,7 @@ def main() -> None:
     cases = all_cases(options.controllers, options.sensings, options.places)
     if options.workers < 1:
         raise ValueError(f"workers = {options.workers}: must be an integer >= 1")
+    check_replaceable(options.output)
     options.output.parent.mkdir(parents=True, exist_ok=True)
     work = Path(tempfile.mkdtemp(dir=options.output.parent, prefix=f".{options.output.name}-"))
     try:
@@ -108,5 +123,5 @@ def main() -> None:
 if __name__ == "__main__":
     try:
         main()
-    except (ValueError, TypeError) as error:
+    except (ValueError, TypeError, OSError) as error:
         sys.exit(f"error: {error}")

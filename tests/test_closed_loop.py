@@ -165,9 +165,7 @@ def oracle_arm(arm: FlexibleArm) -> tuple[Any, ...]:
     p, (one, two) = arm.parameters, arm.modes
     nodes, weights = np.polynomial.legendre.leggauss(20)  # 4 modes: products oscillate over 3.5 waves a link
     points = [0.5 * length * (nodes + 1.0) for length in p.link_lengths]
-    masses = [
-        0.5 * length * rho * weights for length, rho in zip(p.link_lengths, p.masses_per_length, strict=True)
-    ]
+    masses = [0.5 * length * rho * weights for length, rho in zip(p.link_lengths, p.masses_per_length, strict=True)]
     stiffness = np.concatenate([one.stiffness, two.stiffness])
     omega = np.concatenate([one.frequencies, two.frequencies])
     damping = 2.0 * p.modal_damping_ratio * stiffness / omega
@@ -639,9 +637,7 @@ def observed_orders(arm: ArmParameters, gain: float, steps: Array) -> Array:
     problem = replace(problem, start=smooth, periods=100)
     expected = oracle(problem, rtol=1e-11)
     n = expected.shape[1] // 2
-    found = [
-        (np.abs(simulated(problem, step) - expected) / np.ptp(expected, axis=0))[:, :n].max() for step in steps
-    ]
+    found = [(np.abs(simulated(problem, step) - expected) / np.ptp(expected, axis=0))[:, :n].max() for step in steps]
     return np.diff(np.log(found)) / np.diff(np.log(steps))
 
 

@@ -24,7 +24,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from flexarm_env import FlexibleArm, SquareParameters, register_environments, square
-from flexarm_env.env import CONTROL_PERIOD, FlexArmEnv
+from flexarm_env.env import FlexArmEnv
+from flexarm_env.task import CONTROL_PERIOD
 
 Array = NDArray[np.float64]
 PAPER = "FlexArm/Paper-v0"

@@ -10,6 +10,7 @@ import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import mpmath
 import numpy as np
@@ -17,7 +18,7 @@ import pytest
 from lagrange import loaded_arm, random_state
 from numba import njit
 
-from flexarm_env import FlexibleArm, kernels
+from flexarm_env import FlexibleArm, kernels, stepping
 from flexarm_env import dynamics as dyn
 from flexarm_env.elementary import sincos
 from flexarm_env.kernels import Variant
@@ -239,13 +240,11 @@ MACHINES = {
     ("variant", "kernel", "arguments"),
     [
         (Variant("open", 1, True, LANES), "slope_kernel", (0.0, 1.0)),
-        (Variant("loop", 1, True, LANES), "law_kernel", (0.0,)),
+        (Variant("loop", 1, True, LANES), "law_kernel", (1e-3, 0.0, stepping.EXPLICIT[0], stepping.IMPLICIT[0])),
     ],
     ids=["open", "loop"],
 )
-def test_batch_kernels_work_on_several_lanes_at_once(
-    variant: Variant, kernel: str, arguments: tuple[float, ...]
-) -> None:
+def test_batch_kernels_work_on_several_lanes_at_once(variant: Variant, kernel: str, arguments: tuple[Any, ...]) -> None:
     machine = {"AMD64": "x86_64", "arm64": "aarch64"}.get(platform.machine(), platform.machine())
     if machine not in MACHINES:
         pytest.skip(f"no pattern of vector instructions for {machine}")

@@ -4,7 +4,15 @@ import numpy as np
 import pytest
 
 from flexarm_env import ArmParameters, FlexibleArm, Trajectory
-from flexarm_env.metrics import circle_fit, overshoot, path_difference, summary, tip_acceleration, tracking_error, vibration
+from flexarm_env.metrics import (
+    circle_fit,
+    overshoot,
+    path_difference,
+    summary,
+    tip_acceleration,
+    tracking_error,
+    vibration,
+)
 
 TIME = np.linspace(0.0, 2.0, 2001)
 

@@ -102,7 +102,7 @@ def test_summary_has_what_every_run_is_reported_with(results: Path) -> None:
             if not name.startswith("constant"):
                 assert run["clock_time"] > 0.0
                 paper = 77.0 if name.startswith("ifdc") else 100.0
-                assert run["clock_time_ratio_paper_over_ours"] == pytest.approx(paper / run["clock_time"])
+                assert run["paper_clock_time_over_ours"] == pytest.approx(paper / run["clock_time"])
 
 
 def test_numbers_agree_but_for_the_errata(results: Path) -> None:
@@ -124,6 +124,7 @@ def test_part_of_the_cases(tmp_path: Path) -> None:
     output = tmp_path / "part"
     output.mkdir()
     (output / "old").touch()
+    (output / "summary.json").touch()  # what makes it a result folder, which may be replaced
     parameters = tmp_path / "arm.toml"
     parameters.write_text("payload_mass = 0.2\n")
     chosen = ["--controllers", "flsac", "--sensings", "nmp", "--places", "tip", "--no-sweeps", "--no-figures"]
@@ -144,6 +145,7 @@ def test_part_of_the_cases(tmp_path: Path) -> None:
     [
         (["--K-s", "-1"], "K_s = -1"),
         (["--lap-time", "0"], "lap_time = 0"),
+        (["--lap-time", "1.2345"], "lap_time = 1.2345"),
         (["--workers", "0"], "workers = 0"),
         (["--parameters", "no_such_file.json"], "no_such_file.json"),
         (["--sensings", "late"], "late"),
@@ -152,13 +154,21 @@ def test_part_of_the_cases(tmp_path: Path) -> None:
 def test_bad_options_leave_the_old_results_alone(tmp_path: Path, arguments: list[str], message: str) -> None:
     output = tmp_path / "paper"
     output.mkdir()
-    (output / "kept").touch()
+    (output / "summary.json").touch()
     done = run_script("--output", str(output), "--no-sweeps", "--no-figures", *arguments)
     assert done.returncode != 0
     assert message in done.stderr + done.stdout
     assert "Traceback" not in done.stderr
     assert [path.name for path in tmp_path.iterdir()] == ["paper"]
-    assert [path.name for path in output.iterdir()] == ["kept"]
+    assert [path.name for path in output.iterdir()] == ["summary.json"]
+
+
+def test_a_folder_that_is_no_result_is_not_replaced(tmp_path: Path) -> None:
+    (tmp_path / "thesis.tex").touch()
+    done = run_script("--output", str(tmp_path), "--no-sweeps", "--no-figures")
+    assert done.returncode != 0
+    assert f"output = {tmp_path}" in done.stderr
+    assert (tmp_path / "thesis.tex").exists()
 
 
 def test_help_explains_the_options() -> None:

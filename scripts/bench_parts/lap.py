@@ -16,9 +16,18 @@ from bench_parts import scipy_lap
 from bench_parts.physics import LOOPS
 from bench_parts.timing import Group, Ratio, Subject
 from flexarm_baselines import IFDC
-from flexarm_env import ArmParameters, ClosedLoop, FlexibleArm, LawParameters, LoopCase, SensorParameters, square
-from flexarm_env.env import CONTROL_PERIOD, rest_state
+from flexarm_env import (
+    ArmParameters,
+    ClosedLoop,
+    FlexibleArm,
+    LawParameters,
+    LoopCase,
+    SensorParameters,
+    rest_state,
+    square,
+)
 from flexarm_env.parameters import SquareParameters
+from flexarm_env.task import CONTROL_PERIOD
 from paper_study.cases import COLUMNS, Study, all_cases, simulate
 
 LAP = 16.0  # [s]

@@ -16,9 +16,10 @@ from flexarm_env import (
     SensorParameters,
     SquareParameters,
     kernels,
+    rest_state,
     square,
 )
-from flexarm_env.env import CONTROL_PERIOD, rest_state
+from flexarm_env.task import CONTROL_PERIOD
 
 LANES = (8, 32)  # arms that the compiler may work on together
 ARMS = 1024

@@ -14,17 +14,18 @@ import numpy as np
 from flexarm_baselines import FLSAC, IFDC
 from flexarm_env import (
     ArmParameters,
-    ClosedLoop,
     FlexibleArm,
     LawParameters,
     LoopCase,
     SensorParameters,
     SquareParameters,
     Trajectory,
-    square,
+    run_batch,
+    square_loop,
 )
-from flexarm_env.env import CONTROL_PERIOD, observation_blocks, rest_state, state_limits
-from flexarm_env.rollout import run_batch
+from flexarm_env.env import observation_blocks
+from flexarm_env.task import CONTROL_PERIOD
+from flexarm_env.validation import number
 
 CONTROLLERS = ("ifdc", "flsac")
 SENSINGS = ("collocated", "nmp", "corrected")
@@ -98,6 +99,18 @@ class Study:
     lap_time: float = 16.0
     arm_changes: dict[str, Any] = field(default_factory=dict)
 
+    def __post_init__(self) -> None:
+        """Validate.
+
+        Raises:
+            ValueError: for a value out of range, or a lap that is no whole number of control periods.
+        """
+        number("K_s", self.K_s, above=0.0)
+        number("K_n", self.K_n, above=0.0)
+        lap = number("lap_time", self.lap_time, "s", above=0.0)
+        if round(lap / CONTROL_PERIOD) < 4 or abs(round(lap / CONTROL_PERIOD) * CONTROL_PERIOD - lap) > 1e-9:
+            raise ValueError(f"lap_time = {lap} s: must be a whole number of periods of {CONTROL_PERIOD} s, 4 at least")
+
     def arm(self, column: Column) -> FlexibleArm:
         """The column's arm with the study's changes."""
         return FlexibleArm(dataclasses.replace(column.arm, **self.arm_changes))
@@ -144,13 +157,8 @@ def simulate(
         gains: lambda at action 1 of each run.
         steps: control periods; None for one lap.
     """
-    arm = study.arm(column)
-    task = study.square(column)
-    path = square(task)
-    path.check_reach(arm.parameters)
-    loop = ClosedLoop(arm, loop_cases, path, CONTROL_PERIOD, state_limits=state_limits(arm))
-    start = rest_state(arm, path.table[0, 1:], task.elbow_branch)
-    return run_batch(loop, np.tile(start, (len(loop), 1)), policies, gains, steps or study.steps)
+    loop, starts = square_loop(study.arm(column), loop_cases, study.square(column))
+    return run_batch(loop, starts, policies, gains, steps or study.steps)
 
 
 def simulate_column(study: Study, name: str, cases: Sequence[Case], folder: Path) -> dict[str, float]:
@@ -163,7 +171,8 @@ def simulate_column(study: Study, name: str, cases: Sequence[Case], folder: Path
         folder: for the files, `<column>__<case>.npz`.
 
     Returns:
-        Clock time of the batch of runs, and its share of one run [s]; compilation not counted.
+        Clock time of the batch of runs, policies included, and its share of one run [s]; compilation not counted, but
+        other worker processes may have run beside it.
     """
     column = COLUMNS[name]
     arm = study.arm(column)
@@ -194,4 +203,5 @@ def load_runs(folder: Path) -> dict[str, dict[str, Trajectory]]:
     for path in sorted(folder.glob("*.npz")):
         column, case = path.stem.split("__")
         runs.setdefault(column, {})[case] = Trajectory.load(path)
-    return {name: runs[name] for name in COLUMNS if name in runs}
+    order = [case.name for case in all_cases((*CONTROLLERS, "constant"))]
+    return {name: {case: runs[name][case] for case in order if case in runs[name]} for name in COLUMNS if name in runs}

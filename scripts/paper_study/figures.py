@@ -99,6 +99,8 @@ def paths(
             axis.plot(*path[::THIN].T, linewidth=1.5, **STYLE[sensing])
         axis.set_aspect("equal")
         axis.set_xlabel("x [m]")
+        if place == "elbow":
+            _inset_of_the_start(axis, chosen, tip)
     axes[0].set(ylabel="y [m]", title="end effector by rigid kinematics, as in the paper")
     axes[1].set_title("true end effector, with deflection")
     if zoom is None:
@@ -108,6 +110,18 @@ def paths(
     figure.suptitle(title)
     figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
     save(figure, folder, name)
+
+
+def _inset_of_the_start(axis: Axes, runs: dict[str, Trajectory], tip: str) -> None:
+    """Where the circle begins, larger, in the empty middle of the square."""
+    inset = axis.inset_axes((0.33, 0.22, 0.34, 0.56))
+    for sensing, run in runs.items():
+        path = run.rigid_tip if tip == "rigid" else run.tip
+        inset.plot(*path[:4000].T, linewidth=1.1, **STYLE[sensing])
+    inset.set(xlim=(-9.3, -6.0), ylim=(-6.9, -1.5), xticks=[], yticks=[])
+    inset.set_aspect("equal")
+    inset.set_title("first 4 s", fontsize=9)
+    axis.indicate_inset_zoom(inset, edgecolor="0.5")
 
 
 PATH_FIGURES: dict[str, tuple[str, str, float | None, str]] = {
@@ -120,7 +134,7 @@ PATH_FIGURES: dict[str, tuple[str, str, float | None, str]] = {
 }
 
 
-def time_histories(folder: Path, name: str, run: Trajectory) -> None:
+def time_histories(folder: Path, name: str, run: Trajectory, lap_time: float) -> None:
     """Deflection, torque and lambda of one run against time."""
     assert run.gain is not None
     figure, axes = plt.subplots(3, 1, figsize=(10, 7.2), sharex=True)
@@ -136,7 +150,7 @@ def time_histories(folder: Path, name: str, run: Trajectory) -> None:
     for axis in axes[:2]:
         axis.legend(loc="upper right", ncols=2)
     for axis in axes:
-        for switch in np.arange(1, 4) * run.time[-1] / 4:
+        for switch in np.arange(1, 4) * lap_time / 4:
             axis.axvline(switch, color="0.6", linewidth=0.8, linestyle="--", zorder=0)
     notes = run.notes
     sensor = "end effector" if notes["place"] == "tip" else "0.5 m from the elbow"
@@ -147,28 +161,33 @@ def time_histories(folder: Path, name: str, run: Trajectory) -> None:
 def rigid_and_true(folder: Path, runs: dict[str, dict[str, Trajectory]]) -> None:
     """What the joints say and where the tip is: error against time, paper's arm and default arm."""
     columns = [name for name in ("paper", "default") if name in runs]
-    figure, axes = plt.subplots(len(columns), 2, figsize=(12, 3.4 * len(columns)), sharex=True, sharey=True, squeeze=False)
+    figure, axes = plt.subplots(
+        len(columns), 2, figsize=(12, 3.4 * len(columns)), sharex=True, sharey=True, squeeze=False
+    )
     for row, column in zip(axes, columns, strict=True):
         for axis, controller in zip(row, CONTROLLER, strict=True):
             run = runs[column].get(f"{controller}_collocated_tip")
             if run is None or run.reference is None:
                 continue
-            for path, color, label in ((run.rigid_tip, LINKS[0], "rigid-kinematics tip"), (run.tip, LINKS[1], "true tip")):
+            for path, color, label in (
+                (run.rigid_tip, LINKS[0], "rigid-kinematics tip"),
+                (run.tip, LINKS[1], "true tip"),
+            ):
                 error = np.linalg.norm(path - run.reference, axis=1)
                 rms = float(np.sqrt(np.mean(error**2)))
                 axis.plot(run.time[::THIN], error[::THIN], color=color, label=f"{label}, r.m.s. {rms:.2f} m")
             arm = "paper's arm" if column == "paper" else "default arm"
             axis.set_title(f"{CONTROLLER[controller]}, collocated, {arm}")
-            axis.legend(loc="upper left", ncols=2)
+            axis.legend(loc="upper left")
     for axis in axes[:, 0]:
         axis.set_ylabel("distance from reference [m]")
     for axis in axes[-1]:
         axis.set_xlabel("time [s]")
-    axes[0, 0].set_ylim(0, 1.2 * axes[0, 0].get_ylim()[1])  # room for the legends
+    axes[0, 0].set_ylim(0, 1.35 * axes[0, 0].get_ylim()[1])  # room for the legends
     save(figure, folder, "rigid_and_true_tip")
 
 
-def arm_at_corner(folder: Path, runs: dict[str, dict[str, Trajectory]]) -> None:
+def arm_at_corner(folder: Path, runs: dict[str, dict[str, Trajectory]], lap_time: float) -> None:
     """The bent arm around the first switch, every 0.12 s, under both controllers (default arm, collocated)."""
     figure, axes = plt.subplots(1, 2, figsize=(12.5, 6.2), sharex=True, sharey=True)
     for axis, controller in zip(axes, CONTROLLER, strict=True):
@@ -178,7 +197,7 @@ def arm_at_corner(folder: Path, runs: dict[str, dict[str, Trajectory]]) -> None:
             return
         arm = FlexibleArm(run.parameters)
         axis.plot(*run.reference.T, **REFERENCE)
-        switch = run.time[-1] / 4
+        switch = lap_time / 4
         shown = np.flatnonzero((run.time > switch - 0.5) & (run.time < switch + 1.4))
         axis.plot(*run.tip[shown].T, color="#D55E00", linewidth=2, label="true tip")
         axis.plot(*run.rigid_tip[shown].T, color="#0072B2", linewidth=1.5, label="tip by rigid kinematics")
@@ -198,14 +217,16 @@ def arm_at_corner(folder: Path, runs: dict[str, dict[str, Trajectory]]) -> None:
 
 
 _PANELS = (
-    ("overshoot past the top left corner [m]", lambda row: row["rigid_overshoot"][0], "tip"),
+    ("overshoot, top left corner [m]", lambda row: row["rigid_overshoot"][0], "tip"),
     ("true tip, r.m.s. error [m]", lambda row: row["true_tip_rms"], "tip"),
     ("vibration, sensor at the tip [m/s]", lambda row: row["vibration"], "tip"),
-    ("vibration, sensor 0.5 m from the elbow [m/s]", lambda row: row["vibration"], "elbow"),
+    ("vibration, sensor near the elbow [m/s]", lambda row: row["vibration"], "elbow"),
 )
 
 
-def sweep_lines(folder: Path, rows: Sequence[dict[str, Any]], sweep: str, label: str, base: Sequence[dict[str, Any]]) -> None:
+def sweep_lines(
+    folder: Path, rows: Sequence[dict[str, Any]], sweep: str, label: str, base: Sequence[dict[str, Any]]
+) -> None:
     """A sweep over a number: four figures of merit against it.
 
     Args:
@@ -237,7 +258,9 @@ def _number_axis(axis: Axes, values: Sequence[float]) -> None:
     """Logarithmic abscissa with a tick, as a plain number, at each value of a sweep."""
     ticks = sorted(set(values))
     axis.set_xscale("log")
-    axis.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
+    # labels that would run into each other are left out
+    shown = [tick for before, tick in zip([0.0, *ticks], ticks, strict=False) if tick > 1.3 * before]
+    axis.set_xticks(ticks, [f"{tick:g}" if tick in shown else "" for tick in ticks])
     axis.set_xticks([], minor=True)
 
 
@@ -253,27 +276,38 @@ def alternatives(folder: Path, rows: Sequence[dict[str, Any]]) -> None:
                 value = row["rigid_overshoot"][0] if whole else 0.0
                 axis.barh(y + offset, value, height=0.34, color=LINKS[controller == "flsac"])
                 text = f"{value:.2f} m" if whole else f"unstable: stopped at {row['duration']:.2f} s ({row['ended']})"
-                axis.annotate(f" {CONTROLLER[controller]} {text}", (max(value, 0.0), y + offset), va="center", fontsize=9)
+                axis.annotate(
+                    f" {CONTROLLER[controller]} {text}", (max(value, 0.0), y + offset), va="center", fontsize=9
+                )
     axis.set_yticks(range(len(names)), list(reversed(names)))
     axis.set(xlabel="overshoot past the top left corner, NMP case, sensor at the end effector [m]", xlim=(0, 1.4))
     save(figure, folder, "alternatives")
 
 
 def true_tip_feedback(folder: Path, rows: Sequence[dict[str, Any]]) -> None:
-    """The same law fed with the true tip, undelayed: error where it stays bounded, time of failure where not."""
-    chosen = [r for r in rows if r["sweep"] == "true_tip_feedback"]
-    figure, axes = plt.subplots(1, 2, figsize=(12, 4), sharex=True)
+    """The same law fed with the true tip: error where it stays bounded, time of failure where not."""
+    figure, axes = plt.subplots(2, 2, figsize=(12, 7), sharex=True, sharey="col")
+    for row, (sweep, text) in zip(
+        axes, (("true_tip_feedback", "not delayed"), ("late_true_tip_feedback", "31.2 ms late")), strict=True
+    ):
+        _true_tip_row(row, [r for r in rows if r["sweep"] == sweep])
+        for axis in row:
+            axis.set_title(f"true tip fed back, {text}")
+    for axis in axes[-1]:
+        axis.set_xlabel("constant gain $\\lambda$")
+    save(figure, folder, "true_tip_feedback")
+
+
+def _true_tip_row(axes: Sequence[Axes], chosen: Sequence[dict[str, Any]]) -> None:
     for color, arm in zip(("#111111", *LINKS), dict.fromkeys(r["arm"] for r in chosen), strict=True):
         mine = [r for r in chosen if r["arm"] == arm]
         label = "damping ratio " + arm.removeprefix("zeta ")
         axes[0].plot([r["value"] for r in mine], [r["duration"] for r in mine], "o-", color=color, label=label)
         whole = [r for r in mine if r["ended"] == "truncated"]
         axes[1].plot([r["value"] for r in whole], [r["true_tip_rms"] for r in whole], "o-", color=color, label=label)
-    axes[0].set(ylabel="run lasts [s] (a lap is 16 s)", ylim=(0, 17))
-    axes[1].set(ylabel="true tip, r.m.s. error of whole laps [m]")
+    axes[0].set(ylabel="run lasts [s]", ylim=(0, None))
+    axes[1].set_ylabel("true tip, r.m.s. error of whole laps [m]")
     axes[1].set_ylim(bottom=0)
     for axis in axes:
         _number_axis(axis, [r["value"] for r in chosen])
-        axis.set_xlabel("constant gain $\\lambda$")
         axis.legend()
-    save(figure, folder, "true_tip_feedback")

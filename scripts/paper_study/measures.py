@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from flexarm_env import SquareParameters, Trajectory, square
-from flexarm_env.metrics import circle_fit, overshoot, path_difference, summary, vibration
+from flexarm_env.metrics import circle_fit, overshoot, path_difference, summary, tip_acceleration, vibration
 
 SWITCHES = ("top left", "top right", "bottom right")  # direction switches within a lap
 
@@ -16,7 +16,8 @@ def measures(run: Trajectory, lap_time: float) -> dict[str, Any]:
     """Figures of one run; lengths in m, rates in m/s.
 
     Besides `flexarm_env.metrics.summary`: the overshoot past each switch of the rigid-kinematics tip (the one that
-    the paper plots) and of the true tip, from the switch until the next one; the vibration over each side; the circle through the path.
+    the paper plots) and of the true tip, from the switch until the next one; the vibration over each side; the
+    acceleration of the rigid tip; the circle through its path.
     """
     table = square(SquareParameters(lap_time=lap_time)).table
     figures: dict[str, Any] = dict(summary(run))
@@ -28,6 +29,7 @@ def measures(run: Trajectory, lap_time: float) -> dict[str, Any]:
             for k in (1, 2, 3)
         ]
     figures["vibration_by_side"] = [vibration(run, *window) for window in _sides(run, lap_time)]
+    figures["tip_acceleration"] = tip_acceleration(run) if len(run) > 2 else float("nan")
     fit = circle_fit(run.rigid_tip)
     figures["circle_radius"], figures["circle_deviation"] = fit.radius, fit.deviation
     return figures
@@ -42,8 +44,8 @@ def _sides(run: Trajectory, lap_time: float) -> list[tuple[float, float]]:
 def differences(runs: dict[str, Trajectory], lap_time: float) -> dict[str, dict[str, float]]:
     """Path differences (rigid tip, whatever the time, r.m.s. in m) between the sensings of one column.
 
-    Keys are `<controller>_<place>_nmp` (NMP from collocated) and `<controller>_<place>_corrected` (corrected from NMP);
-    values `all`, `top_right` (from a quarter of a side before the second switch to three quarters after) and `rest`.
+    Keys are `<controller>_<place>_nmp` (NMP from collocated) and `<controller>_<place>_corrected` (corrected from
+    NMP); values `all`, `top_right` (from a quarter of a side before the second switch to three quarters after), `rest`.
     """
     found: dict[str, dict[str, float]] = {}
     side = 0.25 * lap_time

@@ -16,7 +16,7 @@ from flexarm_env import (
     SquareParameters,
     square,
 )
-from flexarm_env.env import CONTROL_PERIOD
+from flexarm_env.task import CONTROL_PERIOD
 from paper_study.cases import Study
 
 CLOCK_STEP = 0.0252  # [s]; the paper's clock time a step, in which it counts delays
@@ -68,7 +68,11 @@ def numbers() -> list[Number]:
         Number("mode constant A", "1", "(4)", 0.1, p.mode_scale),
         Number("tip value of the mode, 2 A", "m", "(4)", 0.2, float(link.tip_values[0])),
         Number(
-            "first root lambda_c1 L", "rad", "below (4)", 0.5 * np.pi, float(link.wavenumbers[0]) * p.link_lengths[0],
+            "first root lambda_c1 L",
+            "rad",
+            "below (4)",
+            0.5 * np.pi,
+            float(link.wavenumbers[0]) * p.link_lengths[0],
             "printed (i - 0.5) pi is the asymptote for large i; the printed frequency comes from the exact root",
         ),
         Number("first cantilever frequency", "rad/s", "(5), below (12)", 12.28, omega, "printed in Hz; it is rad/s"),
@@ -89,18 +93,30 @@ def numbers() -> list[Number]:
         Number("simulation steps", "1", "above (17)", 16000.0, side.lap_time / CONTROL_PERIOD),
         Number("step size", "s", "above (17)", 0.001, CONTROL_PERIOD),
         Number(
-            "lap time", "s", "above (17)", 402.0, side.lap_time,
+            "lap time",
+            "s",
+            "above (17)",
+            402.0,
+            side.lap_time,
             "16000 steps of 0.001 s are 16 s; 402 s is clock time and contradicts the 77 s and 100 s given later",
         ),
         Number("universe of delta", "1", "sec. 3", 5.0, float(system.inputs[0].universe[1])),
         Number("normalising gain K_n", "1", "below Table 1", 5.0, Study().K_n, "taken as a factor"),
         Number("fuzzy rules", "1", "Table 1", 9.0, float(np.asarray(system.rules).size)),
         Number(
-            "smallest lambda", "1", "sec. 3", 0.0, lowest,
+            "smallest lambda",
+            "1",
+            "sec. 3",
+            0.0,
+            lowest,
             "'zero' cannot occur: the centroid of a clipped triangle at the universe's end is 1/6",
         ),
         Number(
-            "largest lambda", "1", "sec. 3", 1.0, highest,
+            "largest lambda",
+            "1",
+            "sec. 3",
+            1.0,
+            highest,
             "'lambda = 1' cannot occur: the centroid at the other end is 5/6",
         ),
     ]

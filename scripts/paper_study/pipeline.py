@@ -27,6 +27,7 @@ SWEEP_LABELS = {
     "K_n": "normaliser K_n",
     "width_scale": "K_s as width scale of the input sets",
 }
+TRUE_TIP = ("true_tip_feedback", "late_true_tip_feedback")
 TITLES = {name: column.title for name, column in COLUMNS.items()}
 
 
@@ -101,14 +102,16 @@ def _decide(
 ) -> None:
     """Write summary, numbers, claims and sweeps, as JSON and as Markdown."""
     runs = load_runs(folder / "runs")
-    found = {column: {name: measures(run, study.lap_time) for name, run in named.items()} for column, named in runs.items()}
+    found = {
+        column: {name: measures(run, study.lap_time) for name, run in named.items()} for column, named in runs.items()
+    }
     apart = {column: differences(named, study.lap_time) for column, named in runs.items()}
     for column, named in found.items():
         for name, figures_of_run in named.items():
             paper = PAPER_CLOCK.get(name.split("_")[0])
             if paper is not None:  # the batch's clock time, shared out over its runs
                 figures_of_run["clock_time"] = clocks[column]["run"]
-                figures_of_run["clock_time_ratio_paper_over_ours"] = paper / clocks[column]["run"]
+                figures_of_run["paper_clock_time_over_ours"] = paper / clocks[column]["run"]
     write_json(folder / "summary.json", {"study": asdict(study), "runs": found, "path_differences": apart})
     for column in found:
         (folder / f"summary_{column}.md").write_text(tables.runs(found, column))
@@ -121,7 +124,14 @@ def _decide(
             if f"{c}_nmp_tip" in found["branch"]
         ]
     clock_rows = [
-        Number(f"clock time of a run, {c.upper()}", "s", "end of sec. 4", PAPER_CLOCK[c], clocks["paper"]["run"])
+        Number(
+            f"clock time of a run, {c.upper()}",
+            "s",
+            "end of sec. 4",
+            PAPER_CLOCK[c],
+            clocks["paper"]["run"],
+            "a run's share of the batch of both controllers' runs, measured beside another worker process",
+        )
         for c in CONTROLLERS
     ]
     listed = [n.as_json() for n in numbers()]
@@ -130,7 +140,7 @@ def _decide(
     if rows:
         write_json(folder / "sweeps.json", rows)
         (folder / "sensitivity.md").write_text(tables.sensitivity(rows))
-        for name, label in (SWEEP_LABELS | {"true_tip_feedback": "constant gain lambda"}).items():
+        for name, label in (SWEEP_LABELS | dict.fromkeys(TRUE_TIP, "constant gain lambda")).items():
             (folder / f"sweep_{name}.md").write_text(tables.sweep(rows, name, label))
     if len(cases) == 12:
         constant = [row for row in rows if row["sweep"] == "constant_gain"]
@@ -141,13 +151,22 @@ def _decide(
 
 
 def _drawings(cases: Sequence[Case], sweeps: bool) -> list[str]:
-    names = [*figures.PATH_FIGURES, "fig2", "arm_at_corner", "rigid_and_true_tip", *(f"time_{case.name}" for case in cases)]
-    return names + ([f"sweep_{name}" for name in SWEEP_LABELS] + ["alternatives", "true_tip_feedback"] if sweeps else [])
+    names = [
+        *figures.PATH_FIGURES,
+        "fig2",
+        "arm_at_corner",
+        "rigid_and_true_tip",
+        *(f"time_{case.name}" for case in cases),
+    ]
+    return names + (
+        [f"sweep_{name}" for name in SWEEP_LABELS] + ["alternatives", "true_tip_feedback"] if sweeps else []
+    )
 
 
 def draw(folder: Path, name: str) -> None:
     """Draw one figure from the folder's files."""
     target = folder / "figures"
+    lap_time = json.loads((folder / "summary.json").read_text())["study"]["lap_time"]
 
     def paper_runs(pattern: str = "*") -> dict[str, Trajectory]:
         files = (folder / "runs").glob(f"paper__{pattern}.npz")
@@ -160,9 +179,9 @@ def draw(folder: Path, name: str) -> None:
         figures.paths(target, name, paper_runs(f"{controller}_*_{place}"), controller, place, zoom, title)
     elif name.startswith("time_"):
         case = name.removeprefix("time_")
-        figures.time_histories(target, name, paper_runs(case)[case])
+        figures.time_histories(target, name, paper_runs(case)[case], lap_time)
     elif name == "arm_at_corner":
-        figures.arm_at_corner(target, load_runs(folder / "runs"))
+        figures.arm_at_corner(target, load_runs(folder / "runs"), lap_time)
     elif name == "rigid_and_true_tip":
         figures.rigid_and_true(target, load_runs(folder / "runs"))
     else:

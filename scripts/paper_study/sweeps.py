@@ -16,7 +16,7 @@ GAINS = (0.05, 0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 1.0, 1.5, 2.0, 3.0, 5.0)
 OUTPUT_SCALES = (1.0, 2.0, 3.0, 4.0, 6.0, 10.0, 14.0, 20.0)
 NORMALISERS = (0.2, 1.0, 5.0)
 WIDTH_SCALES = (0.75, 1.0, 2.0, 5.0)
-TRUE_TIP_GAINS = (0.06, 0.1, 0.2, 0.35, 0.5, 0.7, 1.0)
+TRUE_TIP_GAINS = (0.02, 0.03, 0.04, 0.06, 0.1, 0.2, 0.5, 1.0)
 TRUE_TIP_DAMPING = (0.0, 0.01, 0.03)
 SHORT_DELAY = 1.2e-3  # [s]
 
@@ -40,9 +40,7 @@ class Run:
     gain: float = 1.0
 
 
-def _over(
-    values: Sequence[float], cases: Sequence[Case], make: Callable[[float, Case], dict[str, Any]]
-) -> list[Run]:
+def _over(values: Sequence[float], cases: Sequence[Case], make: Callable[[float, Case], dict[str, Any]]) -> list[Run]:
     return [Run(v, case, case.loop_case(), **make(v, case)) for v in values for case in cases]
 
 
@@ -86,9 +84,10 @@ def _alternatives(kind: str) -> list[Run]:
     return runs
 
 
-def _true_tip() -> list[Run]:
-    case = Case("constant", "collocated", "tip")
-    loop_case = case.loop_case(model="true", delay=0.0)
+def _true_tip(delay: str) -> list[Run]:
+    """The physical tip instead of the joint angles; undelayed, or late by the wave's travel."""
+    case = Case("constant", "nmp", "tip")
+    loop_case = case.loop_case(model="true", delay=0.0 if delay == "none" else None)
     return [Run(v, case, loop_case, "ifdc", v) for v in TRUE_TIP_GAINS]
 
 
@@ -108,7 +107,8 @@ SWEEPS: dict[str, tuple[dict[str, Column], list[Run]]] = {
     "width_scale": ({"paper": COLUMNS["paper"]}, _width_scale()),
     "alternatives": ({"paper": COLUMNS["paper"]}, _alternatives("plain")),
     "current_jacobian": ({"paper": COLUMNS["paper"]}, _alternatives("current")),
-    "true_tip_feedback": (_columns_for_true_tip(), _true_tip()),
+    "true_tip_feedback": (_columns_for_true_tip(), _true_tip("none")),
+    "late_true_tip_feedback": (_columns_for_true_tip(), _true_tip("wave")),
 }
 
 

@@ -18,7 +18,10 @@ def brief(value: Any) -> str:
     """A short text for a number, a list of numbers, or a dict of these."""
     if isinstance(value, dict):
         separator = "; " if any(isinstance(v, dict | list) for v in value.values()) else ", "
-        return separator.join(f"{_NAMES.get(k, k.replace('_', ' '))} {brief(v)}" for k, v in value.items())
+        return separator.join(
+            f"{_NAMES.get(k, k.replace('_', ' '))} " + (f"{v:.3f}" if k.endswith("ratio") else brief(v))
+            for k, v in value.items()
+        )
     if isinstance(value, list):
         return " / ".join(brief(v) for v in value)
     if isinstance(value, bool):
@@ -37,7 +40,12 @@ def verdicts(rows: Sequence[dict[str, Any]], titles: dict[str, str]) -> str:
     return table(
         ["claim", "the paper says", "verdict", *titles.values()],
         [
-            [r["id"], r["quote"], f"**{r['verdict']}**", *("holds" if r["holds"][c] else "fails" for c in titles)]
+            [
+                r["id"],
+                r["quote"],
+                f"**{r['verdict']}**" + (f" ({r['condition']})" if r["condition"] else ""),
+                *("holds" if r["holds"][c] else "fails" for c in titles),
+            ]
             for r in rows
         ],
     )
@@ -48,6 +56,8 @@ def claims(rows: Sequence[dict[str, Any]], titles: dict[str, str]) -> str:
     text = ""
     for r in rows:
         text += f"\n### {r['id']}: {r['verdict']}\n\n> {r['quote']}\n\n*Measure:* {r['measure']}.\n"
+        if r["condition"]:
+            text += f"\n*Condition:* {r['condition']}.\n"
         if r["note"]:
             text += f"\n*Note:* {r['note']}\n"
         body = [[titles[c], "holds" if r["holds"][c] else "fails", _shown(r["values"][c])] for c in titles]
@@ -56,11 +66,12 @@ def claims(rows: Sequence[dict[str, Any]], titles: dict[str, str]) -> str:
             verdict = "holds" if found["holds"] else "fails"
             body.append([f"constant gain, FLSAC's mean: {titles[c]}", verdict, _shown(found["values"])])
         text += "\n" + table(["arm", "", "figures"], body)
-        if "best" in gains:
-            best = gains["best"]
+        if "merit_of_flsac" in gains:
+            up_to_1, of_all = gains["best_up_to_1"], gains["best_of_all"]
             text += (
-                "\nBest constant gain up to 1 on the paper's arm by this measure (worst of the cases; smaller is "
-                f"better): lambda = {best['gain']:g} with {best['merit']:.3g}; FLSAC has {best['merit_of_flsac']:.3g}.\n"
+                f"\nConstant gains on the paper's arm by this measure (worst of the cases; smaller is better), out of "
+                f"{len(gains['gains_tried'])} tried: best up to 1 is {up_to_1['gain']:g} with {up_to_1['merit']:.3g}, "
+                f"best of all {of_all['gain']:g} with {of_all['merit']:.3g}; FLSAC has {gains['merit_of_flsac']:.3g}.\n"
             )
     return text.lstrip("\n")
 
@@ -69,10 +80,7 @@ def numbers(rows: Sequence[dict[str, Any]]) -> str:
     """The paper's numbers beside ours."""
     return table(
         ["quantity", "unit", "source", "paper", "ours", "note"],
-        [
-            [r["name"], r["unit"], r["source"], f"{r['paper']:.6g}", f"{r['ours']:.6g}", r["note"]]
-            for r in rows
-        ],
+        [[r["name"], r["unit"], r["source"], f"{r['paper']:.6g}", f"{r['ours']:.6g}", r["note"]] for r in rows],
     )
 
 
@@ -92,7 +100,7 @@ def runs(summary: dict[str, dict[str, dict[str, Any]]], column: str) -> str:
         [
             [
                 name.replace("_", " "),
-                " / ".join(f"{x:.2f}" for x in r["rigid_overshoot"]),
+                " / ".join(f"{x:.2f}" for x in r["rigid_overshoot"]) if name.endswith("tip") else "(circle)",
                 f"{r['rigid_tip_rms']:.2f} / {r['rigid_tip_max']:.2f}",
                 f"{r['true_tip_rms']:.2f} / {r['true_tip_max']:.2f}",
                 " / ".join(f"{x:.2f}" for x in r["peak_deflection"]),
@@ -115,7 +123,12 @@ def sensitivity(rows: Sequence[dict[str, Any]]) -> str:
                 r["value"],
                 _NAMES[r["controller"]],
                 *(
-                    [f"{r['rigid_overshoot'][0]:.2f}", f"{r['rigid_tip_rms']:.2f}", f"{r['true_tip_rms']:.2f}", "whole lap"]
+                    [
+                        f"{r['rigid_overshoot'][0]:.2f}",
+                        f"{r['rigid_tip_rms']:.2f}",
+                        f"{r['true_tip_rms']:.2f}",
+                        "whole lap",
+                    ]
                     if r["ended"] == "truncated"
                     else ["", "", "", f"unstable, stopped at {r['duration']:.2f} s ({r['ended']})"]
                 ),
@@ -127,6 +140,7 @@ def sensitivity(rows: Sequence[dict[str, Any]]) -> str:
 
 def sweep(rows: Sequence[dict[str, Any]], name: str, label: str) -> str:
     """One sweep over a number, sensor at the end effector and 0.5 m from the elbow."""
+
     def cell(row: dict[str, Any]) -> str:
         if row["ended"] != "truncated":
             return f"stopped at {row['duration']:.2f} s"
