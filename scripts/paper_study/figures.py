@@ -259,7 +259,7 @@ def _number_axis(axis: Axes, values: Sequence[float]) -> None:
     ticks = sorted(set(values))
     axis.set_xscale("log")
     # labels that would run into each other are left out
-    shown = [tick for before, tick in zip([0.0, *ticks], ticks, strict=False) if tick > 1.3 * before]
+    shown = [tick for before, tick in zip([0.0, *ticks], ticks, strict=False) if tick > 1.4 * before]
     axis.set_xticks(ticks, [f"{tick:g}" if tick in shown else "" for tick in ticks])
     axis.set_xticks([], minor=True)
 
@@ -286,7 +286,7 @@ def alternatives(folder: Path, rows: Sequence[dict[str, Any]]) -> None:
 
 def true_tip_feedback(folder: Path, rows: Sequence[dict[str, Any]]) -> None:
     """The same law fed with the true tip: error where it stays bounded, time of failure where not."""
-    figure, axes = plt.subplots(2, 2, figsize=(12, 7), sharex=True, sharey="col")
+    figure, axes = plt.subplots(2, 2, figsize=(12, 7), sharex=True)
     for row, (sweep, text) in zip(
         axes, (("true_tip_feedback", "not delayed"), ("late_true_tip_feedback", "31.2 ms late")), strict=True
     ):
