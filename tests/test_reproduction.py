@@ -153,8 +153,8 @@ def test_figures_in_the_text_match(results: Path) -> None:
         f"by {three('constant')} m where FLSAC has {three('flsac')} m",
         f"({rms('flsac_collocated_tip')} against {rms('constant_collocated_tip')} m r.m.s.)",
         f"({rms('flsac_nmp_tip')} against {rms('constant_nmp_tip')} m)",
-        f"({over('flsac_collocated_tip', 'default')} against {over('constant_collocated_tip', 'default')} m at the first",
-        f"{over('flsac_collocated_tip', 'default', 1)} against {over('constant_collocated_tip', 'default', 1)} m at the",
+        f"({over('flsac_collocated_tip', 'default')} against {over('constant_collocated_tip', 'default')} m at the",
+        f"{over('flsac_collocated_tip', 'default', 1)} against {over('constant_collocated_tip', 'default', 1)} m at",
         f"true-tip error of {swept('constant_gain', 2.0, 'true_tip_rms')} m collocated and "
         f"{swept('constant_gain', 2.0, 'true_tip_rms', 'nmp')} m with the late sensor",
         f"by {swept('constant_gain', 2.0, 'rigid_overshoot')} and "
@@ -164,7 +164,7 @@ def test_figures_in_the_text_match(results: Path) -> None:
         f"within {rms('ifdc_collocated_tip', tip='rigid')} m r.m.s. of the square; the true tip is "
         f"{rms('ifdc_collocated_tip')} m off, and on the default arm {rms('ifdc_collocated_tip', 'default')} m",
         f"bend by {bend[0]:.2f} and {bend[1]:.2f} m",
-        f"falls from {swept('constant_gain', 1.5, 'rigid_tip_rms')} to {swept('constant_gain', 5.0, 'rigid_tip_rms')} m",
+        f"falls from {swept('constant_gain', 1.5, 'rigid_tip_rms')} to {swept('constant_gain', 5.0, 'rigid_tip_rms')}",
         f"rises from {swept('constant_gain', 1.5, 'true_tip_rms')} to {swept('constant_gain', 5.0, 'true_tip_rms')} m",
         f"useless ({swept('true_tip_feedback', 0.03, 'true_tip_rms', 'nmp', arm='zeta 0.01')} m r.m.s.)",
         f"survive ({swept('true_tip_feedback', 0.1, 'true_tip_rms', 'nmp', arm='zeta 0.03')} m",
