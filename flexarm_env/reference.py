@@ -121,8 +121,11 @@ def inverse_kinematics(arm: ArmParameters, point: ArrayLike, elbow_branch: str) 
     miss = max(distance - arm.reach, abs(length1 - length2) - distance)
     if miss > 1e-12 * arm.reach:
         raise ValueError(f"point = {tuple(target.tolist())} m: out of the tip's reach by {miss:.4g} m")
-    cosine = (distance**2 - length1**2 - length2**2) / (2.0 * length1 * length2)
-    theta2 = np.arccos(np.clip(cosine, -1.0, 1.0)) * (1.0 if elbow_branch == "positive" else -1.0)
+    # by the half angle, which keeps its digits where the arm is straight or folded
+    hole = abs(length1 - length2)
+    bent = np.sqrt(max((arm.reach - distance) * (arm.reach + distance), 0.0))
+    straight = np.sqrt(max((distance - hole) * (distance + hole), 0.0))
+    theta2 = 2.0 * np.arctan2(bent, straight) * (1.0 if elbow_branch == "positive" else -1.0)
     bearing = np.arctan2(target[1], target[0])
     theta1 = bearing - np.arctan2(length2 * np.sin(theta2), length1 + length2 * np.cos(theta2))
     return np.array([theta1, theta2])

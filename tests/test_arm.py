@@ -5,7 +5,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from lagrange import loaded_arm, random_state
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from lagrange import arms, loaded_arm, random_state
 from refusals import refuses
 
 from flexarm_env import ArmParameters, DivergenceError, FlexibleArm, Trajectory
@@ -241,8 +243,17 @@ def test_fastest_rate_holds_for_the_bent_arm(modes: int) -> None:
         matrix = arm.linearise(vibrating_state(arm, seed, deflection=1.0)).A
         # seen: 3 % at most in 100 states; the step's limit leaves 40 %
         assert np.abs(np.linalg.eigvals(matrix)).max() < 1.1 * arm.fastest_rate()
-    straight = arm.linearise(np.zeros(2 * arm.size)).A
-    assert np.abs(np.linalg.eigvals(straight)).max() > 0.9 * arm.fastest_rate()
+
+
+@settings(max_examples=60, deadline=None)
+@given(parameters=arms(), theta2=st.floats(-np.pi, np.pi))
+def test_fastest_rate_is_the_straight_arms(parameters: ArmParameters, theta2: float) -> None:
+    arm = FlexibleArm(parameters)
+    state = np.zeros(2 * arm.size)
+    assert arm.fastest_rate() == pytest.approx(np.abs(np.linalg.eigvals(arm.linearise(state).A)).max(), rel=1e-6)
+    state[1] = theta2
+    # eigenvalues of a matrix of norm 1e6 and more, some of them nearly double: half the digits
+    assert np.abs(np.linalg.eigvals(arm.linearise(state).A)).max() < (1.0 + 1e-6) * arm.fastest_rate()
 
 
 def test_substeps(default: FlexibleArm) -> None:
@@ -258,14 +269,15 @@ def test_substeps(default: FlexibleArm) -> None:
 
 @pytest.mark.parametrize("as_function", [False, True])
 @pytest.mark.parametrize("substeps", [1, 3])
+@pytest.mark.parametrize("torque", [1e12, 1e305])  # many revolutions in a step; an overflow within one
 def test_divergence_stops_with_time_and_the_run_until_then(
-    default: FlexibleArm, as_function: bool, substeps: int
+    default: FlexibleArm, as_function: bool, substeps: int, torque: float
 ) -> None:
     held = np.zeros((50, 2))
-    held[10:] = 1e12  # N m: turns the arm so fast that a step is many revolutions
-    torque = (lambda time, state: held[min(int(time / 1e-3 + 1e-9), 49)]) if as_function else held
+    held[10:] = torque
+    applied = (lambda time, state: held[min(int(time / 1e-3 + 1e-9), 49)]) if as_function else held
     with pytest.raises(DivergenceError, match=r"stopped being finite after t = 0\.01") as caught:
-        default.simulate(np.full(12, 0.01), torque, 0.05, step=1e-3, substeps=substeps)
+        default.simulate(np.full(12, 0.01), applied, 0.05, step=1e-3, substeps=substeps)
     run = caught.value.trajectory
     assert 11 <= len(run) < 50
     assert caught.value.time == run.time[-1] == pytest.approx(1e-3 * (len(run) - 1))

@@ -21,7 +21,7 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy.integrate import LSODA, solve_ivp
 
-from flexarm_env import ArmParameters, ClosedLoop, FlexibleArm, LawParameters, LoopCase, Path, SensorParameters
+from flexarm_env import ArmParameters, ClosedLoop, FlexibleArm, LawParameters, LoopCase, ReferencePath, SensorParameters
 from flexarm_env import closed_loop as package_law
 
 Array = NDArray[np.float64]
@@ -303,7 +303,7 @@ def oracle(problem: Problem, rtol: float = 1e-9) -> Array:
 def loop_of(problem: Problem, physics_step: float | None = None) -> ClosedLoop:
     corners = [problem.reference(CORNER * k, CORNER * k)[0] for k in range(4)]
     corners += corners[:1]
-    path = Path(np.column_stack([CORNER * np.arange(5.0), np.real(corners), np.imag(corners)]))
+    path = ReferencePath(np.column_stack([CORNER * np.arange(5.0), np.real(corners), np.imag(corners)]))
     return ClosedLoop(FlexibleArm(problem.arm), [LoopCase(problem.sensor, problem.law)], path, PERIOD, physics_step)
 
 
@@ -494,7 +494,7 @@ CASES: dict[str, tuple[Problem, float, float]] = {
     "paper, counterclockwise": (Problem(sensor=END_EFFECTOR, periods=ONE_CORNER, clockwise=False), 3e-5, 5e-5),
     "paper, current Jacobian": (Problem(sensor=SensorParameters(rate_jacobian="current"), periods=3000), 2e-4, 2e-4),
     "paper, gain 0.2 to 1 every 50 ms": (
-        Problem(sensor=END_EFFECTOR, periods=3000, gain=np.repeat(RNG.uniform(0.2, 1.0, 60), 50)),
+        Problem(sensor=END_EFFECTOR, periods=1500, gain=np.repeat(RNG.uniform(0.2, 1.0, 30), 50)),
         2e-4,
         6e-4,
     ),
@@ -518,7 +518,6 @@ CASES: dict[str, tuple[Problem, float, float]] = {
         4e-4,
         4e-4,
     ),
-    "3 modes, end effector": (Problem(arm_of(3), END_EFFECTOR, periods=ONE_CORNER), 7e-4, 6e-4),
     "4 modes, end effector": (Problem(arm_of(4), END_EFFECTOR, periods=ONE_CORNER), 9e-4, 9e-4),
     "4 modes, gain 17": (Problem(arm_of(4), periods=ONE_CORNER, gain=17.0), 1.7e-3, 2e-3),
 }
@@ -564,16 +563,16 @@ HARD_CASES: dict[str, tuple[Problem, float, float]] = {
     ),
     "torque limit": (Problem(law=LawParameters(torque_limit=(200.0, 100.0)), periods=1500), 2e-5, 6e-3),
     "low torque limit, delayed": (
-        Problem(PAPER, END_EFFECTOR, LawParameters(torque_limit=(100.0, 50.0)), periods=1500),
+        Problem(PAPER, END_EFFECTOR, LawParameters(torque_limit=(100.0, 50.0)), periods=700),
         2e-5,
         3e-3,
     ),
     "torque limit, 2 modes": (
-        Problem(arm_of(2), END_EFFECTOR, LawParameters(torque_limit=(100.0, 50.0)), periods=1500),
+        Problem(arm_of(2), END_EFFECTOR, LawParameters(torque_limit=(100.0, 50.0)), periods=500),
         1.3e-3,  # second order at the kinks: 6e-4 found, from 1.4e-2 at the default step
         3e-2,
     ),
-    "delay of whole steps": (Problem(sensor=SensorParameters(delay=(0.031, 0.0155)), periods=ONE_CORNER), 1e-6, 6e-5),
+    "delay of whole steps": (Problem(sensor=SensorParameters(delay=(0.031, 0.0155)), periods=1500), 1e-6, 6e-5),
     "delay of one step": (Problem(sensor=SensorParameters(delay=2.5e-4), periods=500), 1e-6, 1e-4),
     "delays of parts of a step": (Problem(sensor=SensorParameters(delay=(3e-4, 1e-4)), periods=500), 1e-6, 1e-4),
 }
@@ -652,8 +651,12 @@ def test_order_of_convergence() -> None:
     assert np.all(observed_orders(PAPER, 1.0, 2.0 * halved[:3]) > 1.6)
 
 
-@pytest.mark.parametrize("arm", [PAPER, *map(arm_of, (2, 3, 4))], ids=["paper", "2 modes", "3 modes", "4 modes"])
 @pytest.mark.parametrize("gain", [0.1, 17.0])
+@pytest.mark.parametrize(
+    "arm",
+    [PAPER, arm_of(2), pytest.param(arm_of(3), marks=pytest.mark.slow), arm_of(4)],  # 3 modes: a kernel of their own
+    ids=["paper", "2 modes", "3 modes", "4 modes"],
+)
 def test_stable_over_the_lap(arm: ArmParameters, gain: float) -> None:
     """Bounded at gains a hundredfold apart: fast poles from -1100 to -4.6e6 /s, step 0.125 to 0.25 ms."""
     states = simulated(Problem(arm, gain=gain))

@@ -144,10 +144,13 @@ def test_threads_run_as_one_does(batch: Batch) -> None:
 def test_kernels_release_the_interpreter() -> None:
     """While a kernel runs in another thread, this one goes on counting."""
     batch = Batch(1, True)
-    batch.run(LANES, 1)
+    steps = 300_000
+    arenas, torques = batch.arenas(LANES), np.zeros((steps, 1, 2 * LANES))
+    states, run = np.zeros((1, 1, 2 * batch.size * LANES)), batch.module(LANES).run_open
+    run(arenas.copy(), torques[:1], states, 1e-4, 1)  # compiles
     with ThreadPoolExecutor(1) as pool:
         started = time.perf_counter()
-        running = pool.submit(batch.run, LANES, 100_000)
+        running = pool.submit(run, arenas, torques, states, 1e-4, steps)
         longest, last = 0.0, time.perf_counter()
         while not running.done():
             now = time.perf_counter()

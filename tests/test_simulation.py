@@ -21,6 +21,7 @@ from flexarm_env import (
     SensorParameters,
     SquareParameters,
     inverse_kinematics,
+    kernels,
     square,
 )
 from flexarm_env.simulation import Results
@@ -264,6 +265,32 @@ def test_status_names_the_first_entry_past_its_limit() -> None:
     assert [loop.failure(s) for s in (*status, -1.0)] == ["angle", "deflection", "deflection", "rate", None, "diverged"]
 
 
+@pytest.mark.parametrize("node", [0.0, 0.5, 1.0])
+def test_late_readings_are_interpolated_exactly_up_to_third_order(node: float) -> None:
+    """A cubic in time comes back exactly, and its rate, from steps past; a parabola from the step at hand."""
+    case = LoopCase(SensorParameters(delay=(0.00483, 0.0001), delayed="position+rate"), LawParameters())
+    loop = ClosedLoop(ARM, [case], PATH)
+    loop.reset(start_states(1))
+    h, now = loop.physics_step, 61
+    late, short = np.polynomial.Polynomial([1.0, -30.0, 4e3, 9e5]), np.polynomial.Polynomial([-2.0, 50.0, 7e3])
+    slots = loop._histories.shape[1]
+    for step in range(now - slots + 1, now + 1):
+        for reading, curve in enumerate((late, short)):
+            loop._histories[0, step % slots, [reading, 2 + reading], 0] = curve(step * h), curve.deriv()(step * h)
+    loop._counts[:] = now
+    module, rows = kernels.load(loop._variant), loop._rows
+    module.prepare_readings(loop._flat_arenas[0], loop._flat_histories[0], loop._counts[0], h, node)
+    time = (now + node) * h
+    for reading, (curve, delay) in enumerate(((late, 0.00483), (short, 0.0001))):
+        offset, weight, rate_offset, rate_weight = (
+            loop._arenas[0, rows[name][0] + reading, 0] for name in ("OFFSET", "WEIGHT", "RATE_OFFSET", "RATE_WEIGHT")
+        )
+        seen = offset + weight * curve(time)
+        seen_rate = rate_offset + rate_weight * curve.deriv()(time)
+        assert seen == pytest.approx(curve(time - delay), rel=1e-13)
+        assert seen_rate == pytest.approx(curve.deriv()(time - delay), rel=1e-11)  # differences over a step
+
+
 # --- refusals -----------------------------------------------------------------------------------------------
 
 
@@ -290,6 +317,30 @@ def test_a_bad_gain_is_refused_and_nothing_moves(pair_of_arms: ClosedLoop, gain:
     with pytest.raises(ValueError, match=message):
         pair_of_arms.advance(gain)
     assert_same_bits([pair_of_arms.results()], [before])
+
+
+def test_nothing_runs_before_a_reset() -> None:
+    with pytest.raises(RuntimeError, match=r"advance\(\) before reset\(\)"):
+        ClosedLoop(ARM, CASES[:1], PATH).advance([1.0])
+
+
+@pytest.mark.parametrize("limits", [np.ones(7), np.zeros(8), np.full(8, np.nan), -np.ones(8), 1.0])
+def test_bad_limits_are_refused(limits: Any) -> None:
+    with pytest.raises(ValueError, match=r"state_limits = .* must be 8 numbers > 0"):
+        ClosedLoop(ARM, CASES[:1], PATH, state_limits=limits)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ((ARM.parameters, CASES, PATH), r"arm = .* must be a FlexibleArm"),
+        ((ARM, CASES, PATH.table), r"(?s)path = .* must be a ReferencePath"),
+        ((ARM, [SensorParameters()], PATH), r"cases hold .* must be LoopCase objects"),
+    ],
+)
+def test_wrong_kinds_are_refused(arguments: Any, message: str) -> None:
+    with pytest.raises(TypeError, match=message):
+        ClosedLoop(*arguments)
 
 
 def test_bad_noise_and_states_are_refused(pair_of_arms: ClosedLoop) -> None:

@@ -15,7 +15,7 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from flexarm_env import FlexibleArm, LawParameters, Path
+from flexarm_env import FlexibleArm, LawParameters, ReferencePath
 
 Array = NDArray[np.float64]
 
@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 def solve(
     arm: FlexibleArm,
     law: LawParameters,
-    path: Path,
+    path: ReferencePath,
     start: Array,
     seconds: float,
     tolerance: float = 1e-6,
