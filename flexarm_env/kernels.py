@@ -2,8 +2,8 @@
 
 A variant fixes what the compiler should know: number of modes, velocity forces, sensor model, lanes of a block.
 Its module is one file holding everything it calls: `elementary.sincos`, the recorded physics (`dynamics`,
-`closed_loop`) and the drivers (`stepping`). The file's name carries a hash of its text, so that an edited
-formula can never meet a stale compiled cache (numba does not see edits in other files: numba issue 1833).
+`closed_loop`) and the drivers (`stepping`, `torque_stepping`). The file's name carries a hash of its text, so that an
+edited formula can never meet a stale compiled cache (numba does not see edits in other files: numba issue 1833).
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from typing import Any
 
 import platformdirs
 
-from flexarm_env import closed_loop, reward, stepping
+from flexarm_env import closed_loop, reward, stepping, torque_stepping
 from flexarm_env import dynamics as dyn
 from flexarm_env.elementary import sincos
 from flexarm_env.tracing import Expression, Trace
@@ -200,7 +200,12 @@ def _outputs_source(variant: Variant) -> str:
 
 
 _DRIVERS: dict[str, tuple[Callable[..., Any], ...]] = {
-    "open": (stepping.begin_step, stepping.end_step, stepping.open_step, stepping.run_open),
+    "open": (
+        torque_stepping.begin_step,
+        torque_stepping.end_step,
+        torque_stepping.open_step,
+        torque_stepping.run_open,
+    ),
     "loop": (
         reward.reward_terms,
         stepping.reference_at,
@@ -218,6 +223,10 @@ _DRIVERS: dict[str, tuple[Callable[..., Any], ...]] = {
         stepping.run_loop,
     ),
 }
+_TABLES: dict[str, tuple[tuple[ModuleType, tuple[str, ...]], ...]] = {
+    "open": ((torque_stepping, ("RK4_STEP", "RK4_WEIGHT")),),
+    "loop": ((stepping, ("NODES", "GAMMA", "EXPLICIT", "IMPLICIT")), (reward, ("WIDTHS",))),
+}
 _RECORDED: dict[str, tuple[Callable[[Variant], str], ...]] = {
     "open": (_slope_source,),
     "loop": (_law_source, _reading_source, _outputs_source),
@@ -227,13 +236,12 @@ _RECORDED: dict[str, tuple[Callable[[Variant], str], ...]] = {
 def render(variant: Variant) -> str:
     """Source text of a variant's module."""
     rows = layout(variant.kind, variant.modes)
-    header = {"LANES": variant.lanes, "SIZE": 2 * variant.modes + 2, "STAGES": stepping.STAGES}
+    header: dict[str, Any] = {"LANES": variant.lanes, "SIZE": 2 * variant.modes + 2, "STAGES": stepping.STAGES}
     header |= {name: first for name, (first, _) in rows.items()}
-    tables = ("NODES", "GAMMA", "EXPLICIT", "IMPLICIT", "RK4_STEP", "RK4_WEIGHT")
-    constants = {name: getattr(stepping, name) for name in tables} | {"WIDTHS": reward.WIDTHS}
+    header |= {name: getattr(module, name) for module, names in _TABLES[variant.kind] for name in names}
     text = f'"""Assembled by flexarm_env.kernels for {variant}; do not edit."""\n\n'
     text += "from math import exp, sqrt\nfrom typing import Any\n\nfrom numba import njit\nfrom numpy import floor\n\n"
-    text += "".join(f"{name} = {value!r}\n" for name, value in (header | constants).items()) + "\n\n"
+    text += "".join(f"{name} = {value!r}\n" for name, value in header.items()) + "\n\n"
     for record in _RECORDED[variant.kind]:
         text += record(variant)
     for driver in _DRIVERS[variant.kind]:

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from flexarm_env import kernels
 from flexarm_env.dynamics import Constants
 from flexarm_env.kinematics import internal_state, public_state
-from flexarm_env.stepping import RK4_STEP, RK4_WEIGHT
+from flexarm_env.torque_stepping import RK4_STEP, RK4_WEIGHT
 from flexarm_env.validation import finite_array
 
 Array = NDArray[np.float64]

@@ -5,9 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from lagrange import arms, loaded_arm, random_state
+from lagrange import loaded_arm, random_state
 from refusals import refuses
 
 from flexarm_env import ArmParameters, DivergenceError, FlexibleArm, Trajectory
@@ -28,16 +26,6 @@ def default() -> FlexibleArm:
 def states(arm: FlexibleArm, *shape: int) -> np.ndarray:
     count = int(np.prod(shape))
     return np.array([random_state(arm.parameters, seed) for seed in range(count)]).reshape(*shape, 2 * arm.size)
-
-
-def vibrating_state(arm: FlexibleArm, seed: int, deflection: float) -> np.ndarray:
-    """Any angles; modes as a sudden load leaves them: tip values [m] falling with the square of the frequency."""
-    rng = np.random.default_rng(seed)
-    omega = arm.modes[0].frequencies
-    size = deflection / np.abs(arm.modes[0].tip_values) * (omega[0] / omega) ** 2
-    q = [rng.uniform(-np.pi, np.pi, 2), rng.normal(size=(2, len(omega))) * size]
-    rates = [rng.normal(size=2), rng.normal(size=(2, len(omega))) * size * omega[0]]
-    return np.concatenate([part.ravel() for part in (*q, *rates)])
 
 
 # --- shapes -----------------------------------------------------------------------------------------------------------
@@ -221,50 +209,6 @@ def test_a_torque_function_cannot_change_the_run_through_its_argument(default: F
 
     honest = default.simulate(REST, lambda time, state: (2.0 - state[0], -1.0), 0.02)
     np.testing.assert_array_equal(default.simulate(REST, vandal, 0.02).state, honest.state)
-
-
-@pytest.mark.parametrize("modes", [1, 2, 4])
-def test_longest_step_is_named_allowed_and_stable(modes: int) -> None:
-    arm = FlexibleArm(ArmParameters(modes_per_link=modes, modal_damping_ratio=0.0))
-    longest = arm.longest_step()
-    with refuses(ValueError, "step = ", f"at most {longest:.4g} s is allowed", "substeps='auto', here 2)"):
-        arm.simulate(np.zeros(2 * arm.size), None, 1.001 * longest, step=1.001 * longest)
-    for seed in range(5):
-        run = arm.simulate(vibrating_state(arm, seed, deflection=0.2), None, 400 * longest, step=longest)
-        energy = run.kinetic_energy + run.strain_energy
-        # the method damps what it does not resolve; beyond its limit, h omega = 2.83, energy would grow without bound
-        assert energy[-1] < energy[0]
-
-
-@pytest.mark.parametrize("modes", [1, 2, 4])
-def test_fastest_rate_holds_for_the_bent_arm(modes: int) -> None:
-    arm = FlexibleArm(ArmParameters(modes_per_link=modes))
-    for seed in range(20):
-        matrix = arm.linearise(vibrating_state(arm, seed, deflection=1.0)).A
-        # seen: 3 % at most in 100 states; the step's limit leaves 40 %
-        assert np.abs(np.linalg.eigvals(matrix)).max() < 1.1 * arm.fastest_rate()
-
-
-@settings(max_examples=60, deadline=None)
-@given(parameters=arms(), theta2=st.floats(-np.pi, np.pi))
-def test_fastest_rate_is_the_straight_arms(parameters: ArmParameters, theta2: float) -> None:
-    arm = FlexibleArm(parameters)
-    state = np.zeros(2 * arm.size)
-    assert arm.fastest_rate() == pytest.approx(np.abs(np.linalg.eigvals(arm.linearise(state).A)).max(), rel=1e-6)
-    state[1] = theta2
-    # eigenvalues of a matrix of norm 1e6 and more, some of them nearly double: half the digits
-    assert np.abs(np.linalg.eigvals(arm.linearise(state).A)).max() < (1.0 + 1e-6) * arm.fastest_rate()
-
-
-def test_substeps(default: FlexibleArm) -> None:
-    longest = default.longest_step()
-    with refuses(ValueError, "step = 0.02 s in 2", "at most"):
-        default.simulate(REST, None, 0.1, step=0.02, substeps=2)
-    automatic = default.simulate(np.full(12, 0.01), None, 0.1, step=0.02, substeps="auto")
-    count = int(np.ceil(0.02 / longest))
-    assert count == 4  # as few as the fastest mode, 323 rad/s, allows
-    by_hand = default.simulate(np.full(12, 0.01), None, 0.1, step=0.02, substeps=count)
-    np.testing.assert_array_equal(automatic.state, by_hand.state)
 
 
 @pytest.mark.parametrize("as_function", [False, True])

@@ -287,8 +287,9 @@ def oracle(problem: Problem, rtol: float = 1e-9) -> Array:
             message = solver.step()
             assert solver.status != "failed", message
             piece = solver.dense_output()
-            ends.append(solver.t)
-            pieces.append(piece)
+            forgotten = bisect.bisect_left(ends, solver.t - max(delays))
+            ends[:] = [*ends[forgotten:], solver.t]
+            pieces[:] = [*pieces[forgotten:], piece]
             while done < len(times) and times[done] <= solver.t + 1e-12:
                 states[done] = solver.y if abs(times[done] - solver.t) < 1e-12 else piece(times[done])
                 done += 1

@@ -324,9 +324,9 @@ def test_the_sensed_position(sensor: Any) -> None:
 
 def test_the_reference_where_corners_fall_between_the_instants() -> None:
     """It neither overshoots the corner nor turns before it."""
-    env = bare(lap_time=0.0413, gain_limit=1e-6)
+    env = bare(lap_time=0.0404, gain_limit=1e-6)
     observations, _ = recorded(env)
-    path = square(SquareParameters(lap_time=0.0413))
+    path = square(SquareParameters(lap_time=0.0404))
     times = CONTROL_PERIOD * np.arange(STEPS + 1)
     np.testing.assert_array_equal(block(env, observations, "reference_position"), np.float32(path.position(times)))
     np.testing.assert_array_equal(block(env, observations, "reference_velocity"), np.float32(path.velocity(times)))

@@ -35,7 +35,7 @@ def scripts() -> ModuleType:
     try:
         import build_docs
 
-        import paper_study.claims  # noqa: F401  (kept in sys.modules for the tests below)
+        import paper_study.verdicts  # noqa: F401  (kept in sys.modules for the tests below)
     finally:
         sys.path.pop(0)
     return build_docs
@@ -246,7 +246,7 @@ def test_verdicts_follow_from_the_columns(scripts: ModuleType) -> None:
 
     def verdict(claim: object, own: bool, other: bool, **values: object) -> tuple[str, str]:
         found = {"paper": claims.Finding(own, values), "other": claims.Finding(other, {})}
-        return claims.verdict(claim, found, titles)
+        return sys.modules["paper_study.verdicts"].verdict(claim, found, titles)
 
     assert verdict(claim, True, True)[0] == "reproduced"
     assert verdict(claim, True, False)[0] == "reproduced under condition"

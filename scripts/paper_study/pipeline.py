@@ -14,7 +14,7 @@ from typing import Any
 from tqdm import tqdm
 
 from flexarm_env import Trajectory
-from paper_study import claims, figures, tables
+from paper_study import figures, tables, verdicts
 from paper_study.cases import COLUMNS, CONTROLLERS, Case, Study, load_runs, simulate_column
 from paper_study.measures import differences, measures
 from paper_study.numbers import Number, numbers
@@ -144,7 +144,7 @@ def _decide(
             (folder / f"sweep_{name}.md").write_text(tables.sweep(rows, name, label))
     if len(cases) == 12:
         constant = [row for row in rows if row["sweep"] == "constant_gain"]
-        decided = claims.as_json(claims.decide(found, apart, constant, TITLES))
+        decided = verdicts.as_json(verdicts.decide(found, apart, constant, TITLES))
         write_json(folder / "claims.json", decided)
         (folder / "verdicts.md").write_text(tables.verdicts(decided, TITLES))
         (folder / "claims.md").write_text(tables.claims(decided, TITLES))
