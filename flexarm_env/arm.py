@@ -210,7 +210,8 @@ class FlexibleArm:
                 or an array held over each step, Shape (steps, 2); or None for none.
             duration: a whole number of steps [s].
             step: [s]; the trajectory has one instant a step.
-            substeps: integration steps in each `step`; "auto": as few as the fastest mode allows.
+            substeps: integration steps in each `step`; "auto": as few as the fastest mode allows, which is stable for
+                ordinary motion and does not resolve that mode: for accuracy take more.
 
         Returns:
             A `Trajectory` of ``steps + 1`` instants.

@@ -168,9 +168,8 @@ def test_inverse_kinematics_round_trip(
     angles = inverse_kinematics(arm, target, branch)
     assert angles.shape == (2,)
     q = np.concatenate([angles, np.zeros(2)])
-    # At the edges of the reach theta2 is a square root: rounding of 1e-16 in its cosine is 1e-8 rad there, which
-    # moves the tip by (1e-8)^2 across and less along; elsewhere it is rounding alone.
-    np.testing.assert_allclose(FlexibleArm(arm).tip(q), target, atol=1e-13 * sum(lengths) + 1e-8 * nearest)
+    # the half-angle formula keeps its digits at both edges of the reach, where the cosine rule loses half of them
+    np.testing.assert_allclose(FlexibleArm(arm).tip(q), target, atol=1e-14 * sum(lengths))
     assert angles[1] * (1.0 if branch == "positive" else -1.0) >= 0.0
 
 
