@@ -130,7 +130,7 @@ def sensitivity(rows: Sequence[dict[str, Any]]) -> str:
                         "whole lap",
                     ]
                     if r["ended"] == "truncated"
-                    else ["", "", "", f"unstable, stopped at {r['duration']:.2f} s ({r['ended']})"]
+                    else ["", "", "", "unstable"]
                 ),
             ]
             for r in chosen
@@ -143,7 +143,7 @@ def sweep(rows: Sequence[dict[str, Any]], name: str, label: str) -> str:
 
     def cell(row: dict[str, Any]) -> str:
         if row["ended"] != "truncated":
-            return f"stopped at {row['duration']:.2f} s"
+            return "unstable"  # when it stops hangs on the last digit; sweeps.json has the time
         if row["place"] == "elbow":
             return f"{row['vibration']:.2f}"
         return f"{row['rigid_overshoot'][0]:.2f} / {row['true_tip_rms']:.2f}"
