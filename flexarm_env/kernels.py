@@ -30,7 +30,7 @@ from flexarm_env.tracing import Expression, Trace
 
 # Strict IEEE arithmetic: no fast-math, no contraction to fused operations; "numpy" only drops the checks for
 # division by zero, which would keep the compiler from vectorising.
-_DECORATOR = '@njit(cache=True, nogil=True, error_model="numpy", boundscheck=False)\n'
+_DECORATOR = '@njit(cache=True, nogil=True, error_model="numpy", boundscheck=False, no_cfunc_wrapper=True)\n'
 
 
 @dataclass(frozen=True)

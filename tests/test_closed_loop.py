@@ -539,6 +539,7 @@ def test_agrees_with_the_oracle(name: str) -> None:
 # default step they are less accurate (third bound: the larger of coordinates' and rates'); a step of 25 us shows
 # that it is the same equation: nothing but the step separates the two.
 FINE_STEP = 2.5e-5
+MOVING = np.array([*Problem().start_state()[:4], 3.0, -4.0, 5.0, -5.0])
 HARD_CASES: dict[str, tuple[Problem, float, float]] = {
     "rates delayed: unstable": (Problem(sensor=SensorParameters(delayed="position+rate"), periods=60), 2e-5, 1.3e-2),
     "rates delayed by 1.2 ms: unstable": (
@@ -573,6 +574,7 @@ HARD_CASES: dict[str, tuple[Problem, float, float]] = {
         1.3e-3,  # second order at the kinks: 6e-4 found, from 1.4e-2 at the default step
         3e-2,
     ),
+    "moving at the start": (Problem(sensor=END_EFFECTOR, start=MOVING, periods=60), 1e-5, 1.1e-3),
     "delay of whole steps": (Problem(sensor=SensorParameters(delay=(0.031, 0.0155)), periods=1500), 1e-6, 6e-5),
     "delay of one step": (Problem(sensor=SensorParameters(delay=2.5e-4), periods=500), 1e-6, 1e-4),
     "delays of parts of a step": (Problem(sensor=SensorParameters(delay=(3e-4, 1e-4)), periods=500), 1e-6, 1e-4),

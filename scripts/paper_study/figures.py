@@ -299,7 +299,7 @@ def true_tip_feedback(folder: Path, rows: Sequence[dict[str, Any]]) -> None:
 
 
 def _true_tip_row(axes: Sequence[Axes], chosen: Sequence[dict[str, Any]]) -> None:
-    for color, arm in zip(("#111111", *LINKS), dict.fromkeys(r["arm"] for r in chosen), strict=True):
+    for color, arm in zip(("#111111", *LINKS), dict.fromkeys(r["arm"] for r in chosen), strict=False):
         mine = [r for r in chosen if r["arm"] == arm]
         label = "damping ratio " + arm.removeprefix("zeta ")
         axes[0].plot([r["value"] for r in mine], [r["duration"] for r in mine], "o-", color=color, label=label)

@@ -91,11 +91,11 @@ def _true_tip(delay: str) -> list[Run]:
     return [Run(v, case, loop_case, "ifdc", v) for v in TRUE_TIP_GAINS]
 
 
-def _columns_for_true_tip() -> dict[str, Column]:
+def _columns_for_true_tip(damping: Sequence[float] = TRUE_TIP_DAMPING) -> dict[str, Column]:
     base = COLUMNS["complete"]
     return {
         f"zeta {zeta:g}": Column(base.title, dataclasses.replace(base.arm, modal_damping_ratio=zeta))
-        for zeta in TRUE_TIP_DAMPING
+        for zeta in damping
     }
 
 
@@ -108,7 +108,7 @@ SWEEPS: dict[str, tuple[dict[str, Column], list[Run]]] = {
     "alternatives": ({"paper": COLUMNS["paper"]}, _alternatives("plain")),
     "current_jacobian": ({"paper": COLUMNS["paper"]}, _alternatives("current")),
     "true_tip_feedback": (_columns_for_true_tip(), _true_tip("none")),
-    "late_true_tip_feedback": (_columns_for_true_tip(), _true_tip("wave")),
+    "late_true_tip_feedback": (_columns_for_true_tip((0.01,)), _true_tip("wave")),
 }
 
 
