@@ -21,8 +21,9 @@ from flexarm_env.validation import finite_array, number
 
 Array = NDArray[np.float64]
 
-# The explicit part of ARS(4,4,3) is stable for undamped modes up to h omega = 1.57; the default step, a tenth of
-# that and 0.25 ms at most, keeps the state within 1e-3 of its range over the lap (tests/test_closed_loop.py).
+# The explicit part of ARS(4,4,3) is stable for undamped modes up to h omega = 1.57. The default step, a tenth of that
+# and 0.25 ms at most, keeps coordinates within 1e-3 of their range over the lap at constant gains up to 17 (the paper's
+# runs: 2e-4), and rates within 2e-3, largest just after a jump of the command (tests/test_closed_loop.py).
 STEP_LIMIT = 1.2
 DEFAULT_ANGLE = 0.15
 DEFAULT_STEP = 2.5e-4
