@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from flexarm_env.tracing import floor
+from flexarm_env.tracing import at_least, clip, floor, magnitude, where_less
 
 
 def sincos(x: Any) -> tuple[Any, Any]:
@@ -49,3 +49,49 @@ def sincos(x: Any) -> tuple[Any, Any]:
     cosine_sign = sine_sign * (1.0 - 2.0 * swap)
     keep = 1.0 - swap
     return sine_sign * (keep * s + swap * c), cosine_sign * (keep * c + swap * s)
+
+
+def exp_minus(x: Any) -> Any:
+    """exp(-x) for x >= 0, relative error below 1e-12; 0 to within 1e-300 beyond x = 700.
+
+    The Taylor polynomial of exp(-x / 1024), squared ten times.
+    """
+    r = clip(x, 0.0, 700.0) * (-1.0 / 1024.0)
+    p = 1.0 + r * (1.0 / 16.0)
+    for n in range(15, 0, -1):
+        p = 1.0 + r * (1.0 / n) * p
+    for _ in range(10):
+        p = p * p
+    return p
+
+
+def arctan2(y: Any, x: Any) -> Any:
+    """Angle of the point (x, y) in [-pi, pi], branch-free; within 4 units in the last place.
+
+    The smaller coordinate over the larger, reduced to [-tan(pi/8), tan(pi/8)], and the rational approximation of the
+    Cephes library (Moshier 1989). At the origin 0; NaN where a coordinate is NaN.
+
+    Args:
+        y: any length unit.
+        x: the same unit.
+    """
+    across, along = magnitude(y), magnitude(x)
+    low = where_less(across, along, across, along)
+    high = where_less(across, along, along, across)
+    t = low / at_least(high, 1e-300)
+    wide = where_less(t, 0.41421356237309503, 0.0, 1.0)
+    t = (t - wide) / (1.0 + wide * t)
+    z = t * t
+    p = -8.750608600031904122785e-1 * z - 1.615753718733365076637e1
+    p = p * z - 7.500855792314704667340e1
+    p = p * z - 1.228866684490136173410e2
+    p = p * z - 6.485021904942025371773e1
+    q = z + 2.485846490142306297962e1
+    q = q * z + 1.650270098316988542046e2
+    q = q * z + 4.328810604912902668951e2
+    q = q * z + 4.853903996359136964868e2
+    q = q * z + 1.945506571482613964425e2
+    angle = wide * 0.78539816339744830962 + (t + t * (z * p / q))
+    angle = where_less(along, across, 1.57079632679489661923 - angle, angle)
+    angle = where_less(x, 0.0, 3.14159265358979323846 - angle, angle)
+    return where_less(y, 0.0, -angle, angle)

@@ -1,4 +1,4 @@
-"""Reference paths as pure functions of time: the square, its corners abrupt, laps following each other.
+"""Reference paths as pure functions of time: the square and others, corners abrupt, laps following each other.
 
 A path is a closed polyline travelled at constant speed on each side. The one rule that evaluates it
 (`stepping.reference_at`) is compiled into the closed loop and used here as plain Python.
@@ -7,8 +7,11 @@ A path is a closed polyline travelled at constant speed on each side. The one ru
 from __future__ import annotations
 
 import numpy as np
+from collections.abc import Sequence
+
 from numpy.typing import ArrayLike, NDArray
 
+from flexarm_env.inverse import joint_angles_for
 from flexarm_env.parameters import ArmParameters, SquareParameters
 from flexarm_env.stepping import reference_at
 from flexarm_env.validation import choice, finite_array
@@ -57,7 +60,7 @@ class ReferencePath:
 
     def _evaluate(self, time: ArrayLike) -> Array:
         times = np.asarray(time, dtype=float)
-        rows = [reference_at(self.table, t, t) for t in times.ravel().tolist()]
+        rows = [reference_at(self.table, t, t, 0.0) for t in times.ravel().tolist()]
         return np.array(rows).reshape(*times.shape, 4)
 
     def check_reach(self, arm: ArmParameters) -> None:
@@ -100,6 +103,84 @@ def square(parameters: SquareParameters) -> ReferencePath:
     return ReferencePath(np.column_stack([times, corners]))
 
 
+def circle(parameters: SquareParameters) -> ReferencePath:
+    """The circle inscribed in the square, from its point nearest the start corner, at constant speed."""
+    start = _SIGNS[_CORNERS.index(parameters.start_corner)]
+    turn = -1.0 if parameters.direction == "clockwise" else 1.0
+    angle = np.arctan2(start[1], start[0]) + turn * 2.0 * np.pi * _shares()
+    return _curve(parameters, 0.5 * parameters.side * np.column_stack([np.cos(angle), np.sin(angle)]))
+
+
+def line(parameters: SquareParameters) -> ReferencePath:
+    """The square's first side and back; the velocity reverses at both ends."""
+    corners = square(parameters).table[:2, 1:]
+    return ReferencePath(np.column_stack([0.5 * parameters.lap_time * np.arange(3.0), corners[[0, 1, 0]]]))
+
+
+def figure_eight(parameters: SquareParameters) -> ReferencePath:
+    """A lying eight above the shoulder: 0.9 of the square's side wide, 0.3 high, centred 0.35 of it up."""
+    turn = -1.0 if parameters.direction == "clockwise" else 1.0
+    angle = turn * 2.0 * np.pi * _shares()
+    x, y = 0.45 * np.sin(angle), 0.35 + 0.15 * np.sin(2.0 * angle)
+    return _curve(parameters, parameters.side * np.column_stack([x, y]))
+
+
+def way_points(parameters: SquareParameters, points: ArrayLike) -> ReferencePath:
+    """A closed polyline through points of the user's, at constant speed.
+
+    Args:
+        parameters: its lap time.
+        points: x, y [m], at least two, the first one not repeated at the end. Shape (n, 2).
+
+    Raises:
+        ValueError: if two that follow each other are the same.
+    """
+    corners = finite_array("waypoints", points, (None, 2))
+    if len(corners) < 2:
+        raise ValueError(f"waypoints: must be at least 2 points, got {len(corners)}")
+    closed = np.vstack([corners, corners[:1]])
+    lengths = np.linalg.norm(np.diff(closed, axis=0), axis=1)
+    if not np.all(lengths > 0.0):
+        raise ValueError(f"waypoints[{int(np.argmin(lengths))}]: must differ from the point that follows it")
+    times = parameters.lap_time * np.concatenate([[0.0], np.cumsum(lengths) / np.sum(lengths)])
+    times[-1] = parameters.lap_time
+    return ReferencePath(np.column_stack([times, closed]))
+
+
+PATHS = {"square": square, "circle": circle, "line": line, "figure_eight": figure_eight}
+_CURVE_POINTS = 1600  # sides of the polygon that stands for a curve: at 10 ms of the default lap one each
+
+
+def _shares() -> Array:
+    return np.linspace(0.0, 1.0, _CURVE_POINTS + 1)
+
+
+def _curve(parameters: SquareParameters, points: Array) -> ReferencePath:
+    points[-1] = points[0]  # closed to the last bit
+    return ReferencePath(np.column_stack([parameters.lap_time * _shares(), points]))
+
+
+def same_length(paths: Sequence[ReferencePath]) -> Array:
+    """Tables of several paths with equally many way-points; sides of the shorter ones are divided evenly.
+
+    Returns:
+        Shape (paths, n, 3).
+    """
+    sides = max(len(path.table) for path in paths) - 1
+    return np.array([_subdivided(path.table, sides) for path in paths])
+
+
+def _subdivided(table: Array, sides: int) -> Array:
+    own = len(table) - 1
+    pieces = np.full(own, sides // own)
+    pieces[: sides % own] += 1
+    rows = [table[:1]]
+    for start, end, count in zip(table[:-1], table[1:], pieces, strict=True):
+        inner = start + (end - start) * (np.arange(1, count)[:, None] / count)
+        rows += [inner, end[None]]
+    return np.concatenate(rows)
+
+
 def inverse_kinematics(arm: ArmParameters, point: ArrayLike, elbow_branch: str) -> Array:
     """Joint angles that put the rigid arm's tip at a point.
 
@@ -121,11 +202,5 @@ def inverse_kinematics(arm: ArmParameters, point: ArrayLike, elbow_branch: str) 
     miss = max(distance - arm.reach, abs(length1 - length2) - distance)
     if miss > 1e-12 * arm.reach:
         raise ValueError(f"point = {tuple(target.tolist())} m: out of the tip's reach by {miss:.4g} m")
-    # by the half angle, which keeps its digits where the arm is straight or folded
-    hole = abs(length1 - length2)
-    bent = np.sqrt(max((arm.reach - distance) * (arm.reach + distance), 0.0))
-    straight = np.sqrt(max((distance - hole) * (distance + hole), 0.0))
-    theta2 = 2.0 * np.arctan2(bent, straight) * (1.0 if elbow_branch == "positive" else -1.0)
-    bearing = np.arctan2(target[1], target[0])
-    theta1 = bearing - np.arctan2(length2 * np.sin(theta2), length1 + length2 * np.cos(theta2))
-    return np.array([theta1, theta2])
+    branch = 1.0 if elbow_branch == "positive" else -1.0
+    return np.array(joint_angles_for(length1, length2, branch, target[0], target[1]))

@@ -10,8 +10,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexarm_env.actions import gain_from_action
-from flexarm_env.env import FlexArmEnv, observation_blocks
-from flexarm_env.simulation import ClosedLoop, Results
+from flexarm_env.arm import FlexibleArm
+from flexarm_env.env import FlexArmEnv
+from flexarm_env.settings import replaced
+from flexarm_env.simulation import ClosedLoop, Results, observation_blocks
 from flexarm_env.trajectory import Trajectory
 from flexarm_env.validation import integer
 
@@ -24,8 +26,9 @@ def run_policy(
     seed: int | None = None,
     deterministic: bool = True,
     max_steps: int | None = None,
+    options: dict[str, Any] | None = None,
 ) -> Trajectory:
-    """One episode of a FlexArm environment.
+    """One episode of a FlexArm environment; unless told otherwise from the standard start, at rest on the first corner.
 
     Args:
         env: a `FlexArmEnv`, wrapped or not.
@@ -34,6 +37,7 @@ def run_policy(
         deterministic: passed to ``predict``.
         max_steps: stop after so many; None: at the end of the episode, or of a lap where the environment has no
             time limit.
+        options: of the environment's reset; default ``{"start": "corner"}``.
 
     Returns:
         The episode; `notes["ended"]` says why: "truncated" or a termination reason.
@@ -45,14 +49,12 @@ def run_policy(
     inner = env.unwrapped
     if not isinstance(inner, FlexArmEnv):
         raise TypeError(f"env = {env!r}: must be a FlexArmEnv, wrapped or not")
-    limit = getattr(policy, "gain_limit", inner.gain_limit)
-    if limit != inner.gain_limit:
-        raise ValueError(
-            f"policy.gain_limit = {limit}: must be the environment's, {inner.gain_limit}; its actions mean other gains"
-        )
+    _check_gain_limit(inner, policy)
     if max_steps is None and (env.spec is None or env.spec.max_episode_steps is None):
         max_steps = inner.lap_steps
-    observation, info = env.reset(seed=seed)
+    observation, info = env.reset(seed=seed, options={"start": "corner"} if options is None else options)
+    arm = _episode_arm(inner, info["parameters"])
+    signals = ("gain", "torque") if "gain" in info else ("torque",)
     rows = [_row(info, reward=0.0)]
     memory, start, ended = None, np.ones(1, dtype=bool), None
     while ended is None:
@@ -60,16 +62,41 @@ def run_policy(
         start = np.zeros(1, dtype=bool)
         observation, reward, terminated, truncated, info = env.step(action)
         # of the period that began at the instant recorded last
-        rows[-1].update(gain=info["gain"], torque=info["torque"])
+        rows[-1].update({name: info[name] for name in signals})
         if terminated:
             ended = info["termination_reason"]
             break  # the last state is not one: the record ends before it
         rows.append(_row(info, float(reward)))
         ended = "truncated" if truncated or len(rows) - 1 == max_steps else None
     if len(rows) > 1 and ended == "truncated":
-        rows[-1].update(gain=rows[-2]["gain"], torque=rows[-2]["torque"])
+        rows[-1].update({name: rows[-2][name] for name in signals})
     arrays = {name: np.array([row[name] for row in rows]) for name in rows[0]}
-    return inner.arm.record(**arrays, notes={"ended": ended})
+    return arm.record(**arrays, notes={"ended": ended})
+
+
+def _check_gain_limit(env: FlexArmEnv, policy: Any) -> None:
+    limit = getattr(policy, "gain_limit", None)
+    if limit is None:
+        return
+    if env.settings.action_mode != "gain":
+        raise ValueError(f"policy commands a gain; the environment's action is {env.settings.action_mode!r}")
+    if limit != env.gain_limit:
+        raise ValueError(
+            f"policy.gain_limit = {limit}: must be the environment's, {env.gain_limit}; its actions mean other gains"
+        )
+
+
+def _episode_arm(env: FlexArmEnv, drawn: dict[str, float]) -> FlexibleArm:
+    """The arm of an episode, whose payload, stiffness and damping may have been drawn."""
+    own = env.arm.parameters
+    changes: dict[str, Any] = {}
+    if drawn["payload_mass"] != own.payload_mass:
+        changes["payload_mass"] = drawn["payload_mass"]
+    if drawn["stiffness"] != 1.0:
+        changes["flexural_rigidities"] = tuple(drawn["stiffness"] * x for x in own.flexural_rigidities)
+    if drawn["damping"] != own.modal_damping_ratio:
+        changes["modal_damping_ratio"] = drawn["damping"]
+    return FlexibleArm(replaced(own, **changes)) if changes else env.arm
 
 
 def _row(info: dict[str, Any], reward: float) -> dict[str, Any]:

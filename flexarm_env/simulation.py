@@ -13,10 +13,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexarm_env import kernels
+from flexarm_env import kernels, stepping
 from flexarm_env.arm import FlexibleArm
 from flexarm_env.parameters import LawParameters, SensorParameters
+from flexarm_env.recorded import Variant
 from flexarm_env.reference import ReferencePath
+from flexarm_env.rows import arena_rows, layout, result_sizes
 from flexarm_env.validation import finite_array, number
 
 Array = NDArray[np.float64]
@@ -114,22 +116,22 @@ class ClosedLoop:
         self.substeps = self._count_substeps(physics_step)
         modes = arm.parameters.modes_per_link
         lanes = 1 if len(self._cases) == 1 else BLOCK
-        self._variant = kernels.Variant(
+        self._variant = Variant(
             "loop",
             modes,
             arm.parameters.velocity_forces == "complete",
             lanes,
             *self._sensor_variant(),
         )
-        self._rows = kernels.layout("loop", modes)
-        sizes = kernels.result_sizes(modes)
+        self._rows = layout("loop", modes)
+        sizes = result_sizes(modes)
         first = self._rows[next(iter(sizes))][0]
         self._results = slice(first, first + sum(sizes.values()))
         blocks = -(-len(self._cases) // lanes)
-        self._arenas = np.zeros((blocks, kernels.arena_rows("loop", modes), lanes))
+        self._arenas = np.zeros((blocks, arena_rows("loop", modes), lanes))
         slots = 3 + int(max(max(self._delays(case)) for case in self._cases) / self.physics_step)
         self._histories = np.zeros((blocks, slots, 4, lanes))
-        self._counts = np.zeros((blocks, lanes), dtype=np.int64)
+        self._clocks = np.zeros((blocks, stepping.CLOCK, lanes), dtype=np.int64)
         self._put("CONSTANTS", np.tile(arm.constants.flat(), (len(self._cases), 1)))
         limits = np.full(2 * arm.size, np.inf) if state_limits is None else np.array(state_limits, dtype=float)
         if limits.shape != (2 * arm.size,) or not np.all(limits > 0.0):
@@ -145,7 +147,7 @@ class ClosedLoop:
         self._flat_histories = self._histories.reshape(len(self._histories), -1)
         self._gain_rows = self._arenas[:, self._rows["GAIN"][0]]
         self._places = np.divmod(np.arange(len(self._cases)), self._arenas.shape[2])  # block and lane of each arm
-        ends = np.cumsum(list(kernels.result_sizes(self.arm.parameters.modes_per_link).values())).tolist()
+        ends = np.cumsum(list(result_sizes(self.arm.parameters.modes_per_link).values())).tolist()
         self._parts = [slice(start, end) for start, end in zip([0, *ends], ends, strict=False)]
 
     def __getstate__(self) -> dict[str, Any]:
@@ -175,7 +177,7 @@ class ClosedLoop:
     @property
     def time(self) -> float:
         """Since the reset [s]."""
-        return float(self._counts[0, 0] * self.physics_step)
+        return float(self._clocks[0, stepping.STEPS, 0] * self.physics_step)
 
     # --- running ---------------------------------------------------------------------------------------------------
 
@@ -188,14 +190,14 @@ class ClosedLoop:
         """
         start = finite_array("states", states, (len(self), 2 * self.arm.size))
         internal = self.arm.internal_state(start)
-        self._counts[:] = 0
+        self._clocks[:] = 0
         self._put("Y", internal[:, : self.arm.size])
         self._put("V", internal[:, self.arm.size :])
         self._gain_rows[:] = 0.0  # until the first period
         self._put_noise(noise)
         module = kernels.load(self._variant)
-        for arena, history, count in zip(self._flat_arenas, self._flat_histories, self._counts, strict=True):
-            module.store_reading(arena, history, count)
+        for arena, history, clock in zip(self._flat_arenas, self._flat_histories, self._clocks, strict=True):
+            module.store_reading(arena, history, clock)
         self._histories[:, 1:] = self._histories[:, :1]
         self._histories[:, 1:, 2:] = 0.0  # before the start nothing moves
         self._run(0, initialise=True)
@@ -251,7 +253,7 @@ class ClosedLoop:
     def _count_substeps(self, physics_step: float | None) -> int:
         fastest = self.arm.fastest_rate()
         if physics_step is None:
-            wanted = min(DEFAULT_STEP, DEFAULT_ANGLE / fastest)
+            wanted = default_step(fastest)
         else:
             wanted = number("physics_step", physics_step, "s", above=0.0)
             if wanted > STEP_LIMIT / fastest:
@@ -316,12 +318,31 @@ class ClosedLoop:
         kernels.load(self._variant).run_loop(
             self._flat_arenas,
             self._flat_histories,
-            self._counts,
-            self.path.table,
+            self._clocks,
+            self.path.table[None],
             self.physics_step,
             steps,
             initialise,
         )
+
+
+def observation_blocks(modes: int) -> dict[str, slice]:
+    """Where each named block lies in `Results.observation`: that of `FlexArm/Paper-v0`."""
+    sizes = {
+        "joint_angles": 2,
+        "joint_rates": 2,
+        "sensed_position": 2,
+        "modal_coordinates": 2 * modes,
+        "reference_position": 2,
+        "reference_velocity": 2,
+    }
+    ends = np.cumsum(list(sizes.values())).tolist()
+    return {name: slice(end - size, end) for (name, size), end in zip(sizes.items(), ends, strict=True)}
+
+
+def default_step(fastest: float) -> float:
+    """Integration step [s] for an arm whose fastest mode has this rate [rad/s]."""
+    return min(DEFAULT_STEP, DEFAULT_ANGLE / fastest)
 
 
 def _check_case(case: LoopCase, arm: FlexibleArm) -> None:

@@ -147,6 +147,23 @@ def floor(x: Any) -> Any:
     return x._record("floor({0})", x) if isinstance(x, Expression) else np.floor(x)
 
 
+def root(x: Any) -> Any:
+    """Square root."""
+    return x._record("sqrt({0})", x) if isinstance(x, Expression) else np.sqrt(x)
+
+
+def magnitude(x: Any) -> Any:
+    """Absolute value."""
+    return x._record("abs({0})", x) if isinstance(x, Expression) else np.abs(x)
+
+
+def where_less(x: Any, bound: Any, then: Any, otherwise: Any) -> Any:
+    """`then` where x < bound, else `otherwise`; NaN is not less."""
+    if isinstance(x, Expression):
+        return x._record("({2} if {0} < {1} else {3})", x, bound, then, otherwise)
+    return np.where(np.asarray(x) < bound, then, otherwise)[()]
+
+
 def clip(x: Any, low: Any, high: Any) -> Any:
     """x limited to [low, high]; NaN stays NaN."""
     if isinstance(x, Expression):

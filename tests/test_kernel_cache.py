@@ -18,7 +18,7 @@ from flexarm_env import ArmParameters, FlexibleArm, kernels
 assert flexarm_env.__file__.startswith(sys.argv[1]), flexarm_env.__file__
 arm = FlexibleArm(ArmParameters(modes_per_link=1))
 run = arm.simulate([0.1, 0.2, 0.3, -0.2, 1.0, -1.0, 0.5, 0.4], np.ones((10, 2)), 0.01)
-stats = kernels.load(kernels.Variant("open", 1, True, 1)).run_open.stats
+stats = kernels.load(Variant("open", 1, True, 1)).run_open.stats
 print(sum(stats.cache_hits.values()), *(x.hex() for x in run.state[-1]))
 """
 

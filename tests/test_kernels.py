@@ -16,7 +16,8 @@ from numba import njit
 from flexarm_env import FlexibleArm, kernels, stepping
 from flexarm_env import dynamics as dyn
 from flexarm_env.elementary import sincos
-from flexarm_env.kernels import Variant
+from flexarm_env.recorded import Variant
+from flexarm_env.rows import arena_rows, layout
 
 LANES = 8
 VARIANTS = [(1, True), (2, True), (4, True), (2, False)]
@@ -43,7 +44,7 @@ class Batch:
 
     def arenas(self, lanes: int) -> np.ndarray:
         """Shape (blocks, rows * lanes)."""
-        rows = np.zeros((kernels.arena_rows("open", self.modes), self.count))
+        rows = np.zeros((arena_rows("open", self.modes), self.count))
         values = {"Y": self.y, "V": self.v, "CONSTANTS": np.array(self.constants).T, "TAU": self.tau}
         for name, value in values.items():
             first, n = self.rows[name]
@@ -52,7 +53,7 @@ class Batch:
 
     @property
     def rows(self) -> dict[str, tuple[int, int]]:
-        return kernels.layout("open", self.modes)
+        return layout("open", self.modes)
 
     def part(self, arenas: np.ndarray, lanes: int, name: str) -> np.ndarray:
         """Shape (n, count)."""
@@ -250,7 +251,7 @@ def test_batch_kernels_work_on_several_lanes_at_once(variant: Variant, kernel: s
     options = {name: value for name, value in dispatcher.targetoptions.items() if name not in ("cache", "nopython")}
     assert not options.get("fastmath")
     fresh = njit(**options)(dispatcher.py_func)  # what comes from a cache has no assembly to show
-    fresh(np.zeros(kernels.arena_rows(variant.kind, variant.modes) * LANES), *arguments)
+    fresh(np.zeros(arena_rows(variant.kind, variant.modes) * LANES), *arguments)
     (assembly,) = fresh.inspect_asm().values()
     packed, scalar, _ = (len(re.findall(pattern, assembly)) for pattern in MACHINES[machine])
     # hundreds of operations; scalar ones are left to the wrapper and to a loop's remainder, of which there is none

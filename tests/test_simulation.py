@@ -277,9 +277,9 @@ def test_late_readings_are_interpolated_exactly_up_to_third_order(node: float) -
     for step in range(now - slots + 1, now + 1):
         for reading, curve in enumerate((late, short)):
             loop._histories[0, step % slots, [reading, 2 + reading], 0] = curve(step * h), curve.deriv()(step * h)
-    loop._counts[:] = now
+    loop._clocks[:, 0] = now
     module, rows = kernels.load(loop._variant), loop._rows
-    module.prepare_readings(loop._flat_arenas[0], loop._flat_histories[0], loop._counts[0], h, node)
+    module.prepare_readings(loop._flat_arenas[0], loop._flat_histories[0], loop._clocks[0], h, node)
     time = (now + node) * h
     for reading, (curve, delay) in enumerate(((late, 0.00483), (short, 0.0001))):
         offset, weight, rate_offset, rate_weight = (

@@ -19,6 +19,8 @@ from flexarm_env import (
     rest_state,
     square,
 )
+from flexarm_env.recorded import Variant
+from flexarm_env.rows import arena_rows, layout
 from flexarm_env.task import CONTROL_PERIOD
 
 LANES = (8, 32)  # arms that the compiler may work on together
@@ -47,9 +49,9 @@ def torque_driven(modes: Sequence[int], effort: float) -> Group:
 
 def _kernel(name: str, modes: int, lanes: int, arms: int, steps: int) -> Subject:
     arm = FlexibleArm(ArmParameters(modes_per_link=modes))
-    rows = kernels.layout("open", modes)
+    rows = layout("open", modes)
     blocks = arms // lanes
-    arenas = np.zeros((blocks, kernels.arena_rows("open", modes), lanes))
+    arenas = np.zeros((blocks, arena_rows("open", modes), lanes))
     state = np.zeros((arms, 2 * arm.size))
     state[:, 1] = np.linspace(0.5, 2.5, arms)  # theta2, and rates: every arm swings in its own way
     state[:, arm.size : arm.size + 2] = 0.3, -0.5
@@ -64,7 +66,7 @@ def _kernel(name: str, modes: int, lanes: int, arms: int, steps: int) -> Subject
     flat = arenas.reshape(blocks, -1)
     torques = np.zeros((steps, blocks, 2 * lanes))
     states = np.zeros((1, blocks, 2 * arm.size * lanes))
-    run = kernels.load(kernels.Variant("open", modes, True, lanes)).run_open
+    run = kernels.load(Variant("open", modes, True, lanes)).run_open
     step = min(1e-3, 0.5 * arm.longest_step())
 
     def work() -> None:

@@ -23,7 +23,7 @@ from flexarm_env import (
     run_batch,
     square_loop,
 )
-from flexarm_env.env import observation_blocks
+from flexarm_env.simulation import observation_blocks
 from flexarm_env.task import CONTROL_PERIOD
 from flexarm_env.validation import number
 

@@ -1,0 +1,247 @@
+"""Drivers of an environment's kernels: actions, sensing, observation, termination; one control period of a batch.
+
+Assembled and compiled like `stepping`, which explains lanes, blocks and arenas; names in capitals are rows of the
+arena and places in the tables `settings` and `plan` (`rows`).
+"""
+
+from __future__ import annotations
+
+from math import floor
+from typing import Any
+
+from flexarm_env.drives import drive
+from flexarm_env.elementary import sincos
+from flexarm_env.random_stream import normal, uniform
+from flexarm_env.stepping import BEGAN, PATH, SINCE, STEPS, past_reading, reference_at, reference_now, state_status
+
+LANES = 1
+SIZE = 4
+STEP = PERIOD = JITTER = HOLD = DROPOUT = ENCODER_NOISE = DEFLECTION_LIMIT = ERROR_LIMIT = LENGTHS = BRANCH = 0
+WEIGHTS = SUBSTEPS = CHANNELS = KEPT_ACTIONS = PREVIEWS = OBSERVED = ARMS = PLACES = 0
+HORIZONS = TAIL = NOISE = SENSOR_DISTANCE = 0
+LATE = TRUE_SENSOR = False
+SENSOR_DELAY = EPISODE = SAMPLE_TIME = SENSOR_ERROR = SENSOR_ERROR_RATE = SENSED = ACTION_CHANGE = MEASURED = 0
+STATE = REFERENCE = PHASE = TIME = STATUS = DEFLECTION = TRUE_TIP = FRAME_AXIS = REWARD = REWARD_TERMS = 0
+DRAWN_NOISE = 4  # place of the noise among the quantities drawn for an episode
+CHANNELS_OF_NOISE = 8  # random numbers set aside for each control period
+FIRST_NOISE = 64  # random numbers set aside for the start of an episode
+
+
+def truth_kernel(arena: Any) -> None:
+    """State, tips and deflections of every lane (recorded)."""
+    raise NotImplementedError("the recorded kernel exists in assembled modules only")
+
+
+def joint_kernel(arena: Any, length_1: float, length_2: float, branch: float) -> None:
+    """Joint angles and rates of the rigid arm on the reference, of every lane (recorded)."""
+    raise NotImplementedError("the recorded kernel exists in assembled modules only")
+
+
+def features_kernel(arena: Any, length_1: float, length_2: float, weights: Any) -> None:
+    """Parts of observations and terms of the reward, of every lane (recorded)."""
+    raise NotImplementedError("the recorded kernel exists in assembled modules only")
+
+
+def sensed_point(
+    arena: Any, history: Any, clock: Any, settings: Any, i: int, late: float, later: float
+) -> tuple[float, float]:
+    """Position that the sensor of lane i measured `late` (its elbow's angle `later`) seconds ago [m]."""
+    h = settings[STEP]
+    slots = history.shape[0] // (4 * LANES)
+    slot = clock[STEPS, i] % slots
+    first = past_reading(history, slots, slot, i, 0, h, late / h)[0]
+    second = past_reading(history, slots, slot, i, 1, h, later / h)[0]
+    if TRUE_SENSOR:
+        return first, second
+    one, both = sincos(first), sincos(first + second)
+    distance = arena[i + SENSOR_DISTANCE * LANES]
+    length_1 = settings[LENGTHS]
+    return length_1 * one[1] + distance * both[1], length_1 * one[0] + distance * both[0]
+
+
+def take_actions(arena: Any, actions: Any, first: int, plan: Any) -> None:
+    """Enter the actions of a block, limited to [-1, 1], before the earlier ones, and note their squared change."""
+    channels = plan[CHANNELS]
+    newest = TAIL + 2 * plan[PREVIEWS]
+    for row in range(newest + plan[KEPT_ACTIONS] * channels - 1, newest + channels - 1, -1):
+        for i in range(LANES):
+            arena[i + row * LANES] = arena[i + (row - channels) * LANES]
+    for i in range(LANES):
+        arena[i + ACTION_CHANGE * LANES] = 0.0
+    for r in range(channels):
+        for i in range(LANES):
+            action = min(max(actions[first + i, r], -1.0), 1.0)
+            change = action - arena[i + (newest + r) * LANES]
+            arena[i + (newest + r) * LANES] = action
+            arena[i + ACTION_CHANGE * LANES] += change * change
+
+
+def sample(arena: Any, history: Any, clock: Any, keys: Any, paths: Any, settings: Any, place: int, i: int) -> None:
+    """Take over the latest reading that has arrived at lane i: its position, error, and the error's change.
+
+    A reading may be late by jitter, lost, or belong to the last tick of a slower clock. One that is not newer than
+    the one before by half a control period is not taken over, so that the change per second stays meaningful.
+
+    Args:
+        arena: of one block.
+        history: readings at past steps.
+        clock: of each lane.
+        keys: of each lane's episode.
+        paths: of all lanes.
+        settings: see `rows`.
+        place: first random number of this control period.
+        i: the lane.
+    """
+    h = settings[STEP]
+    now = clock[STEPS, i] * h
+    late = arena[i + SENSOR_DELAY * LANES]
+    later = arena[i + (SENSOR_DELAY + 1) * LANES] - late
+    if settings[DROPOUT] > 0.0 and uniform(keys[i], place) < settings[DROPOUT]:
+        return
+    if settings[JITTER] > 0.0:
+        late += settings[JITTER] * uniform(keys[i], place + 1)
+    if settings[HOLD] > 0.0:
+        late = now - floor((now - late) / settings[HOLD] + 1e-9) * settings[HOLD]
+    before = arena[i + SAMPLE_TIME * LANES]
+    taken = now - late
+    if not taken >= before + 0.5 * settings[PERIOD]:
+        return
+    x, y = sensed_point(arena, history, clock, settings, i, late, late + later)
+    deviation = arena[i + (EPISODE + DRAWN_NOISE) * LANES]
+    if deviation > 0.0:
+        noise_x = deviation * normal(keys[i], place + 2)
+        noise_y = deviation * normal(keys[i], place + 4)
+        x += noise_x
+        y += noise_y
+        if LATE:  # the law sees the same noise until the next reading
+            arena[i + NOISE * LANES] = noise_x
+            arena[i + (NOISE + 1) * LANES] = noise_y
+    reference = reference_at(paths[clock[PATH, i]], taken, taken + 1e-9 * h, clock[SINCE, i] * h)
+    per_second = 1.0 / (taken - before)
+    for r in range(2):
+        error = reference[r] - (x if r == 0 else y)
+        arena[i + (SENSOR_ERROR_RATE + r) * LANES] = (error - arena[i + (SENSOR_ERROR + r) * LANES]) * per_second
+        arena[i + (SENSOR_ERROR + r) * LANES] = error
+    arena[i + SENSED * LANES] = x
+    arena[i + (SENSED + 1) * LANES] = y
+    arena[i + SAMPLE_TIME * LANES] = taken
+
+
+def look(arena: Any, history: Any, clock: Any, keys: Any, paths: Any, plan: Any, settings: Any) -> None:
+    """Sense, and judge the present instant, on every lane of a block; doing it again changes nothing.
+
+    Args:
+        arena: of one block.
+        history: readings at past steps.
+        clock: of each lane.
+        keys: of each lane's episode.
+        paths: of all lanes.
+        plan: see `rows`.
+        settings: see `rows`.
+    """
+    h = settings[STEP]
+    truth_kernel(arena)
+    for i in range(LANES):
+        reference = reference_now(clock, paths, h, i)
+        for r in range(4):
+            arena[i + (REFERENCE + r) * LANES] = reference[r]
+        path = paths[clock[PATH, i]]
+        laps = clock[STEPS, i] * h / path[path.shape[0] - 1, 0]
+        arena[i + PHASE * LANES] = laps - int(laps)
+        arena[i + TIME * LANES] = (clock[STEPS, i] - clock[BEGAN, i]) * h
+        periods = (clock[STEPS, i] - clock[BEGAN, i]) // plan[SUBSTEPS]
+        place = FIRST_NOISE + CHANNELS_OF_NOISE * 2 * periods
+        sample(arena, history, clock, keys, paths, settings, place, i)
+        for r in range(4):
+            row = r if r < 2 else SIZE + r - 2
+            value = arena[i + (STATE + row) * LANES]
+            deviation = settings[ENCODER_NOISE + r // 2]
+            if deviation > 0.0:
+                value += deviation * normal(keys[i], place + CHANNELS_OF_NOISE + 2 * r)
+            arena[i + (MEASURED + r) * LANES] = value
+    joint_kernel(arena, settings[LENGTHS], settings[LENGTHS + 1], settings[BRANCH])
+    features_kernel(arena, settings[LENGTHS], settings[LENGTHS + 1], settings[WEIGHTS : WEIGHTS + 6])
+    judge(arena, settings)
+
+
+def judge(arena: Any, settings: Any) -> None:
+    """Status of every lane: the state's (`state_status`), -2 for a link bent too far, -3 for too large an error."""
+    state_status(arena)
+    for i in range(LANES):
+        if arena[i + STATUS * LANES] == 0.0:
+            x = arena[i + TRUE_TIP * LANES] - arena[i + REFERENCE * LANES]
+            y = arena[i + (TRUE_TIP + 1) * LANES] - arena[i + (REFERENCE + 1) * LANES]
+            if x * x + y * y > settings[ERROR_LIMIT] * settings[ERROR_LIMIT]:
+                arena[i + STATUS * LANES] = -3.0
+            bent = max(abs(arena[i + DEFLECTION * LANES]), abs(arena[i + (DEFLECTION + 1) * LANES]))
+            if bent > settings[DEFLECTION_LIMIT]:
+                arena[i + STATUS * LANES] = -2.0
+        else:  # no state, no reward
+            arena[i + REWARD * LANES] = 0.0
+            for n in range(6):
+                arena[i + (REWARD_TERMS + n) * LANES] = 0.0
+
+
+def write_previews(arena: Any, clock: Any, paths: Any, plan: Any, settings: Any) -> None:
+    """Where the reference will have moved at each horizon, seen from where it is, in the frame."""
+    h = settings[STEP]
+    for n in range(plan[PREVIEWS]):
+        ahead = settings[HORIZONS + n]
+        for i in range(LANES):
+            time = clock[STEPS, i] * h + ahead
+            there = reference_at(paths[clock[PATH, i]], time, time, clock[SINCE, i] * h)
+            x = there[0] - arena[i + REFERENCE * LANES]
+            y = there[1] - arena[i + (REFERENCE + 1) * LANES]
+            cosine = arena[i + FRAME_AXIS * LANES]
+            sine = arena[i + (FRAME_AXIS + 1) * LANES]
+            arena[i + (TAIL + 2 * n) * LANES] = cosine * x + sine * y
+            arena[i + (TAIL + 2 * n + 1) * LANES] = cosine * y - sine * x
+
+
+def write_observations(arena: Any, observations: Any, first: int, plan: Any, settings: Any) -> None:
+    """Gather the observations of a block; a lane whose state is not valid keeps its last one."""
+    factors = HORIZONS + plan[PREVIEWS]
+    for n in range(plan[OBSERVED]):
+        row = plan[PLACES + n] * LANES
+        factor = settings[factors + n]
+        for i in range(LANES):
+            status = arena[i + STATUS * LANES]
+            if status == 0.0 or status < -1.5:
+                observations[first + i, n] = arena[i + row] * factor
+
+
+def step_episodes(
+    arenas: Any,
+    histories: Any,
+    clocks: Any,
+    keys: Any,
+    paths: Any,
+    plan: Any,
+    settings: Any,
+    actions: Any,
+    observations: Any,
+    begin: int,
+    end: int,
+) -> None:
+    """One control period of some blocks.
+
+    Args:
+        arenas: Shape (blocks, rows * LANES).
+        histories: Shape (blocks, slots * 4 * LANES).
+        clocks: Shape (blocks, CLOCK, LANES).
+        keys: of the episodes. Shape (blocks, LANES).
+        paths: of all lanes. Shape (paths, n, 3).
+        plan: see `rows.PLAN`.
+        settings: see `rows.SETTINGS`.
+        actions: Shape (blocks * LANES, channels).
+        observations: to be filled. Shape (blocks * LANES, observed).
+        begin: first block.
+        end: block after the last.
+    """
+    for block in range(begin, end):
+        arena, history, clock = arenas[block], histories[block], clocks[block]
+        take_actions(arena, actions, block * LANES, plan)
+        drive(arena, history, clock, paths, plan, settings)
+        look(arena, history, clock, keys[block], paths, plan, settings)
+        write_previews(arena, clock, paths, plan, settings)
+        write_observations(arena, observations, block * LANES, plan, settings)

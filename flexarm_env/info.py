@@ -1,0 +1,98 @@
+"""What environments report beside observations: named parts of a fleet's results.
+
+Truth that no sensor knows is here, never in an observation.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexarm_env.fleet import Fleet
+from flexarm_env.reward import TERMS
+from flexarm_env.rows import DRAWN
+
+Array = NDArray[np.float64]
+# Key in `info`, part of the results, and how many of its numbers.
+_VECTORS = {
+    "torque": ("TORQUE", 2),
+    "true_tip": ("TRUE_TIP", 2),
+    "rigid_tip": ("RIGID_TIP", 2),
+    "reference": ("REFERENCE", 2),
+    "sensed": ("SENSED", 2),
+    "state": ("STATE", None),
+}
+
+
+class InfoMaker:
+    """Turns results into infos, of one environment or of a batch."""
+
+    def __init__(self, fleet: Fleet) -> None:
+        """Note where everything lies.
+
+        Args:
+            fleet: the environments.
+        """
+        parts = fleet.parts
+        self._time, self._gain = parts["TIME"].start, parts["EFFECTIVE_GAIN"].start
+        self._with_gain = fleet.settings.action_mode == "gain"
+        self._vectors = {}
+        for name, (part, count) in _VECTORS.items():
+            start, stop = parts[part].start, parts[part].stop
+            self._vectors[name] = slice(start, stop if count is None else start + count)
+        first = parts["REWARD_TERMS"].start
+        weights = fleet.settings.reward_weights
+        self._terms = {name: first + n for n, name in enumerate(TERMS) if weights.get(name, 0.0) > 0.0}
+        self._episode = {name: parts["EPISODE"].start + n for n, name in enumerate(DRAWN)}
+        self._first_term = min(self._terms.values())
+        self._last_term = max(self._terms.values()) + 1
+        self._names = [(name, place - self._first_term) for name, place in self._terms.items()]
+
+    def single(self, result: Array, stepped: bool) -> dict[str, Any]:
+        """The info of one environment.
+
+        Args:
+            result: its results, which the info's arrays are views of. Shape (k,).
+            stepped: a step led there; False: a reset.
+        """
+        info: dict[str, Any] = {name: result[part] for name, part in self._vectors.items()}
+        info["time"] = float(result[self._time])
+        if self._with_gain:
+            info["gain"] = float(result[self._gain])
+        if stepped:
+            terms = result[self._first_term : self._last_term].tolist()
+            info["reward_terms"] = {name: terms[place] for name, place in self._names}
+        else:
+            info["parameters"] = {name: float(result[place]) for name, place in self._episode.items()}
+        return info
+
+    def batch(self, results: Array, stepped: NDArray[np.bool_], begun: NDArray[np.bool_]) -> dict[str, Any]:
+        """The infos of a batch in Gymnasium's form: arrays, and for each a mask of the environments that have it.
+
+        Args:
+            results: Shape (N, k).
+            stepped: environments that a step led there. Shape (N,).
+            begun: environments that were reset. Shape (N,); no environment is both.
+        """
+        infos: dict[str, Any] = {}
+        both = stepped | begun
+        for name, part in self._vectors.items():
+            self._enter(infos, name, results[:, part], both)
+        self._enter(infos, "time", results[:, self._time], both)
+        if self._with_gain:
+            self._enter(infos, "gain", results[:, self._gain], both)
+        for name, places, mask in (("reward_terms", self._terms, stepped), ("parameters", self._episode, begun)):
+            if mask.any():
+                inner: dict[str, Any] = {}
+                for key, place in places.items():
+                    self._enter(inner, key, results[:, place], mask)
+                infos[name], infos[f"_{name}"] = inner, mask.copy()
+        return infos
+
+    @staticmethod
+    def _enter(infos: dict[str, Any], name: str, values: Array, mask: NDArray[np.bool_]) -> None:
+        if not mask.all():
+            values = np.where(mask.reshape(-1, *(1,) * (values.ndim - 1)), values, 0.0)
+        infos[name], infos[f"_{name}"] = values, mask.copy()

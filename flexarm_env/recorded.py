@@ -1,0 +1,212 @@
+"""Records the physics for a kernel module: straight-line code over the lanes of an arena (`flexarm_env.tracing`)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from flexarm_env import closed_loop, features, reward, stepping
+from flexarm_env import dynamics as dyn
+from flexarm_env.elementary import sincos
+from flexarm_env.rows import layout
+from flexarm_env.tracing import Expression, Trace, clip
+
+# Strict IEEE arithmetic: no fast-math, no contraction to fused operations; "numpy" only drops the checks for
+# division by zero, which would keep the compiler from vectorising.
+DECORATOR = '@njit(cache=True, nogil=True, error_model="numpy", boundscheck=False, no_cfunc_wrapper=True)\n'
+
+
+@dataclass(frozen=True)
+class Variant:
+    """What a kernel module is compiled for.
+
+    Attributes:
+        kind: see `rows`.
+        modes: per link.
+        complete: complete velocity forces, or C_r.
+        lanes: environments in a block.
+        sensor: "rigid" or "true" ("collocated" is "rigid" without delay).
+        rate_jacobian: "delayed" or "current" (where the law acts).
+        late: the law acts on the sensor's late readings; False: on the joints' own, whatever the sensor.
+    """
+
+    kind: str
+    modes: int
+    complete: bool
+    lanes: int
+    sensor: str = "rigid"
+    rate_jacobian: str = "delayed"
+    late: bool = True
+
+
+class _Recorder:
+    """Records one kernel over the lanes of an arena."""
+
+    def __init__(self, variant: Variant) -> None:
+        self.variant = variant
+        self.trace = Trace()
+        self.stores: list[tuple[int, Any]] = []
+
+    def read(self, name: str) -> list[Any]:
+        first, count = layout(self.variant.kind, self.variant.modes)[name]
+        lanes = self.variant.lanes
+        return self.trace.inputs([f"arena[i + {row * lanes}]" for row in range(first, first + count)])
+
+    def one(self, name: str) -> Any:
+        return self.read(name)[0]
+
+    def write(self, name: str, values: Sequence[Any]) -> None:
+        first, count = layout(self.variant.kind, self.variant.modes)[name]
+        assert len(values) == count, f"{name}: {len(values)} values for {count} rows"
+        self.stores += enumerate(values, first)
+
+    def constants(self) -> dyn.Constants:
+        return dyn.Constants.unflat(self.read("CONSTANTS"), self.variant.modes)
+
+    def law(self) -> closed_loop.Law:
+        fields = {}
+        for name, count in closed_loop.Law.sizes(self.variant.modes).items():
+            values = self.read(name.upper())
+            scalar = count == 1 and name not in ("sensor_values",)
+            fields[name] = values[0] if scalar else values
+        return closed_loop.Law(**fields)
+
+    def sensor(self) -> closed_loop.Place:
+        return closed_loop.Place(self.one("SENSOR_DISTANCE"), self.read("SENSOR_VALUES"))
+
+    def truth(self) -> closed_loop.Truth:
+        tip = closed_loop.Place(self.one("TIP_DISTANCE"), self.read("TIP_VALUES"))
+        return closed_loop.truth(self.constants(), tip, self.read("Y"), self.read("V"))
+
+    def source(self, header: str) -> str:
+        body = self.trace.lines([value for _, value in self.stores])
+        for row, value in self.stores:
+            code = value.name if isinstance(value, Expression) else repr(float(value))
+            body.append(f"arena[i + {row * self.variant.lanes}] = {code}")
+        lines = "".join(f"        {line}\n" for line in body)
+        return f"{DECORATOR}def {header}:\n    for i in range({self.variant.lanes}):\n{lines}\n\n"
+
+
+def slope_source(variant: Variant) -> str:
+    """One explicit Runge-Kutta stage of the arm; under the inner law where the kind is "tracking"."""
+    r = _Recorder(variant)
+    k, step, weight = r.constants(), r.trace.input("step"), r.trace.input("weight")
+    y = [a + step * b for a, b in zip(r.read("Y"), r.read("Y_SLOPE"), strict=True)]
+    v = [a + step * b for a, b in zip(r.read("V"), r.read("V_SLOPE"), strict=True)]
+    m = variant.modes
+    sin, cos = sincos(y[m + 1] - y[0])
+    sin_theta2 = None if variant.complete else sincos(dyn.joint_angles(k, y)[1])[0]
+    tau = r.read("TAU")
+    if variant.kind == "tracking":
+        tau = _tracking_torque(r, k, y, v)
+        r.write("STAGE_TORQUE", tau)
+    slope = dyn.acceleration(k, variant.complete, y, v, tau, (cos, sin, sin_theta2))
+    r.write("Y_SUM", [a + weight * b for a, b in zip(r.read("Y_SUM"), v, strict=True)])
+    r.write("V_SUM", [a + weight * b for a, b in zip(r.read("V_SUM"), slope, strict=True)])
+    r.write("Y_SLOPE", v)
+    r.write("V_SLOPE", slope)
+    return r.source("slope_kernel(arena, step, weight" + (", basis)" if variant.kind == "tracking" else ")"))
+
+
+def _tracking_torque(r: _Recorder, k: dyn.Constants, y: Sequence[Any], v: Sequence[Any]) -> list[Any]:
+    basis = r.trace.inputs([f"basis[{n}]" for n in range(8)])
+    aim = closed_loop.interpolated(r.read("INNER_FROM"), r.read("INNER_TO"), basis)
+    gains = (r.read("STIFFNESS"), r.read("RESISTANCE"))
+    tau = closed_loop.tracking_torque(k, gains, aim, r.read("TAU"), (y, v))
+    return [clip(value, -limit, limit) for value, limit in zip(tau, r.read("TORQUE_LIMIT"), strict=True)]
+
+
+def law_source(variant: Variant) -> str:
+    """One stage of the closed loop."""
+    r = _Recorder(variant)
+    h, ahead = r.trace.input("h"), r.trace.input("ahead")
+    y, v_known = r.read("Y"), r.read("V")
+    size = len(y)
+    slots = [r.read(name) for name in ("V_SLOTS", "MECHANICAL_SLOTS", "FEEDBACK_SLOTS")]
+    for slot in range(stepping.STAGES):
+        explicit, implicit = (h * r.trace.input(f"{name}[{slot}]") for name in ("explicit", "implicit"))
+        v, mechanical, feedback = (values[slot * size : (slot + 1) * size] for values in slots)
+        y = [a + explicit * b for a, b in zip(y, v, strict=True)]
+        v_known = [a + (explicit * b + implicit * c) for a, b, c in zip(v_known, mechanical, feedback, strict=True)]
+    law = r.law()
+    here = [[x + vx * ahead, y + vy * ahead, vx, vy] for x, y, vx, vy in (law.command_1, law.command_2)]
+    law = law._replace(command_1=here[0], command_2=here[1])
+    options = (variant.complete, variant.sensor if variant.late else "rigid", variant.rate_jacobian)
+    stage = closed_loop.law_stage(r.constants(), law, options, y, v_known, h * stepping.GAMMA)
+    r.write("Y_STAGE", y)
+    r.write("V_STAGE", stage.v)
+    r.write("MECHANICAL", stage.mechanical)
+    r.write("FEEDBACK", stage.feedback)
+    r.write("TAU", stage.tau)
+    return r.source("law_kernel(arena, h, ahead, explicit, implicit)")
+
+
+def reading_source(variant: Variant) -> str:
+    """What the sensor measures now."""
+    r = _Recorder(variant)
+    r.write("READING", closed_loop.reading(r.constants(), r.sensor(), variant.sensor, r.read("Y"), r.read("V")))
+    return r.source("reading_kernel(arena)")
+
+
+def outputs_source(variant: Variant) -> str:
+    """Observation, state, tips and tracking terms of a closed loop."""
+    r = _Recorder(variant)
+    truth, reference = r.truth(), r.read("REFERENCE")
+    observed = closed_loop.observation(r.constants(), r.law(), variant.sensor, (r.read("Y"), r.read("V")))
+    r.write("OBSERVATION", [*observed, *reference])
+    r.write("STATE", truth.state)
+    r.write("TRUE_TIP", truth.true_tip)
+    r.write("RIGID_TIP", truth.rigid_tip)
+    r.write("REWARD_TERMS", [0.5 * term for term in reward.tracking_terms(truth.true_tip, reference)[:2]])
+    return r.source("outputs_kernel(arena)")
+
+
+def truth_source(variant: Variant) -> str:
+    """State, tips and deflections of an environment's arm."""
+    r = _Recorder(variant)
+    truth = r.truth()
+    for name, values in truth._asdict().items():
+        r.write(name.upper(), values)
+    return r.source("truth_kernel(arena)")
+
+
+def features_source(variant: Variant) -> str:
+    """What observations are made of, and the reward's terms."""
+    r = _Recorder(variant)
+    names = ("measured", "reference", "joint", "sensed", "sensor_error", "sensor_error_rate")
+    known = features.Known(
+        **{name: r.read(name.upper()) for name in names},
+        lengths=(r.trace.input("length_1"), r.trace.input("length_2")),
+        phase=r.one("PHASE"),
+        frame=r.one("FRAME"),
+    )
+    for name, values in features.features(known)._asdict().items():
+        r.write(("" if name == "frame_axis" else "F_") + name.upper(), values)
+    terms = reward.tracking_terms(r.read("TRUE_TIP"), r.read("REFERENCE"))
+    terms += reward.regularising_terms(r.one("ACTION_CHANGE"), r.read("TORQUE"), r.read("DEFLECTION_RATE"))
+    weighted = [r.trace.input(f"weights[{n}]") * term for n, term in enumerate(terms)]
+    r.write("REWARD_TERMS", weighted)
+    total = weighted[0]
+    for term in weighted[1:]:
+        total = total + term
+    r.write("REWARD", [total])
+    return r.source("features_kernel(arena, length_1, length_2, weights)")
+
+
+def joint_source(variant: Variant) -> str:
+    """Joint angles and rates of the rigid arm whose tip is on the reference."""
+    r = _Recorder(variant)
+    lengths = (r.trace.input("length_1"), r.trace.input("length_2"))
+    r.write("JOINT", features.joint_aim(lengths, r.trace.input("branch"), r.read("REFERENCE"), r.read("JOINT")[0]))
+    return r.source("joint_kernel(arena, length_1, length_2, branch)")
+
+
+_COMMON = (reading_source, truth_source, features_source, joint_source)
+RECORDED: dict[str, tuple[Callable[[Variant], str], ...]] = {
+    "open": (slope_source,),
+    "loop": (law_source, reading_source, outputs_source),
+    "torque": (slope_source, *_COMMON),
+    "tracking": (slope_source, *_COMMON),
+    "gain": (law_source, *_COMMON),
+}

@@ -1,0 +1,129 @@
+"""`reset(options=...)`: what a user may ask of the episodes that begin, turned into the kernels' orders."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexarm_env.fleet import START_CODES, Fleet
+from flexarm_env.parameters import MAX_DELAY
+from flexarm_env.rows import DRAWN, ORDER
+from flexarm_env.settings import STARTS
+from flexarm_env.task import state_limits
+from flexarm_env.validation import choice, real_array
+
+Array = NDArray[np.float64]
+OPTIONS = {
+    "start": f"how the arm starts: {', '.join(map(repr, STARTS))}",
+    "time": "moment of the lap at which the episode starts [s], from 0 up to the lap time; to the nearest integration step",
+    "path": "name of the reference, where the environment has several",
+    "parameters": f"mapping of quantities of the episode: {', '.join(DRAWN)}",
+    "state": "initial state in the public order, shape (4 + 4 m,)",
+}
+_LEAST = {"stiffness": 1e-3}
+_MOST = {"damping": 1.0, "delay": MAX_DELAY, "actuation_delay": MAX_DELAY}
+
+
+def orders_of(options: Mapping[str, Any] | None, fleet: Fleet) -> Array:
+    """Orders for a fleet's episodes.
+
+    Args:
+        options: keys of `OPTIONS`; each value one for all environments, or one for each.
+        fleet: the environments.
+
+    Returns:
+        Shape (N, columns), see `rows.ORDER`.
+
+    Raises:
+        TypeError, ValueError: for an unknown key or a bad value, naming it and what is allowed.
+    """
+    orders = np.tile(fleet.order(), (len(fleet), 1))
+    if not options:
+        return orders
+    if not isinstance(options, Mapping):
+        raise TypeError(f"options = {options!r}: must be a mapping or None")
+    for name in options:
+        if name not in OPTIONS:
+            raise ValueError(f"options[{name!r}]: no such option; the options are {', '.join(OPTIONS)}")
+    if "start" in options:
+        orders[:, ORDER.index("start")] = [
+            START_CODES[choice("options['start']", name, STARTS)] for name in _each(options["start"], fleet)
+        ]
+    if "time" in options:
+        lap = fleet.settings.lap_time
+        orders[:, ORDER.index("phase")] = _numbers("time", options["time"], fleet, 0.0, np.nextafter(lap, 0.0))
+    if "path" in options:
+        orders[:, ORDER.index("path")] = _path_indices(options["path"], fleet)
+    for name, value in _mapping("parameters", options.get("parameters", {})).items():
+        choice("options['parameters']", name, DRAWN)
+        least, most = _LEAST.get(name, 0.0), _most(name, fleet)
+        orders[:, ORDER.index(name)] = _numbers(f"parameters'][{name!r}", value, fleet, least, most)
+    if "state" in options:
+        orders[:, len(ORDER) :] = _states(options["state"], fleet)
+    return orders
+
+
+def _most(name: str, fleet: Fleet) -> float:
+    """Delays must fit into the memory that was laid out for them; the integrator's step, the stiffness."""
+    settings = fleet.settings
+    if name == "delay":
+        if settings.sensor == "collocated":
+            return 0.0
+        return max(*fleet.delays(), settings.randomisation.get("delay", (0.0, 0.0))[1])
+    if name == "actuation_delay":
+        return settings.randomisation.get("actuation_delay", (0.0, settings.actuation_delay))[1]
+    if name == "stiffness":
+        return settings.randomisation.get("stiffness", (1.0, 1.0))[1]
+    if name == "noise":
+        return settings.randomisation.get("noise", (0.0, settings.noise))[1]
+    return _MOST.get(name, np.inf)
+
+
+def _each(value: Any, fleet: Fleet) -> list[Any]:
+    """One value for each environment."""
+    if isinstance(value, str) or not isinstance(value, Sequence | np.ndarray):
+        return [value] * len(fleet)
+    if len(value) != len(fleet):
+        raise ValueError(f"options: {value!r} must be one value or {len(fleet)}, one for each environment")
+    return list(value)
+
+
+def _numbers(name: str, value: Any, fleet: Fleet, least: float, most: float) -> Array:
+    label = f"options['{name}']" if "[" not in name else f"options['{name}]"
+    array = real_array(label, value)
+    if array.shape not in ((), (len(fleet),)):
+        raise ValueError(f"{label}: must be one number or {len(fleet)}, got shape {array.shape}")
+    inside = (array >= least) & (array <= most) & np.isfinite(array)
+    if not inside.all():
+        raise ValueError(f"{label} = {float(array[~inside].flat[0])!r}: must be from {least:.6g} to {most:.6g}")
+    return np.broadcast_to(array, len(fleet))
+
+
+def _path_indices(value: Any, fleet: Fleet) -> list[int]:
+    names = fleet.settings.reference
+    if fleet.settings.paths == []:
+        raise ValueError(f"options['path'] = {value!r}: each episode draws its own moves; it has no names")
+    return [names.index(choice("options['path']", name, names)) for name in _each(value, fleet)]
+
+
+def _mapping(name: str, value: Any) -> Mapping[str, Any]:
+    if not isinstance(value, Mapping):
+        raise TypeError(f"options[{name!r}] = {value!r}: must be a mapping")
+    return value
+
+
+def _states(value: Any, fleet: Fleet) -> Array:
+    limits = state_limits(fleet.settings.flexible_arm)
+    states = real_array("options['state']", value)
+    if states.shape not in ((len(limits),), (len(fleet), len(limits))):
+        raise ValueError(f"options['state']: must have shape ({len(limits)},) for each arm, got {states.shape}")
+    rows = np.broadcast_to(states, (len(fleet), len(limits)))
+    if not np.all(np.abs(rows) <= limits):
+        arm, entry = np.argwhere(~(np.abs(rows) <= limits))[0]
+        raise ValueError(
+            f"options['state'][{entry}] = {rows[arm, entry]}: must be finite and at most {limits[entry]:.6g} in magnitude"
+        )
+    return rows

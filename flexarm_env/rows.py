@@ -1,0 +1,180 @@
+"""What lies where: the rows of an arena and the places of the tables that a kernel module reads.
+
+An arena holds LANES environments, one row of LANES numbers for each quantity (`stepping`). Kinds of modules:
+"open" (the bare arm driven by torques), "loop" (the arm under the law), and one for each drive of the environments:
+"torque", "tracking" (inner joint-space law) and "gain" (the law with a commanded gain).
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+from flexarm_env import reward, stepping
+from flexarm_env.closed_loop import Law
+from flexarm_env.dynamics import Constants
+
+DRIVES = ("torque", "tracking", "gain")
+
+# What may be drawn anew for each episode, with its unit.
+DRAWN = {
+    "delay": "s",
+    "payload_mass": "kg",
+    "stiffness": "1",
+    "damping": "1",
+    "noise": "m",
+    "actuation_delay": "s",
+}
+
+# Numbers of the table `settings` that every kernel of an environment reads, with their counts.
+SETTINGS = {
+    "STEP": 1,
+    "PERIOD": 1,
+    "ACTION_SCALE": 2,
+    "JITTER": 1,
+    "HOLD": 1,
+    "DROPOUT": 1,
+    "ENCODER_NOISE": 2,
+    "DEFLECTION_LIMIT": 1,
+    "ERROR_LIMIT": 1,
+    "LENGTHS": 2,
+    "BRANCH": 1,
+    "START_SPREAD": 2,
+    "MOVES": 3,
+    "WEIGHTS": len(reward.TERMS),
+    "SENSOR_DELAYS": 2,
+    "BASE": len(DRAWN),
+    "LOWEST": len(DRAWN),
+    "HIGHEST": len(DRAWN),
+}
+# Whole numbers of the table `plan`.
+PLAN = (
+    "SUBSTEPS",
+    "CHANNELS",
+    "KEPT_ACTIONS",
+    "PREVIEWS",
+    "OBSERVED",
+    "SHIFTING",
+    "COMPENSATION",
+    "OWN_PATHS",
+    "ARMS",
+    "PLACES",
+)
+# Columns of an order for a new episode; NaN where the environment decides. The state's entries follow.
+ORDER = ("start", "phase", "path", *DRAWN)
+
+
+def result_sizes(modes: int) -> dict[str, int]:
+    """What a closed loop gives out at an instant: rows that follow each other in the arena."""
+    size = 2 * modes + 2
+    return {
+        "OBSERVATION": 10 + 2 * modes,
+        "STATE": 2 * size,
+        "TORQUE": 2,
+        "TRUE_TIP": 2,
+        "RIGID_TIP": 2,
+        "REWARD_TERMS": 2,
+        "STATUS": 1,
+    }
+
+
+def episode_sizes(modes: int) -> dict[str, int]:
+    """What an environment gives out at an instant."""
+    return {
+        "STATE": 4 * modes + 4,
+        "TORQUE": 2,
+        "TRUE_TIP": 2,
+        "RIGID_TIP": 2,
+        "REFERENCE": 4,
+        "SENSED": 2,
+        "REWARD_TERMS": len(reward.TERMS),
+        "REWARD": 1,
+        "TIME": 1,
+        "EFFECTIVE_GAIN": 1,
+        "STATUS": 1,
+        "EPISODE": len(DRAWN),
+    }
+
+
+def feature_sizes() -> dict[str, int]:
+    """What observations are made of beside rows that exist anyway."""
+    return {
+        "F_DIRECTIONS": 4,
+        "F_JOINT_ERROR": 2,
+        "F_JOINT_ERROR_RATE": 2,
+        "F_ENCODER_ERROR": 2,
+        "F_REFERENCE": 2,
+        "F_REFERENCE_VELOCITY": 2,
+        "F_SENSED": 2,
+        "F_SENSOR_ERROR": 2,
+        "F_SENSOR_ERROR_RATE": 2,
+        "F_PHASE": 2,
+        "FRAME_AXIS": 2,
+    }
+
+
+def _constants(modes: int) -> int:
+    return sum(n or 1 for n in Constants.sizes(modes))
+
+
+def _physics(kind: str, modes: int) -> dict[str, int]:
+    size = 2 * modes + 2
+    parts: dict[str, int] = {"Y": size, "V": size, "CONSTANTS": _constants(modes)}
+    if kind in ("open", "torque", "tracking"):
+        parts |= {"TAU": 2, "Y_SLOPE": size, "V_SLOPE": size, "Y_SUM": size, "V_SUM": size}
+    else:
+        parts |= {name.upper(): n for name, n in Law.sizes(modes).items()}
+        parts |= {"DELAY": 2, "COMMAND_DELAY": 2, "RATE_LATE": 1}
+        parts |= {"Y_STAGE": size, "V_STAGE": size, "MECHANICAL": size, "FEEDBACK": size, "TAU": 2}
+        parts |= dict.fromkeys(("V_SLOTS", "MECHANICAL_SLOTS", "FEEDBACK_SLOTS"), (stepping.STAGES + 1) * size)
+    if kind == "tracking":
+        parts |= {"STIFFNESS": 2, "RESISTANCE": 2, "TORQUE_LIMIT": 2, "INNER_FROM": 4, "INNER_TO": 4, "SHIFT": 2}
+        parts |= {"STAGE_TORQUE": 2}
+    return parts
+
+
+@lru_cache
+def layout(kind: str, modes: int) -> dict[str, tuple[int, int]]:
+    """First row and number of rows of each named part of an arena."""
+    parts = _physics(kind, modes)
+    if kind != "open":
+        parts |= {"READING": 4, "LIMITS": 4 * modes + 4, "TIP_VALUES": modes, "TIP_DISTANCE": 1}
+    if kind == "loop":
+        parts |= {"REFERENCE": 4} | result_sizes(modes)
+    if kind in DRIVES:
+        parts |= {"SENSOR_DISTANCE": 1, "SENSOR_VALUES": modes, "SENSOR_DELAY": 2, "MEASURED": 4, "JOINT": 4}
+        parts |= {"FRAME": 1, "PHASE": 1, "DEFLECTION": 2, "DEFLECTION_RATE": 2, "ACTION_CHANGE": 1}
+        parts |= {"SAMPLE_TIME": 1, "SENSOR_ERROR": 2, "SENSOR_ERROR_RATE": 2}
+        parts |= feature_sizes() | episode_sizes(modes)
+    return _places(parts)
+
+
+def arena_rows(kind: str, modes: int) -> int:
+    """Rows of one arena; an environment's previews and actions come after."""
+    return extent(layout(kind, modes))
+
+
+@lru_cache
+def settings_layout(modes: int) -> dict[str, tuple[int, int]]:
+    """First place and number of places of each part of `settings`; previews' horizons and factors come after."""
+    constants = dict.fromkeys(("ARM", "PER_PAYLOAD", "PER_DAMPING"), _constants(modes))
+    return _places(SETTINGS | constants)
+
+
+@lru_cache
+def constant_places(modes: int) -> dict[str, tuple[int, int]]:
+    """Where each field of `Constants` lies in an arm's flat constants."""
+    return _places({name: n or 1 for name, n in zip(Constants._fields, Constants.sizes(modes), strict=True)})
+
+
+def extent(places: dict[str, tuple[int, int]]) -> int:
+    """How many places a layout takes."""
+    first, count = list(places.values())[-1]
+    return first + count
+
+
+def _places(parts: dict[str, int]) -> dict[str, tuple[int, int]]:
+    places, first = {}, 0
+    for name, count in parts.items():
+        places[name] = (first, count)
+        first += count
+    return places

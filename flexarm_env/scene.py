@@ -1,0 +1,75 @@
+"""From an arm to the picture's plain snapshot."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexarm_env.fleet import Fleet
+from flexarm_env.rendering import Renderer, Snapshot
+from flexarm_env.settings import TORQUE_LIMIT
+
+Array = NDArray[np.float64]
+POINTS = 24  # of a link's centre line
+MARGIN = 1.05  # of the reach, so that a bent arm fits
+
+
+class Scene:
+    """Draws one arm of a fleet, with the trace of its tip."""
+
+    def __init__(self, fleet: Fleet, index: int, render_mode: str) -> None:
+        """Nothing is imported or opened before the first picture.
+
+        Args:
+            fleet: the environments.
+            index: which one.
+            render_mode: "rgb_array" or "human".
+        """
+        self._fleet, self._index = fleet, index
+        self._renderer = Renderer(render_mode)
+        self._trace: list[Array] = []
+
+    def begin(self, result: Array) -> None:
+        """A new episode, whose first result this is."""
+        self._trace.clear()
+        self.add(result)
+
+    def add(self, result: Array) -> None:
+        """A new instant."""
+        self._trace.append(result[self._fleet.parts["TRUE_TIP"]])
+
+    def draw(self, result: Array) -> NDArray[np.uint8] | None:
+        """Draw an instant; a picture in "rgb_array", None in "human"."""
+        return self._renderer.draw(self._snapshot(result))
+
+    def close(self) -> None:
+        """Close the window, if there is one."""
+        self._renderer.close()
+
+    def _snapshot(self, result: Array) -> Snapshot:
+        settings = self._fleet.settings
+        arm = settings.flexible_arm
+        values: dict[str, Any] = {name: result[part] for name, part in self._fleet.parts.items()}
+        q = np.nan_to_num(values["STATE"][: arm.size], posinf=0.0, neginf=0.0)
+        lengths = arm.parameters.link_lengths
+        lines = [
+            arm.position(np.tile(q, (POINTS, 1)), link, np.linspace(0.0, length, POINTS))
+            for link, length in enumerate(lengths, 1)
+        ]
+        gain = settings.action_mode == "gain"
+        return Snapshot(
+            time=float(values["TIME"][0]),
+            links=(lines[0], lines[1]),
+            path=self._fleet.path(self._index),
+            trace=np.array(self._trace) if self._trace else values["TRUE_TIP"][None],
+            reference=values["REFERENCE"][:2],
+            sensor=arm.position(q, 2, settings.sensor_position),
+            sensed=values["SENSED"],
+            torque=values["TORQUE"],
+            torque_scale=settings.torque_limit or TORQUE_LIMIT,
+            gain=float(values["EFFECTIVE_GAIN"][0]) if gain else None,
+            gain_limit=settings.gain_limit,
+            reach=MARGIN * arm.parameters.reach,
+        )

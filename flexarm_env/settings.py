@@ -1,0 +1,476 @@
+"""`Settings`: every option of the environments, with defaults, validation, and what follows from them.
+
+The defaults are those of `FlexArm/Square-v0`; the other ids change some (`registration`). The text beside each option
+is its documentation: the environments' pages are made from it.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Mapping, Sequence
+from dataclasses import MISSING, Field, dataclass, field, fields
+from functools import cached_property
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexarm_env import reward
+from flexarm_env.arm import FlexibleArm
+from flexarm_env.parameters import (
+    MAX_DELAY,
+    WAVE_SPEED,
+    ArmParameters,
+    Compensation,
+    Corner,
+    Delayed,
+    Direction,
+    ElbowBranch,
+    LawParameters,
+    RateJacobian,
+    SensorModel,
+    SensorParameters,
+    SquareParameters,
+)
+from flexarm_env.reference import PATHS, ReferencePath, way_points
+from flexarm_env.rows import DRAWN
+from flexarm_env.simulation import default_step
+from flexarm_env.validation import choice, integer, number, pair
+
+ActionMode = Literal["torque", "residual", "reference", "gain"]
+Start = Literal["corner", "corners", "moving", "mix"]
+Frame = Literal["link", "world"]
+
+MODES: dict[str, str] = {
+    "torque": "torques of the motors, held over the control period",
+    "residual": "torques added to an inner joint-space tracking law, which acts in continuous time",
+    "reference": "shift of that law's joint reference",
+    "gain": "the gain lambda of the paper's law (10), (14), which acts in continuous time",
+}
+TORQUE_LIMIT = (150.0, 50.0)  # [N m]
+PHYSICS_STEP = 1e-3  # [s], of the explicit integrator
+STARTS = ("corner", "corners", "moving", "mix")
+MOVE_RING = (0.35, 0.95)  # of the reach: where the ends of drawn moves lie
+DEFAULT_WEIGHTS = {"tracking_wide": 0.35, "tracking_middle": 0.3, "tracking_fine": 0.2, "action_change": 0.15}
+DEFAULT_OBSERVATION = (
+    "elbow_direction",
+    "joint_rates",
+    "joint_error",
+    "joint_error_rate",
+    "encoder_error",
+    "reference_position",
+    "reference_velocity",
+    "sensor_error",
+    "sensor_error_rate",
+    "modal_coordinates",
+    "modal_rates",
+    "previews",
+    "last_actions",
+)
+
+
+def _option(default: Any, text: str, unit: str = "", modes: Sequence[str] = tuple(MODES)) -> Any:
+    kind = {"default_factory": lambda: default} if isinstance(default, dict) else {"default": default}
+    return field(metadata={"text": text, "unit": unit, "modes": tuple(modes)}, **kind)
+
+
+_LAW = ("gain",)
+_INNER = ("residual", "reference")
+_LIMITED = ("torque", "residual", "reference")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Settings:
+    """All options; `Settings.of` makes one from keyword arguments."""
+
+    arm: str | Mapping[str, Any] = _option(
+        "default",
+        '"default" (2 modes a link, complete dynamics, 1 % modal damping), "paper", or a mapping of `ArmParameters` '
+        'fields, with `preset` ("default" or "paper") for those it does not set',
+    )
+    action_mode: ActionMode = _option("torque", "what an action is; see Action space")
+    control_period: float = _option(0.01, "an action is held so long", "s")
+    physics_step: float | None = _option(
+        None, "longest integration step; None: 1 ms, for the gain 0.25 ms, or less if the fastest mode demands it", "s"
+    )
+    torque_limit: tuple[float, float] | None = _option(
+        None, "of shoulder and elbow; None: 150 and 50, for the gain no limit (limited, the law loses the path)", "N m"
+    )
+    gain_limit: float = _option(1.0, "lambda at action 1", "1", _LAW)
+    shift_limit: tuple[float, float] = _option(
+        (0.3, 0.3), "shift of the joints' reference at action 1", "rad", ("reference",)
+    )
+    inner_stiffness: tuple[float, float] = _option((60.0, 20.0), "of the inner tracking law", "N m/rad", _INNER)
+    inner_resistance: tuple[float, float] = _option((20.0, 6.0), "of the inner tracking law", "N m s/rad", _INNER)
+    proportional_gain: float = _option(150.79, "Kp of the paper's law (11)", "N/m", _LAW)
+    derivative_gain: float = _option(17.364, "Kd of the paper's law (12)", "N s/m", _LAW)
+    compensation: Compensation = _option("none", "delay of the law's command; see `LawParameters`", "", _LAW)
+    law_sensor: Literal["joints", "sensor"] = _option(
+        "joints", 'what the paper\'s law acts on: "joints" (collocated, not late) or the late "sensor"', "", _LAW
+    )
+    rate_jacobian: RateJacobian = _option("delayed", "see `SensorParameters`", "", _LAW)
+    delayed: Delayed = _option("position", "see `SensorParameters`", "", _LAW)
+    sensor: SensorModel = _option(
+        "true",
+        'what the sensor on link 2 sees: the "true" point, the "rigid" one or the "collocated"; see `SensorParameters`',
+    )
+    sensor_position: float = _option(4.5, "of the sensor from the elbow", "m")
+    delay: float | tuple[float, float] | None = _option(None, "of the sensor's reading; None: by the wave speed", "s")
+    wave_speed: float = _option(WAVE_SPEED, "c (15)", "m/s")
+    noise: float = _option(0.0, "standard deviation of each coordinate of the sensor's reading", "m")
+    jitter: float = _option(0.0, "largest additional delay, drawn evenly for each reading", "s")
+    hold: float = _option(0.0, "period of a slower sensor's clock (sample and hold); 0: none", "s")
+    dropout: float = _option(0.0, "probability that a reading is lost", "1")
+    encoder_noise: tuple[float, float] = _option(
+        (0.0, 0.0), "standard deviations of joint angles and rates", "rad, rad/s"
+    )
+    actuation_delay: float = _option(0.0, "from an action to its effect", "s")
+    observation: tuple[str, ...] = _option(DEFAULT_OBSERVATION, "names of the blocks, in order; see Observation space")
+    frame: Frame = _option("link", 'frame of Cartesian blocks: "link" (turned by -theta1) or "world"')
+    previews: tuple[float, ...] = _option(
+        (0.05, 0.1, 0.2, 0.3, 0.45, 0.6, 1.0), "horizons of the block `previews`", "s"
+    )
+    last_actions: int = _option(1, "how many the block `last_actions` holds")
+    scaled: bool = _option(True, "divide each block by its scale")
+    reference: str | Sequence[str] = _option(
+        "square",
+        '"square", "circle", "line", "figure_eight", "waypoints", "moves" (drawn from rest to rest), or several of the '
+        "first five, one of which is drawn for each episode",
+    )
+    waypoints: Sequence[tuple[float, float]] | None = _option(None, 'corners of the reference "waypoints"', "m")
+    side: float = _option(12.6, "of the square, or the square around the other paths", "m")
+    lap_time: float = _option(16.0, "of a lap", "s")
+    start_corner: Corner = _option("lower left", "where a lap starts")
+    direction: Direction = _option("clockwise", "of a lap")
+    elbow_branch: ElbowBranch = _option("positive", "sign of theta2 at the start and in the inverse kinematics")
+    start: Start = _option(
+        "mix",
+        '"corner" (at rest at the start of the lap), "corners" (at rest at a quarter of the lap), "moving" (anywhere, '
+        'with the reference\'s velocity) or "mix" (30 % "corners", 70 % "moving")',
+    )
+    start_spread: tuple[float, float] = _option(
+        (0.05, 0.05), "largest deviations of a moving start: joint angles, tip deflections of the first modes", "rad, m"
+    )
+    randomisation: Mapping[str, tuple[float, float]] = _option(
+        {},
+        "ranges from which quantities are drawn for each episode: `delay` [s], `payload_mass` [kg], `stiffness` "
+        "(factor), `damping` (modal damping ratio), `noise` [m], `actuation_delay` [s]",
+    )
+    reward_weights: Mapping[str, float] = _option(DEFAULT_WEIGHTS, "of the reward's terms; what is not named is 0")
+    deflection_limit: float | None = _option(1.5, "a link's tip deflection that ends an episode", "m")
+    error_limit: float | None = _option(2.5, "distance of the true tip from the reference that ends an episode", "m")
+
+    @classmethod
+    def of(cls, options: Mapping[str, Any]) -> Settings:
+        """Settings from keyword arguments.
+
+        Raises:
+            TypeError: for an unknown name, with the nearest known one.
+            ValueError: for a bad value.
+        """
+        known = [one.name for one in fields(cls)]
+        for name in options:
+            if name not in known:
+                near = difflib.get_close_matches(name, known, 1)
+                hint = f"; did you mean {near[0]!r}?" if near else ""
+                raise TypeError(f"{name}: no such option{hint} The options are {', '.join(known)}")
+        return cls(**options)
+
+    def __post_init__(self) -> None:
+        """Validate; lists (as JSON has them) become tuples."""
+        for name, value in self._checked().items():
+            object.__setattr__(self, name, value)
+        self._refuse_what_has_no_effect()
+        for what in ("law", "sensor_parameters", "flexible_arm", "paths", "substeps"):
+            getattr(self, what)  # made once, with its own checks
+
+    def _checked(self) -> dict[str, Any]:
+        torque_limit = self.torque_limit
+        optional = (
+            {}
+            if self.physics_step is None
+            else {"physics_step": number("physics_step", self.physics_step, "s", above=0.0)}
+        )
+        if torque_limit is not None:
+            optional |= {"torque_limit": pair("torque_limit", torque_limit, "N m", above=0.0)}
+        for name in ("deflection_limit", "error_limit"):
+            if getattr(self, name) is not None:
+                optional |= {name: number(name, getattr(self, name), "m", above=0.0)}
+        return optional | {
+            "action_mode": choice("action_mode", self.action_mode, MODES),
+            "control_period": number("control_period", self.control_period, "s", above=0.0, most=1.0),
+            "gain_limit": number("gain_limit", self.gain_limit, above=0.0),
+            "shift_limit": pair("shift_limit", self.shift_limit, "rad", above=0.0, most=np.pi),
+            "inner_stiffness": pair("inner_stiffness", self.inner_stiffness, "N m/rad", least=0.0),
+            "inner_resistance": pair("inner_resistance", self.inner_resistance, "N m s/rad", least=0.0),
+            "law_sensor": choice("law_sensor", self.law_sensor, ("joints", "sensor")),
+            "jitter": number("jitter", self.jitter, "s", least=0.0, most=MAX_DELAY),
+            "hold": number("hold", self.hold, "s", least=0.0, most=MAX_DELAY),
+            "dropout": number("dropout", self.dropout, least=0.0, most=1.0),
+            "encoder_noise": pair("encoder_noise", self.encoder_noise, "rad, rad/s", least=0.0),
+            "actuation_delay": number("actuation_delay", self.actuation_delay, "s", least=0.0, most=MAX_DELAY),
+            "observation": names("observation", self.observation),
+            "frame": choice("frame", self.frame, ("link", "world")),
+            "previews": tuple(
+                number(f"previews[{n}]", x, "s", above=0.0) for n, x in enumerate(listed("previews", self.previews))
+            ),
+            "last_actions": integer("last_actions", self.last_actions, 1, 100),
+            "scaled": flag("scaled", self.scaled),
+            "reference": self._checked_reference(),
+            "start": choice("start", self.start, STARTS),
+            "start_spread": pair("start_spread", self.start_spread, "rad, m", least=0.0, most=0.5),
+            "randomisation": self._checked_ranges(),
+            "reward_weights": self._checked_weights(),
+        }
+
+    def _checked_reference(self) -> tuple[str, ...]:
+        wanted = (self.reference,) if isinstance(self.reference, str) else names("reference", self.reference)
+        allowed = (*PATHS, "waypoints") if len(wanted) > 1 else (*PATHS, "waypoints", "moves")
+        for name in wanted:
+            choice("reference", name, allowed)
+        if ("waypoints" in wanted) != (self.waypoints is not None):
+            raise ValueError(
+                f"waypoints = {self.waypoints!r}: must be given with the reference 'waypoints', and only with it; "
+                f"reference = {self.reference!r}"
+            )
+        return tuple(wanted)
+
+    def _checked_ranges(self) -> dict[str, tuple[float, float]]:
+        least = {
+            "payload_mass": 0.0,
+            "stiffness": 0.1,
+            "damping": 0.0,
+            "noise": 0.0,
+            "delay": 0.0,
+            "actuation_delay": 0.0,
+        }
+        most = {"stiffness": 10.0, "damping": 1.0, "delay": MAX_DELAY, "actuation_delay": MAX_DELAY}
+        ranges = {}
+        for name, limits in mapping("randomisation", self.randomisation).items():
+            choice("randomisation", name, DRAWN)
+            low, high = pair(f"randomisation[{name!r}]", limits, DRAWN[name], least=least[name], most=most.get(name))
+            if low > high:
+                raise ValueError(f"randomisation[{name!r}] = {limits!r}: the first must not be above the second")
+            ranges[name] = (low, high)
+        if "delay" in ranges and self.sensor == "collocated":
+            raise ValueError("randomisation['delay']: a collocated sensor has no delay")
+        return ranges
+
+    def _checked_weights(self) -> dict[str, float]:
+        weights = {}
+        for name, value in mapping("reward_weights", self.reward_weights).items():
+            choice("reward_weights", name, reward.TERMS)
+            weights[name] = number(f"reward_weights[{name!r}]", value, least=0.0)
+        if not any(weights.values()):
+            raise ValueError(f"reward_weights = {self.reward_weights!r}: one at least must be > 0")
+        return weights
+
+    def _refuse_what_has_no_effect(self) -> None:
+        """An option that the action mode does not read must be left at its default."""
+        for one in fields(self):
+            allowed = one.metadata["modes"]
+            if self.action_mode not in allowed and getattr(self, one.name) != default_of(one):
+                modes = " or ".join(map(repr, allowed))
+                raise ValueError(
+                    f"{one.name} = {getattr(self, one.name)!r}: has no effect with action_mode = "
+                    f"{self.action_mode!r}; only with {modes}"
+                )
+        if self.law_sensor == "sensor":
+            for name in ("jitter", "hold", "dropout"):
+                if getattr(self, name) != 0.0:
+                    raise ValueError(
+                        f"{name} = {getattr(self, name)}: the law acts on the sensor in continuous time; "
+                        "must be 0 with law_sensor = 'sensor'"
+                    )
+        elif self.compensation != "none" or self.delayed != "position" or self.rate_jacobian != "delayed":
+            raise ValueError(
+                f"compensation = {self.compensation!r}, delayed = {self.delayed!r}, rate_jacobian = "
+                f"{self.rate_jacobian!r}: have no effect with law_sensor = 'joints'; give law_sensor = 'sensor'"
+            )
+        if self.sensor == "collocated" and self.compensation != "none":
+            raise ValueError(
+                f"compensation = {self.compensation!r}: a collocated sensor has no delay to compensate; "
+                "it must be 'none'"
+            )
+
+    # --- what follows ----------------------------------------------------------------------------------------------
+
+    @cached_property
+    def law(self) -> LawParameters:
+        """The paper's law."""
+        return LawParameters(self.proportional_gain, self.derivative_gain, self.compensation, self.torque_limit)
+
+    @cached_property
+    def sensor_parameters(self) -> SensorParameters:
+        """The sensor on link 2."""
+        return SensorParameters(
+            self.sensor,
+            self.sensor_position,
+            tuple(self.delay) if isinstance(self.delay, list) else self.delay,
+            self.delayed,
+            self.rate_jacobian,
+            self.noise,
+            self.wave_speed,
+        )
+
+    @cached_property
+    def flexible_arm(self) -> FlexibleArm:
+        """The arm."""
+        arm = FlexibleArm(arm_parameters(self.arm))
+        length2 = arm.parameters.link_lengths[1]
+        if self.sensor_position > length2:
+            raise ValueError(f"sensor_position = {self.sensor_position} m: must be on link 2, > 0 and <= {length2} m")
+        return arm
+
+    @cached_property
+    def task(self) -> SquareParameters:
+        """Measures of the paths."""
+        return SquareParameters(self.side, self.lap_time, self.start_corner, self.direction, self.elbow_branch)
+
+    @cached_property
+    def paths(self) -> list[ReferencePath]:
+        """The paths that an episode may be given; none where each episode draws its own."""
+        if self.reference == ("moves",):
+            return []
+        found = [
+            way_points(self.task, np.asarray(self.waypoints)) if name == "waypoints" else PATHS[name](self.task)
+            for name in self.reference
+        ]
+        for path in found:
+            path.check_reach(self.flexible_arm.parameters)
+        return found
+
+    @property
+    def action_limit(self) -> tuple[float, ...]:
+        """Physical value of the action 1 in each channel."""
+        if self.action_mode == "gain":
+            return (self.gain_limit,)
+        return self.shift_limit if self.action_mode == "reference" else self.torque_limit or TORQUE_LIMIT
+
+    @cached_property
+    def substeps(self) -> int:
+        """Integration steps in a control period."""
+        fastest = max(self._fastest_rates())
+        longest = STABLE_ANGLE[self.action_mode] / fastest
+        if self.physics_step is None:
+            wanted = default_step(fastest) if self.action_mode == "gain" else min(PHYSICS_STEP, longest)
+        elif self.physics_step <= longest:
+            wanted = self.physics_step
+        else:
+            raise ValueError(
+                f"physics_step = {self.physics_step} s: too long for the arm's fastest mode, {fastest:.4g} rad/s; "
+                f"at most {longest:.4g} s is allowed"
+            )
+        return int(np.ceil(self.control_period / wanted - 1e-9))
+
+    def _fastest_rates(self) -> list[float]:
+        """Of the stiffest and lightest arm that an episode may draw; under the inner law, of the closed loop."""
+        own = self.flexible_arm.parameters
+        stiffness = self.randomisation.get("stiffness", (1.0, 1.0))[1]
+        payload = self.randomisation.get("payload_mass", (own.payload_mass, own.payload_mass))[0]
+        rigidities = (own.flexural_rigidities[0] * stiffness, own.flexural_rigidities[1] * stiffness)
+        arm = FlexibleArm(replaced(own, flexural_rigidities=rigidities, payload_mass=payload))
+        rates = [arm.fastest_rate()]
+        if self.action_mode in ("residual", "reference"):
+            rates += [_fastest_closed(arm, theta2, self.inner_stiffness, self.inner_resistance) for theta2 in _ELBOWS]
+        return rates
+
+
+# Longest h |pole| that is allowed: RK4 is stable up to 2.78 (real) and 2.83 (imaginary), the explicit part of
+# ARS(4,4,3) up to 1.57; large vibrations need a margin.
+STABLE_ANGLE = {"torque": 2.0, "residual": 2.0, "reference": 2.0, "gain": 1.2}
+_ELBOWS = np.linspace(0.0, np.pi, 7)  # [rad]
+
+
+def _fastest_closed(
+    arm: FlexibleArm, theta2: float, stiffness: tuple[float, float], resistance: tuple[float, float]
+) -> float:
+    """Largest magnitude of a pole of the arm under the inner law, at rest with the elbow at an angle [rad/s]."""
+    state = np.zeros(2 * arm.size)
+    state[1] = theta2
+    linear = arm.linearise(state)
+    feedback = np.zeros((2, 2 * arm.size))
+    feedback[[0, 1], [0, 1]] = stiffness
+    feedback[[0, 1], [arm.size, arm.size + 1]] = resistance
+    return float(np.abs(np.linalg.eigvals(linear.A - linear.B @ feedback)).max())
+
+
+def replaced(parameters: ArmParameters, **changes: Any) -> ArmParameters:
+    """The arm with some fields set otherwise."""
+    return ArmParameters(**({one.name: getattr(parameters, one.name) for one in fields(parameters)} | changes))
+
+
+def default_of(one: Field[Any]) -> Any:
+    """Default value of a dataclass's field."""
+    return one.default if one.default is not MISSING else one.default_factory()  # type: ignore[misc]
+
+
+def listed(name: str, value: object) -> list[Any]:
+    """Check that an option is a list or tuple.
+
+    Raises:
+        TypeError: for anything else.
+    """
+    if not isinstance(value, list | tuple):
+        raise TypeError(f"{name} = {value!r}: must be a list or a tuple")
+    return list(value)
+
+
+def names(name: str, value: object) -> tuple[str, ...]:
+    """Check that an option is a list of different names.
+
+    Raises:
+        TypeError: for anything else.
+        ValueError: if it is empty or a name comes twice.
+    """
+    entries = listed(name, value)
+    if not all(isinstance(entry, str) for entry in entries):
+        raise TypeError(f"{name} = {value!r}: must hold names")
+    if not entries or len(set(entries)) < len(entries):
+        raise ValueError(f"{name} = {value!r}: must hold at least one name, and each only once")
+    return tuple(entries)
+
+
+def mapping(name: str, value: object) -> dict[str, Any]:
+    """Check that an option is a mapping.
+
+    Raises:
+        TypeError: for anything else.
+    """
+    if not isinstance(value, Mapping):
+        raise TypeError(f"{name} = {value!r}: must be a mapping of names")
+    return dict(value)
+
+
+def flag(name: str, value: object) -> bool:
+    """Check that an option is True or False.
+
+    Raises:
+        TypeError: for anything else.
+    """
+    if not isinstance(value, bool | np.bool_):
+        raise TypeError(f"{name} = {value!r}: must be True or False")
+    return bool(value)
+
+
+def arm_parameters(arm: str | Mapping[str, Any]) -> ArmParameters:
+    """The arm that an environment's `arm` argument stands for.
+
+    Raises:
+        TypeError: for anything but a name or a mapping.
+        ValueError: for another name, or a field that `ArmParameters` does not have.
+    """
+    if isinstance(arm, str):
+        arm = {"preset": arm}
+    if not isinstance(arm, Mapping):
+        raise TypeError(f"arm = {arm!r}: must be 'paper', 'default' or a mapping of ArmParameters fields")
+    given = dict(arm)
+    preset = choice("arm", given.pop("preset", "default"), ("paper", "default"))
+    known = ArmParameters.__dataclass_fields__
+    unknown = [name for name in given if name not in known]
+    if unknown:
+        raise ValueError(f"arm: unknown field(s) {unknown}; ArmParameters has {list(known)}, and there is 'preset'")
+    return ArmParameters.paper(**given) if preset == "paper" else ArmParameters(**given)
+
+
+Array = NDArray[np.float64]

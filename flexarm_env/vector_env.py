@@ -1,0 +1,261 @@
+"""`FlexArmVectorEnv`: many arms as one Gymnasium vector environment, stepped by the kernels that step one."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium.utils import seeding
+from gymnasium.vector import AutoresetMode
+from gymnasium.vector.utils import batch_space
+from numpy.typing import NDArray
+
+from flexarm_env.env import FASTEST_VIDEO, RENDER_MODES, FleetView, new_keys
+from flexarm_env.fleet import Fleet
+from flexarm_env.info import InfoMaker
+from flexarm_env.reset_options import orders_of
+from flexarm_env.scene import Scene
+from flexarm_env.settings import Settings
+from flexarm_env.validation import choice, finite_array, integer
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+Step = tuple[NDArray[np.float32], Array, Flags, Flags, dict[str, Any]]
+
+
+class FlexArmVectorEnv(FleetView, gymnasium.vector.VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[Any]]):
+    """N environments in one; environment i of a batch seeded s is the single one seeded s + i, to the last bit.
+
+    Attributes:
+        fleet: the arms, their kernels and their data.
+    """
+
+    metadata = {  # noqa: RUF012  (Gymnasium's own declaration)
+        "render_modes": list(RENDER_MODES[:1]),
+        "render_fps": FASTEST_VIDEO,
+        "autoreset_mode": AutoresetMode.NEXT_STEP,
+    }
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        max_episode_steps: int | None = None,
+        render_mode: str | None = None,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        threads: int = 1,
+        **options: Any,
+    ) -> None:
+        """Lay out the batch.
+
+        Args:
+            num_envs: how many.
+            max_episode_steps: control periods after which an episode is truncated; None: never.
+            render_mode: "rgb_array" or None.
+            autoreset_mode: a finished environment begins a new episode at the next step ("NextStep"), in the step that
+                ends it ("SameStep": see `final_obs` and `final_info`), or when it is told to ("Disabled").
+            threads: that share the work; more than one pays for large batches on idle cores.
+            **options: fields of `Settings`.
+
+        Raises:
+            TypeError, ValueError: for a bad argument, naming it, its value and what is allowed.
+        """
+        self.num_envs = integer("num_envs", num_envs, 1)
+        self._limit = None if max_episode_steps is None else integer("max_episode_steps", max_episode_steps, 1)
+        if render_mode is not None:
+            choice("render_mode", render_mode, RENDER_MODES[:1])
+        self.render_mode = render_mode
+        mode = autoreset_mode.value if isinstance(autoreset_mode, AutoresetMode) else autoreset_mode
+        self._mode = AutoresetMode(choice("autoreset_mode", mode, [each.value for each in AutoresetMode]))
+        self.fleet = Fleet(Settings.of(options), self.num_envs, integer("threads", threads, 1))
+        fps = min(FASTEST_VIDEO, max(1, round(1.0 / self.settings.control_period)))
+        self.metadata = self.metadata | {"autoreset_mode": self._mode, "render_fps": fps}
+        bound = self.fleet.layout.bound
+        self.single_observation_space = gymnasium.spaces.Box(-bound, bound, dtype=np.float32)
+        self.single_action_space = gymnasium.spaces.Box(-1.0, 1.0, (len(self.settings.action_limit),), np.float32)
+        self.observation_space = batch_space(self.single_observation_space, self.num_envs)
+        self.action_space = batch_space(self.single_action_space, self.num_envs)
+        self._infos = InfoMaker(self.fleet)
+        self._scenes = [Scene(self.fleet, i, render_mode) for i in range(self.num_envs)] if render_mode else []
+        self._generators: list[np.random.Generator] = []
+        self._steps = np.zeros(self.num_envs, dtype=np.int64)
+        self._done = np.zeros(self.num_envs, dtype=bool)
+        self._orders = orders_of(None, self.fleet)
+        self._started = False
+        parts = self.fleet.parts
+        self._reward, self._status = parts["REWARD"].start, parts["STATUS"].start
+
+    # --- Gymnasium's interface -------------------------------------------------------------------------------------
+
+    def reset(
+        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[NDArray[np.float32], dict[str, Any]]:
+        """Begin episodes.
+
+        Args:
+            seed: environment i is seeded with seed + i, or with its own of a sequence.
+            options: see `flexarm_env.reset_options.OPTIONS`, each value one for all or one for each environment; and
+                `reset_mask`, which environments begin an episode. Shape (N,), bool.
+
+        Raises:
+            TypeError, ValueError: for an unknown option or a bad value.
+        """
+        wanted = dict(options or {})
+        mask = self._mask(wanted.pop("reset_mask", None))
+        orders = orders_of(wanted, self.fleet)
+        self._seed(seed, mask)
+        self._begin(mask, orders)
+        self._started = True
+        results = self.fleet.results()
+        self._remember(results, mask)
+        infos = self._infos.batch(results, np.zeros_like(mask), mask)
+        return self._observations(), infos
+
+    def step(self, actions: NDArray[np.float32]) -> Step:
+        """Hold each environment's action for one control period.
+
+        Args:
+            actions: in [-1, 1]; beyond that they are limited. Those of environments that begin an episode in this step
+                are not read. Shape (N, channels).
+
+        Raises:
+            ValueError: for another shape, or a value that is not finite.
+            RuntimeError: before the first reset, or for a finished environment where nothing resets it.
+        """
+        if not self._started:
+            raise RuntimeError("step() before reset(): there are no states to advance")
+        self._take(actions)
+        if self._mode is AutoresetMode.DISABLED and self._done.any():
+            raise RuntimeError(
+                f"step() after the end of episode {int(np.argmax(self._done))}: with autoreset_mode = 'Disabled' call "
+                "reset(options={'reset_mask': ...}) first"
+            )
+        begun = self._done.copy() if self._mode is AutoresetMode.NEXT_STEP else np.zeros_like(self._done)
+        self.fleet.step()
+        if begun.any():
+            self._begin(begun, self._orders)
+        results = self.fleet.results()
+        stepped = ~begun
+        self._steps += stepped
+        terminated = (results[:, self._status] != 0.0) & stepped
+        truncated = (self._steps >= self._limit) & stepped if self._limit else np.zeros_like(stepped)
+        rewards = np.where(stepped, results[:, self._reward], 0.0)
+        self._done = terminated | truncated
+        infos = self._infos.batch(results, stepped, begun)
+        self._add_reasons(infos, results, terminated)
+        if self._mode is AutoresetMode.SAME_STEP and self._done.any():
+            results, infos = self._restart(infos)
+        self._remember(results, begun | (self._done if self._mode is AutoresetMode.SAME_STEP else False))
+        if self._mode is AutoresetMode.SAME_STEP:
+            self._done = np.zeros_like(self._done)
+        return self._observations(), rewards, terminated, truncated, infos
+
+    def render(self) -> tuple[NDArray[np.uint8], ...] | None:  # type: ignore[override]
+        """A picture of each environment. Shape (size, size, 3) each."""
+        if not self._scenes or not self._started:
+            return None
+        results = self.fleet.results()
+        return tuple(scene.draw(result) for scene, result in zip(self._scenes, results, strict=True))  # type: ignore[misc]
+
+    def close_extras(self, **kwargs: Any) -> None:
+        """Let go of threads and windows."""
+        for scene in self._scenes:
+            scene.close()
+        self.fleet.close()
+
+    # --- inside ----------------------------------------------------------------------------------------------------
+
+    def _mask(self, mask: Any) -> Flags:
+        if mask is None:
+            return np.ones(self.num_envs, dtype=bool)
+        flags = np.asarray(mask)
+        if flags.shape != (self.num_envs,) or flags.dtype != np.bool_ or not flags.any():
+            raise ValueError(
+                f"options['reset_mask'] = {mask!r}: must be a bool array of shape ({self.num_envs},), one True at least"
+            )
+        if not self._started and not flags.all():
+            raise ValueError("options['reset_mask']: the first reset must begin an episode in every environment")
+        return flags.copy()
+
+    def _seed(self, seed: int | Sequence[int | None] | None, mask: Flags) -> None:
+        """As `SyncVectorEnv` does: one seed for all in a row, or one each; None leaves a generator as it is."""
+        if seed is None or isinstance(seed, int | np.integer):
+            seeds = [None if seed is None else int(seed) + i for i in range(self.num_envs)]
+        else:
+            seeds = list(seed)
+            if len(seeds) != self.num_envs:
+                raise ValueError(f"seed: must be one number or {self.num_envs}, got {len(seeds)}")
+        if not self._generators:
+            self._generators = [seeding.np_random(each)[0] for each in seeds]
+            return
+        for i in np.flatnonzero(mask).tolist():
+            if seeds[i] is not None:
+                self._generators[i] = seeding.np_random(seeds[i])[0]
+
+    def _begin(self, mask: Flags, orders: Array) -> None:
+        generators = self._generators
+        self.fleet.start(new_keys([generators[i] for i in np.flatnonzero(mask).tolist()]), mask, orders)
+        self._steps[mask] = 0
+        self._done[mask] = False
+
+    def _take(self, actions: NDArray[np.float32]) -> None:
+        values = np.asarray(actions)
+        if values.shape != self.action_space.shape or values.dtype.kind not in "fiu":
+            finite_array("actions", actions, self.action_space.shape or ())  # says what is wrong
+        if not np.isfinite(values).all():
+            finite_array("actions", np.where(self._done[:, None], 0.0, values), self.action_space.shape or ())
+        self.fleet.actions[: self.num_envs] = values
+
+    def _restart(self, infos: dict[str, Any]) -> tuple[Array, dict[str, Any]]:
+        """Begin new episodes where one ended in this step; what ended goes into `final_obs` and `final_info`."""
+        done = self._done
+        final = {name: value for name, value in infos.items() if not name.startswith("_")}
+        kept = self._done.copy()
+        final_obs = np.full(self.num_envs, None, dtype=object)
+        for i in np.flatnonzero(done).tolist():
+            final_obs[i] = self.fleet.observations[i].copy()
+        self._begin(done.copy(), self._orders)
+        self._done = kept
+        results = self.fleet.results()
+        merged = self._infos.batch(results, ~kept, kept)
+        merged |= {"final_obs": final_obs, "_final_obs": kept.copy()}
+        merged |= {"final_info": _masked(final, kept), "_final_info": kept.copy()}
+        return results, merged
+
+    def _add_reasons(self, infos: dict[str, Any], results: Array, terminated: Flags) -> None:
+        if not terminated.any():
+            return
+        reasons = np.full(self.num_envs, None, dtype=object)
+        for i in np.flatnonzero(terminated).tolist():
+            reasons[i] = self.fleet.failure(float(results[i, self._status]))
+        infos["termination_reason"], infos["_termination_reason"] = reasons, terminated.copy()
+
+    def _observations(self) -> NDArray[np.float32]:
+        return self.fleet.observations[: self.num_envs].copy()
+
+    def _remember(self, results: Array, begun: Flags) -> None:
+        """Traces for the pictures."""
+        for scene, result, first in zip(self._scenes, results, begun.tolist(), strict=False):
+            scene.begin(result) if first else scene.add(result)
+
+
+def _masked(infos: dict[str, Any], mask: Flags) -> dict[str, Any]:
+    """Infos of some environments only, with masks that say so."""
+    masked: dict[str, Any] = {}
+    for name, value in infos.items():
+        if isinstance(value, dict):
+            masked[name] = _masked({key: each for key, each in value.items() if not key.startswith("_")}, mask)
+            masked[f"_{name}"] = mask.copy()
+            continue
+        if value.dtype == object:
+            having = mask & np.array([each is not None for each in value])
+            if not having.any():
+                continue
+            kept = np.full(len(mask), None, dtype=object)
+            kept[having] = value[having]
+            masked[name], masked[f"_{name}"] = kept, having
+            continue
+        masked[name] = np.where(mask.reshape(-1, *(1,) * (value.ndim - 1)), value, 0.0)
+        masked[f"_{name}"] = mask.copy()
+    return masked

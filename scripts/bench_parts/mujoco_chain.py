@@ -1,0 +1,265 @@
+"""The arm as a planar chain of rigid segments in MuJoCo: another discretisation, by another engine.
+
+The standard finite-segment method (Huston 1981; Yoshikawa and Hosoda 1996 call it "virtual passive joints"): a link of
+length L is cut into n - 1 elements of length h = L / (n - 1), and the bending of each is lumped into a hinge with a
+torsion spring EI / h at its *middle*. So n rigid segments stand between the springs, the first and the last half as
+long as the others. This is the midpoint rule for the curvature, with the second order in h; springs at the borders of
+n equal segments would lose the compliance next to the clamp, and with it one order. n = 10 puts the first clamped
+frequency 0.28 % too high, n = 20 0.064 %.
+
+Shoulder and elbow are free hinges with motors; a link has n degrees of freedom, its root's hinge included. theta1 is
+the angle of link 1's first segment from the x axis, theta2 that of link 2's first from link 1's last: as in FlexArm,
+from tangent to tangent. No gravity, no contacts.
+
+**Damping.** MuJoCo damps joint by joint. Dampers in proportion to the springs, c = beta EI / h, give the clamped mode i
+the ratio beta omega_i / 2: beta = 2 zeta / omega_1 sets the first one to zeta, and the second gets 6.3 times and the
+third 17.5 times as much, where FlexArm damps every clamped mode by zeta.
+
+**Time step.** `implicitfast` treats dampers implicitly and springs explicitly, semi-implicit Euler: without damping it
+is stable up to 2 / omega_max, that is 0.5 ms for n = 10 and 0.1 ms for n = 20 of `TIME_STEPS`. Dampers with beta >=
+step / 2 make it stable at any frequency: at zeta = 1 % up to 3.3 ms, 2 ms of the list, whatever n is. A step of 2 ms
+moves the tip by 0.6 mm in 2 s of a motion of 1.3 m, 0.5 ms by 0.1 mm. A fair comparison shows both dampings.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import eigh
+
+TIME_STEPS = (5e-3, 2e-3, 1e-3, 5e-4, 2e-4, 1e-4, 5e-5, 2e-5)  # [s]; `largest_stable_step` tries these
+SHOULDER, ELBOW, TIP = "shoulder", "elbow", "tip"
+_FIRST_CLAMPED_ROOT = 1.8751040687119611  # cos x cosh x = -1
+_RUNAWAY = 1e4  # [rad/s]; random torques bring the lightest segment of 20 to a few hundred
+_ROUNDING = 1e-6  # of an eigenvalue; the rigid motions' is double, which costs half of the digits
+_SLENDER = 1e-6  # a rod's inertia about its own axis as a part of the other two; MuJoCo wants it positive
+
+
+@dataclass(frozen=True)
+class ChainArm:
+    """What the chain knows of the arm; `flexarm_env.ArmParameters` has these fields too and can take its place.
+
+    Attributes:
+        link_lengths: L1, L2 [m].
+        flexural_rigidities: EI of each link [N m^2].
+        masses_per_length: rho of each link [kg/m].
+        shoulder_hub_inertia: turns with the root of link 1 [kg m^2].
+        elbow_hub_inertia: turns with the root of link 2 [kg m^2].
+        elbow_mass: point mass at the tip of link 1 [kg].
+        payload_mass: point mass at the tip of link 2 [kg].
+        payload_inertia: turns with the tip of link 2 [kg m^2].
+        modal_damping_ratio: zeta of the first clamped mode of each link; see the module's text for the others.
+        joint_friction: viscous friction of shoulder and elbow [N m s/rad].
+    """
+
+    link_lengths: tuple[float, float] = (4.5, 4.5)
+    flexural_rigidities: tuple[float, float] = (1676.0, 1676.0)
+    masses_per_length: tuple[float, float] = (0.335, 0.335)
+    shoulder_hub_inertia: float = 0.0
+    elbow_hub_inertia: float = 0.0
+    elbow_mass: float = 0.0
+    payload_mass: float = 0.0
+    payload_inertia: float = 0.0
+    modal_damping_ratio: float = 0.01
+    joint_friction: tuple[float, float] = (0.0, 0.0)
+
+
+def chain_model(segments: int, arm: ChainArm | None = None, time_step: float = 2e-4) -> mujoco.MjModel:
+    """Build the chain.
+
+    Joints are named "shoulder", "elbow" and "bend1_1" ... "bend2_9" (link, then from root to tip); actuators "shoulder"
+    and "elbow" take torques [N m]; the site "tip" is the end of link 2.
+
+    Args:
+        segments: rigid segments a link, at least 2.
+        arm: the arm; None for `ChainArm()`.
+        time_step: [s].
+
+    Raises:
+        ValueError: for less than two segments.
+    """
+    return mujoco.MjModel.from_xml_string(chain_xml(segments, arm, time_step))
+
+
+def chain_xml(segments: int, arm: ChainArm | None = None, time_step: float = 2e-4) -> str:
+    """The chain in MuJoCo's own format; arguments as in `chain_model`."""
+    if segments < 2:
+        raise ValueError(f"segments = {segments}: must be an integer >= 2")
+    arm = arm or ChainArm()
+    first, mount = _link(arm, 0, segments, mount=0.0)
+    second, tip = _link(arm, 1, segments, mount)
+    return f"""
+    <mujoco model="flexible arm of two links">
+      <compiler angle="radian"/>
+      <option timestep="{time_step!r}" integrator="implicitfast">
+        <flag gravity="disable" constraint="disable" contact="disable" autoreset="disable"/>
+      </option>
+      <worldbody>
+        {first}
+        {second}
+        <site name="{TIP}" pos="{tip!r} 0 0"/>
+        {"</body>" * (2 * segments)}
+      </worldbody>
+      <actuator>
+        <motor name="{SHOULDER}" joint="{SHOULDER}"/>
+        <motor name="{ELBOW}" joint="{ELBOW}"/>
+      </actuator>
+    </mujoco>"""
+
+
+def _link(arm: ChainArm, link: int, segments: int, mount: float) -> tuple[str, float]:
+    """Bodies of one link, left open for what comes after.
+
+    Args:
+        arm: the arm.
+        link: 0 or 1.
+        segments: number of rigid segments.
+        mount: distance of the link's root from the hinge before it, along the segment that carries it [m].
+
+    Returns:
+        Text, and the length of the last segment [m].
+    """
+    element = arm.link_lengths[link] / (segments - 1)
+    rho, stiffness = arm.masses_per_length[link], arm.flexural_rigidities[link] / element
+    damping = _damping_time(arm, link) * stiffness
+    hub = (arm.shoulder_hub_inertia, arm.elbow_hub_inertia)[link]
+    mass, inertia = ((arm.elbow_mass, 0.0), (arm.payload_mass, arm.payload_inertia))[link]
+    lines = []
+    for k in range(segments):
+        is_root, is_last = k == 0, k == segments - 1
+        length = 0.5 * element if is_root or is_last else element
+        name = (SHOULDER, ELBOW)[link] if is_root else f"bend{link + 1}_{k}"
+        spring = (0.0, arm.joint_friction[link]) if is_root else (stiffness, damping)
+        inertial = _inertial(rho * length, length, mass * is_last, hub * is_root + inertia * is_last)
+        lines.append(
+            f'<body pos="{mount!r} 0 0">{inertial}'
+            f'<joint name="{name}" axis="0 0 1" stiffness="{spring[0]!r}" damping="{spring[1]!r}"/>'
+        )
+        mount = length
+    return "\n".join(lines), mount
+
+
+def _damping_time(arm: ChainArm, link: int) -> float:
+    """beta = 2 zeta / omega_1 of the clamped link [s]."""
+    stretch = _FIRST_CLAMPED_ROOT / arm.link_lengths[link]
+    omega = stretch**2 * math.sqrt(arm.flexural_rigidities[link] / arm.masses_per_length[link])
+    return 2.0 * arm.modal_damping_ratio / omega
+
+
+def _inertial(rod: float, length: float, mass: float, inertia: float) -> str:
+    """A uniform rod [kg] of some length [m] with a point mass at its end [kg] and a further inertia [kg m^2]."""
+    total = rod + mass
+    centre = length * (0.5 * rod + mass) / total
+    about_root = length**2 * (rod / 3.0 + mass) + inertia
+    turning = about_root - total * centre**2
+    moments = f"{_SLENDER * turning!r} {turning!r} {turning!r}"
+    return f'<inertial pos="{centre!r} 0 0" mass="{total!r}" diaginertia="{moments}"/>'
+
+
+# --- looking at a chain -----------------------------------------------------------------------------------------------
+
+
+def joint_angles(data: mujoco.MjData) -> tuple[float, float]:
+    """theta1, theta2 [rad]."""
+    return float(data.joint(SHOULDER).qpos[0]), float(data.joint(ELBOW).qpos[0])
+
+
+def joint_rates(data: mujoco.MjData) -> tuple[float, float]:
+    """Rates of theta1 and theta2 [rad/s]."""
+    return float(data.joint(SHOULDER).qvel[0]), float(data.joint(ELBOW).qvel[0])
+
+
+def tip_position(model: mujoco.MjModel, data: mujoco.MjData) -> NDArray[np.float64]:
+    """Where the end of link 2 is now [m]. Shape (2,).
+
+    `mj_step` leaves the positions of the step's beginning, so they are computed anew.
+    """
+    mujoco.mj_kinematics(model, data)
+    return data.site(TIP).xpos[:2].copy()
+
+
+def frequencies(model: mujoco.MjModel, locked: Collection[str] = (), elbow: float = 0.0) -> NDArray[np.float64]:
+    """Undamped angular frequencies about rest with unbent links, lowest first [rad/s].
+
+    Args:
+        model: the chain.
+        locked: names of joints that are held; a free shoulder or elbow gives a zero.
+        elbow: theta2 [rad].
+    """
+    mass = mass_matrix(model, elbow)
+    free = [k for k in range(model.nv) if model.joint(k).name not in locked]  # a hinge has one degree of freedom
+    squares = eigh(_springs(model)[np.ix_(free, free)], mass[np.ix_(free, free)], eigvals_only=True)
+    return np.sqrt(np.maximum(squares, 0.0))
+
+
+def mass_matrix(model: mujoco.MjModel, elbow: float = 0.0) -> NDArray[np.float64]:
+    """Mass matrix of the unbent chain in its joint angles [kg m^2]. Shape (2 segments, 2 segments).
+
+    Args:
+        model: the chain.
+        elbow: theta2 [rad].
+    """
+    data = mujoco.MjData(model)
+    data.joint(ELBOW).qpos[0] = elbow
+    mujoco.mj_forward(model, data)
+    mass = np.zeros((model.nv, model.nv))
+    mujoco.mj_fullM(model, data, mass)
+    return mass
+
+
+def _springs(model: mujoco.MjModel) -> NDArray[np.float64]:
+    return np.diag([model.joint(k).stiffness[0] for k in range(model.nv)])
+
+
+# --- the time step ----------------------------------------------------------------------------------------------------
+
+
+def is_stable(model: mujoco.MjModel, seconds: float = 4.0, torque: float = 20.0) -> bool:
+    """Whether the linear chain does not grow by itself, and a run under random torques stays bounded.
+
+    Args:
+        model: the chain.
+        seconds: length of the run [s].
+        torque: uniform between plus and minus this [N m], drawn anew every ms (every step if that is longer).
+    """
+    if _growth(model) > 1.0 + _ROUNDING:
+        return False
+    data, random = mujoco.MjData(model), np.random.default_rng(0)
+    held = max(1, round(1e-3 / model.opt.timestep))
+    for step in range(round(seconds / model.opt.timestep)):
+        if step % held == 0:
+            data.ctrl[:] = random.uniform(-torque, torque, 2)
+        mujoco.mj_step(model, data)
+        if not np.abs(data.qvel).max() < _RUNAWAY:
+            return False
+    return True
+
+
+def _growth(model: mujoco.MjModel) -> float:
+    """Largest factor by which one step multiplies a small motion of the straight chain; 1 for its rigid motions."""
+    step, mass = model.opt.timestep, mass_matrix(model)
+    rates = np.linalg.solve(mass + step * np.diag(model.dof_damping), np.hstack((-step * _springs(model), mass)))
+    angles = np.eye(model.nv, 2 * model.nv) + step * rates
+    return float(np.abs(np.linalg.eigvals(np.vstack((angles, rates)))).max())
+
+
+def largest_stable_step(segments: int, arm: ChainArm | None = None, steps: Sequence[float] = TIME_STEPS) -> float:
+    """The first of `steps` that `is_stable` over 4 s under torques of up to 20 N m [s].
+
+    Args:
+        segments: rigid segments a link.
+        arm: the arm; None for `ChainArm()`.
+        steps: largest first [s].
+
+    Raises:
+        ValueError: if none is.
+    """
+    for step in steps:
+        if is_stable(chain_model(segments, arm, step)):
+            return step
+    raise ValueError(f"segments = {segments}: unstable with each step of {tuple(steps)} s")
