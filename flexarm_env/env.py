@@ -155,7 +155,7 @@ class FlexArmEnv(FleetView, gymnasium.Env[NDArray[np.float32], NDArray[np.float3
             self._show(result)
         return self.fleet.observations[0].copy(), float(result[self._reward]), status != 0.0, False, info
 
-    def render(self) -> NDArray[np.uint8] | None:  # type: ignore[override]
+    def render(self) -> NDArray[np.uint8] | None:
         """The present instant as a picture, Shape (size, size, 3), or None where a window shows it.
 
         Raises:

@@ -19,7 +19,7 @@ from flexarm_env.reference import same_length
 from flexarm_env.reward import TERMS
 from flexarm_env.rows import DRAWN, ORDER, PLAN, arena_rows, episode_sizes, extent, layout, settings_layout
 from flexarm_env.settings import MOVE_RING, STARTS, TORQUE_LIMIT, Settings, replaced
-from flexarm_env.stepping import CLOCK, STEPS
+from flexarm_env.stepping import CLOCK, PATH
 from flexarm_env.task import state_limits
 
 Array = NDArray[np.float64]
@@ -37,6 +37,8 @@ class Fleet:
         layout: of the observations.
         observations: present ones; the kernels write into it. Shape (lanes, k), float32.
     """
+
+    _pool: ThreadPoolExecutor | None
 
     def __init__(self, settings: Settings, count: int, threads: int = 1) -> None:
         """Lay out the fleet; kernels are compiled, or found in the cache, at the first start.
@@ -172,17 +174,10 @@ class Fleet:
         order[ORDER.index("start")] = START_CODES[start or self.settings.start]
         return order
 
-    @property
-    def phase(self) -> Array:
-        """Path times of the arms [s]. Shape (N,)."""
-        return self._clocks[:, STEPS].reshape(-1)[: self.count] * (
-            self.settings.control_period / self.settings.substeps
-        )
-
     def path(self, index: int) -> Array:
         """Way-points of the path that an environment follows [m]. Shape (n, 2)."""
         block, lane = divmod(index, self._arenas.shape[2])
-        return np.asarray(self._paths[self._clocks[block, 1, lane], :, 1:])
+        return np.asarray(self._paths[self._clocks[block, PATH, lane], :, 1:])
 
     # --- inside ----------------------------------------------------------------------------------------------------
 
@@ -191,7 +186,7 @@ class Fleet:
         self._flat_arenas = self._arenas.reshape(len(self._arenas), -1)
         self._flat_histories = self._histories.reshape(len(self._histories), -1)
         self._only = self._arenas[0, self._results, 0]
-        self._pool: ThreadPoolExecutor | None = None
+        self._pool = None
 
     @property
     def _step_kernel(self) -> Any:
@@ -254,7 +249,7 @@ class Fleet:
         }
         limit = (*s.action_limit, 0.0)[:2]
         weights = [s.reward_weights.get(name, 0.0) for name in TERMS]
-        values = {
+        values: dict[str, Any] = {
             "STEP": [s.control_period / s.substeps],
             "PERIOD": [s.control_period],
             "ACTION_SCALE": limit,

@@ -6,9 +6,9 @@ A path is a closed polyline travelled at constant speed on each side. The one ru
 
 from __future__ import annotations
 
-import numpy as np
 from collections.abc import Sequence
 
+import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexarm_env.inverse import joint_angles_for

@@ -18,7 +18,7 @@ from flexarm_env.validation import choice, real_array
 Array = NDArray[np.float64]
 OPTIONS = {
     "start": f"how the arm starts: {', '.join(map(repr, STARTS))}",
-    "time": "moment of the lap at which the episode starts [s], from 0 up to the lap time; to the nearest integration step",
+    "time": "moment of the lap at which the episode starts [s], below the lap time; to the nearest integration step",
     "path": "name of the reference, where the environment has several",
     "parameters": f"mapping of quantities of the episode: {', '.join(DRAWN)}",
     "state": "initial state in the public order, shape (4 + 4 m,)",
@@ -124,6 +124,6 @@ def _states(value: Any, fleet: Fleet) -> Array:
     if not np.all(np.abs(rows) <= limits):
         arm, entry = np.argwhere(~(np.abs(rows) <= limits))[0]
         raise ValueError(
-            f"options['state'][{entry}] = {rows[arm, entry]}: must be finite and at most {limits[entry]:.6g} in magnitude"
+            f"options['state'][{entry}] = {rows[arm, entry]}: must be finite, at most {limits[entry]:.6g} in magnitude"
         )
     return rows

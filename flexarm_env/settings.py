@@ -185,17 +185,14 @@ class Settings:
             getattr(self, what)  # made once, with its own checks
 
     def _checked(self) -> dict[str, Any]:
-        torque_limit = self.torque_limit
-        optional = (
-            {}
-            if self.physics_step is None
-            else {"physics_step": number("physics_step", self.physics_step, "s", above=0.0)}
-        )
-        if torque_limit is not None:
-            optional |= {"torque_limit": pair("torque_limit", torque_limit, "N m", above=0.0)}
+        optional: dict[str, Any] = {}
+        if self.physics_step is not None:
+            optional["physics_step"] = number("physics_step", self.physics_step, "s", above=0.0)
+        if self.torque_limit is not None:
+            optional["torque_limit"] = pair("torque_limit", self.torque_limit, "N m", above=0.0)
         for name in ("deflection_limit", "error_limit"):
             if getattr(self, name) is not None:
-                optional |= {name: number(name, getattr(self, name), "m", above=0.0)}
+                optional[name] = number(name, getattr(self, name), "m", above=0.0)
         return optional | {
             "action_mode": choice("action_mode", self.action_mode, MODES),
             "control_period": number("control_period", self.control_period, "s", above=0.0, most=1.0),
@@ -402,7 +399,7 @@ def replaced(parameters: ArmParameters, **changes: Any) -> ArmParameters:
 
 def default_of(one: Field[Any]) -> Any:
     """Default value of a dataclass's field."""
-    return one.default if one.default is not MISSING else one.default_factory()  # type: ignore[misc]
+    return one.default_factory() if one.default_factory is not MISSING else one.default
 
 
 def listed(name: str, value: object) -> list[Any]:

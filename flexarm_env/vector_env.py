@@ -151,7 +151,7 @@ class FlexArmVectorEnv(FleetView, gymnasium.vector.VectorEnv[NDArray[np.float32]
             self._done = np.zeros_like(self._done)
         return self._observations(), rewards, terminated, truncated, infos
 
-    def render(self) -> tuple[NDArray[np.uint8], ...] | None:  # type: ignore[override]
+    def render(self) -> tuple[NDArray[np.uint8], ...] | None:
         """A picture of each environment. Shape (size, size, 3) each."""
         if not self._scenes or not self._started:
             return None

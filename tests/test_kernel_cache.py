@@ -15,6 +15,7 @@ PACKAGE = Path(kernels.__file__).parent
 PROGRAM = """
 import sys, numpy as np, flexarm_env
 from flexarm_env import ArmParameters, FlexibleArm, kernels
+from flexarm_env.recorded import Variant
 assert flexarm_env.__file__.startswith(sys.argv[1]), flexarm_env.__file__
 arm = FlexibleArm(ArmParameters(modes_per_link=1))
 run = arm.simulate([0.1, 0.2, 0.3, -0.2, 1.0, -1.0, 0.5, 0.4], np.ones((10, 2)), 0.01)

@@ -1,0 +1,32 @@
+"""One environment's info out of Gymnasium's form for a batch: arrays, and for each a mask of who has it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+_OF_BATCHES = ("final_obs", "final_info")
+
+
+def info_of(infos: dict[str, Any], index: int) -> dict[str, Any]:
+    """The info of one environment, as the single environment would give it.
+
+    Args:
+        infos: of a batch.
+        index: of the environment.
+
+    Returns:
+        A new mapping; its arrays are copies.
+    """
+    own: dict[str, Any] = {}
+    for name, values in infos.items():
+        if name.startswith("_") or name in _OF_BATCHES or not infos[f"_{name}"][index]:
+            continue
+        if isinstance(values, dict):
+            own[name] = info_of(values, index)
+        elif isinstance(value := values[index], np.generic):
+            own[name] = value.item()
+        else:
+            own[name] = value.copy() if isinstance(value, np.ndarray) else value
+    return own
