@@ -1,5 +1,45 @@
-"""Agents that learn: an adapter for stable-baselines3, training, and policies that were trained."""
+"""Agents that learn: an adapter for stable-baselines3, training, and policies that were trained.
 
-from flexarm_agents.vec_env import FlexArmVecEnv
+What needs torch is imported when it is first asked for: trained policies run without it.
+"""
 
-__all__ = ["FlexArmVecEnv"]
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+from flexarm_agents.config import TrainingConfig
+from flexarm_agents.load import Trained, load_policy, shipped_policies
+from flexarm_agents.network import NetworkPolicy
+from flexarm_agents.score import Score, evaluate, score
+
+if TYPE_CHECKING:
+    from flexarm_agents.export import network_policy
+    from flexarm_agents.training import Outcome, train
+    from flexarm_agents.vec_env import FlexArmVecEnv
+
+_LATE = {
+    "FlexArmVecEnv": "flexarm_agents.vec_env",
+    "Outcome": "flexarm_agents.training",
+    "network_policy": "flexarm_agents.export",
+    "train": "flexarm_agents.training",
+}
+
+__all__ = [
+    "FlexArmVecEnv",
+    "NetworkPolicy",
+    "Outcome",
+    "Score",
+    "Trained",
+    "TrainingConfig",
+    "evaluate",
+    "load_policy",
+    "network_policy",
+    "score",
+    "shipped_policies",
+    "train",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _LATE:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(_LATE[name]), name)

@@ -15,6 +15,7 @@ from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 from stable_baselines3.common.vec_env.base_vec_env import VecEnv, VecEnvIndices, VecEnvStepReturn
 
+from flexarm_agents.environments import make_batch
 from flexarm_agents.infos import info_of
 from flexarm_env.validation import choice
 from flexarm_env.vector_env import FlexArmVectorEnv
@@ -70,13 +71,10 @@ class FlexArmVecEnv(VecEnv):
             **options: of the environment, or `max_episode_steps`, `render_mode`, `threads`.
 
         Raises:
-            TypeError: if the id is not one of a FlexArm environment.
+            TypeError, ValueError: for an unknown id or a bad option.
         """
-        env = gymnasium.make_vec(environment, num_envs=num_envs, autoreset_mode=AutoresetMode.SAME_STEP, **options)
-        if not isinstance(env, FlexArmVectorEnv):
-            env.close()
-            raise TypeError(f"environment = {environment!r}: must be the id of a FlexArm environment")
-        return cls(env, infos)
+        choice("infos", infos, INFOS)
+        return cls(make_batch(environment, num_envs, options), infos)
 
     # --- running ---------------------------------------------------------------------------------------------------
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 from math import floor
 from typing import Any
 
-from flexarm_env.stepping import PATH, SINCE, STEPS, evaluate_law, loop_step, reference_at, store_reading
+from flexarm_env.stepping import PATH, SINCE, STEPS, count_step, evaluate_law, loop_step, reference_at, store_reading
 from flexarm_env.torque_stepping import RK4_STEP, RK4_WEIGHT, begin_step, end_step, open_step
 
 LANES = 1
@@ -61,11 +61,21 @@ def command(arena: Any, plan: Any, settings: Any, i: int, r: int, begin: float) 
     return before_switch * value + (1.0 - before_switch) * next_value
 
 
-def advance_clock(arena: Any, history: Any, clock: Any) -> None:
-    """Count an integration step and enter its reading into the delay line."""
+def prompt(arena: Any) -> bool:
+    """Whether no lane has an actuation delay, so that commands do not change within a control period."""
+    longest = 0.0
     for i in range(LANES):
-        clock[STEPS, i] += 1
-    store_reading(arena, history, clock)
+        longest = max(longest, arena[i + (EPISODE + DRAWN_ACTUATION_DELAY) * LANES])
+    return longest == 0.0
+
+
+def write_commands(arena: Any, plan: Any, settings: Any, step: int) -> None:
+    """Enter the commanded torques of an integration step, the mean over it where a command changes within."""
+    begin = step * settings[STEP]
+    for r in range(2):
+        scale = settings[ACTION_SCALE + r]
+        for i in range(LANES):
+            arena[i + (TAU + r) * LANES] = scale * command(arena, plan, settings, i, r, begin)
 
 
 def drive_torque(arena: Any, history: Any, clock: Any, paths: Any, plan: Any, settings: Any) -> None:
@@ -79,16 +89,17 @@ def drive_torque(arena: Any, history: Any, clock: Any, paths: Any, plan: Any, se
         plan: see `rows.PLAN`.
         settings: see `rows.SETTINGS`.
     """
-    h = settings[STEP]
+    held = prompt(arena)
+    write_commands(arena, plan, settings, 0)
+    for r in range(2):
+        for i in range(LANES):
+            arena[i + (TORQUE + r) * LANES] = arena[i + (TAU + r) * LANES]
     for step in range(plan[SUBSTEPS]):
-        for r in range(2):
-            for i in range(LANES):
-                tau = settings[ACTION_SCALE + r] * command(arena, plan, settings, i, r, step * h)
-                arena[i + (TAU + r) * LANES] = tau
-                if step == 0:
-                    arena[i + (TORQUE + r) * LANES] = tau
-        open_step(arena, h)
-        advance_clock(arena, history, clock)
+        if not held:
+            write_commands(arena, plan, settings, step)
+        open_step(arena, settings[STEP])
+        count_step(clock, history)
+        store_reading(arena, history, clock)
 
 
 def hermite(u: float, period: float) -> tuple[float, float, float, float, float, float, float, float]:
@@ -150,13 +161,15 @@ def drive_tracking(arena: Any, history: Any, clock: Any, paths: Any, plan: Any, 
     """
     h, period = settings[STEP], settings[PERIOD]
     aim(arena, clock, paths, plan, settings)
+    held = prompt(arena) or plan[SHIFTING] > 0
+    if plan[SHIFTING] == 0:
+        write_commands(arena, plan, settings, 0)
+    else:
+        for i in range(2 * LANES):
+            arena[i + TAU * LANES] = 0.0
     for step in range(plan[SUBSTEPS]):
-        for r in range(2):
-            for i in range(LANES):
-                residual = 0.0
-                if plan[SHIFTING] == 0:
-                    residual = settings[ACTION_SCALE + r] * command(arena, plan, settings, i, r, step * h)
-                arena[i + (TAU + r) * LANES] = residual
+        if not held:
+            write_commands(arena, plan, settings, step)
         begin_step(arena)
         for stage in range(4):
             basis = hermite((step + RK4_STEP[stage]) * h / period, period)
@@ -166,7 +179,8 @@ def drive_tracking(arena: Any, history: Any, clock: Any, paths: Any, plan: Any, 
                     for i in range(LANES):
                         arena[i + (TORQUE + r) * LANES] = arena[i + (STAGE_TORQUE + r) * LANES]
         end_step(arena, h)
-        advance_clock(arena, history, clock)
+        count_step(clock, history)
+        store_reading(arena, history, clock)
 
 
 def drive_gain(arena: Any, history: Any, clock: Any, paths: Any, plan: Any, settings: Any) -> None:
@@ -181,8 +195,9 @@ def drive_gain(arena: Any, history: Any, clock: Any, paths: Any, plan: Any, sett
         settings: see `rows.SETTINGS`.
     """
     h = settings[STEP]
+    held = prompt(arena)
     for step in range(plan[SUBSTEPS]):
-        for i in range(LANES):
+        for i in range(LANES if step == 0 or not held else 0):
             arena[i + GAIN * LANES] = settings[ACTION_SCALE] * (
                 0.5 * (command(arena, plan, settings, i, 0, step * h) + 1.0)
             )

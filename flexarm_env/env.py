@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexarm_env.arm import FlexibleArm
+from flexarm_env.documentation import specification
 from flexarm_env.fleet import Fleet
 from flexarm_env.info import InfoMaker
 from flexarm_env.reset_options import orders_of
@@ -75,10 +76,10 @@ class FlexArmEnv(FleetView, gymnasium.Env[NDArray[np.float32], NDArray[np.float3
     (IFAC 2008): two links of 4.5 m, no gravity; the tip should follow a square of 12.6 m in 16 s. What an action is,
     what an observation holds, what is random and what is rewarded are options (`flexarm_env.settings.Settings`);
     the ids differ in their options only.
-
-    Attributes:
-        fleet: the one arm, its kernels and its data.
     """
+
+    # The tables of the specification come from the declarations.
+    __doc__ = specification(__doc__ or "")
 
     metadata = {"render_modes": list(RENDER_MODES), "render_fps": FASTEST_VIDEO}  # noqa: RUF012  (Gymnasium's own)
 

@@ -12,7 +12,17 @@ from typing import Any
 from flexarm_env.drives import drive
 from flexarm_env.elementary import sincos
 from flexarm_env.random_stream import normal, uniform
-from flexarm_env.stepping import BEGAN, PATH, SINCE, STEPS, past_reading, reference_at, reference_now, state_status
+from flexarm_env.stepping import (
+    BEGAN,
+    HEAD,
+    PATH,
+    SINCE,
+    STEPS,
+    past_reading,
+    reference_at,
+    reference_now,
+    state_status,
+)
 
 LANES = 1
 SIZE = 4
@@ -48,7 +58,7 @@ def sensed_point(
     """Position that the sensor of lane i measured `late` (its elbow's angle `later`) seconds ago [m]."""
     h = settings[STEP]
     slots = history.shape[0] // (4 * LANES)
-    slot = clock[STEPS, i] % slots
+    slot = clock[HEAD, 0]
     first = past_reading(history, slots, slot, i, 0, h, late / h)[0]
     second = past_reading(history, slots, slot, i, 1, h, later / h)[0]
     if TRUE_SENSOR:
@@ -184,30 +194,43 @@ def judge(arena: Any, settings: Any) -> None:
 
 def write_previews(arena: Any, clock: Any, paths: Any, plan: Any, settings: Any) -> None:
     """Where the reference will have moved at each horizon, seen from where it is, in the frame."""
-    h = settings[STEP]
+    for i in range(LANES):
+        path = paths[clock[PATH, i]]
+        last = path.shape[0] - 1
+        lap = path[last, 0]
+        sides_per_second = last / lap
+        now = arena[i + PHASE * LANES] * lap
+        for n in range(plan[PREVIEWS]):
+            time = now + settings[HORIZONS + n]
+            if time >= lap:
+                time -= floor(time / lap) * lap
+            k = min(int(time * sides_per_second), last - 1)
+            while k < last - 1 and time >= path[k + 1, 0]:
+                k += 1
+            while k > 0 and time < path[k, 0]:
+                k -= 1
+            arena[i + (TAIL + 2 * n) * LANES] = path[k, 1] + path[k, 3] * (time - path[k, 0])
+            arena[i + (TAIL + 2 * n + 1) * LANES] = path[k, 2] + path[k, 4] * (time - path[k, 0])
     for n in range(plan[PREVIEWS]):
-        ahead = settings[HORIZONS + n]
+        first, second = (TAIL + 2 * n) * LANES, (TAIL + 2 * n + 1) * LANES
         for i in range(LANES):
-            time = clock[STEPS, i] * h + ahead
-            there = reference_at(paths[clock[PATH, i]], time, time, clock[SINCE, i] * h)
-            x = there[0] - arena[i + REFERENCE * LANES]
-            y = there[1] - arena[i + (REFERENCE + 1) * LANES]
+            x = arena[i + first] - arena[i + REFERENCE * LANES]
+            y = arena[i + second] - arena[i + (REFERENCE + 1) * LANES]
             cosine = arena[i + FRAME_AXIS * LANES]
             sine = arena[i + (FRAME_AXIS + 1) * LANES]
-            arena[i + (TAIL + 2 * n) * LANES] = cosine * x + sine * y
-            arena[i + (TAIL + 2 * n + 1) * LANES] = cosine * y - sine * x
+            arena[i + first] = cosine * x + sine * y
+            arena[i + second] = cosine * y - sine * x
 
 
 def write_observations(arena: Any, observations: Any, first: int, plan: Any, settings: Any) -> None:
     """Gather the observations of a block; a lane whose state is not valid keeps its last one."""
     factors = HORIZONS + plan[PREVIEWS]
-    for n in range(plan[OBSERVED]):
-        row = plan[PLACES + n] * LANES
-        factor = settings[factors + n]
-        for i in range(LANES):
-            status = arena[i + STATUS * LANES]
-            if status == 0.0 or status < -1.5:
-                observations[first + i, n] = arena[i + row] * factor
+    for i in range(LANES):
+        status = arena[i + STATUS * LANES]
+        if status == 0.0 or status < -1.5:
+            observation = observations[first + i]
+            for n in range(plan[OBSERVED]):
+                observation[n] = arena[i + plan[PLACES + n] * LANES] * settings[factors + n]
 
 
 def step_episodes(
@@ -230,7 +253,7 @@ def step_episodes(
         histories: Shape (blocks, slots * 4 * LANES).
         clocks: Shape (blocks, CLOCK, LANES).
         keys: of the episodes. Shape (blocks, LANES).
-        paths: of all lanes. Shape (paths, n, 3).
+        paths: of all lanes. Shape (paths, n, 5).
         plan: see `rows.PLAN`.
         settings: see `rows.SETTINGS`.
         actions: Shape (blocks * LANES, channels).

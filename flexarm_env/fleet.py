@@ -20,12 +20,20 @@ from flexarm_env.reward import TERMS
 from flexarm_env.rows import DRAWN, ORDER, PLAN, arena_rows, episode_sizes, extent, layout, settings_layout
 from flexarm_env.settings import MOVE_RING, STARTS, TORQUE_LIMIT, Settings, replaced
 from flexarm_env.stepping import CLOCK, PATH
-from flexarm_env.task import state_limits
+from flexarm_env.task import ANGLE_LIMIT, RATE_LIMIT, state_limits
 
 Array = NDArray[np.float64]
 BLOCK = 16  # lanes; fewer environments than that share a block as wide as a power of two
 KINDS = {"torque": "torque", "residual": "tracking", "reference": "tracking", "gain": "gain"}
 REASONS = {-1: "diverged", -2: "deflection", -3: "error"}
+# Why an episode may terminate.
+ENDS = {
+    "error": "the true tip is farther from the reference than `error_limit`",
+    "deflection": "a link's tip deflection is beyond `deflection_limit`, or that of one of its modes beyond its length",
+    "angle": f"a joint angle is beyond {ANGLE_LIMIT / (2.0 * np.pi):g} turns",
+    "rate": f"a joint is faster than {RATE_LIMIT:g} rad/s",
+    "diverged": "a number of the state is not finite",
+}
 NAN = float("nan")
 
 
@@ -177,7 +185,7 @@ class Fleet:
     def path(self, index: int) -> Array:
         """Way-points of the path that an environment follows [m]. Shape (n, 2)."""
         block, lane = divmod(index, self._arenas.shape[2])
-        return np.asarray(self._paths[self._clocks[block, PATH, lane], :, 1:])
+        return np.asarray(self._paths[self._clocks[block, PATH, lane], :, 1:3])
 
     # --- inside ----------------------------------------------------------------------------------------------------
 
@@ -220,7 +228,7 @@ class Fleet:
         if self.settings.paths:
             return same_length(self.settings.paths)
         points = round(self.settings.lap_time / self.settings.control_period) + 1
-        return np.zeros((lanes, points, 3))
+        return np.zeros((lanes, points, 5))
 
     def _plan_and_table(self) -> tuple[NDArray[np.int64], Array]:
         """`plan` and `settings` of the kernels (`rows.PLAN`, `rows.SETTINGS`)."""

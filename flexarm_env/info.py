@@ -5,7 +5,7 @@ Truth that no sensor knows is here, never in an observation.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,38 @@ from flexarm_env.reward import TERMS
 from flexarm_env.rows import DRAWN
 
 Array = NDArray[np.float64]
+
+
+class Key(NamedTuple):
+    """What a key of an info holds.
+
+    Attributes:
+        what: description.
+        unit: of its numbers.
+        when: it is there.
+    """
+
+    what: str
+    unit: str = ""
+    when: str = "always"
+
+
+KEYS = {
+    "torque": Key("of shoulder and elbow at the start of the period that ended; 0 after a reset", "N m"),
+    "true_tip": Key("where the tip is, with deflection", "m"),
+    "rigid_tip": Key("where it would be by rigid kinematics of the true joint angles", "m"),
+    "reference": Key("where it should be", "m"),
+    "sensed": Key("latest reading of the sensor on link 2", "m"),
+    "state": Key(
+        "theta1, theta2, modal coordinates of link 1, of link 2, and the rates of all of these; shape (4 + 4 m,)",
+        "rad, 1, rad/s, 1/s",
+    ),
+    "time": Key("since the episode began", "s"),
+    "gain": Key("lambda in the period that ended", "1", 'always, where `action_mode` is "gain"'),
+    "reward_terms": Key("weighted terms that the reward is the sum of, by name", "1", "after a step"),
+    "parameters": Key(f"quantities of the episode, drawn or not: {', '.join(DRAWN)}", "", "after a reset"),
+    "termination_reason": Key("why the episode terminated; see Episode end", "", "when it did"),
+}
 # Key in `info`, part of the results, and how many of its numbers.
 _VECTORS = {
     "torque": ("TORQUE", 2),

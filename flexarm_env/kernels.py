@@ -27,7 +27,13 @@ from flexarm_env.recorded import DECORATOR, RECORDED, Variant
 from flexarm_env.rows import DRIVES, PLAN, constant_places, extent, layout, settings_layout
 
 _OPEN = (torque_stepping.begin_step, torque_stepping.end_step, torque_stepping.open_step)
-_READINGS = (stepping.reference_at, stepping.reference_now, stepping.past_reading, stepping.store_reading)
+_READINGS = (
+    stepping.reference_at,
+    stepping.reference_now,
+    stepping.past_reading,
+    stepping.count_step,
+    stepping.store_reading,
+)
 _LAW = (
     stepping.chord_at,
     stepping.prepare_commands,
@@ -50,7 +56,8 @@ _EPISODE = (
     *_READINGS,
     stepping.state_status,
     drives.command,
-    drives.advance_clock,
+    drives.prompt,
+    drives.write_commands,
 )
 _LOOKING = (
     episodes.sensed_point,
@@ -94,9 +101,10 @@ _DRIVERS: dict[str, tuple[Callable[..., Any] | tuple[Callable[..., Any], str], .
         starts.start_episodes,
     ),
 }
+ENTRY_POINTS = ("start_episodes", "step_episodes")
 _LAW_TABLES = (stepping, ("NODES", "GAMMA", "EXPLICIT", "IMPLICIT"))
 _RK4_TABLES = (torque_stepping, ("RK4_STEP", "RK4_WEIGHT"))
-_CLOCK = (stepping, ("STEPS", "PATH", "SINCE", "BEGAN"))
+_CLOCK = (stepping, ("STEPS", "PATH", "SINCE", "BEGAN", "HEAD"))
 _EPISODE_TABLES = (
     _CLOCK,
     (drives, ("DRAWN_ACTUATION_DELAY",)),
@@ -150,6 +158,11 @@ def render(variant: Variant) -> str:
         function, name = driver if isinstance(driver, tuple) else (driver, driver.__name__)
         source = inspect.getsource(function)
         text += DECORATOR + source.replace(f"def {function.__name__}(", f"def {name}(", 1) + "\n\n"
+    if variant.kind in DRIVES:  # Python calls the two entry points only; wrappers for the others would take time
+        inner = DECORATOR.replace(")\n", ", no_cpython_wrapper=True)\n")
+        head, *functions = text.split(DECORATOR)
+        entries = tuple(f"def {name}(" for name in ENTRY_POINTS)
+        text = head + "".join((DECORATOR if each.startswith(entries) else inner) + each for each in functions)
     return text
 
 

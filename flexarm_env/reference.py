@@ -46,6 +46,11 @@ class ReferencePath:
         self.table = points
 
     @property
+    def rows(self) -> Array:
+        """The table with the velocity from each way-point on, as `stepping.reference_at` reads it. Shape (n, 5)."""
+        return with_velocities(self.table)
+
+    @property
     def lap_time(self) -> float:
         """Time of one lap [s]."""
         return float(self.table[-1, 0])
@@ -59,9 +64,9 @@ class ReferencePath:
         return self._evaluate(time)[..., 2:]
 
     def _evaluate(self, time: ArrayLike) -> Array:
-        times = np.asarray(time, dtype=float)
-        rows = [reference_at(self.table, t, t, 0.0) for t in times.ravel().tolist()]
-        return np.array(rows).reshape(*times.shape, 4)
+        times, rows = np.asarray(time, dtype=float), self.rows
+        values = [reference_at(rows, t, t, 0.0) for t in times.ravel().tolist()]
+        return np.array(values).reshape(*times.shape, 4)
 
     def check_reach(self, arm: ArmParameters) -> None:
         """Refuse a path that the arm's tip cannot reach with rigid links.
@@ -85,6 +90,13 @@ class ReferencePath:
                 f"path: it passes the shoulder at {nearest:.4g} m; links of {arm.link_lengths} m keep the tip "
                 f"{hole:.4g} m away, which misses it by {hole - nearest:.4g} m"
             )
+
+
+def with_velocities(table: Array) -> Array:
+    """Way-points (time, x, y) with the velocity from each on; the last one's is that of the first. Shape (n, 5)."""
+    steps = np.diff(table, axis=0)
+    velocities = steps[:, 1:] * (1.0 / steps[:, :1])
+    return np.column_stack([table, np.concatenate([velocities, velocities[:1]])])
 
 
 def _distance_to_origin(a: Array, b: Array) -> float:
@@ -164,10 +176,10 @@ def same_length(paths: Sequence[ReferencePath]) -> Array:
     """Tables of several paths with equally many way-points; sides of the shorter ones are divided evenly.
 
     Returns:
-        Shape (paths, n, 3).
+        Shape (paths, n, 5), see `ReferencePath.rows`.
     """
     sides = max(len(path.table) for path in paths) - 1
-    return np.array([_subdivided(path.table, sides) for path in paths])
+    return np.array([with_velocities(_subdivided(path.table, sides)) for path in paths])
 
 
 def _subdivided(table: Array, sides: int) -> Array:

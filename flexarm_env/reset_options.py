@@ -17,7 +17,7 @@ from flexarm_env.validation import choice, real_array
 
 Array = NDArray[np.float64]
 OPTIONS = {
-    "start": f"how the arm starts: {', '.join(map(repr, STARTS))}",
+    "start": "how the arm starts: " + ", ".join(f'"{name}"' for name in STARTS),
     "time": "moment of the lap at which the episode starts [s], below the lap time; to the nearest integration step",
     "path": "name of the reference, where the environment has several",
     "parameters": f"mapping of quantities of the episode: {', '.join(DRAWN)}",

@@ -10,7 +10,7 @@ import difflib
 from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, Field, dataclass, field, fields
 from functools import cached_property
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,21 +35,77 @@ from flexarm_env.parameters import (
 from flexarm_env.reference import PATHS, ReferencePath, way_points
 from flexarm_env.rows import DRAWN
 from flexarm_env.simulation import default_step
+from flexarm_env.starts import SHARE_AT_REST
 from flexarm_env.validation import choice, integer, number, pair
 
-ActionMode = Literal["torque", "residual", "reference", "gain"]
+Mode = Literal["torque", "residual", "reference", "gain"]
 Start = Literal["corner", "corners", "moving", "mix"]
 Frame = Literal["link", "world"]
 
-MODES: dict[str, str] = {
-    "torque": "torques of the motors, held over the control period",
-    "residual": "torques added to an inner joint-space tracking law, which acts in continuous time",
-    "reference": "shift of that law's joint reference",
-    "gain": "the gain lambda of the paper's law (10), (14), which acts in continuous time",
+
+class ActionMode(NamedTuple):
+    """What an entry a of an action, in [-1, 1], stands for.
+
+    Attributes:
+        text: description.
+        quantity: name of the physical quantity in the formulas.
+        unit: of it.
+        formula: the quantity from a, as Python writes it; other names are options.
+        inverse: a from the quantity.
+        channels: what each entry belongs to.
+        least: the quantity at a = -1, as a share of that at 1.
+    """
+
+    text: str
+    quantity: str
+    unit: str
+    formula: str
+    inverse: str
+    channels: tuple[str, ...] = ("shoulder", "elbow")
+    least: float = -1.0
+
+
+MODES: dict[str, ActionMode] = {
+    "torque": ActionMode(
+        "torque of the motors, held over the control period",
+        "torque",
+        "N m",
+        "torque_limit * a",
+        "torque / torque_limit",
+    ),
+    "residual": ActionMode(
+        "torque added to an inner joint-space tracking law (a spring and a damper between each joint and the rigid "
+        "arm's way along the reference), which acts in continuous time; `torque_limit` limits the sum too",
+        "residual",
+        "N m",
+        "torque_limit * a",
+        "residual / torque_limit",
+    ),
+    "reference": ActionMode(
+        "shift of that law's joint reference, reached linearly within the control period",
+        "shift",
+        "rad",
+        "shift_limit * a",
+        "shift / shift_limit",
+    ),
+    "gain": ActionMode(
+        "the gain lambda of the paper's law (10), (14), which acts in continuous time",
+        "gain",
+        "1",
+        "gain_limit * (a + 1) / 2",
+        "2 * gain / gain_limit - 1",
+        ("law",),
+        0.0,
+    ),
 }
 TORQUE_LIMIT = (150.0, 50.0)  # [N m]
 PHYSICS_STEP = 1e-3  # [s], of the explicit integrator
-STARTS = ("corner", "corners", "moving", "mix")
+STARTS = {
+    "corner": "at rest at the start of the lap",
+    "corners": "at rest at a quarter of the lap, drawn",
+    "moving": "anywhere, drawn to the control period, with the reference's velocity and off it by up to `start_spread`",
+    "mix": f'"corners" in {100.0 * SHARE_AT_REST:g} % of the episodes, else "moving"',
+}
 MOVE_RING = (0.35, 0.95)  # of the reach: where the ends of drawn moves lie
 DEFAULT_WEIGHTS = {"tracking_wide": 0.35, "tracking_middle": 0.3, "tracking_fine": 0.2, "action_change": 0.15}
 DEFAULT_OBSERVATION = (
@@ -88,7 +144,7 @@ class Settings:
         '"default" (2 modes a link, complete dynamics, 1 % modal damping), "paper", or a mapping of `ArmParameters` '
         'fields, with `preset` ("default" or "paper") for those it does not set',
     )
-    action_mode: ActionMode = _option("torque", "what an action is; see Action space")
+    action_mode: Mode = _option("torque", "what an action is; see Action space")
     control_period: float = _option(0.01, "an action is held so long", "s")
     physics_step: float | None = _option(
         None, "longest integration step; None: 1 ms, for the gain 0.25 ms, or less if the fastest mode demands it", "s"
@@ -145,8 +201,7 @@ class Settings:
     elbow_branch: ElbowBranch = _option("positive", "sign of theta2 at the start and in the inverse kinematics")
     start: Start = _option(
         "mix",
-        '"corner" (at rest at the start of the lap), "corners" (at rest at a quarter of the lap), "moving" (anywhere, '
-        'with the reference\'s velocity) or "mix" (30 % "corners", 70 % "moving")',
+        "how an episode starts; see Starting state",
     )
     start_spread: tuple[float, float] = _option(
         (0.05, 0.05), "largest deviations of a moving start: joint angles, tip deflections of the first modes", "rad, m"
@@ -157,8 +212,12 @@ class Settings:
         "(factor), `damping` (modal damping ratio), `noise` [m], `actuation_delay` [s]",
     )
     reward_weights: Mapping[str, float] = _option(DEFAULT_WEIGHTS, "of the reward's terms; what is not named is 0")
-    deflection_limit: float | None = _option(1.5, "a link's tip deflection that ends an episode", "m")
-    error_limit: float | None = _option(2.5, "distance of the true tip from the reference that ends an episode", "m")
+    deflection_limit: float | None = _option(
+        1.5, "a link's tip deflection that ends an episode; None: any is allowed", "m"
+    )
+    error_limit: float | None = _option(
+        2.5, "distance of the true tip from the reference that ends an episode; None: any is allowed", "m"
+    )
 
     @classmethod
     def of(cls, options: Mapping[str, Any]) -> Settings:

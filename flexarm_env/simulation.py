@@ -111,6 +111,7 @@ class ClosedLoop:
             raise ValueError("cases: must hold at least one LoopCase")
         for case in self._cases:
             _check_case(case, arm)
+        self._path_rows = path.rows[None]
         self._ready = False  # until the first reset
         self.control_period = number("control_period", control_period, "s", above=0.0)
         self.substeps = self._count_substeps(physics_step)
@@ -319,7 +320,7 @@ class ClosedLoop:
             self._flat_arenas,
             self._flat_histories,
             self._clocks,
-            self.path.table[None],
+            self._path_rows,
             self.physics_step,
             steps,
             initialise,

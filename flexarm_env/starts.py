@@ -12,7 +12,7 @@ from flexarm_env.elementary import sincos
 from flexarm_env.episodes import look, sensed_point, write_observations, write_previews
 from flexarm_env.inverse import joint_angles_for, joint_rates_for
 from flexarm_env.random_stream import uniform
-from flexarm_env.stepping import BEGAN, PATH, SINCE, STEPS, evaluate_law, reading_kernel, reference_at
+from flexarm_env.stepping import BEGAN, HEAD, PATH, SINCE, STEPS, evaluate_law, reading_kernel, reference_at
 
 LANES = 1
 SIZE = 4
@@ -110,7 +110,7 @@ def draw_moves(path: Any, key: Any, settings: Any) -> None:
     `MOVES` sets, theta1's way is the shorter one.
 
     Args:
-        path: to be filled; evenly timed. Shape (n, 3).
+        path: to be filled; evenly timed, see `stepping.reference_at`. Shape (n, 5).
         key: of the episode.
         settings: see `rows.SETTINGS`.
     """
@@ -136,6 +136,10 @@ def draw_moves(path: Any, key: Any, settings: Any) -> None:
         path[n, 0] = lap * (n / last)
         path[n, 1] = settings[LENGTHS] * one[1] + settings[LENGTHS + 1] * both[1]
         path[n, 2] = settings[LENGTHS] * one[0] + settings[LENGTHS + 1] * both[0]
+    for n in range(last):
+        per_second = 1.0 / (path[n + 1, 0] - path[n, 0])
+        path[n, 3] = (path[n + 1, 1] - path[n, 1]) * per_second
+        path[n, 4] = (path[n + 1, 2] - path[n, 2]) * per_second
 
 
 def place_arm(arena: Any, clock: Any, key: Any, paths: Any, settings: Any, order: Any, i: int, moving: bool) -> None:
@@ -178,7 +182,7 @@ def fill_history(arena: Any, history: Any, clock: Any, paths: Any, settings: Any
     slots = history.shape[0] // (4 * LANES)
     now = reference_reading(arena, clock, paths, settings, i, 0.0)
     for back in range(slots):
-        slot = (clock[STEPS, i] - back) % slots
+        slot = (clock[HEAD, 0] - back) % slots
         moved = reference_reading(arena, clock, paths, settings, i, back * h) if moving and back > 0 else now
         for r in range(4):
             value = arena[i + (READING + r) * LANES]
@@ -299,7 +303,7 @@ def start_episodes(
         histories: Shape (blocks, slots * 4 * LANES).
         clocks: Shape (blocks, CLOCK, LANES).
         keys: of the episodes, new ones where one begins. Shape (blocks, LANES).
-        paths: of all lanes. Shape (paths, n, 3).
+        paths: of all lanes. Shape (paths, n, 5).
         plan: see `rows.PLAN`.
         settings: see `rows.SETTINGS`.
         orders: see `rows.ORDER`. Shape (blocks * LANES, columns).

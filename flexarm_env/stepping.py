@@ -20,9 +20,9 @@ STAGES = 4
 Y = V = Y_STAGE = V_STAGE = V_SLOTS = MECHANICAL = MECHANICAL_SLOTS = FEEDBACK = FEEDBACK_SLOTS = OFFSET = 0
 WEIGHT = RATE_OFFSET = RATE_WEIGHT = COMMAND_1 = COMMAND_2 = DELAY = COMMAND_DELAY = RATE_LATE = READING = 0
 # What a lane's clock counts and points to: integration steps of path time, its path, the step before which the
-# reference rests, and the step at which the episode began.
-STEPS, PATH, SINCE, BEGAN = 0, 1, 2, 3
-CLOCK = 4
+# reference rests, the step at which the episode began, and the delay line's newest slot, the same for a whole block.
+STEPS, PATH, SINCE, BEGAN, HEAD = 0, 1, 2, 3, 4
+CLOCK = 5
 LATE = True
 TAU = REFERENCE = STATE = LIMITS = TRUE_TIP = REWARD_TERMS = STATUS = TORQUE = 0
 
@@ -71,7 +71,8 @@ def reference_at(path: Any, time: float, side: float, since: float) -> tuple[flo
     """Reference position and velocity on a closed polyline.
 
     Args:
-        path: way-points (time [s], x, y [m]), the last one closing the lap. Shape (n, 3).
+        path: way-points (time [s], x, y [m], velocity from there on x', y' [m/s]), the last one closing the lap.
+            Shape (n, 5).
         time: where to evaluate [s].
         side: picks the side where `time` is at a corner: a time on it [s].
         since: before this time the reference rests where it is then [s].
@@ -93,9 +94,8 @@ def reference_at(path: Any, time: float, side: float, since: float) -> tuple[flo
         k += 1
     while k > 1 and side - before < path[k - 1, 0]:
         k -= 1
-    per_second = 1.0 / (path[k, 0] - path[k - 1, 0])
-    vx = (path[k, 1] - path[k - 1, 1]) * per_second
-    vy = (path[k, 2] - path[k - 1, 2]) * per_second
+    vx = path[k - 1, 3]
+    vy = path[k - 1, 4]
     passed = time - before - path[k - 1, 0]
     return path[k - 1, 1] + vx * passed, path[k - 1, 2] + vy * passed, moving * vx, moving * vy
 
@@ -116,7 +116,7 @@ def prepare_commands(arena: Any, clock: Any, paths: Any, h: float) -> None:
     Args:
         arena: of one block.
         clock: of each lane, see STEPS. Shape (CLOCK, LANES).
-        paths: of all lanes, see `reference_at`. Shape (paths, n, 3).
+        paths: of all lanes, see `reference_at`. Shape (paths, n, 5).
         h: step [s].
     """
     for i in range(LANES):
@@ -152,8 +152,8 @@ def prepare_readings(arena: Any, history: Any, clock: Any, h: float, node: float
         node: of the stage, 0 to 1.
     """
     slots = history.shape[0] // (4 * LANES)
+    slot = clock[HEAD, 0]
     for i in range(LANES if LATE else 0):
-        slot = clock[STEPS, i] % slots
         for j in range(2):
             prepare_reading(arena, history, slots, slot, i, j, h, node)
 
@@ -210,14 +210,25 @@ def prepare_reading(arena: Any, history: Any, slots: int, slot: int, i: int, j: 
     arena[i + (RATE_WEIGHT + j) * LANES] = rate_weight if late else 1.0
 
 
+def count_step(clock: Any, history: Any) -> None:
+    """Count an integration step of every lane of a block, and move on in its delay line."""
+    for i in range(LANES):
+        clock[STEPS, i] += 1
+    head = clock[HEAD, 0] + 1
+    if head * 4 * LANES == history.shape[0]:
+        head = 0
+    for i in range(LANES):
+        clock[HEAD, i] = head
+
+
 def store_reading(arena: Any, history: Any, clock: Any) -> None:
     """Enter the current readings into the delay line."""
     reading_kernel(arena)
-    slots = history.shape[0] // (4 * LANES)
-    for i in range(LANES):
-        here = (clock[STEPS, i] % slots) * 4 * LANES
-        for r in range(4):
-            history[i + here + r * LANES] = arena[i + (READING + r) * LANES]
+    here = clock[HEAD, 0] * 4 * LANES
+    now = history[here : here + 4 * LANES]
+    for r in range(4):
+        for i in range(LANES):
+            now[i + r * LANES] = arena[i + (READING + r) * LANES]
 
 
 def evaluate_law(arena: Any, history: Any, clock: Any, paths: Any, h: float) -> None:
@@ -263,8 +274,7 @@ def loop_step(arena: Any, history: Any, clock: Any, paths: Any, h: float) -> Non
             arena[i + (Y + r) * LANES] = arena[i + (Y_STAGE + r) * LANES]
             arena[i + (V + r) * LANES] = arena[i + (V_STAGE + r) * LANES]
     store_stage(arena, 0)  # the last stage is the step's end, where the next step starts
-    for i in range(LANES):
-        clock[STEPS, i] += 1
+    count_step(clock, history)
     store_reading(arena, history, clock)
 
 
@@ -300,7 +310,7 @@ def run_loop(arenas: Any, histories: Any, clocks: Any, paths: Any, h: float, ste
         arenas: Shape (blocks, rows * LANES).
         histories: Shape (blocks, slots * 4 * LANES).
         clocks: Shape (blocks, CLOCK, LANES).
-        paths: of all lanes, see `reference_at`. Shape (paths, n, 3).
+        paths: of all lanes, see `reference_at`. Shape (paths, n, 5).
         h: step [s].
         steps: how many; 0 after a reset.
         initialise: complete the states first (after a reset).

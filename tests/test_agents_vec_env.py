@@ -17,8 +17,8 @@ from flexarm_env.vector_env import FlexArmVectorEnv
 
 ID = "flexarm_env:FlexArm/Square-v0"
 COUNT, LIMIT = 5, 23
-# Errors of 1 m end an episode soon under random torque: every kind of end comes within some hundred steps.
-OPTIONS: dict[str, Any] = {"error_limit": 1.0, "randomisation": {"payload_mass": (0.0, 0.5)}, "noise": 1e-3}
+# Errors of 0.4 m end an episode soon under random torque: every kind of end comes within some hundred steps.
+OPTIONS: dict[str, Any] = {"error_limit": 0.4, "randomisation": {"payload_mass": (0.0, 0.5)}, "noise": 1e-3}
 
 
 def pair(infos: Any = "all", **options: Any) -> tuple[FlexArmVecEnv, DummyVecEnv]:
@@ -79,7 +79,7 @@ def test_step_by_step_as_dummy_vec_env(name: str) -> None:
                 assert_same(one, another)
             ends |= {info["TimeLimit.truncated"] for info, done in zip(mine[3], mine[2], strict=True) if done}
     assert True in ends
-    if name != "SquareGain-v0":
+    if name.startswith("Square") and name != "SquareGain-v0":
         assert False in ends  # ended by the error limit, too
 
 
@@ -196,7 +196,7 @@ def test_pictures() -> None:
     assert images[0].dtype == np.uint8
     tiled = env.render()
     assert tiled is not None
-    assert tiled.shape[1] == 2 * images[0].shape[1]
+    assert tiled.shape == (2 * images[0].shape[0], images[0].shape[1], 3)
     np.testing.assert_array_equal(env.env_method("render", indices=1)[0], images[1])
     env.close()
     assert list(FlexArmVecEnv.make(ID, 2).get_images()) == [None, None]
@@ -213,5 +213,5 @@ def test_what_is_refused(env: FlexArmVecEnv) -> None:
         env.step_wait()
     with pytest.raises(RuntimeError, match="before reset"):
         env.step(np.zeros((COUNT, 2)))
-    with pytest.raises(TypeError, match=r"environment = 'CartPole-v1': must be the id of a FlexArm environment"):
+    with pytest.raises(ValueError, match=r"environment = 'CartPole-v1': must be one of 'FlexArm/Paper-v0', "):
         FlexArmVecEnv.make("CartPole-v1", 2)

@@ -23,6 +23,7 @@ from flexarm_env import (
     inverse_kinematics,
     kernels,
     square,
+    stepping,
 )
 from flexarm_env.simulation import Results
 
@@ -277,7 +278,7 @@ def test_late_readings_are_interpolated_exactly_up_to_third_order(node: float) -
     for step in range(now - slots + 1, now + 1):
         for reading, curve in enumerate((late, short)):
             loop._histories[0, step % slots, [reading, 2 + reading], 0] = curve(step * h), curve.deriv()(step * h)
-    loop._clocks[:, 0] = now
+    loop._clocks[:, stepping.STEPS], loop._clocks[:, stepping.HEAD] = now, now % slots
     module, rows = kernels.load(loop._variant), loop._rows
     module.prepare_readings(loop._flat_arenas[0], loop._flat_histories[0], loop._clocks[0], h, node)
     time = (now + node) * h

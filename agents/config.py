@@ -1,0 +1,132 @@
+"""`TrainingConfig`: everything that decides what a training gives, with tuned defaults."""
+
+from __future__ import annotations
+
+import difflib
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, fields
+from pathlib import Path
+from typing import Any, Literal
+
+from flexarm_agents.environments import check_id, plain_options
+from flexarm_agents.network import ACTIVATIONS
+from flexarm_env.validation import choice, integer, number
+
+Activation = Literal["elu", "tanh", "relu"]
+LARGEST_SEED = 2**32 - 1
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrainingConfig:
+    """PPO on one environment; the defaults are tuned on `FlexArm/Square-v0`."""
+
+    environment: str = "FlexArm/Square-v0"
+    """Id of the environment."""
+    options: dict[str, Any] = field(default_factory=dict)
+    """Options of the environment that differ from the id's own."""
+    seed: int = 0
+    """Of everything random."""
+    steps: int = 1_000_000
+    """Environment steps of the training, rounded up to whole rollouts."""
+    envs: int = 64
+    """Environments side by side."""
+    rollout: int = 128
+    """Steps of each environment between two updates."""
+    batch: int = 2048
+    """Steps in a minibatch; must divide rollout times envs."""
+    epochs: int = 6
+    """Passes through a rollout in an update."""
+    episode_steps: int = 800
+    """Control periods after which a training episode is cut off, its value bootstrapped."""
+    gamma: float = 0.985
+    """Discount of a step."""
+    gae_lambda: float = 0.95
+    """Smoothing of the advantages."""
+    learning_rate: float = 7e-4
+    """At the beginning; it falls linearly."""
+    final_learning_rate: float = 2e-5
+    """At the end."""
+    clip: float = 0.2
+    """Range of the probabilities' ratio."""
+    entropy: float = 0.0
+    """Weight of the entropy."""
+    log_std: float = -0.5
+    """Logarithm of the actions' standard deviation at the beginning."""
+    hidden: tuple[int, ...] = (128, 128)
+    """Sizes of the hidden layers, of the policy and of the value each."""
+    activation: Activation = "elu"
+    """Between the layers."""
+    evaluate_every: int = 50_000
+    """Steps between two evaluation laps, rounded up to whole rollouts."""
+    evaluation_laps: int = 1
+    """Episodes in an evaluation; more than one where episodes differ."""
+    checkpoint_every: int = 250_000
+    """Steps between two checkpoints, rounded up to whole rollouts."""
+
+    def __post_init__(self) -> None:
+        """Validate; lists (as JSON has them) become tuples.
+
+        Raises:
+            TypeError, ValueError: naming the parameter, its value and what is allowed.
+        """
+        for name, value in self._checked().items():
+            object.__setattr__(self, name, value)
+        size = self.rollout * self.envs
+        if size < 2 or self.batch > size or size % self.batch:
+            raise ValueError(f"batch = {self.batch}: must divide rollout * envs = {self.rollout} * {self.envs} = {size}")
+        if self.final_learning_rate > self.learning_rate:
+            raise ValueError(
+                f"final_learning_rate = {self.final_learning_rate}: must be <= learning_rate = {self.learning_rate}"
+            )
+
+    def _checked(self) -> dict[str, Any]:
+        least = {"rollout": 1, "envs": 1, "batch": 2, "epochs": 1, "episode_steps": 1, "steps": 1}
+        least |= {"evaluate_every": 1, "evaluation_laps": 1, "checkpoint_every": 1}
+        if not isinstance(self.hidden, list | tuple) or not self.hidden:
+            raise TypeError(f"hidden = {self.hidden!r}: must be a list of sizes, one at least")
+        return {name: integer(name, getattr(self, name), bound) for name, bound in least.items()} | {
+            "environment": check_id(self.environment),
+            "options": plain_options(self.options),
+            "seed": integer("seed", self.seed, 0, LARGEST_SEED),
+            "gamma": number("gamma", self.gamma, least=0.0, most=1.0),
+            "gae_lambda": number("gae_lambda", self.gae_lambda, least=0.0, most=1.0),
+            "learning_rate": number("learning_rate", self.learning_rate, above=0.0, most=1.0),
+            "final_learning_rate": number("final_learning_rate", self.final_learning_rate, least=0.0),
+            "clip": number("clip", self.clip, above=0.0),
+            "entropy": number("entropy", self.entropy, least=0.0),
+            "log_std": number("log_std", self.log_std, least=-10.0, most=2.0),
+            "hidden": tuple(integer(f"hidden[{n}]", size, 1) for n, size in enumerate(self.hidden)),
+            "activation": choice("activation", self.activation, ACTIVATIONS),
+        }
+
+    @property
+    def folder(self) -> Path:
+        """Where a run goes unless told otherwise."""
+        return Path("runs") / f"{self.environment.partition('/')[2]}-{self.seed}"
+
+    def plain(self) -> dict[str, Any]:
+        """As a file keeps it (JSON)."""
+        values: dict[str, Any] = json.loads(json.dumps(asdict(self)))
+        return values
+
+    @classmethod
+    def of(cls, values: Mapping[str, Any]) -> TrainingConfig:
+        """From what `plain` gave.
+
+        Raises:
+            TypeError: for an unknown name, with the nearest known one.
+            ValueError: for a bad value.
+        """
+        known = [one.name for one in fields(cls)]
+        for name in values:
+            if name not in known:
+                near = difflib.get_close_matches(name, known, 1)
+                hint = f"; did you mean {near[0]!r}?" if near else ""
+                raise TypeError(f"{name}: no such parameter{hint} The parameters are {', '.join(known)}")
+        return cls(**values)
+
+    def differences(self, other: TrainingConfig) -> list[str]:
+        """Names of the parameters in which two differ."""
+        mine, theirs = self.plain(), other.plain()
+        return [name for name in mine if mine[name] != theirs[name]]

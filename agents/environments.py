@@ -1,0 +1,82 @@
+"""Environments by their ids: which there are, one of them, a batch of them."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from typing import Any
+
+import gymnasium
+from gymnasium.vector import AutoresetMode
+
+import flexarm_env  # noqa: F401  (registers the ids)
+from flexarm_env.env import FlexArmEnv
+from flexarm_env.vector_env import FlexArmVectorEnv
+
+_ENTRY_POINT = "flexarm_env.vector_env:FlexArmVectorEnv"
+
+
+def check_id(environment: object) -> str:
+    """Check that an id is that of a FlexArm environment.
+
+    Args:
+        environment: with or without the module that registers it: "flexarm_env:FlexArm/Square-v0".
+
+    Returns:
+        The id without the module.
+
+    Raises:
+        ValueError: naming those there are.
+    """
+    known = sorted(name for name, spec in gymnasium.registry.items() if spec.vector_entry_point == _ENTRY_POINT)
+    name = environment.rpartition(":")[2] if isinstance(environment, str) else ""
+    if name not in known:
+        raise ValueError(f"environment = {environment!r}: must be one of {', '.join(map(repr, known))}")
+    return name
+
+
+def make_one(environment: str, options: Mapping[str, Any] | None = None) -> gymnasium.Env[Any, Any]:
+    """One environment.
+
+    Args:
+        environment: its id.
+        options: of the environment.
+
+    Raises:
+        TypeError, ValueError: for an unknown id or a bad option.
+    """
+    env = gymnasium.make(check_id(environment), **dict(options or {}))
+    assert isinstance(env.unwrapped, FlexArmEnv)
+    return env
+
+
+def make_batch(environment: str, num_envs: int, options: Mapping[str, Any] | None = None) -> FlexArmVectorEnv:
+    """A batch whose episodes begin in the step that ends the one before.
+
+    Args:
+        environment: their id.
+        num_envs: how many.
+        options: of the environment, or `max_episode_steps`, `render_mode`, `threads`.
+
+    Raises:
+        TypeError, ValueError: for an unknown id or a bad option.
+    """
+    name, chosen = check_id(environment), dict(options or {})
+    env = gymnasium.make_vec(name, num_envs=num_envs, autoreset_mode=AutoresetMode.SAME_STEP, **chosen)
+    assert isinstance(env, FlexArmVectorEnv)
+    return env
+
+
+def plain_options(options: object) -> dict[str, Any]:
+    """Options as a file keeps them (JSON).
+
+    Raises:
+        TypeError: if they are no mapping, or cannot be written to such a file.
+    """
+    if not isinstance(options, Mapping):
+        raise TypeError(f"options = {options!r}: must be a mapping of the environment's options")
+    try:
+        plain: dict[str, Any] = json.loads(json.dumps(dict(options), allow_nan=False))
+    except (TypeError, ValueError) as error:
+        raise TypeError(f"options = {options!r}: must be plain values (JSON): {error}") from None
+    return plain

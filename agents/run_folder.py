@@ -1,0 +1,129 @@
+"""`RunFolder`: what lies where in the folder of a training, written so that files are complete or absent."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from flexarm_agents.config import TrainingConfig
+
+_FORMAT = 1
+
+
+class RunFolder:
+    """A training's folder.
+
+    Attributes:
+        path: of the folder.
+        config: `config.json`, the configuration.
+        evaluations: `evaluations.csv`, a row for each evaluation lap; `evaluations.json` holds the same.
+        best: `best_policy.npz`, the policy of the best lap, for `load_policy`.
+        best_model: `best_model.zip`, the same as a stable-baselines3 model.
+        last: `last_policy.npz`, the policy at the end.
+        checkpoint: `checkpoint.zip`, from which the training resumes.
+        logs: `tensorboard/`.
+    """
+
+    def __init__(self, path: str | Path) -> None:
+        """Name the files; nothing is read or written.
+
+        Args:
+            path: of the folder.
+        """
+        self.path = Path(path)
+        self.config, self.evaluations = self.path / "config.json", self.path / "evaluations.csv"
+        self.best, self.best_model = self.path / "best_policy.npz", self.path / "best_model.zip"
+        self.last, self.checkpoint = self.path / "last_policy.npz", self.path / "checkpoint.zip"
+        self.logs = self.path / "tensorboard"
+
+    def begin(self, config: TrainingConfig) -> None:
+        """Make the folder for a new training.
+
+        Raises:
+            FileExistsError: if there is something already.
+        """
+        if self.path.exists() and (not self.path.is_dir() or any(self.path.iterdir())):
+            raise FileExistsError(
+                f"folder = {self.path}: exists and is not empty; resume that training, remove it, or name another"
+            )
+        self.path.mkdir(parents=True, exist_ok=True)
+        write_json(self.config, {"format": _FORMAT, **config.plain()})
+
+    def read_config(self) -> TrainingConfig:
+        """The configuration of the training in the folder.
+
+        Raises:
+            FileNotFoundError: if there is no training.
+            ValueError: if its configuration cannot be read.
+        """
+        if not self.config.is_file():
+            raise FileNotFoundError(f"folder = {self.path}: holds no {self.config.name}, so there is no training in it")
+        try:
+            values = json.loads(self.config.read_text())
+            if values.pop("format") != _FORMAT:
+                raise ValueError(f"this version reads format {_FORMAT}")
+            return TrainingConfig.of(values)
+        except (ValueError, TypeError, KeyError, AttributeError) as error:
+            raise ValueError(f"{self.config}: not a training's configuration ({error})") from error
+
+    def check_same(self, config: TrainingConfig) -> None:
+        """Check that the training in the folder is one of this configuration.
+
+        Raises:
+            FileNotFoundError: if there is no training.
+            ValueError: naming the first parameter that differs.
+        """
+        theirs = self.read_config()
+        differing = config.differences(theirs)
+        if differing:
+            name = differing[0]
+            raise ValueError(
+                f"{name} = {getattr(config, name)!r}: the training in {self.path} has {getattr(theirs, name)!r}; "
+                f"only the same configuration resumes (different: {', '.join(differing)})"
+            )
+
+    def write_evaluations(self, rows: list[dict[str, Any]]) -> None:
+        """Write all evaluations, as CSV and as JSON."""
+        write_json(self.evaluations.with_suffix(".json"), rows)
+        flat = [_flat(row) for row in rows]
+
+        def write(aside: Path) -> None:
+            with aside.open("w", newline="") as file:
+                writer = csv.DictWriter(file, list(flat[0]))
+                writer.writeheader()
+                writer.writerows(flat)
+
+        put(self.evaluations, write)
+
+
+def put(path: Path, write: Callable[[Path], Any]) -> None:
+    """Have a file written beside its place and put it there when it is complete.
+
+    Args:
+        path: of the file; it keeps its ending while it is written.
+        write: writes to the path it is given.
+    """
+    aside = path.with_name(f".new-{path.name}")
+    write(aside)
+    os.replace(aside, path)
+
+
+def write_json(path: Path, values: Any) -> None:
+    """Write strict JSON."""
+    put(path, lambda aside: aside.write_text(json.dumps(values, indent=1, allow_nan=False) + "\n"))
+
+
+def _flat(row: dict[str, Any]) -> dict[str, Any]:
+    """Pairs become two columns, of shoulder and elbow or of the links."""
+    flat: dict[str, Any] = {}
+    for name, value in row.items():
+        if name in ("torque_change", "peak_deflection", "peak_torque"):
+            first, second = (None, None) if value is None else value
+            flat[f"{name}_1"], flat[f"{name}_2"] = first, second
+        else:
+            flat[name] = value
+    return flat

@@ -1,0 +1,119 @@
+"""`train`: PPO on a batch of arms, judged by the true score, with the best policy kept."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import torch
+from stable_baselines3 import PPO
+from stable_baselines3.common.logger import configure
+from stable_baselines3.common.utils import LinearSchedule
+from stable_baselines3.common.vec_env import VecMonitor
+
+from flexarm_agents.checkpoint import WORST, Progress, load_checkpoint
+from flexarm_agents.config import TrainingConfig
+from flexarm_agents.environments import make_batch
+from flexarm_agents.export import MODULES
+from flexarm_agents.follow import Follow
+from flexarm_agents.run_folder import RunFolder
+from flexarm_agents.vec_env import FlexArmVecEnv
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a training gave.
+
+    Attributes:
+        folder: where it lies.
+        best: the evaluation of the best policy, a row of `evaluations.json`.
+        last: the evaluation of the last one.
+    """
+
+    folder: Path
+    best: dict[str, Any]
+    last: dict[str, Any]
+
+
+def train(
+    config: TrainingConfig, folder: str | Path | None = None, resume: bool = False, progress: bool = False
+) -> Outcome:
+    """Train, on one thread; the same configuration gives the same numbers on the same machine, interrupted or not.
+
+    Args:
+        config: the configuration.
+        folder: for the results; None: `config.folder`. See `RunFolder` for what it holds.
+        resume: go on with the interrupted training in the folder, from its last checkpoint.
+        progress: show a bar where there is a terminal.
+
+    Raises:
+        FileExistsError: if the folder is not empty and is not to be resumed.
+        FileNotFoundError: if there is no training to resume.
+        ValueError: if the training in the folder has another configuration.
+    """
+    run = RunFolder(config.folder if folder is None else folder)
+    if resume:
+        run.check_same(config)
+    else:
+        run.begin(config)
+    with _one_thread():
+        if run.checkpoint.exists():
+            model, found = load_checkpoint(run.checkpoint)
+        else:
+            model = new_model(config)
+            found = Progress([], None, WORST, config.evaluate_every, config.checkpoint_every)
+        model.set_logger(configure(str(run.logs), ["tensorboard"]))
+        follow = Follow(config, run, found, progress)
+        try:
+            if model.num_timesteps < config.steps:
+                fresh = model.num_timesteps == 0
+                model.learn(config.steps - model.num_timesteps, follow, reset_num_timesteps=fresh)
+        finally:
+            follow.close()
+            model.logger.close()
+            model.get_env().close()
+    assert found.best is not None
+    return Outcome(run.path, found.rows[found.best], found.rows[-1])
+
+
+def new_model(config: TrainingConfig) -> PPO:
+    """An untrained model with its environments.
+
+    Args:
+        config: the configuration.
+    """
+    options = {"max_episode_steps": config.episode_steps, **config.options}
+    env = VecMonitor(FlexArmVecEnv(make_batch(config.environment, config.envs, options)))
+    return PPO(
+        "MlpPolicy",
+        env,
+        learning_rate=LinearSchedule(config.learning_rate, config.final_learning_rate, 1.0),
+        n_steps=config.rollout,
+        batch_size=config.batch,
+        n_epochs=config.epochs,
+        gamma=config.gamma,
+        gae_lambda=config.gae_lambda,
+        clip_range=config.clip,
+        ent_coef=config.entropy,
+        policy_kwargs={
+            "net_arch": list(config.hidden),
+            "activation_fn": MODULES[config.activation],
+            "log_std_init": config.log_std,
+        },
+        seed=config.seed,
+        device="cpu",
+    )
+
+
+@contextmanager
+def _one_thread() -> Iterator[None]:
+    """On small networks more threads only wait for each other."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before)
