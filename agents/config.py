@@ -9,7 +9,7 @@ from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any, Literal
 
-from flexarm_agents.environments import check_id, plain_options
+from flexarm_agents.environments import check_id, check_options
 from flexarm_agents.network import ACTIVATIONS
 from flexarm_env.validation import choice, integer, number
 
@@ -81,13 +81,14 @@ class TrainingConfig:
             )
 
     def _checked(self) -> dict[str, Any]:
+        environment = check_id(self.environment)
         least = {"rollout": 1, "envs": 1, "batch": 2, "epochs": 1, "episode_steps": 1, "steps": 1}
         least |= {"evaluate_every": 1, "evaluation_laps": 1, "checkpoint_every": 1}
         if not isinstance(self.hidden, list | tuple) or not self.hidden:
             raise TypeError(f"hidden = {self.hidden!r}: must be a list of sizes, one at least")
         return {name: integer(name, getattr(self, name), bound) for name, bound in least.items()} | {
-            "environment": check_id(self.environment),
-            "options": plain_options(self.options),
+            "environment": environment,
+            "options": check_options(environment, self.options),
             "seed": integer("seed", self.seed, 0, LARGEST_SEED),
             "gamma": number("gamma", self.gamma, least=0.0, most=1.0),
             "gae_lambda": number("gae_lambda", self.gae_lambda, least=0.0, most=1.0),

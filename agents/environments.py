@@ -11,6 +11,7 @@ from gymnasium.vector import AutoresetMode
 
 import flexarm_env  # noqa: F401  (registers the ids)
 from flexarm_env.env import FlexArmEnv
+from flexarm_env.settings import Settings
 from flexarm_env.vector_env import FlexArmVectorEnv
 
 _ENTRY_POINT = "flexarm_env.vector_env:FlexArmVectorEnv"
@@ -33,6 +34,29 @@ def check_id(environment: object) -> str:
     if name not in known:
         raise ValueError(f"environment = {environment!r}: must be one of {', '.join(map(repr, known))}")
     return name
+
+
+def check_options(environment: str, options: object) -> dict[str, Any]:
+    """Check options of an environment, and that a file can keep them (JSON).
+
+    Args:
+        environment: its id, checked.
+        options: fields of `Settings` in which it differs from the id's own.
+
+    Returns:
+        The options as a file gives them back.
+
+    Raises:
+        TypeError, ValueError: if they are no mapping, not plain, unknown, or bad.
+    """
+    if not isinstance(options, Mapping):
+        raise TypeError(f"options = {options!r}: must be a mapping of the environment's options")
+    try:
+        plain: dict[str, Any] = json.loads(json.dumps(dict(options), allow_nan=False))
+    except (TypeError, ValueError) as error:
+        raise TypeError(f"options = {options!r}: must be plain values (JSON): {error}") from None
+    Settings.of(gymnasium.registry[environment].kwargs | plain)
+    return plain
 
 
 def make_one(environment: str, options: Mapping[str, Any] | None = None) -> gymnasium.Env[Any, Any]:
@@ -65,18 +89,3 @@ def make_batch(environment: str, num_envs: int, options: Mapping[str, Any] | Non
     env = gymnasium.make_vec(name, num_envs=num_envs, autoreset_mode=AutoresetMode.SAME_STEP, **chosen)
     assert isinstance(env, FlexArmVectorEnv)
     return env
-
-
-def plain_options(options: object) -> dict[str, Any]:
-    """Options as a file keeps them (JSON).
-
-    Raises:
-        TypeError: if they are no mapping, or cannot be written to such a file.
-    """
-    if not isinstance(options, Mapping):
-        raise TypeError(f"options = {options!r}: must be a mapping of the environment's options")
-    try:
-        plain: dict[str, Any] = json.loads(json.dumps(dict(options), allow_nan=False))
-    except (TypeError, ValueError) as error:
-        raise TypeError(f"options = {options!r}: must be plain values (JSON): {error}") from None
-    return plain

@@ -42,6 +42,8 @@ class Follow(BaseCallback):
         self._bar: tqdm[Any] | None = None
 
     def _on_training_start(self) -> None:
+        self._env.reset()  # compiles, if need be
+        self._began = time.perf_counter()
         self._bar = tqdm(
             total=self._config.steps,
             initial=self.num_timesteps,

@@ -70,7 +70,7 @@ def score(run: Trajectory) -> Score:
     rewards = run.reward if run.reward is not None else np.zeros(1)
     return Score(
         ended=str(run.notes.get("ended")),
-        duration=float(run.time[-1]),
+        duration=round(float(run.time[-1]), 9),
         rms=whole.rms,
         maximum=whole.maximum,
         rms_after_2s=later.rms if later else None,

@@ -31,8 +31,9 @@ class FLSAC(GainPolicy):
     Attributes:
         modal_slice: where an observation holds the 2 m modal coordinates, link 1's before link 2's, as
             ``slice(start, stop)`` without step.
-        tip_weights: phi_j(L), tip deflection per unit of each modal coordinate [m]; shape ``(m,)`` for two
-            equal links or ``(2, m)``. Kept as ``(2, m)``.
+        tip_weights: tip deflection per unit of each modal coordinate as it is observed [m]: phi_j(L), times the
+            coordinate's scale where observations are scaled; shape ``(m,)`` for two equal links or ``(2, m)``. Kept
+            as ``(2, m)``.
         K_n: normalising factor on delta, positive, dimensionless.
         K_s: scale, dimensionless; positive, above 0.5 as width scale.
         scale: what K_s scales: "output" the inferred gain (14), or "width" the input sets' base widths.
@@ -71,7 +72,7 @@ class FLSAC(GainPolicy):
 
     @classmethod
     def for_env(cls, env: Any, **options: Any) -> FLSAC:
-        """The fuzzy gain for an environment, single or vector: takes over its modes and its gain limit.
+        """The fuzzy gain for an environment, single or vector: takes over its modes, scales and gain limit.
 
         Args:
             env: a FlexArm environment whose action is the gain and whose observation holds the modal
@@ -86,7 +87,8 @@ class FLSAC(GainPolicy):
         blocks = env_attribute(env, "observation_blocks")
         if "modal_coordinates" not in blocks:
             raise ValueError(f"env must observe 'modal_coordinates', its observation holds {sorted(blocks)}")
-        weights = np.stack([link.tip_values for link in env_attribute(env, "arm").modes])
+        scale = np.asarray(env_attribute(env, "observation_scale"))[blocks["modal_coordinates"]]
+        weights = np.stack([link.tip_values for link in env_attribute(env, "arm").modes]) * scale.reshape(2, -1)
         limit = env_gain_limit(env)
         return cls(modal_slice=blocks["modal_coordinates"], tip_weights=weights, gain_limit=limit, **options)
 

@@ -148,7 +148,8 @@ def end_table(settings: Settings | None = None) -> str:
     texts = dict(ENDS)
     if settings is not None:
         for name, limit in (("error", settings.error_limit), ("deflection", settings.deflection_limit)):
-            texts[name] += "; no limit here" if limit is None else f"; {figure(limit)} m here"
+            given = "none" if limit is None else f"{figure(limit)} m"
+            texts[name] = texts[name].replace(f"`{name}_limit`", f"`{name}_limit` ({given})")
     return table(("reason", "when"), [(f"`{name}`", text) for name, text in texts.items()])
 
 
@@ -193,7 +194,7 @@ def parameter_table(docstring: str) -> str:
     indent = re.match(r" *", text)
     assert indent is not None
     entry = re.compile(rf"^{indent[0]}(\w+): (.*(?:\n{indent[0]} +\S.*)*)", re.MULTILINE)
-    rows = [(f"`{name}`", re.sub(r"\s+", " ", what)) for name, what in entry.findall(text)]
+    rows = [(f"`{name}`", re.sub(r"\s+", " ", what).removesuffix(".")) for name, what in entry.findall(text)]
     return table(("argument", "what"), rows)
 
 

@@ -12,7 +12,18 @@ from flexarm_env.elementary import sincos
 from flexarm_env.episodes import look, sensed_point, write_observations, write_previews
 from flexarm_env.inverse import joint_angles_for, joint_rates_for
 from flexarm_env.random_stream import uniform
-from flexarm_env.stepping import BEGAN, HEAD, PATH, SINCE, STEPS, evaluate_law, reading_kernel, reference_at
+from flexarm_env.stepping import (
+    BEGAN,
+    HEAD,
+    PATH,
+    SINCE,
+    STEPS,
+    law_kernel,
+    prepare_commands,
+    prepare_readings,
+    reading_kernel,
+    reference_at,
+)
 
 LANES = 1
 SIZE = 4
@@ -238,7 +249,10 @@ def start_law(arena: Any, history: Any, clock: Any, paths: Any, settings: Any, s
                 arena[i + (V_SLOTS + row) * LANES] = 0.0
                 arena[i + (MECHANICAL_SLOTS + row) * LANES] = 0.0
                 arena[i + (FEEDBACK_SLOTS + row) * LANES] = 0.0
-    evaluate_law(arena, history, clock, paths, settings[STEP])
+    # as `evaluate_law`, but the other lanes keep the torques of the start of their period
+    prepare_commands(arena, clock, paths, settings[STEP])
+    prepare_readings(arena, history, clock, settings[STEP], 0.0)
+    law_kernel(arena, 0.0, 0.0, (0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0))
     for r in range(SIZE):
         for i in range(LANES):
             if started[i]:

@@ -21,7 +21,7 @@ import llvmlite.binding
 import tyro
 from tqdm import tqdm
 
-from bench_parts import environments, lap, physics
+from bench_parts import environments, family, lap, peers, physics
 from bench_parts.timing import Group, measure
 from flexarm_env.parameters import MAX_MODES
 
@@ -84,7 +84,14 @@ def run(options: Options, cache: Path) -> dict[str, Any]:
         ("environments", lambda: environments.steps(effort)),
         ("first step", lambda: environments.first_step(1 if options.quick else options.cold, cache)),
         ("lap", lambda: lap.lap(seconds)),
+        ("batches", lambda: family.batch(modes, effort)),
     ]
+    optional = [
+        ("chain in MuJoCo", ("mujoco",), lambda: family.chain(modes, effort)),
+        ("learning", ("stable_baselines3", "torch", "flexarm_agents"), lambda: family.learning(effort)),
+    ]
+    missing = [label for label, packages, _ in optional if not peers.installed(*packages)]
+    makers += [(label, make) for label, packages, make in optional if peers.installed(*packages)]
     groups = {}
     with tqdm(total=0, unit="call") as bar:
         for label, make in makers:
@@ -93,7 +100,8 @@ def run(options: Options, cache: Path) -> dict[str, Any]:
             bar.total += sum(min(s.at_most or repeats, group.repeats(repeats)) for s in group.subjects)
             bar.set_description(label)
             groups[group.name] = measure(group, repeats, lambda _: bar.update())
-    return {"machine": facts, "quick": options.quick, "groups": groups}
+    missing += [] if peers.installed("envpool") else ["EnvPool"]
+    return {"machine": facts, "quick": options.quick, "not_installed": missing, "groups": groups}
 
 
 def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
@@ -112,6 +120,8 @@ def report(results: dict[str, Any]) -> str:
     lines += [", ".join(f"{name} {facts[name]}" for name in ("python", "numba", "numpy", "scipy", "gymnasium"))]
     if results["quick"]:
         lines += ["A quick trial: these numbers mean little."]
+    if results["not_installed"]:
+        lines += [f"Not measured, since a package is missing: {', '.join(results['not_installed'])}"]
     groups = results["groups"].values()
     lines += ["", "RATIOS: subjects timed by turns, compared repeat by repeat; these carry over to other machines best"]
     rows = [_figures(ratio, ratio["says"]) for group in groups for ratio in group["ratios"]]

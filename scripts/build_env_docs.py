@@ -30,11 +30,13 @@ observations, rewards and flags are arrays with a row for each arm:"""
 _AUTORESET = """\
 With `NextStep`, Gymnasium's default, the step after an episode's end begins the next one: its action is not read, its
 reward is 0, its info is a reset's. With `SameStep` the step that ends an episode returns the next one's first
-observation; the last one is in `info["final_obs"][i]`, with its info in `info["final_info"]`:"""
+observation; the last one is in `infos["final_obs"][i]`, with its info in `infos["final_info"]`:"""
 _NAMING = """\
 The part before the colon imports the package, so that it works in spawned processes too. Every argument of the pages'
 tables can be given to `make` and `make_vec`. The ids differ in their options only; a version number goes up when an
 id's dynamics, observation or reward changes."""
+
+_RESET = "`reset(options=...)` takes:"
 
 
 @dataclass
@@ -69,7 +71,7 @@ def index() -> str:
         "Frames and units": [doc.FRAMES],
         "The late sensor": [doc.LATENESS],
         "Reward and score": [doc.REWARD, doc.SCORE],
-        "How an episode starts": [doc.start_table(), "`reset(options=...)` may ask for more:", doc.option_table()],
+        "How an episode starts": [doc.start_table(), _RESET, doc.option_table()],
         "How it ends": [doc.ENDING, doc.end_table()],
         "Seeds": [doc.SEEDS],
     }
@@ -86,7 +88,7 @@ def page(name: str, one: Id) -> str:
         "Action space": [doc.ACTION, _mode(settings), doc.action_table(settings)],
         "Observation space": [doc.BLOCK_RULES, _pointers(settings), doc.block_table(settings)],
         "Reward": [doc.REWARD, doc.reward_table(settings), doc.SCORE if settings.paths else ""],
-        "Starting state": [_start(settings), "`reset(options=...)` takes:", doc.option_table()],
+        "Starting state": [f'Here `start` is `"{settings.start}"`.', doc.start_table(), _RESET, doc.option_table()],
         "Episode end": [doc.ENDING, doc.end_table(settings)],
         "Info": [doc.info_table(settings.action_mode == "gain")],
         "Arguments": [*arguments, doc.argument_table(settings, one.options)],
@@ -94,7 +96,9 @@ def page(name: str, one: Id) -> str:
     }
     picture = f"![{NAMESPACE}/{name}]({stem(name)}.png)\n\n*{PICTURES[name].caption}*"
     family = "[FlexArm's environments](README.md) explains what they share: batches, frames, the late sensor, seeds."
-    return _assembled(f"{NAMESPACE}/{name}", [f"{one.summary}. {family}", picture, _facts(name, one)], sections)
+    return _assembled(
+        f"{NAMESPACE}/{name}", [_wrapped(f"{one.summary}. {family}"), picture, _facts(name, one)], sections
+    )
 
 
 def snippet(name: str) -> str:
@@ -170,10 +174,6 @@ def _mode(settings: Settings) -> str:
 
 def _wrapped(text: str) -> str:
     return textwrap.fill(text, WIDTH, break_long_words=False, break_on_hyphens=False)
-
-
-def _start(settings: Settings) -> str:
-    return _wrapped(f'`start="{settings.start}"`: {doc.STARTS[settings.start]}.')
 
 
 def _assembled(title: str, top: list[str], sections: dict[str, list[str]]) -> str:

@@ -28,6 +28,7 @@ class OneGain(gym.Env[Any, Any]):
         self.action_space = gym.spaces.Box(-1.0, 1.0, (actions,))
         self.gain_limit = gain_limit
         self.observation_blocks = {"clock": slice(0, 1), "modal_coordinates": slice(1, 5)}
+        self.observation_scale = np.ones(6)
         weights = np.array([0.2, -0.2])
         # link 2 twice as flexible at its tip: a policy that mixes the links up is seen
         self.arm = SimpleNamespace(modes=(SimpleNamespace(tip_values=weights), SimpleNamespace(tip_values=2 * weights)))
@@ -262,6 +263,7 @@ def test_a_vector_environment_will_do() -> None:
         action_space=gym.spaces.Box(-1.0, 1.0, (12, 1)),
         gain_limit=4.0,
         observation_blocks=single.observation_blocks,
+        observation_scale=single.observation_scale,
         arm=single.arm,
     )
     vector.unwrapped = vector
@@ -283,6 +285,19 @@ def test_the_own_environment_gets_the_gain_of_its_deflections(arm: str, signs: l
         gains.append(info["gain"])
     assert gains[0] == pytest.approx(2 / 6, rel=1e-6)  # straight links
     assert max(gains) > 2 * gains[0]  # bent ones
+
+
+def test_scaled_observations_are_read_as_such() -> None:
+    env = gym.make("flexarm_env:FlexArm/SquareGain-v0")
+    plain = gym.make("flexarm_env:FlexArm/SquareGain-v0", scaled=False)
+    policies = [FLSAC.for_env(each) for each in (env, plain)]
+    observations = [each.reset(seed=0)[0] for each in (env, plain)]
+    for _ in range(100):
+        actions = [policy.predict(seen)[0] for policy, seen in zip(policies, observations, strict=True)]
+        np.testing.assert_allclose(*actions, atol=1e-5)
+        observations = [each.step(actions[0])[0] for each in (env, plain)]
+    modal = env.unwrapped.observation_blocks["modal_coordinates"]
+    assert not np.allclose(observations[0][modal], observations[1][modal])
 
 
 @pytest.mark.parametrize("policy", [IFDC, FLSAC])

@@ -151,7 +151,10 @@ def test_without_a_limit_nothing_is_truncated() -> None:
 def test_reset_mask_restarts_only_what_it_names() -> None:
     """As Gymnasium's own does; the others keep their bits."""
     options = random_options(SQUARE) | {"max_episode_steps": 12}
-    together, alone = vector(SQUARE, 4, autoreset_mode=DISABLED, **options), several_singles(SQUARE, 4, DISABLED, **options)
+    together, alone = (
+        vector(SQUARE, 4, autoreset_mode=DISABLED, **options),
+        several_singles(SQUARE, 4, DISABLED, **options),
+    )
     assert_same(together.reset(seed=8), alone.reset(seed=8))
     undisturbed = vector(SQUARE, 4, autoreset_mode=DISABLED, **(options | {"max_episode_steps": 60}))
     undisturbed.reset(seed=8)
@@ -205,7 +208,11 @@ def test_each_environment_may_have_its_own_options() -> None:
     env = vector(SQUARE, 3, **made)
     state = np.zeros((3, 12))
     state[:, :2] = [(0.3, 1.0), (-0.2, 2.0), (1.0, 0.5)]
-    parameters: dict[str, Any] = {"payload_mass": [0.0, 0.2, 0.4], "stiffness": 1.3, "delay": np.array([0.0, 0.03, 0.1])}
+    parameters: dict[str, Any] = {
+        "payload_mass": [0.0, 0.2, 0.4],
+        "stiffness": 1.3,
+        "delay": np.array([0.0, 0.03, 0.1]),
+    }
     options = {
         "start": ["moving", "corner", "mix"],
         "time": [0.0, 3.0, 15.9],

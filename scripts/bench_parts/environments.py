@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from bench_parts.timing import Group, Ratio, Subject
 
-PAPER, ACROBOT, EMPTY = "FlexArm/Paper-v0", "Acrobot-v1", "FlexArmBench/Empty-v0"
+SQUARE, PAPER = "FlexArm/Square-v0", "FlexArm/Paper-v0"
+ACROBOT, EMPTY = "Acrobot-v1", "FlexArmBench/Empty-v0"
 
 
 class EmptyEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
@@ -44,11 +45,12 @@ def steps(effort: float) -> Group:
     """
     if EMPTY not in gymnasium.registry:
         gymnasium.register(EMPTY, entry_point=EmptyEnv, max_episode_steps=16_000)
-    counts = {PAPER: 2000, ACROBOT: 3000, EMPTY: 50_000}
+    counts = {SQUARE: 8000, PAPER: 2000, ACROBOT: 3000, EMPTY: 50_000}
     subjects = [_stepped(name, round(effort * count)) for name, count in counts.items()]
     ratios = [
-        Ratio(ACROBOT, PAPER, "FlexArm over Acrobot, steps in the same time"),
-        Ratio(PAPER, EMPTY, "FlexArm's time over that of an empty environment"),
+        Ratio(ACROBOT, SQUARE, f"{SQUARE} over Acrobot, steps in the same time"),
+        Ratio(ACROBOT, PAPER, f"{PAPER} over Acrobot, steps in the same time"),
+        Ratio(SQUARE, EMPTY, "FlexArm's time over that of an empty environment"),
         Ratio(ACROBOT, EMPTY, "Acrobot's time over that of an empty environment"),
     ]
     title = "One environment, gymnasium.make with default wrappers, random actions"
@@ -94,10 +96,10 @@ def first_step(colds: int, cache: Path) -> Group:
         colds: how often with an empty cache (the compiler takes its time).
         cache: a folder that the first process fills and the cached ones use; what it holds is lost.
     """
-    cold, cached = f"{PAPER}, nothing compiled yet", f"{PAPER}, compiled code cached"
+    cold, cached = f"{SQUARE}, nothing compiled yet", f"{SQUARE}, compiled code cached"
     subjects = [  # the first one comes first
-        Subject(cold, lambda: _process(PAPER, cache), prepare=lambda: shutil.rmtree(cache), at_most=colds),
-        Subject(cached, lambda: _process(PAPER, cache)),
+        Subject(cold, lambda: _process(SQUARE, cache), prepare=lambda: shutil.rmtree(cache), at_most=colds),
+        Subject(cached, lambda: _process(SQUARE, cache)),
         Subject(ACROBOT, lambda: _process(ACROBOT, cache)),
     ]
     ratios = [

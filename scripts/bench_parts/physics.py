@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 
 import numpy as np
 
+from bench_parts import peers
 from bench_parts.timing import Group, Ratio, Subject
 from flexarm_env import (
     ArmParameters,
@@ -39,15 +41,27 @@ def torque_driven(modes: Sequence[int], effort: float) -> Group:
     subjects, ratios = [], []
     for m in modes:
         label = f"{m} mode{'s' if m > 1 else ''}"
-        subjects.append(_kernel(f"{label}, 1 arm", m, 1, 1, round(100_000 * effort)))
+        subjects.append(bare_kernel(f"{label}, 1 arm", m, 1, 1, round(100_000 * effort)))
         for lanes in LANES:
             name = f"{label}, {ARMS} arms, {lanes} lanes"
-            subjects.append(_kernel(name, m, lanes, ARMS, round(400 * effort)))
+            subjects.append(bare_kernel(name, m, lanes, ARMS, round(400 * effort)))
             ratios.append(Ratio(f"{label}, 1 arm", name, f"batch of {lanes} lanes over scalar, {label}"))
+        peak = peers.multiply_adds(effort)
+        name = f"{label}, its operations at the peak of multiply-adds"
+        subjects.append(Subject(name, peak.work, peak.amount / operations(m)))
+        ratios.append(Ratio(name, f"{label}, {ARMS} arms, {LANES[-1]} lanes", f"share of the peak of one core, {label}"))
     return Group("torque_driven", "Physics of the torque-driven arm (RK4)", "ns", "step and arm", subjects, ratios)
 
 
-def _kernel(name: str, modes: int, lanes: int, arms: int, steps: int) -> Subject:
+def operations(modes: int) -> int:
+    """Additions, subtractions, multiplications and divisions of a Runge-Kutta step, as they are written."""
+    text = kernels.render(Variant("open", modes, True, 1))
+    stage = text.split("def slope_kernel(", 1)[1].split("def ", 1)[0]
+    size = 2 * modes + 2
+    return 4 * len(re.findall(r" [-+*/] (?![^\[]*\])", stage)) + 4 * size
+
+
+def bare_kernel(name: str, modes: int, lanes: int, arms: int, steps: int) -> Subject:
     arm = FlexibleArm(ArmParameters(modes_per_link=modes))
     rows = layout("open", modes)
     blocks = arms // lanes

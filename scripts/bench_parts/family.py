@@ -1,0 +1,133 @@
+"""The environment family beside its peers: a batch, one environment, a chain in MuJoCo, the learner alone."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import gymnasium
+import numpy as np
+
+from bench_parts import peers
+from bench_parts.physics import bare_kernel
+from bench_parts.timing import Group, Ratio, Subject
+
+SQUARE, GAIN = "FlexArm/Square-v0", "FlexArm/SquareGain-v0"
+ENVS = 1024
+PHYSICS_STEPS = 10  # of 1 ms in a control period
+BATCH_CALLS = 100
+SINGLE_CALLS = 4000
+SEGMENTS = 10
+MANY = 4096
+LEARNING_FRAMES, LEARNERS = 65_536, 64
+
+
+def batch(modes: Sequence[int], effort: float) -> Group:
+    """Batches of 1024 on one core: torques, full observation, reward, delay line, auto-reset, 10 physics steps.
+
+    Args:
+        modes: numbers of modes a link.
+        effort: factor on the work of a timed call.
+    """
+    subjects, ratios = [], []
+    acrobot = peers.envpool_acrobot(ENVS, effort) if peers.installed("envpool") else None
+    if acrobot is not None:
+        subjects.append(acrobot)
+    for m in modes:
+        batch_of = _batch(f"{SQUARE}, {m} modes", SQUARE, ENVS, round(BATCH_CALLS * effort), arm={"modes_per_link": m})
+        bare = bare_kernel(f"its physics alone, {m} modes", m, 32, ENVS, max(1, round(100 * effort)))
+        bare = Subject(bare.name, bare.work, bare.amount / PHYSICS_STEPS)
+        subjects += [batch_of, bare]
+        ratios.append(Ratio(batch_of.name, bare.name, f"batch step over its bare physics, {m} modes (75 % is 1.33)"))
+        if acrobot is not None:
+            ratios.append(Ratio(acrobot.name, batch_of.name, f"FlexArm over EnvPool's Acrobot, {m} modes"))
+    gain = _batch(GAIN, GAIN, ENVS, max(1, round(0.4 * BATCH_CALLS * effort)))
+    torque = _batch(f"{SQUARE}, default", SQUARE, ENVS, round(BATCH_CALLS * effort))
+    subjects += [gain, torque]
+    ratios.append(Ratio(gain.name, torque.name, "the gain's mode over the torque's mode, time of a step"))
+    facts = {f"memory added by {MANY} environments [MB]": _memory()}
+    return Group("batch", f"Batches of {ENVS}, one core", "us", "env step", subjects, ratios, facts=facts)
+
+
+def _batch(name: str, env_id: str, num_envs: int, calls: int, **options: Any) -> Subject:
+    env = gymnasium.make_vec(f"flexarm_env:{env_id}", num_envs=num_envs, **options)
+    calls = max(1, calls)
+    actions = np.random.default_rng(0).uniform(-1.0, 1.0, (calls, *env.action_space.shape)).astype(np.float32)
+    env.reset(seed=0)
+
+    def work() -> None:
+        for action in actions:
+            env.step(action)
+
+    return Subject(name, work, calls * num_envs)
+
+
+def _memory() -> float:
+    imports = "import gymnasium, flexarm_env, numpy as np\nenv = gymnasium.make_vec('FlexArm/Square-v0', num_envs=16)\n"
+    imports += "env.reset(seed=0); env.step(np.zeros((16, 2), np.float32))"
+    code = f"many = gymnasium.make_vec('FlexArm/Square-v0', num_envs={MANY})\n"
+    code += f"many.reset(seed=0); many.step(np.zeros(({MANY}, 2), np.float32))"
+    return peers.memory_of(code, imports) / 1e6
+
+
+def chain(modes: Sequence[int], effort: float) -> Group:
+    """The same arm as a chain of segments in MuJoCo, per simulated second.
+
+    Args:
+        modes: numbers of modes a link.
+        effort: factor on the work of a timed call.
+    """
+    chains = [peers.mujoco_chain(SEGMENTS, effort, damping) for damping in (0.01, 0.0)]
+    subjects, ratios = [*chains], []
+    for m in modes:
+        options = {"arm": {"modes_per_link": m}}
+        single = _single(f"one environment, {m} modes", max(50, round(SINGLE_CALLS * effort)), options)
+        many = _batch(f"batch of {ENVS}, {m} modes", SQUARE, ENVS, round(BATCH_CALLS * effort), **options)
+        for subject in (single, many):
+            per_second = Subject(subject.name, subject.work, subject.amount * 1e-3 * PHYSICS_STEPS)
+            subjects.append(per_second)
+            ratios += [Ratio(each.name, subject.name, f"{each.name} over {subject.name}") for each in chains]
+    title = "One simulated second of one arm, MuJoCo and FlexArm, one core"
+    return Group("chain", title, "ms", "simulated second", subjects, ratios)
+
+
+def _single(name: str, count: int, options: dict[str, Any]) -> Subject:
+    env = gymnasium.make(f"flexarm_env:{SQUARE}", **options)
+    actions = np.random.default_rng(0).uniform(-1.0, 1.0, (count, 2)).astype(np.float32)
+
+    def work() -> None:
+        for action in actions:
+            _, _, terminated, truncated, _ = env.step(action)
+            if terminated or truncated:
+                env.reset()
+
+    return Subject(name, work, count, prepare=lambda: env.reset(seed=0))
+
+
+def learning(effort: float) -> Group:
+    """PPO of Stable-Baselines3 on the batch through the adapter, and on an environment that does nothing.
+
+    Args:
+        effort: factor on the work of a timed call.
+    """
+    from flexarm_agents import FlexArmVecEnv
+
+    frames = max(2 * peers.ROLLOUT, round(effort * LEARNING_FRAMES))
+    env = gymnasium.make(f"flexarm_env:{SQUARE}")
+    sizes = (env.observation_space.shape[0], env.action_space.shape[0])
+    ours = Subject(
+        f"PPO on {SQUARE}",
+        lambda: _learn(lambda n: FlexArmVecEnv(f"flexarm_env:{SQUARE}", n), frames),
+        frames + peers.ROLLOUT,
+    )
+    empty = Subject(
+        "PPO on an empty environment",
+        lambda: _learn(lambda n: peers.empty_vec_env(n, *sizes), frames),
+        frames + peers.ROLLOUT,
+    )
+    ratio = Ratio(empty.name, ours.name, "PPO's rate on FlexArm over that on an empty environment")
+    return Group("learning", "PPO, one core", "us", "frame", [ours, empty], [ratio], warm=False, share=0.3)
+
+
+def _learn(make: Any, frames: int) -> None:
+    peers.ppo_rate(make, LEARNERS, frames)
