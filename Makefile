@@ -7,6 +7,7 @@ VENV   ?= .venv
 ARGS   ?=
 PY     := $(VENV)/bin/python
 PLOT   := $(VENV)/.stamp-plot
+DRAW   := $(VENV)/.stamp-draw
 TEST   := $(VENV)/.stamp-test
 
 .DEFAULT_GOAL := help
@@ -42,8 +43,9 @@ contract: $(TEST)  ## Check that imports follow the one-way flow (import-linter)
 bench: $(PLOT)  ## Measure the speed of simulation and environments
 	$(PY) scripts/bench.py $(ARGS)
 
-docs: reproduce  ## Regenerate the pictures and tables committed under docs/
+docs: reproduce $(DRAW)  ## Regenerate the pictures, tables and environment pages committed under docs/
 	$(PY) scripts/build_docs.py
+	$(PY) scripts/build_env_docs.py
 
 clean:  ## Remove builds and caches (not .venv)
 	rm -rf build dist flexarm.egg-info .hypothesis .import_linter_cache .mypy_cache .pytest_cache .ruff_cache
@@ -69,8 +71,13 @@ $(PLOT): pyproject.toml constraints.txt
 	$(PY) -m pip install -e ".[plot]" -c constraints.txt
 	@touch $@
 
-# The test extra contains the plot extra.
+$(DRAW): pyproject.toml constraints.txt
+	$(ensure_venv)
+	$(PY) -m pip install -e ".[plot,render]" -c constraints.txt
+	@touch $@ $(PLOT)
+
+# The test extra contains the plot and the render extra.
 $(TEST): pyproject.toml constraints.txt
 	$(ensure_venv)
 	$(PY) -m pip install -e ".[test]" -c constraints.txt
-	@touch $@ $(PLOT)
+	@touch $@ $(PLOT) $(DRAW)

@@ -74,7 +74,9 @@ class TrainingConfig:
             object.__setattr__(self, name, value)
         size = self.rollout * self.envs
         if size < 2 or self.batch > size or size % self.batch:
-            raise ValueError(f"batch = {self.batch}: must divide rollout * envs = {self.rollout} * {self.envs} = {size}")
+            raise ValueError(
+                f"batch = {self.batch}: must divide rollout * envs = {self.rollout} * {self.envs} = {size}"
+            )
         if self.final_learning_rate > self.learning_rate:
             raise ValueError(
                 f"final_learning_rate = {self.final_learning_rate}: must be <= learning_rate = {self.learning_rate}"

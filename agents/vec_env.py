@@ -185,7 +185,9 @@ class FlexArmVecEnv(VecEnv):
             f"method_name = {method_name!r}: must be one of 'render', 'reset', 'get_wrapper_attr', 'has_wrapper_attr'"
         )
 
-    def env_is_wrapped(self, wrapper_class: type[gymnasium.Wrapper[Any, Any, Any, Any]], indices: VecEnvIndices = None) -> list[bool]:
+    def env_is_wrapped(
+        self, wrapper_class: type[gymnasium.Wrapper[Any, Any, Any, Any]], indices: VecEnvIndices = None
+    ) -> list[bool]:
         """Whether a Gymnasium wrapper stands around each environment: there is none, the time limit is built in."""
         return [False for _ in self._get_indices(indices)]
 
@@ -196,8 +198,6 @@ class FlexArmVecEnv(VecEnv):
         self.reset_infos[index] = info_of(infos, index)
         return observations[index], self.reset_infos[index]
 
-    def _reset_one(
-        self, index: int, seed: int | None, options: dict[str, Any]
-    ) -> tuple[Observations, dict[str, Any]]:
+    def _reset_one(self, index: int, seed: int | None, options: dict[str, Any]) -> tuple[Observations, dict[str, Any]]:
         mask = np.arange(self.num_envs) == index
         return self.env.reset(seed=[seed] * self.num_envs, options={**options, "reset_mask": mask})

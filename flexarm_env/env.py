@@ -106,7 +106,7 @@ class FlexArmEnv(FleetView, gymnasium.Env[NDArray[np.float32], NDArray[np.float3
         self._scene = None if render_mode is None else Scene(self.fleet, 0, render_mode)
         self._begin = np.ones(1, dtype=bool)
         parts = self.fleet.parts
-        self._reward, self._status = parts["REWARD"].start, parts["STATUS"].start
+        self._verdict = slice(parts["REWARD"].start, parts["STATUS"].stop)  # reward first, status last
         self._shape = self.action_space.shape
         self._started = False
 
@@ -148,13 +148,13 @@ class FlexArmEnv(FleetView, gymnasium.Env[NDArray[np.float32], NDArray[np.float3
         self.fleet.step()
         result = self.fleet.result()
         info = self._infos.single(result, stepped=True)
-        status = float(result[self._status])
+        reward, *_, status = result[self._verdict].tolist()
         if status != 0.0:
             info["termination_reason"] = self.fleet.failure(status)
         if self._scene is not None:
             self._scene.add(result)
             self._show(result)
-        return self.fleet.observations[0].copy(), float(result[self._reward]), status != 0.0, False, info
+        return self.fleet.observations[0].copy(), reward, status != 0.0, False, info
 
     def render(self) -> NDArray[np.uint8] | None:
         """The present instant as a picture, Shape (size, size, 3), or None where a window shows it.

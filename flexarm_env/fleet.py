@@ -6,6 +6,7 @@ Single and vector environments both stand on it: one arm is a fleet of one, with
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -23,7 +24,8 @@ from flexarm_env.stepping import CLOCK, PATH
 from flexarm_env.task import ANGLE_LIMIT, RATE_LIMIT, state_limits
 
 Array = NDArray[np.float64]
-BLOCK = 16  # lanes; fewer environments than that share a block as wide as a power of two
+# Lanes of a block, by the number of environments from which on they pay.
+LANES = {1: 1, 2: 8, 96: 32}
 KINDS = {"torque": "torque", "residual": "tracking", "reference": "tracking", "gain": "gain"}
 REASONS = {-1: "diverged", -2: "deflection", -3: "error"}
 # Why an episode may terminate.
@@ -61,7 +63,7 @@ class Fleet:
         modes = arm.parameters.modes_per_link
         self._kind = KINDS[settings.action_mode]
         self.layout = observation_layout(settings, self._kind)
-        lanes = min(BLOCK, 1 << (count - 1).bit_length())
+        lanes = max(lanes for least, lanes in LANES.items() if count >= least)
         late = settings.law_sensor == "sensor"
         self._variant = Variant(
             self._kind,
@@ -113,7 +115,8 @@ class Fleet:
         self._starts.reshape(-1)[: self.count] = which
         self._keys.reshape(-1)[: self.count][which] = keys
         self._orders[: self.count] = orders
-        kernels.load(self._variant).start_episodes(
+        self._step_kernel = self._module.step_episodes
+        self._module.start_episodes(
             self._flat_arenas,
             self._flat_histories,
             self._clocks,
@@ -129,7 +132,7 @@ class Fleet:
     def step(self) -> None:
         """One control period with `actions`."""
         if self._threads == 1:
-            self._step_blocks(0, len(self._flat_arenas))
+            self._step_kernel(*self._step_arguments)
             return
         edges = np.linspace(0, len(self._flat_arenas), self._threads + 1).astype(int).tolist()
         if self._pool is None:
@@ -138,19 +141,7 @@ class Fleet:
             pass
 
     def _step_blocks(self, begin: int, end: int) -> None:
-        self._step_kernel(
-            self._flat_arenas,
-            self._flat_histories,
-            self._clocks,
-            self._keys,
-            self._paths,
-            self._plan,
-            self._table,
-            self.actions,
-            self.observations,
-            begin,
-            end,
-        )
+        self._step_kernel(*self._step_arguments[:-2], begin, end)
 
     def results(self) -> Array:
         """All that is known at the present instant, in a new array; `parts` says what lies where. Shape (N, k)."""
@@ -194,24 +185,27 @@ class Fleet:
         self._flat_arenas = self._arenas.reshape(len(self._arenas), -1)
         self._flat_histories = self._histories.reshape(len(self._histories), -1)
         self._only = self._arenas[0, self._results, 0]
+        tables = (self._clocks, self._keys, self._paths, self._plan, self._table)
+        data = (self._flat_arenas, self._flat_histories, *tables, self.actions, self.observations)
+        self._step_arguments = (*data, 0, len(self._arenas))
+        self._step_kernel: Any = _not_started
         self._pool = None
 
     @property
-    def _step_kernel(self) -> Any:
-        kernel = self.__dict__.get("_kernel")
-        if kernel is None:
-            kernel = self.__dict__["_kernel"] = kernels.load(self._variant).step_episodes
-        return kernel
+    def _module(self) -> ModuleType:
+        return kernels.load(self._variant)
 
     def __getstate__(self) -> dict[str, Any]:
         """Without views, which would come back as copies, and without what cannot be pickled."""
-        left_out = ("_flat_arenas", "_flat_histories", "_only", "_pool", "_kernel")
+        left_out = ("_flat_arenas", "_flat_histories", "_only", "_pool", "_step_arguments", "_step_kernel")
         return {name: value for name, value in self.__dict__.items() if name not in left_out}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Link the views again."""
         self.__dict__.update(state)
         self._link()
+        if self._keys.any():  # an episode has begun
+            self._step_kernel = self._module.step_episodes
 
     def _slots(self) -> int:
         """Length of the delay line: the latest reading and the period before the first."""
@@ -335,6 +329,10 @@ class Fleet:
             if name in self._rows:
                 first, count = self._rows[name]
                 self._arenas[:, first : first + count] = np.asarray(value, dtype=float)[None, :, None]
+
+
+def _not_started(*arguments: Any) -> None:
+    raise RuntimeError("step() before start(): there are no states to advance")
 
 
 START_CODES = {name: getattr(starts, name.upper()) for name in STARTS}

@@ -78,9 +78,11 @@ class InfoMaker:
         weights = fleet.settings.reward_weights
         self._terms = {name: first + n for n, name in enumerate(TERMS) if weights.get(name, 0.0) > 0.0}
         self._episode = {name: parts["EPISODE"].start + n for n, name in enumerate(DRAWN)}
-        self._first_term = min(self._terms.values())
-        self._last_term = max(self._terms.values()) + 1
-        self._names = [(name, place - self._first_term) for name, place in self._terms.items()]
+        self._items = tuple(self._vectors.items())
+        self._numbers = slice(first, None)  # all that are reported one by one come last
+        self._term_items = tuple((name, place - first) for name, place in self._terms.items())
+        self._episode_items = tuple((name, place - first) for name, place in self._episode.items())
+        self._time_place, self._gain_place = self._time - first, self._gain - first
 
     def single(self, result: Array, stepped: bool) -> dict[str, Any]:
         """The info of one environment.
@@ -89,15 +91,15 @@ class InfoMaker:
             result: its results, which the info's arrays are views of. Shape (k,).
             stepped: a step led there; False: a reset.
         """
-        info: dict[str, Any] = {name: result[part] for name, part in self._vectors.items()}
-        info["time"] = float(result[self._time])
+        info: dict[str, Any] = {name: result[part] for name, part in self._items}
+        numbers = result[self._numbers].tolist()
+        info["time"] = numbers[self._time_place]
         if self._with_gain:
-            info["gain"] = float(result[self._gain])
+            info["gain"] = numbers[self._gain_place]
         if stepped:
-            terms = result[self._first_term : self._last_term].tolist()
-            info["reward_terms"] = {name: terms[place] for name, place in self._names}
+            info["reward_terms"] = {name: numbers[place] for name, place in self._term_items}
         else:
-            info["parameters"] = {name: float(result[place]) for name, place in self._episode.items()}
+            info["parameters"] = {name: numbers[place] for name, place in self._episode_items}
         return info
 
     def batch(self, results: Array, stepped: NDArray[np.bool_], begun: NDArray[np.bool_]) -> dict[str, Any]:

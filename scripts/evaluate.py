@@ -115,7 +115,9 @@ def main() -> None:
         raise ValueError("runs = (): nothing to score; name a run, or leave --baselines or --shipped on")
     options.output.parent.mkdir(parents=True, exist_ok=True)
     write_json(options.output, {"seed": options.seed, "laps": kept})
-    print("Torque changes and deflections: shoulder / elbow, link 1 / link 2. In brackets: scores of laps that ended early.")
+    print(
+        "Torque changes and deflections: shoulder / elbow, link 1 / link 2. In brackets: scores of laps that ended early."
+    )
     print(f"{table(results)}\n{options.output}: written")
 
 

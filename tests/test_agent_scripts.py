@@ -74,19 +74,15 @@ def test_evaluate(folder: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("--options", '{"noize": 1}'), "error: noize: no such option; did you mean 'noise'"),
-        (("--environment", "Square"), "error: environment = 'Square': must be one of "),
-        (("--batch", "1000"), "error: batch = 1000: must divide"),
+        (("--options", '{"noize": 1}'), "noize: no such option; did you mean 'noise'"),
+        (("--environment", "Square"), "environment = 'Square': must be one of "),
+        (("--batch", "1000"), "batch = 1000: must divide rollout * envs"),
+        (("--options", "noise=1"), "noise=1: not JSON"),
     ],
 )
 def test_bad_input(tmp_path: Path, arguments: tuple[str, ...], message: str) -> None:
     result = script("train.py", *arguments, cwd=tmp_path)
-    assert result.returncode == 1
-    assert result.stderr.startswith(message)
+    assert result.returncode in (1, 2)  # 2: from the command line's reader
+    assert message in " ".join(result.stderr.replace("│", " ").split())
+    assert "Traceback" not in result.stderr
     assert not list(tmp_path.iterdir())  # nothing was begun
-
-
-def test_options_must_be_json(tmp_path: Path) -> None:
-    result = script("train.py", "--options", "noise=1", cwd=tmp_path)
-    assert result.returncode == 2
-    assert "noise=1: not JSON" in " ".join(result.stderr.split())

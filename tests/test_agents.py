@@ -61,7 +61,9 @@ def files(folder: Path) -> dict[str, bytes]:
 
 def same_policy(one: Path, other: Path) -> bool:
     first, second = NetworkPolicy.load(one), NetworkPolicy.load(other)
-    pairs = zip([*first.weights, *first.biases, first.log_std], [*second.weights, *second.biases, second.log_std], strict=True)
+    pairs = zip(
+        [*first.weights, *first.biases, first.log_std], [*second.weights, *second.biases, second.log_std], strict=True
+    )
     return all(np.array_equal(a, b) for a, b in pairs)
 
 
@@ -71,7 +73,11 @@ def same_policy(one: Path, other: Path) -> bool:
 @pytest.mark.parametrize(
     ("options", "error", "message"),
     [
-        ({"environment": "CartPole-v1"}, ValueError, r"environment = 'CartPole-v1': must be one of 'FlexArm/Paper-v0', "),
+        (
+            {"environment": "CartPole-v1"},
+            ValueError,
+            r"environment = 'CartPole-v1': must be one of 'FlexArm/Paper-v0', ",
+        ),
         ({"environment": 3}, ValueError, r"environment = 3: must be one of"),
         ({"options": {"noize": 1.0}}, TypeError, r"noize: no such option; did you mean 'noise'"),
         ({"options": {"noise": -1.0}}, ValueError, r"noise = -1.0: must be"),

@@ -25,7 +25,9 @@ def pair(infos: Any = "all", **options: Any) -> tuple[FlexArmVecEnv, DummyVecEnv
     def make() -> gymnasium.Env[Any, Any]:
         return gymnasium.make(ID, max_episode_steps=LIMIT, **OPTIONS, **options)
 
-    return FlexArmVecEnv.make(ID, COUNT, infos, max_episode_steps=LIMIT, **OPTIONS, **options), DummyVecEnv([make] * COUNT)
+    return FlexArmVecEnv.make(ID, COUNT, infos, max_episode_steps=LIMIT, **OPTIONS, **options), DummyVecEnv(
+        [make] * COUNT
+    )
 
 
 @pytest.fixture
@@ -181,7 +183,9 @@ def test_reset_as_a_method_of_some(env: FlexArmVecEnv) -> None:
     expected, info = single.reset(seed=9, options={"start": "corner"})
     for observation, own in (first, second):
         np.testing.assert_array_equal(observation, expected)
-        assert_same(own, {name: value.copy() if isinstance(value, np.ndarray) else value for name, value in info.items()})
+        assert_same(
+            own, {name: value.copy() if isinstance(value, np.ndarray) else value for name, value in info.items()}
+        )
     after, *_ = env.step(np.zeros((COUNT, 2), dtype=np.float32))
     assert after.shape == before.shape
 

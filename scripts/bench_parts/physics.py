@@ -49,7 +49,9 @@ def torque_driven(modes: Sequence[int], effort: float) -> Group:
         peak = peers.multiply_adds(effort)
         name = f"{label}, its operations at the peak of multiply-adds"
         subjects.append(Subject(name, peak.work, peak.amount / operations(m)))
-        ratios.append(Ratio(name, f"{label}, {ARMS} arms, {LANES[-1]} lanes", f"share of the peak of one core, {label}"))
+        ratios.append(
+            Ratio(name, f"{label}, {ARMS} arms, {LANES[-1]} lanes", f"share of the peak of one core, {label}")
+        )
     return Group("torque_driven", "Physics of the torque-driven arm (RK4)", "ns", "step and arm", subjects, ratios)
 
 
