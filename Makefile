@@ -30,11 +30,12 @@ test-slow: $(TEST)  ## Run the slow tests alone
 lint: $(TEST)  ## Check style and likely bugs (ruff)
 	$(PY) -m ruff check .
 
-# The folder `baselines` is installed as flexarm_baselines through an import hook, which mypy does not follow:
-# a link under its installed name shows it the same files.
+# The folders `baselines` and `agents` are installed as flexarm_* through an import hook, which mypy does not follow:
+# links under their installed names show it the same files.
 typecheck: $(TEST)  ## Check types (mypy)
 	@mkdir -p build/types
 	@ln -sfn ../../baselines build/types/flexarm_baselines
+	@ln -sfn ../../agents build/types/flexarm_agents
 	$(PY) -m mypy
 
 contract: $(TEST)  ## Check that imports follow the one-way flow (import-linter)

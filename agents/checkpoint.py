@@ -52,7 +52,8 @@ def save_checkpoint(path: Path, model: PPO, progress: Progress) -> None:
         progress: of the training.
     """
     monitor = model.get_env()
-    assert isinstance(monitor, VecMonitor) and isinstance(monitor.venv, FlexArmVecEnv)
+    assert isinstance(monitor, VecMonitor)
+    assert isinstance(monitor.venv, FlexArmVecEnv)
     rest = {
         "progress": progress,
         "env": monitor.venv.env,

@@ -22,8 +22,8 @@ def network_policy(model: PPO, notes: dict[str, Any] | None = None) -> NetworkPo
         notes: to keep with it.
     """
     policy = model.policy
-    layers = [layer for layer in policy.mlp_extractor.policy_net if isinstance(layer, torch.nn.Linear)]
-    layers.append(policy.action_net)
+    hidden = policy.mlp_extractor.policy_net
+    layers = [layer for layer in (*hidden, policy.action_net) if isinstance(layer, torch.nn.Linear)]
     (activation,) = [name for name, module in MODULES.items() if policy.activation_fn is module]
 
     def numbers(parameter: torch.Tensor) -> np.ndarray[Any, np.dtype[np.float32]]:

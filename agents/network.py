@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -27,7 +27,7 @@ def _relu(x: Array) -> Array:
     return np.maximum(x, np.float32(0.0))
 
 
-ACTIVATIONS = {"elu": _elu, "tanh": np.tanh, "relu": _relu}
+ACTIVATIONS: dict[str, Callable[[Array], Array]] = {"elu": _elu, "tanh": np.tanh, "relu": _relu}
 
 
 @dataclass(frozen=True, eq=False)

@@ -74,7 +74,8 @@ def train(
         finally:
             follow.close()
             model.logger.close()
-            model.get_env().close()
+            if (env := model.get_env()) is not None:
+                env.close()
     assert found.best is not None
     return Outcome(run.path, found.rows[found.best], found.rows[-1])
 

@@ -1,4 +1,4 @@
-"""`FlexArmVecEnv`: a batch of arms as a stable-baselines3 `VecEnv`, which does not take Gymnasium's vector environments.
+"""`FlexArmVecEnv`: a batch of arms for stable-baselines3, which does not take Gymnasium's vector environments.
 
 It behaves as `DummyVecEnv` over single environments does, to the last bit (environment i of a batch seeded s is the
 single one seeded s + i), at a fraction of the time.
@@ -57,6 +57,7 @@ class FlexArmVecEnv(VecEnv):
         self.env = env
         self.infos = choice("infos", infos, INFOS)
         self._actions: NDArray[Any] | None = None
+        self._begun = False
         super().__init__(env.num_envs, env.single_observation_space, env.single_action_space)
         self.metadata = dict(env.metadata)
 
@@ -83,11 +84,13 @@ class FlexArmVecEnv(VecEnv):
         seeds, options = list(self._seeds), list(self._options)
         self._reset_seeds()
         self._reset_options()
-        if all(each == options[0] for each in options):
-            observations, infos = self.env.reset(seed=seeds, options=options[0] or None)
+        alike = not any(options) or all(each is options[0] for each in options)  # `set_options` with one for all
+        if alike or not self._begun:  # the first reset must be of all
+            observations, infos = self.env.reset(seed=seeds, options=(alike and options[0]) or None)
             self.reset_infos = [info_of(infos, i) for i in range(self.num_envs)]
+            self._begun = True
+        if alike:
             return observations
-        self.env.reset(seed=seeds)  # the first reset must be of all
         for i in range(self.num_envs):
             observations, infos = self._reset_one(i, seeds[i], options[i])
             self.reset_infos[i] = info_of(infos, i)
@@ -176,9 +179,9 @@ class FlexArmVecEnv(VecEnv):
             images = self.get_images()
             return [images[i] for i in chosen]
         if method_name == "get_wrapper_attr":
-            return self.get_attr(*method_args, indices=chosen)
+            return self.get_attr(method_args[0], chosen)
         if method_name == "has_wrapper_attr":
-            return [self.has_attr(*method_args)] * len(chosen)
+            return [self.has_attr(method_args[0])] * len(chosen)
         if method_name == "reset":
             return [self._restart(i, *method_args, **method_kwargs) for i in chosen]
         raise AttributeError(

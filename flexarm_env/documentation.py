@@ -40,11 +40,11 @@ number was divided by. No number passes its bound before the episode ends. The t
 LATENESS = """\
 Encoders and strain gauges are current; the sensor on link 2 is late. At the end of each control period its reading of
 `delay` seconds ago arrives, not rounded to steps; if `delay` is None, that is the distance from the shoulder over the
-wave speed (31.2 ms for a sensor at the tip). `jitter` makes each reading older by an amount drawn evenly up to that;
-with `hold`, readings are taken at the ticks of a slower clock only; with probability `dropout` none arrives, and the
-last one stays. A reading that is not newer than the last one by half a control period is passed over. `sensor_error`
-compares a reading with where the reference was when it was taken: it is the exact error of a moment ago, not a wrong
-one of now."""
+wave speed (31.2 ms for a sensor at the tip; the "rigid" sensor reads the elbow's angle after a delay of its own, the
+way from the elbow). `jitter` makes each reading older by an amount drawn evenly up to that; with `hold`, readings are
+taken at the ticks of a slower clock only; with probability `dropout` none arrives, and the last one stays. A reading
+that is not newer than the last one by half a control period is passed over. `sensor_error` compares a reading with
+where the reference was when it was taken: it is the exact error of a moment ago, not a wrong one of now."""
 REWARD = """\
 The reward judges the state after the step, by the true tip (e: its distance from the reference), whatever the sensors
 see. It is the sum of terms in [0, 1] times their weights (`reward_weights`). None is negative, so ending an episode
@@ -95,8 +95,8 @@ def action_table(settings: Settings | None = None) -> str:
     """What an action stands for: in every action mode, or where settings are given in theirs, with numbers."""
     if settings is None:
         header = ("`action_mode`", "an action is", "of", "quantity", "action", "unit")
-        rows = [(f"`{name}`", mode.text, ", ".join(mode.channels), *_formulas(mode)) for name, mode in MODES.items()]
-        return table(header, rows)
+        modes = MODES.items()
+        return table(header, [(f"`{name}`", one.text, ", ".join(one.channels), *_formulas(one)) for name, one in modes])
     mode = MODES[settings.action_mode]
     rows = [
         (str(n), channel, figure(mode.least * limit), figure(limit), *_formulas(mode))
@@ -116,7 +116,7 @@ def block_table(settings: Settings | None = None) -> str:
         return table(("block", "numbers (m modes a link)", "what", "unit"), rows)
     layout = observation_layout(settings, KINDS[settings.action_mode])
     header = ["numbers", "block", "what", "unit", "bound"] + ["scale"] * settings.scaled
-    rows = []
+    numbers = []
     for name, part in layout.blocks.items():
         block, scale = BLOCKS[name], layout.scale[part]
         cells = [
@@ -126,8 +126,8 @@ def block_table(settings: Settings | None = None) -> str:
             block.unit,
             figures(layout.bound[part] * scale),
         ]
-        rows.append(tuple(cells + [figures(scale)] * settings.scaled))
-    return table(header, rows)
+        numbers.append(cells + [figures(scale)] * settings.scaled)
+    return table(header, numbers)
 
 
 def reward_table(settings: Settings | None = None) -> str:

@@ -107,7 +107,7 @@ STARTS = {
     "mix": f'"corners" in {100.0 * SHARE_AT_REST:g} % of the episodes, else "moving"',
 }
 MOVE_RING = (0.35, 0.95)  # of the reach: where the ends of drawn moves lie
-DEFAULT_WEIGHTS = {"tracking_wide": 0.35, "tracking_middle": 0.3, "tracking_fine": 0.2, "action_change": 0.15}
+DEFAULT_WEIGHTS = {"tracking_wide": 0.6, "tracking_middle": 0.15, "tracking_fine": 0.1, "action_change": 0.15}
 DEFAULT_OBSERVATION = (
     "elbow_direction",
     "joint_rates",
@@ -231,7 +231,7 @@ class Settings:
         for name in options:
             if name not in known:
                 near = difflib.get_close_matches(name, known, 1)
-                hint = f"; did you mean {near[0]!r}?" if near else ""
+                hint = f"; did you mean {near[0]!r}?" if near else "."
                 raise TypeError(f"{name}: no such option{hint} The options are {', '.join(known)}")
         return cls(**options)
 
@@ -249,6 +249,8 @@ class Settings:
             optional["physics_step"] = number("physics_step", self.physics_step, "s", above=0.0)
         if self.torque_limit is not None:
             optional["torque_limit"] = pair("torque_limit", self.torque_limit, "N m", above=0.0)
+        if isinstance(self.delay, list | np.ndarray):
+            optional["delay"] = tuple(self.delay)
         for name in ("deflection_limit", "error_limit"):
             if getattr(self, name) is not None:
                 optional[name] = number(name, getattr(self, name), "m", above=0.0)

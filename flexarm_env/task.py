@@ -17,6 +17,7 @@ Array = NDArray[np.float64]
 CONTROL_PERIOD = 1e-3  # [s]; the paper's step size
 ANGLE_LIMIT = 8.0 * np.pi  # [rad]; four turns
 RATE_LIMIT = 1e3  # [rad/s]
+TIP_RATE_LIMIT = 1e3  # [m/s], of a link's tip by one mode
 
 
 def square_loop(
@@ -54,10 +55,12 @@ def rest_state(arm: FlexibleArm, point: ArrayLike, elbow_branch: str = "positive
 
 
 def state_limits(arm: FlexibleArm) -> Array:
-    """Magnitudes of a valid state: angles, modal coordinates, joint rates; modal rates have none. Shape (4 + 4 m,).
+    """Magnitudes of a valid state: angles, modal coordinates, joint rates, modal rates. Shape (4 + 4 m,).
 
-    A modal coordinate's limit is the one that alone bends its link's tip by the link's length.
+    A modal coordinate's limit is the one that alone bends its link's tip by the link's length; a modal rate's the one
+    that alone moves it at 1000 m/s.
     """
-    modal = np.concatenate([link.length / np.abs(link.tip_values) for link in arm.modes])
-    angles, rates, unlimited = np.full(2, ANGLE_LIMIT), np.full(2, RATE_LIMIT), np.full(len(modal), np.inf)
-    return np.concatenate([angles, modal, rates, unlimited])
+    tips = [np.abs(link.tip_values) for link in arm.modes]
+    modal = np.concatenate([link.length / values for link, values in zip(arm.modes, tips, strict=True)])
+    angles, rates = np.full(2, ANGLE_LIMIT), np.full(2, RATE_LIMIT)
+    return np.concatenate([angles, modal, rates, TIP_RATE_LIMIT / np.concatenate(tips)])

@@ -15,7 +15,7 @@ from env_pictures import PICTURES, drawn
 from flexarm_env import documentation as doc
 from flexarm_env.env import FlexArmEnv
 from flexarm_env.registration import IDS, NAMESPACE, Id
-from flexarm_env.settings import Settings
+from flexarm_env.settings import MODES, Settings
 from flexarm_env.vector_env import FlexArmVectorEnv
 
 DOCS = Path(__file__).resolve().parent.parent / "docs" / "environments"
@@ -82,7 +82,7 @@ def page(name: str, one: Id) -> str:
     """The page of an id."""
     settings = Settings.of(one.options)
     changed = ", ".join(f"`{option}`" for option in one.options)
-    arguments = [f"It differs from `{NAMESPACE}/Square-v0` in {changed}."] if changed else []
+    arguments = [_wrapped(f"It differs from `{NAMESPACE}/Square-v0` in {changed}.")] if changed else []
     sections = {
         "Description": [_wrapped(one.text), snippet(name)],
         "Action space": [doc.ACTION, _mode(settings), doc.action_table(settings)],
@@ -163,13 +163,14 @@ def _pointers(settings: Settings) -> str:
     text = f"Blocks in m and m/s are in the {settings.frame}'s frame ([frames and units](README.md#frames-and-units))."
     if any(block.startswith("sens") for block in settings.observation):
         delays = settings.sensor_parameters.joint_delays(settings.flexible_arm.parameters.link_lengths[0])
-        late = " and ".join(dict.fromkeys(f"{doc.figure(1e3 * delay)} ms" for delay in delays))
+        shoulder, elbow = (f"{doc.figure(1e3 * delay)} ms" for delay in delays)
+        late = shoulder if shoulder == elbow else f"{shoulder} (shoulder's angle) and {elbow} (elbow's)"
         text += f" The sensor on link 2 is {late} late ([the late sensor](README.md#the-late-sensor))."
     return _wrapped(text)
 
 
 def _mode(settings: Settings) -> str:
-    return _wrapped(f'`action_mode` is `"{settings.action_mode}"`: {doc.MODES[settings.action_mode].text}.')
+    return _wrapped(f'`action_mode` is `"{settings.action_mode}"`: {MODES[settings.action_mode].text}.')
 
 
 def _wrapped(text: str) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -116,7 +115,7 @@ def main() -> None:
     options.output.parent.mkdir(parents=True, exist_ok=True)
     write_json(options.output, {"seed": options.seed, "laps": kept})
     print(
-        "Torque changes and deflections: shoulder / elbow, link 1 / link 2. In brackets: scores of laps that ended early."
+        "Pairs: shoulder / elbow, or link 1 / link 2. In brackets: figures of laps that ended early, no scores."
     )
     print(f"{table(results)}\n{options.output}: written")
 

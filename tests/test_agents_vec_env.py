@@ -111,13 +111,19 @@ def test_only_what_ended_carries_an_info() -> None:
 
 def test_options_of_single_environments() -> None:
     ours, theirs = pair()
-    wanted = [{"start": "corner"}, {}, {"time": 3.0}, {"start": "corner"}, {}]
+    state = np.zeros(12)
+    wanted = [{"start": "corner"}, {}, {"time": 3.0}, {"start": "corner"}, {"state": state}]
+    for options in (wanted, wanted, None, {"state": state}, [{}] * COUNT):
+        for env in (ours, theirs):
+            if options is wanted:
+                env.seed(5)
+            env.set_options(options)
+        np.testing.assert_array_equal(ours.reset(), theirs.reset())
+        for one, another in zip(ours.reset_infos, theirs.reset_infos, strict=True):
+            assert_same(one, another)
     for env in (ours, theirs):
-        env.seed(5)
-        env.set_options(wanted)
+        env.set_options(wanted)  # no new seeds: the generators go on
     np.testing.assert_array_equal(ours.reset(), theirs.reset())
-    for one, another in zip(ours.reset_infos, theirs.reset_infos, strict=True):
-        assert_same(one, another)
 
 
 def test_vec_monitor(env: FlexArmVecEnv) -> None:

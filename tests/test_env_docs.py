@@ -85,7 +85,7 @@ def test_the_committed_pages_are_what_the_code_says(script: ModuleType) -> None:
     pages = script.pages()
     assert set(pages) == {path.name for path in DOCS.glob("*.md")}
     for file, text in pages.items():
-        assert text == (DOCS / file).read_text(encoding="utf-8"), f"docs/environments/{file}: run scripts/build_env_docs.py"
+        assert text == (DOCS / file).read_text(encoding="utf-8"), f"{file}: run scripts/build_env_docs.py"
 
 
 def test_every_id_has_its_picture(script: ModuleType) -> None:

@@ -25,7 +25,7 @@ MESSAGES: list[tuple[str, dict[str, Any], type[Exception], str]] = [
     (SQUARE, {"control_period": 0.0}, ValueError, r"control_period = 0\.0: must be .* > 0\.0 and <= 1\.0 \[s\]"),
     (SQUARE, {"control_period": 2.0}, ValueError, r"control_period = 2\.0: must be .* <= 1\.0 \[s\]"),
     (SQUARE, {"control_period": True}, TypeError, r"control_period = True: must be a finite number"),
-    (SQUARE, {"physics_step": 0.02}, ValueError, r"physics_step = 0\.02 s: too long .* 338\.\d rad/s; at most 0\.0059"),
+    (SQUARE, {"physics_step": 0.02}, ValueError, r"physics_step = 0\.02 s: too long .* 323 rad/s; at most 0\.00619"),
     (SQUARE, {"physics_step": -1e-3}, ValueError, r"physics_step = -0\.001: must be .* > 0\.0 \[s\]"),
     (PAPER, {"physics_step": 0.1}, ValueError, r"physics_step = 0\.1 s: too long .* at most 0\.01218 s is allowed"),
     (PAPER, {"physics_step": "auto"}, TypeError, r"physics_step = 'auto': must be a .*number .*\[s\]"),
@@ -176,7 +176,7 @@ MESSAGES: list[tuple[str, dict[str, Any], type[Exception], str]] = [
         SQUARE,
         {"wind": 3.0},
         TypeError,
-        r"wind: no such option The options are arm, action_mode, |wind: no such option[.;] ",
+        r"wind: no such option\. The options are arm, action_mode, ",
     ),
     (SQUARE, {"torque_limits": (1.0, 1.0)}, TypeError, r"torque_limits: no such option; did you mean 'torque_limit'\?"),
     (PAPER, {"gainlimit": 1.0}, TypeError, r"gainlimit: no such option; did you mean 'gain_limit'\?"),
@@ -227,7 +227,7 @@ def test_an_option_without_effect_is_refused(name: str, mode: str) -> None:
 def test_lists_as_json_has_them_are_tuples() -> None:
     settings = Settings.of({"previews": [0.1], "torque_limit": [1.0, 2.0], "delay": [0.1, 0.2], "sensor": "rigid"})
     assert (settings.previews, settings.torque_limit, settings.reference) == ((0.1,), (1.0, 2.0), ("square",))
-    assert settings.sensor_parameters.delay == (0.1, 0.2)
+    assert settings.delay == settings.sensor_parameters.delay == (0.1, 0.2)
 
 
 # --- actions ------------------------------------------------------------------------------------------------
@@ -241,7 +241,6 @@ def test_lists_as_json_has_them_are_tuples() -> None:
         ([0.0], r"action: must have shape \(2,\), got \(1,\)"),
         (0.0, r"action: must have shape \(2,\), got \(\)"),
         ([[0.0, 0.0]], r"action: must have shape \(2,\), got \(1, 2\)"),
-        ([True, False], r"action = .*: must be an array of real numbers"),
     ],
     ids=str,
 )

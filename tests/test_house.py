@@ -14,7 +14,8 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
-PACKAGES = {"flexarm_env": ROOT / "flexarm_env", "flexarm_baselines": ROOT / "baselines"}
+PACKAGES = {"flexarm_env": ROOT / "flexarm_env"}
+PACKAGES |= {f"flexarm_{name}": ROOT / name for name in ("baselines", "agents")}
 FOLDER_NAMES = {"baselines", "agents"}  # other distributions own these names; ours import as flexarm_*
 HEAVY = ("torch", "stable_baselines3", "matplotlib", "pygame")
 IMPORTERS = {"import_module", "__import__", "importorskip", "find_spec", "run_module"}
@@ -59,6 +60,11 @@ def test_imports_follow_the_flow() -> None:
         ("flexarm_env/closed_loop.py", "import flexarm_env.reward", "The closed loop and the reward"),
         ("flexarm_env/env.py", "def late(): import torch", "needs no learning"),
         ("flexarm_env/env.py", "import flexarm_baselines", "does not know the baselines"),
+        ("flexarm_env/env.py", "import flexarm_agents", "know the agents"),
+        ("flexarm_baselines/ifdc.py", "import flexarm_agents", "know the agents"),
+        ("flexarm_agents/unplaced.py", "", "agents flow one way"),
+        ("flexarm_agents/score.py", "import flexarm_agents.training", "agents flow one way"),
+        ("flexarm_agents/load.py", "import torch", "without a learning library"),
         ("flexarm_baselines/violation.py", "import flexarm_env", "look only at"),
         ("flexarm_baselines/violation.py", "from flexarm_env.env import FlexArmEnv", "look only at"),
     ],
@@ -115,6 +121,16 @@ def test_importing_the_environment_loads_nothing_heavy(tmp_path: Path) -> None:
     assert result.stdout.strip() == "[]"
 
 
+def test_trained_policies_need_no_learning_library(tmp_path: Path) -> None:
+    code = (
+        "import sys; from flexarm_agents import evaluate, load_policy, shipped_policies, TrainingConfig; "
+        f"TrainingConfig(); print(sorted(set({HEAVY!r}) & set(sys.modules)))"
+    )
+    result = run(sys.executable, "-W", "error", "-c", code, cwd=tmp_path)
+    assert result.returncode == 0, result.stderr
+    assert result.stdout.strip() == "[]"
+
+
 # --- the distribution ---------------------------------------------------------------------------------------
 
 
@@ -140,16 +156,19 @@ def test_a_wheel_holds_the_packages_and_nothing_else(wheel: Path) -> None:
     for package, folder in PACKAGES.items():
         expected = {f"{package}/{path.relative_to(folder).as_posix()}" for path in folder.rglob("*.py")}
         assert expected | {f"{package}/py.typed"} <= set(files)
+    policies = {f"flexarm_agents/policies/{path.name}" for path in (ROOT / "agents" / "policies").iterdir()}
+    assert policies
+    assert policies <= set(files)
 
 
 @pytest.mark.slow
-def test_a_plain_install_imports_by_both_names(wheel: Path, tmp_path: Path) -> None:
+def test_a_plain_install_imports_by_all_names(wheel: Path, tmp_path: Path) -> None:
     site = tmp_path / "site"
     result = run(sys.executable, "-m", "pip", "install", "--no-deps", "--target", site, wheel, cwd=tmp_path)
     assert result.returncode == 0, result.stderr
     code = (
-        "import importlib.metadata, flexarm_baselines, flexarm_env; "
-        "print(flexarm_env.__file__, flexarm_baselines.__file__, flexarm_env.__version__, "
+        "import importlib.metadata, flexarm_agents, flexarm_baselines, flexarm_env; "
+        "print(flexarm_env.__file__, flexarm_baselines.__file__, flexarm_agents.__file__, flexarm_env.__version__, "
         "importlib.metadata.version('flexarm'), sep='\\n')"
     )
     result = run(sys.executable, "-c", code, cwd=tmp_path, PYTHONPATH=str(site))
