@@ -156,8 +156,8 @@ class Settings:
     shift_limit: tuple[float, float] = _option(
         (0.3, 0.3), "shift of the joints' reference at action 1", "rad", ("reference",)
     )
-    inner_stiffness: tuple[float, float] = _option((60.0, 20.0), "of the inner tracking law", "N m/rad", _INNER)
-    inner_resistance: tuple[float, float] = _option((20.0, 6.0), "of the inner tracking law", "N m s/rad", _INNER)
+    inner_stiffness: tuple[float, float] = _option((1000.0, 130.0), "of the inner tracking law", "N m/rad", _INNER)
+    inner_resistance: tuple[float, float] = _option((40.0, 30.0), "of the inner tracking law", "N m s/rad", _INNER)
     proportional_gain: float = _option(150.79, "Kp of the paper's law (11)", "N/m", _LAW)
     derivative_gain: float = _option(17.364, "Kd of the paper's law (12)", "N s/m", _LAW)
     compensation: Compensation = _option("none", "delay of the law's command; see `LawParameters`", "", _LAW)
