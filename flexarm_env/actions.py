@@ -1,4 +1,4 @@
-"""The map between an action in [-1, 1] and a gain in [0, gain_limit].
+"""The map between an action in [-1, 1] and what it stands for: a torque, a shift, a gain.
 
 Symbols: ``lambda`` the gain that multiplies the control law's torque (14), dimensionless. The environment
 reads actions with it and the baselines write them with it, so that both mean the same gain.
@@ -6,10 +6,51 @@ reads actions with it and the baselines write them with it, so that both mean th
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+from flexarm_env.validation import choice
+
+ACTION_MODES = ("torque", "residual", "reference", "gain")
+
+
+def physical_from_action(mode: str, action: ArrayLike, limit: ArrayLike) -> NDArray[np.float64]:
+    """What an action in [-1, 1] stands for, in the action mode's unit.
+
+    Args:
+        mode: "torque" and "residual": torques [N m]; "reference": shifts of the joints' reference [rad]; "gain":
+            lambda, dimensionless.
+        action: values in [-1, 1]. Shape (..., channels).
+        limit: value of the action 1; one for all channels or one each, as `Settings.action_limit`.
+
+    Returns:
+        ``limit action``; for the gain `gain_from_action`. Shape of ``action``.
+
+    Raises:
+        ValueError: for another mode, an action that is not finite or not in [-1, 1], or a limit that is not positive.
+    """
+    if choice("mode", mode, ACTION_MODES) == "gain":
+        return gain_from_action(action, limit)
+    return np.asarray(_checked_range("action", action, -1.0, 1.0) * _checked_limit(limit))
+
+
+def action_from_physical(mode: str, value: ArrayLike, limit: ArrayLike) -> NDArray[np.float64]:
+    """The action in [-1, 1] that stands for a physical value; the inverse of `physical_from_action`.
+
+    Args:
+        mode: see there.
+        value: in the mode's unit, within the limit. Shape (..., channels).
+        limit: see there.
+
+    Returns:
+        ``value / limit``; for the gain `action_from_gain`. Shape of ``value``.
+
+    Raises:
+        ValueError: for another mode, a value that is not finite or beyond the limit, or a limit that is not positive.
+    """
+    if choice("mode", mode, ACTION_MODES) == "gain":
+        return action_from_gain(value, limit)
+    return _checked_range("value / limit", np.asarray(value, dtype=np.float64) / _checked_limit(limit), -1.0, 1.0)
 
 
 def gain_from_action(action: ArrayLike, gain_limit: ArrayLike) -> NDArray[np.float64]:
@@ -27,12 +68,7 @@ def gain_from_action(action: ArrayLike, gain_limit: ArrayLike) -> NDArray[np.flo
     """
     limit = _checked_limit(gain_limit)
     values = _checked_range("action", action, -1.0, 1.0)
-    return np.asarray(scaled(values, limit))
-
-
-def scaled(action: Any, gain_limit: Any) -> Any:
-    """The formula of `gain_from_action`, without checks, for values that are known to be valid."""
-    return gain_limit * (0.5 * (action + 1.0))  # in this order: 1 gives the limit itself, never more
+    return np.asarray(limit * (0.5 * (values + 1.0)))  # in this order: 1 gives the limit itself, never more
 
 
 def action_from_gain(gain: ArrayLike, gain_limit: ArrayLike) -> NDArray[np.float64]:

@@ -5,6 +5,7 @@ Single and vector environments both stand on it: one arm is a fleet of one, with
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from types import ModuleType
 from typing import Any
@@ -49,6 +50,7 @@ class Fleet:
     """
 
     _pool: ThreadPoolExecutor | None
+    _step_kernel: Callable[..., Any]
 
     def __init__(self, settings: Settings, count: int, threads: int = 1) -> None:
         """Lay out the fleet; kernels are compiled, or found in the cache, at the first start.
@@ -188,7 +190,7 @@ class Fleet:
         tables = (self._clocks, self._keys, self._paths, self._plan, self._table)
         data = (self._flat_arenas, self._flat_histories, *tables, self.actions, self.observations)
         self._step_arguments = (*data, 0, len(self._arenas))
-        self._step_kernel: Any = _not_started
+        self._step_kernel = _not_started
         self._pool = None
 
     @property

@@ -64,6 +64,15 @@ def operations(modes: int) -> int:
 
 
 def bare_kernel(name: str, modes: int, lanes: int, arms: int, steps: int) -> Subject:
+    """The kernel of the torque-driven arm and nothing around it.
+
+    Args:
+        name: of the subject.
+        modes: per link.
+        lanes: of a block.
+        arms: of the batch.
+        steps: in a timed call.
+    """
     arm = FlexibleArm(ArmParameters(modes_per_link=modes))
     rows = layout("open", modes)
     blocks = arms // lanes
