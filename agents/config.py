@@ -43,7 +43,7 @@ class TrainingConfig:
     """Discount of a step."""
     gae_lambda: float = 0.95
     """Smoothing of the advantages."""
-    learning_rate: float = 1e-3
+    learning_rate: float = 2e-3
     """At the beginning; it falls linearly."""
     final_learning_rate: float = 2e-5
     """At the end."""
@@ -51,7 +51,7 @@ class TrainingConfig:
     """Range of the probabilities' ratio."""
     entropy: float = 0.0
     """Weight of the entropy."""
-    log_std: float = -1.0
+    log_std: float = -0.7
     """Logarithm of the actions' standard deviation at the beginning."""
     hidden: tuple[int, ...] = (128, 128)
     """Sizes of the hidden layers, of the policy and of the value each."""

@@ -98,6 +98,10 @@ class Renderer:
         self._window: Any = None
         self._clock: Any = None
 
+    def __getstate__(self) -> dict[str, Any]:
+        """Without what pygame made, which cannot be copied; a copy makes its own when it draws."""
+        return self.__dict__ | {"_canvas": None, "_window": None, "_clock": None}
+
     def draw(self, snapshot: Snapshot) -> NDArray[np.uint8] | None:
         """Draw one picture; the same snapshot gives the same pixels.
 

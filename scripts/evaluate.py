@@ -39,25 +39,26 @@ class Options:
 
 
 class Entry(NamedTuple):
-    """What is scored: a name, a policy and its environment."""
+    """What is scored: a name, a policy and its environment, by id and changed options."""
 
     name: str
     policy: Any
     env: gymnasium.Env[Any, Any]
     environment: str
+    options: dict[str, Any]
 
 
 def entries(options: Options) -> Iterator[Entry]:
     """Everything that the command line asks for, each made when it is its turn."""
     if options.baselines:
         gain, torque = make_one(GAIN), make_one(TORQUE)
-        yield Entry("IFDC", IFDC.for_env(gain), gain, GAIN)
-        yield Entry("FLSAC", FLSAC.for_env(gain), gain, GAIN)
-        yield Entry("no torque", ConstantPolicy(2), torque, TORQUE)
-        yield Entry("random torque", ConstantPolicy(2, 1.0, options.seed), torque, TORQUE)
+        yield Entry("IFDC", IFDC.for_env(gain), gain, GAIN, {})
+        yield Entry("FLSAC", FLSAC.for_env(gain), gain, GAIN, {})
+        yield Entry("no torque", ConstantPolicy(2), torque, TORQUE, {})
+        yield Entry("random torque", ConstantPolicy(2, 1.0, options.seed), torque, TORQUE, {})
     for source in (*(shipped_policies() if options.shipped else ()), *options.runs):
         trained = load_policy(source)
-        yield Entry(trained.name, trained.policy, trained.make_env(), trained.environment)
+        yield Entry(source, trained.policy, trained.make_env(), trained.environment, trained.options)
 
 
 def figures(score: Score) -> tuple[str, ...]:
@@ -81,15 +82,15 @@ def figures(score: Score) -> tuple[str, ...]:
 
 
 HEADER = (
-    ("", "lap r.m.s.", "maximum", "after 2 s", "torque change", "peak deflection", "peak torque", "end"),
-    ("", "[m]", "[m]", "r.m.s. [m]", "r.m.s. [N m]", "[m]", "[N m]", ""),
+    ("", "environment", "lap r.m.s.", "maximum", "after 2 s", "torque change", "peak deflection", "peak torque", "end"),
+    ("", "", "[m]", "[m]", "r.m.s. [m]", "r.m.s. [N m]", "[m]", "[N m]", ""),
 )
 
 
-def table(results: Sequence[tuple[str, Score]]) -> str:
+def table(results: Sequence[tuple[Entry, Score]]) -> str:
     """Complete laps by their r.m.s., then those that ended early."""
     ordered = sorted(results, key=lambda result: result[1].rank)
-    rows = [*HEADER, *((name, *figures(score)) for name, score in ordered)]
+    rows = [*HEADER, *((entry.name, _environment(entry), *figures(score)) for entry, score in ordered)]
     widths = [max(len(row[column]) for row in rows) for column in range(len(HEADER[0]))]
 
     def line(row: Sequence[str]) -> str:
@@ -97,6 +98,10 @@ def table(results: Sequence[tuple[str, Score]]) -> str:
         return "  ".join((row[0].ljust(widths[0]), *middle, row[-1])).rstrip()
 
     return "\n".join(line(row) for row in rows)
+
+
+def _environment(entry: Entry) -> str:
+    return entry.environment.partition("/")[2] + ("*" if entry.options else "")
 
 
 def main() -> None:
@@ -107,16 +112,15 @@ def main() -> None:
         for entry in entries(options):
             bar.set_description(entry.name)
             score = evaluate(entry.env, entry.policy, options.seed)
-            results.append((entry.name, score))
-            kept.append({"name": entry.name, "environment": entry.environment, **score.plain()})
+            results.append((entry, score))
+            about = {"name": entry.name, "environment": entry.environment, "options": entry.options}
+            kept.append(about | score.plain())
             bar.update()
     if not results:
         raise ValueError("runs = (): nothing to score; name a run, or leave --baselines or --shipped on")
     options.output.parent.mkdir(parents=True, exist_ok=True)
     write_json(options.output, {"seed": options.seed, "laps": kept})
-    print(
-        "Pairs: shoulder / elbow, or link 1 / link 2. In brackets: figures of laps that ended early, no scores."
-    )
+    print("Pairs: shoulder / elbow, or link 1 / link 2. *: with changed options. In brackets: laps that ended early.")
     print(f"{table(results)}\n{options.output}: written")
 
 

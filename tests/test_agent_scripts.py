@@ -50,8 +50,9 @@ def test_evaluate(folder: Path) -> None:
     assert result.returncode == 0, result.stderr
     for name in ("IFDC", "FLSAC", "no torque", "random torque", "Square-v0-3"):
         assert name in result.stdout
-    (line,) = [line for line in result.stdout.splitlines() if line.startswith("Square-v0-3")]
+    (line,) = [line for line in result.stdout.splitlines() if line.startswith("runs/Square-v0-3")]
     assert "ENDED at " in line
+    assert " Square-v0* " in line  # its options are not the id's
     assert line.count("(") == 2  # its scores are no lap's
     laps = {
         lap["name"]: lap

@@ -253,6 +253,16 @@ def test_a_time_limit_is_bootstrapped() -> None:
     plain.close()
 
 
+@pytest.mark.parametrize("name", ["Reach-v0", "SquareEncoders-v0", "SquareGain-v0", "SquareResidual-v0", "Track-v0"])
+def test_other_environments_are_trained_alike(tmp_path: Path, name: str) -> None:
+    config = TrainingConfig(**{**TINY, "environment": f"FlexArm/{name}", "steps": 128, "evaluation_laps": 2})
+    train(config, tmp_path / "run")
+    trained = load_policy(tmp_path / "run")
+    env = trained.make_env()
+    assert trained.policy.log_std.shape == env.action_space.shape
+    assert trained.environment == f"FlexArm/{name}"
+
+
 # --- policies as files ------------------------------------------------------------------------------------------------
 
 

@@ -117,7 +117,7 @@ def learning(effort: float) -> Group:
     sizes = (env.observation_space.shape[0], env.action_space.shape[0])
     ours = Subject(
         f"PPO on {SQUARE}",
-        lambda: _learn(lambda n: FlexArmVecEnv(f"flexarm_env:{SQUARE}", n), frames),
+        lambda: _learn(lambda n: FlexArmVecEnv.make(SQUARE, n), frames),
         frames + peers.ROLLOUT,
     )
     empty = Subject(

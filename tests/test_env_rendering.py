@@ -1,0 +1,105 @@
+"""Rendering through the environments: pictures, videos, windows; no display is needed."""
+
+from __future__ import annotations
+
+import copy
+import pickle
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.wrappers import RecordVideo
+
+pytest.importorskip("pygame")
+
+GAIN, SQUARE = "flexarm_env:FlexArm/SquareGain-v0", "flexarm_env:FlexArm/Square-v0"
+
+
+def stepped(env: gymnasium.Env[Any, Any], steps: int) -> np.ndarray:
+    """The picture after some steps with gain 1 from the standard start."""
+    env.reset(seed=0, options={"start": "corner"})
+    for _ in range(steps):
+        env.step(np.ones(env.action_space.shape, np.float32))
+    return env.render()
+
+
+@pytest.mark.parametrize("env_id", [GAIN, SQUARE])
+def test_a_picture_shows_the_present_instant(env_id: str) -> None:
+    env = gymnasium.make(env_id, render_mode="rgb_array")
+    first, later, again = stepped(env, 0), stepped(env, 20), stepped(env, 20)
+    assert first.shape == (600, 600, 3)
+    assert first.dtype == np.uint8
+    assert (first != later).any()
+    np.testing.assert_array_equal(later, again)
+
+
+@pytest.mark.parametrize("how", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))])
+def test_a_copy_of_an_environment_that_has_drawn_goes_on(how: Any) -> None:
+    env = gymnasium.make(GAIN, render_mode="rgb_array")
+    stepped(env, 5)
+    twin = how(env)
+    for each in (env, twin):
+        each.step(np.zeros(1, np.float32))
+    np.testing.assert_array_equal(env.render(), twin.render())
+
+
+def test_a_batch_draws_each_of_its_arms() -> None:
+    envs = gymnasium.make_vec(GAIN, num_envs=3, render_mode="rgb_array")
+    assert envs.render() is None  # nothing to show yet
+    envs.reset(seed=0)
+    for _ in range(3):
+        envs.step(np.ones((3, 1), np.float32))
+    pictures = envs.render()
+    alone = gymnasium.make(GAIN, render_mode="rgb_array")
+    alone.reset(seed=1)
+    for _ in range(3):
+        alone.step(np.ones(1, np.float32))
+    assert len(pictures) == 3
+    np.testing.assert_array_equal(pictures[1], alone.render())
+    envs.close()
+
+
+def test_videos_are_recorded(tmp_path: Path) -> None:
+    pytest.importorskip("moviepy")
+    env = RecordVideo(
+        gymnasium.make(GAIN, render_mode="rgb_array"), str(tmp_path / "videos"), episode_trigger=lambda episode: True
+    )
+    assert env.metadata["render_fps"] == 100  # real time: a picture for each 10 ms
+    stepped(env, 10)
+    env.close()
+    (video,) = (tmp_path / "videos").glob("*.mp4")
+    assert video.stat().st_size > 1000
+
+
+def test_a_window_follows_the_steps(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    env = gymnasium.make(GAIN, render_mode="human")
+    assert stepped(env, 3) is None
+    import pygame
+
+    assert pygame.display.get_surface() is not None
+    env.close()
+    assert pygame.display.get_surface() is None
+    env.close()
+
+
+def test_nothing_is_drawn_without_a_mode_or_a_start() -> None:
+    with pytest.raises(ValueError, match="render_mode = 'ascii': must be one of 'rgb_array', 'human'"):
+        gymnasium.make(GAIN).unwrapped.__class__(render_mode="ascii")
+    env = gymnasium.make(GAIN, render_mode="rgb_array", disable_env_checker=True).unwrapped
+    with pytest.raises(RuntimeError, match="before reset"):
+        env.render()
+    with pytest.warns(UserWarning, match="render mode"):
+        assert gymnasium.make(GAIN).unwrapped.render() is None
+
+
+def test_a_missing_library_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    import sys
+
+    env = gymnasium.make(GAIN, render_mode="rgb_array")
+    env.reset(seed=0)
+    monkeypatch.setitem(sys.modules, "pygame", None)
+    with pytest.raises(gymnasium.error.DependencyNotInstalled, match=r"flexarm\[render\]"):
+        env.unwrapped.render()
