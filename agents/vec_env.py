@@ -80,10 +80,16 @@ class FlexArmVecEnv(VecEnv):
     # --- running ---------------------------------------------------------------------------------------------------
 
     def reset(self) -> Observations:
-        """Begin an episode in every environment, with what `seed` and `set_options` left for this reset."""
+        """Begin an episode in every environment, with what `seed` and `set_options` left for this reset.
+
+        Raises:
+            TypeError, ValueError: for a bad option, or options of another number of environments.
+        """
         seeds, options = list(self._seeds), list(self._options)
         self._reset_seeds()
         self._reset_options()
+        if len(options) != self.num_envs:
+            raise ValueError(f"options: must be one mapping or {self.num_envs}, one for each, got {len(options)}")
         alike = not any(options) or all(each is options[0] for each in options)  # `set_options` with one for all
         if alike or not self._begun:  # the first reset must be of all
             observations, infos = self.env.reset(seed=seeds, options=(alike and options[0]) or None)

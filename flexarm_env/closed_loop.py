@@ -32,9 +32,9 @@ from flexarm_env.dynamics import (
     velocity_forces,
 )
 from flexarm_env.elementary import sincos
+from flexarm_env.sensing import Pair, Place, rigid_jacobian, rigid_point, true_jacobian, true_point
 from flexarm_env.tracing import at_least, clip
 
-Pair = Sequence[Any]
 SMALL = 1e-9  # a divisor that pushes a torque to its limit
 
 
@@ -94,60 +94,6 @@ class Law(NamedTuple):
             "rate_offset": 2,
             "rate_weight": 2,
         }
-
-
-def rigid_point(distance_1: Any, distance_2: Any, one: Pair, both: Pair) -> tuple[Any, Any]:
-    """Rigid kinematics (8), (9); `one`, `both`: sine and cosine of theta1 and of theta1 + theta2."""
-    return distance_1 * one[1] + distance_2 * both[1], distance_1 * one[0] + distance_2 * both[0]
-
-
-def rigid_jacobian(distance_1: Any, distance_2: Any, one: Pair, both: Pair) -> tuple[Pair, Pair]:
-    """J (13), by columns: of the shoulder and of the elbow. Row 2, column 1 has the cosine that (13) misprints."""
-    x, y = rigid_point(distance_1, distance_2, one, both)
-    return (-y, x), (-(distance_2 * both[0]), distance_2 * both[1])
-
-
-class Place(NamedTuple):
-    """A point of link 2.
-
-    Attributes:
-        distance: from the elbow along the link's root tangent [m].
-        values: phi_i there.
-    """
-
-    distance: Any
-    values: Sequence[Any]
-
-
-def true_point(k: Constants, at: Place, y: Sequence[Any], one: Pair, two: Pair) -> tuple[Any, Any]:
-    """A point of link 2 with deflection; `one`, `two`: sine and cosine of a1 and of a2."""
-    m = len(k.elbow_values)
-    w1 = dot(k.elbow_values, y[1 : m + 1])
-    w2 = dot(at.values, y[m + 2 :])
-    return (
-        k.elbow_distance * one[1] - w1 * one[0] + at.distance * two[1] - w2 * two[0],
-        k.elbow_distance * one[0] + w1 * one[1] + at.distance * two[0] + w2 * two[1],
-    )
-
-
-def true_jacobian(k: Constants, at: Place, y: Sequence[Any], one: Pair, two: Pair) -> tuple[list[Any], list[Any]]:
-    """Rows of d(true point)/dy."""
-    m = len(k.elbow_values)
-    w1 = dot(k.elbow_values, y[1 : m + 1])
-    w2 = dot(at.values, y[m + 2 :])
-    row_x = [
-        -(k.elbow_distance * one[0] + w1 * one[1]),
-        *(-(value * one[0]) for value in k.elbow_values),
-        -(at.distance * two[0] + w2 * two[1]),
-        *(-(value * two[0]) for value in at.values),
-    ]
-    row_y = [
-        k.elbow_distance * one[1] - w1 * one[0],
-        *(value * one[1] for value in k.elbow_values),
-        at.distance * two[1] - w2 * two[0],
-        *(value * two[1] for value in at.values),
-    ]
-    return row_x, row_y
 
 
 def _late(current: Pair, law: Law) -> list[Any]:
@@ -301,87 +247,6 @@ def _limited_solution(wanted: Pair, feedback: Sequence[Pair], limit: Pair) -> li
     tau1 = clip(free1 + feedback[0][1] * cut2 / at_least(d1, SMALL), -limit[0], limit[0])
     cut1 = free1 - tau1
     return [tau1, clip(free2 + feedback[1][0] * cut1 / at_least(d2, SMALL), -limit[1], limit[1])]
-
-
-def interpolated(start: Sequence[Any], end: Sequence[Any], basis: Sequence[Any]) -> list[Any]:
-    """Two coordinates and their rates between two instants, by cubic Hermite polynomials.
-
-    Args:
-        start: coordinates, then rates, at the first instant.
-        end: the same at the second.
-        basis: four factors for the coordinates (start, start's rate, end, end's rate) and four for the rates.
-    """
-    rows = (basis[:4], basis[4:])
-    return [
-        row[0] * start[j] + row[1] * start[2 + j] + row[2] * end[j] + row[3] * end[2 + j]
-        for row in rows
-        for j in (0, 1)
-    ]
-
-
-def tracking_torque(
-    k: Constants,
-    gains: tuple[Pair, Pair],
-    aim: Sequence[Any],
-    residual: Pair,
-    state: tuple[Sequence[Any], Sequence[Any]],
-) -> list[Any]:
-    """The inner joint-space tracking law: a spring and a damper between each joint and its aim, and a residual.
-
-    Args:
-        k: constants of the arm.
-        gains: stiffness [N m/rad] and resistance [N m s/rad] of the two joints.
-        aim: joint angles and rates to be followed.
-        residual: torque added [N m].
-        state: y and v.
-    """
-    angles, rates = joint_angles(k, state[0]), joint_angles(k, state[1])
-    return [residual[j] + gains[0][j] * (aim[j] - angles[j]) + gains[1][j] * (aim[2 + j] - rates[j]) for j in (0, 1)]
-
-
-def reading(k: Constants, at: Place, sensor: str, y: Sequence[Any], v: Sequence[Any]) -> list[Any]:
-    """What a sensor measures at this instant: two readings and their rates."""
-    if sensor != "true":
-        return [*joint_angles(k, y), *joint_angles(k, v)]
-    one, two = sincos(y[0]), sincos(y[len(k.elbow_values) + 1])
-    rows = true_jacobian(k, at, y, one, two)
-    return [*true_point(k, at, y, one, two), dot(rows[0], v), dot(rows[1], v)]
-
-
-class Truth(NamedTuple):
-    """The arm at an instant; each a list of numbers.
-
-    Attributes:
-        state: public state.
-        true_tip: with deflection [m].
-        rigid_tip: by rigid kinematics (8), (9) [m].
-        deflection: of each link's tip [m].
-        deflection_rate: [m/s].
-    """
-
-    state: list[Any]
-    true_tip: Sequence[Any]
-    rigid_tip: Sequence[Any]
-    deflection: list[Any]
-    deflection_rate: list[Any]
-
-
-def truth(k: Constants, tip: Place, y: Sequence[Any], v: Sequence[Any]) -> Truth:
-    """Public state, tips and deflections.
-
-    Args:
-        k: constants of the arm.
-        tip: L2 [m] and phi_i(L2).
-        y: internal coordinates.
-        v: internal rates.
-    """
-    m = len(k.elbow_values)
-    theta1, theta2 = joint_angles(k, y)
-    one, two = sincos(y[0]), sincos(y[m + 1])
-    state = [theta1, theta2, *y[1 : m + 1], *y[m + 2 :], *joint_angles(k, v), *v[1 : m + 1], *v[m + 2 :]]
-    rigid_tip = rigid_point(k.elbow_distance, tip.distance, one, sincos(theta1 + theta2))
-    bends = [[dot(k.elbow_values, x[1 : m + 1]), dot(tip.values, x[m + 2 :])] for x in (y, v)]
-    return Truth(state, true_point(k, tip, y, one, two), rigid_tip, *bends)
 
 
 def observation(k: Constants, law: Law, sensor: str, state: tuple[Sequence[Any], Sequence[Any]]) -> list[Any]:

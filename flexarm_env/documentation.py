@@ -15,13 +15,14 @@ from typing import Any
 
 import numpy as np
 
+from flexarm_env.choices import DEFAULT_WEIGHTS, MODES, STARTS, ActionMode
 from flexarm_env.fleet import ENDS, KINDS
 from flexarm_env.info import KEYS
 from flexarm_env.observation import BLOCKS, observation_layout
 from flexarm_env.registration import IDS, NAMESPACE
 from flexarm_env.reset_options import OPTIONS
 from flexarm_env.reward import TERMS
-from flexarm_env.settings import DEFAULT_WEIGHTS, MODES, STARTS, ActionMode, Settings, default_of
+from flexarm_env.settings import Settings, default_of
 
 # Told once for all environments.
 ACTION = """\

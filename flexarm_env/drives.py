@@ -103,7 +103,7 @@ def drive_torque(arena: Any, history: Any, clock: Any, paths: Any, plan: Any, se
 
 
 def hermite(u: float, period: float) -> tuple[float, float, float, float, float, float, float, float]:
-    """Factors of `closed_loop.interpolated` a share u of a period [s] after its start."""
+    """Factors of `tracking.interpolated` a share u of a period [s] after its start."""
     v = 1.0 - u
     return (
         v * v * (1.0 + 2.0 * u),

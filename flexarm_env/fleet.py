@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from types import ModuleType
 from typing import Any
 
@@ -14,13 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexarm_env import kernels, starts
+from flexarm_env.choices import MOVE_RING, STARTS, TORQUE_LIMIT
 from flexarm_env.dynamics import arm_constants
 from flexarm_env.observation import observation_layout
 from flexarm_env.recorded import Variant
 from flexarm_env.reference import same_length
 from flexarm_env.reward import TERMS
 from flexarm_env.rows import DRAWN, ORDER, PLAN, arena_rows, episode_sizes, extent, layout, settings_layout
-from flexarm_env.settings import MOVE_RING, STARTS, TORQUE_LIMIT, Settings, replaced
+from flexarm_env.settings import Settings
 from flexarm_env.stepping import CLOCK, PATH
 from flexarm_env.task import ANGLE_LIMIT, RATE_LIMIT, state_limits
 
@@ -239,7 +241,6 @@ class Fleet:
             "SHIFTING": int(s.action_mode == "reference"),
             "COMPENSATION": ("none", "shared", "per_joint").index(s.compensation),
             "OWN_PATHS": int(not s.paths),
-            "ARMS": self.count,
         }
         assert (*whole, "PLACES") == PLAN
         p = arm.parameters
@@ -295,14 +296,14 @@ class Fleet:
         """Change of the arm's constants with the payload, in which they are linear [1/kg]."""
         p = self.settings.flexible_arm.parameters
         modes = self.settings.flexible_arm.modes
-        heavy, light = (arm_constants(replaced(p, payload_mass=mass), modes) for mass in (1.0, 0.0))
+        heavy, light = (arm_constants(replace(p, payload_mass=mass), modes) for mass in (1.0, 0.0))
         return np.array(heavy.flat()) - np.array(light.flat())
 
     def _per_damping(self) -> Array:
         """Change of the arm's constants with the modal damping ratio."""
         p = self.settings.flexible_arm.parameters
         modes = self.settings.flexible_arm.modes
-        damped, free = (arm_constants(replaced(p, modal_damping_ratio=ratio), modes) for ratio in (1.0, 0.0))
+        damped, free = (arm_constants(replace(p, modal_damping_ratio=ratio), modes) for ratio in (1.0, 0.0))
         return np.array(damped.flat()) - np.array(free.flat())
 
     def _fill_rows(self) -> None:

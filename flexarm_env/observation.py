@@ -12,9 +12,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from flexarm_env.choices import MOVE_RING
 from flexarm_env.inverse import LEAST_SINE
 from flexarm_env.rows import arena_rows, layout
-from flexarm_env.settings import MOVE_RING, Settings
+from flexarm_env.settings import Settings
 from flexarm_env.task import ANGLE_LIMIT, RATE_LIMIT, state_limits
 from flexarm_env.validation import choice
 

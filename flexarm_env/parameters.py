@@ -6,8 +6,9 @@ All classes are frozen: a changed set is a new one (`dataclasses.replace`). "(n)
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -225,3 +226,23 @@ class SquareParameters:
         choice("start_corner", self.start_corner, ("lower left", "upper left", "upper right", "lower right"))
         choice("direction", self.direction, ("clockwise", "counterclockwise"))
         choice("elbow_branch", self.elbow_branch, ("positive", "negative"))
+
+
+def arm_parameters(arm: str | Mapping[str, Any]) -> ArmParameters:
+    """The arm that an environment's `arm` argument stands for.
+
+    Raises:
+        TypeError: for anything but a name or a mapping.
+        ValueError: for another name, or a field that `ArmParameters` does not have.
+    """
+    if isinstance(arm, str):
+        arm = {"preset": arm}
+    if not isinstance(arm, Mapping):
+        raise TypeError(f"arm = {arm!r}: must be 'paper', 'default' or a mapping of ArmParameters fields")
+    given = dict(arm)
+    preset = choice("arm", given.pop("preset", "default"), ("paper", "default"))
+    known = ArmParameters.__dataclass_fields__
+    unknown = [name for name in given if name not in known]
+    if unknown:
+        raise ValueError(f"arm: unknown field(s) {unknown}; ArmParameters has {list(known)}, and there is 'preset'")
+    return ArmParameters.paper(**given) if preset == "paper" else ArmParameters(**given)

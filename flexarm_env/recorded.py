@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from flexarm_env import closed_loop, features, reward, stepping
+from flexarm_env import closed_loop, features, reward, sensing, stepping, tracking
 from flexarm_env import dynamics as dyn
 from flexarm_env.elementary import sincos
 from flexarm_env.rows import layout
@@ -72,12 +72,12 @@ class _Recorder:
             fields[name] = values[0] if scalar else values
         return closed_loop.Law(**fields)
 
-    def sensor(self) -> closed_loop.Place:
-        return closed_loop.Place(self.one("SENSOR_DISTANCE"), self.read("SENSOR_VALUES"))
+    def sensor(self) -> sensing.Place:
+        return sensing.Place(self.one("SENSOR_DISTANCE"), self.read("SENSOR_VALUES"))
 
-    def truth(self) -> closed_loop.Truth:
-        tip = closed_loop.Place(self.one("TIP_DISTANCE"), self.read("TIP_VALUES"))
-        return closed_loop.truth(self.constants(), tip, self.read("Y"), self.read("V"))
+    def truth(self) -> sensing.Truth:
+        tip = sensing.Place(self.one("TIP_DISTANCE"), self.read("TIP_VALUES"))
+        return sensing.truth(self.constants(), tip, self.read("Y"), self.read("V"))
 
     def source(self, header: str) -> str:
         body = self.trace.lines([value for _, value in self.stores])
@@ -111,9 +111,9 @@ def slope_source(variant: Variant) -> str:
 
 def _tracking_torque(r: _Recorder, k: dyn.Constants, y: Sequence[Any], v: Sequence[Any]) -> list[Any]:
     basis = r.trace.inputs([f"basis[{n}]" for n in range(8)])
-    aim = closed_loop.interpolated(r.read("INNER_FROM"), r.read("INNER_TO"), basis)
+    aim = tracking.interpolated(r.read("INNER_FROM"), r.read("INNER_TO"), basis)
     gains = (r.read("STIFFNESS"), r.read("RESISTANCE"))
-    tau = closed_loop.tracking_torque(k, gains, aim, r.read("TAU"), (y, v))
+    tau = tracking.tracking_torque(k, gains, aim, r.read("TAU"), (y, v))
     return [clip(value, -limit, limit) for value, limit in zip(tau, r.read("TORQUE_LIMIT"), strict=True)]
 
 
@@ -145,7 +145,7 @@ def law_source(variant: Variant) -> str:
 def reading_source(variant: Variant) -> str:
     """What the sensor measures now."""
     r = _Recorder(variant)
-    r.write("READING", closed_loop.reading(r.constants(), r.sensor(), variant.sensor, r.read("Y"), r.read("V")))
+    r.write("READING", sensing.reading(r.constants(), r.sensor(), variant.sensor, r.read("Y"), r.read("V")))
     return r.source("reading_kernel(arena)")
 
 

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from flexarm_env.choices import STARTS
 from flexarm_env.fleet import START_CODES, Fleet
 from flexarm_env.parameters import MAX_DELAY
 from flexarm_env.rows import DRAWN, ORDER
-from flexarm_env.settings import STARTS
 from flexarm_env.task import state_limits
 from flexarm_env.validation import choice, real_array
 

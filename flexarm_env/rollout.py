@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any
 
 import gymnasium
@@ -12,7 +13,6 @@ from numpy.typing import ArrayLike, NDArray
 from flexarm_env.actions import gain_from_action
 from flexarm_env.arm import FlexibleArm
 from flexarm_env.env import FlexArmEnv
-from flexarm_env.settings import replaced
 from flexarm_env.simulation import ClosedLoop, Results, observation_blocks
 from flexarm_env.trajectory import Trajectory
 from flexarm_env.validation import integer
@@ -96,7 +96,7 @@ def _episode_arm(env: FlexArmEnv, drawn: dict[str, float]) -> FlexibleArm:
         changes["flexural_rigidities"] = tuple(drawn["stiffness"] * x for x in own.flexural_rigidities)
     if drawn["damping"] != own.modal_damping_ratio:
         changes["modal_damping_ratio"] = drawn["damping"]
-    return FlexibleArm(replaced(own, **changes)) if changes else env.arm
+    return FlexibleArm(replace(own, **changes)) if changes else env.arm
 
 
 def _row(info: dict[str, Any], reward: float) -> dict[str, Any]:

@@ -56,7 +56,6 @@ PLAN = (
     "SHIFTING",
     "COMPENSATION",
     "OWN_PATHS",
-    "ARMS",
     "PLACES",
 )
 # Columns of an order for a new episode; NaN where the environment decides. The state's entries follow.

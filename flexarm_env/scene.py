@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from flexarm_env.choices import TORQUE_LIMIT
 from flexarm_env.fleet import Fleet
 from flexarm_env.rendering import Renderer, Snapshot
-from flexarm_env.settings import TORQUE_LIMIT
 
 Array = NDArray[np.float64]
 POINTS = 24  # of a link's centre line

@@ -8,19 +8,28 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Mapping, Sequence
-from dataclasses import MISSING, Field, dataclass, field, fields
+from dataclasses import MISSING, Field, dataclass, field, fields, replace
 from functools import cached_property
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexarm_env import reward
 from flexarm_env.arm import FlexibleArm
+from flexarm_env.choices import (
+    DEFAULT_OBSERVATION,
+    DEFAULT_WEIGHTS,
+    MODES,
+    PHYSICS_STEP,
+    STARTS,
+    TORQUE_LIMIT,
+    Frame,
+    Mode,
+    Start,
+)
 from flexarm_env.parameters import (
     MAX_DELAY,
     WAVE_SPEED,
-    ArmParameters,
     Compensation,
     Corner,
     Delayed,
@@ -31,98 +40,13 @@ from flexarm_env.parameters import (
     SensorModel,
     SensorParameters,
     SquareParameters,
+    arm_parameters,
 )
 from flexarm_env.reference import PATHS, ReferencePath, way_points
 from flexarm_env.rows import DRAWN
 from flexarm_env.simulation import default_step
-from flexarm_env.starts import SHARE_AT_REST
-from flexarm_env.validation import choice, integer, number, pair
-
-Mode = Literal["torque", "residual", "reference", "gain"]
-Start = Literal["corner", "corners", "moving", "mix"]
-Frame = Literal["link", "world"]
-
-
-class ActionMode(NamedTuple):
-    """What an entry a of an action, in [-1, 1], stands for.
-
-    Attributes:
-        text: description.
-        quantity: name of the physical quantity in the formulas.
-        unit: of it.
-        formula: the quantity from a, as Python writes it; other names are options.
-        inverse: a from the quantity.
-        channels: what each entry belongs to.
-        least: the quantity at a = -1, as a share of that at 1.
-    """
-
-    text: str
-    quantity: str
-    unit: str
-    formula: str
-    inverse: str
-    channels: tuple[str, ...] = ("shoulder", "elbow")
-    least: float = -1.0
-
-
-MODES: dict[str, ActionMode] = {
-    "torque": ActionMode(
-        "torque of the motors, held over the control period",
-        "torque",
-        "N m",
-        "torque_limit * a",
-        "torque / torque_limit",
-    ),
-    "residual": ActionMode(
-        "torque added to an inner joint-space tracking law (a spring and a damper between each joint and the rigid "
-        "arm's way along the reference), which acts in continuous time; `torque_limit` limits the sum too",
-        "residual",
-        "N m",
-        "torque_limit * a",
-        "residual / torque_limit",
-    ),
-    "reference": ActionMode(
-        "shift of that law's joint reference, reached linearly within the control period",
-        "shift",
-        "rad",
-        "shift_limit * a",
-        "shift / shift_limit",
-    ),
-    "gain": ActionMode(
-        "the gain lambda of the paper's law (10), (14), which acts in continuous time",
-        "gain",
-        "1",
-        "gain_limit * (a + 1) / 2",
-        "2 * gain / gain_limit - 1",
-        ("law",),
-        0.0,
-    ),
-}
-TORQUE_LIMIT = (150.0, 50.0)  # [N m]
-PHYSICS_STEP = 1e-3  # [s], of the explicit integrator
-STARTS = {
-    "corner": "at rest at the start of the lap",
-    "corners": "at rest at a quarter of the lap, drawn",
-    "moving": "anywhere, drawn to the control period, with the reference's velocity and off it by up to `start_spread`",
-    "mix": f'"corners" in {100.0 * SHARE_AT_REST:g} % of the episodes, else "moving"',
-}
-MOVE_RING = (0.35, 0.95)  # of the reach: where the ends of drawn moves lie
-DEFAULT_WEIGHTS = {"tracking_wide": 0.6, "tracking_middle": 0.15, "tracking_fine": 0.1, "action_change": 0.15}
-DEFAULT_OBSERVATION = (
-    "elbow_direction",
-    "joint_rates",
-    "joint_error",
-    "joint_error_rate",
-    "encoder_error",
-    "reference_position",
-    "reference_velocity",
-    "sensor_error",
-    "sensor_error_rate",
-    "modal_coordinates",
-    "modal_rates",
-    "previews",
-    "last_actions",
-)
+from flexarm_env.stability import ELBOWS, STABLE_ANGLE, fastest_pole
+from flexarm_env.validation import choice, flag, integer, listed, mapping, names, number, pair
 
 
 def _option(default: Any, text: str, unit: str = "", modes: Sequence[str] = tuple(MODES)) -> Any:
@@ -427,108 +351,13 @@ class Settings:
         stiffness = self.randomisation.get("stiffness", (1.0, 1.0))[1]
         payload = self.randomisation.get("payload_mass", (own.payload_mass, own.payload_mass))[0]
         rigidities = (own.flexural_rigidities[0] * stiffness, own.flexural_rigidities[1] * stiffness)
-        arm = FlexibleArm(replaced(own, flexural_rigidities=rigidities, payload_mass=payload))
+        arm = FlexibleArm(replace(own, flexural_rigidities=rigidities, payload_mass=payload))
         rates = [arm.fastest_rate()]
         if self.action_mode in ("residual", "reference"):
-            rates += [_fastest_closed(arm, theta2, self.inner_stiffness, self.inner_resistance) for theta2 in _ELBOWS]
+            rates += [fastest_pole(arm, theta2, self.inner_stiffness, self.inner_resistance) for theta2 in ELBOWS]
         return rates
-
-
-# Longest h |pole| that is allowed: RK4 is stable up to 2.78 (real) and 2.83 (imaginary), the explicit part of
-# ARS(4,4,3) up to 1.57; large vibrations need a margin.
-STABLE_ANGLE = {"torque": 2.0, "residual": 2.0, "reference": 2.0, "gain": 1.2}
-_ELBOWS = np.linspace(0.0, np.pi, 7)  # [rad]
-
-
-def _fastest_closed(
-    arm: FlexibleArm, theta2: float, stiffness: tuple[float, float], resistance: tuple[float, float]
-) -> float:
-    """Largest magnitude of a pole of the arm under the inner law, at rest with the elbow at an angle [rad/s]."""
-    state = np.zeros(2 * arm.size)
-    state[1] = theta2
-    linear = arm.linearise(state)
-    feedback = np.zeros((2, 2 * arm.size))
-    feedback[[0, 1], [0, 1]] = stiffness
-    feedback[[0, 1], [arm.size, arm.size + 1]] = resistance
-    return float(np.abs(np.linalg.eigvals(linear.A - linear.B @ feedback)).max())
-
-
-def replaced(parameters: ArmParameters, **changes: Any) -> ArmParameters:
-    """The arm with some fields set otherwise."""
-    return ArmParameters(**({one.name: getattr(parameters, one.name) for one in fields(parameters)} | changes))
 
 
 def default_of(one: Field[Any]) -> Any:
     """Default value of a dataclass's field."""
     return one.default_factory() if one.default_factory is not MISSING else one.default
-
-
-def listed(name: str, value: object) -> list[Any]:
-    """Check that an option is a list or tuple.
-
-    Raises:
-        TypeError: for anything else.
-    """
-    if not isinstance(value, list | tuple):
-        raise TypeError(f"{name} = {value!r}: must be a list or a tuple")
-    return list(value)
-
-
-def names(name: str, value: object) -> tuple[str, ...]:
-    """Check that an option is a list of different names.
-
-    Raises:
-        TypeError: for anything else.
-        ValueError: if it is empty or a name comes twice.
-    """
-    entries = listed(name, value)
-    if not all(isinstance(entry, str) for entry in entries):
-        raise TypeError(f"{name} = {value!r}: must hold names")
-    if not entries or len(set(entries)) < len(entries):
-        raise ValueError(f"{name} = {value!r}: must hold at least one name, and each only once")
-    return tuple(entries)
-
-
-def mapping(name: str, value: object) -> dict[str, Any]:
-    """Check that an option is a mapping.
-
-    Raises:
-        TypeError: for anything else.
-    """
-    if not isinstance(value, Mapping):
-        raise TypeError(f"{name} = {value!r}: must be a mapping of names")
-    return dict(value)
-
-
-def flag(name: str, value: object) -> bool:
-    """Check that an option is True or False.
-
-    Raises:
-        TypeError: for anything else.
-    """
-    if not isinstance(value, bool | np.bool_):
-        raise TypeError(f"{name} = {value!r}: must be True or False")
-    return bool(value)
-
-
-def arm_parameters(arm: str | Mapping[str, Any]) -> ArmParameters:
-    """The arm that an environment's `arm` argument stands for.
-
-    Raises:
-        TypeError: for anything but a name or a mapping.
-        ValueError: for another name, or a field that `ArmParameters` does not have.
-    """
-    if isinstance(arm, str):
-        arm = {"preset": arm}
-    if not isinstance(arm, Mapping):
-        raise TypeError(f"arm = {arm!r}: must be 'paper', 'default' or a mapping of ArmParameters fields")
-    given = dict(arm)
-    preset = choice("arm", given.pop("preset", "default"), ("paper", "default"))
-    known = ArmParameters.__dataclass_fields__
-    unknown = [name for name in given if name not in known]
-    if unknown:
-        raise ValueError(f"arm: unknown field(s) {unknown}; ArmParameters has {list(known)}, and there is 'preset'")
-    return ArmParameters.paper(**given) if preset == "paper" else ArmParameters(**given)
-
-
-Array = NDArray[np.float64]

@@ -6,8 +6,9 @@ value it got and what is allowed. Nothing is clipped or replaced.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from numbers import Integral, Real
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -158,3 +159,51 @@ def real_array(name: str, value: ArrayLike) -> NDArray[np.float64]:
     if array.dtype.kind not in "iuf":
         raise ValueError(f"{name} = {value!r}: must be an array of real numbers")
     return array.astype(np.float64)
+
+
+def listed(name: str, value: object) -> list[Any]:
+    """Check that an option is a list or tuple.
+
+    Raises:
+        TypeError: for anything else.
+    """
+    if not isinstance(value, list | tuple):
+        raise TypeError(f"{name} = {value!r}: must be a list or a tuple")
+    return list(value)
+
+
+def names(name: str, value: object) -> tuple[str, ...]:
+    """Check that an option is a list of different names.
+
+    Raises:
+        TypeError: for anything else.
+        ValueError: if it is empty or a name comes twice.
+    """
+    entries = listed(name, value)
+    if not all(isinstance(entry, str) for entry in entries):
+        raise TypeError(f"{name} = {value!r}: must hold names")
+    if not entries or len(set(entries)) < len(entries):
+        raise ValueError(f"{name} = {value!r}: must hold at least one name, and each only once")
+    return tuple(entries)
+
+
+def mapping(name: str, value: object) -> dict[str, Any]:
+    """Check that an option is a mapping.
+
+    Raises:
+        TypeError: for anything else.
+    """
+    if not isinstance(value, Mapping):
+        raise TypeError(f"{name} = {value!r}: must be a mapping of names")
+    return dict(value)
+
+
+def flag(name: str, value: object) -> bool:
+    """Check that an option is True or False.
+
+    Raises:
+        TypeError: for anything else.
+    """
+    if not isinstance(value, bool | np.bool_):
+        raise TypeError(f"{name} = {value!r}: must be True or False")
+    return bool(value)

@@ -13,9 +13,10 @@ import tyro
 from env_pictures import PICTURES, drawn
 
 from flexarm_env import documentation as doc
+from flexarm_env.choices import MODES
 from flexarm_env.env import FlexArmEnv
 from flexarm_env.registration import IDS, NAMESPACE, Id
-from flexarm_env.settings import MODES, Settings
+from flexarm_env.settings import Settings
 from flexarm_env.vector_env import FlexArmVectorEnv
 
 DOCS = Path(__file__).resolve().parent.parent / "docs" / "environments"

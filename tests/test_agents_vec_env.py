@@ -219,6 +219,9 @@ def test_what_is_refused(env: FlexArmVecEnv) -> None:
         FlexArmVecEnv(FlexArmVectorEnv(2))
     with pytest.raises(ValueError, match=r"infos = 'some': must be one of 'final', 'all'"):
         FlexArmVecEnv(FlexArmVectorEnv(2, autoreset_mode=AutoresetMode.SAME_STEP), infos="some")  # type: ignore[arg-type]
+    env.set_options([{}])
+    with pytest.raises(ValueError, match=r"options: must be one mapping or 5, one for each, got 1"):
+        env.reset()
     with pytest.raises(RuntimeError, match="step_async"):
         env.step_wait()
     with pytest.raises(RuntimeError, match="before reset"):

@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 
 from flexarm_env import FlexibleArm, documentation
+from flexarm_env.choices import MODES, STARTS
 from flexarm_env.env import FlexArmEnv
 from flexarm_env.fleet import ENDS, START_CODES
 from flexarm_env.info import KEYS
@@ -23,7 +24,7 @@ from flexarm_env.observation import BLOCKS
 from flexarm_env.registration import IDS
 from flexarm_env.reset_options import OPTIONS
 from flexarm_env.reward import TERMS
-from flexarm_env.settings import MODES, STARTS, Settings
+from flexarm_env.settings import Settings
 
 ROOT = Path(__file__).resolve().parent.parent
 DOCS = ROOT / "docs" / "environments"
