@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from flexarm_env.env import FlexArmEnv
 from flexarm_env.observation import BLOCKS
 from flexarm_env.reward import TERMS
+from flexarm_env.vector_env import FlexArmVectorEnv
 
 Array = NDArray[np.float64]
 IDS = sorted(name for name in gym.registry if name.startswith("FlexArm/"))
@@ -109,6 +110,19 @@ def bare(env_id: str = SQUARE, seed: int = 0, **options: Any) -> FlexArmEnv:
     assert isinstance(env, FlexArmEnv)
     env.reset(seed=seed)
     return env
+
+
+def vector(env_id: str = SQUARE, num_envs: int = 3, **options: Any) -> FlexArmVectorEnv:
+    """Many environments as `make_vec` gives them."""
+    env = gym.make_vec(env_id, num_envs=num_envs, **options)
+    assert type(env) is FlexArmVectorEnv
+    return env
+
+
+def actions_for(env: Any, steps: int, seed: int = 1) -> np.ndarray:
+    """A little beyond [-1, 1]. Shape (steps, N, channels)."""
+    shape = (steps, *env.action_space.shape)
+    return np.random.default_rng(seed).uniform(-1.2, 1.2, shape).astype(np.float32)
 
 
 def block(env: FlexArmEnv, observations: Array, name: str) -> Array:

@@ -36,9 +36,7 @@ from flexarm_env.rows import DRAWN
 from flexarm_env.settings import Settings
 from flexarm_env.vector_env import FlexArmVectorEnv
 
-# Any warning is an error (pyproject.toml), also those of the checkers; but for
-# - the infinite bounds of `modal_rates`: nothing limits the rates of the links' bending before a number overflows.
-INFINITE = pytest.mark.filterwarnings("ignore:.*A Box observation space m..imum value is -?infinity.*:UserWarning")
+# Any warning is an error (pyproject.toml), also those of the checkers.
 
 
 def test_the_grid_holds_every_option() -> None:
@@ -51,13 +49,11 @@ def test_the_grid_holds_every_option() -> None:
 # --- the two checkers ---------------------------------------------------------------------------------------
 
 
-@INFINITE
 @pytest.mark.parametrize(("env_id", "options"), CASES, ids=CASE_NAMES)
 def test_gymnasiums_checker(env_id: str, options: dict[str, Any]) -> None:
     check_env(make(env_id, **options).unwrapped, skip_render_check=True)
 
 
-@INFINITE
 @pytest.mark.parametrize("env_id", [SQUARE, PAPER])
 def test_gymnasiums_checker_with_pictures(env_id: str, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("pygame")
@@ -179,8 +175,7 @@ def test_blocks_cover_the_observation_in_order(env_id: str, options: dict[str, A
     assert env.observation_space.shape == (ends[-1],) == env.observation_scale.shape
     assert np.all(env.observation_scale > 0.0)
     assert env.settings.scaled or np.all(env.observation_scale == 1.0)
-    unbounded = {name for name, part in places.items() if not np.isfinite(env.observation_space.high[part]).all()}
-    assert unbounded <= {"modal_rates"}
+    assert np.isfinite(env.observation_space.high).all()
 
 
 # --- the end of an episode ----------------------------------------------------------------------------------

@@ -264,7 +264,7 @@ def test_drawn_delays_and_noise_act() -> None:
 
 def test_moves_are_drawn_within_their_ring() -> None:
     """From rest to rest: a move, a rest, a move back, a rest."""
-    env = make("FlexArm/Reach-v0", **FREE)
+    env = make("FlexArm/Reach-v0", lap_time=8.0, **FREE)
     ends = []
     for seed in range(40):
         first = env.reset(seed=seed)[1]["reference"]
