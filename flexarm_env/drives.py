@@ -13,7 +13,7 @@ from flexarm_env.stepping import PATH, SINCE, STEPS, count_step, evaluate_law, l
 from flexarm_env.torque_stepping import RK4_STEP, RK4_WEIGHT, begin_step, end_step, open_step
 
 LANES = 1
-STEP = PERIOD = ACTION_SCALE = LENGTHS = BRANCH = SUBSTEPS = CHANNELS = PREVIEWS = SHIFTING = 0
+STEP = PERIOD = ACTION_SCALE = LENGTHS = BRANCH = SUBSTEPS = CHANNELS = PREVIEWS = SHIFTING = READINGS = 0
 TAIL = EPISODE = TAU = TORQUE = STAGE_TORQUE = GAIN = EFFECTIVE_GAIN = 0
 JOINT = REFERENCE = INNER_FROM = INNER_TO = SHIFT = 0
 DRAWN_ACTUATION_DELAY = 5  # place of the actuation delay among the quantities drawn for an episode
@@ -78,6 +78,13 @@ def write_commands(arena: Any, plan: Any, settings: Any, step: int) -> None:
             arena[i + (TAU + r) * LANES] = scale * command(arena, plan, settings, i, r, begin)
 
 
+def note_step(arena: Any, history: Any, clock: Any, plan: Any, step: int) -> None:
+    """Count an integration step, and enter its reading into the delay line if any will be asked for (`READINGS`)."""
+    count_step(clock, history)
+    if (plan[READINGS] >> ((step + 1) % plan[SUBSTEPS] & 63)) & 1:
+        store_reading(arena, history, clock)
+
+
 def drive_torque(arena: Any, history: Any, clock: Any, paths: Any, plan: Any, settings: Any) -> None:
     """The action is the motors' torque.
 
@@ -98,8 +105,7 @@ def drive_torque(arena: Any, history: Any, clock: Any, paths: Any, plan: Any, se
         if not held:
             write_commands(arena, plan, settings, step)
         open_step(arena, settings[STEP])
-        count_step(clock, history)
-        store_reading(arena, history, clock)
+        note_step(arena, history, clock, plan, step)
 
 
 def hermite(u: float, period: float) -> tuple[float, float, float, float, float, float, float, float]:
@@ -179,8 +185,7 @@ def drive_tracking(arena: Any, history: Any, clock: Any, paths: Any, plan: Any, 
                     for i in range(LANES):
                         arena[i + (TORQUE + r) * LANES] = arena[i + (STAGE_TORQUE + r) * LANES]
         end_step(arena, h)
-        count_step(clock, history)
-        store_reading(arena, history, clock)
+        note_step(arena, history, clock, plan, step)
 
 
 def drive_gain(arena: Any, history: Any, clock: Any, paths: Any, plan: Any, settings: Any) -> None:

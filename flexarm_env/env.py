@@ -141,10 +141,11 @@ class FlexArmEnv(FleetView, gymnasium.Env[NDArray[np.float32], NDArray[np.float3
         """
         if not self._started:
             raise RuntimeError("step() before reset(): there is no state to advance")
+        values: NDArray[Any] = action
         if type(action) is not np.ndarray or action.shape != self._shape or action.dtype.kind != "f":
-            action = finite_array("action", action, self._shape)
+            values = finite_array("action", action, self._shape)
         row = self.fleet.actions[0]
-        row[:] = action
+        row[:] = values
         if not all(map(isfinite, row.tolist())):
             finite_array("action", action, self._shape)  # says what is wrong
         self.fleet.step()

@@ -9,6 +9,8 @@ from __future__ import annotations
 from math import floor
 from typing import Any
 
+import numpy as np
+
 from flexarm_env.drives import drive
 from flexarm_env.elementary import sincos
 from flexarm_env.random_stream import normal, uniform
@@ -137,8 +139,8 @@ def sample(arena: Any, history: Any, clock: Any, keys: Any, paths: Any, settings
     arena[i + SAMPLE_TIME * LANES] = taken
 
 
-def look(arena: Any, history: Any, clock: Any, keys: Any, paths: Any, plan: Any, settings: Any) -> None:
-    """Sense, and judge the present instant, on every lane of a block; doing it again changes nothing.
+def look(arena: Any, history: Any, clock: Any, keys: Any, paths: Any, plan: Any, settings: Any, who: Any) -> None:
+    """Sense, and judge the present instant, on a block; doing it again changes nothing.
 
     Args:
         arena: of one block.
@@ -148,10 +150,13 @@ def look(arena: Any, history: Any, clock: Any, keys: Any, paths: Any, plan: Any,
         paths: of all lanes.
         plan: see `rows`.
         settings: see `rows`.
+        who: lanes that sense; the others have done so already. Shape (LANES,).
     """
     h = settings[STEP]
     truth_kernel(arena)
     for i in range(LANES):
+        if not who[i]:
+            continue
         reference = reference_now(clock, paths, h, i)
         for r in range(4):
             arena[i + (REFERENCE + r) * LANES] = reference[r]
@@ -192,14 +197,18 @@ def judge(arena: Any, settings: Any) -> None:
                 arena[i + (REWARD_TERMS + n) * LANES] = 0.0
 
 
-def write_previews(arena: Any, clock: Any, paths: Any, plan: Any, settings: Any) -> None:
-    """Where the reference will have moved at each horizon, seen from where it is, in the frame."""
+def write_previews(arena: Any, clock: Any, paths: Any, plan: Any, settings: Any, who: Any) -> None:
+    """Where the reference will have moved at each horizon, seen from where it is, in the frame; of some lanes."""
     for i in range(LANES):
+        if not who[i]:
+            continue
         path = paths[clock[PATH, i]]
         last = path.shape[0] - 1
         lap = path[last, 0]
         sides_per_second = last / lap
         now = arena[i + PHASE * LANES] * lap
+        cosine = arena[i + FRAME_AXIS * LANES]
+        sine = arena[i + (FRAME_AXIS + 1) * LANES]
         for n in range(plan[PREVIEWS]):
             time = now + settings[HORIZONS + n]
             if time >= lap:
@@ -209,25 +218,18 @@ def write_previews(arena: Any, clock: Any, paths: Any, plan: Any, settings: Any)
                 k += 1
             while k > 0 and time < path[k, 0]:
                 k -= 1
-            arena[i + (TAIL + 2 * n) * LANES] = path[k, 1] + path[k, 3] * (time - path[k, 0])
-            arena[i + (TAIL + 2 * n + 1) * LANES] = path[k, 2] + path[k, 4] * (time - path[k, 0])
-    for n in range(plan[PREVIEWS]):
-        first, second = (TAIL + 2 * n) * LANES, (TAIL + 2 * n + 1) * LANES
-        for i in range(LANES):
-            x = arena[i + first] - arena[i + REFERENCE * LANES]
-            y = arena[i + second] - arena[i + (REFERENCE + 1) * LANES]
-            cosine = arena[i + FRAME_AXIS * LANES]
-            sine = arena[i + (FRAME_AXIS + 1) * LANES]
-            arena[i + first] = cosine * x + sine * y
-            arena[i + second] = cosine * y - sine * x
+            x = path[k, 1] + path[k, 3] * (time - path[k, 0]) - arena[i + REFERENCE * LANES]
+            y = path[k, 2] + path[k, 4] * (time - path[k, 0]) - arena[i + (REFERENCE + 1) * LANES]
+            arena[i + (TAIL + 2 * n) * LANES] = cosine * x + sine * y
+            arena[i + (TAIL + 2 * n + 1) * LANES] = cosine * y - sine * x
 
 
-def write_observations(arena: Any, observations: Any, first: int, plan: Any, settings: Any) -> None:
-    """Gather the observations of a block; a lane whose state is not valid keeps its last one."""
+def write_observations(arena: Any, observations: Any, first: int, plan: Any, settings: Any, who: Any) -> None:
+    """Gather the observations of some lanes of a block; one whose state is not valid keeps its last one."""
     factors = HORIZONS + plan[PREVIEWS]
     for i in range(LANES):
         status = arena[i + STATUS * LANES]
-        if status == 0.0 or status < -1.5:
+        if who[i] and (status == 0.0 or status < -1.5):
             observation = observations[first + i]
             for n in range(plan[OBSERVED]):
                 observation[n] = arena[i + plan[PLACES + n] * LANES] * settings[factors + n]
@@ -261,10 +263,11 @@ def step_episodes(
         begin: first block.
         end: block after the last.
     """
+    everyone = np.ones(LANES, dtype=np.bool_)
     for block in range(begin, end):
         arena, history, clock = arenas[block], histories[block], clocks[block]
         take_actions(arena, actions, block * LANES, plan)
         drive(arena, history, clock, paths, plan, settings)
-        look(arena, history, clock, keys[block], paths, plan, settings)
-        write_previews(arena, clock, paths, plan, settings)
-        write_observations(arena, observations, block * LANES, plan, settings)
+        look(arena, history, clock, keys[block], paths, plan, settings, everyone)
+        write_previews(arena, clock, paths, plan, settings, everyone)
+        write_observations(arena, observations, block * LANES, plan, settings, everyone)

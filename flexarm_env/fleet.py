@@ -39,6 +39,7 @@ ENDS = {
     "rate": f"a joint is faster than {RATE_LIMIT:g} rad/s",
     "diverged": "a number of the state is not finite",
 }
+ALL_READINGS = -1  # as bits
 NAN = float("nan")
 
 
@@ -119,6 +120,8 @@ class Fleet:
         self._starts.reshape(-1)[: self.count] = which
         self._keys.reshape(-1)[: self.count][which] = keys
         self._orders[: self.count] = orders
+        if np.isfinite(orders[which, ORDER.index("delay")]).any():
+            self._plan[PLAN.index("READINGS")] = ALL_READINGS
         self._step_kernel = self._module.step_episodes
         self._module.start_episodes(
             self._flat_arenas,
@@ -222,6 +225,23 @@ class Fleet:
         """Delay of the shoulder's and of the elbow's reading unless drawn or ordered otherwise [s]."""
         return self.settings.sensor_parameters.joint_delays(self.settings.flexible_arm.parameters.link_lengths[0])
 
+    def _readings(self) -> int:
+        """Integration steps of a control period after which a reading is kept, as bits (bit 0: its end).
+
+        Where each sample is equally late, it lies between the same two steps of a period, and the others are not needed.
+        """
+        s = self.settings
+        varies = s.jitter > 0.0 or s.hold > 0.0 or "delay" in s.randomisation or self._kind == "gain"
+        if varies or s.substeps > 62:
+            return ALL_READINGS
+        bits = 0
+        for delay in self.delays():
+            back = delay / (s.control_period / s.substeps)
+            # a hair more on both sides: rounding may see a whole number of steps from either
+            for steps in range(int(np.floor(back - 1e-6)), int(np.floor(back + 1e-6)) + 2):
+                bits |= 1 << (-steps % s.substeps)
+        return bits
+
     def _tables(self, lanes: int) -> Array:
         if self.settings.paths:
             return same_length(self.settings.paths)
@@ -241,6 +261,7 @@ class Fleet:
             "SHIFTING": int(s.action_mode == "reference"),
             "COMPENSATION": ("none", "shared", "per_joint").index(s.compensation),
             "OWN_PATHS": int(not s.paths),
+            "READINGS": self._readings(),
         }
         assert (*whole, "PLACES") == PLAN
         p = arm.parameters

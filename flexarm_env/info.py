@@ -112,21 +112,17 @@ class InfoMaker:
         """
         infos: dict[str, Any] = {}
         both = stepped | begun
+        known = results if both.all() else np.where(both[:, None], results, 0.0)
         for name, part in self._vectors.items():
-            self._enter(infos, name, results[:, part], both)
-        self._enter(infos, "time", results[:, self._time], both)
+            infos[name], infos[f"_{name}"] = known[:, part], both.copy()
+        infos["time"], infos["_time"] = known[:, self._time], both.copy()
         if self._with_gain:
-            self._enter(infos, "gain", results[:, self._gain], both)
+            infos["gain"], infos["_gain"] = known[:, self._gain], both.copy()
         for name, places, mask in (("reward_terms", self._terms, stepped), ("parameters", self._episode, begun)):
             if mask.any():
+                known = results if mask.all() else np.where(mask[:, None], results, 0.0)
                 inner: dict[str, Any] = {}
                 for key, place in places.items():
-                    self._enter(inner, key, results[:, place], mask)
+                    inner[key], inner[f"_{key}"] = known[:, place], mask.copy()
                 infos[name], infos[f"_{name}"] = inner, mask.copy()
         return infos
-
-    @staticmethod
-    def _enter(infos: dict[str, Any], name: str, values: Array, mask: NDArray[np.bool_]) -> None:
-        if not mask.all():
-            values = np.where(mask.reshape(-1, *(1,) * (values.ndim - 1)), values, 0.0)
-        infos[name], infos[f"_{name}"] = values, mask.copy()

@@ -58,6 +58,7 @@ _EPISODE = (
     drives.command,
     drives.prompt,
     drives.write_commands,
+    drives.note_step,
 )
 _LOOKING = (
     episodes.sensed_point,

@@ -56,6 +56,7 @@ PLAN = (
     "SHIFTING",
     "COMPENSATION",
     "OWN_PATHS",
+    "READINGS",
     "PLACES",
 )
 # Columns of an order for a new episode; NaN where the environment decides. The state's entries follow.

@@ -36,7 +36,7 @@ SENSOR_DISTANCE = JOINT = SHIFT = DELAY = COMMAND_DELAY = WEIGHT = RATE_WEIGHT =
 V_SLOTS = MECHANICAL_SLOTS = FEEDBACK_SLOTS = V_STAGE = MECHANICAL = FEEDBACK = ACTION_CHANGE = NOISE = 0
 K_STIFFNESS_1 = K_DAMPING_1 = K_MASS_1 = K_ELBOW_SLOPES = 0
 TIP_VALUES = K_ELBOW_VALUES = REWARD_TERMS = 0
-MOVES = OWN_PATHS = HOLD = SENSED = 0
+MOVES = OWN_PATHS = READINGS = HOLD = SENSED = 0
 CONSTANT_COUNT = 0  # numbers that the equations know of an arm
 TRUE_SENSOR = LATE = LAW = TRACKING = False
 # Constants of this file that assembled modules repeat.
@@ -187,12 +187,16 @@ def place_arm(arena: Any, clock: Any, key: Any, paths: Any, settings: Any, order
     arena[i + JOINT * LANES] = arena[i + Y * LANES]  # the joint aim stays within half a turn of it
 
 
-def fill_history(arena: Any, history: Any, clock: Any, paths: Any, settings: Any, i: int, moving: bool) -> None:
+def fill_history(
+    arena: Any, history: Any, clock: Any, paths: Any, plan: Any, settings: Any, i: int, moving: bool
+) -> None:
     """The delay line of lane i: the present reading, moved back with the reference if the arm starts on the move."""
     h = settings[STEP]
     slots = history.shape[0] // (4 * LANES)
     now = reference_reading(arena, clock, paths, settings, i, 0.0)
     for back in range(slots):
+        if not (plan[READINGS] >> (-back % plan[SUBSTEPS] & 63)) & 1:
+            continue  # nobody will ask for it
         slot = (clock[HEAD, 0] - back) % slots
         moved = reference_reading(arena, clock, paths, settings, i, back * h) if moving and back > 0 else now
         for r in range(4):
@@ -340,10 +344,10 @@ def start_episodes(
         reading_kernel(arena)
         for i in range(LANES):
             if started[i]:
-                fill_history(arena, history, clock, paths, settings, i, moving[i])
+                fill_history(arena, history, clock, paths, plan, settings, i, moving[i])
                 first_sample(arena, history, clock, paths, settings, i)
-        look(arena, history, clock, keys[block], paths, plan, settings)
+        look(arena, history, clock, keys[block], paths, plan, settings, started)
         if LAW:
             start_law(arena, history, clock, paths, settings, started)
-        write_previews(arena, clock, paths, plan, settings)
-        write_observations(arena, observations, block * LANES, plan, settings)
+        write_previews(arena, clock, paths, plan, settings, started)
+        write_observations(arena, observations, block * LANES, plan, settings, started)

@@ -154,7 +154,7 @@ def assert_same(found: Any, expected: Any, place: str = "") -> None:
         assert_same(list(found), list(expected), place)
     elif isinstance(expected, np.ndarray):
         assert (found.dtype, found.shape) == (expected.dtype, expected.shape), place
-        assert found.tobytes() == expected.tobytes() or np.array_equal(found, expected), place
+        assert found.tobytes() == expected.tobytes() or np.array_equal(found, expected, equal_nan=True), place
     else:
         assert type(found) is type(expected), place
         assert found == expected, place

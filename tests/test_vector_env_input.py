@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from typing import Any
 
 import gymnasium as gym
@@ -148,10 +149,14 @@ def test_what_is_handed_out_is_new(mode: AutoresetMode) -> None:
     env, twin = (vector(SQUARE, 3, autoreset_mode=mode, max_episode_steps=4) for _ in range(2))
     spoil(env.reset(seed=0))
     twin.reset(seed=0)
-    for actions in actions_for(env, 12):
+    earlier = kept = None
+    for k, actions in enumerate(actions_for(env, 12)):
         found = env.step(actions)
+        assert_same(earlier, kept)
         assert_same(found, twin.step(actions))
-        spoil(found)
+        if k % 2:
+            spoil(found)
+        earlier, kept = found, copy.deepcopy(found)
 
 
 def spoil(value: Any) -> None:
