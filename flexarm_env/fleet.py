@@ -228,7 +228,7 @@ class Fleet:
     def _readings(self) -> int:
         """Integration steps of a control period after which a reading is kept, as bits (bit 0: its end).
 
-        Where each sample is equally late, it lies between the same two steps of a period, and the others are not needed.
+        Where each sample is equally late, it lies between the same two steps of a period; the others are not needed.
         """
         s = self.settings
         varies = s.jitter > 0.0 or s.hold > 0.0 or "delay" in s.randomisation or self._kind == "gain"
