@@ -1,0 +1,55 @@
+"""The README's table of scores, recomputed."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import pytest
+
+from flexarm_agents import Score, evaluate, load_policy
+from flexarm_baselines import FLSAC, IFDC
+
+README = Path(__file__).resolve().parent.parent / "README.md"
+
+
+def shipped() -> Score:
+    agent = load_policy("square")
+    return evaluate(agent.make_env(), agent.policy)
+
+
+def classical(make: Any) -> Score:
+    env = gymnasium.make("flexarm_env:FlexArm/SquareGain-v0")
+    return evaluate(env, make(env))
+
+
+ROWS: dict[str, Callable[[], Score]] = {
+    "PPO, shipped (`square`)": shipped,
+    "FLSAC": lambda: classical(FLSAC.for_env),
+    "IFDC": lambda: classical(IFDC.for_env),
+}
+
+
+@pytest.mark.parametrize("name", ROWS)
+def test_the_table_shows_what_a_lap_gives(name: str) -> None:
+    (row,) = re.findall(rf"^\| {re.escape(name)} \|(.*)\|$", README.read_text(), re.MULTILINE)
+    cells = [cell.strip() for cell in row.split("|")][1:]
+    score = ROWS[name]()
+    assert score.complete
+    assert score.rms_after_2s is not None
+    assert score.torque_change is not None
+
+    def pair(values: tuple[float, float], digits: int) -> str:
+        return " / ".join(f"{value:.{digits}f}" for value in values)
+
+    assert cells == [
+        f"{score.rms:.3f}",
+        f"{score.maximum:.3f}",
+        f"{score.rms_after_2s:.3f}",
+        pair(score.torque_change, 1),
+        pair(score.peak_deflection, 2),
+        pair(score.peak_torque, 0),
+    ]
