@@ -47,6 +47,7 @@ bench: $(PLOT)  ## Measure the speed of simulation and environments
 docs: reproduce $(DRAW)  ## Regenerate the pictures, tables and environment pages committed under docs/
 	$(PY) scripts/build_docs.py
 	$(PY) scripts/build_env_docs.py
+	$(PY) scripts/corner_picture.py
 
 clean:  ## Remove builds and caches (not .venv)
 	rm -rf build dist flexarm.egg-info .hypothesis .import_linter_cache .mypy_cache .pytest_cache .ruff_cache

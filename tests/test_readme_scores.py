@@ -1,4 +1,4 @@
-"""The README's table of scores, recomputed."""
+"""The scores in README and docs/agents.md, recomputed."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from flexarm_agents import Score, evaluate, load_policy
 from flexarm_baselines import FLSAC, IFDC
 
 README = Path(__file__).resolve().parent.parent / "README.md"
+AGENTS = README.parent / "docs" / "agents.md"
 
 
 def shipped() -> Score:
@@ -53,3 +54,15 @@ def test_the_table_shows_what_a_lap_gives(name: str) -> None:
         pair(score.peak_deflection, 2),
         pair(score.peak_torque, 0),
     ]
+
+
+def test_the_conditions_give_what_the_page_says(capsys: pytest.CaptureFixture[str]) -> None:
+    (snippet,) = re.findall(r"^```python\n(.*?)^```", AGENTS.read_text(), re.MULTILINE | re.DOTALL)
+    exec(snippet, {})
+    printed = capsys.readouterr().out.splitlines()
+    table = dict(re.findall(r"^\| ([^|]+?) \| (.*) \|$", AGENTS.read_text().split("| condition |")[1], re.MULTILINE))
+    assert len(printed) == len(table)
+    for line in printed:
+        name, lap, later, ended = re.fullmatch(r"(.*): (.*) m, after 2 s (.*) m, (.*)", line).groups()  # type: ignore[union-attr]
+        complete = ended.startswith("truncated")
+        assert table[name] == (f"{lap} | {later}" if complete else f"loses the path: {ended} |")
