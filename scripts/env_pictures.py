@@ -72,7 +72,11 @@ PICTURES = {
         240,
     ),
     "Reach-v0": Picture(
-        "Near the end of a move, under a stiff spring and damper in each joint: the tip lags behind.", STIFF, {}, 170, 8
+        "Half way through the first move, under a stiff spring and damper in each joint: the tip lags behind.",
+        STIFF,
+        {},
+        220,
+        8,
     ),
     "Track-v0": Picture(
         "Half a lap under a stiff spring and damper in each joint.", STIFF, {"start": "moving", "time": 0.0}, 900
