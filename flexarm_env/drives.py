@@ -97,13 +97,11 @@ def drive_torque(arena: Any, history: Any, clock: Any, paths: Any, plan: Any, se
         settings: see `rows.SETTINGS`.
     """
     held = prompt(arena)
-    write_commands(arena, plan, settings, 0)
-    for r in range(2):
-        for i in range(LANES):
-            arena[i + (TORQUE + r) * LANES] = arena[i + (TAU + r) * LANES]
     for step in range(plan[SUBSTEPS]):
-        if not held:
+        if step == 0 or not held:
             write_commands(arena, plan, settings, step)
+        for i in range(2 * LANES if step == 0 else 0):
+            arena[i + TORQUE * LANES] = arena[i + TAU * LANES]
         open_step(arena, settings[STEP])
         note_step(arena, history, clock, plan, step)
 
@@ -167,14 +165,11 @@ def drive_tracking(arena: Any, history: Any, clock: Any, paths: Any, plan: Any, 
     """
     h, period = settings[STEP], settings[PERIOD]
     aim(arena, clock, paths, plan, settings)
-    held = prompt(arena) or plan[SHIFTING] > 0
-    if plan[SHIFTING] == 0:
-        write_commands(arena, plan, settings, 0)
-    else:
-        for i in range(2 * LANES):
-            arena[i + TAU * LANES] = 0.0
+    held = prompt(arena)
+    for i in range(2 * LANES):
+        arena[i + TAU * LANES] = 0.0
     for step in range(plan[SUBSTEPS]):
-        if not held:
+        if plan[SHIFTING] == 0 and (step == 0 or not held):
             write_commands(arena, plan, settings, step)
         begin_step(arena)
         for stage in range(4):

@@ -61,8 +61,13 @@ def sensed_point(
     h = settings[STEP]
     slots = history.shape[0] // (4 * LANES)
     slot = clock[HEAD, 0]
-    first = past_reading(history, slots, slot, i, 0, h, late / h)[0]
-    second = past_reading(history, slots, slot, i, 1, h, later / h)[0]
+    first, second = 0.0, 0.0
+    for j in range(2):
+        value, _ = past_reading(history, slots, slot, i, j, h, (late if j == 0 else later) / h)
+        if j == 0:
+            first = value
+        else:
+            second = value
     if TRUE_SENSOR:
         return first, second
     one, both = sincos(first), sincos(first + second)

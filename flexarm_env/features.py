@@ -61,7 +61,8 @@ class Features(NamedTuple):
 def features(known: Known) -> Features:
     """All parts."""
     theta1, theta2 = known.measured[:2]
-    one, two, both = sincos(theta1), sincos(theta2), sincos(theta1 + theta2)
+    one, two = sincos(theta1), sincos(theta2)
+    both = (one[0] * two[1] + one[1] * two[0], one[1] * two[1] - one[0] * two[0])
     axis = [known.frame * one[1] + (1.0 - known.frame), known.frame * one[0]]
     tip = [known.lengths[0] * one[n] + known.lengths[1] * both[n] for n in (1, 0)]
     error = [_turned_back(a - b) for a, b in zip(known.joint[:2], known.measured[:2], strict=True)]

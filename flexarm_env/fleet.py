@@ -78,6 +78,7 @@ class Fleet:
             "true" if settings.sensor == "true" else "rigid",
             settings.rate_jacobian,
             late,
+            not settings.paths,
         )
         self._rows = layout(self._kind, modes)
         sizes = episode_sizes(modes)
@@ -260,7 +261,6 @@ class Fleet:
             "OBSERVED": len(self.layout.rows),
             "SHIFTING": int(s.action_mode == "reference"),
             "COMPENSATION": ("none", "shared", "per_joint").index(s.compensation),
-            "OWN_PATHS": int(not s.paths),
             "READINGS": self._readings(),
         }
         assert (*whole, "PLACES") == PLAN

@@ -55,8 +55,8 @@ def joint_rates_for(length_1: Any, length_2: Any, theta1: Any, theta2: Any, vx: 
         The rates of theta1 and theta2 [rad/s].
     """
     sin_1, cos_1 = sincos(theta1)
-    sin_12, cos_12 = sincos(theta1 + theta2)
-    sine = sincos(theta2)[0]
+    sine, cosine = sincos(theta2)
+    sin_12, cos_12 = sin_1 * cosine + cos_1 * sine, cos_1 * cosine - sin_1 * sine
     bounded = at_least(magnitude(sine), LEAST_SINE)
     per_area = where_less(sine, 0.0, -1.0, 1.0) / (length_1 * length_2 * bounded)
     x = length_1 * cos_1 + length_2 * cos_12

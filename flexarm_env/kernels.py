@@ -137,7 +137,7 @@ def _constants(variant: Variant) -> dict[str, Any]:
         names |= {"TAIL": extent(rows), "HORIZONS": extent(settings), "CONSTANT_COUNT": extent(places)}
         names |= {name: first for name, (first, _) in settings.items()}
         names |= {name: place for place, name in enumerate(PLAN[:-1])} | {"PLACES": len(PLAN) - 1}
-        names |= {"TRUE_SENSOR": variant.sensor == "true"}
+        names |= {"TRUE_SENSOR": variant.sensor == "true", "OWN_PATHS": variant.own_paths}
         names |= {"LAW": variant.kind == "gain", "TRACKING": variant.kind == "tracking"}
         names |= {name: 0 for name in _FOREIGN_ROWS if name not in names}
     return names

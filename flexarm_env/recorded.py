@@ -29,6 +29,7 @@ class Variant:
         sensor: "rigid" or "true" ("collocated" is "rigid" without delay).
         rate_jacobian: "delayed" or "current" (where the law acts).
         late: the law acts on the sensor's late readings; False: on the joints' own, whatever the sensor.
+        own_paths: each episode draws a path of its own (environments only).
     """
 
     kind: str
@@ -38,6 +39,7 @@ class Variant:
     sensor: str = "rigid"
     rate_jacobian: str = "delayed"
     late: bool = True
+    own_paths: bool = False
 
 
 class _Recorder:

@@ -55,7 +55,6 @@ PLAN = (
     "OBSERVED",
     "SHIFTING",
     "COMPENSATION",
-    "OWN_PATHS",
     "READINGS",
     "PLACES",
 )

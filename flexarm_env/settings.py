@@ -187,7 +187,7 @@ class Settings:
             "inner_resistance": pair("inner_resistance", self.inner_resistance, "N m s/rad", least=0.0),
             "law_sensor": choice("law_sensor", self.law_sensor, ("joints", "sensor")),
             "jitter": number("jitter", self.jitter, "s", least=0.0, most=MAX_DELAY),
-            "hold": number("hold", self.hold, "s", least=0.0, most=MAX_DELAY),
+            "hold": number("hold", self.hold, "s", least=1e-6 if self.hold else 0.0, most=MAX_DELAY),  # a divisor
             "dropout": number("dropout", self.dropout, least=0.0, most=1.0),
             "encoder_noise": pair("encoder_noise", self.encoder_noise, "rad, rad/s", least=0.0),
             "actuation_delay": number("actuation_delay", self.actuation_delay, "s", least=0.0, most=MAX_DELAY),

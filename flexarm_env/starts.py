@@ -36,9 +36,9 @@ SENSOR_DISTANCE = JOINT = SHIFT = DELAY = COMMAND_DELAY = WEIGHT = RATE_WEIGHT =
 V_SLOTS = MECHANICAL_SLOTS = FEEDBACK_SLOTS = V_STAGE = MECHANICAL = FEEDBACK = ACTION_CHANGE = NOISE = 0
 K_STIFFNESS_1 = K_DAMPING_1 = K_MASS_1 = K_ELBOW_SLOPES = 0
 TIP_VALUES = K_ELBOW_VALUES = REWARD_TERMS = 0
-MOVES = OWN_PATHS = READINGS = HOLD = SENSED = 0
+MOVES = READINGS = HOLD = SENSED = 0
 CONSTANT_COUNT = 0  # numbers that the equations know of an arm
-TRUE_SENSOR = LATE = LAW = TRACKING = False
+OWN_PATHS = TRUE_SENSOR = LATE = LAW = TRACKING = False
 # Constants of this file that assembled modules repeat.
 TABLES = (
     *("START", "PHASE_ORDER", "PATH_ORDER", "DRAWN_ORDER", "STATE_ORDER", "QUANTITIES"),
@@ -89,7 +89,7 @@ def draw_quantities(arena: Any, key: Any, settings: Any, order: Any, i: int) -> 
 def draw_start(clock: Any, key: Any, paths: Any, plan: Any, settings: Any, order: Any, lane: int, i: int) -> bool:
     """Path and moment at which lane i starts; whether the arm starts on the move."""
     index = int(uniform(key, PLACE_PATH) * paths.shape[0])
-    if plan[OWN_PATHS] > 0:
+    if OWN_PATHS:  # a constant: where it is false, the compiler never sees what follows
         index = lane
         draw_moves(paths[lane], key, settings)
     elif order[PATH_ORDER] == order[PATH_ORDER]:

@@ -92,7 +92,11 @@ def options_of_any_kind(draw: st.DrawFn) -> dict[str, Any]:
         options["randomisation"] = {"payload_mass": (0.0, 1.0), "stiffness": (0.5, 1.5), "damping": (0.0, 0.1)}
     if mode == "paper":
         return options | {"action_mode": "gain", "arm": "paper", "sensor": "rigid", "law_sensor": "sensor"}
-    options |= {"jitter": draw(times(0.1)), "hold": draw(times(0.2)), "dropout": draw(st.sampled_from([0.0, 0.5, 1.0]))}
+    options |= {
+        "jitter": draw(times(0.1)),
+        "hold": draw(st.just(0.0) | st.floats(1e-6, 0.2)),
+        "dropout": draw(st.sampled_from([0.0, 0.5, 1.0])),
+    }
     return options | {"action_mode": mode}
 
 

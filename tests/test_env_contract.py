@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import copy
 import json
-import math
 import warnings
 from dataclasses import fields
 from functools import partial
@@ -245,8 +244,7 @@ def test_stable_baselines3s_worker_processes() -> None:
         rows = [env.reset()]
         for action in np.random.default_rng(0).uniform(-1.0, 1.0, (20, WORKERS, 2)).astype(np.float32):
             observation, reward, done, infos = env.step(action)
-            rows += [observation, reward, done, np.array([info["state"] for info in infos])]
-        assert any("terminal_observation" in info for info in infos) or math.isfinite(float(reward.sum()))
+            rows += [observation, reward.astype(np.float32), done, np.array([info["state"] for info in infos])]
         env.close()
         runs.append(rows)
     assert_same(*runs)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import gymnasium
@@ -36,7 +37,7 @@ def batch(modes: Sequence[int], effort: float) -> Group:
     for m in modes:
         batch_of = _batch(f"{SQUARE}, {m} modes", SQUARE, ENVS, round(BATCH_CALLS * effort), arm={"modes_per_link": m})
         bare = bare_kernel(f"its physics alone, {m} modes", m, 32, ENVS, max(1, round(100 * effort)))
-        bare = Subject(bare.name, bare.work, bare.amount / PHYSICS_STEPS)
+        bare = replace(bare, amount=bare.amount / PHYSICS_STEPS)
         subjects += [batch_of, bare]
         ratios.append(Ratio(batch_of.name, bare.name, f"batch step over its bare physics, {m} modes (75 % is 1.33)"))
         if acrobot is not None:
@@ -84,8 +85,7 @@ def chain(modes: Sequence[int], effort: float) -> Group:
         single = _single(f"one environment, {m} modes", max(50, round(SINGLE_CALLS * effort)), options)
         many = _batch(f"batch of {ENVS}, {m} modes", SQUARE, ENVS, round(BATCH_CALLS * effort), **options)
         for subject in (single, many):
-            per_second = Subject(subject.name, subject.work, subject.amount * 1e-3 * PHYSICS_STEPS)
-            subjects.append(per_second)
+            subjects.append(replace(subject, amount=subject.amount * 1e-3 * PHYSICS_STEPS))
             ratios += [Ratio(each.name, subject.name, f"{each.name} over {subject.name}") for each in chains]
     title = "One simulated second of one arm, MuJoCo and FlexArm, one core"
     return Group("chain", title, "ms", "simulated second", subjects, ratios)
