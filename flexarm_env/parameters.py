@@ -164,6 +164,9 @@ class SensorParameters:
 
         Args:
             shoulder_to_elbow: L1 [m].
+
+        Raises:
+            ValueError: if the wave speed makes one longer than `MAX_DELAY`.
         """
         if self.model == "collocated":
             return 0.0, 0.0
@@ -172,6 +175,11 @@ class SensorParameters:
         if self.delay is not None:
             return self.delay, self.delay
         shoulder = (shoulder_to_elbow + self.position) / self.wave_speed
+        if shoulder > MAX_DELAY:
+            raise ValueError(
+                f"wave_speed = {self.wave_speed} m/s: the sensor would be late by {shoulder:.4g} s; "
+                f"at most {MAX_DELAY} s is allowed"
+            )
         return shoulder, shoulder if self.model == "true" else self.position / self.wave_speed
 
 

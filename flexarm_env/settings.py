@@ -19,6 +19,7 @@ from flexarm_env.arm import FlexibleArm
 from flexarm_env.choices import (
     DEFAULT_OBSERVATION,
     DEFAULT_WEIGHTS,
+    LARGEST_NOISE,
     MODES,
     PHYSICS_STEP,
     STARTS,
@@ -180,7 +181,10 @@ class Settings:
                 optional[name] = number(name, getattr(self, name), "m", above=0.0)
         return optional | {
             "action_mode": choice("action_mode", self.action_mode, MODES),
-            "control_period": number("control_period", self.control_period, "s", above=0.0, most=1.0),
+            "control_period": number("control_period", self.control_period, "s", least=1e-5, most=1.0),
+            "side": number("side", self.side, "m", least=1e-3, most=1e3),
+            "lap_time": number("lap_time", self.lap_time, "s", least=1e-3, most=1e5),
+            "noise": number("noise", self.noise, "m", least=0.0, most=LARGEST_NOISE),
             "gain_limit": number("gain_limit", self.gain_limit, above=0.0),
             "shift_limit": pair("shift_limit", self.shift_limit, "rad", above=0.0, most=np.pi),
             "inner_stiffness": pair("inner_stiffness", self.inner_stiffness, "N m/rad", least=0.0),
@@ -189,7 +193,7 @@ class Settings:
             "jitter": number("jitter", self.jitter, "s", least=0.0, most=MAX_DELAY),
             "hold": number("hold", self.hold, "s", least=1e-6 if self.hold else 0.0, most=MAX_DELAY),  # a divisor
             "dropout": number("dropout", self.dropout, least=0.0, most=1.0),
-            "encoder_noise": pair("encoder_noise", self.encoder_noise, "rad, rad/s", least=0.0),
+            "encoder_noise": pair("encoder_noise", self.encoder_noise, "rad, rad/s", least=0.0, most=LARGEST_NOISE),
             "actuation_delay": number("actuation_delay", self.actuation_delay, "s", least=0.0, most=MAX_DELAY),
             "observation": names("observation", self.observation),
             "frame": choice("frame", self.frame, ("link", "world")),
@@ -226,7 +230,13 @@ class Settings:
             "delay": 0.0,
             "actuation_delay": 0.0,
         }
-        most = {"stiffness": 10.0, "damping": 1.0, "delay": MAX_DELAY, "actuation_delay": MAX_DELAY}
+        most = {
+            "stiffness": 10.0,
+            "damping": 1.0,
+            "noise": LARGEST_NOISE,
+            "delay": MAX_DELAY,
+            "actuation_delay": MAX_DELAY,
+        }
         ranges = {}
         for name, limits in mapping("randomisation", self.randomisation).items():
             choice("randomisation", name, DRAWN)

@@ -119,6 +119,7 @@ def learning(effort: float) -> Group:
         f"PPO on {SQUARE}",
         lambda: _learn(lambda n: FlexArmVecEnv.make(SQUARE, n), frames),
         frames + peers.ROLLOUT,
+        prepare=_compiled,
     )
     empty = Subject(
         "PPO on an empty environment",
@@ -127,6 +128,13 @@ def learning(effort: float) -> Group:
     )
     ratio = Ratio(empty.name, ours.name, "PPO's rate on FlexArm over that on an empty environment")
     return Group("learning", "PPO, one core", "us", "frame", [ours, empty], [ratio], warm=False, share=0.3)
+
+
+def _compiled() -> None:
+    """Kernels for so many environments, so that their compiling is not timed."""
+    env = gymnasium.make_vec(f"flexarm_env:{SQUARE}", num_envs=LEARNERS)
+    env.reset(seed=0)
+    env.step(env.action_space.sample())
 
 
 def _learn(make: Any, frames: int) -> None:
