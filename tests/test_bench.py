@@ -4,12 +4,14 @@ import json
 import math
 import subprocess
 import sys
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
 
 SCRIPT = Path(__file__).resolve().parents[1] / "scripts" / "bench.py"
-GROUPS = {"torque_driven", "closed_loop", "environment", "first_step", "lap"}
+GROUPS = {"torque_driven", "closed_loop", "environment", "first_step", "lap", "batch", "learning"}
+GROUPS |= {"chain"} if find_spec("mujoco") else set()
 
 
 def run(*arguments):
@@ -32,7 +34,8 @@ def trial(tmp_path_factory):
 
 def test_structure(trial):
     results, _ = trial
-    assert set(results) == {"machine", "quick", "groups"}
+    assert set(results) == {"machine", "quick", "not_installed", "groups"}
+    assert ("EnvPool" in results["not_installed"]) == (find_spec("envpool") is None)
     assert results["quick"] is True
     assert {"cpu", "cores", "python", "numba", "numpy", "scipy", "gymnasium"} <= set(results["machine"])
     assert set(results["groups"]) == GROUPS
