@@ -1,7 +1,7 @@
 """The map between an action in [-1, 1] and what it stands for: a torque, a shift, a gain.
 
-Symbols: ``lambda`` the gain that multiplies the control law's torque (14), dimensionless. The environment
-reads actions with it and the baselines write them with it, so that both mean the same gain.
+Symbols: ``lambda`` the gain that multiplies the control law's torque (14), dimensionless. The baselines
+write actions with it; the kernels read them by the same formula (`drives`), as tests hold them to.
 """
 
 from __future__ import annotations

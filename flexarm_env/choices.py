@@ -67,6 +67,7 @@ MODES: dict[str, ActionMode] = {
     ),
 }
 TORQUE_LIMIT = (150.0, 50.0)  # [N m]
+HEAVIEST_PAYLOAD = 1e3  # [kg]
 LARGEST_NOISE = 1e3  # [m], [rad], [rad/s]
 PHYSICS_STEP = 1e-3  # [s], of the explicit integrator
 STARTS = {
@@ -75,6 +76,7 @@ STARTS = {
     "moving": "anywhere, drawn to the control period, with the reference's velocity and off it by up to `start_spread`",
     "mix": f'"corners" in {100.0 * SHARE_AT_REST:g} % of the episodes, else "moving"',
 }
+MOVE_POINTS = 800  # sides of the polyline that stands for a move there and back
 MOVE_RING = (0.35, 0.95)  # of the reach: where the ends of drawn moves lie
 DEFAULT_WEIGHTS = {"tracking_wide": 0.6, "tracking_middle": 0.15, "tracking_fine": 0.1, "action_change": 0.15}
 DEFAULT_OBSERVATION = (

@@ -27,6 +27,16 @@ class FleetView:
 
     fleet: Fleet
 
+    def _spaces(self) -> tuple[Any, Any]:
+        """Of one environment's observation and action."""
+        bound = self.fleet.layout.bound
+        observation = gymnasium.spaces.Box(-bound, bound, dtype=np.float32)
+        return observation, gymnasium.spaces.Box(-1.0, 1.0, (len(self.settings.action_limit),), np.float32)
+
+    def _fps(self) -> int:
+        """Pictures a second: one for each control period, in real time up to `FASTEST_VIDEO`."""
+        return min(FASTEST_VIDEO, max(1, round(1.0 / self.settings.control_period)))
+
     @property
     def settings(self) -> Settings:
         """All options, validated."""
@@ -66,7 +76,7 @@ class FleetView:
     @property
     def lap_steps(self) -> int:
         """Control periods in a lap."""
-        return round(self.settings.lap_time / self.settings.control_period)
+        return max(1, round(self.settings.lap_time / self.settings.control_period))
 
 
 class FlexArmEnv(FleetView, gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
@@ -97,17 +107,14 @@ class FlexArmEnv(FleetView, gymnasium.Env[NDArray[np.float32], NDArray[np.float3
             choice("render_mode", render_mode, RENDER_MODES)
         self.render_mode = render_mode
         self.fleet = Fleet(Settings.of(options), 1)
-        period = self.settings.control_period
-        self.metadata = self.metadata | {"render_fps": min(FASTEST_VIDEO, max(1, round(1.0 / period)))}
-        bound = self.fleet.layout.bound
-        self.observation_space = gymnasium.spaces.Box(-bound, bound, dtype=np.float32)
-        self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (len(self.settings.action_limit),), np.float32)
+        self.metadata = self.metadata | {"render_fps": self._fps()}
+        self.observation_space, self.action_space = self._spaces()
         self._infos = InfoMaker(self.fleet)
-        self._scene = None if render_mode is None else Scene(self.fleet, 0, render_mode)
+        self._scene = None if render_mode is None else Scene(self.fleet, 0, render_mode, self._fps())
         self._begin = np.ones(1, dtype=bool)
         parts = self.fleet.parts
         self._verdict = slice(parts["REWARD"].start, parts["STATUS"].stop)  # reward first, status last
-        self._shape = self.action_space.shape
+        self._shape: tuple[int, ...] = self.action_space.shape or ()
         self._started = False
 
     def reset(

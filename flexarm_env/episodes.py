@@ -30,7 +30,7 @@ LANES = 1
 SIZE = 4
 STEP = PERIOD = JITTER = HOLD = DROPOUT = ENCODER_NOISE = DEFLECTION_LIMIT = ERROR_LIMIT = LENGTHS = BRANCH = 0
 WEIGHTS = SUBSTEPS = CHANNELS = KEPT_ACTIONS = PREVIEWS = OBSERVED = PLACES = 0
-HORIZONS = TAIL = NOISE = SENSOR_DISTANCE = 0
+HORIZONS = TAIL = NOISE = PLACE_DISTANCE = 0
 LATE = TRUE_SENSOR = False
 SENSOR_DELAY = EPISODE = SAMPLE_TIME = SENSOR_ERROR = SENSOR_ERROR_RATE = SENSED = ACTION_CHANGE = MEASURED = 0
 STATE = REFERENCE = PHASE = TIME = STATUS = DEFLECTION = TRUE_TIP = FRAME_AXIS = REWARD = REWARD_TERMS = 0
@@ -71,7 +71,7 @@ def sensed_point(
     if TRUE_SENSOR:
         return first, second
     one, both = sincos(first), sincos(first + second)
-    distance = arena[i + SENSOR_DISTANCE * LANES]
+    distance = arena[i + PLACE_DISTANCE * LANES]
     length_1 = settings[LENGTHS]
     return length_1 * one[1] + distance * both[1], length_1 * one[0] + distance * both[0]
 
@@ -93,11 +93,56 @@ def take_actions(arena: Any, actions: Any, first: int, plan: Any) -> None:
             arena[i + ACTION_CHANGE * LANES] += change * change
 
 
+def newest_reading(
+    arena: Any, clock: Any, keys: Any, settings: Any, place: int, i: int, now: float, before: float
+) -> tuple[float, int]:
+    """Age of the newest reading that has arrived at lane i [s], negative if there is none to take over.
+
+    A continuous sensor gives one for each control instant. One with a clock of its own gives one for each of its ticks,
+    delayed and lost by the tick's own draws, and a tick may arrive after a later one.
+
+    Args:
+        arena: of one block.
+        clock: of each lane.
+        keys: of each lane's episode.
+        settings: see `rows`.
+        place: first random number of this control period.
+        i: the lane.
+        now: [s].
+        before: when the reading that is known was taken [s].
+
+    Returns:
+        The age, and the first random number that belongs to the reading.
+    """
+    delay = arena[i + SENSOR_DELAY * LANES]
+    least = before + 0.5 * settings[PERIOD]
+    if settings[HOLD] == 0.0:
+        if settings[DROPOUT] > 0.0 and uniform(keys[i], place) < settings[DROPOUT]:
+            return -1.0, place
+        late = delay
+        if settings[JITTER] > 0.0:
+            late += settings[JITTER] * uniform(keys[i], place + 1)
+        return (late if now - late >= least else -1.0), place
+    hold = settings[HOLD]
+    first = floor(clock[BEGAN, i] * settings[STEP] / hold) - 2 - floor(delay / hold)
+    newest = floor((now - delay) / hold + 1e-9)
+    for back in range(int((settings[JITTER] + settings[PERIOD]) / hold) + 2):
+        tick = newest - back
+        late = now - tick * hold
+        if tick * hold < least or tick < first:
+            return -1.0, place
+        place = FIRST_NOISE + 2 * CHANNELS_OF_NOISE * int(tick - first)
+        arrived = delay + settings[JITTER] * uniform(keys[i], place + 1) <= late + 1e-9 * hold
+        if arrived and uniform(keys[i], place) >= settings[DROPOUT]:
+            return late, place
+    return -1.0, place
+
+
 def sample(arena: Any, history: Any, clock: Any, keys: Any, paths: Any, settings: Any, place: int, i: int) -> None:
     """Take over the latest reading that has arrived at lane i: its position, error, and the error's change.
 
-    A reading may be late by jitter, lost, or belong to the last tick of a slower clock. One that is not newer than
-    the one before by half a control period is not taken over, so that the change per second stays meaningful.
+    One that is not newer than the one before by half a control period is not taken over, so that the change per second
+    stays meaningful.
 
     Args:
         arena: of one block.
@@ -111,18 +156,12 @@ def sample(arena: Any, history: Any, clock: Any, keys: Any, paths: Any, settings
     """
     h = settings[STEP]
     now = clock[STEPS, i] * h
-    late = arena[i + SENSOR_DELAY * LANES]
-    later = arena[i + (SENSOR_DELAY + 1) * LANES] - late
-    if settings[DROPOUT] > 0.0 and uniform(keys[i], place) < settings[DROPOUT]:
-        return
-    if settings[JITTER] > 0.0:
-        late += settings[JITTER] * uniform(keys[i], place + 1)
-    if settings[HOLD] > 0.0:
-        late = now - floor((now - late) / settings[HOLD] + 1e-9) * settings[HOLD]
+    later = arena[i + (SENSOR_DELAY + 1) * LANES] - arena[i + SENSOR_DELAY * LANES]
     before = arena[i + SAMPLE_TIME * LANES]
-    taken = now - late
-    if not taken >= before + 0.5 * settings[PERIOD]:
+    late, place = newest_reading(arena, clock, keys, settings, place, i, now, before)
+    if late < 0.0:
         return
+    taken = now - late
     x, y = sensed_point(arena, history, clock, settings, i, late, late + later)
     deviation = arena[i + (EPISODE + DRAWN_NOISE) * LANES]
     if deviation > 0.0:

@@ -15,16 +15,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexarm_env import kernels, starts
-from flexarm_env.choices import MOVE_RING, STARTS, TORQUE_LIMIT
+from flexarm_env.choices import MOVE_POINTS, MOVE_RING, STARTS
 from flexarm_env.dynamics import arm_constants
-from flexarm_env.observation import observation_layout
+from flexarm_env.observation import observation_layout, refuse_fast_starts
 from flexarm_env.recorded import Variant
 from flexarm_env.reference import same_length
 from flexarm_env.reward import TERMS
 from flexarm_env.rows import DRAWN, ORDER, PLAN, arena_rows, episode_sizes, extent, layout, settings_layout
 from flexarm_env.settings import Settings
-from flexarm_env.stepping import CLOCK, PATH
-from flexarm_env.task import ANGLE_LIMIT, RATE_LIMIT, state_limits
+from flexarm_env.stepping import BEGAN, CLOCK, PATH
+from flexarm_env.task import ANGLE_LIMITS, RATE_LIMIT, state_limits
 
 Array = NDArray[np.float64]
 # Lanes of a block, by the number of environments from which on they pay.
@@ -35,7 +35,7 @@ REASONS = {-1: "diverged", -2: "deflection", -3: "error"}
 ENDS = {
     "error": "the true tip is farther from the reference than `error_limit`",
     "deflection": "a link's tip deflection is beyond `deflection_limit`, or that of one of its modes beyond its length",
-    "angle": f"a joint angle is beyond {ANGLE_LIMIT / (2.0 * np.pi):g} turns",
+    "angle": "theta1 is beyond {:g} turns, or theta2 beyond {:g}".format(*(x / (2.0 * np.pi) for x in ANGLE_LIMITS)),
     "rate": f"a joint is faster than {RATE_LIMIT:g} rad/s",
     "diverged": "a number of the state is not finite",
 }
@@ -64,6 +64,7 @@ class Fleet:
             threads: that step the blocks; more than one pays for large fleets on idle cores only.
         """
         self.settings, self.count, self._threads = settings, count, threads
+        refuse_fast_starts(settings, settings.start)
         arm = settings.flexible_arm
         modes = arm.parameters.modes_per_link
         self._kind = KINDS[settings.action_mode]
@@ -181,6 +182,14 @@ class Fleet:
         order[ORDER.index("start")] = START_CODES[start or self.settings.start]
         return order
 
+    def start_of(self, index: int) -> tuple[str, float]:
+        """Name of the path that an environment's episode follows, and the moment of the lap at which it began [s]."""
+        block, lane = divmod(index, self._arenas.shape[2])
+        clock = self._clocks[block, :, lane]
+        names = self.settings.reference
+        name = names[clock[PATH]] if self.settings.paths else names[0]
+        return name, float(clock[BEGAN] * (self.settings.control_period / self.settings.substeps))
+
     def path(self, index: int) -> Array:
         """Way-points of the path that an environment follows [m]. Shape (n, 2)."""
         block, lane = divmod(index, self._arenas.shape[2])
@@ -219,7 +228,7 @@ class Fleet:
         """Length of the delay line: the latest reading and the period before the first."""
         s = self.settings
         latest = max(*self.delays(), s.randomisation.get("delay", (0.0, 0.0))[1])
-        longest = latest + s.jitter + 2.0 * s.hold + s.control_period
+        longest = latest + s.jitter + 4.0 * s.hold + 2.0 * s.control_period
         return 4 + int(np.ceil(longest / s.control_period * s.substeps))
 
     def delays(self) -> tuple[float, float]:
@@ -246,7 +255,7 @@ class Fleet:
     def _tables(self, lanes: int) -> Array:
         if self.settings.paths:
             return same_length(self.settings.paths)
-        points = round(self.settings.lap_time / self.settings.control_period) + 1
+        points = min(MOVE_POINTS, round(self.settings.lap_time / self.settings.control_period)) + 1
         return np.zeros((lanes, points, 5))
 
     def _plan_and_table(self) -> tuple[NDArray[np.int64], Array]:
@@ -332,17 +341,17 @@ class Fleet:
         s = self.settings
         arm = s.flexible_arm
         link2 = arm.modes[1]
-        torque_limit = s.torque_limit or (s.action_limit if self._kind != "gain" else (np.inf, np.inf))
-        if s.action_mode == "reference":
-            torque_limit = s.torque_limit or TORQUE_LIMIT
+        law_point = s.sensor_position if s.law_sensor == "sensor" else link2.length
         values: dict[str, Any] = {
             "LIMITS": state_limits(arm),
             "TIP_VALUES": link2.tip_values,
             "TIP_DISTANCE": [link2.length],
-            "SENSOR_DISTANCE": [s.sensor_position],
-            "SENSOR_VALUES": link2.shape(s.sensor_position),
+            "PLACE_DISTANCE": [s.sensor_position],
+            "PLACE_VALUES": link2.shape(s.sensor_position),
+            "SENSOR_DISTANCE": [law_point],
+            "SENSOR_VALUES": link2.shape(law_point),
             "FRAME": [float(s.frame == "link")],
-            "TORQUE_LIMIT": torque_limit,
+            "TORQUE_LIMIT": s.motor_limit,
             "STIFFNESS": s.inner_stiffness,
             "RESISTANCE": s.inner_resistance,
             "PROPORTIONAL_GAIN": [s.proportional_gain],

@@ -45,6 +45,8 @@ KEYS = {
     "gain": Key("lambda in the period that ended", "1", 'always, where `action_mode` is "gain"'),
     "reward_terms": Key("weighted terms that the reward is the sum of, by name", "1", "after a step"),
     "parameters": Key(f"quantities of the episode, drawn or not: {', '.join(DRAWN)}", "", "after a reset"),
+    "path": Key("name of the reference that the episode follows", "", "after a reset"),
+    "start_time": Key("moment of the lap at which the episode began", "s", "after a reset"),
     "termination_reason": Key("why the episode terminated; see Episode end", "", "when it did"),
 }
 # Key in `info`, part of the results, and how many of its numbers.
@@ -67,6 +69,7 @@ class InfoMaker:
         Args:
             fleet: the environments.
         """
+        self._fleet = fleet
         parts = fleet.parts
         self._time, self._gain = parts["TIME"].start, parts["EFFECTIVE_GAIN"].start
         self._with_gain = fleet.settings.action_mode == "gain"
@@ -100,6 +103,7 @@ class InfoMaker:
             info["reward_terms"] = {name: numbers[place] for name, place in self._term_items}
         else:
             info["parameters"] = {name: numbers[place] for name, place in self._episode_items}
+            info["path"], info["start_time"] = self._fleet.start_of(0)
         return info
 
     def batch(self, results: Array, stepped: NDArray[np.bool_], begun: NDArray[np.bool_]) -> dict[str, Any]:
@@ -125,4 +129,10 @@ class InfoMaker:
                 for key, place in places.items():
                     inner[key], inner[f"_{key}"] = known[:, place], mask.copy()
                 infos[name], infos[f"_{name}"] = inner, mask.copy()
+        if begun.any():
+            paths, times = np.full(len(begun), None, dtype=object), np.zeros(len(begun))
+            for i in np.flatnonzero(begun).tolist():
+                paths[i], times[i] = self._fleet.start_of(i)
+            infos["path"], infos["_path"] = paths, begun.copy()
+            infos["start_time"], infos["_start_time"] = times, begun.copy()
         return infos

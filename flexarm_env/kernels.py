@@ -63,6 +63,7 @@ _EPISODE = (
 _LOOKING = (
     episodes.sensed_point,
     episodes.take_actions,
+    episodes.newest_reading,
     episodes.sample,
     episodes.judge,
     episodes.look,

@@ -16,7 +16,7 @@ from flexarm_env.choices import MOVE_RING
 from flexarm_env.inverse import LEAST_SINE
 from flexarm_env.rows import arena_rows, layout
 from flexarm_env.settings import Settings
-from flexarm_env.task import ANGLE_LIMIT, RATE_LIMIT, state_limits
+from flexarm_env.task import ANGLE_LIMITS, RATE_LIMIT, state_limits
 from flexarm_env.validation import choice
 
 Array = NDArray[np.float64]
@@ -89,6 +89,23 @@ def reach_of(settings: Settings) -> Reach:
     return Reach(radius, speed, sensed, sensed + radius)
 
 
+def refuse_fast_starts(settings: Settings, start: str) -> None:
+    """Refuse a start on the move where the reference asks for joint rates that end an episode at once.
+
+    Raises:
+        ValueError: naming start and lap time.
+    """
+    if start not in ("moving", "mix"):
+        return
+    length_1, length_2 = settings.flexible_arm.parameters.link_lengths
+    asked = reach_of(settings).speed * (length_1 + length_2) / (length_1 * length_2 * LEAST_SINE)
+    if asked > RATE_LIMIT:
+        raise ValueError(
+            f"start = {start!r} with lap_time = {settings.lap_time} s: the reference may ask for {asked:.4g} rad/s "
+            f"of a joint, and {RATE_LIMIT:g} end an episode; give a longer lap_time, or start at rest"
+        )
+
+
 def _even(count: int, scale: float, bound: float) -> Limits:
     return Limits([scale] * count, [bound] * count)
 
@@ -124,7 +141,7 @@ BLOCKS: dict[str, Block] = {
         "rad",
         "2",
         _rows("MEASURED"),
-        lambda s, r: _even(2, np.pi, ANGLE_LIMIT + LARGEST_DEVIATE * s.encoder_noise[0]),
+        lambda s, r: Limits([np.pi] * 2, [limit + LARGEST_DEVIATE * s.encoder_noise[0] for limit in ANGLE_LIMITS]),
     ),
     "elbow_direction": Block(
         "cosine and sine of theta2", "1", "2", _rows("F_DIRECTIONS"), lambda s, r: _even(2, 1.0, 1.0 + 1e-9)

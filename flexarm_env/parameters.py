@@ -236,13 +236,15 @@ class SquareParameters:
         choice("elbow_branch", self.elbow_branch, ("positive", "negative"))
 
 
-def arm_parameters(arm: str | Mapping[str, Any]) -> ArmParameters:
+def arm_parameters(arm: str | Mapping[str, Any] | ArmParameters) -> ArmParameters:
     """The arm that an environment's `arm` argument stands for.
 
     Raises:
         TypeError: for anything but a name or a mapping.
         ValueError: for another name, or a field that `ArmParameters` does not have.
     """
+    if isinstance(arm, ArmParameters):
+        return arm
     if isinstance(arm, str):
         arm = {"preset": arm}
     if not isinstance(arm, Mapping):

@@ -75,7 +75,8 @@ class _Recorder:
         return closed_loop.Law(**fields)
 
     def sensor(self) -> sensing.Place:
-        return sensing.Place(self.one("SENSOR_DISTANCE"), self.read("SENSOR_VALUES"))
+        part = "SENSOR" if self.variant.kind == "loop" else "PLACE"
+        return sensing.Place(self.one(f"{part}_DISTANCE"), self.read(f"{part}_VALUES"))
 
     def truth(self) -> sensing.Truth:
         tip = sensing.Place(self.one("TIP_DISTANCE"), self.read("TIP_VALUES"))

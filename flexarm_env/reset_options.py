@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexarm_env.choices import STARTS
+from flexarm_env.choices import HEAVIEST_PAYLOAD, STARTS
 from flexarm_env.fleet import START_CODES, Fleet
-from flexarm_env.parameters import MAX_DELAY
+from flexarm_env.observation import refuse_fast_starts
 from flexarm_env.rows import DRAWN, ORDER
 from flexarm_env.task import state_limits
 from flexarm_env.validation import choice, real_array
@@ -23,8 +23,7 @@ OPTIONS = {
     "parameters": f"mapping of quantities of the episode: {', '.join(DRAWN)}",
     "state": "initial state in the public order, shape (4 + 4 m,)",
 }
-_LEAST = {"stiffness": 1e-3}
-_MOST = {"damping": 1.0, "delay": MAX_DELAY, "actuation_delay": MAX_DELAY}
+LEAST_STIFFNESS = 1e-3
 
 
 def orders_of(options: Mapping[str, Any] | None, fleet: Fleet) -> Array:
@@ -49,37 +48,48 @@ def orders_of(options: Mapping[str, Any] | None, fleet: Fleet) -> Array:
         if name not in OPTIONS:
             raise ValueError(f"options[{name!r}]: no such option; the options are {', '.join(OPTIONS)}")
     if "start" in options:
-        orders[:, ORDER.index("start")] = [
-            START_CODES[choice("options['start']", name, STARTS)] for name in _each(options["start"], fleet)
-        ]
+        names = [choice("options['start']", name, STARTS) for name in _each(options["start"], fleet)]
+        for name in set(names):
+            refuse_fast_starts(fleet.settings, name)
+        orders[:, ORDER.index("start")] = [START_CODES[name] for name in names]
     if "time" in options:
         lap = fleet.settings.lap_time
         orders[:, ORDER.index("phase")] = _numbers("time", options["time"], fleet, 0.0, np.nextafter(lap, 0.0))
     if "path" in options:
         orders[:, ORDER.index("path")] = _path_indices(options["path"], fleet)
     for name, value in _mapping("parameters", options.get("parameters", {})).items():
-        choice("options['parameters']", name, DRAWN)
-        least, most = _LEAST.get(name, 0.0), _most(name, fleet)
-        orders[:, ORDER.index(name)] = _numbers(f"parameters'][{name!r}", value, fleet, least, most)
+        if name not in DRAWN:
+            raise ValueError(
+                f"options['parameters'][{name!r}]: no such quantity; there are {', '.join(map(repr, DRAWN))}"
+            )
+        least, most = _range(name, fleet)
+        hint = f" (`randomisation` at make can allow more: {{{name!r}: (least, most)}})"
+        orders[:, ORDER.index(name)] = _numbers(f"parameters'][{name!r}", value, fleet, least, most, hint)
     if "state" in options:
         orders[:, len(ORDER) :] = _states(options["state"], fleet)
     return orders
 
 
-def _most(name: str, fleet: Fleet) -> float:
-    """Delays must fit into the memory that was laid out for them; the integrator's step, the stiffness."""
+def _range(name: str, fleet: Fleet) -> tuple[float, float]:
+    """What memory, integration step and bounds were laid out for: the environment's own value and its range."""
     settings = fleet.settings
-    if name == "delay":
-        if settings.sensor == "collocated":
-            return 0.0
-        return max(*fleet.delays(), settings.randomisation.get("delay", (0.0, 0.0))[1])
-    if name == "actuation_delay":
-        return settings.randomisation.get("actuation_delay", (0.0, settings.actuation_delay))[1]
+    arm = settings.flexible_arm.parameters
+    own = {
+        "delay": max(fleet.delays()),
+        "payload_mass": arm.payload_mass,
+        "stiffness": 1.0,
+        "damping": arm.modal_damping_ratio,
+        "noise": settings.noise,
+        "actuation_delay": settings.actuation_delay,
+    }[name]
+    low, high = settings.randomisation.get(name, (own, own))
+    if name == "payload_mass":  # a heavier arm is a slower one
+        return min(low, own), HEAVIEST_PAYLOAD
     if name == "stiffness":
-        return settings.randomisation.get("stiffness", (1.0, 1.0))[1]
-    if name == "noise":
-        return settings.randomisation.get("noise", (0.0, settings.noise))[1]
-    return _MOST.get(name, np.inf)
+        return LEAST_STIFFNESS, max(high, own)
+    if name == "actuation_delay" and settings.action_mode == "reference":
+        return own, own
+    return 0.0, max(high, own)
 
 
 def _each(value: Any, fleet: Fleet) -> list[Any]:
@@ -91,14 +101,14 @@ def _each(value: Any, fleet: Fleet) -> list[Any]:
     return list(value)
 
 
-def _numbers(name: str, value: Any, fleet: Fleet, least: float, most: float) -> Array:
+def _numbers(name: str, value: Any, fleet: Fleet, least: float, most: float, hint: str = "") -> Array:
     label = f"options['{name}']" if "[" not in name else f"options['{name}]"
     array = real_array(label, value)
     if array.shape not in ((), (len(fleet),)):
         raise ValueError(f"{label}: must be one number or {len(fleet)}, got shape {array.shape}")
     inside = (array >= least) & (array <= most) & np.isfinite(array)
     if not inside.all():
-        raise ValueError(f"{label} = {float(array[~inside].flat[0])!r}: must be from {least:.6g} to {most:.6g}")
+        raise ValueError(f"{label} = {float(array[~inside].flat[0])!r}: must be from {least:.6g} to {most:.6g}{hint}")
     return np.broadcast_to(array, len(fleet))
 
 

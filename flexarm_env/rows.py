@@ -140,7 +140,7 @@ def layout(kind: str, modes: int) -> dict[str, tuple[int, int]]:
     if kind == "loop":
         parts |= {"REFERENCE": 4} | result_sizes(modes)
     if kind in DRIVES:
-        parts |= {"SENSOR_DISTANCE": 1, "SENSOR_VALUES": modes, "SENSOR_DELAY": 2, "MEASURED": 4, "JOINT": 4}
+        parts |= {"PLACE_DISTANCE": 1, "PLACE_VALUES": modes, "SENSOR_DELAY": 2, "MEASURED": 4, "JOINT": 4}
         parts |= {"FRAME": 1, "PHASE": 1, "DEFLECTION": 2, "DEFLECTION_RATE": 2, "ACTION_CHANGE": 1}
         parts |= {"SAMPLE_TIME": 1, "SENSOR_ERROR": 2, "SENSOR_ERROR_RATE": 2}
         parts |= feature_sizes() | episode_sizes(modes)

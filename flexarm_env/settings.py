@@ -14,7 +14,6 @@ from typing import Any, Literal
 
 import numpy as np
 
-from flexarm_env import reward
 from flexarm_env.arm import FlexibleArm
 from flexarm_env.choices import (
     DEFAULT_OBSERVATION,
@@ -27,6 +26,12 @@ from flexarm_env.choices import (
     Frame,
     Mode,
     Start,
+)
+from flexarm_env.consistency import (
+    checked_ranges,
+    checked_reference,
+    checked_weights,
+    refuse_options_without_effect,
 )
 from flexarm_env.parameters import (
     MAX_DELAY,
@@ -44,10 +49,9 @@ from flexarm_env.parameters import (
     arm_parameters,
 )
 from flexarm_env.reference import PATHS, ReferencePath, way_points
-from flexarm_env.rows import DRAWN
 from flexarm_env.simulation import default_step
 from flexarm_env.stability import ELBOWS, STABLE_ANGLE, fastest_pole
-from flexarm_env.validation import choice, flag, integer, listed, mapping, names, number, pair
+from flexarm_env.validation import choice, flag, integer, listed, names, number, pair
 
 
 def _option(default: Any, text: str, unit: str = "", modes: Sequence[str] = tuple(MODES)) -> Any:
@@ -57,7 +61,6 @@ def _option(default: Any, text: str, unit: str = "", modes: Sequence[str] = tupl
 
 _LAW = ("gain",)
 _INNER = ("residual", "reference")
-_LIMITED = ("torque", "residual", "reference")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -105,7 +108,7 @@ class Settings:
     encoder_noise: tuple[float, float] = _option(
         (0.0, 0.0), "standard deviations of joint angles and rates", "rad, rad/s"
     )
-    actuation_delay: float = _option(0.0, "from an action to its effect", "s")
+    actuation_delay: float = _option(0.0, "from an action to its effect; an inner law is not delayed", "s")
     observation: tuple[str, ...] = _option(DEFAULT_OBSERVATION, "names of the blocks, in order; see Observation space")
     frame: Frame = _option("link", 'frame of Cartesian blocks: "link" (turned by -theta1) or "world"')
     previews: tuple[float, ...] = _option(
@@ -133,8 +136,8 @@ class Settings:
     )
     randomisation: Mapping[str, tuple[float, float]] = _option(
         {},
-        "ranges from which quantities are drawn for each episode: `delay` [s], `payload_mass` [kg], `stiffness` "
-        "(factor), `damping` (modal damping ratio), `noise` [m], `actuation_delay` [s]",
+        "ranges from which quantities are drawn for each episode: `delay` [s] (both joints), `payload_mass` [kg], "
+        "`stiffness` (factor), `damping` (modal damping ratio), `noise` [m], `actuation_delay` [s]",
     )
     reward_weights: Mapping[str, float] = _option(DEFAULT_WEIGHTS, "of the reward's terms; what is not named is 0")
     deflection_limit: float | None = _option(
@@ -164,7 +167,9 @@ class Settings:
         """Validate; lists (as JSON has them) become tuples."""
         for name, value in self._checked().items():
             object.__setattr__(self, name, value)
-        self._refuse_what_has_no_effect()
+        refuse_options_without_effect(
+            self, {one.name: (default_of(one), one.metadata["modes"]) for one in fields(self)}
+        )
         for what in ("law", "sensor_parameters", "flexible_arm", "paths", "substeps"):
             getattr(self, what)  # made once, with its own checks
 
@@ -202,88 +207,12 @@ class Settings:
             ),
             "last_actions": integer("last_actions", self.last_actions, 1, 100),
             "scaled": flag("scaled", self.scaled),
-            "reference": self._checked_reference(),
+            "reference": checked_reference(self.reference, self.waypoints),
             "start": choice("start", self.start, STARTS),
             "start_spread": pair("start_spread", self.start_spread, "rad, m", least=0.0, most=0.5),
-            "randomisation": self._checked_ranges(),
-            "reward_weights": self._checked_weights(),
+            "randomisation": checked_ranges(self.randomisation),
+            "reward_weights": checked_weights(self.reward_weights),
         }
-
-    def _checked_reference(self) -> tuple[str, ...]:
-        wanted = (self.reference,) if isinstance(self.reference, str) else names("reference", self.reference)
-        allowed = (*PATHS, "waypoints") if len(wanted) > 1 else (*PATHS, "waypoints", "moves")
-        for name in wanted:
-            choice("reference", name, allowed)
-        if ("waypoints" in wanted) != (self.waypoints is not None):
-            raise ValueError(
-                f"waypoints = {self.waypoints!r}: must be given with the reference 'waypoints', and only with it; "
-                f"reference = {self.reference!r}"
-            )
-        return tuple(wanted)
-
-    def _checked_ranges(self) -> dict[str, tuple[float, float]]:
-        least = {
-            "payload_mass": 0.0,
-            "stiffness": 0.1,
-            "damping": 0.0,
-            "noise": 0.0,
-            "delay": 0.0,
-            "actuation_delay": 0.0,
-        }
-        most = {
-            "stiffness": 10.0,
-            "damping": 1.0,
-            "noise": LARGEST_NOISE,
-            "delay": MAX_DELAY,
-            "actuation_delay": MAX_DELAY,
-        }
-        ranges = {}
-        for name, limits in mapping("randomisation", self.randomisation).items():
-            choice("randomisation", name, DRAWN)
-            low, high = pair(f"randomisation[{name!r}]", limits, DRAWN[name], least=least[name], most=most.get(name))
-            if low > high:
-                raise ValueError(f"randomisation[{name!r}] = {limits!r}: the first must not be above the second")
-            ranges[name] = (low, high)
-        if "delay" in ranges and self.sensor == "collocated":
-            raise ValueError("randomisation['delay']: a collocated sensor has no delay")
-        return ranges
-
-    def _checked_weights(self) -> dict[str, float]:
-        weights = {}
-        for name, value in mapping("reward_weights", self.reward_weights).items():
-            choice("reward_weights", name, reward.TERMS)
-            weights[name] = number(f"reward_weights[{name!r}]", value, least=0.0)
-        if not any(weights.values()):
-            raise ValueError(f"reward_weights = {self.reward_weights!r}: one at least must be > 0")
-        return weights
-
-    def _refuse_what_has_no_effect(self) -> None:
-        """An option that the action mode does not read must be left at its default."""
-        for one in fields(self):
-            allowed = one.metadata["modes"]
-            if self.action_mode not in allowed and getattr(self, one.name) != default_of(one):
-                modes = " or ".join(map(repr, allowed))
-                raise ValueError(
-                    f"{one.name} = {getattr(self, one.name)!r}: has no effect with action_mode = "
-                    f"{self.action_mode!r}; only with {modes}"
-                )
-        if self.law_sensor == "sensor":
-            for name in ("jitter", "hold", "dropout"):
-                if getattr(self, name) != 0.0:
-                    raise ValueError(
-                        f"{name} = {getattr(self, name)}: the law acts on the sensor in continuous time; "
-                        "must be 0 with law_sensor = 'sensor'"
-                    )
-        elif self.compensation != "none" or self.delayed != "position" or self.rate_jacobian != "delayed":
-            raise ValueError(
-                f"compensation = {self.compensation!r}, delayed = {self.delayed!r}, rate_jacobian = "
-                f"{self.rate_jacobian!r}: have no effect with law_sensor = 'joints'; give law_sensor = 'sensor'"
-            )
-        if self.sensor == "collocated" and self.compensation != "none":
-            raise ValueError(
-                f"compensation = {self.compensation!r}: a collocated sensor has no delay to compensate; "
-                "it must be 'none'"
-            )
 
     # --- what follows ----------------------------------------------------------------------------------------------
 
@@ -298,7 +227,7 @@ class Settings:
         return SensorParameters(
             self.sensor,
             self.sensor_position,
-            tuple(self.delay) if isinstance(self.delay, list) else self.delay,
+            self.delay,
             self.delayed,
             self.rate_jacobian,
             self.noise,
@@ -325,19 +254,30 @@ class Settings:
         if self.reference == ("moves",):
             return []
         found = [
-            way_points(self.task, np.asarray(self.waypoints)) if name == "waypoints" else PATHS[name](self.task)
+            way_points(self.task, self.waypoints or ()) if name == "waypoints" else PATHS[name](self.task)
             for name in self.reference
         ]
-        for path in found:
-            path.check_reach(self.flexible_arm.parameters)
+        for name, path in zip(self.reference, found, strict=True):
+            try:
+                path.check_reach(self.flexible_arm.parameters)
+            except ValueError as error:
+                what = f"waypoints = {self.waypoints!r}" if name == "waypoints" else f"side = {self.side} m"
+                raise ValueError(f"{what}: {error}") from None
         return found
+
+    @property
+    def motor_limit(self) -> tuple[float, float]:
+        """Largest torques of shoulder and elbow [N m]; inf where there is no limit."""
+        if self.action_mode == "gain":
+            return self.torque_limit or (np.inf, np.inf)
+        return self.torque_limit or TORQUE_LIMIT
 
     @property
     def action_limit(self) -> tuple[float, ...]:
         """Physical value of the action 1 in each channel."""
         if self.action_mode == "gain":
             return (self.gain_limit,)
-        return self.shift_limit if self.action_mode == "reference" else self.torque_limit or TORQUE_LIMIT
+        return self.shift_limit if self.action_mode == "reference" else self.motor_limit
 
     @cached_property
     def substeps(self) -> int:
@@ -349,8 +289,11 @@ class Settings:
         elif self.physics_step <= longest:
             wanted = self.physics_step
         else:
+            what = (
+                "fastest pole under the inner law" if self.action_mode in ("residual", "reference") else "fastest mode"
+            )
             raise ValueError(
-                f"physics_step = {self.physics_step} s: too long for the arm's fastest mode, {fastest:.4g} rad/s; "
+                f"physics_step = {self.physics_step} s: too long for the arm's {what}, {fastest:.4g} rad/s; "
                 f"at most {longest:.4g} s is allowed"
             )
         return int(np.ceil(self.control_period / wanted - 1e-9))
@@ -360,8 +303,11 @@ class Settings:
         own = self.flexible_arm.parameters
         stiffness = self.randomisation.get("stiffness", (1.0, 1.0))[1]
         payload = self.randomisation.get("payload_mass", (own.payload_mass, own.payload_mass))[0]
+        damping = self.randomisation.get("damping", (0.0, own.modal_damping_ratio))[1]
         rigidities = (own.flexural_rigidities[0] * stiffness, own.flexural_rigidities[1] * stiffness)
-        arm = FlexibleArm(replace(own, flexural_rigidities=rigidities, payload_mass=payload))
+        arm = FlexibleArm(
+            replace(own, flexural_rigidities=rigidities, payload_mass=payload, modal_damping_ratio=damping)
+        )
         rates = [arm.fastest_rate()]
         if self.action_mode in ("residual", "reference"):
             rates += [fastest_pole(arm, theta2, self.inner_stiffness, self.inner_resistance) for theta2 in ELBOWS]

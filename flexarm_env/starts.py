@@ -32,10 +32,10 @@ STAGES = 4
 STEP = PERIOD = LENGTHS = BRANCH = START_SPREAD = SENSOR_DELAYS = BASE = LOWEST = HIGHEST = ARM = PER_PAYLOAD = 0
 PER_DAMPING = SUBSTEPS = CHANNELS = KEPT_ACTIONS = PREVIEWS = COMPENSATION = 0
 TAIL = EPISODE = Y = V = CONSTANTS = SENSOR_DELAY = SAMPLE_TIME = SENSOR_ERROR = SENSOR_ERROR_RATE = READING = 0
-SENSOR_DISTANCE = JOINT = SHIFT = DELAY = COMMAND_DELAY = WEIGHT = RATE_WEIGHT = GAIN = EFFECTIVE_GAIN = TORQUE = 0
+PLACE_DISTANCE = JOINT = SHIFT = DELAY = COMMAND_DELAY = WEIGHT = RATE_WEIGHT = GAIN = EFFECTIVE_GAIN = TORQUE = 0
 V_SLOTS = MECHANICAL_SLOTS = FEEDBACK_SLOTS = V_STAGE = MECHANICAL = FEEDBACK = ACTION_CHANGE = NOISE = 0
-K_STIFFNESS_1 = K_DAMPING_1 = K_MASS_1 = K_ELBOW_SLOPES = 0
-TIP_VALUES = K_ELBOW_VALUES = REWARD_TERMS = 0
+K_STIFFNESS_1 = K_DAMPING_1 = K_ELBOW_SLOPES = 0
+TIP_VALUES = K_ELBOW_VALUES = 0
 MOVES = READINGS = HOLD = SENSED = 0
 CONSTANT_COUNT = 0  # numbers that the equations know of an arm
 OWN_PATHS = TRUE_SENSOR = LATE = LAW = TRACKING = False
@@ -50,14 +50,9 @@ QUANTITIES = 6  # drawn for an episode: delay, payload, stiffness, damping, nois
 CORNER, CORNERS, MOVING, MIX = 0.0, 1.0, 2.0, 3.0  # how an episode starts
 SHARE_AT_REST = 0.3  # of the mix
 LONG_AGO = -(2**60)  # [steps]; since then the reference has been moving
-PLACE_PATH, PLACE_MIX, PLACE_PHASE, PLACE_SPREAD, PLACE_DRAWN, PLACE_MOVE = (
-    0,
-    1,
-    2,
-    8,
-    16,
-    32,
-)  # random numbers of a start
+# Which of an episode's random numbers its start uses.
+PLACE_PATH, PLACE_MIX, PLACE_PHASE = 0, 1, 2
+PLACE_SPREAD, PLACE_DRAWN, PLACE_MOVE = 8, 16, 32
 
 
 def draw_quantities(arena: Any, key: Any, settings: Any, order: Any, i: int) -> None:
@@ -220,7 +215,7 @@ def reference_reading(
     if not TRUE_SENSOR:
         near = arena[i + JOINT * LANES]
         return theta1 + 6.283185307179586 * floor((near - theta1) / 6.283185307179586 + 0.5), theta2, rate_1, rate_2
-    distance = arena[i + SENSOR_DISTANCE * LANES]
+    distance = arena[i + PLACE_DISTANCE * LANES]
     one, both = sincos(theta1), sincos(theta1 + theta2)
     rate_12 = rate_1 + rate_2
     return (

@@ -15,7 +15,8 @@ from flexarm_env.simulation import ClosedLoop, LoopCase
 Array = NDArray[np.float64]
 
 CONTROL_PERIOD = 1e-3  # [s]; the paper's step size
-ANGLE_LIMIT = 8.0 * np.pi  # [rad]; four turns
+# [rad]; of theta1, which turns once a lap around the shoulder, a thousand turns; of theta2 four
+ANGLE_LIMITS = (2000.0 * np.pi, 8.0 * np.pi)
 RATE_LIMIT = 1e3  # [rad/s]
 TIP_RATE_LIMIT = 1e3  # [m/s], of a link's tip by one mode
 
@@ -62,5 +63,4 @@ def state_limits(arm: FlexibleArm) -> Array:
     """
     tips = [np.abs(link.tip_values) for link in arm.modes]
     modal = np.concatenate([link.length / values for link, values in zip(arm.modes, tips, strict=True)])
-    angles, rates = np.full(2, ANGLE_LIMIT), np.full(2, RATE_LIMIT)
-    return np.concatenate([angles, modal, rates, TIP_RATE_LIMIT / np.concatenate(tips)])
+    return np.concatenate([ANGLE_LIMITS, modal, np.full(2, RATE_LIMIT), TIP_RATE_LIMIT / np.concatenate(tips)])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import gymnasium
@@ -51,7 +51,7 @@ class FlexArmVectorEnv(FleetView, gymnasium.vector.VectorEnv[NDArray[np.float32]
 
         Args:
             num_envs: how many.
-            max_episode_steps: control periods after which an episode is truncated; None: never.
+            max_episode_steps: control periods after which an episode is truncated; None or -1: never.
             render_mode: "rgb_array" or None.
             autoreset_mode: a finished environment begins a new episode at the next step ("NextStep"), in the step that
                 ends it ("SameStep": see `final_obs` and `final_info`), or when it is told to ("Disabled").
@@ -62,22 +62,21 @@ class FlexArmVectorEnv(FleetView, gymnasium.vector.VectorEnv[NDArray[np.float32]
             TypeError, ValueError: for a bad argument, naming it, its value and what is allowed.
         """
         self.num_envs = integer("num_envs", num_envs, 1)
-        self._limit = None if max_episode_steps is None else integer("max_episode_steps", max_episode_steps, 1)
+        self._limit = None if max_episode_steps in (None, -1) else integer("max_episode_steps", max_episode_steps, 1)
         if render_mode is not None:
             choice("render_mode", render_mode, RENDER_MODES[:1])
         self.render_mode = render_mode
         mode = autoreset_mode.value if isinstance(autoreset_mode, AutoresetMode) else autoreset_mode
         self._mode = AutoresetMode(choice("autoreset_mode", mode, [each.value for each in AutoresetMode]))
         self.fleet = Fleet(Settings.of(options), self.num_envs, integer("threads", threads, 1))
-        fps = min(FASTEST_VIDEO, max(1, round(1.0 / self.settings.control_period)))
-        self.metadata = self.metadata | {"autoreset_mode": self._mode, "render_fps": fps}
-        bound = self.fleet.layout.bound
-        self.single_observation_space = gymnasium.spaces.Box(-bound, bound, dtype=np.float32)
-        self.single_action_space = gymnasium.spaces.Box(-1.0, 1.0, (len(self.settings.action_limit),), np.float32)
+        self.metadata = self.metadata | {"autoreset_mode": self._mode, "render_fps": self._fps()}
+        self.single_observation_space, self.single_action_space = self._spaces()
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
         self.action_space = batch_space(self.single_action_space, self.num_envs)
         self._infos = InfoMaker(self.fleet)
-        self._scenes = [Scene(self.fleet, i, render_mode) for i in range(self.num_envs)] if render_mode else []
+        self._scenes = (
+            [Scene(self.fleet, i, render_mode, self._fps()) for i in range(self.num_envs)] if render_mode else []
+        )
         self._generators: list[np.random.Generator] = []
         self._steps = np.zeros(self.num_envs, dtype=np.int64)
         self._done = np.zeros(self.num_envs, dtype=bool)
@@ -101,6 +100,8 @@ class FlexArmVectorEnv(FleetView, gymnasium.vector.VectorEnv[NDArray[np.float32]
         Raises:
             TypeError, ValueError: for an unknown option or a bad value.
         """
+        if options is not None and not isinstance(options, Mapping):
+            raise TypeError(f"options = {options!r}: must be a mapping or None")
         wanted = dict(options or {})
         mask = self._mask(wanted.pop("reset_mask", None))
         orders = orders_of(wanted, self.fleet)
@@ -183,7 +184,7 @@ class FlexArmVectorEnv(FleetView, gymnasium.vector.VectorEnv[NDArray[np.float32]
         if seed is None or isinstance(seed, int | np.integer):
             seeds = [None if seed is None else int(seed) + i for i in range(self.num_envs)]
         else:
-            seeds = list(seed)
+            seeds = [None if each is None else int(each) for each in seed]
             if len(seeds) != self.num_envs:
                 raise ValueError(f"seed: must be one number or {self.num_envs}, got {len(seeds)}")
         if not self._generators:
