@@ -41,14 +41,14 @@ scale where `scaled` is set. `env.unwrapped.observation_blocks` says where each 
 number was divided by. No number passes its bound before the episode ends. The true tip is in no observation."""
 LATENESS = """\
 Encoders and strain gauges are current, and the gauges ideal; the sensor on link 2 is late. At the end of each control
-period its reading of `delay` seconds ago arrives, not rounded to steps; if `delay` is None, that is the distance from the shoulder over the
-wave speed (31.2 ms for a sensor at the tip; the "rigid" sensor reads the elbow's angle after a delay of its own, the
-way from the elbow). `jitter` makes each reading older by an amount drawn evenly up to that; with `hold`, readings are
-taken at the ticks of a slower clock only; with probability `dropout` none arrives, and the last one stays. A reading
-that is not newer than the last one by half a control period is passed over. `sensor_error` compares a reading with
-where the reference was when it was taken. For a "true" sensor at the tip, the default, it is thus the exact error of a
-moment ago, not a wrong one of now; elsewhere on link 2 it is the way from that point to where the *tip* should be, and
-the "rigid" sensor mixes two moments."""
+period its reading of `delay` seconds ago arrives, not rounded to steps; if `delay` is None, that is the distance from
+the shoulder over the wave speed (31.2 ms for a sensor at the tip; the "rigid" sensor reads the elbow's angle after a
+delay of its own, the way from the elbow). `jitter` makes each reading older by an amount drawn evenly up to that;
+with `hold`, readings are taken at the ticks of a slower clock only; with probability `dropout` none arrives, and the
+last one stays. A reading that is not newer than the last one by half a control period is passed over. `sensor_error`
+compares a reading with where the reference was when it was taken. For a "true" sensor at the tip, the default, it is
+thus the exact error of a moment ago, not a wrong one of now; elsewhere on link 2 it is the way from that point to
+where the *tip* should be, and the "rigid" sensor mixes two moments."""
 REWARD = """\
 The reward judges the state after the step, by the true tip (e: its distance from the reference), whatever the sensors
 see. It is the sum of terms in [0, 1] times their weights (`reward_weights`). None is negative, so ending an episode

@@ -56,6 +56,19 @@ def times(most: float) -> st.SearchStrategy[float]:
     return st.sampled_from([0.0, 1e-9, 1e-3, most]) | st.floats(0.0, most)
 
 
+def with_effect(options: dict[str, Any]) -> dict[str, Any]:
+    """Without what nothing would read, and with what goes together: the rest is refused, which other tests see to."""
+    period, moves = options["control_period"], options["reference"] == "moves"
+    idle = [name for name in ("previews", "last_actions") if name not in options["observation"]]
+    idle += [] if options["start"] in ("moving", "mix") else ["start_spread"]
+    idle += ["side", "start_corner", "direction"] if options["reference"] in ("moves", "waypoints") else []
+    if options["action_mode"] == "reference":
+        options["actuation_delay"] = round(options["actuation_delay"] / period) * period
+    if moves or options["start"] in ("moving", "mix"):  # joints that can follow
+        options["lap_time"] = max(options["lap_time"], 40.0 * period, 4.0)
+    return {name: value for name, value in options.items() if name not in idle}
+
+
 @st.composite
 def options_of_any_kind(draw: st.DrawFn) -> dict[str, Any]:
     """Any valid set of options; the kernels it needs are those of the other tests."""
@@ -71,7 +84,7 @@ def options_of_any_kind(draw: st.DrawFn) -> dict[str, Any]:
         "observation": draw(st.permutations(list(BLOCKS)))[: draw(st.integers(1, len(BLOCKS)))],
         "frame": draw(st.sampled_from(["link", "world"])),
         "scaled": draw(st.booleans()),
-        "previews": draw(st.lists(st.floats(1e-6, 50.0), max_size=3)),
+        "previews": draw(st.lists(st.floats(1e-6, 50.0), min_size=1, max_size=3)),
         "last_actions": draw(st.integers(1, 9)),
         "side": draw(st.floats(0.5, 12.7)),
         "lap_time": draw(st.floats(0.05, 60.0)),
@@ -91,13 +104,13 @@ def options_of_any_kind(draw: st.DrawFn) -> dict[str, Any]:
     if draw(st.booleans()):
         options["randomisation"] = {"payload_mass": (0.0, 1.0), "stiffness": (0.5, 1.5), "damping": (0.0, 0.1)}
     if mode == "paper":
-        return options | {"action_mode": "gain", "arm": "paper", "sensor": "rigid", "law_sensor": "sensor"}
+        return with_effect(options | {"action_mode": "gain", "arm": "paper", "sensor": "rigid", "law_sensor": "sensor"})
     options |= {
         "jitter": draw(times(0.1)),
         "hold": draw(st.just(0.0) | st.floats(1e-6, 0.2)),
         "dropout": draw(st.sampled_from([0.0, 0.5, 1.0])),
     }
-    return options | {"action_mode": mode}
+    return with_effect(options | {"action_mode": mode})
 
 
 @settings(max_examples=60, deadline=None, suppress_health_check=list(HealthCheck))

@@ -132,7 +132,7 @@ def test_keys_of_infos(env_id: str) -> None:
     begun = env.reset(seed=0)[1]
     lasting = {"torque", "true_tip", "rigid_tip", "reference", "sensed", "state", "time"}
     lasting |= {"gain"} if env.unwrapped.settings.action_mode == "gain" else set()
-    assert set(begun) == lasting | {"parameters"}
+    assert set(begun) == lasting | {"parameters", "path", "start_time"}
     assert set(begun["parameters"]) == set(DRAWN)
     for _ in range(400):
         action = -np.ones(env.action_space.shape, np.float32)

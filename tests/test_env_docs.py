@@ -235,9 +235,10 @@ def test_info_tables(script: ModuleType, name: str, env: FlexArmEnv) -> None:
     _, begun = env.reset(seed=0)
     stepped = env.step(env.action_space.sample())[4]
     always = {key for key, there in told.items() if there.startswith("always")}
-    assert set(begun) == always | {"parameters"}
+    reset_only = {"parameters", "path", "start_time"}
+    assert set(begun) == always | reset_only
     assert set(stepped) == always | {"reward_terms"}
-    assert set(told) == always | {"parameters", "reward_terms", "termination_reason"}
+    assert set(told) == always | reset_only | {"reward_terms", "termination_reason"}
 
 
 def test_every_reason_is_told_and_no_other(env: FlexArmEnv) -> None:

@@ -223,7 +223,7 @@ LATE = {"law_sensor": "sensor", "delay": 0.004}
             SensorParameters(delay=(0.01, 0.004)),
             LawParameters(80.0, compensation="per_joint"),
         ),
-        (GAIN, {"sensor_position": 3.0}, SensorParameters("collocated", 3.0), LawParameters()),
+        (GAIN, {"sensor_position": 3.0}, SensorParameters("collocated"), LawParameters()),
         (
             GAIN,
             LATE | {"compensation": "shared", "torque_limit": (300.0, 90.0)},
