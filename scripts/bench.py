@@ -84,7 +84,7 @@ def run(options: Options, cache: Path) -> dict[str, Any]:
         ("environments", lambda: environments.steps(effort)),
         ("first step", lambda: environments.first_step(1 if options.quick else options.cold, cache)),
         ("lap", lambda: lap.lap(seconds)),
-        ("batches", lambda: family.batch(modes, effort)),
+        ("batches", lambda: family.batch(modes, effort, 64 if options.quick else family.MANY)),
     ]
     optional = [
         ("chain in MuJoCo", ("mujoco",), lambda: family.chain(modes, effort)),

@@ -23,12 +23,13 @@ MANY = 4096
 LEARNING_FRAMES, LEARNERS = 65_536, 64
 
 
-def batch(modes: Sequence[int], effort: float) -> Group:
+def batch(modes: Sequence[int], effort: float, many: int = MANY) -> Group:
     """Batches of 1024 on one core: torques, full observation, reward, delay line, auto-reset, 10 physics steps.
 
     Args:
         modes: numbers of modes a link.
         effort: factor on the work of a timed call.
+        many: environments whose memory is measured.
     """
     subjects, ratios = [], []
     acrobot = peers.envpool_acrobot(ENVS, effort) if peers.installed("envpool") else None
@@ -46,7 +47,7 @@ def batch(modes: Sequence[int], effort: float) -> Group:
     torque = _batch(f"{SQUARE}, default", SQUARE, ENVS, round(BATCH_CALLS * effort))
     subjects += [gain, torque]
     ratios.append(Ratio(gain.name, torque.name, "the gain's mode over the torque's mode, time of a step"))
-    facts = {f"memory added by {MANY} environments [MB]": _memory()}
+    facts = {f"memory added by {many} environments [MB]": _memory(many)}
     return Group("batch", f"Batches of {ENVS}, one core", "us", "env step", subjects, ratios, facts=facts)
 
 
@@ -63,11 +64,11 @@ def _batch(name: str, env_id: str, num_envs: int, calls: int, **options: Any) ->
     return Subject(name, work, calls * num_envs)
 
 
-def _memory() -> float:
+def _memory(many: int) -> float:
     imports = "import gymnasium, flexarm_env, numpy as np\nenv = gymnasium.make_vec('FlexArm/Square-v0', num_envs=16)\n"
     imports += "env.reset(seed=0); env.step(np.zeros((16, 2), np.float32))"
-    code = f"many = gymnasium.make_vec('FlexArm/Square-v0', num_envs={MANY})\n"
-    code += f"many.reset(seed=0); many.step(np.zeros(({MANY}, 2), np.float32))"
+    code = f"many = gymnasium.make_vec('FlexArm/Square-v0', num_envs={many})\n"
+    code += f"many.reset(seed=0); many.step(np.zeros(({many}, 2), np.float32))"
     return peers.memory_of(code, imports) / 1e6
 
 
@@ -119,7 +120,6 @@ def learning(effort: float) -> Group:
         f"PPO on {SQUARE}",
         lambda: _learn(lambda n: FlexArmVecEnv.make(SQUARE, n), frames),
         frames + peers.ROLLOUT,
-        prepare=_compiled,
     )
     empty = Subject(
         "PPO on an empty environment",
@@ -127,14 +127,7 @@ def learning(effort: float) -> Group:
         frames + peers.ROLLOUT,
     )
     ratio = Ratio(empty.name, ours.name, "PPO's rate on FlexArm over that on an empty environment")
-    return Group("learning", "PPO, one core", "us", "frame", [ours, empty], [ratio], warm=False, share=0.3)
-
-
-def _compiled() -> None:
-    """Kernels for so many environments, so that their compiling is not timed."""
-    env = gymnasium.make_vec(f"flexarm_env:{SQUARE}", num_envs=LEARNERS)
-    env.reset(seed=0)
-    env.step(env.action_space.sample())
+    return Group("learning", "PPO, one core", "us", "frame", [ours, empty], [ratio], share=0.4)
 
 
 def _learn(make: Any, frames: int) -> None:
