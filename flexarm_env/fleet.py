@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
 from types import ModuleType
 from typing import Any
 
@@ -15,16 +14,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexarm_env import kernels, starts
-from flexarm_env.choices import MOVE_POINTS, MOVE_RING, STARTS
-from flexarm_env.dynamics import arm_constants
+from flexarm_env.choices import STARTS
 from flexarm_env.observation import observation_layout, refuse_fast_starts
 from flexarm_env.recorded import Variant
-from flexarm_env.reference import same_length
-from flexarm_env.reward import TERMS
-from flexarm_env.rows import DRAWN, ORDER, PLAN, arena_rows, episode_sizes, extent, layout, settings_layout
+from flexarm_env.rows import ORDER, PLAN, arena_rows, episode_sizes, layout
 from flexarm_env.settings import Settings
 from flexarm_env.stepping import BEGAN, CLOCK, PATH
-from flexarm_env.task import ANGLE_LIMITS, RATE_LIMIT, state_limits
+from flexarm_env.tables import (
+    ALL_READINGS,
+    NAN,
+    fixed_rows,
+    history_slots,
+    path_tables,
+    plan_and_table,
+)
+from flexarm_env.task import ANGLE_LIMITS, RATE_LIMIT
 
 Array = NDArray[np.float64]
 # Lanes of a block, by the number of environments from which on they pay.
@@ -39,8 +43,6 @@ ENDS = {
     "rate": f"a joint is faster than {RATE_LIMIT:g} rad/s",
     "diverged": "a number of the state is not finite",
 }
-ALL_READINGS = -1  # as bits
-NAN = float("nan")
 
 
 class Fleet:
@@ -93,16 +95,19 @@ class Fleet:
         blocks = -(-count // lanes)
         rows = arena_rows(self._kind, modes) + 2 * len(settings.previews) + self._kept * channels
         self._arenas = np.zeros((blocks, rows, lanes))
-        self._histories = np.zeros((blocks, self._slots(), 4, lanes))
+        self._histories = np.zeros((blocks, history_slots(settings), 4, lanes))
         self._clocks = np.zeros((blocks, CLOCK, lanes), dtype=np.int64)
         self._keys = np.zeros((blocks, lanes), dtype=np.uint64)
-        self._paths = self._tables(blocks * lanes)
-        self._plan, self._table = self._plan_and_table()
+        self._paths = path_tables(settings, blocks * lanes)
+        self._plan, self._table = plan_and_table(settings, self._kind, self.layout, self._kept)
         self._orders = np.full((blocks * lanes, len(ORDER) + 2 * arm.size), NAN)
         self._starts = np.zeros((blocks, lanes), dtype=bool)
         self.actions = np.zeros((blocks * lanes, channels))
         self.observations = np.zeros((blocks * lanes, len(self.layout.rows)), dtype=np.float32)
-        self._fill_rows()
+        for name, value in fixed_rows(settings).items():
+            if name in self._rows:
+                first, rows_of = self._rows[name]
+                self._arenas[:, first : first + rows_of] = np.asarray(value, dtype=float)[None, :, None]
         self._link()
 
     def __len__(self) -> int:
@@ -223,145 +228,6 @@ class Fleet:
         self._link()
         if self._keys.any():  # an episode has begun
             self._step_kernel = self._module.step_episodes
-
-    def _slots(self) -> int:
-        """Length of the delay line: the latest reading and the period before the first."""
-        s = self.settings
-        latest = max(*self.delays(), s.randomisation.get("delay", (0.0, 0.0))[1])
-        longest = latest + s.jitter + 4.0 * s.hold + 2.0 * s.control_period
-        return 4 + int(np.ceil(longest / s.control_period * s.substeps))
-
-    def delays(self) -> tuple[float, float]:
-        """Delay of the shoulder's and of the elbow's reading unless drawn or ordered otherwise [s]."""
-        return self.settings.sensor_parameters.joint_delays(self.settings.flexible_arm.parameters.link_lengths[0])
-
-    def _readings(self) -> int:
-        """Integration steps of a control period after which a reading is kept, as bits (bit 0: its end).
-
-        Where each sample is equally late, it lies between the same two steps of a period; the others are not needed.
-        """
-        s = self.settings
-        varies = s.jitter > 0.0 or s.hold > 0.0 or "delay" in s.randomisation or self._kind == "gain"
-        if varies or s.substeps > 62:
-            return ALL_READINGS
-        bits = 0
-        for delay in self.delays():
-            back = delay / (s.control_period / s.substeps)
-            # a hair more on both sides: rounding may see a whole number of steps from either
-            for steps in range(int(np.floor(back - 1e-6)), int(np.floor(back + 1e-6)) + 2):
-                bits |= 1 << (-steps % s.substeps)
-        return bits
-
-    def _tables(self, lanes: int) -> Array:
-        if self.settings.paths:
-            return same_length(self.settings.paths)
-        points = min(MOVE_POINTS, round(self.settings.lap_time / self.settings.control_period)) + 1
-        return np.zeros((lanes, points, 5))
-
-    def _plan_and_table(self) -> tuple[NDArray[np.int64], Array]:
-        """`plan` and `settings` of the kernels (`rows.PLAN`, `rows.SETTINGS`)."""
-        s = self.settings
-        arm = s.flexible_arm
-        whole = {
-            "SUBSTEPS": s.substeps,
-            "CHANNELS": len(s.action_limit),
-            "KEPT_ACTIONS": self._kept,
-            "PREVIEWS": len(s.previews) if "previews" in s.observation else 0,
-            "OBSERVED": len(self.layout.rows),
-            "SHIFTING": int(s.action_mode == "reference"),
-            "COMPENSATION": ("none", "shared", "per_joint").index(s.compensation),
-            "READINGS": self._readings(),
-        }
-        assert (*whole, "PLACES") == PLAN
-        p = arm.parameters
-        base = {
-            "delay": NAN if s.delay is None or isinstance(s.delay, tuple) else s.delay,
-            "payload_mass": p.payload_mass,
-            "stiffness": 1.0,
-            "damping": p.modal_damping_ratio,
-            "noise": s.noise,
-            "actuation_delay": s.actuation_delay,
-        }
-        limit = (*s.action_limit, 0.0)[:2]
-        weights = [s.reward_weights.get(name, 0.0) for name in TERMS]
-        values: dict[str, Any] = {
-            "STEP": [s.control_period / s.substeps],
-            "PERIOD": [s.control_period],
-            "ACTION_SCALE": limit,
-            "JITTER": [s.jitter],
-            "HOLD": [s.hold],
-            "DROPOUT": [s.dropout],
-            "ENCODER_NOISE": s.encoder_noise,
-            "DEFLECTION_LIMIT": [np.inf if s.deflection_limit is None else s.deflection_limit],
-            "ERROR_LIMIT": [np.inf if s.error_limit is None else s.error_limit],
-            "LENGTHS": p.link_lengths,
-            "BRANCH": [1.0 if s.elbow_branch == "positive" else -1.0],
-            "START_SPREAD": s.start_spread,
-            "MOVES": [MOVE_RING[0] * p.reach, MOVE_RING[1] * p.reach, s.lap_time],
-            "WEIGHTS": weights,
-            "SENSOR_DELAYS": self.delays(),
-            "BASE": [base[name] for name in DRAWN],
-            "LOWEST": [s.randomisation.get(name, (NAN, NAN))[0] for name in DRAWN],
-            "HIGHEST": [s.randomisation.get(name, (NAN, NAN))[1] for name in DRAWN],
-            "ARM": arm.constants.flat(),
-            "PER_PAYLOAD": self._per_payload(),
-            "PER_DAMPING": self._per_damping(),
-        }
-        places = settings_layout(p.modes_per_link)
-        assert all(len(values[name]) == count for name, (_, count) in places.items())
-        table = np.concatenate([np.asarray(values[name], dtype=float) for name in places])
-        assert len(table) == extent(places)
-        horizons = s.previews if whole["PREVIEWS"] else ()
-        plan = np.concatenate([np.array(list(whole.values()), dtype=np.int64), self._observed_rows()])
-        return plan, np.concatenate([table, horizons, 1.0 / self.layout.scale])
-
-    def _observed_rows(self) -> NDArray[np.int64]:
-        """Rows of the observation; actions move up where there are no previews before them."""
-        tail = arena_rows(self._kind, self.settings.flexible_arm.parameters.modes_per_link)
-        if "previews" in self.settings.observation:
-            return self.layout.rows
-        return np.where(self.layout.rows >= tail, self.layout.rows - 2 * len(self.settings.previews), self.layout.rows)
-
-    def _per_payload(self) -> Array:
-        """Change of the arm's constants with the payload, in which they are linear [1/kg]."""
-        p = self.settings.flexible_arm.parameters
-        modes = self.settings.flexible_arm.modes
-        heavy, light = (arm_constants(replace(p, payload_mass=mass), modes) for mass in (1.0, 0.0))
-        return np.array(heavy.flat()) - np.array(light.flat())
-
-    def _per_damping(self) -> Array:
-        """Change of the arm's constants with the modal damping ratio."""
-        p = self.settings.flexible_arm.parameters
-        modes = self.settings.flexible_arm.modes
-        damped, free = (arm_constants(replace(p, modal_damping_ratio=ratio), modes) for ratio in (1.0, 0.0))
-        return np.array(damped.flat()) - np.array(free.flat())
-
-    def _fill_rows(self) -> None:
-        """Rows that no episode changes."""
-        s = self.settings
-        arm = s.flexible_arm
-        link2 = arm.modes[1]
-        law_point = s.sensor_position if s.law_sensor == "sensor" else link2.length
-        values: dict[str, Any] = {
-            "LIMITS": state_limits(arm),
-            "TIP_VALUES": link2.tip_values,
-            "TIP_DISTANCE": [link2.length],
-            "PLACE_DISTANCE": [s.sensor_position],
-            "PLACE_VALUES": link2.shape(s.sensor_position),
-            "SENSOR_DISTANCE": [law_point],
-            "SENSOR_VALUES": link2.shape(law_point),
-            "FRAME": [float(s.frame == "link")],
-            "TORQUE_LIMIT": s.motor_limit,
-            "STIFFNESS": s.inner_stiffness,
-            "RESISTANCE": s.inner_resistance,
-            "PROPORTIONAL_GAIN": [s.proportional_gain],
-            "DERIVATIVE_GAIN": [s.derivative_gain],
-            "RATE_LATE": [float(s.delayed == "position+rate")],
-        }
-        for name, value in values.items():
-            if name in self._rows:
-                first, count = self._rows[name]
-                self._arenas[:, first : first + count] = np.asarray(value, dtype=float)[None, :, None]
 
 
 def _not_started(*arguments: Any) -> None:

@@ -12,6 +12,7 @@ from flexarm_env.choices import HEAVIEST_PAYLOAD, STARTS
 from flexarm_env.fleet import START_CODES, Fleet
 from flexarm_env.observation import refuse_fast_starts
 from flexarm_env.rows import DRAWN, ORDER
+from flexarm_env.tables import sensor_delays
 from flexarm_env.task import state_limits
 from flexarm_env.validation import choice, real_array
 
@@ -75,7 +76,7 @@ def _range(name: str, fleet: Fleet) -> tuple[float, float]:
     settings = fleet.settings
     arm = settings.flexible_arm.parameters
     own = {
-        "delay": max(fleet.delays()),
+        "delay": max(sensor_delays(settings)),
         "payload_mass": arm.payload_mass,
         "stiffness": 1.0,
         "damping": arm.modal_damping_ratio,

@@ -1,0 +1,178 @@
+"""What the kernels of a fleet are told once: whole numbers, settings, paths, and the rows that no episode changes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexarm_env.arm import FlexibleArm
+from flexarm_env.choices import MOVE_POINTS, MOVE_RING
+from flexarm_env.dynamics import arm_constants
+from flexarm_env.observation import ObservationLayout
+from flexarm_env.reference import same_length
+from flexarm_env.reward import TERMS
+from flexarm_env.rows import DRAWN, PLAN, arena_rows, extent, settings_layout
+from flexarm_env.settings import Settings
+from flexarm_env.task import state_limits
+
+Array = NDArray[np.float64]
+ALL_READINGS = -1  # as bits
+NAN = float("nan")
+
+
+def history_slots(settings: Settings) -> int:
+    """Length of the delay line: the latest reading and the period before the first."""
+    s = settings
+    latest = max(*sensor_delays(s), s.randomisation.get("delay", (0.0, 0.0))[1])
+    longest = latest + s.jitter + 4.0 * s.hold + 2.0 * s.control_period
+    return 4 + int(np.ceil(longest / s.control_period * s.substeps))
+
+
+def sensor_delays(settings: Settings) -> tuple[float, float]:
+    """Delay of the shoulder's and of the elbow's reading unless drawn or ordered otherwise [s]."""
+    return settings.sensor_parameters.joint_delays(settings.flexible_arm.parameters.link_lengths[0])
+
+
+def kept_readings(settings: Settings) -> int:
+    """Integration steps of a control period after which a reading is kept, as bits (bit 0: its end).
+
+    Where each sample is equally late, it lies between the same two steps of a period; the others are not needed.
+    """
+    s = settings
+    varies = s.jitter > 0.0 or s.hold > 0.0 or "delay" in s.randomisation or s.action_mode == "gain"
+    if varies or s.substeps > 62:
+        return ALL_READINGS
+    bits = 0
+    for delay in sensor_delays(s):
+        back = delay / (s.control_period / s.substeps)
+        # a hair more on both sides: rounding may see a whole number of steps from either
+        for steps in range(int(np.floor(back - 1e-6)), int(np.floor(back + 1e-6)) + 2):
+            bits |= 1 << (-steps % s.substeps)
+    return bits
+
+
+def path_tables(settings: Settings, lanes: int) -> Array:
+    """Paths of all lanes, or room for one each. Shape (paths, n, 5)."""
+    if settings.paths:
+        return same_length(settings.paths)
+    points = min(MOVE_POINTS, round(settings.lap_time / settings.control_period)) + 1
+    return np.zeros((lanes, points, 5))
+
+
+def plan_and_table(
+    settings: Settings, kind: str, layout: ObservationLayout, kept: int
+) -> tuple[NDArray[np.int64], Array]:
+    """`plan` and `settings` of the kernels.
+
+    Args:
+        settings: of the environments.
+        kind: of the kernel module (`rows`).
+        layout: of the observations.
+        kept: actions that are kept.
+
+    Returns:
+        Whole numbers (`rows.PLAN`) and the rows of the observation; numbers (`rows.SETTINGS`), horizons and factors.
+    """
+    s = settings
+    arm = s.flexible_arm
+    whole = {
+        "SUBSTEPS": s.substeps,
+        "CHANNELS": len(s.action_limit),
+        "KEPT_ACTIONS": kept,
+        "PREVIEWS": len(s.previews) if "previews" in s.observation else 0,
+        "OBSERVED": len(layout.rows),
+        "SHIFTING": int(s.action_mode == "reference"),
+        "COMPENSATION": ("none", "shared", "per_joint").index(s.compensation),
+        "READINGS": kept_readings(s),
+    }
+    assert (*whole, "PLACES") == PLAN
+    p = arm.parameters
+    base = {
+        "delay": NAN if s.delay is None or isinstance(s.delay, tuple) else s.delay,
+        "payload_mass": p.payload_mass,
+        "stiffness": 1.0,
+        "damping": p.modal_damping_ratio,
+        "noise": s.noise,
+        "actuation_delay": s.actuation_delay,
+    }
+    limit = (*s.action_limit, 0.0)[:2]
+    weights = [s.reward_weights.get(name, 0.0) for name in TERMS]
+    values: dict[str, Any] = {
+        "STEP": [s.control_period / s.substeps],
+        "PERIOD": [s.control_period],
+        "ACTION_SCALE": limit,
+        "JITTER": [s.jitter],
+        "HOLD": [s.hold],
+        "DROPOUT": [s.dropout],
+        "ENCODER_NOISE": s.encoder_noise,
+        "DEFLECTION_LIMIT": [np.inf if s.deflection_limit is None else s.deflection_limit],
+        "ERROR_LIMIT": [np.inf if s.error_limit is None else s.error_limit],
+        "LENGTHS": p.link_lengths,
+        "BRANCH": [1.0 if s.elbow_branch == "positive" else -1.0],
+        "START_SPREAD": s.start_spread,
+        "MOVES": [MOVE_RING[0] * p.reach, MOVE_RING[1] * p.reach, s.lap_time],
+        "WEIGHTS": weights,
+        "SENSOR_DELAYS": sensor_delays(s),
+        "BASE": [base[name] for name in DRAWN],
+        "LOWEST": [s.randomisation.get(name, (NAN, NAN))[0] for name in DRAWN],
+        "HIGHEST": [s.randomisation.get(name, (NAN, NAN))[1] for name in DRAWN],
+        "ARM": arm.constants.flat(),
+        "PER_PAYLOAD": _per_payload(arm),
+        "PER_DAMPING": _per_damping(arm),
+    }
+    places = settings_layout(p.modes_per_link)
+    assert all(len(values[name]) == count for name, (_, count) in places.items())
+    table = np.concatenate([np.asarray(values[name], dtype=float) for name in places])
+    assert len(table) == extent(places)
+    horizons = s.previews if whole["PREVIEWS"] else ()
+    plan = np.concatenate([np.array(list(whole.values()), dtype=np.int64), _observed_rows(s, kind, layout)])
+    return plan, np.concatenate([table, horizons, 1.0 / layout.scale])
+
+
+def _observed_rows(settings: Settings, kind: str, layout: ObservationLayout) -> NDArray[np.int64]:
+    """Rows of the observation; actions move up where there are no previews before them."""
+    tail = arena_rows(kind, settings.flexible_arm.parameters.modes_per_link)
+    if "previews" in settings.observation:
+        return layout.rows
+    return np.where(layout.rows >= tail, layout.rows - 2 * len(settings.previews), layout.rows)
+
+
+def _per_payload(arm: FlexibleArm) -> Array:
+    """Change of the arm's constants with the payload, in which they are linear [1/kg]."""
+    p, modes = arm.parameters, arm.modes
+    heavy, light = (arm_constants(replace(p, payload_mass=mass), modes) for mass in (1.0, 0.0))
+    return np.array(heavy.flat()) - np.array(light.flat())
+
+
+def _per_damping(arm: FlexibleArm) -> Array:
+    """Change of the arm's constants with the modal damping ratio."""
+    p, modes = arm.parameters, arm.modes
+    damped, free = (arm_constants(replace(p, modal_damping_ratio=ratio), modes) for ratio in (1.0, 0.0))
+    return np.array(damped.flat()) - np.array(free.flat())
+
+
+def fixed_rows(settings: Settings) -> dict[str, Any]:
+    """Parts of the arena that no episode changes, by name (`rows`)."""
+    s = settings
+    arm = s.flexible_arm
+    link2 = arm.modes[1]
+    law_point = s.sensor_position if s.law_sensor == "sensor" else link2.length
+    return {
+        "LIMITS": state_limits(arm),
+        "TIP_VALUES": link2.tip_values,
+        "TIP_DISTANCE": [link2.length],
+        "PLACE_DISTANCE": [s.sensor_position],
+        "PLACE_VALUES": link2.shape(s.sensor_position),
+        "SENSOR_DISTANCE": [law_point],
+        "SENSOR_VALUES": link2.shape(law_point),
+        "FRAME": [float(s.frame == "link")],
+        "TORQUE_LIMIT": s.motor_limit,
+        "STIFFNESS": s.inner_stiffness,
+        "RESISTANCE": s.inner_resistance,
+        "PROPORTIONAL_GAIN": [s.proportional_gain],
+        "DERIVATIVE_GAIN": [s.derivative_gain],
+        "RATE_LATE": [float(s.delayed == "position+rate")],
+    }
