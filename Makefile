@@ -8,12 +8,14 @@ ARGS   ?=
 PY     := $(VENV)/bin/python
 PLOT   := $(VENV)/.stamp-plot
 DRAW   := $(VENV)/.stamp-draw
+TRAIN  := $(VENV)/.stamp-train
+BENCH  := $(VENV)/.stamp-bench
 TEST   := $(VENV)/.stamp-test
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 .NOTPARALLEL:  # two installs into one environment must not overlap, and `make -j` buys nothing here
-.PHONY: help reproduce test test-slow lint typecheck contract bench docs clean
+.PHONY: help reproduce test test-slow lint typecheck contract train evaluate bench docs clean
 
 help:  ## List the verbs
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -41,7 +43,13 @@ typecheck: $(TEST)  ## Check types (mypy)
 contract: $(TEST)  ## Check that imports follow the one-way flow (import-linter)
 	$(VENV)/bin/lint-imports --no-logo --no-cache
 
-bench: $(PLOT)  ## Measure the speed of simulation and environments
+train: $(TRAIN)  ## Train an agent, e.g. make train ARGS="--seed 1"
+	$(PY) scripts/train.py $(ARGS)
+
+evaluate: $(TRAIN)  ## Score the controllers, the shipped policy and trained runs
+	$(PY) scripts/evaluate.py $(ARGS)
+
+bench: $(BENCH)  ## Measure the speed of simulation and environments beside their peers
 	$(PY) scripts/bench.py $(ARGS)
 
 docs: reproduce $(DRAW)  ## Regenerate the pictures, tables and environment pages committed under docs/
@@ -77,6 +85,17 @@ $(DRAW): pyproject.toml constraints.txt
 	$(ensure_venv)
 	$(PY) -m pip install -e ".[plot,render]" -c constraints.txt
 	@touch $@ $(PLOT)
+
+$(TRAIN): pyproject.toml constraints.txt
+	$(ensure_venv)
+	$(PY) -m pip install -e ".[train]" -c constraints.txt
+	@touch $@
+
+# EnvPool and MuJoCo have no wheels for every platform; the benchmark goes on without them and says so.
+$(BENCH): pyproject.toml constraints.txt
+	$(ensure_venv)
+	$(PY) -m pip install -e ".[plot,bench]" -c constraints.txt || $(PY) -m pip install -e ".[plot]" -c constraints.txt
+	@touch $@
 
 # The test extra contains the plot and the render extra.
 $(TEST): pyproject.toml constraints.txt

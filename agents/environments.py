@@ -86,6 +86,10 @@ def make_batch(environment: str, num_envs: int, options: Mapping[str, Any] | Non
         TypeError, ValueError: for an unknown id or a bad option.
     """
     name, chosen = check_id(environment), dict(options or {})
+    if "autoreset_mode" in chosen:
+        raise ValueError(
+            f"autoreset_mode = {chosen['autoreset_mode']!r}: stable-baselines3 needs 'SameStep', which is set; leave it out"
+        )
     env = gymnasium.make_vec(name, num_envs=num_envs, autoreset_mode=AutoresetMode.SAME_STEP, **chosen)
     assert isinstance(env, FlexArmVectorEnv)
     return env
