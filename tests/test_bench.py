@@ -32,6 +32,7 @@ def trial(tmp_path_factory):
     return json.loads(path.read_text(), parse_constant=refuse), done.stdout
 
 
+@pytest.mark.slow
 def test_structure(trial):
     results, _ = trial
     assert set(results) == {"machine", "quick", "not_installed", "groups"}
@@ -45,6 +46,7 @@ def test_structure(trial):
         assert group["ratios"]
 
 
+@pytest.mark.slow
 def test_ratios_are_positive_and_name_what_was_timed(trial):
     results, _ = trial
     for group in results["groups"].values():
@@ -55,6 +57,7 @@ def test_ratios_are_positive_and_name_what_was_timed(trial):
             assert ratio["repeats"] >= 1
 
 
+@pytest.mark.slow
 def test_times_are_positive(trial):
     results, _ = trial
     for group in results["groups"].values():
@@ -64,6 +67,7 @@ def test_times_are_positive(trial):
             assert 0.0 < values["wall"] < math.inf
 
 
+@pytest.mark.slow
 def test_report_says_every_ratio_and_that_a_trial_means_little(trial):
     results, printed = trial
     assert "mean little" in printed
