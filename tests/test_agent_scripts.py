@@ -59,7 +59,7 @@ def test_evaluate(folder: Path) -> None:
         for lap in json.loads((folder / "results" / "evaluation" / "evaluation.json").read_text())["laps"]
     }
     assert laps["IFDC"]["complete"]
-    assert laps["IFDC"]["rms"] == pytest.approx(0.84, abs=0.1)  # learning.md's arm: 0.841
+    assert laps["IFDC"]["rms"] == pytest.approx(0.84, abs=0.1)  # one mode a link
     assert not laps["no torque"]["complete"]
     assert laps["no torque"]["rms_after_2s"] is None
     result = script("evaluate.py", "nobody", "--no-baselines", "--no-shipped", cwd=folder)
