@@ -37,7 +37,7 @@ class TrainingConfig:
     """Steps in a minibatch; must divide rollout times envs."""
     epochs: int = 6
     """Passes through a rollout in an update."""
-    episode_steps: int = 800
+    episode_steps: int = 600
     """Control periods after which a training episode is cut off, its value bootstrapped."""
     gamma: float = 0.985
     """Discount of a step."""
