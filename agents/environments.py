@@ -87,9 +87,7 @@ def make_batch(environment: str, num_envs: int, options: Mapping[str, Any] | Non
     """
     name, chosen = check_id(environment), dict(options or {})
     if "autoreset_mode" in chosen:
-        raise ValueError(
-            f"autoreset_mode = {chosen['autoreset_mode']!r}: must be left out; 'SameStep' is set"
-        )
+        raise ValueError(f"autoreset_mode = {chosen['autoreset_mode']!r}: must be left out; 'SameStep' is set")
     env = gymnasium.make_vec(name, num_envs=num_envs, autoreset_mode=AutoresetMode.SAME_STEP, **chosen)
     assert isinstance(env, FlexArmVectorEnv)
     return env
