@@ -16,7 +16,7 @@ LANES = 1
 STEP = PERIOD = ACTION_SCALE = LENGTHS = BRANCH = SUBSTEPS = CHANNELS = PREVIEWS = SHIFTING = READINGS = 0
 TAIL = EPISODE = TAU = TORQUE = STAGE_TORQUE = GAIN = EFFECTIVE_GAIN = 0
 JOINT = REFERENCE = INNER_FROM = INNER_TO = SHIFT = 0
-DRAWN_ACTUATION_DELAY = 5  # place of the actuation delay among the quantities drawn for an episode
+DRAWN_ACTUATION_DELAY = 0  # place of the actuation delay among the quantities drawn for an episode
 
 
 def slope_kernel(arena: Any, step: float, weight: float, basis: Any = ()) -> None:

@@ -31,10 +31,10 @@ SIZE = 4
 STEP = PERIOD = JITTER = HOLD = DROPOUT = ENCODER_NOISE = DEFLECTION_LIMIT = ERROR_LIMIT = LENGTHS = BRANCH = 0
 WEIGHTS = SUBSTEPS = CHANNELS = KEPT_ACTIONS = PREVIEWS = OBSERVED = PLACES = 0
 HORIZONS = TAIL = NOISE = PLACE_DISTANCE = 0
+DRAWN_NOISE = TERMS = 0  # place of the noise among the quantities drawn for an episode; terms of the reward
 LATE = TRUE_SENSOR = False
 SENSOR_DELAY = EPISODE = SAMPLE_TIME = SENSOR_ERROR = SENSOR_ERROR_RATE = SENSED = ACTION_CHANGE = MEASURED = 0
 STATE = REFERENCE = PHASE = TIME = STATUS = DEFLECTION = TRUE_TIP = FRAME_AXIS = REWARD = REWARD_TERMS = 0
-DRAWN_NOISE = 4  # place of the noise among the quantities drawn for an episode
 CHANNELS_OF_NOISE = 8  # random numbers set aside for each control period
 FIRST_NOISE = 64  # random numbers set aside for the start of an episode
 
@@ -183,6 +183,37 @@ def sample(arena: Any, history: Any, clock: Any, keys: Any, paths: Any, settings
     arena[i + SAMPLE_TIME * LANES] = taken
 
 
+def observe(
+    arena: Any,
+    history: Any,
+    clock: Any,
+    keys: Any,
+    paths: Any,
+    plan: Any,
+    settings: Any,
+    observations: Any,
+    first: int,
+    who: Any,
+) -> None:
+    """Sense, judge and report the present instant; see `look`.
+
+    Args:
+        arena: of one block.
+        history: readings at past steps.
+        clock: of each lane.
+        keys: of each lane's episode.
+        paths: of all lanes.
+        plan: see `rows`.
+        settings: see `rows`.
+        observations: to be filled, of all lanes.
+        first: lane of the block among all.
+        who: lanes that are looked at. Shape (LANES,).
+    """
+    look(arena, history, clock, keys, paths, plan, settings, who)
+    write_previews(arena, clock, paths, plan, settings, who)
+    write_observations(arena, observations, first, plan, settings, who)
+
+
 def look(arena: Any, history: Any, clock: Any, keys: Any, paths: Any, plan: Any, settings: Any, who: Any) -> None:
     """Sense, and judge the present instant, on a block; doing it again changes nothing.
 
@@ -219,7 +250,7 @@ def look(arena: Any, history: Any, clock: Any, keys: Any, paths: Any, plan: Any,
                 value += deviation * normal(keys[i], place + CHANNELS_OF_NOISE + 2 * r)
             arena[i + (MEASURED + r) * LANES] = value
     joint_kernel(arena, settings[LENGTHS], settings[LENGTHS + 1], settings[BRANCH])
-    features_kernel(arena, settings[LENGTHS], settings[LENGTHS + 1], settings[WEIGHTS : WEIGHTS + 6])
+    features_kernel(arena, settings[LENGTHS], settings[LENGTHS + 1], settings[WEIGHTS : WEIGHTS + TERMS])
     judge(arena, settings)
 
 
@@ -237,7 +268,7 @@ def judge(arena: Any, settings: Any) -> None:
                 arena[i + STATUS * LANES] = -2.0
         else:  # no state, no reward
             arena[i + REWARD * LANES] = 0.0
-            for n in range(6):
+            for n in range(TERMS):
                 arena[i + (REWARD_TERMS + n) * LANES] = 0.0
 
 
@@ -312,6 +343,4 @@ def step_episodes(
         arena, history, clock = arenas[block], histories[block], clocks[block]
         take_actions(arena, actions, block * LANES, plan)
         drive(arena, history, clock, paths, plan, settings)
-        look(arena, history, clock, keys[block], paths, plan, settings, everyone)
-        write_previews(arena, clock, paths, plan, settings, everyone)
-        write_observations(arena, observations, block * LANES, plan, settings, everyone)
+        observe(arena, history, clock, keys[block], paths, plan, settings, observations, block * LANES, everyone)

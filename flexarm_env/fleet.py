@@ -148,10 +148,9 @@ class Fleet:
         if self._threads == 1:
             self._step_kernel(*self._step_arguments)
             return
-        edges = np.linspace(0, len(self._flat_arenas), self._threads + 1).astype(int).tolist()
         if self._pool is None:
             self._pool = ThreadPoolExecutor(self._threads)
-        for _ in self._pool.map(self._step_blocks, edges[:-1], edges[1:]):
+        for _ in self._pool.map(self._step_blocks, self._edges[:-1], self._edges[1:]):
             pass
 
     def _step_blocks(self, begin: int, end: int) -> None:
@@ -181,10 +180,10 @@ class Fleet:
             return "rate"
         return "angle" if entry < 2 else "deflection"
 
-    def order(self, start: str | None = None) -> Array:
-        """An order for a new episode, as the settings say unless a start is named. Shape (columns,)."""
+    def order(self) -> Array:
+        """An order for a new episode, as the settings say. Shape (columns,)."""
         order = np.full(self._orders.shape[1], NAN)
-        order[ORDER.index("start")] = START_CODES[start or self.settings.start]
+        order[ORDER.index("start")] = START_CODES[self.settings.start]
         return order
 
     def start_of(self, index: int) -> tuple[str, float]:
@@ -210,6 +209,9 @@ class Fleet:
         tables = (self._clocks, self._keys, self._paths, self._plan, self._table)
         data = (self._flat_arenas, self._flat_histories, *tables, self.actions, self.observations)
         self._step_arguments = (*data, 0, len(self._arenas))
+        self._edges = (
+            np.linspace(0, len(self._arenas), self._threads + 1).astype(int).tolist()
+        )  # of the threads' shares
         self._step_kernel = _not_started
         self._pool = None
 

@@ -124,10 +124,9 @@ class InfoMaker:
             infos["gain"], infos["_gain"] = known[:, self._gain], both.copy()
         for name, places, mask in (("reward_terms", self._terms, stepped), ("parameters", self._episode, begun)):
             if mask.any():
-                known = results if mask.all() else np.where(mask[:, None], results, 0.0)
                 inner: dict[str, Any] = {}
                 for key, place in places.items():
-                    inner[key], inner[f"_{key}"] = known[:, place], mask.copy()
+                    inner[key], inner[f"_{key}"] = np.where(mask, results[:, place], 0.0), mask.copy()
                 infos[name], infos[f"_{name}"] = inner, mask.copy()
         if begun.any():
             paths, times = np.full(len(begun), None, dtype=object), np.zeros(len(begun))

@@ -1,9 +1,10 @@
 """Assembles, compiles and loads the kernels: one module per variant, made when first used.
 
 A variant fixes what the compiler should know: number of modes, velocity forces, sensor model, lanes of a block.
-Its module is one file holding everything it calls: `elementary.sincos`, the recorded physics (`dynamics`,
-`closed_loop`) and the drivers (`stepping`, `torque_stepping`). The file's name carries a hash of its text, so that an
-edited formula can never meet a stale compiled cache (numba does not see edits in other files: numba issue 1833).
+Its module is one file holding everything it calls: elementary functions, the recorded physics and features
+(`recorded`) and the drivers (`stepping`, `torque_stepping`, `drives`, `episodes`, `starts`). The file's name carries a
+hash of its text, so that an edited formula can never meet a stale compiled cache (numba does not see edits in other
+files: numba issue 1833).
 """
 
 from __future__ import annotations
@@ -22,9 +23,20 @@ from typing import Any
 
 import platformdirs
 
-from flexarm_env import drives, elementary, episodes, inverse, random_stream, scalars, starts, stepping, torque_stepping
+from flexarm_env import (
+    drives,
+    elementary,
+    episodes,
+    inverse,
+    random_stream,
+    reward,
+    scalars,
+    starts,
+    stepping,
+    torque_stepping,
+)
 from flexarm_env.recorded import DECORATOR, RECORDED, Variant
-from flexarm_env.rows import DRIVES, PLAN, constant_places, extent, layout, settings_layout
+from flexarm_env.rows import DRAWN, DRIVES, ORDER, PLAN, constant_places, extent, layout, settings_layout
 
 _OPEN = (torque_stepping.begin_step, torque_stepping.end_step, torque_stepping.open_step)
 _READINGS = (
@@ -69,6 +81,7 @@ _LOOKING = (
     episodes.look,
     episodes.write_previews,
     episodes.write_observations,
+    episodes.observe,
     episodes.step_episodes,
     starts.draw_quantities,
     starts.draw_moves,
@@ -109,10 +122,9 @@ _RK4_TABLES = (torque_stepping, ("RK4_STEP", "RK4_WEIGHT"))
 _CLOCK = (stepping, ("STEPS", "PATH", "SINCE", "BEGAN", "HEAD"))
 _EPISODE_TABLES = (
     _CLOCK,
-    (drives, ("DRAWN_ACTUATION_DELAY",)),
     (random_stream, ("STRIDE",)),
     (inverse, ("LEAST_SINE",)),
-    (episodes, ("DRAWN_NOISE", "CHANNELS_OF_NOISE", "FIRST_NOISE")),
+    (episodes, ("CHANNELS_OF_NOISE", "FIRST_NOISE")),
     (starts, starts.TABLES),
 )
 _TABLES: dict[str, tuple[tuple[ModuleType, tuple[str, ...]], ...]] = {
@@ -139,6 +151,10 @@ def _constants(variant: Variant) -> dict[str, Any]:
         names |= {name: first for name, (first, _) in settings.items()}
         names |= {name: place for place, name in enumerate(PLAN[:-1])} | {"PLACES": len(PLAN) - 1}
         names |= {"TRUE_SENSOR": variant.sensor == "true", "OWN_PATHS": variant.own_paths}
+        names |= {f"DRAWN_{name.upper()}": place for place, name in enumerate(DRAWN)}
+        names |= {"START": ORDER.index("start"), "PHASE_ORDER": ORDER.index("phase"), "PATH_ORDER": ORDER.index("path")}
+        names |= {"DRAWN_ORDER": ORDER.index(next(iter(DRAWN))), "STATE_ORDER": len(ORDER)}
+        names |= {"QUANTITIES": len(DRAWN), "TERMS": len(reward.TERMS)}
         names |= {"LAW": variant.kind == "gain", "TRACKING": variant.kind == "tracking"}
         names |= {name: 0 for name in _FOREIGN_ROWS if name not in names}
     return names

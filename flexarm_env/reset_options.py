@@ -49,13 +49,15 @@ def orders_of(options: Mapping[str, Any] | None, fleet: Fleet) -> Array:
         if name not in OPTIONS:
             raise ValueError(f"options[{name!r}]: no such option; the options are {', '.join(OPTIONS)}")
     if "start" in options:
-        names = [choice("options['start']", name, STARTS) for name in _each(options["start"], fleet)]
+        names = [choice("options['start']", name, STARTS) for name in _each("start", options["start"], fleet)]
         for name in set(names):
             refuse_fast_starts(fleet.settings, name)
         orders[:, ORDER.index("start")] = [START_CODES[name] for name in names]
     if "time" in options:
         lap = fleet.settings.lap_time
-        orders[:, ORDER.index("phase")] = _numbers("time", options["time"], fleet, 0.0, np.nextafter(lap, 0.0))
+        orders[:, ORDER.index("phase")] = _numbers(
+            "options['time']", options["time"], fleet, 0.0, np.nextafter(lap, 0.0)
+        )
     if "path" in options:
         orders[:, ORDER.index("path")] = _path_indices(options["path"], fleet)
     for name, value in _mapping("parameters", options.get("parameters", {})).items():
@@ -65,7 +67,7 @@ def orders_of(options: Mapping[str, Any] | None, fleet: Fleet) -> Array:
             )
         least, most = _range(name, fleet)
         hint = f" (`randomisation` at make can allow more: {{{name!r}: (least, most)}})"
-        orders[:, ORDER.index(name)] = _numbers(f"parameters'][{name!r}", value, fleet, least, most, hint)
+        orders[:, ORDER.index(name)] = _numbers(f"options['parameters'][{name!r}]", value, fleet, least, most, hint)
     if "state" in options:
         orders[:, len(ORDER) :] = _states(options["state"], fleet)
     return orders
@@ -93,17 +95,16 @@ def _range(name: str, fleet: Fleet) -> tuple[float, float]:
     return 0.0, max(high, own)
 
 
-def _each(value: Any, fleet: Fleet) -> list[Any]:
+def _each(name: str, value: Any, fleet: Fleet) -> list[Any]:
     """One value for each environment."""
     if isinstance(value, str) or not isinstance(value, Sequence | np.ndarray):
         return [value] * len(fleet)
     if len(value) != len(fleet):
-        raise ValueError(f"options: {value!r} must be one value or {len(fleet)}, one for each environment")
+        raise ValueError(f"options[{name!r}] = {value!r}: must be one value or {len(fleet)}, one for each environment")
     return list(value)
 
 
-def _numbers(name: str, value: Any, fleet: Fleet, least: float, most: float, hint: str = "") -> Array:
-    label = f"options['{name}']" if "[" not in name else f"options['{name}]"
+def _numbers(label: str, value: Any, fleet: Fleet, least: float, most: float, hint: str = "") -> Array:
     array = real_array(label, value)
     if array.shape not in ((), (len(fleet),)):
         raise ValueError(f"{label}: must be one number or {len(fleet)}, got shape {array.shape}")
@@ -115,9 +116,9 @@ def _numbers(name: str, value: Any, fleet: Fleet, least: float, most: float, hin
 
 def _path_indices(value: Any, fleet: Fleet) -> list[int]:
     names = fleet.settings.reference
-    if fleet.settings.paths == []:
+    if not fleet.settings.paths:
         raise ValueError(f"options['path'] = {value!r}: each episode draws its own moves; it has no names")
-    return [names.index(choice("options['path']", name, names)) for name in _each(value, fleet)]
+    return [names.index(choice("options['path']", name, names)) for name in _each("path", value, fleet)]
 
 
 def _mapping(name: str, value: Any) -> Mapping[str, Any]:

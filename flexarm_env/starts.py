@@ -9,7 +9,7 @@ from math import floor, sqrt
 from typing import Any
 
 from flexarm_env.elementary import sincos
-from flexarm_env.episodes import look, sensed_point, write_observations, write_previews
+from flexarm_env.episodes import observe, sensed_point
 from flexarm_env.inverse import joint_angles_for, joint_rates_for
 from flexarm_env.random_stream import uniform
 from flexarm_env.stepping import (
@@ -41,12 +41,12 @@ CONSTANT_COUNT = 0  # numbers that the equations know of an arm
 OWN_PATHS = TRUE_SENSOR = LATE = LAW = TRACKING = False
 # Constants of this file that assembled modules repeat.
 TABLES = (
-    *("START", "PHASE_ORDER", "PATH_ORDER", "DRAWN_ORDER", "STATE_ORDER", "QUANTITIES"),
     *("CORNER", "CORNERS", "MOVING", "MIX", "SHARE_AT_REST", "LONG_AGO"),
     *("PLACE_PATH", "PLACE_MIX", "PLACE_PHASE", "PLACE_SPREAD", "PLACE_DRAWN", "PLACE_MOVE"),
 )
-START, PHASE_ORDER, PATH_ORDER, DRAWN_ORDER, STATE_ORDER = 0, 1, 2, 3, 9
-QUANTITIES = 6  # drawn for an episode: delay, payload, stiffness, damping, noise, actuation delay
+# Columns of an order (`rows.ORDER`), and how many quantities are drawn for an episode (`rows.DRAWN`).
+START = PHASE_ORDER = PATH_ORDER = DRAWN_ORDER = STATE_ORDER = QUANTITIES = 0
+DRAWN_DELAY = DRAWN_PAYLOAD_MASS = DRAWN_STIFFNESS = DRAWN_DAMPING = 0  # places among them
 CORNER, CORNERS, MOVING, MIX = 0.0, 1.0, 2.0, 3.0  # how an episode starts
 SHARE_AT_REST = 0.3  # of the mix
 LONG_AGO = -(2**60)  # [steps]; since then the reference has been moving
@@ -65,20 +65,21 @@ def draw_quantities(arena: Any, key: Any, settings: Any, order: Any, i: int) -> 
         if order[DRAWN_ORDER + n] == order[DRAWN_ORDER + n]:
             value = order[DRAWN_ORDER + n]
         arena[i + (EPISODE + n) * LANES] = value
-    payload = arena[i + (EPISODE + 1) * LANES] - settings[BASE + 1]
-    stiffness = arena[i + (EPISODE + 2) * LANES]
+    payload = arena[i + (EPISODE + DRAWN_PAYLOAD_MASS) * LANES] - settings[BASE + DRAWN_PAYLOAD_MASS]
+    stiffness = arena[i + (EPISODE + DRAWN_STIFFNESS) * LANES]
     # modal damping is 2 zeta omega m, and omega grows with the root of the stiffness
-    damping = arena[i + (EPISODE + 3) * LANES] * sqrt(stiffness) - settings[BASE + 3]
+    ratio = arena[i + (EPISODE + DRAWN_DAMPING) * LANES]
+    damping = ratio * sqrt(stiffness) - settings[BASE + DRAWN_DAMPING]
     for n in range(CONSTANT_COUNT):
         value = settings[ARM + n] + payload * settings[PER_PAYLOAD + n] + damping * settings[PER_DAMPING + n]
         if K_STIFFNESS_1 <= n < K_DAMPING_1:
             value *= stiffness
         arena[i + (CONSTANTS + n) * LANES] = value
-    delay = arena[i + EPISODE * LANES]
+    delay = arena[i + (EPISODE + DRAWN_DELAY) * LANES]
     for r in range(2):
         late = delay if delay == delay else settings[SENSOR_DELAYS + r]
         arena[i + (SENSOR_DELAY + r) * LANES] = late
-    arena[i + EPISODE * LANES] = arena[i + SENSOR_DELAY * LANES]
+    arena[i + (EPISODE + DRAWN_DELAY) * LANES] = arena[i + SENSOR_DELAY * LANES]
 
 
 def draw_start(clock: Any, key: Any, paths: Any, plan: Any, settings: Any, order: Any, lane: int, i: int) -> bool:
@@ -341,8 +342,6 @@ def start_episodes(
             if started[i]:
                 fill_history(arena, history, clock, paths, plan, settings, i, moving[i])
                 first_sample(arena, history, clock, paths, settings, i)
-        look(arena, history, clock, keys[block], paths, plan, settings, started)
+        observe(arena, history, clock, keys[block], paths, plan, settings, observations, block * LANES, started)
         if LAW:
             start_law(arena, history, clock, paths, settings, started)
-        write_previews(arena, clock, paths, plan, settings, started)
-        write_observations(arena, observations, block * LANES, plan, settings, started)
