@@ -1,0 +1,52 @@
+"""The groups of checks, in the order of the table. Their modules are loaded when they run."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib import import_module
+from importlib.util import find_spec
+from pathlib import Path
+
+from validation_parts.checks import Findings, Result, Settings
+
+
+@dataclass(frozen=True)
+class Group:
+    """One group of checks.
+
+    Attributes:
+        name: on the command line, in file names and in the docs' blocks.
+        title: of its section.
+        module: in `validation_parts`; has ``run(settings) -> Findings``.
+        pictures: in `validation_parts`; has ``draw(result, folder)``, which writes its `drawings` as PNG and SVG
+            through `plotting.save`.
+        drawings: names of its pictures.
+        needs: packages that the group cannot do without and that the package itself does not require.
+    """
+
+    name: str
+    title: str
+    module: str
+    pictures: str
+    drawings: tuple[str, ...]
+    needs: tuple[str, ...] = ()
+
+    def run(self, settings: Settings) -> Findings:
+        """Do the work."""
+        function: Callable[[Settings], Findings] = import_module(f"validation_parts.{self.module}").run
+        return function(settings)
+
+    def draw(self, result: Result, folder: Path) -> None:
+        """Draw the pictures from a result as read from its files."""
+        import_module(f"validation_parts.{self.pictures}").draw(result, folder)
+
+    def missing(self) -> list[str]:
+        """Packages it needs that are not here."""
+        return [package for package in self.needs if find_spec(package) is None]
+
+
+GROUPS = (
+    Group("links", "Single links", "links", "frequency_pictures", ("links",)),
+    Group("engine", "An engine of other hands", "engine", "engine_pictures", ("engine",), ("mujoco",)),
+)
