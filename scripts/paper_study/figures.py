@@ -6,17 +6,14 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import matplotlib as mpl
-
-mpl.use("Agg")  # files only; no display needed
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from flexarm_baselines import paper_system
 from flexarm_env import FlexibleArm, Trajectory
 from paper_study.cases import SENSINGS
+from plotting import save
 
 STYLE = {
     "collocated": {"color": "#0072B2", "linestyle": "-", "label": "collocated"},
@@ -27,30 +24,6 @@ REFERENCE = {"color": "0.35", "linestyle": ":", "linewidth": 1.4, "label": "refe
 CONTROLLER = {"ifdc": "IFDC", "flsac": "FLSAC"}
 LINKS = ("#0072B2", "#D55E00")
 THIN = 5  # every fifth ms is drawn: more points than an A4 page has dots
-
-plt.rcParams.update(
-    {
-        "font.size": 11,
-        "axes.grid": True,
-        "grid.alpha": 0.25,
-        "axes.spines.top": False,
-        "axes.spines.right": False,
-        "legend.frameon": False,
-        "figure.constrained_layout.use": True,
-        "savefig.dpi": 110,
-        "svg.fonttype": "none",  # text stays text
-        "svg.hashsalt": "flexarm",  # equal pictures are equal files
-    }
-)
-
-
-def save(figure: Figure, folder: Path, name: str) -> None:
-    """Write PNG and SVG."""
-    figure.draw_without_rendering()
-    figure.set_layout_engine("none")  # laid out once, for both
-    figure.savefig(folder / f"{name}.png")
-    figure.savefig(folder / f"{name}.svg", metadata={"Date": None})
-    plt.close(figure)
 
 
 def fuzzy_sets(folder: Path) -> None:

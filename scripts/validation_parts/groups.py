@@ -20,7 +20,7 @@ class Group:
         title: of its section.
         module: in `validation_parts`; has ``run(settings) -> Findings``.
         pictures: in `validation_parts`; has ``draw(result, folder)``, which writes its `drawings` as PNG and SVG
-            through `plotting.save`.
+            through `plotting.save` into an existing folder.
         drawings: names of its pictures.
         needs: packages that the group cannot do without and that the package itself does not require.
     """

@@ -1,4 +1,4 @@
-"""One look for all pictures of the validation."""
+"""One look for all pictures that the scripts draw."""
 
 from __future__ import annotations
 
@@ -31,7 +31,6 @@ plt.rcParams.update(
 
 def save(figure: Figure, folder: Path, name: str) -> None:
     """Write PNG and SVG."""
-    folder.mkdir(parents=True, exist_ok=True)
     figure.draw_without_rendering()
     figure.set_layout_engine("none")  # laid out once, for both
     figure.savefig(folder / f"{name}.png")
