@@ -1,6 +1,5 @@
 """What the benchmark compares with: the chain against beam theory, and that each peer does the work it is timed for."""
 
-import ast
 import importlib
 import subprocess
 import sys
@@ -10,6 +9,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+
+from flexarm_env import ArmParameters
 
 ROOT = Path(__file__).resolve().parent.parent
 L, EI, RHO = 4.5, 1676.0, 0.335  # a link
@@ -24,14 +25,14 @@ ERRORS = {10: np.array([0.0042, 0.015]), 20: np.array([0.0010, 0.0034])}
 def part(name: str) -> Any:
     sys.path.insert(0, str(ROOT / "scripts"))
     try:
-        return importlib.import_module(f"bench_parts.{name}")
+        return importlib.import_module(name)
     finally:
         sys.path.pop(0)
 
 
 @pytest.fixture(scope="module")
 def peers() -> Any:
-    return part("peers")
+    return part("bench_parts.peers")
 
 
 @pytest.fixture(scope="module")
@@ -95,7 +96,7 @@ def test_frequencies_depend_on_the_elbow(chain: Any) -> None:
 
 
 def test_inertia_of_the_straight_arm(chain: Any) -> None:
-    arm = chain.ChainArm(
+    arm = ArmParameters(
         shoulder_hub_inertia=0.3, elbow_hub_inertia=0.2, elbow_mass=0.7, payload_mass=0.5, payload_inertia=0.1
     )
     second = RHO * L**3 / 3.0 + 0.2 + 0.5 * L**2 + 0.1
@@ -130,7 +131,7 @@ def test_motors_turn_their_joints(chain: Any) -> None:
 
 
 def test_damping_of_the_first_clamped_mode(chain: Any) -> None:
-    model = chain.chain_model(10, chain.ChainArm(modal_damping_ratio=0.02, joint_friction=(0.5, 0.25)))
+    model = chain.chain_model(10, ArmParameters(modal_damping_ratio=0.02, joint_friction=(0.5, 0.25)))
     spring, elbow = model.joint("bend2_4"), model.joint("elbow")
     assert spring.stiffness[0] == pytest.approx(EI * 9 / L)
     assert spring.damping[0] / spring.stiffness[0] * beam(CLAMPED)[0] / 2.0 == pytest.approx(0.02, rel=1e-6)
@@ -140,7 +141,7 @@ def test_damping_of_the_first_clamped_mode(chain: Any) -> None:
 
 def test_energy_is_kept_without_damping(chain: Any) -> None:
     mujoco = pytest.importorskip("mujoco")
-    model = chain.chain_model(4, chain.ChainArm(modal_damping_ratio=0.0), time_step=1e-4)
+    model = chain.chain_model(4, ArmParameters(modal_damping_ratio=0.0), time_step=1e-4)
     model.opt.enableflags |= mujoco.mjtEnableBit.mjENBL_ENERGY
     data = mujoco.MjData(model)
     data.joint("shoulder").qvel[0], data.joint("bend1_2").qpos[0] = 1.0, 0.1
@@ -151,25 +152,12 @@ def test_energy_is_kept_without_damping(chain: Any) -> None:
     assert data.energy.sum() == pytest.approx(before, rel=1e-2)  # first order: it wavers by step times frequency
 
 
-def test_the_arm_is_that_of_the_environment(chain: Any) -> None:
-    """Read, not imported: names and defaults of the fields that both have."""
-    tree = ast.parse((ROOT / "flexarm_env" / "parameters.py").read_text(encoding="utf-8"))
-    fields = next(n for n in tree.body if isinstance(n, ast.ClassDef) and n.name == "ArmParameters").body
-    defaults = {
-        f.target.id: ast.literal_eval(f.value)
-        for f in fields
-        if isinstance(f, ast.AnnAssign) and isinstance(f.target, ast.Name) and f.value is not None
-    }
-    ours = vars(chain.ChainArm())
-    assert ours == {name: defaults[name] for name in ours}
-
-
 # --- the chain: time step ---------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(("damping", "step"), [(0.01, 2e-3), (0.0, 5e-4)])
 def test_largest_stable_step(chain: Any, damping: float, step: float) -> None:
-    arm = chain.ChainArm(modal_damping_ratio=damping)
+    arm = ArmParameters(modal_damping_ratio=damping)
     assert chain.largest_stable_step(10, arm) == step
     longer = [s for s in chain.TIME_STEPS if s > step]
     with pytest.raises(ValueError, match="unstable with each step"):

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench_parts.timing import Subject
+from flexarm_env import ArmParameters
 
 if TYPE_CHECKING:
     from stable_baselines3.common.vec_env import VecEnv
@@ -77,9 +78,9 @@ def mujoco_chain(segments: int, effort: float, damping_ratio: float = 0.01) -> S
     """
     import mujoco
 
-    from bench_parts import mujoco_chain as chain
+    import mujoco_chain as chain
 
-    arm = chain.ChainArm(modal_damping_ratio=damping_ratio)
+    arm = ArmParameters(modal_damping_ratio=damping_ratio)
     step = chain.largest_stable_step(segments, arm)
     model = chain.chain_model(segments, arm, step)
     data = mujoco.MjData(model)

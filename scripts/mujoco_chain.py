@@ -13,7 +13,8 @@ from tangent to tangent. No gravity, no contacts.
 
 **Damping.** MuJoCo damps joint by joint. Dampers in proportion to the springs, c = beta EI / h, give the clamped mode i
 the ratio beta omega_i / 2: beta = 2 zeta / omega_1 sets the first one to zeta, and the second gets 6.3 times and the
-third 17.5 times as much, where FlexArm damps every clamped mode by zeta.
+third 17.5 times as much, where FlexArm damps every clamped mode by zeta. Of `ArmParameters` the chain needs neither
+modes nor their scale, and its velocity forces are complete whatever `velocity_forces` says.
 
 **Time step.** `implicitfast` treats dampers implicitly and springs explicitly, semi-implicit Euler: without damping it
 is stable up to 2 / omega_max, that is 0.5 ms for n = 10 and 0.1 ms for n = 20 of `TIME_STEPS`. Dampers with beta >=
@@ -25,12 +26,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh
+
+from flexarm_env import ArmParameters
 
 TIME_STEPS = (5e-3, 2e-3, 1e-3, 5e-4, 2e-4, 1e-4, 5e-5, 2e-5)  # [s]; `largest_stable_step` tries these
 SHOULDER, ELBOW, TIP = "shoulder", "elbow", "tip"
@@ -40,36 +42,7 @@ _ROUNDING = 1e-6  # of an eigenvalue; the rigid motions' is double, which costs 
 _SLENDER = 1e-6  # a rod's inertia about its own axis as a part of the other two; MuJoCo wants it positive
 
 
-@dataclass(frozen=True)
-class ChainArm:
-    """What the chain knows of the arm; `flexarm_env.ArmParameters` has these fields too and can take its place.
-
-    Attributes:
-        link_lengths: L1, L2 [m].
-        flexural_rigidities: EI of each link [N m^2].
-        masses_per_length: rho of each link [kg/m].
-        shoulder_hub_inertia: turns with the root of link 1 [kg m^2].
-        elbow_hub_inertia: turns with the root of link 2 [kg m^2].
-        elbow_mass: point mass at the tip of link 1 [kg].
-        payload_mass: point mass at the tip of link 2 [kg].
-        payload_inertia: turns with the tip of link 2 [kg m^2].
-        modal_damping_ratio: zeta of the first clamped mode of each link; see the module's text for the others.
-        joint_friction: viscous friction of shoulder and elbow [N m s/rad].
-    """
-
-    link_lengths: tuple[float, float] = (4.5, 4.5)
-    flexural_rigidities: tuple[float, float] = (1676.0, 1676.0)
-    masses_per_length: tuple[float, float] = (0.335, 0.335)
-    shoulder_hub_inertia: float = 0.0
-    elbow_hub_inertia: float = 0.0
-    elbow_mass: float = 0.0
-    payload_mass: float = 0.0
-    payload_inertia: float = 0.0
-    modal_damping_ratio: float = 0.01
-    joint_friction: tuple[float, float] = (0.0, 0.0)
-
-
-def chain_model(segments: int, arm: ChainArm | None = None, time_step: float = 2e-4) -> mujoco.MjModel:
+def chain_model(segments: int, arm: ArmParameters | None = None, time_step: float = 2e-4) -> mujoco.MjModel:
     """Build the chain.
 
     Joints are named "shoulder", "elbow" and "bend1_1" ... "bend2_9" (link, then from root to tip); actuators "shoulder"
@@ -77,7 +50,7 @@ def chain_model(segments: int, arm: ChainArm | None = None, time_step: float = 2
 
     Args:
         segments: rigid segments a link, at least 2.
-        arm: the arm; None for `ChainArm()`.
+        arm: the arm; None for the default one.
         time_step: [s].
 
     Raises:
@@ -86,11 +59,11 @@ def chain_model(segments: int, arm: ChainArm | None = None, time_step: float = 2
     return mujoco.MjModel.from_xml_string(chain_xml(segments, arm, time_step))
 
 
-def chain_xml(segments: int, arm: ChainArm | None = None, time_step: float = 2e-4) -> str:
+def chain_xml(segments: int, arm: ArmParameters | None = None, time_step: float = 2e-4) -> str:
     """The chain in MuJoCo's own format; arguments as in `chain_model`."""
     if segments < 2:
         raise ValueError(f"segments = {segments}: must be an integer >= 2")
-    arm = arm or ChainArm()
+    arm = arm or ArmParameters()
     first, mount = _link(arm, 0, segments, mount=0.0)
     second, tip = _link(arm, 1, segments, mount)
     return f"""
@@ -112,7 +85,7 @@ def chain_xml(segments: int, arm: ChainArm | None = None, time_step: float = 2e-
     </mujoco>"""
 
 
-def _link(arm: ChainArm, link: int, segments: int, mount: float) -> tuple[str, float]:
+def _link(arm: ArmParameters, link: int, segments: int, mount: float) -> tuple[str, float]:
     """Bodies of one link, left open for what comes after.
 
     Args:
@@ -144,7 +117,7 @@ def _link(arm: ChainArm, link: int, segments: int, mount: float) -> tuple[str, f
     return "\n".join(lines), mount
 
 
-def _damping_time(arm: ChainArm, link: int) -> float:
+def _damping_time(arm: ArmParameters, link: int) -> float:
     """beta = 2 zeta / omega_1 of the clamped link [s]."""
     stretch = _FIRST_CLAMPED_ROOT / arm.link_lengths[link]
     omega = stretch**2 * math.sqrt(arm.flexural_rigidities[link] / arm.masses_per_length[link])
@@ -248,12 +221,12 @@ def _growth(model: mujoco.MjModel) -> float:
     return float(np.abs(np.linalg.eigvals(np.vstack((angles, rates)))).max())
 
 
-def largest_stable_step(segments: int, arm: ChainArm | None = None, steps: Sequence[float] = TIME_STEPS) -> float:
+def largest_stable_step(segments: int, arm: ArmParameters | None = None, steps: Sequence[float] = TIME_STEPS) -> float:
     """The first of `steps` that `is_stable` over 4 s under torques of up to 20 N m [s].
 
     Args:
         segments: rigid segments a link.
-        arm: the arm; None for `ChainArm()`.
+        arm: the arm; None for the default one.
         steps: largest first [s].
 
     Raises:
