@@ -47,6 +47,7 @@ class Group:
 
 
 GROUPS = (
-    Group("links", "Single links", "links", "frequency_pictures", ("links",)),
+    Group("links", "Single links", "links", "links_pictures", ("links",)),
+    Group("arm", "Two-link arm", "two_links", "two_links_pictures", ("arm_modes", "arm_convergence", "arm_angles")),
     Group("engine", "An engine of other hands", "engine", "engine_pictures", ("engine",), ("mujoco",)),
 )

@@ -1,0 +1,212 @@
+"""Natural frequencies of uniform Euler-Bernoulli beams from their exact, transcendental equations.
+
+Small motion about a straight arm at rest, joints free to turn or locked. A beam's *dynamic stiffness* gives the end
+forces that hold given end motions at frequency omega, exactly; frequencies are where the assembled matrix D(omega) is
+singular. The count of Wittrick and Williams (Q. J. Mech. Appl. Math. 24, 1971) tells how many frequencies lie below any
+omega, so that bisection finds every one of them, coincident ones too.
+
+Symbols: v, theta displacement across the beam and slope at an end; b = lambda L, lambda^4 = rho omega^2 / EI.
+Nothing here comes from the package but the arm's parameters.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+
+from flexarm_env import ArmParameters
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Joints:
+    """Which joints are locked.
+
+    Attributes:
+        shoulder: locked.
+        elbow: locked.
+    """
+
+    shoulder: bool
+    elbow: bool
+
+    @property
+    def free(self) -> int:
+        """Number of free joints: so many motions without bending, at frequency 0."""
+        return 2 - self.shoulder - self.elbow
+
+
+@dataclass(frozen=True)
+class Beam:
+    """A uniform beam.
+
+    Attributes:
+        length: L [m].
+        rigidity: EI [N m^2].
+        density: rho [kg/m].
+    """
+
+    length: float
+    rigidity: float
+    density: float
+
+    def phase(self, omega: float) -> float:
+        """b = lambda L at a frequency [rad/s]."""
+        return self.length * (self.density * omega**2 / self.rigidity) ** 0.25
+
+    def frequency(self, b: float) -> float:
+        """[rad/s] at a phase b: inverse of `phase`."""
+        return (b / self.length) ** 2 * (self.rigidity / self.density) ** 0.5
+
+
+def links(parameters: ArmParameters) -> tuple[Beam, Beam]:
+    """The arm's two links."""
+    p = parameters
+    columns = (p.link_lengths, p.flexural_rigidities, p.masses_per_length)
+    one, two = (Beam(*values) for values in zip(*columns, strict=True))
+    return one, two
+
+
+# --- one beam, closed equations -------------------------------------------------------------------------------
+
+
+def clamped_free(beam: Beam, count: int) -> Array:
+    """Roots of ``cos b cosh b = -1`` as frequencies [rad/s]. Shape (count,)."""
+    return _roots(beam, lambda b: np.cos(b) + 1.0 / np.cosh(b), [(i * np.pi, (i + 1) * np.pi) for i in range(count)])
+
+
+def pinned_free(beam: Beam, count: int) -> Array:
+    """Roots of ``tan b = tanh b`` above 0 as frequencies [rad/s]. Shape (count,)."""
+    return _roots(
+        beam, lambda b: np.sin(b) - np.cos(b) * np.tanh(b), [(i * np.pi, (i + 1) * np.pi) for i in range(1, count + 1)]
+    )
+
+
+def _roots(beam: Beam, equation: Callable[[float], float], brackets: list[tuple[float, float]]) -> Array:
+    return np.array([beam.frequency(brentq(equation, *ends, xtol=1e-15, rtol=1e-15)) for ends in brackets])
+
+
+def clamped_free_shapes(count: int, x: Array) -> tuple[Array, Array]:
+    """Shapes of a clamped-free beam of length 1 and their slopes, without cancellation for any count.
+
+    Args:
+        count: how many.
+        x: distances from the root. Shape (n,).
+
+    Returns:
+        Two arrays of Shape (n, count), scaled to 2 at the tip.
+    """
+    b = np.sqrt(clamped_free(Beam(1.0, 1.0, 1.0), count))
+    u = x[:, None] * b
+    k = (np.cos(b) + np.cosh(b)) / (np.sin(b) + np.sinh(b))
+    rest = (np.sin(b) - np.cos(b) - np.exp(-b)) / (np.sin(b) + np.sinh(b))  # 1 - k
+    shape = np.exp(-u) + rest * np.sinh(u) - np.cos(u) + k * np.sin(u)
+    slope = b * (-np.exp(-u) + rest * np.cosh(u) + np.sin(u) + k * np.cos(u))
+    return shape, slope
+
+
+# --- beams joined: dynamic stiffness --------------------------------------------------------------------------
+
+
+def dynamic_stiffness(beam: Beam, omega: float) -> Array:
+    """Forces and moments at the ends over motions (v0, theta0, vL, thetaL) at a frequency. Shape (4, 4)."""
+    b = beam.phase(omega)
+    scale = 1.0 / np.cosh(b)  # numerators and denominator over cosh b: no overflow
+    sin, cos, sinh = np.sin(b), np.cos(b), np.tanh(b)
+    d = (scale - cos) / b  # (1 - cos b cosh b) / (b cosh b)
+    vv, vt = b**2 * (cos * sinh + sin) / d, b * sin * sinh / d
+    vw, vs = -(b**2) * (sin * scale + sinh) / d, b * (1.0 - cos * scale) / d
+    tt, ts = (sin - cos * sinh) / d, (sinh - sin * scale) / d
+    matrix = np.array([[vv, vt, vw, vs], [vt, tt, -vs, ts], [vw, -vs, vv, -vt], [vs, ts, -vt, tt]])
+    units = np.array([1.0, beam.length, 1.0, beam.length])
+    return beam.rigidity / beam.length**3 * matrix * np.outer(units, units)
+
+
+def held_count(beam: Beam, omega: float) -> int:
+    """How many frequencies of the beam with both ends held lie below omega."""
+    b = beam.phase(omega)
+    half_waves = int(b / np.pi)
+    sign = np.sign(1.0 / np.cosh(b) - np.cos(b))
+    return half_waves - int(0.5 * (1.0 - (-1.0) ** half_waves * sign))
+
+
+@dataclass(frozen=True)
+class Structure:
+    """Beams whose ends follow common coordinates, with lumped masses.
+
+    Attributes:
+        parts: each beam, and the matrix that gives its end motions (v0, theta0, vL, thetaL) from the n coordinates.
+        mass: of what is lumped. Shape (n, n).
+    """
+
+    parts: tuple[tuple[Beam, Array], ...]
+    mass: Array
+
+    def below(self, omega: float) -> int:
+        """How many natural frequencies, zeros included, lie below omega [rad/s] > 0."""
+        matrix = -(omega**2) * self.mass
+        for beam, ends in self.parts:
+            matrix = matrix + ends.T @ dynamic_stiffness(beam, omega) @ ends
+        negative = int((np.linalg.eigvalsh(matrix) < 0.0).sum())
+        return negative + sum(held_count(beam, omega) for beam, _ in self.parts)
+
+    def frequencies(self, count: int, zeros: int = 0) -> Array:
+        """The lowest natural frequencies above `zeros` at 0 [rad/s]. Shape (count,)."""
+        found = []
+        for index in range(zeros, zeros + count):
+            low, high = 0.0, 1.0
+            while self.below(high) <= index:
+                low, high = high, 2.0 * high
+            while high - low > 4e-15 * high:
+                middle = 0.5 * (low + high)
+                low, high = (middle, high) if self.below(middle) <= index else (low, middle)
+            found.append(0.5 * (low + high))
+        return np.array(found)
+
+
+def single_link(beam: Beam, pinned: bool, hub: float = 0.0, payload: tuple[float, float] = (0.0, 0.0)) -> Structure:
+    """One link on a fixed root.
+
+    Args:
+        beam: the link.
+        pinned: the root is free to turn; else it is clamped.
+        hub: inertia that turns with the root [kg m^2].
+        payload: mass [kg] and inertia [kg m^2] at the tip.
+    """
+    columns = [1, 2, 3] if pinned else [2, 3]
+    lumped = np.diag([0.0, hub, *payload])
+    return Structure(((beam, np.eye(4)[:, columns]),), lumped[np.ix_(columns, columns)])
+
+
+def two_links(parameters: ArmParameters, theta2: float, joints: Joints) -> Structure:
+    """The arm about rest, straight links, elbow at theta2 [rad].
+
+    Links keep their length. So the elbow moves across link 1 only, by v, which is v cos theta2 across link 2's root;
+    along link 2, v sin theta2 moves its whole mass and the payload.
+    """
+    p = parameters
+    one, two = links(p)
+    shoulder, elbow, tip_slope, root_slope, tip, payload_slope = np.eye(6)
+    still = np.zeros(6)
+    along = (two.density * two.length + p.payload_mass) * np.sin(theta2) ** 2
+    mass = np.diag(
+        [
+            p.shoulder_hub_inertia,
+            p.elbow_mass + along,
+            0.0,
+            p.elbow_hub_inertia,
+            p.payload_mass,
+            p.payload_inertia,
+        ]
+    )
+    first = np.array([still, shoulder, elbow, tip_slope])
+    second = np.array([np.cos(theta2) * elbow, root_slope, tip, payload_slope])
+    allowed = [] if joints.shoulder else [shoulder]
+    allowed += [tip_slope + root_slope] if joints.elbow else [tip_slope, root_slope]
+    basis = np.array([*allowed, elbow, tip, payload_slope]).T
+    return Structure(((one, first @ basis), (two, second @ basis)), basis.T @ mass @ basis)

@@ -1,0 +1,64 @@
+"""The package's arm in small motion about rest: its frequencies, for bases and numbers of modes, with joints locked."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import fields, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import eigh
+
+from flexarm_env import ArmParameters, FlexibleArm
+from validation_parts.exact_beams import Joints
+
+Array = NDArray[np.float64]
+
+MODES = (1, 2, 3, 4)
+# the shapes that a link may bend in; a version of the package with one choice has no such field
+BASES = ("cantilever", "polynomial") if "mode_shapes" in {f.name for f in fields(ArmParameters)} else ("cantilever",)
+
+
+def with_modes(parameters: ArmParameters, basis: str, modes: int) -> FlexibleArm:
+    """The same arm, undamped, in so many shapes of a basis a link."""
+    changes: dict[str, Any] = {"modes_per_link": modes, "modal_damping_ratio": 0.0}
+    if len(BASES) > 1:
+        changes["mode_shapes"] = basis
+    return FlexibleArm(replace(parameters, **changes))
+
+
+def matrices(arm: FlexibleArm, theta2: float) -> tuple[Array, Array]:
+    """Mass and stiffness in public coordinates, as the arm's own linearisation has them. Shape (n, n) each."""
+    n = arm.size
+    state = np.zeros(2 * n)
+    state[1] = theta2
+    mass = arm.mass_matrix(state[:n])
+    stiffness = -mass @ arm.linearise(state).A[n:, :n]
+    return mass, 0.5 * (stiffness + stiffness.T)
+
+
+def frequencies(arm: FlexibleArm, theta2: float, moving: Sequence[int], zeros: int, count: int) -> Array:
+    """Lowest frequencies above `zeros` at 0 [rad/s], fewer than `count` if the arm has no more.
+
+    Args:
+        arm: the arm.
+        theta2: elbow angle [rad].
+        moving: the coordinates that are free; all others are held.
+        zeros: how many of the frequencies are 0.
+        count: how many are wanted.
+    """
+    mass, stiffness = (matrix[np.ix_(moving, moving)] for matrix in matrices(arm, theta2))
+    squares = eigh(stiffness, mass, eigvals_only=True)
+    return np.sqrt(squares[zeros : zeros + count])
+
+
+def unlocked(arm: FlexibleArm, joints: Joints) -> list[int]:
+    """The coordinates that are free when joints are locked."""
+    return [i for i in range(arm.size) if not (i == 0 and joints.shoulder) and not (i == 1 and joints.elbow)]
+
+
+def rate(modes: Sequence[int], errors: Sequence[float]) -> float:
+    """p of ``error ~ modes^-p``, least squares on logarithms."""
+    slope, _ = np.polynomial.polynomial.polyfit(np.log(modes), np.log(errors), 1)[::-1]
+    return -float(slope)
