@@ -18,6 +18,7 @@ from flexarm_env import dynamics as dyn
 from flexarm_env import kinematics
 from flexarm_env.kinematics import stack, stack_matrix
 from flexarm_env.linearisation import Linearisation, linearise
+from flexarm_env.links import Place
 from flexarm_env.open_loop import OpenLoop, TorqueFunction
 from flexarm_env.parameters import ArmParameters
 from flexarm_env.trajectory import Trajectory
@@ -147,6 +148,13 @@ class FlexibleArm:
     def point_jacobian(self, q: ArrayLike, link: int, s: ArrayLike) -> Array:
         """d(position)/dq; arguments as in `position`. Shape (..., 2, 2 + 2 m)."""
         return self._point(self._coordinates("q", q), link, s)[1]
+
+    def place(self, link: int, s: float) -> Place:
+        """A material point as the equations know it; arguments as in `position`, s a number."""
+        link = integer("link", link, 1, 2)
+        length = self.parameters.link_lengths[link - 1]
+        distance = number("s", s, "m", least=0.0, most=length)
+        return dyn.link_place(self.modes[link - 1], self.constants.foreshortened, distance)
 
     def elbow(self, q: ArrayLike) -> Array:
         """Tip of link 1 [m]. Shape (..., 2)."""
@@ -323,7 +331,8 @@ class FlexibleArm:
         distance = real_array("s", s)
         if not np.all((distance >= 0.0) & (distance <= length)):
             raise ValueError(f"s = {s!r}: must be a distance on link {link}, 0 to {length} [m]")
-        at, jacobian = kinematics.material_point(self.modes, stack(self._internal(q)), link, distance)
+        y = stack(self._internal(q))
+        at, jacobian = kinematics.material_point(self.modes, self.constants.foreshortened, y, link, distance)
         return at, jacobian @ self._to_internal
 
     def _substeps(self, step: float, substeps: int | str) -> int:

@@ -19,20 +19,19 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
+from flexarm_env.algebra import dot, factor, solve
 from flexarm_env.dynamics import (
     Constants,
     applied_forces,
-    dot,
-    factor,
     generalised_torque,
     joint_angles,
     mass_matrix,
     rigid_velocity_forces,
-    solve,
     velocity_forces,
 )
 from flexarm_env.elementary import sincos
-from flexarm_env.sensing import Pair, Place, rigid_jacobian, rigid_point, true_jacobian, true_point
+from flexarm_env.links import Place
+from flexarm_env.sensing import Pair, rigid_jacobian, rigid_point, true_jacobian, true_point
 from flexarm_env.tracing import at_least, clip
 
 SMALL = 1e-9  # a divisor that pushes a torque to its limit
@@ -48,6 +47,7 @@ class Law(NamedTuple):
         torque_limit: of shoulder and elbow [N m].
         sensor_distance: of the sensor from the elbow [m].
         sensor_values: phi_i at the sensor (link 2), used by "true" only.
+        sensor_foreshortening: S there, lower triangle; empty with linear kinematics.
         noise: added to the reading's Cartesian position [m].
         command_1: reference position and velocity (x, y, x', y') in the shoulder's torque.
         command_2: the same in the elbow's.
@@ -63,6 +63,7 @@ class Law(NamedTuple):
     torque_limit: Pair
     sensor_distance: Any
     sensor_values: Sequence[Any]
+    sensor_foreshortening: Sequence[Any]
     noise: Pair
     command_1: Sequence[Any]
     command_2: Sequence[Any]
@@ -74,10 +75,10 @@ class Law(NamedTuple):
     @property
     def place(self) -> Place:
         """Where the sensor is."""
-        return Place(self.sensor_distance, self.sensor_values)
+        return Place(self.sensor_distance, self.sensor_values, self.sensor_foreshortening)
 
     @staticmethod
-    def sizes(modes: int) -> dict[str, int]:
+    def sizes(modes: int, foreshortened: bool = False) -> dict[str, int]:
         """How many numbers each field holds."""
         return {
             "gain": 1,
@@ -86,6 +87,7 @@ class Law(NamedTuple):
             "torque_limit": 2,
             "sensor_distance": 1,
             "sensor_values": modes,
+            "sensor_foreshortening": foreshortened * modes * (modes + 1) // 2,
             "noise": 2,
             "command_1": 4,
             "command_2": 4,

@@ -5,11 +5,12 @@ hold no branches on data and take sines and cosines as arguments.
 
 Symbols:
     a1, a2: absolute angles of the root tangents of link 1 and link 2 from the x axis [rad].
-    q1, q2: modal coordinates of the links; ``w(x) = sum_i phi_i(x) q_i`` is a link's deflection [m] (3).
+    q1, q2: modal coordinates of the links; a point of a link lies at (X, Y) along and across its root tangent: with
+        linear kinematics at (x, w), ``w(x) = sum_i phi_i(x) q_i`` [m] (3), or foreshortened (see `links`).
     y = (a1, q1, a2, q2): the internal coordinates; v = dy/dt.
     theta1 = a1, theta2 = a2 - a1 - w1'(L1): the joint angles [rad], what encoders read.
     e_i, n_i: unit vectors along and across link i's root tangent; C, S: cosine and sine of a2 - a1.
-    E = L1 e1 + w1(L1) n1: the elbow; a point of link 2 is E + x e2 + w2(x) n2.
+    E = X1(L1) e1 + Y1(L1) n1: the elbow; a point of link 2 is E + X2(x) e2 + Y2(x) n2.
 
 With link 2's angle absolute, the two links couple only through the elbow's motion, the mass matrix is short, and
 the velocity forces follow from the points' accelerations at v' = 0 (D'Alembert) in closed form:
@@ -23,11 +24,20 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexarm_env.modes import LinkModes, link_modes
+from flexarm_env.algebra import Matrix, Vector, dot, factor, place, solve
+from flexarm_env.links import (
+    Link,
+    Place,
+    bent,
+    drawn_in,
+    modal_mass,
+    outward,
+    root_coupling,
+    root_inertia,
+    shortening_forces,
+)
+from flexarm_env.modes import LinkModes, foreshortening_moments, link_modes
 from flexarm_env.parameters import ArmParameters
-
-Vector = Sequence[Any]
-Matrix = Sequence[Sequence[Any]]
 
 
 class Constants(NamedTuple):
@@ -38,6 +48,9 @@ class Constants(NamedTuple):
     ``momentum``, integral of the mode over mass. Link 1 carries the elbow's mass, all of link 2 and the payload at
     its tip; link 2 carries the elbow hub's inertia and the payload. ``translation_2`` is ``mass_2`` without the
     payload's rotary inertia, which has no centrifugal effect.
+
+    The last eight are empty with linear kinematics (`links`): S at the elbow, the moments of S, and of link 2 the
+    integral of S over mass.
     """
 
     elbow_distance: Any
@@ -58,21 +71,56 @@ class Constants(NamedTuple):
     mass_1: Vector
     mass_2: Vector
     translation_2: Vector
+    elbow_foreshortening: Vector = ()
+    mean_foreshortening_2: Vector = ()
+    shortened_1: Vector = ()
+    shortened_2: Vector = ()
+    cubic_1: Vector = ()
+    cubic_2: Vector = ()
+    quartic_1: Vector = ()
+    quartic_2: Vector = ()
 
     @staticmethod
-    def sizes(modes: int) -> list[int | None]:
+    def sizes(modes: int, foreshortened: bool = False) -> list[int | None]:
         """Length of each field for a number of modes; None for a number."""
-        return [None] * 6 + [modes] * 9 + [modes * (modes + 1) // 2] * 3
+        pairs = modes * (modes + 1) // 2
+        further = [pairs] * 4 + [modes * pairs] * 2 + [pairs * (pairs + 1) // 2] * 2
+        return [None] * 6 + [modes] * 9 + [pairs] * 3 + [count * foreshortened for count in further]
+
+    @property
+    def foreshortened(self) -> bool:
+        """Whether the kinematics are."""
+        return bool(self.elbow_foreshortening)
+
+    @property
+    def elbow(self) -> Place:
+        """Link 1's tip."""
+        return Place(self.elbow_distance, self.elbow_values, self.elbow_foreshortening)
+
+    @property
+    def moment_2(self) -> Place:
+        """First moment of link 2's mass and the payload's."""
+        return Place(self.static_moment_2, self.momentum_2, self.mean_foreshortening_2)
+
+    @property
+    def links(self) -> tuple[Link, Link]:
+        """Inertia of both links; link 1 has no rotary inertia at its tip."""
+        further = (self.shortened_1, self.cubic_1, self.quartic_1), (self.shortened_2, self.cubic_2, self.quartic_2)
+        return (
+            Link(self.inertia_1, self.coupling_1, self.mass_1, self.mass_1, *further[0]),
+            Link(self.inertia_2, self.coupling_2, self.mass_2, self.translation_2, *further[1]),
+        )
 
     def flat(self) -> list[Any]:
         """All numbers in order, as a kernel reads them."""
         return [x for field in self for x in (field if isinstance(field, tuple | list) else [field])]
 
     @classmethod
-    def unflat(cls, numbers: Sequence[Any], modes: int) -> Constants:
+    def unflat(cls, numbers: Sequence[Any], modes: int, foreshortened: bool = False) -> Constants:
         """Inverse of `flat`."""
         source = iter(numbers)
-        return cls(*(next(source) if n is None else _take(source, n) for n in cls.sizes(modes)))
+        sizes = cls.sizes(modes, foreshortened)
+        return cls(*(next(source) if n is None else _take(source, n) for n in sizes))
 
 
 def _take(source: Iterator[Any], count: int) -> tuple[Any, ...]:
@@ -83,7 +131,7 @@ def arm_modes(parameters: ArmParameters) -> tuple[LinkModes, LinkModes]:
     """Modes of the two bare links."""
     p = parameters
     first, second = (
-        link_modes(length, rigidity, density, p.modes_per_link, p.mode_scale)
+        link_modes(length, rigidity, density, p.modes_per_link, p.mode_scale, p.mode_shapes)
         for length, rigidity, density in zip(p.link_lengths, p.flexural_rigidities, p.masses_per_length, strict=True)
     )
     return first, second
@@ -120,7 +168,29 @@ def arm_constants(parameters: ArmParameters, modes: tuple[LinkModes, LinkModes])
         mass_1=_lower(one.mass + at_elbow * np.outer(one.tip_values, one.tip_values)),
         mass_2=_lower(mass_2),
         translation_2=_lower(translation_2),
+        **(_foreshortening(modes, (at_elbow, p.payload_mass)) if p.kinematics == "foreshortened" else {}),
     )
+
+
+def link_place(modes: LinkModes, foreshortened: bool, s: float) -> Place:
+    """A point of a link at the distance s [m] from its root; floats only."""
+    sums = _lower(modes.foreshortening(s)) if foreshortened else ()
+    return Place(float(s), _floats(modes.shape(s)), sums)
+
+
+def _foreshortening(modes: tuple[LinkModes, LinkModes], carried: tuple[float, float]) -> dict[str, tuple[float, ...]]:
+    """The fields of `Constants` that linear kinematics leave empty; `carried`: masses at the links' tips [kg]."""
+    one, two = (foreshortening_moments(link, mass) for link, mass in zip(modes, carried, strict=True))
+    return {
+        "elbow_foreshortening": _lower(modes[0].foreshortening(modes[0].length)),
+        "mean_foreshortening_2": _lower(two.mean),
+        "shortened_1": _lower(one.shortened),
+        "shortened_2": _lower(two.shortened),
+        "cubic_1": tuple(x for matrix in one.cubic for x in _lower(matrix)),
+        "cubic_2": tuple(x for matrix in two.cubic for x in _lower(matrix)),
+        "quartic_1": _lower(one.quartic),
+        "quartic_2": _lower(two.quartic),
+    }
 
 
 def _floats(values: np.ndarray) -> tuple[float, ...]:
@@ -129,19 +199,6 @@ def _floats(values: np.ndarray) -> tuple[float, ...]:
 
 def _lower(matrix: np.ndarray) -> tuple[float, ...]:
     return _floats(matrix[np.tril_indices(len(matrix))])
-
-
-def dot(a: Vector, b: Vector) -> Any:
-    """Sum of products, in order."""
-    total: Any = 0.0
-    for x, z in zip(a, b, strict=True):
-        total = total + x * z
-    return total
-
-
-def _symmetric_times(lower: Vector, b: Vector) -> list[Any]:
-    n = len(b)
-    return [dot([lower[max(i, j) * (max(i, j) + 1) // 2 + min(i, j)] for j in range(n)], b) for i in range(n)]
 
 
 def joint_angles(k: Constants, y: Vector) -> tuple[Any, Any]:
@@ -174,25 +231,28 @@ def mass_matrix(k: Constants, y: Vector, cos: Any, sin: Any) -> list[list[Any]]:
     """
     m = len(k.elbow_slopes)
     q1, q2 = y[1 : m + 1], y[m + 2 :]
-    deflection = dot(k.elbow_values, q1)  # w1(L1)
-    momentum = dot(k.momentum_2, q2)
-    along = k.elbow_distance * cos + deflection * sin  # d(elbow velocity)/d(a1') on n2, and on e2:
-    across = k.elbow_distance * sin - deflection * cos
+    (one, two), elbow, moment = k.links, bent(k.elbow, q1), bent(k.moment_2, q2)
+    along = elbow.along * cos + elbow.across * sin  # d(elbow velocity)/d(a1') on n2, and on e2:
+    across = elbow.along * sin - elbow.across * cos
     rows: list[list[Any]] = [[0.0] * (2 * m + 2) for _ in range(2 * m + 2)]
-    rows[0][0] = k.inertia_1 + dot(q1, _symmetric_times(k.mass_1, q1))
-    rows[m + 1][m + 1] = k.inertia_2 + dot(q2, _symmetric_times(k.translation_2, q2))
-    rows[m + 1][0] = k.static_moment_2 * along - momentum * across
-    bending = k.static_moment_2 * cos - momentum * sin
+    rows[0][0] = root_inertia(one, q1)
+    rows[m + 1][m + 1] = root_inertia(two, q2)
+    rows[m + 1][0] = moment.along * along - moment.across * across
+    bending = moment.along * cos - moment.across * sin  # link 2's moment on e1, and on n1:
+    turning = moment.along * sin + moment.across * cos
+    coupling, mass = (root_coupling(one, q1), root_coupling(two, q2)), (modal_mass(one, q1), modal_mass(two, q2))
     for i in range(m):
-        rows[1 + i][0] = k.coupling_1[i]
-        rows[m + 2 + i][m + 1] = k.coupling_2[i]
-        rows[m + 1][1 + i] = k.elbow_values[i] * bending
-        rows[m + 2 + i][0] = k.momentum_2[i] * along
+        rows[1 + i][0] = coupling[0][i]
+        rows[m + 2 + i][m + 1] = coupling[1][i]
+        rows[m + 1][1 + i] = elbow.values[i] * bending + elbow.slack[i] * turning
+        rows[m + 2 + i][0] = moment.values[i] * along - moment.slack[i] * across
         for j in range(m):
-            rows[m + 2 + i][1 + j] = k.momentum_2[i] * k.elbow_values[j] * cos
+            on_n1 = moment.values[i] * elbow.values[j] * cos - moment.slack[i] * elbow.values[j] * sin
+            on_e1 = moment.values[i] * elbow.slack[j] * sin + moment.slack[i] * elbow.slack[j] * cos
+            rows[m + 2 + i][1 + j] = on_n1 + on_e1
             if j <= i:
-                rows[1 + i][1 + j] = k.mass_1[i * (i + 1) // 2 + j]
-                rows[m + 2 + i][m + 2 + j] = k.mass_2[i * (i + 1) // 2 + j]
+                rows[1 + i][1 + j] = mass[0][place(i, j)]
+                rows[m + 2 + i][m + 2 + j] = mass[1][place(i, j)]
     for i in range(2 * m + 2):
         for j in range(i):
             rows[j][i] = rows[i][j]
@@ -204,21 +264,25 @@ def velocity_forces(k: Constants, y: Vector, v: Vector, cos: Any, sin: Any) -> l
     m = len(k.elbow_slopes)
     w1, w2 = v[0], v[m + 1]  # angular velocities
     q1, q1_dot, q2, q2_dot = y[1 : m + 1], v[1 : m + 1], y[m + 2 :], v[m + 2 :]
-    deflection, deflection_rate = dot(k.elbow_values, q1), dot(k.elbow_values, q1_dot)
-    momentum, momentum_rate = dot(k.momentum_2, q2), dot(k.momentum_2, q2_dot)
+    (one, two), elbow, moment = k.links, bent(k.elbow, q1), bent(k.moment_2, q2)
     # elbow's acceleration at v' = 0 on -n1 and on -e1; and link 2's inertial force relative to the elbow
-    elbow_n = deflection * w1 * w1
-    elbow_e = (2.0 * deflection_rate + k.elbow_distance * w1) * w1
-    link_n = momentum * w2 * w2
-    link_e = (2.0 * momentum_rate + k.static_moment_2 * w2) * w2
+    elbow_n = elbow.across * w1 * w1 + 2.0 * dot(elbow.slack, q1_dot) * w1
+    elbow_e = (2.0 * dot(elbow.values, q1_dot) + elbow.along * w1) * w1 + drawn_in(k.elbow, q1_dot)
+    link_n = moment.across * w2 * w2 + 2.0 * dot(moment.slack, q2_dot) * w2
+    link_e = (2.0 * dot(moment.values, q2_dot) + moment.along * w2) * w2 + drawn_in(k.moment_2, q2_dot)
     elbow_on_n2, elbow_on_e2 = elbow_e * sin - elbow_n * cos, -(elbow_n * sin + elbow_e * cos)
     link_on_n1, link_on_e1 = -(link_n * cos + link_e * sin), link_n * sin - link_e * cos
-    mass_q1, mass_q2 = _symmetric_times(k.mass_1, q1), _symmetric_times(k.translation_2, q2)
+    out1, out2 = outward(one, q1), outward(two, q2)
+    root1, modal1 = shortening_forces(one, q1, q1_dot, w1)
+    root2, modal2 = shortening_forces(two, q2, q2_dot, w2)
     return [
-        2.0 * w1 * dot(mass_q1, q1_dot) + k.elbow_distance * link_on_n1 - deflection * link_on_e1,
-        *(k.elbow_values[i] * link_on_n1 - w1 * w1 * mass_q1[i] for i in range(m)),
-        2.0 * w2 * dot(mass_q2, q2_dot) + k.static_moment_2 * elbow_on_n2 - momentum * elbow_on_e2,
-        *(k.momentum_2[i] * elbow_on_n2 - w2 * w2 * mass_q2[i] for i in range(m)),
+        2.0 * w1 * dot(out1, q1_dot) + root1 + elbow.along * link_on_n1 - elbow.across * link_on_e1,
+        *(elbow.values[i] * link_on_n1 - elbow.slack[i] * link_on_e1 - w1 * w1 * out1[i] + modal1[i] for i in range(m)),
+        2.0 * w2 * dot(out2, q2_dot) + root2 + moment.along * elbow_on_n2 - moment.across * elbow_on_e2,
+        *(
+            moment.values[i] * elbow_on_n2 - moment.slack[i] * elbow_on_e2 - w2 * w2 * out2[i] + modal2[i]
+            for i in range(m)
+        ),
     ]
 
 
@@ -248,33 +312,6 @@ def applied_forces(k: Constants, y: Vector, v: Vector, h: Vector) -> list[Any]:
     stiffness = (0.0, *k.stiffness_1, 0.0, *k.stiffness_2)
     damping = (0.0, *k.damping_1, 0.0, *k.damping_2)
     return [-(h[i] + stiffness[i] * y[i] + damping[i] * v[i] + friction[i]) for i in range(2 * m + 2)]
-
-
-def factor(matrix: Matrix) -> tuple[list[list[Any]], list[Any]]:
-    """L and 1/d of M = L diag(d) L^T, without pivoting (M is positive definite)."""
-    n = len(matrix)
-    lower: list[list[Any]] = [[0.0] * n for _ in range(n)]
-    scaled: list[list[Any]] = [[0.0] * n for _ in range(n)]  # L diag(d)
-    inverse: list[Any] = []
-    for i in range(n):
-        for j in range(i):
-            scaled[i][j] = matrix[i][j] - dot(scaled[i][:j], lower[j][:j])
-            lower[i][j] = scaled[i][j] * inverse[j]
-        inverse.append(1.0 / (matrix[i][i] - dot(scaled[i][:i], lower[i][:i])))
-    return lower, inverse
-
-
-def solve(factors: tuple[list[list[Any]], list[Any]], right: Vector) -> list[Any]:
-    """x with M x = right, from `factor`."""
-    lower, inverse = factors
-    n = len(right)
-    x: list[Any] = []
-    for i in range(n):
-        x.append(right[i] - dot(lower[i][:i], x))
-    x = [value * scale for value, scale in zip(x, inverse, strict=True)]
-    for i in reversed(range(n)):
-        x[i] = x[i] - dot([lower[j][i] for j in range(i + 1, n)], x[i + 1 :])
-    return x
 
 
 def acceleration(

@@ -17,7 +17,7 @@ from flexarm_env import kernels, starts
 from flexarm_env.choices import STARTS
 from flexarm_env.observation import observation_layout, refuse_fast_starts
 from flexarm_env.recorded import Variant
-from flexarm_env.rows import ORDER, PLAN, arena_rows, episode_sizes, layout
+from flexarm_env.rows import ORDER, PLAN, episode_sizes, extent
 from flexarm_env.settings import Settings
 from flexarm_env.stepping import BEGAN, CLOCK, PATH
 from flexarm_env.tables import (
@@ -82,8 +82,9 @@ class Fleet:
             settings.rate_jacobian,
             late,
             not settings.paths,
+            arm.constants.foreshortened,
         )
-        self._rows = layout(self._kind, modes)
+        self._rows = self._variant.rows
         sizes = episode_sizes(modes)
         first = self._rows["STATE"][0]
         self._results = slice(first, first + sum(sizes.values()))
@@ -93,7 +94,7 @@ class Fleet:
         longest = settings.randomisation.get("actuation_delay", (0.0, settings.actuation_delay))[1]
         self._kept = max(2, settings.last_actions, int(np.ceil(longest / settings.control_period)) + 1)
         blocks = -(-count // lanes)
-        rows = arena_rows(self._kind, modes) + 2 * len(settings.previews) + self._kept * channels
+        rows = extent(self._rows) + 2 * len(settings.previews) + self._kept * channels
         self._arenas = np.zeros((blocks, rows, lanes))
         self._histories = np.zeros((blocks, history_slots(settings), 4, lanes))
         self._clocks = np.zeros((blocks, CLOCK, lanes), dtype=np.int64)

@@ -36,7 +36,7 @@ from flexarm_env import (
     torque_stepping,
 )
 from flexarm_env.recorded import DECORATOR, RECORDED, Variant
-from flexarm_env.rows import DRAWN, DRIVES, ORDER, PLAN, constant_places, extent, layout, settings_layout
+from flexarm_env.rows import DRAWN, DRIVES, ORDER, PLAN, constant_places, extent, settings_layout
 
 _OPEN = (torque_stepping.begin_step, torque_stepping.end_step, torque_stepping.open_step)
 _READINGS = (
@@ -138,14 +138,14 @@ _TABLES: dict[str, tuple[tuple[ModuleType, tuple[str, ...]], ...]] = {
 
 def _constants(variant: Variant) -> dict[str, Any]:
     """Names in capitals that a module's drivers use."""
-    rows = layout(variant.kind, variant.modes)
+    rows = variant.rows
     names: dict[str, Any] = {"LANES": variant.lanes, "MODES": variant.modes, "SIZE": 2 * variant.modes + 2}
     names |= {"STAGES": stepping.STAGES, "LATE": variant.late}
     names |= {name: first for name, (first, _) in rows.items()}
     names |= {name: getattr(module, name) for module, group in _TABLES[variant.kind] for name in group}
     if variant.kind in DRIVES:
-        places = constant_places(variant.modes)
-        settings = settings_layout(variant.modes)
+        places = constant_places(variant.modes, variant.foreshortened)
+        settings = settings_layout(variant.modes, variant.foreshortened)
         names |= {f"K_{name.upper()}": first for name, (first, _) in places.items()}
         names |= {"TAIL": extent(rows), "HORIZONS": extent(settings), "CONSTANT_COUNT": extent(places)}
         names |= {name: first for name, (first, _) in settings.items()}

@@ -59,11 +59,14 @@ def public_state(k: Constants, internal: Array) -> Array:
     return np.concatenate(halves, axis=-1)
 
 
-def material_point(modes: tuple[LinkModes, LinkModes], y: Array, link: int, s: Array) -> tuple[Array, Array]:
+def material_point(
+    modes: tuple[LinkModes, LinkModes], foreshortened: bool, y: Array, link: int, s: Array
+) -> tuple[Array, Array]:
     """Position of a material point and its Jacobian with respect to the internal coordinates.
 
     Args:
         modes: of both links.
+        foreshortened: kinematics.
         y: internal coordinates. Shape (..., 2 + 2 m).
         link: 1 or 2.
         s: distance from the link's root along its undeformed axis [m]; broadcasts with y's leading axes.
@@ -74,11 +77,11 @@ def material_point(modes: tuple[LinkModes, LinkModes], y: Array, link: int, s: A
     size = y.shape[-1]
     half = size // 2
     first_s = s if link == 1 else np.asarray(modes[0].length)
-    at, jacobian = _link_point(y[..., :half], first_s, modes[0].shape(first_s))
+    at, jacobian = _link_point(modes[0], foreshortened, y[..., :half], first_s)
     full = np.zeros((*jacobian.shape[:-1], size))
     full[..., :half] = jacobian
     if link == 2:
-        relative, jacobian = _link_point(y[..., half:], s, modes[1].shape(s))
+        relative, jacobian = _link_point(modes[1], foreshortened, y[..., half:], s)
         at = at + relative
         full = np.broadcast_to(full, (*relative.shape, size)).copy()
         full[..., half:] = jacobian
@@ -93,13 +96,20 @@ def rigid_tip(lengths: tuple[float, float], q: Array) -> Array:
     return np.stack([x, y], axis=-1)
 
 
-def _link_point(y: Array, s: Array, shape: Array) -> tuple[Array, Array]:
-    """Point s e + w n of one link relative to its root, and its Jacobian in (a, q)."""
+def _link_point(link: LinkModes, foreshortened: bool, y: Array, s: Array) -> tuple[Array, Array]:
+    """Point X e + Y n of one link relative to its root, and its Jacobian in (a, q)."""
     angle, coordinates = y[..., 0], y[..., 1:]
+    shape = link.shape(s)
     w = np.sum(shape * coordinates, axis=-1)
-    cos, sin = np.cos(angle), np.sin(angle)
-    at = np.stack([s * cos - w * sin, s * sin + w * cos], axis=-1)
-    normal = np.stack([-sin, cos], axis=-1)
-    turn = np.stack([-at[..., 1], at[..., 0]], axis=-1)
+    along = s
+    normal = np.stack([-np.sin(angle), np.cos(angle)], axis=-1)
     bend = normal[..., :, None] * np.broadcast_to(shape, (*w.shape, shape.shape[-1]))[..., None, :]
+    if foreshortened:
+        slack = np.sum(link.foreshortening(s) * coordinates[..., None, :], axis=-1)
+        along = s - 0.5 * np.sum(slack * coordinates, axis=-1)
+        tangent = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+        bend = bend - tangent[..., :, None] * slack[..., None, :]
+    cos, sin = np.cos(angle), np.sin(angle)
+    at = np.stack([along * cos - w * sin, along * sin + w * cos], axis=-1)
+    turn = np.stack([-at[..., 1], at[..., 0]], axis=-1)
     return at, np.concatenate([turn[..., None], bend], axis=-1)

@@ -1,7 +1,11 @@
-"""Clamped-free beam modes: characteristic roots, shapes, and the modal integrals of one link.
+"""Admissible shapes of one link, clamped at its root and free at its tip, and the link's modal integrals.
 
 Symbols: ``x`` distance from the link's root [m], ``phi_i(x)`` mode shape (scaled by A, so that |phi_i(L)| = 2 A),
 ``q_i`` modal coordinate; the link's deflection is ``w(x) = sum_i phi_i(x) q_i`` [m] (3).
+
+Two sets of shapes: "cantilever", the clamped-free beam's own modes (4), whose curvature vanishes at the tip, where
+the elbow's moment bends the real link 1; and "polynomial", the Rayleigh-Ritz modes of the same beam in the space of
+x^2 to x^(m+1), which can carry a moment there.
 
 The paper's printed roots ``(i - 0.5) pi`` are the large-i asymptote and its ``k_i`` lacks parentheses and repeats
 sinh; here the roots are exact and ``k_i = (cos + cosh) / (sin + sinh)``. See docs/reproduction.md, errata.
@@ -9,17 +13,20 @@ sinh; here the roots are exact and ``k_i = (cos + cosh) / (sin + sinh)``. See do
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
+from numpy.polynomial import Polynomial, polynomial
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import brentq
+from scipy.special import jacobi
 
 Array = NDArray[np.float64]
 
-# Gauss-Legendre rule on [0, 1]. The integrands are products of at most two shapes, which oscillate at most twice
-# lambda_4 L = 11 rad over the link: 48 nodes integrate them to rounding error.
+# Gauss-Legendre rule on [0, 1]. The integrands are products of at most four shapes or slopes, which oscillate at most
+# four times lambda_4 L = 11 rad over the link: 48 nodes integrate them to rounding error.
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(48)
 _NODES, _WEIGHTS = 0.5 * (_NODES + 1.0), 0.5 * _WEIGHTS
 
@@ -36,14 +43,92 @@ def clamped_free_roots(count: int) -> tuple[float, ...]:
 
 
 @dataclass(frozen=True)
+class CantileverShapes:
+    """The clamped-free beam's modes A [cosh - cos - k (sinh - sin)] (lambda x) (4).
+
+    Attributes:
+        length: L [m].
+        scale: A.
+        wavenumbers: lambda_i [1/m]. Shape (m,).
+    """
+
+    length: float
+    scale: float
+    wavenumbers: Array
+
+    def __call__(self, x: Array, order: int) -> Array:
+        """Derivative of an order at the distances x [m]. Shape (..., m)."""
+        z = self.wavenumbers * self.length
+        k = (np.cos(z) + np.cosh(z)) / (np.sin(z) + np.sinh(z))
+        u = x[..., None] * self.wavenumbers
+        cosh, sinh, cos, sin = np.cosh(u), np.sinh(u), np.cos(u), np.sin(u)
+        bracket = (
+            cosh - cos - k * (sinh - sin),
+            sinh + sin - k * (cosh - cos),
+            cosh + cos - k * (sinh + sin),
+        )[order]
+        return self.scale * self.wavenumbers**order * bracket
+
+
+@dataclass(frozen=True)
+class PolynomialShapes:
+    """Polynomials in x / L.
+
+    Attributes:
+        length: L [m].
+        coefficients: of the powers, from the constant up; a column for each shape. Shape (m + 2, m).
+    """
+
+    length: float
+    coefficients: Array
+
+    def __call__(self, x: Array, order: int) -> Array:
+        """Derivative of an order at the distances x [m]. Shape (..., m)."""
+        derived = polynomial.polyder(self.coefficients, order) / self.length**order
+        return np.moveaxis(polynomial.polyval(x / self.length, derived), 0, -1)
+
+
+Shapes = Callable[[Array, int], Array]
+
+
+def _cantilever(length: float, count: int, scale: float) -> tuple[Shapes, Array]:
+    """Shapes and wavenumbers of the clamped-free beam (4)."""
+    wavenumbers = np.array(clamped_free_roots(count)) / length
+    return CantileverShapes(length, scale, wavenumbers), wavenumbers
+
+
+def _polynomial(length: float, count: int, scale: float) -> tuple[Shapes, Array]:
+    """Shapes and wavenumbers of the Rayleigh-Ritz modes in the space of x^2 to x^(m+1).
+
+    With xi = x / L, xi^2 times the Jacobi polynomials P_j^(0,4)(2 xi - 1), whose weight is xi^4, are orthogonal.
+    """
+    to_standard = Polynomial([-1.0, 2.0])
+    basis = [
+        Polynomial([0.0, 0.0, np.sqrt(2.0 * j + 5.0)]) * Polynomial(jacobi(j, 0, 4).coeffs[::-1])(to_standard)
+        for j in range(count)
+    ]
+    curvature = np.array([p.deriv(2)(_NODES) for p in basis])
+    fourth_powers, combinations = np.linalg.eigh(curvature * _WEIGHTS @ curvature.T)  # of lambda L
+    powers = np.zeros((count + 2, count))
+    for j, p in enumerate(basis):
+        powers[: len(p.coef)] += p.coef[:, None] * combinations[j]
+    tips = 2.0 * scale * (-1.0) ** np.arange(count)  # as the cantilever's
+    return PolynomialShapes(length, powers * (tips / powers.sum(axis=0))), fourth_powers**0.25 / length
+
+
+_SHAPES = {"cantilever": _cantilever, "polynomial": _polynomial}
+
+
+@dataclass(frozen=True)
 class LinkModes:
     """Modes and modal integrals of one bare link (no hub, no payload).
 
     Attributes:
         length: L [m].
-        scale: A (4).
+        mass_per_length: rho [kg/m].
+        shapes: phi_i and their derivatives.
         wavenumbers: lambda_i [1/m]. Shape (m,).
-        frequencies: clamped-free frequencies [rad/s] (5). Shape (m,).
+        frequencies: of the clamped-free link [rad/s] (5). Shape (m,).
         tip_values: phi_i(L) [m per unit modal coordinate]. Shape (m,).
         tip_slopes: phi_i'(L) [rad per unit modal coordinate]. Shape (m,).
         first_moment: integral of rho phi_i. Shape (m,).
@@ -53,7 +138,8 @@ class LinkModes:
     """
 
     length: float
-    scale: float
+    mass_per_length: float
+    shapes: Shapes
     wavenumbers: Array
     frequencies: Array
     tip_values: Array
@@ -65,32 +151,31 @@ class LinkModes:
 
     def shape(self, x: ArrayLike) -> Array:
         """phi_i at the distances x [m] (4). Shape (..., m)."""
-        return _shape(self.wavenumbers, self.length, self.scale, np.asarray(x, dtype=float), 0)
+        return self.shapes(np.asarray(x, dtype=float), 0)
 
     def slope(self, x: ArrayLike) -> Array:
         """phi_i' at the distances x [m]. Shape (..., m)."""
-        return _shape(self.wavenumbers, self.length, self.scale, np.asarray(x, dtype=float), 1)
+        return self.shapes(np.asarray(x, dtype=float), 1)
 
     def curvature(self, x: ArrayLike) -> Array:
         """phi_i'' at the distances x [m]. Shape (..., m)."""
-        return _shape(self.wavenumbers, self.length, self.scale, np.asarray(x, dtype=float), 2)
+        return self.shapes(np.asarray(x, dtype=float), 2)
+
+    def foreshortening(self, x: ArrayLike) -> Array:
+        """S_ij, integral of phi_i' phi_j' from the root to the distances x [m]. Shape (..., m, m)."""
+        x = np.asarray(x, dtype=float)
+        slopes = self.slope(x[..., None] * _NODES)
+        return x[..., None, None] * np.einsum("n,...ni,...nj->...ij", _WEIGHTS, slopes, slopes)
 
 
-def _shape(wavenumbers: Array, length: float, scale: float, x: Array, order: int) -> Array:
-    """Derivative of the given order of A [cosh - cos - k (sinh - sin)] (lambda x) (4)."""
-    z = wavenumbers * length
-    k = (np.cos(z) + np.cosh(z)) / (np.sin(z) + np.sinh(z))
-    u = x[..., None] * wavenumbers
-    cosh, sinh, cos, sin = np.cosh(u), np.sinh(u), np.cos(u), np.sin(u)
-    bracket = (
-        cosh - cos - k * (sinh - sin),
-        sinh + sin - k * (cosh - cos),
-        cosh + cos - k * (sinh + sin),
-    )[order]
-    return scale * wavenumbers**order * bracket
-
-
-def link_modes(length: float, flexural_rigidity: float, mass_per_length: float, count: int, scale: float) -> LinkModes:
+def link_modes(
+    length: float,
+    flexural_rigidity: float,
+    mass_per_length: float,
+    count: int,
+    scale: float,
+    mode_shapes: str = "cantilever",
+) -> LinkModes:
     """Modes and integrals of a uniform link.
 
     Args:
@@ -99,25 +184,59 @@ def link_modes(length: float, flexural_rigidity: float, mass_per_length: float, 
         mass_per_length: rho [kg/m].
         count: number of modes, m.
         scale: A (4).
+        mode_shapes: "cantilever" or "polynomial".
 
     Returns:
         A new `LinkModes`; the arguments are taken as validated (see `ArmParameters`).
     """
-    wavenumbers = np.array(clamped_free_roots(count)) / length
+    shapes, wavenumbers = _SHAPES[mode_shapes](length, count, scale)
     x = _NODES * length
     weight = _WEIGHTS * length
-    phi = _shape(wavenumbers, length, scale, x, 0)
-    phi_xx = _shape(wavenumbers, length, scale, x, 2)
+    phi = shapes(x, 0)
+    phi_xx = shapes(x, 2)
     end = np.array(length)
     return LinkModes(
         length=length,
-        scale=scale,
+        mass_per_length=mass_per_length,
+        shapes=shapes,
         wavenumbers=wavenumbers,
         frequencies=wavenumbers**2 * np.sqrt(flexural_rigidity / mass_per_length),  # (5)
-        tip_values=_shape(wavenumbers, length, scale, end, 0),
-        tip_slopes=_shape(wavenumbers, length, scale, end, 1),
+        tip_values=shapes(end, 0),
+        tip_slopes=shapes(end, 1),
         first_moment=mass_per_length * weight @ phi,
         second_moment=mass_per_length * (weight * x) @ phi,
         mass=mass_per_length * phi.T @ (weight[:, None] * phi),
         stiffness=flexural_rigidity * weight @ phi_xx**2,
+    )
+
+
+@dataclass(frozen=True)
+class ForeshorteningMoments:
+    """Integrals of a link's foreshortening S over its mass and a point mass at its tip.
+
+    Attributes:
+        mean: of S. Shape (m, m).
+        shortened: of x S. Shape (m, m).
+        cubic: of phi_k S. Shape (m, m, m).
+        quartic: of S_ij S_kl, over pairs of modes i >= j, k >= l in the order of a lower triangle. Shape (p, p).
+    """
+
+    mean: Array
+    shortened: Array
+    cubic: Array
+    quartic: Array
+
+
+def foreshortening_moments(link: LinkModes, tip_mass: float) -> ForeshorteningMoments:
+    """See `ForeshorteningMoments`; the tip mass is in kg."""
+    x = np.append(_NODES, 1.0) * link.length
+    mass = np.append(_WEIGHTS * link.length * link.mass_per_length, tip_mass)
+    s, phi = link.foreshortening(x), link.shape(x)
+    rows, columns = np.tril_indices(phi.shape[1])
+    pairs = s[:, rows, columns]
+    return ForeshorteningMoments(
+        mean=np.tensordot(mass, s, 1),
+        shortened=np.tensordot(mass * x, s, 1),
+        cubic=np.tensordot((mass[:, None] * phi).T, s, 1),
+        quartic=(mass[:, None] * pairs).T @ pairs,
     )

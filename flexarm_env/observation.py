@@ -12,9 +12,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from flexarm_env.arm import FlexibleArm
 from flexarm_env.choices import MOVE_RING
 from flexarm_env.inverse import LEAST_SINE
-from flexarm_env.rows import arena_rows, layout
+from flexarm_env.rows import extent, layout
 from flexarm_env.settings import Settings
 from flexarm_env.task import ANGLE_LIMITS, RATE_LIMIT, state_limits
 from flexarm_env.validation import choice
@@ -82,11 +83,21 @@ def reach_of(settings: Settings) -> Reach:
     else:  # minimum-jerk moves of at most half a turn of each joint in a quarter of the lap
         radius = MOVE_RING[1] * arm.parameters.reach
         speed = 1.875 * np.pi / (0.25 * settings.lap_time) * (length_1 + 2.0 * length_2)
-    # deflections of up to m times a link's length bend the true point away
-    bend = arm.parameters.modes_per_link * (length_1 + length_2) if settings.sensor == "true" else 0.0
+    bend = _bend(arm) if settings.sensor == "true" else 0.0
     deviation = settings.randomisation.get("noise", (0.0, settings.noise))[1]
     sensed = length_1 + settings.sensor_position + bend + LARGEST_DEVIATE * deviation
     return Reach(radius, speed, sensed, sensed + radius)
+
+
+def _bend(arm: FlexibleArm) -> float:
+    """How far valid deflections may move the tip: each mode by its link's length across, and foreshortening [m]."""
+    m = arm.parameters.modes_per_link
+    across = m * sum(arm.parameters.link_lengths)
+    if not arm.constants.foreshortened:
+        return across
+    largest = state_limits(arm)[2 : arm.size].reshape(2, m)
+    sums = [np.abs(link.foreshortening(link.length)) for link in arm.modes]
+    return across + float(sum(0.5 * q @ s @ q for q, s in zip(largest, sums, strict=True)))
 
 
 def refuse_fast_starts(settings: Settings, start: str) -> None:
@@ -279,7 +290,8 @@ def observation_layout(settings: Settings, kind: str) -> ObservationLayout:
     Raises:
         ValueError: for an unknown block.
     """
-    places = dict(layout(kind, _modes(settings))) | {"TAIL": (arena_rows(kind, _modes(settings)), 0)}
+    rows_of = layout(kind, _modes(settings), settings.flexible_arm.constants.foreshortened)
+    places = rows_of | {"TAIL": (extent(rows_of), 0)}
     reach = reach_of(settings)
     blocks: dict[str, slice] = {}
     rows: list[int] = []

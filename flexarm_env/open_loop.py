@@ -15,7 +15,7 @@ from flexarm_env import kernels
 from flexarm_env.dynamics import Constants
 from flexarm_env.kinematics import internal_state, public_state
 from flexarm_env.recorded import Variant
-from flexarm_env.rows import arena_rows, layout
+from flexarm_env.rows import extent
 from flexarm_env.torque_stepping import RK4_STEP, RK4_WEIGHT
 from flexarm_env.validation import finite_array
 
@@ -37,9 +37,10 @@ class OpenLoop:
         modes = len(constants.elbow_slopes)
         size = 2 * modes + 2
         self._start, self._constants = start, constants
-        self._module: ModuleType = kernels.load(Variant("open", modes, complete, lanes=1))
-        self._rows = layout("open", modes)
-        self._arena = np.zeros(arena_rows("open", modes))
+        variant = Variant("open", modes, complete, lanes=1, foreshortened=constants.foreshortened)
+        self._module: ModuleType = kernels.load(variant)
+        self._rows = variant.rows
+        self._arena = np.zeros(extent(self._rows))
         self._arena[self._part("CONSTANTS")] = constants.flat()
         # rates follow positions
         self._state = slice(self._rows["Y"][0], self._rows["Y"][0] + 2 * size)

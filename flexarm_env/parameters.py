@@ -15,6 +15,8 @@ import numpy as np
 from flexarm_env.validation import choice, integer, number, pair
 
 VelocityForces = Literal["complete", "rigid"]
+Kinematics = Literal["linear", "foreshortened"]
+ModeShapes = Literal["cantilever", "polynomial"]
 SensorModel = Literal["collocated", "rigid", "true"]
 Delayed = Literal["position", "position+rate"]
 RateJacobian = Literal["delayed", "current"]
@@ -48,6 +50,11 @@ class ArmParameters:
         velocity_forces: "complete", or "rigid": the paper's C_r (7), the rigid arm's Coriolis and centrifugal
             forces in the joint rows only, while the mass matrix still depends on the deflections.
         mode_scale: A, the arbitrary constant of the shapes (4). It scales the modal coordinates only.
+        kinematics: "linear", the paper's: a point of a link moves across the root tangent only; or "foreshortened":
+            a bent link also draws its points in, by half the integral of w'^2, in kinetic energy, kinematics and
+            forces (geometric stiffening follows). See docs/model.md and docs/validation.md for when it matters.
+        mode_shapes: "cantilever", the paper's clamped-free modes (4); or "polynomial": as many polynomials from x^2
+            up, orthogonal in mass and stiffness, which let the elbow's moment bend link 1's tip.
     """
 
     link_lengths: tuple[float, float] = (4.5, 4.5)
@@ -63,6 +70,8 @@ class ArmParameters:
     joint_friction: tuple[float, float] = (0.0, 0.0)
     velocity_forces: VelocityForces = "complete"
     mode_scale: float = 0.1
+    kinematics: Kinematics = "linear"
+    mode_shapes: ModeShapes = "cantilever"
 
     def __post_init__(self) -> None:
         """Validate and bring to canonical types.
@@ -85,7 +94,14 @@ class ArmParameters:
             "joint_friction": pair("joint_friction", self.joint_friction, "N m s/rad", least=0.0),
             "velocity_forces": choice("velocity_forces", self.velocity_forces, ("complete", "rigid")),
             "mode_scale": number("mode_scale", self.mode_scale, above=0.0),
+            "kinematics": choice("kinematics", self.kinematics, ("linear", "foreshortened")),
+            "mode_shapes": choice("mode_shapes", self.mode_shapes, ("cantilever", "polynomial")),
         }
+        if self.kinematics == "foreshortened" and self.velocity_forces == "rigid":
+            raise ValueError(
+                "kinematics = 'foreshortened': the paper's C_r (velocity_forces = 'rigid') knows no foreshortening; "
+                "velocity_forces must be 'complete'"
+            )
         for name, value in checked.items():
             object.__setattr__(self, name, value)
 

@@ -9,6 +9,7 @@ from typing import Any
 from flexarm_env import closed_loop, features, reward, sensing, stepping, tracking
 from flexarm_env import dynamics as dyn
 from flexarm_env.elementary import sincos
+from flexarm_env.links import Place
 from flexarm_env.rows import layout
 from flexarm_env.tracing import Expression, Trace, clip
 
@@ -30,6 +31,7 @@ class Variant:
         rate_jacobian: "delayed" or "current" (where the law acts).
         late: the law acts on the sensor's late readings; False: on the joints' own, whatever the sensor.
         own_paths: each episode draws a path of its own (environments only).
+        foreshortened: kinematics (`links`).
     """
 
     kind: str
@@ -40,6 +42,12 @@ class Variant:
     rate_jacobian: str = "delayed"
     late: bool = True
     own_paths: bool = False
+    foreshortened: bool = False
+
+    @property
+    def rows(self) -> dict[str, tuple[int, int]]:
+        """Layout of its arenas."""
+        return layout(self.kind, self.modes, self.foreshortened)
 
 
 class _Recorder:
@@ -51,7 +59,7 @@ class _Recorder:
         self.stores: list[tuple[int, Any]] = []
 
     def read(self, name: str) -> list[Any]:
-        first, count = layout(self.variant.kind, self.variant.modes)[name]
+        first, count = self.variant.rows[name]
         lanes = self.variant.lanes
         return self.trace.inputs([f"arena[i + {row * lanes}]" for row in range(first, first + count)])
 
@@ -59,28 +67,29 @@ class _Recorder:
         return self.read(name)[0]
 
     def write(self, name: str, values: Sequence[Any]) -> None:
-        first, count = layout(self.variant.kind, self.variant.modes)[name]
+        first, count = self.variant.rows[name]
         assert len(values) == count, f"{name}: {len(values)} values for {count} rows"
         self.stores += enumerate(values, first)
 
     def constants(self) -> dyn.Constants:
-        return dyn.Constants.unflat(self.read("CONSTANTS"), self.variant.modes)
+        return dyn.Constants.unflat(self.read("CONSTANTS"), self.variant.modes, self.variant.foreshortened)
 
     def law(self) -> closed_loop.Law:
         fields = {}
-        for name, count in closed_loop.Law.sizes(self.variant.modes).items():
+        for name, count in closed_loop.Law.sizes(self.variant.modes, self.variant.foreshortened).items():
             values = self.read(name.upper())
-            scalar = count == 1 and name not in ("sensor_values",)
+            scalar = count == 1 and name not in ("sensor_values", "sensor_foreshortening")
             fields[name] = values[0] if scalar else values
         return closed_loop.Law(**fields)
 
-    def sensor(self) -> sensing.Place:
-        part = "SENSOR" if self.variant.kind == "loop" else "PLACE"
-        return sensing.Place(self.one(f"{part}_DISTANCE"), self.read(f"{part}_VALUES"))
+    def place(self, name: str) -> Place:
+        return Place(self.one(f"{name}_DISTANCE"), self.read(f"{name}_VALUES"), self.read(f"{name}_FORESHORTENING"))
+
+    def sensor(self) -> Place:
+        return self.place("SENSOR" if self.variant.kind == "loop" else "PLACE")
 
     def truth(self) -> sensing.Truth:
-        tip = sensing.Place(self.one("TIP_DISTANCE"), self.read("TIP_VALUES"))
-        return sensing.truth(self.constants(), tip, self.read("Y"), self.read("V"))
+        return sensing.truth(self.constants(), self.place("TIP"), self.read("Y"), self.read("V"))
 
     def source(self, header: str) -> str:
         body = self.trace.lines([value for _, value in self.stores])

@@ -7,11 +7,13 @@ An arena holds LANES environments, one row of LANES numbers for each quantity (`
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import lru_cache
 
 from flexarm_env import reward, stepping
 from flexarm_env.closed_loop import Law
 from flexarm_env.dynamics import Constants
+from flexarm_env.links import Place
 
 DRIVES = ("torque", "tracking", "gain")
 
@@ -111,17 +113,17 @@ def feature_sizes() -> dict[str, int]:
     }
 
 
-def _constants(modes: int) -> int:
-    return sum(n or 1 for n in Constants.sizes(modes))
+def _constants(modes: int, foreshortened: bool) -> int:
+    return sum(1 if n is None else n for n in Constants.sizes(modes, foreshortened))
 
 
-def _physics(kind: str, modes: int) -> dict[str, int]:
+def _physics(kind: str, modes: int, foreshortened: bool) -> dict[str, int]:
     size = 2 * modes + 2
-    parts: dict[str, int] = {"Y": size, "V": size, "CONSTANTS": _constants(modes)}
+    parts: dict[str, int] = {"Y": size, "V": size, "CONSTANTS": _constants(modes, foreshortened)}
     if kind in ("open", "torque", "tracking"):
         parts |= {"TAU": 2, "Y_SLOPE": size, "V_SLOPE": size, "Y_SUM": size, "V_SUM": size}
     else:
-        parts |= {name.upper(): n for name, n in Law.sizes(modes).items()}
+        parts |= {name.upper(): n for name, n in Law.sizes(modes, foreshortened).items()}
         parts |= {"DELAY": 2, "COMMAND_DELAY": 2, "RATE_LATE": 1}
         parts |= {"Y_STAGE": size, "V_STAGE": size, "MECHANICAL": size, "FEEDBACK": size, "TAU": 2}
         parts |= dict.fromkeys(("V_SLOTS", "MECHANICAL_SLOTS", "FEEDBACK_SLOTS"), (stepping.STAGES + 1) * size)
@@ -132,37 +134,50 @@ def _physics(kind: str, modes: int) -> dict[str, int]:
 
 
 @lru_cache
-def layout(kind: str, modes: int) -> dict[str, tuple[int, int]]:
+def layout(kind: str, modes: int, foreshortened: bool = False) -> dict[str, tuple[int, int]]:
     """First row and number of rows of each named part of an arena."""
-    parts = _physics(kind, modes)
+    parts = _physics(kind, modes, foreshortened)
+    pairs = foreshortened * modes * (modes + 1) // 2
     if kind != "open":
-        parts |= {"READING": 4, "LIMITS": 4 * modes + 4, "TIP_VALUES": modes, "TIP_DISTANCE": 1}
+        parts |= {"READING": 4, "LIMITS": 4 * modes + 4}
+        parts |= {"TIP_VALUES": modes, "TIP_DISTANCE": 1, "TIP_FORESHORTENING": pairs}
     if kind == "loop":
         parts |= {"REFERENCE": 4} | result_sizes(modes)
     if kind in DRIVES:
-        parts |= {"PLACE_DISTANCE": 1, "PLACE_VALUES": modes, "SENSOR_DELAY": 2, "MEASURED": 4, "JOINT": 4}
+        parts |= {"PLACE_DISTANCE": 1, "PLACE_VALUES": modes, "PLACE_FORESHORTENING": pairs}
+        parts |= {"SENSOR_DELAY": 2, "MEASURED": 4, "JOINT": 4}
         parts |= {"FRAME": 1, "PHASE": 1, "DEFLECTION": 2, "DEFLECTION_RATE": 2, "ACTION_CHANGE": 1}
         parts |= {"SAMPLE_TIME": 1, "SENSOR_ERROR": 2, "SENSOR_ERROR_RATE": 2}
         parts |= feature_sizes() | episode_sizes(modes)
     return _places(parts)
 
 
-def arena_rows(kind: str, modes: int) -> int:
+def arena_rows(kind: str, modes: int, foreshortened: bool = False) -> int:
     """Rows of one arena; an environment's previews and actions come after."""
-    return extent(layout(kind, modes))
+    return extent(layout(kind, modes, foreshortened))
 
 
 @lru_cache
-def settings_layout(modes: int) -> dict[str, tuple[int, int]]:
+def settings_layout(modes: int, foreshortened: bool = False) -> dict[str, tuple[int, int]]:
     """First place and number of places of each part of `settings`; previews' horizons and factors come after."""
-    constants = dict.fromkeys(("ARM", "PER_PAYLOAD", "PER_DAMPING"), _constants(modes))
+    constants = dict.fromkeys(("ARM", "PER_PAYLOAD", "PER_DAMPING"), _constants(modes, foreshortened))
     return _places(SETTINGS | constants)
 
 
 @lru_cache
-def constant_places(modes: int) -> dict[str, tuple[int, int]]:
+def constant_places(modes: int, foreshortened: bool = False) -> dict[str, tuple[int, int]]:
     """Where each field of `Constants` lies in an arm's flat constants."""
-    return _places({name: n or 1 for name, n in zip(Constants._fields, Constants.sizes(modes), strict=True)})
+    sizes = zip(Constants._fields, Constants.sizes(modes, foreshortened), strict=True)
+    return _places({name: 1 if n is None else n for name, n in sizes})
+
+
+def place_rows(name: str, place: Place) -> dict[str, Sequence[float]]:
+    """What a point of link 2 takes of an arena, under the point's name."""
+    return {
+        f"{name}_DISTANCE": [place.distance],
+        f"{name}_VALUES": place.values,
+        f"{name}_FORESHORTENING": place.foreshortening,
+    }
 
 
 def extent(places: dict[str, tuple[int, int]]) -> int:

@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from flexarm_env.dynamics import Constants, dot, joint_angles
+from flexarm_env.algebra import dot
+from flexarm_env.dynamics import Constants, joint_angles
 from flexarm_env.elementary import sincos
+from flexarm_env.links import Place, bent
 
 Pair = Sequence[Any]
 
@@ -22,46 +24,24 @@ def rigid_jacobian(distance_1: Any, distance_2: Any, one: Pair, both: Pair) -> t
     return (-y, x), (-(distance_2 * both[0]), distance_2 * both[1])
 
 
-class Place(NamedTuple):
-    """A point of link 2.
-
-    Attributes:
-        distance: from the elbow along the link's root tangent [m].
-        values: phi_i there.
-    """
-
-    distance: Any
-    values: Sequence[Any]
-
-
 def true_point(k: Constants, at: Place, y: Sequence[Any], one: Pair, two: Pair) -> tuple[Any, Any]:
     """A point of link 2 with deflection; `one`, `two`: sine and cosine of a1 and of a2."""
     m = len(k.elbow_values)
-    w1 = dot(k.elbow_values, y[1 : m + 1])
-    w2 = dot(at.values, y[m + 2 :])
+    elbow, point = bent(k.elbow, y[1 : m + 1]), bent(at, y[m + 2 :])
     return (
-        k.elbow_distance * one[1] - w1 * one[0] + at.distance * two[1] - w2 * two[0],
-        k.elbow_distance * one[0] + w1 * one[1] + at.distance * two[0] + w2 * two[1],
+        elbow.along * one[1] - elbow.across * one[0] + point.along * two[1] - point.across * two[0],
+        elbow.along * one[0] + elbow.across * one[1] + point.along * two[0] + point.across * two[1],
     )
 
 
 def true_jacobian(k: Constants, at: Place, y: Sequence[Any], one: Pair, two: Pair) -> tuple[list[Any], list[Any]]:
     """Rows of d(true point)/dy."""
     m = len(k.elbow_values)
-    w1 = dot(k.elbow_values, y[1 : m + 1])
-    w2 = dot(at.values, y[m + 2 :])
-    row_x = [
-        -(k.elbow_distance * one[0] + w1 * one[1]),
-        *(-(value * one[0]) for value in k.elbow_values),
-        -(at.distance * two[0] + w2 * two[1]),
-        *(-(value * two[0]) for value in at.values),
-    ]
-    row_y = [
-        k.elbow_distance * one[1] - w1 * one[0],
-        *(value * one[1] for value in k.elbow_values),
-        at.distance * two[1] - w2 * two[0],
-        *(value * two[1] for value in at.values),
-    ]
+    row_x, row_y = [], []
+    for part, (sin, cos) in ((bent(k.elbow, y[1 : m + 1]), one), (bent(at, y[m + 2 :]), two)):
+        modes = list(zip(part.values, part.slack, strict=True))
+        row_x += [-(part.along * sin + part.across * cos), *(-(value * sin + slack * cos) for value, slack in modes)]
+        row_y += [part.along * cos - part.across * sin, *(value * cos - slack * sin for value, slack in modes)]
     return row_x, row_y
 
 
@@ -97,7 +77,7 @@ def truth(k: Constants, tip: Place, y: Sequence[Any], v: Sequence[Any]) -> Truth
 
     Args:
         k: constants of the arm.
-        tip: L2 [m] and phi_i(L2).
+        tip: of link 2.
         y: internal coordinates.
         v: internal rates.
     """

@@ -18,7 +18,7 @@ from flexarm_env.arm import FlexibleArm
 from flexarm_env.parameters import LawParameters, SensorParameters
 from flexarm_env.recorded import Variant
 from flexarm_env.reference import ReferencePath
-from flexarm_env.rows import arena_rows, layout, result_sizes
+from flexarm_env.rows import extent, place_rows, result_sizes
 from flexarm_env.validation import finite_array, number
 
 Array = NDArray[np.float64]
@@ -123,13 +123,14 @@ class ClosedLoop:
             arm.parameters.velocity_forces == "complete",
             lanes,
             *self._sensor_variant(),
+            foreshortened=arm.constants.foreshortened,
         )
-        self._rows = layout("loop", modes)
+        self._rows = self._variant.rows
         sizes = result_sizes(modes)
         first = self._rows[next(iter(sizes))][0]
         self._results = slice(first, first + sum(sizes.values()))
         blocks = -(-len(self._cases) // lanes)
-        self._arenas = np.zeros((blocks, arena_rows("loop", modes), lanes))
+        self._arenas = np.zeros((blocks, extent(self._rows), lanes))
         slots = 3 + int(max(max(self._delays(case)) for case in self._cases) / self.physics_step)
         self._histories = np.zeros((blocks, slots, 4, lanes))
         self._clocks = np.zeros((blocks, stepping.CLOCK, lanes), dtype=np.int64)
@@ -283,7 +284,7 @@ class ClosedLoop:
 
     def _settings(self) -> dict[str, Array]:
         """Rows of the arena that do not change, for each arm."""
-        link2 = self.arm.modes[1]
+        tip = self.arm.place(2, self.arm.parameters.link_lengths[1])
         columns: dict[str, list[list[float]]] = {}
         for case in self._cases:
             sensor, law = case.sensor, case.law
@@ -292,13 +293,11 @@ class ClosedLoop:
                 "PROPORTIONAL_GAIN": [law.proportional_gain],
                 "DERIVATIVE_GAIN": [law.derivative_gain],
                 "TORQUE_LIMIT": limit,
-                "SENSOR_DISTANCE": [sensor.position],
-                "SENSOR_VALUES": link2.shape(sensor.position).tolist(),
+                **place_rows("SENSOR", self.arm.place(2, sensor.position)),
+                **place_rows("TIP", tip),
                 "DELAY": self._delays(case),
                 "COMMAND_DELAY": self._command_delays(case),
                 "RATE_LATE": [float(sensor.delayed == "position+rate")],
-                "TIP_VALUES": link2.tip_values.tolist(),
-                "TIP_DISTANCE": [link2.length],
             }
             for name, row in values.items():
                 columns.setdefault(name, []).append(list(row))

@@ -14,7 +14,7 @@ from flexarm_env.dynamics import arm_constants
 from flexarm_env.observation import ObservationLayout
 from flexarm_env.reference import same_length
 from flexarm_env.reward import TERMS
-from flexarm_env.rows import DRAWN, PLAN, arena_rows, extent, settings_layout
+from flexarm_env.rows import DRAWN, PLAN, arena_rows, extent, place_rows, settings_layout
 from flexarm_env.settings import Settings
 from flexarm_env.task import state_limits
 
@@ -123,7 +123,7 @@ def plan_and_table(
         "PER_PAYLOAD": _per_payload(arm),
         "PER_DAMPING": _per_damping(arm),
     }
-    places = settings_layout(p.modes_per_link)
+    places = settings_layout(p.modes_per_link, arm.constants.foreshortened)
     assert all(len(values[name]) == count for name, (_, count) in places.items())
     table = np.concatenate([np.asarray(values[name], dtype=float) for name in places])
     assert len(table) == extent(places)
@@ -134,7 +134,8 @@ def plan_and_table(
 
 def _observed_rows(settings: Settings, kind: str, layout: ObservationLayout) -> NDArray[np.int64]:
     """Rows of the observation; actions move up where there are no previews before them."""
-    tail = arena_rows(kind, settings.flexible_arm.parameters.modes_per_link)
+    arm = settings.flexible_arm
+    tail = arena_rows(kind, arm.parameters.modes_per_link, arm.constants.foreshortened)
     if "previews" in settings.observation:
         return layout.rows
     return np.where(layout.rows >= tail, layout.rows - 2 * len(settings.previews), layout.rows)
@@ -158,16 +159,13 @@ def fixed_rows(settings: Settings) -> dict[str, Any]:
     """Parts of the arena that no episode changes, by name (`rows`)."""
     s = settings
     arm = s.flexible_arm
-    link2 = arm.modes[1]
-    law_point = s.sensor_position if s.law_sensor == "sensor" else link2.length
+    length = arm.parameters.link_lengths[1]
+    law_point = s.sensor_position if s.law_sensor == "sensor" else length
     return {
         "LIMITS": state_limits(arm),
-        "TIP_VALUES": link2.tip_values,
-        "TIP_DISTANCE": [link2.length],
-        "PLACE_DISTANCE": [s.sensor_position],
-        "PLACE_VALUES": link2.shape(s.sensor_position),
-        "SENSOR_DISTANCE": [law_point],
-        "SENSOR_VALUES": link2.shape(law_point),
+        **place_rows("TIP", arm.place(2, length)),
+        **place_rows("PLACE", arm.place(2, s.sensor_position)),
+        **place_rows("SENSOR", arm.place(2, law_point)),
         "FRAME": [float(s.frame == "link")],
         "TORQUE_LIMIT": s.motor_limit,
         "STIFFNESS": s.inner_stiffness,

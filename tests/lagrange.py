@@ -9,6 +9,7 @@ from typing import Any
 
 import mpmath
 import numpy as np
+import scipy.linalg
 import torch
 from hypothesis import strategies as st
 from torch.func import grad, jacrev, vjp
@@ -36,10 +37,26 @@ def clenshaw_curtis(length: float, count: int = NODES) -> tuple[np.ndarray, np.n
 
 
 def shapes(p: ArmParameters, length: float, x: Any, order: int = 0) -> np.ndarray:
-    """Derivative of the mode shapes at x: cosh - cos - sigma (sinh - sin), sigma = (sinh - sin)/(cosh + cos)."""
+    """Derivative of the shapes at x."""
+    return (_cantilever if p.mode_shapes == "cantilever" else _polynomial)(p, length, np.asarray(x), order)
+
+
+def _polynomial(p: ArmParameters, length: float, x: np.ndarray, order: int) -> np.ndarray:
+    """Ritz modes of the clamped-free beam from the monomials (x/L)^n, n = 2 ... m + 1, with exact integrals."""
+    n = np.arange(2, p.modes_per_link + 2)
+    mass = 1.0 / (n[:, None] + n + 1)
+    stiffness = np.outer(n * (n - 1), n * (n - 1)) / (n[:, None] + n - 3)
+    _, vectors = scipy.linalg.eigh(stiffness, mass)  # powers.sum() is the value at the tip
+    vectors *= 2.0 * p.mode_scale * (-1.0) ** np.arange(len(n)) / vectors.sum(axis=0)
+    falling = np.array([np.prod(power - np.arange(order)) for power in n])
+    return falling * (x[..., None] / length) ** np.maximum(n - order, 0) @ vectors / length**order
+
+
+def _cantilever(p: ArmParameters, length: float, x: np.ndarray, order: int) -> np.ndarray:
+    """cosh - cos - sigma (sinh - sin), sigma = (sinh - sin)/(cosh + cos)."""
     z = np.array(textbook_roots(p.modes_per_link))
     sigma = (np.sinh(z) - np.sin(z)) / (np.cosh(z) + np.cos(z))
-    u = np.asarray(x)[..., None] * z / length
+    u = x[..., None] * z / length
     hyperbolic = (np.cosh, np.sinh)[order % 2](u) - sigma * (np.sinh, np.cosh)[order % 2](u)
     shifted = u + order * np.pi / 2  # the order-th derivatives of cos and sin
     return p.mode_scale * (z / length) ** order * (hyperbolic - np.cos(shifted) + sigma * np.sin(shifted))
@@ -65,6 +82,7 @@ class Lagrangian:
     def __init__(self, p: ArmParameters) -> None:
         self.p, self.m = p, p.modes_per_link
         self.x, self.phi, self.tip, self.tip_slope, density = [], [], [], [], []
+        self.bends = []  # slopes between the root and each point, and the weights of their integral
         self.stiffness = []  # of each link: EI times the integral of phi'' phi''
         self.modal_mass = []
         for length, rigidity, rho in zip(p.link_lengths, p.flexural_rigidities, p.masses_per_length, strict=True):
@@ -73,6 +91,9 @@ class Lagrangian:
             self.phi.append(tensor(shapes(p, length, x)))
             self.tip.append(tensor(shapes(p, length, length)))
             self.tip_slope.append(tensor(shapes(p, length, length, 1)))
+            to, parts = clenshaw_curtis(1.0)
+            points = np.append(x, length)
+            self.bends.append((tensor(shapes(p, length, points[:, None] * to, 1)), tensor(points[:, None] * parts)))
             density.append(rho * weight)
             bend = shapes(p, length, x, 2)
             self.stiffness.append(rigidity * bend.T @ (weight[:, None] * bend))
@@ -91,12 +112,19 @@ class Lagrangian:
             return torch.stack([x * c - w * s, x * s + w * c], dim=-1)
 
         length1, length2 = (tensor(length) for length in self.p.link_lengths)
-        elbow = along(a1, length1, self.tip[0] @ q1)
-        first = along(a1, self.x[0], self.phi[0] @ q1)
-        second = elbow + along(a2, self.x[1], self.phi[1] @ q2)
-        tip = elbow + along(a2, length2, self.tip[1] @ q2)
+        drawn1, drawn2 = self.drawn_in(0, q1), self.drawn_in(1, q2)
+        elbow = along(a1, length1 - drawn1[-1], self.tip[0] @ q1)
+        first = along(a1, self.x[0] - drawn1[:-1], self.phi[0] @ q1)
+        second = elbow + along(a2, self.x[1] - drawn2[:-1], self.phi[1] @ q2)
+        tip = elbow + along(a2, length2 - drawn2[-1], self.tip[1] @ q2)
         points = torch.cat([first, second, elbow[None], tip[None]])
         return points, torch.stack([a1, a2, a2 + self.tip_slope[1] @ q2])
+
+    def drawn_in(self, link: int, q: torch.Tensor) -> torch.Tensor:
+        """Foreshortening of a link's points and of its tip: half the integral of the squared slope from the root."""
+        slopes, weights = self.bends[link]
+        foreshortened = self.p.kinematics == "foreshortened"
+        return 0.5 * foreshortened * (weights * (slopes @ q) ** 2).sum(dim=-1)
 
     def kinetic(self, q: torch.Tensor, v: torch.Tensor) -> torch.Tensor:
         velocities, turns = push_forward(self.configuration, q, v)
@@ -120,11 +148,8 @@ class Lagrangian:
 
     def passive_forces(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """K q + D v and friction, as they stand on the left-hand side."""
-        p, m = self.p, self.m
-        omega = [
-            np.array(textbook_roots(m)) ** 2 / length**2 * np.sqrt(rigidity / rho)
-            for length, rigidity, rho in zip(p.link_lengths, p.flexural_rigidities, p.masses_per_length, strict=True)
-        ]
+        p = self.p
+        omega = [np.sqrt(np.diag(k) / mass) for k, mass in zip(self.stiffness, self.modal_mass, strict=True)]
         damping = [2.0 * p.modal_damping_ratio * w * mass for w, mass in zip(omega, self.modal_mass, strict=True)]
         dissipation = np.concatenate([p.joint_friction, *damping]) * v
         return grad(self.strain)(tensor(q)).numpy() + dissipation
@@ -158,27 +183,32 @@ def loaded_arm(modes: int, **changes: Any) -> ArmParameters:
     return ArmParameters(**(values | changes))
 
 
-def arms() -> st.SearchStrategy[ArmParameters]:
+@st.composite
+def arms(draw: st.DrawFn) -> ArmParameters:
     """Any arm whose links differ by less than a factor of about ten in each respect."""
 
-    def two(low: float, high: float) -> st.SearchStrategy[tuple[float, float]]:
-        return st.tuples(st.floats(low, high), st.floats(low, high))
+    def two(low: float, high: float) -> tuple[float, float]:
+        return draw(st.tuples(st.floats(low, high), st.floats(low, high)))
 
-    return st.builds(
-        ArmParameters,
+    forces, kinematics = draw(
+        st.sampled_from([("complete", "linear"), ("rigid", "linear"), ("complete", "foreshortened")])
+    )
+    return ArmParameters(
         link_lengths=two(1.0, 9.0),
         flexural_rigidities=two(500.0, 5000.0),
         masses_per_length=two(0.1, 1.0),
-        modes_per_link=st.integers(1, 4),
-        shoulder_hub_inertia=st.floats(0.0, 5.0),
-        elbow_hub_inertia=st.floats(0.0, 5.0),
-        elbow_mass=st.floats(0.0, 5.0),
-        payload_mass=st.floats(0.0, 5.0),
-        payload_inertia=st.floats(0.0, 5.0),
-        modal_damping_ratio=st.floats(0.0, 1.0),
+        modes_per_link=draw(st.integers(1, 4)),
+        shoulder_hub_inertia=draw(st.floats(0.0, 5.0)),
+        elbow_hub_inertia=draw(st.floats(0.0, 5.0)),
+        elbow_mass=draw(st.floats(0.0, 5.0)),
+        payload_mass=draw(st.floats(0.0, 5.0)),
+        payload_inertia=draw(st.floats(0.0, 5.0)),
+        modal_damping_ratio=draw(st.floats(0.0, 1.0)),
         joint_friction=two(0.0, 5.0),
-        velocity_forces=st.sampled_from(["complete", "rigid"]),
-        mode_scale=st.floats(0.05, 2.0),
+        velocity_forces=forces,
+        mode_scale=draw(st.floats(0.05, 2.0)),
+        kinematics=kinematics,
+        mode_shapes=draw(st.sampled_from(["cantilever", "polynomial"])),
     )
 
 

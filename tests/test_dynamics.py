@@ -25,10 +25,13 @@ def close(ours: np.ndarray, theirs: np.ndarray, rtol: float = AGREEMENT) -> None
     np.testing.assert_allclose(ours, theirs, rtol=0.0, atol=rtol * np.abs(theirs).max())
 
 
-@pytest.fixture(scope="module", params=MODES)
+@pytest.fixture(
+    scope="module", params=itertools.product(MODES, ("linear", "foreshortened"), ("cantilever", "polynomial")), ids=str
+)
 def pair(request: pytest.FixtureRequest) -> tuple[FlexibleArm, Lagrangian]:
     """An arm with every parameter in use, and its independent derivation."""
-    p = loaded_arm(request.param)
+    modes, kinematics, shapes = request.param
+    p = loaded_arm(modes, kinematics=kinematics, mode_shapes=shapes)
     return FlexibleArm(p), Lagrangian(p)
 
 

@@ -44,6 +44,8 @@ NUMBERS: list[tuple[type, str, str, str, bool, str]] = [
 ]
 OPTIONS: list[tuple[type, str, str, tuple[str, ...]]] = [
     (ArmParameters, "velocity_forces", "velocity_forces", ("complete", "rigid")),
+    (ArmParameters, "kinematics", "kinematics", ("linear", "foreshortened")),
+    (ArmParameters, "mode_shapes", "mode_shapes", ("cantilever", "polynomial")),
     (SensorParameters, "model", "sensor", ("collocated", "rigid", "true")),
     (SensorParameters, "delayed", "delayed", ("position", "position+rate")),
     (SensorParameters, "rate_jacobian", "rate_jacobian", ("delayed", "current")),
