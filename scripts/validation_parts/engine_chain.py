@@ -1,0 +1,245 @@
+"""A chain of another engine (`mujoco_chain`) and a model of ours, moved and looked at in the same way.
+
+**Initial shapes.** A chain's segment k lies at the tangent's angle there. Where a shape is given by a model's deflection
+w(x), x is taken as arc length and w as what lies across the root tangent: sin(angle of the tangent) = w'(x). The linear
+model cannot tell x from arc length; taking atan instead would change the angle at third order. What is read off a chain
+is read in the same way: w at arc length x is the distance from the root tangent.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple, Protocol
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+import mujoco_chain as chain
+from flexarm_env import ArmParameters, FlexibleArm
+
+Array = NDArray[np.float64]
+HELD = 1e-3  # torques are constant for [s]
+CHAIN_ANGLE = 2.5  # step times the chain's fastest rate; the classical Runge-Kutta method allows 2.83
+MODEL_ANGLE = 0.5  # step times the model's fastest rate
+PLACES = 41  # where a link's deflection is read, root and tip among them
+
+
+class Sight(NamedTuple):
+    """An arm at an instant.
+
+    Attributes:
+        tip: x, y [m]. Shape (2,).
+        joints: theta1, theta2 [rad]. Shape (2,).
+        rates: of these [rad/s]. Shape (2,).
+        deflection: of each link's tip off its root tangent [m]. Shape (2,).
+    """
+
+    tip: Array
+    joints: Array
+    rates: Array
+    deflection: Array
+
+
+class Bend(NamedTuple):
+    """How an arm's links lie and bend.
+
+    Attributes:
+        roots: angles of the root tangents from the x axis [rad]. Shape (2,).
+        root_rates: of these [rad/s]. Shape (2,).
+        across: distance from the root tangent at `PLACES` evenly spaced places of each link [m]. Shape (2, PLACES).
+        across_rates: of these [m/s]. Shape (2, PLACES).
+    """
+
+    roots: Array
+    root_rates: Array
+    across: Array
+    across_rates: Array
+
+
+class Plant(Protocol):
+    """Something to which torques are applied."""
+
+    def advance(self, torque: Array) -> None:
+        """Hold a torque [N m] for `HELD`."""
+
+    def look(self) -> Sight:
+        """The arm now."""
+
+    def bend(self) -> Bend:
+        """Its links now."""
+
+
+class Chain:
+    """The chain, undamped unless its arm is damped.
+
+    Attributes:
+        model: MuJoCo's.
+        data: MuJoCo's.
+        substeps: integration steps in `HELD`.
+        shoulder_and_elbow: places of theta1 and theta2 among the angles.
+    """
+
+    def __init__(self, elements: int, arm: ArmParameters, angle: float = CHAIN_ANGLE) -> None:
+        """Build it, at rest and straight, integrated by the classical Runge-Kutta method.
+
+        Args:
+            elements: bending elements a link, one less than segments.
+            arm: the arm.
+            angle: largest product of step and fastest rate.
+        """
+        self.model = chain.chain_model(elements + 1, arm)
+        self.model.opt.integrator = mujoco.mjtIntegrator.mjINT_RK4
+        self.substeps = int(np.ceil(HELD * chain.frequencies(self.model)[-1] / angle))
+        self.model.opt.timestep = HELD / self.substeps
+        self.data = mujoco.MjData(self.model)
+        self.shoulder_and_elbow = np.array([0, self.model.joint(chain.ELBOW).qposadr[0]])
+        self._elbow_body = self.model.joint(chain.ELBOW).bodyid[0]
+        self._tip = self.model.site(chain.TIP).id
+        half = 0.5 / elements
+        self._ends = np.concatenate([[0.0], half + np.arange(elements) / elements, [1.0]])  # of segments, L = 1
+        self._lengths = np.outer(arm.link_lengths, np.diff(self._ends))
+
+    def advance(self, torque: Array) -> None:
+        """Hold a torque [N m] for `HELD`."""
+        self.data.ctrl[:] = torque
+        mujoco.mj_step(self.model, self.data, self.substeps)
+
+    def look(self) -> Sight:
+        """The arm now."""
+        mujoco.mj_kinematics(self.model, self.data)
+        tip, elbow = self.data.site_xpos[self._tip, :2].copy(), self.data.xpos[self._elbow_body, :2]
+        across = [np.cos(a) * b[1] - np.sin(a) * b[0] for a, b in zip(self._roots(), (elbow, tip - elbow), strict=True)]
+        at = self.shoulder_and_elbow
+        return Sight(tip, self.data.qpos[at], self.data.qvel[at], np.array(across))
+
+    def bend(self) -> Bend:
+        """Its links now."""
+        angles = np.cumsum(self.data.qpos).reshape(2, -1)
+        rates = np.cumsum(self.data.qvel).reshape(2, -1)
+        turned, turning = angles - angles[:, :1], rates - rates[:, :1]
+        parts = self._lengths * np.sin(turned), self._lengths * np.cos(turned) * turning
+        places = np.linspace(0.0, 1.0, PLACES)
+        read = [[np.interp(places, self._ends, np.append(0.0, np.cumsum(link))) for link in part] for part in parts]
+        return Bend(angles[:, 0], rates[:, 0], np.array(read[0]), np.array(read[1]))
+
+    def _roots(self) -> tuple[float, float]:
+        return self.data.qpos[0], self.data.qpos[: self.shoulder_and_elbow[1] + 1].sum()
+
+    def place(self, joints: Array, force: Array | None = None) -> None:
+        """Put it at rest, straight or bent by a force at the tip while the joints are held.
+
+        Args:
+            joints: theta1, theta2 [rad].
+            force: x, y [N].
+        """
+        self.data.qpos[self.shoulder_and_elbow] = joints
+        if force is None or not np.any(force):
+            return
+        springs = self.model.jnt_stiffness.ravel()
+        bending = springs > 0.0
+        jacobian = np.zeros((3, self.model.nv))
+
+        def balanced(angles: Array) -> Array:
+            self.data.qpos[bending] = angles
+            mujoco.mj_kinematics(self.model, self.data)
+            mujoco.mj_comPos(self.model, self.data)
+            mujoco.mj_jacSite(self.model, self.data, jacobian, None, self._tip)
+            return (force @ jacobian[:2])[bending] / springs[bending]
+
+        self.data.qpos[bending] = fixed_point(balanced, self.data.qpos[bending])
+
+
+class Modal:
+    """One of our models, integrated by its own Runge-Kutta method.
+
+    Attributes:
+        arm: the model.
+        state: public state. Shape (4 + 4 m,).
+    """
+
+    def __init__(self, arm: FlexibleArm) -> None:
+        """At rest and straight."""
+        self.arm = arm
+        self.state = np.zeros(2 * arm.size)
+        self._substeps = int(np.ceil(HELD * arm.fastest_rate() / MODEL_ANGLE))
+        places = np.linspace(0.0, 1.0, PLACES)
+        self._shapes = [link.shape(link.length * places) for link in arm.modes]
+
+    def advance(self, torque: Array) -> None:
+        """Hold a torque [N m] for `HELD`."""
+        self.state = self.arm.simulate(self.state, np.array([torque]), HELD, HELD, self._substeps).state[-1]
+
+    def look(self) -> Sight:
+        """The arm now."""
+        q, rates = np.split(self.state, 2)
+        return Sight(self.arm.tip(q), q[:2], rates[:2], self.arm.tip_deflection(q))
+
+    def bend(self) -> Bend:
+        """Its links now."""
+        m = self.arm.parameters.modes_per_link
+        y, v = np.split(self.arm.internal_state(self.state), 2)
+        across = [
+            np.array([shape @ part for shape, part in zip(self._shapes, (x[1 : m + 1], x[m + 2 :]), strict=True)])
+            for x in (y, v)
+        ]
+        return Bend(y[[0, m + 1]], v[[0, m + 1]], *across)
+
+
+class Gauges:
+    """Reads a model's coordinates off any arm: the deflection that they can express, in the mean square over mass."""
+
+    def __init__(self, arm: FlexibleArm) -> None:
+        """For the coordinates of a model."""
+        self.arm = arm
+        places = np.linspace(0.0, 1.0, PLACES)
+        weight = np.full(PLACES, 2.0 / 3.0)  # Simpson's rule
+        weight[1::2], weight[[0, -1]] = 4.0 / 3.0, 1.0 / 3.0
+        self._filters = []
+        for link in arm.modes:
+            shapes = link.shape(link.length * places)
+            weighted = shapes * weight[:, None]
+            self._filters.append(np.linalg.solve(weighted.T @ shapes, weighted.T))
+
+    def modal(self, bend: Bend) -> tuple[Array, Array]:
+        """Modal coordinates and rates of both links. Shape (2, m) each."""
+        read = [np.array([f @ w for f, w in zip(self._filters, part, strict=True)]) for part in bend[2:]]
+        return read[0], read[1]
+
+    def state(self, bend: Bend) -> Array:
+        """Public state of the model. Shape (4 + 4 m,)."""
+        q, rates = self.modal(bend)
+        y, v = (np.concatenate([[a[0]], x[0], [a[1]], x[1]]) for a, x in ((bend.roots, q), (bend.root_rates, rates)))
+        return self.arm.public_state(np.concatenate([y, v]))
+
+
+def bent_by(arm: FlexibleArm, joints: Array, force: Array) -> Array:
+    """Coordinates of a model bent by a force at the tip while the joints are held: K q = J' F. Shape (2 + 2 m,).
+
+    Args:
+        arm: the model.
+        joints: theta1, theta2 [rad].
+        force: x, y [N].
+    """
+    stiffness = np.concatenate([link.stiffness for link in arm.modes])
+
+    def balanced(modal: Array) -> Array:
+        jacobian = arm.point_jacobian(np.concatenate([joints, modal]), 2, arm.parameters.link_lengths[1])
+        return (force @ jacobian)[2:] / stiffness
+
+    return np.concatenate([joints, fixed_point(balanced, np.zeros(arm.size - 2))])
+
+
+def fixed_point(function: Callable[[Array], Array], start: Array) -> Array:
+    """x with function(x) = x, by damped repetition.
+
+    Raises:
+        RuntimeError: if it does not settle.
+    """
+    x = start.copy()
+    for _ in range(300):
+        change = function(x) - x
+        x += 0.5 * change
+        if np.abs(change).max() < 1e-12:
+            return x
+    raise RuntimeError("the shape under this force was not found: it bends too far")
