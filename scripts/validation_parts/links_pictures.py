@@ -19,7 +19,9 @@ def draw(result: Result, folder: Path) -> None:
     """Write the picture."""
     rows = result.findings.records["rows"]
     names = list(dict.fromkeys(row["link"] for row in rows))
-    figure, axes = plt.subplots(len(BASES), 2, figsize=(11, 4.2 * len(BASES)), sharex=True, sharey=True, squeeze=False)
+    figure, axes = plt.subplots(
+        len(BASES), 2, figsize=(11, 0.8 + 3.6 * len(BASES)), sharex=True, sharey=True, squeeze=False
+    )
     for line, basis in zip(axes, BASES, strict=True):
         for axis, root in zip(line, ("clamped", "pinned"), strict=True):
             for row in rows:
@@ -34,7 +36,7 @@ def draw(result: Result, folder: Path) -> None:
         axes[0, 0].plot([], [], "o", color=colour, label=f"frequency {i + 1}")
     for name, style in zip(names, LINES, strict=True):
         axes[0, 0].plot([], [], linestyle=style, color="0.3", label=name)
-    figure.legend(loc="outside lower center", ncol=len(MODES) + len(names))
+    figure.legend(loc="outside lower center", ncol=4)
     save(figure, folder, "links")
 
 

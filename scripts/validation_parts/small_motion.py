@@ -3,29 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import fields, replace
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh
 
 from flexarm_env import ArmParameters, FlexibleArm
+from flexarm_env.parameters import ModeShapes
 from validation_parts.exact_beams import Joints
 
 Array = NDArray[np.float64]
 
 MODES = (1, 2, 3, 4)
-# the shapes that a link may bend in; a version of the package with one choice has no such field
-BASES = ("cantilever", "polynomial") if "mode_shapes" in {f.name for f in fields(ArmParameters)} else ("cantilever",)
+BASES: tuple[ModeShapes, ...] = ("cantilever", "polynomial")  # the shapes that a link may bend in
 
 
-def with_modes(parameters: ArmParameters, basis: str, modes: int) -> FlexibleArm:
+def with_modes(parameters: ArmParameters, basis: ModeShapes, modes: int) -> FlexibleArm:
     """The same arm, undamped, in so many shapes of a basis a link."""
-    changes: dict[str, Any] = {"modes_per_link": modes, "modal_damping_ratio": 0.0}
-    if len(BASES) > 1:
-        changes["mode_shapes"] = basis
-    return FlexibleArm(replace(parameters, **changes))
+    return FlexibleArm(replace(parameters, modes_per_link=modes, modal_damping_ratio=0.0, mode_shapes=basis))
 
 
 def matrices(arm: FlexibleArm, theta2: float) -> tuple[Array, Array]:

@@ -1,0 +1,186 @@
+"""Energy and angular momentum of the undamped free arm over ten minutes of simulated time, by integration step.
+
+The classical Runge-Kutta method takes a vibration at omega for one that loses the part ``(omega h)^6 / 72`` of its
+energy in every step h, so ``omega^6 h^5 / 72`` a second: the arm's fastest frequency gives a bound.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexarm_env import ArmParameters, FlexibleArm
+from flexarm_env.parameters import Kinematics, ModeShapes
+from validation_parts.checks import Check, Findings, Settings, shown
+from validation_parts.small_motion import rate
+
+Array = NDArray[np.float64]
+
+LONG, SHORT = 600.0, 20.0  # simulated time [s]
+RECORDED = 0.1  # [s]
+STARTS = ("bent", "spinning", "bent and spinning")
+STEPS = (2e-3, 1e-3, 5e-4, 2.5e-4)
+# of 3 and 4 modes, whose fastest rates ask for shorter steps: one start, two steps
+FAST = {3: (2.5e-4, 1.25e-4), 4: (1.25e-4, 6.25e-5)}
+ROUNDING = 1e-9  # of ten million steps, 1e-16 each, and room
+USEFUL = 0.1  # a bound above this says nothing
+PART = 0.01  # of the arm's angular momentum that ten minutes may change
+
+
+class Case(NamedTuple):
+    """One run."""
+
+    modes: int
+    start: str
+    step: float
+    kinematics: Kinematics = "linear"
+    shapes: ModeShapes = "cantilever"
+    damping: float = 0.0
+
+    @property
+    def arm(self) -> str:
+        """The arm in words."""
+        kind = "" if self.kinematics == "linear" else f"{self.kinematics}, "
+        return f"{kind}{self.modes} {'polynomial' if self.shapes == 'polynomial' else 'mode'}{'s' * (self.modes > 1)}"
+
+    @property
+    def name(self) -> str:
+        """For keys of arrays."""
+        return f"{self.arm}, {self.start}, {1e3 * self.step:g} ms, {self.damping:g}"
+
+
+def cases(quick: bool) -> list[Case]:
+    """All runs; the quick version leaves out 3 and 4 modes."""
+    undamped = [Case(m, start, step) for m in (1, 2) for start in STARTS for step in STEPS]
+    fast = [] if quick else [Case(m, STARTS[2], step) for m, steps in FAST.items() for step in steps]
+    others: list[tuple[Kinematics, ModeShapes]] = [("foreshortened", "cantilever"), ("foreshortened", "polynomial")]
+    short = [Case(2, STARTS[2], STEPS[-1], *other) for other in (others[:1] if quick else others)]
+    return [*undamped, *fast, *short, Case(2, STARTS[2], 1e-3, damping=ArmParameters().modal_damping_ratio)]
+
+
+def run(settings: Settings) -> Findings:
+    """Ten minutes of every case (20 s in the quick run)."""
+    arrays: dict[str, Array] = {}
+    rows = []
+    for case in cases(settings.quick):
+        settings.progress(case.name)
+        time, energy, momentum, row = simulated(case, SHORT if settings.quick else LONG)
+        arrays |= {f"energy {case.name}": energy, f"momentum {case.name}": momentum, "time": time}
+        rows.append(row)
+    return Findings(_checks(rows), arrays, {"rows": rows, "duration": SHORT if settings.quick else LONG})
+
+
+def start_state(arm: FlexibleArm, start: str) -> Array:
+    """Elbow at 1 rad; tips bent by 0.3 and -0.2 m in the first shape; joints turning at 1 and -0.7 rad/s."""
+    m, n = arm.parameters.modes_per_link, arm.size
+    state = np.zeros(2 * n)
+    state[1] = 1.0
+    if "bent" in start:
+        state[2], state[2 + m] = 0.3 / arm.modes[0].tip_values[0], -0.2 / arm.modes[1].tip_values[0]
+    if "spinning" in start:
+        state[n : n + 2] = 1.0, -0.7
+    return state
+
+
+def simulated(case: Case, duration: float) -> tuple[Array, Array, Array, dict[str, Any]]:
+    """Run a case.
+
+    Returns:
+        Times; energy over its start's, minus 1; angular momentum's change over what the arm would have if it turned
+        stiffly with all its energy; and a row of figures.
+    """
+    arm = FlexibleArm(
+        ArmParameters(
+            modes_per_link=case.modes,
+            modal_damping_ratio=case.damping,
+            kinematics=case.kinematics,
+            mode_shapes=case.shapes,
+        )
+    )
+    start = start_state(arm, case.start)
+    run = arm.simulate(start, None, duration, RECORDED, round(RECORDED / case.step))
+    total = run.kinetic_energy + run.strain_energy
+    inertia = arm.mass_matrix(start[: arm.size])[0, 0]
+    momentum = arm.angular_momentum(run.state) / np.sqrt(2.0 * total[0] * inertia)
+    energy, momentum = total / total[0] - 1.0, momentum - momentum[0]
+    row = {
+        **case._asdict(),
+        "arm": case.arm,
+        "name": case.name,
+        "energy": float(np.abs(energy).max()),
+        "momentum": float(np.abs(momentum).max()),
+        "bound": loss_bound(arm, case.step, duration),
+        "fastest": arm.fastest_rate(),
+    }
+    return run.time, energy, momentum, row
+
+
+def loss_bound(arm: FlexibleArm, step: float, duration: float) -> float:
+    """Part of the energy that is lost if all of it vibrates at the arm's fastest frequency."""
+    return -float(np.expm1(-duration * arm.fastest_rate() ** 6 * step**5 / 72.0))
+
+
+def _checks(rows: list[dict[str, Any]]) -> list[Check]:
+    undamped = [row for row in rows if row["damping"] == 0.0]
+    (damped,) = [row for row in rows if row["damping"] > 0.0]
+    checks = []
+    for arm, step in dict.fromkeys((row["arm"], row["step"]) for row in undamped):
+        same = [row for row in undamped if (row["arm"], row["step"]) == (arm, step)]
+        if same[0]["bound"] < USEFUL:
+            checks += _drift_checks(f"{arm}, {1e3 * step:g} ms", same)
+    checks.append(
+        Check(
+            "drift",
+            "angular momentum of the default arm (damped, 2 modes, 1 ms), change",
+            damped["momentum"],
+            "damping of the links is an inner force and must not turn the arm; 1 % as for the undamped arm",
+            most=PART,
+        )
+    )
+    return [*checks, *_order_checks(undamped)]
+
+
+def _drift_checks(label: str, same: list[dict[str, Any]]) -> list[Check]:
+    """Worst of all starts for one number of modes and one step."""
+    return [
+        Check(
+            "drift",
+            f"energy, {label}: largest relative change",
+            max(row["energy"] for row in same),
+            f"the method's own loss of a vibration at the arm's fastest rate ({shown(same[0]['fastest'])} rad/s), "
+            "omega^6 h^5 / 72 a second",
+            most=same[0]["bound"] + ROUNDING,
+        ),
+        Check(
+            "drift",
+            f"angular momentum, {label}: largest change",
+            max(row["momentum"] for row in same),
+            "1 % of what the arm would have if all its energy turned it: small beside any friction in a joint",
+            most=PART,
+        ),
+    ]
+
+
+def _order_checks(undamped: list[dict[str, Any]]) -> list[Check]:
+    """How the drift goes with the step, for the arm of one mode from the bent start."""
+    rows = [row for row in undamped if row["arm"] == "1 mode" and row["start"] == "bent"]
+    steps = [1.0 / row["step"] for row in rows]
+    return [
+        Check(
+            "drift",
+            "order of the energy's drift in the step, 1 mode, bent start",
+            rate(steps, [row["energy"] for row in rows]),
+            "a loss of (omega h)^6 / 72 in each of 1 / h steps a second: order 5",
+            least=4.7,
+            most=5.3,
+        ),
+        Check(
+            "drift",
+            "order of the angular momentum's drift in the step, 1 mode, bent start",
+            rate(steps, [row["momentum"] for row in rows]),
+            "a method of order 4 keeps what it does not keep exactly to order 4 at least",
+            least=3.7,
+        ),
+    ]
