@@ -1,7 +1,8 @@
 """What a check is, what a group of checks finds, and how both lie in files.
 
-A group is a module with ``run(settings) -> Findings`` (and a module with ``draw(result, folder)``, which makes its
-pictures from the files that `write` left). `groups` lists them, `runner` runs them.
+A group is a module with ``run(settings) -> Findings``, perhaps with ``tables(findings)`` for the docs, and a module
+with ``draw(result, folder)``, which makes its pictures from the files that `write` left. `groups` lists them, `runner`
+runs them.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
+from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
@@ -106,12 +108,14 @@ class Findings:
     Attributes:
         checks: in the order of the table.
         arrays: data of the pictures.
-        records: further plain data of the pictures and the docs (what JSON holds).
+        records: further plain data of pictures and tables (what JSON holds).
+        quoted: figures, beside those of the checks, that the text of docs/validation.md quotes.
     """
 
     checks: Sequence[Check]
     arrays: Mapping[str, Array] = field(default_factory=dict)
     records: Mapping[str, Any] = field(default_factory=dict)
+    quoted: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -139,20 +143,21 @@ def write(folder: Path, result: Result) -> None:
         "seconds": result.seconds,
         "checks": [asdict(check) for check in result.findings.checks],
         "records": result.findings.records,
+        "quoted": result.findings.quoted,
     }
     write_json(folder / "result.json", data)
 
 
 def read(folder: Path) -> Result | None:
-    """What `write` wrote; None if there is nothing complete."""
+    """What `write` wrote; None if there is nothing complete, or something of another version."""
     try:
         data = json.loads((folder / "result.json").read_text())
         with np.load(folder / "data.npz") as file:
             arrays = {name: file[name] for name in file.files}
-    except (OSError, ValueError):
+        checks = [check_of(values) for values in data["checks"]]
+        return Result(data["key"], data["seconds"], Findings(checks, arrays, data["records"], data["quoted"]))
+    except (OSError, ValueError, KeyError, TypeError, BadZipFile):
         return None
-    checks = [check_of(values) for values in data["checks"]]
-    return Result(data["key"], data["seconds"], Findings(checks, arrays, data["records"]))
 
 
 def check_of(values: Mapping[str, Any]) -> Check:

@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 
 from flexarm_env import ArmParameters, DivergenceError, FlexibleArm, Trajectory
 from flexarm_env.parameters import VelocityForces
-from validation_parts.checks import Check, Findings, Settings
+from validation_parts.checks import Check, Findings, Settings, shown
 from validation_parts.small_motion import rate
+from validation_parts.tables import markdown
 
 Array = NDArray[np.float64]
 
@@ -39,7 +40,19 @@ def run(settings: Settings) -> Findings:
         for name, trajectory in (("complete", complete), ("rigid", rigid)):
             arrays[f"balance {name} {amplitude}"] = balance(trajectory)
         rows.append(_row(amplitude, complete, rigid, away))
-    return Findings(_checks(rows), arrays, {"rows": rows})
+    quoted = {f"{what}, {row['amplitude']:g} N m": row[what] for row in rows for what in ("away", "moved", "ended")}
+    return Findings(_checks(rows), arrays, {"rows": rows}, quoted)
+
+
+def tables(findings: Findings) -> dict[str, str]:
+    """What each amplitude does, until the doublet ends."""
+    header = ("doublet [N m]", "largest deflection [m]", "tip's way [m]", "tip error [m]", "energy error / energy")
+    names = ("amplitude", "deflection", "moved", "away")
+    lines = [
+        [*(shown(row[name]) for name in names), shown(row["rigid_balance"] / row["energy"])]
+        for row in findings.records["rows"]
+    ]
+    return {"coriolis_amplitudes": markdown(header, lines)}
 
 
 def doublet(forces: VelocityForces, amplitude: float) -> Trajectory:

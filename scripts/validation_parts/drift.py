@@ -15,6 +15,7 @@ from flexarm_env import ArmParameters, FlexibleArm
 from flexarm_env.parameters import Kinematics, ModeShapes
 from validation_parts.checks import Check, Findings, Settings, shown
 from validation_parts.small_motion import rate
+from validation_parts.tables import markdown
 
 Array = NDArray[np.float64]
 
@@ -69,7 +70,21 @@ def run(settings: Settings) -> Findings:
         time, energy, momentum, row = simulated(case, SHORT if settings.quick else LONG)
         arrays |= {f"energy {case.name}": energy, f"momentum {case.name}": momentum, "time": time}
         rows.append(row)
-    return Findings(_checks(rows), arrays, {"rows": rows, "duration": SHORT if settings.quick else LONG})
+    quoted = {f"{what}, {row['name']}": row[what] for row in rows for what in ("energy", "momentum")}
+    return Findings(_checks(rows), arrays, {"rows": rows}, quoted)
+
+
+def tables(findings: Findings) -> dict[str, str]:
+    """Largest changes by arm and step, worst of all starts."""
+    rows = [row for row in findings.records["rows"] if row["damping"] == 0.0]
+    steps = sorted({row["step"] for row in rows}, reverse=True)
+
+    def cell(arm: str, step: float) -> str:
+        same = [row for row in rows if (row["arm"], row["step"]) == (arm, step)]
+        return " / ".join(shown(max(row[what] for row in same)) for what in ("energy", "momentum")) if same else ""
+
+    lines = [[arm, *(cell(arm, step) for step in steps)] for arm in dict.fromkeys(row["arm"] for row in rows)]
+    return {"drift_steps": markdown(("undamped arm", *(f"{1e3 * step:g} ms" for step in steps)), lines)}
 
 
 def start_state(arm: FlexibleArm, start: str) -> Array:

@@ -33,7 +33,7 @@ def over_time(result: Result, rows: list[dict[str, Any]], folder: Path) -> None:
             colour = COLOURS[[2e-3, 1e-3, 5e-4, 2.5e-4].index(row["step"])]
             for axis, what in zip(column, ("energy", "momentum"), strict=True):
                 drift = np.maximum(np.abs(arrays[f"{what} {row['name']}"]), FLOOR)
-                axis.semilogy(time, drift, color=colour, linewidth=0.9, label=f"{1e3 * row['step']:g} ms")
+                axis.semilogy(time[1:], drift[1:], color=colour, linewidth=0.9, label=f"{1e3 * row['step']:g} ms")
         column[0].set_title(f"{arm} a link, undamped, bent and spinning")
         column[1].set_xlabel("simulated time [min]")
     axes[0, 0].set_ylabel("energy: relative change")

@@ -18,7 +18,8 @@ class Group:
     Attributes:
         name: on the command line, in file names and in the docs' blocks.
         title: of its section.
-        module: in `validation_parts`; has ``run(settings) -> Findings``.
+        module: in `validation_parts`; has ``run(settings) -> Findings``, and may have
+            ``tables(findings) -> dict[str, str]``.
         pictures: in `validation_parts`; has ``draw(result, folder)``, which writes its `drawings` as PNG and SVG
             through `plotting.save` into an existing folder.
         drawings: names of its pictures.
@@ -40,6 +41,11 @@ class Group:
     def draw(self, result: Result, folder: Path) -> None:
         """Draw the pictures from a result as read from its files."""
         import_module(f"validation_parts.{self.pictures}").draw(result, folder)
+
+    def tables(self, findings: Findings) -> dict[str, str]:
+        """Tables for the docs by their blocks' names, as Markdown, beside that of the checks."""
+        function = getattr(import_module(f"validation_parts.{self.module}"), "tables", None)
+        return function(findings) if function else {}
 
     def missing(self) -> list[str]:
         """Packages it needs that are not here."""

@@ -7,13 +7,14 @@ import hashlib
 import platform
 import time
 import traceback
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 from validation_parts.checks import Check, Result, Settings, read, shown, write, write_json
 from validation_parts.groups import Group
+from validation_parts.tables import markdown
 
 SCRIPTS = Path(__file__).resolve().parent.parent
 PACKAGE = SCRIPTS.parent / "flexarm_env"
@@ -27,6 +28,7 @@ class Outcome:
     Attributes:
         group: which.
         checks: what it checked; empty if it did not run to its end.
+        quoted: further figures that the docs quote.
         seconds: what the work took (when it was done).
         reused: an earlier run's files were taken.
         missing: packages for lack of which it did not run.
@@ -35,6 +37,7 @@ class Outcome:
 
     group: Group
     checks: Sequence[Check] = ()
+    quoted: Mapping[str, float] = field(default_factory=dict)
     seconds: float = 0.0
     reused: bool = False
     missing: Sequence[str] = field(default=())
@@ -103,9 +106,12 @@ def run_group(group: Group, quick: bool, folder: Path, fresh: bool, progress: Ca
         figures = folder / "figures"
         figures.mkdir(exist_ok=True)
         group.draw(result, figures)
+        for name, table in group.tables(result.findings).items():
+            (folder / f"{name}.md").write_text(table)
     except Exception:  # one group's error does not keep the others from running
         return Outcome(group, error=traceback.format_exc())
-    return Outcome(group, result.findings.checks, result.seconds, reused)
+    found = result.findings
+    return Outcome(group, found.checks, found.quoted, result.seconds, reused)
 
 
 # --- the report -----------------------------------------------------------------------------------------------
@@ -117,7 +123,13 @@ def summary(outcomes: Sequence[Outcome], quick: bool) -> dict[str, object]:
         "quick": quick,
         "passed": not any(outcome.failed(quick) for outcome in outcomes),
         "groups": {
-            o.group.name: {"title": o.group.title, "seconds": o.seconds, "missing": list(o.missing), "error": o.error}
+            o.group.name: {
+                "title": o.group.title,
+                "seconds": o.seconds,
+                "missing": list(o.missing),
+                "error": o.error,
+                "quoted": o.quoted,
+            }
             for o in outcomes
         },
         "checks": [asdict(check) | {"passed": check.passed} for o in outcomes for check in o.checks],
@@ -126,22 +138,21 @@ def summary(outcomes: Sequence[Outcome], quick: bool) -> dict[str, object]:
 
 def table_of_all(outcomes: Sequence[Outcome]) -> str:
     """Markdown: one row a check, or a row for a group that did not run."""
-    lines = ["| group | check | figure | threshold | |", "|---|---|---|---|---|"]
+    rows = []
     for outcome in outcomes:
         title = outcome.group.title
         if outcome.missing:
-            lines.append(f"| {title} | none | | | **not run**: no {', '.join(outcome.missing)} |")
+            rows.append([title, "", "", "", f"**not run**: no {', '.join(outcome.missing)}"])
         if outcome.error:
-            lines.append(f"| {title} | none | | | **error**: {outcome.error.splitlines()[-1]} |")
-        lines += [f"| {title} | {c.name} | {c.found} | {c.threshold} | {_verdict(c)} |" for c in outcome.checks]
-    return "\n".join(lines) + "\n"
+            rows.append([title, "", "", "", f"**error**: {outcome.error.splitlines()[-1]}"])
+        rows += [[title, c.name, c.found, c.threshold, _verdict(c)] for c in outcome.checks]
+    return markdown(("group", "check", "figure", "threshold", ""), rows)
 
 
 def table_of_group(checks: Sequence[Check]) -> str:
     """Markdown: one row a check, with the reason of its threshold."""
-    lines = ["| check | figure | threshold | why this threshold | |", "|---|---|---|---|---|"]
-    lines += [f"| {c.name} | {c.found} | {c.threshold} | {c.reason} | {_verdict(c)} |" for c in checks]
-    return "\n".join(lines) + "\n"
+    rows = [[c.name, c.found, c.threshold, c.reason, _verdict(c)] for c in checks]
+    return markdown(("check", "figure", "threshold", "why this threshold", ""), rows)
 
 
 def _verdict(check: Check) -> str:

@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 from flexarm_env import ArmParameters, FlexibleArm
 from validation_parts import exact_beams as exact
 from validation_parts import finite_elements as fe
-from validation_parts.checks import Check, Findings, Settings
+from validation_parts.checks import Check, Findings, Settings, shown
 from validation_parts.exact_beams import Joints
 from validation_parts.small_motion import BASES, MODES, frequencies, rate, unlocked, with_modes
+from validation_parts.tables import markdown
 
 Array = NDArray[np.float64]
 
@@ -58,7 +59,37 @@ def run(settings: Settings) -> Findings:
     orders = {name: _mesh_errors(joints).tolist() for name, joints in JOINTS.items()}
     rates = {name: _shape_errors(joints) for name, joints in JOINTS.items()}
     checks = [*_method_checks(rows, orders), *_model_checks(rows), *_rate_checks(rates)]
-    return Findings(checks, records={"rows": rows, "mesh_errors": orders, "shape_errors": rates})
+    return Findings(checks, records={"rows": rows, "mesh_errors": orders, "shape_errors": rates}, quoted=_quoted(rows))
+
+
+def largest(rows: list[dict[str, Any]], basis: str, joints: str, load: str | None = None) -> Array:
+    """Errors of the first two elastic frequencies, largest over angles (and loads). Shape (len(MODES), 2)."""
+    cases = [r for r in rows if r["joints"] == joints and load in (None, r["load"])]
+    return np.array([np.max([errors(r, basis, m)[:2] for r in cases], axis=0) for m in MODES])
+
+
+def tables(findings: Findings) -> dict[str, str]:
+    """Largest errors by shapes, joints and number of modes."""
+    lines = []
+    for load, label in (("bare", "bare"), (None, "any")):
+        for joints in JOINTS:
+            for basis in BASES:
+                found = 100.0 * largest(findings.records["rows"], basis, joints, load)
+                lines.append([label, joints, basis, *(" / ".join(shown(value) for value in pair) for pair in found)])
+    return {"arm_errors": markdown(("load", "joints", "shapes", *(f"m = {m}" for m in MODES)), lines)}
+
+
+def _quoted(rows: list[dict[str, Any]]) -> dict[str, float]:
+    """In percent: first and second frequency, shapes, joints, modes."""
+    figures = {}
+    for basis in BASES:
+        for joints in JOINTS:
+            for load in ("bare", None):
+                found = 100.0 * largest(rows, basis, joints, load)
+                for m, pair in zip(MODES, found, strict=True):
+                    figures[f"{load or 'any load'}, {joints}, {m} {basis}, first"] = pair[0]
+                    figures[f"{load or 'any load'}, {joints}, {m} {basis}, first two"] = max(pair)
+    return figures
 
 
 def _row(load: str, parameters: ArmParameters, name: str, theta2: float) -> dict[str, Any]:

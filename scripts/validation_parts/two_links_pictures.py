@@ -74,7 +74,7 @@ def convergence(records: dict[str, Any], folder: Path) -> None:
 
 def by_angle(rows: list[dict[str, Any]], folder: Path) -> None:
     """The bare arm's first two elastic frequencies by elbow angle."""
-    figure, axes = plt.subplots(1, len(SHOWN), figsize=(12, 4.8))
+    figure, axes = plt.subplots(1, len(SHOWN), figsize=(12, 5.4))
     for axis, joints in zip(axes, SHOWN, strict=True):
         cases = [r for r in rows if r["load"] == "bare" and r["joints"] == joints]
         angles = np.rad2deg([r["theta2"] for r in cases])
@@ -87,5 +87,5 @@ def by_angle(rows: list[dict[str, Any]], folder: Path) -> None:
                     label = None if i else f"{basis} shapes, m = {m}"
                     axis.plot(angles, found, color=COLOURS[b], linestyle=style, label=label)
         axis.set(title=f"joints: {joints}", xlabel="elbow angle [deg]", ylabel="frequency [rad/s]", ylim=(0, None))
-    axes[0].legend(fontsize=9)
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncol=4)
     save(figure, folder, "arm_angles")
