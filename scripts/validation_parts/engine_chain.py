@@ -1,9 +1,9 @@
 """A chain of another engine (`mujoco_chain`) and a model of ours, moved and looked at in the same way.
 
-**Initial shapes.** A chain's segment k lies at the tangent's angle there. Where a shape is given by a model's deflection
-w(x), x is taken as arc length and w as what lies across the root tangent: sin(angle of the tangent) = w'(x). The linear
-model cannot tell x from arc length; taking atan instead would change the angle at third order. What is read off a chain
-is read in the same way: w at arc length x is the distance from the root tangent.
+**Shapes.** A model's deflection w(x) and a chain are read in the same way: x is arc length, w the distance from the root
+tangent, so that sin(angle of the tangent) = w'(x). The linear model cannot tell x from arc length; reading its tangent
+as atan w' instead would change angles at third order. A bent start is no transfer of shapes: it is each one's own
+equilibrium under the same force.
 """
 
 from __future__ import annotations
@@ -60,8 +60,8 @@ class Bend(NamedTuple):
 class Plant(Protocol):
     """Something to which torques are applied."""
 
-    def advance(self, torque: Array) -> None:
-        """Hold a torque [N m] for `HELD`."""
+    def advance(self, torque: Array, periods: int) -> Array:
+        """Hold a torque [N m] for some `HELD`; where the tip is after each. Shape (periods, 2)."""
 
     def look(self) -> Sight:
         """The arm now."""
@@ -74,6 +74,7 @@ class Chain:
     """The chain, undamped unless its arm is damped.
 
     Attributes:
+        parameters: of the arm.
         model: MuJoCo's.
         data: MuJoCo's.
         substeps: integration steps in `HELD`.
@@ -83,13 +84,18 @@ class Chain:
     def __init__(self, elements: int, arm: ArmParameters, angle: float = CHAIN_ANGLE) -> None:
         """Build it, at rest and straight, integrated by the classical Runge-Kutta method.
 
+        Dampers in proportion to the springs make the fastest modes too fast for that; a damped chain is integrated by
+        `implicitfast`, of first order.
+
         Args:
             elements: bending elements a link, one less than segments.
             arm: the arm.
             angle: largest product of step and fastest rate.
         """
+        self.parameters = arm
         self.model = chain.chain_model(elements + 1, arm)
-        self.model.opt.integrator = mujoco.mjtIntegrator.mjINT_RK4
+        if arm.modal_damping_ratio == 0.0:
+            self.model.opt.integrator = mujoco.mjtIntegrator.mjINT_RK4
         self.substeps = int(np.ceil(HELD * chain.frequencies(self.model)[-1] / angle))
         self.model.opt.timestep = HELD / self.substeps
         self.data = mujoco.MjData(self.model)
@@ -100,10 +106,15 @@ class Chain:
         self._ends = np.concatenate([[0.0], half + np.arange(elements) / elements, [1.0]])  # of segments, L = 1
         self._lengths = np.outer(arm.link_lengths, np.diff(self._ends))
 
-    def advance(self, torque: Array) -> None:
-        """Hold a torque [N m] for `HELD`."""
+    def advance(self, torque: Array, periods: int = 1) -> Array:
+        """See `Plant.advance`."""
         self.data.ctrl[:] = torque
-        mujoco.mj_step(self.model, self.data, self.substeps)
+        tips = np.empty((periods, 2))
+        for tip in tips:
+            mujoco.mj_step(self.model, self.data, self.substeps)
+            mujoco.mj_kinematics(self.model, self.data)
+            tip[:] = self.data.site_xpos[self._tip, :2]
+        return tips
 
     def look(self) -> Sight:
         """The arm now."""
@@ -166,9 +177,12 @@ class Modal:
         places = np.linspace(0.0, 1.0, PLACES)
         self._shapes = [link.shape(link.length * places) for link in arm.modes]
 
-    def advance(self, torque: Array) -> None:
-        """Hold a torque [N m] for `HELD`."""
-        self.state = self.arm.simulate(self.state, np.array([torque]), HELD, HELD, self._substeps).state[-1]
+    def advance(self, torque: Array, periods: int = 1) -> Array:
+        """See `Plant.advance`."""
+        held = np.tile(torque, (periods, 1))
+        run = self.arm.simulate(self.state, held, periods * HELD, HELD, self._substeps)
+        self.state = run.state[-1]
+        return run.tip[1:]
 
     def look(self) -> Sight:
         """The arm now."""
