@@ -70,7 +70,8 @@ class Settings:
     arm: str | Mapping[str, Any] = _option(
         "default",
         '"default" (2 modes a link, complete dynamics, 1 % modal damping), "paper", or a mapping of `ArmParameters` '
-        'fields, with `preset` ("default" or "paper") for those it does not set',
+        'fields, with `preset` ("default" or "paper") for those it does not set; {"kinematics": "foreshortened"} is '
+        "the arm whose bent links keep their length",
     )
     action_mode: Mode = _option("torque", "what an action is; see Action space")
     control_period: float = _option(0.01, "an action is held so long", "s")

@@ -32,6 +32,7 @@ RANDOMISATION = {
 # All that is random at once; the last three not where the law acts on the sensor.
 RANDOM: dict[str, Any] = {"randomisation": RANDOMISATION, "encoder_noise": (1e-3, 1e-2), "start": "mix"}
 POOR_SENSOR: dict[str, Any] = {"jitter": 0.01, "hold": 0.015, "dropout": 0.1}
+FORESHORTENED = {"arm": {"kinematics": "foreshortened", "mode_shapes": "polynomial"}}
 
 # What every id takes.
 _COMMON: list[dict[str, Any]] = [
@@ -72,6 +73,7 @@ _BY_ID: dict[str, list[dict[str, Any]]] = {
         *_PATHS,
         {"arm": "paper", "sensor": "rigid", "wave_speed": 100.0},
         {"torque_limit": (100.0, 40.0), "control_period": 0.02, "physics_step": 5e-4},
+        FORESHORTENED | {"randomisation": {"payload_mass": (0.0, 0.5), "stiffness": (0.9, 1.1)}},
     ],
     "SquareResidual": [
         *_SENSING[:1],
@@ -82,6 +84,7 @@ _BY_ID: dict[str, list[dict[str, Any]]] = {
         *_SENSING[:1],
         {"gain_limit": 5.0, "proportional_gain": 80.0, "derivative_gain": 30.0, "torque_limit": (300.0, 200.0)},
         {"law_sensor": "sensor", "delay": 0.002, "compensation": "shared", "delayed": "position+rate"},
+        FORESHORTENED,
     ],
     "SquareEncoders": [],
     "Reach": _SENSING[:1],

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from envs import GAIN, PAPER, RESIDUAL, SQUARE, bare
+from envs import FORESHORTENED, GAIN, PAPER, RESIDUAL, SQUARE, bare
 from numpy.polynomial import Chebyshev, Polynomial
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
@@ -230,6 +230,7 @@ LATE = {"law_sensor": "sensor", "delay": 0.004}
             SensorParameters("true", delay=0.004),
             LawParameters(compensation="shared", torque_limit=(300.0, 90.0)),
         ),
+        (GAIN, FORESHORTENED | LATE, SensorParameters("true", delay=0.004), LawParameters()),
     ],
 )
 def test_the_gain_scales_the_papers_law(

@@ -17,22 +17,31 @@ from flexarm_env import FlexibleArm, kernels, stepping
 from flexarm_env import dynamics as dyn
 from flexarm_env.elementary import sincos
 from flexarm_env.recorded import Variant
-from flexarm_env.rows import arena_rows, layout
+from flexarm_env.rows import extent
 
 LANES = 8
-VARIANTS = [(1, True), (2, True), (4, True), (2, False)]
+# modes, complete velocity forces, kinematics
+VARIANTS = [
+    (1, True, "linear"),
+    (2, True, "linear"),
+    (4, True, "linear"),
+    (2, False, "linear"),
+    (2, True, "foreshortened"),
+]
 
 
 class Batch:
     """Random arms of one variant at random states, as the kernels and as numpy want them."""
 
-    def __init__(self, modes: int, complete: bool, count: int = LANES) -> None:
+    def __init__(self, modes: int, complete: bool, kinematics: str = "linear", count: int = LANES) -> None:
         rng = np.random.default_rng(modes)
         self.modes, self.complete, self.count = modes, complete, count
+        self.foreshortened = kinematics == "foreshortened"
         self.size = 2 * modes + 2
         self.constants, internal = [], []
         for seed in range(count):
-            parameters = loaded_arm(modes, payload_mass=rng.uniform(0.0, 2.0), elbow_hub_inertia=rng.uniform(0.0, 1.0))
+            loads = {"payload_mass": rng.uniform(0.0, 2.0), "elbow_hub_inertia": rng.uniform(0.0, 1.0)}
+            parameters = loaded_arm(modes, kinematics=kinematics, **loads)
             arm = FlexibleArm(parameters)
             self.constants.append(arm.constants.flat())
             internal.append(arm.internal_state(random_state(parameters, seed, deflection=0.05, rate=0.5)))
@@ -40,11 +49,14 @@ class Batch:
         self.tau = rng.normal(size=(2, count)) * 10.0
 
     def module(self, lanes: int) -> ModuleType:
-        return kernels.load(Variant("open", self.modes, self.complete, lanes))
+        return kernels.load(self.variant(lanes))
+
+    def variant(self, lanes: int) -> Variant:
+        return Variant("open", self.modes, self.complete, lanes, foreshortened=self.foreshortened)
 
     def arenas(self, lanes: int) -> np.ndarray:
         """Shape (blocks, rows * lanes)."""
-        rows = np.zeros((arena_rows("open", self.modes), self.count))
+        rows = np.zeros((extent(self.rows), self.count))
         values = {"Y": self.y, "V": self.v, "CONSTANTS": np.array(self.constants).T, "TAU": self.tau}
         for name, value in values.items():
             first, n = self.rows[name]
@@ -53,7 +65,7 @@ class Batch:
 
     @property
     def rows(self) -> dict[str, tuple[int, int]]:
-        return layout("open", self.modes)
+        return self.variant(1).rows
 
     def part(self, arenas: np.ndarray, lanes: int, name: str) -> np.ndarray:
         """Shape (n, count)."""
@@ -62,7 +74,7 @@ class Batch:
 
     def by_numpy(self, y: np.ndarray, v: np.ndarray) -> np.ndarray:
         """The accelerations that the package's formulas give on arrays."""
-        k = dyn.Constants.unflat(list(np.array(self.constants).T), self.modes)
+        k = dyn.Constants.unflat(list(np.array(self.constants).T), self.modes, self.foreshortened)
         sin, cos = sincos(y[self.modes + 1] - y[0])
         sin_theta2 = sincos(dyn.joint_angles(k, y)[1])[0]
         return np.array(dyn.acceleration(k, self.complete, list(y), list(v), self.tau, (cos, sin, sin_theta2)))
@@ -79,7 +91,7 @@ class Batch:
         return np.concatenate(list(shaped.transpose(1, 0, 2, 3)), axis=2)
 
 
-@pytest.fixture(scope="module", params=VARIANTS, ids=lambda variant: f"{variant[0]}-{variant[1]}")
+@pytest.fixture(scope="module", params=VARIANTS, ids=str)
 def batch(request: pytest.FixtureRequest) -> Batch:
     return Batch(*request.param)
 
@@ -251,7 +263,7 @@ def test_batch_kernels_work_on_several_lanes_at_once(variant: Variant, kernel: s
     options = {name: value for name, value in dispatcher.targetoptions.items() if name not in ("cache", "nopython")}
     assert not options.get("fastmath")
     fresh = njit(**options)(dispatcher.py_func)  # what comes from a cache has no assembly to show
-    fresh(np.zeros(arena_rows(variant.kind, variant.modes) * LANES), *arguments)
+    fresh(np.zeros(extent(variant.rows) * LANES), *arguments)
     (assembly,) = fresh.inspect_asm().values()
     packed, scalar, _ = (len(re.findall(pattern, assembly)) for pattern in MACHINES[machine])
     # hundreds of operations; scalar ones are left to the wrapper and to a loop's remainder, of which there is none

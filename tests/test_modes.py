@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from lagrange import clenshaw_curtis, loaded_arm, shapes, textbook_roots
 
-from flexarm_env.modes import LinkModes, clamped_free_roots, link_modes
+from flexarm_env.modes import LinkModes, clamped_free_roots, foreshortening_moments, link_modes
 
 L, EI, RHO, A = 4.5, 1676.0, 0.335, 0.1  # the paper's link
 EPS = np.finfo(float).eps
@@ -158,6 +158,98 @@ def test_mode_scale_scales_the_coordinates_only() -> None:
     np.testing.assert_allclose(ten.tip_values, 10.0 * one.tip_values, rtol=4 * EPS)
     np.testing.assert_allclose(ten.stiffness, 100.0 * one.stiffness, rtol=4 * EPS)
     np.testing.assert_allclose(np.diag(ten.mass), 100.0 * np.diag(one.mass), rtol=4 * EPS)
+
+
+# --- polynomial shapes ------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def polynomial() -> LinkModes:
+    return link_modes(L, EI, RHO, 4, A, "polynomial")
+
+
+# A generalised eigenproblem of monomials, whose mass matrix has the condition 2e7, is what they are compared with.
+MONOMIALS = 1e8 * EPS
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 4])
+def test_polynomial_shapes_are_the_ritz_modes_of_monomials(count: int) -> None:
+    link = link_modes(L, EI, RHO, count, A, "polynomial")
+    p = loaded_arm(count, mode_scale=A, mode_shapes="polynomial")
+    x = np.linspace(0.0, L, 50)
+    for order, ours in enumerate((link.shape(x), link.slope(x), link.curvature(x))):
+        theirs = shapes(p, L, x, order)
+        np.testing.assert_allclose(ours, theirs, atol=MONOMIALS * np.abs(theirs).max())
+
+
+def test_polynomial_shapes_are_orthogonal_in_mass_and_bending(polynomial: LinkModes) -> None:
+    x, weight = clenshaw_curtis(L)
+    phi, bend = polynomial.shape(x), polynomial.curvature(x)
+    off = ~np.eye(4, dtype=bool)
+    for matrix in (RHO * phi.T @ (weight[:, None] * phi), EI * bend.T @ (weight[:, None] * bend)):
+        scale = np.sqrt(np.outer(np.diag(matrix), np.diag(matrix)))
+        assert np.all(np.abs(matrix / scale)[off] < 1e-12)  # powers up to the fifth cancel three digits
+    np.testing.assert_allclose(polynomial.frequencies**2, polynomial.stiffness / np.diag(polynomial.mass), rtol=1e-12)
+
+
+def test_polynomial_shapes_are_clamped_and_end_like_the_cantilevers(polynomial: LinkModes, link: LinkModes) -> None:
+    assert np.all(polynomial.shape(0.0) == 0.0)
+    assert np.all(polynomial.slope(0.0) == 0.0)
+    np.testing.assert_allclose(polynomial.tip_values, link.tip_values, rtol=1e-12)
+    # they can carry a moment there, the cantilever's modes cannot
+    assert np.abs(polynomial.curvature(L)).max() > polynomial.curvature(0.0)[0]
+
+
+def test_polynomial_frequencies_are_upper_bounds_that_fall_with_their_number(link: LinkModes) -> None:
+    """Rayleigh and Ritz: each further shape lowers each frequency, never below the beam's."""
+    found = [link_modes(L, EI, RHO, count, A, "polynomial").frequencies for count in (1, 2, 3, 4)]
+    for fewer, more in zip(found, found[1:], strict=False):
+        assert np.all(more[: len(fewer)] < fewer)
+    assert np.all(found[-1] > link.frequencies)
+    # four polynomials hold the first mode almost, and the second within a percent
+    assert np.all(found[-1][:2] < link.frequencies[:2] * (1.0 + np.array([1e-5, 1e-2])))
+
+
+def test_two_polynomials_hold_every_static_shape_of_forces_at_the_tip() -> None:
+    """A tip force and a tip moment bend the beam by x^2 (3 L - x) and by x^2: its statics are exact."""
+    link = link_modes(L, EI, RHO, 2, A, "polynomial")
+    compliance = np.array([[L**3 / 3.0, L**2 / 2.0], [L**2 / 2.0, L]]) / EI
+    ends = np.stack([link.tip_values, link.tip_slopes])
+    np.testing.assert_allclose(ends @ (ends / link.stiffness).T, compliance, rtol=1e-12)
+
+
+# --- foreshortening ---------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("mode_shapes", ["cantilever", "polynomial"])
+def test_foreshortening_is_the_integral_of_products_of_slopes(mode_shapes: str) -> None:
+    link = link_modes(L, EI, RHO, 4, A, mode_shapes)
+    distances = np.array([[0.0, 0.7], [3.1, L]])
+    sums = link.foreshortening(distances)
+    assert sums.shape == (2, 2, 4, 4)
+    for place in np.ndindex(2, 2):
+        x, weight = clenshaw_curtis(max(float(distances[place]), 1e-300))
+        expected = link.slope(x).T @ (weight[:, None] * link.slope(x))
+        np.testing.assert_allclose(sums[place], expected, atol=ROUNDING * np.abs(sums).max())
+
+
+def test_moments_of_the_foreshortening_are_sums_over_the_links_points() -> None:
+    link, tip_mass = link_modes(L, EI, RHO, 3, A), 0.7
+    x, weight = clenshaw_curtis(L)
+    mass, points = np.append(RHO * weight, tip_mass), np.append(x, L)
+    s, phi = link.foreshortening(points), link.shape(points)
+    moments = foreshortening_moments(link, tip_mass)
+    sums = {
+        "mean": np.einsum("n,nij->ij", mass, s),
+        "shortened": np.einsum("n,n,nij->ij", mass, points, s),
+        "cubic": np.einsum("n,nk,nij->kij", mass, phi, s),
+    }
+    for name, expected in sums.items():
+        np.testing.assert_allclose(getattr(moments, name), expected, atol=ROUNDING * np.abs(expected).max())
+    pairs = [(0, 0), (1, 0), (1, 1), (2, 0), (2, 1), (2, 2)]
+    quartic = np.einsum("n,nij,nkl->ijkl", mass, s, s)
+    expected = np.array([[quartic[*a, *b] for b in pairs] for a in pairs])
+    np.testing.assert_allclose(moments.quartic, expected, atol=ROUNDING * np.abs(expected).max())
 
 
 # --- statics ----------------------------------------------------------------------------------------------------------

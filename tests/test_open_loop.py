@@ -30,10 +30,15 @@ def swing(time: float, state: np.ndarray) -> tuple[float, float]:
 # --- conserved quantities ---------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("modes", "substeps"), [(1, 4), (2, 8), (4, 32)])
-def test_energy_of_the_free_undamped_arm_drifts_like_the_methods_error(modes: int, substeps: int) -> None:
+@pytest.mark.parametrize(
+    ("modes", "substeps", "kinematics"),
+    [(1, 4, "linear"), (2, 8, "linear"), (4, 32, "linear"), (2, 8, "foreshortened")],
+)
+def test_energy_of_the_free_undamped_arm_drifts_like_the_methods_error(
+    modes: int, substeps: int, kinematics: str
+) -> None:
     """The classical Runge-Kutta method loses energy like the fifth power of the step, so that halving it gains 32."""
-    arm = FlexibleArm(loaded_arm(modes, **FREE))
+    arm = FlexibleArm(loaded_arm(modes, kinematics=kinematics, **FREE))
     coarse, fine = (
         energies(arm.simulate(start_of(arm), None, 10.0, step=1e-2, substeps=n)) for n in (4 * substeps, 8 * substeps)
     )
@@ -56,10 +61,10 @@ def test_papers_velocity_forces_do_not_conserve_energy() -> None:
     assert gains[1] > 1.0  # seen: ninefold
 
 
-@pytest.mark.parametrize("modes", [1, 2])
-def test_angular_momentum_is_conserved_without_shoulder_torque(modes: int) -> None:
+@pytest.mark.parametrize(("modes", "kinematics"), [(1, "linear"), (2, "linear"), (2, "foreshortened")])
+def test_angular_momentum_is_conserved_without_shoulder_torque(modes: int, kinematics: str) -> None:
     """An elbow torque, elbow friction and modal damping are internal: they cannot change it."""
-    arm = FlexibleArm(loaded_arm(modes, joint_friction=(0.0, 0.4)))
+    arm = FlexibleArm(loaded_arm(modes, joint_friction=(0.0, 0.4), kinematics=kinematics))
     run = arm.simulate(start_of(arm), lambda time, state: (0.0, swing(time, state)[1]), 1.0, step=1e-2, substeps=20)
     momentum = arm.angular_momentum(run.state)
     drift = np.abs(momentum - momentum[0]).max()

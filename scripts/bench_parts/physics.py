@@ -21,8 +21,9 @@ from flexarm_env import (
     rest_state,
     square,
 )
+from flexarm_env.parameters import Kinematics
 from flexarm_env.recorded import Variant
-from flexarm_env.rows import arena_rows, layout
+from flexarm_env.rows import extent
 from flexarm_env.task import CONTROL_PERIOD
 
 LANES = (8, 32)  # arms that the compiler may work on together
@@ -46,6 +47,15 @@ def torque_driven(modes: Sequence[int], effort: float) -> Group:
             name = f"{label}, {ARMS} arms, {lanes} lanes"
             subjects.append(bare_kernel(name, m, lanes, ARMS, round(400 * effort)))
             ratios.append(Ratio(f"{label}, 1 arm", name, f"batch of {lanes} lanes over scalar, {label}"))
+        bent = f"{label}, foreshortened"
+        subjects += [
+            bare_kernel(f"{bent}, 1 arm", m, 1, 1, round(100_000 * effort), "foreshortened"),
+            bare_kernel(f"{bent}, {ARMS} arms", m, LANES[-1], ARMS, round(400 * effort), "foreshortened"),
+        ]
+        ratios += [
+            Ratio(f"{bent}, 1 arm", f"{label}, 1 arm", f"linear over foreshortened, 1 arm, {label}"),
+            Ratio(f"{bent}, {ARMS} arms", name, f"linear over foreshortened, batch, {label}"),
+        ]
         peak = peers.multiply_adds(effort)
         name = f"{label}, its operations at the peak of multiply-adds"
         subjects.append(Subject(name, peak.work, peak.amount / operations(m)))
@@ -63,7 +73,7 @@ def operations(modes: int) -> int:
     return 4 * len(re.findall(r" [-+*/] (?![^\[]*\])", stage)) + 4 * size
 
 
-def bare_kernel(name: str, modes: int, lanes: int, arms: int, steps: int) -> Subject:
+def bare_kernel(name: str, modes: int, lanes: int, arms: int, steps: int, kinematics: Kinematics = "linear") -> Subject:
     """The kernel of the torque-driven arm and nothing around it.
 
     Args:
@@ -72,11 +82,13 @@ def bare_kernel(name: str, modes: int, lanes: int, arms: int, steps: int) -> Sub
         lanes: of a block.
         arms: of the batch.
         steps: in a timed call.
+        kinematics: of the arm.
     """
-    arm = FlexibleArm(ArmParameters(modes_per_link=modes))
-    rows = layout("open", modes)
+    arm = FlexibleArm(ArmParameters(modes_per_link=modes, kinematics=kinematics))
+    variant = Variant("open", modes, True, lanes, foreshortened=arm.constants.foreshortened)
+    rows = variant.rows
     blocks = arms // lanes
-    arenas = np.zeros((blocks, arena_rows("open", modes), lanes))
+    arenas = np.zeros((blocks, extent(rows), lanes))
     state = np.zeros((arms, 2 * arm.size))
     state[:, 1] = np.linspace(0.5, 2.5, arms)  # theta2, and rates: every arm swings in its own way
     state[:, arm.size : arm.size + 2] = 0.3, -0.5
@@ -91,7 +103,7 @@ def bare_kernel(name: str, modes: int, lanes: int, arms: int, steps: int) -> Sub
     flat = arenas.reshape(blocks, -1)
     torques = np.zeros((steps, blocks, 2 * lanes))
     states = np.zeros((1, blocks, 2 * arm.size * lanes))
-    run = kernels.load(Variant("open", modes, True, lanes)).run_open
+    run = kernels.load(variant).run_open
     step = min(1e-3, 0.5 * arm.longest_step())
 
     def work() -> None:
