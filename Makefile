@@ -10,18 +10,22 @@ PLOT   := $(VENV)/.stamp-plot
 DRAW   := $(VENV)/.stamp-draw
 TRAIN  := $(VENV)/.stamp-train
 BENCH  := $(VENV)/.stamp-bench
+VALID  := $(VENV)/.stamp-validate
 TEST   := $(VENV)/.stamp-test
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 .NOTPARALLEL:  # two installs into one environment must not overlap, and `make -j` buys nothing here
-.PHONY: help reproduce test test-slow lint typecheck contract train evaluate bench docs clean
+.PHONY: help reproduce validate test test-slow lint typecheck contract train evaluate bench docs clean
 
 help:  ## List the verbs
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
 
 reproduce: $(PLOT)  ## Reproduce the paper's figures and tables (installs no learning library)
 	$(PY) scripts/reproduce_paper.py $(ARGS)
+
+validate: $(VALID)  ## Check the physics against exact beams, finite elements, MuJoCo and its own invariants
+	$(PY) scripts/validate.py $(ARGS)
 
 test: lint typecheck contract  ## Run every check: lint, typecheck, contract, and pytest without the slow tests
 	$(PY) -m pytest $(ARGS)
@@ -52,8 +56,9 @@ evaluate: $(TRAIN)  ## Score the controllers, the shipped policy and trained run
 bench: $(BENCH)  ## Measure the speed of simulation and environments beside their peers
 	$(PY) scripts/bench.py $(ARGS)
 
-docs: reproduce $(DRAW)  ## Regenerate the pictures, tables and environment pages committed under docs/
+docs: reproduce validate $(DRAW)  ## Regenerate the pictures, tables and environment pages committed under docs/
 	$(PY) scripts/build_docs.py
+	$(PY) scripts/build_validation_docs.py
 	$(PY) scripts/build_env_docs.py
 	$(PY) scripts/corner_picture.py
 
@@ -97,8 +102,14 @@ $(BENCH): pyproject.toml constraints.txt
 	$(PY) -m pip install -e ".[plot,bench]" -c constraints.txt || $(PY) -m pip install -e ".[plot]" -c constraints.txt
 	@touch $@
 
-# The test extra contains the plot and the render extra.
+# Without MuJoCo the script says what it did not run, and fails: the rest is then checked all the same.
+$(VALID): pyproject.toml constraints.txt
+	$(ensure_venv)
+	$(PY) -m pip install -e ".[validate]" -c constraints.txt || $(PY) -m pip install -e ".[plot]" -c constraints.txt
+	@touch $@ $(PLOT)
+
+# The test extra contains the plot, the render and the validate extra.
 $(TEST): pyproject.toml constraints.txt
 	$(ensure_venv)
 	$(PY) -m pip install -e ".[test]" -c constraints.txt
-	@touch $@ $(PLOT) $(DRAW)
+	@touch $@ $(PLOT) $(DRAW) $(VALID)

@@ -29,6 +29,7 @@ class Outcome:
         group: which.
         checks: what it checked; empty if it did not run to its end.
         quoted: further figures that the docs quote.
+        tables: further tables of the docs, Markdown.
         seconds: what the work took (when it was done).
         reused: an earlier run's files were taken.
         missing: packages for lack of which it did not run.
@@ -38,6 +39,7 @@ class Outcome:
     group: Group
     checks: Sequence[Check] = ()
     quoted: Mapping[str, float] = field(default_factory=dict)
+    tables: Mapping[str, str] = field(default_factory=dict)
     seconds: float = 0.0
     reused: bool = False
     missing: Sequence[str] = field(default=())
@@ -106,12 +108,11 @@ def run_group(group: Group, quick: bool, folder: Path, fresh: bool, progress: Ca
         figures = folder / "figures"
         figures.mkdir(exist_ok=True)
         group.draw(result, figures)
-        for name, table in group.tables(result.findings).items():
-            (folder / f"{name}.md").write_text(table)
+        tables = group.tables(result.findings)
     except Exception:  # one group's error does not keep the others from running
         return Outcome(group, error=traceback.format_exc())
     found = result.findings
-    return Outcome(group, found.checks, found.quoted, result.seconds, reused)
+    return Outcome(group, found.checks, found.quoted, tables, result.seconds, reused)
 
 
 # --- the report -----------------------------------------------------------------------------------------------
@@ -129,6 +130,7 @@ def summary(outcomes: Sequence[Outcome], quick: bool) -> dict[str, object]:
                 "missing": list(o.missing),
                 "error": o.error,
                 "quoted": o.quoted,
+                "tables": o.tables,
             }
             for o in outcomes
         },
@@ -178,9 +180,11 @@ def printed(outcomes: Sequence[Outcome]) -> str:
 
 
 def write_report(outcomes: Sequence[Outcome], quick: bool, folder: Path) -> None:
-    """Write summary.json, summary.md and a table for each group that ran."""
+    """Write summary.json, summary.md and the tables of each group that ran."""
     write_json(folder / "summary.json", summary(outcomes, quick))
     (folder / "summary.md").write_text(table_of_all(outcomes))
     for outcome in outcomes:
         if outcome.checks:
             (folder / f"{outcome.group.name}.md").write_text(table_of_group(outcome.checks))
+        for name, table in outcome.tables.items():
+            (folder / f"{name}.md").write_text(table)
