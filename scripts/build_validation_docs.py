@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import tyro
-
 from build_docs import DOCS, filled
+
 from validation_parts.groups import GROUPS
 
 PAGE = "validation.md"

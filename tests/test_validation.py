@@ -216,9 +216,8 @@ def test_bad_options_are_refused(tmp_path: Path) -> None:
 
 def test_a_straight_locked_arm_is_one_beam() -> None:
     """Roots from tables: 1.875104, 4.694091 clamped-free; 3.926602, 7.068583 pinned-free."""
-    from validation_parts.exact_beams import Joints, two_links
-
     from flexarm_env import ArmParameters
+    from validation_parts.exact_beams import Joints, two_links
 
     scale = np.sqrt(1676.0 / 0.335) / 9.0**2
     for joints, roots in (
@@ -231,9 +230,8 @@ def test_a_straight_locked_arm_is_one_beam() -> None:
 
 def test_no_frequency_is_missed_where_two_coincide() -> None:
     """At 90 degrees, link 1's shoulder locked or free, link 2 is a pinned-free beam whose root rests."""
-    from validation_parts.exact_beams import Joints, links, pinned_free, two_links
-
     from flexarm_env import ArmParameters
+    from validation_parts.exact_beams import Joints, links, pinned_free, two_links
 
     expected = pinned_free(links(ArmParameters())[1], 1)[0]
     found = two_links(ArmParameters(), 0.5 * np.pi, Joints(shoulder=True, elbow=False)).frequencies(4, 1)
@@ -241,10 +239,9 @@ def test_no_frequency_is_missed_where_two_coincide() -> None:
 
 
 def test_motions_that_break_the_frame_are_refused() -> None:
+    from flexarm_env import ArmParameters
     from validation_parts.exact_beams import Joints
     from validation_parts.finite_elements import frame
-
-    from flexarm_env import ArmParameters
 
     mesh = frame(ArmParameters(), 1.0, Joints(shoulder=False, elbow=False), 4)
     with pytest.raises(ValueError, match="conditions"):

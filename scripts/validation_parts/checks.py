@@ -137,7 +137,8 @@ def write(folder: Path, result: Result) -> None:
     """Write ``result.json`` and ``data.npz``; the JSON last, and complete or absent."""
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "result.json").unlink(missing_ok=True)
-    np.savez(folder / "data.npz", **{name: np.asarray(array) for name, array in result.findings.arrays.items()})
+    arrays: dict[str, Any] = {name: np.asarray(array) for name, array in result.findings.arrays.items()}
+    np.savez(folder / "data.npz", **arrays)
     data = {
         "key": result.key,
         "seconds": result.seconds,

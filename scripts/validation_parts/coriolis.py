@@ -31,7 +31,8 @@ SMALL = AMPLITUDES[:3]  # where second order is to be seen
 
 def run(settings: Settings) -> Findings:
     """All amplitudes, both arms; the same in the quick run."""
-    rows, arrays = [], {}
+    rows: list[dict[str, Any]] = []
+    arrays: dict[str, Array] = {}
     for amplitude in AMPLITUDES:
         settings.progress(f"{amplitude} N m")
         complete, rigid = (doublet(forces, amplitude) for forces in ("complete", "rigid"))
@@ -72,7 +73,8 @@ def doublet(forces: VelocityForces, amplitude: float) -> Trajectory:
 def _while_sensible(run: Trajectory) -> Trajectory:
     """The run until a link's tip is off its root tangent by more than both links are long."""
     wild = np.append(np.abs(run.tip_deflection).max(axis=1) > run.parameters.reach, True)
-    return replace(run, **{name: array[: int(np.argmax(wild))] for name, array in run.arrays().items()})
+    shorter: dict[str, Any] = {name: array[: int(np.argmax(wild))] for name, array in run.arrays().items()}
+    return replace(run, **shorter)
 
 
 def balance(run: Trajectory) -> Array:

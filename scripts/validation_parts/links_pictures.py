@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import matplotlib.pyplot as plt
+from matplotlib.axes import Axes
 
 from plotting import COLOURS, THRESHOLD, save
 from validation_parts.checks import Result
@@ -40,7 +41,7 @@ def draw(result: Result, folder: Path) -> None:
     save(figure, folder, "links")
 
 
-def _curves(axis: plt.Axes, row: dict[str, object], basis: str, style: str) -> None:
+def _curves(axis: Axes, row: dict[str, object], basis: str, style: str) -> None:
     for i, colour in enumerate(COLOURS[: len(MODES)]):
         found = {m: max(abs(errors(row, basis, m)[i]), FLOOR) for m in MODES if i < len(errors(row, basis, m))}
         axis.plot(list(found), list(found.values()), marker="o", linestyle=style, color=colour)

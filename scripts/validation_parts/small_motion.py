@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import eigh
 
 from flexarm_env import ArmParameters, FlexibleArm
@@ -54,7 +54,7 @@ def unlocked(arm: FlexibleArm, joints: Joints) -> list[int]:
     return [i for i in range(arm.size) if not (i == 0 and joints.shoulder) and not (i == 1 and joints.elbow)]
 
 
-def rate(modes: Sequence[int], errors: Sequence[float]) -> float:
-    """p of ``error ~ modes^-p``, least squares on logarithms."""
-    slope, _ = np.polynomial.polynomial.polyfit(np.log(modes), np.log(errors), 1)[::-1]
+def rate(sizes: ArrayLike, errors: ArrayLike) -> float:
+    """p of ``error ~ size^-p``, least squares on logarithms."""
+    slope, _ = np.polynomial.polynomial.polyfit(np.log(sizes), np.log(errors), 1)[::-1]
     return -float(slope)

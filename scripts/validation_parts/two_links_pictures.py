@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,7 @@ import numpy as np
 from plotting import COLOURS, THRESHOLD, save
 from validation_parts.checks import Result
 from validation_parts.small_motion import BASES, MODES
-from validation_parts.two_links import JOINTS, LOADS, MESHES, RATE_MODES, errors
+from validation_parts.two_links import JOINTS, MESHES, RATE_MODES, errors
 
 SHOWN = ("free", "elbow locked")  # the two kinds of link 1's tip: without moment and with it
 
@@ -26,11 +27,11 @@ def draw(result: Result, folder: Path) -> None:
 
 def by_modes(rows: list[dict[str, Any]], folder: Path) -> None:
     """Error of the first two elastic frequencies, least to largest over the elbow's angles."""
-    shape = (len(BASES), len(JOINTS))
+    shape, loads = (len(BASES), len(JOINTS)), list(dict.fromkeys(row["load"] for row in rows))
     figure, axes = plt.subplots(*shape, figsize=(14, 1.0 + 4.0 * len(BASES)), sharex=True, sharey=True, squeeze=False)
     for line, basis in zip(axes, BASES, strict=True):
         for axis, joints in zip(line, JOINTS, strict=True):
-            for load, colour in zip(LOADS, COLOURS, strict=False):
+            for load, colour in zip(loads, COLOURS, strict=False):
                 cases = [r for r in rows if r["load"] == load and r["joints"] == joints]
                 for i, style in enumerate(("-", "--")):
                     found = 100.0 * np.array([[errors(r, basis, m)[i] for r in cases] for m in MODES])
@@ -41,7 +42,7 @@ def by_modes(rows: list[dict[str, Any]], folder: Path) -> None:
         line[0].set_ylabel("frequency too high by [%]")
     for axis in axes[-1]:
         axis.set_xlabel("modes a link")
-    for load, colour in zip(LOADS, COLOURS, strict=False):
+    for load, colour in zip(loads, COLOURS, strict=False):
         axes[0, 0].plot([], [], color=colour, label=load)
     for name, style in (("first elastic frequency", "-"), ("second", "--")):
         axes[0, 0].plot([], [], color="0.3", linestyle=style, label=name)
@@ -49,7 +50,7 @@ def by_modes(rows: list[dict[str, Any]], folder: Path) -> None:
     save(figure, folder, "arm_modes")
 
 
-def convergence(records: dict[str, Any], folder: Path) -> None:
+def convergence(records: Mapping[str, Any], folder: Path) -> None:
     """Finite elements by mesh; clamped-free shapes by their number, beyond what the package has."""
     figure, (left, right) = plt.subplots(1, 2, figsize=(12, 4.8))
     shapes = range(1, max(RATE_MODES) + 1)
