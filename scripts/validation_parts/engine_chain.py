@@ -1,9 +1,9 @@
 """A chain of another engine (`mujoco_chain`) and a model of ours, moved and looked at in the same way.
 
-**Shapes.** A model's deflection w(x) and a chain are read in the same way: x is arc length, w the distance from the root
-tangent, so that sin(angle of the tangent) = w'(x). The linear model cannot tell x from arc length; reading its tangent
-as atan w' instead would change angles at third order. A bent start is no transfer of shapes: it is each one's own
-equilibrium under the same force.
+**Shapes.** A link's deflection is read in the same way off a model and off a chain: w(x) is the integral over arc length
+of the angle between tangent and root tangent, which is what strain gauges know (w'' is the curvature), and what makes
+w'(L) the tip's angle, as the models have it. A bent start is no transfer of shapes: it is each one's own equilibrium
+under the same force.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ class Sight(NamedTuple):
         tip: x, y [m]. Shape (2,).
         joints: theta1, theta2 [rad]. Shape (2,).
         rates: of these [rad/s]. Shape (2,).
-        deflection: of each link's tip off its root tangent [m]. Shape (2,).
+        deflection: w at each link's tip [m]. Shape (2,).
     """
 
     tip: Array
@@ -47,14 +47,14 @@ class Bend(NamedTuple):
     Attributes:
         roots: angles of the root tangents from the x axis [rad]. Shape (2,).
         root_rates: of these [rad/s]. Shape (2,).
-        across: distance from the root tangent at `PLACES` evenly spaced places of each link [m]. Shape (2, PLACES).
-        across_rates: of these [m/s]. Shape (2, PLACES).
+        deflections: w at `PLACES` evenly spaced places of each link [m]. Shape (2, PLACES).
+        deflection_rates: of these [m/s]. Shape (2, PLACES).
     """
 
     roots: Array
     root_rates: Array
-    across: Array
-    across_rates: Array
+    deflections: Array
+    deflection_rates: Array
 
 
 class Plant(Protocol):
@@ -119,23 +119,24 @@ class Chain:
     def look(self) -> Sight:
         """The arm now."""
         mujoco.mj_kinematics(self.model, self.data)
-        tip, elbow = self.data.site_xpos[self._tip, :2].copy(), self.data.xpos[self._elbow_body, :2]
-        across = [np.cos(a) * b[1] - np.sin(a) * b[0] for a, b in zip(self._roots(), (elbow, tip - elbow), strict=True)]
         at = self.shoulder_and_elbow
-        return Sight(tip, self.data.qpos[at], self.data.qvel[at], np.array(across))
+        tip = self.data.site_xpos[self._tip, :2].copy()
+        return Sight(tip, self.data.qpos[at], self.data.qvel[at], (self._lengths * self._turned(self.data.qpos)).sum(1))
 
     def bend(self) -> Bend:
         """Its links now."""
-        angles = np.cumsum(self.data.qpos).reshape(2, -1)
-        rates = np.cumsum(self.data.qvel).reshape(2, -1)
-        turned, turning = angles - angles[:, :1], rates - rates[:, :1]
-        parts = self._lengths * np.sin(turned), self._lengths * np.cos(turned) * turning
         places = np.linspace(0.0, 1.0, PLACES)
-        read = [[np.interp(places, self._ends, np.append(0.0, np.cumsum(link))) for link in part] for part in parts]
-        return Bend(angles[:, 0], rates[:, 0], np.array(read[0]), np.array(read[1]))
+        roots, read = [], []
+        for angles in (self.data.qpos, self.data.qvel):
+            slopes = self._lengths * self._turned(angles)
+            roots.append(np.cumsum(angles)[self.shoulder_and_elbow])
+            read.append(np.array([np.interp(places, self._ends, np.append(0.0, np.cumsum(link))) for link in slopes]))
+        return Bend(*roots, *read)
 
-    def _roots(self) -> tuple[float, float]:
-        return self.data.qpos[0], self.data.qpos[: self.shoulder_and_elbow[1] + 1].sum()
+    def _turned(self, angles: Array) -> Array:
+        """Angles, or rates, of the segments less those of their link's first one. Shape (2, elements + 1)."""
+        absolute = np.cumsum(angles).reshape(2, -1)
+        return absolute - absolute[:, :1]
 
     def place(self, joints: Array, force: Array | None = None) -> None:
         """Put it at rest, straight or bent by a force at the tip while the joints are held.
@@ -179,8 +180,11 @@ class Modal:
 
     def advance(self, torque: Array, periods: int = 1) -> Array:
         """See `Plant.advance`."""
-        held = np.tile(torque, (periods, 1))
-        run = self.arm.simulate(self.state, held, periods * HELD, HELD, self._substeps)
+        return self.follow(np.tile(torque, (periods, 1)))
+
+    def follow(self, torques: Array) -> Array:
+        """Hold each torque [N m] for `HELD`; where the tip is after each. Shape (n, 2)."""
+        run = self.arm.simulate(self.state, torques, len(torques) * HELD, HELD, self._substeps)
         self.state = run.state[-1]
         return run.tip[1:]
 
@@ -193,11 +197,11 @@ class Modal:
         """Its links now."""
         m = self.arm.parameters.modes_per_link
         y, v = np.split(self.arm.internal_state(self.state), 2)
-        across = [
+        deflections = [
             np.array([shape @ part for shape, part in zip(self._shapes, (x[1 : m + 1], x[m + 2 :]), strict=True)])
             for x in (y, v)
         ]
-        return Bend(y[[0, m + 1]], v[[0, m + 1]], *across)
+        return Bend(y[[0, m + 1]], v[[0, m + 1]], *deflections)
 
 
 class Gauges:

@@ -1,8 +1,11 @@
 """The square on the chain and on our models: under the paper's laws, and under the shipped agent.
 
 The same law, or the same agent, drives each of them, so that a model's error shows as it does in use: with feedback.
-Two further figures have no feedback: how far a model's tip is off at the *chain's* shape (kinematics alone), and how far
-it is off half a second after it was set on the chain's state, under the agent's torques.
+Two further figures have none: how far a model's tip is off at the *chain's* shape (kinematics alone), and how far it is
+off half a second after it was set on the chain's state, under the agent's torques.
+
+Under the laws nothing is damped. The agent was trained with 1 % of modal damping and drives the undamped arm's third
+modes unstable, so under it the models have theirs and the chain has dampers that agree on each link's first mode.
 """
 
 from __future__ import annotations
@@ -15,8 +18,8 @@ from numpy.typing import NDArray
 
 from flexarm_agents import Trained, load_policy
 from flexarm_baselines import FLSAC, IFDC
-from flexarm_baselines.fuzzy import paper_system
 from flexarm_baselines.flsac import REFERENCE_DEFLECTION
+from flexarm_baselines.fuzzy import paper_system
 from flexarm_env import (
     ArmParameters,
     FlexibleArm,
@@ -32,11 +35,13 @@ from flexarm_env.rollout import run_batch
 from flexarm_env.simulation import observation_blocks
 from validation_parts.engine_chain import HELD, Chain, Gauges, Modal, Plant
 from validation_parts.engine_laws import law_lap
+from validation_parts.engine_models import Model
 from validation_parts.engine_observer import Observer
 from validation_parts.engine_runs import rms
 
 Array = NDArray[np.float64]
 SETTLED = 2.0  # [s]; the start's transient is over
+SAMPLED = 10  # `HELD` in a control period of the agent; the score counts these instants
 AHEAD, EVERY = 0.5, 0.25  # a prediction's length, and how often one starts [s]
 
 
@@ -77,11 +82,12 @@ def laws_on_model(parameters: ArmParameters, seconds: float) -> dict[str, Array]
     return {name: run.tip for name, run in zip(LAWS, runs, strict=True)}
 
 
-def laws_on_chain(elements: int, seconds: float) -> dict[str, Array]:
-    """The same on a chain."""
+def laws_on_chain(elements: int, seconds: dict[str, float]) -> dict[str, Array]:
+    """The same on a chain, each law for a time of its own [s]."""
     arm = ArmParameters(modal_damping_ratio=0.0)
     return {
-        name: np.array([sight.tip for sight in law_lap(elements, arm, gain, seconds)]) for name, gain in LAWS.items()
+        name: np.array([sight.tip for sight in law_lap(elements, arm, gain, seconds[name])])
+        for name, gain in LAWS.items()
     }
 
 
@@ -123,3 +129,96 @@ def on_corner(parameters: ArmParameters, elements: int | None = None) -> Plant:
     chain = Chain(elements, parameters)
     chain.place(joints)
     return chain
+
+
+# --- what is compared -------------------------------------------------------------------------------------------------
+
+
+def laws(
+    models: Sequence[Model], seconds: dict[str, float], elements: tuple[int, int], progress: Callable[[str], None]
+) -> tuple[list[dict[str, Any]], dict[str, Array]]:
+    """Laps under the paper's laws.
+
+    Args:
+        models: to be compared with the chain.
+        seconds: how long a lap is followed, by law [s].
+        elements: of the two chains that the reference is extrapolated from.
+        progress: called with a few words.
+
+    Returns:
+        Rows, and the tips' errors over time.
+    """
+    progress("the laws on the chain")
+    coarse, fine = (laws_on_chain(n, seconds) for n in elements)
+    truth = {name: fine[name] + (fine[name] - coarse[name]) / 3.0 for name in LAWS}
+    rows = [_lap_row(name, "chain", truth[name], truth[name]) for name in LAWS]
+    rows += [_lap_row(name, f"chain, {elements[1]} elements", fine[name], truth[name]) for name in LAWS]
+    arrays = {f"{name} chain": truth[name] for name in LAWS}
+    for m in models:
+        progress(f"the laws on {m.label}")
+        tips = laws_on_model(ArmParameters(modal_damping_ratio=0.0, **m.fields), max(seconds.values()))
+        for name in LAWS:
+            rows.append(_lap_row(name, m.label, tips[name], truth[name]))
+            arrays[f"{name} {m.label}"] = _distance(tips[name], truth[name])
+    return rows, arrays
+
+
+def agent(
+    models: Sequence[Model], seconds: float, elements: tuple[int, int], progress: Callable[[str], None]
+) -> tuple[list[dict[str, Any]], dict[str, Array]]:
+    """Laps of the shipped agent; arguments and results as of `laws`, with what has no feedback."""
+    trained = load_policy("square")
+    arms = [FlexibleArm(ArmParameters(**m.fields)) for m in models]
+    progress("the agent on the chain")
+    coarse, fine = (agent_lap(trained, on_corner(ArmParameters(), n), seconds, arms) for n in elements)
+    truth = fine.tip + (fine.tip - coarse.tip) / 3.0
+    rows = [_lap_row("agent", "chain", truth, truth) | {"bend": float(np.abs(fine.deflection).max() / 4.5)}]
+    rows.append(_lap_row("agent", f"chain, {elements[1]} elements", fine.tip, truth))
+    arrays = {"agent chain": truth}
+    for m, arm, states in zip(models, arms, fine.states, strict=True):
+        progress(f"the agent on {m.label}")
+        lap = agent_lap(trained, on_corner(arm.parameters), seconds)
+        row = _lap_row("agent", m.label, lap.tip, truth)
+        row["kinematics"] = _kinematics(arm, states, fine)
+        row["ahead"] = _ahead(arm, states, fine)
+        rows.append(row)
+        arrays[f"agent {m.label}"] = _distance(lap.tip, truth)
+    return rows, arrays
+
+
+def _distance(tip: Array, other: Array) -> Array:
+    count = min(len(tip), len(other))
+    return np.linalg.norm(tip[:count] - other[:count], axis=1)
+
+
+def _lap_row(driver: str, which: str, tip: Array, truth: Array) -> dict[str, Any]:
+    """Distance from the chain and from the reference [m]; the score as the benchmark has it, every 10 ms."""
+    away = _distance(tip, truth)
+    tip = tip[: len(truth)]
+    miss = _distance(tip, square(SquareParameters()).position(HELD * np.arange(len(tip))))[::SAMPLED]
+    settled = round(SETTLED / HELD)
+    return {
+        "driver": driver,
+        "model": which,
+        "rms": rms(away),
+        "maximum": float(away.max()),
+        "score": rms(miss),
+        "score_after_2s": rms(miss[settled // SAMPLED :]) if len(tip) > settled else None,
+    }
+
+
+def _kinematics(arm: FlexibleArm, states: Array, lap: Lap) -> dict[str, float]:
+    """A model's tip at the chain's shapes."""
+    away = _distance(arm.tip(states[:, : arm.size]), lap.tip[::SAMPLED])
+    return {"rms": rms(away), "maximum": float(away.max())}
+
+
+def _ahead(arm: FlexibleArm, states: Array, lap: Lap) -> dict[str, float]:
+    """A model's tip `AHEAD` after it was set on the chain's state."""
+    periods, away = round(AHEAD / HELD), []
+    for first in range(0, len(lap.torque) - periods + 1, round(EVERY / HELD)):
+        plant = Modal(arm)
+        plant.state = states[first // SAMPLED]
+        tip = plant.follow(lap.torque[first : first + periods])
+        away.append(np.linalg.norm(tip[-1] - lap.tip[first + periods]))
+    return {"rms": rms(np.array(away)), "maximum": float(np.max(away)) if away else 0.0}

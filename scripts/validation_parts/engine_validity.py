@@ -1,0 +1,121 @@
+"""Up to which deflection and spin each model is good: limits from the programmes' amplitudes, and a map."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexarm_env import ArmParameters, FlexibleArm
+from validation_parts.engine_models import Model, model
+from validation_parts.engine_programmes import Programme
+from validation_parts.engine_runs import peak_bend, rms
+from validation_parts.engine_study import case, length
+
+Array = NDArray[np.float64]
+TOLERANCES = (0.01, 0.05)  # r.m.s. tip error that a limit allows [m]: about 0.1 and 0.5 % of the reach
+KINDS = {  # of programmes; a limit is the least of its kind
+    "smooth torques": ("multi_sine", "spin_up"),
+    "torques that jump": ("doublet", "bang_bang", "payload"),
+    "release": ("release",),
+}
+FIRST_CLAMPED = 12.281  # [rad/s], of a link (5)
+SPINS = (0.0, 0.1, 0.2, 0.27, 0.33, 0.4, 0.6, 1.0)  # of FIRST_CLAMPED
+KICKS = (2.0, 6.0, 18.0, 36.0, 60.0)  # amplitudes
+GROWTH = 0.1  # [1/s]; rounding splits the double eigenvalue 0 by less
+MAPPED = (model("linear", 2), model("linear", 3), model("foreshortened", 2), model("foreshortened", 3))
+
+
+def limits(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """The deflection, as a part of a link's length, at which a model's r.m.s. tip error passes each tolerance.
+
+    Between amplitudes a power law is assumed. None: not within the amplitudes tried.
+
+    Args:
+        rows: of `engine_study.error_rows`.
+
+    Returns:
+        A row for each model: its label and, for each kind and tolerance, the limit.
+    """
+    found = []
+    for label in dict.fromkeys(row["model"] for row in rows):
+        here = [row for row in rows if row["model"] == label]
+        entry: dict[str, Any] = {"model": label}
+        for kind, names in KINDS.items():
+            for tolerance in TOLERANCES:
+                each = [_crossing([row for row in here if row["programme"] == name], tolerance) for name in names]
+                passed = [limit for limit in each if limit is not None]
+                entry[f"{kind}, {1e3 * tolerance:g} mm"] = min(passed) if passed else None
+        found.append(entry)
+    return found
+
+
+def _crossing(rows: Sequence[dict[str, Any]], tolerance: float) -> float | None:
+    rows = sorted(rows, key=lambda row: row["bend"])
+    if rows and rows[0]["rms"] > tolerance:
+        return rows[0]["bend"] * tolerance / rows[0]["rms"]  # of first order below
+    for low, high in zip(rows, rows[1:], strict=False):
+        if low["rms"] <= tolerance < high["rms"]:
+            if not np.isfinite(high["rms"]):
+                return low["bend"]
+            share = np.log(tolerance / low["rms"]) / np.log(high["rms"] / low["rms"])
+            return float(low["bend"] * (high["bend"] / low["bend"]) ** share)
+    return None
+
+
+def kick(time: Array) -> Array:
+    """One smooth turn of torque in 0.6 s; the elbow against the shoulder."""
+    wave = np.where(
+        time < 0.6, np.sin(2.0 * np.pi * time / 0.6) * np.sin(np.pi * np.minimum(time / 0.6, 1.0)) ** 2, 0.0
+    )
+    return np.column_stack([5.0 * wave, -1.5 * wave])
+
+
+def spin_map(quick: bool, progress: Callable[[str], None]) -> tuple[list[dict[str, Any]], dict[str, Array]]:
+    """The straight arm turning at a rate, and a kick of some strength: r.m.s. tip error over 1 s.
+
+    Returns:
+        Rows with the limits of spin, and arrays: spins, peak deflections (spins, kicks), errors of each model.
+    """
+    spins, kicks = ((0.0, 0.6), (1.0, 4.0)) if quick else (SPINS, KICKS)
+    shape = (len(spins), len(kicks))
+    bends, errors = np.zeros(shape), {m: np.zeros(shape) for m in MAPPED}
+    for i, spin in enumerate(spins):
+        progress(f"spin at {spin:g} of the first clamped frequency")
+        for j, strength in enumerate(kicks):
+            programme = Programme(
+                "spin", "spin and kick", kick, 1.0, amplitude=strength, elbow=0.0, spin=spin * FIRST_CLAMPED
+            )
+            found = case(programme, (10, 20), MAPPED)
+            bends[i, j] = peak_bend(found.reference)
+            for m, error in found.errors.items():
+                errors[m][i, j] = np.inf if error is None else rms(length(error))
+    arrays = {"map spins": np.array(spins), "map bends": bends} | {f"map {m.label}": e for m, e in errors.items()}
+    return [_spin_limit(m, np.array(spins), errors[m]) for m in MAPPED], arrays
+
+
+def _spin_limit(which: Model, spins: Array, errors: Array) -> dict[str, Any]:
+    """Where the model's straight spin turns unstable (the true one never does), and up to which spin of those tried
+    the weakest kick stays within each tolerance.
+    """
+    entry: dict[str, Any] = {"model": which.label, "unstable from": critical_spin(which)}
+    for tolerance in TOLERANCES:
+        within = errors[:, 0] <= tolerance
+        count = len(spins) if within.all() else int(np.argmin(within))
+        entry[f"{1e3 * tolerance:g} mm"] = float(spins[count - 1]) if count else None
+    return entry
+
+
+def critical_spin(which: Model) -> float | None:
+    """The lowest spin of the straight, unbent arm at which a small motion grows, as a part of the first clamped
+    frequency; None if there is none up to 1.
+    """
+    arm = FlexibleArm(ArmParameters(modal_damping_ratio=0.0, **which.fields))
+    state = np.zeros(2 * arm.size)
+    for spin in np.linspace(0.01, 1.0, 100):
+        state[arm.size] = spin * FIRST_CLAMPED
+        if np.linalg.eigvals(arm.linearise(state).A).real.max() > GROWTH:
+            return float(spin)
+    return None
