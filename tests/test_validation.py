@@ -16,6 +16,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from flexarm_env import ArmParameters
+
 ROOT = Path(__file__).resolve().parent.parent
 SCRIPT = ROOT / "scripts" / "validate.py"
 DOCS = ROOT / "docs"
@@ -216,7 +218,6 @@ def test_bad_options_are_refused(tmp_path: Path) -> None:
 
 def test_a_straight_locked_arm_is_one_beam() -> None:
     """Roots from tables: 1.875104, 4.694091 clamped-free; 3.926602, 7.068583 pinned-free."""
-    from flexarm_env import ArmParameters
     from validation_parts.exact_beams import Joints, two_links
 
     scale = np.sqrt(1676.0 / 0.335) / 9.0**2
@@ -230,7 +231,6 @@ def test_a_straight_locked_arm_is_one_beam() -> None:
 
 def test_no_frequency_is_missed_where_two_coincide() -> None:
     """At 90 degrees, link 1's shoulder locked or free, link 2 is a pinned-free beam whose root rests."""
-    from flexarm_env import ArmParameters
     from validation_parts.exact_beams import Joints, links, pinned_free, two_links
 
     expected = pinned_free(links(ArmParameters())[1], 1)[0]
@@ -239,7 +239,6 @@ def test_no_frequency_is_missed_where_two_coincide() -> None:
 
 
 def test_motions_that_break_the_frame_are_refused() -> None:
-    from flexarm_env import ArmParameters
     from validation_parts.exact_beams import Joints
     from validation_parts.finite_elements import frame
 
@@ -318,3 +317,6 @@ def test_figures_in_the_text_match_the_record() -> None:
     ]
     for sentence in sentences:
         assert sentence in text, f"not in docs/validation.md: {sentence}"
+    one = f"{arm['bare, free, 1 cantilever, least']:.0f} to {arm['bare, free, 1 cantilever, first two']:.0f} % too high"
+    assert one in (DOCS / "model.md").read_text()
+    assert one in ArmParameters.__doc__

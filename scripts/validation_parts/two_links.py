@@ -90,6 +90,8 @@ def _quoted(rows: list[dict[str, Any]]) -> dict[str, float]:
                 for m, pair in zip(MODES, found, strict=True):
                     figures[f"{load or 'any load'}, {joints}, {m} {basis}, first"] = pair[0]
                     figures[f"{load or 'any load'}, {joints}, {m} {basis}, first two"] = max(pair)
+    bare = [r for r in rows if r["load"] == "bare" and r["joints"] == "free"]
+    figures["bare, free, 1 cantilever, least"] = min(100.0 * errors(r, "cantilever", 1).min() for r in bare)
     return figures
 
 
