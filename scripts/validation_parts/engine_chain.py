@@ -1,9 +1,9 @@
 """A chain of another engine (`mujoco_chain`) and a model of ours, moved and looked at in the same way.
 
-**Shapes.** A link's deflection is read in the same way off a model and off a chain: w(x) is the integral over arc length
-of the angle between tangent and root tangent, which is what strain gauges know (w'' is the curvature), and what makes
-w'(L) the tip's angle, as the models have it. A bent start is no transfer of shapes: it is each one's own equilibrium
-under the same force.
+**Shapes.** A link's deflection is read in the same way off a model and off a chain: w(x) is the integral over arc
+length of the angle between tangent and root tangent, which is what strain gauges know (w'' is the curvature), and what
+makes w'(L) the tip's angle, as the models have it. A bent start is no transfer of shapes: it is each one's own
+equilibrium under the same force.
 """
 
 from __future__ import annotations

@@ -97,9 +97,7 @@ def spin_map(quick: bool, progress: Callable[[str], None]) -> tuple[list[dict[st
 
 
 def _spin_limit(which: Model, spins: Array, errors: Array) -> dict[str, Any]:
-    """Where the model's straight spin turns unstable (the true one never does), and up to which spin of those tried
-    the weakest kick stays within each tolerance.
-    """
+    """Where straight spin turns unstable; up to which spin of those tried the weakest kick is within a tolerance."""
     entry: dict[str, Any] = {"model": which.label, "unstable from": critical_spin(which)}
     for tolerance in TOLERANCES:
         within = errors[:, 0] <= tolerance
@@ -109,8 +107,9 @@ def _spin_limit(which: Model, spins: Array, errors: Array) -> dict[str, Any]:
 
 
 def critical_spin(which: Model) -> float | None:
-    """The lowest spin of the straight, unbent arm at which a small motion grows, as a part of the first clamped
-    frequency; None if there is none up to 1.
+    """The lowest spin of the straight arm at which a small motion grows, as a part of the first clamped frequency.
+
+    None if there is none up to 1. The true arm's spin is stable: its ends are pulled outwards.
     """
     arm = FlexibleArm(ArmParameters(modal_damping_ratio=0.0, **which.fields))
     state = np.zeros(2 * arm.size)

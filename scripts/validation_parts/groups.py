@@ -55,7 +55,14 @@ class Group:
 GROUPS = (
     Group("links", "Single links", "links", "links_pictures", ("links",)),
     Group("arm", "Two-link arm", "two_links", "two_links_pictures", ("arm_modes", "arm_angles", "arm_convergence")),
-    Group("engine", "An engine of other hands", "engine", "engine_pictures", ("engine",), ("mujoco",)),
+    Group(
+        "engine",
+        "An engine of other hands",
+        "engine",
+        "engine_pictures",
+        ("engine_convergence", "engine_programmes", "engine_validity", "engine_square"),
+        ("mujoco",),
+    ),
     Group("drift", "Invariants over ten minutes", "drift", "drift_pictures", ("drift_time", "drift_step")),
     Group("orders", "Orders of the integrators", "orders", "orders_pictures", ("orders",)),
     Group("coriolis", "The paper's dropped Coriolis terms", "coriolis", "coriolis_pictures", ("coriolis",)),

@@ -1,0 +1,106 @@
+"""Tables of the comparison with MuJoCo's chain, for the docs."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from validation_parts.checks import Findings
+from validation_parts.tables import markdown
+
+
+def tables(findings: Findings) -> dict[str, str]:
+    """For the docs: errors at 4 %, their parts, limits, spin, the square."""
+    records = findings.records
+    return {
+        "engine_errors": _error_table(records),
+        "engine_parts": _part_table(records),
+        "engine_limits": _limit_table(records),
+        "engine_spins": _spin_table(records),
+        "engine_square": _square_table(records),
+    }
+
+
+def _labels(records: dict[str, Any]) -> list[str]:
+    return list(dict.fromkeys(row["model"] for row in records["errors"]))
+
+
+def _mm(value: float | None) -> str:
+    return "" if value is None else f"{1e3 * value:.2g}" if value < 0.1 else f"{1e3 * value:.0f}"
+
+
+def _both(row: dict[str, Any]) -> str:
+    return f"{_mm(row['rms'])} / {_mm(row['maximum'])}"
+
+
+def _error_table(records: dict[str, Any]) -> str:
+    programmes = [row["programme"] for row in records["convergence"]]
+    header = ["r.m.s. / largest tip error [mm]", *(name.replace("_", " ") for name in programmes)]
+    rows = [
+        ["largest deflection / length", *(f"{100.0 * row['bend']:.1f} %" for row in records["convergence"])],
+        ["chain, 40 elements", *(_mm(row["tip"][max(row["tip"], key=int)]) for row in records["convergence"])],
+    ]
+    for label in _labels(records):
+        found = [error_of(records, name, label) for name in programmes]
+        rows.append([label, *(_both(row) for row in found)])
+    return markdown(header, rows)
+
+
+def _part_table(records: dict[str, Any]) -> str:
+    programmes = [row["programme"] for row in records["convergence"]]
+    header = ["truncation + rest [mm], order", *(name.replace("_", " ") for name in programmes)]
+    by_key = {(row["programme"], row["model"]): row for row in records["parts"]}
+    rows = []
+    for label in _labels(records):
+        found = [by_key.get((name, label)) for name in programmes]
+        cells = ["" if r is None else f"{_mm(r['first_order'])} + {_mm(r['rest'])}, {r['order']:.1f}" for r in found]
+        rows.append([label, *cells])
+    return markdown(header, rows)
+
+
+def _limit_table(records: dict[str, Any]) -> str:
+    names = [name for name in records["limits"][0] if name != "model"]
+    most = 100.0 * max(row["bend"] for row in records["errors"])
+    rows = [
+        [row["model"], *(f"> {most:.0f} %" if row[n] is None else f"{100.0 * row[n]:.2g} %" for n in names)]
+        for row in records["limits"]
+    ]
+    return markdown(["deflection / length", *names], rows)
+
+
+def _spin_table(records: dict[str, Any]) -> str:
+    names = [name for name in records["spins"][0] if name != "model"]
+    rows = [
+        [row["model"], *("never" if row[n] is None else f"{row[n]:.2g}" for n in names)] for row in records["spins"]
+    ]
+    return markdown(["spin / 12.28 rad/s", *names], rows)
+
+
+def _square_table(records: dict[str, Any]) -> str:
+    header = (
+        "tip on the square [mm]",
+        "who drives",
+        "from the chain: r.m.s. / largest",
+        "score: lap / after 2 s",
+        "kinematics alone",
+        "0.5 s ahead",
+    )
+    rows = []
+    for row in records["square"]:
+        alone = [
+            f"{_mm(row[n]['rms'])} / {_mm(row[n]['maximum'])}" if n in row else "" for n in ("kinematics", "ahead")
+        ]
+        score = f"{1e3 * row['score']:.1f} / " + (
+            "" if row["score_after_2s"] is None else f"{1e3 * row['score_after_2s']:.1f}"
+        )
+        away = "" if row["model"] == "chain" else f"{_mm(row['rms'])} / {_mm(row['maximum'])}"
+        rows.append([row["model"], row["driver"], away, score, *alone])
+    return markdown(header, rows)
+
+
+def error_of(records: dict[str, Any], programme: str, label: str, amplitude: float = 1.0) -> dict[str, Any]:
+    """The row of a programme, a model's label, and an amplitude."""
+    return next(
+        row
+        for row in records["errors"]
+        if (row["programme"], row["model"], row["amplitude"]) == (programme, label, amplitude)
+    )
