@@ -170,6 +170,14 @@ def frequencies(model: mujoco.MjModel, locked: Collection[str] = (), elbow: floa
     return np.sqrt(np.maximum(squares, 0.0))
 
 
+def fastest_rate(model: mujoco.MjModel) -> float:
+    """Largest magnitude of an eigenvalue of the straight chain, dampers included [1/s]."""
+    omega = float(frequencies(model)[-1])
+    springs = model.joint("bend1_1")
+    drag = springs.damping[0] / springs.stiffness[0] * omega**2  # s^2 + drag s + omega^2 = 0
+    return max(omega, 0.5 * (drag + math.sqrt(max(drag**2 - 4.0 * omega**2, 0.0))))
+
+
 def mass_matrix(model: mujoco.MjModel, elbow: float = 0.0) -> NDArray[np.float64]:
     """Mass matrix of the unbent chain in its joint angles [kg m^2]. Shape (2 segments, 2 segments).
 

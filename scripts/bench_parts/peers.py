@@ -17,6 +17,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from bench_parts.accuracy import EqualStep, equal_step
 from bench_parts.timing import Subject
 from flexarm_env import ArmParameters
 
@@ -76,19 +77,42 @@ def mujoco_chain(segments: int, effort: float, damping_ratio: float = 0.01) -> S
         effort: factor on the work of a timed call.
         damping_ratio: of the first clamped mode of a link; the higher ones get more.
     """
-    import mujoco
-
     import mujoco_chain as chain
 
     arm = ArmParameters(modal_damping_ratio=damping_ratio)
     step = chain.largest_stable_step(segments, arm)
-    model = chain.chain_model(segments, arm, step)
-    data = mujoco.MjData(model)
+    damping = f"damping {damping_ratio:.2g}" if damping_ratio else "undamped"
+    name = f"MuJoCo chain, {segments} segments a link, {damping}, implicitfast, step {1e3 * step:g} ms"
+    return _chain(name, chain.chain_model(segments, arm, step), effort)
+
+
+def accurate_chain(segments: int, effort: float, modes: int) -> tuple[Subject, EqualStep]:
+    """The default arm's chain at the cheapest step that is as accurate in time as FlexArm's of 1 ms.
+
+    Args:
+        segments: rigid segments a link.
+        effort: factor on the work of a timed call.
+        modes: per link, of FlexArm's arm.
+    """
+    import mujoco
+
+    import mujoco_chain as chain
+
+    equal = equal_step(segments, modes)
+    model = chain.chain_model(segments, None, equal.step)
+    model.opt.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{equal.integrator.upper()}")
+    step = f"{equal.integrator}, step {1e3 * equal.step:.3g} ms"
+    name = f"MuJoCo chain, {segments} segments a link, damping 0.01, {step}: as accurate in time as {modes} modes"
+    return _chain(name, model, effort), equal
+
+
+def _chain(name: str, model: Any, effort: float) -> Subject:
+    import mujoco
+
+    data, step = mujoco.MjData(model), model.opt.timestep
     held = max(1, round(TORQUE_HELD / step))  # steps of a call: what Python costs is spread over them
     calls = max(1, round(effort * CHAIN_SECONDS / (held * step)))
     torques = np.random.default_rng(0).uniform(-TORQUE, TORQUE, (calls, 2))
-    damping = f"damping {damping_ratio:.2g}" if damping_ratio else "undamped"
-    name = f"MuJoCo chain, {segments} segments a link, {damping}, implicitfast, step {1e3 * step:g} ms"
 
     def work() -> None:
         for torque in torques:
