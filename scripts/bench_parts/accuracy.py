@@ -6,6 +6,7 @@ solution: what is compared is the step, not the models. A largest *stable* step 
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from dataclasses import dataclass
 from functools import cache
 
@@ -18,7 +19,7 @@ Array = NDArray[np.float64]
 SECONDS, TORQUE, HELD = 2.0, 20.0, 0.01  # [s], up to [N m], constant for [s]
 OUR_STEP = 1e-3  # of the environments that are driven by torques [s]
 CONVERGED = 32  # steps of ours in one of `OUR_STEP` for the solution that counts as exact
-FINEST = 1024  # steps of the chain in `HELD`, the same
+FINEST = 512  # steps of the chain in `HELD`, the same
 COUNTS = tuple(round(2.0 ** (k / 3)) for k in range(6, 29))  # steps in `HELD` that are tried, by thirds of an octave
 STAGES = {"implicitfast": 1, "RK4": 4}  # evaluations of the dynamics in a step
 RK4_LIMIT = 2.5  # step times the fastest rate; 2.78 for small motions
@@ -70,11 +71,11 @@ def equal_step(segments: int, modes: int) -> EqualStep:
     """
     ours, found = our_error(modes), []
     for integrator, stages in STAGES.items():
-        for count in _counts(segments, integrator):
-            error = chain_error(segments, integrator, count)
-            if error <= ours:
-                found.append((stages * count, EqualStep(integrator, HELD / count, error, ours)))
-                break
+        counts = _counts(segments, integrator)
+        place = bisect_left(counts, -ours, key=lambda n, name=integrator: -chain_error(segments, name, n))
+        if place < len(counts):
+            error = chain_error(segments, integrator, counts[place])
+            found.append((stages * counts[place], EqualStep(integrator, HELD / counts[place], error, ours)))
     if not found:
         raise ValueError(f"segments = {segments}: with no step tried is the tip within {ours} m")
     return min(found, key=lambda each: each[0])[1]

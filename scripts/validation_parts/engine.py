@@ -82,9 +82,9 @@ def _reference_checks(records: dict[str, Any]) -> list[Check]:
                 GROUP,
                 f"the tip under a doublet with the {name}'s step halved",
                 1e3 * error,
-                "a twentieth of the millimetre in question",
+                "a tenth of the millimetre in question",
                 "mm",
-                most=0.05,
+                most=0.1,
             )
             for name, error in records["steps"].items()
         ),
