@@ -309,10 +309,14 @@ def test_a_policy_survives_a_file(tmp_path: Path) -> None:
 def test_bad_policies(tmp_path: Path, run: Path) -> None:
     (tmp_path / "text.npz").write_text("text")
     np.savez(tmp_path / "other.npz", x=np.zeros(3))
+    np.savez(tmp_path / "future.npz", head=np.array('{"format": 99}'))
+    np.savez(tmp_path / "few.npz", head=np.array('{"format": 1, "layers": 1}'))
     network_policy(new_model(TrainingConfig(**TINY))).save(tmp_path / "bare.npz")
     for name, message in [
-        ("text.npz", "not a saved policy"),
+        ("text.npz", "text.npz: not a saved policy"),
         ("other.npz", "no entry 'head'"),
+        ("future.npz", "future.npz: format 99; this version reads 1"),
+        ("few.npz", r"few.npz: not a saved policy \(no entry 'weight_0'\)"),
         ("bare.npz", "does not say what it was trained on"),
     ]:
         with pytest.raises(ValueError, match=message):
