@@ -65,9 +65,11 @@ def figures(score: Score) -> tuple[str, ...]:
     """Columns of the table; what a run that ended early does not have is a dash, and its scores are in brackets."""
 
     def pair(values: tuple[float, float] | None, digits: int) -> str:
+        """Of shoulder and elbow, or of the links."""
         return "-" if values is None else " / ".join(f"{value:.{digits}f}" for value in values)
 
     def metres(value: float | None) -> str:
+        """A distance; in brackets where the run ended early."""
         text = "-" if value is None else f"{value:.3f}"
         return text if score.complete or value is None else f"({text})"
 
@@ -94,6 +96,7 @@ def table(results: Sequence[tuple[Entry, Score]]) -> str:
     widths = [max(len(row[column]) for row in rows) for column in range(len(HEADER[0]))]
 
     def line(row: Sequence[str]) -> str:
+        """Name and end to the left, figures to the right."""
         middle = (cell.rjust(width) for cell, width in zip(row[1:-1], widths[1:-1], strict=True))
         return "  ".join((row[0].ljust(widths[0]), *middle, row[-1])).rstrip()
 

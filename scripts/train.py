@@ -33,6 +33,7 @@ def json_options(registry: tyro.constructors.ConstructorRegistry) -> None:
 
     @registry.primitive_rule
     def rule(info: tyro.constructors.PrimitiveTypeInfo) -> tyro.constructors.PrimitiveConstructorSpec[Any] | None:
+        """How a mapping is read from one argument and shown; None for other types."""
         if info.type_origin is not dict:
             return None
         return tyro.constructors.PrimitiveConstructorSpec(
