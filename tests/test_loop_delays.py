@@ -8,12 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 from loops import END_EFFECTOR, PER_JOINT, SHARED, simulated
-from numpy.typing import NDArray
 from oracle import PAPER, Problem
 
 from flexarm_env import SensorParameters
-
-Array = NDArray[np.float64]
 
 
 def test_no_delay_is_the_collocated_loop_bit_for_bit() -> None:
