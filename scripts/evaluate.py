@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,6 +11,7 @@ import gymnasium
 import tyro
 from tqdm import tqdm
 
+from command_line import run
 from flexarm_agents import Score, evaluate, load_policy, shipped_policies
 from flexarm_agents.constant import ConstantPolicy
 from flexarm_agents.environments import make_one
@@ -128,7 +128,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    try:
-        main()
-    except (ValueError, TypeError, OSError) as error:
-        sys.exit(f"error: {error}")
+    run(main)

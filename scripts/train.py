@@ -10,6 +10,7 @@ from typing import Any
 
 import tyro
 
+from command_line import run
 from flexarm_agents import TrainingConfig, train
 from flexarm_agents.run_folder import RunFolder
 
@@ -79,7 +80,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    try:
-        main()
-    except (ValueError, TypeError, OSError) as error:
-        sys.exit(f"error: {error}")
+    run(main)
