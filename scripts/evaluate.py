@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,6 +11,7 @@ import gymnasium
 import tyro
 from tqdm import tqdm
 
+from command_line import run
 from flexarm_agents import Score, evaluate, load_policy, shipped_policies
 from flexarm_agents.constant import ConstantPolicy
 from flexarm_agents.environments import make_one
@@ -65,9 +65,11 @@ def figures(score: Score) -> tuple[str, ...]:
     """Columns of the table; what a run that ended early does not have is a dash, and its scores are in brackets."""
 
     def pair(values: tuple[float, float] | None, digits: int) -> str:
+        """Of shoulder and elbow, or of the links."""
         return "-" if values is None else " / ".join(f"{value:.{digits}f}" for value in values)
 
     def metres(value: float | None) -> str:
+        """A distance; in brackets where the run ended early."""
         text = "-" if value is None else f"{value:.3f}"
         return text if score.complete or value is None else f"({text})"
 
@@ -94,6 +96,7 @@ def table(results: Sequence[tuple[Entry, Score]]) -> str:
     widths = [max(len(row[column]) for row in rows) for column in range(len(HEADER[0]))]
 
     def line(row: Sequence[str]) -> str:
+        """Name and end to the left, figures to the right."""
         middle = (cell.rjust(width) for cell, width in zip(row[1:-1], widths[1:-1], strict=True))
         return "  ".join((row[0].ljust(widths[0]), *middle, row[-1])).rstrip()
 
@@ -125,7 +128,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    try:
-        main()
-    except (ValueError, TypeError, OSError) as error:
-        sys.exit(f"error: {error}")
+    run(main)
