@@ -26,6 +26,7 @@ def law_data(problem: Problem, arm: FlexibleArm, command: Array, late: tuple[Any
         torque_limit=law.torque_limit or (np.inf, np.inf),
         sensor_distance=sensor.position,
         sensor_values=arm.modes[1].shape(sensor.position).tolist(),
+        sensor_foreshortening=(),
         noise=(0.01, -0.02),
         command_1=[command[0, 0].real, command[0, 0].imag, command[0, 1].real, command[0, 1].imag],
         command_2=[command[1, 0].real, command[1, 0].imag, command[1, 1].real, command[1, 1].imag],
