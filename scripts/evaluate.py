@@ -17,6 +17,7 @@ from flexarm_agents.constant import ConstantPolicy
 from flexarm_agents.environments import make_one
 from flexarm_agents.run_folder import write_json
 from flexarm_baselines import FLSAC, IFDC
+from flexarm_env.parameters import Kinematics
 
 TORQUE, GAIN = "FlexArm/Square-v0", "FlexArm/SquareGain-v0"  # the same plant, sensor and path
 NAMES = ("ifdc", "flsac", "zero", "random")
@@ -32,6 +33,8 @@ class Options:
     """Score IFDC, FLSAC, no torque and random torque."""
     shipped: bool = True
     """Score all shipped policies."""
+    kinematics: Kinematics | None = None
+    """Of the arm that all are scored on; without it, as each was made. "foreshortened" is the more accurate arm."""
     seed: int = 0
     """Of what is random."""
     output: Path = Path("results/evaluation/evaluation.json")
@@ -51,14 +54,23 @@ class Entry(NamedTuple):
 def entries(options: Options) -> Iterator[Entry]:
     """Everything that the command line asks for, each made when it is its turn."""
     if options.baselines:
-        gain, torque = make_one(GAIN), make_one(TORQUE)
-        yield Entry("IFDC", IFDC.for_env(gain), gain, GAIN, {})
-        yield Entry("FLSAC", FLSAC.for_env(gain), gain, GAIN, {})
-        yield Entry("no torque", ConstantPolicy(2), torque, TORQUE, {})
-        yield Entry("random torque", ConstantPolicy(2, 1.0, options.seed), torque, TORQUE, {})
+        changed = _arm({}, options.kinematics)
+        gain, torque = make_one(GAIN, changed), make_one(TORQUE, changed)
+        yield Entry("IFDC", IFDC.for_env(gain), gain, GAIN, changed)
+        yield Entry("FLSAC", FLSAC.for_env(gain), gain, GAIN, changed)
+        yield Entry("no torque", ConstantPolicy(2), torque, TORQUE, changed)
+        yield Entry("random torque", ConstantPolicy(2, 1.0, options.seed), torque, TORQUE, changed)
     for source in (*(shipped_policies() if options.shipped else ()), *options.runs):
         trained = load_policy(source)
-        yield Entry(source, trained.policy, trained.make_env(), trained.environment, trained.options)
+        changed = _arm(trained.options, options.kinematics)
+        yield Entry(source, trained.policy, trained.make_env(**changed), trained.environment, trained.options | changed)
+
+
+def _arm(options: dict[str, Any], kinematics: Kinematics | None) -> dict[str, Any]:
+    """The change of an environment's options that gives its arm other kinematics."""
+    arm = options.get("arm", "default")
+    fields = {"preset": arm} if isinstance(arm, str) else arm
+    return {} if kinematics is None else {"arm": {**fields, "kinematics": kinematics}}
 
 
 def figures(score: Score) -> tuple[str, ...]:
