@@ -6,12 +6,22 @@ PYTHON ?= python3
 VENV   ?= .venv
 ARGS   ?=
 PY     := $(VENV)/bin/python
-PLOT   := $(VENV)/.stamp-plot
-DRAW   := $(VENV)/.stamp-draw
-TRAIN  := $(VENV)/.stamp-train
-BENCH  := $(VENV)/.stamp-bench
-VALID  := $(VENV)/.stamp-validate
-TEST   := $(VENV)/.stamp-test
+HAS    := $(VENV)/.stamp
+
+# What a verb needs beside the package, as extras of pyproject.toml; the verb names it $(HAS)-NAME.
+EXTRAS_plot  := plot
+EXTRAS_draw  := plot,render
+EXTRAS_train := train
+EXTRAS_bench := plot,bench
+EXTRAS_validate := validate
+EXTRAS_test  := test
+# The others that it contains, and what is installed where the extras cannot be: EnvPool and MuJoCo have no wheels for
+# every platform; the benchmark goes on without them and says so, and `make validate` checks the rest and then fails.
+COVERS_draw  := plot
+COVERS_validate := plot
+COVERS_test  := plot draw validate
+INSTEAD_bench := plot
+INSTEAD_validate := plot
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
@@ -21,42 +31,42 @@ TEST   := $(VENV)/.stamp-test
 help:  ## List the verbs
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
 
-reproduce: $(PLOT)  ## Reproduce the paper's figures and tables (installs no learning library)
+reproduce: $(HAS)-plot  ## Reproduce the paper's figures and tables (installs no learning library)
 	$(PY) scripts/reproduce_paper.py $(ARGS)
 
-validate: $(VALID)  ## Check the physics against exact beams, finite elements, MuJoCo and its own invariants
+validate: $(HAS)-validate  ## Check the physics against exact beams, finite elements, MuJoCo and its own invariants
 	$(PY) scripts/validate.py $(ARGS)
 
 test: lint typecheck contract  ## Run every check: lint, typecheck, contract, and pytest without the slow tests
 	$(PY) -m pytest $(ARGS)
 
-test-slow: $(TEST)  ## Run the slow tests alone
+test-slow: $(HAS)-test  ## Run the slow tests alone
 	$(PY) -m pytest -m slow $(ARGS)
 
-lint: $(TEST)  ## Check style and likely bugs (ruff)
+lint: $(HAS)-test  ## Check style and likely bugs (ruff)
 	$(PY) -m ruff check .
 
 # The folders `baselines` and `agents` are installed as flexarm_* through an import hook, which mypy does not follow:
 # links under their installed names show it the same files.
-typecheck: $(TEST)  ## Check types (mypy)
+typecheck: $(HAS)-test  ## Check types (mypy)
 	@mkdir -p build/types
 	@ln -sfn ../../baselines build/types/flexarm_baselines
 	@ln -sfn ../../agents build/types/flexarm_agents
 	$(PY) -m mypy
 
-contract: $(TEST)  ## Check that imports follow the one-way flow (import-linter)
+contract: $(HAS)-test  ## Check that imports follow the one-way flow (import-linter)
 	$(VENV)/bin/lint-imports --no-logo --no-cache
 
-train: $(TRAIN)  ## Train an agent, e.g. make train ARGS="--seed 1"
+train: $(HAS)-train  ## Train an agent, e.g. make train ARGS="--seed 1"
 	$(PY) scripts/train.py $(ARGS)
 
-evaluate: $(TRAIN)  ## Score the controllers, the shipped policy and trained runs
+evaluate: $(HAS)-train  ## Score the controllers, the shipped policy and trained runs
 	$(PY) scripts/evaluate.py $(ARGS)
 
-bench: $(BENCH)  ## Measure the speed of simulation and environments beside their peers
+bench: $(HAS)-bench  ## Measure the speed of simulation and environments beside their peers
 	$(PY) scripts/bench.py $(ARGS)
 
-docs: reproduce validate $(DRAW)  ## Regenerate the pictures, tables and environment pages committed under docs/
+docs: reproduce validate $(HAS)-draw  ## Regenerate the pictures, tables and environment pages committed under docs/
 	$(PY) scripts/build_docs.py
 	$(PY) scripts/build_validation_docs.py
 	$(PY) scripts/build_env_docs.py
@@ -81,35 +91,9 @@ if ! $(PY) -c 'import pip' >/dev/null 2>&1; then \
 fi
 endef
 
-$(PLOT): pyproject.toml constraints.txt
-	$(ensure_venv)
-	$(PY) -m pip install -e ".[plot]" -c constraints.txt
-	@touch $@
+install = $(PY) -m pip install -e ".[$(or $(1),$(error no EXTRAS_$* for $@))]" -c constraints.txt
 
-$(DRAW): pyproject.toml constraints.txt
+$(HAS)-%: pyproject.toml constraints.txt
 	$(ensure_venv)
-	$(PY) -m pip install -e ".[plot,render]" -c constraints.txt
-	@touch $@ $(PLOT)
-
-$(TRAIN): pyproject.toml constraints.txt
-	$(ensure_venv)
-	$(PY) -m pip install -e ".[train]" -c constraints.txt
-	@touch $@
-
-# EnvPool and MuJoCo have no wheels for every platform; the benchmark goes on without them and says so.
-$(BENCH): pyproject.toml constraints.txt
-	$(ensure_venv)
-	$(PY) -m pip install -e ".[plot,bench]" -c constraints.txt || $(PY) -m pip install -e ".[plot]" -c constraints.txt
-	@touch $@
-
-# Without MuJoCo the script says what it did not run, and fails: the rest is then checked all the same.
-$(VALID): pyproject.toml constraints.txt
-	$(ensure_venv)
-	$(PY) -m pip install -e ".[validate]" -c constraints.txt || $(PY) -m pip install -e ".[plot]" -c constraints.txt
-	@touch $@ $(PLOT)
-
-# The test extra contains the plot, the render and the validate extra.
-$(TEST): pyproject.toml constraints.txt
-	$(ensure_venv)
-	$(PY) -m pip install -e ".[test]" -c constraints.txt
-	@touch $@ $(PLOT) $(DRAW) $(VALID)
+	$(call install,$(EXTRAS_$*))$(if $(INSTEAD_$*), || $(call install,$(INSTEAD_$*)))
+	@touch $@ $(addprefix $(HAS)-,$(COVERS_$*))

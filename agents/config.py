@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields
@@ -11,7 +10,7 @@ from typing import Any, Literal
 
 from flexarm_agents.environments import check_id, check_options
 from flexarm_agents.network import ACTIVATIONS
-from flexarm_env.validation import choice, integer, number
+from flexarm_env.validation import choice, integer, known_names, number
 
 Activation = Literal["elu", "tanh", "relu"]
 LARGEST_SEED = 2**32 - 1
@@ -121,12 +120,7 @@ class TrainingConfig:
             TypeError: for an unknown name, with the nearest known one.
             ValueError: for a bad value.
         """
-        known = [one.name for one in fields(cls)]
-        for name in values:
-            if name not in known:
-                near = difflib.get_close_matches(name, known, 1)
-                hint = f"; did you mean {near[0]!r}?" if near else ""
-                raise TypeError(f"{name}: no such parameter{hint} The parameters are {', '.join(known)}")
+        known_names("parameter", values, [one.name for one in fields(cls)])
         return cls(**values)
 
     def differences(self, other: TrainingConfig) -> list[str]:

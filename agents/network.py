@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
-from zipfile import BadZipFile
 
 import numpy as np
-from numpy.lib.npyio import NpzFile
 from numpy.typing import NDArray
 
+from flexarm_env import archive
 from flexarm_env.validation import choice
 
 Array = NDArray[np.float32]
@@ -114,11 +112,10 @@ class NetworkPolicy:
 
     def save(self, path: str | Path) -> None:
         """Write one npz file: arrays, and the rest as JSON text."""
-        head = {"format": _FORMAT, "activation": self.activation, "layers": len(self.weights), "notes": self.notes}
+        head = {"activation": self.activation, "layers": len(self.weights), "notes": self.notes}
         arrays = {f"weight_{n}": weight for n, weight in enumerate(self.weights)}
         arrays |= {f"bias_{n}": bias for n, bias in enumerate(self.biases)}
-        with open(path, "wb") as file:
-            np.savez(file, head=np.array(json.dumps(head)), log_std=self.log_std, **arrays)  # type: ignore[arg-type]
+        archive.write(path, _FORMAT, head, {"log_std": self.log_std, **arrays})
 
     @classmethod
     def load(cls, path: str | Path) -> NetworkPolicy:
@@ -126,18 +123,12 @@ class NetworkPolicy:
 
         Raises:
             FileNotFoundError: if there is none.
-            ValueError: if the file is not such a file.
+            ValueError: if the file is not such a file, naming it and what is wrong.
         """
-        with open(path, "rb") as stream:
-            try:
-                file = np.load(stream, allow_pickle=False)
-            except (ValueError, EOFError, BadZipFile) as error:
-                raise ValueError(f"{path}: not a saved policy ({error})") from error
-            if not isinstance(file, NpzFile) or "head" not in file:
-                raise ValueError(f"{path}: not a saved policy (no entry 'head')")
-            head = json.loads(str(file["head"]))
-            if head.get("format") != _FORMAT:
-                raise ValueError(f"{path}: format {head.get('format')}; this version reads {_FORMAT}")
-            layers = range(head["layers"])
-            weights, biases = [file[f"weight_{n}"] for n in layers], [file[f"bias_{n}"] for n in layers]
-            return cls(weights, biases, file["log_std"], head["activation"], head["notes"])
+        return archive.read(path, _FORMAT, "policy", cls._from_file)
+
+    @classmethod
+    def _from_file(cls, head: dict[str, Any], arrays: dict[str, Array]) -> NetworkPolicy:
+        layers = range(head["layers"])
+        weights, biases = ([arrays[f"{name}_{n}"] for n in layers] for name in ("weight", "bias"))
+        return cls(weights, biases, arrays["log_std"], head["activation"], head["notes"])

@@ -10,18 +10,13 @@ from math import floor
 from typing import Any
 
 from flexarm_env.stepping import PATH, SINCE, STEPS, count_step, evaluate_law, loop_step, reference_at, store_reading
-from flexarm_env.torque_stepping import RK4_STEP, RK4_WEIGHT, begin_step, end_step, open_step
+from flexarm_env.torque_stepping import step_kernel
 
 LANES = 1
 STEP = PERIOD = ACTION_SCALE = LENGTHS = BRANCH = SUBSTEPS = CHANNELS = PREVIEWS = SHIFTING = READINGS = 0
 TAIL = EPISODE = TAU = TORQUE = STAGE_TORQUE = GAIN = EFFECTIVE_GAIN = 0
 JOINT = REFERENCE = INNER_FROM = INNER_TO = SHIFT = 0
 DRAWN_ACTUATION_DELAY = 0  # place of the actuation delay among the quantities drawn for an episode
-
-
-def slope_kernel(arena: Any, step: float, weight: float, basis: Any = ()) -> None:
-    """One explicit Runge-Kutta stage of the arm on every lane (recorded)."""
-    raise NotImplementedError("the recorded kernel exists in assembled modules only")
 
 
 def joint_kernel(arena: Any, length_1: float, length_2: float, branch: float) -> None:
@@ -102,7 +97,7 @@ def drive_torque(arena: Any, history: Any, clock: Any, paths: Any, plan: Any, se
             write_commands(arena, plan, settings, step)
         for i in range(2 * LANES if step == 0 else 0):
             arena[i + TORQUE * LANES] = arena[i + TAU * LANES]
-        open_step(arena, settings[STEP])
+        step_kernel(arena, settings[STEP])
         note_step(arena, history, clock, plan, step)
 
 
@@ -171,15 +166,10 @@ def drive_tracking(arena: Any, history: Any, clock: Any, paths: Any, plan: Any, 
     for step in range(plan[SUBSTEPS]):
         if plan[SHIFTING] == 0 and (step == 0 or not held):
             write_commands(arena, plan, settings, step)
-        begin_step(arena)
-        for stage in range(4):
-            basis = hermite((step + RK4_STEP[stage]) * h / period, period)
-            slope_kernel(arena, h * RK4_STEP[stage], RK4_WEIGHT[stage], basis)
-            if step == 0 and stage == 0:
-                for r in range(2):
-                    for i in range(LANES):
-                        arena[i + (TORQUE + r) * LANES] = arena[i + (STAGE_TORQUE + r) * LANES]
-        end_step(arena, h)
+        begin, middle, end = step * h / period, (step + 0.5) * h / period, (step + 1.0) * h / period
+        step_kernel(arena, h, (hermite(begin, period), hermite(middle, period), hermite(end, period)))
+        for i in range(2 * LANES if step == 0 else 0):
+            arena[i + TORQUE * LANES] = arena[i + STAGE_TORQUE * LANES]
         note_step(arena, history, clock, plan, step)
 
 

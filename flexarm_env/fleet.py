@@ -17,7 +17,7 @@ from flexarm_env import kernels, starts
 from flexarm_env.choices import STARTS
 from flexarm_env.observation import observation_layout, refuse_fast_starts
 from flexarm_env.recorded import Variant
-from flexarm_env.rows import ORDER, PLAN, episode_sizes, extent
+from flexarm_env.rows import ORDER, PLAN, blank_arenas, episode_sizes, extent
 from flexarm_env.settings import Settings
 from flexarm_env.stepping import BEGAN, CLOCK, PATH
 from flexarm_env.tables import (
@@ -95,7 +95,7 @@ class Fleet:
         self._kept = max(2, settings.last_actions, int(np.ceil(longest / settings.control_period)) + 1)
         blocks = -(-count // lanes)
         rows = extent(self._rows) + 2 * len(settings.previews) + self._kept * channels
-        self._arenas = np.zeros((blocks, rows, lanes))
+        self._arenas = blank_arenas(blocks, rows, lanes)
         self._histories = np.zeros((blocks, history_slots(settings), 4, lanes))
         self._clocks = np.zeros((blocks, CLOCK, lanes), dtype=np.int64)
         self._keys = np.zeros((blocks, lanes), dtype=np.uint64)
@@ -228,6 +228,8 @@ class Fleet:
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Link the views again."""
         self.__dict__.update(state)
+        self._arenas = blank_arenas(*state["_arenas"].shape)
+        self._arenas[:] = state["_arenas"]
         self._link()
         if self._keys.any():  # an episode has begun
             self._step_kernel = self._module.step_episodes

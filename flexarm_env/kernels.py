@@ -38,7 +38,6 @@ from flexarm_env import (
 from flexarm_env.recorded import DECORATOR, RECORDED, Variant
 from flexarm_env.rows import DRAWN, DRIVES, ORDER, PLAN, constant_places, extent, settings_layout
 
-_OPEN = (torque_stepping.begin_step, torque_stepping.end_step, torque_stepping.open_step)
 _READINGS = (
     stepping.reference_at,
     stepping.reference_now,
@@ -94,12 +93,11 @@ _LOOKING = (
 )
 # Functions of a module in the order of their definition; a pair is a function and the name it goes by there.
 _DRIVERS: dict[str, tuple[Callable[..., Any] | tuple[Callable[..., Any], str], ...]] = {
-    "open": (*_OPEN, torque_stepping.run_open),
+    "open": (torque_stepping.run_open,),
     "loop": (*_READINGS, *_LAW, stepping.start, stepping.state_status, stepping.write_outputs, stepping.run_loop),
-    "torque": (*_EPISODE, *_OPEN, (drives.drive_torque, "drive"), *_LOOKING, starts.start_episodes),
+    "torque": (*_EPISODE, (drives.drive_torque, "drive"), *_LOOKING, starts.start_episodes),
     "tracking": (
         *_EPISODE,
-        *_OPEN[:2],
         drives.hermite,
         drives.aim,
         (drives.drive_tracking, "drive"),
@@ -118,7 +116,6 @@ _DRIVERS: dict[str, tuple[Callable[..., Any] | tuple[Callable[..., Any], str], .
 }
 ENTRY_POINTS = ("start_episodes", "step_episodes")
 _LAW_TABLES = (stepping, ("NODES", "GAMMA", "EXPLICIT", "IMPLICIT"))
-_RK4_TABLES = (torque_stepping, ("RK4_STEP", "RK4_WEIGHT"))
 _CLOCK = (stepping, ("STEPS", "PATH", "SINCE", "BEGAN", "HEAD"))
 _EPISODE_TABLES = (
     _CLOCK,
@@ -128,10 +125,10 @@ _EPISODE_TABLES = (
     (starts, starts.TABLES),
 )
 _TABLES: dict[str, tuple[tuple[ModuleType, tuple[str, ...]], ...]] = {
-    "open": (_RK4_TABLES,),
+    "open": (),
     "loop": (_LAW_TABLES, _CLOCK),
-    "torque": (_RK4_TABLES, *_EPISODE_TABLES),
-    "tracking": (_RK4_TABLES, *_EPISODE_TABLES),
+    "torque": _EPISODE_TABLES,
+    "tracking": _EPISODE_TABLES,
     "gain": (_LAW_TABLES, *_EPISODE_TABLES),
 }
 
@@ -177,10 +174,10 @@ def render(variant: Variant) -> str:
         source = inspect.getsource(function)
         text += DECORATOR + source.replace(f"def {function.__name__}(", f"def {name}(", 1) + "\n\n"
     if variant.kind in DRIVES:  # Python calls the two entry points only; wrappers for the others would take time
-        inner = DECORATOR.replace(")\n", ", no_cpython_wrapper=True)\n")
-        head, *functions = text.split(DECORATOR)
-        entries = tuple(f"def {name}(" for name in ENTRY_POINTS)
-        text = head + "".join((DECORATOR if each.startswith(entries) else inner) + each for each in functions)
+        inner = ", no_cpython_wrapper=True)\ndef "
+        text = text.replace(")\ndef ", inner)
+        for name in ENTRY_POINTS:
+            text = text.replace(f"{inner}{name}(", f")\ndef {name}(")
     return text
 
 

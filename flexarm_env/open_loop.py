@@ -16,7 +16,7 @@ from flexarm_env.dynamics import Constants
 from flexarm_env.kinematics import internal_state, public_state
 from flexarm_env.recorded import Variant
 from flexarm_env.rows import extent
-from flexarm_env.torque_stepping import RK4_STEP, RK4_WEIGHT
+from flexarm_env.torque_stepping import RK4_NODES, RK4_WEIGHTS
 from flexarm_env.validation import finite_array
 
 Array = NDArray[np.float64]
@@ -44,7 +44,6 @@ class OpenLoop:
         self._arena[self._part("CONSTANTS")] = constants.flat()
         # rates follow positions
         self._state = slice(self._rows["Y"][0], self._rows["Y"][0] + 2 * size)
-        self._slope = slice(self._rows["Y_SLOPE"][0], self._rows["Y_SLOPE"][0] + 2 * size)
         self._arena[self._state] = internal_state(constants, start)
 
     def run_held(self, held: Array, step: float, substeps: int) -> tuple[Array, Array]:
@@ -83,16 +82,19 @@ class OpenLoop:
 
     def _step(self, torque: TorqueFunction, k: int, h: float) -> bool:
         """Integration step k; False if a stage is not finite."""
-        arena = self._arena
-        self._module.begin_step(arena)
-        for node, weight in zip(RK4_STEP, RK4_WEIGHT, strict=True):
+        constants, start = self._arena[self._part("CONSTANTS")].tolist(), self._arena[self._state].copy()
+        slope = total = np.zeros_like(start)
+        for node, weight in zip(RK4_NODES, RK4_WEIGHTS, strict=True):
             with np.errstate(over="ignore", invalid="ignore"):  # a diverging state
-                stage = public_state(self._constants, arena[self._state] + node * h * arena[self._slope])
+                internal = start + h * node * slope
+                stage = public_state(self._constants, internal)
             if not np.all(np.isfinite(stage)):
                 return False
-            arena[self._part("TAU")] = _evaluate(torque, (k + node) * h, stage)
-            self._module.slope_kernel(arena, node * h, weight)
-        self._module.end_step(arena, h)
+            tau = _evaluate(torque, (k + node) * h, stage)
+            y, v = np.split(internal, 2)
+            slope = np.concatenate([v, self._module.slope(*constants, *y.tolist(), *v.tolist(), *tau.tolist())])
+            total = total + weight * slope
+        self._arena[self._state] = start + h * total
         return True
 
     def _part(self, name: str) -> slice:

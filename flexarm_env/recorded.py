@@ -8,14 +8,18 @@ from typing import Any
 
 from flexarm_env import closed_loop, features, reward, sensing, stepping, tracking
 from flexarm_env import dynamics as dyn
+from flexarm_env.algebra import dot
 from flexarm_env.elementary import sincos
 from flexarm_env.links import Place
-from flexarm_env.rows import layout
+from flexarm_env.rows import constant_places, extent, layout
+from flexarm_env.torque_stepping import RK4_NODES, RK4_WEIGHTS
 from flexarm_env.tracing import Expression, Trace, clip
 
 # Strict IEEE arithmetic: no fast-math, no contraction to fused operations; "numpy" only drops the checks for
 # division by zero, which would keep the compiler from vectorising.
 DECORATOR = '@njit(cache=True, nogil=True, error_model="numpy", boundscheck=False, no_cfunc_wrapper=True)\n'
+# A function that must become a part of its caller, or the caller's loop over lanes is not vectorised.
+INLINED = DECORATOR.replace(")\n", ", forceinline=True)\n")
 
 
 @dataclass(frozen=True)
@@ -101,31 +105,56 @@ class _Recorder:
 
 
 def slope_source(variant: Variant) -> str:
-    """One explicit Runge-Kutta stage of the arm; under the inner law where the kind is "tracking"."""
-    r = _Recorder(variant)
-    k, step, weight = r.constants(), r.trace.input("step"), r.trace.input("weight")
-    y = [a + step * b for a, b in zip(r.read("Y"), r.read("Y_SLOPE"), strict=True)]
-    v = [a + step * b for a, b in zip(r.read("V"), r.read("V_SLOPE"), strict=True)]
-    m = variant.modes
-    sin, cos = sincos(y[m + 1] - y[0])
+    """v' of one arm from its constants, y, v and torques, in this order."""
+    trace, size = Trace(), 2 * variant.modes + 2
+    counts = (
+        ("k", extent(constant_places(variant.modes, variant.foreshortened))),
+        ("y", size),
+        ("v", size),
+        ("tau", 2),
+    )
+    constants, y, v, tau = (trace.inputs([f"{name}{n}" for n in range(count)]) for name, count in counts)
+    k = dyn.Constants.unflat(constants, variant.modes, variant.foreshortened)
+    sin, cos = sincos(y[variant.modes + 1] - y[0])
     sin_theta2 = None if variant.complete else sincos(dyn.joint_angles(k, y)[1])[0]
-    tau = r.read("TAU")
-    if variant.kind == "tracking":
-        tau = _tracking_torque(r, k, y, v)
-        r.write("STAGE_TORQUE", tau)
     slope = dyn.acceleration(k, variant.complete, y, v, tau, (cos, sin, sin_theta2))
-    r.write("Y_SUM", [a + weight * b for a, b in zip(r.read("Y_SUM"), v, strict=True)])
-    r.write("V_SUM", [a + weight * b for a, b in zip(r.read("V_SUM"), slope, strict=True)])
-    r.write("Y_SLOPE", v)
-    r.write("V_SLOPE", slope)
-    return r.source("slope_kernel(arena, step, weight" + (", basis)" if variant.kind == "tracking" else ")"))
+    lines = [*trace.lines(slope), f"return {', '.join(value.name for value in slope)}"]
+    parameters = ", ".join(f"{name}{n}" for name, count in counts for n in range(count))
+    return f"{INLINED}def slope({parameters}):\n" + "".join(f"    {line}\n" for line in lines) + "\n\n"
 
 
-def _tracking_torque(r: _Recorder, k: dyn.Constants, y: Sequence[Any], v: Sequence[Any]) -> list[Any]:
-    basis = r.trace.inputs([f"basis[{n}]" for n in range(8)])
+def step_source(variant: Variant) -> str:
+    """One step of the classical Runge-Kutta method; under the inner law where the kind is "tracking".
+
+    All four stages in one pass over the lanes, so that slopes and their sum stay in registers.
+    """
+    r = _Recorder(variant)
+    k, h, y, v, tau = r.constants(), r.trace.input("h"), r.read("Y"), r.read("V"), r.read("TAU")
+    slopes: list[list[Any]] = []
+    for stage, node in enumerate(RK4_NODES):
+        late = [a + (h * node) * b for a, b in zip([*y, *v], slopes[-1], strict=True)] if slopes else [*y, *v]
+        stage_y, stage_v = late[: len(y)], late[len(y) :]
+        if variant.kind == "tracking":
+            acting = _tracking_torque(r, k, round(2 * node), (stage_y, stage_v))
+            if stage == 0:
+                r.write("STAGE_TORQUE", acting)
+        else:
+            acting = tau
+        slopes.append([*stage_v, *r.trace.call("slope", [*k.flat(), *late, *acting], len(v))])
+    sums = [dot(RK4_WEIGHTS, each) for each in zip(*slopes, strict=True)]
+    moved = [a + h * b for a, b in zip([*y, *v], sums, strict=True)]
+    r.write("Y", moved[: len(y)])
+    r.write("V", moved[len(y) :])
+    return r.source("step_kernel(arena, h" + (", bases)" if variant.kind == "tracking" else ")"))
+
+
+def _tracking_torque(
+    r: _Recorder, k: dyn.Constants, basis_of: int, state: tuple[Sequence[Any], Sequence[Any]]
+) -> list[Any]:
+    basis = r.trace.inputs([f"bases[{basis_of}][{n}]" for n in range(8)])
     aim = tracking.interpolated(r.read("INNER_FROM"), r.read("INNER_TO"), basis)
     gains = (r.read("STIFFNESS"), r.read("RESISTANCE"))
-    tau = tracking.tracking_torque(k, gains, aim, r.read("TAU"), (y, v))
+    tau = tracking.tracking_torque(k, gains, aim, r.read("TAU"), state)
     return [clip(value, -limit, limit) for value, limit in zip(tau, r.read("TORQUE_LIMIT"), strict=True)]
 
 
@@ -216,9 +245,9 @@ def joint_source(variant: Variant) -> str:
 
 _COMMON = (reading_source, truth_source, features_source, joint_source)
 RECORDED: dict[str, tuple[Callable[[Variant], str], ...]] = {
-    "open": (slope_source,),
+    "open": (slope_source, step_source),
     "loop": (law_source, reading_source, outputs_source),
-    "torque": (slope_source, *_COMMON),
-    "tracking": (slope_source, *_COMMON),
+    "torque": (slope_source, step_source, *_COMMON),
+    "tracking": (slope_source, step_source, *_COMMON),
     "gain": (law_source, *_COMMON),
 }

@@ -9,6 +9,8 @@ from typing import Any, NamedTuple
 
 import gymnasium
 
+from flexarm_env.choices import DEFAULT_OBSERVATION
+
 NAMESPACE = "FlexArm"
 # Control periods of an episode: a lap of 16 s at 100 Hz, or at the paper's 1 kHz; a move there and back of 8 s. A test
 # ties them to lap time and control period.
@@ -54,17 +56,9 @@ _PAPER: dict[str, Any] = {
     "deflection_limit": None,
     "error_limit": None,
 }
-_ENCODERS = (
-    "elbow_direction",
-    "joint_rates",
-    "joint_error",
-    "joint_error_rate",
-    "encoder_error",
-    "reference_position",
-    "reference_velocity",
-    "previews",
-    "last_actions",
-)
+# Blocks that need the sensor on link 2 or the strain gauges.
+_OF_THE_LINKS = ("sensor_error", "sensor_error_rate", "modal_coordinates", "modal_rates")
+_ENCODERS = tuple(name for name in DEFAULT_OBSERVATION if name not in _OF_THE_LINKS)
 
 IDS: dict[str, Id] = {
     "Square-v0": Id(

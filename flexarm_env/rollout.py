@@ -18,6 +18,7 @@ from flexarm_env.trajectory import Trajectory
 from flexarm_env.validation import integer
 
 Array = NDArray[np.float64]
+Observations = NDArray[np.float32]
 
 
 def run_policy(
@@ -131,14 +132,9 @@ def run_batch(
     """
     steps = integer("steps", steps, 1)
     count = len(loop)
-    if len(policies) != count:
-        raise ValueError(f"policies: must be {count}, one for each arm, got {len(policies)}")
-    if np.shape(gain_limits) not in ((), (count,)):
-        raise ValueError(f"gain_limits: must be one number or {count}, got shape {np.shape(gain_limits)}")
-    limits = np.broadcast_to(np.asarray(gain_limits, dtype=float), (count,))
+    choose = _chooser(policies, count)
+    limits = _gain_limits(gain_limits, count)
     noise = _noise(loop, seed)
-    groups = _groups(policies)
-    memories: list[Any] = [None] * len(groups)
     observed = observation_blocks(loop.arm.parameters.modes_per_link)["reference_velocity"].stop
     ends = np.full(count, steps + 1)
     live: slice | NDArray[np.int64] = slice(None)  # who goes on; an arm that ended keeps its last valid observation
@@ -147,16 +143,10 @@ def run_batch(
     records = np.zeros((steps + 1, *first.shape))
     gains = np.zeros((steps + 1, count))
     records[0], done = first, 0
-    start = np.ones(count, dtype=bool)
     observation = np.zeros((count, observed), dtype=np.float32)
-    actions = np.zeros(count, dtype=np.float32)
     while done < steps and ends.max() > steps:
         observation[live] = records[done, live, :observed]
-        for k, (policy, members) in enumerate(groups):
-            action, memories[k] = policy.predict(observation[members], memories[k], start[members], True)
-            actions[members] = action[:, 0]
-        start[:] = False
-        gains[done, live] = gain_from_action(actions.clip(-1.0, 1.0), limits)[live]
+        gains[done, live] = gain_from_action(choose(observation).clip(-1.0, 1.0), limits)[live]
         loop.advance(gains[done], noise())
         done += 1
         records[done] = loop.packed_results()
@@ -167,6 +157,32 @@ def run_batch(
             progress(1)
     gains[done] = gains[done - 1]
     return _trajectories(loop, loop.unpack(records[: done + 1]), gains, ends)
+
+
+def _gain_limits(given: ArrayLike, count: int) -> Array:
+    """Lambda at action 1, of each arm. Shape (N,)."""
+    if np.shape(given) not in ((), (count,)):
+        raise ValueError(f"gain_limits: must be one number or {count}, got shape {np.shape(given)}")
+    return np.broadcast_to(np.asarray(given, dtype=float), (count,))
+
+
+def _chooser(policies: Sequence[Any], count: int) -> Callable[[Observations], Observations]:
+    """Has each policy choose for its arms, with a memory: actions, Shape (N,), from observations, Shape (N, k)."""
+    if len(policies) != count:
+        raise ValueError(f"policies: must be {count}, one for each arm, got {len(policies)}")
+    groups = _groups(policies)
+    memories: list[Any] = [None] * len(groups)
+    start = np.ones(count, dtype=bool)
+    actions = np.zeros(count, dtype=np.float32)
+
+    def choose(observation: Observations) -> Observations:
+        for k, (policy, members) in enumerate(groups):
+            action, memories[k] = policy.predict(observation[members], memories[k], start[members], True)
+            actions[members] = action[:, 0]
+        start[:] = False
+        return actions
+
+    return choose
 
 
 def _noise(loop: ClosedLoop, seed: int | None) -> Callable[[], Array | None]:

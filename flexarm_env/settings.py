@@ -6,7 +6,6 @@ is its documentation: the environments' pages are made from it.
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, Field, dataclass, field, fields, replace
 from functools import cached_property
@@ -51,7 +50,7 @@ from flexarm_env.parameters import (
 from flexarm_env.reference import PATHS, ReferencePath, way_points
 from flexarm_env.simulation import default_step
 from flexarm_env.stability import ELBOWS, STABLE_ANGLE, fastest_pole
-from flexarm_env.validation import choice, flag, integer, listed, names, number, pair
+from flexarm_env.validation import choice, flag, integer, known_names, listed, names, number, pair
 
 
 def _option(default: Any, text: str, unit: str = "", modes: Sequence[str] = tuple(MODES)) -> Any:
@@ -156,12 +155,7 @@ class Settings:
             TypeError: for an unknown name, with the nearest known one.
             ValueError: for a bad value.
         """
-        known = [one.name for one in fields(cls)]
-        for name in options:
-            if name not in known:
-                near = difflib.get_close_matches(name, known, 1)
-                hint = f"; did you mean {near[0]!r}?" if near else "."
-                raise TypeError(f"{name}: no such option{hint} The options are {', '.join(known)}")
+        known_names("option", options, [one.name for one in fields(cls)])
         return cls(**options)
 
     def __post_init__(self) -> None:

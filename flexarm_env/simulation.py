@@ -7,18 +7,17 @@ The gain lambda is held over a control period; the law itself acts in continuous
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexarm_env import kernels, stepping
+from flexarm_env import kernels, loop_cases, stepping
 from flexarm_env.arm import FlexibleArm
-from flexarm_env.parameters import LawParameters, SensorParameters
+from flexarm_env.loop_cases import LoopCase
 from flexarm_env.recorded import Variant
 from flexarm_env.reference import ReferencePath
-from flexarm_env.rows import extent, place_rows, result_sizes
+from flexarm_env.rows import extent, result_sizes
 from flexarm_env.validation import finite_array, number
 
 Array = NDArray[np.float64]
@@ -30,19 +29,6 @@ STEP_LIMIT = 1.2
 DEFAULT_ANGLE = 0.15
 DEFAULT_STEP = 2.5e-4
 BLOCK = 8  # lanes; one environment alone has a block of one
-
-
-@dataclass(frozen=True)
-class LoopCase:
-    """What may differ between the arms of a batch.
-
-    Attributes:
-        sensor: its model may differ only between "collocated" and "rigid", which share a kernel.
-        law: gains, command delay, torque limit.
-    """
-
-    sensor: SensorParameters
-    law: LawParameters
 
 
 class Results(NamedTuple):
@@ -102,46 +88,42 @@ class ClosedLoop:
             ValueError: for bad input: no cases, a sensor off the link, a compensation without delay, a step too
                 long for the fastest mode.
         """
-        self.arm, self.path, self._cases = arm, path, list(cases)
         if not isinstance(arm, FlexibleArm):
             raise TypeError(f"arm = {arm!r}: must be a FlexibleArm")
         if not isinstance(path, ReferencePath):
             raise TypeError(f"path = {path!r}: must be a ReferencePath")
-        if not self._cases:
-            raise ValueError("cases: must hold at least one LoopCase")
-        for case in self._cases:
-            _check_case(case, arm)
+        self.arm, self.path, self._cases = arm, path, loop_cases.checked_cases(cases, arm)
         self._path_rows = path.rows[None]
         self._ready = False  # until the first reset
         self.control_period = number("control_period", control_period, "s", above=0.0)
         self.substeps = self._count_substeps(physics_step)
-        modes = arm.parameters.modes_per_link
+        p = arm.parameters
         lanes = 1 if len(self._cases) == 1 else BLOCK
-        self._variant = Variant(
-            "loop",
-            modes,
-            arm.parameters.velocity_forces == "complete",
-            lanes,
-            *self._sensor_variant(),
-            foreshortened=arm.constants.foreshortened,
-        )
-        self._rows = self._variant.rows
-        sizes = result_sizes(modes)
-        first = self._rows[next(iter(sizes))][0]
-        self._results = slice(first, first + sum(sizes.values()))
-        blocks = -(-len(self._cases) // lanes)
-        self._arenas = np.zeros((blocks, extent(self._rows), lanes))
-        slots = 3 + int(max(max(self._delays(case)) for case in self._cases) / self.physics_step)
-        self._histories = np.zeros((blocks, slots, 4, lanes))
-        self._clocks = np.zeros((blocks, stepping.CLOCK, lanes), dtype=np.int64)
-        self._put("CONSTANTS", np.tile(arm.constants.flat(), (len(self._cases), 1)))
+        sensor = loop_cases.sensor_variant(self._cases)
+        complete, foreshortened = p.velocity_forces == "complete", arm.constants.foreshortened
+        self._variant = Variant("loop", p.modes_per_link, complete, lanes, *sensor, foreshortened=foreshortened)
+        self._allocate()
         limits = np.full(2 * arm.size, np.inf) if state_limits is None else np.array(state_limits, dtype=float)
         if limits.shape != (2 * arm.size,) or not np.all(limits > 0.0):
             raise ValueError(f"state_limits = {state_limits!r}: must be {2 * arm.size} numbers > 0 (inf for none)")
-        self._put("LIMITS", np.tile(limits, (len(self._cases), 1)))
-        for name, values in self._settings().items():
-            self._put(name, values)
+        self._put("CONSTANTS", np.tile(arm.constants.flat(), (len(self), 1)))
+        self._put("LIMITS", np.tile(limits, (len(self), 1)))
+        for name, rows in loop_cases.case_rows(self._cases, arm).items():
+            self._put(name, rows)
         self._link()
+
+    def _allocate(self) -> None:
+        """Blocks of arenas, delay lines and clocks, and where the results lie in an arena."""
+        lanes = self._variant.lanes
+        self._rows = self._variant.rows
+        sizes = result_sizes(self._variant.modes)
+        first = self._rows[next(iter(sizes))][0]
+        self._results = slice(first, first + sum(sizes.values()))
+        blocks = -(-len(self) // lanes)
+        self._arenas = np.zeros((blocks, extent(self._rows), lanes))
+        latest = max(max(loop_cases.delays(case, self.arm)) for case in self._cases)
+        self._histories = np.zeros((blocks, 3 + int(latest / self.physics_step), 4, lanes))
+        self._clocks = np.zeros((blocks, stepping.CLOCK, lanes), dtype=np.int64)
 
     def _link(self) -> None:
         """Views for the hot path: whole blocks as the kernels take them, the gains' rows, the parts of results."""
@@ -265,44 +247,6 @@ class ClosedLoop:
                 )
         return int(np.ceil(self.control_period / wanted - 1e-9))
 
-    def _sensor_variant(self) -> tuple[str, str]:
-        kinds = {
-            ("true" if case.sensor.model == "true" else "rigid", case.sensor.rate_jacobian) for case in self._cases
-        }
-        if len(kinds) > 1:
-            raise ValueError(f"cases: sensors of one batch must share model and rate_jacobian, got {sorted(kinds)}")
-        return kinds.pop()
-
-    def _delays(self, case: LoopCase) -> tuple[float, float]:
-        return case.sensor.joint_delays(self.arm.parameters.link_lengths[0])
-
-    def _command_delays(self, case: LoopCase) -> tuple[float, float]:
-        shoulder, elbow = self._delays(case)
-        return {"none": (0.0, 0.0), "shared": (shoulder, shoulder), "per_joint": (shoulder, elbow)}[
-            case.law.compensation
-        ]
-
-    def _settings(self) -> dict[str, Array]:
-        """Rows of the arena that do not change, for each arm."""
-        tip = self.arm.place(2, self.arm.parameters.link_lengths[1])
-        columns: dict[str, list[list[float]]] = {}
-        for case in self._cases:
-            sensor, law = case.sensor, case.law
-            limit = law.torque_limit or (np.inf, np.inf)
-            values: dict[str, Sequence[float]] = {
-                "PROPORTIONAL_GAIN": [law.proportional_gain],
-                "DERIVATIVE_GAIN": [law.derivative_gain],
-                "TORQUE_LIMIT": limit,
-                **place_rows("SENSOR", self.arm.place(2, sensor.position)),
-                **place_rows("TIP", tip),
-                "DELAY": self._delays(case),
-                "COMMAND_DELAY": self._command_delays(case),
-                "RATE_LATE": [float(sensor.delayed == "position+rate")],
-            }
-            for name, row in values.items():
-                columns.setdefault(name, []).append(list(row))
-        return {name: np.array(rows) for name, rows in columns.items()}
-
     def _put(self, name: str, values: Array) -> None:
         """Write rows of all arms; lanes beyond the last arm repeat the first."""
         first, count = self._rows[name]
@@ -343,16 +287,3 @@ def observation_blocks(modes: int) -> dict[str, slice]:
 def default_step(fastest: float) -> float:
     """Integration step [s] for an arm whose fastest mode has this rate [rad/s]."""
     return min(DEFAULT_STEP, DEFAULT_ANGLE / fastest)
-
-
-def _check_case(case: LoopCase, arm: FlexibleArm) -> None:
-    if not isinstance(case, LoopCase):
-        raise TypeError(f"cases hold {case!r}: must be LoopCase objects")
-    length2 = arm.parameters.link_lengths[1]
-    if case.sensor.position > length2:
-        raise ValueError(f"sensor_position = {case.sensor.position} m: must be on link 2, > 0 and <= {length2} m")
-    if case.law.compensation != "none" and case.sensor.model == "collocated":
-        raise ValueError(
-            f"compensation = {case.law.compensation!r}: a collocated sensor has no delay to compensate; "
-            "it must be 'none'"
-        )

@@ -76,34 +76,42 @@ def plan_and_table(
     Returns:
         Whole numbers (`rows.PLAN`) and the rows of the observation; numbers (`rows.SETTINGS`), horizons and factors.
     """
+    horizons = settings.previews if _previews(settings) else ()
+    plan = np.concatenate([_whole_numbers(settings, layout, kept), _observed_rows(settings, kind, layout)])
+    return plan, np.concatenate([_numbers(settings), horizons, 1.0 / layout.scale])
+
+
+def _previews(settings: Settings) -> int:
+    """How many horizons are observed."""
+    return len(settings.previews) if "previews" in settings.observation else 0
+
+
+def _whole_numbers(settings: Settings, layout: ObservationLayout, kept: int) -> NDArray[np.int64]:
+    """In the order of `rows.PLAN`."""
     s = settings
-    arm = s.flexible_arm
     whole = {
         "SUBSTEPS": s.substeps,
         "CHANNELS": len(s.action_limit),
         "KEPT_ACTIONS": kept,
-        "PREVIEWS": len(s.previews) if "previews" in s.observation else 0,
+        "PREVIEWS": _previews(s),
         "OBSERVED": len(layout.rows),
         "SHIFTING": int(s.action_mode == "reference"),
         "COMPENSATION": ("none", "shared", "per_joint").index(s.compensation),
         "READINGS": kept_readings(s),
     }
     assert (*whole, "PLACES") == PLAN
+    return np.array(list(whole.values()), dtype=np.int64)
+
+
+def _numbers(settings: Settings) -> Array:
+    """In the order of `rows.SETTINGS`."""
+    s = settings
+    arm = s.flexible_arm
     p = arm.parameters
-    base = {
-        "delay": NAN if s.delay is None or isinstance(s.delay, tuple) else s.delay,
-        "payload_mass": p.payload_mass,
-        "stiffness": 1.0,
-        "damping": p.modal_damping_ratio,
-        "noise": s.noise,
-        "actuation_delay": s.actuation_delay,
-    }
-    limit = (*s.action_limit, 0.0)[:2]
-    weights = [s.reward_weights.get(name, 0.0) for name in TERMS]
     values: dict[str, Any] = {
         "STEP": [s.control_period / s.substeps],
         "PERIOD": [s.control_period],
-        "ACTION_SCALE": limit,
+        "ACTION_SCALE": (*s.action_limit, 0.0)[:2],
         "JITTER": [s.jitter],
         "HOLD": [s.hold],
         "DROPOUT": [s.dropout],
@@ -114,11 +122,9 @@ def plan_and_table(
         "BRANCH": [1.0 if s.elbow_branch == "positive" else -1.0],
         "START_SPREAD": s.start_spread,
         "MOVES": [MOVE_RING[0] * p.reach, MOVE_RING[1] * p.reach, s.lap_time],
-        "WEIGHTS": weights,
+        "WEIGHTS": [s.reward_weights.get(name, 0.0) for name in TERMS],
         "SENSOR_DELAYS": sensor_delays(s),
-        "BASE": [base[name] for name in DRAWN],
-        "LOWEST": [s.randomisation.get(name, (NAN, NAN))[0] for name in DRAWN],
-        "HIGHEST": [s.randomisation.get(name, (NAN, NAN))[1] for name in DRAWN],
+        **_drawn(s),
         "ARM": arm.constants.flat(),
         "PER_PAYLOAD": _per_payload(arm),
         "PER_DAMPING": _per_damping(arm),
@@ -127,9 +133,23 @@ def plan_and_table(
     assert all(len(values[name]) == count for name, (_, count) in places.items())
     table = np.concatenate([np.asarray(values[name], dtype=float) for name in places])
     assert len(table) == extent(places)
-    horizons = s.previews if whole["PREVIEWS"] else ()
-    plan = np.concatenate([np.array(list(whole.values()), dtype=np.int64), _observed_rows(s, kind, layout)])
-    return plan, np.concatenate([table, horizons, 1.0 / layout.scale])
+    return table
+
+
+def _drawn(settings: Settings) -> dict[str, list[float]]:
+    """Of each quantity that an episode may draw, the arm's own value and the bounds of its range."""
+    s = settings
+    p = s.flexible_arm.parameters
+    base = {
+        "delay": NAN if s.delay is None or isinstance(s.delay, tuple) else s.delay,
+        "payload_mass": p.payload_mass,
+        "stiffness": 1.0,
+        "damping": p.modal_damping_ratio,
+        "noise": s.noise,
+        "actuation_delay": s.actuation_delay,
+    }
+    lowest, highest = zip(*(s.randomisation.get(name, (NAN, NAN)) for name in DRAWN), strict=True)
+    return {"BASE": [base[name] for name in DRAWN], "LOWEST": list(lowest), "HIGHEST": list(highest)}
 
 
 def _observed_rows(settings: Settings, kind: str, layout: ObservationLayout) -> NDArray[np.int64]:

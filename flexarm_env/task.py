@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexarm_env.arm import FlexibleArm
+from flexarm_env.loop_cases import LoopCase
 from flexarm_env.parameters import SquareParameters
 from flexarm_env.reference import inverse_kinematics, square
-from flexarm_env.simulation import ClosedLoop, LoopCase
+from flexarm_env.simulation import ClosedLoop
 
 Array = NDArray[np.float64]
 

@@ -23,6 +23,7 @@ class Trace:
         """Start empty."""
         self._operations: list[tuple[str, tuple[str, ...]]] = []
         self._known: dict[tuple[str, tuple[str, ...]], Expression] = {}
+        self._arguments: set[str] = set()  # of calls
 
     def input(self, code: str) -> Expression:
         """A value that the surrounding code provides, e.g. an array element."""
@@ -42,14 +43,23 @@ class Trace:
             self._known[operation] = known
         return known
 
+    def call(self, function: str, arguments: Sequence[Any], count: int) -> list[Expression]:
+        """Record a call of a function that returns `count` numbers."""
+        codes = [_code(argument) for argument in arguments]
+        self._arguments.update(codes)
+        places = ", ".join(f"{{{place}}}" for place in range(len(codes)))
+        called = self.assign(f"{function}({places})", *codes)
+        return [self.assign(f"{{0}}[{n}]", called.name) for n in range(count)]
+
     def lines(self, results: Sequence[Any]) -> list[str]:
         """Assignments that compute the results, each under its own name; what no result needs is left out.
 
         An operation used once is written inside the one that uses it: fewer names, which the compiler's time grows
-        with. Results always get a name, so that all inputs are read before the surrounding code writes anything.
+        with. Results always get a name, so that all inputs are read before the surrounding code writes anything; so do
+        arguments of calls (numba does not read a long call with a choice inside).
         """
         uses = self._uses(results)
-        named = {result.name for result in results if isinstance(result, Expression)}
+        named = self._arguments | {result.name for result in results if isinstance(result, Expression)}
         written: dict[str, tuple[str, int]] = {}  # code and nesting of operations without a name
         lines = []
         for index, (template, operands) in enumerate(self._operations):

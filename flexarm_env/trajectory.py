@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any
-from zipfile import BadZipFile
 
 import numpy as np
-from numpy.lib.npyio import NpzFile
 from numpy.typing import NDArray
 
+from flexarm_env import archive
 from flexarm_env.parameters import ArmParameters
 
 Array = NDArray[np.float64]
@@ -78,29 +76,21 @@ class Trajectory:
         return {name: value for name, value in values.items() if value is not None}
 
     def save(self, path: str | Path) -> None:
-        """Write an npz file (arrays, and the rest as JSON text); not compressed, which would take most of a run."""
-        head = json.dumps({"format": _FORMAT, "parameters": asdict(self.parameters), "notes": self.notes})
-        with open(path, "wb") as file:
-            np.savez(file, head=np.array(head), **self.arrays())  # type: ignore[arg-type]
+        """Write an npz file: arrays, and the rest as JSON text (`archive`)."""
+        archive.write(path, _FORMAT, {"parameters": asdict(self.parameters), "notes": self.notes}, self.arrays())
 
     @classmethod
     def load(cls, path: str | Path) -> Trajectory:
         """Read a file written by `save`.
 
         Raises:
-            ValueError: if the file is not such a file.
+            FileNotFoundError: if there is none.
+            ValueError: if the file is not such a file, naming it and what is wrong.
         """
-        with open(path, "rb") as stream:  # not by np.load, which leaves a damaged file open
-            try:
-                file = np.load(stream, allow_pickle=False)
-            except (ValueError, EOFError, BadZipFile) as error:
-                raise ValueError(f"{path}: not a saved Trajectory ({error})") from error
-            if not isinstance(file, NpzFile) or "head" not in file:
-                raise ValueError(f"{path}: not a saved Trajectory (no entry 'head')")
-            head = json.loads(str(file["head"]))
-            if head["format"] != _FORMAT:
-                raise ValueError(f"{path}: format {head['format']}; this version reads {_FORMAT}")
-            arrays = {name: file[name] for name in file.files if name != "head"}
+        return archive.read(path, _FORMAT, "Trajectory", cls._from_file)
+
+    @classmethod
+    def _from_file(cls, head: dict[str, Any], arrays: dict[str, Array]) -> Trajectory:
         values: dict[str, Any] = {
             name: tuple(value) if isinstance(value, list) else value for name, value in head["parameters"].items()
         }

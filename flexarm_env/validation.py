@@ -6,6 +6,7 @@ value it got and what is allowed. Nothing is clipped or replaced.
 
 from __future__ import annotations
 
+import difflib
 from collections.abc import Iterable, Mapping, Sequence
 from numbers import Integral, Real
 from typing import Any
@@ -185,6 +186,24 @@ def names(name: str, value: object) -> tuple[str, ...]:
     if not entries or len(set(entries)) < len(entries):
         raise ValueError(f"{name} = {value!r}: must hold at least one name, and each only once")
     return tuple(entries)
+
+
+def known_names(what: str, given: Iterable[str], known: Sequence[str]) -> None:
+    """Check the names of keyword arguments.
+
+    Args:
+        what: one of them is called, e.g. "option".
+        given: by the user.
+        known: that there are.
+
+    Raises:
+        TypeError: for the first that is not known, with the nearest known one.
+    """
+    for name in given:
+        if name not in known:
+            near = difflib.get_close_matches(name, known, 1)
+            hint = f"; did you mean {near[0]!r}?" if near else "."
+            raise TypeError(f"{name}: no such {what}{hint} The {what}s are {', '.join(known)}")
 
 
 def mapping(name: str, value: object) -> dict[str, Any]:

@@ -40,6 +40,7 @@ def joint_law(stiffness: tuple[float, float], resistance: tuple[float, float]) -
     """A spring and a damper between each joint and the rigid arm's way along the reference, held for each period."""
 
     def policy(env: FlexArmEnv, observation: Any) -> Any:
+        """The law's torques as an action."""
         values, blocks = observation * env.observation_scale, env.observation_blocks
         torque = stiffness * values[blocks["joint_error"]] + resistance * values[blocks["joint_error_rate"]]
         return np.clip(torque / env.settings.action_limit, -1.0, 1.0).astype(np.float32)

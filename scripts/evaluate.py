@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,11 +11,13 @@ import gymnasium
 import tyro
 from tqdm import tqdm
 
+from command_line import run
 from flexarm_agents import Score, evaluate, load_policy, shipped_policies
 from flexarm_agents.constant import ConstantPolicy
 from flexarm_agents.environments import make_one
 from flexarm_agents.run_folder import write_json
 from flexarm_baselines import FLSAC, IFDC
+from flexarm_env.parameters import Kinematics
 
 TORQUE, GAIN = "FlexArm/Square-v0", "FlexArm/SquareGain-v0"  # the same plant, sensor and path
 NAMES = ("ifdc", "flsac", "zero", "random")
@@ -32,6 +33,8 @@ class Options:
     """Score IFDC, FLSAC, no torque and random torque."""
     shipped: bool = True
     """Score all shipped policies."""
+    kinematics: Kinematics | None = None
+    """Of the arm that all are scored on; without it, as each was made. "foreshortened" is the more accurate arm."""
     seed: int = 0
     """Of what is random."""
     output: Path = Path("results/evaluation/evaluation.json")
@@ -51,23 +54,34 @@ class Entry(NamedTuple):
 def entries(options: Options) -> Iterator[Entry]:
     """Everything that the command line asks for, each made when it is its turn."""
     if options.baselines:
-        gain, torque = make_one(GAIN), make_one(TORQUE)
-        yield Entry("IFDC", IFDC.for_env(gain), gain, GAIN, {})
-        yield Entry("FLSAC", FLSAC.for_env(gain), gain, GAIN, {})
-        yield Entry("no torque", ConstantPolicy(2), torque, TORQUE, {})
-        yield Entry("random torque", ConstantPolicy(2, 1.0, options.seed), torque, TORQUE, {})
+        changed = _arm({}, options.kinematics)
+        gain, torque = make_one(GAIN, changed), make_one(TORQUE, changed)
+        yield Entry("IFDC", IFDC.for_env(gain), gain, GAIN, changed)
+        yield Entry("FLSAC", FLSAC.for_env(gain), gain, GAIN, changed)
+        yield Entry("no torque", ConstantPolicy(2), torque, TORQUE, changed)
+        yield Entry("random torque", ConstantPolicy(2, 1.0, options.seed), torque, TORQUE, changed)
     for source in (*(shipped_policies() if options.shipped else ()), *options.runs):
         trained = load_policy(source)
-        yield Entry(source, trained.policy, trained.make_env(), trained.environment, trained.options)
+        changed = _arm(trained.options, options.kinematics)
+        yield Entry(source, trained.policy, trained.make_env(**changed), trained.environment, trained.options | changed)
+
+
+def _arm(options: dict[str, Any], kinematics: Kinematics | None) -> dict[str, Any]:
+    """The change of an environment's options that gives its arm other kinematics."""
+    arm = options.get("arm", "default")
+    fields = {"preset": arm} if isinstance(arm, str) else arm
+    return {} if kinematics is None else {"arm": {**fields, "kinematics": kinematics}}
 
 
 def figures(score: Score) -> tuple[str, ...]:
     """Columns of the table; what a run that ended early does not have is a dash, and its scores are in brackets."""
 
     def pair(values: tuple[float, float] | None, digits: int) -> str:
+        """Of shoulder and elbow, or of the links."""
         return "-" if values is None else " / ".join(f"{value:.{digits}f}" for value in values)
 
     def metres(value: float | None) -> str:
+        """A distance; in brackets where the run ended early."""
         text = "-" if value is None else f"{value:.3f}"
         return text if score.complete or value is None else f"({text})"
 
@@ -94,6 +108,7 @@ def table(results: Sequence[tuple[Entry, Score]]) -> str:
     widths = [max(len(row[column]) for row in rows) for column in range(len(HEADER[0]))]
 
     def line(row: Sequence[str]) -> str:
+        """Name and end to the left, figures to the right."""
         middle = (cell.rjust(width) for cell, width in zip(row[1:-1], widths[1:-1], strict=True))
         return "  ".join((row[0].ljust(widths[0]), *middle, row[-1])).rstrip()
 
@@ -125,7 +140,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    try:
-        main()
-    except (ValueError, TypeError, OSError) as error:
-        sys.exit(f"error: {error}")
+    run(main)

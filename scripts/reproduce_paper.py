@@ -10,7 +10,6 @@ from __future__ import annotations
 import json
 import os
 import shutil
-import sys
 import tempfile
 import time
 import tomllib
@@ -20,6 +19,7 @@ from typing import Any, Literal
 
 import tyro
 
+from command_line import run
 from flexarm_env import ArmParameters
 from paper_study.cases import CONTROLLERS, PLACES, SENSINGS, Study, all_cases
 from paper_study.pipeline import reproduce
@@ -121,7 +121,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    try:
-        main()
-    except (ValueError, TypeError, OSError) as error:
-        sys.exit(f"error: {error}")
+    run(main)

@@ -10,6 +10,7 @@ from typing import Any
 
 import tyro
 
+from command_line import run
 from flexarm_agents import TrainingConfig, train
 from flexarm_agents.run_folder import RunFolder
 
@@ -33,6 +34,7 @@ def json_options(registry: tyro.constructors.ConstructorRegistry) -> None:
 
     @registry.primitive_rule
     def rule(info: tyro.constructors.PrimitiveTypeInfo) -> tyro.constructors.PrimitiveConstructorSpec[Any] | None:
+        """How a mapping is read from one argument and shown; None for other types."""
         if info.type_origin is not dict:
             return None
         return tyro.constructors.PrimitiveConstructorSpec(
@@ -78,7 +80,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    try:
-        main()
-    except (ValueError, TypeError, OSError) as error:
-        sys.exit(f"error: {error}")
+    run(main)

@@ -5,11 +5,11 @@ Nothing of the package's mechanics is used. The coordinates are the public ones,
 """
 
 from collections.abc import Iterator
+from functools import lru_cache
 from typing import Any
 
 import mpmath
 import numpy as np
-import scipy.linalg
 import torch
 from hypothesis import strategies as st
 from torch.func import grad, jacrev, vjp
@@ -42,14 +42,24 @@ def shapes(p: ArmParameters, length: float, x: Any, order: int = 0) -> np.ndarra
 
 
 def _polynomial(p: ArmParameters, length: float, x: np.ndarray, order: int) -> np.ndarray:
-    """Ritz modes of the clamped-free beam from the monomials (x/L)^n, n = 2 ... m + 1, with exact integrals."""
+    """Ritz modes of the clamped-free beam from the monomials (x/L)^n, n = 2 ... m + 1."""
     n = np.arange(2, p.modes_per_link + 2)
-    mass = 1.0 / (n[:, None] + n + 1)
-    stiffness = np.outer(n * (n - 1), n * (n - 1)) / (n[:, None] + n - 3)
-    _, vectors = scipy.linalg.eigh(stiffness, mass)  # powers.sum() is the value at the tip
-    vectors *= 2.0 * p.mode_scale * (-1.0) ** np.arange(len(n)) / vectors.sum(axis=0)
+    vectors = monomial_ritz(p.modes_per_link)  # whose sum is the value at the tip
+    vectors = vectors * (2.0 * p.mode_scale * (-1.0) ** np.arange(len(n)) / vectors.sum(axis=0))
     falling = np.array([np.prod(power - np.arange(order)) for power in n])
     return falling * (x[..., None] / length) ** np.maximum(n - order, 0) @ vectors / length**order
+
+
+@lru_cache
+def monomial_ritz(count: int) -> np.ndarray:
+    """Coefficients of (x/L)^2 ... in each mode: exact integrals, 30 digits, since monomials are nearly alike."""
+    n = range(2, count + 2)
+    with mpmath.workdps(30):
+        mass = mpmath.matrix([[mpmath.mpf(1) / (i + j + 1) for j in n] for i in n])
+        bending = mpmath.matrix([[mpmath.mpf(i * (i - 1) * j * (j - 1)) / (i + j - 3) for j in n] for i in n])
+        inverse = mpmath.inverse(mpmath.cholesky(mass))
+        _, vectors = mpmath.eigsy(inverse * bending * inverse.T)
+        return np.array((inverse.T * vectors).tolist(), dtype=float)
 
 
 def _cantilever(p: ArmParameters, length: float, x: np.ndarray, order: int) -> np.ndarray:

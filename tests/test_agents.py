@@ -1,4 +1,4 @@
-"""Agents: configuration, training and its folder, policies as files."""
+"""Training: the folder that it leaves, resuming, the same bits from the same seed."""
 
 from __future__ import annotations
 
@@ -7,52 +7,25 @@ import json
 import re
 import shutil
 from pathlib import Path
-from typing import Any
 
-import gymnasium
 import numpy as np
 import pytest
 import torch
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
+from trainings import ID, TINY, finished
 
 import flexarm_agents.training
-from flexarm_agents import (
-    FlexArmVecEnv,
-    NetworkPolicy,
-    TrainingConfig,
-    evaluate,
-    load_policy,
-    network_policy,
-    shipped_policies,
-    train,
-)
-from flexarm_agents.environments import make_batch, make_one
+from flexarm_agents import FlexArmVecEnv, NetworkPolicy, TrainingConfig, evaluate, load_policy, train
+from flexarm_agents.environments import make_batch
 from flexarm_agents.follow import Follow
-from flexarm_agents.run_folder import RunFolder
 from flexarm_agents.training import new_model
-
-ID = "FlexArm/Square-v0"
-TINY: dict[str, Any] = {
-    "envs": 4,
-    "rollout": 32,
-    "batch": 64,
-    "epochs": 2,
-    "steps": 512,
-    "hidden": [16, 8],
-    "evaluate_every": 200,
-    "checkpoint_every": 200,
-    "episode_steps": 50,
-    "options": {"noise": 0.001, "randomisation": {"payload_mass": [0.0, 0.2]}},
-}
 
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A finished tiny training; not to be changed."""
-    folder = tmp_path_factory.mktemp("runs") / "tiny"
-    train(TrainingConfig(**TINY), folder)
-    return folder
+    return finished(tmp_path_factory.mktemp("runs"))
 
 
 def files(folder: Path) -> dict[str, bytes]:
@@ -65,53 +38,6 @@ def same_policy(one: Path, other: Path) -> bool:
         [*first.weights, *first.biases, first.log_std], [*second.weights, *second.biases, second.log_std], strict=True
     )
     return all(np.array_equal(a, b) for a, b in pairs)
-
-
-# --- configuration ----------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("options", "error", "message"),
-    [
-        (
-            {"environment": "CartPole-v1"},
-            ValueError,
-            r"environment = 'CartPole-v1': must be one of 'FlexArm/Paper-v0', ",
-        ),
-        ({"environment": 3}, ValueError, r"environment = 3: must be one of"),
-        ({"options": {"noize": 1.0}}, TypeError, r"noize: no such option; did you mean 'noise'"),
-        ({"options": {"noise": -1.0}}, ValueError, r"noise = -1.0: must be"),
-        ({"options": {"arm": object()}}, TypeError, r"options = .*: must be plain values \(JSON\)"),
-        ({"options": [1]}, TypeError, r"options = \[1\]: must be a mapping"),
-        ({"steps": 0}, ValueError, r"steps = 0: must be an integer >= 1"),
-        ({"envs": 1.5}, TypeError, r"envs = 1.5: must be an integer >= 1"),
-        ({"batch": 1000}, ValueError, r"batch = 1000: must divide rollout \* envs = 128 \* 64 = 8192"),
-        ({"gamma": 1.5}, ValueError, r"gamma = 1.5: must be .* <= 1.0"),
-        ({"learning_rate": 0.0}, ValueError, r"learning_rate = 0.0: must be .* > 0.0"),
-        ({"learning_rate": 1e-6}, ValueError, r"final_learning_rate = .*: must be <= learning_rate = 1e-06"),
-        ({"seed": -1}, ValueError, r"seed = -1: must be an integer from 0 to"),
-        ({"hidden": ()}, TypeError, r"hidden = \(\): must be a list of sizes"),
-        ({"hidden": (8, 0)}, ValueError, r"hidden\[1\] = 0: must be an integer >= 1"),
-        ({"activation": "selu"}, ValueError, r"activation = 'selu': must be one of 'elu', 'tanh', 'relu'"),
-    ],
-)
-def test_impossible_configurations(options: dict[str, Any], error: type[Exception], message: str) -> None:
-    with pytest.raises(error, match=message):
-        TrainingConfig(**options)
-
-
-def test_a_configuration_survives_a_file() -> None:
-    config = TrainingConfig(**{**TINY, "environment": "flexarm_env:FlexArm/Square-v0", "seed": 3})
-    assert config.environment == ID
-    assert config.folder == Path("runs/Square-v0-3")
-    again = TrainingConfig.of(json.loads(json.dumps(config.plain())))
-    assert again == config
-    assert config.differences(again) == []
-    with pytest.raises(TypeError, match=r"gama: no such parameter; did you mean 'gamma'"):
-        TrainingConfig.of({"gama": 0.9})
-
-
-# --- training ---------------------------------------------------------------------------------------------------------
 
 
 def test_what_a_training_leaves(run: Path) -> None:
@@ -210,13 +136,6 @@ def test_a_folder_is_never_overwritten(run: Path, tmp_path: Path) -> None:
         train(TrainingConfig(**TINY), tmp_path / "file")
 
 
-@pytest.mark.parametrize("text", ["{", "[]", "{}", '{"format": 99}', '{"format": 1, "gama": 1}'])
-def test_a_spoilt_configuration(tmp_path: Path, text: str) -> None:
-    (tmp_path / "config.json").write_text(text)
-    with pytest.raises(ValueError, match=r"config.json: not a training's configuration"):
-        RunFolder(tmp_path).read_config()
-
-
 def test_a_spoilt_checkpoint(run: Path, tmp_path: Path) -> None:
     shutil.copytree(run, tmp_path / "run")
     (tmp_path / "run" / "checkpoint.zip").write_bytes(b"no zip")
@@ -261,109 +180,3 @@ def test_other_environments_are_trained_alike(tmp_path: Path, name: str) -> None
     env = trained.make_env()
     assert trained.policy.log_std.shape == env.action_space.shape
     assert trained.environment == f"FlexArm/{name}"
-
-
-# --- policies as files ------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("activation", ["elu", "tanh", "relu"])
-def test_numpy_predicts_what_torch_predicts(activation: Any) -> None:
-    model = new_model(TrainingConfig(**{**TINY, "activation": activation}))
-    with torch.no_grad():  # away from the small weights of the start
-        for parameter in model.policy.parameters():
-            parameter.add_(0.3 * torch.randn_like(parameter))
-    policy = network_policy(model)
-    observations = np.random.default_rng(0).normal(size=(50, policy.observation_size)).astype(np.float32)
-    expected, _ = model.predict(observations, deterministic=True)
-    found, state = policy.predict(observations, deterministic=True)
-    assert state is None
-    assert found.dtype == np.float32
-    np.testing.assert_allclose(found, expected, atol=1e-5)
-    assert np.abs(expected).max() == 1.0  # limits were met
-    np.testing.assert_allclose(policy.predict(observations[7], deterministic=True)[0], expected[7], atol=1e-5)
-
-
-def test_a_policys_own_randomness() -> None:
-    policy = NetworkPolicy([np.zeros((2, 3), np.float32)], [np.zeros(2, np.float32)], np.log(np.float32([0.1, 0.3])))
-    policy.seed(1)
-    first = policy.predict(np.zeros((4000, 3)))[0]
-    np.testing.assert_allclose(first.std(axis=0), [0.1, 0.3], rtol=0.05)
-    policy.seed(1)
-    np.testing.assert_array_equal(policy.predict(np.zeros((4000, 3)))[0], first)
-
-
-def test_a_policy_survives_a_file(tmp_path: Path) -> None:
-    model = new_model(TrainingConfig(**TINY))
-    policy = network_policy(model, {"config": {"environment": ID, "options": {}}})
-    policy.save(tmp_path / "policy.npz")
-    again = NetworkPolicy.load(tmp_path / "policy.npz")
-    assert again.notes == policy.notes
-    observations = np.random.default_rng(0).normal(size=(5, policy.observation_size))
-    np.testing.assert_array_equal(
-        again.predict(observations, deterministic=True)[0], policy.predict(observations, deterministic=True)[0]
-    )
-    trained = load_policy(tmp_path / "policy.npz")
-    assert (trained.name, trained.environment, trained.options) == ("policy", ID, {})
-
-
-def test_bad_policies(tmp_path: Path, run: Path) -> None:
-    (tmp_path / "text.npz").write_text("text")
-    np.savez(tmp_path / "other.npz", x=np.zeros(3))
-    network_policy(new_model(TrainingConfig(**TINY))).save(tmp_path / "bare.npz")
-    for name, message in [
-        ("text.npz", "not a saved policy"),
-        ("other.npz", "no entry 'head'"),
-        ("bare.npz", "does not say what it was trained on"),
-    ]:
-        with pytest.raises(ValueError, match=message):
-            load_policy(tmp_path / name)
-    with pytest.raises(FileNotFoundError, match=r"the folder holds no best_policy.npz"):
-        load_policy(tmp_path)
-    with pytest.raises(FileNotFoundError, match=r"source = 'nobody': neither a folder or file nor a shipped policy"):
-        load_policy("nobody")
-    trained = load_policy(run, last=True)
-    with pytest.raises(ValueError, match=r"policy 'tiny': was trained with observation of shape"):
-        trained.make_env(last_actions=2)
-    with pytest.raises(ValueError, match=r"observation must have shape \(\d+,\) or \(n, \d+\), got \(3,\)"):
-        trained.policy.predict(np.zeros(3))
-    with pytest.raises(TypeError, match=r"observation must be an array, got a dict"):
-        trained.policy.predict({"a": np.zeros(3)})
-    with pytest.raises(ValueError, match=r"weights\[1\]: must have shape \(1, 2\), got \(1, 3\)"):
-        NetworkPolicy([np.zeros((2, 4)), np.zeros((1, 3))], [np.zeros(2), np.zeros(1)], np.zeros(1))
-    with pytest.raises(ValueError, match=r"log_std: must have shape \(2,\)"):
-        NetworkPolicy([np.zeros((2, 4))], [np.zeros(2)], np.zeros(1))
-
-
-# --- shipped policies -------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("name", shipped_policies())
-def test_a_shipped_policy_scores_what_it_says(name: str) -> None:
-    trained = load_policy(name)
-    path = Path(flexarm_agents.load.POLICIES) / f"{name}.npz"
-    assert path.stat().st_size < 300_000
-    beside = json.loads(path.with_suffix(".json").read_text())
-    assert set(beside) == {"command", "config", "evaluation"}
-    assert beside["config"] == trained.notes["config"]
-    assert beside["evaluation"] == trained.notes["evaluation"]
-    again = evaluate(trained.make_env(), trained.policy, seed=1_000_003)
-    assert again.complete
-    # another processor's matrix products may round otherwise, which a lap amplifies a little
-    assert again.rms == pytest.approx(beside["evaluation"]["rms"], rel=1e-3)
-    assert again.rms <= 0.13
-    assert again.rms_after_2s is not None
-    assert again.rms_after_2s <= 0.05
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", [0, 1, 2])
-def test_the_defaults_reach_the_goal(tmp_path: Path, seed: int) -> None:
-    best = train(TrainingConfig(seed=seed), tmp_path / "run").best
-    assert best["complete"]
-    assert best["rms"] <= 0.13
-    assert best["rms_after_2s"] <= 0.05
-
-
-def test_environments_are_made_with_their_limits() -> None:
-    assert make_one(ID).spec.max_episode_steps == 1600  # type: ignore[union-attr]
-    assert isinstance(make_one(ID), gymnasium.Env)

@@ -41,6 +41,20 @@ def test_the_law_on_the_joints_does_not_know_the_sensor() -> None:
     np.testing.assert_array_equal(*tips)
 
 
+def test_the_inner_law_alone_keeps_within_two_metres() -> None:
+    """A lap with action 0, as docs/model.md and the id's text tell it; 1.83 m found, half a second after the start."""
+    env = gymnasium.make(RESIDUAL)
+    env.reset(seed=0, options={"start": "corner"})
+    errors = []
+    truncated = False
+    while not truncated:
+        *_, terminated, truncated, info = env.step(np.zeros(2, np.float32))
+        assert not terminated, info
+        errors.append(np.linalg.norm(info["true_tip"] - info["reference"]))
+    assert len(errors) == 1600
+    assert 0.0 < max(errors) < 2.0
+
+
 def readings(steps: int, **options: Any) -> np.ndarray:
     """What the sensor says at each control instant of a moving arm. Shape (steps, 2)."""
     env = gymnasium.make(RESIDUAL, max_episode_steps=steps, error_limit=None, **options)

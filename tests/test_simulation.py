@@ -1,16 +1,14 @@
-"""`ClosedLoop` as a batch: the same bits for one arm and for many, fresh results, repeatable runs, refused input."""
+"""`ClosedLoop` as a batch: the same bits for one arm and for many, fresh results, repeatable runs."""
 
 from __future__ import annotations
 
 import copy
 import pickle
-from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
+from batches import ARM, CASES, PATH, PERIODS, assert_same_bits, drive, inputs, part, start_states
 
 from flexarm_env import (
     ArmParameters,
@@ -19,68 +17,10 @@ from flexarm_env import (
     LawParameters,
     LoopCase,
     SensorParameters,
-    SquareParameters,
-    inverse_kinematics,
     kernels,
-    square,
     stepping,
 )
 from flexarm_env.simulation import Results
-
-Array = NDArray[np.float64]
-ARM = FlexibleArm(ArmParameters.paper())
-PATH = square(SquareParameters(lap_time=0.2))  # all four corners in a short run
-
-# Whatever may differ inside a batch: delays, sensor positions, command delays, gains of the law, torque limits.
-CASES = [
-    LoopCase(SensorParameters("collocated"), LawParameters()),
-    LoopCase(SensorParameters(), LawParameters()),
-    LoopCase(SensorParameters(position=0.5), LawParameters(compensation="per_joint")),
-    LoopCase(SensorParameters(), LawParameters(compensation="shared")),
-    LoopCase(SensorParameters(position=2.0, delay=0.0), LawParameters(torque_limit=(80.0, 40.0))),
-    LoopCase(SensorParameters(position=3.0, delay=(0.031, 0.0002)), LawParameters(compensation="shared")),
-    LoopCase(SensorParameters(delay=1e-4), LawParameters(120.0, 20.0)),
-    LoopCase(SensorParameters("collocated", 0.5), LawParameters()),
-    LoopCase(SensorParameters(wave_speed=1000.0), LawParameters(compensation="per_joint")),
-    LoopCase(SensorParameters(delayed="position+rate"), LawParameters()),  # unstable, among stable ones
-    LoopCase(SensorParameters(noise=0.01), LawParameters(proportional_gain=0.0)),
-    LoopCase(SensorParameters("collocated"), LawParameters(derivative_gain=0.0)),
-]
-PERIODS = 120
-
-
-def start_states(count: int) -> Array:
-    """A different start for each: at a corner, displaced, moving."""
-    states = np.zeros((count, 2 * ARM.size))
-    states[:, :2] = inverse_kinematics(ARM.parameters, (-6.3, -6.3), "positive")
-    return states + 0.02 * np.random.default_rng(5).normal(size=(len(CASES), 2 * ARM.size))[:count]
-
-
-def drive(loop: ClosedLoop, states: Array, gains: Array, noise: Array, periods: int = PERIODS) -> list[Results]:
-    loop.reset(states, noise[0])
-    results = [loop.results()]
-    for k in range(periods):
-        loop.advance(gains[k], noise[k])
-        results.append(loop.results())
-    return results
-
-
-def inputs(count: int) -> tuple[Array, Array, Array]:
-    rng = np.random.default_rng(8)
-    gains = rng.uniform(0.0, 2.0, (PERIODS, len(CASES)))[:, :count]
-    noise = 0.05 * rng.normal(size=(PERIODS, len(CASES), 2))[:, :count]
-    return start_states(count), gains, noise
-
-
-def assert_same_bits(one: Sequence[Results], other: Sequence[Results]) -> None:
-    for k, (a, b) in enumerate(zip(one, other, strict=True)):
-        for name, x, y in zip(Results._fields, a, b, strict=True):
-            assert np.array_equal(x, y, equal_nan=True), f"{name} differs after {k} periods"
-
-
-def part(results: Sequence[Results], i: int) -> list[Results]:
-    return [Results(*(array[i : i + 1] for array in result)) for result in results]
-
 
 # --- one truth for one and for many -------------------------------------------------------------------------
 
@@ -290,100 +230,3 @@ def test_late_readings_are_interpolated_exactly_up_to_third_order(node: float) -
         seen_rate = rate_offset + rate_weight * curve.deriv()(time)
         assert seen == pytest.approx(curve(time - delay), rel=1e-13)
         assert seen_rate == pytest.approx(curve.deriv()(time - delay), rel=1e-11)  # differences over a step
-
-
-# --- refusals -----------------------------------------------------------------------------------------------
-
-
-@pytest.fixture(scope="module")
-def pair_of_arms() -> ClosedLoop:
-    loop = ClosedLoop(ARM, CASES[:2], PATH)
-    loop.reset(start_states(2))
-    return loop
-
-
-@pytest.mark.parametrize(
-    ("gain", "message"),
-    [
-        ([1.0, -0.1], r"gain = -0\.1: must be >= 0"),
-        ([1.0, np.nan], r"gain\[1\] = nan: must be finite"),
-        ([np.inf, 1.0], r"gain\[0\] = inf: must be finite"),
-        ([1.0], r"gain: must have shape \(2,\), got \(1,\)"),
-        ([[1.0, 1.0]], r"gain: must have shape \(2,\), got \(1, 2\)"),
-        (1.0, r"gain: must have shape \(2,\), got \(\)"),
-    ],
-)
-def test_a_bad_gain_is_refused_and_nothing_moves(pair_of_arms: ClosedLoop, gain: Any, message: str) -> None:
-    before = pair_of_arms.results()
-    with pytest.raises(ValueError, match=message):
-        pair_of_arms.advance(gain)
-    assert_same_bits([pair_of_arms.results()], [before])
-
-
-def test_nothing_runs_before_a_reset() -> None:
-    with pytest.raises(RuntimeError, match=r"advance\(\) before reset\(\)"):
-        ClosedLoop(ARM, CASES[:1], PATH).advance([1.0])
-
-
-@pytest.mark.parametrize("limits", [np.ones(7), np.zeros(8), np.full(8, np.nan), -np.ones(8), 1.0])
-def test_bad_limits_are_refused(limits: Any) -> None:
-    with pytest.raises(ValueError, match=r"state_limits = .* must be 8 numbers > 0"):
-        ClosedLoop(ARM, CASES[:1], PATH, state_limits=limits)
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ((ARM.parameters, CASES, PATH), r"arm = .* must be a FlexibleArm"),
-        ((ARM, CASES, PATH.table), r"(?s)path = .* must be a ReferencePath"),
-        ((ARM, [SensorParameters()], PATH), r"cases hold .* must be LoopCase objects"),
-    ],
-)
-def test_wrong_kinds_are_refused(arguments: Any, message: str) -> None:
-    with pytest.raises(TypeError, match=message):
-        ClosedLoop(*arguments)
-
-
-def test_bad_noise_and_states_are_refused(pair_of_arms: ClosedLoop) -> None:
-    with pytest.raises(ValueError, match=r"noise: must have shape \(2, 2\)"):
-        pair_of_arms.advance([1.0, 1.0], np.zeros((1, 2)))
-    with pytest.raises(ValueError, match=r"noise\[0, 1\] = nan: must be finite"):
-        pair_of_arms.advance([1.0, 1.0], [[0.0, np.nan], [0.0, 0.0]])
-    with pytest.raises(ValueError, match=r"states: must have shape \(2, 8\), got \(8,\)"):
-        pair_of_arms.reset(np.zeros(8))
-    with pytest.raises(ValueError, match=r"states\[1, 2\] = inf: must be finite"):
-        pair_of_arms.reset(np.where(np.arange(16).reshape(2, 8) == 10, np.inf, 0.0))
-
-
-@pytest.mark.parametrize(
-    ("cases", "options", "message"),
-    [
-        ([], {}, "cases: must hold at least one LoopCase"),
-        (
-            [LoopCase(SensorParameters("true"), LawParameters()), CASES[0]],
-            {},
-            "cases: sensors of one batch must share model and rate_jacobian",
-        ),
-        (
-            [LoopCase(SensorParameters(rate_jacobian="current"), LawParameters()), CASES[1]],
-            {},
-            "cases: sensors of one batch must share model and rate_jacobian",
-        ),
-        (
-            [LoopCase(SensorParameters("collocated"), LawParameters(compensation="shared"))],
-            {},
-            "compensation = 'shared': a collocated sensor has no delay to compensate; it must be 'none'",
-        ),
-        (
-            [LoopCase(SensorParameters(position=4.6), LawParameters())],
-            {},
-            r"sensor_position = 4\.6 m: must be on link 2, > 0 and <= 4\.5 m",
-        ),
-        (CASES[:1], {"physics_step": 0.02}, r"physics_step = 0\.02 s: too long .* 98\.5\d rad/s; at most 0\.01218 s"),
-        (CASES[:1], {"physics_step": 0.0}, r"physics_step = 0\.0: must be a finite number and > 0"),
-        (CASES[:1], {"control_period": -1e-3}, r"control_period = -0\.001: must be a finite number and > 0"),
-    ],
-)
-def test_bad_set_ups_are_refused(cases: list[LoopCase], options: dict[str, Any], message: str) -> None:
-    with pytest.raises(ValueError, match=message):
-        ClosedLoop(ARM, cases, PATH, **options)

@@ -46,16 +46,31 @@ def test_arrays_of_another_length_are_refused(default: FlexibleArm) -> None:
 
 
 def test_other_files_are_refused(tmp_path: Path) -> None:
-    paths = {name: tmp_path / f"{name}.npz" for name in ("text", "empty", "array", "arrays", "cut", "future")}
+    reasons = {
+        "text": "not a saved Trajectory (",
+        "empty": "not a saved Trajectory (",
+        "array": "not a saved Trajectory (no entry 'head')",
+        "arrays": "not a saved Trajectory (no entry 'head')",
+        "cut": "not a saved Trajectory (",
+        "future": "format 99; this version reads 1",
+        "list": "not a saved Trajectory (the entry 'head' is not a JSON object)",
+        "torn": "not a saved Trajectory (",
+        "bare": "not a saved Trajectory (no entry 'parameters')",
+        "few": "not a saved Trajectory (",  # no arrays
+    }
+    paths = {name: tmp_path / f"{name}.npz" for name in reasons}
     paths["text"].write_text("time, x, y")
     paths["empty"].write_bytes(b"")
     with paths["array"].open("wb") as file:
         np.save(file, np.zeros(3))
     np.savez(paths["arrays"], time=np.zeros(3))
     paths["cut"].write_bytes(paths["arrays"].read_bytes()[:100])
-    np.savez(paths["future"], head=np.array('{"format": 99}'))
+    heads = {"future": '{"format": 99}', "list": "[1]", "torn": "{", "bare": '{"format": 1}'}
+    heads["few"] = '{"format": 1, "parameters": {}, "notes": {}}'
+    for name, head in heads.items():
+        np.savez(paths[name], head=np.array(head))
     for name, path in paths.items():
-        with refuses(ValueError, "format 99; this version reads 1" if name == "future" else "not a saved Trajectory"):
+        with refuses(ValueError, f"{path}: {reasons[name]}"):
             Trajectory.load(path)
     with pytest.raises(FileNotFoundError):
         Trajectory.load(tmp_path / "none.npz")

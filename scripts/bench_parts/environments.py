@@ -46,7 +46,7 @@ def steps(effort: float) -> Group:
     if EMPTY not in gymnasium.registry:
         gymnasium.register(EMPTY, entry_point=EmptyEnv, max_episode_steps=16_000)
     counts = {SQUARE: 8000, PAPER: 2000, ACROBOT: 3000, EMPTY: 50_000}
-    subjects = [_stepped(name, round(effort * count)) for name, count in counts.items()]
+    subjects = [stepped(name, name, round(effort * count)) for name, count in counts.items()]
     ratios = [
         Ratio(ACROBOT, SQUARE, f"{SQUARE} over Acrobot, steps in the same time"),
         Ratio(ACROBOT, PAPER, f"{PAPER} over Acrobot, steps in the same time"),
@@ -57,8 +57,16 @@ def steps(effort: float) -> Group:
     return Group("environment", title, "us", "env step", subjects, ratios)
 
 
-def _stepped(name: str, count: int) -> Subject:
-    env = gymnasium.make(name)
+def stepped(name: str, env_id: str, count: int, **options: Any) -> Subject:
+    """One environment, stepped with random actions, and reset where an episode ends.
+
+    Args:
+        name: of the subject.
+        env_id: of the environment.
+        count: steps of a timed call.
+        **options: of the environment.
+    """
+    env = gymnasium.make(env_id, **options)
     env.action_space.seed(0)
     actions = [env.action_space.sample() for _ in range(count)]
 

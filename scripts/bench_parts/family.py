@@ -10,10 +10,11 @@ import gymnasium
 import numpy as np
 
 from bench_parts import peers
+from bench_parts.environments import SQUARE, stepped
 from bench_parts.physics import bare_kernel
 from bench_parts.timing import Group, Ratio, Subject
 
-SQUARE, GAIN = "FlexArm/Square-v0", "FlexArm/SquareGain-v0"
+GAIN = "FlexArm/SquareGain-v0"
 ENVS = 1024
 PHYSICS_STEPS = 10  # of 1 ms in a control period
 BATCH_CALLS = 100
@@ -90,7 +91,7 @@ def chain(modes: Sequence[int], effort: float) -> Group:
         facts |= {f"error in time, {m} modes at 1 ms [mm]": 1e3 * equal.ours}
         facts |= {f"error in time, chain at {1e3 * equal.step:.3g} ms [mm]": 1e3 * equal.error}
         options = {"arm": {"modes_per_link": m}}
-        single = _single(f"one environment, {m} modes", max(50, round(SINGLE_CALLS * effort)), options)
+        single = stepped(f"one environment, {m} modes", SQUARE, max(50, round(SINGLE_CALLS * effort)), **options)
         many = _batch(f"batch of {ENVS}, {m} modes", SQUARE, ENVS, round(BATCH_CALLS * effort), **options)
         for subject in (single, many):
             subjects.append(replace(subject, amount=subject.amount * 1e-3 * PHYSICS_STEPS))
@@ -98,19 +99,6 @@ def chain(modes: Sequence[int], effort: float) -> Group:
             ratios.append(Ratio(accurate.name, subject.name, f"equal accuracy in time: chain over {subject.name}"))
     title = "One simulated second of one arm, MuJoCo and FlexArm, one core"
     return Group("chain", title, "ms", "simulated second", subjects, ratios, facts=facts)
-
-
-def _single(name: str, count: int, options: dict[str, Any]) -> Subject:
-    env = gymnasium.make(f"flexarm_env:{SQUARE}", **options)
-    actions = np.random.default_rng(0).uniform(-1.0, 1.0, (count, 2)).astype(np.float32)
-
-    def work() -> None:
-        for action in actions:
-            _, _, terminated, truncated, _ = env.step(action)
-            if terminated or truncated:
-                env.reset()
-
-    return Subject(name, work, count, prepare=lambda: env.reset(seed=0))
 
 
 def learning(effort: float) -> Group:

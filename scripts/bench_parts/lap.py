@@ -152,6 +152,7 @@ def _twelve(seconds: float) -> Subject:
     loop_cases = [case.loop_case() for case in cases]
 
     def run(steps: int) -> Callable[[], None]:
+        """So many control periods of the twelve runs."""
         return lambda: _nothing(simulate(study, column, loop_cases, policies, gains, steps=steps))
 
     return Subject(TWELVE, run(round(seconds / CONTROL_PERIOD)), prepare=run(2))

@@ -23,7 +23,7 @@ from flexarm_env import (
 )
 from flexarm_env.parameters import Kinematics
 from flexarm_env.recorded import Variant
-from flexarm_env.rows import extent
+from flexarm_env.rows import blank_arenas, extent
 from flexarm_env.task import CONTROL_PERIOD
 
 LANES = (8, 32)  # arms that the compiler may work on together
@@ -68,9 +68,9 @@ def torque_driven(modes: Sequence[int], effort: float) -> Group:
 def operations(modes: int) -> int:
     """Additions, subtractions, multiplications and divisions of a Runge-Kutta step, as they are written."""
     text = kernels.render(Variant("open", modes, True, 1))
-    stage = text.split("def slope_kernel(", 1)[1].split("def ", 1)[0]
-    size = 2 * modes + 2
-    return 4 * len(re.findall(r" [-+*/] (?![^\[]*\])", stage)) + 4 * size
+    slope, step = (text.split(f"def {name}(", 1)[1].split("def ", 1)[0] for name in ("slope", "step_kernel"))
+    written = [len(re.findall(r" [-+*/] (?![^\[]*\])", part)) for part in (slope, step)]
+    return 4 * written[0] + written[1]
 
 
 def bare_kernel(name: str, modes: int, lanes: int, arms: int, steps: int, kinematics: Kinematics = "linear") -> Subject:
@@ -88,7 +88,7 @@ def bare_kernel(name: str, modes: int, lanes: int, arms: int, steps: int, kinema
     variant = Variant("open", modes, True, lanes, foreshortened=arm.constants.foreshortened)
     rows = variant.rows
     blocks = arms // lanes
-    arenas = np.zeros((blocks, extent(rows), lanes))
+    arenas = blank_arenas(blocks, extent(rows), lanes)
     state = np.zeros((arms, 2 * arm.size))
     state[:, 1] = np.linspace(0.5, 2.5, arms)  # theta2, and rates: every arm swings in its own way
     state[:, arm.size : arm.size + 2] = 0.3, -0.5

@@ -157,6 +157,7 @@ def _suppresses(m: Measures, d: Differences, controller: str) -> Finding:
 
 def _tracking(tip: str) -> Check:
     def check(m: Measures, d: Differences, controller: str) -> Finding:
+        """Whether the late sensors' errors are significantly below IFDC's."""
         late = ("nmp", "corrected")
         found = {c: {s: m[f"{c}_{s}_tip"][f"{tip}_tip_rms"] for s in late} for c in ("ifdc", controller)}
         ratio = max(found[controller][s] / found["ifdc"][s] for s in late)

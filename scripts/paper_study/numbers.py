@@ -50,16 +50,12 @@ class Number:
 def numbers() -> list[Number]:
     """All rows; every value of ours comes from the package's own objects."""
     arm = FlexibleArm(ArmParameters.paper())
-    p, link = arm.parameters, arm.modes[0]
+    return [*_arm_and_gains(arm), *_delays(arm), *_lap(), *_fuzzy_system()]
+
+
+def _arm_and_gains(arm: FlexibleArm) -> list[Number]:
+    p, link, law = arm.parameters, arm.modes[0], LawParameters()
     omega = float(link.frequencies[0])
-    law, side = LawParameters(), SquareParameters()
-    tip, elbow = SensorParameters(position=4.5), SensorParameters(position=0.5)
-    tip_delay, elbow_delay = tip.joint_delays(p.link_lengths[0]), elbow.joint_delays(p.link_lengths[0])
-    path = square(side)
-    system = paper_system()
-    lowest, highest = (float(system.evaluate(np.array([[x, x]]))[0]) for x in (0.0, 5.0))
-    wave = float(np.sqrt(1745833.0 / 21.0))
-    steps = "the paper counts delays in steps of 0.0252 s of clock time, which has no physical meaning"
     return [
         Number("L1", "m", "sec. 2", 4.5, p.link_lengths[0]),
         Number("L2", "m", "sec. 2", 4.5, p.link_lengths[1]),
@@ -79,6 +75,16 @@ def numbers() -> list[Number]:
         Number("damping ratio zeta", "1", "below (12)", 0.707, law.derivative_gain / (2.0 * omega)),
         Number("Kp = omega^2", "N/m", "(11)", 150.79, omega**2, "12.28^2 = 150.80; the printed value is used"),
         Number("Kd = 2 zeta omega", "N s/m", "(12)", 17.364, 2.0 * 0.707 * omega, "the printed value is used"),
+    ]
+
+
+def _delays(arm: FlexibleArm) -> list[Number]:
+    p = arm.parameters
+    tip, elbow = SensorParameters(position=4.5), SensorParameters(position=0.5)
+    tip_delay, elbow_delay = tip.joint_delays(p.link_lengths[0]), elbow.joint_delays(p.link_lengths[0])
+    wave = float(np.sqrt(1745833.0 / 21.0))
+    steps = "the paper counts delays in steps of 0.0252 s of clock time, which has no physical meaning"
+    return [
         Number("wave speed c", "m/s", "(15)", 288.33, wave, "no flexural wave's speed; kept as the paper's figure"),
         Number("distance shoulder to end effector", "m", "(16)", 9.0, p.link_lengths[0] + tip.position),
         Number("delay shoulder to end effector", "s", "(16)", 0.0312, tip_delay[0]),
@@ -89,6 +95,13 @@ def numbers() -> list[Number]:
         Number("the same in steps: 4.5 m", "steps", "(19)", 0.619, tip_delay[1] / CLOCK_STEP, steps),
         Number("the same in steps: 5.0 m", "steps", "after (19)", 0.688, elbow_delay[0] / CLOCK_STEP, steps),
         Number("the same in steps: 0.5 m", "steps", "after (19)", 0.0688, elbow_delay[1] / CLOCK_STEP, steps),
+    ]
+
+
+def _lap() -> list[Number]:
+    side = SquareParameters()
+    path = square(side)
+    return [
         Number("side of the square", "m", "sec. 1", 12.6, float(np.ptp(path.table[:, 1]))),
         Number("simulation steps", "1", "above (17)", 16000.0, side.lap_time / CONTROL_PERIOD),
         Number("step size", "s", "above (17)", 0.001, CONTROL_PERIOD),
@@ -100,6 +113,13 @@ def numbers() -> list[Number]:
             side.lap_time,
             "16000 steps of 0.001 s are 16 s; 402 s is clock time and contradicts the 77 s and 100 s given later",
         ),
+    ]
+
+
+def _fuzzy_system() -> list[Number]:
+    system = paper_system()
+    lowest, highest = (float(system.evaluate(np.array([[x, x]]))[0]) for x in (0.0, 5.0))
+    return [
         Number("universe of delta", "1", "sec. 3", 5.0, float(system.inputs[0].universe[1])),
         Number("normalising gain K_n", "1", "below Table 1", 5.0, Study().K_n, "taken as a factor"),
         Number("fuzzy rules", "1", "Table 1", 9.0, float(np.asarray(system.rules).size)),

@@ -35,6 +35,7 @@ def write_json(path: Path, data: Any) -> None:
     """Strict JSON: what is not finite becomes null."""
 
     def plain(value: Any) -> Any:
+        """The same with None for what is not finite."""
         if isinstance(value, dict):
             return {k: plain(v) for k, v in value.items()}
         if isinstance(value, list | tuple):
@@ -169,6 +170,7 @@ def draw(folder: Path, name: str) -> None:
     lap_time = json.loads((folder / "summary.json").read_text())["study"]["lap_time"]
 
     def paper_runs(pattern: str = "*") -> dict[str, Trajectory]:
+        """Runs of the paper's column, by case."""
         files = (folder / "runs").glob(f"paper__{pattern}.npz")
         return {path.stem.split("__")[1]: Trajectory.load(path) for path in sorted(files)}
 

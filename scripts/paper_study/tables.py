@@ -142,6 +142,7 @@ def sweep(rows: Sequence[dict[str, Any]], name: str, label: str) -> str:
     """One sweep over a number, sensor at the end effector and 0.5 m from the elbow."""
 
     def cell(row: dict[str, Any]) -> str:
+        """What is compared at the run's sensor place."""
         if row["ended"] != "truncated":
             return "unstable"  # when it stops hangs on the last digit; sweeps.json has the time
         if row["place"] == "elbow":

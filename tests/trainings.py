@@ -1,0 +1,29 @@
+"""A training so small that it takes a second, for the tests of agents."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from flexarm_agents import TrainingConfig, train
+
+ID = "FlexArm/Square-v0"
+TINY: dict[str, Any] = {
+    "envs": 4,
+    "rollout": 32,
+    "batch": 64,
+    "epochs": 2,
+    "steps": 512,
+    "hidden": [16, 8],
+    "evaluate_every": 200,
+    "checkpoint_every": 200,
+    "episode_steps": 50,
+    "options": {"noise": 0.001, "randomisation": {"payload_mass": [0.0, 0.2]}},
+}
+
+
+def finished(folder: Path) -> Path:
+    """The tiny training, done, in a folder below this one."""
+    run = folder / "tiny"
+    train(TrainingConfig(**TINY), run)
+    return run
