@@ -48,12 +48,12 @@ class Case(NamedTuple):
     Attributes:
         reference: the extrapolated chain.
         chains: by number of elements.
-        errors: tip error of each model, vectors [m]; None for one that diverged. Shape (n, 2) each.
+        errors: of each model, its motion less the reference; None for one that diverged.
     """
 
     reference: Motion
     chains: dict[int, Motion]
-    errors: dict[Model, Array | None]
+    errors: dict[Model, Motion | None]
 
 
 def case(programme: Programme, elements: Sequence[int], models: Sequence[Model]) -> Case:
@@ -69,16 +69,22 @@ def case(programme: Programme, elements: Sequence[int], models: Sequence[Model])
     return Case(reference, chains, {m: _error(programme, m, reference) for m in models})
 
 
-def _error(programme: Programme, which: Model, reference: Motion) -> Array | None:
+def _error(programme: Programme, which: Model, reference: Motion) -> Motion | None:
     try:
-        return model_motion(programme, **which.fields).tip - reference.tip
+        motion = model_motion(programme, **which.fields)
     except DivergenceError:
         return None
+    return Motion(*(ours - theirs for ours, theirs in zip(motion, reference, strict=True)))
 
 
-def length(error: Array) -> Array:
-    """Of vectors. Shape (n,)."""
-    return np.linalg.norm(error, axis=1)
+def tip_rms(error: Motion | None) -> float:
+    """R.m.s. tip error [m]; infinite for a model that diverged."""
+    return np.inf if error is None else rms(length(error.tip))
+
+
+def length(vectors: Array) -> Array:
+    """Of each. Shape (n,)."""
+    return np.linalg.norm(vectors, axis=1)
 
 
 def study(
@@ -108,13 +114,14 @@ def study(
 
 
 def error_rows(programme: Programme, amplitude: float, found: Case) -> list[dict[str, Any]]:
-    """How far each model's tip is off [m]; infinite where it diverged."""
+    """How far each model's tip [m] and low-passed joint angles [rad] are off; infinite where it diverged."""
     bend = peak_bend(found.reference)
-    sizes = {m: np.array([np.inf]) if e is None else length(e) for m, e in found.errors.items()}
     return [
         {"programme": programme.name, "amplitude": amplitude, "bend": bend, "model": m.label}
-        | {"rms": rms(size), "maximum": float(size.max())}
-        for m, size in sizes.items()
+        | {"rms": tip_rms(error)}
+        | {"maximum": np.inf if error is None else float(length(error.tip).max())}
+        | {"angles": np.inf if error is None else rms(length(low_passed(error.joints)))}
+        for m, error in found.errors.items()
     ]
 
 
@@ -140,15 +147,15 @@ def part_rows(programme: Programme, cases: dict[float, Case]) -> list[dict[str, 
         small, half = cases[SMALLEST].errors[m], cases[0.5].errors[m]
         if whole is None or half is None or small is None:
             continue
-        first = small / SMALLEST
+        first = small.tip / SMALLEST
         rows.append(
             {
                 "programme": programme.name,
                 "model": m.label,
-                "whole": rms(length(whole)),
+                "whole": tip_rms(whole),
                 "first_order": rms(length(first)),
-                "rest": rms(length(whole - first)),
-                "order": float(np.log2(rms(length(whole)) / rms(length(half)))),
+                "rest": rms(length(whole.tip - first)),
+                "order": float(np.log2(tip_rms(whole) / tip_rms(half))),
             }
         )
     return rows
@@ -162,7 +169,7 @@ def drawn(programme: Programme, found: Case) -> dict[str, Array]:
     for m in SHOWN:
         error = found.errors.get(m)
         if error is not None:
-            arrays[f"{name} {m.label}"] = length(error)
+            arrays[f"{name} {m.label}"] = length(error.tip)
     return arrays
 
 

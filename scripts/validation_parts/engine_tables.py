@@ -33,16 +33,24 @@ def _both(row: dict[str, Any]) -> str:
 
 
 def _error_table(records: dict[str, Any]) -> str:
-    programmes = [row["programme"] for row in records["convergence"]]
-    header = ["r.m.s. / largest tip error [mm]", *(name.replace("_", " ") for name in programmes)]
-    rows = [
-        ["largest deflection / length", *(f"{100.0 * row['bend']:.1f} %" for row in records["convergence"])],
-        ["chain, 40 elements", *(_mm(row["tip"][max(row["tip"], key=int)]) for row in records["convergence"])],
+    rows = records["convergence"]
+    programmes = [row["programme"] for row in rows]
+    header = ["tip [mm]: r.m.s. / largest; angles [mrad]", *(name.replace("_", " ") for name in programmes)]
+    finest = [max(row["tip"], key=int) for row in rows]
+    lines = [
+        ["largest deflection / length", *(f"{100.0 * row['bend']:.1f} %" for row in rows)],
+        [
+            f"the chain, {finest[0]} elements: largest; angles low-passed / raw",
+            *(
+                f"{_mm(row['tip'][n])}; {_mm(row['low_passed_angles'])} / {_mm(row['angles'])}"
+                for row, n in zip(rows, finest, strict=True)
+            ),
+        ],
     ]
     for label in _labels(records):
         found = [error_of(records, name, label) for name in programmes]
-        rows.append([label, *(_both(row) for row in found)])
-    return markdown(header, rows)
+        lines.append([label, *(f"{_both(row)}; {_mm(row['angles'])}" for row in found)])
+    return markdown(header, lines)
 
 
 def _part_table(records: dict[str, Any]) -> str:

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from flexarm_env import ArmParameters, FlexibleArm
 from validation_parts.engine_models import Model, model
 from validation_parts.engine_programmes import Programme
-from validation_parts.engine_runs import peak_bend, rms
-from validation_parts.engine_study import case, length
+from validation_parts.engine_runs import peak_bend
+from validation_parts.engine_study import case, tip_rms
 
 Array = NDArray[np.float64]
 TOLERANCES = (0.01, 0.05)  # r.m.s. tip error that a limit allows [m]: about 0.1 and 0.5 % of the reach
@@ -23,7 +23,7 @@ KINDS = {  # of programmes; a limit is the least of its kind
 }
 FIRST_CLAMPED = 12.281  # [rad/s], of a link (5)
 SPINS = (0.0, 0.1, 0.2, 0.27, 0.33, 0.4, 0.6, 1.0)  # of FIRST_CLAMPED
-KICKS = (2.0, 6.0, 18.0, 36.0, 60.0)  # amplitudes
+KICKS = (2.0, 6.0, 20.0, 60.0)  # amplitudes
 GROWTH = 0.1  # [1/s]; rounding splits the double eigenvalue 0 by less
 MAPPED = (model("linear", 2), model("linear", 3), model("foreshortened", 2), model("foreshortened", 3))
 
@@ -91,7 +91,7 @@ def spin_map(quick: bool, progress: Callable[[str], None]) -> tuple[list[dict[st
             found = case(programme, (10, 20), MAPPED)
             bends[i, j] = peak_bend(found.reference)
             for m, error in found.errors.items():
-                errors[m][i, j] = np.inf if error is None else rms(length(error))
+                errors[m][i, j] = tip_rms(error)
     arrays = {"map spins": np.array(spins), "map bends": bends} | {f"map {m.label}": e for m, e in errors.items()}
     return [_spin_limit(m, np.array(spins), errors[m]) for m in MAPPED], arrays
 
