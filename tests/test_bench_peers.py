@@ -164,6 +164,15 @@ def test_largest_stable_step(chain: Any, damping: float, step: float) -> None:
         chain.largest_stable_step(10, arm, longer)
 
 
+@pytest.mark.parametrize("damping", [0.01, 0.0])
+def test_fastest_rate(chain: Any, damping: float) -> None:
+    model = chain.chain_model(5, ArmParameters(modal_damping_ratio=damping))
+    mass, n = chain.mass_matrix(model), model.nv
+    springs, drag = np.diag(model.jnt_stiffness.ravel()), np.diag(model.dof_damping)
+    rates = np.block([[np.zeros((n, n)), np.eye(n)], [-np.linalg.solve(mass, springs), -np.linalg.solve(mass, drag)]])
+    assert chain.fastest_rate(model) == pytest.approx(np.abs(np.linalg.eigvals(rates)).max(), rel=1e-6)
+
+
 def test_less_than_two_segments_are_refused(chain: Any) -> None:
     with pytest.raises(ValueError, match="segments = 1: must be"):
         chain.chain_model(1)
@@ -184,6 +193,24 @@ def test_chain_simulates_the_seconds_it_is_timed_for(peers: Any, chain: Any, mon
         subject.work()
         assert made[-1].time == pytest.approx(subject.amount)
         assert abs(made[-1].qpos[0]) > 1e-3
+
+
+def test_accurate_chain_errs_no_more_than_the_arm(peers: Any, chain: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    accuracy = part("bench_parts.accuracy")
+    monkeypatch.setattr(accuracy, "SECONDS", 0.1)
+    for cached in (accuracy.chain_error, accuracy.chain_tips):
+        cached.cache_clear()
+    subject, equal = peers.accurate_chain(4, 0.01, 2)
+    assert equal.error <= equal.ours
+    count = round(accuracy.HELD / equal.step)
+    coarser = accuracy.COUNTS[accuracy.COUNTS.index(count) - 1]
+    assert accuracy.chain_error(4, equal.integrator, coarser) > equal.ours
+    assert accuracy.our_error(1) < accuracy.our_error(2)
+    assert f"{equal.integrator}, step {1e3 * equal.step:.3g} ms: as accurate in time as 2 modes" in subject.name
+    subject.prepare()
+    subject.work()
+    for cached in (accuracy.chain_error, accuracy.chain_tips):
+        cached.cache_clear()
 
 
 def test_envpool_makes_the_steps_it_is_timed_for(peers: Any, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -42,9 +42,9 @@ class EqualStep:
     ours: float
 
 
-def torques(seconds: float = SECONDS) -> Array:
+def torques() -> Array:
     """The motion: random torques from rest, straight. Shape (n, 2)."""
-    return np.random.default_rng(0).uniform(-TORQUE, TORQUE, (round(seconds / HELD), 2))
+    return np.random.default_rng(0).uniform(-TORQUE, TORQUE, (round(SECONDS / HELD), 2))
 
 
 def our_error(modes: int) -> float:
