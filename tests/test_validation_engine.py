@@ -243,4 +243,81 @@ def test_figures_in_the_engine_section_match_the_record() -> None:
 
 def sentences(q: dict[str, float]) -> list[str]:
     """What the text says in figures."""
-    return []
+    return [*programme_sentences(q), *range_sentences(q), *square_sentences(q)]
+
+
+def span(values: list[float], digits: int = 1) -> str:
+    return f"{min(values):.{digits}f} to {max(values):.{digits}f}"
+
+
+def programme_sentences(q: dict[str, float]) -> list[str]:
+    modes, best = ("2 modes", "3 modes", "4 modes"), "foreshortened, 3 modes"
+    programmes = ("doublet", "bang_bang", "multi_sine", "spin_up", "release", "payload")
+    within = [sum(q[f"{p}, {m}, rms"] < 1.0 for p in programmes) for m in (best, "foreshortened, 4 polynomials")]
+    jumps = [
+        [q[f"{p}, {k}, 3 modes, rms"] for p in programmes[:2] + programmes[5:]] for k in ("linear", "foreshortened")
+    ]
+    assert within == [3, 4]
+    return [
+        f"{span([q[f'multi_sine, linear, {m}, rms'] for m in modes])} mm off (r.m.s.) under the multi-sine and "
+        f"{span([q[f'spin_up, linear, {m}, rms'] for m in modes])} mm under the spin-up",
+        f"With foreshortening it is {q['multi_sine, foreshortened, 2 modes, rms']:.2f} mm with 2 modes and "
+        f"{q[f'multi_sine, {best}, rms']:.2f} mm with 3",
+        f"is {span(jumps[0])} mm off, the foreshortened one {min(jumps[1]):.2f} to {max(jumps[1]):.1f} mm",
+        f"{q[f'release, {best}, rms']:.0f} mm with 3 modes and foreshortening, "
+        f"{q['release, foreshortened, 3 polynomials, rms']:.1f} mm with 3 polynomials",
+        f"where links bend by {q['twice spin_up, bend']:.1f} %, it is up to "
+        f"{span([q[f'twice spin_up, linear, {m}, maximum'] for m in modes], 0)} mm off",
+        f"with 3 modes up to {q[f'twice spin_up, {best}, maximum']:.2f} mm",
+    ]
+
+
+def range_sentences(q: dict[str, float]) -> list[str]:
+    def limit(model: str, kind: str, tolerance: int = 10) -> float:
+        return q[f"limit, {model}, {kind}, {tolerance} mm"]
+
+    jump, release, linear = "torques that jump", "release", "linear, 2 modes"
+    two, three, polynomials = (f"foreshortened, {n}" for n in ("2 modes", "3 modes", "3 polynomials"))
+    assert f"limit, {two}, smooth torques, 10 mm" not in q, "within it all over the range"
+    assert f"limit, {three}, {jump}, 50 mm" not in q
+    assert all(q[f"spin, {m}, {bend}, 10 mm"] == 1.0 for m in (two, three) for bend in ("hardly bent", "bent by 5 %"))
+    of_linear = min(limit(linear, kind) for kind in (jump, "smooth torques"))
+    at_50_mm = min(limit(linear, kind, 50) for kind in (jump, "smooth torques"))
+    spin = q[f"spin, {linear}, hardly bent, 10 mm"]
+    return [
+        f"| up to {of_linear:.0f} % of a link | hardly bent up to {spin:.2f} of the first clamped frequency "
+        f"({12.281 * spin:.1f} rad/s), bent by 5 % up to {q[f'spin, {linear}, bent by 5 %, 10 mm']:.1f}; "
+        f"unstable from {q[f'spin, {linear}, unstable from']:.2f} | 50 mm up to {at_50_mm:.0f} %",
+        f"| {limit(two, jump):.1f} %; smooth torques beyond 13 % | up to 1, the largest tried "
+        f"| 50 mm up to {limit(two, jump, 50):.0f} %",
+        f"| {limit(three, jump):.1f} %; smooth torques beyond 13 %",
+        f"| {limit(linear, release):.1f} % with 2 modes, {limit(three, release):.1f} % with 3 and foreshortening | "
+        f"| take polynomials: {limit(polynomials, release):.1f} % with 3",
+    ]
+
+
+def square_sentences(q: dict[str, float]) -> list[str]:
+    def of(model: str, name: str, driver: str = "agent") -> float:
+        return q[f"square, {driver}, {model}, {name}"]
+
+    linear, better, best = "linear, 2 modes", "foreshortened, 2 modes", "foreshortened, 3 polynomials"
+    lost = [0.1 * of(f"{kinematics}, 3 polynomials", "rms") for kinematics in ("foreshortened", "linear")]
+    flips = [of(f"{kinematics}, 3 polynomials", "torque change") for kinematics in ("foreshortened", "linear")]
+    scores = [f"{of(m, 'score'):.1f} mm" for m in (linear, "chain", better)]
+    later = [f"{of(m, 'score_after_2s'):.1f} mm" for m in (linear, "chain", better)]
+    return [
+        f"the links bend by up to {q['square, bend']:.0f} %",
+        f"off by up to {0.1 * of(linear, 'maximum'):.0f} cm there. Under the agent the linear model with 2 modes is "
+        f"{of(linear, 'rms'):.0f} mm from the chain (r.m.s.) and {of(linear, 'maximum'):.0f} mm at most",
+        f"its tip is up to {of(linear, 'kinematics, maximum'):.0f} mm off",
+        f"With foreshortening and 2 modes it is {of(better, 'rms'):.1f} mm and {of(better, 'maximum'):.0f} mm",
+        f"scores {scores[0]} over the lap on the linear model and {scores[1]} on the chain, "
+        f"but after 2 s {later[0]} and {later[1]}",
+        f"the benchmark says {scores[2]} and {later[2]}",
+        f"FLSAC's tip is {of(linear, 'rms', 'flsac'):.0f} mm from the chain's (r.m.s.) on the linear model "
+        f"with 2 modes and {of(better, 'rms', 'flsac'):.0f} mm with foreshortening, "
+        f"but {of(best, 'rms', 'flsac'):.0f} mm with",
+        f"{lost[0]:.0f} to {lost[1]:.0f} cm from the chain",
+        f"changes by {span(flips, 0)} N m from one control period",
+        f"with 2 modes it changes by {of(linear, 'torque change'):.0f} N m",
+    ]

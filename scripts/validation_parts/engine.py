@@ -146,14 +146,23 @@ def _square_checks(records: dict[str, Any]) -> list[Check]:
 
 
 def _quoted(records: dict[str, Any]) -> dict[str, float]:
-    """What the docs quote: lengths in mm."""
+    """What the docs quote: lengths in mm, deflections in %, spins as parts of the first clamped frequency."""
     quoted = {}
     for row in records["errors"]:
-        if row["amplitude"] == 1.0:
-            for name in ("rms", "maximum"):
-                quoted[f"{row['programme']}, {row['model']}, {name}"] = 1e3 * row[name]
+        for amplitude, prefix in ((1.0, ""), (2.0, "twice ")):
+            if row["amplitude"] == amplitude:
+                quoted[f"{prefix}{row['programme']}, bend"] = 100.0 * row["bend"]
+                for name in ("rms", "maximum"):
+                    quoted[f"{prefix}{row['programme']}, {row['model']}, {name}"] = 1e3 * row[name]
     for row in records["square"]:
-        for name in ("rms", "maximum", "score", "score_after_2s"):
-            if row[name] is not None:
-                quoted[f"square, {row['driver']}, {row['model']}, {name}"] = 1e3 * row[name]
+        which = f"square, {row['driver']}, {row['model']}"
+        quoted |= {f"{which}, {n}": 1e3 * row[n] for n in ("rms", "maximum", "score", "score_after_2s") if row[n]}
+        for part in ("kinematics", "ahead"):
+            quoted |= {f"{which}, {part}, {name}": 1e3 * value for name, value in row.get(part, {}).items()}
+        quoted |= {"square, bend": 100.0 * row["bend"]} if "bend" in row else {}
+        quoted |= {f"{which}, torque change": row["torque_change"]} if "torque_change" in row else {}
+    for row in records["limits"]:
+        quoted |= {f"limit, {row['model']}, {n}": 100.0 * row[n] for n in row if n != "model" and row[n] is not None}
+    for row in records["spins"]:
+        quoted |= {f"spin, {row['model']}, {n}": row[n] for n in row if n != "model" and row[n] is not None}
     return quoted

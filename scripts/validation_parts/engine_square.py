@@ -181,6 +181,7 @@ def agent(
         row = _lap_row("agent", m.label, lap.tip, truth)
         row["kinematics"] = _kinematics(arm, states, fine)
         row["ahead"] = _ahead(arm, states, fine)
+        row["torque_change"] = float(np.abs(np.diff(lap.torque[::SAMPLED, 0])).mean())
         rows.append(row)
         arrays[f"agent {m.label}"] = _distance(lap.tip, truth)
     return rows, arrays

@@ -24,6 +24,7 @@ KINDS = {  # of programmes; a limit is the least of its kind
 FIRST_CLAMPED = 12.281  # [rad/s], of a link (5)
 SPINS = (0.0, 0.1, 0.2, 0.27, 0.33, 0.4, 0.6, 1.0)  # of FIRST_CLAMPED
 KICKS = (2.0, 6.0, 20.0, 60.0)  # amplitudes
+STRONG = 2  # the kick that bends a link by 5 %
 GROWTH = 0.1  # [1/s]; rounding splits the double eigenvalue 0 by less
 MAPPED = (model("linear", 2), model("linear", 3), model("foreshortened", 2), model("foreshortened", 3))
 
@@ -97,12 +98,13 @@ def spin_map(quick: bool, progress: Callable[[str], None]) -> tuple[list[dict[st
 
 
 def _spin_limit(which: Model, spins: Array, errors: Array) -> dict[str, Any]:
-    """Where straight spin turns unstable; up to which spin of those tried the weakest kick is within a tolerance."""
+    """Where straight spin turns unstable; up to which spin tried a weak and a strong kick stay within tolerances."""
     entry: dict[str, Any] = {"model": which.label, "unstable from": critical_spin(which)}
-    for tolerance in TOLERANCES:
-        within = errors[:, 0] <= tolerance
-        count = len(spins) if within.all() else int(np.argmin(within))
-        entry[f"{1e3 * tolerance:g} mm"] = float(spins[count - 1]) if count else None
+    for kick_of, name in ((0, "hardly bent"), (STRONG, "bent by 5 %")):
+        for tolerance in TOLERANCES:
+            within = errors[:, min(kick_of, errors.shape[1] - 1)] <= tolerance
+            count = len(spins) if within.all() else int(np.argmin(within))
+            entry[f"{name}, {1e3 * tolerance:g} mm"] = float(spins[count - 1]) if count else None
     return entry
 
 
