@@ -1,0 +1,226 @@
+"""Gain and delay margins of the paper's loop, exact in the frequency domain.
+
+The characteristic function is ``det(1 + L(s))`` with ``L = sum_k lambda z^(n_k) (P_k + s V_k) Q(s)``. The delays are
+whole multiples of one, so that ``z = exp(-s T / d)``. On the imaginary axis, s = j omega, the determinant is
+
+- a polynomial in z: a root with |z| = 1 is a delay ``T = d (-arg z) / omega`` at which a root of the loop crosses;
+- a polynomial in lambda: a root that is real and positive is a gain at which one crosses.
+
+So all crossings are found by following polynomial roots over omega: no Pade model, no truncation.
+
+Source: Walton & Marshall, *Direct method for TDS stability analysis*, IEE Proc. D 134 (1987); Gu, Kharitonov & Chen,
+*Stability of time-delay systems* (2003), ch. 4 (frequency sweeping).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+
+from flexarm_env.analysis.law_loop import LawLoop
+from flexarm_env.analysis.natural import natural_modes
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+# The fastest pole of four modes a link is at 3e5 rad/s; the slowest motion of the loop near 1 rad/s.
+LOWEST, HIGHEST, POINTS = 1e-2, 1e7, 3000
+SMALLEST_GAIN = 1e-9  # a root at a free arm's own frequency has lambda = 0 and is no crossing of a closed loop
+
+
+@dataclass(frozen=True)
+class DelayMargin:
+    """The smallest delay at which the loop is no longer stable.
+
+    Attributes:
+        delay: of the shoulder's reading, the elbow's in proportion [s]; inf: stable for every delay; 0: not stable even
+            without delay.
+        omega: frequency of the root that crosses there [rad/s]; nan where none does.
+    """
+
+    delay: float
+    omega: float
+
+
+@dataclass(frozen=True)
+class GainMargin:
+    """How far lambda may be changed, as factors.
+
+    Attributes:
+        stable: whether the loop is stable as it is; if not, both factors are nan.
+        up: the smallest factor >= 1 that makes it unstable; inf: none does.
+        down: the largest factor <= 1 that makes it unstable; 0: none does.
+        omega_up: frequency at which a root crosses there [rad/s]; nan where none does.
+        omega_down: the same for `down`.
+    """
+
+    stable: bool
+    up: float
+    down: float
+    omega_up: float
+    omega_down: float
+
+
+def crossing_delays(loop: LawLoop) -> list[DelayMargin]:
+    """Every (smallest delay, frequency) at which a root is on the imaginary axis, by delay."""
+
+    def sorted_roots(omega: Array) -> Complex:
+        roots = _delay_roots(loop, omega)
+        return np.take_along_axis(roots, np.argsort(np.abs(roots), axis=1), axis=1)
+
+    omega = _frequencies(loop)
+    sizes = np.abs(sorted_roots(omega)) - 1.0
+    found = []
+    for index, branch in zip(*np.nonzero(sizes[:-1] * sizes[1:] < 0.0), strict=True):
+
+        def excess(w: float, branch: int = branch) -> float:
+            return float(np.abs(sorted_roots(np.array([w]))[0, branch]) - 1.0)
+
+        w = _crossing(excess, omega[index], omega[index + 1])
+        if w is not None:
+            z = sorted_roots(np.array([w]))[0, branch]
+            angle = float(-np.angle(z)) % (2.0 * np.pi)
+            found.append(DelayMargin(loop.ratio.denominator * angle / w, w))
+    return sorted(found, key=lambda crossing: crossing.delay)
+
+
+def delay_margin(loop: LawLoop) -> DelayMargin:
+    """The smallest delay that destabilises the loop; its own delay plays no part."""
+    if np.any(loop.undelayed_poles().real >= 0.0):
+        return DelayMargin(0.0, np.nan)
+    crossings = crossing_delays(loop)
+    return crossings[0] if crossings else DelayMargin(np.inf, np.nan)
+
+
+def is_stable(loop: LawLoop) -> bool:
+    """Whether the loop is stable with its delay; a loop that needs a delay to be stable counts as unstable.
+
+    Sufficient, and necessary up to stable islands at longer delays.
+    """
+    return loop.delay < delay_margin(loop).delay
+
+
+def crossing_gains(loop: LawLoop) -> list[tuple[float, float]]:
+    """Every (factor on lambda, frequency) at which a root is on the imaginary axis, by factor."""
+    omega = _frequencies(loop)
+    roots = _paired(_gain_roots(loop, omega))
+    turns = roots.imag[:-1] * roots.imag[1:] < 0.0
+    ahead = (roots.real[:-1] > 0.0) | (roots.real[1:] > 0.0)
+    found = []
+    for index, branch in zip(*np.nonzero(turns & ahead), strict=True):
+        start = roots[index, branch]
+
+        def imaginary(w: float, start: complex = start) -> float:
+            candidates = _gain_roots(loop, np.array([w]))[0]
+            return float(candidates[np.argmin(np.abs(candidates - start))].imag)
+
+        w = _crossing(imaginary, omega[index], omega[index + 1])
+        if w is None:
+            continue
+        candidates = _gain_roots(loop, np.array([w]))[0]
+        factor = candidates[np.argmin(np.abs(candidates - start))]
+        if factor.real > SMALLEST_GAIN and abs(factor.imag) < 1e-6 * factor.real:
+            found.append((float(factor.real), w))
+    return sorted(found)
+
+
+def gain_margin(loop: LawLoop) -> GainMargin:
+    """How far lambda may grow and shrink at the loop's delay before a root crosses the axis."""
+    if not is_stable(loop):
+        return GainMargin(False, np.nan, np.nan, np.nan, np.nan)
+    crossings = crossing_gains(loop)
+    up = next(((factor, w) for factor, w in crossings if factor > 1.0), (np.inf, np.nan))
+    down = next(((factor, w) for factor, w in reversed(crossings) if factor < 1.0), (0.0, np.nan))
+    return GainMargin(True, up[0], down[0], up[1], down[1])
+
+
+def stable_gains(loop: LawLoop) -> list[tuple[float, float]]:
+    """Intervals of lambda, not factors, in which the loop is stable at its delay."""
+    edges = [0.0, *(loop.gain * factor for factor, _ in crossing_gains(loop)), np.inf]
+    intervals: list[tuple[float, float]] = []
+    for low, high in zip(edges, edges[1:], strict=False):
+        if high - low <= 1e-9 * low:
+            continue
+        middle = 0.5 * high if low == 0.0 and np.isfinite(high) else np.sqrt(low * min(high, 100.0 * max(low, 0.01)))
+        if low == 0.0 and not np.isfinite(high):
+            middle = 1.0
+        if is_stable(loop.with_gain(float(middle))):
+            if intervals and intervals[-1][1] == low:
+                low = intervals.pop()[0]
+            intervals.append((low, high))
+    return intervals
+
+
+def _delay_roots(loop: LawLoop, omega: Array) -> Complex:
+    """Roots z of det(1 + L), as a polynomial in z. Shape (k, degree)."""
+    terms = loop.loop_terms(omega)
+    powers = np.array([0, loop.ratio.denominator, loop.ratio.numerator])
+    degree = 2 * loop.ratio.denominator if not np.any(loop.elbow.P) else int(powers.sum())
+    samples = np.exp(-2j * np.pi * np.arange(degree + 1) / (degree + 1))
+    matrices = np.einsum("st,ktij->ksij", samples[:, None] ** powers, terms) + np.eye(2)
+    # a polynomial sampled on the unit circle: its coefficients by an inverse transform, lowest power first
+    coefficients = np.fft.ifft(_determinant(matrices), axis=1)
+    return _roots(coefficients)
+
+
+def _gain_roots(loop: LawLoop, omega: Array) -> Complex:
+    """Roots g of det(1 + g L). Shape (k, 2)."""
+    matrices = loop.loop_transfer(omega)
+    trace = matrices[:, 0, 0] + matrices[:, 1, 1]
+    return _roots(np.stack([np.ones_like(trace), trace, _determinant(matrices)], axis=1))
+
+
+def _determinant(matrices: Complex) -> Complex:
+    return np.asarray(matrices[..., 0, 0] * matrices[..., 1, 1] - matrices[..., 0, 1] * matrices[..., 1, 0])
+
+
+def _roots(coefficients: Complex) -> Complex:
+    """Roots of many polynomials, as reciprocals of the eigenvalues of the reversed ones' companion matrices.
+
+    Args:
+        coefficients: lowest power first, which is not 0. Shape (k, degree + 1).
+
+    Returns:
+        Shape (k, degree); a degree that is not there gives a root at infinity.
+    """
+    count, degree = coefficients.shape[0], coefficients.shape[1] - 1
+    companion = np.zeros((count, degree, degree), dtype=complex)
+    companion[:, 0] = -coefficients[:, 1:] / coefficients[:, :1]
+    companion[:, 1:, :-1] = np.eye(degree - 1)
+    reciprocals = np.linalg.eigvals(companion)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where(reciprocals == 0.0, np.inf, 1.0 / reciprocals)
+
+
+def _frequencies(loop: LawLoop) -> Array:
+    """A grid over all of the loop's frequencies, dense about the arm's own, free and locked."""
+    near = np.concatenate([-np.geomspace(0.05, 1e-6, 40), np.geomspace(1e-6, 0.05, 40)])
+    own = np.concatenate([natural_modes(loop.point, joints).frequencies for joints in ("free", "locked")])  # type: ignore[arg-type]
+    own = own[own > 0.0]
+    return np.unique(np.concatenate([np.geomspace(LOWEST, HIGHEST, POINTS), np.outer(own, 1.0 + near).ravel()]))
+
+
+def _paired(roots: Complex) -> Complex:
+    """Two roots at each frequency, in the order that changes least from one to the next."""
+    ordered = roots.copy()
+    for i in range(1, len(ordered)):
+        before, now = ordered[i - 1], ordered[i]
+        with np.errstate(invalid="ignore"):
+            straight = np.abs(now - before).sum()
+            crossed = np.abs(now[::-1] - before).sum()
+        if crossed < straight:
+            ordered[i] = now[::-1]
+    return ordered
+
+
+def _crossing(function: Callable[[float], float], low: float, high: float) -> float | None:
+    """Where a function changes sign; None if it does not, or jumps."""
+    ends = function(low), function(high)
+    if not np.all(np.isfinite(ends)) or ends[0] * ends[1] >= 0.0:
+        return None
+    root = float(brentq(function, low, high, xtol=1e-14 * high, rtol=1e-14))
+    return root if abs(function(root)) < 1e-6 * max(1.0, abs(ends[0]), abs(ends[1])) else None
