@@ -1,8 +1,9 @@
 """Rightmost roots of the delayed loop by a Chebyshev discretisation of its history.
 
 The delayed loop is a transport of its past: ``u_t = u_x`` on [-T, 0] with the differential equation as the boundary
-condition at 0. On Chebyshev nodes that is a matrix whose eigenvalues converge to the loop's roots faster than any power
-of the number of nodes, the rightmost first. It is independent of `margins`, and it tells how fast an unstable loop grows.
+condition at 0. On Chebyshev nodes that is a matrix whose eigenvalues converge to the loop's roots faster than any
+power of the number of nodes, those of smallest magnitude first. It is independent of `margins`, and it tells how fast
+an unstable loop grows.
 
 Source: Breda, Maset & Vermiglio, *Pseudospectral differencing methods for characteristic roots of delay differential
 equations*, SIAM J. Sci. Comput. 27 (2005); Trefethen, *Spectral methods in MATLAB* (2000), ch. 6.

@@ -5,8 +5,8 @@
 About a rest with ``J^T (r - p) = 0`` it is ``tau = -lambda sum_k (P_k q(t - T_k) + V_k q'(t - T_k))`` with one term for
 what is not late, one late by the shoulder's delay T, one late by the elbow's, r T. Where the sensed point can be on the
 reference, the error is zero and the law's only terms are ``Kp J^T J`` and ``Kd J^T J``. A point that cannot reach the
-reference (the paper's sensor 0.5 m past the elbow) pulls the arm straight; the error that is left turns with J(theta) and
-adds the stiffness ``-Kp d(J^T)/d(theta) e``.
+reference (the paper's sensor 0.5 m past the elbow) pulls the arm straight; the error e that is left adds the stiffness
+``-Kp d(J^T)/d(theta) e``.
 
 What is neglected is what a moving reference adds: the rate error's term in d(J)/d(theta) theta', Coriolis and
 centrifugal forces, bent links, and the error of a loop in motion.

@@ -27,8 +27,8 @@ from flexarm_env.analysis.natural import natural_modes
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
-# The fastest pole of four modes a link is at 3e5 rad/s; the slowest motion of the loop near 1 rad/s.
-LOWEST, HIGHEST, POINTS = 1e-2, 1e7, 3000
+# The grid of frequencies: from far below the loop's slowest motion, near 1 rad/s, to far beyond its fastest pole.
+LOWEST, BEYOND, PER_DECADE = 1e-2, 30.0, 150
 SMALLEST_GAIN = 1e-9  # a root at a free arm's own frequency has lambda = 0 and is no crossing of a closed loop
 
 
@@ -158,12 +158,16 @@ def stable_gains(loop: LawLoop) -> list[tuple[float, float]]:
 def _delay_roots(loop: LawLoop, omega: Array) -> Complex:
     """Roots z of det(1 + L), as a polynomial in z. Shape (k, degree)."""
     terms = loop.loop_terms(omega)
-    powers = np.array([0, loop.ratio.denominator, loop.ratio.numerator])
-    degree = 2 * loop.ratio.denominator if not np.any(loop.elbow.P) else int(powers.sum())
-    samples = np.exp(-2j * np.pi * np.arange(degree + 1) / (degree + 1))
-    matrices = np.einsum("st,ktij->ksij", samples[:, None] ** powers, terms) + np.eye(2)
-    # a polynomial sampled on the unit circle: its coefficients by an inverse transform, lowest power first
-    coefficients = np.fft.ifft(_determinant(matrices), axis=1)
+    now, shoulder, elbow = np.eye(2) + terms[:, 0], terms[:, 1], terms[:, 2]
+    first, second = loop.ratio.denominator, loop.ratio.numerator
+    parts = [(0, _determinant(now)), (first, _mixed(now, shoulder)), (second, _mixed(now, elbow))]
+    if np.any(loop.elbow.P):  # each joint's term then has rank one: no squares
+        parts.append((first + second, _mixed(shoulder, elbow)))
+    else:
+        parts.append((2 * first, _determinant(shoulder)))
+    coefficients = np.zeros((len(omega), parts[-1][0] + 1), dtype=complex)
+    for power, values in parts:
+        coefficients[:, power] += values
     return _roots(coefficients)
 
 
@@ -176,6 +180,16 @@ def _gain_roots(loop: LawLoop, omega: Array) -> Complex:
 
 def _determinant(matrices: Complex) -> Complex:
     return np.asarray(matrices[..., 0, 0] * matrices[..., 1, 1] - matrices[..., 0, 1] * matrices[..., 1, 0])
+
+
+def _mixed(a: Complex, b: Complex) -> Complex:
+    """What det(a + b) has beyond det(a) + det(b)."""
+    return np.asarray(
+        a[..., 0, 0] * b[..., 1, 1]
+        + a[..., 1, 1] * b[..., 0, 0]
+        - a[..., 0, 1] * b[..., 1, 0]
+        - a[..., 1, 0] * b[..., 0, 1]
+    )
 
 
 def _roots(coefficients: Complex) -> Complex:
@@ -198,10 +212,12 @@ def _roots(coefficients: Complex) -> Complex:
 
 def _frequencies(loop: LawLoop) -> Array:
     """A grid over all of the loop's frequencies, dense about the arm's own, free and locked."""
-    near = np.concatenate([-np.geomspace(0.05, 1e-6, 40), np.geomspace(1e-6, 0.05, 40)])
-    own = np.concatenate([natural_modes(loop.point, joints).frequencies for joints in ("free", "locked")])  # type: ignore[arg-type]
+    near = np.concatenate([-np.geomspace(0.05, 1e-6, 30), np.geomspace(1e-6, 0.05, 30)])
+    own = np.concatenate([natural_modes(loop.point, joints).frequencies for joints in ("free", "locked")])
     own = own[own > 0.0]
-    return np.unique(np.concatenate([np.geomspace(LOWEST, HIGHEST, POINTS), np.outer(own, 1.0 + near).ravel()]))
+    highest = BEYOND * max(float(np.abs(loop.undelayed_poles()).max()), float(own.max()))
+    grid = np.geomspace(LOWEST, highest, int(PER_DECADE * np.log10(highest / LOWEST)))
+    return np.unique(np.concatenate([grid, np.outer(own, 1.0 + near).ravel()]))
 
 
 def _paired(roots: Complex) -> Complex:

@@ -61,8 +61,8 @@ def passivity(plant: Plant, omega: ArrayLike, growth: float = 0.0) -> Passivity:
     Args:
         plant: its outputs must be rates, paired with its inputs (see `force_to_rate`).
         omega: [rad/s], > 0. Shape (k,).
-        growth: real part of the complex frequency over omega, >= 0. An undamped arm is lossless, its Hermitian part 0 on
-            the imaginary axis: take a positive one for it.
+        growth: real part of the complex frequency over omega, >= 0. An undamped arm is lossless, its Hermitian part 0
+            on the imaginary axis: take a positive one for it.
 
     Raises:
         ValueError: for a plant that is not square, or bad numbers.
@@ -84,8 +84,8 @@ def passivity(plant: Plant, omega: ArrayLike, growth: float = 0.0) -> Passivity:
 def force_to_rate(point: OperatingPoint, sensor: Sensor) -> Plant:
     """From the Cartesian force of the paper's law to the rate of the point it senses.
 
-    The law (10) turns a force f at the sensed point into torques ``J^T f``. The power that f does on the *sensed* rate is
-    power done on the arm only if the rate is ``J`` times the joint rates: for the rigid point without delay.
+    The law (10) turns a force f at the sensed point into torques ``J^T f``. The power that f does on the *sensed* rate
+    is power done on the arm only if that rate is ``J`` times the joint rates: for the rigid point without delay.
 
     Args:
         point: where the arm is.

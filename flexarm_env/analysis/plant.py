@@ -220,7 +220,7 @@ class FrequencyResponse:
     @property
     def singular_values(self) -> Array:
         """Largest first. Shape (k, min(outputs, inputs))."""
-        return np.linalg.svd(self.values, compute_uv=False)
+        return np.asarray(np.linalg.svd(self.values, compute_uv=False), dtype=np.float64)
 
 
 def frequency_response(plant: Plant, omega: ArrayLike) -> FrequencyResponse:

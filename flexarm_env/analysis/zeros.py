@@ -120,7 +120,7 @@ def check_rank(plant: Plant) -> None:
         worst = max(worst, float(singular[-1] / singular[0]))
     if worst < RANK:
         raise ValueError(
-            f"singular configuration {plant.point}: {list(plant.inputs)} cannot move {list(plant.outputs)} independently"
+            f"singular configuration, {plant.point}: {list(plant.inputs)} cannot move {list(plant.outputs)} one by one"
         )
 
 
