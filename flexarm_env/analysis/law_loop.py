@@ -17,6 +17,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -24,6 +25,7 @@ from numpy.typing import ArrayLike, NDArray
 from flexarm_env.analysis.operating_point import OperatingPoint
 from flexarm_env.analysis.sensor import rigid_jacobian
 from flexarm_env.arm import FlexibleArm
+from flexarm_env.linearisation import Linearisation
 from flexarm_env.parameters import LawParameters, SensorParameters
 from flexarm_env.reference import inverse_kinematics
 from flexarm_env.validation import finite_array, number
@@ -81,7 +83,7 @@ class LawLoop:
 
     def undelayed_poles(self) -> Complex:
         """Poles of the loop without any delay [rad/s]."""
-        linear = self.point.linearise()
+        linear = self._linear
         total = sum((np.hstack([t.P, t.V]) for t in self.terms), start=np.zeros((2, len(linear.A))))
         return np.linalg.eigvals(linear.A - self.gain * linear.B @ total).astype(complex)
 
@@ -99,19 +101,47 @@ class LawLoop:
         Returns:
             For current, shoulder, elbow. Shape (k, 3, 2, 2).
         """
-        linear = self.point.linearise()
+        s, dynamic, _ = self._dynamics(omega)
         half = self.point.arm.size
-        s = 1j * np.asarray(omega)[:, None, None]
-        dynamic = s**2 * np.eye(half) - s * linear.A[half:, half:] - linear.A[half:, :half]
-        response = np.linalg.solve(dynamic, np.broadcast_to(linear.B[half:], (len(s), half, 2)))
-        terms = [self.gain * (t.P + s * t.V) @ response for t in self.terms]
-        return np.stack(terms, axis=1)
+        response = np.linalg.solve(dynamic, np.broadcast_to(self._action, (len(s), half, 2)))
+        return np.stack([self.gain * (t.P + s * t.V) @ response for t in self.terms], axis=1)
 
     def loop_transfer(self, omega: Array) -> Complex:
         """L(j omega) with the delays, exact; the loop closes as ``1 + L``. Shape (k, 2, 2)."""
-        terms = self.loop_terms(omega)
-        late = np.exp(-1j * np.asarray(omega)[:, None] * self.delay * np.array([0.0, 1.0, float(self.ratio)]))
-        return np.einsum("kt,ktij->kij", late, terms)
+        late = np.exp(-1j * np.asarray(omega)[:, None] * self._delays)
+        return np.asarray(np.einsum("kt,ktij->kij", late, self.loop_terms(omega)), dtype=complex)
+
+    def loop_slope(self, omega: Array) -> Complex:
+        """dL/ds at s = j omega. Shape (k, 2, 2)."""
+        s, dynamic, dynamic_slope = self._dynamics(omega)
+        half = self.point.arm.size
+        response = np.linalg.solve(dynamic, np.broadcast_to(self._action, (len(s), half, 2)))
+        response_slope = -np.linalg.solve(dynamic, dynamic_slope @ response)
+        total = np.zeros((len(s), 2, 2), dtype=complex)
+        for term, delay in zip(self.terms, self._delays, strict=True):
+            law = term.P + s * term.V
+            total += np.exp(-s * delay) * ((term.V - delay * law) @ response + law @ response_slope)
+        return self.gain * total
+
+    @property
+    def _delays(self) -> Array:
+        return self.delay * np.array([0.0, 1.0, float(self.ratio)])
+
+    @cached_property
+    def _linear(self) -> Linearisation:
+        return self.point.linearise()
+
+    @property
+    def _action(self) -> Array:
+        return self._linear.B[self.point.arm.size :]
+
+    def _dynamics(self, omega: Array) -> tuple[Complex, Complex, Complex]:
+        """s, and ``s^2 - s A22 - A21`` with its derivative. Shape (k, 1, 1), (k, n, n), (k, n, n)."""
+        half = self.point.arm.size
+        s = np.asarray(1j * np.asarray(omega)[:, None, None], dtype=complex)
+        damping, eye = self._linear.A[half:, half:], np.eye(half)
+        dynamic = np.asarray(s**2 * eye - s * damping - self._linear.A[half:, :half], dtype=complex)
+        return s, dynamic, 2.0 * s * eye - damping
 
 
 def law_loop(

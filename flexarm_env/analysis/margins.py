@@ -28,7 +28,7 @@ Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 # The grid of frequencies: from far below the loop's slowest motion, near 1 rad/s, to far beyond its fastest pole.
-LOWEST, BEYOND, PER_DECADE = 1e-2, 30.0, 150
+LOWEST, BEYOND, PER_DECADE = 1e-2, 30.0, 100
 SMALLEST_GAIN = 1e-9  # a root at a free arm's own frequency has lambda = 0 and is no crossing of a closed loop
 
 
@@ -65,26 +65,30 @@ class GainMargin:
     omega_down: float
 
 
-def crossing_delays(loop: LawLoop) -> list[DelayMargin]:
-    """Every (smallest delay, frequency) at which a root is on the imaginary axis, by delay."""
+def crossing_delays(loop: LawLoop, within: float = np.inf) -> list[DelayMargin]:
+    """Delays at which a root is on the imaginary axis, each the smallest of its frequency, by delay.
 
-    def sorted_roots(omega: Array) -> Complex:
-        roots = _delay_roots(loop, omega)
-        return np.take_along_axis(roots, np.argsort(np.abs(roots), axis=1), axis=1)
-
+    Args:
+        loop: the loop; its own delay plays no part.
+        within: leave out those that are more than so many times the first.
+    """
     omega = _frequencies(loop)
-    sizes = np.abs(sorted_roots(omega)) - 1.0
-    found = []
-    for index, branch in zip(*np.nonzero(sizes[:-1] * sizes[1:] < 0.0), strict=True):
+    roots = _by_size(_delay_roots(loop, omega))
+    sizes = np.abs(roots) - 1.0
+    places = np.argwhere(sizes[:-1] * sizes[1:] < 0.0)
+    rough = [_delay_at(loop, roots[index, branch], omega[index]) for index, branch in places]
+    found: list[DelayMargin] = []
+    for place in np.argsort(rough):
+        if found and rough[place] > within * min(crossing.delay for crossing in found):
+            break
+        index, branch = places[place]
 
         def excess(w: float, branch: int = branch) -> float:
-            return float(np.abs(sorted_roots(np.array([w]))[0, branch]) - 1.0)
+            return float(np.abs(_by_size(_delay_roots(loop, np.array([w])))[0, branch]) - 1.0)
 
         w = _crossing(excess, omega[index], omega[index + 1])
         if w is not None:
-            z = sorted_roots(np.array([w]))[0, branch]
-            angle = float(-np.angle(z)) % (2.0 * np.pi)
-            found.append(DelayMargin(loop.ratio.denominator * angle / w, w))
+            found.append(DelayMargin(_delay_at(loop, _by_size(_delay_roots(loop, np.array([w])))[0, branch], w), w))
     return sorted(found, key=lambda crossing: crossing.delay)
 
 
@@ -92,7 +96,7 @@ def delay_margin(loop: LawLoop) -> DelayMargin:
     """The smallest delay that destabilises the loop; its own delay plays no part."""
     if np.any(loop.undelayed_poles().real >= 0.0):
         return DelayMargin(0.0, np.nan)
-    crossings = crossing_delays(loop)
+    crossings = crossing_delays(loop, within=1.5)
     return crossings[0] if crossings else DelayMargin(np.inf, np.nan)
 
 
@@ -139,20 +143,39 @@ def gain_margin(loop: LawLoop) -> GainMargin:
 
 
 def stable_gains(loop: LawLoop) -> list[tuple[float, float]]:
-    """Intervals of lambda, not factors, in which the loop is stable at its delay."""
-    edges = [0.0, *(loop.gain * factor for factor, _ in crossing_gains(loop)), np.inf]
-    intervals: list[tuple[float, float]] = []
-    for low, high in zip(edges, edges[1:], strict=False):
-        if high - low <= 1e-9 * low:
-            continue
-        middle = 0.5 * high if low == 0.0 and np.isfinite(high) else np.sqrt(low * min(high, 100.0 * max(low, 0.01)))
-        if low == 0.0 and not np.isfinite(high):
-            middle = 1.0
-        if is_stable(loop.with_gain(float(middle))):
-            if intervals and intervals[-1][1] == low:
-                low = intervals.pop()[0]
-            intervals.append((low, high))
-    return intervals
+    """Intervals of lambda, not factors, in which the loop is stable at its delay.
+
+    Roots that cross to the right count +1, to the left -1; only the intervals with the smallest count can be stable,
+    and one of them speaks for all.
+    """
+    crossings = crossing_gains(loop)
+    counts = np.concatenate([[0], np.cumsum([_direction(loop, factor, omega) for factor, omega in crossings])])
+    edges = [0.0, *(loop.gain * factor for factor, _ in crossings), np.inf]
+    candidates = [
+        (low, high)
+        for low, high, count in zip(edges[:-1], edges[1:], counts, strict=True)
+        if count == counts.min() and high - low > 1e-9 * low
+    ]
+    if not candidates or not is_stable(loop.with_gain(_between(*candidates[0]))):
+        return []
+    return candidates
+
+
+def _between(low: float, high: float) -> float:
+    """A gain inside an interval."""
+    if not np.isfinite(high):
+        return 2.0 * low if low > 0.0 else 1.0
+    return 0.5 * (low + high)
+
+
+def _direction(loop: LawLoop, factor: float, omega: float) -> int:
+    """Whether the root on the axis moves right (+1) or left (-1) as lambda grows."""
+    at = np.array([omega])
+    transfer, slope = factor * loop.loop_transfer(at)[0], factor * loop.loop_slope(at)[0]
+    matrix = np.eye(2) + transfer
+    adjugate = np.array([[matrix[1, 1], -matrix[0, 1]], [-matrix[1, 0], matrix[0, 0]]])
+    moved = -np.trace(adjugate @ transfer) / np.trace(adjugate @ slope)
+    return int(np.sign(moved.real))
 
 
 def _delay_roots(loop: LawLoop, omega: Array) -> Complex:
@@ -169,6 +192,15 @@ def _delay_roots(loop: LawLoop, omega: Array) -> Complex:
     for power, values in parts:
         coefficients[:, power] += values
     return _roots(coefficients)
+
+
+def _by_size(roots: Complex) -> Complex:
+    return np.take_along_axis(roots, np.argsort(np.abs(roots), axis=1), axis=1)
+
+
+def _delay_at(loop: LawLoop, z: complex, omega: float) -> float:
+    """The smallest delay with which ``z = exp(-j omega T / d)``, up to its magnitude."""
+    return float(loop.ratio.denominator * (-np.angle(z) % (2.0 * np.pi)) / omega)
 
 
 def _gain_roots(loop: LawLoop, omega: Array) -> Complex:
