@@ -121,7 +121,7 @@ class LawLoop:
         for term, delay in zip(self.terms, self._delays, strict=True):
             law = term.P + s * term.V
             total += np.exp(-s * delay) * ((term.V - delay * law) @ response + law @ response_slope)
-        return self.gain * total
+        return np.asarray(self.gain * total, dtype=complex)
 
     @property
     def _delays(self) -> Array:
@@ -141,7 +141,7 @@ class LawLoop:
         s = np.asarray(1j * np.asarray(omega)[:, None, None], dtype=complex)
         damping, eye = self._linear.A[half:, half:], np.eye(half)
         dynamic = np.asarray(s**2 * eye - s * damping - self._linear.A[half:, :half], dtype=complex)
-        return s, dynamic, 2.0 * s * eye - damping
+        return s, dynamic, np.asarray(2.0 * s * eye - damping, dtype=complex)
 
 
 def law_loop(

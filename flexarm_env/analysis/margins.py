@@ -29,6 +29,7 @@ Complex = NDArray[np.complex128]
 
 # The grid of frequencies: from far below the loop's slowest motion, near 1 rad/s, to far beyond its fastest pole.
 LOWEST, BEYOND, PER_DECADE = 1e-2, 30.0, 100
+BISECTIONS = 52  # to the last bit
 SMALLEST_GAIN = 1e-9  # a root at a free arm's own frequency has lambda = 0 and is no crossing of a closed loop
 
 
@@ -65,30 +66,26 @@ class GainMargin:
     omega_down: float
 
 
-def crossing_delays(loop: LawLoop, within: float = np.inf) -> list[DelayMargin]:
+def crossing_delays(loop: LawLoop) -> list[DelayMargin]:
     """Delays at which a root is on the imaginary axis, each the smallest of its frequency, by delay.
 
     Args:
         loop: the loop; its own delay plays no part.
-        within: leave out those that are more than so many times the first.
     """
     omega = _frequencies(loop)
-    roots = _by_size(_delay_roots(loop, omega))
-    sizes = np.abs(roots) - 1.0
-    places = np.argwhere(sizes[:-1] * sizes[1:] < 0.0)
-    rough = [_delay_at(loop, roots[index, branch], omega[index]) for index, branch in places]
-    found: list[DelayMargin] = []
-    for place in np.argsort(rough):
-        if found and rough[place] > within * min(crossing.delay for crossing in found):
-            break
-        index, branch = places[place]
-
-        def excess(w: float, branch: int = branch) -> float:
-            return float(np.abs(_by_size(_delay_roots(loop, np.array([w])))[0, branch]) - 1.0)
-
-        w = _crossing(excess, omega[index], omega[index + 1])
-        if w is not None:
-            found.append(DelayMargin(_delay_at(loop, _by_size(_delay_roots(loop, np.array([w])))[0, branch], w), w))
+    sizes = np.abs(_by_size(_delay_roots(loop, omega))) - 1.0
+    index, branch = np.nonzero(sizes[:-1] * sizes[1:] < 0.0)
+    if not len(index):
+        return []
+    low, high, below = omega[index], omega[index + 1], sizes[index, branch] < 0.0
+    for _ in range(BISECTIONS):  # all crossings at once: the roots come in batches
+        middle = 0.5 * (low + high)
+        left = (np.abs(_own(loop, middle, branch)) < 1.0) == below
+        low, high = np.where(left, middle, low), np.where(left, high, middle)
+    roots = _own(loop, low, branch)
+    delays = loop.ratio.denominator * (-np.angle(roots) % (2.0 * np.pi)) / low
+    true = np.abs(np.abs(roots) - 1.0) < 1e-6  # a jump, at a pole of the free arm, is none
+    found = [DelayMargin(float(delay), float(w)) for delay, w in zip(delays[true], low[true], strict=True)]
     return sorted(found, key=lambda crossing: crossing.delay)
 
 
@@ -96,7 +93,7 @@ def delay_margin(loop: LawLoop) -> DelayMargin:
     """The smallest delay that destabilises the loop; its own delay plays no part."""
     if np.any(loop.undelayed_poles().real >= 0.0):
         return DelayMargin(0.0, np.nan)
-    crossings = crossing_delays(loop, within=1.5)
+    crossings = crossing_delays(loop)
     return crossings[0] if crossings else DelayMargin(np.inf, np.nan)
 
 
@@ -198,9 +195,9 @@ def _by_size(roots: Complex) -> Complex:
     return np.take_along_axis(roots, np.argsort(np.abs(roots), axis=1), axis=1)
 
 
-def _delay_at(loop: LawLoop, z: complex, omega: float) -> float:
-    """The smallest delay with which ``z = exp(-j omega T / d)``, up to its magnitude."""
-    return float(loop.ratio.denominator * (-np.angle(z) % (2.0 * np.pi)) / omega)
+def _own(loop: LawLoop, omega: Array, branch: NDArray[np.int64]) -> Complex:
+    """At each frequency the root that is the branch-th by size. Shape (k,)."""
+    return np.asarray(_by_size(_delay_roots(loop, omega))[np.arange(len(omega)), branch])
 
 
 def _gain_roots(loop: LawLoop, omega: Array) -> Complex:
