@@ -34,7 +34,7 @@ def delay_roots(loop: LawLoop, nodes: int = 40) -> Complex:
     integer("nodes", nodes, 2)
     if loop.delay == 0.0:
         return _rightmost(loop.undelayed_poles())
-    linear = loop.point.linearise()
+    linear = loop.point.linearisation
     actions = [-loop.gain * linear.B @ np.hstack([term.P, term.V]) for term in loop.terms]
     x, derivative = _chebyshev(nodes)
     size = len(linear.A)

@@ -17,7 +17,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -127,9 +126,9 @@ class LawLoop:
     def _delays(self) -> Array:
         return self.delay * np.array([0.0, 1.0, float(self.ratio)])
 
-    @cached_property
+    @property
     def _linear(self) -> Linearisation:
-        return self.point.linearise()
+        return self.point.linearisation
 
     @property
     def _action(self) -> Array:

@@ -129,9 +129,14 @@ def crossing_gains(loop: LawLoop) -> list[tuple[float, float]]:
     return sorted(found)
 
 
-def gain_margin(loop: LawLoop) -> GainMargin:
-    """How far lambda may grow and shrink at the loop's delay before a root crosses the axis."""
-    if not is_stable(loop):
+def gain_margin(loop: LawLoop, known: DelayMargin | None = None) -> GainMargin:
+    """How far lambda may grow and shrink at the loop's delay before a root crosses the axis.
+
+    Args:
+        loop: the loop.
+        known: its `delay_margin`, if that has been computed.
+    """
+    if loop.delay >= (delay_margin(loop) if known is None else known).delay:
         return GainMargin(False, np.nan, np.nan, np.nan, np.nan)
     crossings = crossing_gains(loop)
     up = next(((factor, w) for factor, w in crossings if factor > 1.0), (np.inf, np.nan))

@@ -50,7 +50,7 @@ def natural_modes(point: OperatingPoint, joints: Joints = "free") -> NaturalMode
         raise ValueError(f"{point}: no equilibrium, so the arm does not vibrate about it")
     size = point.arm.size
     kept = slice(0 if joints == "free" else 2, None)
-    matrix = point.linearise().A
+    matrix = point.linearisation.A
     mass = point.arm.mass_matrix(point.q)
     stiffness, damping = (-mass @ matrix[size:, part] for part in (slice(0, size), slice(size, None)))
     mass, stiffness, damping = mass[kept, kept], stiffness[kept, kept], damping[kept, kept]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -93,13 +94,14 @@ class OperatingPoint:
         """Nothing moves; the forces need not be balanced, see `is_equilibrium`."""
         return not np.any(self.rates)
 
-    def linearise(self) -> Linearisation:
+    @cached_property
+    def linearisation(self) -> Linearisation:
         """State matrices, exact to rounding error (`FlexibleArm.linearise`)."""
         return self.arm.linearise(self.state, self.torque)
 
     def is_equilibrium(self) -> bool:
         """Whether the arm would stay: without gravity, at rest with straight links and no torque."""
-        return not np.any(self.linearise().rate)
+        return not np.any(self.linearisation.rate)
 
     def __str__(self) -> str:
         theta = ", ".join(f"{angle:.6g}" for angle in self.q[:2])

@@ -152,7 +152,7 @@ def linear_plant(point: OperatingPoint, *sensors: Sensor) -> Plant:
         if not isinstance(sensor, Sensor):
             raise TypeError(f"sensor = {sensor!r}: must be a Sensor")
     matrices = [sensor.matrix(point) for sensor in sensors]
-    linear = point.linearise()
+    linear = point.linearisation
     c = np.vstack(matrices)
     return Plant(
         A=linear.A,
