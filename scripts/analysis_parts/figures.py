@@ -91,7 +91,7 @@ def margins(folder: Path, profile: dict[str, Any], simulated: list[dict[str, Any
     side = profile["side"]
     arc = np.array(profile["arc"])
     half = np.concatenate([arc, side - arc[-2::-1]])
-    lap = np.concatenate([half[:-1] + i * side for i in range(4)])
+    lap = np.concatenate([*(half[:-1] + i * side for i in range(4)), [4.0 * side]])
     for column, sensor in enumerate(SENSORS):
         for row, delayed in enumerate(DELAYED):
             axis = axes[row, column]
@@ -101,7 +101,7 @@ def margins(folder: Path, profile: dict[str, Any], simulated: list[dict[str, Any
                     both = np.concatenate([values, values[-2::-1]])[:-1]
                     name = curve["controller"]
                     label = f"{name}, lambda = {GAINS[name]:.3g}"
-                    axis.plot(lap, np.tile(both, 4), color=COLORS[name], label=label)
+                    axis.plot(lap, np.append(np.tile(both, 4), both[0]), color=COLORS[name], label=label)
             own = next(r for r in rows if (r["sensor"], r["delayed"]) == (sensor, delayed))["corner"]["delay"]
             axis.axhline(1e3 * own, color="#CC79A7", linestyle="--", linewidth=1.6, label="the paper's delay")
             _diverging(axis, [r for r in simulated if (r["sensor"], r["delayed"]) == (sensor, delayed)], side)
@@ -115,7 +115,7 @@ def margins(folder: Path, profile: dict[str, Any], simulated: list[dict[str, Any
     axes[1, 0].set_yticks([0.2, 0.5, 1, 2, 5, 10, 30], ["0.2", "0.5", "1", "2", "5", "10", "30"])
     axes[1, 0].set_yticks([], minor=True)
     for axis in axes[-1]:
-        axis.set(xlabel="arc length along the lap [m], corners at multiples of 12.6", xlim=(0, 4 * side))
+        axis.set(xlabel="arc length [m]; ticks are corners", xlim=(0, 4 * side))
         axis.set_xticks(side * np.arange(5))
     handles = dict(zip(*reversed(axes[0, 0].get_legend_handles_labels()), strict=True))
     figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=3)
