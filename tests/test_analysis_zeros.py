@@ -231,8 +231,8 @@ def test_zeros_do_not_depend_on_the_scale_of_the_modal_coordinates() -> None:
 def test_bent_and_spinning_arms_have_zeros_too() -> None:
     """Frozen about a bend or a spin. They move with the first power of the bend, the second of the spin's rate.
 
-    A bent arm is no equilibrium: its unbalanced elastic forces turn with the links, which moves the zeros much more than
-    the bend's geometry does.
+    A bent arm is no equilibrium: its unbalanced elastic forces turn with the links, which moves the zeros much more
+    than the bend's geometry does.
     """
     arm = arm_with(2)
     still = zeros(linear_plant(bent(arm), true_point(3.8))).values

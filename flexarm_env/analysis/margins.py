@@ -272,5 +272,9 @@ def _crossing(function: Callable[[float], float], low: float, high: float) -> fl
     ends = function(low), function(high)
     if not np.all(np.isfinite(ends)) or ends[0] * ends[1] >= 0.0:
         return None
-    root = float(brentq(function, low, high, xtol=1e-14 * high, rtol=1e-14))
-    return root if abs(function(root)) < 1e-6 * max(1.0, abs(ends[0]), abs(ends[1])) else None
+    try:
+        root = float(brentq(function, low, high, xtol=1e-14 * high, rtol=1e-14))
+        value = function(root)
+    except np.linalg.LinAlgError:  # it shrinks onto a pole of an undamped arm, where lambda is 0
+        return None
+    return root if abs(value) < 1e-6 * max(1.0, abs(ends[0]), abs(ends[1])) else None
