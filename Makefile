@@ -15,7 +15,7 @@ TEST   := $(VENV)/.stamp-test
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 .NOTPARALLEL:  # two installs into one environment must not overlap, and `make -j` buys nothing here
-.PHONY: help reproduce test test-slow lint typecheck contract train evaluate bench docs clean
+.PHONY: help reproduce analyse test test-slow lint typecheck contract train evaluate bench docs clean
 
 help:  ## List the verbs
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -52,8 +52,12 @@ evaluate: $(TRAIN)  ## Score the controllers, the shipped policy and trained run
 bench: $(BENCH)  ## Measure the speed of simulation and environments beside their peers
 	$(PY) scripts/bench.py $(ARGS)
 
+analyse: $(PLOT)  ## Poles, zeros, passivity and margins of the arm: tables, figures, JSON
+	$(PY) scripts/analyse.py $(ARGS)
+
 docs: reproduce $(DRAW)  ## Regenerate the pictures, tables and environment pages committed under docs/
 	$(PY) scripts/build_docs.py
+	$(PY) scripts/analyse.py --docs
 	$(PY) scripts/build_env_docs.py
 	$(PY) scripts/corner_picture.py
 

@@ -116,7 +116,7 @@ def test_one_joint_has_the_textbook_margin() -> None:
     """
     stiff = FlexibleArm(ArmParameters(flexural_rigidities=(1e9, 1e9), modes_per_link=1))
     case = law_loop(stiff, SIDE, SensorParameters(delay=0.01, delayed="position+rate"), gain=1e-2)
-    inertia = np.linalg.inv(stiff.mass_matrix(case.point.q))[:2, :2]
+    inertia = np.linalg.inv(stiff.mass_matrix(case.point.q)[:2, :2])  # inverse, of the unbent arm
     values = np.linalg.eigvals(1e-2 * inertia @ (case.shoulder.V + case.elbow.V)[:, :2])
     margins = []
     for b in values.real:
@@ -227,7 +227,7 @@ def test_a_loop_without_delay_has_its_poles_as_roots() -> None:
 
 
 @pytest.mark.parametrize(("delayed", "duration", "step"), [("position", 20.0, None), ("position+rate", 0.4, 2e-5)])
-def test_simulated_loop_grows_on_the_side_that_the_margin_says(
+def test_simulated_loop_grows_beyond_the_margin_only(
     delayed: str, duration: float, step: float | None
 ) -> None:
     """Held on a corner and pushed: 10 % below the delay margin it calms down, 10 % above it grows."""
