@@ -227,9 +227,7 @@ def test_a_loop_without_delay_has_its_poles_as_roots() -> None:
 
 
 @pytest.mark.parametrize(("delayed", "duration", "step"), [("position", 20.0, None), ("position+rate", 0.4, 2e-5)])
-def test_simulated_loop_grows_beyond_the_margin_only(
-    delayed: str, duration: float, step: float | None
-) -> None:
+def test_simulated_loop_grows_beyond_the_margin_only(delayed: str, duration: float, step: float | None) -> None:
     """Held on a corner and pushed: 10 % below the delay margin it calms down, 10 % above it grows."""
     case = loop(delayed)
     margin = delay_margin(case).delay
