@@ -17,7 +17,7 @@ from typing import Any
 
 import tyro
 from build_docs import DOCS, filled
-from reproduce_paper import put_in_place
+from reproduce_paper import check_replaceable, put_in_place
 from tqdm import tqdm
 
 from analysis_parts import figures, margins, passivity, simulated, tables, zeros
@@ -38,16 +38,6 @@ class Options:
     """For a look in seconds: coarser pictures, margins of the paper's arm only, one simulated case, fewer poses."""
     docs: bool = False
     """Bring docs/analysis.md and its pictures up to date."""
-
-
-def check_replaceable(folder: Path) -> None:
-    """Refuse to replace what is not a result folder of this script.
-
-    Raises:
-        ValueError: naming the path.
-    """
-    if folder.exists() and not (folder.is_dir() and ((folder / MARKER).exists() or not any(folder.iterdir()))):
-        raise ValueError(f"output = {folder}: exists and holds no {MARKER}, so it is no result folder to replace")
 
 
 def analyse(folder: Path, quick: bool) -> None:
@@ -117,7 +107,7 @@ def main() -> None:
     if options.docs and options.quick:
         raise ValueError("docs = True: the page shows a full run, not a quick one")
     start = time.perf_counter()
-    check_replaceable(options.output)
+    check_replaceable(options.output, MARKER)
     options.output.parent.mkdir(parents=True, exist_ok=True)
     work = Path(tempfile.mkdtemp(dir=options.output.parent, prefix=f".{options.output.name}-"))
     try:

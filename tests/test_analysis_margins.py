@@ -218,6 +218,15 @@ def test_slope_of_the_loop_is_its_derivative() -> None:
         np.testing.assert_allclose(case.loop_slope(omega), difference, rtol=1e-5, atol=1e-9)
 
 
+def test_a_collocated_loop_is_stable_at_every_gain() -> None:
+    """Hyperstability: a passive arm under a dissipative law."""
+    for arm in (PAPER, FlexibleArm(ArmParameters(modes_per_link=4, modal_damping_ratio=0.0))):
+        case = law_loop(arm, CORNER, SensorParameters(model="collocated"))
+        assert stable_gains(case) == [(0.0, np.inf)]
+        for gain in (1e-3, 1.0, 1e2):
+            assert case.with_gain(gain).undelayed_poles().real.max() < 0.0
+
+
 def test_a_loop_without_delay_has_its_poles_as_roots() -> None:
     case = loop(delay=0.0)
     np.testing.assert_allclose(delay_roots(case).real, np.sort(case.undelayed_poles().real)[::-1])

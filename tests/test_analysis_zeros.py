@@ -1,5 +1,7 @@
 """Zeros: against physics (held outputs, the exact beam), against sympy and python-control, and what they forbid."""
 
+from dataclasses import replace
+
 import control
 import numpy as np
 import pytest
@@ -180,6 +182,16 @@ def test_a_delay_adds_no_zero_and_its_pade_model_its_own() -> None:
     extra = 150.0 + 1j * np.sqrt(12.0 / 0.02**2 - 150.0**2)  # of s^2 T^2 - 6 s T + 12, one pair for each output
     assert closest(modelled, np.array([extra, extra.conjugate()])) < 1e-3
     assert len(modelled) == len(zeros(prompt).values) + 4
+
+
+def test_a_direct_path_is_taken_into_account() -> None:
+    """With D regular the zeros are the eigenvalues of A - B D^-1 C."""
+    plant = linear_plant(bent(arm_with(2, 0.01)), true_point(3.0))
+    direct = np.array([[3e-3, 1e-3], [-2e-3, 4e-3]])
+    found = zeros(replace(plant, D=direct))
+    expected = np.linalg.eigvals(plant.A - plant.B @ np.linalg.solve(direct, plant.C))
+    assert closest(found.values, expected) < 1e-8
+    assert found.infinite == 0
 
 
 def test_rigid_points_have_the_zeros_of_the_joint_angles() -> None:

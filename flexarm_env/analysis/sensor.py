@@ -19,8 +19,8 @@ Array = NDArray[np.float64]
 
 KINDS = ("joint angles", "strain", "rigid point", "true point")
 UNITS = {"joint angles": "rad", "strain": "1/m", "rigid point": "m", "true point": "m"}
-# Step of the central difference that turns a Jacobian into its rate; the kinematics are sines, cosines and polynomials
-# of order one, so the error, of fourth order with the extrapolation below, is at rounding level.
+# Largest change of a coordinate in the central difference that turns a Jacobian into its rate. The kinematics are
+# smooth; with the extrapolation below the error is of fourth order, at rounding level.
 _STEP = 1e-3
 
 

@@ -166,14 +166,14 @@ def _held_output(plant: Plant) -> Complex:
 
 
 def _rosenbrock(plant: Plant) -> Complex:
-    """Generalised eigenvalues of [[A - s, B], [C, D]], balanced and with time in units of the fastest pole."""
+    """Generalised eigenvalues of [[A - s, B], [C, D]], balanced, inputs and outputs scaled, time in fastest poles."""
     rate = _scale(plant.A)
     balanced, change = scipy.linalg.matrix_balance(plant.A / rate, permute=False)
-    b, c = np.linalg.solve(change, plant.B), plant.C @ change
-    b, c_size = b / np.linalg.norm(b, axis=0), np.linalg.norm(np.hstack([c, plant.D]), axis=1, keepdims=True)
-    d = plant.D / c_size / np.linalg.norm(np.linalg.solve(change, plant.B), axis=0) * rate
+    b, c = np.linalg.solve(change, plant.B) / rate, plant.C @ change
+    inputs = np.linalg.norm(b, axis=0)
+    outputs = np.linalg.norm(np.hstack([c, plant.D / inputs]), axis=1, keepdims=True)
     n, p = plant.B.shape
-    first = np.block([[balanced, b], [c / c_size, d / rate]])
+    first = np.block([[balanced, b / inputs], [c / outputs, plant.D / inputs / outputs]])
     second = np.zeros((n + p, n + p))
     second[:n, :n] = np.eye(n)
     return rate * _finite(first, second, INFINITE_ROSENBROCK)
