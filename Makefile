@@ -26,7 +26,7 @@ INSTEAD_validate := plot
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 .NOTPARALLEL:  # two installs into one environment must not overlap, and `make -j` buys nothing here
-.PHONY: help reproduce validate test test-slow lint typecheck contract train evaluate bench docs clean
+.PHONY: help reproduce validate analyse test test-slow lint typecheck contract train evaluate bench docs clean
 
 help:  ## List the verbs
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -36,6 +36,9 @@ reproduce: $(HAS)-plot  ## Reproduce the paper's figures and tables (installs no
 
 validate: $(HAS)-validate  ## Check the physics against exact beams, finite elements, MuJoCo and its own invariants
 	$(PY) scripts/validate.py $(ARGS)
+
+analyse: $(HAS)-plot  ## Poles, zeros, passivity and margins of the arm: tables, figures, JSON
+	$(PY) scripts/analyse.py $(ARGS)
 
 test: lint typecheck contract  ## Run every check: lint, typecheck, contract, and pytest without the slow tests
 	$(PY) -m pytest $(ARGS)
@@ -69,6 +72,7 @@ bench: $(HAS)-bench  ## Measure the speed of simulation and environments beside 
 docs: reproduce validate $(HAS)-draw  ## Regenerate the pictures, tables and environment pages committed under docs/
 	$(PY) scripts/build_docs.py
 	$(PY) scripts/build_validation_docs.py
+	$(PY) scripts/analyse.py --docs
 	$(PY) scripts/build_env_docs.py
 	$(PY) scripts/corner_picture.py
 

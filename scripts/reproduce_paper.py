@@ -77,14 +77,18 @@ def read_parameters(path: Path | None) -> dict[str, Any]:
     return data
 
 
-def check_replaceable(folder: Path) -> None:
-    """Refuse to replace what is not a result folder of this script.
+def check_replaceable(folder: Path, marker: str = MARKER) -> None:
+    """Refuse to replace what is not a script's result folder.
+
+    Args:
+        folder: what would be replaced.
+        marker: a file that a complete result folder holds.
 
     Raises:
         ValueError: naming the path.
     """
-    if folder.exists() and not (folder.is_dir() and ((folder / MARKER).exists() or not any(folder.iterdir()))):
-        raise ValueError(f"output = {folder}: exists and holds no {MARKER}, so it is no result folder to replace")
+    if folder.exists() and not (folder.is_dir() and ((folder / marker).exists() or not any(folder.iterdir()))):
+        raise ValueError(f"output = {folder}: exists and holds no {marker}, so it is no result folder to replace")
 
 
 def put_in_place(finished: Path, target: Path) -> None:

@@ -1,0 +1,72 @@
+"""Rightmost roots of the delayed loop by a Chebyshev discretisation of its history.
+
+The delayed loop is a transport of its past: ``u_t = u_x`` on [-T, 0] with the differential equation as the boundary
+condition at 0. On Chebyshev nodes that is a matrix whose eigenvalues converge to the loop's roots faster than any
+power of the number of nodes, those of smallest magnitude first. It is independent of `margins`, and it tells how fast
+an unstable loop grows.
+
+Source: Breda, Maset & Vermiglio, *Pseudospectral differencing methods for characteristic roots of delay differential
+equations*, SIAM J. Sci. Comput. 27 (2005); Trefethen, *Spectral methods in MATLAB* (2000), ch. 6.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexarm_env.analysis.law_loop import LawLoop
+from flexarm_env.validation import integer
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+
+def delay_roots(loop: LawLoop, nodes: int = 40) -> Complex:
+    """Approximate roots of the loop with its delay, rightmost first.
+
+    Args:
+        loop: the loop.
+        nodes: of the history; a root s is resolved when ``|s| T`` is well below it.
+
+    Returns:
+        [rad/s]. Shape ((4 + 4 m) (nodes + 1),), or the poles alone of a loop without delay.
+    """
+    integer("nodes", nodes, 2)
+    if loop.delay == 0.0:
+        return _rightmost(loop.undelayed_poles())
+    linear = loop.point.linearisation
+    actions = [-loop.gain * linear.B @ np.hstack([term.P, term.V]) for term in loop.terms]
+    x, derivative = _chebyshev(nodes)
+    size = len(linear.A)
+    late = [np.eye(1, nodes + 1), np.eye(1, nodes + 1, nodes), _interpolation(x, 1.0 - 2.0 * float(loop.ratio))]
+    matrix = np.kron(derivative * (2.0 / loop.delay), np.eye(size))
+    matrix[:size] = np.kron(late[0], linear.A)
+    for action, row in zip(actions, late, strict=True):
+        matrix[:size] += np.kron(row, action)
+    return _rightmost(np.linalg.eigvals(matrix).astype(complex))
+
+
+def _rightmost(values: Complex) -> Complex:
+    return values[np.argsort(-values.real, kind="stable")]
+
+
+def _chebyshev(count: int) -> tuple[Array, Array]:
+    """Nodes on [-1, 1], 1 first, and the differentiation matrix on them."""
+    x = np.cos(np.pi * np.arange(count + 1) / count)
+    weight = np.ones(count + 1)
+    weight[[0, -1]] = 2.0
+    weight *= (-1.0) ** np.arange(count + 1)
+    difference = x[:, None] - x[None, :]
+    matrix = np.outer(weight, 1.0 / weight) / (difference + np.eye(count + 1))
+    return x, matrix - np.diag(matrix.sum(axis=1))
+
+
+def _interpolation(x: Array, at: float) -> Array:
+    """Row that interpolates values on the nodes, barycentric. Shape (1, nodes)."""
+    difference = at - x
+    if np.any(np.abs(difference) < 1e-14):
+        return np.eye(1, len(x), int(np.argmin(np.abs(difference))))
+    weight = (-1.0) ** np.arange(len(x))
+    weight[[0, -1]] *= 0.5
+    terms = weight / difference
+    return (terms / terms.sum())[None]

@@ -1,0 +1,273 @@
+"""`Plant`: the linear arm from joint torques to a sensor, with its delay; poles, responses, Pade models."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from math import factorial
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from flexarm_env.analysis.operating_point import OperatingPoint
+from flexarm_env.analysis.sensor import Sensor
+from flexarm_env.validation import finite_array, integer
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+MAX_PADE = 12  # beyond that the coefficients of the polynomials span more digits than a double has
+JOINTS = ("shoulder", "elbow")
+
+
+@dataclass(frozen=True, eq=False)
+class Plant:
+    """``x' = A x + B tau, y(t) = C x(t - delay)``: deviations from an operating point.
+
+    Attributes:
+        A: Shape (n, n); n = 4 + 4 m, and more with a Pade model of a delay.
+        B: Shape (n, inputs).
+        C: Shape (outputs, n).
+        D: Shape (outputs, inputs); not zero for Pade models only.
+        delays: of the outputs [s]. Shape (outputs,).
+        inputs: names; torques [N m].
+        outputs: names.
+        units: of the outputs.
+        point: where the arm was linearised.
+    """
+
+    A: Array
+    B: Array
+    C: Array
+    D: Array
+    delays: Array
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    units: tuple[str, ...]
+    point: OperatingPoint
+
+    @property
+    def is_square(self) -> bool:
+        """As many outputs as inputs."""
+        return self.B.shape[1] == self.C.shape[0]
+
+    @property
+    def is_mechanical(self) -> bool:
+        """The state is the arm's own, coordinates and rates, without a Pade model's."""
+        return len(self.A) == 2 * self.point.arm.size
+
+    def select(self, inputs: Sequence[str] | None = None, outputs: Sequence[str] | None = None) -> Plant:
+        """Some inputs and outputs, by name.
+
+        Raises:
+            ValueError: for a name that the plant does not have.
+        """
+        rows = _indices("outputs", self.outputs, outputs)
+        columns = _indices("inputs", self.inputs, inputs)
+        return replace(
+            self,
+            B=self.B[:, columns],
+            C=self.C[rows],
+            D=self.D[np.ix_(rows, columns)],
+            delays=self.delays[rows],
+            inputs=tuple(self.inputs[i] for i in columns),
+            outputs=tuple(self.outputs[i] for i in rows),
+            units=tuple(self.units[i] for i in rows),
+        )
+
+    def driven_through(self, matrix: ArrayLike, names: Sequence[str]) -> Plant:
+        """The plant behind an input map ``tau = matrix u``.
+
+        Args:
+            matrix: e.g. the transposed Jacobian of the paper's law (10). Shape (inputs, k).
+            names: of the new inputs, k.
+        """
+        through = finite_array("matrix", matrix, (self.B.shape[1], len(names)))
+        return replace(self, B=self.B @ through, D=self.D @ through, inputs=tuple(names))
+
+    def at(self, s: complex) -> Complex:
+        """Transfer matrix at a complex frequency, delay included. Shape (outputs, inputs)."""
+        solution = np.linalg.solve(s * np.eye(len(self.A)) - self.A, self.B)
+        return np.asarray(np.exp(-s * self.delays)[:, None] * (self.C @ solution + self.D))
+
+    def pade(self, order: int) -> Plant:
+        """The delays replaced by Pade models of an order, diagonal entry (order, order).
+
+        Raises:
+            ValueError: for an order out of 1 to `MAX_PADE`.
+        """
+        integer("order", order, 1, MAX_PADE)
+        blocks = [_pade(float(delay), order) for delay in self.delays]
+        late = _stacked(blocks)
+        size = len(self.A)
+        total = size + len(late[0])
+        a, b = np.zeros((total, total)), np.zeros((total, self.B.shape[1]))
+        a[:size, :size], a[size:, size:] = self.A, late[0]
+        a[size:, :size], b[:size], b[size:] = late[1] @ self.C, self.B, late[1] @ self.D
+        c = np.hstack([late[3] @ self.C, late[2]])
+        return replace(self, A=a, B=b, C=c, D=late[3] @ self.D, delays=np.zeros_like(self.delays))
+
+    def to_control(self, pade_order: int | None = None) -> Any:
+        """A `control.StateSpace`, for python-control.
+
+        Args:
+            pade_order: of the delay's model; needed when there is a delay.
+
+        Raises:
+            ImportError: if python-control is not installed, naming the extra that brings it.
+            ValueError: for a delay without an order.
+        """
+        try:
+            import control
+        except ImportError as error:
+            raise ImportError("python-control is not installed: pip install 'flexarm[analysis]'") from error
+        plant = self
+        if np.any(self.delays):
+            if pade_order is None:
+                raise ValueError(f"pade_order = None: the outputs are late by {self.delays.tolist()} s; give an order")
+            plant = self.pade(pade_order)
+        return control.ss(
+            plant.A, plant.B, plant.C, plant.D, inputs=list(plant.inputs), outputs=list(plant.outputs), name="arm"
+        )
+
+
+def linear_plant(point: OperatingPoint, *sensors: Sensor) -> Plant:
+    """The arm linearised at a point, from both joints' torques to one sensor or several.
+
+    Args:
+        point: see `OperatingPoint`; not an equilibrium: the linearisation holds for times in which the state hardly
+            moves.
+        *sensors: their outputs, one after the other.
+
+    Raises:
+        TypeError: for anything but a point and sensors.
+        ValueError: for no sensor, or one off its link.
+    """
+    if not isinstance(point, OperatingPoint):
+        raise TypeError(f"point = {point!r}: must be an OperatingPoint")
+    if not sensors:
+        raise ValueError("sensors: there must be at least one")
+    for sensor in sensors:
+        if not isinstance(sensor, Sensor):
+            raise TypeError(f"sensor = {sensor!r}: must be a Sensor")
+    matrices = [sensor.matrix(point) for sensor in sensors]
+    linear = point.linearisation
+    c = np.vstack(matrices)
+    return Plant(
+        A=linear.A,
+        B=linear.B,
+        C=c,
+        D=np.zeros((len(c), 2)),
+        delays=np.concatenate([np.full(len(m), s.delay) for s, m in zip(sensors, matrices, strict=True)]),
+        inputs=JOINTS,
+        outputs=tuple(name for sensor in sensors for name in sensor.names()),
+        units=tuple(s.unit for s, m in zip(sensors, matrices, strict=True) for _ in range(len(m))),
+        point=point,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Poles:
+    """Eigenvalues of a plant.
+
+    Attributes:
+        values: [rad/s], sorted by magnitude. Shape (n,).
+    """
+
+    values: Complex
+
+    @property
+    def frequencies(self) -> Array:
+        """Magnitudes [rad/s]. Shape (n,)."""
+        return np.abs(self.values)
+
+    @property
+    def damping_ratios(self) -> Array:
+        """-Re / magnitude; 0 for a pole at the origin. Shape (n,)."""
+        size = np.abs(self.values)
+        return np.divide(-self.values.real, size, out=np.zeros_like(size), where=size > 0.0)
+
+
+def poles(plant: Plant) -> Poles:
+    """Poles; a delay has none, its Pade model has."""
+    values = np.linalg.eigvals(plant.A).astype(complex)
+    return Poles(values[np.lexsort((values.imag, np.round(np.abs(values), 6)))])
+
+
+@dataclass(frozen=True, eq=False)
+class FrequencyResponse:
+    """Transfer matrix on the imaginary axis.
+
+    Attributes:
+        omega: [rad/s]. Shape (k,).
+        values: output units per N m. Shape (k, outputs, inputs).
+    """
+
+    omega: Array
+    values: Complex
+
+    @property
+    def magnitude(self) -> Array:
+        """Shape (k, outputs, inputs)."""
+        return np.abs(self.values)
+
+    @property
+    def phase(self) -> Array:
+        """Unwrapped along the frequencies [rad]. Shape (k, outputs, inputs)."""
+        return np.unwrap(np.angle(self.values), axis=0)
+
+    @property
+    def singular_values(self) -> Array:
+        """Largest first. Shape (k, min(outputs, inputs))."""
+        return np.asarray(np.linalg.svd(self.values, compute_uv=False), dtype=np.float64)
+
+
+def frequency_response(plant: Plant, omega: ArrayLike) -> FrequencyResponse:
+    """G(j omega), delay exact.
+
+    Args:
+        plant: see `linear_plant`.
+        omega: [rad/s], none of them a pole's. Shape (k,).
+    """
+    frequencies = finite_array("omega", omega, (None,))
+    return FrequencyResponse(frequencies, np.array([plant.at(1j * w) for w in frequencies]))
+
+
+def _indices(name: str, known: tuple[str, ...], wanted: Sequence[str] | None) -> list[int]:
+    if wanted is None:
+        return list(range(len(known)))
+    unknown = [entry for entry in wanted if entry not in known]
+    if unknown or not len(wanted):
+        raise ValueError(f"{name} = {list(wanted)}: must be some of {list(known)}")
+    return [known.index(entry) for entry in wanted]
+
+
+def _pade(delay: float, order: int) -> tuple[Array, Array, Array, Array]:
+    """State-space form of the (order, order) Pade model of exp(-s delay), in the time unit of the delay."""
+    if delay == 0.0:
+        return np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.ones((1, 1))
+    k = np.arange(order + 1)
+    weight = [
+        factorial(2 * order - j) * factorial(order) / (factorial(2 * order) * factorial(j) * factorial(order - j))
+        for j in k
+    ]
+    denominator = np.array(weight)[::-1] / weight[-1]  # monic, highest power of (s delay) first
+    numerator = denominator * (-1.0) ** k[::-1]
+    a = np.zeros((order, order))
+    a[0], a[1:, :-1] = -denominator[1:], np.eye(order - 1)
+    c = (numerator[1:] - numerator[0] * denominator[1:])[None]
+    return a / delay, np.eye(order, 1) / delay, c, np.array([[numerator[0]]])
+
+
+def _stacked(blocks: Sequence[tuple[Array, Array, Array, Array]]) -> tuple[Array, Array, Array, Array]:
+    """Single-input systems side by side."""
+    sizes = [len(block[0]) for block in blocks]
+    n, p = sum(sizes), len(blocks)
+    a, b, c, d = np.zeros((n, n)), np.zeros((n, p)), np.zeros((p, n)), np.zeros((p, p))
+    first = 0
+    for i, (block, size) in enumerate(zip(blocks, sizes, strict=True)):
+        place = slice(first, first + size)
+        a[place, place], b[place, i], c[i, place], d[i, i] = block[0], block[1][:, 0], block[2][0], block[3][0, 0]
+        first += size
+    return a, b, c, d

@@ -1,0 +1,179 @@
+"""What is measured: a linear map of the coordinates' deviations, and how late it arrives.
+
+A reading may be nonlinear in the coordinates; its Jacobian at the operating point is what the linear theory takes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexarm_env.analysis.operating_point import OperatingPoint
+from flexarm_env.parameters import MAX_DELAY
+from flexarm_env.validation import choice, flag, integer, number
+
+Array = NDArray[np.float64]
+
+KINDS = ("joint angles", "strain", "rigid point", "true point")
+UNITS = {"joint angles": "rad", "strain": "1/m", "rigid point": "m", "true point": "m"}
+# Largest change of a coordinate in the central difference that turns a Jacobian into its rate. The kinematics are
+# smooth; with the extrapolation below the error is of fourth order, at rounding level.
+_STEP = 1e-3
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """A sensor; see `joint_angles`, `strain`, `rigid_point`, `true_point`, `tip`.
+
+    Attributes:
+        kind: one of `KINDS`.
+        link: 1 or 2; of strain and true points.
+        position: distance s from the link's root [m]; None: its tip. Of a rigid point the distance from the elbow.
+        rate: the reading's rate of change instead of the reading.
+        delay: [s].
+    """
+
+    kind: str
+    link: int = 2
+    position: float | None = None
+    rate: bool = False
+    delay: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Validate.
+
+        Raises:
+            TypeError: for a value of the wrong kind.
+            ValueError: for a value out of range.
+        """
+        choice("kind", self.kind, KINDS)
+        integer("link", self.link, 1, 2)
+        if self.position is not None:
+            object.__setattr__(self, "position", number("position", self.position, "m", least=0.0))
+        flag("rate", self.rate)
+        object.__setattr__(self, "delay", number("delay", self.delay, "s", least=0.0, most=MAX_DELAY))
+
+    @property
+    def unit(self) -> str:
+        """Physical unit of a reading."""
+        return UNITS[self.kind] + ("/s" if self.rate else "")
+
+    def late(self, delay: float) -> Sensor:
+        """The same sensor with another delay [s]."""
+        return replace(self, delay=delay)
+
+    def rates(self) -> Sensor:
+        """The same sensor, read by its rate of change."""
+        return replace(self, rate=True)
+
+    def names(self) -> tuple[str, ...]:
+        """Of the outputs."""
+        dot = "'" if self.rate else ""
+        if self.kind == "joint angles":
+            return f"theta1{dot}", f"theta2{dot}"
+        if self.kind == "strain":
+            return (f"curvature{dot} of link {self.link}",)
+        return f"x{dot}", f"y{dot}"
+
+    def matrix(self, point: OperatingPoint) -> Array:
+        """Output matrix C: deviations of the state to deviations of the reading. Shape (outputs, 4 + 4 m).
+
+        Raises:
+            ValueError: if the sensor is off its link.
+        """
+        jacobian = self.jacobian(point, point.q)
+        if not self.rate:
+            return np.hstack([jacobian, np.zeros_like(jacobian)])
+        # d(J q')/dq = sum_j d2(reading)/dq dq_j q'_j, which is the rate of J
+        return np.hstack([self._jacobian_rate(point), jacobian])
+
+    def jacobian(self, point: OperatingPoint, q: Array) -> Array:
+        """d(reading)/dq at some coordinates of the point's arm. Shape (outputs, 2 + 2 m)."""
+        readings: dict[str, Callable[[OperatingPoint, Array], Array]] = {
+            "joint angles": _joint_angles,
+            "strain": self._curvature,
+            "rigid point": self._rigid_point,
+            "true point": self._true_point,
+        }
+        return readings[self.kind](point, q)
+
+    def _jacobian_rate(self, point: OperatingPoint) -> Array:
+        def difference(step: float) -> Array:
+            ahead = self.jacobian(point, point.q + step * point.rates)
+            return (ahead - self.jacobian(point, point.q - step * point.rates)) / (2.0 * step)
+
+        if point.at_rest:
+            return np.zeros_like(self.jacobian(point, point.q))
+        step = _STEP / float(np.abs(point.rates).max())
+        return (4.0 * difference(0.5 * step) - difference(step)) / 3.0
+
+    def _place(self, point: OperatingPoint, link: int) -> float:
+        length = point.arm.parameters.link_lengths[link - 1]
+        if self.position is None:
+            return length
+        if self.position > length:
+            raise ValueError(f"position = {self.position} m: must be on link {link}, 0 to {length} [m]")
+        return self.position
+
+    def _curvature(self, point: OperatingPoint, q: Array) -> Array:
+        modes = point.arm.modes[self.link - 1]
+        count = point.arm.parameters.modes_per_link
+        first = 2 + (self.link - 1) * count
+        matrix = np.zeros((1, len(q)))
+        matrix[0, first : first + count] = modes.curvature(self._place(point, self.link))
+        return matrix
+
+    def _rigid_point(self, point: OperatingPoint, q: Array) -> Array:
+        jacobian = rigid_jacobian(point.arm.parameters.link_lengths[0], self._place(point, 2), q)
+        return np.hstack([jacobian, np.zeros((2, len(q) - 2))])
+
+    def _true_point(self, point: OperatingPoint, q: Array) -> Array:
+        return point.arm.point_jacobian(q, self.link, self._place(point, self.link))
+
+
+def _joint_angles(_: OperatingPoint, q: Array) -> Array:
+    return np.eye(2, len(q))
+
+
+def rigid_jacobian(length_1: float, distance: float, q: Array) -> Array:
+    """J of (13), with the cosine that the paper misprints.
+
+    Args:
+        length_1: L1 [m].
+        distance: of the point from the elbow, L2 for the tip [m].
+        q: coordinates, theta1 and theta2 first.
+
+    Returns:
+        d(x, y)/d(theta1, theta2) [m/rad]. Shape (2, 2).
+    """
+    one, both = q[0], q[0] + q[1]
+    second = distance * np.array([-np.sin(both), np.cos(both)])
+    return np.column_stack([length_1 * np.array([-np.sin(one), np.cos(one)]) + second, second])
+
+
+def joint_angles(*, rate: bool = False, delay: float = 0.0) -> Sensor:
+    """Encoders at both joints: theta1, theta2 [rad]; collocated with the torques."""
+    return Sensor("joint angles", rate=rate, delay=delay)
+
+
+def strain(link: int, position: float = 0.0, *, rate: bool = False, delay: float = 0.0) -> Sensor:
+    """A strain gauge: the link's curvature w''(s) [1/m]; strain is curvature times distance from the neutral axis."""
+    return Sensor("strain", link, position, rate, delay)
+
+
+def rigid_point(position: float | None = None, *, rate: bool = False, delay: float = 0.0) -> Sensor:
+    """x, y of a point of link 2 by rigid kinematics of the joint angles [m] (8), (9): the paper's sensor."""
+    return Sensor("rigid point", 2, position, rate, delay)
+
+
+def true_point(position: float | None = None, link: int = 2, *, rate: bool = False, delay: float = 0.0) -> Sensor:
+    """x, y of a material point with deflection [m]."""
+    return Sensor("true point", link, position, rate, delay)
+
+
+def tip(*, rate: bool = False, delay: float = 0.0) -> Sensor:
+    """x, y of the true tip of link 2 [m]."""
+    return Sensor("true point", rate=rate, delay=delay)

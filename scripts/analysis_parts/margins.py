@@ -1,0 +1,114 @@
+"""Margins of the paper's loop along the square, by the linear theory."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import Any
+
+import numpy as np
+
+from flexarm_baselines import paper_system
+from flexarm_env import ArmParameters, FlexibleArm, SensorParameters, SquareParameters, square
+from flexarm_env.analysis import LawLoop, delay_margin, gain_margin, law_loop, stable_gains
+
+GAINS = {"FLSAC, smallest": 1.0 / 6.0, "FLSAC, largest": 5.0 / 6.0, "IFDC": 1.0}
+SENSORS = {
+    "end effector": {"position": 4.5},
+    "0.5 m past the elbow": {"position": 0.5},
+    "collocated, one delay": {"position": 4.5, "delay": 9.0 / SensorParameters().wave_speed},
+}
+DELAYED = ("position", "position+rate")
+ARMS = {"paper's arm": ArmParameters.paper(), "default arm": ArmParameters()}
+PLACES = {"corner": (-6.3, -6.3), "mid-side": (-6.3, 0.0)}
+TIP_DAMPING = (0.01, 0.03)
+
+
+def fuzzy_extremes() -> tuple[float, float]:
+    """Smallest and largest gain that the paper's fuzzy system can infer."""
+    grid = np.stack(np.meshgrid(np.linspace(-5, 5, 41), np.linspace(-5, 5, 41)), axis=-1).reshape(-1, 2)
+    inferred = paper_system().evaluate(grid)
+    return float(inferred.min()), float(inferred.max())
+
+
+def loop(arm: FlexibleArm, place: Any, sensor: str, delayed: str, gain: float) -> LawLoop:
+    """The loop of one case."""
+    return law_loop(arm, place, SensorParameters(delayed=delayed, **SENSORS[sensor]), gain)  # type: ignore[arg-type]
+
+
+def rows(arms: Iterable[str], tick: Callable[[], Any]) -> list[dict[str, Any]]:
+    """Gain and delay margins of every case on a corner and in the middle of a side."""
+    found = []
+    for title in arms:
+        arm = FlexibleArm(ARMS[title])
+        for sensor in SENSORS:
+            for delayed in DELAYED:
+                for name, gain in GAINS.items():
+                    row: dict[str, Any] = {"arm": title, "sensor": sensor, "delayed": delayed, "controller": name}
+                    row["gain"] = gain
+                    for place, at in PLACES.items():
+                        row[place] = margins(loop(arm, at, sensor, delayed, gain))
+                    found.append(row)
+                tick()
+    return found
+
+
+def margins(case: LawLoop) -> dict[str, Any]:
+    """Both margins of one loop."""
+    delay = delay_margin(case)
+    gain = gain_margin(case, delay)
+    return {
+        "delay": case.delay,
+        "delay_margin": delay.delay,
+        "omega": delay.omega,
+        "stable": gain.stable,
+        "gain_up": gain.up,
+        "gain_down": gain.down,
+    }
+
+
+def profile(points: int, tick: Callable[[], Any]) -> dict[str, Any]:
+    """Delay margins of the paper's arm along the first side; the other sides repeat it, and it is its own mirror image.
+
+    Args:
+        points: on half a side.
+        tick: called after each curve.
+    """
+    path = square(SquareParameters())
+    arm = FlexibleArm(ArmParameters.paper())
+    shares = np.linspace(0.0, 0.5, points)
+    at = path.position(shares * path.lap_time / 4.0)
+    curves = []
+    for sensor in SENSORS:
+        for delayed in DELAYED:
+            for name, gain in GAINS.items():
+                values = [delay_margin(loop(arm, place, sensor, delayed, gain)).delay for place in at]
+                curves.append({"sensor": sensor, "delayed": delayed, "controller": name, "margin": values})
+            tick()
+    side = SquareParameters().side
+    return {"arc": (shares * side).tolist(), "side": side, "curves": curves}
+
+
+def largest_gains() -> list[dict[str, Any]]:
+    """Largest lambda that keeps the loop stable: late rates at the paper's delays, and the true tip without delay."""
+    found = []
+    for title, parameters in ARMS.items():
+        for sensor in ("end effector", "0.5 m past the elbow"):
+            row: dict[str, Any] = {"what": f"{title}, late rates, {sensor}"}
+            for place, at in PLACES.items():
+                row[place] = largest(loop(FlexibleArm(parameters), at, sensor, "position+rate", 1.0))
+            found.append(row)
+    tip = SensorParameters(model="true", delay=0.0)
+    for modes in (1, 2):
+        for damping in TIP_DAMPING:
+            arm = FlexibleArm(ArmParameters(modes_per_link=modes, modal_damping_ratio=damping))
+            row = {"what": f"true tip, not late, {modes} mode{'s' if modes > 1 else ''}, {100 * damping:g} %"}
+            for place, at in PLACES.items():
+                row[place] = largest(law_loop(arm, at, tip))
+            found.append(row)
+    return found
+
+
+def largest(case: LawLoop) -> float:
+    """Upper end of the interval of stable gains that begins at 0; 0 if there is none."""
+    intervals = stable_gains(case)
+    return intervals[0][1] if intervals and intervals[0][0] == 0.0 else 0.0

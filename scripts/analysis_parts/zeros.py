@@ -1,0 +1,143 @@
+"""Zeros against the sensor's position: which are there, where new ones come from, what they forbid."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from scipy.optimize import brentq
+
+from flexarm_env import ArmParameters, FlexibleArm
+from flexarm_env.analysis import (
+    OperatingPoint,
+    joint_angles,
+    linear_plant,
+    link_zeros,
+    sensitivity_peak,
+    tip,
+    true_point,
+    zero_limits,
+    zeros,
+)
+
+ELBOW = 1.5  # [rad]; for straight links the zeros do not depend on it, which `spread` shows
+POSITIONS = (0.5, 1.0, 2.0, 2.25, 2.5, 3.0, 3.5, 4.0, 4.5)  # [m]; of the table
+LOOP_BANDWIDTH = float(np.sqrt(150.79))  # [rad/s]; of the paper's law on a unit mass (11)
+CORNER = (-6.3, 6.3)
+
+
+def undamped(modes: int) -> FlexibleArm:
+    """The default arm with some number of modes, without damping."""
+    return FlexibleArm(ArmParameters(modes_per_link=modes, modal_damping_ratio=0.0))
+
+
+def point_zeros(point: OperatingPoint, position: float) -> list[complex]:
+    """Zeros from the torques to a point of link 2, those with Re >= 0 and Im >= 0."""
+    values = zeros(linear_plant(point, true_point(position))).values
+    return [complex(v) for v in values if v.real >= -1e-9 * abs(v) and v.imag >= 0.0]
+
+
+def entries(arm: FlexibleArm) -> list[float]:
+    """Sensor positions at which a zero is at infinity [m]: the instantaneous response C A B is singular there."""
+    point = bent(arm)
+    acceleration = point.linearisation.B[arm.size :]
+
+    def response(position: float) -> float:
+        return float(np.linalg.det(arm.point_jacobian(point.q, 2, position) @ acceleration))
+
+    grid = np.linspace(0.02, 4.5, 450)
+    values = [response(s) for s in grid]
+    turns = np.nonzero(np.sign(values[:-1]) != np.sign(values[1:]))[0]
+    return [float(brentq(response, grid[i], grid[i + 1])) for i in turns]
+
+
+def bent(arm: FlexibleArm, elbow: float = ELBOW) -> OperatingPoint:
+    """The resting arm with an elbow angle [rad]."""
+    return OperatingPoint.at_angles(arm, (0.0, elbow))
+
+
+def spread(modes: int) -> dict[str, float]:
+    """How far the zeros move over elbow angles (relative), and how far joint-angle zeros leave the axis."""
+    arm = undamped(modes)
+    first = []
+    off_axis = 0.0
+    for elbow in np.linspace(0.2, 2.9, 10):
+        first.append(np.sort(np.abs(point_zeros(bent(arm, float(elbow)), 3.0))))
+        joints = zeros(linear_plant(bent(arm, float(elbow)), joint_angles())).values
+        off_axis = max(off_axis, float(np.abs(joints.real).max()))
+    moved = float((np.ptp(first, axis=0) / np.mean(first, axis=0)).max())
+    return {"over_elbow_angle": moved, "joint_angle_zeros_off_axis": off_axis}
+
+
+def by_model(models: dict[str, FlexibleArm]) -> list[dict[str, Any]]:
+    """The slowest right-half-plane zero of each model at the tip, its limit, and where further zeros come in."""
+    rows: list[dict[str, Any]] = []
+    for name, arm in models.items():
+        plant = linear_plant(OperatingPoint.at_point(arm, CORNER), tip())
+        limit = zero_limits(plant)[0]
+        rows.append(
+            {
+                "arm": name,
+                "zero": limit.zero,
+                "multiplicity": limit.multiplicity,
+                "direction": limit.direction.tolist(),
+                "bandwidth": limit.bandwidth,
+                "peak": sensitivity_peak(limit.zero, LOOP_BANDWIDTH, 0.1),
+                "right": [[v.real, v.imag] for v in zeros(plant).right_half_plane],
+                "entries": entries(arm),
+            }
+        )
+    exact = float(link_zeros(next(iter(models.values())), 1, 4.5, 1)[0][0])
+    rows.append(
+        {
+            "arm": "exact beam",
+            "zero": exact,
+            "multiplicity": 2,
+            "bandwidth": 0.5 * exact,
+            "peak": sensitivity_peak(exact, LOOP_BANDWIDTH, 0.1),
+            "entries": [],
+        }
+    )
+    return rows
+
+
+def by_position(models: dict[str, FlexibleArm]) -> list[dict[str, Any]]:
+    """At each of `POSITIONS` the zeros of each model and of the exact beams, as [re, im]."""
+    rows = []
+    points = {name: bent(arm) for name, arm in models.items()}
+    for s in POSITIONS:
+        row: dict[str, Any] = {"position": s}
+        for name, point in points.items():
+            row[name] = [[v.real, v.imag] for v in point_zeros(point, s)]
+        row["exact beam"] = exact(s)
+        rows.append(row)
+    return rows
+
+
+def exact(position: float, count: int = 3) -> dict[str, list[float]]:
+    """The exact beams' real and imaginary zeros: link 2's at the point."""
+    real, imaginary = link_zeros(undamped(1), 2, position, count)
+    return {"real": real.tolist(), "imaginary": imaginary.tolist()}
+
+
+def locus(models: dict[str, FlexibleArm], points: int) -> dict[str, Any]:
+    """Zeros along link 2, for the picture."""
+    positions = np.linspace(0.1, 4.5, points)
+    found: dict[str, Any] = {"positions": positions.tolist()}
+    for name, arm in models.items():
+        point = bent(arm)
+        found[name] = [[[v.real, v.imag] for v in point_zeros(point, float(s))] for s in positions]
+    found["exact beam"] = [exact(float(s), 4) for s in positions]
+    return found
+
+
+def study(quick: bool) -> dict[str, Any]:
+    """Everything about zeros."""
+    models = {f"{m} mode{'s' if m > 1 else ''}, undamped": undamped(m) for m in (1, 2, 3, 4)}
+    damped = {"2 modes, 1 % (default)": FlexibleArm()}
+    return {
+        "by_model": by_model(models | damped),
+        "by_position": by_position(models),
+        "locus": locus({name: models[name] for name in list(models)[:2] + list(models)[3:]}, 60 if quick else 400),
+        "spread": {str(m): spread(m) for m in (1, 2, 3, 4)},
+    }

@@ -1,0 +1,280 @@
+"""The paper's loop: its linear form, exact margins, an independent spectral method, and the simulation."""
+
+from fractions import Fraction
+
+import numpy as np
+import pytest
+
+from flexarm_env import ArmParameters, ClosedLoop, FlexibleArm, LawParameters, LoopCase, ReferencePath, SensorParameters
+from flexarm_env.analysis import (
+    LawLoop,
+    crossing_delays,
+    crossing_gains,
+    delay_margin,
+    delay_roots,
+    gain_margin,
+    is_stable,
+    law_loop,
+    linear_plant,
+    stable_gains,
+    tip,
+    zeros,
+)
+from flexarm_env.analysis.law_loop import rest_angles
+
+PAPER = FlexibleArm(ArmParameters.paper())
+CORNER, SIDE = (-6.3, -6.3), (-6.3, 0.0)
+DELAYED = ("position", "position+rate")
+
+
+def loop(delayed: str = "position", position: float = 4.5, arm: FlexibleArm = PAPER, **options: float) -> LawLoop:
+    sensor = SensorParameters(position=position, delayed=delayed, **options)  # type: ignore[arg-type]
+    return law_loop(arm, CORNER, sensor)
+
+
+# --- the linear loop ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("position", [4.5, 0.5])
+@pytest.mark.parametrize("reference", [CORNER, SIDE])
+def test_linear_law_is_the_derivative_of_the_law(position: float, reference: tuple[float, float]) -> None:
+    """Central differences of (10), the stretched arm's remaining error included."""
+    law = LawParameters()
+    case = law_loop(PAPER, reference, SensorParameters(position=position), gain=0.7)
+    theta0 = case.point.q[:2]
+
+    def jacobian(theta: np.ndarray) -> np.ndarray:
+        one, both = theta[0], theta[0] + theta[1]
+        first, second = 4.5 * np.array([-np.sin(one), np.cos(one)]), position * np.array([-np.sin(both), np.cos(both)])
+        return np.column_stack([first + second, second])
+
+    def torque(current: np.ndarray, late: np.ndarray, rates: np.ndarray) -> np.ndarray:
+        one, both = late[0], late[0] + late[1]
+        at = 4.5 * np.array([np.cos(one), np.sin(one)]) + position * np.array([np.cos(both), np.sin(both)])
+        force = law.proportional_gain * (np.array(reference) - at) - law.derivative_gain * jacobian(late) @ rates
+        return 0.7 * jacobian(current).T @ force
+
+    rest = (theta0, theta0, np.zeros(2))
+    np.testing.assert_allclose(torque(*rest), 0.0, atol=1e-9)
+    terms = [case.current.P, case.shoulder.P + case.elbow.P, case.current.V]
+    for which, expected in enumerate(terms):
+        for i in range(2):
+            moved = [[part.copy() for part in rest] for _ in range(2)]
+            moved[0][which][i] += 1e-5
+            moved[1][which][i] -= 1e-5
+            change = (torque(*moved[0]) - torque(*moved[1])) / 2e-5
+            np.testing.assert_allclose(-0.7 * expected[:, i], change, rtol=1e-6, atol=1e-5)
+
+
+def test_delays_are_the_papers() -> None:
+    assert loop().delay == pytest.approx(0.0312, abs=1e-4)
+    assert loop().ratio == Fraction(1, 2)
+    assert loop(position=0.5).delay == pytest.approx(0.01734, abs=1e-5)
+    assert loop(position=0.5).ratio == Fraction(1, 10)
+
+
+@pytest.mark.parametrize(("modes", "pole"), [(1, -11_000.0), (2, -31_500.0), (4, -271_000.0)])
+def test_fastest_pole_is_the_one_that_the_model_states(modes: int, pole: float) -> None:
+    """docs/model.md."""
+    arm = FlexibleArm(ArmParameters.paper(modes_per_link=modes))
+    assert loop(arm=arm).undelayed_poles().real.min() == pytest.approx(pole, rel=0.01)
+
+
+def test_every_corner_and_both_branches_have_the_same_margins() -> None:
+    """They hang on the distance from the shoulder alone."""
+    margins = [
+        delay_margin(law_loop(PAPER, reference, SensorParameters(), elbow_branch=branch)).delay
+        for reference in ((-6.3, -2.0), (6.3, 2.0), (2.0, 6.3), (-2.0, -6.3))
+        for branch in ("positive", "negative")
+    ]
+    np.testing.assert_allclose(margins, margins[0], rtol=1e-8)
+
+
+# --- margins --------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("position", [4.5, 0.5])
+@pytest.mark.parametrize("delayed", DELAYED)
+@pytest.mark.parametrize("arm", [PAPER, FlexibleArm()], ids=["paper", "default"])
+def test_delay_margin_is_where_the_spectral_method_puts_a_root_on_the_axis(
+    arm: FlexibleArm, position: float, delayed: str
+) -> None:
+    case = loop(delayed, position, arm)
+    margin = delay_margin(case)
+    root = delay_roots(case.with_delay(margin.delay), 50)[0]
+    assert abs(root.real) < 1e-6 * abs(root)
+    assert abs(root.imag) == pytest.approx(margin.omega, rel=1e-6)
+    assert delay_roots(case.with_delay(0.97 * margin.delay), 50)[0].real < 0.0
+    assert delay_roots(case.with_delay(1.03 * margin.delay), 50)[0].real > 0.0
+
+
+def test_one_joint_has_the_textbook_margin() -> None:
+    """A stiff arm held by the law at lambda -> 0 is a double integrator under PD: a formula for its delay margin.
+
+    With ``a = Kp |J|^2 / M`` and ``b = Kd |J|^2 / M`` for the slow rigid motion, position and rate late: crossing at
+    ``omega^4 = a^2 + b^2 omega^2``, margin ``arctan(b omega / a) / omega``.
+    """
+    stiff = FlexibleArm(ArmParameters(flexural_rigidities=(1e9, 1e9), modes_per_link=1))
+    case = law_loop(stiff, SIDE, SensorParameters(delay=0.01, delayed="position+rate"), gain=1e-2)
+    inertia = np.linalg.inv(stiff.mass_matrix(case.point.q)[:2, :2])  # inverse, of the unbent arm
+    values = np.linalg.eigvals(1e-2 * inertia @ (case.shoulder.V + case.elbow.V)[:, :2])
+    margins = []
+    for b in values.real:
+        a = b * 150.79 / 17.364
+        omega = np.sqrt((b**2 + np.sqrt(b**4 + 4.0 * a**2)) / 2.0)
+        margins.append(np.arctan(b * omega / a) / omega)
+    assert delay_margin(case).delay == pytest.approx(min(margins), rel=1e-2)
+
+
+def test_the_papers_cases_are_stable_with_late_positions_and_unstable_with_late_rates() -> None:
+    for position in (4.5, 0.5):
+        for reference in (CORNER, SIDE):
+            for gain in (1 / 6, 1.0):
+                for delayed in DELAYED:
+                    sensor = SensorParameters(position=position, delayed=delayed)  # type: ignore[arg-type]
+                    case = law_loop(PAPER, reference, sensor, gain)
+                    assert is_stable(case) == (delayed == "position")
+
+
+@pytest.mark.parametrize("modes", [1, 2, 4])
+@pytest.mark.parametrize("delay", [0.03, 0.11])
+def test_a_shared_late_position_is_stable_at_every_gain(modes: int, delay: float) -> None:
+    """T < Kd / Kp = 115 ms: the law stays dissipative, whatever the gain and the number of modes."""
+    arm = FlexibleArm(ArmParameters(modes_per_link=modes, modal_damping_ratio=0.0))
+    margin = gain_margin(loop(arm=arm, delay=delay))
+    assert margin.stable
+    assert margin.up == np.inf
+    assert margin.down == 0.0
+
+
+def test_more_modes_leave_less_time_for_late_rates() -> None:
+    margins = [
+        delay_margin(loop("position+rate", arm=FlexibleArm(ArmParameters.paper(modes_per_link=m)))).delay
+        for m in (1, 2, 3, 4)
+    ]
+    assert np.all(np.diff(margins) < 0.0)
+    assert margins[0] == pytest.approx(2.15e-4, rel=0.01)
+    assert margins[3] < 1e-5
+
+
+def test_gain_margin_is_where_the_spectral_method_puts_a_root_on_the_axis() -> None:
+    """0.5 m past the elbow, per-joint delays: 620 times the gain."""
+    case = loop(position=0.5)
+    margin = gain_margin(case)
+    assert margin.up == pytest.approx(620.45, abs=0.1)
+    below, above = (delay_roots(case.with_gain(f * margin.up), 80)[0] for f in (0.995, 1.005))
+    assert below.real < 0.0 < above.real
+    assert abs(above.imag) == pytest.approx(margin.omega_up, rel=0.01)
+
+
+@pytest.mark.parametrize("damping", [0.01, 0.03])
+def test_true_tip_feedback_is_stable_at_small_gains_only(damping: float) -> None:
+    """Without delay, by eigenvalues: the right-half-plane zeros draw the poles across."""
+    arm = FlexibleArm(ArmParameters(modes_per_link=1, modal_damping_ratio=damping))
+    case = law_loop(arm, CORNER, SensorParameters(model="true", delay=0.0))
+    ((low, high),) = stable_gains(case)
+    assert low == 0.0
+    assert 0.02 < high < 0.15
+    for gain, sign in ((0.9 * high, -1.0), (1.1 * high, 1.0), (1.0, 1.0), (10.0, 1.0)):
+        assert np.sign(case.with_gain(gain).undelayed_poles().real.max()) == sign
+    plant = linear_plant(case.point, tip())
+    for zero in zeros(plant).right_half_plane:
+        distance = [np.abs(case.with_gain(gain).undelayed_poles() - zero).min() for gain in (1e1, 1e3, 1e5)]
+        assert distance[0] > distance[1] > distance[2], "poles end on the zeros"
+        assert distance[2] < 2.0
+
+
+def test_late_rates_leave_a_damped_arm_a_trace_of_gain_and_an_undamped_one_none() -> None:
+    assert stable_gains(loop("position+rate")) == []
+    ((low, high),) = stable_gains(loop("position+rate", arm=FlexibleArm()))
+    assert low == 0.0
+    assert high == pytest.approx(0.00295, rel=0.01)
+    case = loop("position+rate", arm=FlexibleArm())
+    assert (
+        delay_roots(case.with_gain(0.98 * high), 60)[0].real
+        < 0.0
+        < delay_roots(case.with_gain(1.02 * high), 60)[0].real
+    )
+
+
+def test_crossings_come_in_order_and_lie_on_the_axis() -> None:
+    case = loop("position")
+    delays = [crossing.delay for crossing in crossing_delays(case)]
+    assert delays == sorted(delays)
+    for crossing in crossing_delays(case)[:3]:
+        at = case.with_delay(crossing.delay)
+        value = np.linalg.det(np.eye(2) + at.loop_transfer(np.array([crossing.omega]))[0])
+        assert abs(value) < 1e-8
+    for factor, omega in crossing_gains(loop(position=0.5))[:3]:
+        value = np.linalg.det(np.eye(2) + factor * loop(position=0.5).loop_transfer(np.array([omega]))[0])
+        assert abs(value) < 1e-6
+
+
+def test_slope_of_the_loop_is_its_derivative() -> None:
+    for delayed in DELAYED:
+        case = loop(delayed)
+        omega, step = np.array([3.0, 40.0, 900.0]), 1e-5
+        difference = (case.loop_transfer(omega + step) - case.loop_transfer(omega - step)) / (2j * step)
+        np.testing.assert_allclose(case.loop_slope(omega), difference, rtol=1e-5, atol=1e-9)
+
+
+def test_a_collocated_loop_is_stable_at_every_gain() -> None:
+    """Hyperstability: a passive arm under a dissipative law."""
+    for arm in (PAPER, FlexibleArm(ArmParameters(modes_per_link=4, modal_damping_ratio=0.0))):
+        case = law_loop(arm, CORNER, SensorParameters(model="collocated"))
+        assert stable_gains(case) == [(0.0, np.inf)]
+        for gain in (1e-3, 1.0, 1e2):
+            assert case.with_gain(gain).undelayed_poles().real.max() < 0.0
+
+
+def test_a_loop_without_delay_has_its_poles_as_roots() -> None:
+    case = loop(delay=0.0)
+    np.testing.assert_allclose(delay_roots(case).real, np.sort(case.undelayed_poles().real)[::-1])
+
+
+# --- the simulation -------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("delayed", "duration", "step"), [("position", 20.0, None), ("position+rate", 0.4, 2e-5)])
+def test_simulated_loop_grows_beyond_the_margin_only(delayed: str, duration: float, step: float | None) -> None:
+    """Held on a corner and pushed: 10 % below the delay margin it calms down, 10 % above it grows."""
+    case = loop(delayed)
+    margin = delay_margin(case).delay
+    delays = np.array([0.9, 1.1]) * margin
+    cases = [
+        LoopCase(SensorParameters(delay=(float(d), float(d / 2)), delayed=delayed), LawParameters())  # type: ignore[arg-type]
+        for d in delays
+    ]
+    simulation = ClosedLoop(PAPER, cases, ReferencePath([[0.0, *CORNER], [100.0, *CORNER]]), physics_step=step)
+    state = np.zeros(2 * PAPER.size)
+    state[:2] = rest_angles(PAPER, CORNER, 4.5, "positive")[0]
+    state[0] += 1e-6
+    simulation.reset(np.tile(state, (2, 1)))
+    sizes = []
+    for _ in range(round(duration / 1e-3)):
+        simulation.advance(np.ones(2))
+        sizes.append(np.abs(simulation.results().state[:, PAPER.size : PAPER.size + 2]).max(axis=1))
+    half = len(sizes) // 2
+    early, late = np.max(sizes[half // 2 : half], axis=0), np.max(sizes[-half // 2 :], axis=0)
+    assert late[0] < early[0]
+    assert late[1] > early[1] or not np.isfinite(late[1])
+
+
+# --- bad input ------------------------------------------------------------------------------------------------
+
+
+def test_bad_input_is_refused() -> None:
+    with pytest.raises(ValueError, match="gain = 0"):
+        law_loop(PAPER, CORNER, SensorParameters(), gain=0.0)
+    with pytest.raises(ValueError, match=r"sensor_position = 4\.6"):
+        law_loop(PAPER, CORNER, SensorParameters(position=4.6))
+    with pytest.raises(ValueError, match=r"reference = \(1\.0, 0\.0\) m.* 4 m away"):
+        law_loop(PAPER, (1.0, 0.0), SensorParameters(position=0.5))
+    with pytest.raises(ValueError, match="fraction from 0 to 1"):
+        law_loop(PAPER, CORNER, SensorParameters(delay=(0.01, 0.02)))
+    with pytest.raises(ValueError, match="fraction from 0 to 1"):
+        law_loop(PAPER, CORNER, SensorParameters(delay=(0.0314159, 0.01)))
+    with pytest.raises(ValueError, match="the shoulder's must be > 0"):
+        law_loop(PAPER, CORNER, SensorParameters(delay=(0.0, 0.01)))
+    with pytest.raises(ValueError, match=r"delay = -1"):
+        loop().with_delay(-1.0)

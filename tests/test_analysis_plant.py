@@ -1,0 +1,221 @@
+"""Operating points, sensors, linear plants, natural modes."""
+
+import builtins
+import sys
+from typing import Any
+
+import numpy as np
+import pytest
+import scipy.linalg
+
+from flexarm_env import ArmParameters, FlexibleArm
+from flexarm_env.analysis import (
+    OperatingPoint,
+    Sensor,
+    frequency_response,
+    joint_angles,
+    linear_plant,
+    link_zeros,
+    natural_modes,
+    poles,
+    rigid_point,
+    strain,
+    tip,
+    true_point,
+)
+
+ARM = FlexibleArm()
+RNG = np.random.default_rng(3)
+
+
+def random_point(moving: bool = True) -> OperatingPoint:
+    rates = RNG.uniform(-1, 1, ARM.size) if moving else None
+    return OperatingPoint.at_angles(ARM, RNG.uniform(-2, 2, 2), modal=RNG.uniform(-1, 1, ARM.size - 2), rates=rates)
+
+
+SENSORS = [joint_angles(), strain(1, 0.0), strain(2, 1.3), rigid_point(2.0), true_point(3.1), true_point(2.0, 1), tip()]
+
+
+def reading(sensor: Sensor, q: np.ndarray) -> np.ndarray:
+    """What the sensor reads, by the arm's own kinematics."""
+    position = 4.5 if sensor.position is None else sensor.position
+    if sensor.kind == "joint angles":
+        return q[:2]
+    if sensor.kind == "strain":
+        own = q[2:4] if sensor.link == 1 else q[4:6]
+        return np.array([ARM.modes[sensor.link - 1].curvature(position) @ own])
+    if sensor.kind == "rigid point":
+        one, both = q[0], q[0] + q[1]
+        return 4.5 * np.array([np.cos(one), np.sin(one)]) + position * np.array([np.cos(both), np.sin(both)])
+    return ARM.position(q, sensor.link, position)
+
+
+@pytest.mark.parametrize("sensor", SENSORS, ids=lambda s: f"{s.kind} {s.link} {s.position}")
+@pytest.mark.parametrize("rate", [False, True])
+def test_output_matrix_is_the_derivative_of_the_reading(sensor: Sensor, rate: bool) -> None:
+    """Central differences of the reading, or of its rate along the motion."""
+    point = random_point()
+    sensor = sensor.rates() if rate else sensor
+
+    def read(state: np.ndarray) -> np.ndarray:
+        q, v = np.split(state, 2)
+        if not rate:
+            return reading(sensor, q)
+        return (reading(sensor, q + 1e-5 * v) - reading(sensor, q - 1e-5 * v)) / 2e-5
+
+    step = 1e-4
+    columns = [(read(point.state + step * e) - read(point.state - step * e)) / (2 * step) for e in np.eye(2 * ARM.size)]
+    np.testing.assert_allclose(sensor.matrix(point), np.stack(columns, axis=1), atol=2e-5)
+
+
+def test_plant_predicts_a_small_motion() -> None:
+    """Simulated torque-driven arm against the linear one, from rest under a short push."""
+    point = OperatingPoint.at_point(ARM, (-6.3, 6.3))
+    plant = linear_plant(point, tip())
+    push = np.array([1e-2, -5e-3])
+    run = ARM.simulate(point.state, np.tile(push, (200, 1)), 0.2, substeps=4)
+    exact = scipy.linalg.expm(np.block([[plant.A, (plant.B @ push)[:, None]], [np.zeros((1, 13))]]) * 0.2)[:-1, -1]
+    moved = run.tip[-1] - run.tip[0]
+    np.testing.assert_allclose(plant.C @ exact, moved, rtol=2e-3, atol=1e-7)
+
+
+def test_delay_is_exact_in_frequency_and_pade_models_tend_to_it() -> None:
+    point = OperatingPoint.at_point(ARM, (-6.3, 6.3))
+    prompt, late = (linear_plant(point, tip(delay=d)) for d in (0.0, 0.0312))
+    omega = np.array([0.7, 5.0, 20.0, 60.0])
+    turned = frequency_response(prompt, omega).values * np.exp(-1j * omega * 0.0312)[:, None, None]
+    exact = frequency_response(late, omega)
+    np.testing.assert_allclose(exact.values, turned)
+    errors = [np.abs(frequency_response(late.pade(n), omega).values - turned).max() for n in (1, 2, 4, 8)]
+    assert np.all(np.diff(errors) < 0.0)
+    assert errors[-1] < 1e-9 * np.abs(turned).max()
+    assert np.all(poles(late.pade(12)).values.real < 1e-4), (
+        "a Pade model is stable; the arm's own poles are at most at 0"
+    )
+    assert exact.magnitude.shape == exact.phase.shape == (4, 2, 2)
+    assert exact.singular_values.shape == (4, 2)
+
+
+def test_pade_delays_each_output_by_its_own() -> None:
+    point = OperatingPoint.at_point(ARM, (-6.3, 6.3))
+    plant = linear_plant(point, joint_angles(), tip(delay=0.01))
+    assert plant.delays.tolist() == [0.0, 0.0, 0.01, 0.01]
+    assert plant.units == ("rad", "rad", "m", "m")
+    modelled = plant.pade(5)
+    np.testing.assert_allclose(modelled.at(3j), plant.at(3j), rtol=1e-9)
+    assert len(modelled.A) == len(plant.A) + 10
+
+
+def test_poles_and_natural_modes_agree() -> None:
+    point = OperatingPoint.at_angles(ARM, (0.2, 1.1))
+    found, modes = poles(linear_plant(point, joint_angles())), natural_modes(point)
+    vibrating = found.frequencies > 1.0
+    np.testing.assert_allclose(found.frequencies[vibrating][::2], modes.frequencies[2:], rtol=1e-3)
+    np.testing.assert_allclose(found.damping_ratios[vibrating][::2], modes.damping_ratios[2:], rtol=1e-2)
+    np.testing.assert_allclose(modes.frequencies[:2], 0.0)
+    mass = ARM.mass_matrix(point.q)
+    np.testing.assert_allclose(modes.shapes @ mass @ modes.shapes.T, np.eye(6), atol=1e-10)
+
+
+def test_locked_and_folded_arm_vibrates_like_a_cantilever() -> None:
+    """With locked joints and an infinitely heavy elbow, link 2 is the clamped-free beam."""
+    arm = FlexibleArm(ArmParameters(elbow_mass=1e9, elbow_hub_inertia=1e9))
+    modes = natural_modes(OperatingPoint.at_angles(arm, (0.0, 1.0)), "locked")
+    cantilever = arm.modes[1].frequencies
+    for frequency in cantilever:
+        assert np.abs(modes.frequencies - frequency).min() < 1e-3 * frequency
+    assert np.all(modes.shapes[:, :2] == 0.0)
+    first = modes.shapes[int(np.abs(modes.frequencies - cantilever[0]).argmin())]
+    assert np.abs(first[4]) > 100.0 * np.abs(first[5])
+    np.testing.assert_allclose(modes.damping_ratios[-2:], 0.01, rtol=0.05)
+
+
+def test_free_modes_move_no_torque() -> None:
+    """A shape released at rest swings at its frequency: simulated."""
+    arm = FlexibleArm(ArmParameters(modal_damping_ratio=0.0))
+    point = OperatingPoint.at_angles(arm, (0.0, 1.2))
+    modes = natural_modes(point)
+    state = point.state.copy()
+    state[: arm.size] += 1e-5 * modes.shapes[2]
+    period = 2.0 * np.pi / modes.frequencies[2]
+    run = arm.simulate(state, None, period, step=period / 2000)
+    np.testing.assert_allclose(run.state[1000, : arm.size] - point.q, -1e-5 * modes.shapes[2], atol=2e-8)
+    np.testing.assert_allclose(run.state[-1], state, atol=2e-7)
+
+
+def test_natural_modes_need_an_equilibrium() -> None:
+    for point in (random_point(), random_point(moving=False), OperatingPoint.at_angles(ARM, (0, 1), torque=(1.0, 0.0))):
+        assert not point.is_equilibrium()
+        with pytest.raises(ValueError, match=r"theta = \(.*no equilibrium"):
+            natural_modes(point)
+    with pytest.raises(ValueError, match="joints = 'loose'"):
+        natural_modes(OperatingPoint.at_angles(ARM, (0, 1)), "loose")  # type: ignore[arg-type]
+
+
+def test_at_point_puts_the_tip_there() -> None:
+    for branch, sign in (("positive", 1.0), ("negative", -1.0)):
+        point = OperatingPoint.at_point(ARM, (-6.3, 2.0), branch)
+        np.testing.assert_allclose(ARM.tip(point.q), (-6.3, 2.0), atol=1e-12)
+        assert np.sign(point.q[1]) == sign
+        assert point.is_equilibrium()
+        assert point.at_rest
+
+
+def test_select_and_to_control() -> None:
+    plant = linear_plant(OperatingPoint.at_angles(ARM, (0, 1)), joint_angles(), strain(2))
+    part = plant.select(["elbow"], ["theta2", "curvature of link 2"])
+    np.testing.assert_allclose(part.at(2j), plant.at(2j)[1:, 1:])
+    system = part.to_control()
+    np.testing.assert_allclose(system(2j), part.at(2j), rtol=1e-9)
+    assert system.input_labels == ["elbow"]
+    late = linear_plant(plant.point, tip(delay=0.02))
+    np.testing.assert_allclose(late.to_control(8)(2j), late.at(2j), rtol=1e-9)
+    with pytest.raises(ValueError, match="pade_order = None"):
+        late.to_control()
+    with pytest.raises(ValueError, match=r"inputs = \['wrist'\]"):
+        plant.select(["wrist"])
+
+
+def test_without_python_control_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    real = builtins.__import__
+
+    def missing(name: str, *args: Any, **kwargs: Any) -> Any:
+        if name == "control":
+            raise ImportError("No module named 'control'")
+        return real(name, *args, **kwargs)
+
+    monkeypatch.delitem(sys.modules, "control", raising=False)
+    monkeypatch.setattr(builtins, "__import__", missing)
+    with pytest.raises(ImportError, match=r"flexarm\[analysis\]"):
+        linear_plant(OperatingPoint.at_angles(ARM, (0, 1)), tip()).to_control()
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: OperatingPoint.at_angles(ARM, (0.0,)), "angles: must have shape"),
+        (lambda: OperatingPoint.at_angles(ARM, (0.0, np.nan)), r"angles\[1\] = nan"),
+        (lambda: OperatingPoint.at_angles(ARM, (0, 1), modal=(0.0,)), "modal: must have shape"),
+        (lambda: linear_plant(OperatingPoint.at_angles(ARM, (0, 1))), "sensors: there must be at least one"),
+        (lambda: linear_plant(OperatingPoint.at_angles(ARM, (0, 1)), true_point(5.0)), "s = 5.0|position = 5.0"),
+        (lambda: linear_plant(OperatingPoint.at_angles(ARM, (0, 1)), strain(1, 4.6)), "position = 4.6"),
+        (lambda: true_point(-1.0), "position = -1.0"),
+        (lambda: tip(delay=-0.1), "delay = -0.1"),
+        (lambda: strain(3), "link = 3"),
+        (lambda: Sensor("laser"), "kind = 'laser'"),
+        (lambda: linear_plant(OperatingPoint.at_angles(ARM, (0, 1)), tip(delay=0.1)).pade(0), "order = 0"),
+        (lambda: link_zeros(ARM, 1, 0.0), "position = 0.0"),
+    ],
+)
+def test_bad_input_is_refused(make: Any, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        make()
+
+
+def test_wrong_kinds_are_refused() -> None:
+    with pytest.raises(TypeError, match="must be a FlexibleArm"):
+        OperatingPoint.at_angles("arm", (0, 1))  # type: ignore[arg-type]
+    with pytest.raises(TypeError, match="must be an OperatingPoint"):
+        linear_plant(ARM, tip())  # type: ignore[arg-type]
+    with pytest.raises(TypeError, match="must be a Sensor"):
+        linear_plant(OperatingPoint.at_angles(ARM, (0, 1)), "tip")  # type: ignore[arg-type]
