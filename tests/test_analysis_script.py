@@ -97,7 +97,18 @@ def test_figures_in_the_text_match(quick: Path) -> None:
     gains = {row["what"]: row for row in results["largest_gains"]}
     law = results["passivity"]["law"]
     tip = gains["true tip, not late, 1 mode, 1 %"]
+    room = {
+        delayed: [
+            row[place]["delay_margin"] / row[place]["delay"]
+            for row in results["margins"]
+            if row["delayed"] == delayed and row["sensor"] in ("end effector", "0.5 m past the elbow")
+            for place in ("corner", "mid-side")
+        ]
+        for delayed in ("position", "position+rate")
+    }
     sentences = [
+        f"{min(room['position']):.1f} to {max(room['position']):.1f} times the delay",
+        f"are {1 / max(room['position+rate']):.0f} to {1 / min(room['position+rate']):.0f} times too long",
         f"at {one['zero']:.1f} rad/s with one mode a link, at {models['2 modes, undamped']['zero']:.1f}, "
         f"{models['3 modes, undamped']['zero']:.1f} and {models['4 modes, undamped']['zero']:.1f} with two to four, at "
         f"{models['exact beam']['zero']:.2f} for the exact beam",
