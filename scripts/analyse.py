@@ -6,10 +6,7 @@ story; `--docs` brings its tables and pictures up to date.
 
 from __future__ import annotations
 
-import os
 import shutil
-import sys
-import tempfile
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,11 +14,11 @@ from typing import Any
 
 import tyro
 from build_docs import DOCS, filled
-from reproduce_paper import check_replaceable, put_in_place
 from tqdm import tqdm
 
 from analysis_parts import figures, margins, passivity, simulated, tables, zeros
-from paper_study.pipeline import write_json
+from command_line import run
+from result_files import replacing, write_json
 
 MARKER = "analysis.json"  # a complete result folder has it
 PAGE = "analysis.md"
@@ -107,22 +104,12 @@ def main() -> None:
     if options.docs and options.quick:
         raise ValueError("docs = True: the page shows a full run, not a quick one")
     start = time.perf_counter()
-    check_replaceable(options.output, MARKER)
-    options.output.parent.mkdir(parents=True, exist_ok=True)
-    work = Path(tempfile.mkdtemp(dir=options.output.parent, prefix=f".{options.output.name}-"))
-    try:
+    with replacing(options.output, MARKER) as work:
         analyse(work, options.quick)
-        os.chmod(work, 0o755)  # mkdtemp's folders are private
-        put_in_place(work, options.output)
-    finally:
-        shutil.rmtree(work, ignore_errors=True)
     print(f"{options.output}: complete after {time.perf_counter() - start:.1f} s")
     if options.docs:
         update_docs(options.output)
 
 
 if __name__ == "__main__":
-    try:
-        main()
-    except (ValueError, TypeError, OSError) as error:
-        sys.exit(f"error: {error}")
+    run(main)

@@ -8,9 +8,6 @@ in its place at the end.
 from __future__ import annotations
 
 import json
-import os
-import shutil
-import tempfile
 import time
 import tomllib
 from dataclasses import dataclass, fields
@@ -23,6 +20,7 @@ from command_line import run
 from flexarm_env import ArmParameters
 from paper_study.cases import CONTROLLERS, PLACES, SENSINGS, Study, all_cases
 from paper_study.pipeline import reproduce
+from result_files import replacing
 
 MARKER = "summary.json"  # a complete result folder has it
 
@@ -77,29 +75,6 @@ def read_parameters(path: Path | None) -> dict[str, Any]:
     return data
 
 
-def check_replaceable(folder: Path, marker: str = MARKER) -> None:
-    """Refuse to replace what is not a script's result folder.
-
-    Args:
-        folder: what would be replaced.
-        marker: a file that a complete result folder holds.
-
-    Raises:
-        ValueError: naming the path.
-    """
-    if folder.exists() and not (folder.is_dir() and ((folder / marker).exists() or not any(folder.iterdir()))):
-        raise ValueError(f"output = {folder}: exists and holds no {marker}, so it is no result folder to replace")
-
-
-def put_in_place(finished: Path, target: Path) -> None:
-    """Replace a folder by a finished one; the target is never half written."""
-    old = finished.with_name(finished.name + ".old")
-    if target.exists():
-        os.replace(target, old)
-    os.replace(finished, target)
-    shutil.rmtree(old, ignore_errors=True)
-
-
 def main() -> None:
     """Command line."""
     options = tyro.cli(Options)
@@ -108,15 +83,8 @@ def main() -> None:
     cases = all_cases(options.controllers, options.sensings, options.places)
     if options.workers < 1:
         raise ValueError(f"workers = {options.workers}: must be an integer >= 1")
-    check_replaceable(options.output)
-    options.output.parent.mkdir(parents=True, exist_ok=True)
-    work = Path(tempfile.mkdtemp(dir=options.output.parent, prefix=f".{options.output.name}-"))
-    try:
+    with replacing(options.output, MARKER) as work:
         reproduce(study, cases, work, options.sweeps, options.figures, options.workers)
-        os.chmod(work, 0o755)  # mkdtemp's folders are private
-        put_in_place(work, options.output)
-    finally:
-        shutil.rmtree(work, ignore_errors=True)
     print(f"{options.output}: complete after {time.perf_counter() - start:.1f} s")
     verdicts = options.output / "claims.json"
     if verdicts.exists():

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from analysis_parts.margins import DELAYED, GAINS, SENSORS
-from paper_study.figures import plt, save
+from plotting import plt, save
 
 COLORS = {"IFDC": "#111111", "FLSAC, largest": "#D55E00", "FLSAC, smallest": "#0072B2"}
 RIGHT, AXIS, QUADRUPLE, EXACT = "#D55E00", "#0072B2", "#009E73", "0.6"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 import multiprocessing
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
@@ -19,6 +18,7 @@ from paper_study.cases import COLUMNS, CONTROLLERS, Case, Study, load_runs, simu
 from paper_study.measures import differences, measures
 from paper_study.numbers import Number, numbers
 from paper_study.sweeps import SWEEPS, run_sweep
+from result_files import write_json
 
 PAPER_CLOCK = {"ifdc": 77.0, "flsac": 100.0}  # [s]; clock time a run, end of section 4
 SWEEP_LABELS = {
@@ -29,20 +29,6 @@ SWEEP_LABELS = {
 }
 TRUE_TIP = ("true_tip_feedback", "late_true_tip_feedback")
 TITLES = {name: column.title for name, column in COLUMNS.items()}
-
-
-def write_json(path: Path, data: Any) -> None:
-    """Strict JSON: what is not finite becomes null."""
-
-    def plain(value: Any) -> Any:
-        """The same with None for what is not finite."""
-        if isinstance(value, dict):
-            return {k: plain(v) for k, v in value.items()}
-        if isinstance(value, list | tuple):
-            return [plain(v) for v in value]
-        return None if isinstance(value, float) and not math.isfinite(value) else value
-
-    path.write_text(json.dumps(plain(data), indent=1, allow_nan=False) + "\n")
 
 
 def reproduce(study: Study, cases: Sequence[Case], folder: Path, sweeps: bool, pictures: bool, workers: int) -> None:
