@@ -64,13 +64,15 @@ def prompt(arena: Any) -> bool:
     return longest == 0.0
 
 
-def write_commands(arena: Any, plan: Any, settings: Any, step: int) -> None:
+def write_commands(arena: Any, plan: Any, settings: Any, step: int, held: bool) -> None:
     """Enter the commanded torques of an integration step, the mean over it where a command changes within."""
     begin = step * settings[STEP]
+    newest = TAIL + 2 * plan[PREVIEWS]
     for r in range(2):
         scale = settings[ACTION_SCALE + r]
         for i in range(LANES):
-            arena[i + (TAU + r) * LANES] = scale * command(arena, plan, settings, i, r, begin)
+            acting = arena[i + (newest + r) * LANES] if held else command(arena, plan, settings, i, r, begin)
+            arena[i + (TAU + r) * LANES] = scale * acting
 
 
 def note_step(arena: Any, history: Any, clock: Any, plan: Any, step: int) -> None:
@@ -94,7 +96,7 @@ def drive_torque(arena: Any, history: Any, clock: Any, paths: Any, plan: Any, se
     held = prompt(arena)
     for step in range(plan[SUBSTEPS]):
         if step == 0 or not held:
-            write_commands(arena, plan, settings, step)
+            write_commands(arena, plan, settings, step, held)
         for i in range(2 * LANES if step == 0 else 0):
             arena[i + TORQUE * LANES] = arena[i + TAU * LANES]
         step_kernel(arena, settings[STEP])
@@ -127,7 +129,7 @@ def aim(arena: Any, clock: Any, paths: Any, plan: Any, settings: Any) -> None:
             arena[i + (INNER_FROM + r) * LANES] = arena[i + (JOINT + r) * LANES]
     for i in range(LANES):
         time = (clock[STEPS, i] + plan[SUBSTEPS]) * h
-        there = reference_at(paths[clock[PATH, i]], time, time - 1e-3 * h, clock[SINCE, i] * h)
+        there = reference_at(paths, clock[PATH, i], time, time - 1e-3 * h, clock[SINCE, i] * h)
         for r in range(4):
             arena[i + (REFERENCE + r) * LANES] = there[r]
     joint_kernel(arena, settings[LENGTHS], settings[LENGTHS + 1], settings[BRANCH])
@@ -165,7 +167,7 @@ def drive_tracking(arena: Any, history: Any, clock: Any, paths: Any, plan: Any, 
         arena[i + TAU * LANES] = 0.0
     for step in range(plan[SUBSTEPS]):
         if plan[SHIFTING] == 0 and (step == 0 or not held):
-            write_commands(arena, plan, settings, step)
+            write_commands(arena, plan, settings, step, held)
         begin, middle, end = step * h / period, (step + 0.5) * h / period, (step + 1.0) * h / period
         step_kernel(arena, h, (hermite(begin, period), hermite(middle, period), hermite(end, period)))
         for i in range(2 * LANES if step == 0 else 0):

@@ -93,8 +93,13 @@ def take_actions(arena: Any, actions: Any, first: int, plan: Any) -> None:
             arena[i + ACTION_CHANGE * LANES] += change * change
 
 
+def noise_place(clock: Any, plan: Any, i: int) -> int:
+    """First of the random numbers set aside for the control period that lane i has reached."""
+    return FIRST_NOISE + CHANNELS_OF_NOISE * 2 * ((clock[STEPS, i] - clock[BEGAN, i]) // plan[SUBSTEPS])
+
+
 def newest_reading(
-    arena: Any, clock: Any, keys: Any, settings: Any, place: int, i: int, now: float, before: float
+    arena: Any, clock: Any, keys: Any, plan: Any, settings: Any, i: int, now: float, before: float
 ) -> tuple[float, int]:
     """Age of the newest reading that has arrived at lane i [s], negative if there is none to take over.
 
@@ -105,8 +110,8 @@ def newest_reading(
         arena: of one block.
         clock: of each lane.
         keys: of each lane's episode.
+        plan: see `rows`.
         settings: see `rows`.
-        place: first random number of this control period.
         i: the lane.
         now: [s].
         before: when the reading that is known was taken [s].
@@ -117,6 +122,9 @@ def newest_reading(
     delay = arena[i + SENSOR_DELAY * LANES]
     least = before + 0.5 * settings[PERIOD]
     if settings[HOLD] == 0.0:
+        if settings[DROPOUT] == 0.0 and settings[JITTER] == 0.0 and arena[i + (EPISODE + DRAWN_NOISE) * LANES] == 0.0:
+            return (delay if now - delay >= least else -1.0), 0  # nothing random: the division is spared
+        place = noise_place(clock, plan, i)
         if settings[DROPOUT] > 0.0 and uniform(keys[i], place) < settings[DROPOUT]:
             return -1.0, place
         late = delay
@@ -138,7 +146,7 @@ def newest_reading(
     return -1.0, place
 
 
-def sample(arena: Any, history: Any, clock: Any, keys: Any, paths: Any, settings: Any, place: int, i: int) -> None:
+def sample(arena: Any, history: Any, clock: Any, keys: Any, paths: Any, plan: Any, settings: Any, i: int) -> None:
     """Take over the latest reading that has arrived at lane i: its position, error, and the error's change.
 
     One that is not newer than the one before by half a control period is not taken over, so that the change per second
@@ -150,15 +158,15 @@ def sample(arena: Any, history: Any, clock: Any, keys: Any, paths: Any, settings
         clock: of each lane.
         keys: of each lane's episode.
         paths: of all lanes.
+        plan: see `rows`.
         settings: see `rows`.
-        place: first random number of this control period.
         i: the lane.
     """
     h = settings[STEP]
     now = clock[STEPS, i] * h
     later = arena[i + (SENSOR_DELAY + 1) * LANES] - arena[i + SENSOR_DELAY * LANES]
     before = arena[i + SAMPLE_TIME * LANES]
-    late, place = newest_reading(arena, clock, keys, settings, place, i, now, before)
+    late, place = newest_reading(arena, clock, keys, plan, settings, i, now, before)
     if late < 0.0:
         return
     taken = now - late
@@ -172,7 +180,7 @@ def sample(arena: Any, history: Any, clock: Any, keys: Any, paths: Any, settings
         if LATE:  # the law sees the same noise until the next reading
             arena[i + NOISE * LANES] = noise_x
             arena[i + (NOISE + 1) * LANES] = noise_y
-    reference = reference_at(paths[clock[PATH, i]], taken, taken + 1e-9 * h, clock[SINCE, i] * h)
+    reference = reference_at(paths, clock[PATH, i], taken, taken + 1e-9 * h, clock[SINCE, i] * h)
     per_second = 1.0 / (taken - before)
     for r in range(2):
         error = reference[r] - (x if r == 0 else y)
@@ -195,19 +203,11 @@ def observe(
     first: int,
     who: Any,
 ) -> None:
-    """Sense, judge and report the present instant; see `look`.
+    """Sense, judge and report the present instant.
 
-    Args:
-        arena: of one block.
-        history: readings at past steps.
-        clock: of each lane.
-        keys: of each lane's episode.
-        paths: of all lanes.
-        plan: see `rows`.
-        settings: see `rows`.
+    Args: as `look`, and
         observations: to be filled, of all lanes.
         first: lane of the block among all.
-        who: lanes that are looked at. Shape (LANES,).
     """
     look(arena, history, clock, keys, paths, plan, settings, who)
     write_previews(arena, clock, paths, plan, settings, who)
@@ -230,25 +230,22 @@ def look(arena: Any, history: Any, clock: Any, keys: Any, paths: Any, plan: Any,
     h = settings[STEP]
     truth_kernel(arena)
     for i in range(LANES):
-        if not who[i]:
-            continue
         reference = reference_now(clock, paths, h, i)
         for r in range(4):
             arena[i + (REFERENCE + r) * LANES] = reference[r]
-        path = paths[clock[PATH, i]]
-        laps = clock[STEPS, i] * h / path[path.shape[0] - 1, 0]
+        laps = clock[STEPS, i] * h / paths[clock[PATH, i], paths.shape[1] - 1, 0]
         arena[i + PHASE * LANES] = laps - int(laps)
         arena[i + TIME * LANES] = (clock[STEPS, i] - clock[BEGAN, i]) * h
-        periods = (clock[STEPS, i] - clock[BEGAN, i]) // plan[SUBSTEPS]
-        place = FIRST_NOISE + CHANNELS_OF_NOISE * 2 * periods
-        sample(arena, history, clock, keys, paths, settings, place, i)
-        for r in range(4):
-            row = r if r < 2 else SIZE + r - 2
-            value = arena[i + (STATE + row) * LANES]
-            deviation = settings[ENCODER_NOISE + r // 2]
-            if deviation > 0.0:
-                value += deviation * normal(keys[i], place + CHANNELS_OF_NOISE + 2 * r)
-            arena[i + (MEASURED + r) * LANES] = value
+        if who[i]:
+            sample(arena, history, clock, keys, paths, plan, settings, i)
+    for r in range(4):
+        row = r if r < 2 else SIZE + r - 2
+        deviation = settings[ENCODER_NOISE + r // 2]
+        for i in range(LANES):
+            arena[i + (MEASURED + r) * LANES] = arena[i + (STATE + row) * LANES]
+        for i in range(LANES if deviation > 0.0 else 0):
+            noise = normal(keys[i], noise_place(clock, plan, i) + CHANNELS_OF_NOISE + 2 * r)
+            arena[i + (MEASURED + r) * LANES] += deviation * noise
     joint_kernel(arena, settings[LENGTHS], settings[LENGTHS + 1], settings[BRANCH])
     features_kernel(arena, settings[LENGTHS], settings[LENGTHS + 1], settings[WEIGHTS : WEIGHTS + TERMS])
     judge(arena, settings)
@@ -274,12 +271,12 @@ def judge(arena: Any, settings: Any) -> None:
 
 def write_previews(arena: Any, clock: Any, paths: Any, plan: Any, settings: Any, who: Any) -> None:
     """Where the reference will have moved at each horizon, seen from where it is, in the frame; of some lanes."""
+    last = paths.shape[1] - 1
     for i in range(LANES):
         if not who[i]:
             continue
-        path = paths[clock[PATH, i]]
-        last = path.shape[0] - 1
-        lap = path[last, 0]
+        p = clock[PATH, i]
+        lap = paths[p, last, 0]
         sides_per_second = last / lap
         now = arena[i + PHASE * LANES] * lap
         cosine = arena[i + FRAME_AXIS * LANES]
@@ -289,12 +286,13 @@ def write_previews(arena: Any, clock: Any, paths: Any, plan: Any, settings: Any,
             if time >= lap:
                 time -= floor(time / lap) * lap
             k = min(int(time * sides_per_second), last - 1)
-            while k < last - 1 and time >= path[k + 1, 0]:
+            while k < last - 1 and time >= paths[p, k + 1, 0]:
                 k += 1
-            while k > 0 and time < path[k, 0]:
+            while k > 0 and time < paths[p, k, 0]:
                 k -= 1
-            x = path[k, 1] + path[k, 3] * (time - path[k, 0]) - arena[i + REFERENCE * LANES]
-            y = path[k, 2] + path[k, 4] * (time - path[k, 0]) - arena[i + (REFERENCE + 1) * LANES]
+            passed = time - paths[p, k, 0]
+            x = paths[p, k, 1] + paths[p, k, 3] * passed - arena[i + REFERENCE * LANES]
+            y = paths[p, k, 2] + paths[p, k, 4] * passed - arena[i + (REFERENCE + 1) * LANES]
             arena[i + (TAIL + 2 * n) * LANES] = cosine * x + sine * y
             arena[i + (TAIL + 2 * n + 1) * LANES] = cosine * y - sine * x
 
@@ -305,9 +303,8 @@ def write_observations(arena: Any, observations: Any, first: int, plan: Any, set
     for i in range(LANES):
         status = arena[i + STATUS * LANES]
         if who[i] and (status == 0.0 or status < -1.5):
-            observation = observations[first + i]
             for n in range(plan[OBSERVED]):
-                observation[n] = arena[i + plan[PLACES + n] * LANES] * settings[factors + n]
+                observations[first + i, n] = arena[i + plan[PLACES + n] * LANES] * settings[factors + n]
 
 
 def step_episodes(

@@ -127,7 +127,7 @@ class Fleet:
         """
         self._starts.reshape(-1)[: self.count] = which
         self._keys.reshape(-1)[: self.count][which] = keys
-        self._orders[: self.count] = orders
+        self._orders[: self.count][which] = orders[which]
         if np.isfinite(orders[which, ORDER.index("delay")]).any():
             self._plan[PLAN.index("READINGS")] = ALL_READINGS
         self._step_kernel = self._module.step_episodes
@@ -159,8 +159,8 @@ class Fleet:
 
     def results(self) -> Array:
         """All that is known at the present instant, in a new array; `parts` says what lies where. Shape (N, k)."""
-        rows = self._arenas[:, self._results].transpose(0, 2, 1).copy()
-        return rows.reshape(-1, rows.shape[2])[: self.count]
+        rows = self._arenas[:, self._results].transpose(1, 0, 2).copy()
+        return rows.reshape(len(rows), -1)[:, : self.count].T  # each quantity contiguous, as in the arenas
 
     def result(self) -> Array:
         """`results` of the only environment. Shape (k,)."""

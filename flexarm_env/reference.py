@@ -64,8 +64,8 @@ class ReferencePath:
         return self._evaluate(time)[..., 2:]
 
     def _evaluate(self, time: ArrayLike) -> Array:
-        times, rows = np.asarray(time, dtype=float), self.rows
-        values = [reference_at(rows, t, t, 0.0) for t in times.ravel().tolist()]
+        times, paths = np.asarray(time, dtype=float), self.rows[None]
+        values = [reference_at(paths, 0, t, t, 0.0) for t in times.ravel().tolist()]
         return np.array(values).reshape(*times.shape, 4)
 
     def check_reach(self, arm: ArmParameters) -> None:

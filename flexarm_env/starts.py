@@ -90,8 +90,7 @@ def draw_start(clock: Any, key: Any, paths: Any, plan: Any, settings: Any, order
         draw_moves(paths[lane], key, settings)
     elif order[PATH_ORDER] == order[PATH_ORDER]:
         index = int(order[PATH_ORDER])
-    path = paths[index]
-    lap = path[path.shape[0] - 1, 0]
+    lap = paths[index, paths.shape[1] - 1, 0]
     kind = order[START]
     if kind == MIX:
         kind = CORNERS if uniform(key, PLACE_MIX) < SHARE_AT_REST else MOVING
@@ -110,6 +109,15 @@ def draw_start(clock: Any, key: Any, paths: Any, plan: Any, settings: Any, order
     return moving
 
 
+def drawn_point(key: Any, settings: Any, place: int) -> tuple[float, float]:
+    """Joint angles that put the tip at a point drawn from the ring `MOVES`, by two random numbers from a place on."""
+    low, high = settings[MOVES], settings[MOVES + 1]
+    radius = sqrt(low * low + (high * high - low * low) * uniform(key, place))  # evenly by area
+    turn = sincos(6.283185307179586 * uniform(key, place + 1))
+    x, y = radius * turn[1], radius * turn[0]
+    return joint_angles_for(settings[LENGTHS], settings[LENGTHS + 1], settings[BRANCH], x, y)
+
+
 def draw_moves(path: Any, key: Any, settings: Any) -> None:
     """A path of an episode's own: from one point to another and back, each move from rest to rest, then a rest.
 
@@ -121,25 +129,19 @@ def draw_moves(path: Any, key: Any, settings: Any) -> None:
         key: of the episode.
         settings: see `rows.SETTINGS`.
     """
-    angles = [0.0, 0.0, 0.0, 0.0]
-    for end in range(2):
-        low, high = settings[MOVES], settings[MOVES + 1]
-        radius = sqrt(low * low + (high * high - low * low) * uniform(key, PLACE_MOVE + 2 * end))  # evenly by area
-        turn = sincos(6.283185307179586 * uniform(key, PLACE_MOVE + 2 * end + 1))
-        x, y = radius * turn[1], radius * turn[0]
-        found = joint_angles_for(settings[LENGTHS], settings[LENGTHS + 1], settings[BRANCH], x, y)
-        angles[2 * end], angles[2 * end + 1] = found[0], found[1]
-    way_1 = angles[2] - angles[0]
+    start = drawn_point(key, settings, PLACE_MOVE)
+    end = drawn_point(key, settings, PLACE_MOVE + 2)
+    way_1 = end[0] - start[0]
     way_1 -= 6.283185307179586 * floor(way_1 / 6.283185307179586 + 0.5)
-    way_2 = angles[3] - angles[1]
+    way_2 = end[1] - start[1]
     last = path.shape[0] - 1
     lap = settings[MOVES + 2]
     for n in range(last + 1):
         quarters = 4.0 * n / last  # a move, a rest, a move back, a rest
         u = min(max(quarters if quarters < 2.0 else 3.0 - quarters, 0.0), 1.0)
         share = u * u * u * (10.0 + u * (6.0 * u - 15.0))
-        one = sincos(angles[0] + share * way_1)
-        both = sincos(angles[0] + share * way_1 + angles[1] + share * way_2)
+        one = sincos(start[0] + share * way_1)
+        both = sincos(start[0] + share * way_1 + start[1] + share * way_2)
         path[n, 0] = lap * (n / last)
         path[n, 1] = settings[LENGTHS] * one[1] + settings[LENGTHS + 1] * both[1]
         path[n, 2] = settings[LENGTHS] * one[0] + settings[LENGTHS + 1] * both[0]
@@ -152,7 +154,7 @@ def draw_moves(path: Any, key: Any, settings: Any) -> None:
 def place_arm(arena: Any, clock: Any, key: Any, paths: Any, settings: Any, order: Any, i: int, moving: bool) -> None:
     """State of lane i: as ordered, or the rigid arm on the reference, on the move a little off it."""
     now = clock[STEPS, i] * settings[STEP]
-    reference = reference_at(paths[clock[PATH, i]], now, now + 1e-9 * settings[STEP], -1e18)
+    reference = reference_at(paths, clock[PATH, i], now, now + 1e-9 * settings[STEP], -1e18)
     length_1, length_2 = settings[LENGTHS], settings[LENGTHS + 1]
     theta1, theta2 = joint_angles_for(length_1, length_2, settings[BRANCH], reference[0], reference[1])
     rate_1, rate_2 = 0.0, 0.0
@@ -209,7 +211,7 @@ def reference_reading(
 ) -> tuple[float, float, float, float]:
     """What the sensor would read on the rigid arm that is on lane i's reference, some seconds ago; with rates."""
     time = clock[STEPS, i] * settings[STEP] - back
-    x, y, vx, vy = reference_at(paths[clock[PATH, i]], time, time + 1e-9 * settings[STEP], -1e18)
+    x, y, vx, vy = reference_at(paths, clock[PATH, i], time, time + 1e-9 * settings[STEP], -1e18)
     length_1, length_2 = settings[LENGTHS], settings[LENGTHS + 1]
     theta1, theta2 = joint_angles_for(length_1, length_2, settings[BRANCH], x, y)
     rate_1, rate_2 = joint_rates_for(length_1, length_2, theta1, theta2, vx, vy)
@@ -290,7 +292,7 @@ def first_sample(arena: Any, history: Any, clock: Any, paths: Any, settings: Any
     late += max(settings[PERIOD], settings[HOLD])
     taken = clock[STEPS, i] * h - late
     point = sensed_point(arena, history, clock, settings, i, late, late + later)
-    reference = reference_at(paths[clock[PATH, i]], taken, taken + 1e-9 * h, clock[SINCE, i] * h)
+    reference = reference_at(paths, clock[PATH, i], taken, taken + 1e-9 * h, clock[SINCE, i] * h)
     for r in range(2):
         arena[i + (SENSED + r) * LANES] = point[r]
         arena[i + (SENSOR_ERROR + r) * LANES] = reference[r] - point[r]

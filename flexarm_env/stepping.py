@@ -67,12 +67,13 @@ def outputs_kernel(arena: Any) -> None:
     raise NotImplementedError("the recorded kernel exists in assembled modules only")
 
 
-def reference_at(path: Any, time: float, side: float, since: float) -> tuple[float, float, float, float]:
+def reference_at(paths: Any, p: int, time: float, side: float, since: float) -> tuple[float, float, float, float]:
     """Reference position and velocity on a closed polyline.
 
     Args:
-        path: way-points (time [s], x, y [m], velocity from there on x', y' [m/s]), the last one closing the lap.
-            Shape (n, 5).
+        paths: way-points (time [s], x, y [m], velocity from there on x', y' [m/s]), the last one closing the lap.
+            Shape (paths, n, 5).
+        p: which of the paths. (A view of one would be counted by reference, which takes longer than all the rest.)
         time: where to evaluate [s].
         side: picks the side where `time` is at a corner: a time on it [s].
         since: before this time the reference rests where it is then [s].
@@ -85,26 +86,27 @@ def reference_at(path: Any, time: float, side: float, since: float) -> tuple[flo
         time = since
         side = since
         moving = 0.0
-    last = path.shape[0] - 1
-    before = floor(side / path[last, 0]) * path[last, 0]  # laps done
-    k = 1 + int((side - before) * last / path[last, 0])  # right at once where way-points are evenly timed
-    if k > last:
-        k = last
-    while k < last and side - before >= path[k, 0]:
+    last = paths.shape[1] - 1
+    lap = paths[p, last, 0]
+    before = floor(side / lap) * lap  # laps done
+    k = int((side - before) * last / lap)  # right at once where way-points are evenly timed
+    if k > last - 1:
+        k = last - 1
+    while k < last - 1 and side - before >= paths[p, k + 1, 0]:
         k += 1
-    while k > 1 and side - before < path[k - 1, 0]:
+    while k > 0 and side - before < paths[p, k, 0]:
         k -= 1
-    vx = path[k - 1, 3]
-    vy = path[k - 1, 4]
-    passed = time - before - path[k - 1, 0]
-    return path[k - 1, 1] + vx * passed, path[k - 1, 2] + vy * passed, moving * vx, moving * vy
+    vx = paths[p, k, 3]
+    vy = paths[p, k, 4]
+    passed = time - before - paths[p, k, 0]
+    return paths[p, k, 1] + vx * passed, paths[p, k, 2] + vy * passed, moving * vx, moving * vy
 
 
 def reference_now(clock: Any, paths: Any, h: float, i: int) -> tuple[float, float, float, float]:
     """The reference of lane i at the present instant; see `reference_at`."""
     steps = clock[STEPS, i]
     # a billionth of a step ahead: at a corner the side that begins there, whatever the rounding
-    return reference_at(paths[clock[PATH, i]], steps * h, (steps + 1e-9) * h, clock[SINCE, i] * h)
+    return reference_at(paths, clock[PATH, i], steps * h, (steps + 1e-9) * h, clock[SINCE, i] * h)
 
 
 def prepare_commands(arena: Any, clock: Any, paths: Any, h: float) -> None:
@@ -122,22 +124,22 @@ def prepare_commands(arena: Any, clock: Any, paths: Any, h: float) -> None:
     for i in range(LANES):
         late_1 = arena[i + COMMAND_DELAY * LANES]
         late_2 = arena[i + (COMMAND_DELAY + 1) * LANES]
-        path = paths[clock[PATH, i]]
+        p = clock[PATH, i]
         now = clock[STEPS, i] * h
         since = clock[SINCE, i] * h
-        command_1 = chord_at(path, now - late_1, h, since)
+        command_1 = chord_at(paths, p, now - late_1, h, since)
         command_2 = command_1
         if late_2 != late_1:
-            command_2 = chord_at(path, now - late_2, h, since)
+            command_2 = chord_at(paths, p, now - late_2, h, since)
         for r in range(4):
             arena[i + (COMMAND_1 + r) * LANES] = command_1[r]
             arena[i + (COMMAND_2 + r) * LANES] = command_2[r]
 
 
-def chord_at(path: Any, time: float, h: float, since: float) -> tuple[float, float, float, float]:
-    """Position [m] at a time [s], and mean velocity [m/s] over the step h [s] that begins there."""
-    start = reference_at(path, time, time, since)
-    end = reference_at(path, time + h, time + h, since)
+def chord_at(paths: Any, p: int, time: float, h: float, since: float) -> tuple[float, float, float, float]:
+    """Position [m] at a time [s], and mean velocity [m/s] over the step h [s] that begins there, on path p."""
+    start = reference_at(paths, p, time, time, since)
+    end = reference_at(paths, p, time + h, time + h, since)
     return start[0], start[1], (end[0] - start[0]) / h, (end[1] - start[1]) / h
 
 

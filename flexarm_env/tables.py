@@ -24,11 +24,14 @@ NAN = float("nan")
 
 
 def history_slots(settings: Settings) -> int:
-    """Length of the delay line: the latest reading and the period before the first."""
+    """Length of the delay line: the latest reading and the period before the first.
+
+    Whole control periods, so that readings at the same moments of a period use the same few slots, which stay cached.
+    """
     s = settings
     latest = max(*sensor_delays(s), s.randomisation.get("delay", (0.0, 0.0))[1])
     longest = latest + s.jitter + 4.0 * s.hold + 2.0 * s.control_period
-    return 4 + int(np.ceil(longest / s.control_period * s.substeps))
+    return s.substeps * int(np.ceil(longest / s.control_period + 4.0 / s.substeps))
 
 
 def sensor_delays(settings: Settings) -> tuple[float, float]:
@@ -59,7 +62,9 @@ def path_tables(settings: Settings, lanes: int) -> Array:
     if settings.paths:
         return same_length(settings.paths)
     points = min(MOVE_POINTS, round(settings.lap_time / settings.control_period)) + 1
-    return np.zeros((lanes, points, 5))
+    room = np.zeros((lanes, points, 5))
+    room[..., 0] = np.arange(points)  # a lane that no environment uses has a lap time as well
+    return room
 
 
 def plan_and_table(

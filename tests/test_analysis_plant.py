@@ -219,3 +219,25 @@ def test_wrong_kinds_are_refused() -> None:
         linear_plant(ARM, tip())  # type: ignore[arg-type]
     with pytest.raises(TypeError, match="must be a Sensor"):
         linear_plant(OperatingPoint.at_angles(ARM, (0, 1)), "tip")  # type: ignore[arg-type]
+
+
+# --- other arms -------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("mode_shapes", ["cantilever", "polynomial"])
+def test_at_rest_and_straight_the_foreshortened_arm_is_the_linear_one_and_spinning_it_is_not(mode_shapes: str) -> None:
+    """Foreshortening is of second order in the deflections; in a spin the centrifugal field makes it a stiffness."""
+    twins = [
+        FlexibleArm(ArmParameters(kinematics=name, mode_shapes=mode_shapes)) for name in ("linear", "foreshortened")
+    ]
+    spin = np.array([3.0, *np.zeros(5)])  # [rad/s] of theta1: the whole arm, straight
+    systems = {
+        rest: [linear_plant(OperatingPoint.at_angles(arm, (0.4, angle), rates=rates), true_point(3.0)) for arm in twins]
+        for rest, angle, rates in ((True, 1.3, None), (False, 0.0, spin))
+    }
+    for part in ("A", "B", "C"):
+        linear, foreshortened = (getattr(plant, part) for plant in systems[True])
+        np.testing.assert_allclose(foreshortened, linear, rtol=0.0, atol=1e-11 * np.abs(linear).max())
+    # stiffening: what holds the straight arm's first bending grows with the square of the spin
+    stiffness = [-plant.A[6:, :6] for plant in systems[False]]
+    assert np.abs(stiffness[1] - stiffness[0]).max() > 3.0**2

@@ -106,7 +106,7 @@ def test_evaluating_leaves_no_trace() -> None:
 @given(st.floats(-1.0, 33.0), st.floats(1e-5, 1e-2))
 def test_a_step_over_a_corner_takes_the_chord(time: float, step: float) -> None:
     """What the integrator commands: the position where the step begins, and the mean velocity over it."""
-    x, y, vx, vy = chord_at(PAPER.rows, time, step, 0.0)
+    x, y, vx, vy = chord_at(PAPER.rows[None], 0, time, step, 0.0)
     np.testing.assert_array_equal((x, y), PAPER.position(time))
     end = (x + vx * step, y + vy * step)
     np.testing.assert_allclose(end, PAPER.position(time + step), atol=ROUNDING)
