@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
+import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -85,8 +86,9 @@ def test_every_group_has_its_pictures_tables_and_data(short: tuple[Path, str]) -
         assert (output / group.name / "result.json").exists()
 
 
-def test_what_is_up_to_date_is_not_run_again(short: tuple[Path, str]) -> None:
-    output, _ = short
+def test_what_is_up_to_date_is_not_run_again(short: tuple[Path, str], tmp_path: Path) -> None:
+    output = tmp_path / "copy"
+    shutil.copytree(short[0], output)
     links = ("--quick", "--only", "links", "--output", str(output))
     assert "from an earlier run" in run_script(*links).stdout
     assert "from an earlier run" not in run_script(*links, "--fresh").stdout
