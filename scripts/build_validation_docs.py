@@ -11,7 +11,7 @@ from pathlib import Path
 import tyro
 from build_docs import DOCS, filled
 
-from validation_parts.checks import write_json
+from result_files import write_json
 from validation_parts.groups import GROUPS
 
 PAGE = "validation.md"

@@ -14,6 +14,7 @@ from pathlib import Path
 import tyro
 from tqdm import tqdm
 
+from command_line import run
 from validation_parts.groups import GROUPS
 from validation_parts.runner import Outcome, printed, run_group, write_report
 
@@ -64,7 +65,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    try:
-        main()
-    except (ValueError, TypeError, OSError) as error:
-        sys.exit(f"error: {error}")
+    run(main)

@@ -18,6 +18,8 @@ from zipfile import BadZipFile
 import numpy as np
 from numpy.typing import NDArray
 
+from result_files import write_json
+
 Array = NDArray[np.float64]
 
 
@@ -164,20 +166,3 @@ def read(folder: Path) -> Result | None:
 def check_of(values: Mapping[str, Any]) -> Check:
     """A check from JSON, where what is not finite is null."""
     return Check(**{**values, "figure": math.nan if values["figure"] is None else values["figure"]})
-
-
-def write_json(path: Path, data: Any) -> None:
-    """Strict JSON: what is not finite becomes null. The file is complete or absent."""
-
-    def plain(value: Any) -> Any:
-        if isinstance(value, Mapping):
-            return {str(k): plain(v) for k, v in value.items()}
-        if isinstance(value, np.ndarray | np.generic):
-            return plain(value.tolist())
-        if isinstance(value, list | tuple):
-            return [plain(v) for v in value]
-        return None if isinstance(value, float) and not math.isfinite(value) else value
-
-    aside = path.with_name(f".{path.name}.tmp")
-    aside.write_text(json.dumps(plain(data), indent=1, allow_nan=False) + "\n")
-    aside.replace(path)

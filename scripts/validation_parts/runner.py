@@ -12,12 +12,14 @@ from dataclasses import asdict, dataclass, field
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-from validation_parts.checks import Check, Result, Settings, read, shown, write, write_json
+from result_files import write_json
+from validation_parts.checks import Check, Result, Settings, read, shown, write
 from validation_parts.groups import Group
 from validation_parts.tables import markdown
 
 SCRIPTS = Path(__file__).resolve().parent.parent
-PACKAGE = SCRIPTS.parent / "flexarm_env"
+PACKAGES = tuple(SCRIPTS.parent / name for name in ("flexarm_env", "baselines", "agents"))
+POLICIES = SCRIPTS.parent / "agents" / "policies"
 EXTRA = "validate"  # the extra of pyproject.toml that brings what a group may lack
 
 
@@ -59,7 +61,8 @@ def key(group: Group, quick: bool) -> str:
             digest.update(f"{package} {version(package)}".encode())
         except PackageNotFoundError:
             digest.update(f"{package} missing".encode())
-    for path in sorted({*PACKAGE.glob("*.py"), *_imported(SCRIPTS / "validation_parts" / f"{group.module}.py")}):
+    packages = {path for folder in PACKAGES for path in folder.glob("*.py")} | set(POLICIES.iterdir())
+    for path in sorted(packages | _imported(SCRIPTS / "validation_parts" / f"{group.module}.py")):
         digest.update(path.name.encode() + path.read_bytes())
     return digest.hexdigest()
 
