@@ -4,7 +4,7 @@ Importing this package registers its environments with Gymnasium; `gymnasium.mak
 imports it by itself.
 """
 
-from flexarm_env.arm import DivergenceError, Energy, FlexibleArm
+from flexarm_env.arm import Energy, FlexibleArm
 from flexarm_env.linearisation import Linearisation
 from flexarm_env.loop_cases import LoopCase
 from flexarm_env.parameters import ArmParameters, LawParameters, SensorParameters, SquareParameters
@@ -13,7 +13,7 @@ from flexarm_env.registration import register_environments
 from flexarm_env.rollout import run_batch, run_policy
 from flexarm_env.simulation import ClosedLoop
 from flexarm_env.task import rest_state, square_loop, state_limits
-from flexarm_env.trajectory import Trajectory
+from flexarm_env.trajectory import DivergenceError, Trajectory
 
 __version__ = "0.1.0"
 

@@ -14,14 +14,14 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from flexarm_env import constants, kinematics
 from flexarm_env import dynamics as dyn
-from flexarm_env import kinematics
 from flexarm_env.kinematics import stack, stack_matrix
 from flexarm_env.linearisation import Linearisation, linearise
 from flexarm_env.links import Place
 from flexarm_env.open_loop import OpenLoop, TorqueFunction
 from flexarm_env.parameters import ArmParameters
-from flexarm_env.trajectory import Trajectory
+from flexarm_env.trajectory import DivergenceError, Trajectory
 from flexarm_env.validation import finite_array, finite_rows, integer, number, real_array
 
 Array = NDArray[np.float64]
@@ -36,21 +36,6 @@ class Energy(NamedTuple):
 
     kinetic: Array
     strain: Array
-
-
-class DivergenceError(RuntimeError):
-    """A simulation whose state stopped being finite.
-
-    Attributes:
-        time: of the last finite state [s].
-        trajectory: what was computed until then.
-    """
-
-    def __init__(self, time: float, trajectory: Trajectory) -> None:
-        """Say when; keep what there is."""
-        super().__init__(f"the state stopped being finite after t = {time:.6g} s; .trajectory holds the run until then")
-        self.time = time
-        self.trajectory = trajectory
 
 
 class FlexibleArm:
@@ -75,8 +60,8 @@ class FlexibleArm:
         if not isinstance(parameters, ArmParameters):
             raise TypeError(f"parameters = {parameters!r}: must be an ArmParameters")
         self.parameters = parameters
-        self.modes = dyn.arm_modes(parameters)
-        self.constants = dyn.arm_constants(parameters, self.modes)
+        self.modes = constants.arm_modes(parameters)
+        self.constants = constants.arm_constants(parameters, self.modes)
         self._to_internal = kinematics.to_internal(self.constants)
         self._to_public = kinematics.to_public(self.constants)
 
@@ -154,7 +139,7 @@ class FlexibleArm:
         link = integer("link", link, 1, 2)
         length = self.parameters.link_lengths[link - 1]
         distance = number("s", s, "m", least=0.0, most=length)
-        return dyn.link_place(self.modes[link - 1], self.constants.foreshortened, distance)
+        return constants.link_place(self.modes[link - 1], self.constants.foreshortened, distance)
 
     def elbow(self, q: ArrayLike) -> Array:
         """Tip of link 1 [m]. Shape (..., 2)."""

@@ -20,8 +20,8 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 from flexarm_env.algebra import dot, factor, solve
+from flexarm_env.constants import Constants
 from flexarm_env.dynamics import (
-    Constants,
     applied_forces,
     generalised_torque,
     joint_angles,

@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexarm_env.dynamics import Constants, internal_coordinates, joint_angles
+from flexarm_env.constants import Constants
+from flexarm_env.dynamics import internal_coordinates, joint_angles
 from flexarm_env.modes import LinkModes
 
 Array = NDArray[np.float64]

@@ -6,6 +6,9 @@ foreshortening ``u = q^T S(x) q / 2``, where ``S_ij(x)`` is the integral of phi_
 hubs are those of an inextensible beam, X is right to second order in q, and Y lacks only terms of third order.
 With linear kinematics S is left out (its sequences are empty) and nothing of it is recorded.
 
+Source: Kane, Ryan & Banerjee, *Dynamics of a cantilever beam attached to a moving base*, J. Guidance 10 (1987), on why
+a spinning beam needs it and how it enters; the integrals over two links and the kernels' form of them are our own.
+
 T and G are the moments of the foreshortening: ``T_k,ij`` integral of phi_k S_ij, ``G_ij,kl`` of S_ij S_kl over mass.
 """
 

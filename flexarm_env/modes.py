@@ -7,6 +7,9 @@ Two sets of shapes: "cantilever", the clamped-free beam's own modes (4), whose c
 the elbow's moment bends the real link 1; and "polynomial", the Rayleigh-Ritz modes of the same beam in the space of
 x^2 to x^(m+1), which can carry a moment there.
 
+Sources: Blevins, *Formulas for natural frequency and mode shape* (1979), table 8-1; for the polynomials the method of
+Bhat, J. Sound Vib. 102 (1985), with the orthogonality of Jacobi's, Abramowitz & Stegun 22.2.1.
+
 The paper's printed roots ``(i - 0.5) pi`` are the large-i asymptote and its ``k_i`` lacks parentheses and repeats
 sinh; here the roots are exact and ``k_i = (cos + cosh) / (sin + sinh)``. See docs/reproduction.md, errata.
 """

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexarm_env import kernels
-from flexarm_env.dynamics import Constants
+from flexarm_env.constants import Constants
 from flexarm_env.kinematics import internal_state, public_state
 from flexarm_env.recorded import Variant
 from flexarm_env.rows import extent

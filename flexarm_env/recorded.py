@@ -9,6 +9,7 @@ from typing import Any
 from flexarm_env import closed_loop, features, reward, sensing, stepping, tracking
 from flexarm_env import dynamics as dyn
 from flexarm_env.algebra import dot
+from flexarm_env.constants import Constants
 from flexarm_env.elementary import sincos
 from flexarm_env.links import Place
 from flexarm_env.rows import constant_places, extent, layout
@@ -75,8 +76,8 @@ class _Recorder:
         assert len(values) == count, f"{name}: {len(values)} values for {count} rows"
         self.stores += enumerate(values, first)
 
-    def constants(self) -> dyn.Constants:
-        return dyn.Constants.unflat(self.read("CONSTANTS"), self.variant.modes, self.variant.foreshortened)
+    def constants(self) -> Constants:
+        return Constants.unflat(self.read("CONSTANTS"), self.variant.modes, self.variant.foreshortened)
 
     def law(self) -> closed_loop.Law:
         fields = {}
@@ -114,7 +115,7 @@ def slope_source(variant: Variant) -> str:
         ("tau", 2),
     )
     constants, y, v, tau = (trace.inputs([f"{name}{n}" for n in range(count)]) for name, count in counts)
-    k = dyn.Constants.unflat(constants, variant.modes, variant.foreshortened)
+    k = Constants.unflat(constants, variant.modes, variant.foreshortened)
     sin, cos = sincos(y[variant.modes + 1] - y[0])
     sin_theta2 = None if variant.complete else sincos(dyn.joint_angles(k, y)[1])[0]
     slope = dyn.acceleration(k, variant.complete, y, v, tau, (cos, sin, sin_theta2))
@@ -149,7 +150,7 @@ def step_source(variant: Variant) -> str:
 
 
 def _tracking_torque(
-    r: _Recorder, k: dyn.Constants, basis_of: int, state: tuple[Sequence[Any], Sequence[Any]]
+    r: _Recorder, k: Constants, basis_of: int, state: tuple[Sequence[Any], Sequence[Any]]
 ) -> list[Any]:
     basis = r.trace.inputs([f"bases[{basis_of}][{n}]" for n in range(8)])
     aim = tracking.interpolated(r.read("INNER_FROM"), r.read("INNER_TO"), basis)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from flexarm_env import reward, stepping
 from flexarm_env.closed_loop import Law
-from flexarm_env.dynamics import Constants
+from flexarm_env.constants import Constants
 from flexarm_env.links import Place
 
 DRIVES = ("torque", "tracking", "gain")

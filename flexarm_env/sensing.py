@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 from flexarm_env.algebra import dot
-from flexarm_env.dynamics import Constants, joint_angles
+from flexarm_env.constants import Constants
+from flexarm_env.dynamics import joint_angles
 from flexarm_env.elementary import sincos
 from flexarm_env.links import Place, bent
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from flexarm_env.arm import FlexibleArm
 from flexarm_env.choices import MOVE_POINTS, MOVE_RING
-from flexarm_env.dynamics import arm_constants
+from flexarm_env.constants import arm_constants
 from flexarm_env.observation import ObservationLayout
 from flexarm_env.reference import same_length
 from flexarm_env.reward import TERMS

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from flexarm_env.dynamics import Constants, joint_angles
+from flexarm_env.constants import Constants
+from flexarm_env.dynamics import joint_angles
 
 Pair = Sequence[Any]
 

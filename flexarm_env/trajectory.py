@@ -95,3 +95,18 @@ class Trajectory:
             name: tuple(value) if isinstance(value, list) else value for name, value in head["parameters"].items()
         }
         return cls(parameters=ArmParameters(**values), notes=head["notes"], **arrays)
+
+
+class DivergenceError(RuntimeError):
+    """A simulation whose state stopped being finite.
+
+    Attributes:
+        time: of the last finite state [s].
+        trajectory: what was computed until then.
+    """
+
+    def __init__(self, time: float, trajectory: Trajectory) -> None:
+        """Say when; keep what there is."""
+        super().__init__(f"the state stopped being finite after t = {time:.6g} s; .trajectory holds the run until then")
+        self.time = time
+        self.trajectory = trajectory

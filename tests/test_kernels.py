@@ -15,6 +15,7 @@ from numba import njit
 
 from flexarm_env import FlexibleArm, kernels, stepping
 from flexarm_env import dynamics as dyn
+from flexarm_env.constants import Constants
 from flexarm_env.elementary import sincos
 from flexarm_env.recorded import Variant
 from flexarm_env.rows import extent
@@ -74,7 +75,7 @@ class Batch:
 
     def by_numpy(self, y: np.ndarray, v: np.ndarray) -> np.ndarray:
         """The accelerations that the package's formulas give on arrays."""
-        k = dyn.Constants.unflat(list(np.array(self.constants).T), self.modes, self.foreshortened)
+        k = Constants.unflat(list(np.array(self.constants).T), self.modes, self.foreshortened)
         sin, cos = sincos(y[self.modes + 1] - y[0])
         sin_theta2 = sincos(dyn.joint_angles(k, y)[1])[0]
         return np.array(dyn.acceleration(k, self.complete, list(y), list(v), self.tau, (cos, sin, sin_theta2)))
