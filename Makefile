@@ -1,10 +1,12 @@
 # `make` lists the verbs. A verb sets up what it needs in .venv by itself; the only requirements are
 # make, python3 (3.11 or newer) and pip's access to a package index.
 # Another interpreter: make PYTHON=python3.12    Arguments for a script: make bench ARGS="--help"
+# Processes that share the tests: make test JOBS=4
 
 PYTHON ?= python3
 VENV   ?= .venv
 ARGS   ?=
+JOBS   ?= 2
 PY     := $(VENV)/bin/python
 HAS    := $(VENV)/.stamp
 
@@ -41,7 +43,7 @@ analyse: $(HAS)-plot  ## Poles, zeros, passivity and margins of the arm: tables,
 	$(PY) scripts/analyse.py $(ARGS)
 
 test: lint typecheck contract  ## Run every check: lint, typecheck, contract, and pytest without the slow tests
-	$(PY) -m pytest $(ARGS)
+	$(PY) -m pytest -n $(JOBS) --dist loadfile $(ARGS)
 
 test-slow: $(HAS)-test  ## Run the slow tests alone
 	$(PY) -m pytest -m slow $(ARGS)

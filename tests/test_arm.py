@@ -264,7 +264,11 @@ BAD_RUNS: list[tuple[dict[str, Any], type[Exception], tuple[str, ...]]] = [
 ]
 
 
-@pytest.mark.parametrize(("changes", "kind", "words"), BAD_RUNS, ids=lambda value: str(value)[:40])
+@pytest.mark.parametrize(
+    ("changes", "kind", "words"),
+    BAD_RUNS,
+    ids=[f"{next(iter(changes))}-{words[-1][:40]}" for changes, _, words in BAD_RUNS],
+)
 def test_bad_runs_are_refused(
     default: FlexibleArm, changes: dict[str, Any], kind: type[Exception], words: tuple[str, ...]
 ) -> None:

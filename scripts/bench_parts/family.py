@@ -46,8 +46,11 @@ def batch(modes: Sequence[int], effort: float, many: int = MANY) -> Group:
             ratios.append(Ratio(acrobot.name, batch_of.name, f"FlexArm over EnvPool's Acrobot, {m} modes"))
     gain = _batch(GAIN, GAIN, ENVS, max(1, round(0.4 * BATCH_CALLS * effort)))
     torque = _batch(f"{SQUARE}, default", SQUARE, ENVS, round(BATCH_CALLS * effort))
-    subjects += [gain, torque]
+    arm = {"kinematics": "foreshortened"}
+    bent = _batch(f"{SQUARE}, foreshortened", SQUARE, ENVS, max(1, round(0.5 * BATCH_CALLS * effort)), arm=arm)
+    subjects += [gain, torque, bent]
     ratios.append(Ratio(gain.name, torque.name, "the gain's mode over the torque's mode, time of a step"))
+    ratios.append(Ratio(bent.name, torque.name, "the foreshortened arm over the linear one, time of a step"))
     facts = {f"memory added by {many} environments [MB]": _memory(many)}
     return Group("batch", f"Batches of {ENVS}, one core", "us", "env step", subjects, ratios, facts=facts)
 
