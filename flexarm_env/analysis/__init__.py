@@ -8,7 +8,7 @@ An `OperatingPoint` says where, a `Sensor` what is measured; `linear_plant` puts
 docs/analysis.md tells what comes out.
 """
 
-from flexarm_env.analysis.beam import link_zeros
+from flexarm_env.analysis.beam import LinkZeros, link_zeros
 from flexarm_env.analysis.delay_roots import delay_roots
 from flexarm_env.analysis.law_loop import Feedback, LawLoop, law_loop
 from flexarm_env.analysis.limits import ZeroLimit, sensitivity_peak, zero_limits
@@ -35,6 +35,7 @@ __all__ = [
     "FrequencyResponse",
     "GainMargin",
     "LawLoop",
+    "LinkZeros",
     "NaturalModes",
     "OperatingPoint",
     "Passivity",
