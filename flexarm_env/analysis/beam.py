@@ -5,10 +5,11 @@ the point s, its position, stays zero under a vibration exp(sigma t), sigma is a
 
     EI w'''' + rho sigma^2 w = 0,  w(0) = 0,  w''(L) = w'''(L) = 0,  w(s) = 0.
 
-With ``kappa = (rho sigma^2 / 4 EI)^(1/4)`` for sigma real, w = exp(-kappa x) and exp(-kappa (L - x)), each times cos and sin;
-with ``k = (rho omega^2 / EI)^(1/4)`` for sigma = j omega, w = cos k x, sin k x, exp(-k x) and exp(-k (L - x)). Written so,
-every factor is of the order of 1 and nothing cancels, however short the waves. At the tip the condition is
-tan(kappa L) + tanh(kappa L) = 0, whose first root 2.3650 is that of a free-free beam's symmetric mode at half length.
+For sigma real, with ``kappa = (rho sigma^2 / 4 EI)^(1/4)``, w is made of exp(-kappa x) and exp(-kappa (L - x)), each
+times cos and sin; for sigma = j omega, with ``k = (rho omega^2 / EI)^(1/4)``, of cos kx, sin kx, exp(-kx) and
+exp(-k (L - x)). Written so, every factor is of the order of 1 and nothing cancels, however short the waves. At the tip
+the condition is tan(kappa L) + tanh(kappa L) = 0, whose first root 2.3650 is that of a free-free beam's symmetric mode
+at half length.
 
 For short waves the n-th roots tend to kappa s = n pi, at the tip to kappa L = (n - 1/4) pi; on the axis to
 k (L - s) = (n - 3/4) pi.
@@ -58,8 +59,8 @@ def link_zeros(arm: FlexibleArm, link: int, position: float, count: int = 3) -> 
         link: 1 or 2.
         position: s, distance of the point from the root [m], > 0.
         count: how many real and how many imaginary ones, 1 to 20. There are fewer where the next has kappa L or k L
-            above 1000: real ones of a point nearer to the root than about ``count L / 300``, imaginary ones of a point as
-            near to the tip, and at the tip itself there are no imaginary ones.
+            above 1000: real ones of a point nearer to the root than about ``count L / 300``, imaginary ones of a
+            point as near to the tip, and at the tip itself there are no imaginary ones.
 
     Raises:
         TypeError: if the arm is none, or for a number of the wrong kind.
@@ -80,8 +81,8 @@ def link_zeros(arm: FlexibleArm, link: int, position: float, count: int = 3) -> 
 def _decaying(z: Array, share: float) -> Array:
     """w(s) for a real sigma, up to a positive factor.
 
-    ``w = (a cos + b sin)(kappa x) exp(-kappa x) + (c cos + d sin)(kappa (L - x)) exp(-kappa (2 L - x))``: the free end gives
-    c and d from a and b, the hinge a from b.
+    ``w = (a cos + b sin)(kappa x) exp(-kappa x) + (c cos + d sin)(kappa (L - x)) exp(-kappa (2 L - x))``: the free end
+    gives c and d from a and b, the hinge a from b.
 
     Args:
         z: kappa L. Shape (k,).
@@ -100,8 +101,8 @@ def _decaying(z: Array, share: float) -> Array:
 def _swinging(z: Array, share: float) -> Array:
     """w(s) for an imaginary sigma, up to a positive factor.
 
-    ``w = a cos kx + b sin kx + c exp(-kx) + d exp(-k (L - x))`` with ``a = -c - d exp(-kL)`` (hinge); the free end's two
-    conditions leave (b, c, d) as their vector product.
+    ``w = a cos kx + b sin kx + c exp(-kx) + d exp(-k (L - x))`` with ``a = -c - d exp(-kL)`` (hinge); the free end's
+    two conditions leave (b, c, d) as their vector product.
 
     Args:
         z: k L. Shape (k,).
