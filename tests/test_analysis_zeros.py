@@ -73,11 +73,28 @@ def test_more_modes_converge_to_the_exact_beam() -> None:
     z = scipy.optimize.brentq(lambda z: np.tan(z) + np.tanh(z), 1.6, 3.0)
     arm = arm_with(4)
     exact = 2.0 * z**2 * np.sqrt(1676.0 / 0.335) / 4.5**2
-    assert link_zeros(arm, 1, 4.5, 1)[0][0] == pytest.approx(exact, rel=1e-10)
+    assert link_zeros(arm, 1, 4.5, 1).real[0] == pytest.approx(exact, rel=1e-10)
     assert exact == pytest.approx(39.074, abs=1e-3)
     errors = [abs(right(bent(arm_with(m)), 4.5).real.min() - exact) for m in (1, 2, 4)]
     assert errors[0] > errors[1] > errors[2]
     assert errors[2] < 0.02
+
+
+@pytest.mark.parametrize("s", [0.3, 1.0, 2.0, 3.0, 4.0, 4.5])
+def test_many_zeros_of_the_exact_beam_follow_their_asymptotes(s: float) -> None:
+    """kappa s -> n pi and k (L - s) -> (n - 3/4) pi, at the tip kappa L -> (n - 1/4) pi."""
+    found, speed = link_zeros(arm_with(1), 2, s, 20), np.sqrt(1676.0 / 0.335)
+    n = np.arange(1, 21)
+    assert len(found.real) == 20
+    assert np.all(np.diff(found.real) > 0.0)
+    waves = n * np.pi / s if s < 4.5 else (n - 0.25) * np.pi / s
+    np.testing.assert_allclose(found.real[12:], 2.0 * speed * waves[12:] ** 2, rtol=1e-6)
+    if s == 4.5:
+        assert len(found.imaginary) == 0
+        ends = [scipy.optimize.brentq(lambda z: np.tan(z) + np.tanh(z), (i - 0.45) * np.pi, i * np.pi) for i in n]
+        np.testing.assert_allclose(found.real, 2.0 * speed * (np.array(ends) / s) ** 2, rtol=1e-10)
+    elif s >= 2.0:  # nearer to the hinge the point and the hinge share a wave
+        np.testing.assert_allclose(found.imaginary[8:], speed * ((n[8:] - 0.75) * np.pi / (4.5 - s)) ** 2, rtol=1e-6)
 
 
 @pytest.mark.parametrize("s", [0.5, 2.0, 3.0, 4.0])
@@ -85,12 +102,12 @@ def test_zeros_of_a_point_are_those_of_the_exact_beams(s: float) -> None:
     """Its slowest zeros: link 1's at its tip, and link 2's at the point, real and imaginary."""
     arm = arm_with(4)
     values = zeros(linear_plant(bent(arm), true_point(s))).values
-    real, imaginary = link_zeros(arm, 2, s, 2)
-    slow = [w for w in imaginary if w < 110.0]
+    exact = link_zeros(arm, 2, s, 2)
+    slow = [w for w in exact.imaginary if w < 110.0]
     if slow:
         assert closest(values, 1j * np.array(slow)) < 1e-2
-    if real[0] < 60.0:
-        assert closest(values, real[:1]) < 1e-2
+    if exact.real[0] < 60.0:
+        assert closest(values, exact.real[:1]) < 1e-2
 
 
 def test_a_second_real_zero_comes_in_from_infinity_and_falls_to_the_first_at_the_tip() -> None:
@@ -113,7 +130,7 @@ def test_a_second_real_zero_comes_in_from_infinity_and_falls_to_the_first_at_the
 def test_unequal_links_separate_the_double_zero() -> None:
     arm = FlexibleArm(ArmParameters(modes_per_link=4, modal_damping_ratio=0.0, link_lengths=(4.5, 3.0)))
     found = np.sort(right(bent(arm), 3.0).real)[:2]
-    exact = sorted(float(link_zeros(arm, link, length, 1)[0][0]) for link, length in ((1, 4.5), (2, 3.0)))
+    exact = sorted(float(link_zeros(arm, link, length, 1).real[0]) for link, length in ((1, 4.5), (2, 3.0)))
     np.testing.assert_allclose(found, exact, rtol=2e-3)
 
 

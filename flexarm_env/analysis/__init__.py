@@ -8,15 +8,15 @@ An `OperatingPoint` says where, a `Sensor` what is measured; `linear_plant` puts
 docs/analysis.md tells what comes out.
 """
 
-from flexarm_env.analysis.beam import link_zeros
-from flexarm_env.analysis.delay_roots import delay_roots
+from flexarm_env.analysis.beam import LinkZeros, link_zeros
+from flexarm_env.analysis.crossings import DelayCrossing, GainCrossing, crossing_delays, crossing_gains
+from flexarm_env.analysis.delay_roots import DelayRoots, delay_roots
 from flexarm_env.analysis.law_loop import Feedback, LawLoop, law_loop
 from flexarm_env.analysis.limits import ZeroLimit, sensitivity_peak, zero_limits
 from flexarm_env.analysis.margins import (
     DelayMargin,
+    GainInterval,
     GainMargin,
-    crossing_delays,
-    crossing_gains,
     delay_margin,
     gain_margin,
     is_stable,
@@ -30,11 +30,16 @@ from flexarm_env.analysis.sensor import Sensor, joint_angles, rigid_point, strai
 from flexarm_env.analysis.zeros import Zeros, zero_directions, zeros
 
 __all__ = [
+    "DelayCrossing",
     "DelayMargin",
+    "DelayRoots",
     "Feedback",
     "FrequencyResponse",
+    "GainCrossing",
+    "GainInterval",
     "GainMargin",
     "LawLoop",
+    "LinkZeros",
     "NaturalModes",
     "OperatingPoint",
     "Passivity",

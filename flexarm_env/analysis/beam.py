@@ -5,9 +5,14 @@ the point s, its position, stays zero under a vibration exp(sigma t), sigma is a
 
     EI w'''' + rho sigma^2 w = 0,  w(0) = 0,  w''(L) = w'''(L) = 0,  w(s) = 0.
 
-For sigma real, w = cosh and sinh times cos and sin of kappa x with sigma = 2 kappa^2 sqrt(EI / rho). At the tip the
-condition is tan(kappa L) + tanh(kappa L) = 0, whose first root 2.3650 is that of a free-free beam's symmetric mode at
-half length. For sigma = j omega it is w = cosh, sinh, cos, sin of k x with omega = k^2 sqrt(EI / rho).
+For sigma real, with ``kappa = (rho sigma^2 / 4 EI)^(1/4)``, w is made of exp(-kappa x) and exp(-kappa (L - x)), each
+times cos and sin; for sigma = j omega, with ``k = (rho omega^2 / EI)^(1/4)``, of cos kx, sin kx, exp(-kx) and
+exp(-k (L - x)). Written so, every factor is of the order of 1 and nothing cancels, however short the waves. At the tip
+the condition is tan(kappa L) + tanh(kappa L) = 0, whose first root 2.3650 is that of a free-free beam's symmetric mode
+at half length.
+
+For short waves the n-th roots tend to kappa s = n pi, at the tip to kappa L = (n - 1/4) pi; on the axis to
+k (L - s) = (n - 3/4) pi.
 
 Source: Spector & Flashner, *Modeling and design implications of noncollocated control in flexible systems*, ASME J.
 Dyn. Syst. Meas. Control 112 (1990), who find these zeros for the pinned-free beam.
@@ -16,77 +21,110 @@ Dyn. Syst. Meas. Control 112 (1990), who find these zeros for the pinned-free be
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
+from flexarm_env.analysis.checks import instance
 from flexarm_env.arm import FlexibleArm
 from flexarm_env.validation import integer, number
 
 Array = NDArray[np.float64]
-_POINTS_PER_UNIT = 40  # of kappa L in the search for sign changes; roots are about pi / (s / L) >= pi apart
-_LARGEST_REAL, _LARGEST_IMAGINARY = 300.0, 30.0  # kappa L, k L; beyond 36 the imaginary ones drown in rounding errors
+_POINTS_PER_UNIT = 40  # of kappa L and k L in the search for sign changes; roots are about pi or more apart
+_LARGEST = (
+    1000.0  # kappa L and k L up to which is searched: waves a thousandth of the link long, far beyond a slender beam
+)
 
 
-def link_zeros(arm: FlexibleArm, link: int, position: float, count: int = 3) -> tuple[Array, Array]:
+@dataclass(frozen=True, eq=False)
+class LinkZeros:
+    """Zeros of one exact link, root torque -> position of a point.
+
+    Attributes:
+        real: sigma > 0 [rad/s], smallest first; -sigma is a zero as well. Shape (k,).
+        imaginary: omega > 0 of the zeros +-j omega [rad/s], smallest first. Shape (l,).
+    """
+
+    real: Array
+    imaginary: Array
+
+
+def link_zeros(arm: FlexibleArm, link: int, position: float, count: int = 3) -> LinkZeros:
     """First zeros of root torque -> transverse position of a point, of the exact beam.
 
     Args:
         arm: its uniform link, hinged; lumped masses play no part.
         link: 1 or 2.
         position: s, distance of the point from the root [m], > 0.
-        count: how many real and how many imaginary ones, if there are so many with kappa L or k L below 300 or 30.
-
-    Returns:
-        The real zeros sigma > 0 (each comes with -sigma) and the magnitudes of the imaginary ones [rad/s]; at the tip
-        there are no imaginary ones.
+        count: how many real and how many imaginary ones, 1 to 20. There are fewer where the next has kappa L or k L
+            above 1000: real ones of a point nearer to the root than about ``count L / 300``, imaginary ones of a
+            point as near to the tip, and at the tip itself there are no imaginary ones.
 
     Raises:
-        ValueError: for a point off the link.
+        TypeError: if the arm is none, or for a number of the wrong kind.
+        ValueError: for a point off the link, or another number out of range.
     """
+    instance("arm", arm, FlexibleArm)
     integer("link", link, 1, 2)
     integer("count", count, 1, 20)
     p = arm.parameters
     length = p.link_lengths[link - 1]
     share = number("position", position, "m", above=0.0, most=length) / length
     speed = np.sqrt(p.flexural_rigidities[link - 1] / p.masses_per_length[link - 1]) / length**2
-    real = np.array(_roots(lambda z: _deflection(z, share, True), count, _LARGEST_REAL))
-    imaginary = np.array(_roots(lambda z: _deflection(z, share, False), count, _LARGEST_IMAGINARY))
-    return 2.0 * speed * real**2, speed * imaginary**2
+    real = _roots(lambda z: _decaying(z, share), count)
+    imaginary = _roots(lambda z: _swinging(z, share), count)
+    return LinkZeros(2.0 * speed * real**2, speed * imaginary**2)
 
 
-def _deflection(z: float, share: float, decaying: bool) -> float:
-    """w(s) of the beam bent by a root torque, up to a positive factor that keeps it finite.
+def _decaying(z: Array, share: float) -> Array:
+    """w(s) for a real sigma, up to a positive factor.
+
+    ``w = (a cos + b sin)(kappa x) exp(-kappa x) + (c cos + d sin)(kappa (L - x)) exp(-kappa (2 L - x))``: the free end
+    gives c and d from a and b, the hinge a from b.
 
     Args:
-        z: kappa L, or k L.
+        z: kappa L. Shape (k,).
         share: s / L.
-        decaying: for a real sigma; else for an imaginary one.
     """
-    wave = (1.0 + 1.0j) * z if decaying else z
-    # w = cosh - cos + a sinh + b sin of (wave x): w(0) = 0; the free end fixes a and b
-    cosh, sinh, cos, sin = np.cosh(wave), np.sinh(wave), np.cos(wave), np.sin(wave)
-    matrix = np.array([[sinh, -sin], [cosh, -cos]])
-    right = -np.array([cosh + cos, sinh - sin])
-    determinant = matrix[0, 0] * matrix[1, 1] - matrix[0, 1] * matrix[1, 0]
-    a = right[0] * matrix[1, 1] - matrix[0, 1] * right[1]
-    b = matrix[0, 0] * right[1] - right[0] * matrix[1, 0]
-    x = wave * share
-    value = determinant * (np.cosh(x) - np.cos(x)) + a * np.sinh(x) + b * np.sin(x)
-    # for sigma real the beam's own equation is real: value is a real function times a constant phase
-    return float((value / (1.0j if decaying else 1.0)).real * np.exp(-2.0 * z))
+    cos, sin, echo = np.cos(z), np.sin(z), np.exp(-2.0 * z)
+    c_of_a, d_of_a = cos - 2.0 * sin, sin
+    c_of_b, d_of_b = 2.0 * cos + sin, -cos
+    a = -echo * (c_of_b * cos + d_of_b * sin)
+    b = 1.0 + echo * (c_of_a * cos + d_of_a * sin)
+    c, d = c_of_a * a + c_of_b * b, d_of_a * a + d_of_b * b
+    near, far = z * share, z * (1.0 - share)
+    return np.asarray(a * np.cos(near) + b * np.sin(near) + np.exp(-2.0 * far) * (c * np.cos(far) + d * np.sin(far)))
 
 
-def _roots(function: Callable[[float], float], count: int, most: float) -> list[float]:
-    """First roots from 0.3 to `most`, by sign changes."""
-    found: list[float] = []
-    z, step = 0.3, 1.0 / _POINTS_PER_UNIT
-    before = function(z)
-    while len(found) < count and z < most:
-        z += step
-        now = function(z)
-        if before * now < 0.0:
-            found.append(float(brentq(function, z - step, z, xtol=1e-13)))
-        before = now
-    return found
+def _swinging(z: Array, share: float) -> Array:
+    """w(s) for an imaginary sigma, up to a positive factor.
+
+    ``w = a cos kx + b sin kx + c exp(-kx) + d exp(-k (L - x))`` with ``a = -c - d exp(-kL)`` (hinge); the free end's
+    two conditions leave (b, c, d) as their vector product.
+
+    Args:
+        z: k L. Shape (k,).
+        share: s / L.
+    """
+    cos, sin, echo = np.cos(z), np.sin(z), np.exp(-z)
+    moment = -sin, cos + echo, 1.0 + echo * cos
+    shear = -cos, -sin - echo, 1.0 - echo * sin
+    b = moment[1] * shear[2] - moment[2] * shear[1]
+    c = moment[2] * shear[0] - moment[0] * shear[2]
+    d = moment[0] * shear[1] - moment[1] * shear[0]
+    near, far = z * share, z * (1.0 - share)
+    return np.asarray(-(c + d * echo) * np.cos(near) + b * np.sin(near) + c * np.exp(-near) + d * np.exp(-far))
+
+
+def _roots(function: Callable[[Array], Array], count: int) -> Array:
+    """First roots from 0.3 to `_LARGEST`, by sign changes."""
+    z = np.arange(0.3, _LARGEST, 1.0 / _POINTS_PER_UNIT)
+    values = function(z)
+    turns = np.nonzero(values[:-1] * values[1:] < 0.0)[0][:count]
+
+    def one(at: float) -> float:
+        return float(function(np.array([at]))[0])
+
+    return np.array([brentq(one, z[i], z[i + 1], xtol=1e-13) for i in turns])

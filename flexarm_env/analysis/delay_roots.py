@@ -2,7 +2,7 @@
 
 The delayed loop is a transport of its past: ``u_t = u_x`` on [-T, 0] with the differential equation as the boundary
 condition at 0. On Chebyshev nodes that is a matrix whose eigenvalues converge to the loop's roots faster than any
-power of the number of nodes, those of smallest magnitude first. It is independent of `margins`, and it tells how fast
+power of the number of nodes, those of smallest magnitude first. It is independent of `crossings`, and it tells how fast
 an unstable loop grows.
 
 Source: Breda, Maset & Vermiglio, *Pseudospectral differencing methods for characteristic roots of delay differential
@@ -11,9 +11,12 @@ equations*, SIAM J. Sci. Comput. 27 (2005); Trefethen, *Spectral methods in MATL
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
+from flexarm_env.analysis.checks import instance
 from flexarm_env.analysis.law_loop import LawLoop
 from flexarm_env.validation import integer
 
@@ -21,29 +24,48 @@ Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 
-def delay_roots(loop: LawLoop, nodes: int = 40) -> Complex:
-    """Approximate roots of the loop with its delay, rightmost first.
+@dataclass(frozen=True, eq=False)
+class DelayRoots:
+    """Approximate roots of a loop with its delay.
+
+    Attributes:
+        values: [rad/s], rightmost first. Shape ((4 + 4 m) (nodes + 1),), or (4 + 4 m,) for a loop without delay, whose
+            roots are its poles.
+    """
+
+    values: Complex
+
+    @property
+    def rightmost(self) -> complex:
+        """[rad/s]; the loop is stable if its real part, the rate of growth, is negative."""
+        return complex(self.values[0])
+
+
+def delay_roots(loop: LawLoop, nodes: int = 40) -> DelayRoots:
+    """Approximate roots of the loop with its delay.
 
     Args:
         loop: the loop.
-        nodes: of the history; a root s is resolved when ``|s| T`` is well below it.
+        nodes: of the history; a root s is resolved when ``|s|`` times the longer delay is well below it.
 
-    Returns:
-        [rad/s]. Shape ((4 + 4 m) (nodes + 1),), or the poles alone of a loop without delay.
+    Raises:
+        TypeError: for anything but a loop and an integer.
+        ValueError: for fewer than 2 nodes.
     """
+    instance("loop", loop, LawLoop)
     integer("nodes", nodes, 2)
     if loop.delay == 0.0:
-        return _rightmost(loop.undelayed_poles())
+        return DelayRoots(_rightmost(loop.undelayed_poles()))
     linear = loop.point.linearisation
     actions = [-loop.gain * linear.B @ np.hstack([term.P, term.V]) for term in loop.terms]
     x, derivative = _chebyshev(nodes)
-    size = len(linear.A)
-    late = [np.eye(1, nodes + 1), np.eye(1, nodes + 1, nodes), _interpolation(x, 1.0 - 2.0 * float(loop.ratio))]
-    matrix = np.kron(derivative * (2.0 / loop.delay), np.eye(size))
+    size, longest = len(linear.A), max(1.0, loop.ratio)
+    late = [_interpolation(x, 1.0 - 2.0 * share / longest) for share in (0.0, 1.0, loop.ratio)]
+    matrix = np.kron(derivative * (2.0 / (longest * loop.delay)), np.eye(size))
     matrix[:size] = np.kron(late[0], linear.A)
     for action, row in zip(actions, late, strict=True):
         matrix[:size] += np.kron(row, action)
-    return _rightmost(np.linalg.eigvals(matrix).astype(complex))
+    return DelayRoots(_rightmost(np.linalg.eigvals(matrix).astype(complex)))
 
 
 def _rightmost(values: Complex) -> Complex:

@@ -16,11 +16,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from fractions import Fraction
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from flexarm_env.analysis.checks import instance
 from flexarm_env.analysis.operating_point import OperatingPoint
 from flexarm_env.analysis.sensor import rigid_jacobian
 from flexarm_env.arm import FlexibleArm
@@ -32,7 +32,9 @@ from flexarm_env.validation import finite_array, number
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
-LARGEST_DENOMINATOR = 20  # of the ratio of the two delays: the crossing polynomial's degree
+# Delays nearer to each other than this, relatively, count as one: on an undamped arm the crossing curves of two nearly
+# equal delays meet where the crossings are, and rounding hides these below 2e-6.
+SAME_DELAY = 1e-5
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +59,8 @@ class LawLoop:
         error: reference minus sensed point that is left there [m]. Shape (2,).
         gain: lambda.
         delay: T, of the shoulder's reading [s].
-        ratio: r, the elbow's delay over the shoulder's.
+        ratio: r, the elbow's delay over the shoulder's, 0 or more; 1: both are late by one delay, to
+            `SAME_DELAY`.
         current: what is not late.
         shoulder: what is late by T.
         elbow: what is late by r T.
@@ -67,7 +70,7 @@ class LawLoop:
     error: Array
     gain: float
     delay: float
-    ratio: Fraction
+    ratio: float
     current: Feedback
     shoulder: Feedback
     elbow: Feedback
@@ -124,7 +127,7 @@ class LawLoop:
 
     @property
     def _delays(self) -> Array:
-        return self.delay * np.array([0.0, 1.0, float(self.ratio)])
+        return self.delay * np.array([0.0, 1.0, self.ratio])
 
     @property
     def _linear(self) -> Linearisation:
@@ -163,10 +166,14 @@ def law_loop(
         elbow_branch: "positive" or "negative" theta2.
 
     Raises:
+        TypeError: for an argument of another class.
         ValueError: for bad numbers, a sensor off the link, a reference inside the hole that the sensed point cannot
-            reach into, or delays whose ratio is no fraction of denominator `LARGEST_DENOMINATOR` or less.
+            reach into, or an elbow's reading that is late while the shoulder's is not.
     """
+    instance("arm", arm, FlexibleArm)
+    instance("sensor", sensor, SensorParameters)
     law = LawParameters() if law is None else law
+    instance("law", law, LawParameters)
     lambda_ = number("gain", gain, above=0.0)
     lengths = arm.parameters.link_lengths
     if sensor.position > lengths[1]:
@@ -242,16 +249,14 @@ def _columns(size: int, model: str) -> tuple[Array, Array]:
     return shoulder, elbow
 
 
-def _delays(sensor: SensorParameters, length: float) -> tuple[float, Fraction]:
+def _delays(sensor: SensorParameters, length: float) -> tuple[float, float]:
+    """The shoulder's delay [s], and the elbow's over it."""
     shoulder, elbow = sensor.joint_delays(length)
-    if shoulder == elbow:
-        return shoulder, Fraction(1)
+    if abs(shoulder - elbow) <= SAME_DELAY * shoulder:
+        return shoulder, 1.0
     if shoulder == 0.0:
-        raise ValueError(f"delay = {(shoulder, elbow)} s: the shoulder's must be > 0 where the elbow's is")
-    ratio = Fraction(elbow / shoulder).limit_denominator(LARGEST_DENOMINATOR)
-    if ratio > 1 or abs(float(ratio) * shoulder - elbow) > 1e-9 * shoulder:
         raise ValueError(
-            f"delay = {(shoulder, elbow)} s: the elbow's over the shoulder's must be a fraction from 0 to 1 of "
-            f"denominator {LARGEST_DENOMINATOR} or less"
+            f"delay = {(shoulder, elbow)} s: the shoulder's must be > 0 where the elbow's is, which is taken in "
+            f"proportion to it; nearest that is allowed: both 0, or a shoulder's of a little more, {1e-3 * elbow:g} s"
         )
-    return shoulder, ratio
+    return shoulder, elbow / shoulder

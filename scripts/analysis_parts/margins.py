@@ -111,4 +111,4 @@ def largest_gains() -> list[dict[str, Any]]:
 def largest(case: LawLoop) -> float:
     """Upper end of the interval of stable gains that begins at 0; 0 if there is none."""
     intervals = stable_gains(case)
-    return intervals[0][1] if intervals and intervals[0][0] == 0.0 else 0.0
+    return intervals[0].high if intervals and intervals[0].low == 0.0 else 0.0

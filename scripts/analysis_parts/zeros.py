@@ -87,7 +87,7 @@ def by_model(models: dict[str, FlexibleArm]) -> list[dict[str, Any]]:
                 "entries": entries(arm),
             }
         )
-    exact = float(link_zeros(next(iter(models.values())), 1, 4.5, 1)[0][0])
+    exact = float(link_zeros(next(iter(models.values())), 1, 4.5, 1).real[0])
     rows.append(
         {
             "arm": "exact beam",
@@ -116,8 +116,8 @@ def by_position(models: dict[str, FlexibleArm]) -> list[dict[str, Any]]:
 
 def exact(position: float, count: int = 3) -> dict[str, list[float]]:
     """The exact beams' real and imaginary zeros: link 2's at the point."""
-    real, imaginary = link_zeros(undamped(1), 2, position, count)
-    return {"real": real.tolist(), "imaginary": imaginary.tolist()}
+    found = link_zeros(undamped(1), 2, position, count)
+    return {"real": found.real.tolist(), "imaginary": found.imaginary.tolist()}
 
 
 def locus(models: dict[str, FlexibleArm], points: int) -> dict[str, Any]:

@@ -1,0 +1,188 @@
+"""Delays and gains at which a root of the paper's loop is on the imaginary axis, exact in the frequency domain.
+
+The characteristic function is ``det(1 + L(s))`` with ``L = L0 + z L1 + w L2``, ``z = exp(-s T)`` for the shoulder's
+reading, ``w = exp(-s r T)`` for the elbow's. At s = j omega it is
+
+- for one delay (r = 1) a quadratic in z: a root with |z| = 1 is a delay ``T = -arg z / omega``;
+- for two delays a function of z and w: see `crossing_curves`;
+- a quadratic in a factor on lambda: a root that is real and positive is a gain at which a root crosses.
+
+So all crossings are found by following roots over omega: no Pade model, no truncation.
+
+Source: Walton & Marshall, *Direct method for TDS stability analysis*, IEE Proc. D 134 (1987).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+
+from flexarm_env.analysis.checks import instance
+from flexarm_env.analysis.crossing_curves import TURN, curve_crossings
+from flexarm_env.analysis.law_loop import LawLoop
+from flexarm_env.analysis.sweep import bisected, determinant, frequencies, mixed
+from flexarm_env.validation import number
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+Bools = NDArray[np.bool_]
+
+SMALLEST_GAIN = 1e-9  # a root at a free arm's own frequency has lambda = 0 and is no crossing of a closed loop
+
+
+@dataclass(frozen=True)
+class DelayCrossing:
+    """A delay at which a root of the loop is on the imaginary axis.
+
+    Attributes:
+        delay: T, of the shoulder's reading, the elbow's in proportion [s].
+        omega: frequency of the root [rad/s].
+    """
+
+    delay: float
+    omega: float
+
+
+@dataclass(frozen=True)
+class GainCrossing:
+    """A gain at which a root of the loop is on the imaginary axis.
+
+    Attributes:
+        factor: on the loop's lambda, > 0.
+        omega: frequency of the root [rad/s].
+    """
+
+    factor: float
+    omega: float
+
+
+def crossing_delays(loop: LawLoop, longest: float = 0.2) -> list[DelayCrossing]:
+    """Every delay up to a longest at which a root is on the imaginary axis, by delay.
+
+    Args:
+        loop: the loop; its own delay plays no part, the ratio of its delays does.
+        longest: [s]. The number of crossings grows with it: each comes again after 2 pi / omega.
+
+    Raises:
+        TypeError: for anything but a loop and a number.
+        ValueError: for a delay that is not > 0.
+    """
+    instance("loop", loop, LawLoop)
+    number("longest", longest, "s", above=0.0)
+    delays, omega = (_of_one_delay if loop.ratio == 1.0 else curve_crossings)(loop, longest)
+    kept = (delays >= 0.0) & (delays <= longest)
+    pairs = sorted(zip(delays[kept].tolist(), omega[kept].tolist(), strict=True))
+    return [DelayCrossing(delay, w) for delay, w in pairs]
+
+
+def crossing_gains(loop: LawLoop) -> list[GainCrossing]:
+    """Every factor on lambda at which a root is on the imaginary axis at the loop's delay, by factor.
+
+    Raises:
+        TypeError: for anything but a loop.
+    """
+    instance("loop", loop, LawLoop)
+    omega = frequencies(loop)
+    roots = _paired(_gain_roots(loop, omega))
+    turns = roots.imag[:-1] * roots.imag[1:] < 0.0
+    ahead = (roots.real[:-1] > 0.0) | (roots.real[1:] > 0.0)
+    found = []
+    for index, branch in zip(*np.nonzero(turns & ahead), strict=True):
+        start = roots[index, branch]
+
+        def imaginary(w: float, start: complex = start) -> float:
+            candidates = _gain_roots(loop, np.array([w]))[0]
+            return float(candidates[np.argmin(np.abs(candidates - start))].imag)
+
+        w = _crossing(imaginary, omega[index], omega[index + 1])
+        if w is None:
+            continue
+        candidates = _gain_roots(loop, np.array([w]))[0]
+        factor = candidates[np.argmin(np.abs(candidates - start))]
+        if factor.real > SMALLEST_GAIN and abs(factor.imag) < 1e-6 * factor.real:
+            found.append(GainCrossing(float(factor.real), w))
+    return sorted(found, key=lambda crossing: crossing.factor)
+
+
+def _of_one_delay(loop: LawLoop, longest: float) -> tuple[Array, Array]:
+    """Delays and frequencies of the crossings, unsorted. Shape (k,) each."""
+    omega = frequencies(loop)
+    sizes = np.abs(_late_roots(loop, omega)) - 1.0
+    index, branch = np.nonzero(sizes[:-1] * sizes[1:] < 0.0)
+    below = sizes[index, branch] < 0.0
+    own = np.arange(len(index))
+
+    def before(middle: Array) -> Bools:
+        return np.asarray((np.abs(_late_roots(loop, middle)[own, branch]) < 1.0) == below)
+
+    at = bisected(before, omega[index], omega[index + 1])
+    roots = _late_roots(loop, at)[own, branch]
+    true = np.abs(np.abs(roots) - 1.0) < 1e-6  # a jump, at a pole of the free arm, is none
+    at, delays = at[true], (-np.angle(roots[true]) % TURN) / at[true]
+    if not len(at):
+        return at, at
+    turns = TURN * np.arange(int(longest * at.max() / TURN) + 1)
+    return (delays + np.divide.outer(turns, at)).ravel(), np.tile(at, len(turns))
+
+
+def _late_roots(loop: LawLoop, omega: Array) -> Complex:
+    """Roots z of det(1 + L0 + z (L1 + L2)), by size. Shape (k, 2)."""
+    terms = loop.loop_terms(omega)
+    now, late = np.eye(2) + terms[:, 0], terms[:, 1] + terms[:, 2]
+    roots = _roots(np.stack([determinant(now), mixed(now, late), determinant(late)], axis=1))
+    return np.take_along_axis(roots, np.argsort(np.abs(roots), axis=1), axis=1)
+
+
+def _gain_roots(loop: LawLoop, omega: Array) -> Complex:
+    """Roots g of det(1 + g L). Shape (k, 2)."""
+    matrices = loop.loop_transfer(omega)
+    trace = matrices[:, 0, 0] + matrices[:, 1, 1]
+    return _roots(np.stack([np.ones_like(trace), trace, determinant(matrices)], axis=1))
+
+
+def _roots(coefficients: Complex) -> Complex:
+    """Roots of many polynomials, as reciprocals of the eigenvalues of the reversed ones' companion matrices.
+
+    Args:
+        coefficients: lowest power first, which is not 0. Shape (k, degree + 1).
+
+    Returns:
+        Shape (k, degree); a degree that is not there gives a root at infinity.
+    """
+    count, degree = coefficients.shape[0], coefficients.shape[1] - 1
+    companion = np.zeros((count, degree, degree), dtype=complex)
+    companion[:, 0] = -coefficients[:, 1:] / coefficients[:, :1]
+    companion[:, 1:, :-1] = np.eye(degree - 1)
+    reciprocals = np.linalg.eigvals(companion)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where(reciprocals == 0.0, np.inf, 1.0 / reciprocals)
+
+
+def _paired(roots: Complex) -> Complex:
+    """Two roots at each frequency, in the order that changes least from one to the next."""
+    ordered = roots.copy()
+    for i in range(1, len(ordered)):
+        before, now = ordered[i - 1], ordered[i]
+        with np.errstate(invalid="ignore"):
+            straight = np.abs(now - before).sum()
+            crossed = np.abs(now[::-1] - before).sum()
+        if crossed < straight:
+            ordered[i] = now[::-1]
+    return ordered
+
+
+def _crossing(function: Callable[[float], float], low: float, high: float) -> float | None:
+    """Where a function changes sign; None if it does not, or jumps."""
+    ends = function(low), function(high)
+    if not np.all(np.isfinite(ends)) or ends[0] * ends[1] >= 0.0:
+        return None
+    try:
+        root = float(brentq(function, low, high, xtol=1e-14 * high, rtol=1e-14))
+        value = function(root)
+    except np.linalg.LinAlgError:  # it shrinks onto a pole of an undamped arm, where lambda is 0
+        return None
+    return root if abs(value) < 1e-6 * max(1.0, abs(ends[0]), abs(ends[1])) else None
