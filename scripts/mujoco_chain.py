@@ -11,12 +11,13 @@ Shoulder and elbow are free hinges with motors; a link has n degrees of freedom,
 the angle of link 1's first segment from the x axis, theta2 that of link 2's first from link 1's last: as in FlexArm,
 from tangent to tangent. No gravity, no contacts.
 
-**Damping.** Two kinds. "stiffness": dampers in the hinges in proportion to the springs, c = beta EI / h, give the
+**Damping.** Three kinds. "stiffness": dampers in the hinges in proportion to the springs, c = beta EI / h, give the
 clamped mode i the ratio beta omega_i / 2: beta = 2 zeta / omega_1 sets the first one to zeta, and the second gets 6.3
 times and the third 17.5 times as much. "modal": every mode that the segments of a clamped bare link have is damped by
 zeta, as FlexArm damps those that it has, C = M Phi diag(2 zeta omega_i) Phi' M with Phi' M Phi = 1. A term of this
-matrix, 2 zeta omega_i (M phi_i) (M phi_i)', is what MuJoCo calls a fixed tendon with a damper. Of `ArmParameters` the
-chain needs neither modes nor their scale, and its velocity forces are complete whatever `velocity_forces` says.
+matrix, 2 zeta omega_i (M phi_i) (M phi_i)', is what MuJoCo calls a fixed tendon with a damper. "two modes": the same
+for the first two modes, and 17.5 zeta, what "stiffness" gives the third, for all above. Of `ArmParameters` the chain
+needs neither modes nor their scale, and its velocity forces are complete whatever `velocity_forces` says.
 
 **Time step.** `implicitfast` treats dampers implicitly and springs explicitly, semi-implicit Euler: without damping it
 is stable up to 2 / omega_max, that is 0.5 ms for n = 10 and 0.1 ms for n = 20 of `TIME_STEPS`. Dampers with beta >=
@@ -28,7 +29,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Sequence
-from typing import Literal
+from typing import Literal, get_args
 
 import mujoco
 import numpy as np
@@ -37,10 +38,11 @@ from scipy.linalg import eigh
 
 from flexarm_env import ArmParameters
 
-Damping = Literal["stiffness", "modal"]
+Damping = Literal["stiffness", "modal", "two modes"]
 TIME_STEPS = (5e-3, 2e-3, 1e-3, 5e-4, 2e-4, 1e-4, 5e-5, 2e-5)  # [s]; `largest_stable_step` tries these
 SHOULDER, ELBOW, TIP = "shoulder", "elbow", "tip"
 _FIRST_CLAMPED_ROOT = 1.8751040687119611  # cos x cosh x = -1
+_ABOVE_TWO = 17.5  # of zeta, for the third mode and all above with "two modes"
 _RUNAWAY = 1e4  # [rad/s]; random torques bring the lightest segment of 20 to a few hundred
 _ROUNDING = 1e-6  # of an eigenvalue; the rigid motions' is double, which costs half of the digits
 _SLENDER = 1e-6  # a rod's inertia about its own axis as a part of the other two; MuJoCo wants it positive
@@ -72,13 +74,13 @@ def chain_xml(
     """The chain in MuJoCo's own format; arguments as in `chain_model`."""
     if segments < 2:
         raise ValueError(f"segments = {segments}: must be an integer >= 2")
-    if damping not in ("stiffness", "modal"):
-        raise ValueError(f"damping = {damping!r}: must be 'stiffness' or 'modal'")
+    if damping not in get_args(Damping):
+        raise ValueError(f"damping = {damping!r}: must be one of {get_args(Damping)}")
     arm = arm or ArmParameters()
     in_hinges = damping == "stiffness"
     first, mount = _link(arm, 0, segments, 0.0, in_hinges)
     second, tip = _link(arm, 1, segments, mount, in_hinges)
-    tendons = "" if in_hinges else "\n".join(_mode_dampers(arm, link, segments) for link in (0, 1))
+    tendons = "" if in_hinges else "\n".join(_mode_dampers(arm, link, segments, damping) for link in (0, 1))
     return f"""
     <mujoco model="flexible arm of two links">
       <compiler angle="radian"/>
@@ -139,7 +141,7 @@ def _damping_time(arm: ArmParameters, link: int) -> float:
     return 2.0 * arm.modal_damping_ratio / omega
 
 
-def _mode_dampers(arm: ArmParameters, link: int, segments: int) -> str:
+def _mode_dampers(arm: ArmParameters, link: int, segments: int, damping: Damping) -> str:
     """A fixed tendon with a damper for each mode of a clamped bare link."""
     mass = clamped_mass(arm.link_lengths[link], arm.masses_per_length[link], segments)
     stiffness = arm.flexural_rigidities[link] * (segments - 1) / arm.link_lengths[link]
@@ -147,7 +149,8 @@ def _mode_dampers(arm: ArmParameters, link: int, segments: int) -> str:
     lines = []
     for k, (square, pull) in enumerate(zip(squares, (mass @ shapes).T, strict=True)):
         joints = [f'<joint joint="bend{link + 1}_{j + 1}" coef="{float(c)!r}"/>' for j, c in enumerate(pull)]
-        damper = 2.0 * arm.modal_damping_ratio * math.sqrt(square)
+        ratio = arm.modal_damping_ratio * (_ABOVE_TWO if damping == "two modes" and k >= 2 else 1.0)
+        damper = 2.0 * ratio * math.sqrt(square)
         lines.append(f'<fixed name="mode{link + 1}_{k + 1}" damping="{damper!r}">{"".join(joints)}</fixed>')
     return "\n".join(lines)
 

@@ -88,8 +88,8 @@ class Chain:
     ) -> None:
         """Build it, at rest and straight, integrated by the classical Runge-Kutta method.
 
-        Dampers in proportion to the springs make the fastest modes too fast for that; a chain with these is integrated
-        by `implicitfast`, of first order.
+        Damping that grows with the mode makes the fastest ones too fast for that; such a chain is integrated by
+        `implicitfast`, of first order.
 
         Args:
             elements: bending elements a link, one less than segments.
