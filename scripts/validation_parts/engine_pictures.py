@@ -15,7 +15,7 @@ from validation_parts.checks import Array, Result
 from validation_parts.engine_programmes import PROGRAMMES
 
 TITLES = {programme.name: programme.title for programme in PROGRAMMES}
-DRIVERS = {"ifdc": "IFDC, undamped", "flsac": "FLSAC, undamped", "agent": "the shipped agent, 1 % of the first mode"}
+DRIVERS = {"ifdc": "IFDC, undamped", "flsac": "FLSAC, undamped", "agent": "the agent, 1 % of first modes"}
 CREST = 50  # instants of 1 ms
 PERCENT = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0)
 LIMIT = 10.0  # [mm], drawn as the threshold
