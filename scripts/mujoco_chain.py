@@ -11,21 +11,25 @@ Shoulder and elbow are free hinges with motors; a link has n degrees of freedom,
 the angle of link 1's first segment from the x axis, theta2 that of link 2's first from link 1's last: as in FlexArm,
 from tangent to tangent. No gravity, no contacts.
 
-**Damping.** MuJoCo damps joint by joint. Dampers in proportion to the springs, c = beta EI / h, give the clamped mode i
-the ratio beta omega_i / 2: beta = 2 zeta / omega_1 sets the first one to zeta, and the second gets 6.3 times and the
-third 17.5 times as much, where FlexArm damps every clamped mode by zeta. Of `ArmParameters` the chain needs neither
-modes nor their scale, and its velocity forces are complete whatever `velocity_forces` says.
+**Damping.** Three kinds. "stiffness": dampers in the hinges in proportion to the springs, c = beta EI / h, give the
+clamped mode i the ratio beta omega_i / 2: beta = 2 zeta / omega_1 sets the first one to zeta, and the second gets 6.3
+times and the third 17.5 times as much. "modal": every mode that the segments of a clamped bare link have is damped by
+zeta, as FlexArm damps those that it has, C = M Phi diag(2 zeta omega_i) Phi' M with Phi' M Phi = 1. A term of this
+matrix, 2 zeta omega_i (M phi_i) (M phi_i)', is what MuJoCo calls a fixed tendon with a damper. "two modes": the same
+for the first two modes, and 17.5 zeta, what "stiffness" gives the third, for all above. Of `ArmParameters` the chain
+needs neither modes nor their scale, and its velocity forces are complete whatever `velocity_forces` says.
 
 **Time step.** `implicitfast` treats dampers implicitly and springs explicitly, semi-implicit Euler: without damping it
 is stable up to 2 / omega_max, that is 0.5 ms for n = 10 and 0.1 ms for n = 20 of `TIME_STEPS`. Dampers with beta >=
-step / 2 make it stable at any frequency: at zeta = 1 % up to 3.3 ms, 2 ms of the list, whatever n is. A step of 2 ms
-moves the tip by 0.6 mm in 2 s of a motion of 1.3 m, 0.5 ms by 0.1 mm. A fair comparison shows both dampings.
+step / 2 ("stiffness") make it stable at any frequency: at zeta = 1 % up to 3.3 ms, 2 ms of the list, whatever n is. A
+step of 2 ms moves the tip by 0.6 mm in 2 s of a motion of 1.3 m, 0.5 ms by 0.1 mm.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Collection, Sequence
+from typing import Literal, get_args
 
 import mujoco
 import numpy as np
@@ -34,15 +38,19 @@ from scipy.linalg import eigh
 
 from flexarm_env import ArmParameters
 
+Damping = Literal["stiffness", "modal", "two modes"]
 TIME_STEPS = (5e-3, 2e-3, 1e-3, 5e-4, 2e-4, 1e-4, 5e-5, 2e-5)  # [s]; `largest_stable_step` tries these
 SHOULDER, ELBOW, TIP = "shoulder", "elbow", "tip"
 _FIRST_CLAMPED_ROOT = 1.8751040687119611  # cos x cosh x = -1
+_ABOVE_TWO = 17.5  # of zeta, for the third mode and all above with "two modes"
 _RUNAWAY = 1e4  # [rad/s]; random torques bring the lightest segment of 20 to a few hundred
 _ROUNDING = 1e-6  # of an eigenvalue; the rigid motions' is double, which costs half of the digits
 _SLENDER = 1e-6  # a rod's inertia about its own axis as a part of the other two; MuJoCo wants it positive
 
 
-def chain_model(segments: int, arm: ArmParameters | None = None, time_step: float = 2e-4) -> mujoco.MjModel:
+def chain_model(
+    segments: int, arm: ArmParameters | None = None, time_step: float = 2e-4, damping: Damping = "stiffness"
+) -> mujoco.MjModel:
     """Build the chain.
 
     Joints are named "shoulder", "elbow" and "bend1_1" ... "bend2_9" (link, then from root to tip); actuators "shoulder"
@@ -52,20 +60,27 @@ def chain_model(segments: int, arm: ArmParameters | None = None, time_step: floa
         segments: rigid segments a link, at least 2.
         arm: the arm; None for the default one.
         time_step: [s].
+        damping: of the links, see above.
 
     Raises:
-        ValueError: for less than two segments.
+        ValueError: for less than two segments, or a damping that there is not.
     """
-    return mujoco.MjModel.from_xml_string(chain_xml(segments, arm, time_step))
+    return mujoco.MjModel.from_xml_string(chain_xml(segments, arm, time_step, damping))
 
 
-def chain_xml(segments: int, arm: ArmParameters | None = None, time_step: float = 2e-4) -> str:
+def chain_xml(
+    segments: int, arm: ArmParameters | None = None, time_step: float = 2e-4, damping: Damping = "stiffness"
+) -> str:
     """The chain in MuJoCo's own format; arguments as in `chain_model`."""
     if segments < 2:
         raise ValueError(f"segments = {segments}: must be an integer >= 2")
+    if damping not in get_args(Damping):
+        raise ValueError(f"damping = {damping!r}: must be one of {get_args(Damping)}")
     arm = arm or ArmParameters()
-    first, mount = _link(arm, 0, segments, mount=0.0)
-    second, tip = _link(arm, 1, segments, mount)
+    in_hinges = damping == "stiffness"
+    first, mount = _link(arm, 0, segments, 0.0, in_hinges)
+    second, tip = _link(arm, 1, segments, mount, in_hinges)
+    tendons = "" if in_hinges else "\n".join(_mode_dampers(arm, link, segments, damping) for link in (0, 1))
     return f"""
     <mujoco model="flexible arm of two links">
       <compiler angle="radian"/>
@@ -78,6 +93,7 @@ def chain_xml(segments: int, arm: ArmParameters | None = None, time_step: float 
         <site name="{TIP}" pos="{tip!r} 0 0"/>
         {"</body>" * (2 * segments)}
       </worldbody>
+      <tendon>{tendons}</tendon>
       <actuator>
         <motor name="{SHOULDER}" joint="{SHOULDER}"/>
         <motor name="{ELBOW}" joint="{ELBOW}"/>
@@ -85,7 +101,7 @@ def chain_xml(segments: int, arm: ArmParameters | None = None, time_step: float 
     </mujoco>"""
 
 
-def _link(arm: ArmParameters, link: int, segments: int, mount: float) -> tuple[str, float]:
+def _link(arm: ArmParameters, link: int, segments: int, mount: float, in_hinges: bool) -> tuple[str, float]:
     """Bodies of one link, left open for what comes after.
 
     Args:
@@ -93,13 +109,14 @@ def _link(arm: ArmParameters, link: int, segments: int, mount: float) -> tuple[s
         link: 0 or 1.
         segments: number of rigid segments.
         mount: distance of the link's root from the hinge before it, along the segment that carries it [m].
+        in_hinges: whether the hinges have dampers.
 
     Returns:
         Text, and the length of the last segment [m].
     """
     element = arm.link_lengths[link] / (segments - 1)
     rho, stiffness = arm.masses_per_length[link], arm.flexural_rigidities[link] / element
-    damping = _damping_time(arm, link) * stiffness
+    damping = _damping_time(arm, link) * stiffness if in_hinges else 0.0
     hub = (arm.shoulder_hub_inertia, arm.elbow_hub_inertia)[link]
     mass, inertia = ((arm.elbow_mass, 0.0), (arm.payload_mass, arm.payload_inertia))[link]
     lines = []
@@ -122,6 +139,37 @@ def _damping_time(arm: ArmParameters, link: int) -> float:
     stretch = _FIRST_CLAMPED_ROOT / arm.link_lengths[link]
     omega = stretch**2 * math.sqrt(arm.flexural_rigidities[link] / arm.masses_per_length[link])
     return 2.0 * arm.modal_damping_ratio / omega
+
+
+def _mode_dampers(arm: ArmParameters, link: int, segments: int, damping: Damping) -> str:
+    """A fixed tendon with a damper for each mode of a clamped bare link."""
+    mass = clamped_mass(arm.link_lengths[link], arm.masses_per_length[link], segments)
+    stiffness = arm.flexural_rigidities[link] * (segments - 1) / arm.link_lengths[link]
+    squares, shapes = eigh(stiffness * np.eye(segments - 1), mass)  # shapes' M shapes = 1
+    lines = []
+    for k, (square, pull) in enumerate(zip(squares, (mass @ shapes).T, strict=True)):
+        joints = [f'<joint joint="bend{link + 1}_{j + 1}" coef="{float(c)!r}"/>' for j, c in enumerate(pull)]
+        ratio = arm.modal_damping_ratio * (_ABOVE_TWO if damping == "two modes" and k >= 2 else 1.0)
+        damper = 2.0 * ratio * math.sqrt(square)
+        lines.append(f'<fixed name="mode{link + 1}_{k + 1}" damping="{damper!r}">{"".join(joints)}</fixed>')
+    return "\n".join(lines)
+
+
+def clamped_mass(length: float, rho: float, segments: int) -> NDArray[np.float64]:
+    """Mass matrix of a clamped bare link in its bend angles [kg m^2]. Shape (segments - 1, segments - 1).
+
+    Args:
+        length: of the link [m].
+        rho: mass per length [kg/m].
+        segments: number of rigid segments; the first is the clamp's.
+    """
+    lengths = np.full(segments - 1, length / (segments - 1))
+    lengths[-1] *= 0.5
+    turned = np.tril(np.ones((segments - 1, segments - 1)))  # angles of the segments from the bend angles
+    ends = np.cumsum(lengths[:, None] * turned, axis=0)  # how far the segments' ends move across
+    centres = ends - 0.5 * lengths[:, None] * turned
+    masses = rho * lengths
+    return centres.T * masses @ centres + turned.T * (masses * lengths**2 / 12.0) @ turned
 
 
 def _inertial(rod: float, length: float, mass: float, inertia: float) -> str:
@@ -173,7 +221,7 @@ def frequencies(model: mujoco.MjModel, locked: Collection[str] = (), elbow: floa
 def fastest_rate(model: mujoco.MjModel) -> float:
     """Largest magnitude of an eigenvalue of the straight chain, dampers included [1/s]."""
     omega = float(frequencies(model)[-1])
-    springs = model.joint("bend1_1")
+    springs = model.joint("bend1_1")  # modal dampers are too weak to count
     drag = springs.damping[0] / springs.stiffness[0] * omega**2  # s^2 + drag s + omega^2 = 0
     return max(omega, 0.5 * (drag + math.sqrt(max(drag**2 - 4.0 * omega**2, 0.0))))
 
@@ -191,6 +239,16 @@ def mass_matrix(model: mujoco.MjModel, elbow: float = 0.0) -> NDArray[np.float64
     mass = np.zeros((model.nv, model.nv))
     mujoco.mj_fullM(model, data, mass)
     return mass
+
+
+def dampers(model: mujoco.MjModel) -> NDArray[np.float64]:
+    """Damping matrix of the unbent chain in its joint angles [N m s]. Shape (2 segments, 2 segments)."""
+    data, columns = mujoco.MjData(model), []
+    for rates in np.eye(model.nv):
+        data.qvel[:] = rates
+        mujoco.mj_forward(model, data)
+        columns.append(-data.qfrc_passive.copy())
+    return np.array(columns).T
 
 
 def _springs(model: mujoco.MjModel) -> NDArray[np.float64]:
@@ -224,7 +282,7 @@ def is_stable(model: mujoco.MjModel, seconds: float = 4.0, torque: float = 20.0)
 def _growth(model: mujoco.MjModel) -> float:
     """Largest factor by which one step multiplies a small motion of the straight chain; 1 for its rigid motions."""
     step, mass = model.opt.timestep, mass_matrix(model)
-    rates = np.linalg.solve(mass + step * np.diag(model.dof_damping), np.hstack((-step * _springs(model), mass)))
+    rates = np.linalg.solve(mass + step * dampers(model), np.hstack((-step * _springs(model), mass)))
     angles = np.eye(model.nv, 2 * model.nv) + step * rates
     return float(np.abs(np.linalg.eigvals(np.vstack((angles, rates)))).max())
 

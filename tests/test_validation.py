@@ -208,11 +208,55 @@ def test_the_key_knows_settings_and_sources() -> None:
     assert "two_links_pictures.py" not in names
 
 
+@pytest.mark.parametrize("where", ["PACKAGES", "POLICIES"])
+def test_the_key_knows_files_in_subfolders(where: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from validation_parts import runner
+    from validation_parts.groups import GROUPS
+
+    nested = tmp_path / "folder" / "nested.py"
+    nested.parent.mkdir()
+    nested.write_text("x = 1")
+    monkeypatch.setattr(runner, where, (tmp_path,) if where == "PACKAGES" else tmp_path)
+    before = runner.key(GROUPS[0], True)
+    nested.write_text("x = 2")
+    assert runner.key(GROUPS[0], True) != before
+
+
+def test_a_run_of_some_groups_keeps_the_others_in_the_summary(short: tuple[Path, str], tmp_path: Path) -> None:
+    output = tmp_path / "copy"
+    shutil.copytree(short[0], output)
+    run_script("--quick", "--only", "links", "--output", str(output))
+    assert tuple(json.loads((output / "summary.json").read_text())["groups"]) == NAMES
+    (output / "arm" / "result.json").unlink()
+    done = run_script("--quick", "--only", "links", "--output", str(output))
+    assert "left out: arm" in done.stdout
+    assert "arm" not in json.loads((output / "summary.json").read_text())["groups"]
+
+
+def test_the_short_version_has_a_folder_of_its_own(
+    scripts: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(scripts, "GROUPS", [StubBase("a")])
+    monkeypatch.setattr(scripts, "NAMES", ("a",))
+    monkeypatch.chdir(tmp_path)
+    for options, folder in (([], "validation"), (["--quick"], "validation-quick")):
+        monkeypatch.setattr(sys, "argv", ["validate.py", "--only", "a", *options])
+        with pytest.raises(SystemExit):
+            scripts.main()
+        assert json.loads((tmp_path / "results" / folder / "summary.json").read_text())["quick"] == bool(options)
+
+
 def test_bad_options_are_refused(tmp_path: Path) -> None:
     done = run_script("--only", "nothing", "--output", str(tmp_path / "x"))
     assert done.returncode == 1
     assert "only = ('nothing',): must be one or more of" in done.stderr
     assert not (tmp_path / "x").exists()
+    file = tmp_path / "file"
+    file.write_text("kept")
+    done = run_script("--only", "links", "--output", str(file / "folder"))
+    assert done.returncode == 1
+    assert f"output = {file / 'folder'}: {file} is a file; must be a folder" in done.stderr
+    assert file.read_text() == "kept"
 
 
 # --- the exact methods ----------------------------------------------------------------------------------------
@@ -330,6 +374,30 @@ def test_figures_in_the_text_match_the_record() -> None:
     ]
     for sentence in sentences:
         assert sentence in text, f"not in docs/validation.md: {sentence}"
-    one = f"{arm['bare, free, 1 cantilever, least']:.0f} to {arm['bare, free, 1 cantilever, first two']:.0f} % too high"
-    assert one in (DOCS / "model.md").read_text()
-    assert one in ArmParameters.__doc__
+
+
+@pytest.mark.parametrize("where", ["docs/model.md", "ArmParameters"])
+def test_the_model_s_limits_are_told_as_recorded(where: str) -> None:
+    """How many modes, and up to which deflection and spin: in the page on the model, and where a user sets them."""
+    found = ArmParameters.__doc__ if where == "ArmParameters" else (ROOT / where).read_text()
+    text = " ".join(str(found).split())
+    arm, engine = (record()["groups"][name]["quoted"] for name in ("arm", "engine"))
+    one, two = (f"free, {m} cantilever" for m in (1, 2))
+    kinds = ("smooth torques", "torques that jump")
+    bend = min(engine[f"limit, linear, 2 modes, {kind}, 10 mm"] for kind in kinds)
+    spins = {
+        name: engine["first clamped"] * engine[f"spin, linear, 2 modes, {name}"]
+        for name in ("bent by 5 %, 10 mm", "hardly bent, 10 mm", "unstable from")
+    }
+    assert arm[f"bare, {two}, first two"] < 1.0
+    assert engine["square, bend"] > bend
+    assert engine["reference, largest"] > spins["bent by 5 %, 10 mm"]
+    for words in (
+        f"{arm[f'bare, {one}, least']:.0f} to {arm[f'bare, {one}, first two']:.0f} % too high",
+        f"{arm[f'any load, {one}, first two']:.0f} %",
+        f"{arm[f'any load, {two}, first two']:.0f} %",
+        f"less than {bend:.0f} %",
+        *(f"{spin:.1f} rad/s" for spin in spins.values()),
+    ):
+        assert words in text, f"not in {where}: {words}"
+    assert f"up to {engine['reference, largest']:.1f} rad/s" in text or where == "ArmParameters"

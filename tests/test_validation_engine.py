@@ -69,6 +69,57 @@ def test_a_bent_chain_is_in_balance() -> None:
     assert np.abs(chain.data.qacc).max() < 1e-4  # [rad/s^2]; the pull alone gives thousands
 
 
+@pytest.mark.parametrize(
+    ("damping", "ratios"),
+    [
+        ("modal", [0.02, 0.02, 0.02, 0.02]),
+        ("two modes", [0.02, 0.02, 0.35, 0.35]),
+        ("stiffness", [0.02, 0.126, 0.351, 0.685]),
+    ],
+)
+def test_a_clamped_link_is_damped_as_told(damping: Any, ratios: list[float]) -> None:
+    """Link 2 with all before it held, on dense matrices from MuJoCo alone."""
+    from scipy.linalg import eigh
+
+    import mujoco_chain as chain
+
+    model = chain.chain_model(21, ArmParameters(modal_damping_ratio=0.02), damping=damping)
+    bends = slice(22, 42)
+    mass, damper = chain.mass_matrix(model)[bends, bends], chain.dampers(model)[bends, bends]
+    squares, shapes = eigh(np.diag(model.jnt_stiffness.ravel()[bends]), mass)
+    modal = shapes.T @ damper @ shapes / (2.0 * np.sqrt(squares))
+    np.testing.assert_allclose(np.diag(modal)[:4], ratios, rtol=0.02)
+    np.testing.assert_allclose(modal - np.diag(np.diag(modal)), 0.0, atol=1e-8)
+
+
+def test_dampers_of_a_chain_do_not_turn_it() -> None:
+    """An inner force: it takes energy, and leaves angular momentum about the shoulder alone."""
+    from validation_parts.engine_chain import Chain
+
+    chain = Chain(6, ArmParameters(), damping="modal")
+    chain.data.qpos[:], chain.data.qvel[:] = np.random.default_rng(3).normal(scale=(0.05, 1.0), size=(14, 2)).T
+
+    def momentum_and_energy() -> tuple[float, float]:
+        mujoco.mj_forward(chain.model, chain.data)
+        mass = np.zeros((14, 14))
+        mujoco.mj_fullM(chain.model, chain.data, mass)
+        kinetic = 0.5 * chain.data.qvel @ mass @ chain.data.qvel
+        return float(mass[0] @ chain.data.qvel), kinetic + 0.5 * chain.model.jnt_stiffness.ravel() @ chain.data.qpos**2
+
+    before = momentum_and_energy()
+    chain.advance(np.zeros(2), 200)
+    after = momentum_and_energy()
+    assert after[0] == pytest.approx(before[0], rel=1e-4)
+    assert 0.05 * before[1] < after[1] < 0.9 * before[1]
+
+
+def test_a_damping_that_there_is_not_is_refused() -> None:
+    import mujoco_chain as chain
+
+    with pytest.raises(ValueError, match="damping = 'none': must be one of"):
+        chain.chain_model(3, damping="none")  # type: ignore[arg-type]
+
+
 def test_a_force_that_bends_too_far_is_refused() -> None:
     from validation_parts.engine_chain import Chain
 
@@ -171,12 +222,51 @@ def test_a_limit_lies_where_the_error_passes_the_tolerance() -> None:
     assert limits(diverged)[0]["release, 10 mm"] == 0.01
 
 
+def test_a_kind_was_tried_as_far_as_that_of_its_programmes_which_bent_least() -> None:
+    from validation_parts.engine_tables import floored
+    from validation_parts.engine_validity import largest_bends
+
+    rows = [
+        {"model": "m", "programme": name, "bend": bend}
+        for name, bends in (("multi_sine", (0.04, 0.14)), ("spin_up", (0.02, 0.15)), ("release", (0.135,)))
+        for bend in bends
+    ]
+    assert largest_bends(rows) == {"smooth torques": 0.14, "release": 0.135}
+    assert floored(13.58) == "13.5"
+
+
 def test_only_the_linear_model_softens_until_its_spin_is_unstable() -> None:
     from validation_parts.engine_models import model
-    from validation_parts.engine_validity import critical_spin
+    from validation_parts.engine_validity import FIRST_CLAMPED, critical_spin
+    from validation_parts.spinning import critical_spin as expected
 
     assert critical_spin(model("foreshortened", 2)) is None
-    assert 0.2 < critical_spin(model("linear", 2)) < 1.0
+    found = [FIRST_CLAMPED * critical_spin(model("linear", m)) for m in (1, 2, 4)]
+    assert found[0] > found[1] > found[2] > expected(ArmParameters())
+    assert found[2] == pytest.approx(expected(ArmParameters()), rel=5e-4)
+
+
+def test_finite_elements_of_the_spinning_arm_have_converged() -> None:
+    from validation_parts.spinning import critical_spin
+
+    assert critical_spin(ArmParameters(), 5) == pytest.approx(critical_spin(ArmParameters(), 20), rel=1e-6)
+
+
+def test_the_square_asks_a_rigid_arm_for_these_rates() -> None:
+    """By the Jacobian instead of differences in time."""
+    from flexarm_env import SquareParameters, inverse_kinematics, square
+    from validation_parts.engine_square import reference_rates
+
+    path, arm = square(SquareParameters()), FlexibleArm(UNDAMPED)
+    largest = 0.0
+    for time in np.arange(0.5e-3, 16.0, 5e-3):
+        joints = inverse_kinematics(UNDAMPED, path.position(time), "positive")
+        jacobian = arm.point_jacobian(np.concatenate([joints, np.zeros(arm.size - 2)]), 2, L)[:, :2]
+        largest = max(largest, np.abs(np.cumsum(np.linalg.solve(jacobian, path.velocity(time)))).max())
+    found = reference_rates(0.9 * largest)
+    assert found["largest"] == pytest.approx(largest, rel=0.01)
+    assert 0.0 < found["share"] < 0.05
+    assert reference_rates(2.0 * largest)["share"] == 0.0
 
 
 # --- the square -----------------------------------------------------------------------------------------------
@@ -281,17 +371,26 @@ def range_sentences(q: dict[str, float]) -> list[str]:
     assert f"limit, {two}, smooth torques, 10 mm" not in q, "within it all over the range"
     assert f"limit, {three}, {jump}, 50 mm" not in q
     assert all(q[f"spin, {m}, {bend}, 10 mm"] == 1.0 for m in (two, three) for bend in ("hardly bent", "bent by 5 %"))
+    assert not any(f"spin, {m}, unstable from" in q for m in (two, three)), "stable up to 10"
     of_linear = min(limit(linear, kind) for kind in (jump, "smooth torques"))
     at_50_mm = min(limit(linear, kind, 50) for kind in (jump, "smooth torques"))
-    spin = q[f"spin, {linear}, hardly bent, 10 mm"]
+    bent, straight, unstable = (
+        q[f"spin, {linear}, {name}"] for name in ("bent by 5 %, 10 mm", "hardly bent, 10 mm", "unstable from")
+    )
+    rad = q["first clamped"]
+    smooth, jumps = (int(q[f"tried, {kind}"]) for kind in ("smooth torques", jump))
     return [
-        f"| up to {of_linear:.0f} % of a link | hardly bent up to {spin:.2f} of the first clamped frequency "
-        f"({12.281 * spin:.1f} rad/s), bent by 5 % up to {q[f'spin, {linear}, bent by 5 %, 10 mm']:.1f}; "
-        f"unstable from {q[f'spin, {linear}, unstable from']:.2f} | 50 mm up to {at_50_mm:.0f} %",
-        f"| {limit(two, jump):.1f} %; smooth torques beyond 13 % | up to 1, the largest tried "
+        f"put the limit at {q['critical spin']:.3f} of it, and the linear model with 2 modes, whose shapes make it stiffer, "
+        f"at {unstable:.3f} too",
+        f"| up to {of_linear:.0f} % of a link | bent by 5 % up to {bent:.1f} ({rad * bent:.1f} rad/s), "
+        f"hardly bent up to {straight:.2f} ({rad * straight:.1f} rad/s); "
+        f"unstable from {unstable:.2f} ({rad * unstable:.1f} rad/s) | 50 mm up to {at_50_mm:.0f} %",
+        f"| {limit(two, jump):.1f} %; smooth torques beyond {smooth} % | up to 1, the largest tried; stable up to 10 "
         f"| 50 mm up to {limit(two, jump, 50):.0f} %",
-        f"| {limit(three, jump):.1f} %; smooth torques beyond 13 %",
-        f"| {limit(linear, release):.1f} % with 2 modes, {limit(three, release):.1f} % with 3 and foreshortening | "
+        f"| {limit(three, jump):.1f} %; smooth torques beyond {smooth} % | up to 1; stable up to 10 "
+        f"| 50 mm beyond {min(smooth, jumps)} %",
+        f"| {limit(linear, release):.1f} % with 2 clamped-free modes, {limit(three, release):.1f} % with 3 and "
+        "foreshortening | "
         f"| take polynomials: {limit(polynomials, release):.1f} % with 3",
     ]
 
@@ -304,17 +403,31 @@ def square_sentences(q: dict[str, float]) -> list[str]:
     flips = [of(f"{kinematics}, 3 polynomials", "torque change") for kinematics in ("foreshortened", "linear")]
     assert min(flips) > 200.0
     lost = [0.1 * of(f"{kinematics}, 3 polynomials", "rms") for kinematics in ("foreshortened", "linear")]
+    two_modes = "chain, 1 % of two modes, 17.5 % of the others, 20 elements"
+    every = [f"chain, 1 % of every mode, {n} elements" for n in (10, 20)]
+
+    def both(model: str) -> str:
+        return f"{of(model, 'score'):.1f} / {of(model, 'score_after_2s'):.1f} mm"
+
     scores = [f"{of(m, 'score'):.1f} mm" for m in (linear, "chain", better)]
     later = [f"{of(m, 'score_after_2s'):.1f} mm" for m in (linear, "chain", better)]
     return [
-        f"the links bend by up to {q['square, bend']:.0f} %",
+        f"the links bend by up to {q['square, bend']:.0f} % under the agent, and already the rigid arm's reference turns a "
+        f"link at up to {q['reference, largest']:.1f} rad/s, above {0.1 * q['first clamped']:.1f} rad/s for "
+        f"{100.0 * q['reference, share']:.0f} % of the lap",
         f"off by up to {0.1 * of(linear, 'maximum'):.0f} cm there.** Under the agent the linear model with 2 modes is "
         f"{of(linear, 'rms'):.0f} mm from the chain (r.m.s.) and {of(linear, 'maximum'):.0f} mm at most",
         f"its tip is up to {of(linear, 'kinematics, maximum'):.0f} mm off",
         f"With foreshortening and 2 modes it is {of(better, 'rms'):.1f} mm and {of(better, 'maximum'):.0f} mm",
-        f"scores {scores[0]} over the lap on the linear model and {scores[1]} on the chain, "
-        f"but after 2 s {later[0]} and {later[1]}",
-        f"the benchmark says {scores[2]} and {later[2]}",
+        f"scores {scores[0]} over the lap and {later[0]} after 2 s on the linear model with 2 modes, "
+        f"{scores[2]} and {later[2]} with foreshortening, {scores[1]} and {later[1]} on the chain",
+        f"others by 17.5 %, it scores {both(two_modes)}, {of(two_modes, 'rms'):.1f} mm from the reference",
+        f"it scores {both(every[0])} with 10 elements and {both(every[1])} with 20",
+        f"its torque changes by {of(every[0], 'torque change'):.0f} and {of(every[1], 'torque change'):.0f} N m a period, "
+        f"where it changes by {of('chain, 20 elements', 'torque change'):.1f} N m on the reference",
+        f"the two are {of(every[0], 'modal, rms'):.0f} mm apart (r.m.s.)",
+        f"The model with 2 modes is {of(linear, 'modal, rms'):.0f} mm from the finer one, with foreshortening "
+        f"{of(better, 'modal, rms'):.0f} mm",
         f"FLSAC's tip is {of(linear, 'rms', 'flsac'):.0f} mm from the chain's (r.m.s.) on the linear model "
         f"with 2 modes and {of(better, 'rms', 'flsac'):.0f} mm with foreshortening, "
         f"but {of(best, 'rms', 'flsac'):.0f} mm with",

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import butter, sosfiltfilt
 
-from flexarm_env import FlexibleArm
+from flexarm_env import ArmParameters, FlexibleArm
 from validation_parts.engine_chain import CHAIN_ANGLE, HELD, MODEL_ANGLE, Chain, bent_by
 from validation_parts.engine_programmes import Programme
 
@@ -89,6 +89,10 @@ def low_passed(angles: Array) -> Array:
     return sosfiltfilt(butter(4, LOW_PASS, fs=1.0 / HELD, output="sos"), angles, axis=0)
 
 
-def peak_bend(motion: Motion, length: float = 4.5) -> float:
-    """Largest deflection of a link's tip as a part of its length."""
-    return float(np.abs(motion.deflection).max() / length)
+def peak_bend(deflection: Array) -> float:
+    """Largest deflection of a link's tip as a part of its length.
+
+    Args:
+        deflection: of the default arm's links [m]. Shape (n, 2).
+    """
+    return float((np.abs(deflection) / ArmParameters().link_lengths).max())

@@ -4,8 +4,10 @@ The same law, or the same agent, drives each of them, so that a model's error sh
 Two further figures have none: how far a model's tip is off at the *chain's* shape (kinematics alone), and how far it is
 off half a second after it was set on the chain's state, under the agent's torques.
 
-Under the laws nothing is damped. The agent was trained with 1 % of modal damping and drives the undamped arm's third
-modes unstable, so under it the models have theirs and the chain has dampers that agree on each link's first mode.
+Under the laws nothing is damped. The agent was trained with 1 % of modal damping, on two modes a link, and drives
+modes that it does not know and that are damped by no more unstable. So under it the chain is damped in three ways
+(`mujoco_chain`): in proportion to the springs, which is the reference; by 1 % of every mode that it has; and by 1 % of
+the first two modes alone, the others more.
 """
 
 from __future__ import annotations
@@ -33,15 +35,20 @@ from flexarm_env import (
 )
 from flexarm_env.rollout import run_batch
 from flexarm_env.simulation import observation_blocks
+from mujoco_chain import Damping
 from validation_parts.engine_chain import HELD, Chain, Gauges, Modal, Plant
 from validation_parts.engine_laws import law_lap
 from validation_parts.engine_models import Model
 from validation_parts.engine_observer import Observer
-from validation_parts.engine_runs import rms
+from validation_parts.engine_runs import peak_bend, rms
 
 Array = NDArray[np.float64]
 SETTLED = 2.0  # [s]; the start's transient is over
 SAMPLED = 10  # `HELD` in a control period of the agent; the score counts these instants
+DAMPINGS: dict[Damping, str] = {  # beside that in proportion to the springs
+    "modal": "1 % of every mode",
+    "two modes": "1 % of two modes, 17.5 % of the others",
+}
 AHEAD, EVERY = 0.5, 0.25  # a prediction's length, and how often one starts [s]
 
 
@@ -119,16 +126,29 @@ def agent_lap(trained: Trained, plant: Plant, seconds: float, models: Sequence[F
     return Lap(np.concatenate(tips), np.array(torques), [np.array(rows) for rows in states], np.array(deflections))
 
 
-def on_corner(parameters: ArmParameters, elements: int | None = None) -> Plant:
-    """An arm at rest on the first corner: a chain, or without `elements` a model."""
+def on_corner(parameters: ArmParameters, elements: int | None = None, damping: Damping = "stiffness") -> Plant:
+    """An arm at rest on the first corner: a chain with some damping, or without `elements` a model."""
     joints = inverse_kinematics(parameters, square(SquareParameters()).table[0, 1:], "positive")
     if elements is None:
         model = Modal(FlexibleArm(parameters))
         model.state[:2] = joints
         return model
-    chain = Chain(elements, parameters)
+    chain = Chain(elements, parameters, damping=damping)
     chain.place(joints)
     return chain
+
+
+def reference_rates(limit: float) -> dict[str, float]:
+    """How fast the links of a rigid arm turn on the square: the largest rate of one [rad/s], and how long it is above.
+
+    Args:
+        limit: [rad/s]; the part of the lap counts during which a link turns faster.
+    """
+    path, arm = square(SquareParameters()), ArmParameters()
+    points = path.position(np.arange(0.0, path.lap_time, HELD))
+    joints = np.unwrap([inverse_kinematics(arm, point, "positive") for point in points], axis=0)
+    rates = np.abs(np.diff(np.cumsum(joints, axis=1), axis=0)).max(axis=1) / HELD
+    return {"largest": float(rates.max()), "share": float((rates > limit).mean())}
 
 
 # --- what is compared -------------------------------------------------------------------------------------------------
@@ -172,19 +192,40 @@ def agent(
     progress("the agent on the chain")
     coarse, fine = (agent_lap(trained, on_corner(ArmParameters(), n), seconds, arms) for n in elements)
     truth = fine.tip + (fine.tip - coarse.tip) / 3.0
-    rows = [_lap_row("agent", "chain", truth, truth) | {"bend": float(np.abs(fine.deflection).max() / 4.5)}]
-    rows.append(_lap_row("agent", f"chain, {elements[1]} elements", fine.tip, truth))
+    rows = [_lap_row("agent", "chain", truth, truth) | {"bend": peak_bend(fine.deflection)}]
+    rows.append(_lap_row("agent", f"chain, {elements[1]} elements", fine.tip, truth) | _torque_change(fine))
     arrays = {"agent chain": truth}
+    others: dict[str, Lap] = {}
+    for damping, n in (("two modes", elements[1]), ("modal", elements[0]), ("modal", elements[1])):
+        progress(f"the agent on the chain, damped by {damping}, {n} elements")
+        label = f"chain, {DAMPINGS[damping]}, {n} elements"
+        others[label] = lap = agent_lap(trained, on_corner(ArmParameters(), n, damping), seconds)
+        arrays[f"agent {label}"] = _distance(lap.tip, truth)
+    modal = list(others.values())[-1].tip
+    rows += [
+        _lap_row("agent", label, lap.tip, truth) | _torque_change(lap) | {"modal": _away(lap.tip, modal)}
+        for label, lap in others.items()
+    ]
     for m, arm, states in zip(models, arms, fine.states, strict=True):
         progress(f"the agent on {m.label}")
         lap = agent_lap(trained, on_corner(arm.parameters), seconds)
         row = _lap_row("agent", m.label, lap.tip, truth)
         row["kinematics"] = _kinematics(arm, states, fine)
         row["ahead"] = _ahead(arm, states, fine)
-        row["torque_change"] = float(np.abs(np.diff(lap.torque[::SAMPLED, 0])).mean())
-        rows.append(row)
+        row["modal"] = _away(lap.tip, modal)
+        rows.append(row | _torque_change(lap))
         arrays[f"agent {m.label}"] = _distance(lap.tip, truth)
     return rows, arrays
+
+
+def _torque_change(lap: Lap) -> dict[str, float]:
+    """Mean change of the shoulder's torque from one control period to the next [N m]."""
+    return {"torque_change": float(np.abs(np.diff(lap.torque[::SAMPLED, 0])).mean())}
+
+
+def _away(tip: Array, other: Array) -> dict[str, float]:
+    away = _distance(tip, other)
+    return {"rms": rms(away), "maximum": float(away.max())}
 
 
 def _distance(tip: Array, other: Array) -> Array:
@@ -194,15 +235,14 @@ def _distance(tip: Array, other: Array) -> Array:
 
 def _lap_row(driver: str, which: str, tip: Array, truth: Array) -> dict[str, Any]:
     """Distance from the chain and from the reference [m]; the score as the benchmark has it, every 10 ms."""
-    away = _distance(tip, truth)
+    away = _away(tip, truth)
     tip = tip[: len(truth)]
     miss = _distance(tip, square(SquareParameters()).position(HELD * np.arange(len(tip))))[::SAMPLED]
     settled = round(SETTLED / HELD)
     return {
         "driver": driver,
         "model": which,
-        "rms": rms(away),
-        "maximum": float(away.max()),
+        **away,
         "score": rms(miss),
         "score_after_2s": rms(miss[settled // SAMPLED :]) if len(tip) > settled else None,
     }
@@ -210,8 +250,7 @@ def _lap_row(driver: str, which: str, tip: Array, truth: Array) -> dict[str, Any
 
 def _kinematics(arm: FlexibleArm, states: Array, lap: Lap) -> dict[str, float]:
     """A model's tip at the chain's shapes."""
-    away = _distance(arm.tip(states[:, : arm.size]), lap.tip[::SAMPLED])
-    return {"rms": rms(away), "maximum": float(away.max())}
+    return _away(arm.tip(states[:, : arm.size]), lap.tip[::SAMPLED])
 
 
 def _ahead(arm: FlexibleArm, states: Array, lap: Lap) -> dict[str, float]:

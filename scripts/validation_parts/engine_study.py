@@ -8,6 +8,7 @@ small-deflection assumption (and what it does to the truncated shapes).
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -32,6 +33,7 @@ Array = NDArray[np.float64]
 SMALLEST = 0.125
 AMPLITUDES = (SMALLEST, 0.25, 0.5, 1.0, 2.0, 4.0)
 FINEST = (20, 40)  # elements of the reference at amplitude 1; at the others half as many
+QUICK_ELEMENTS = (5, 10)
 SHOWN = (  # errors over time, in the picture
     model("linear", 1),
     model("linear", 2),
@@ -103,7 +105,7 @@ def study(
         cases = {}
         for amplitude in amplitudes:
             progress(f"{programme.title}, amplitude {amplitude:g}")
-            coarse = (FINEST[0] // 2, FINEST[0])
+            coarse = QUICK_ELEMENTS if quick else (FINEST[0] // 2, FINEST[0])
             elements = (*coarse, FINEST[1]) if amplitude == 1.0 and not quick else coarse
             found = cases[amplitude] = case(programme.times(amplitude), elements, models)
             records["errors"] += error_rows(programme, amplitude, found)
@@ -115,7 +117,7 @@ def study(
 
 def error_rows(programme: Programme, amplitude: float, found: Case) -> list[dict[str, Any]]:
     """How far each model's tip [m] and low-passed joint angles [rad] are off; infinite where it diverged."""
-    bend = peak_bend(found.reference)
+    bend = peak_bend(found.reference.deflection)
     return [
         {"programme": programme.name, "amplitude": amplitude, "bend": bend, "model": m.label}
         | {"rms": tip_rms(error)}
@@ -132,7 +134,7 @@ def convergence_row(programme: Programme, found: Case) -> dict[str, Any]:
     smooth = [low_passed(angles) for angles in raw]
     return {
         "programme": programme.name,
-        "bend": peak_bend(found.reference),
+        "bend": peak_bend(found.reference.deflection),
         "way": float(np.linalg.norm(found.reference.tip - found.reference.tip[0], axis=1).max()),
         "tip": {str(n): float(apart(chain, found.reference).max()) for n, chain in found.chains.items()},
         "angles": float(np.abs(raw[1] - raw[0]).max()),
@@ -173,9 +175,9 @@ def drawn(programme: Programme, found: Case) -> dict[str, Array]:
     return arrays
 
 
-def step_errors() -> dict[str, float]:
+def step_errors(quick: bool) -> dict[str, float]:
     """What halving the step changes at the tip under the doublet [m]: of a chain of 20 elements, and of a model."""
-    programme = PROGRAMMES[0]
+    programme = replace(PROGRAMMES[0], duration=0.5) if quick else PROGRAMMES[0]
     chains = [chain_motion(programme, FINEST[0], angle) for angle in (CHAIN_ANGLE, 0.5 * CHAIN_ANGLE)]
     fields = model("foreshortened", 3).fields
     models = [model_motion(programme, angle, **fields) for angle in (MODEL_ANGLE, 0.5 * MODEL_ANGLE)]

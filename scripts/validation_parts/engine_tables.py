@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from validation_parts.checks import Findings
+from validation_parts.engine_validity import FASTEST, FIRST_CLAMPED
 from validation_parts.tables import markdown
 
 
@@ -67,20 +68,27 @@ def _part_table(records: dict[str, Any]) -> str:
 
 def _limit_table(records: dict[str, Any]) -> str:
     names = [name for name in records["limits"][0] if name != "model"]
-    most = 100.0 * max(row["bend"] for row in records["errors"])
-    rows = [
-        [row["model"], *(f"> {most:.0f} %" if row[n] is None else f"{100.0 * row[n]:.2g} %" for n in names)]
-        for row in records["limits"]
-    ]
+
+    def cell(limit: float | None, name: str) -> str:
+        tried = records["tried"].get(name.rsplit(", ", 1)[0], 0.0)
+        return f"> {floored(100.0 * tried)} %" if limit is None else f"{100.0 * limit:.2g} %"
+
+    rows = [[row["model"], *(cell(row[name], name) for name in names)] for row in records["limits"]]
     return markdown(["deflection / length", *names], rows)
+
+
+def floored(value: float) -> str:
+    """One decimal, not rounded up."""
+    return f"{int(10.0 * value) / 10.0:.1f}"
 
 
 def _spin_table(records: dict[str, Any]) -> str:
     names = [name for name in records["spins"][0] if name != "model"]
     rows = [
-        [row["model"], *("never" if row[n] is None else f"{row[n]:.2g}" for n in names)] for row in records["spins"]
+        [row["model"], *(f"> {FASTEST:g}" if row[n] is None else f"{row[n]:.2g}" for n in names)]
+        for row in records["spins"]
     ]
-    return markdown(["spin / 12.28 rad/s", *names], rows)
+    return markdown([f"spin / {FIRST_CLAMPED:.2f} rad/s", *names], rows)
 
 
 def _square_table(records: dict[str, Any]) -> str:
@@ -88,7 +96,9 @@ def _square_table(records: dict[str, Any]) -> str:
         "tip on the square [mm]",
         "who drives",
         "from the chain: r.m.s. / largest",
+        "from the chain with 1 % of every mode",
         "score: lap / after 2 s",
+        "torque change [N m]",
         "kinematics alone",
         "0.5 s ahead",
     )
@@ -101,7 +111,9 @@ def _square_table(records: dict[str, Any]) -> str:
             "" if row["score_after_2s"] is None else f"{1e3 * row['score_after_2s']:.1f}"
         )
         away = "" if row["model"] == "chain" else f"{_mm(row['rms'])} / {_mm(row['maximum'])}"
-        rows.append([row["model"], row["driver"], away, score, *alone])
+        modal = f"{_mm(row['modal']['rms'])} / {_mm(row['modal']['maximum'])}" if "modal" in row else ""
+        change = f"{row['torque_change']:.2g}" if "torque_change" in row else ""
+        rows.append([row["model"], row["driver"], away, modal, score, change, *alone])
     return markdown(header, rows)
 
 

@@ -12,7 +12,7 @@ from flexarm_env import ArmParameters, FlexibleArm
 from validation_parts.engine_models import Model, model
 from validation_parts.engine_programmes import Programme
 from validation_parts.engine_runs import peak_bend
-from validation_parts.engine_study import case, tip_rms
+from validation_parts.engine_study import QUICK_ELEMENTS, case, tip_rms
 
 Array = NDArray[np.float64]
 TOLERANCES = (0.01, 0.05)  # r.m.s. tip error that a limit allows [m]: about 0.1 and 0.5 % of the reach
@@ -21,10 +21,11 @@ KINDS = {  # of programmes; a limit is the least of its kind
     "torques that jump": ("doublet", "bang_bang", "payload"),
     "release": ("release",),
 }
-FIRST_CLAMPED = 12.281  # [rad/s], of a link (5)
+FIRST_CLAMPED = float(FlexibleArm(ArmParameters()).modes[0].frequencies[0])  # [rad/s], of a link (5)
 SPINS = (0.0, 0.1, 0.2, 0.27, 0.33, 0.4, 0.6, 1.0)  # of FIRST_CLAMPED
 KICKS = (2.0, 6.0, 20.0, 60.0)  # amplitudes
 STRONG = 2  # the kick that bends a link by 5 %
+FASTEST = 10.0  # of FIRST_CLAMPED; stability is looked at up to there
 GROWTH = 0.1  # [1/s]; rounding splits the double eigenvalue 0 by less
 MAPPED = (model("linear", 2), model("linear", 3), model("foreshortened", 2), model("foreshortened", 3))
 
@@ -81,20 +82,20 @@ def spin_map(quick: bool, progress: Callable[[str], None]) -> tuple[list[dict[st
         Rows with the limits of spin, and arrays: spins, peak deflections (spins, kicks), errors of each model.
     """
     spins, kicks = ((0.0, 0.6), (1.0, 4.0)) if quick else (SPINS, KICKS)
-    shape = (len(spins), len(kicks))
-    bends, errors = np.zeros(shape), {m: np.zeros(shape) for m in MAPPED}
+    shape, mapped = (len(spins), len(kicks)), MAPPED[::2] if quick else MAPPED
+    bends, errors = np.zeros(shape), {m: np.zeros(shape) for m in mapped}
     for i, spin in enumerate(spins):
         progress(f"spin at {spin:g} of the first clamped frequency")
         for j, strength in enumerate(kicks):
             programme = Programme(
                 "spin", "spin and kick", kick, 1.0, amplitude=strength, elbow=0.0, spin=spin * FIRST_CLAMPED
             )
-            found = case(programme, (10, 20), MAPPED)
-            bends[i, j] = peak_bend(found.reference)
+            found = case(programme, QUICK_ELEMENTS if quick else (10, 20), mapped)
+            bends[i, j] = peak_bend(found.reference.deflection)
             for m, error in found.errors.items():
                 errors[m][i, j] = tip_rms(error)
     arrays = {"map spins": np.array(spins), "map bends": bends} | {f"map {m.label}": e for m, e in errors.items()}
-    return [_spin_limit(m, np.array(spins), errors[m]) for m in MAPPED], arrays
+    return [_spin_limit(m, np.array(spins), errors[m]) for m in mapped], arrays
 
 
 def _spin_limit(which: Model, spins: Array, errors: Array) -> dict[str, Any]:
@@ -111,12 +112,37 @@ def _spin_limit(which: Model, spins: Array, errors: Array) -> dict[str, Any]:
 def critical_spin(which: Model) -> float | None:
     """The lowest spin of the straight arm at which a small motion grows, as a part of the first clamped frequency.
 
-    None if there is none up to 1. The true arm's spin is stable: its ends are pulled outwards.
+    None if there is none up to `FASTEST`. The true arm's spin is stable: its ends are pulled outwards.
     """
     arm = FlexibleArm(ArmParameters(modal_damping_ratio=0.0, **which.fields))
-    state = np.zeros(2 * arm.size)
-    for spin in np.linspace(0.01, 1.0, 100):
+
+    def grows(spin: float) -> bool:
+        state = np.zeros(2 * arm.size)
         state[arm.size] = spin * FIRST_CLAMPED
-        if np.linalg.eigvals(arm.linearise(state).A).real.max() > GROWTH:
-            return float(spin)
-    return None
+        return bool(np.linalg.eigvals(arm.linearise(state).A).real.max() > GROWTH)
+
+    tried = np.concatenate([np.arange(0.0, 1.0, 0.05), np.linspace(1.0, FASTEST, 37)])
+    first = next((k for k, spin in enumerate(tried) if grows(spin)), None)
+    if first is None:
+        return None
+    stable, unstable = float(tried[first - 1]), float(tried[first])
+    while unstable - stable > 1e-4:
+        middle = 0.5 * (stable + unstable)
+        stable, unstable = (stable, middle) if grows(middle) else (middle, unstable)
+    return unstable
+
+
+def largest_bends(rows: Sequence[dict[str, Any]]) -> dict[str, float]:
+    """How far links were bent at most in each kind of programme: in that of its programmes which bent them least.
+
+    Args:
+        rows: of `engine_study.error_rows`.
+    """
+    most = {name: max(row["bend"] for row in rows if row["programme"] == name) for name in _tried(rows)}
+    return {
+        kind: min(most[name] for name in names if name in most) for kind, names in KINDS.items() if {*names} & {*most}
+    }
+
+
+def _tried(rows: Sequence[dict[str, Any]]) -> list[str]:
+    return list(dict.fromkeys(row["programme"] for row in rows))

@@ -19,8 +19,8 @@ from validation_parts.exact_beams import Joints
 Array = NDArray[np.float64]
 
 # of one element of length 1, in (v0, theta0, v1, theta1) across and (u0, u1) along it; consistent masses
-_BENDING = np.array([[12, 6, -12, 6], [6, 4, -6, 2], [-12, -6, 12, -6], [6, 2, -6, 4]], dtype=float)
-_ACROSS = np.array([[156, 22, 54, -13], [22, 4, 13, -3], [54, 13, 156, -22], [-13, -3, -22, 4]]) / 420.0
+BENDING = np.array([[12, 6, -12, 6], [6, 4, -6, 2], [-12, -6, 12, -6], [6, 2, -6, 4]], dtype=float)
+ACROSS = np.array([[156, 22, 54, -13], [22, 4, 13, -3], [54, 13, 156, -22], [-13, -3, -22, 4]]) / 420.0
 _ALONG = np.array([[2, 1], [1, 2]]) / 6.0
 
 
@@ -95,8 +95,8 @@ def _link(h: float, rigidity: float, density: float, angle: float, elements: int
     cos, sin = np.cos(angle), np.sin(angle)
     turn = np.array([[-sin, cos, 0.0], [0.0, 0.0, h], [cos, sin, 0.0]])  # to across, turn times h, along
     to_local = block_diag(turn, turn)[[0, 1, 3, 4, 2, 5]]
-    local_mass = density * h * block_diag(_ACROSS, _ALONG)
-    local_stiffness = rigidity / h**3 * block_diag(_BENDING, np.zeros((2, 2)))
+    local_mass = density * h * block_diag(ACROSS, _ALONG)
+    local_stiffness = rigidity / h**3 * block_diag(BENDING, np.zeros((2, 2)))
     n = 3 * elements + 3
     mass, stiffness, conditions = np.zeros((n, n)), np.zeros((n, n)), np.zeros((elements, n))
     for e in range(elements):

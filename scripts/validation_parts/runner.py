@@ -61,8 +61,9 @@ def key(group: Group, quick: bool) -> str:
             digest.update(f"{package} {version(package)}".encode())
         except PackageNotFoundError:
             digest.update(f"{package} missing".encode())
-    packages = {path for folder in PACKAGES for path in folder.glob("*.py")} | set(POLICIES.iterdir())
-    for path in sorted(packages | _imported(SCRIPTS / "validation_parts" / f"{group.module}.py")):
+    packages = {path for folder in PACKAGES for path in folder.rglob("*.py")}
+    policies = {path for path in POLICIES.rglob("*") if path.is_file()}
+    for path in sorted(packages | policies | _imported(SCRIPTS / "validation_parts" / f"{group.module}.py")):
         digest.update(path.name.encode() + path.read_bytes())
     return digest.hexdigest()
 
@@ -111,11 +112,20 @@ def run_group(group: Group, quick: bool, folder: Path, fresh: bool, progress: Ca
         figures = folder / "figures"
         figures.mkdir(exist_ok=True)
         group.draw(result, figures)
-        tables = group.tables(result.findings)
+        return _outcome(group, result, reused)
     except Exception:  # one group's error does not keep the others from running
         return Outcome(group, error=traceback.format_exc())
+
+
+def earlier_outcome(group: Group, quick: bool, folder: Path) -> Outcome | None:
+    """What lies in a folder of results, if it is up to date; nothing is run or drawn."""
+    result = read(folder / group.name)
+    return _outcome(group, result, reused=True) if result is not None and result.key == key(group, quick) else None
+
+
+def _outcome(group: Group, result: Result, reused: bool) -> Outcome:
     found = result.findings
-    return Outcome(group, found.checks, found.quoted, tables, result.seconds, reused)
+    return Outcome(group, found.checks, found.quoted, group.tables(found), result.seconds, reused)
 
 
 # --- the report -----------------------------------------------------------------------------------------------
