@@ -14,6 +14,7 @@ import numpy as np
 from flexarm_env.drives import drive
 from flexarm_env.elementary import sincos
 from flexarm_env.random_stream import normal, uniform
+from flexarm_env.reporting import write_observations, write_previews
 from flexarm_env.stepping import (
     BEGAN,
     HEAD,
@@ -29,12 +30,12 @@ from flexarm_env.stepping import (
 LANES = 1
 SIZE = 4
 STEP = PERIOD = JITTER = HOLD = DROPOUT = ENCODER_NOISE = DEFLECTION_LIMIT = ERROR_LIMIT = LENGTHS = BRANCH = 0
-WEIGHTS = SUBSTEPS = CHANNELS = KEPT_ACTIONS = PREVIEWS = OBSERVED = PLACES = 0
-HORIZONS = TAIL = NOISE = PLACE_DISTANCE = 0
+WEIGHTS = SUBSTEPS = CHANNELS = KEPT_ACTIONS = PREVIEWS = 0
+TAIL = NOISE = PLACE_DISTANCE = 0
 DRAWN_NOISE = TERMS = 0  # place of the noise among the quantities drawn for an episode; terms of the reward
 LATE = TRUE_SENSOR = False
 SENSOR_DELAY = EPISODE = SAMPLE_TIME = SENSOR_ERROR = SENSOR_ERROR_RATE = SENSED = ACTION_CHANGE = MEASURED = 0
-STATE = REFERENCE = PHASE = TIME = STATUS = DEFLECTION = TRUE_TIP = FRAME_AXIS = REWARD = REWARD_TERMS = 0
+STATE = REFERENCE = LAP = PHASE = TIME = STATUS = DEFLECTION = TRUE_TIP = REWARD = REWARD_TERMS = 0
 CHANNELS_OF_NOISE = 8  # random numbers set aside for each control period
 FIRST_NOISE = 64  # random numbers set aside for the start of an episode
 
@@ -210,7 +211,7 @@ def observe(
         first: lane of the block among all.
     """
     look(arena, history, clock, keys, paths, plan, settings, who)
-    write_previews(arena, clock, paths, plan, settings, who)
+    write_previews(arena, clock, paths, plan, settings)
     write_observations(arena, observations, first, plan, settings, who)
 
 
@@ -233,7 +234,9 @@ def look(arena: Any, history: Any, clock: Any, keys: Any, paths: Any, plan: Any,
         reference = reference_now(clock, paths, h, i)
         for r in range(4):
             arena[i + (REFERENCE + r) * LANES] = reference[r]
-        laps = clock[STEPS, i] * h / paths[clock[PATH, i], paths.shape[1] - 1, 0]
+        lap = paths[clock[PATH, i], paths.shape[1] - 1, 0]
+        laps = clock[STEPS, i] * h / lap
+        arena[i + LAP * LANES] = lap
         arena[i + PHASE * LANES] = laps - int(laps)
         arena[i + TIME * LANES] = (clock[STEPS, i] - clock[BEGAN, i]) * h
         if who[i]:
@@ -267,44 +270,6 @@ def judge(arena: Any, settings: Any) -> None:
             arena[i + REWARD * LANES] = 0.0
             for n in range(TERMS):
                 arena[i + (REWARD_TERMS + n) * LANES] = 0.0
-
-
-def write_previews(arena: Any, clock: Any, paths: Any, plan: Any, settings: Any, who: Any) -> None:
-    """Where the reference will have moved at each horizon, seen from where it is, in the frame; of some lanes."""
-    last = paths.shape[1] - 1
-    for i in range(LANES):
-        if not who[i]:
-            continue
-        p = clock[PATH, i]
-        lap = paths[p, last, 0]
-        sides_per_second = last / lap
-        now = arena[i + PHASE * LANES] * lap
-        cosine = arena[i + FRAME_AXIS * LANES]
-        sine = arena[i + (FRAME_AXIS + 1) * LANES]
-        for n in range(plan[PREVIEWS]):
-            time = now + settings[HORIZONS + n]
-            if time >= lap:
-                time -= floor(time / lap) * lap
-            k = min(int(time * sides_per_second), last - 1)
-            while k < last - 1 and time >= paths[p, k + 1, 0]:
-                k += 1
-            while k > 0 and time < paths[p, k, 0]:
-                k -= 1
-            passed = time - paths[p, k, 0]
-            x = paths[p, k, 1] + paths[p, k, 3] * passed - arena[i + REFERENCE * LANES]
-            y = paths[p, k, 2] + paths[p, k, 4] * passed - arena[i + (REFERENCE + 1) * LANES]
-            arena[i + (TAIL + 2 * n) * LANES] = cosine * x + sine * y
-            arena[i + (TAIL + 2 * n + 1) * LANES] = cosine * y - sine * x
-
-
-def write_observations(arena: Any, observations: Any, first: int, plan: Any, settings: Any, who: Any) -> None:
-    """Gather the observations of some lanes of a block; one whose state is not valid keeps its last one."""
-    factors = HORIZONS + plan[PREVIEWS]
-    for i in range(LANES):
-        status = arena[i + STATUS * LANES]
-        if who[i] and (status == 0.0 or status < -1.5):
-            for n in range(plan[OBSERVED]):
-                observations[first + i, n] = arena[i + plan[PLACES + n] * LANES] * settings[factors + n]
 
 
 def step_episodes(

@@ -73,18 +73,16 @@ class InfoMaker:
         parts = fleet.parts
         self._time, self._gain = parts["TIME"].start, parts["EFFECTIVE_GAIN"].start
         self._with_gain = fleet.settings.action_mode == "gain"
-        self._vectors = {}
+        vectors = {}
         for name, (part, count) in _VECTORS.items():
             start, stop = parts[part].start, parts[part].stop
-            self._vectors[name] = slice(start, stop if count is None else start + count)
+            vectors[name] = slice(start, stop if count is None else start + count)
         first = parts["REWARD_TERMS"].start
         weights = fleet.settings.reward_weights
-        self._terms = {name: first + n for n, name in enumerate(TERMS) if weights.get(name, 0.0) > 0.0}
-        self._episode = {name: parts["EPISODE"].start + n for n, name in enumerate(DRAWN)}
-        self._items = tuple(self._vectors.items())
+        self._items = tuple(vectors.items())
         self._numbers = slice(first, None)  # all that are reported one by one come last
-        self._term_items = tuple((name, place - first) for name, place in self._terms.items())
-        self._episode_items = tuple((name, place - first) for name, place in self._episode.items())
+        self._term_items = tuple((name, n) for n, name in enumerate(TERMS) if weights.get(name, 0.0) > 0.0)
+        self._episode_items = tuple((name, parts["EPISODE"].start - first + n) for n, name in enumerate(DRAWN))
         self._time_place, self._gain_place = self._time - first, self._gain - first
 
     def single(self, result: Array, stepped: bool) -> dict[str, Any]:
@@ -114,24 +112,49 @@ class InfoMaker:
             stepped: environments that a step led there. Shape (N,).
             begun: environments that were reset. Shape (N,); no environment is both.
         """
-        infos: dict[str, Any] = {}
         both = stepped | begun
         known = results if both.all() else np.where(both[:, None], results, 0.0)
-        for name, part in self._vectors.items():
-            infos[name], infos[f"_{name}"] = known[:, part], both.copy()
-        infos["time"], infos["_time"] = known[:, self._time], both.copy()
+        having = iter(_copies(both, len(self._items) + 2))
+        infos: dict[str, Any] = {}
+        for name, part in self._items:
+            infos[name], infos[f"_{name}"] = known[:, part], next(having)
+        infos["time"], infos["_time"] = known[:, self._time], next(having)
         if self._with_gain:
-            infos["gain"], infos["_gain"] = known[:, self._gain], both.copy()
-        for name, places, mask in (("reward_terms", self._terms, stepped), ("parameters", self._episode, begun)):
-            if mask.any():
-                inner: dict[str, Any] = {}
-                for key, place in places.items():
-                    inner[key], inner[f"_{key}"] = np.where(mask, results[:, place], 0.0), mask.copy()
-                infos[name], infos[f"_{name}"] = inner, mask.copy()
+            infos["gain"], infos["_gain"] = known[:, self._gain], next(having)
+        if stepped.any():
+            infos["reward_terms"] = self._numbers_of(results, self._term_items, stepped)
+            infos["_reward_terms"] = stepped.copy()
         if begun.any():
+            infos["parameters"] = self._numbers_of(results, self._episode_items, begun)
+            infos["_parameters"] = begun.copy()
             paths, times = np.full(len(begun), None, dtype=object), np.zeros(len(begun))
             for i in np.flatnonzero(begun).tolist():
                 paths[i], times[i] = self._fleet.start_of(i)
             infos["path"], infos["_path"] = paths, begun.copy()
             infos["start_time"], infos["_start_time"] = times, begun.copy()
         return infos
+
+    def _numbers_of(
+        self, results: Array, items: tuple[tuple[str, int], ...], mask: NDArray[np.bool_]
+    ) -> dict[str, Array | NDArray[np.bool_]]:
+        """Numbers by name, of some environments, 0 for the others; and masks that say so."""
+        rows = results.T[self._numbers]  # each quantity contiguous
+        columns = np.flatnonzero(mask)
+        few = 2 * len(columns) < len(mask)
+        values = np.zeros(rows.shape) if few else rows.copy()
+        if few:
+            values[:, columns] = rows[:, columns]
+        else:
+            values[:, np.flatnonzero(~mask)] = 0.0
+        having = _copies(mask, len(items))
+        named: dict[str, Array | NDArray[np.bool_]] = {}
+        for (name, place), flags in zip(items, having, strict=True):
+            named[name], named[f"_{name}"] = values[place], flags
+        return named
+
+
+def _copies(mask: NDArray[np.bool_], count: int) -> NDArray[np.bool_]:
+    """Copies of a mask, made at once. Shape (count, N)."""
+    copies = np.empty((count, len(mask)), dtype=np.bool_)
+    copies[:] = mask
+    return copies

@@ -2,9 +2,9 @@
 
 A variant fixes what the compiler should know: number of modes, velocity forces, sensor model, lanes of a block.
 Its module is one file holding everything it calls: elementary functions, the recorded physics and features
-(`recorded`) and the drivers (`stepping`, `torque_stepping`, `drives`, `episodes`, `starts`). The file's name carries a
-hash of its text, so that an edited formula can never meet a stale compiled cache (numba does not see edits in other
-files: numba issue 1833).
+(`recorded`) and the drivers (`stepping`, `torque_stepping`, `drives`, `episodes`, `reporting`, `starts`). The file's
+name carries a hash of its text, so that an edited formula can never meet a stale compiled cache (numba does not see
+edits in other files: numba issue 1833).
 """
 
 from __future__ import annotations
@@ -29,6 +29,7 @@ from flexarm_env import (
     episodes,
     inverse,
     random_stream,
+    reporting,
     reward,
     scalars,
     starts,
@@ -39,6 +40,7 @@ from flexarm_env.recorded import DECORATOR, INLINED, RECORDED, Variant
 from flexarm_env.rows import DRAWN, DRIVES, ORDER, PLAN, constant_places, extent, settings_layout
 
 _READINGS = (
+    stepping.side_at,
     stepping.reference_at,
     stepping.reference_now,
     stepping.past_reading,
@@ -79,8 +81,10 @@ _LOOKING = (
     episodes.sample,
     episodes.judge,
     episodes.look,
-    episodes.write_previews,
-    episodes.write_observations,
+    reporting.write_preview,
+    reporting.write_previews,
+    reporting.shown,
+    reporting.write_observations,
     episodes.observe,
     episodes.step_episodes,
     starts.draw_quantities,
@@ -119,11 +123,13 @@ _DRIVERS: dict[str, tuple[Callable[..., Any] | tuple[Callable[..., Any], str], .
 # Called for each lane with many arrays: handing these over would take longer than what is done with them.
 _PER_LANE = (
     stepping.past_reading,
+    stepping.side_at,
     stepping.reference_at,
     stepping.reference_now,
     episodes.sensed_point,
     episodes.newest_reading,
     episodes.sample,
+    reporting.shown,
 )
 ENTRY_POINTS = ("start_episodes", "step_episodes")
 _LAW_TABLES = (stepping, ("NODES", "GAMMA", "EXPLICIT", "IMPLICIT"))

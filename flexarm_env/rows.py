@@ -150,7 +150,15 @@ def layout(kind: str, modes: int, foreshortened: bool = False) -> dict[str, tupl
     if kind in DRIVES:
         parts |= {"PLACE_DISTANCE": 1, "PLACE_VALUES": modes, "PLACE_FORESHORTENING": pairs}
         parts |= {"SENSOR_DELAY": 2, "MEASURED": 4, "JOINT": 4}
-        parts |= {"FRAME": 1, "PHASE": 1, "DEFLECTION": 2, "DEFLECTION_RATE": 2, "ACTION_CHANGE": 1}
+        parts |= {
+            "FRAME": 1,
+            "LAP": 1,
+            "PHASE": 1,
+            "AHEAD": 2,
+            "DEFLECTION": 2,
+            "DEFLECTION_RATE": 2,
+            "ACTION_CHANGE": 1,
+        }
         parts |= {"SAMPLE_TIME": 1, "SENSOR_ERROR": 2, "SENSOR_ERROR_RATE": 2}
         parts |= feature_sizes() | episode_sizes(modes)
     return _places(parts)

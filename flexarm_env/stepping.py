@@ -67,6 +67,16 @@ def outputs_kernel(arena: Any) -> None:
     raise NotImplementedError("the recorded kernel exists in assembled modules only")
 
 
+def side_at(paths: Any, p: int, time: float, k: int) -> int:
+    """Number of the side that path p is on at a time of the lap [s], searched from side k on."""
+    if (time >= paths[p, k + 1, 0]) | (time < paths[p, k, 0]):  # one rare branch, which the processor foresees
+        while k < paths.shape[1] - 2 and time >= paths[p, k + 1, 0]:
+            k += 1
+        while k > 0 and time < paths[p, k, 0]:
+            k -= 1
+    return k
+
+
 def reference_at(paths: Any, p: int, time: float, side: float, since: float) -> tuple[float, float, float, float]:
     """Reference position and velocity on a closed polyline.
 
@@ -90,12 +100,7 @@ def reference_at(paths: Any, p: int, time: float, side: float, since: float) -> 
     lap = paths[p, last, 0]
     before = floor(side / lap) * lap  # laps done
     k = int((side - before) * last / lap)  # right at once where way-points are evenly timed
-    if k > last - 1:
-        k = last - 1
-    while k < last - 1 and side - before >= paths[p, k + 1, 0]:
-        k += 1
-    while k > 0 and side - before < paths[p, k, 0]:
-        k -= 1
+    k = side_at(paths, p, side - before, min(k, last - 1))
     vx = paths[p, k, 3]
     vy = paths[p, k, 4]
     passed = time - before - paths[p, k, 0]
