@@ -1,4 +1,7 @@
-"""First-order expansion of a state's rate, by complex-step derivatives: exact to rounding error."""
+"""First-order expansion of a state's rate, by complex-step derivatives: exact to rounding error.
+
+Source: Squire & Trapp, *Using complex variables to estimate derivatives of real functions*, SIAM Review 40 (1998).
+"""
 
 from __future__ import annotations
 
@@ -17,10 +20,14 @@ STEP = 1e-30
 class Linearisation(NamedTuple):
     """``d(state)/dt = A (state - state0) + B (torque - torque0) + rate0`` about an operating point.
 
+    The state is ``(q, q')`` with q the joint angles [rad] and the modal coordinates, whose unit makes mode shape times
+    coordinate a deflection [m]; [q] stands for the unit of each, n = 2 + 2 m for their number.
+
     Attributes:
-        A: Shape (4 + 4 m, 4 + 4 m).
-        B: Shape (4 + 4 m, 2).
-        rate: d(state)/dt at the operating point, zero at an equilibrium. Shape (4 + 4 m,).
+        A: blocks of (n, n): upper 0 and 1; lower left [q_i/s^2 per q_j], stiffness over mass with its sign, lower right
+            [q_i/s^2 per q_j/s], damping over mass. Its eigenvalues are in rad/s. Shape (2 n, 2 n).
+        B: upper block 0; lower [q_i/s^2 per N m]. Shape (2 n, 2).
+        rate: d(state)/dt at the operating point: [q_i/s], then [q_i/s^2]; zero at an equilibrium. Shape (2 n,).
     """
 
     A: Array

@@ -99,6 +99,10 @@ def test_bad_input_is_refused() -> None:
     pose = poses(FlexibleArm())[0]
     with pytest.raises(ValueError, match="2 inputs and 1 outputs"):
         passivity(linear_plant(pose, strain(1)), OMEGA)
+    with pytest.raises(ValueError, match=r"its outputs \['theta1', 'theta2'\] must be rates"):
+        passivity(linear_plant(pose, joint_angles()), OMEGA)
+    with pytest.raises(TypeError, match="plant = 'x': must be a Plant"):
+        passivity("x", OMEGA)  # type: ignore[arg-type]
     with pytest.raises(ValueError, match=r"omega = 0\.0"):
         passivity(linear_plant(pose, joint_angles(rate=True)), [0.0, 1.0])
     with pytest.raises(ValueError, match="growth = -1"):

@@ -27,7 +27,7 @@ from flexarm_env.analysis.operating_point import OperatingPoint
 from flexarm_env.analysis.passivity import Passivity, force_to_rate, passivity
 from flexarm_env.analysis.plant import FrequencyResponse, Plant, Poles, frequency_response, linear_plant, poles
 from flexarm_env.analysis.sensor import Sensor, joint_angles, rigid_point, strain, tip, true_point
-from flexarm_env.analysis.zeros import Zeros, zero_directions, zeros
+from flexarm_env.analysis.zeros import ZeroDirections, Zeros, zero_directions, zeros
 
 __all__ = [
     "DelayCrossing",
@@ -46,6 +46,7 @@ __all__ = [
     "Plant",
     "Poles",
     "Sensor",
+    "ZeroDirections",
     "ZeroLimit",
     "Zeros",
     "crossing_delays",

@@ -5,16 +5,17 @@ from __future__ import annotations
 from typing import Any
 
 
-def instance(name: str, value: object, *allowed: type[Any]) -> None:
+def instance(name: str, value: object, allowed: type[Any]) -> None:
     """Refuse a value of another class.
 
     Args:
         name: parameter name for the message.
         value: what the user gave.
-        allowed: the classes.
+        allowed: the class.
 
     Raises:
-        TypeError: naming the parameter, the value and the classes.
+        TypeError: naming the parameter, the value and the class.
     """
     if not isinstance(value, allowed):
-        raise TypeError(f"{name} = {value!r}: must be a {' or a '.join(kind.__name__ for kind in allowed)}")
+        article = "an" if allowed.__name__[0] in "AEIOU" else "a"
+        raise TypeError(f"{name} = {value!r}: must be {article} {allowed.__name__}")

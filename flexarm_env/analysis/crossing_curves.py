@@ -89,7 +89,7 @@ def _cells(loop: LawLoop, longest: float) -> _Cells:
         index, branch = (part[passed] for part in np.nonzero(soon))
         found.append((index, branch, own[index, branch], TURN * counts.max(axis=0)[passed]))
     if not found:  # nothing is late
-        return _Cells(*(np.zeros(shape) for shape in (0, 0)), np.zeros(0, dtype=int), np.zeros((0, 2)), np.zeros(0))
+        return _Cells(np.zeros(0), np.zeros(0), np.zeros(0, dtype=np.int64), np.zeros((0, 2)), np.zeros(0))
     index, branch, starts, wanted = (np.concatenate(part) for part in zip(*found, strict=True))
     return _Cells(omega[index], omega[index + 1], branch, starts, wanted)
 

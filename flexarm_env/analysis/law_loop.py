@@ -10,6 +10,9 @@ reference (the paper's sensor 0.5 m past the elbow) pulls the arm straight; the 
 
 What is neglected is what a moving reference adds: the rate error's term in d(J)/d(theta) theta', Coriolis and
 centrifugal forces, bent links, and the error of a loop in motion.
+
+Source: Green & Sasiadek, *Control of a flexible robot using fuzzy logic and a noncollocated sensor*, IFAC 2008: the law
+(10), (14), its gains (11), (12), its Jacobian (13) and its delays (16), (18).
 """
 
 from __future__ import annotations

@@ -58,7 +58,7 @@ def zero_limits(plant: Plant, peak: float = 2.0) -> list[ZeroLimit]:
     limits = []
     for zero, multiplicity in zeros(plant).distinct():
         if zero.real > SAME * abs(zero) and zero.imag == 0.0:
-            direction = zero_directions(plant, zero.real)[1].real
+            direction = zero_directions(plant, zero.real).output.real
             limits.append(ZeroLimit(zero.real, multiplicity, direction, zero.real * (1.0 - 1.0 / largest)))
     return limits
 

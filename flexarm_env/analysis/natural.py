@@ -1,4 +1,7 @@
-"""Natural modes of the resting arm, joints free or locked."""
+"""Natural modes of the resting arm, joints free or locked.
+
+Source: Meirovitch, *Fundamentals of vibrations* (2001), ch. 7 (eigenvalue problem of M and K, modal damping).
+"""
 
 from __future__ import annotations
 
@@ -9,6 +12,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
+from flexarm_env.analysis.checks import instance
 from flexarm_env.analysis.operating_point import OperatingPoint
 from flexarm_env.validation import choice
 
@@ -43,8 +47,10 @@ def natural_modes(point: OperatingPoint, joints: Joints = "free") -> NaturalMode
         joints: "free" or "locked".
 
     Raises:
+        TypeError: for anything but a point.
         ValueError: for another choice, or a point that is no equilibrium, with the configuration.
     """
+    instance("point", point, OperatingPoint)
     choice("joints", joints, ("free", "locked"))
     if not point.is_equilibrium():
         raise ValueError(f"{point}: no equilibrium, so the arm does not vibrate about it")

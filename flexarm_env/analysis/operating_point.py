@@ -1,4 +1,7 @@
-"""Where the arm is linearised: a state and a torque, said in physical terms."""
+"""Where the arm is linearised: a state and a torque, said in physical terms.
+
+Source: the arm's coordinates of `flexarm_env.arm`; inverse kinematics of Green & Sasiadek (2008), (8), (9).
+"""
 
 from __future__ import annotations
 
@@ -8,6 +11,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from flexarm_env.analysis.checks import instance
 from flexarm_env.arm import FlexibleArm
 from flexarm_env.linearisation import Linearisation
 from flexarm_env.reference import inverse_kinematics
@@ -52,8 +56,7 @@ class OperatingPoint:
             TypeError: if the arm is none.
             ValueError: for another shape, or a number that is not finite.
         """
-        if not isinstance(arm, FlexibleArm):
-            raise TypeError(f"arm = {arm!r}: must be a FlexibleArm")
+        instance("arm", arm, FlexibleArm)
         state = np.zeros(2 * arm.size)
         state[:2] = finite_array("angles", angles, (2,))
         if modal is not None:
@@ -75,8 +78,7 @@ class OperatingPoint:
             TypeError: if the arm is none.
             ValueError: if the tip cannot reach the point, with the point and the distance by which it misses.
         """
-        if not isinstance(arm, FlexibleArm):
-            raise TypeError(f"arm = {arm!r}: must be a FlexibleArm")
+        instance("arm", arm, FlexibleArm)
         return cls.at_angles(arm, inverse_kinematics(arm.parameters, point, elbow_branch))
 
     @property

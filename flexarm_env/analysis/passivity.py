@@ -19,6 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from flexarm_env.analysis.checks import instance
 from flexarm_env.analysis.operating_point import OperatingPoint
 from flexarm_env.analysis.plant import Plant, linear_plant
 from flexarm_env.analysis.sensor import Sensor, rigid_jacobian
@@ -65,10 +66,14 @@ def passivity(plant: Plant, omega: ArrayLike, growth: float = 0.0) -> Passivity:
             on the imaginary axis: take a positive one for it.
 
     Raises:
-        ValueError: for a plant that is not square, or bad numbers.
+        TypeError: for anything but a plant.
+        ValueError: for a plant that is not square, outputs that are no rates, or bad numbers.
     """
+    instance("plant", plant, Plant)
     if not plant.is_square:
         raise ValueError(f"plant: {len(plant.inputs)} inputs and {len(plant.outputs)} outputs; they must be paired")
+    if not all(sensor.rate for sensor in plant.sensors):
+        raise ValueError(f"plant: its outputs {list(plant.outputs)} must be rates; take `sensor.rates()`")
     frequencies = finite_array("omega", omega, (None,))
     if np.any(frequencies <= 0.0):
         raise ValueError(f"omega = {float(frequencies.min())!r}: must be > 0 [rad/s]")
@@ -92,8 +97,11 @@ def force_to_rate(point: OperatingPoint, sensor: Sensor) -> Plant:
         sensor: a rigid or true point of link 2.
 
     Raises:
+        TypeError: for an argument of another class.
         ValueError: for another sensor.
     """
+    instance("point", point, OperatingPoint)
+    instance("sensor", sensor, Sensor)
     if sensor.kind not in ("rigid point", "true point") or sensor.link != 2:
         raise ValueError(f"sensor = {sensor!r}: must be a rigid or true point of link 2")
     lengths = point.arm.parameters.link_lengths

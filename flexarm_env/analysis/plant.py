@@ -1,15 +1,21 @@
-"""`Plant`: the linear arm from joint torques to a sensor, with its delay; poles, responses, Pade models."""
+"""`Plant`: the linear arm from joint torques to a sensor, with its delay; poles, responses, Pade models.
+
+Source: Golub & Van Loan, *Matrix computations*, ch. 9 (Pade model of the exponential); Skogestad & Postlethwaite,
+*Multivariable feedback control*, 2nd ed. (2005), ch. 4 (state-space models).
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import factorial
+from numbers import Number
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from flexarm_env.analysis.checks import instance
 from flexarm_env.analysis.operating_point import OperatingPoint
 from flexarm_env.analysis.sensor import Sensor
 from flexarm_env.validation import finite_array, integer
@@ -34,6 +40,7 @@ class Plant:
         inputs: names; torques [N m].
         outputs: names.
         units: of the outputs.
+        sensors: of the outputs, one for each.
         point: where the arm was linearised.
     """
 
@@ -45,6 +52,7 @@ class Plant:
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
     units: tuple[str, ...]
+    sensors: tuple[Sensor, ...]
     point: OperatingPoint
 
     @property
@@ -74,6 +82,7 @@ class Plant:
             inputs=tuple(self.inputs[i] for i in columns),
             outputs=tuple(self.outputs[i] for i in rows),
             units=tuple(self.units[i] for i in rows),
+            sensors=tuple(self.sensors[i] for i in rows),
         )
 
     def driven_through(self, matrix: ArrayLike, names: Sequence[str]) -> Plant:
@@ -87,8 +96,23 @@ class Plant:
         return replace(self, B=self.B @ through, D=self.D @ through, inputs=tuple(names))
 
     def at(self, s: complex) -> Complex:
-        """Transfer matrix at a complex frequency, delay included. Shape (outputs, inputs)."""
-        solution = np.linalg.solve(s * np.eye(len(self.A)) - self.A, self.B)
+        """Transfer matrix at a complex frequency [rad/s], delay included. Shape (outputs, inputs).
+
+        Raises:
+            TypeError: for anything but a number.
+            ValueError: for a frequency that is not finite, or that of a pole.
+        """
+        if isinstance(s, bool) or not isinstance(s, Number):
+            raise TypeError(f"s = {s!r}: must be a finite complex number [rad/s]")
+        if not np.isfinite(complex(s)):
+            raise ValueError(f"s = {s!r}: must be a finite complex number [rad/s]")
+        try:
+            solution = np.linalg.solve(s * np.eye(len(self.A)) - self.A, self.B)
+        except np.linalg.LinAlgError:
+            raise ValueError(
+                f"s = {s!r} rad/s: is a pole of the arm at {self.point}, where the response is infinite; the "
+                "resting arm has four at 0"
+            ) from None
         return np.asarray(np.exp(-s * self.delays)[:, None] * (self.C @ solution + self.D))
 
     def pade(self, order: int) -> Plant:
@@ -138,19 +162,18 @@ def linear_plant(point: OperatingPoint, *sensors: Sensor) -> Plant:
     Args:
         point: see `OperatingPoint`; not an equilibrium: the linearisation holds for times in which the state hardly
             moves.
-        *sensors: their outputs, one after the other.
+        *sensors: their outputs, one after the other. Names that two of them share are told apart by the sensor, "x of
+            true point of link 2 at its tip", and by the delay where nothing else differs.
 
     Raises:
         TypeError: for anything but a point and sensors.
-        ValueError: for no sensor, or one off its link.
+        ValueError: for no sensor, one off its link, or one twice.
     """
-    if not isinstance(point, OperatingPoint):
-        raise TypeError(f"point = {point!r}: must be an OperatingPoint")
+    instance("point", point, OperatingPoint)
     if not sensors:
         raise ValueError("sensors: there must be at least one")
     for sensor in sensors:
-        if not isinstance(sensor, Sensor):
-            raise TypeError(f"sensor = {sensor!r}: must be a Sensor")
+        instance("sensor", sensor, Sensor)
     matrices = [sensor.matrix(point) for sensor in sensors]
     linear = point.linearisation
     c = np.vstack(matrices)
@@ -161,8 +184,9 @@ def linear_plant(point: OperatingPoint, *sensors: Sensor) -> Plant:
         D=np.zeros((len(c), 2)),
         delays=np.concatenate([np.full(len(m), s.delay) for s, m in zip(sensors, matrices, strict=True)]),
         inputs=JOINTS,
-        outputs=tuple(name for sensor in sensors for name in sensor.names()),
-        units=tuple(s.unit for s, m in zip(sensors, matrices, strict=True) for _ in range(len(m))),
+        outputs=_names(sensors),
+        units=tuple(sensor.unit for sensor in _each(sensors)),
+        sensors=tuple(_each(sensors)),
         point=point,
     )
 
@@ -190,7 +214,12 @@ class Poles:
 
 
 def poles(plant: Plant) -> Poles:
-    """Poles; a delay has none, its Pade model has."""
+    """Poles; a delay has none, its Pade model has.
+
+    Raises:
+        TypeError: for anything but a plant.
+    """
+    instance("plant", plant, Plant)
     values = np.linalg.eigvals(plant.A).astype(complex)
     return Poles(values[np.lexsort((values.imag, np.round(np.abs(values), 6)))])
 
@@ -229,9 +258,31 @@ def frequency_response(plant: Plant, omega: ArrayLike) -> FrequencyResponse:
     Args:
         plant: see `linear_plant`.
         omega: [rad/s], none of them a pole's. Shape (k,).
+
+    Raises:
+        TypeError: for anything but a plant.
+        ValueError: for numbers that are not finite, or a pole's: of the resting arm 0, with the operating point.
     """
+    instance("plant", plant, Plant)
     frequencies = finite_array("omega", omega, (None,))
     return FrequencyResponse(frequencies, np.array([plant.at(1j * w) for w in frequencies]))
+
+
+def _names(sensors: Sequence[Sensor]) -> tuple[str, ...]:
+    """Of the outputs, each different."""
+    for i, sensor in enumerate(sensors):
+        if sensor in sensors[:i]:
+            raise ValueError(f"sensors: there are two of {sensor!r}; they must differ")
+    plain = [name for sensor in sensors for name in sensor.names()]
+    placed = [f"{name} of {sensor.place()}" for sensor in sensors for name in sensor.names()]
+    late = [f"{name}, {sensor.delay:g} s late" for name, sensor in zip(placed, _each(sensors), strict=True)]
+    told = [short if plain.count(short) == 1 else long for short, long in zip(plain, placed, strict=True)]
+    return tuple(name if told.count(name) == 1 else longest for name, longest in zip(told, late, strict=True))
+
+
+def _each(sensors: Sequence[Sensor]) -> list[Sensor]:
+    """One for each output."""
+    return [sensor for sensor in sensors for _ in sensor.names()]
 
 
 def _indices(name: str, known: tuple[str, ...], wanted: Sequence[str] | None) -> list[int]:

@@ -1,6 +1,9 @@
 """What is measured: a linear map of the coordinates' deviations, and how late it arrives.
 
 A reading may be nonlinear in the coordinates; its Jacobian at the operating point is what the linear theory takes.
+
+Source: Green & Sasiadek, *Control of a flexible robot using fuzzy logic and a noncollocated sensor*, IFAC 2008, (8),
+(9) and (13), for the rigid point; the arm's own kinematics, `FlexibleArm.point_jacobian`, for the others.
 """
 
 from __future__ import annotations
@@ -30,7 +33,7 @@ class Sensor:
 
     Attributes:
         kind: one of `KINDS`.
-        link: 1 or 2; of strain and true points.
+        link: 1 or 2; of strain and true points. A rigid point is on link 2.
         position: distance s from the link's root [m]; None: its tip. Of a rigid point the distance from the elbow.
         rate: the reading's rate of change instead of the reading.
         delay: [s].
@@ -51,6 +54,8 @@ class Sensor:
         """
         choice("kind", self.kind, KINDS)
         integer("link", self.link, 1, 2)
+        if self.kind == "rigid point" and self.link != 2:
+            raise ValueError(f"link = {self.link}: a rigid point is on link 2; of link 1 take a true point")
         if self.position is not None:
             object.__setattr__(self, "position", number("position", self.position, "m", least=0.0))
         flag("rate", self.rate)
@@ -77,6 +82,12 @@ class Sensor:
         if self.kind == "strain":
             return (f"curvature{dot} of link {self.link}",)
         return f"x{dot}", f"y{dot}"
+
+    def place(self) -> str:
+        """What it is and where, in words."""
+        if self.kind == "joint angles":
+            return self.kind
+        return f"{self.kind} of link {self.link} at " + ("its tip" if self.position is None else f"{self.position:g} m")
 
     def matrix(self, point: OperatingPoint) -> Array:
         """Output matrix C: deviations of the state to deviations of the reading. Shape (outputs, 4 + 4 m).

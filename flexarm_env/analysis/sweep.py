@@ -1,4 +1,7 @@
-"""The sweep over frequency that every search for crossings makes: its grid, and bisection of many intervals at once."""
+"""The sweep over frequency that every search for crossings makes: its grid, and bisection of many intervals at once.
+
+Source: Gu, Kharitonov & Chen, *Stability of time-delay systems* (2003), ch. 4 (frequency sweeping).
+"""
 
 from __future__ import annotations
 

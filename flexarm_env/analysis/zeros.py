@@ -21,6 +21,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
+from flexarm_env.analysis.checks import instance
 from flexarm_env.analysis.plant import Plant
 
 Array = NDArray[np.float64]
@@ -36,8 +37,10 @@ INFINITE_ROSENBROCK = 1e-4
 SAME = 1e-4
 # A zero smaller than this share of the fastest pole is one at the origin: there zeros are roots of rounding errors.
 ORIGIN = 1e-7
-# Smallest over largest singular value of the scaled input-output map below which it has lost rank.
-RANK = 1e-10
+# Smallest over largest singular value of the scaled input-output map below which it counts as singular. A double zero
+# splits by about sqrt(eps / this value), with a few eps of rounding: so that it stays within `SAME`, ten of them.
+RANK = 10.0 * float(np.finfo(float).eps) / SAME**2
+EMPTY = 1e-10  # an output whose response is this small beside the others' does not move at all
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,9 +87,11 @@ def zeros(plant: Plant) -> Zeros:
         The finite zeros and the number of infinite ones.
 
     Raises:
-        ValueError: for a plant that is not square, or one whose input-output map has lost rank (an arm that is straight
-            or folded, under a Cartesian sensor), with the configuration.
+        TypeError: for anything but a plant.
+        ValueError: for a plant that is not square, or one whose input-output map has lost rank or nearly so: an
+            arm that is straight or folded, or a point on link 1, under a Cartesian sensor.
     """
+    instance("plant", plant, Plant)
     if not plant.is_square:
         raise ValueError(
             f"plant: {len(plant.inputs)} inputs {list(plant.inputs)} and {len(plant.outputs)} outputs "
@@ -106,7 +111,7 @@ def check_rank(plant: Plant) -> None:
     """Refuse a plant whose transfer matrix is singular at every frequency.
 
     Raises:
-        ValueError: with the configuration.
+        ValueError: with the sensor or the configuration that is at fault, and what would help.
     """
     rate = _scale(plant.A)
     worst = 0.0
@@ -114,30 +119,63 @@ def check_rank(plant: Plant) -> None:
         response = plant.at(complex(s * rate)) * np.exp(s * rate * plant.delays)[:, None]
         size = np.linalg.norm(response, axis=1, keepdims=True)
         largest = np.linalg.norm(response)
-        if largest == 0.0 or np.any(size < RANK * largest):
+        if largest == 0.0 or np.any(size < EMPTY * largest):
             continue
         singular = np.linalg.svd(response / size, compute_uv=False)
         worst = max(worst, float(singular[-1] / singular[0]))
     if worst < RANK:
         raise ValueError(
-            f"singular configuration, {plant.point}: {list(plant.inputs)} cannot move {list(plant.outputs)} one by one"
+            f"{_singular(plant)}: {list(plant.inputs)} cannot move {list(plant.outputs)} one by one, to the accuracy "
+            f"that zeros need (smallest over largest singular value {worst:.1g}, at least {RANK:.1g})"
         )
 
 
-def zero_directions(plant: Plant, zero: complex) -> tuple[Complex, Complex]:
-    """Input and output direction of a zero: ``G(z) u = 0`` and ``y^H G(z) = 0``.
+def _singular(plant: Plant) -> str:
+    """What is at fault, and what would help."""
+    for sensor in plant.sensors:
+        if sensor.kind.endswith("point") and (sensor.link == 1 or sensor.position == 0.0):
+            return (
+                f"sensor {sensor.place()}: it moves across link 1 only, in every configuration; take a point of link 2 "
+                f"past the elbow, or `select` one output and one input"
+            )
+    sine = abs(float(np.sin(plant.point.q[1])))
+    if sine < 1e-3 and any(sensor.kind.endswith("point") for sensor in plant.sensors):
+        return f"singular configuration, {plant.point}: the arm is straight or folded; bend the elbow"
+    places = sorted({sensor.place() for sensor in plant.sensors})
+    return f"sensors {', '.join(places)} at {plant.point}: their readings depend on one another; take others"
+
+
+@dataclass(frozen=True, eq=False)
+class ZeroDirections:
+    """What a zero blocks: ``G(z) input = 0`` and ``output^H G(z) = 0``.
+
+    Attributes:
+        input: torques (or other inputs) that leave the outputs at zero, of length 1 in the inputs' units [N m]. Shape
+            (inputs,).
+        output: combination of the outputs that no input moves, of length 1 in the reciprocal of the outputs' units.
+            Shape (outputs,).
+    """
+
+    input: Complex
+    output: Complex
+
+
+def zero_directions(plant: Plant, zero: complex) -> ZeroDirections:
+    """Input and output direction of a zero; real for a real zero.
 
     Args:
         plant: the plant.
-        zero: a zero that is no pole.
+        zero: a zero that is no pole [rad/s].
 
-    Returns:
-        u, in the inputs' units, Shape (inputs,), and y, Shape (outputs,); both of length 1, and real for a real zero.
+    Raises:
+        TypeError: for anything but a plant and a number.
+        ValueError: for a number that is not finite, or a pole: where a zero and a pole share a place, as at 0, the
+            directions are not defined by the response.
     """
+    instance("plant", plant, Plant)
     left, _, right = np.linalg.svd(plant.at(zero))
-    u, y = right[-1].conj(), left[:, -1]
-    u, y = (v * np.exp(-1j * np.angle(v[np.argmax(np.abs(v))])) for v in (u, y))
-    return u, y
+    u, y = (v * np.exp(-1j * np.angle(v[np.argmax(np.abs(v))])) for v in (right[-1].conj(), left[:, -1]))
+    return ZeroDirections(u, y)
 
 
 def _held_output(plant: Plant) -> Complex:
