@@ -372,6 +372,8 @@ def test_figures_in_the_text_match_the_record() -> None:
         f"and {coriolis['ended, 45 N m']:.1f} s after the start",
         f"from 4.5 to 45 N m the error grows {full / tenth:.0f}-fold",
     ]
+    orders = [c["figure"] for c in record()["checks"] if "that furthest from 5" in c["name"]]
+    sentences.append(f"drift falls with order {min(orders):.1f} to {max(orders):.1f}")
     for sentence in sentences:
         assert sentence in text, f"not in docs/validation.md: {sentence}"
 

@@ -44,23 +44,25 @@ def over_time(result: Result, rows: list[dict[str, Any]], folder: Path) -> None:
 
 def by_step(rows: list[dict[str, Any]], folder: Path) -> None:
     """Largest change by step, every arm and start."""
-    figure, axes = plt.subplots(1, 2, figsize=(12, 5.2), sharex=True)
+    figure, axes = plt.subplots(1, 2, figsize=(12, 6.2), sharex=True)
     arms = list(dict.fromkeys(row["arm"] for row in rows if row["damping"] == 0.0))
     marks = {"bent": "o", "spinning": "s", "bent and spinning": "^"}
-    for arm, colour in zip(arms, COLOURS, strict=False):
+    plain = [arm for arm in arms if "foreshortened" not in arm]
+    for k, arm in enumerate(arms):
+        colour = COLOURS[k % len(COLOURS)]
+        line = "-" if arm in plain else "--"
         for start, mark in marks.items():
             same = [r for r in rows if (r["arm"], r["start"]) == (arm, start) and r["damping"] == 0.0]
             steps = [1e3 * r["step"] for r in same]
             for axis, what in zip(axes, ("energy", "momentum"), strict=True):
-                axis.loglog(steps, [r[what] for r in same], marker=mark, color=colour, markersize=5)
+                axis.loglog(steps, [r[what] for r in same], marker=mark, color=colour, markersize=5, linestyle=line)
         bounds = {1e3 * r["step"]: r["bound"] for r in rows if r["arm"] == arm and r["damping"] == 0.0}
         axes[0].loglog(list(bounds), list(bounds.values()), color=colour, linestyle=":", linewidth=1.4)
-        axes[1].plot([], [], color=colour, label=arm)
+        axes[1].plot([], [], color=colour, linestyle=line, label=arm)
     for start, mark in marks.items():
         axes[1].plot([], [], color="0.3", marker=mark, linestyle="", label=start)
-    axes[0].plot([], [], color="0.3", linestyle=":", label="bound $\\omega^6 h^5 T / 72$")
-    axes[0].legend()
-    axes[1].legend(fontsize=9)
+    axes[1].plot([], [], color="0.3", linestyle=":", label="bound $\\omega^6 h^5 T / 72$")
+    figure.legend(loc="outside lower center", ncol=4)
     axes[0].set(title="energy: largest relative change", xlabel="step [ms]")
     axes[1].set(title="angular momentum: largest change / scale", xlabel="step [ms]")
     ticks = sorted({1e3 * row["step"] for row in rows})
