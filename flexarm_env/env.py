@@ -111,9 +111,7 @@ class FlexArmEnv(FleetView, gymnasium.Env[NDArray[np.float32], NDArray[np.float3
         self.observation_space, self.action_space = self._spaces()
         self._infos = InfoMaker(self.fleet)
         self._scene = None if render_mode is None else Scene(self.fleet, 0, render_mode, self._fps())
-        self._begin = np.ones(1, dtype=bool)
-        parts = self.fleet.parts
-        self._verdict = slice(parts["REWARD"].start, parts["STATUS"].stop)  # reward first, status last
+        self._begin = np.zeros(1, dtype=np.int64)
         self._shape: tuple[int, ...] = self.action_space.shape or ()
         self._started = False
 
@@ -134,7 +132,7 @@ class FlexArmEnv(FleetView, gymnasium.Env[NDArray[np.float32], NDArray[np.float3
         if self._scene is not None:
             self._scene.begin(result)
             self._show(result)
-        return self.fleet.observations[0].copy(), self._infos.single(result, stepped=False)
+        return self.fleet.only_observation.copy(), self._infos.single(result, stepped=False)[0]
 
     def step(self, action: NDArray[np.float32]) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
         """Hold the action for one control period.
@@ -151,20 +149,20 @@ class FlexArmEnv(FleetView, gymnasium.Env[NDArray[np.float32], NDArray[np.float3
         values: NDArray[Any] = action
         if type(action) is not np.ndarray or action.shape != self._shape or action.dtype.kind != "f":
             values = finite_array("action", action, self._shape)
-        row = self.fleet.actions[0]
+        fleet = self.fleet
+        row = fleet.only_action
         row[:] = values
         if not all(map(isfinite, row.tolist())):
             finite_array("action", action, self._shape)  # says what is wrong
-        self.fleet.step()
-        result = self.fleet.result()
-        info = self._infos.single(result, stepped=True)
-        reward, *_, status = result[self._verdict].tolist()
+        fleet.step()
+        result = fleet.result()
+        info, reward, status = self._infos.single(result, stepped=True)
         if status != 0.0:
-            info["termination_reason"] = self.fleet.failure(status)
+            info["termination_reason"] = fleet.failure(status)
         if self._scene is not None:
             self._scene.add(result)
             self._show(result)
-        return self.fleet.observations[0].copy(), reward, status != 0.0, False, info
+        return fleet.only_observation.copy(), reward, status != 0.0, False, info
 
     def render(self) -> NDArray[np.uint8] | None:
         """The present instant as a picture, Shape (size, size, 3), or None where a window shows it.

@@ -9,9 +9,6 @@ from __future__ import annotations
 from math import floor
 from typing import Any
 
-import numpy as np
-
-from flexarm_env.drives import drive
 from flexarm_env.elementary import sincos
 from flexarm_env.random_stream import normal, uniform
 from flexarm_env.reporting import write_observations, write_previews
@@ -270,39 +267,3 @@ def judge(arena: Any, settings: Any) -> None:
             arena[i + REWARD * LANES] = 0.0
             for n in range(TERMS):
                 arena[i + (REWARD_TERMS + n) * LANES] = 0.0
-
-
-def step_episodes(
-    arenas: Any,
-    histories: Any,
-    clocks: Any,
-    keys: Any,
-    paths: Any,
-    plan: Any,
-    settings: Any,
-    actions: Any,
-    observations: Any,
-    begin: int,
-    end: int,
-) -> None:
-    """One control period of some blocks.
-
-    Args:
-        arenas: Shape (blocks, rows * LANES).
-        histories: Shape (blocks, slots * 4 * LANES).
-        clocks: Shape (blocks, CLOCK, LANES).
-        keys: of the episodes. Shape (blocks, LANES).
-        paths: of all lanes. Shape (paths, n, 5).
-        plan: see `rows.PLAN`.
-        settings: see `rows.SETTINGS`.
-        actions: Shape (blocks * LANES, channels).
-        observations: to be filled. Shape (blocks * LANES, observed).
-        begin: first block.
-        end: block after the last.
-    """
-    everyone = np.ones(LANES, dtype=np.bool_)
-    for block in range(begin, end):
-        arena, history, clock = arenas[block], histories[block], clocks[block]
-        take_actions(arena, actions, block * LANES, plan)
-        drive(arena, history, clock, paths, plan, settings)
-        observe(arena, history, clock, keys[block], paths, plan, settings, observations, block * LANES, everyone)

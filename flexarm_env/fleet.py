@@ -33,6 +33,7 @@ from flexarm_env.task import ANGLE_LIMITS, RATE_LIMIT
 Array = NDArray[np.float64]
 # Lanes of a block, by the number of environments from which on they pay.
 LANES = {1: 1, 2: 8, 96: 32}
+DRIVING = PLAN.index("DRIVING")
 KINDS = {"torque": "torque", "residual": "tracking", "reference": "tracking", "gain": "gain"}
 REASONS = {-1: "diverged", -2: "deflection", -3: "error"}
 # Why an episode may terminate.
@@ -52,6 +53,8 @@ class Fleet:
         settings: the settings.
         layout: of the observations.
         observations: present ones; the kernels write into it. Shape (lanes, k), float32.
+        only_action: of the first environment: a view.
+        only_observation: the same.
     """
 
     _pool: ThreadPoolExecutor | None
@@ -117,32 +120,29 @@ class Fleet:
 
     # --- running ---------------------------------------------------------------------------------------------------
 
-    def start(self, keys: NDArray[np.uint64], which: NDArray[np.bool_], orders: Array) -> None:
+    def start(self, keys: NDArray[np.uint64], which: NDArray[np.int64], orders: Array) -> None:
         """Begin episodes.
 
         Args:
-            keys: of the episodes that begin, in order. Shape (sum(which),).
-            which: environments that begin one; the others stay as they are. Shape (N,).
+            keys: of the episodes that begin. Shape (n,).
+            which: environments that begin one; the others stay as they are. Shape (n,).
             orders: see `rows.ORDER`; rows of the others are not read. Shape (N, columns).
         """
-        self._starts.reshape(-1)[: self.count] = which
-        self._keys.reshape(-1)[: self.count][which] = keys
-        self._orders[: self.count][which] = orders[which]
-        if np.isfinite(orders[which, ORDER.index("delay")]).any():
+        self.order_starts(keys, which, orders)
+        kernel = self._module.step_episodes
+        self._plan[DRIVING] = 0
+        kernel(*self._step_arguments)
+        self._plan[DRIVING] = 1
+        self._step_kernel = kernel
+
+    def order_starts(self, keys: NDArray[np.uint64], which: NDArray[np.int64], orders: Array) -> None:
+        """Have the next step begin episodes at its end; see `start`."""
+        self._starts.reshape(-1)[which] = True
+        self._keys.reshape(-1)[which] = keys
+        ordered = orders[which]
+        self._orders[which] = ordered
+        if np.isfinite(ordered[:, ORDER.index("delay")]).any():
             self._plan[PLAN.index("READINGS")] = ALL_READINGS
-        self._step_kernel = self._module.step_episodes
-        self._module.start_episodes(
-            self._flat_arenas,
-            self._flat_histories,
-            self._clocks,
-            self._keys,
-            self._paths,
-            self._plan,
-            self._table,
-            self._orders,
-            self._starts,
-            self.observations,
-        )
 
     def step(self) -> None:
         """One control period with `actions`."""
@@ -187,13 +187,13 @@ class Fleet:
         order[ORDER.index("start")] = START_CODES[self.settings.start]
         return order
 
-    def start_of(self, index: int) -> tuple[str, float]:
-        """Name of the path that an environment's episode follows, and the moment of the lap at which it began [s]."""
-        block, lane = divmod(index, self._arenas.shape[2])
-        clock = self._clocks[block, :, lane]
-        names = self.settings.reference
-        name = names[clock[PATH]] if self.settings.paths else names[0]
-        return name, float(clock[BEGAN] * (self.settings.control_period / self.settings.substeps))
+    def starts_of(self, chosen: NDArray[np.int64]) -> tuple[NDArray[np.object_], Array]:
+        """Names of the paths that some environments' episodes follow, and the moments at which they began [s]."""
+        block, lane = np.divmod(chosen, self._arenas.shape[2])
+        names = np.array(self.settings.reference, dtype=object)
+        path = self._clocks[block, PATH, lane] if self.settings.paths else np.zeros_like(chosen)
+        step = self.settings.control_period / self.settings.substeps
+        return names[path], self._clocks[block, BEGAN, lane] * step
 
     def path(self, index: int) -> Array:
         """Way-points of the path that an environment follows [m]. Shape (n, 2)."""
@@ -207,7 +207,8 @@ class Fleet:
         self._flat_arenas = self._arenas.reshape(len(self._arenas), -1)
         self._flat_histories = self._histories.reshape(len(self._histories), -1)
         self._only = self._arenas[0, self._results, 0]
-        tables = (self._clocks, self._keys, self._paths, self._plan, self._table)
+        self.only_action, self.only_observation = self.actions[0], self.observations[0]
+        tables = (self._clocks, self._keys, self._paths, self._plan, self._table, self._orders, self._starts)
         data = (self._flat_arenas, self._flat_histories, *tables, self.actions, self.observations)
         self._step_arguments = (*data, 0, len(self._arenas))
         self._edges = (
@@ -222,7 +223,16 @@ class Fleet:
 
     def __getstate__(self) -> dict[str, Any]:
         """Without views, which would come back as copies, and without what cannot be pickled."""
-        left_out = ("_flat_arenas", "_flat_histories", "_only", "_pool", "_step_arguments", "_step_kernel")
+        left_out = (
+            "_flat_arenas",
+            "_flat_histories",
+            "_only",
+            "_pool",
+            "only_action",
+            "only_observation",
+            "_step_arguments",
+            "_step_kernel",
+        )
         return {name: value for name, value in self.__dict__.items() if name not in left_out}
 
     def __setstate__(self, state: dict[str, Any]) -> None:

@@ -84,9 +84,10 @@ class InfoMaker:
         self._term_items = tuple((name, n) for n, name in enumerate(TERMS) if weights.get(name, 0.0) > 0.0)
         self._episode_items = tuple((name, parts["EPISODE"].start - first + n) for n, name in enumerate(DRAWN))
         self._time_place, self._gain_place = self._time - first, self._gain - first
+        self._reward_place, self._status_place = parts["REWARD"].start - first, parts["STATUS"].start - first
 
-    def single(self, result: Array, stepped: bool) -> dict[str, Any]:
-        """The info of one environment.
+    def single(self, result: Array, stepped: bool) -> tuple[dict[str, Any], float, float]:
+        """The info of one environment, the reward and the status.
 
         Args:
             result: its results, which the info's arrays are views of. Shape (k,).
@@ -101,8 +102,9 @@ class InfoMaker:
             info["reward_terms"] = {name: numbers[place] for name, place in self._term_items}
         else:
             info["parameters"] = {name: numbers[place] for name, place in self._episode_items}
-            info["path"], info["start_time"] = self._fleet.start_of(0)
-        return info
+            paths, times = self._fleet.starts_of(np.zeros(1, dtype=np.int64))
+            info["path"], info["start_time"] = paths[0], float(times[0])
+        return info, numbers[self._reward_place], numbers[self._status_place]
 
     def batch(self, results: Array, stepped: NDArray[np.bool_], begun: NDArray[np.bool_]) -> dict[str, Any]:
         """The infos of a batch in Gymnasium's form: arrays, and for each a mask of the environments that have it.
@@ -112,45 +114,35 @@ class InfoMaker:
             stepped: environments that a step led there. Shape (N,).
             begun: environments that were reset. Shape (N,); no environment is both.
         """
-        both = stepped | begun
+        both, reset = stepped | begun, np.flatnonzero(begun)
         known = results if both.all() else np.where(both[:, None], results, 0.0)
-        having = iter(_copies(both, len(self._items) + 2))
+        masks = iter(_copies(both, len(self._items) + 2))
         infos: dict[str, Any] = {}
         for name, part in self._items:
-            infos[name], infos[f"_{name}"] = known[:, part], next(having)
-        infos["time"], infos["_time"] = known[:, self._time], next(having)
+            infos[name], infos[f"_{name}"] = known[:, part], next(masks)
+        infos["time"], infos["_time"] = known[:, self._time], next(masks)
         if self._with_gain:
-            infos["gain"], infos["_gain"] = known[:, self._gain], next(having)
-        if stepped.any():
-            infos["reward_terms"] = self._numbers_of(results, self._term_items, stepped)
+            infos["gain"], infos["_gain"] = known[:, self._gain], next(masks)
+        if stepped.any():  # an episode that begins has no reward: its terms are 0
+            infos["reward_terms"] = _named(known.T[self._numbers], self._term_items, stepped)
             infos["_reward_terms"] = stepped.copy()
-        if begun.any():
-            infos["parameters"] = self._numbers_of(results, self._episode_items, begun)
-            infos["_parameters"] = begun.copy()
+        if len(reset):
+            numbers = np.zeros((results.shape[1] - self._numbers.start, len(begun)))
+            numbers[:, reset] = results.T[self._numbers, reset]
+            infos["parameters"], infos["_parameters"] = _named(numbers, self._episode_items, begun), begun.copy()
             paths, times = np.full(len(begun), None, dtype=object), np.zeros(len(begun))
-            for i in np.flatnonzero(begun).tolist():
-                paths[i], times[i] = self._fleet.start_of(i)
+            paths[reset], times[reset] = self._fleet.starts_of(reset)
             infos["path"], infos["_path"] = paths, begun.copy()
             infos["start_time"], infos["_start_time"] = times, begun.copy()
         return infos
 
-    def _numbers_of(
-        self, results: Array, items: tuple[tuple[str, int], ...], mask: NDArray[np.bool_]
-    ) -> dict[str, Array | NDArray[np.bool_]]:
-        """Numbers by name, of some environments, 0 for the others; and masks that say so."""
-        rows = results.T[self._numbers]  # each quantity contiguous
-        columns = np.flatnonzero(mask)
-        few = 2 * len(columns) < len(mask)
-        values = np.zeros(rows.shape) if few else rows.copy()
-        if few:
-            values[:, columns] = rows[:, columns]
-        else:
-            values[:, np.flatnonzero(~mask)] = 0.0
-        having = _copies(mask, len(items))
-        named: dict[str, Array | NDArray[np.bool_]] = {}
-        for (name, place), flags in zip(items, having, strict=True):
-            named[name], named[f"_{name}"] = values[place], flags
-        return named
+
+def _named(rows: Array, items: tuple[tuple[str, int], ...], mask: NDArray[np.bool_]) -> dict[str, Any]:
+    """Rows by name, each with a mask of the environments that have it."""
+    named: dict[str, Any] = {}
+    for (name, place), flags in zip(items, _copies(mask, len(items)), strict=True):
+        named[name], named[f"_{name}"] = rows[place], flags
+    return named
 
 
 def _copies(mask: NDArray[np.bool_], count: int) -> NDArray[np.bool_]:

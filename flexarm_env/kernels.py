@@ -2,9 +2,9 @@
 
 A variant fixes what the compiler should know: number of modes, velocity forces, sensor model, lanes of a block.
 Its module is one file holding everything it calls: elementary functions, the recorded physics and features
-(`recorded`) and the drivers (`stepping`, `torque_stepping`, `drives`, `episodes`, `reporting`, `starts`). The file's
-name carries a hash of its text, so that an edited formula can never meet a stale compiled cache (numba does not see
-edits in other files: numba issue 1833).
+(`recorded`) and the drivers (`stepping`, `torque_stepping`, `drives`, `episodes`, `reporting`, `starts`, `periods`).
+The file's name carries a hash of its text, so that an edited formula can never meet a stale compiled cache (numba does
+not see edits in other files: numba issue 1833).
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ from flexarm_env import (
     elementary,
     episodes,
     inverse,
+    periods,
     random_stream,
     reporting,
     reward,
@@ -86,7 +87,6 @@ _LOOKING = (
     reporting.shown,
     reporting.write_observations,
     episodes.observe,
-    episodes.step_episodes,
     starts.draw_quantities,
     starts.drawn_point,
     starts.draw_moves,
@@ -96,19 +96,20 @@ _LOOKING = (
     starts.fill_history,
     starts.first_sample,
     starts.start_lane,
+    starts.begin_lanes,
 )
 # Functions of a module in the order of their definition; a pair is a function and the name it goes by there.
 _DRIVERS: dict[str, tuple[Callable[..., Any] | tuple[Callable[..., Any], str], ...]] = {
     "open": (torque_stepping.run_open,),
     "loop": (*_READINGS, *_LAW, stepping.start, stepping.state_status, stepping.write_outputs, stepping.run_loop),
-    "torque": (*_EPISODE, (drives.drive_torque, "drive"), *_LOOKING, starts.start_episodes),
+    "torque": (*_EPISODE, (drives.drive_torque, "drive"), *_LOOKING, periods.step_episodes),
     "tracking": (
         *_EPISODE,
         drives.hermite,
         drives.aim,
         (drives.drive_tracking, "drive"),
         *_LOOKING,
-        starts.start_episodes,
+        periods.step_episodes,
     ),
     "gain": (
         *_EPISODE,
@@ -117,7 +118,7 @@ _DRIVERS: dict[str, tuple[Callable[..., Any] | tuple[Callable[..., Any], str], .
         *_LOOKING,
         starts.prepare_law,
         starts.start_law,
-        starts.start_episodes,
+        periods.step_episodes,
     ),
 }
 # Called for each lane with many arrays: handing these over would take longer than what is done with them.
@@ -131,7 +132,7 @@ _PER_LANE = (
     episodes.sample,
     reporting.shown,
 )
-ENTRY_POINTS = ("start_episodes", "step_episodes")
+ENTRY_POINT = "step_episodes"
 _LAW_TABLES = (stepping, ("NODES", "GAMMA", "EXPLICIT", "IMPLICIT"))
 _CLOCK = (stepping, ("STEPS", "PATH", "SINCE", "BEGAN", "HEAD"))
 _EPISODE_TABLES = (
@@ -192,12 +193,10 @@ def render(variant: Variant) -> str:
         decorator = INLINED if function in _PER_LANE else DECORATOR
         text += decorator + source.replace(f"def {function.__name__}(", f"def {name}(", 1) + "\n\n"
     if variant.kind in DRIVES:
-        # Python calls the two entry points only: wrappers for the others would take time. Nor do the others allocate:
+        # Python calls the entry point only: wrappers for the others would take time. Nor do the others allocate:
         # counting references to their arrays, atomically and for each lane, took a tenth of a batch's step.
         inner = ", no_cpython_wrapper=True, _nrt=False)\ndef "
-        text = text.replace(")\ndef ", inner)
-        for name in ENTRY_POINTS:
-            text = text.replace(f"{inner}{name}(", f")\ndef {name}(")
+        text = text.replace(")\ndef ", inner).replace(f"{inner}{ENTRY_POINT}(", f")\ndef {ENTRY_POINT}(")
     return text
 
 

@@ -62,6 +62,7 @@ PLAN = (
     "SHIFTING",
     "COMPENSATION",
     "READINGS",
+    "DRIVING",
     "PLACES",
 )
 # Columns of an order for a new episode; NaN where the environment decides. The state's entries follow.

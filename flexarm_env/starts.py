@@ -9,7 +9,7 @@ from math import floor, sqrt
 from typing import Any
 
 from flexarm_env.elementary import sincos
-from flexarm_env.episodes import observe, sensed_point
+from flexarm_env.episodes import sensed_point
 from flexarm_env.inverse import joint_angles_for, joint_rates_for
 from flexarm_env.random_stream import uniform
 from flexarm_env.stepping import (
@@ -265,8 +265,8 @@ def start_law(arena: Any, history: Any, clock: Any, paths: Any, settings: Any, s
 
 def start_lane(
     arena: Any, clock: Any, key: Any, paths: Any, plan: Any, settings: Any, order: Any, lane: int, i: int
-) -> bool:
-    """Everything of lane i but its delay line; whether it starts on the move."""
+) -> None:
+    """Everything of lane i but its delay line."""
     draw_quantities(arena, key, settings, order, i)
     moving = draw_start(clock, key, paths, plan, settings, order, lane, i)
     place_arm(arena, clock, key, paths, settings, order, i, moving)
@@ -281,7 +281,6 @@ def start_lane(
     if TRACKING:
         arena[i + SHIFT * LANES] = 0.0
         arena[i + (SHIFT + 1) * LANES] = 0.0
-    return moving
 
 
 def first_sample(arena: Any, history: Any, clock: Any, paths: Any, settings: Any, i: int) -> None:
@@ -300,50 +299,41 @@ def first_sample(arena: Any, history: Any, clock: Any, paths: Any, settings: Any
     arena[i + SAMPLE_TIME * LANES] = taken
 
 
-def start_episodes(
-    arenas: Any,
-    histories: Any,
-    clocks: Any,
+def begin_lanes(
+    arena: Any,
+    history: Any,
+    clock: Any,
     keys: Any,
     paths: Any,
     plan: Any,
     settings: Any,
     orders: Any,
-    starts: Any,
-    observations: Any,
+    first: int,
+    started: Any,
 ) -> None:
-    """Begin episodes in some lanes; the others stay as they are.
+    """Begin episodes in some lanes of a block, up to the first look; the others stay as they are.
 
     Args:
-        arenas: Shape (blocks, rows * LANES).
-        histories: Shape (blocks, slots * 4 * LANES).
-        clocks: Shape (blocks, CLOCK, LANES).
-        keys: of the episodes, new ones where one begins. Shape (blocks, LANES).
+        arena: of the block.
+        history: readings at past steps.
+        clock: of each lane.
+        keys: of the episodes, new ones where one begins. Shape (LANES,).
         paths: of all lanes. Shape (paths, n, 5).
         plan: see `rows.PLAN`.
         settings: see `rows.SETTINGS`.
         orders: see `rows.ORDER`. Shape (blocks * LANES, columns).
-        starts: which lanes begin an episode. Shape (blocks, LANES).
-        observations: to be filled. Shape (blocks * LANES, observed).
+        first: lane of the block among all.
+        started: which lanes begin an episode. Shape (LANES,).
     """
-    for block in range(arenas.shape[0]):
-        started = starts[block]
-        if not started.any():
-            continue
-        arena, history, clock = arenas[block], histories[block], clocks[block]
-        moving = [False] * LANES
-        for i in range(LANES):
-            if started[i]:
-                lane = block * LANES + i
-                order = orders[lane]
-                moving[i] = start_lane(arena, clock, keys[block, i], paths, plan, settings, order, lane, i)
-                if LAW:
-                    prepare_law(arena, clock, plan, i)
-        reading_kernel(arena)
-        for i in range(LANES):
-            if started[i]:
-                fill_history(arena, history, clock, paths, plan, settings, i, moving[i])
-                first_sample(arena, history, clock, paths, settings, i)
-        observe(arena, history, clock, keys[block], paths, plan, settings, observations, block * LANES, started)
-        if LAW:
-            start_law(arena, history, clock, paths, settings, started)
+    for i in range(LANES):
+        if started[i]:
+            lane = first + i
+            start_lane(arena, clock, keys[i], paths, plan, settings, orders[lane], lane, i)
+            if LAW:
+                prepare_law(arena, clock, plan, i)
+    reading_kernel(arena)
+    for i in range(LANES):
+        if started[i]:
+            moving = clock[SINCE, i] == LONG_AGO
+            fill_history(arena, history, clock, paths, plan, settings, i, moving)
+            first_sample(arena, history, clock, paths, settings, i)

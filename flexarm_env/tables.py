@@ -103,6 +103,7 @@ def _whole_numbers(settings: Settings, layout: ObservationLayout, kept: int) -> 
         "SHIFTING": int(s.action_mode == "reference"),
         "COMPENSATION": ("none", "shared", "per_joint").index(s.compensation),
         "READINGS": kept_readings(s),
+        "DRIVING": 1,
     }
     assert (*whole, "PLACES") == PLAN
     return np.array(list(whole.values()), dtype=np.int64)

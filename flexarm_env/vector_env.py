@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import gymnasium
@@ -106,7 +106,7 @@ class FlexArmVectorEnv(FleetView, gymnasium.vector.VectorEnv[NDArray[np.float32]
         mask = self._mask(wanted.pop("reset_mask", None))
         orders = orders_of(wanted, self.fleet)
         self._seed(seed, mask)
-        self._begin(mask, orders)
+        self._begin(mask, orders, self.fleet.start)
         self._started = True
         results = self.fleet.results()
         self._remember(results, mask)
@@ -133,15 +133,15 @@ class FlexArmVectorEnv(FleetView, gymnasium.vector.VectorEnv[NDArray[np.float32]
                 "reset(options={'reset_mask': ...}) first"
             )
         begun = self._done.copy() if self._mode is AutoresetMode.NEXT_STEP else np.zeros_like(self._done)
-        self.fleet.step()
         if begun.any():
-            self._begin(begun, self._orders)
+            self._begin(begun, self._orders, self.fleet.order_starts)
+        self.fleet.step()
         results = self.fleet.results()
         stepped = ~begun
         self._steps += stepped
         terminated = (results[:, self._status] != 0.0) & stepped
         truncated = (self._steps >= self._limit) & stepped if self._limit else np.zeros_like(stepped)
-        rewards = np.where(stepped, results[:, self._reward], 0.0)
+        rewards = results[:, self._reward].copy()  # 0 where an episode begins
         self._done = terminated | truncated
         infos = self._infos.batch(results, stepped, begun)
         self._add_reasons(infos, results, terminated)
@@ -194,11 +194,11 @@ class FlexArmVectorEnv(FleetView, gymnasium.vector.VectorEnv[NDArray[np.float32]
             if seeds[i] is not None:
                 self._generators[i] = seeding.np_random(seeds[i])[0]
 
-    def _begin(self, mask: Flags, orders: Array) -> None:
-        generators = self._generators
-        self.fleet.start(new_keys([generators[i] for i in np.flatnonzero(mask).tolist()]), mask, orders)
-        self._steps[mask] = 0
-        self._done[mask] = False
+    def _begin(self, mask: Flags, orders: Array, start: Callable[..., None]) -> None:
+        chosen = np.flatnonzero(mask)
+        start(new_keys([self._generators[i] for i in chosen.tolist()]), chosen, orders)
+        self._steps[chosen] = 0
+        self._done[chosen] = False
 
     def _take(self, actions: NDArray[np.float32]) -> None:
         values = np.asarray(actions)
@@ -216,7 +216,7 @@ class FlexArmVectorEnv(FleetView, gymnasium.vector.VectorEnv[NDArray[np.float32]
         final_obs = np.full(self.num_envs, None, dtype=object)
         for i in np.flatnonzero(done).tolist():
             final_obs[i] = self.fleet.observations[i].copy()
-        self._begin(done.copy(), self._orders)
+        self._begin(done.copy(), self._orders, self.fleet.start)
         self._done = kept
         results = self.fleet.results()
         merged = self._infos.batch(results, ~kept, kept)
