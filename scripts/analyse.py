@@ -32,7 +32,7 @@ class Options:
     output: Path = Path("results/analysis")
     """Folder for the results; an existing one is replaced when the new one is complete."""
     quick: bool = False
-    """For a look in seconds: coarser pictures, fewer models and poses, only IFDC on the paper's arm, one case simulated."""
+    """For a look in seconds: coarser pictures, fewer models and poses, IFDC on the paper's arm, one simulated case."""
     docs: bool = False
     """Bring docs/analysis.md and its pictures up to date."""
 

@@ -111,10 +111,12 @@ def test_figures_in_the_text_match(full: Path) -> None:
     sentences = [
         f"{min(room['position']):.1f} to {max(room['position']):.1f} times the delay",
         f"are {1 / max(room['position+rate']):.0f} to {1 / min(room['position+rate']):.0f} times too long",
-        f"Without damping it is at {one['zero']:.1f} rad/s with one mode a link, at {models['2 modes, undamped']['zero']:.1f}, "
+        f"Without damping it is at {one['zero']:.1f} rad/s with one mode a link, at "
+        f"{models['2 modes, undamped']['zero']:.1f}, "
         f"{models['3 modes, undamped']['zero']:.1f} and {models['4 modes, undamped']['zero']:.1f} with two to four, at "
         f"{models['exact beam']['zero']:.2f} for the exact beam",
-        f"without damping {one['bandwidth']:.1f} rad/s with one mode, {models['4 modes, undamped']['bandwidth']:.1f} with four",
+        f"without damping {one['bandwidth']:.1f} rad/s with one mode, "
+        f"{models['4 modes, undamped']['bandwidth']:.1f} with four",
         f"1/z of the exact beam is {1e3 / models['exact beam']['zero']:.0f} ms",
         f"{100.0 * 3.15 / models['exact beam']['zero']:.0f} cm",
         f"at {one['entries'][0]:.2f} m, {100 * one['entries'][0] / 4.5:.0f} % of the link",
