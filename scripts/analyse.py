@@ -32,7 +32,7 @@ class Options:
     output: Path = Path("results/analysis")
     """Folder for the results; an existing one is replaced when the new one is complete."""
     quick: bool = False
-    """For a look in seconds: coarser pictures, margins of the paper's arm only, one simulated case, fewer poses."""
+    """For a look in seconds: coarser pictures, fewer models and poses, IFDC on the paper's arm, one simulated case."""
     docs: bool = False
     """Bring docs/analysis.md and its pictures up to date."""
 
@@ -45,6 +45,7 @@ def analyse(folder: Path, quick: bool) -> None:
         quick: see `Options`.
     """
     arms = list(margins.ARMS)[: 1 if quick else None]
+    controllers = list(margins.GAINS)[-1:] if quick else list(margins.GAINS)
     cases = 2 * len(margins.SENSORS) * (len(arms) + 1) + 3 + (1 if quick else 12)
     with tqdm(total=cases, unit="study", desc="analysing") as bar:
 
@@ -56,9 +57,9 @@ def analyse(folder: Path, quick: bool) -> None:
         results["passivity"] = passivity.study(quick)
         tick()
         results["fuzzy_gains"] = margins.fuzzy_extremes()
-        results["margins"] = margins.rows(arms, tick)
-        results["profile"] = margins.profile(2 if quick else 9, tick)
-        results["largest_gains"] = margins.largest_gains()
+        results["margins"] = margins.rows(arms, controllers, tick)
+        results["profile"] = margins.profile(2 if quick else 9, controllers, tick)
+        results["largest_gains"] = margins.largest_gains([] if quick else arms, (1,) if quick else (1, 2))
         tick()
         results["simulated"] = simulated.study(results["margins"], quick, tick)
     write_json(folder / MARKER, results)

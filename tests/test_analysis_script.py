@@ -57,14 +57,15 @@ def test_results_are_complete(quick: Path) -> None:
     assert [path.name for path in quick.parent.iterdir()] == [quick.name], "work files were left behind"
 
 
-def test_committed_tables_of_the_linear_theory_match(quick: Path) -> None:
-    """The others take a full run, below. `make docs` brings them up to date."""
+def test_committed_tables_have_the_rows_of_a_quick_run(quick: Path) -> None:
+    """Those that a quick run makes as a full one does. All of them take a full run, below."""
     pages = committed()
     assert set(pages) == TABLES
-    for name in ("zeros_by_model", "zeros_by_position", "largest_gains"):
-        assert pages[name] == (quick / f"{name}.md").read_text(), f"{name} is out of date: run `make docs`"
-    for line in (quick / "margins.md").read_text().splitlines():
-        assert line in pages["margins"], f"margins are out of date: run `make docs`; {line}"
+    for name in ("zeros_by_model", "largest_gains", "margins"):
+        rows = (quick / f"{name}.md").read_text().splitlines()
+        assert len(rows) > 3
+        for row in rows:
+            assert row in pages[name], f"{name} is out of date: run `make docs`; {row}"
 
 
 @pytest.mark.slow
@@ -81,17 +82,18 @@ def test_figures_of_the_simulation_in_the_text_match(full: Path) -> None:
     for row in results["simulated"]:
         for place in ("corner", "mid-side"):
             own = linear[row["sensor"], row["delayed"], row["controller"]][place]["delay_margin"]
-            low, high = row[place]
-            worst = max(worst, low / own - 1.0, 1.0 - high / own)
+            worst = max(worst, *(abs(end / own - 1.0) for end in row[place]))
     assert f"within {100.0 * worst:.1f} %" in prose()
 
 
-def test_figures_in_the_text_match(quick: Path) -> None:
+@pytest.mark.slow
+def test_figures_in_the_text_match(full: Path) -> None:
     """Every sentence of docs/analysis.md that quotes a figure, with the figure put in by the results."""
-    results, text = read(quick), prose()
+    results, text = read(full), prose()
     models = {row["arm"]: row for row in results["zeros"]["by_model"]}
     one, default = models["1 mode, undamped"], models["2 modes, 1 % (default)"]
-    margins = {(r["sensor"], r["delayed"], r["controller"]): r for r in results["margins"]}
+    paper = [row for row in results["margins"] if row["arm"] == "paper's arm"]
+    margins = {(r["sensor"], r["delayed"], r["controller"]): r for r in paper}
     late = margins["end effector", "position", "IFDC"]
     rates = margins["end effector", "position+rate", "IFDC"]
     gains = {row["what"]: row for row in results["largest_gains"]}
@@ -100,7 +102,7 @@ def test_figures_in_the_text_match(quick: Path) -> None:
     room = {
         delayed: [
             row[place]["delay_margin"] / row[place]["delay"]
-            for row in results["margins"]
+            for row in paper
             if row["delayed"] == delayed and row["sensor"] in ("end effector", "0.5 m past the elbow")
             for place in ("corner", "mid-side")
         ]
@@ -109,13 +111,16 @@ def test_figures_in_the_text_match(quick: Path) -> None:
     sentences = [
         f"{min(room['position']):.1f} to {max(room['position']):.1f} times the delay",
         f"are {1 / max(room['position+rate']):.0f} to {1 / min(room['position+rate']):.0f} times too long",
-        f"at {one['zero']:.1f} rad/s with one mode a link, at {models['2 modes, undamped']['zero']:.1f}, "
+        f"Without damping it is at {one['zero']:.1f} rad/s with one mode a link, at "
+        f"{models['2 modes, undamped']['zero']:.1f}, "
         f"{models['3 modes, undamped']['zero']:.1f} and {models['4 modes, undamped']['zero']:.1f} with two to four, at "
         f"{models['exact beam']['zero']:.2f} for the exact beam",
-        f"{one['bandwidth']:.1f} rad/s with one mode, {models['4 modes, undamped']['bandwidth']:.1f} with four",
-        f"{1e3 / models['exact beam']['zero']:.0f} ms",
+        f"without damping {one['bandwidth']:.1f} rad/s with one mode, "
+        f"{models['4 modes, undamped']['bandwidth']:.1f} with four",
+        f"1/z of the exact beam is {1e3 / models['exact beam']['zero']:.0f} ms",
         f"{100.0 * 3.15 / models['exact beam']['zero']:.0f} cm",
         f"at {one['entries'][0]:.2f} m, {100 * one['entries'][0] / 4.5:.0f} % of the link",
+        f"on the default arm, two modes with 1 % damping, at {default['zero']:.2f} rad/s",
         f"to {default['zero']:.2f} rad/s",
         f"Kd / Kp = {1e3 * law['longest_passive_delay']:.0f} ms",
         f"from {law['active_from']:.0f} rad/s on",

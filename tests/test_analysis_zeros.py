@@ -330,6 +330,8 @@ def test_wrong_classes_and_poles_are_refused() -> None:
         zero_directions(plant, "x")  # type: ignore[arg-type]
     with pytest.raises(ValueError, match=r"s = 0 rad/s: is a pole of the arm at theta = \(0\.3, 1\.5\) rad"):
         zero_directions(plant, 0)
+    with pytest.raises(ValueError, match=r"s = 1e-300 rad/s: is a pole"):
+        plant.at(1e-300)
     with pytest.raises(ValueError, match=r"s = nan: must be a finite"):
         zero_directions(plant, float("nan"))
 

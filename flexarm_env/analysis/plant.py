@@ -109,10 +109,12 @@ class Plant:
         try:
             solution = np.linalg.solve(s * np.eye(len(self.A)) - self.A, self.B)
         except np.linalg.LinAlgError:
+            solution = np.full_like(self.B, np.inf)
+        if not np.all(np.isfinite(solution)):
             raise ValueError(
                 f"s = {s!r} rad/s: is a pole of the arm at {self.point}, where the response is infinite; the "
                 "resting arm has four at 0"
-            ) from None
+            )
         return np.asarray(np.exp(-s * self.delays)[:, None] * (self.C @ solution + self.D))
 
     def pade(self, order: int) -> Plant:

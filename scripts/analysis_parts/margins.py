@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -35,14 +35,21 @@ def loop(arm: FlexibleArm, place: Any, sensor: str, delayed: str, gain: float) -
     return law_loop(arm, place, SensorParameters(delayed=delayed, **SENSORS[sensor]), gain)  # type: ignore[arg-type]
 
 
-def rows(arms: Iterable[str], tick: Callable[[], Any]) -> list[dict[str, Any]]:
-    """Gain and delay margins of every case on a corner and in the middle of a side."""
+def rows(arms: Iterable[str], controllers: Sequence[str], tick: Callable[[], Any]) -> list[dict[str, Any]]:
+    """Gain and delay margins of every case on a corner and in the middle of a side.
+
+    Args:
+        arms: some of `ARMS`.
+        controllers: some of `GAINS`.
+        tick: called after each group.
+    """
     found = []
     for title in arms:
         arm = FlexibleArm(ARMS[title])
         for sensor in SENSORS:
             for delayed in DELAYED:
-                for name, gain in GAINS.items():
+                for name in controllers:
+                    gain = GAINS[name]
                     row: dict[str, Any] = {"arm": title, "sensor": sensor, "delayed": delayed, "controller": name}
                     row["gain"] = gain
                     for place, at in PLACES.items():
@@ -66,11 +73,12 @@ def margins(case: LawLoop) -> dict[str, Any]:
     }
 
 
-def profile(points: int, tick: Callable[[], Any]) -> dict[str, Any]:
+def profile(points: int, controllers: Sequence[str], tick: Callable[[], Any]) -> dict[str, Any]:
     """Delay margins of the paper's arm along the first side; the other sides repeat it, and it is its own mirror image.
 
     Args:
         points: on half a side.
+        controllers: some of `GAINS`.
         tick: called after each curve.
     """
     path = square(SquareParameters())
@@ -80,25 +88,30 @@ def profile(points: int, tick: Callable[[], Any]) -> dict[str, Any]:
     curves = []
     for sensor in SENSORS:
         for delayed in DELAYED:
-            for name, gain in GAINS.items():
-                values = [delay_margin(loop(arm, place, sensor, delayed, gain)).delay for place in at]
+            for name in controllers:
+                values = [delay_margin(loop(arm, place, sensor, delayed, GAINS[name])).delay for place in at]
                 curves.append({"sensor": sensor, "delayed": delayed, "controller": name, "margin": values})
             tick()
     side = SquareParameters().side
     return {"arc": (shares * side).tolist(), "side": side, "curves": curves}
 
 
-def largest_gains() -> list[dict[str, Any]]:
-    """Largest lambda that keeps the loop stable: late rates at the paper's delays, and the true tip without delay."""
+def largest_gains(arms: Iterable[str], modes_per_link: Iterable[int]) -> list[dict[str, Any]]:
+    """Largest lambda that keeps the loop stable: late rates at the paper's delays, and the true tip without delay.
+
+    Args:
+        arms: some of `ARMS`, with late rates.
+        modes_per_link: of the arms whose tip is seen.
+    """
     found = []
-    for title, parameters in ARMS.items():
+    for title in arms:
         for sensor in ("end effector", "0.5 m past the elbow"):
             row: dict[str, Any] = {"what": f"{title}, late rates, {sensor}"}
             for place, at in PLACES.items():
-                row[place] = largest(loop(FlexibleArm(parameters), at, sensor, "position+rate", 1.0))
+                row[place] = largest(loop(FlexibleArm(ARMS[title]), at, sensor, "position+rate", 1.0))
             found.append(row)
     tip = SensorParameters(model="true", delay=0.0)
-    for modes in (1, 2):
+    for modes in modes_per_link:
         for damping in TIP_DAMPING:
             arm = FlexibleArm(ArmParameters(modes_per_link=modes, modal_damping_ratio=damping))
             row = {"what": f"true tip, not late, {modes} mode{'s' if modes > 1 else ''}, {100 * damping:g} %"}

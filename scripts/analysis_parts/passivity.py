@@ -57,8 +57,8 @@ def random_poses(arm: FlexibleArm, count: int) -> list[OperatingPoint]:
 def study(quick: bool) -> dict[str, Any]:
     """Smallest relative eigenvalue of the Hermitian part over frequency and poses, for each path."""
     arm = FlexibleArm()
-    omega = np.geomspace(0.1, 1000.0, 200 if quick else 400)
-    poses = random_poses(arm, 10 if quick else 60)
+    omega = np.geomspace(0.1, 1000.0, 100 if quick else 400)
+    poses = random_poses(arm, 3 if quick else 60)
     curves: dict[str, list[float]] = {}
     rows = []
     for name, path in paths().items():

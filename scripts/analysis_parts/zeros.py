@@ -133,11 +133,12 @@ def locus(models: dict[str, FlexibleArm], points: int) -> dict[str, Any]:
 
 def study(quick: bool) -> dict[str, Any]:
     """Everything about zeros."""
-    models = {f"{m} mode{'s' if m > 1 else ''}, undamped": undamped(m) for m in (1, 2, 3, 4)}
+    counts = (1, 2) if quick else (1, 2, 3, 4)
+    models = {f"{m} mode{'s' if m > 1 else ''}, undamped": undamped(m) for m in counts}
     damped = {"2 modes, 1 % (default)": FlexibleArm()}
     return {
         "by_model": by_model(models | damped),
         "by_position": by_position(models),
-        "locus": locus({name: models[name] for name in list(models)[:2] + list(models)[3:]}, 60 if quick else 400),
-        "spread": {str(m): spread(m) for m in (1, 2, 3, 4)},
+        "locus": locus({name: models[name] for name in list(models)[:2] + list(models)[3:]}, 20 if quick else 400),
+        "spread": {str(m): spread(m) for m in counts},
     }
