@@ -381,7 +381,7 @@ def range_sentences(q: dict[str, float]) -> list[str]:
     smooth, jumps = (int(q[f"tried, {kind}"]) for kind in ("smooth torques", jump))
     return [
         f"put the limit at {q['critical spin']:.3f} of it, and the linear model with 2 modes, whose shapes make it stiffer, "
-        f"at {unstable:.3f} too",
+        f"at {unstable:.3f}",
         f"| up to {of_linear:.0f} % of a link | bent by 5 % up to {bent:.1f} ({rad * bent:.1f} rad/s), "
         f"hardly bent up to {straight:.2f} ({rad * straight:.1f} rad/s); "
         f"unstable from {unstable:.2f} ({rad * unstable:.1f} rad/s) | 50 mm up to {at_50_mm:.0f} %",

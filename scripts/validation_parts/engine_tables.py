@@ -112,7 +112,7 @@ def _square_table(records: dict[str, Any]) -> str:
         )
         away = "" if row["model"] == "chain" else f"{_mm(row['rms'])} / {_mm(row['maximum'])}"
         modal = f"{_mm(row['modal']['rms'])} / {_mm(row['modal']['maximum'])}" if "modal" in row else ""
-        change = f"{row['torque_change']:.2g}" if "torque_change" in row else ""
+        change = f"{row['torque_change']:.3g}" if "torque_change" in row else ""
         rows.append([row["model"], row["driver"], away, modal, score, change, *alone])
     return markdown(header, rows)
 
