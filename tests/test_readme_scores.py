@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -66,3 +67,20 @@ def test_the_conditions_give_what_the_page_says(capsys: pytest.CaptureFixture[st
         name, lap, later, ended = re.fullmatch(r"(.*): (.*) m, after 2 s (.*) m, (.*)", line).groups()  # type: ignore[union-attr]
         complete = ended.startswith("truncated")
         assert table[name] == (f"{lap} | {later}" if complete else f"loses the path: {ended} |")
+
+
+def test_validation_is_quoted_as_recorded() -> None:
+    """The number of checks, and the shipped agent's scores on the models and on the chain."""
+    record = json.loads((AGENTS.parent / "validation.json").read_text())
+    assert record["passed"]
+    assert f"answers with {len(record['checks'])} checks" in README.read_text()
+    rows = {
+        cells[0].strip(): cells[4].split("/")[0].strip()
+        for line in (AGENTS.parent / "validation.md").read_text().splitlines()
+        if len(cells := line.strip("| ").split("|")) > 4 and cells[1].strip() == "agent"
+    }
+    laps = [f"{float(rows[name]) / 1e3:.3f}" for name in ("linear, 2 modes", "foreshortened, 2 modes", "chain")]
+    (sentence,) = re.findall(
+        r"The agent scores (.*?) m over the lap.*?, (0\.\d+) m on the foreshortened", README.read_text(), re.S
+    )
+    assert [*sentence, sentence[1]] == laps
