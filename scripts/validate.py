@@ -54,7 +54,7 @@ def main() -> None:
     output.mkdir(parents=True, exist_ok=True)
     outcomes = _outcomes(options, output)
     write_report(outcomes, options.quick, output)
-    print(printed(outcomes))
+    print(printed([outcome for outcome in outcomes if outcome.group.name in options.only]))
     failed = [o.group.name for o in outcomes if o.failed(options.quick)]
     count = sum(len(o.checks) for o in outcomes)
     verdict = f"FAILED in {', '.join(failed)}" if failed else "all passed"

@@ -380,8 +380,8 @@ def range_sentences(q: dict[str, float]) -> list[str]:
     rad = q["first clamped"]
     smooth, jumps = (int(q[f"tried, {kind}"]) for kind in ("smooth torques", jump))
     return [
-        f"put the limit at {q['critical spin']:.3f} of it, and the linear model with 2 modes, whose shapes make it stiffer, "
-        f"at {unstable:.3f}",
+        f"put the limit at {q['critical spin']:.3f} of it, and the linear model with 2 modes, whose shapes make it "
+        f"stiffer, at {unstable:.3f}",
         f"| up to {of_linear:.0f} % of a link | bent by 5 % up to {bent:.1f} ({rad * bent:.1f} rad/s), "
         f"hardly bent up to {straight:.2f} ({rad * straight:.1f} rad/s); "
         f"unstable from {unstable:.2f} ({rad * unstable:.1f} rad/s) | 50 mm up to {at_50_mm:.0f} %",
@@ -412,8 +412,8 @@ def square_sentences(q: dict[str, float]) -> list[str]:
     scores = [f"{of(m, 'score'):.1f} mm" for m in (linear, "chain", better)]
     later = [f"{of(m, 'score_after_2s'):.1f} mm" for m in (linear, "chain", better)]
     return [
-        f"the links bend by up to {q['square, bend']:.0f} % under the agent, and already the rigid arm's reference turns a "
-        f"link at up to {q['reference, largest']:.1f} rad/s, above {0.1 * q['first clamped']:.1f} rad/s for "
+        f"the links bend by up to {q['square, bend']:.0f} % under the agent, and already the rigid arm's reference "
+        f"turns a link at up to {q['reference, largest']:.1f} rad/s, above {0.1 * q['first clamped']:.1f} rad/s for "
         f"{100.0 * q['reference, share']:.0f} % of the lap",
         f"off by up to {0.1 * of(linear, 'maximum'):.0f} cm there.** Under the agent the linear model with 2 modes is "
         f"{of(linear, 'rms'):.0f} mm from the chain (r.m.s.) and {of(linear, 'maximum'):.0f} mm at most",
@@ -423,7 +423,8 @@ def square_sentences(q: dict[str, float]) -> list[str]:
         f"{scores[2]} and {later[2]} with foreshortening, {scores[1]} and {later[1]} on the chain",
         f"others by 17.5 %, it scores {both(two_modes)}, {of(two_modes, 'rms'):.1f} mm from the reference",
         f"it scores {both(every[0])} with 10 elements and {both(every[1])} with 20",
-        f"its torque changes by {of(every[0], 'torque change'):.0f} and {of(every[1], 'torque change'):.0f} N m a period, "
+        f"its torque changes by {of(every[0], 'torque change'):.0f} and "
+        f"{of(every[1], 'torque change'):.0f} N m a period, "
         f"where it changes by {of('chain, 20 elements', 'torque change'):.1f} N m on the reference",
         f"the two are {of(every[0], 'modal, rms'):.0f} mm apart (r.m.s.)",
         f"The model with 2 modes is {of(linear, 'modal, rms'):.0f} mm from the finer one, with foreshortening "
