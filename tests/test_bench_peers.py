@@ -2,7 +2,6 @@
 
 import importlib
 import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -23,11 +22,7 @@ ERRORS = {10: np.array([0.0042, 0.015]), 20: np.array([0.0010, 0.0034])}
 
 
 def part(name: str) -> Any:
-    sys.path.insert(0, str(ROOT / "scripts"))
-    try:
-        return importlib.import_module(name)
-    finally:
-        sys.path.pop(0)
+    return importlib.import_module(name)
 
 
 @pytest.fixture(scope="module")

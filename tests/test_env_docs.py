@@ -8,9 +8,9 @@ import re
 import sys
 from dataclasses import fields
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
+import build_env_docs
 import gymnasium as gym
 import numpy as np
 import pytest
@@ -30,17 +30,6 @@ ROOT = Path(__file__).resolve().parent.parent
 DOCS = ROOT / "docs" / "environments"
 DOCSTRING = FlexArmEnv.__doc__ or ""
 Row = dict[str, str]
-
-
-@pytest.fixture(scope="module")
-def script() -> ModuleType:
-    """The script that writes the pages, importable as when it runs."""
-    sys.path.insert(0, str(ROOT / "scripts"))
-    try:
-        import build_env_docs
-    finally:
-        sys.path.pop(0)
-    return build_env_docs
 
 
 @pytest.fixture(params=IDS, scope="module")
@@ -71,8 +60,8 @@ def bare(cell: str) -> str:
     return cell.strip("`")
 
 
-def page(script: ModuleType, name: str) -> str:
-    return (DOCS / f"{script.stem(name)}.md").read_text(encoding="utf-8")
+def page(name: str) -> str:
+    return (DOCS / f"{build_env_docs.stem(name)}.md").read_text(encoding="utf-8")
 
 
 def numbers(cell: str) -> np.ndarray:
@@ -82,29 +71,27 @@ def numbers(cell: str) -> np.ndarray:
 # --- fresh and complete --------------------------------------------------------------------------------------
 
 
-def test_the_committed_pages_are_what_the_code_says(script: ModuleType) -> None:
-    pages = script.pages()
+def test_the_committed_pages_are_what_the_code_says() -> None:
+    pages = build_env_docs.pages()
     assert set(pages) == {path.name for path in DOCS.glob("*.md")}
     for file, text in pages.items():
         assert text == (DOCS / file).read_text(encoding="utf-8"), f"{file}: run scripts/build_env_docs.py"
 
 
-def test_every_id_has_its_picture(script: ModuleType) -> None:
-    pictures = {f"{script.stem(name)}.png" for name in IDS}
+def test_every_id_has_its_picture() -> None:
+    pictures = {f"{build_env_docs.stem(name)}.png" for name in IDS}
     assert pictures == {path.name for path in DOCS.glob("*.png")}
-    assert set(script.PICTURES) == set(IDS)
+    assert set(build_env_docs.PICTURES) == set(IDS)
 
 
-def test_the_script_writes_where_it_is_told(
-    script: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_script_writes_where_it_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "argv", ["build_env_docs.py", "--docs", str(tmp_path), "--no-pictures"])
-    script.main()
-    assert {path.name for path in tmp_path.iterdir()} == set(script.pages())
+    build_env_docs.main()
+    assert {path.name for path in tmp_path.iterdir()} == set(build_env_docs.pages())
 
 
-def test_a_picture_is_drawn(script: ModuleType) -> None:
-    picture = script.drawn("Reach-v0")
+def test_a_picture_is_drawn() -> None:
+    picture = build_env_docs.drawn("Reach-v0")
     assert picture.shape == (600, 600, 3)
     assert picture.dtype == np.uint8
     assert len(np.unique(picture.reshape(-1, 3), axis=0)) > 50
@@ -151,8 +138,8 @@ def test_the_specification_builds_no_arm(monkeypatch: pytest.MonkeyPatch) -> Non
 # --- true ----------------------------------------------------------------------------------------------------
 
 
-def test_observation_tables(script: ModuleType, name: str, env: FlexArmEnv) -> None:
-    table = rows(section(page(script, name), "Observation space"))
+def test_observation_tables(name: str, env: FlexArmEnv) -> None:
+    table = rows(section(page(name), "Observation space"))
     assert [bare(row["block"]) for row in table] == list(env.observation_blocks)
     high = env.observation_space.high  # type: ignore[attr-defined]
     for row, (block, part) in zip(table, env.observation_blocks.items(), strict=True):
@@ -164,9 +151,9 @@ def test_observation_tables(script: ModuleType, name: str, env: FlexArmEnv) -> N
         np.testing.assert_allclose(np.broadcast_to(told, scale.shape), scale, rtol=1e-3)
 
 
-def test_argument_tables(script: ModuleType, name: str, env: FlexArmEnv) -> None:
+def test_argument_tables(name: str, env: FlexArmEnv) -> None:
     """Together the defaults of a page make the id's settings, and it leaves out only what has no effect there."""
-    table = rows(section(page(script, name), "Arguments"))
+    table = rows(section(page(name), "Arguments"))
     defaults = {bare(row["argument"]): ast.literal_eval(bare(row["default"])) for row in table}
     assert Settings.of(defaults) == env.settings
     spec = gym.spec(f"FlexArm/{name}")
@@ -176,8 +163,8 @@ def test_argument_tables(script: ModuleType, name: str, env: FlexArmEnv) -> None
         assert one.metadata["text"]
 
 
-def test_facts(script: ModuleType, name: str, env: FlexArmEnv) -> None:
-    lines = page(script, name).splitlines()
+def test_facts(name: str, env: FlexArmEnv) -> None:
+    lines = page(name).splitlines()
     steps = gym.spec(f"FlexArm/{name}").max_episode_steps
     assert steps is not None
     assert f"| Action space | `{env.action_space}` |" in lines
@@ -185,8 +172,8 @@ def test_facts(script: ModuleType, name: str, env: FlexArmEnv) -> None:
     assert f"| Episode | {steps} steps, {steps * env.control_period:g} s |" in lines
 
 
-def test_action_tables(script: ModuleType, name: str, env: FlexArmEnv) -> None:
-    table = rows(section(page(script, name), "Action space"))
+def test_action_tables(name: str, env: FlexArmEnv) -> None:
+    table = rows(section(page(name), "Action space"))
     assert len(table) == len(env.settings.action_limit)
     for row, limit in zip(table, env.settings.action_limit, strict=True):
         for end, column in ((-1.0, "at a = -1"), (1.0, "at a = 1")):
@@ -220,8 +207,8 @@ def test_action_formulas_hold_in_the_environment(mode: str, key: str) -> None:
     np.testing.assert_allclose(found[1], wanted, rtol=1e-9)
 
 
-def test_reward_tables(script: ModuleType, name: str, env: FlexArmEnv) -> None:
-    table = rows(section(page(script, name), "Reward"))
+def test_reward_tables(name: str, env: FlexArmEnv) -> None:
+    table = rows(section(page(name), "Reward"))
     weights = {bare(row["term"]): float(row["weight"]) for row in table}
     assert weights == {term: weight for term, weight in env.settings.reward_weights.items() if weight > 0.0}
     env.reset(seed=0)
@@ -230,8 +217,8 @@ def test_reward_tables(script: ModuleType, name: str, env: FlexArmEnv) -> None:
     assert sum(info["reward_terms"].values()) == pytest.approx(reward)
 
 
-def test_info_tables(script: ModuleType, name: str, env: FlexArmEnv) -> None:
-    told = {bare(row["key"]): row["there"] for row in rows(section(page(script, name), "Info"))}
+def test_info_tables(name: str, env: FlexArmEnv) -> None:
+    told = {bare(row["key"]): row["there"] for row in rows(section(page(name), "Info"))}
     _, begun = env.reset(seed=0)
     stepped = env.step(env.action_space.sample())[4]
     always = {key for key, there in told.items() if there.startswith("always")}
@@ -251,9 +238,9 @@ def test_starts_and_modes_are_those_of_the_code() -> None:
     assert set(KEYS) > {"torque", "gain"}
 
 
-def test_arguments_of_a_batch(script: ModuleType) -> None:
+def test_arguments_of_a_batch() -> None:
     table = rows(section((DOCS / "README.md").read_text(encoding="utf-8"), "Make a batch"))
-    signature = inspect.signature(script.FlexArmVectorEnv.__init__)
+    signature = inspect.signature(build_env_docs.FlexArmVectorEnv.__init__)
     assert [bare(row["argument"]) for row in table] == [
         each for each in signature.parameters if each not in ("self", "options")
     ]

@@ -4,8 +4,8 @@ import json
 import subprocess
 import sys
 from pathlib import Path
-from types import ModuleType
 
+import build_docs
 import pytest
 
 from flexarm_env import Trajectory
@@ -26,19 +26,6 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
     done = run_script("--output", str(output))
     assert done.returncode == 0, done.stderr
     return output
-
-
-@pytest.fixture(scope="module")
-def scripts() -> ModuleType:
-    """The scripts' own modules, importable as when a script runs."""
-    sys.path.insert(0, str(ROOT / "scripts"))
-    try:
-        import build_docs
-
-        import paper_study.verdicts  # noqa: F401  (kept in sys.modules for the tests below)
-    finally:
-        sys.path.pop(0)
-    return build_docs
 
 
 def read(results: Path, name: str) -> object:
@@ -112,12 +99,12 @@ def test_numbers_agree_but_for_the_errata(results: Path) -> None:
             assert row["note"] or row["name"].startswith("clock time"), row
 
 
-def test_committed_tables_match(results: Path, scripts: ModuleType) -> None:
+def test_committed_tables_match(results: Path) -> None:
     """`make docs` brings them up to date."""
     assert read(results, "summary.json")["study"] == {"K_s": 1.0, "K_n": 5.0, "lap_time": 16.0, "arm_changes": {}}
-    for name in scripts.PAGES:
+    for name in build_docs.PAGES:
         page = (ROOT / "docs" / name).read_text()
-        assert page == scripts.filled(page, results), f"docs/{name} is out of date: run `make docs`"
+        assert page == build_docs.filled(page, results), f"docs/{name} is out of date: run `make docs`"
 
 
 def test_figures_in_the_text_match(results: Path) -> None:
@@ -238,7 +225,7 @@ def test_help_explains_the_options() -> None:
         assert option in text
 
 
-def test_verdicts_follow_from_the_columns(scripts: ModuleType) -> None:
+def test_verdicts_follow_from_the_columns() -> None:
     claims = sys.modules["paper_study.claims"]
     claim = claims.CLAIMS[0]
     conditional = next(c for c in claims.CLAIMS if c.condition)

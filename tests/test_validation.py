@@ -8,14 +8,13 @@ import re
 import shutil
 import subprocess
 import sys
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import numpy as np
 import pytest
+import validate
 
 from flexarm_env import ArmParameters
 
@@ -24,18 +23,6 @@ SCRIPT = ROOT / "scripts" / "validate.py"
 DOCS = ROOT / "docs"
 NAMES = ("links", "arm", "engine", "drift", "orders", "coriolis")
 UNCHANGED = ("links", "orders", "coriolis")  # the same work in the short version
-
-
-@pytest.fixture(scope="module", autouse=True)
-def scripts() -> Iterator[ModuleType]:
-    """The scripts' own modules, importable as when a script runs."""
-    sys.path.insert(0, str(ROOT / "scripts"))
-    try:
-        import validate
-
-        yield validate
-    finally:
-        sys.path.remove(str(ROOT / "scripts"))
 
 
 def run_script(*arguments: str) -> subprocess.CompletedProcess[str]:
@@ -174,7 +161,6 @@ class StubBase:
     ],
 )
 def test_one_group_does_not_stop_another(
-    scripts: Any,
     groups: list[StubBase],
     quick: bool,
     status: int,
@@ -183,12 +169,12 @@ def test_one_group_does_not_stop_another(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    monkeypatch.setattr(scripts, "GROUPS", groups)
-    monkeypatch.setattr(scripts, "NAMES", ("a", "b"))
+    monkeypatch.setattr(validate, "GROUPS", groups)
+    monkeypatch.setattr(validate, "NAMES", ("a", "b"))
     options = ["--output", str(tmp_path), "--only", "a", "b", *(["--quick"] if quick else [])]
     monkeypatch.setattr(sys, "argv", ["validate.py", *options])
     with pytest.raises(SystemExit) as caught:
-        scripts.main()
+        validate.main()
     assert caught.value.code == status
     printed = capsys.readouterr().out
     assert says in printed
@@ -233,16 +219,14 @@ def test_a_run_of_some_groups_keeps_the_others_in_the_summary(short: tuple[Path,
     assert "arm" not in json.loads((output / "summary.json").read_text())["groups"]
 
 
-def test_the_short_version_has_a_folder_of_its_own(
-    scripts: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(scripts, "GROUPS", [StubBase("a")])
-    monkeypatch.setattr(scripts, "NAMES", ("a",))
+def test_the_short_version_has_a_folder_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(validate, "GROUPS", [StubBase("a")])
+    monkeypatch.setattr(validate, "NAMES", ("a",))
     monkeypatch.chdir(tmp_path)
     for options, folder in (([], "validation"), (["--quick"], "validation-quick")):
         monkeypatch.setattr(sys, "argv", ["validate.py", "--only", "a", *options])
         with pytest.raises(SystemExit):
-            scripts.main()
+            validate.main()
         assert json.loads((tmp_path / "results" / folder / "summary.json").read_text())["quick"] == bool(options)
 
 
@@ -257,51 +241,6 @@ def test_bad_options_are_refused(tmp_path: Path) -> None:
     assert done.returncode == 1
     assert f"output = {file / 'folder'}: {file} is a file; must be a folder" in done.stderr
     assert file.read_text() == "kept"
-
-
-# --- the exact methods ----------------------------------------------------------------------------------------
-
-
-def test_a_straight_locked_arm_is_one_beam() -> None:
-    """Roots from tables: 1.875104, 4.694091 clamped-free; 3.926602, 7.068583 pinned-free."""
-    from validation_parts.exact_beams import Joints, two_links
-
-    scale = np.sqrt(1676.0 / 0.335) / 9.0**2
-    for joints, roots in (
-        (Joints(shoulder=True, elbow=True), (1.875104, 4.694091)),
-        (Joints(shoulder=False, elbow=True), (3.926602, 7.068583)),
-    ):
-        found = two_links(ArmParameters(), 0.0, joints).frequencies(2, joints.free)
-        np.testing.assert_allclose(found, scale * np.square(roots), rtol=1e-6)
-
-
-def test_a_link_whose_root_cannot_move_across_it_is_pinned() -> None:
-    """At 90 degrees the elbow moves along link 2 only."""
-    from validation_parts.exact_beams import Joints, links, pinned_free, two_links
-
-    expected = pinned_free(links(ArmParameters())[1], 1)[0]
-    found = two_links(ArmParameters(), 0.5 * np.pi, Joints(shoulder=True, elbow=False)).frequencies(2, 1)
-    assert found[1] == pytest.approx(expected, rel=1e-12)
-
-
-def test_no_frequency_is_missed_where_two_coincide() -> None:
-    """Two equal beams without connection have every frequency twice."""
-    from validation_parts.exact_beams import Structure, links, pinned_free, single_link
-
-    beam = links(ArmParameters())[0]
-    ((_, ends),) = single_link(beam, pinned=True).parts
-    still = np.zeros_like(ends)
-    pair = Structure(((beam, np.hstack([ends, still])), (beam, np.hstack([still, ends]))), np.zeros((6, 6)))
-    np.testing.assert_allclose(pair.frequencies(4, 2), np.repeat(pinned_free(beam, 2), 2), rtol=1e-12)
-
-
-def test_motions_that_break_the_frame_are_refused() -> None:
-    from validation_parts.exact_beams import Joints
-    from validation_parts.finite_elements import frame
-
-    mesh = frame(ArmParameters(), 1.0, Joints(shoulder=False, elbow=False), 4)
-    with pytest.raises(ValueError, match="conditions"):
-        mesh.held_to(np.ones((len(mesh.mass), 1)), 1, 0)
 
 
 # --- the page -------------------------------------------------------------------------------------------------
