@@ -9,6 +9,7 @@ import build_docs
 import pytest
 
 from flexarm_env import Trajectory
+from paper_study import claims, verdicts
 
 ROOT = Path(__file__).resolve().parent.parent
 SCRIPT = ROOT / "scripts" / "reproduce_paper.py"
@@ -226,14 +227,13 @@ def test_help_explains_the_options() -> None:
 
 
 def test_verdicts_follow_from_the_columns() -> None:
-    claims = sys.modules["paper_study.claims"]
     claim = claims.CLAIMS[0]
     conditional = next(c for c in claims.CLAIMS if c.condition)
     titles = {"paper": "own arm", "other": "other arm"}
 
     def verdict(claim: object, own: bool, other: bool, **values: object) -> tuple[str, str]:
         found = {"paper": claims.Finding(own, values), "other": claims.Finding(other, {})}
-        return sys.modules["paper_study.verdicts"].verdict(claim, found, titles)
+        return verdicts.verdict(claim, found, titles)
 
     assert verdict(claim, True, True)[0] == "reproduced"
     assert verdict(claim, True, False)[0] == "reproduced under condition"
