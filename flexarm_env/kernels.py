@@ -121,7 +121,8 @@ _DRIVERS: dict[str, tuple[Callable[..., Any] | tuple[Callable[..., Any], str], .
         periods.step_episodes,
     ),
 }
-# Called for each lane with many arrays: handing these over would take longer than what is done with them.
+# Called for each lane with many arrays: handing these over would take longer than what is done with them. In a block of
+# one lane the compiler decides, which takes it half a second less.
 _PER_LANE = (
     stepping.past_reading,
     stepping.side_at,
@@ -190,7 +191,7 @@ def render(variant: Variant) -> str:
     for driver in _DRIVERS[variant.kind]:
         function, name = driver if isinstance(driver, tuple) else (driver, driver.__name__)
         source = inspect.getsource(function)
-        decorator = INLINED if function in _PER_LANE else DECORATOR
+        decorator = INLINED if function in _PER_LANE and variant.lanes > 1 else DECORATOR
         text += decorator + source.replace(f"def {function.__name__}(", f"def {name}(", 1) + "\n\n"
     if variant.kind in DRIVES:
         # Python calls the entry point only: wrappers for the others would take time. Nor do the others allocate:
