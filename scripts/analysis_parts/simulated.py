@@ -81,6 +81,7 @@ def held_diverges(sensor: str, delayed: str, gain: float, place: Any, physics_st
     state[:2] = angles + PUSH * np.array([1.0, -0.6])
 
     def diverges(delays: Array) -> NDArray[np.bool_]:
+        """Whether the motion grows from the middle third of the time to the last, for each delay [s]."""
         loop = ClosedLoop(arm, cases(sensor, delayed, delays), path, physics_step=physics_step)
         loop.reset(np.tile(state, (len(delays), 1)))
         steps = round(duration / loop.control_period)
@@ -102,6 +103,7 @@ def lap_diverges(sensor: str, delayed: str, gain: float, physics_step: float | N
     arm = FlexibleArm(ArmParameters.paper())
 
     def diverges(delays: Array) -> NDArray[np.bool_]:
+        """Whether the lap ends in an invalid state, for each delay [s]."""
         loop, starts = square_loop(arm, cases(sensor, delayed, delays), physics_step=physics_step)
         loop.reset(starts)
         failed = np.zeros(len(delays), dtype=bool)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,6 +12,7 @@ from scipy.linalg import eigh
 
 from flexarm_env import ArmParameters, FlexibleArm
 from flexarm_env.parameters import ModeShapes
+from validation_parts.checks import Check
 from validation_parts.exact_beams import Joints
 
 Array = NDArray[np.float64]
@@ -58,3 +60,31 @@ def rate(sizes: ArrayLike, errors: ArrayLike) -> float:
     """p of ``error ~ size^-p``, least squares on logarithms."""
     slope, _ = np.polynomial.polynomial.polyfit(np.log(sizes), np.log(errors), 1)[::-1]
     return -float(slope)
+
+
+def ritz_checks(
+    group: str, name: str, least: float, rows: Sequence[Mapping[str, Any]], rounding: float
+) -> tuple[Check, Check]:
+    """What Rayleigh and Ritz say of any model of fewer shapes: too stiff, and less so with one more.
+
+    Args:
+        group: that the checks belong to.
+        name: of the first check.
+        least: smallest relative error of any frequency.
+        rows: frequencies by basis and number of modes, under "found".
+        rounding: of a frequency.
+    """
+    within = f"(rounding {rounding:.0e})".replace("e-0", "e-")
+    growth = [
+        np.array(row["found"][basis][str(m + 1)])[: len(row["found"][basis][str(m)])] / row["found"][basis][str(m)] - 1
+        for row in rows
+        for basis in BASES
+        for m in MODES[:-1]
+    ]
+    why = "Rayleigh and Ritz: a model of fewer shapes is stiffer, its frequencies are upper bounds"
+    lower = "Rayleigh and Ritz: one more shape can only lower every frequency"
+    more = "largest growth of a frequency with one more mode"
+    return (
+        Check(group, name, least, f"{why} {within}", least=-rounding),
+        Check(group, more, np.concatenate(growth).max(), f"{lower} {within}", most=rounding),
+    )
