@@ -5,8 +5,8 @@ A symmetric matrix is held by its lower triangle, row by row.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Any, NamedTuple
 
 Vector = Sequence[Any]
 Matrix = Sequence[Sequence[Any]]
@@ -36,8 +36,33 @@ def products(b: Vector) -> list[Any]:
     return [b[i] * b[i] if i == j else 2.0 * (b[i] * b[j]) for i in range(len(b)) for j in range(i + 1)]
 
 
-def factor(matrix: Matrix) -> tuple[list[list[Any]], list[Any]]:
-    """L and 1/d of M = L diag(d) L^T, without pivoting (M is positive definite)."""
+def inverse(lower: Vector) -> list[Any]:
+    """Inverse of a positive definite matrix; both by their lower triangles."""
+    n = next(n for n in range(1, len(lower) + 1) if place(n, 0) == len(lower))
+    factors = factor([[lower[place(i, j)] for j in range(n)] for i in range(n)])
+    columns = [solve(factors, [float(i == j) for i in range(n)]) for j in range(n)]
+    return [columns[j][i] for i in range(n) for j in range(i + 1)]
+
+
+class Factors(NamedTuple):
+    """L and d of M = L diag(d) L^T.
+
+    Attributes:
+        lower: L below its diagonal of ones, row by row.
+        inverse: 1/d.
+    """
+
+    lower: Vector
+    inverse: Vector
+
+    @staticmethod
+    def sizes(n: int) -> list[int | None]:
+        """Length of each field for an n x n matrix."""
+        return [n * (n - 1) // 2, n]
+
+
+def factor(matrix: Matrix) -> Factors:
+    """Factors of a positive definite matrix, without pivoting."""
     n = len(matrix)
     lower: list[list[Any]] = [[0.0] * n for _ in range(n)]
     scaled: list[list[Any]] = [[0.0] * n for _ in range(n)]  # L diag(d)
@@ -47,17 +72,34 @@ def factor(matrix: Matrix) -> tuple[list[list[Any]], list[Any]]:
             scaled[i][j] = matrix[i][j] - dot(scaled[i][:j], lower[j][:j])
             lower[i][j] = scaled[i][j] * inverse[j]
         inverse.append(1.0 / (matrix[i][i] - dot(scaled[i][:i], lower[i][:i])))
-    return lower, inverse
+    return Factors([x for i, row in enumerate(lower) for x in row[:i]], inverse)
 
 
-def solve(factors: tuple[list[list[Any]], list[Any]], right: Vector) -> list[Any]:
-    """x with M x = right, from `factor`."""
-    lower, inverse = factors
+def solve(factors: Factors, right: Vector) -> list[Any]:
+    """x with M x = right."""
     n = len(right)
+    lower = [factors.lower[i * (i - 1) // 2 :][:i] for i in range(n)]
     x: list[Any] = []
     for i in range(n):
-        x.append(right[i] - dot(lower[i][:i], x))
-    x = [value * scale for value, scale in zip(x, inverse, strict=True)]
+        x.append(right[i] - dot(lower[i], x))
+    x = [value * scale for value, scale in zip(x, factors.inverse, strict=True)]
     for i in reversed(range(n)):
         x[i] = x[i] - dot([lower[j][i] for j in range(i + 1, n)], x[i + 1 :])
     return x
+
+
+def flat(fields: Iterable[Any]) -> list[Any]:
+    """All numbers of fields that are numbers or sequences, in order."""
+    return [x for field in fields for x in (field if isinstance(field, tuple | list) else [field])]
+
+
+def unflat(numbers: Sequence[Any], sizes: Sequence[int | None]) -> Iterator[Any]:
+    """Inverse of `flat`: fields of given lengths; None for a number."""
+    source = iter(numbers)
+    for size in sizes:
+        yield next(source) if size is None else tuple(next(source) for _ in range(size))
+
+
+def extent(sizes: Sequence[int | None]) -> int:
+    """How many numbers fields of these lengths hold; see `unflat`."""
+    return sum(1 if size is None else size for size in sizes)

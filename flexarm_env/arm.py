@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from flexarm_env import constants, kinematics
 from flexarm_env import dynamics as dyn
+from flexarm_env.elimination import elimination
 from flexarm_env.kinematics import stack, stack_matrix
 from flexarm_env.linearisation import Linearisation, linearise
 from flexarm_env.links import Place
@@ -62,6 +63,7 @@ class FlexibleArm:
         self.parameters = parameters
         self.modes = constants.arm_modes(parameters)
         self.constants = constants.arm_constants(parameters, self.modes)
+        self._elimination = elimination(self.constants)
         self._to_internal = kinematics.to_internal(self.constants)
         self._to_public = kinematics.to_public(self.constants)
 
@@ -302,7 +304,8 @@ class FlexibleArm:
     def _public_acceleration(self, q: Array, rates: Array, tau: Sequence[Any]) -> Array:
         y, cos, sin, sin_theta2 = self._geometry(q)
         v = self._internal(rates)
-        internal = stack(dyn.acceleration(self.constants, self._complete, y, v, tau, (cos, sin, sin_theta2)))
+        angles = (cos, sin, sin_theta2)
+        internal = stack(dyn.acceleration(self.constants, self._elimination, self._complete, y, v, tau, angles))
         return internal @ self._to_public.T
 
     def _state_rate(self, state: Array, tau: Array) -> Array:

@@ -19,17 +19,19 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from flexarm_env.algebra import dot, factor, solve
+from flexarm_env.algebra import dot
 from flexarm_env.constants import Constants
 from flexarm_env.dynamics import (
     applied_forces,
     generalised_torque,
+    inertia,
     joint_angles,
-    mass_matrix,
     rigid_velocity_forces,
+    solve,
     velocity_forces,
 )
 from flexarm_env.elementary import sincos
+from flexarm_env.elimination import Elimination
 from flexarm_env.links import Place
 from flexarm_env.sensing import Pair, rigid_jacobian, rigid_point, true_jacobian, true_point
 from flexarm_env.tracing import at_least, clip
@@ -165,6 +167,7 @@ class Stage(NamedTuple):
 
 def law_stage(
     k: Constants,
+    e: Elimination | None,
     law: Law,
     variant: tuple[bool, str, str],
     y: Sequence[Any],
@@ -175,6 +178,7 @@ def law_stage(
 
     Args:
         k: constants of the arm.
+        e: see `dynamics.inertia`.
         law: the law's data in this stage.
         variant: complete velocity forces?, sensor model, Jacobian of the rate.
         y: internal coordinates of the stage (explicit).
@@ -190,14 +194,14 @@ def law_stage(
         measured = _true_measurement(k, law, y)
     else:
         measured = _rigid_measurement(k, law, y, jacobian if rate_jacobian == "current" else None)
-    factors = factor(mass_matrix(k, y, cos, sin))
-    responses = [solve(factors, generalised_torque(k, unit)) for unit in ((1.0, 0.0), (0.0, 1.0))]
+    at = inertia(k, e, y, cos, sin)
+    responses = [solve(k, e, at, generalised_torque(k, unit)) for unit in ((1.0, 0.0), (0.0, 1.0))]
     tau = _torque(law, jacobian, measured, v_known, responses, h_gamma)
     feedback = [a * tau[0] + b * tau[1] for a, b in zip(*responses, strict=True)]
     v = [known + h_gamma * acceleration for known, acceleration in zip(v_known, feedback, strict=True)]
     sin_theta2 = both[0] * one[1] - both[1] * one[0]
     h = velocity_forces(k, y, v, cos, sin) if complete else rigid_velocity_forces(k, v, sin_theta2)
-    return Stage(v, solve(factors, applied_forces(k, y, v, h)), feedback, tau)
+    return Stage(v, solve(k, e, at, applied_forces(k, y, v, h)), feedback, tau)
 
 
 def _torque(

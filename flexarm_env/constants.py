@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from flexarm_env import algebra
 from flexarm_env.algebra import Vector
 from flexarm_env.links import Link, Place
 from flexarm_env.modes import LinkModes, foreshortening_moments, link_modes
@@ -86,18 +87,12 @@ class Constants(NamedTuple):
 
     def flat(self) -> list[Any]:
         """All numbers in order, as a kernel reads them."""
-        return [x for field in self for x in (field if isinstance(field, tuple | list) else [field])]
+        return algebra.flat(self)
 
     @classmethod
     def unflat(cls, numbers: Sequence[Any], modes: int, foreshortened: bool = False) -> Constants:
         """Inverse of `flat`."""
-        source = iter(numbers)
-        sizes = cls.sizes(modes, foreshortened)
-        return cls(*(next(source) if n is None else _take(source, n) for n in sizes))
-
-
-def _take(source: Iterator[Any], count: int) -> tuple[Any, ...]:
-    return tuple(next(source) for _ in range(count))
+        return cls(*algebra.unflat(numbers, cls.sizes(modes, foreshortened)))
 
 
 def arm_modes(parameters: ArmParameters) -> tuple[LinkModes, LinkModes]:

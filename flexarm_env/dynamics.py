@@ -21,8 +21,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from flexarm_env.algebra import Matrix, Vector, dot, factor, place, solve
+from flexarm_env import algebra, elimination
+from flexarm_env.algebra import Factors, Matrix, Vector, dot, factor, place
 from flexarm_env.constants import Constants
+from flexarm_env.elimination import Elimination, Inertia
 from flexarm_env.links import bent, drawn_in, modal_mass, outward, root_coupling, root_inertia, shortening_forces
 
 
@@ -84,6 +86,21 @@ def mass_matrix(k: Constants, y: Vector, cos: Any, sin: Any) -> list[list[Any]]:
     return rows
 
 
+def inertia(k: Constants, e: Elimination | None, y: Vector, cos: Any, sin: Any) -> Inertia | Factors:
+    """M(y) ready for `solve`: by elimination with linear kinematics, else (e is None) by a factorisation."""
+    if e is not None:
+        return elimination.inertia(k, e, y, cos, sin)
+    return factor(mass_matrix(k, y, cos, sin))
+
+
+def solve(k: Constants, e: Elimination | None, at: Inertia | Factors, right: Vector) -> list[Any]:
+    """x with ``M(y) x = right``, from `inertia`."""
+    if isinstance(at, Factors):
+        return algebra.solve(at, right)
+    assert e is not None
+    return elimination.solve(k, e, at, right)
+
+
 def velocity_forces(k: Constants, y: Vector, v: Vector, cos: Any, sin: Any) -> list[Any]:
     """h(y, v): complete Coriolis and centrifugal forces, in the order of y."""
     m = len(k.elbow_slopes)
@@ -91,9 +108,9 @@ def velocity_forces(k: Constants, y: Vector, v: Vector, cos: Any, sin: Any) -> l
     q1, q1_dot, q2, q2_dot = y[1 : m + 1], v[1 : m + 1], y[m + 2 :], v[m + 2 :]
     (one, two), elbow, moment = k.links, bent(k.elbow, q1), bent(k.moment_2, q2)
     # elbow's acceleration at v' = 0 on -n1 and on -e1; and link 2's inertial force relative to the elbow
-    elbow_n = elbow.across * w1 * w1 + 2.0 * dot(elbow.slack, q1_dot) * w1
+    elbow_n = elbow.across * (w1 * w1) + 2.0 * dot(elbow.slack, q1_dot) * w1
     elbow_e = (2.0 * dot(elbow.values, q1_dot) + elbow.along * w1) * w1 + drawn_in(k.elbow, q1_dot)
-    link_n = moment.across * w2 * w2 + 2.0 * dot(moment.slack, q2_dot) * w2
+    link_n = moment.across * (w2 * w2) + 2.0 * dot(moment.slack, q2_dot) * w2
     link_e = (2.0 * dot(moment.values, q2_dot) + moment.along * w2) * w2 + drawn_in(k.moment_2, q2_dot)
     elbow_on_n2, elbow_on_e2 = elbow_e * sin - elbow_n * cos, -(elbow_n * sin + elbow_e * cos)
     link_on_n1, link_on_e1 = -(link_n * cos + link_e * sin), link_n * sin - link_e * cos
@@ -129,23 +146,30 @@ def rigid_velocity_forces(k: Constants, v: Vector, sin_theta2: Any) -> list[Any]
     return generalised_torque(k, (shoulder, elbow))
 
 
-def applied_forces(k: Constants, y: Vector, v: Vector, h: Vector) -> list[Any]:
-    """Right-hand side without motor torques: -h - K y - D v - B friction."""
+def applied_forces(k: Constants, y: Vector, v: Vector, h: Vector, tau: Vector = (0.0, 0.0)) -> list[Any]:
+    """Right-hand side: B (tau - friction) - h - K y - D v; tau: of the motors [N m]."""
     m = len(k.elbow_slopes)
     rate1, rate2 = joint_angles(k, v)
-    friction = generalised_torque(k, (k.friction_1 * rate1, k.friction_2 * rate2))
+    joints = generalised_torque(k, (tau[0] - k.friction_1 * rate1, tau[1] - k.friction_2 * rate2))
     stiffness = (0.0, *k.stiffness_1, 0.0, *k.stiffness_2)
     damping = (0.0, *k.damping_1, 0.0, *k.damping_2)
-    return [-(h[i] + stiffness[i] * y[i] + damping[i] * v[i] + friction[i]) for i in range(2 * m + 2)]
+    return [joints[i] - (h[i] + stiffness[i] * y[i] + damping[i] * v[i]) for i in range(2 * m + 2)]
 
 
 def acceleration(
-    k: Constants, complete: bool, y: Vector, v: Vector, tau: Vector, angles: tuple[Any, Any, Any]
+    k: Constants,
+    e: Elimination | None,
+    complete: bool,
+    y: Vector,
+    v: Vector,
+    tau: Vector,
+    angles: tuple[Any, Any, Any],
 ) -> list[Any]:
     """v' of the torque-driven arm (6).
 
     Args:
         k: constants.
+        e: see `inertia`.
         complete: complete velocity forces, or the paper's C_r.
         y: internal coordinates.
         v: internal rates.
@@ -154,9 +178,8 @@ def acceleration(
     """
     cos, sin, sin_theta2 = angles
     h = velocity_forces(k, y, v, cos, sin) if complete else rigid_velocity_forces(k, v, sin_theta2)
-    passive = applied_forces(k, y, v, h)
-    right = [f + t for f, t in zip(passive, generalised_torque(k, tau), strict=True)]
-    return solve(factor(mass_matrix(k, y, cos, sin)), right)
+    right = applied_forces(k, y, v, h, tau)
+    return solve(k, e, inertia(k, e, y, cos, sin), right)
 
 
 def kinetic_energy(matrix: Matrix, v: Vector) -> Any:

@@ -47,8 +47,7 @@ def sincos(x: Any) -> tuple[Any, Any]:
     swap = quarter - 2.0 * half  # 1 where sine and cosine change roles
     sine_sign = 1.0 - 2.0 * half
     cosine_sign = sine_sign * (1.0 - 2.0 * swap)
-    keep = 1.0 - swap
-    return sine_sign * (keep * s + swap * c), cosine_sign * (keep * c + swap * s)
+    return sine_sign * where_less(swap, 0.5, s, c), cosine_sign * where_less(swap, 0.5, c, s)
 
 
 def exp_minus(x: Any) -> Any:

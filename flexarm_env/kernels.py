@@ -172,6 +172,7 @@ def _constants(variant: Variant) -> dict[str, Any]:
         names |= {"DRAWN_ORDER": ORDER.index(next(iter(DRAWN))), "STATE_ORDER": len(ORDER)}
         names |= {"QUANTITIES": len(DRAWN), "TERMS": len(reward.TERMS)}
         names |= {"LAW": variant.kind == "gain", "TRACKING": variant.kind == "tracking"}
+        names |= {"LINEAR": not variant.foreshortened}
         names |= {name: 0 for name in _FOREIGN_ROWS if name not in names}
     return names
 

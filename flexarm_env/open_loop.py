@@ -15,7 +15,7 @@ from flexarm_env import kernels
 from flexarm_env.constants import Constants
 from flexarm_env.kinematics import internal_state, public_state
 from flexarm_env.recorded import Variant
-from flexarm_env.rows import extent
+from flexarm_env.rows import arm_rows, extent
 from flexarm_env.torque_stepping import RK4_NODES, RK4_WEIGHTS
 from flexarm_env.validation import finite_array
 
@@ -41,7 +41,10 @@ class OpenLoop:
         self._module: ModuleType = kernels.load(variant)
         self._rows = variant.rows
         self._arena = np.zeros(extent(self._rows))
-        self._arena[self._part("CONSTANTS")] = constants.flat()
+        self._numbers: list[float] = []
+        for name, values in arm_rows(constants).items():
+            self._arena[self._part(name)] = values
+            self._numbers += values
         # rates follow positions
         self._state = slice(self._rows["Y"][0], self._rows["Y"][0] + 2 * size)
         self._arena[self._state] = internal_state(constants, start)
@@ -82,7 +85,7 @@ class OpenLoop:
 
     def _step(self, torque: TorqueFunction, k: int, h: float) -> bool:
         """Integration step k; False if a stage is not finite."""
-        constants, start = self._arena[self._part("CONSTANTS")].tolist(), self._arena[self._state].copy()
+        start = self._arena[self._state].copy()
         slope = total = np.zeros_like(start)
         for node, weight in zip(RK4_NODES, RK4_WEIGHTS, strict=True):
             with np.errstate(over="ignore", invalid="ignore"):  # a diverging state
@@ -92,9 +95,9 @@ class OpenLoop:
                 return False
             tau = _evaluate(torque, (k + node) * h, stage)
             y, v = np.split(internal, 2)
-            slope = np.concatenate([v, self._module.slope(*constants, *y.tolist(), *v.tolist(), *tau.tolist())])
+            slope = np.concatenate([v, self._module.slope(*self._numbers, *y.tolist(), *v.tolist(), *tau.tolist())])
             total = total + weight * slope
-        self._arena[self._state] = start + h * total
+        self._arena[self._state] = start + h / 6.0 * total
         return True
 
     def _part(self, name: str) -> slice:

@@ -11,8 +11,9 @@ from flexarm_env import dynamics as dyn
 from flexarm_env.algebra import dot
 from flexarm_env.constants import Constants
 from flexarm_env.elementary import sincos
+from flexarm_env.elimination import Elimination, elimination
 from flexarm_env.links import Place
-from flexarm_env.rows import constant_places, extent, layout
+from flexarm_env.rows import constant_count, elimination_count, layout
 from flexarm_env.torque_stepping import RK4_NODES, RK4_WEIGHTS
 from flexarm_env.tracing import Expression, Trace, clip
 
@@ -79,6 +80,9 @@ class _Recorder:
     def constants(self) -> Constants:
         return Constants.unflat(self.read("CONSTANTS"), self.variant.modes, self.variant.foreshortened)
 
+    def elimination(self) -> Elimination | None:
+        return _elimination(self.variant, self.read("ELIMINATION"))
+
     def law(self) -> closed_loop.Law:
         fields = {}
         for name, count in closed_loop.Law.sizes(self.variant.modes, self.variant.foreshortened).items():
@@ -105,22 +109,27 @@ class _Recorder:
         return f"{DECORATOR}def {header}:\n    for i in range({self.variant.lanes}):\n{lines}\n\n"
 
 
+def _elimination(variant: Variant, numbers: Sequence[Any]) -> Elimination | None:
+    return None if variant.foreshortened else Elimination.unflat(numbers, variant.modes)
+
+
 def slope_source(variant: Variant) -> str:
-    """v' of one arm from its constants, y, v and torques, in this order."""
+    """v' of one arm from what kernels know of it (`rows.arm_rows`), y, v and torques, in this order."""
     trace, size = Trace(), 2 * variant.modes + 2
-    counts = (
-        ("k", extent(constant_places(variant.modes, variant.foreshortened))),
-        ("y", size),
-        ("v", size),
-        ("tau", 2),
-    )
-    constants, y, v, tau = (trace.inputs([f"{name}{n}" for n in range(count)]) for name, count in counts)
-    k = Constants.unflat(constants, variant.modes, variant.foreshortened)
+    counts = {
+        "k": constant_count(variant.modes, variant.foreshortened),
+        "e": elimination_count(variant.modes, variant.foreshortened),
+        "y": size,
+        "v": size,
+        "tau": 2,
+    }
+    constants, known, y, v, tau = (trace.inputs([f"{name}{n}" for n in range(count)]) for name, count in counts.items())
+    k, e = Constants.unflat(constants, variant.modes, variant.foreshortened), _elimination(variant, known)
     sin, cos = sincos(y[variant.modes + 1] - y[0])
     sin_theta2 = None if variant.complete else sincos(dyn.joint_angles(k, y)[1])[0]
-    slope = dyn.acceleration(k, variant.complete, y, v, tau, (cos, sin, sin_theta2))
+    slope = dyn.acceleration(k, e, variant.complete, y, v, tau, (cos, sin, sin_theta2))
     lines = [*trace.lines(slope), f"return {', '.join(value.name for value in slope)}"]
-    parameters = ", ".join(f"{name}{n}" for name, count in counts for n in range(count))
+    parameters = ", ".join(f"{name}{n}" for name, count in counts.items() for n in range(count))
     return f"{INLINED}def slope({parameters}):\n" + "".join(f"    {line}\n" for line in lines) + "\n\n"
 
 
@@ -130,20 +139,20 @@ def step_source(variant: Variant) -> str:
     All four stages in one pass over the lanes, so that slopes and their sum stay in registers.
     """
     r = _Recorder(variant)
-    k, h, y, v, tau = r.constants(), r.trace.input("h"), r.read("Y"), r.read("V"), r.read("TAU")
+    known, h, y, v = [*r.read("CONSTANTS"), *r.read("ELIMINATION")], r.trace.input("h"), r.read("Y"), r.read("V")
     slopes: list[list[Any]] = []
     for stage, node in enumerate(RK4_NODES):
         late = [a + (h * node) * b for a, b in zip([*y, *v], slopes[-1], strict=True)] if slopes else [*y, *v]
         stage_y, stage_v = late[: len(y)], late[len(y) :]
+        acting = r.read("TAU")
         if variant.kind == "tracking":
-            acting = _tracking_torque(r, k, round(2 * node), (stage_y, stage_v))
+            acting = _tracking_torque(r, r.constants(), round(2 * node), (stage_y, stage_v))
             if stage == 0:
                 r.write("STAGE_TORQUE", acting)
-        else:
-            acting = tau
-        slopes.append([*stage_v, *r.trace.call("slope", [*k.flat(), *late, *acting], len(v))])
+        slopes.append([*stage_v, *r.trace.call("slope", [*known, *late, *acting], len(v))])
+    sixth = h / 6.0
     sums = [dot(RK4_WEIGHTS, each) for each in zip(*slopes, strict=True)]
-    moved = [a + h * b for a, b in zip([*y, *v], sums, strict=True)]
+    moved = [a + sixth * b for a, b in zip([*y, *v], sums, strict=True)]
     r.write("Y", moved[: len(y)])
     r.write("V", moved[len(y) :])
     return r.source("step_kernel(arena, h" + (", bases)" if variant.kind == "tracking" else ")"))
@@ -175,13 +184,23 @@ def law_source(variant: Variant) -> str:
     here = [[x + vx * ahead, y + vy * ahead, vx, vy] for x, y, vx, vy in (law.command_1, law.command_2)]
     law = law._replace(command_1=here[0], command_2=here[1])
     options = (variant.complete, variant.sensor if variant.late else "rigid", variant.rate_jacobian)
-    stage = closed_loop.law_stage(r.constants(), law, options, y, v_known, h * stepping.GAMMA)
+    stage = closed_loop.law_stage(r.constants(), r.elimination(), law, options, y, v_known, h * stepping.GAMMA)
     r.write("Y_STAGE", y)
     r.write("V_STAGE", stage.v)
     r.write("MECHANICAL", stage.mechanical)
     r.write("FEEDBACK", stage.feedback)
     r.write("TAU", stage.tau)
     return r.source("law_kernel(arena, h, ahead, explicit, implicit)")
+
+
+def elimination_source(variant: Variant) -> str:
+    """What elimination knows of an arm, from its constants; nothing with foreshortened kinematics."""
+    r = _Recorder(variant)
+    e = elimination(r.constants())
+    if e is None:
+        return ""
+    r.write("ELIMINATION", e.flat())
+    return r.source("elimination_kernel(arena)")
 
 
 def reading_source(variant: Variant) -> str:
@@ -244,7 +263,7 @@ def joint_source(variant: Variant) -> str:
     return r.source("joint_kernel(arena, length_1, length_2, branch)")
 
 
-_COMMON = (reading_source, truth_source, features_source, joint_source)
+_COMMON = (elimination_source, reading_source, truth_source, features_source, joint_source)
 RECORDED: dict[str, tuple[Callable[[Variant], str], ...]] = {
     "open": (slope_source, step_source),
     "loop": (law_source, reading_source, outputs_source),

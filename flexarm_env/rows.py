@@ -13,9 +13,10 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from flexarm_env import reward, stepping
+from flexarm_env import algebra, reward, stepping
 from flexarm_env.closed_loop import Law
 from flexarm_env.constants import Constants
+from flexarm_env.elimination import Elimination, elimination
 from flexarm_env.links import Place
 
 DRIVES = ("torque", "tracking", "gain")
@@ -118,13 +119,20 @@ def feature_sizes() -> dict[str, int]:
     }
 
 
-def _constants(modes: int, foreshortened: bool) -> int:
-    return sum(1 if n is None else n for n in Constants.sizes(modes, foreshortened))
+def constant_count(modes: int, foreshortened: bool) -> int:
+    """How many numbers the constants of an arm are."""
+    return algebra.extent(Constants.sizes(modes, foreshortened))
+
+
+def elimination_count(modes: int, foreshortened: bool) -> int:
+    """How many numbers its elimination is; none where it does not apply."""
+    return 0 if foreshortened else algebra.extent(Elimination.sizes(modes))
 
 
 def _physics(kind: str, modes: int, foreshortened: bool) -> dict[str, int]:
     size = 2 * modes + 2
-    parts: dict[str, int] = {"Y": size, "V": size, "CONSTANTS": _constants(modes, foreshortened)}
+    parts: dict[str, int] = {"Y": size, "V": size, "CONSTANTS": constant_count(modes, foreshortened)}
+    parts |= {"ELIMINATION": elimination_count(modes, foreshortened)}
     if kind in ("open", "torque", "tracking"):
         parts |= {"TAU": 2}
     else:
@@ -184,7 +192,7 @@ def blank_arenas(blocks: int, rows: int, lanes: int) -> NDArray[np.float64]:
 @lru_cache
 def settings_layout(modes: int, foreshortened: bool = False) -> dict[str, tuple[int, int]]:
     """First place and number of places of each part of `settings`; previews' horizons and factors come after."""
-    constants = dict.fromkeys(("ARM", "PER_PAYLOAD", "PER_DAMPING"), _constants(modes, foreshortened))
+    constants = dict.fromkeys(("ARM", "PER_PAYLOAD", "PER_DAMPING"), constant_count(modes, foreshortened))
     return _places(SETTINGS | constants)
 
 
@@ -193,6 +201,12 @@ def constant_places(modes: int, foreshortened: bool = False) -> dict[str, tuple[
     """Where each field of `Constants` lies in an arm's flat constants."""
     sizes = zip(Constants._fields, Constants.sizes(modes, foreshortened), strict=True)
     return _places({name: 1 if n is None else n for name, n in sizes})
+
+
+def arm_rows(k: Constants) -> dict[str, Sequence[float]]:
+    """What kernels know of an arm, under the names of the arena's parts, which follow each other."""
+    e = elimination(k)
+    return {"CONSTANTS": k.flat(), "ELIMINATION": e.flat() if e else []}
 
 
 def place_rows(name: str, place: Place) -> dict[str, Sequence[float]]:

@@ -17,7 +17,7 @@ from flexarm_env.arm import FlexibleArm
 from flexarm_env.loop_cases import LoopCase
 from flexarm_env.recorded import Variant
 from flexarm_env.reference import ReferencePath
-from flexarm_env.rows import extent, result_sizes
+from flexarm_env.rows import arm_rows, extent, result_sizes
 from flexarm_env.validation import finite_array, number
 
 Array = NDArray[np.float64]
@@ -106,8 +106,8 @@ class ClosedLoop:
         limits = np.full(2 * arm.size, np.inf) if state_limits is None else np.array(state_limits, dtype=float)
         if limits.shape != (2 * arm.size,) or not np.all(limits > 0.0):
             raise ValueError(f"state_limits = {state_limits!r}: must be {2 * arm.size} numbers > 0 (inf for none)")
-        self._put("CONSTANTS", np.tile(arm.constants.flat(), (len(self), 1)))
-        self._put("LIMITS", np.tile(limits, (len(self), 1)))
+        for name, values in {**arm_rows(arm.constants), "LIMITS": limits}.items():
+            self._put(name, np.tile(values, (len(self), 1)))
         for name, rows in loop_cases.case_rows(self._cases, arm).items():
             self._put(name, rows)
         self._link()

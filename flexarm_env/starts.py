@@ -38,7 +38,7 @@ K_STIFFNESS_1 = K_DAMPING_1 = K_ELBOW_SLOPES = 0
 TIP_VALUES = K_ELBOW_VALUES = 0
 MOVES = READINGS = HOLD = SENSED = 0
 CONSTANT_COUNT = 0  # numbers that the equations know of an arm
-OWN_PATHS = TRUE_SENSOR = LATE = LAW = TRACKING = False
+OWN_PATHS = TRUE_SENSOR = LATE = LAW = TRACKING = LINEAR = False
 # Constants of this file that assembled modules repeat.
 TABLES = (
     *("CORNER", "CORNERS", "MOVING", "MIX", "SHARE_AT_REST", "LONG_AGO"),
@@ -53,6 +53,11 @@ LONG_AGO = -(2**60)  # [steps]; since then the reference has been moving
 # Which of an episode's random numbers its start uses.
 PLACE_PATH, PLACE_MIX, PLACE_PHASE = 0, 1, 2
 PLACE_SPREAD, PLACE_DRAWN, PLACE_MOVE = 8, 16, 32
+
+
+def elimination_kernel(arena: Any) -> None:
+    """What `elimination` knows of every lane's arm, with linear kinematics (recorded)."""
+    raise NotImplementedError("the recorded kernel exists in assembled modules only")
 
 
 def draw_quantities(arena: Any, key: Any, settings: Any, order: Any, i: int) -> None:
@@ -331,6 +336,8 @@ def begin_lanes(
             start_lane(arena, clock, keys[i], paths, plan, settings, orders[lane], lane, i)
             if LAW:
                 prepare_law(arena, clock, plan, i)
+    if LINEAR:
+        elimination_kernel(arena)
     reading_kernel(arena)
     for i in range(LANES):
         if started[i]:

@@ -17,8 +17,9 @@ from flexarm_env import FlexibleArm, kernels, stepping
 from flexarm_env import dynamics as dyn
 from flexarm_env.constants import Constants
 from flexarm_env.elementary import sincos
+from flexarm_env.elimination import elimination
 from flexarm_env.recorded import Variant
-from flexarm_env.rows import extent
+from flexarm_env.rows import arm_rows, extent
 
 LANES = 8
 # modes, complete velocity forces, kinematics
@@ -58,11 +59,17 @@ class Batch:
     def arenas(self, lanes: int) -> np.ndarray:
         """Shape (blocks, rows * lanes)."""
         rows = np.zeros((extent(self.rows), self.count))
-        values = {"Y": self.y, "V": self.v, "CONSTANTS": np.array(self.constants).T, "TAU": self.tau}
+        known = {name: np.array(numbers) for name, numbers in arm_rows(self.known).items()}
+        values = {"Y": self.y, "V": self.v, "TAU": self.tau} | known
         for name, value in values.items():
             first, n = self.rows[name]
             rows[first : first + n] = value
         return np.array([block.ravel() for block in np.split(rows, self.count // lanes, axis=1)])
+
+    @property
+    def known(self) -> Constants:
+        """Constants of all arms; each an array."""
+        return Constants.unflat(list(np.array(self.constants).T), self.modes, self.foreshortened)
 
     @property
     def rows(self) -> dict[str, tuple[int, int]]:
@@ -75,10 +82,11 @@ class Batch:
 
     def by_numpy(self, y: np.ndarray, v: np.ndarray) -> np.ndarray:
         """The accelerations that the package's formulas give on arrays."""
-        k = Constants.unflat(list(np.array(self.constants).T), self.modes, self.foreshortened)
+        k = self.known
         sin, cos = sincos(y[self.modes + 1] - y[0])
         sin_theta2 = sincos(dyn.joint_angles(k, y)[1])[0]
-        return np.array(dyn.acceleration(k, self.complete, list(y), list(v), self.tau, (cos, sin, sin_theta2)))
+        angles = (cos, sin, sin_theta2)
+        return np.array(dyn.acceleration(k, elimination(k), self.complete, list(y), list(v), self.tau, angles))
 
     def run(self, lanes: int, steps: int = 200) -> np.ndarray:
         """States after each of some steps under the held torques. Shape (steps, 2 size, count)."""
@@ -112,7 +120,7 @@ def test_a_step_is_the_formulas_on_arrays_to_the_last_bit(batch: Batch, lanes: i
         if step is not None:
             y, v = (start + step * slope for start, slope in zip((batch.y, batch.v), slopes[-1], strict=True))
     for name, start, (a, b, c, d) in zip("YV", (batch.y, batch.v), zip(*slopes, strict=True), strict=True):
-        end = start + h * (1.0 / 6.0 * a + 1.0 / 3.0 * b + 1.0 / 3.0 * c + 1.0 / 6.0 * d)
+        end = start + h / 6.0 * (a + 2.0 * b + 2.0 * c + d)
         np.testing.assert_array_equal(batch.part(arenas, lanes, name), end)
 
 

@@ -13,6 +13,7 @@ from oracle import PAPER, Problem, mass_and_forces, oracle_arm, oracle_law, torq
 
 from flexarm_env import ArmParameters, FlexibleArm, LawParameters, SensorParameters
 from flexarm_env import closed_loop as package_law
+from flexarm_env.elimination import elimination
 
 Array = NDArray[np.float64]
 
@@ -55,6 +56,7 @@ def test_a_stage_solves_its_equation(arm: ArmParameters, model: Any, limit: tupl
         undelayed = ((0.0, 0.0), (1.0, 1.0), (0.0, 0.0), (1.0, 1.0))
         v, mechanical, law_acceleration, tau = package_law.law_stage(
             flexible.constants,
+            elimination(flexible.constants),
             law_data(problem, flexible, command, undelayed),
             (arm.velocity_forces == "complete", model, "delayed"),
             internal[:n].tolist(),

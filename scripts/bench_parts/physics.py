@@ -23,7 +23,7 @@ from flexarm_env import (
 )
 from flexarm_env.parameters import Kinematics
 from flexarm_env.recorded import Variant
-from flexarm_env.rows import blank_arenas, extent
+from flexarm_env.rows import arm_rows, blank_arenas, extent
 from flexarm_env.task import CONTROL_PERIOD
 
 LANES = (8, 32)  # arms that the compiler may work on together
@@ -94,7 +94,7 @@ def bare_kernel(name: str, modes: int, lanes: int, arms: int, steps: int, kinema
     state[:, arm.size : arm.size + 2] = 0.3, -0.5
     internal = arm.internal_state(state)
     for part, values in (
-        ("CONSTANTS", np.tile(arm.constants.flat(), (arms, 1))),
+        *((name, np.tile(numbers, (arms, 1))) for name, numbers in arm_rows(arm.constants).items()),
         ("Y", internal[:, : arm.size]),
         ("V", internal[:, arm.size :]),
     ):
