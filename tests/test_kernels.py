@@ -63,7 +63,7 @@ class Batch:
         values = {"Y": self.y, "V": self.v, "TAU": self.tau} | known
         for name, value in values.items():
             first, n = self.rows[name]
-            rows[first : first + n] = value
+            rows[first : first + n] = np.reshape(value, (n, self.count))
         return np.array([block.ravel() for block in np.split(rows, self.count // lanes, axis=1)])
 
     @property
