@@ -75,15 +75,18 @@ def elimination(k: Constants) -> Elimination | None:
     push_1, turn_1 = symmetric_times(one, k.elbow_values), symmetric_times(one, k.coupling_1)
     push_2, turn_2 = symmetric_times(two, k.momentum_2), symmetric_times(two, k.coupling_2)
     return Elimination(
-        tuple(one),
-        tuple(two),
-        *(tuple(each) for each in (push_1, turn_1, push_2, turn_2)),
-        dot(k.elbow_values, push_1),
-        dot(k.elbow_values, turn_1),
-        dot(k.coupling_1, turn_1),
-        dot(k.momentum_2, push_2),
-        dot(k.momentum_2, turn_2),
-        dot(k.coupling_2, turn_2),
+        inverse_1=one,
+        inverse_2=two,
+        push_1=push_1,
+        turn_1=turn_1,
+        push_2=push_2,
+        turn_2=turn_2,
+        push_push_1=dot(k.elbow_values, push_1),
+        push_turn_1=dot(k.elbow_values, turn_1),
+        turn_turn_1=dot(k.coupling_1, turn_1),
+        push_push_2=dot(k.momentum_2, push_2),
+        push_turn_2=dot(k.momentum_2, turn_2),
+        turn_turn_2=dot(k.coupling_2, turn_2),
     )
 
 

@@ -107,7 +107,7 @@ class ClosedLoop:
         if limits.shape != (2 * arm.size,) or not np.all(limits > 0.0):
             raise ValueError(f"state_limits = {state_limits!r}: must be {2 * arm.size} numbers > 0 (inf for none)")
         for name, values in {**arm_rows(arm.constants), "LIMITS": limits}.items():
-            self._put(name, np.tile(values, (len(self), 1)))
+            self._put(name, np.tile(np.asarray(values, dtype=float), (len(self), 1)))
         for name, rows in loop_cases.case_rows(self._cases, arm).items():
             self._put(name, rows)
         self._link()
