@@ -33,6 +33,7 @@ from flexarm_env import (
     reporting,
     reward,
     scalars,
+    stack,
     starts,
     stepping,
     torque_stepping,
@@ -156,7 +157,7 @@ def _constants(variant: Variant) -> dict[str, Any]:
     """Names in capitals that a module's drivers use."""
     rows = variant.rows
     names: dict[str, Any] = {"LANES": variant.lanes, "MODES": variant.modes, "SIZE": 2 * variant.modes + 2}
-    names |= {"STAGES": stepping.STAGES, "LATE": variant.late}
+    names |= {"STAGES": stepping.STAGES, "LATE": variant.late, "CACHE_LINE": stack.CACHE_LINE}
     names |= {name: first for name, (first, _) in rows.items()}
     names |= {name: getattr(module, name) for module, group in _TABLES[variant.kind] for name in group}
     if variant.kind in DRIVES:
@@ -185,8 +186,9 @@ def render(variant: Variant) -> str:
     """Source text of a variant's module."""
     text = f'"""Assembled by flexarm_env.kernels for {variant}; do not edit."""\n\n'
     text += "from math import log, sqrt\nfrom typing import Any\n\nimport numpy as np\nfrom numba import njit\n"
-    text += "from numpy import floor\n\n"
+    text += "from numba.core import types\nfrom numba.extending import intrinsic\nfrom numpy import floor\n\n"
     text += "".join(f"{name} = {value!r}\n" for name, value in _constants(variant).items()) + "\n\n"
+    text += f"@intrinsic\n{inspect.getsource(stack.aligned_stack)}\n\n"
     for record in RECORDED[variant.kind]:
         text += record(variant)
     for driver in _DRIVERS[variant.kind]:

@@ -106,7 +106,8 @@ class _Recorder:
             code = value.name if isinstance(value, Expression) else repr(float(value))
             body.append(f"arena[i + {row * self.variant.lanes}] = {code}")
         lines = "".join(f"        {line}\n" for line in body)
-        return f"{DECORATOR}def {header}:\n    for i in range({self.variant.lanes}):\n{lines}\n\n"
+        aligned = "    aligned_stack()\n" if self.variant.lanes > 1 else ""
+        return f"{DECORATOR}def {header}:\n{aligned}    for i in range({self.variant.lanes}):\n{lines}\n\n"
 
 
 def _elimination(variant: Variant, numbers: Sequence[Any]) -> Elimination | None:

@@ -18,9 +18,9 @@ from flexarm_env.closed_loop import Law
 from flexarm_env.constants import Constants
 from flexarm_env.elimination import Elimination, elimination
 from flexarm_env.links import Place
+from flexarm_env.stack import CACHE_LINE
 
 DRIVES = ("torque", "tracking", "gain")
-CACHE_LINE = 64  # [bytes]
 
 # What may be drawn anew for each episode, with its unit.
 DRAWN = {
