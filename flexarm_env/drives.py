@@ -9,7 +9,17 @@ from __future__ import annotations
 from math import floor
 from typing import Any
 
-from flexarm_env.stepping import PATH, SINCE, STEPS, count_step, evaluate_law, loop_step, reference_at, store_reading
+from flexarm_env.stepping import (
+    PATH,
+    SINCE,
+    STEPS,
+    count_steps,
+    evaluate_law,
+    loop_step,
+    reference_at,
+    slot_after,
+    store_reading,
+)
 from flexarm_env.torque_stepping import step_kernel
 
 LANES = 1
@@ -75,11 +85,10 @@ def write_commands(arena: Any, plan: Any, settings: Any, step: int, held: bool) 
             arena[i + (TAU + r) * LANES] = scale * acting
 
 
-def note_step(arena: Any, history: Any, clock: Any, plan: Any, step: int) -> None:
-    """Count an integration step, and enter its reading into the delay line if any will be asked for (`READINGS`)."""
-    count_step(clock, history)
-    if (plan[READINGS] >> ((step + 1) % plan[SUBSTEPS] & 63)) & 1:
-        store_reading(arena, history, clock)
+def keep_reading(arena: Any, history: Any, clock: Any, plan: Any, done: int) -> None:
+    """Enter the reading after so many steps of a period into the delay line, if it will be asked for (`READINGS`)."""
+    if (plan[READINGS] >> (done % plan[SUBSTEPS] & 63)) & 1:
+        store_reading(arena, history, slot_after(clock, history, done))
 
 
 def drive_torque(arena: Any, history: Any, clock: Any, paths: Any, plan: Any, settings: Any) -> None:
@@ -100,7 +109,8 @@ def drive_torque(arena: Any, history: Any, clock: Any, paths: Any, plan: Any, se
         for i in range(2 * LANES if step == 0 else 0):
             arena[i + TORQUE * LANES] = arena[i + TAU * LANES]
         step_kernel(arena, settings[STEP])
-        note_step(arena, history, clock, plan, step)
+        keep_reading(arena, history, clock, plan, step + 1)
+    count_steps(clock, history, plan[SUBSTEPS])
 
 
 def hermite(u: float, period: float) -> tuple[float, float, float, float, float, float, float, float]:
@@ -172,7 +182,8 @@ def drive_tracking(arena: Any, history: Any, clock: Any, paths: Any, plan: Any, 
         step_kernel(arena, h, (hermite(begin, period), hermite(middle, period), hermite(end, period)))
         for i in range(2 * LANES if step == 0 else 0):
             arena[i + TORQUE * LANES] = arena[i + STAGE_TORQUE * LANES]
-        note_step(arena, history, clock, plan, step)
+        keep_reading(arena, history, clock, plan, step + 1)
+    count_steps(clock, history, plan[SUBSTEPS])
 
 
 def drive_gain(arena: Any, history: Any, clock: Any, paths: Any, plan: Any, settings: Any) -> None:

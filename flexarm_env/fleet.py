@@ -103,6 +103,7 @@ class Fleet:
         self._clocks = np.zeros((blocks, CLOCK, lanes), dtype=np.int64)
         self._keys = np.zeros((blocks, lanes), dtype=np.uint64)
         self._paths = path_tables(settings, blocks * lanes)
+        self._names = np.array(settings.reference, dtype=object)
         self._plan, self._table = plan_and_table(settings, self._kind, self.layout, self._kept)
         self._orders = np.full((blocks * lanes, len(ORDER) + 2 * arm.size), NAN)
         self._starts = np.zeros((blocks, lanes), dtype=bool)
@@ -190,10 +191,9 @@ class Fleet:
     def starts_of(self, chosen: NDArray[np.int64]) -> tuple[NDArray[np.object_], Array]:
         """Names of the paths that some environments' episodes follow, and the moments at which they began [s]."""
         block, lane = np.divmod(chosen, self._arenas.shape[2])
-        names = np.array(self.settings.reference, dtype=object)
         path = self._clocks[block, PATH, lane] if self.settings.paths else np.zeros_like(chosen)
         step = self.settings.control_period / self.settings.substeps
-        return names[path], self._clocks[block, BEGAN, lane] * step
+        return self._names[path], self._clocks[block, BEGAN, lane] * step
 
     def path(self, index: int) -> Array:
         """Way-points of the path that an environment follows [m]. Shape (n, 2)."""

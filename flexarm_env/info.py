@@ -82,7 +82,8 @@ class InfoMaker:
         self._items = tuple(vectors.items())
         self._numbers = slice(first, None)  # all that are reported one by one come last
         self._term_items = tuple((name, n) for n, name in enumerate(TERMS) if weights.get(name, 0.0) > 0.0)
-        self._episode_items = tuple((name, parts["EPISODE"].start - first + n) for n, name in enumerate(DRAWN))
+        self._episode = parts["EPISODE"]
+        self._drawn_items = tuple((name, n) for n, name in enumerate(DRAWN))
         self._time_place, self._gain_place = self._time - first, self._gain - first
         self._reward_place, self._status_place = parts["REWARD"].start - first, parts["STATUS"].start - first
 
@@ -101,7 +102,7 @@ class InfoMaker:
         if stepped:
             info["reward_terms"] = {name: numbers[place] for name, place in self._term_items}
         else:
-            info["parameters"] = {name: numbers[place] for name, place in self._episode_items}
+            info["parameters"] = dict(zip(DRAWN, result[self._episode].tolist(), strict=True))
             paths, times = self._fleet.starts_of(np.zeros(1, dtype=np.int64))
             info["path"], info["start_time"] = paths[0], float(times[0])
         return info, numbers[self._reward_place], numbers[self._status_place]
@@ -127,10 +128,10 @@ class InfoMaker:
             infos["reward_terms"] = _named(known.T[self._numbers], self._term_items, stepped)
             infos["_reward_terms"] = stepped.copy()
         if len(reset):
-            numbers = np.zeros((results.shape[1] - self._numbers.start, len(begun)))
-            numbers[:, reset] = results.T[self._numbers, reset]
-            infos["parameters"], infos["_parameters"] = _named(numbers, self._episode_items, begun), begun.copy()
-            paths, times = np.full(len(begun), None, dtype=object), np.zeros(len(begun))
+            numbers = np.zeros((len(DRAWN) + 1, len(begun)))
+            numbers[:-1, reset] = results.T[self._episode, reset]
+            infos["parameters"], infos["_parameters"] = _named(numbers, self._drawn_items, begun), begun.copy()
+            paths, times = np.empty(len(begun), dtype=object), numbers[-1]
             paths[reset], times[reset] = self._fleet.starts_of(reset)
             infos["path"], infos["_path"] = paths, begun.copy()
             infos["start_time"], infos["_start_time"] = times, begun.copy()

@@ -46,7 +46,8 @@ _READINGS = (
     stepping.reference_at,
     stepping.reference_now,
     stepping.past_reading,
-    stepping.count_step,
+    stepping.slot_after,
+    stepping.count_steps,
     stepping.store_reading,
 )
 _LAW = (
@@ -73,7 +74,7 @@ _EPISODE = (
     drives.command,
     drives.prompt,
     drives.write_commands,
-    drives.note_step,
+    drives.keep_reading,
 )
 _LOOKING = (
     episodes.sensed_point,
@@ -86,6 +87,7 @@ _LOOKING = (
     reporting.write_preview,
     reporting.write_previews,
     reporting.shown,
+    reporting.write_rows,
     reporting.write_observations,
     episodes.observe,
     starts.draw_quantities,

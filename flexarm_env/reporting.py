@@ -59,21 +59,21 @@ def write_preview(arena: Any, clock: Any, paths: Any, n: int) -> int:
 
 def write_observations(arena: Any, observations: Any, first: int, plan: Any, settings: Any, who: Any) -> None:
     """Gather the observations of some lanes of a block; one whose state is not valid keeps its last one."""
+    begin = 0
+    for end in range(LANES + 1):  # from one that is not shown to the next
+        if end == LANES or not shown(arena, who, end):
+            write_rows(arena, observations[first : first + LANES], plan, settings, begin, end)
+            begin = end + 1
+
+
+def write_rows(arena: Any, observations: Any, plan: Any, settings: Any, begin: int, end: int) -> None:
+    """Observations of neighbouring lanes of a block, one number of all of them after the other."""
     factors = HORIZONS + plan[PREVIEWS]
-    everyone = True
-    for i in range(LANES):
-        everyone = everyone and shown(arena, who, i)
-    ours = observations[first : first + LANES]
-    for n in range(plan[OBSERVED]):  # a row after the other: neighbouring lanes are read and scaled at once
+    for n in range(plan[OBSERVED] if begin < end else 0):
         factor = settings[factors + n]
         values = arena[plan[PLACES + n] * LANES : (plan[PLACES + n] + 1) * LANES]
-        if everyone:
-            for i in range(LANES):
-                ours[i, n] = values[i] * factor
-        else:
-            for i in range(LANES):
-                if shown(arena, who, i):
-                    ours[i, n] = values[i] * factor
+        for i in range(begin, end):
+            observations[i, n] = values[i] * factor
 
 
 def shown(arena: Any, who: Any, i: int) -> bool:

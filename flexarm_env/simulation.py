@@ -180,8 +180,8 @@ class ClosedLoop:
         self._gain_rows[:] = 0.0  # until the first period
         self._put_noise(noise)
         module = kernels.load(self._variant)
-        for arena, history, clock in zip(self._flat_arenas, self._flat_histories, self._clocks, strict=True):
-            module.store_reading(arena, history, clock)
+        for arena, history in zip(self._flat_arenas, self._flat_histories, strict=True):
+            module.store_reading(arena, history, 0)
         self._histories[:, 1:] = self._histories[:, :1]
         self._histories[:, 1:, 2:] = 0.0  # before the start nothing moves
         self._run(0, initialise=True)

@@ -217,21 +217,23 @@ def prepare_reading(arena: Any, history: Any, slots: int, slot: int, i: int, j: 
     arena[i + (RATE_WEIGHT + j) * LANES] = rate_weight if late else 1.0
 
 
-def count_step(clock: Any, history: Any) -> None:
-    """Count an integration step of every lane of a block, and move on in its delay line."""
+def slot_after(clock: Any, history: Any, steps: int) -> int:
+    """Slot of a block's delay line that so many integration steps from now on will be the newest one."""
+    return (clock[HEAD, 0] + steps) % (history.shape[0] // (4 * LANES))
+
+
+def count_steps(clock: Any, history: Any, steps: int) -> None:
+    """Count integration steps of every lane of a block, and move on in its delay line."""
+    head = slot_after(clock, history, steps)
     for i in range(LANES):
-        clock[STEPS, i] += 1
-    head = clock[HEAD, 0] + 1
-    if head * 4 * LANES == history.shape[0]:
-        head = 0
-    for i in range(LANES):
+        clock[STEPS, i] += steps
         clock[HEAD, i] = head
 
 
-def store_reading(arena: Any, history: Any, clock: Any) -> None:
-    """Enter the current readings into the delay line."""
+def store_reading(arena: Any, history: Any, slot: int) -> None:
+    """Enter the current readings into a slot of the delay line."""
     reading_kernel(arena)
-    here = clock[HEAD, 0] * 4 * LANES
+    here = slot * 4 * LANES
     now = history[here : here + 4 * LANES]
     for r in range(4):
         for i in range(LANES):
@@ -281,8 +283,8 @@ def loop_step(arena: Any, history: Any, clock: Any, paths: Any, h: float) -> Non
             arena[i + (Y + r) * LANES] = arena[i + (Y_STAGE + r) * LANES]
             arena[i + (V + r) * LANES] = arena[i + (V_STAGE + r) * LANES]
     store_stage(arena, 0)  # the last stage is the step's end, where the next step starts
-    count_step(clock, history)
-    store_reading(arena, history, clock)
+    count_steps(clock, history, 1)
+    store_reading(arena, history, clock[HEAD, 0])
 
 
 def state_status(arena: Any) -> None:

@@ -227,9 +227,9 @@ class FlexArmVectorEnv(FleetView, gymnasium.vector.VectorEnv[NDArray[np.float32]
     def _add_reasons(self, infos: dict[str, Any], results: Array, terminated: Flags) -> None:
         if not terminated.any():
             return
-        reasons = np.full(self.num_envs, None, dtype=object)
-        for i in np.flatnonzero(terminated).tolist():
-            reasons[i] = self.fleet.failure(float(results[i, self._status]))
+        reasons, which = np.empty(self.num_envs, dtype=object), np.flatnonzero(terminated)
+        for i, status in zip(which.tolist(), results[which, self._status].tolist(), strict=True):
+            reasons[i] = self.fleet.failure(status)
         infos["termination_reason"], infos["_termination_reason"] = reasons, terminated.copy()
 
     def _observations(self) -> NDArray[np.float32]:
@@ -237,8 +237,8 @@ class FlexArmVectorEnv(FleetView, gymnasium.vector.VectorEnv[NDArray[np.float32]
 
     def _remember(self, results: Array, begun: Flags) -> None:
         """Traces for the pictures."""
-        for scene, result, first in zip(self._scenes, results, begun.tolist(), strict=False):
-            scene.begin(result) if first else scene.add(result)
+        for i, scene in enumerate(self._scenes):
+            (scene.begin if begun[i] else scene.add)(results[i])
 
 
 def _masked(infos: dict[str, Any], mask: Flags) -> dict[str, Any]:
