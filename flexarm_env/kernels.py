@@ -28,12 +28,12 @@ from flexarm_env import (
     elementary,
     episodes,
     inverse,
+    machine,
     periods,
     random_stream,
     reporting,
     reward,
     scalars,
-    stack,
     starts,
     stepping,
     torque_stepping,
@@ -159,7 +159,7 @@ def _constants(variant: Variant) -> dict[str, Any]:
     """Names in capitals that a module's drivers use."""
     rows = variant.rows
     names: dict[str, Any] = {"LANES": variant.lanes, "MODES": variant.modes, "SIZE": 2 * variant.modes + 2}
-    names |= {"STAGES": stepping.STAGES, "LATE": variant.late, "CACHE_LINE": stack.CACHE_LINE}
+    names |= {"STAGES": stepping.STAGES, "LATE": variant.late, "CACHE_LINE": machine.CACHE_LINE}
     names |= {name: first for name, (first, _) in rows.items()}
     names |= {name: getattr(module, name) for module, group in _TABLES[variant.kind] for name in group}
     if variant.kind in DRIVES:
@@ -190,7 +190,7 @@ def render(variant: Variant) -> str:
     text += "from math import log, sqrt\nfrom typing import Any\n\nimport numpy as np\nfrom numba import njit\n"
     text += "from numba.core import types\nfrom numba.extending import intrinsic\nfrom numpy import floor\n\n"
     text += "".join(f"{name} = {value!r}\n" for name, value in _constants(variant).items()) + "\n\n"
-    text += f"@intrinsic\n{inspect.getsource(stack.aligned_stack)}\n\n"
+    text += "".join(f"@intrinsic\n{inspect.getsource(function)}\n\n" for function in machine.INTRINSICS)
     for record in RECORDED[variant.kind]:
         text += record(variant)
     for driver in _DRIVERS[variant.kind]:

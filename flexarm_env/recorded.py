@@ -17,8 +17,8 @@ from flexarm_env.rows import constant_count, elimination_count, layout
 from flexarm_env.torque_stepping import RK4_NODES, RK4_WEIGHTS
 from flexarm_env.tracing import Expression, Trace, clip
 
-# Strict IEEE arithmetic: no fast-math, no contraction to fused operations; "numpy" only drops the checks for
-# division by zero, which would keep the compiler from vectorising.
+# Strict IEEE arithmetic: no fast-math, and nothing is fused but what the recorder writes so (`tracing`); "numpy" only
+# drops the checks for division by zero, which would keep the compiler from vectorising.
 DECORATOR = '@njit(cache=True, nogil=True, error_model="numpy", boundscheck=False, no_cfunc_wrapper=True)\n'
 # A function that must become a part of its caller, or the caller's loop over lanes is not vectorised.
 INLINED = DECORATOR.replace(")\n", ", forceinline=True)\n")

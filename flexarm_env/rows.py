@@ -18,7 +18,7 @@ from flexarm_env.closed_loop import Law
 from flexarm_env.constants import Constants
 from flexarm_env.elimination import Elimination, elimination
 from flexarm_env.links import Place
-from flexarm_env.stack import CACHE_LINE
+from flexarm_env.machine import CACHE_LINE
 
 DRIVES = ("torque", "tracking", "gain")
 

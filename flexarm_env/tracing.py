@@ -3,7 +3,8 @@
 The physics is written once, as plain functions with loops over modes and matrices (`dynamics`, `closed_loop`).
 Called with floats or numpy arrays these functions compute. Called with `Expression` objects they are recorded,
 and the record is compiled: loops over modes are gone, shared subexpressions are computed once, and the compiler
-can vectorise the result over the environments of a batch. No operation is reordered, so both ways round alike.
+can vectorise the result over the environments of a batch. No operation is reordered, but a product that one sum alone
+uses is fused with it (`machine.fused`): rounded once, in one instruction, wherever the code runs.
 """
 
 from __future__ import annotations
@@ -14,6 +15,15 @@ from typing import Any
 import numpy as np
 
 _DEEPEST = 12  # nesting of a written expression; Python's parser and readers have limits
+_PRODUCT = "{0} * {1}"
+# Sums and differences, which operand may be a product, and what they are with it: its factors are 0 and 1, the other 2.
+_FUSED = (
+    ("{0} + {1}", 1, "fused({0}, {1}, {2})"),
+    ("{0} + {1}", 0, "fused({0}, {1}, {2})"),
+    ("{0} - {1}", 1, "fused(-{0}, {1}, {2})"),
+    ("{0} - {1}", 0, "fused({0}, {1}, -{2})"),
+)
+_Operation = tuple[str, tuple[str, ...]]
 
 
 class Trace:
@@ -21,8 +31,8 @@ class Trace:
 
     def __init__(self) -> None:
         """Start empty."""
-        self._operations: list[tuple[str, tuple[str, ...]]] = []
-        self._known: dict[tuple[str, tuple[str, ...]], Expression] = {}
+        self._operations: list[_Operation] = []
+        self._known: dict[_Operation, Expression] = {}
         self._arguments: set[str] = set()  # of calls
 
     def input(self, code: str) -> Expression:
@@ -58,11 +68,12 @@ class Trace:
         with. Results always get a name, so that all inputs are read before the surrounding code writes anything; so do
         arguments of calls (numba does not read a long call with a choice inside).
         """
-        uses = self._uses(results)
         named = self._arguments | {result.name for result in results if isinstance(result, Expression)}
+        operations = self._fused(results, named)
+        uses = _uses(operations, results)
         written: dict[str, tuple[str, int]] = {}  # code and nesting of operations without a name
         lines = []
-        for index, (template, operands) in enumerate(self._operations):
+        for index, (template, operands) in enumerate(operations):
             name = f"x{index}"
             if name not in uses:
                 continue
@@ -75,18 +86,36 @@ class Trace:
                 lines.append(f"{name} = {code}")
         return lines
 
-    def _uses(self, results: Sequence[Any]) -> dict[str, int]:
-        """How often each needed operation is used; the results count once more."""
-        uses: dict[str, int] = {}
-        for result in results:
-            if isinstance(result, Expression):
-                uses[result.name] = uses.get(result.name, 0) + 1
-        for index in reversed(range(len(self._operations))):
-            template, operands = self._operations[index]
-            if f"x{index}" in uses:
-                for place, operand in enumerate(operands):
-                    uses[operand] = uses.get(operand, 0) + template.count(f"{{{place}}}")
-        return uses
+    def _fused(self, results: Sequence[Any], named: set[str]) -> list[_Operation]:
+        """The operations, each sum with a product that nothing else uses as one."""
+        uses = _uses(self._operations, results)
+        products = {
+            f"x{index}": operands
+            for index, (template, operands) in enumerate(self._operations)
+            if template == _PRODUCT and uses.get(f"x{index}") == 1 and f"x{index}" not in named
+        }
+        fused = []
+        for template, operands in self._operations:
+            for sum_or_difference, place, merged in _FUSED:
+                if template == sum_or_difference and operands[place] in products:
+                    template, operands = merged, (*products[operands[place]], operands[1 - place])
+                    break
+            fused.append((template, operands))
+        return fused
+
+
+def _uses(operations: Sequence[_Operation], results: Sequence[Any]) -> dict[str, int]:
+    """How often each needed operation is used; the results count once more."""
+    uses: dict[str, int] = {}
+    for result in results:
+        if isinstance(result, Expression):
+            uses[result.name] = uses.get(result.name, 0) + 1
+    for index in reversed(range(len(operations))):
+        template, operands = operations[index]
+        if f"x{index}" in uses:
+            for place, operand in enumerate(operands):
+                uses[operand] = uses.get(operand, 0) + template.count(f"{{{place}}}")
+    return uses
 
 
 class Expression:
@@ -123,13 +152,13 @@ class Expression:
         """Product; a literal zero or one records nothing."""
         if _is(other, 0.0) or _is(other, 1.0):
             return 0.0 if _is(other, 0.0) else self
-        return self._record("{0} * {1}", self, other)
+        return self._record(_PRODUCT, self, other)
 
     def __rmul__(self, other: Any) -> Any:
         """Reflected product."""
         if _is(other, 0.0) or _is(other, 1.0):
             return 0.0 if _is(other, 0.0) else self
-        return self._record("{0} * {1}", other, self)
+        return self._record(_PRODUCT, other, self)
 
     def __truediv__(self, other: Any) -> Any:
         """Quotient."""

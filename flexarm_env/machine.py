@@ -1,4 +1,4 @@
-"""Alignment of a compiled function's stack: written into kernel modules as a numba intrinsic (`kernels`)."""
+"""What kernels ask of the processor and numba has no word for; written into their modules as intrinsics (`kernels`)."""
 
 from __future__ import annotations
 
@@ -7,6 +7,18 @@ from typing import Any
 from numba.core import types
 
 CACHE_LINE = 64  # [bytes], and the widest vector
+
+
+def fused(typing_context: Any, a: Any, b: Any, c: Any) -> Any:
+    """a * b + c, rounded once: one instruction on every x86-64 processor since 2013 and on ARM64.
+
+    Elsewhere it is a call into the C library, exact to the last bit as well, and slow.
+    """
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return builder.fma(*arguments)
+
+    return types.float64(types.float64, types.float64, types.float64), generate
 
 
 def aligned_stack(typing_context: Any) -> Any:
@@ -23,3 +35,6 @@ def aligned_stack(typing_context: Any) -> Any:
         return context.get_dummy_value()
 
     return types.void(), generate
+
+
+INTRINSICS = (fused, aligned_stack)
