@@ -87,7 +87,6 @@ _LOOKING = (
     reporting.write_preview,
     reporting.write_previews,
     reporting.shown,
-    reporting.write_rows,
     reporting.write_observations,
     episodes.observe,
     starts.draw_quantities,

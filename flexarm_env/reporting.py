@@ -59,21 +59,21 @@ def write_preview(arena: Any, clock: Any, paths: Any, n: int) -> int:
 
 def write_observations(arena: Any, observations: Any, first: int, plan: Any, settings: Any, who: Any) -> None:
     """Gather the observations of some lanes of a block; one whose state is not valid keeps its last one."""
-    begin = 0
-    for end in range(LANES + 1):  # from one that is not shown to the next
-        if end == LANES or not shown(arena, who, end):
-            write_rows(arena, observations[first : first + LANES], plan, settings, begin, end)
-            begin = end + 1
-
-
-def write_rows(arena: Any, observations: Any, plan: Any, settings: Any, begin: int, end: int) -> None:
-    """Observations of neighbouring lanes of a block, one number of all of them after the other."""
     factors = HORIZONS + plan[PREVIEWS]
-    for n in range(plan[OBSERVED] if begin < end else 0):
-        factor = settings[factors + n]
-        values = arena[plan[PLACES + n] * LANES : (plan[PLACES + n] + 1) * LANES]
-        for i in range(begin, end):
-            observations[i, n] = values[i] * factor
+    ours = observations[first : first + LANES]
+    count = 0
+    for i in range(LANES):
+        count += shown(arena, who, i)
+    if count == LANES:  # a row after the other: neighbouring lanes are read and scaled at once
+        for n in range(plan[OBSERVED]):
+            factor = settings[factors + n]
+            values = arena[plan[PLACES + n] * LANES : (plan[PLACES + n] + 1) * LANES]
+            for i in range(LANES):
+                ours[i, n] = values[i] * factor
+        return
+    for i in range(LANES):
+        for n in range(plan[OBSERVED] if shown(arena, who, i) else 0):
+            ours[i, n] = arena[i + plan[PLACES + n] * LANES] * settings[factors + n]
 
 
 def shown(arena: Any, who: Any, i: int) -> bool:
