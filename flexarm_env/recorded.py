@@ -63,11 +63,21 @@ class _Recorder:
         self.variant = variant
         self.trace = Trace()
         self.stores: list[tuple[int, Any]] = []
+        self.shared: list[str] = []
 
     def read(self, name: str) -> list[Any]:
         first, count = self.variant.rows[name]
         lanes = self.variant.lanes
         return self.trace.inputs([f"arena[i + {row * lanes}]" for row in range(first, first + count)])
+
+    def elements(self, array: str, count: int) -> list[Any]:
+        """The first elements of an array that all lanes share, read before the loop.
+
+        Within it the compiler would have to make sure that no lane's results overwrite them, at a cost that keeps it
+        from vectorising short loops.
+        """
+        self.shared += [f"{array}_{n} = {array}[{n}]" for n in range(count)]
+        return self.trace.inputs([f"{array}_{n}" for n in range(count)])
 
     def one(self, name: str) -> Any:
         return self.read(name)[0]
@@ -106,8 +116,9 @@ class _Recorder:
             code = value.name if isinstance(value, Expression) else repr(float(value))
             body.append(f"arena[i + {row * self.variant.lanes}] = {code}")
         lines = "".join(f"        {line}\n" for line in body)
-        aligned = "    aligned_stack()\n" if self.variant.lanes > 1 else ""
-        return f"{DECORATOR}def {header}:\n{aligned}    for i in range({self.variant.lanes}):\n{lines}\n\n"
+        before = ["aligned_stack()"] * (self.variant.lanes > 1) + self.shared
+        head = "".join(f"    {line}\n" for line in before)
+        return f"{DECORATOR}def {header}:\n{head}    for i in range({self.variant.lanes}):\n{lines}\n\n"
 
 
 def _elimination(variant: Variant, numbers: Sequence[Any]) -> Elimination | None:
@@ -247,7 +258,7 @@ def features_source(variant: Variant) -> str:
         r.write(("" if name == "frame_axis" else "F_") + name.upper(), values)
     terms = reward.tracking_terms(r.read("TRUE_TIP"), r.read("REFERENCE"))
     terms += reward.regularising_terms(r.one("ACTION_CHANGE"), r.read("TORQUE"), r.read("DEFLECTION_RATE"))
-    weighted = [r.trace.input(f"weights[{n}]") * term for n, term in enumerate(terms)]
+    weighted = [weight * term for weight, term in zip(r.elements("weights", len(terms)), terms, strict=True)]
     r.write("REWARD_TERMS", weighted)
     total = weighted[0]
     for term in weighted[1:]:
