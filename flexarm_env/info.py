@@ -107,32 +107,35 @@ class InfoMaker:
             info["path"], info["start_time"] = paths[0], float(times[0])
         return info, numbers[self._reward_place], numbers[self._status_place]
 
-    def batch(self, results: Array, stepped: NDArray[np.bool_], begun: NDArray[np.bool_]) -> dict[str, Any]:
+    def batch(self, results: Array, begun: NDArray[np.bool_], stepped: bool) -> dict[str, Any]:
         """The infos of a batch in Gymnasium's form: arrays, and for each a mask of the environments that have it.
 
         Args:
             results: Shape (N, k).
-            stepped: environments that a step led there. Shape (N,).
-            begun: environments that were reset. Shape (N,); no environment is both.
+            begun: environments that were reset. Shape (N,).
+            stepped: a step led the others there; False: they have no info.
         """
-        both, reset = stepped | begun, np.flatnonzero(begun)
-        known = results if both.all() else np.where(both[:, None], results, 0.0)
-        masks = iter(_copies(both, len(self._items) + 2))
+        which = np.flatnonzero(begun)
+        known, having = results, np.array(True)
+        if not stepped and len(which) < len(begun):
+            known, having = np.where(begun[:, None], results, 0.0), begun
+        masks = iter(_copies(having, (len(self._items) + 2, len(begun))))
         infos: dict[str, Any] = {}
         for name, part in self._items:
             infos[name], infos[f"_{name}"] = known[:, part], next(masks)
         infos["time"], infos["_time"] = known[:, self._time], next(masks)
         if self._with_gain:
             infos["gain"], infos["_gain"] = known[:, self._gain], next(masks)
-        if stepped.any():  # an episode that begins has no reward: its terms are 0
-            infos["reward_terms"] = _named(known.T[self._numbers], self._term_items, stepped)
-            infos["_reward_terms"] = stepped.copy()
-        if len(reset):
+        if stepped and len(which) < len(begun):  # an episode that begins has no reward: its terms are 0
+            others = ~begun
+            infos["reward_terms"] = _named(known.T[self._numbers], self._term_items, others)
+            infos["_reward_terms"] = others
+        if len(which):
             numbers = np.zeros((len(DRAWN) + 1, len(begun)))
-            numbers[:-1, reset] = results.T[self._episode, reset]
+            numbers[:-1, which] = results.T[self._episode, which]
             infos["parameters"], infos["_parameters"] = _named(numbers, self._drawn_items, begun), begun.copy()
             paths, times = np.empty(len(begun), dtype=object), numbers[-1]
-            paths[reset], times[reset] = self._fleet.starts_of(reset)
+            paths[which], times[which] = self._fleet.starts_of(which)
             infos["path"], infos["_path"] = paths, begun.copy()
             infos["start_time"], infos["_start_time"] = times, begun.copy()
         return infos
@@ -141,13 +144,13 @@ class InfoMaker:
 def _named(rows: Array, items: tuple[tuple[str, int], ...], mask: NDArray[np.bool_]) -> dict[str, Any]:
     """Rows by name, each with a mask of the environments that have it."""
     named: dict[str, Any] = {}
-    for (name, place), flags in zip(items, _copies(mask, len(items)), strict=True):
+    for (name, place), flags in zip(items, _copies(mask, (len(items), len(mask))), strict=True):
         named[name], named[f"_{name}"] = rows[place], flags
     return named
 
 
-def _copies(mask: NDArray[np.bool_], count: int) -> NDArray[np.bool_]:
+def _copies(mask: NDArray[np.bool_], shape: tuple[int, int]) -> NDArray[np.bool_]:
     """Copies of a mask, made at once. Shape (count, N)."""
-    copies = np.empty((count, len(mask)), dtype=np.bool_)
+    copies = np.empty(shape, dtype=np.bool_)
     copies[:] = mask
     return copies

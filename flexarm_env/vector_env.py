@@ -107,10 +107,10 @@ class FlexArmVectorEnv(FleetView, gymnasium.vector.VectorEnv[NDArray[np.float32]
         orders = orders_of(wanted, self.fleet)
         self._seed(seed, mask)
         self._begin(mask, orders, self.fleet.start)
-        self._started = True
+        self._started, self._done = True, self._done & ~mask
         results = self.fleet.results()
         self._remember(results, mask)
-        infos = self._infos.batch(results, np.zeros_like(mask), mask)
+        infos = self._infos.batch(results, mask, stepped=False)
         return self._observations(), infos
 
     def step(self, actions: NDArray[np.float32]) -> Step:
@@ -132,24 +132,26 @@ class FlexArmVectorEnv(FleetView, gymnasium.vector.VectorEnv[NDArray[np.float32]
                 f"step() after the end of episode {int(np.argmax(self._done))}: with autoreset_mode = 'Disabled' call "
                 "reset(options={'reset_mask': ...}) first"
             )
-        begun = self._done.copy() if self._mode is AutoresetMode.NEXT_STEP else np.zeros_like(self._done)
-        if begun.any():
+        begun = self._done if self._mode is AutoresetMode.NEXT_STEP else np.zeros_like(self._done)
+        anew = begun.any()
+        self._steps += 1
+        if anew:
             self._begin(begun, self._orders, self.fleet.order_starts)
         self.fleet.step()
         results = self.fleet.results()
-        stepped = ~begun
-        self._steps += stepped
-        terminated = (results[:, self._status] != 0.0) & stepped
-        truncated = (self._steps >= self._limit) & stepped if self._limit else np.zeros_like(stepped)
+        terminated = results[:, self._status] != 0.0
+        truncated = self._steps >= self._limit if self._limit else np.zeros_like(begun)
         rewards = results[:, self._reward].copy()  # 0 where an episode begins
+        if anew:  # whatever comes of an episode's first instant, it ends after a step at the earliest
+            terminated, truncated = terminated & ~begun, truncated & ~begun
         self._done = terminated | truncated
-        infos = self._infos.batch(results, stepped, begun)
+        infos = self._infos.batch(results, begun, stepped=True)
         self._add_reasons(infos, results, terminated)
         if self._mode is AutoresetMode.SAME_STEP and self._done.any():
+            begun = self._done
             results, infos = self._restart(infos)
-        self._remember(results, begun | (self._done if self._mode is AutoresetMode.SAME_STEP else False))
-        if self._mode is AutoresetMode.SAME_STEP:
-            self._done = np.zeros_like(self._done)
+            self._done = np.zeros_like(begun)
+        self._remember(results, begun)
         return self._observations(), rewards, terminated, truncated, infos
 
     def render(self) -> tuple[NDArray[np.uint8], ...] | None:
@@ -198,7 +200,6 @@ class FlexArmVectorEnv(FleetView, gymnasium.vector.VectorEnv[NDArray[np.float32]
         chosen = np.flatnonzero(mask)
         start(new_keys([self._generators[i] for i in chosen.tolist()]), chosen, orders)
         self._steps[chosen] = 0
-        self._done[chosen] = False
 
     def _take(self, actions: NDArray[np.float32]) -> None:
         values = np.asarray(actions)
@@ -212,16 +213,14 @@ class FlexArmVectorEnv(FleetView, gymnasium.vector.VectorEnv[NDArray[np.float32]
         """Begin new episodes where one ended in this step; what ended goes into `final_obs` and `final_info`."""
         done = self._done
         final = {name: value for name, value in infos.items() if not name.startswith("_")}
-        kept = self._done.copy()
-        final_obs = np.full(self.num_envs, None, dtype=object)
+        final_obs = np.empty(self.num_envs, dtype=object)
         for i in np.flatnonzero(done).tolist():
             final_obs[i] = self.fleet.observations[i].copy()
-        self._begin(done.copy(), self._orders, self.fleet.start)
-        self._done = kept
+        self._begin(done, self._orders, self.fleet.start)
         results = self.fleet.results()
-        merged = self._infos.batch(results, ~kept, kept)
-        merged |= {"final_obs": final_obs, "_final_obs": kept.copy()}
-        merged |= {"final_info": _masked(final, kept), "_final_info": kept.copy()}
+        merged = self._infos.batch(results, done, stepped=True)
+        merged |= {"final_obs": final_obs, "_final_obs": done.copy()}
+        merged |= {"final_info": _masked(final, done), "_final_info": done.copy()}
         return results, merged
 
     def _add_reasons(self, infos: dict[str, Any], results: Array, terminated: Flags) -> None:
