@@ -32,7 +32,7 @@ TAIL = NOISE = PLACE_DISTANCE = 0
 DRAWN_NOISE = TERMS = 0  # place of the noise among the quantities drawn for an episode; terms of the reward
 LATE = TRUE_SENSOR = False
 SENSOR_DELAY = EPISODE = SAMPLE_TIME = SENSOR_ERROR = SENSOR_ERROR_RATE = SENSED = ACTION_CHANGE = MEASURED = 0
-STATE = REFERENCE = LAP = PHASE = TIME = STATUS = DEFLECTION = TRUE_TIP = REWARD = REWARD_TERMS = 0
+STATE = REFERENCE = SIDE_PASSED = SIDE_LEFT = PHASE = TIME = STATUS = DEFLECTION = TRUE_TIP = REWARD = REWARD_TERMS = 0
 CHANNELS_OF_NOISE = 8  # random numbers set aside for each control period
 FIRST_NOISE = 64  # random numbers set aside for the start of an episode
 
@@ -178,10 +178,14 @@ def sample(arena: Any, history: Any, clock: Any, keys: Any, paths: Any, plan: An
         if LATE:  # the law sees the same noise until the next reading
             arena[i + NOISE * LANES] = noise_x
             arena[i + (NOISE + 1) * LANES] = noise_y
-    reference = reference_at(paths, clock[PATH, i], taken, taken + 1e-9 * h, clock[SINCE, i] * h)
+    then_x = arena[i + REFERENCE * LANES] - late * arena[i + (REFERENCE + 2) * LANES]
+    then_y = arena[i + (REFERENCE + 1) * LANES] - late * arena[i + (REFERENCE + 3) * LANES]
+    if late > arena[i + SIDE_PASSED * LANES]:
+        then = reference_at(paths, clock[PATH, i], taken, taken + 1e-9 * h, clock[SINCE, i] * h)
+        then_x, then_y = then[0], then[1]
     per_second = 1.0 / (taken - before)
     for r in range(2):
-        error = reference[r] - (x if r == 0 else y)
+        error = then_x - x if r == 0 else then_y - y
         arena[i + (SENSOR_ERROR_RATE + r) * LANES] = (error - arena[i + (SENSOR_ERROR + r) * LANES]) * per_second
         arena[i + (SENSOR_ERROR + r) * LANES] = error
     arena[i + SENSED * LANES] = x
@@ -231,9 +235,10 @@ def look(arena: Any, history: Any, clock: Any, keys: Any, paths: Any, plan: Any,
         reference = reference_now(clock, paths, h, i)
         for r in range(4):
             arena[i + (REFERENCE + r) * LANES] = reference[r]
-        lap = paths[clock[PATH, i], paths.shape[1] - 1, 0]
-        laps = clock[STEPS, i] * h / lap
-        arena[i + LAP * LANES] = lap
+        # how long the reference has been, and will be, on its present course
+        arena[i + SIDE_PASSED * LANES] = min(reference[4], (clock[STEPS, i] - clock[SINCE, i]) * h)
+        arena[i + SIDE_LEFT * LANES] = reference[5]
+        laps = clock[STEPS, i] * h / paths[clock[PATH, i], paths.shape[1] - 1, 0]
         arena[i + PHASE * LANES] = laps - int(laps)
         arena[i + TIME * LANES] = (clock[STEPS, i] - clock[BEGAN, i]) * h
         if who[i]:

@@ -84,7 +84,6 @@ _LOOKING = (
     episodes.sample,
     episodes.judge,
     episodes.look,
-    reporting.write_preview,
     reporting.write_previews,
     reporting.shown,
     reporting.write_observations,

@@ -161,9 +161,9 @@ def layout(kind: str, modes: int, foreshortened: bool = False) -> dict[str, tupl
         parts |= {"SENSOR_DELAY": 2, "MEASURED": 4, "JOINT": 4}
         parts |= {
             "FRAME": 1,
-            "LAP": 1,
             "PHASE": 1,
-            "AHEAD": 2,
+            "SIDE_PASSED": 1,
+            "SIDE_LEFT": 1,
             "DEFLECTION": 2,
             "DEFLECTION_RATE": 2,
             "ACTION_CHANGE": 1,

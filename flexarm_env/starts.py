@@ -216,8 +216,10 @@ def reference_reading(
 ) -> tuple[float, float, float, float]:
     """What the sensor would read on the rigid arm that is on lane i's reference, some seconds ago; with rates."""
     time = clock[STEPS, i] * settings[STEP] - back
-    x, y, vx, vy = reference_at(paths, clock[PATH, i], time, time + 1e-9 * settings[STEP], -1e18)
+    x, y, vx, vy, _, _ = reference_at(paths, clock[PATH, i], time, time + 1e-9 * settings[STEP], -1e18)
     length_1, length_2 = settings[LENGTHS], settings[LENGTHS + 1]
+    if TRUE_SENSOR and arena[i + PLACE_DISTANCE * LANES] == length_2:  # it is the tip that is on the reference
+        return x, y, vx, vy
     theta1, theta2 = joint_angles_for(length_1, length_2, settings[BRANCH], x, y)
     rate_1, rate_2 = joint_rates_for(length_1, length_2, theta1, theta2, vx, vy)
     if not TRUE_SENSOR:

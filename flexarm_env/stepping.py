@@ -77,7 +77,9 @@ def side_at(paths: Any, p: int, time: float, k: int) -> int:
     return k
 
 
-def reference_at(paths: Any, p: int, time: float, side: float, since: float) -> tuple[float, float, float, float]:
+def reference_at(
+    paths: Any, p: int, time: float, side: float, since: float
+) -> tuple[float, float, float, float, float, float]:
     """Reference position and velocity on a closed polyline.
 
     Args:
@@ -89,7 +91,7 @@ def reference_at(paths: Any, p: int, time: float, side: float, since: float) -> 
         since: before this time the reference rests where it is then [s].
 
     Returns:
-        x, y [m], x', y' [m/s].
+        x, y [m], x', y' [m/s], the time since the side began and the time until it ends [s].
     """
     moving = 1.0
     if side < since:
@@ -104,10 +106,11 @@ def reference_at(paths: Any, p: int, time: float, side: float, since: float) -> 
     vx = paths[p, k, 3]
     vy = paths[p, k, 4]
     passed = time - before - paths[p, k, 0]
-    return paths[p, k, 1] + vx * passed, paths[p, k, 2] + vy * passed, moving * vx, moving * vy
+    left = paths[p, k + 1, 0] - (time - before)
+    return paths[p, k, 1] + vx * passed, paths[p, k, 2] + vy * passed, moving * vx, moving * vy, passed, left
 
 
-def reference_now(clock: Any, paths: Any, h: float, i: int) -> tuple[float, float, float, float]:
+def reference_now(clock: Any, paths: Any, h: float, i: int) -> tuple[float, float, float, float, float, float]:
     """The reference of lane i at the present instant; see `reference_at`."""
     steps = clock[STEPS, i]
     # a billionth of a step ahead: at a corner the side that begins there, whatever the rounding
