@@ -68,10 +68,10 @@ def command(arena: Any, plan: Any, settings: Any, i: int, r: int, begin: float) 
 
 def prompt(arena: Any) -> bool:
     """Whether no lane has an actuation delay, so that commands do not change within a control period."""
-    longest = 0.0
+    delayed = 0
     for i in range(LANES):
-        longest = max(longest, arena[i + (EPISODE + DRAWN_ACTUATION_DELAY) * LANES])
-    return longest == 0.0
+        delayed += arena[i + (EPISODE + DRAWN_ACTUATION_DELAY) * LANES] > 0.0
+    return delayed == 0
 
 
 def write_commands(arena: Any, plan: Any, settings: Any, step: int, held: bool) -> None:

@@ -12,6 +12,7 @@ from typing import Any
 from flexarm_env.elementary import sincos
 from flexarm_env.random_stream import normal, uniform
 from flexarm_env.reporting import write_observations, write_previews
+from flexarm_env.scalars import clip
 from flexarm_env.stepping import (
     BEGAN,
     HEAD,
@@ -81,14 +82,13 @@ def take_actions(arena: Any, actions: Any, first: int, plan: Any) -> None:
     for row in range(newest + plan[KEPT_ACTIONS] * channels - 1, newest + channels - 1, -1):
         for i in range(LANES):
             arena[i + row * LANES] = arena[i + (row - channels) * LANES]
-    for i in range(LANES):
-        arena[i + ACTION_CHANGE * LANES] = 0.0
     for r in range(channels):
         for i in range(LANES):
-            action = min(max(actions[first + i, r], -1.0), 1.0)
+            action = clip(actions[first + i, r], -1.0, 1.0)
             change = action - arena[i + (newest + r) * LANES]
+            before = arena[i + ACTION_CHANGE * LANES] if r > 0 else 0.0
             arena[i + (newest + r) * LANES] = action
-            arena[i + ACTION_CHANGE * LANES] += change * change
+            arena[i + ACTION_CHANGE * LANES] = before + change * change
 
 
 def noise_place(clock: Any, plan: Any, i: int) -> int:

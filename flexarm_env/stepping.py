@@ -236,11 +236,10 @@ def count_steps(clock: Any, history: Any, steps: int) -> None:
 def store_reading(arena: Any, history: Any, slot: int) -> None:
     """Enter the current readings into a slot of the delay line."""
     reading_kernel(arena)
-    here = slot * 4 * LANES
-    now = history[here : here + 4 * LANES]
-    for r in range(4):
-        for i in range(LANES):
-            now[i + r * LANES] = arena[i + (READING + r) * LANES]
+    kept = history[slot * 4 * LANES : (slot + 1) * 4 * LANES]
+    now = arena[READING * LANES : (READING + 4) * LANES]
+    for n in range(4 * LANES):
+        kept[n] = now[n]
 
 
 def evaluate_law(arena: Any, history: Any, clock: Any, paths: Any, h: float) -> None:
