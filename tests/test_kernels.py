@@ -311,3 +311,5 @@ def test_batch_kernels_work_on_several_lanes_at_once(variant: Variant, kernel: s
     assert packed > 200
     assert scalar < 0.05 * packed
     assert not re.search(rf"(?:{MACHINES[machine][2]}).*\b_*(?:sin|cos|sincos|fma)", assembly)
+    if machine == "x86_64":
+        assert re.search(r"\$-64, %rsp", assembly)  # the stack is aligned

@@ -1,0 +1,91 @@
+"""The linear arm's system of equations, solved with its modal coordinates eliminated, and the algebra under it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from lagrange import loaded_arm
+
+from flexarm_env import ArmParameters, FlexibleArm, algebra, elimination
+from flexarm_env import dynamics as dyn
+
+EPS = np.finfo(float).eps
+
+
+def random_positive_definite(size: int, seed: int) -> np.ndarray:
+    rng = np.random.default_rng(seed)
+    half = rng.normal(size=(size, size))
+    return np.asarray(half @ half.T + 0.1 * np.eye(size))
+
+
+@pytest.mark.parametrize("size", [1, 2, 3, 4])
+def test_an_inverse_times_its_matrix_is_one(size: int) -> None:
+    matrix = random_positive_definite(size, size)
+    lower = matrix[np.tril_indices(size)].tolist()
+    inverse = np.empty((size, size))
+    inverse[np.tril_indices(size)] = algebra.inverse(lower)
+    inverse.T[np.tril_indices(size)] = algebra.inverse(lower)
+    np.testing.assert_allclose(inverse @ matrix, np.eye(size), atol=100 * EPS * np.linalg.cond(matrix))
+
+
+@pytest.mark.parametrize("size", [1, 3, 6])
+def test_factors_solve_what_they_are_factors_of(size: int) -> None:
+    matrix = random_positive_definite(size, size)
+    right = np.random.default_rng(0).normal(size=size)
+    x = np.array(algebra.solve(algebra.factor(matrix.tolist()), right.tolist()))
+    np.testing.assert_allclose(matrix @ x, right, atol=100 * EPS * np.linalg.cond(matrix) * np.abs(right).max())
+
+
+def test_numbers_come_back_from_their_flat_form() -> None:
+    fields = [1.0, (2.0, 3.0), (), 4.0]
+    sizes = [None, 2, 0, None]
+    assert list(algebra.unflat(algebra.flat(fields), sizes)) == fields
+    assert algebra.extent(sizes) == len(algebra.flat(fields))
+
+
+@given(
+    modes=st.integers(1, 4),
+    shapes=st.sampled_from(["cantilever", "polynomial"]),
+    payload=st.floats(0.0, 20.0),
+    tip=st.floats(0.0, 5.0),
+    hubs=st.floats(0.0, 5.0),
+    seed=st.integers(0, 1000),
+)
+@settings(max_examples=200, deadline=None)
+def test_elimination_solves_the_mass_matrix(
+    modes: int, shapes: str, payload: float, tip: float, hubs: float, seed: int
+) -> None:
+    """Any arm, any posture, links bent by up to half their length, any right-hand side.
+
+    A solution is good to the rounding of the matrix times its condition, after scaling to a unit diagonal, which takes
+    away what units of the coordinates do to it.
+    """
+    loads = {"payload_mass": payload, "payload_inertia": tip, "elbow_hub_inertia": hubs, "shoulder_hub_inertia": hubs}
+    k = FlexibleArm(ArmParameters(modes_per_link=modes, mode_shapes=shapes, **loads)).constants  # type: ignore[arg-type]
+    e = elimination.elimination(k)
+    assert e is not None
+    rng = np.random.default_rng(seed)
+    y, right = rng.uniform(-1.0, 1.0, (2, 2 * modes + 2))
+    y[[0, modes + 1]] *= np.pi
+    cos, sin = np.cos(y[modes + 1] - y[0]), np.sin(y[modes + 1] - y[0])
+    matrix = np.array(dyn.mass_matrix(k, y, cos, sin))
+    x = np.array(elimination.solve(k, e, elimination.inertia(k, e, y, cos, sin), right))
+    scale = 1.0 / np.sqrt(np.diag(matrix))
+    scaled = matrix * np.outer(scale, scale)
+    exact = np.linalg.solve(scaled, right * scale)
+    np.testing.assert_allclose(x / scale, exact, atol=100 * EPS * np.linalg.cond(scaled) * np.abs(exact).max())
+
+
+def test_an_elimination_comes_back_from_its_flat_form() -> None:
+    e = elimination.elimination(FlexibleArm(loaded_arm(3)).constants)
+    assert e is not None
+    assert elimination.Elimination.unflat(e.flat(), 3) == e._replace(
+        **{name: tuple(value) for name, value in e._asdict().items() if isinstance(value, list)}
+    )
+
+
+def test_foreshortened_arms_have_none() -> None:
+    """Their modal masses vary with the bend."""
+    assert elimination.elimination(FlexibleArm(loaded_arm(2, kinematics="foreshortened")).constants) is None
