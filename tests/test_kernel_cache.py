@@ -48,7 +48,7 @@ def copy(tmp_path: Path) -> Path:
 
 
 EDITS = [
-    ("dynamics.py", "elbow_n = elbow.across * w1 * w1", "elbow_n = elbow.across * w1 * w2"),
+    ("dynamics.py", "elbow_n = elbow.across * (w1 * w1)", "elbow_n = elbow.across * (w1 * w2)"),
     ("elementary.py", "p = p * z - 1.66666666666666307295e-1", "p = p * z - 1.5e-1"),
     ("torque_stepping.py", "= torques[step, block, i + r * LANES]", "= 2.0 * torques[step, block, i + r * LANES]"),
 ]
