@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from math import isfinite
 from typing import Any
 
 import gymnasium
@@ -19,6 +18,7 @@ from flexarm_env.settings import Settings
 from flexarm_env.validation import choice, finite_array
 
 RENDER_MODES = ("rgb_array", "human")
+FLOATS = (np.dtype(np.float32), np.dtype(np.float64))  # of actions that are taken as they are
 FASTEST_VIDEO = 100  # [1/s]; a picture is drawn for each step, and slower control plays in real time
 
 
@@ -128,11 +128,11 @@ class FlexArmEnv(FleetView, gymnasium.Env[NDArray[np.float32], NDArray[np.float3
         orders = orders_of(options, self.fleet)
         self.fleet.start(new_keys([self.np_random]), self._begin, orders)
         self._started = True
-        result = self.fleet.result()
         if self._scene is not None:
+            result = self.fleet.only_result.copy()
             self._scene.begin(result)
             self._show(result)
-        return self.fleet.only_observation.copy(), self._infos.single(result, stepped=False)[0]
+        return self.fleet.only_observation.copy(), self._infos.after_reset()
 
     def step(self, action: NDArray[np.float32]) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
         """Hold the action for one control period.
@@ -147,19 +147,17 @@ class FlexArmEnv(FleetView, gymnasium.Env[NDArray[np.float32], NDArray[np.float3
         if not self._started:
             raise RuntimeError("step() before reset(): there is no state to advance")
         values: NDArray[Any] = action
-        if type(action) is not np.ndarray or action.shape != self._shape or action.dtype.kind != "f":
+        if type(action) is not np.ndarray or action.dtype not in FLOATS or action.shape != self._shape:
             values = finite_array("action", action, self._shape)
         fleet = self.fleet
-        row = fleet.only_action
-        row[:] = values
-        if not all(map(isfinite, row.tolist())):
+        fleet.only_action[...] = values
+        if not fleet.only_step():
             finite_array("action", action, self._shape)  # says what is wrong
-        fleet.step()
-        result = fleet.result()
-        info, reward, status = self._infos.single(result, stepped=True)
+        info, reward, status = self._infos.after_step()
         if status != 0.0:
             info["termination_reason"] = fleet.failure(status)
         if self._scene is not None:
+            result = fleet.only_result.copy()
             self._scene.add(result)
             self._show(result)
         return fleet.only_observation.copy(), reward, status != 0.0, False, info
@@ -177,7 +175,7 @@ class FlexArmEnv(FleetView, gymnasium.Env[NDArray[np.float32], NDArray[np.float3
             return None
         if not self._started:
             raise RuntimeError("render() before reset(): there is nothing to show")
-        return self._scene.draw(self.fleet.result())
+        return self._scene.draw(self.fleet.only_result.copy())
 
     def close(self) -> None:
         """Close the window, if there is one."""

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from types import ModuleType
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 
 from flexarm_env import kernels, starts
 from flexarm_env.choices import STARTS
+from flexarm_env.memory import blank
 from flexarm_env.observation import observation_layout, refuse_fast_starts
 from flexarm_env.recorded import Variant
-from flexarm_env.rows import ORDER, PLAN, blank_arenas, episode_sizes, extent
+from flexarm_env.rows import ORDER, PLAN, episode_sizes, extent
 from flexarm_env.settings import Settings
 from flexarm_env.stepping import BEGAN, CLOCK, PATH
 from flexarm_env.tables import (
@@ -25,6 +26,7 @@ from flexarm_env.tables import (
     NAN,
     fixed_rows,
     history_slots,
+    lay_out,
     path_tables,
     plan_and_table,
 )
@@ -33,9 +35,14 @@ from flexarm_env.task import ANGLE_LIMITS, RATE_LIMIT
 Array = NDArray[np.float64]
 # Lanes of a block, by the number of environments from which on they pay.
 LANES = {1: 1, 2: 8, 24: 32, 512: 64}
-DRIVING = PLAN.index("DRIVING")
+DRIVING, READINGS, DELAY = PLAN.index("DRIVING"), PLAN.index("READINGS"), ORDER.index("delay")
 KINDS = {"torque": "torque", "residual": "tracking", "reference": "tracking", "gain": "gain"}
 REASONS = {-1: "diverged", -2: "deflection", -3: "error"}
+# Attributes that are views of the memory.
+VIEWS = (
+    *("_plan", "_arenas", "_clocks", "_keys", "_starts", "_orders", "_paths"),
+    *("actions", "observations", "only_action", "only_observation", "only_result", "only_numbers"),
+)
 # Why an episode may terminate.
 ENDS = {
     "error": "the true tip is farther from the reference than `error_limit`",
@@ -52,13 +59,18 @@ class Fleet:
     Attributes:
         settings: the settings.
         layout: of the observations.
+        usual_orders: for new episodes, as the settings say; not to be changed. Shape (N, columns).
         observations: present ones; the kernels write into it. Shape (lanes, k), float32.
+        only_step: a control period of an only environment; False if it refused an action that is not finite.
         only_action: of the first environment: a view.
         only_observation: the same.
+        only_result: the same, of `results`.
+        only_numbers: the same, of those of them that an info reports one by one after a step.
     """
 
     _pool: ThreadPoolExecutor | None
     _step_kernel: Callable[..., Any]
+    only_step: Callable[[], bool]
 
     def __init__(self, settings: Settings, count: int, threads: int = 1) -> None:
         """Lay out the fleet; kernels are compiled, or found in the cache, at the first start.
@@ -98,22 +110,31 @@ class Fleet:
         self._kept = max(2, settings.last_actions, int(np.ceil(longest / settings.control_period)) + 1)
         blocks = -(-count // lanes)
         rows = extent(self._rows) + 2 * len(settings.previews) + self._kept * channels
-        self._arenas = blank_arenas(blocks, rows, lanes)
-        self._histories = np.zeros((blocks, history_slots(settings), 4, lanes))
-        self._clocks = np.zeros((blocks, CLOCK, lanes), dtype=np.int64)
-        self._keys = np.zeros((blocks, lanes), dtype=np.uint64)
-        self._paths = path_tables(settings, blocks * lanes)
         self._names = np.array(settings.reference, dtype=object)
-        self._plan, self._table = plan_and_table(settings, self._kind, self.layout, self._kept)
-        self._orders = np.full((blocks * lanes, len(ORDER) + 2 * arm.size), NAN)
-        self._starts = np.zeros((blocks, lanes), dtype=bool)
-        self.actions = np.zeros((blocks * lanes, channels))
-        self.observations = np.zeros((blocks * lanes, len(self.layout.rows)), dtype=np.float32)
+        plan, table = plan_and_table(settings, self._kind, self.layout, self._kept)
+        self._memory, self._parts = lay_out(
+            {
+                "PLAN": plan,
+                "ARENAS": np.zeros((blocks, rows, lanes)),
+                "HISTORIES": np.zeros((blocks, history_slots(settings), 4, lanes)),
+                "CLOCKS": np.zeros((blocks, CLOCK, lanes), dtype=np.int64),
+                "KEYS": np.zeros(blocks * lanes, dtype=np.uint64),
+                "STARTS": np.zeros(blocks * lanes, dtype=bool),
+                "LOOKING": np.zeros(blocks * lanes, dtype=bool),
+                "ACTIONS": np.zeros((blocks * lanes, channels)),
+                "OBSERVATIONS": np.zeros((blocks * lanes, len(self.layout.rows)), dtype=np.float32),
+                "SETTINGS": table,
+                "PATHS": path_tables(settings, blocks * lanes),
+                "ORDERS": np.full((blocks * lanes, len(ORDER) + 2 * arm.size), NAN),
+            }
+        )
+        self.usual_orders = np.full((count, len(ORDER) + 2 * arm.size), NAN)
+        self.usual_orders[:, ORDER.index("start")] = START_CODES[settings.start]
+        self._link()
         for name, value in fixed_rows(settings).items():
             if name in self._rows:
                 first, rows_of = self._rows[name]
                 self._arenas[:, first : first + rows_of] = np.asarray(value, dtype=float)[None, :, None]
-        self._link()
 
     def __len__(self) -> int:
         """Number of environments."""
@@ -130,25 +151,25 @@ class Fleet:
             orders: see `rows.ORDER`; rows of the others are not read. Shape (N, columns).
         """
         self.order_starts(keys, which, orders)
-        kernel = self._module.step_episodes
+        if self._step_kernel is _not_started:
+            self._use(self._kernel())
         self._plan[DRIVING] = 0
-        kernel(*self._step_arguments)
+        self._step_kernel(self._memory, 0, self._blocks)
         self._plan[DRIVING] = 1
-        self._step_kernel = kernel
 
     def order_starts(self, keys: NDArray[np.uint64], which: NDArray[np.int64], orders: Array) -> None:
         """Have the next step begin episodes at its end; see `start`."""
-        self._starts.reshape(-1)[which] = True
-        self._keys.reshape(-1)[which] = keys
+        self._starts[which] = True
+        self._keys[which] = keys
         ordered = orders[which]
         self._orders[which] = ordered
-        if np.isfinite(ordered[:, ORDER.index("delay")]).any():
-            self._plan[PLAN.index("READINGS")] = ALL_READINGS
+        if np.isfinite(ordered[:, DELAY]).any():
+            self._plan[READINGS] = ALL_READINGS
 
     def step(self) -> None:
         """One control period with `actions`."""
         if self._threads == 1:
-            self._step_kernel(*self._step_arguments)
+            self._step_kernel(self._memory, 0, self._blocks)
             return
         if self._pool is None:
             self._pool = ThreadPoolExecutor(self._threads)
@@ -156,16 +177,12 @@ class Fleet:
             pass
 
     def _step_blocks(self, begin: int, end: int) -> None:
-        self._step_kernel(*self._step_arguments[:-2], begin, end)
+        self._step_kernel(self._memory, begin, end)
 
     def results(self) -> Array:
         """All that is known at the present instant, in a new array; `parts` says what lies where. Shape (N, k)."""
         rows = self._arenas[:, self._results].transpose(1, 0, 2).copy()
         return rows.reshape(len(rows), -1)[:, : self.count].T  # each quantity contiguous, as in the arenas
-
-    def result(self) -> Array:
-        """`results` of the only environment. Shape (k,)."""
-        return self._only.copy()
 
     def close(self) -> None:
         """Let go of the threads."""
@@ -182,18 +199,18 @@ class Fleet:
             return "rate"
         return "angle" if entry < 2 else "deflection"
 
-    def order(self) -> Array:
-        """An order for a new episode, as the settings say. Shape (columns,)."""
-        order = np.full(self._orders.shape[1], NAN)
-        order[ORDER.index("start")] = START_CODES[self.settings.start]
-        return order
-
     def starts_of(self, chosen: NDArray[np.int64]) -> tuple[NDArray[np.object_], Array]:
         """Names of the paths that some environments' episodes follow, and the moments at which they began [s]."""
         block, lane = np.divmod(chosen, self._arenas.shape[2])
         path = self._clocks[block, PATH, lane] if self.settings.paths else np.zeros_like(chosen)
         step = self.settings.control_period / self.settings.substeps
         return self._names[path], self._clocks[block, BEGAN, lane] * step
+
+    def only_start(self) -> tuple[str, float]:
+        """`starts_of` the only environment."""
+        path = self._clocks[0, PATH, 0] if self.settings.paths else 0
+        step = self.settings.control_period / self.settings.substeps
+        return self._names[path], float(self._clocks[0, BEGAN, 0] * step)
 
     def path(self, index: int) -> Array:
         """Way-points of the path that an environment follows [m]. Shape (n, 2)."""
@@ -204,45 +221,37 @@ class Fleet:
 
     def _link(self) -> None:
         """Views and functions of the hot path."""
-        self._flat_arenas = self._arenas.reshape(len(self._arenas), -1)
-        self._flat_histories = self._histories.reshape(len(self._histories), -1)
-        self._only = self._arenas[0, self._results, 0]
+        views = {name: part.view(self._memory) for name, part in self._parts.items()}
+        self._plan, self._arenas, self._clocks = views["PLAN"], views["ARENAS"], views["CLOCKS"]
+        self._keys, self._starts, self._orders = views["KEYS"], views["STARTS"], views["ORDERS"]
+        self._paths, self.actions, self.observations = views["PATHS"], views["ACTIONS"], views["OBSERVATIONS"]
+        self.only_result = self._arenas[0, self._results, 0]
+        self.only_numbers = self.only_result[self.parts["REWARD_TERMS"].start : self.parts["EPISODE"].start]
         self.only_action, self.only_observation = self.actions[0], self.observations[0]
-        tables = (self._clocks, self._keys, self._paths, self._plan, self._table, self._orders, self._starts)
-        data = (self._flat_arenas, self._flat_histories, *tables, self.actions, self.observations)
-        self._step_arguments = (*data, 0, len(self._arenas))
-        self._edges = (
-            np.linspace(0, len(self._arenas), self._threads + 1).astype(int).tolist()
-        )  # of the threads' shares
-        self._step_kernel = _not_started
+        self._blocks = len(self._arenas)
+        self._edges = np.linspace(0, self._blocks, self._threads + 1).astype(int).tolist()  # of the threads' shares
+        self._use(_not_started)
         self._pool = None
 
-    @property
-    def _module(self) -> ModuleType:
-        return kernels.load(self._variant)
+    def _use(self, kernel: Callable[..., Any]) -> None:
+        self._step_kernel, self.only_step = kernel, partial(kernel, self._memory, 0, 1)
+
+    def _kernel(self) -> Callable[..., Any]:
+        return kernels.bare(kernels.load(self._variant).step_episodes, self._memory, 0, self._blocks)
 
     def __getstate__(self) -> dict[str, Any]:
         """Without views, which would come back as copies, and without what cannot be pickled."""
-        left_out = (
-            "_flat_arenas",
-            "_flat_histories",
-            "_only",
-            "_pool",
-            "only_action",
-            "only_observation",
-            "_step_arguments",
-            "_step_kernel",
-        )
+        left_out = (*VIEWS, "_pool", "_step_kernel", "only_step")
         return {name: value for name, value in self.__dict__.items() if name not in left_out}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Link the views again."""
         self.__dict__.update(state)
-        self._arenas = blank_arenas(*state["_arenas"].shape)
-        self._arenas[:] = state["_arenas"]
+        self._memory = blank(len(state["_memory"]))
+        self._memory[:] = state["_memory"]
         self._link()
         if self._keys.any():  # an episode has begun
-            self._step_kernel = self._module.step_episodes
+            self._use(self._kernel())
 
 
 def _not_started(*arguments: Any) -> None:

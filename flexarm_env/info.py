@@ -5,6 +5,7 @@ Truth that no sensor knows is here, never in an observation.
 
 from __future__ import annotations
 
+from operator import itemgetter
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -80,6 +81,7 @@ class InfoMaker:
         first = parts["REWARD_TERMS"].start
         weights = fleet.settings.reward_weights
         self._items = tuple(vectors.items())
+        self._vectors = itemgetter(*vectors.values())
         self._numbers = slice(first, None)  # all that are reported one by one come last
         self._term_items = tuple((name, n) for n, name in enumerate(TERMS) if weights.get(name, 0.0) > 0.0)
         self._episode = parts["EPISODE"]
@@ -87,24 +89,36 @@ class InfoMaker:
         self._time_place, self._gain_place = self._time - first, self._gain - first
         self._reward_place, self._status_place = parts["REWARD"].start - first, parts["STATUS"].start - first
 
-    def single(self, result: Array, stepped: bool) -> tuple[dict[str, Any], float, float]:
-        """The info of one environment, the reward and the status.
+    def after_reset(self) -> dict[str, Any]:
+        """The info of the only environment at the beginning of an episode."""
+        info, _, _ = self.after_step()
+        del info["reward_terms"]
+        info["parameters"] = dict(zip(DRAWN, self._fleet.only_result[self._episode].tolist(), strict=True))
+        info["path"], info["start_time"] = self._fleet.only_start()
+        return info
 
-        Args:
-            result: its results, which the info's arrays are views of. Shape (k,).
-            stepped: a step led there; False: a reset.
+    def after_step(self) -> tuple[dict[str, Any], float, float]:
+        """The info of the only environment, its reward and its status.
+
+        Written out, since a loop over `_VECTORS` would take 0.2 us more, a twentieth of a step.
         """
-        info: dict[str, Any] = {name: result[part] for name, part in self._items}
-        numbers = result[self._numbers].tolist()
-        info["time"] = numbers[self._time_place]
+        fleet = self._fleet
+        torque, true_tip, rigid_tip, reference, sensed, state = self._vectors(fleet.only_result.copy())
+        numbers = fleet.only_numbers.tolist()
+        info: dict[str, Any] = {
+            "torque": torque,
+            "true_tip": true_tip,
+            "rigid_tip": rigid_tip,
+            "reference": reference,
+            "sensed": sensed,
+            "state": state,
+            "time": numbers[self._time_place],
+        }
         if self._with_gain:
             info["gain"] = numbers[self._gain_place]
-        if stepped:
-            info["reward_terms"] = {name: numbers[place] for name, place in self._term_items}
-        else:
-            info["parameters"] = dict(zip(DRAWN, result[self._episode].tolist(), strict=True))
-            paths, times = self._fleet.starts_of(np.zeros(1, dtype=np.int64))
-            info["path"], info["start_time"] = paths[0], float(times[0])
+        info["reward_terms"] = terms = {}
+        for name, place in self._term_items:
+            terms[name] = numbers[place]
         return info, numbers[self._reward_place], numbers[self._status_place]
 
     def batch(self, results: Array, begun: NDArray[np.bool_], stepped: bool) -> dict[str, Any]:

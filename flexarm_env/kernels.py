@@ -21,6 +21,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+import numba
 import platformdirs
 
 from flexarm_env import (
@@ -103,13 +104,20 @@ _LOOKING = (
 _DRIVERS: dict[str, tuple[Callable[..., Any] | tuple[Callable[..., Any], str], ...]] = {
     "open": (torque_stepping.run_open,),
     "loop": (*_READINGS, *_LAW, stepping.start, stepping.state_status, stepping.write_outputs, stepping.run_loop),
-    "torque": (*_EPISODE, (drives.drive_torque, "drive"), *_LOOKING, periods.step_episodes),
+    "torque": (
+        *_EPISODE,
+        (drives.drive_torque, "drive"),
+        *_LOOKING,
+        periods.finite,
+        periods.step_episodes,
+    ),
     "tracking": (
         *_EPISODE,
         drives.hermite,
         drives.aim,
         (drives.drive_tracking, "drive"),
         *_LOOKING,
+        periods.finite,
         periods.step_episodes,
     ),
     "gain": (
@@ -119,6 +127,7 @@ _DRIVERS: dict[str, tuple[Callable[..., Any] | tuple[Callable[..., Any], str], .
         *_LOOKING,
         starts.prepare_law,
         starts.start_law,
+        periods.finite,
         periods.step_episodes,
     ),
 }
@@ -136,7 +145,7 @@ _PER_LANE = (
 )
 ENTRY_POINT = "step_episodes"
 _LAW_TABLES = (stepping, ("NODES", "GAMMA", "EXPLICIT", "IMPLICIT"))
-_CLOCK = (stepping, ("STEPS", "PATH", "SINCE", "BEGAN", "HEAD"))
+_CLOCK = (stepping, ("STEPS", "PATH", "SINCE", "BEGAN", "HEAD", "CLOCK"))
 _EPISODE_TABLES = (
     _CLOCK,
     (random_stream, ("STRIDE",)),
@@ -186,7 +195,8 @@ def render(variant: Variant) -> str:
     """Source text of a variant's module."""
     text = f'"""Assembled by flexarm_env.kernels for {variant}; do not edit."""\n\n'
     text += "from math import log, sqrt\nfrom typing import Any\n\nimport numpy as np\nfrom numba import njit\n"
-    text += "from numba.core import types\nfrom numba.extending import intrinsic\nfrom numpy import floor\n\n"
+    text += "from numba.core import cgutils, types\nfrom numba.extending import intrinsic\n"
+    text += "from numba.np.arrayobj import populate_array\nfrom numpy import floor\n\n"
     text += "".join(f"{name} = {value!r}\n" for name, value in _constants(variant).items()) + "\n\n"
     text += "".join(f"@intrinsic\n{inspect.getsource(function)}\n\n" for function in machine.INTRINSICS)
     for record in RECORDED[variant.kind]:
@@ -197,10 +207,13 @@ def render(variant: Variant) -> str:
         decorator = INLINED if function in _PER_LANE and variant.lanes > 1 else DECORATOR
         text += decorator + source.replace(f"def {function.__name__}(", f"def {name}(", 1) + "\n\n"
     if variant.kind in DRIVES:
-        # Python calls the entry point only: wrappers for the others would take time. Nor do the others allocate:
-        # counting references to their arrays, atomically and for each lane, took a tenth of a batch's step.
-        inner = ", no_cpython_wrapper=True, _nrt=False)\ndef "
-        text = text.replace(")\ndef ", inner).replace(f"{inner}{ENTRY_POINT}(", f")\ndef {ENTRY_POINT}(")
+        # Python calls the entry point only: wrappers for the others would take time. Nothing allocates: counting
+        # references to arrays, atomically and for each lane, took a tenth of a batch's step.
+        wrapped = ", _nrt=False)\ndef "
+        inner = f", no_cpython_wrapper=True{wrapped}"
+        text = text.replace(")\ndef ", inner).replace(f"{inner}{ENTRY_POINT}(", f"{wrapped}{ENTRY_POINT}(")
+        if variant.lanes == 1:  # over before another thread could make use of the interpreter's lock
+            text = text.replace("nogil=True, ", "")
     return text
 
 
@@ -233,6 +246,15 @@ def _private_folder(parent: Path) -> Path:
             "remove it, or set FLEXARM_CACHE_DIR to another folder"
         )
     return folder
+
+
+def bare(kernel: Any, *arguments: Any) -> Callable[..., Any]:
+    """A kernel as it is compiled for arguments of these types; it must be called with no others.
+
+    numba's dispatcher would find that out in 0.08 us of each call.
+    """
+    compiled: Callable[..., Any] = kernel.compile(tuple(map(numba.typeof, arguments)))
+    return compiled
 
 
 @lru_cache

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from numba.core import types
+from numba.core import cgutils, types
+from numba.np.arrayobj import populate_array
 
 CACHE_LINE = 64  # [bytes], and the widest vector
 
@@ -37,4 +38,27 @@ def aligned_stack(typing_context: Any) -> Any:
     return types.void(), generate
 
 
-INTRINSICS = (fused, aligned_stack)
+def array_at(typing_context: Any, memory: Any, first: Any, shape: Any, dtype: Any) -> Any:
+    """The array that begins at a word of a piece of memory, as ``array_at(memory, first, shape, dtype)``.
+
+    Nothing is checked, counted or copied. A reshaped slice would take a call into numba's library, a view of another
+    type two atomic operations, and each a tenth of a second to compile.
+    """
+    kind = types.Array(dtype.dtype, len(shape), "C")
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        whole = context.make_array(memory)(context, builder, arguments[0])
+        array = context.make_array(kind)(context, builder)
+        lengths = cgutils.unpack_tuple(builder, arguments[2])
+        size = context.get_constant(types.intp, context.get_abi_sizeof(context.get_data_type(kind.dtype)))
+        strides = [size]
+        for length in reversed(lengths[1:]):
+            strides.insert(0, builder.mul(length, strides[0]))
+        data = builder.bitcast(builder.gep(whole.data, [arguments[1]]), array.data.type)
+        populate_array(array, data=data, shape=lengths, strides=strides, itemsize=size, meminfo=None)
+        return array._getvalue()
+
+    return kind(memory, first, shape, dtype), generate
+
+
+INTRINSICS = (fused, aligned_stack, array_at)

@@ -45,7 +45,7 @@ def write_observations(arena: Any, observations: Any, first: int, plan: Any, set
     count = 0
     for i in range(LANES):
         count += shown(arena, who, i)
-    if count == LANES:  # a row after the other: neighbouring lanes are read and scaled at once
+    if LANES > 1 and count == LANES:  # a row after the other: neighbouring lanes are read and scaled at once
         for n in range(plan[OBSERVED]):
             factor = settings[factors + n]
             values = arena[plan[PLACES + n] * LANES : (plan[PLACES + n] + 1) * LANES]

@@ -40,14 +40,14 @@ def orders_of(options: Mapping[str, Any] | None, fleet: Fleet) -> Array:
     Raises:
         TypeError, ValueError: for an unknown key or a bad value, naming it and what is allowed.
     """
-    orders = np.tile(fleet.order(), (len(fleet), 1))
     if not options:
-        return orders
+        return fleet.usual_orders
     if not isinstance(options, Mapping):
         raise TypeError(f"options = {options!r}: must be a mapping or None")
     for name in options:
         if name not in OPTIONS:
             raise ValueError(f"options[{name!r}]: no such option; the options are {', '.join(OPTIONS)}")
+    orders = fleet.usual_orders.copy()
     if "start" in options:
         names = [choice("options['start']", name, STARTS) for name in _each("start", options["start"], fleet)]
         for name in set(names):

@@ -10,15 +10,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import lru_cache
 
-import numpy as np
-from numpy.typing import NDArray
-
 from flexarm_env import algebra, reward, stepping
 from flexarm_env.closed_loop import Law
 from flexarm_env.constants import Constants
 from flexarm_env.elimination import Elimination, elimination
 from flexarm_env.links import Place
-from flexarm_env.machine import CACHE_LINE
 
 DRIVES = ("torque", "tracking", "gain")
 
@@ -53,7 +49,21 @@ SETTINGS = {
     "LOWEST": len(DRAWN),
     "HIGHEST": len(DRAWN),
 }
-# Whole numbers of the table `plan`.
+# Arrays that a kernel finds in a fleet's memory after the plan (`memory`).
+MEMORY = (
+    "ARENAS",
+    "HISTORIES",
+    "CLOCKS",
+    "KEYS",
+    "STARTS",
+    "LOOKING",
+    "ACTIONS",
+    "OBSERVATIONS",
+    "SETTINGS",
+    "PATHS",
+    "ORDERS",
+)
+# Whole numbers of the table `plan`: what is to be done; how large some of these arrays are, and their first words.
 PLAN = (
     "SUBSTEPS",
     "CHANNELS",
@@ -64,6 +74,12 @@ PLAN = (
     "COMPENSATION",
     "READINGS",
     "DRIVING",
+    "ARENA_SIZE",
+    "HISTORY_SIZE",
+    "PATH_COUNT",
+    "PATH_POINTS",
+    "ORDER_COLUMNS",
+    *MEMORY,
     "PLACES",
 )
 # Columns of an order for a new episode; NaN where the environment decides. The state's entries follow.
@@ -176,17 +192,6 @@ def layout(kind: str, modes: int, foreshortened: bool = False) -> dict[str, tupl
 def arena_rows(kind: str, modes: int, foreshortened: bool = False) -> int:
     """Rows of one arena; an environment's previews and actions come after."""
     return extent(layout(kind, modes, foreshortened))
-
-
-def blank_arenas(blocks: int, rows: int, lanes: int) -> NDArray[np.float64]:
-    """Zeros that begin where a line of the processor's cache does: a vector across two lines costs a tenth more.
-
-    Shape (blocks, rows, lanes).
-    """
-    numbers = blocks * rows * lanes
-    raw = np.zeros(8 * numbers + CACHE_LINE, dtype=np.uint8)
-    first = -raw.ctypes.data % CACHE_LINE
-    return raw[first : first + 8 * numbers].view(np.float64).reshape(blocks, rows, lanes)
 
 
 @lru_cache

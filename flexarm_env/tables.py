@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -11,10 +12,11 @@ from numpy.typing import NDArray
 from flexarm_env.arm import FlexibleArm
 from flexarm_env.choices import MOVE_POINTS, MOVE_RING
 from flexarm_env.constants import arm_constants
+from flexarm_env.memory import Part, packed
 from flexarm_env.observation import ObservationLayout
 from flexarm_env.reference import same_length
 from flexarm_env.reward import TERMS
-from flexarm_env.rows import DRAWN, PLAN, arena_rows, extent, place_rows, settings_layout
+from flexarm_env.rows import DRAWN, MEMORY, PLAN, arena_rows, extent, place_rows, settings_layout
 from flexarm_env.settings import Settings
 from flexarm_env.task import state_limits
 
@@ -67,10 +69,26 @@ def path_tables(settings: Settings, lanes: int) -> Array:
     return room
 
 
+def lay_out(arrays: Mapping[str, NDArray[Any]]) -> tuple[Array, dict[str, Part]]:
+    """Memory with the plan and the arrays of `rows.MEMORY`, and where each lies; the plan says it to the kernels."""
+    memory, parts = packed(arrays)
+    sizes = {
+        "ARENA_SIZE": arrays["ARENAS"][0].size,
+        "HISTORY_SIZE": arrays["HISTORIES"][0].size,
+        "PATH_COUNT": arrays["PATHS"].shape[0],
+        "PATH_POINTS": arrays["PATHS"].shape[1],
+        "ORDER_COLUMNS": arrays["ORDERS"].shape[1],
+    }
+    plan = parts["PLAN"].view(memory)
+    for name, value in {**sizes, **{name: parts[name].first for name in MEMORY}}.items():
+        plan[PLAN.index(name)] = value
+    return memory, parts
+
+
 def plan_and_table(
     settings: Settings, kind: str, layout: ObservationLayout, kept: int
 ) -> tuple[NDArray[np.int64], Array]:
-    """`plan` and `settings` of the kernels.
+    """`plan` and `settings` of the kernels; where arrays lie is left open.
 
     Args:
         settings: of the environments.
@@ -105,8 +123,8 @@ def _whole_numbers(settings: Settings, layout: ObservationLayout, kept: int) -> 
         "READINGS": kept_readings(s),
         "DRIVING": 1,
     }
-    assert (*whole, "PLACES") == PLAN
-    return np.array(list(whole.values()), dtype=np.int64)
+    assert tuple(whole) == PLAN[: len(whole)]
+    return np.array([*whole.values(), *[0] * (len(PLAN) - 1 - len(whole))], dtype=np.int64)
 
 
 def _numbers(settings: Settings) -> Array:

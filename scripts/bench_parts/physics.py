@@ -21,9 +21,10 @@ from flexarm_env import (
     rest_state,
     square,
 )
+from flexarm_env.memory import blank
 from flexarm_env.parameters import Kinematics
 from flexarm_env.recorded import Variant
-from flexarm_env.rows import arm_rows, blank_arenas, extent
+from flexarm_env.rows import arm_rows, extent
 from flexarm_env.task import CONTROL_PERIOD
 
 LANES = (8, 32)  # arms that the compiler may work on together
@@ -88,7 +89,7 @@ def bare_kernel(name: str, modes: int, lanes: int, arms: int, steps: int, kinema
     variant = Variant("open", modes, True, lanes, foreshortened=arm.constants.foreshortened)
     rows = variant.rows
     blocks = arms // lanes
-    arenas = blank_arenas(blocks, extent(rows), lanes)
+    arenas = blank(blocks * extent(rows) * lanes).reshape(blocks, extent(rows), lanes)
     state = np.zeros((arms, 2 * arm.size))
     state[:, 1] = np.linspace(0.5, 2.5, arms)  # theta2, and rates: every arm swings in its own way
     state[:, arm.size : arm.size + 2] = 0.3, -0.5
