@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from numba.core import cgutils, types
+from numba.core import types
 from numba.np.arrayobj import populate_array
 
 CACHE_LINE = 64  # [bytes], and the widest vector
@@ -49,13 +49,13 @@ def array_at(typing_context: Any, memory: Any, first: Any, shape: Any, dtype: An
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         whole = context.make_array(memory)(context, builder, arguments[0])
         array = context.make_array(kind)(context, builder)
-        lengths = cgutils.unpack_tuple(builder, arguments[2])
+        lengths = [builder.extract_value(arguments[2], n) for n in range(len(shape))]
         size = context.get_constant(types.intp, context.get_abi_sizeof(context.get_data_type(kind.dtype)))
         strides = [size]
         for length in reversed(lengths[1:]):
             strides.insert(0, builder.mul(length, strides[0]))
         data = builder.bitcast(builder.gep(whole.data, [arguments[1]]), array.data.type)
-        populate_array(array, data=data, shape=lengths, strides=strides, itemsize=size, meminfo=None)
+        populate_array(array, data, lengths, strides, size, None)  # type: ignore[no-untyped-call]
         return array._getvalue()
 
     return kind(memory, first, shape, dtype), generate
