@@ -59,7 +59,7 @@ class Fleet:
     Attributes:
         settings: the settings.
         layout: of the observations.
-        usual_orders: for new episodes, as the settings say; not to be changed. Shape (N, columns).
+        usual_orders: for new episodes, as the settings say; read-only. Shape (N, columns).
         observations: present ones; the kernels write into it. Shape (lanes, k), float32.
         only_step: a control period of an only environment; False if it refused an action that is not finite.
         only_action: of the first environment: a view.
@@ -130,6 +130,7 @@ class Fleet:
         )
         self.usual_orders = np.full((count, len(ORDER) + 2 * arm.size), NAN)
         self.usual_orders[:, ORDER.index("start")] = START_CODES[settings.start]
+        self.usual_orders.setflags(write=False)
         self._link()
         for name, value in fixed_rows(settings).items():
             if name in self._rows:
