@@ -110,8 +110,8 @@ class _Recorder:
     def truth(self) -> sensing.Truth:
         return sensing.truth(self.constants(), self.place("TIP"), self.read("Y"), self.read("V"))
 
-    def source(self, header: str) -> str:
-        body = self.trace.lines([value for _, value in self.stores])
+    def source(self, header: str, fusing: bool = True) -> str:
+        body = self.trace.lines([value for _, value in self.stores], fusing)
         for row, value in self.stores:
             code = value.name if isinstance(value, Expression) else repr(float(value))
             body.append(f"arena[i + {row * self.variant.lanes}] = {code}")
@@ -206,13 +206,16 @@ def law_source(variant: Variant) -> str:
 
 
 def elimination_source(variant: Variant) -> str:
-    """What elimination knows of an arm, from its constants; nothing with foreshortened kinematics."""
+    """What elimination knows of an arm, from its constants; nothing with foreshortened kinematics.
+
+    Rounded as Python rounds it for the kernels whose arms never change (`rows.arm_rows`).
+    """
     r = _Recorder(variant)
     e = elimination(r.constants())
     if e is None:
         return ""
     r.write("ELIMINATION", e.flat())
-    return r.source("elimination_kernel(arena)")
+    return r.source("elimination_kernel(arena)", fusing=False)
 
 
 def reading_source(variant: Variant) -> str:

@@ -61,15 +61,15 @@ class Trace:
         called = self.assign(f"{function}({places})", *codes)
         return [self.assign(f"{{0}}[{n}]", called.name) for n in range(count)]
 
-    def lines(self, results: Sequence[Any]) -> list[str]:
+    def lines(self, results: Sequence[Any], fusing: bool = True) -> list[str]:
         """Assignments that compute the results, each under its own name; what no result needs is left out.
 
         An operation used once is written inside the one that uses it: fewer names, which the compiler's time grows
         with. Results always get a name, so that all inputs are read before the surrounding code writes anything; so do
-        arguments of calls (numba does not read a long call with a choice inside).
+        arguments of calls (numba does not read a long call with a choice inside). `fusing`: sums with products.
         """
         named = self._arguments | {result.name for result in results if isinstance(result, Expression)}
-        operations = self._fused(results, named)
+        operations = self._fused(results, named) if fusing else self._operations
         uses = _uses(operations, results)
         written: dict[str, tuple[str, int]] = {}  # code and nesting of operations without a name
         lines = []

@@ -68,6 +68,12 @@ def test_of_two_products_one_is_fused() -> None:
     assert lines[-1].count("*") == 1
 
 
+def test_nothing_is_fused_if_told_so() -> None:
+    trace = Trace()
+    a, b, c = trace.inputs(["a", "b", "c"])
+    assert trace.lines([a * b + c], fusing=False)[-1] == "x4 = ((a) * (b)) + (c)"
+
+
 def test_an_argument_of_a_call_is_rounded_by_itself() -> None:
     trace = Trace()
     a, b, c = trace.inputs(["a", "b", "c"])
