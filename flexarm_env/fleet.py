@@ -34,7 +34,7 @@ from flexarm_env.task import ANGLE_LIMITS, RATE_LIMIT
 
 Array = NDArray[np.float64]
 # Lanes of a block, by the number of environments from which on they pay.
-LANES = {1: 1, 2: 8, 24: 32, 512: 64}
+LANES = {1: 1, 2: 8, 24: 32, 512: 128}
 DRIVING, READINGS, DELAY = PLAN.index("DRIVING"), PLAN.index("READINGS"), ORDER.index("delay")
 KINDS = {"torque": "torque", "residual": "tracking", "reference": "tracking", "gain": "gain"}
 REASONS = {-1: "diverged", -2: "deflection", -3: "error"}

@@ -121,37 +121,37 @@ class InfoMaker:
             terms[name] = numbers[place]
         return info, numbers[self._reward_place], numbers[self._status_place]
 
-    def batch(self, results: Array, begun: NDArray[np.bool_], stepped: bool) -> dict[str, Any]:
+    def batch(self, results: Array, begun: NDArray[np.int64], stepped: bool) -> dict[str, Any]:
         """The infos of a batch in Gymnasium's form: arrays, and for each a mask of the environments that have it.
 
         Args:
             results: Shape (N, k).
-            begun: environments that were reset. Shape (N,).
+            begun: environments that were reset. Shape (n,).
             stepped: a step led the others there; False: they have no info.
         """
-        which = np.flatnonzero(begun)
-        known, having = results, np.array(True)
-        if not stepped and len(which) < len(begun):
-            known, having = np.where(begun[:, None], results, 0.0), begun
-        masks = iter(_copies(having, (len(self._items) + 2, len(begun))))
+        known, others = results, np.ones(len(results), dtype=np.bool_)
+        others[begun] = False
+        fresh, everyone = ~others, stepped or len(begun) == len(results)
+        if not everyone:
+            known = np.where(fresh[:, None], results, 0.0)
+        masks = _copies(np.array(True) if everyone else fresh, (len(self._items) + 2, len(results)))
         infos: dict[str, Any] = {}
-        for name, part in self._items:
-            infos[name], infos[f"_{name}"] = known[:, part], next(masks)
-        infos["time"], infos["_time"] = known[:, self._time], next(masks)
+        for (name, part), mask in zip(self._items, masks, strict=False):
+            infos[name], infos[f"_{name}"] = known[:, part], mask
+        infos["time"], infos["_time"] = known[:, self._time], masks[-1]
         if self._with_gain:
-            infos["gain"], infos["_gain"] = known[:, self._gain], next(masks)
-        if stepped and len(which) < len(begun):  # an episode that begins has no reward: its terms are 0
-            others = ~begun
+            infos["gain"], infos["_gain"] = known[:, self._gain], masks[-2]
+        if stepped and len(begun) < len(results):  # an episode that begins has no reward: its terms are 0
             infos["reward_terms"] = _named(known.T[self._numbers], self._term_items, others)
             infos["_reward_terms"] = others
-        if len(which):
-            numbers = np.zeros((len(DRAWN) + 1, len(begun)))
-            numbers[:-1, which] = results.T[self._episode, which]
-            infos["parameters"], infos["_parameters"] = _named(numbers, self._drawn_items, begun), begun.copy()
-            paths, times = np.empty(len(begun), dtype=object), numbers[-1]
-            paths[which], times[which] = self._fleet.starts_of(which)
-            infos["path"], infos["_path"] = paths, begun.copy()
-            infos["start_time"], infos["_start_time"] = times, begun.copy()
+        if len(begun):
+            numbers = np.zeros((len(DRAWN) + 1, len(results)))
+            numbers[:-1, begun] = results.T[self._episode, begun]
+            infos["parameters"], infos["_parameters"] = _named(numbers, self._drawn_items, fresh), fresh.copy()
+            paths, times = np.empty(len(results), dtype=object), numbers[-1]
+            paths[begun], times[begun] = self._fleet.starts_of(begun)
+            infos["path"], infos["_path"] = paths, fresh.copy()
+            infos["start_time"], infos["_start_time"] = times, fresh
         return infos
 
 

@@ -22,6 +22,8 @@ from flexarm_env.validation import choice, finite_array, integer
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
+Indices = NDArray[np.int64]
+NOBODY = np.zeros(0, dtype=np.int64)
 Step = tuple[NDArray[np.float32], Array, Flags, Flags, dict[str, Any]]
 
 
@@ -79,7 +81,7 @@ class FlexArmVectorEnv(FleetView, gymnasium.vector.VectorEnv[NDArray[np.float32]
         )
         self._generators: list[np.random.Generator] = []
         self._steps = np.zeros(self.num_envs, dtype=np.int64)
-        self._done = np.zeros(self.num_envs, dtype=bool)
+        self._ended = NOBODY  # environments whose episode is over
         self._orders = orders_of(None, self.fleet)
         self._started = False
         parts = self.fleet.parts
@@ -106,11 +108,12 @@ class FlexArmVectorEnv(FleetView, gymnasium.vector.VectorEnv[NDArray[np.float32]
         mask = self._mask(wanted.pop("reset_mask", None))
         orders = orders_of(wanted, self.fleet)
         self._seed(seed, mask)
-        self._begin(mask, orders, self.fleet.start)
-        self._started, self._done = True, self._done & ~mask
+        begun = np.flatnonzero(mask)
+        self._begin(begun, orders, self.fleet.start)
+        self._started, self._ended = True, self._ended[~mask[self._ended]]
         results = self.fleet.results()
-        self._remember(results, mask)
-        infos = self._infos.batch(results, mask, stepped=False)
+        self._remember(results, begun)
+        infos = self._infos.batch(results, begun, stepped=False)
         return self._observations(), infos
 
     def step(self, actions: NDArray[np.float32]) -> Step:
@@ -127,30 +130,29 @@ class FlexArmVectorEnv(FleetView, gymnasium.vector.VectorEnv[NDArray[np.float32]
         if not self._started:
             raise RuntimeError("step() before reset(): there are no states to advance")
         self._take(actions)
-        if self._mode is AutoresetMode.DISABLED and self._done.any():
+        if self._mode is AutoresetMode.DISABLED and len(self._ended):
             raise RuntimeError(
-                f"step() after the end of episode {int(np.argmax(self._done))}: with autoreset_mode = 'Disabled' call "
+                f"step() after the end of episode {self._ended[0]}: with autoreset_mode = 'Disabled' call "
                 "reset(options={'reset_mask': ...}) first"
             )
-        begun = self._done if self._mode is AutoresetMode.NEXT_STEP else np.zeros_like(self._done)
-        anew = begun.any()
+        begun = self._ended  # there are such with next-step reset only
         self._steps += 1
-        if anew:
+        if len(begun):
             self._begin(begun, self._orders, self.fleet.order_starts)
         self.fleet.step()
         results = self.fleet.results()
         terminated = results[:, self._status] != 0.0
-        truncated = self._steps >= self._limit if self._limit else np.zeros_like(begun)
+        truncated = self._steps >= self._limit if self._limit else np.zeros_like(terminated)
+        if len(begun):  # whatever comes of an episode's first instant, it ends after a step at the earliest
+            terminated[begun] = truncated[begun] = False
         rewards = results[:, self._reward].copy()  # 0 where an episode begins
-        if anew:  # whatever comes of an episode's first instant, it ends after a step at the earliest
-            terminated, truncated = terminated & ~begun, truncated & ~begun
-        self._done = terminated | truncated
+        self._ended = np.flatnonzero(terminated | truncated)
         infos = self._infos.batch(results, begun, stepped=True)
-        self._add_reasons(infos, results, terminated)
-        if self._mode is AutoresetMode.SAME_STEP and self._done.any():
-            begun = self._done
-            results, infos = self._restart(infos)
-            self._done = np.zeros_like(begun)
+        if len(self._ended):
+            self._add_reasons(infos, results, terminated)
+            if self._mode is AutoresetMode.SAME_STEP:
+                begun, self._ended = self._ended, NOBODY
+                results, infos = self._restart(begun, infos)
         self._remember(results, begun)
         return self._observations(), rewards, terminated, truncated, infos
 
@@ -196,8 +198,7 @@ class FlexArmVectorEnv(FleetView, gymnasium.vector.VectorEnv[NDArray[np.float32]
             if seeds[i] is not None:
                 self._generators[i] = seeding.np_random(seeds[i])[0]
 
-    def _begin(self, mask: Flags, orders: Array, start: Callable[..., None]) -> None:
-        chosen = np.flatnonzero(mask)
+    def _begin(self, chosen: Indices, orders: Array, start: Callable[..., None]) -> None:
         start(new_keys([self._generators[i] for i in chosen.tolist()]), chosen, orders)
         self._steps[chosen] = 0
 
@@ -206,38 +207,41 @@ class FlexArmVectorEnv(FleetView, gymnasium.vector.VectorEnv[NDArray[np.float32]
         if values.shape != self.action_space.shape or values.dtype.kind not in "fiu":
             finite_array("actions", actions, self.action_space.shape or ())  # says what is wrong
         if not np.isfinite(values).all():
-            finite_array("actions", np.where(self._done[:, None], 0.0, values), self.action_space.shape or ())
+            read = np.ones(len(values), dtype=bool)
+            read[self._ended] = False
+            finite_array("actions", np.where(read[:, None], values, 0.0), self.action_space.shape or ())
         self.fleet.actions[: self.num_envs] = values
 
-    def _restart(self, infos: dict[str, Any]) -> tuple[Array, dict[str, Any]]:
+    def _restart(self, ended: Indices, infos: dict[str, Any]) -> tuple[Array, dict[str, Any]]:
         """Begin new episodes where one ended in this step; what ended goes into `final_obs` and `final_info`."""
-        done = self._done
         final = {name: value for name, value in infos.items() if not name.startswith("_")}
         final_obs = np.empty(self.num_envs, dtype=object)
-        for i in np.flatnonzero(done).tolist():
+        for i in ended.tolist():
             final_obs[i] = self.fleet.observations[i].copy()
-        self._begin(done, self._orders, self.fleet.start)
+        self._begin(ended, self._orders, self.fleet.start)
         results = self.fleet.results()
-        merged = self._infos.batch(results, done, stepped=True)
+        merged = self._infos.batch(results, ended, stepped=True)
+        done = np.zeros(self.num_envs, dtype=bool)
+        done[ended] = True
         merged |= {"final_obs": final_obs, "_final_obs": done.copy()}
         merged |= {"final_info": _masked(final, done), "_final_info": done.copy()}
         return results, merged
 
     def _add_reasons(self, infos: dict[str, Any], results: Array, terminated: Flags) -> None:
-        if not terminated.any():
+        statuses = results[self._ended, self._status].tolist()
+        if not any(statuses):  # all were cut off by the time limit
             return
-        reasons, which = np.empty(self.num_envs, dtype=object), np.flatnonzero(terminated)
-        for i, status in zip(which.tolist(), results[which, self._status].tolist(), strict=True):
-            reasons[i] = self.fleet.failure(status)
+        reasons = np.empty(self.num_envs, dtype=object)
+        reasons[self._ended] = [self.fleet.failure(status) for status in statuses]
         infos["termination_reason"], infos["_termination_reason"] = reasons, terminated.copy()
 
     def _observations(self) -> NDArray[np.float32]:
         return self.fleet.observations[: self.num_envs].copy()
 
-    def _remember(self, results: Array, begun: Flags) -> None:
+    def _remember(self, results: Array, begun: Indices) -> None:
         """Traces for the pictures."""
         for i, scene in enumerate(self._scenes):
-            (scene.begin if begun[i] else scene.add)(results[i])
+            (scene.begin if i in begun else scene.add)(results[i])
 
 
 def _masked(infos: dict[str, Any], mask: Flags) -> dict[str, Any]:
