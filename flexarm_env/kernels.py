@@ -104,18 +104,8 @@ _LOOKING = (
 _DRIVERS: dict[str, tuple[Callable[..., Any] | tuple[Callable[..., Any], str], ...]] = {
     "open": (torque_stepping.run_open,),
     "loop": (*_READINGS, *_LAW, stepping.start, stepping.state_status, stepping.write_outputs, stepping.run_loop),
-    "torque": (
-        *_EPISODE,
-        (drives.drive_torque, "drive"),
-        *_LOOKING,
-    ),
-    "tracking": (
-        *_EPISODE,
-        drives.hermite,
-        drives.aim,
-        (drives.drive_tracking, "drive"),
-        *_LOOKING,
-    ),
+    "torque": (*_EPISODE, (drives.drive_torque, "drive"), *_LOOKING),
+    "tracking": (*_EPISODE, drives.hermite, drives.aim, (drives.drive_tracking, "drive"), *_LOOKING),
     "gain": (
         *_EPISODE,
         *_LAW,
