@@ -231,7 +231,8 @@ def test_divergence_stops_with_time_and_the_run_until_then(
     # before it went wrong, all was well (a function of time acts already in the last stage before the torque's onset)
     calm = default.simulate(np.full(12, 0.01), None, 0.01, step=1e-3, substeps=substeps)
     kept = 10 if as_function else 11
-    np.testing.assert_array_equal(run.state[:kept], calm.state[:kept])
+    # a function's stages are put together in Python, which rounds products that the kernel fuses with sums
+    np.testing.assert_allclose(run.state[:kept], calm.state[:kept], rtol=1e-12 if as_function else 0.0)
 
 
 BAD_RUNS: list[tuple[dict[str, Any], type[Exception], tuple[str, ...]]] = [
