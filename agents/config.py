@@ -30,9 +30,9 @@ class TrainingConfig:
     """Environment steps of the training, rounded up to whole rollouts."""
     envs: int = 64
     """Environments side by side."""
-    rollout: int = 128
+    rollout: int = 64
     """Steps of each environment between two updates."""
-    batch: int = 2048
+    batch: int = 1024
     """Steps in a minibatch; must divide rollout times envs."""
     epochs: int = 6
     """Passes through a rollout in an update."""
@@ -42,7 +42,7 @@ class TrainingConfig:
     """Discount of a step."""
     gae_lambda: float = 0.95
     """Smoothing of the advantages."""
-    learning_rate: float = 2e-3
+    learning_rate: float = 1.5e-3
     """At the beginning; it falls linearly."""
     final_learning_rate: float = 2e-5
     """At the end."""

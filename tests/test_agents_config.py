@@ -28,7 +28,7 @@ from flexarm_agents.run_folder import RunFolder
         ({"options": [1]}, TypeError, r"options = \[1\]: must be a mapping"),
         ({"steps": 0}, ValueError, r"steps = 0: must be an integer >= 1"),
         ({"envs": 1.5}, TypeError, r"envs = 1.5: must be an integer >= 1"),
-        ({"batch": 1000}, ValueError, r"batch = 1000: must divide rollout \* envs = 128 \* 64 = 8192"),
+        ({"batch": 1000}, ValueError, r"batch = 1000: must divide rollout \* envs = 64 \* 64 = 4096"),
         ({"gamma": 1.5}, ValueError, r"gamma = 1.5: must be .* <= 1.0"),
         ({"learning_rate": 0.0}, ValueError, r"learning_rate = 0.0: must be .* > 0.0"),
         ({"learning_rate": 1e-6}, ValueError, r"final_learning_rate = .*: must be <= learning_rate = 1e-06"),
