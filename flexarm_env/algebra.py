@@ -36,9 +36,8 @@ def products(b: Vector) -> list[Any]:
     return [b[i] * b[i] if i == j else 2.0 * (b[i] * b[j]) for i in range(len(b)) for j in range(i + 1)]
 
 
-def inverse(lower: Vector) -> list[Any]:
-    """Inverse of a positive definite matrix; both by their lower triangles."""
-    n = next(n for n in range(1, len(lower) + 1) if place(n, 0) == len(lower))
+def inverse(lower: Vector, n: int) -> list[Any]:
+    """Inverse of a positive definite n x n matrix; both by their lower triangles."""
     factors = factor([[lower[place(i, j)] for j in range(n)] for i in range(n)])
     columns = [solve(factors, [float(i == j) for i in range(n)]) for j in range(n)]
     return [columns[j][i] for i in range(n) for j in range(i + 1)]
@@ -54,11 +53,6 @@ class Factors(NamedTuple):
 
     lower: Vector
     inverse: Vector
-
-    @staticmethod
-    def sizes(n: int) -> list[int | None]:
-        """Length of each field for an n x n matrix."""
-        return [n * (n - 1) // 2, n]
 
 
 def factor(matrix: Matrix) -> Factors:

@@ -1,8 +1,9 @@
-"""Elementary functions of our own, the same bits in every kernel.
+"""Elementary functions of our own, the same bits in scalar and vector code.
 
 A library sine differs between scalar and vector code and between machines; these are sums and products only, so a
 state is bit-identical in a single environment, in a batch of any size and on any thread. Written once, they run
-on floats and numpy arrays, are recorded by `flexarm_env.tracing`, and are compiled as they stand.
+on floats and numpy arrays, are recorded by `flexarm_env.tracing` (which fuses sums and products), and are compiled as
+they stand.
 """
 
 from __future__ import annotations

@@ -178,6 +178,7 @@ def sample(arena: Any, history: Any, clock: Any, keys: Any, paths: Any, plan: An
         if LATE:  # the law sees the same noise until the next reading
             arena[i + NOISE * LANES] = noise_x
             arena[i + (NOISE + 1) * LANES] = noise_y
+    # on the present side where it was follows from where it is, without a search
     then_x = arena[i + REFERENCE * LANES] - late * arena[i + (REFERENCE + 2) * LANES]
     then_y = arena[i + (REFERENCE + 1) * LANES] - late * arena[i + (REFERENCE + 3) * LANES]
     if late > arena[i + SIDE_PASSED * LANES]:
@@ -235,7 +236,6 @@ def look(arena: Any, history: Any, clock: Any, keys: Any, paths: Any, plan: Any,
         reference = reference_now(clock, paths, h, i)
         for r in range(4):
             arena[i + (REFERENCE + r) * LANES] = reference[r]
-        # how long the reference has been, and will be, on its present course
         arena[i + SIDE_PASSED * LANES] = min(reference[4], (clock[STEPS, i] - clock[SINCE, i]) * h)
         arena[i + SIDE_LEFT * LANES] = reference[5]
         laps = clock[STEPS, i] * h / paths[clock[PATH, i], paths.shape[1] - 1, 0]

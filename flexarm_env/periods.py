@@ -36,7 +36,7 @@ def step_episodes(memory: Any, begin: int, end: int) -> bool:
         end: block after the last.
 
     Returns:
-        Whether it was done: an only environment refuses an action that is not finite.
+        Whether it was done: an only environment refuses an action that is not finite, unless it begins an episode.
     """
     observed = array_at(memory, OBSERVED, (1,), np.int64)[0]
     plan = array_at(memory, 0, (PLACES + observed,), np.int64)
@@ -51,7 +51,7 @@ def step_episodes(memory: Any, begin: int, end: int) -> bool:
     looking = array_at(memory, plan[LOOKING], (lanes,), np.bool_)
     arena_size, history_size = plan[ARENA_SIZE], plan[HISTORY_SIZE]
     driving = plan[DRIVING] != 0
-    for r in range(plan[CHANNELS] if LANES == 1 and driving else 0):
+    for r in range(plan[CHANNELS] if LANES == 1 and driving and not starts[0] else 0):
         if actions[0, r] - actions[0, r] != 0.0:
             return False
     for block in range(begin, end):

@@ -15,7 +15,11 @@ REFERENCE = SIDE_LEFT = FRAME_AXIS = STATUS = 0
 
 
 def write_previews(arena: Any, clock: Any, paths: Any, plan: Any, settings: Any) -> None:
-    """Where the reference will have moved at each horizon, seen from where it is, in the frame."""
+    """Where the reference will have moved at each horizon, seen from where it is, in the frame.
+
+    On its present side it moves on at its velocity, which the compiler works out for several lanes at once; only what
+    lies beyond the side's end is searched for.
+    """
     for n in range(plan[PREVIEWS]):
         horizon = settings[HORIZONS + n]
         row = TAIL + 2 * n

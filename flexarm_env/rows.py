@@ -178,6 +178,7 @@ def layout(kind: str, modes: int, foreshortened: bool = False) -> dict[str, tupl
         parts |= {
             "FRAME": 1,
             "PHASE": 1,
+            # time since the reference came onto its present side of the path (or began to move), and until it leaves it
             "SIDE_PASSED": 1,
             "SIDE_LEFT": 1,
             "DEFLECTION": 2,

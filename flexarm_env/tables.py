@@ -71,6 +71,7 @@ def path_tables(settings: Settings, lanes: int) -> Array:
 
 def lay_out(arrays: Mapping[str, NDArray[Any]]) -> tuple[Array, dict[str, Part]]:
     """Memory with the plan and the arrays of `rows.MEMORY`, and where each lies; the plan says it to the kernels."""
+    assert tuple(arrays) == ("PLAN", *MEMORY)  # kernels find the plan at the beginning
     memory, parts = packed(arrays)
     sizes = {
         "ARENA_SIZE": arrays["ARENAS"][0].size,
@@ -124,7 +125,9 @@ def _whole_numbers(settings: Settings, layout: ObservationLayout, kept: int) -> 
         "DRIVING": 1,
     }
     assert tuple(whole) == PLAN[: len(whole)]
-    return np.array([*whole.values(), *[0] * (len(PLAN) - 1 - len(whole))], dtype=np.int64)
+    numbers = np.zeros(len(PLAN) - 1, dtype=np.int64)  # the others are for `lay_out` to fill in
+    numbers[: len(whole)] = list(whole.values())
+    return numbers
 
 
 def _numbers(settings: Settings) -> Array:

@@ -24,6 +24,7 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 Indices = NDArray[np.int64]
 NOBODY = np.zeros(0, dtype=np.int64)
+NOBODY.setflags(write=False)
 Step = tuple[NDArray[np.float32], Array, Flags, Flags, dict[str, Any]]
 
 

@@ -1,9 +1,14 @@
 """One piece of memory for many arrays."""
 
+import copy
+import pickle
+
 import numpy as np
 
+from flexarm_env.fleet import VIEWS, Fleet
 from flexarm_env.machine import CACHE_LINE
 from flexarm_env.memory import WORD, packed
+from flexarm_env.settings import Settings
 
 ARRAYS = {
     "flags": np.array([True, False, True]),
@@ -32,3 +37,12 @@ def test_arrays_do_not_overlap() -> None:
         for other in ARRAYS.keys() - {name}:
             np.testing.assert_array_equal(parts[other].view(memory), ARRAYS[other])
         part.view(memory)[:] = ARRAYS[name]
+
+
+def test_a_copied_fleets_views_are_of_its_own_memory() -> None:
+    fleet = Fleet(Settings.of({}), 3)
+    for copied in (copy.deepcopy(fleet), pickle.loads(pickle.dumps(fleet))):
+        for name in VIEWS:
+            view = getattr(copied, name)
+            assert np.may_share_memory(view, copied._memory), name
+            assert not np.may_share_memory(view, fleet._memory), name

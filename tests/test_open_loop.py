@@ -158,7 +158,7 @@ def test_a_constant_function_is_a_held_torque() -> None:
     start = start_of(arm)
     as_function = arm.simulate(start, lambda time, state: (3.0, -2.0), 0.3, step=1e-2, substeps=4)
     as_array = arm.simulate(start, np.tile([3.0, -2.0], (30, 1)), 0.3, step=1e-2, substeps=4)
-    # one kernel for the slopes; stages are put together in Python, which rounds products that the kernel fuses with sums
+    # one kernel for the slopes; Python puts the stages together, and rounds products that the kernel fuses with sums
     np.testing.assert_allclose(as_function.state, as_array.state, atol=1e-11 * np.abs(as_array.state).max())
     np.testing.assert_array_equal(as_function.torque, as_array.torque)
 

@@ -29,22 +29,23 @@ def value(formula: Formula, **numbers: float) -> list[float]:
 
 
 @pytest.mark.parametrize(
-    ("formula", "text"),
+    ("formula", "text", "c"),
     [
-        (lambda a, b, c: [a * b + c], "fused(x0, x1, x2)"),
-        (lambda a, b, c: [c + a * b], "fused(x0, x1, x2)"),
-        (lambda a, b, c: [a * b - c], "fused(x0, x1, -x2)"),
-        (lambda a, b, c: [c - a * b], "fused(-x0, x1, x2)"),
-        (lambda a, b, c: [a * 3.0 + c], "fused(x0, 3.0, x2)"),
+        (lambda a, b, c: [a * b + c], "fused(x0, x1, x2)", -1.0),
+        (lambda a, b, c: [c + a * b], "fused(x0, x1, x2)", -1.0),
+        (lambda a, b, c: [a * b - c], "fused(x0, x1, -x2)", 1.0),
+        (lambda a, b, c: [c - a * b], "fused(-x0, x1, x2)", 1.0),
+        (lambda a, b, c: [a * (1.0 - 2.0**-30) + c], f"fused(x0, {1.0 - 2.0**-30!r}, x2)", -1.0),
     ],
     ids=["product first", "product last", "less c", "less the product", "a literal"],
 )
-def test_a_sum_with_a_product_is_fused(formula: Formula, text: str) -> None:
+def test_a_sum_with_a_product_is_fused(formula: Formula, text: str, c: float) -> None:
+    """The product is 1 - 2^-60: rounded by itself it is 1, and the sum 0."""
     lines, _ = written(formula)
     assert lines[-1].replace("(a)", "x0").replace("(b)", "x1").replace("(c)", "x2").endswith(f"= {text}")
-    a, b, c = 1.0 + 2.0**-30, 1.0 - 2.0**-30, -1.0  # a b + c is -2^-60 exactly, and 0 if the product is rounded
-    assert value(formula, a=a, b=b, c=c) == [float(Fraction(x)) for x in formula(Fraction(a), Fraction(b), Fraction(c))]
-    assert (a * b) + c == 0.0
+    a, b = 1.0 + 2.0**-30, 1.0 - 2.0**-30
+    assert formula(a, b, c) == [0.0]
+    assert [abs(x) for x in value(formula, a=a, b=b, c=c)] == [2.0**-60]
 
 
 @pytest.mark.parametrize(

@@ -12,6 +12,7 @@ from envs import IDS, PAPER, POOR_SENSOR, RANDOM, RESIDUAL, SQUARE, actions_for,
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from refusals import refuses
 
+from flexarm_env.fleet import block_lanes
 from flexarm_env.vector_env import FlexArmVectorEnv
 
 NEXT_STEP, SAME_STEP, DISABLED = AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP, AutoresetMode.DISABLED
@@ -68,18 +69,20 @@ def test_an_invalid_state_resets_alike() -> None:
     assert ended >= 5
 
 
-@pytest.mark.parametrize("env_id", [SQUARE, RESIDUAL, PAPER])
-def test_an_environment_does_not_depend_on_how_many_there_are(env_id: str) -> None:
-    """1, 3, 8 and 17 make blocks of 1, 4, 8 and 16 lanes, the last of them two, one nearly empty."""
+@pytest.mark.parametrize(("env_id", "most"), [(SQUARE, 17), (RESIDUAL, 17), (PAPER, 17), (SQUARE, 250)])
+def test_an_environment_does_not_depend_on_how_many_there_are(env_id: str, most: int) -> None:
+    """In one lane, in blocks of 8, the last of them nearly empty, or in large ones."""
+    assert {block_lanes(count, 1) for count in (1, 3, 8, 17)} == {1, 8}
+    assert block_lanes(250, 1) == 128
     options = random_options(env_id) | {"max_episode_steps": 31, "error_limit": 0.6}
     runs = {}
-    for num_envs in (17, 8, 3, 1):
+    for num_envs in (most, 8, 3, 1):
         env = vector(env_id, num_envs, **options)
         runs[num_envs] = [env.reset(seed=5)]
-        for actions in actions_for(vector(env_id, 17), 80):
+        for actions in actions_for(vector(env_id, most), 80):
             runs[num_envs].append(env.step(actions[:num_envs]))
     for num_envs in (8, 3, 1):
-        for whole, part in zip(runs[17], runs[num_envs], strict=True):
+        for whole, part in zip(runs[most], runs[num_envs], strict=True):
             *arrays, infos = part
             assert_same(arrays, [value[:num_envs] for value in whole[:-1]], f"{num_envs}")
             expected = first(num_envs, whole[-1])
@@ -92,9 +95,10 @@ def first_of(whole: dict[str, Any], part: dict[str, Any]) -> dict[str, Any]:
 
 
 def test_threads_give_the_same_bits() -> None:
-    """Three blocks on two threads."""
+    """Thirteen blocks on two threads."""
     options = random_options(SQUARE) | {"max_episode_steps": 31}
-    one, two = (vector(SQUARE, 40, threads=threads, **options) for threads in (1, 2))
+    assert block_lanes(100, 1) == block_lanes(100, 2) == 8
+    one, two = (vector(SQUARE, 100, threads=threads, **options) for threads in (1, 2))
     assert_same(two.reset(seed=5), one.reset(seed=5))
     for actions in actions_for(one, 60):
         assert_same(two.step(actions), one.step(actions))
@@ -176,14 +180,15 @@ def test_a_finished_environment_must_be_reset_where_nothing_else_does() -> None:
         env.step(still)
 
 
-def test_the_action_of_an_environment_that_begins_an_episode_is_not_read() -> None:
-    env, twin = (vector(SQUARE, 2, max_episode_steps=3) for _ in range(2))
+@pytest.mark.parametrize("num_envs", [1, 2])
+def test_the_action_of_an_environment_that_begins_an_episode_is_not_read(num_envs: int) -> None:
+    env, twin = (vector(SQUARE, num_envs, max_episode_steps=3) for _ in range(2))
     env.reset(seed=0)
     twin.reset(seed=0)
-    still = np.zeros((2, 2), np.float32)
+    still = np.zeros((num_envs, 2), np.float32)
     for k in range(8):
         begins = k == 3
-        assert_same(env.step(np.full((2, 2), np.nan) if begins else still), twin.step(still))
+        assert_same(env.step(np.full_like(still, np.nan) if begins else still), twin.step(still))
 
 
 # --- memory -------------------------------------------------------------------------------------------------
