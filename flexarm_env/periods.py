@@ -60,7 +60,9 @@ def step_episodes(memory: Any, begin: int, end: int) -> bool:
         history = array_at(memory, plan[HISTORIES] + block * history_size, (history_size,), np.float64)
         clock = array_at(memory, plan[CLOCKS] + first * CLOCK, (CLOCK, LANES), np.int64)
         key, started, who = keys[first : first + LANES], starts[first : first + LANES], looking[first : first + LANES]
-        starting = started.any()
+        starting = False
+        for i in range(LANES):
+            starting = starting or started[i]
         if not (driving or starting):
             continue
         if driving:
