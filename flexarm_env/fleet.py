@@ -5,7 +5,7 @@ Single and vector environments both stand on it: one arm is a fleet of one, with
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from typing import Any
@@ -111,7 +111,6 @@ class Fleet:
         self._kept = max(2, settings.last_actions, int(np.ceil(longest / settings.control_period)) + 1)
         blocks = -(-count // lanes)
         rows = extent(self._rows) + 2 * len(settings.previews) + self._kept * channels
-        self._names = np.array(settings.reference, dtype=object)
         plan, table = plan_and_table(settings, self._kind, self.layout, self._kept)
         self._memory, self._parts = lay_out(
             {
@@ -163,9 +162,8 @@ class Fleet:
         """Have the next step begin episodes at its end; see `start`."""
         self._starts[which] = True
         self._keys[which] = keys
-        ordered = orders[which]
-        self._orders[which] = ordered
-        if np.isfinite(ordered[:, DELAY]).any():
+        self._orders[which] = orders[which]
+        if orders is not self.usual_orders and np.isfinite(orders[which, DELAY]).any():
             self._plan[READINGS] = ALL_READINGS
 
     def step(self) -> None:
@@ -201,18 +199,16 @@ class Fleet:
             return "rate"
         return "angle" if entry < 2 else "deflection"
 
-    def starts_of(self, chosen: NDArray[np.int64]) -> tuple[NDArray[np.object_], Array]:
-        """Names of the paths that some environments' episodes follow, and the moments at which they began [s]."""
-        block, lane = np.divmod(chosen, self._arenas.shape[2])
-        path = self._clocks[block, PATH, lane] if self.settings.paths else np.zeros_like(chosen)
-        step = self.settings.control_period / self.settings.substeps
-        return self._names[path], self._clocks[block, BEGAN, lane] * step
+    def starts_of(self, chosen: Sequence[int]) -> tuple[list[str], list[float]]:
+        """Names of the paths that some environments' episodes follow, and the moments at which they began [s].
 
-    def only_start(self) -> tuple[str, float]:
-        """`starts_of` the only environment."""
-        path = self._clocks[0, PATH, 0] if self.settings.paths else 0
+        One by one: in most steps a few begin, and each of numpy's functions takes longer than one of them.
+        """
+        places = [divmod(index, self._arenas.shape[2]) for index in chosen]
+        clocks, names = self._clocks, self.settings.reference
         step = self.settings.control_period / self.settings.substeps
-        return self._names[path], float(self._clocks[0, BEGAN, 0] * step)
+        paths = [clocks.item(block, PATH, lane) for block, lane in places] if self.settings.paths else [0] * len(places)
+        return [names[path] for path in paths], [clocks.item(block, BEGAN, lane) * step for block, lane in places]
 
     def path(self, index: int) -> Array:
         """Way-points of the path that an environment follows [m]. Shape (n, 2)."""

@@ -94,7 +94,7 @@ class InfoMaker:
         info, _, _ = self.after_step()
         del info["reward_terms"]
         info["parameters"] = dict(zip(DRAWN, self._fleet.only_result[self._episode].tolist(), strict=True))
-        info["path"], info["start_time"] = self._fleet.only_start()
+        (info["path"],), (info["start_time"],) = self._fleet.starts_of([0])
         return info
 
     def after_step(self) -> tuple[dict[str, Any], float, float]:
@@ -149,7 +149,7 @@ class InfoMaker:
             numbers[:-1, begun] = results.T[self._episode, begun]
             infos["parameters"], infos["_parameters"] = _named(numbers, self._drawn_items, fresh), fresh.copy()
             paths, times = np.empty(len(results), dtype=object), numbers[-1]
-            paths[begun], times[begun] = self._fleet.starts_of(begun)
+            paths[begun], times[begun] = self._fleet.starts_of(begun.tolist())
             infos["path"], infos["_path"] = paths, fresh.copy()
             infos["start_time"], infos["_start_time"] = times, fresh
         return infos

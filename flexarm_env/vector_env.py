@@ -147,7 +147,7 @@ class FlexArmVectorEnv(FleetView, gymnasium.vector.VectorEnv[NDArray[np.float32]
         if len(begun):  # whatever comes of an episode's first instant, it ends after a step at the earliest
             terminated[begun] = truncated[begun] = False
         rewards = results[:, self._reward].copy()  # 0 where an episode begins
-        self._ended = np.flatnonzero(terminated | truncated)
+        self._ended = (terminated | truncated).nonzero()[0]
         infos = self._infos.batch(results, begun, stepped=True)
         if len(self._ended):
             self._add_reasons(infos, results, terminated)
