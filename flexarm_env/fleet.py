@@ -33,8 +33,8 @@ from flexarm_env.tables import (
 from flexarm_env.task import ANGLE_LIMITS, RATE_LIMIT
 
 Array = NDArray[np.float64]
-# Time that a block takes for a step, by its lanes, relative; `Square-v0` with two modes.
-COSTS = {8: 1.0, 32: 3.85, 128: 14.9}
+# Time that a block takes for a step, by its lanes, relative; `Square-v0` with two modes (`make bench`, batches).
+COSTS = {8: 1.0, 32: 3.6, 128: 14.2}
 DRIVING, READINGS, DELAY = PLAN.index("DRIVING"), PLAN.index("READINGS"), ORDER.index("delay")
 KINDS = {"torque": "torque", "residual": "tracking", "reference": "tracking", "gain": "gain"}
 REASONS = {-1: "diverged", -2: "deflection", -3: "error"}
@@ -88,18 +88,7 @@ class Fleet:
         self._kind = KINDS[settings.action_mode]
         self.layout = observation_layout(settings, self._kind)
         lanes = block_lanes(count, threads)
-        late = settings.law_sensor == "sensor"
-        self._variant = Variant(
-            self._kind,
-            modes,
-            arm.parameters.velocity_forces == "complete",
-            lanes,
-            "true" if settings.sensor == "true" else "rigid",
-            settings.rate_jacobian,
-            late,
-            not settings.paths,
-            arm.constants.foreshortened,
-        )
+        self._variant = _variant(settings, self._kind, lanes)
         self._rows = self._variant.rows
         sizes = episode_sizes(modes)
         first = self._rows["STATE"][0]
@@ -250,6 +239,22 @@ class Fleet:
         self._link()
         if self._keys.any():  # an episode has begun
             self._use(self._kernel())
+
+
+def _variant(settings: Settings, kind: str, lanes: int) -> Variant:
+    """The kernels that these settings need."""
+    arm = settings.flexible_arm
+    return Variant(
+        kind,
+        arm.parameters.modes_per_link,
+        arm.parameters.velocity_forces == "complete",
+        lanes,
+        sensor="true" if settings.sensor == "true" else "rigid",
+        rate_jacobian=settings.rate_jacobian,
+        late=settings.law_sensor == "sensor",
+        own_paths=not settings.paths,
+        foreshortened=arm.constants.foreshortened,
+    )
 
 
 def block_lanes(count: int, threads: int) -> int:

@@ -90,7 +90,10 @@ class InfoMaker:
         self._reward_place, self._status_place = parts["REWARD"].start - first, parts["STATUS"].start - first
 
     def after_reset(self) -> dict[str, Any]:
-        """The info of the only environment at the beginning of an episode."""
+        """The info of the only environment at the beginning of an episode.
+
+        From that of a step, since a function for what both share would cost each step a call.
+        """
         info, _, _ = self.after_step()
         del info["reward_terms"]
         info["parameters"] = dict(zip(DRAWN, self._fleet.only_result[self._episode].tolist(), strict=True))

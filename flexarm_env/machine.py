@@ -17,6 +17,7 @@ def fused(typing_context: Any, a: Any, b: Any, c: Any) -> Any:
     """
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        """Emit it."""
         return builder.fma(*arguments)
 
     return types.float64(types.float64, types.float64, types.float64), generate
@@ -31,6 +32,7 @@ def aligned_stack(typing_context: Any) -> Any:
     """
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        """Set the alignment on the function being built."""
         builder.function.attributes.alignstack = CACHE_LINE
         builder.function.attributes.add("nounwind")  # llvmlite writes the alignment only beside another
         return context.get_dummy_value()
@@ -47,6 +49,7 @@ def array_at(typing_context: Any, memory: Any, first: Any, shape: Any, dtype: An
     kind = types.Array(dtype.dtype, len(shape), "C")
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        """Fill in the array's structure."""
         whole = context.make_array(memory)(context, builder, arguments[0])
         array = context.make_array(kind)(context, builder)
         lengths = [builder.extract_value(arguments[2], n) for n in range(len(shape))]

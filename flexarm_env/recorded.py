@@ -111,6 +111,7 @@ class _Recorder:
         return sensing.truth(self.constants(), self.place("TIP"), self.read("Y"), self.read("V"))
 
     def source(self, header: str, fusing: bool = True) -> str:
+        """Text of the kernel: for each lane, what was recorded, then the stores; `fusing` as in `Trace.lines`."""
         body = self.trace.lines([value for _, value in self.stores], fusing)
         for row, value in self.stores:
             code = value.name if isinstance(value, Expression) else repr(float(value))

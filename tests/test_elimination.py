@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import mpmath
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -79,6 +80,25 @@ def test_elimination_solves_the_mass_matrix(
     exact = np.linalg.solve(scaled, right * scale)
     rounding = EPS * np.linalg.cond(scaled) * np.abs(exact).max()
     np.testing.assert_allclose(x / scale, exact, atol=(100 + payload / 1.5) * rounding)
+
+
+@pytest.mark.parametrize(("modes", "payload", "worst"), [(2, 0.0, 1e-12), (2, 20.0, 1e-10), (4, 1000.0, 5e-6)])
+def test_digits_that_a_heavy_payload_costs(modes: int, payload: float, worst: float) -> None:
+    """Against a factorisation with 60 digits; the figures of the module's docstring."""
+    k = FlexibleArm(ArmParameters(modes_per_link=modes, payload_mass=payload)).constants
+    e, size = elimination.elimination(k), 2 * modes + 2
+    assert e is not None
+    rng, errors = np.random.default_rng(0), []
+    for _ in range(20):
+        y, right = rng.uniform(-1.0, 1.0, (2, size)).tolist()
+        cos, sin = float(np.cos(y[modes + 1] - y[0])), float(np.sin(y[modes + 1] - y[0]))
+        x = np.array(elimination.solve(k, e, elimination.inertia(k, e, y, cos, sin), right))
+        with mpmath.workdps(60):
+            precise = type(k).unflat([mpmath.mpf(number) for number in k.flat()], modes)
+            matrix = dyn.mass_matrix(precise, [mpmath.mpf(each) for each in y], mpmath.mpf(cos), mpmath.mpf(sin))
+            exact = np.array(algebra.solve(algebra.factor(matrix), [mpmath.mpf(each) for each in right]), dtype=float)
+        errors.append(np.abs(x - exact).max() / np.abs(exact).max())
+    assert max(errors) < worst, errors
 
 
 def test_an_elimination_comes_back_from_its_flat_form() -> None:

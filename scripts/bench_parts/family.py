@@ -13,6 +13,8 @@ from bench_parts import peers
 from bench_parts.environments import SQUARE, stepped
 from bench_parts.physics import bare_kernel
 from bench_parts.timing import Group, Ratio, Subject
+from flexarm_env.fleet import COSTS, Fleet
+from flexarm_env.settings import Settings
 
 GAIN = "FlexArm/SquareGain-v0"
 ENVS = 1024
@@ -51,6 +53,9 @@ def batch(modes: Sequence[int], effort: float, many: int = MANY) -> Group:
     subjects += [gain, torque, bent]
     ratios.append(Ratio(gain.name, torque.name, "the gain's mode over the torque's mode, time of a step"))
     ratios.append(Ratio(bent.name, torque.name, "the foreshortened arm over the linear one, time of a step"))
+    few, *more = (_block(lanes, round(40_000 * effort)) for lanes in COSTS)
+    subjects += [few, *more]
+    ratios += [Ratio(few.name, each.name, f"{few.name} over {each.name}, per environment") for each in more]
     facts = {f"memory added by {many} environments [MB]": _memory(many)}
     return Group("batch", f"Batches of {ENVS}, one core", "us", "env step", subjects, ratios, facts=facts)
 
@@ -66,6 +71,19 @@ def _batch(name: str, env_id: str, num_envs: int, calls: int, **options: Any) ->
             env.step(action)
 
     return Subject(name, work, calls * num_envs)
+
+
+def _block(lanes: int, calls: int) -> Subject:
+    """One full block's step in its kernel alone: what `flexarm_env.fleet.COSTS` says, for each environment."""
+    fleet = Fleet(Settings.of({}), lanes)
+    fleet.start(np.arange(lanes, dtype=np.uint64), np.arange(lanes), fleet.usual_orders)
+    calls = max(1, calls // lanes)
+
+    def work() -> None:
+        for _ in range(calls):
+            fleet.step()
+
+    return Subject(f"block of {lanes} lanes", work, calls * lanes)
 
 
 def _memory(many: int) -> float:
