@@ -34,6 +34,7 @@ from flexarm_env import (
     random_stream,
     reporting,
     reward,
+    sampling,
     scalars,
     starts,
     stepping,
@@ -43,9 +44,10 @@ from flexarm_env.recorded import DECORATOR, INLINED, RECORDED, Variant
 from flexarm_env.rows import DRAWN, DRIVES, ORDER, PLAN, constant_places, extent, settings_layout
 
 _READINGS = (
-    stepping.side_at,
+    stepping.side_of,
     stepping.reference_at,
-    stepping.reference_now,
+    stepping.around,
+    stepping.between,
     stepping.past_reading,
     stepping.slot_after,
     stepping.count_steps,
@@ -78,11 +80,20 @@ _EPISODE = (
     drives.keep_reading,
 )
 _LOOKING = (
-    episodes.sensed_point,
+    sampling.point_at,
+    sampling.sensed_point,
+    sampling.noise_place,
+    sampling.newest_reading,
+    sampling.sample,
+    sampling.copy_readings,
+    sampling.alike,
+    sampling.sample_alike,
+    sampling.compare,
+    sampling.sense,
     episodes.take_actions,
-    episodes.noise_place,
-    episodes.newest_reading,
-    episodes.sample,
+    episodes.side_time,
+    episodes.enter_side,
+    episodes.follow_reference,
     episodes.judge,
     episodes.look,
     reporting.write_previews,
@@ -118,13 +129,17 @@ _DRIVERS: dict[str, tuple[Callable[..., Any] | tuple[Callable[..., Any], str], .
 # Called for each lane with many arrays: handing these over would take longer than what is done with them. In a block of
 # one lane the compiler decides, which takes it half a second less.
 _PER_LANE = (
+    stepping.around,
+    stepping.between,
     stepping.past_reading,
-    stepping.side_at,
+    stepping.side_of,
     stepping.reference_at,
-    stepping.reference_now,
-    episodes.sensed_point,
-    episodes.newest_reading,
-    episodes.sample,
+    sampling.point_at,
+    sampling.sensed_point,
+    sampling.newest_reading,
+    sampling.sample,
+    episodes.side_time,
+    episodes.enter_side,
     reporting.shown,
 )
 _LAW_TABLES = (stepping, ("NODES", "GAMMA", "EXPLICIT", "IMPLICIT"))
@@ -133,7 +148,7 @@ _EPISODE_TABLES = (
     _CLOCK,
     (random_stream, ("STRIDE",)),
     (inverse, ("LEAST_SINE",)),
-    (episodes, ("CHANNELS_OF_NOISE", "FIRST_NOISE")),
+    (sampling, ("CHANNELS_OF_NOISE", "FIRST_NOISE")),
     (starts, starts.TABLES),
 )
 _TABLES: dict[str, tuple[tuple[ModuleType, tuple[str, ...]], ...]] = {
@@ -148,7 +163,7 @@ _TABLES: dict[str, tuple[tuple[ModuleType, tuple[str, ...]], ...]] = {
 def _constants(variant: Variant) -> dict[str, Any]:
     """Names in capitals that a module's drivers use."""
     rows = variant.rows
-    names: dict[str, Any] = {"LANES": variant.lanes, "MODES": variant.modes, "SIZE": 2 * variant.modes + 2}
+    names: dict[str, Any] = {"LANES": variant.lanes, "BATCH": variant.lanes > 1, "MODES": variant.modes, "SIZE": 2 * variant.modes + 2}
     names |= {"STAGES": stepping.STAGES, "LATE": variant.late, "CACHE_LINE": machine.CACHE_LINE}
     names |= {name: first for name, (first, _) in rows.items()}
     names |= {name: getattr(module, name) for module, group in _TABLES[variant.kind] for name in group}

@@ -65,7 +65,7 @@ class ReferencePath:
 
     def _evaluate(self, time: ArrayLike) -> Array:
         times, paths = np.asarray(time, dtype=float), self.rows[None]
-        values = [reference_at(paths, 0, t, t, 0.0)[:4] for t in times.ravel().tolist()]
+        values = [reference_at(paths, 0, t, t, 0.0) for t in times.ravel().tolist()]
         return np.array(values).reshape(*times.shape, 4)
 
     def check_reach(self, arm: ArmParameters) -> None:

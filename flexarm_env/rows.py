@@ -42,7 +42,8 @@ SETTINGS = {
     "LENGTHS": 2,
     "BRANCH": 1,
     "START_SPREAD": 2,
-    "MOVES": 3,
+    "MOVES": 2,
+    "LAP": 1,
     "WEIGHTS": len(reward.TERMS),
     "SENSOR_DELAYS": 2,
     "BASE": len(DRAWN),
@@ -178,14 +179,21 @@ def layout(kind: str, modes: int, foreshortened: bool = False) -> dict[str, tupl
         parts |= {
             "FRAME": 1,
             "PHASE": 1,
-            # time since the reference came onto its present side of the path (or began to move), and until it leaves it
+            # present side of the path: when its lap began, when in the lap it begins and ends, where, how fast
+            "SIDE_LAPS": 1,
+            "SIDE_FROM": 1,
+            "SIDE_TO": 1,
+            "SIDE_START": 2,
+            "SIDE_VELOCITY": 2,
+            # time since the reference came onto it (or began to move), and until it leaves it
             "SIDE_PASSED": 1,
             "SIDE_LEFT": 1,
             "DEFLECTION": 2,
             "DEFLECTION_RATE": 2,
             "ACTION_CHANGE": 1,
         }
-        parts |= {"SAMPLE_TIME": 1, "SENSOR_ERROR": 2, "SENSOR_ERROR_RATE": 2}
+        parts |= {"SAMPLE_TIME": 1, "SAMPLE_AGE": 1, "SAMPLE_POINT": 2, "SAMPLE_REFERENCE": 2}
+        parts |= {"SENSOR_ERROR": 2, "SENSOR_ERROR_RATE": 2}
         parts |= feature_sizes() | episode_sizes(modes)
     return _places(parts)
 

@@ -9,9 +9,9 @@ from math import floor, sqrt
 from typing import Any
 
 from flexarm_env.elementary import sincos
-from flexarm_env.episodes import sensed_point
 from flexarm_env.inverse import joint_angles_for, joint_rates_for
 from flexarm_env.random_stream import uniform
+from flexarm_env.sampling import sensed_point
 from flexarm_env.stepping import (
     BEGAN,
     HEAD,
@@ -36,7 +36,7 @@ PLACE_DISTANCE = JOINT = SHIFT = DELAY = COMMAND_DELAY = WEIGHT = RATE_WEIGHT = 
 V_SLOTS = MECHANICAL_SLOTS = FEEDBACK_SLOTS = V_STAGE = MECHANICAL = FEEDBACK = ACTION_CHANGE = NOISE = 0
 K_STIFFNESS_1 = K_DAMPING_1 = K_ELBOW_SLOPES = 0
 TIP_VALUES = K_ELBOW_VALUES = 0
-MOVES = READINGS = HOLD = SENSED = 0
+MOVES = LAP = SIDE_TO = READINGS = HOLD = SENSED = 0
 CONSTANT_COUNT = 0  # numbers that the equations know of an arm
 OWN_PATHS = TRUE_SENSOR = LATE = LAW = TRACKING = LINEAR = False
 # Constants of this file that assembled modules repeat.
@@ -140,7 +140,7 @@ def draw_moves(path: Any, key: Any, settings: Any) -> None:
     way_1 -= 6.283185307179586 * floor(way_1 / 6.283185307179586 + 0.5)
     way_2 = end[1] - start[1]
     last = path.shape[0] - 1
-    lap = settings[MOVES + 2]
+    lap = settings[LAP]
     for n in range(last + 1):
         quarters = 4.0 * n / last  # a move, a rest, a move back, a rest
         u = min(max(quarters if quarters < 2.0 else 3.0 - quarters, 0.0), 1.0)
@@ -216,7 +216,7 @@ def reference_reading(
 ) -> tuple[float, float, float, float]:
     """What the sensor would read on the rigid arm that is on lane i's reference, some seconds ago; with rates."""
     time = clock[STEPS, i] * settings[STEP] - back
-    x, y, vx, vy, _, _ = reference_at(paths, clock[PATH, i], time, time + 1e-9 * settings[STEP], -1e18)
+    x, y, vx, vy = reference_at(paths, clock[PATH, i], time, time + 1e-9 * settings[STEP], -1e18)
     length_1, length_2 = settings[LENGTHS], settings[LENGTHS + 1]
     if TRUE_SENSOR and arena[i + PLACE_DISTANCE * LANES] == length_2:  # it is the tip that is on the reference
         return x, y, vx, vy
@@ -280,6 +280,7 @@ def start_lane(
     newest = TAIL + 2 * plan[PREVIEWS]
     for row in range(plan[KEPT_ACTIONS] * plan[CHANNELS]):
         arena[i + (newest + row) * LANES] = -1.0 if LAW else 0.0  # no torque, no gain
+    arena[i + SIDE_TO * LANES] = -1e300  # the side is not known yet
     arena[i + ACTION_CHANGE * LANES] = 0.0
     arena[i + EFFECTIVE_GAIN * LANES] = 0.0
     for r in range(2):

@@ -67,19 +67,24 @@ def outputs_kernel(arena: Any) -> None:
     raise NotImplementedError("the recorded kernel exists in assembled modules only")
 
 
-def side_at(paths: Any, p: int, time: float, k: int) -> int:
-    """Number of the side that path p is on at a time of the lap [s], searched from side k on."""
-    if (time >= paths[p, k + 1, 0]) | (time < paths[p, k, 0]):  # one rare branch, which the processor foresees
-        while k < paths.shape[1] - 2 and time >= paths[p, k + 1, 0]:
+def side_of(paths: Any, p: int, time: float) -> tuple[float, int]:
+    """Time at which the present lap of path p began, and the number of its side, at a time [s]."""
+    last = paths.shape[1] - 1
+    lap = paths[p, last, 0]
+    before = floor(time / lap) * lap  # laps done
+    within = time - before
+    k = min(int(within * last / lap), last - 1)  # right at once where way-points are evenly timed
+    if (within >= paths[p, k + 1, 0]) | (within < paths[p, k, 0]):  # one rare branch, which the processor foresees
+        while k < last - 1 and within >= paths[p, k + 1, 0]:
             k += 1
-        while k > 0 and time < paths[p, k, 0]:
+        while k > 0 and within < paths[p, k, 0]:
             k -= 1
-    return k
+    return before, k
 
 
 def reference_at(
     paths: Any, p: int, time: float, side: float, since: float
-) -> tuple[float, float, float, float, float, float]:
+) -> tuple[float, float, float, float]:
     """Reference position and velocity on a closed polyline.
 
     Args:
@@ -91,30 +96,18 @@ def reference_at(
         since: before this time the reference rests where it is then [s].
 
     Returns:
-        x, y [m], x', y' [m/s], the time since the side began and the time until it ends [s].
+        x, y [m], x', y' [m/s].
     """
     moving = 1.0
     if side < since:
         time = since
         side = since
         moving = 0.0
-    last = paths.shape[1] - 1
-    lap = paths[p, last, 0]
-    before = floor(side / lap) * lap  # laps done
-    k = int((side - before) * last / lap)  # right at once where way-points are evenly timed
-    k = side_at(paths, p, side - before, min(k, last - 1))
+    before, k = side_of(paths, p, side)
     vx = paths[p, k, 3]
     vy = paths[p, k, 4]
     passed = time - before - paths[p, k, 0]
-    left = paths[p, k + 1, 0] - (time - before)
-    return paths[p, k, 1] + vx * passed, paths[p, k, 2] + vy * passed, moving * vx, moving * vy, passed, left
-
-
-def reference_now(clock: Any, paths: Any, h: float, i: int) -> tuple[float, float, float, float, float, float]:
-    """The reference of lane i at the present instant; see `reference_at`."""
-    steps = clock[STEPS, i]
-    # a billionth of a step ahead: at a corner the side that begins there, whatever the rounding
-    return reference_at(paths, clock[PATH, i], steps * h, (steps + 1e-9) * h, clock[SINCE, i] * h)
+    return paths[p, k, 1] + vx * passed, paths[p, k, 2] + vy * passed, moving * vx, moving * vy
 
 
 def prepare_commands(arena: Any, clock: Any, paths: Any, h: float) -> None:
@@ -172,20 +165,39 @@ def past_reading(history: Any, slots: int, slot: int, i: int, j: int, h: float, 
     """Reading j of lane i and its rate, `back` steps before the slot of the present one; see `prepare_reading`."""
     if back == 0.0:
         return history[i + (4 * slot + j) * LANES], history[i + (4 * slot + 2 + j) * LANES]
+    first, last, u = around(slots, slot, back)
+    return between(
+        history[i + (first + j) * LANES],
+        history[i + (last + j) * LANES],
+        history[i + (first + 2 + j) * LANES],
+        history[i + (last + 2 + j) * LANES],
+        h,
+        u,
+    )
+
+
+def around(slots: int, slot: int, back: float) -> tuple[int, int, float]:
+    """Rows of the delay line at which the readings before and after a moment begin, and where it lies between.
+
+    Args:
+        slots: of the delay line.
+        slot: the newest one.
+        back: the moment, in steps before the newest one.
+    """
     whole = int(back)  # rounded towards the present
-    u = 1.0 - (back - whole)  # within the interval that ends there
     last = slot - whole  # the ring is longer than any delay, so one turn back is enough
     first = last - 1
-    end = (last if last >= 0 else last + slots) * 4 * LANES
-    start = (first if first >= 0 else first + slots) * 4 * LANES
-    a = history[i + start + j * LANES]
-    b = history[i + end + j * LANES]
-    a_rate = h * history[i + start + (2 + j) * LANES]
-    b_rate = h * history[i + end + (2 + j) * LANES]
+    first, last = (first if first >= 0 else first + slots), (last if last >= 0 else last + slots)
+    return 4 * first, 4 * last, 1.0 - (back - whole)
+
+
+def between(a: float, b: float, a_rate: float, b_rate: float, h: float, u: float) -> tuple[float, float]:
+    """Value and rate a share u of a step h after a, by the cubic with these values and rates at its ends."""
+    a_rise, b_rise = h * a_rate, h * b_rate
     difference = b - a
-    curve = 3.0 * difference - 2.0 * a_rate - b_rate
-    twist = a_rate + b_rate - 2.0 * difference
-    return a + u * (a_rate + u * (curve + u * twist)), (a_rate + u * (2.0 * curve + u * 3.0 * twist)) / h
+    curve = 3.0 * difference - 2.0 * a_rise - b_rise
+    twist = a_rise + b_rise - 2.0 * difference
+    return a + u * (a_rise + u * (curve + u * twist)), (a_rise + u * (2.0 * curve + u * 3.0 * twist)) / h
 
 
 def prepare_reading(arena: Any, history: Any, slots: int, slot: int, i: int, j: int, h: float, node: float) -> None:
@@ -307,7 +319,9 @@ def write_outputs(arena: Any, history: Any, clock: Any, paths: Any, h: float) ->
     """Observation, state, tips, reward and status of every lane of a block at the present instant."""
     prepare_readings(arena, history, clock, h, 0.0)
     for i in range(LANES):
-        reference = reference_now(clock, paths, h, i)
+        steps = clock[STEPS, i]
+        # a billionth of a step ahead: at a corner the side that begins there, whatever the rounding
+        reference = reference_at(paths, clock[PATH, i], steps * h, (steps + 1e-9) * h, clock[SINCE, i] * h)
         for r in range(4):
             arena[i + (REFERENCE + r) * LANES] = reference[r]
     outputs_kernel(arena)
