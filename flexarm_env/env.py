@@ -129,7 +129,7 @@ class FlexArmEnv(FleetView, gymnasium.Env[NDArray[np.float32], NDArray[np.float3
         self.fleet.start(new_keys([self.np_random]), self._begin, orders)
         self._started = True
         if self._scene is not None:
-            result = self.fleet.only_result.copy()
+            result = self.fleet.result(0)
             self._scene.begin(result)
             self._show(result)
         return self.fleet.only_observation.copy(), self._infos.after_reset()
@@ -157,7 +157,7 @@ class FlexArmEnv(FleetView, gymnasium.Env[NDArray[np.float32], NDArray[np.float3
         if status != 0.0:
             info["termination_reason"] = fleet.failure(status)
         if self._scene is not None:
-            result = fleet.only_result.copy()
+            result = fleet.result(0)
             self._scene.add(result)
             self._show(result)
         return fleet.only_observation.copy(), reward, status != 0.0, False, info
@@ -175,7 +175,7 @@ class FlexArmEnv(FleetView, gymnasium.Env[NDArray[np.float32], NDArray[np.float3
             return None
         if not self._started:
             raise RuntimeError("render() before reset(): there is nothing to show")
-        return self._scene.draw(self.fleet.only_result.copy())
+        return self._scene.draw(self.fleet.result(0))
 
     def close(self) -> None:
         """Close the window, if there is one."""

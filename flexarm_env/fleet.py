@@ -41,7 +41,7 @@ REASONS = {-1: "diverged", -2: "deflection", -3: "error"}
 # Attributes that are views of the memory.
 VIEWS = (
     *("_plan", "_arenas", "_clocks", "_keys", "_starts", "_orders", "_paths"),
-    *("actions", "observations", "only_action", "only_observation", "only_result", "only_numbers"),
+    *("actions", "observations", "only_action", "only_observation", "only_result", "only_numbers", "only_drawn"),
 )
 # Why an episode may terminate.
 ENDS = {
@@ -61,14 +61,19 @@ class Fleet:
         layout: of the observations.
         usual_orders: for new episodes, as the settings say; read-only. Shape (N, columns).
         observations: present ones; the kernels write into it. Shape (lanes, k), float32.
+        results: of more than one environment, what is known since the latest start or step, in an array of its own;
+            `parts` says what lies where. Shape (N, k).
+        parts: places of the parts of `results`, by name.
         only_step: for one environment without others, as all that follows: a control period; False if it refused an
             action that is not finite.
         only_action: of the first environment: a view.
         only_observation: the same.
-        only_result: the same, of `results`.
+        only_result: the same, of what is known of it.
         only_numbers: the same, of those of them that an info reports one by one after a step.
+        only_drawn: the same, of the episode's quantities (`rows.DRAWN`).
     """
 
+    results: Array
     _pool: ThreadPoolExecutor | None
     _step_kernel: Callable[..., Any]
     only_step: Callable[[], bool]
@@ -95,6 +100,8 @@ class Fleet:
         self._results = slice(first, first + sum(sizes.values()))
         ends = np.cumsum(list(sizes.values())).tolist()
         self.parts = {name: slice(end - size, end) for (name, size), end in zip(sizes.items(), ends, strict=True)}
+        first, drawn = self._rows["EPISODE"]
+        self._drawn = slice(first, first + drawn)
         channels = len(settings.action_limit)
         longest = settings.randomisation.get("actuation_delay", (0.0, settings.actuation_delay))[1]
         self._kept = max(2, settings.last_actions, int(np.ceil(longest / settings.control_period)) + 1)
@@ -144,7 +151,7 @@ class Fleet:
         if self._step_kernel is _not_started:
             self._use(self._kernel())
         self._plan[DRIVING] = 0
-        self._step_kernel(self._memory, 0, self._blocks)
+        self.step()
         self._plan[DRIVING] = 1
 
     def order_starts(self, keys: NDArray[np.uint64], which: NDArray[np.int64], orders: Array) -> None:
@@ -156,22 +163,33 @@ class Fleet:
             self._plan[READINGS] = ALL_READINGS
 
     def step(self) -> None:
-        """One control period with `actions`."""
-        if self._threads == 1:
-            self._step_kernel(self._memory, 0, self._blocks)
+        """One control period with `actions`, unless the plan says that none drives; see `results`."""
+        if self.count == 1:
+            self.only_step()
+            self.results = self.result(0)[None]
             return
-        if self._pool is None:
-            self._pool = ThreadPoolExecutor(self._threads)
-        for _ in self._pool.map(self._step_blocks, self._edges[:-1], self._edges[1:]):
-            pass
+        told = np.empty((self._results.stop - self._results.start, len(self._keys)))
+        if self._threads == 1:
+            self._step_kernel(self._memory, 0, self._blocks, told)
+        else:
+            if self._pool is None:
+                self._pool = ThreadPoolExecutor(self._threads)
+            for _ in self._pool.map(partial(self._step_share, told), self._edges[:-1], self._edges[1:]):
+                pass
+        self.results = told[:, : self.count].T
 
-    def _step_blocks(self, begin: int, end: int) -> None:
-        self._step_kernel(self._memory, begin, end)
+    def _step_share(self, told: Array, begin: int, end: int) -> None:
+        self._step_kernel(self._memory, begin, end, told)
 
-    def results(self) -> Array:
-        """All that is known at the present instant, in a new array; `parts` says what lies where. Shape (N, k)."""
-        rows = self._arenas[:, self._results].transpose(1, 0, 2).copy()
-        return rows.reshape(len(rows), -1)[:, : self.count].T  # each quantity contiguous, as in the arenas
+    def result(self, index: int) -> Array:
+        """What is known of one environment at the present instant, in a new array. Shape (k,)."""
+        block, lane = divmod(index, self._arenas.shape[2])
+        return self._arenas[block, self._results, lane].copy()
+
+    def drawn_of(self, chosen: NDArray[np.int64]) -> Array:
+        """Quantities of some environments' episodes (`rows.DRAWN`), drawn or not. Shape (quantities, n)."""
+        blocks, lanes = np.divmod(chosen, self._arenas.shape[2])
+        return np.asarray(self._arenas[blocks, self._drawn, lanes].T)
 
     def close(self) -> None:
         """Let go of the threads."""
@@ -213,18 +231,22 @@ class Fleet:
         self._keys, self._starts, self._orders = views["KEYS"], views["STARTS"], views["ORDERS"]
         self._paths, self.actions, self.observations = views["PATHS"], views["ACTIONS"], views["OBSERVATIONS"]
         self.only_result = self._arenas[0, self._results, 0]
-        self.only_numbers = self.only_result[self.parts["REWARD_TERMS"].start : self.parts["EPISODE"].start]
+        self.only_numbers = self.only_result[self.parts["REWARD_TERMS"].start :]
         self.only_action, self.only_observation = self.actions[0], self.observations[0]
+        self.only_drawn = self._arenas[0, self._drawn, 0]
         self._blocks = len(self._arenas)
         self._edges = np.linspace(0, self._blocks, self._threads + 1).astype(int).tolist()  # of the threads' shares
         self._use(_not_started)
         self._pool = None
 
     def _use(self, kernel: Callable[..., Any]) -> None:
-        self._step_kernel, self.only_step = kernel, partial(kernel, self._memory, 0, 1)
+        self._step_kernel, self.only_step = kernel, partial(kernel, self._memory)
 
     def _kernel(self) -> Callable[..., Any]:
-        return kernels.bare(kernels.load(self._variant).step_episodes, self._memory, 0, self._blocks)
+        module = kernels.load(self._variant)
+        if self.count == 1:
+            return kernels.bare(module.step_only, self._memory)
+        return kernels.bare(module.step_blocks, self._memory, 0, self._blocks, np.empty((1, 1)))
 
     def __getstate__(self) -> dict[str, Any]:
         """Without views, which would come back as copies, and without what cannot be pickled."""

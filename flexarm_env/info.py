@@ -5,6 +5,7 @@ Truth that no sensor knows is here, never in an observation.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from operator import itemgetter
 from typing import Any, NamedTuple
 
@@ -80,12 +81,14 @@ class InfoMaker:
             vectors[name] = slice(start, stop if count is None else start + count)
         first = parts["REWARD_TERMS"].start
         weights = fleet.settings.reward_weights
-        self._items = tuple(vectors.items())
         self._vectors = itemgetter(*vectors.values())
+        gain = {"gain": self._gain} if self._with_gain else {}
+        self._items = _flagged((vectors | {"time": self._time} | gain).items())
         self._numbers = slice(first, None)  # all that are reported one by one come last
-        self._term_items = tuple((name, n) for n, name in enumerate(TERMS) if weights.get(name, 0.0) > 0.0)
-        self._episode = parts["EPISODE"]
-        self._drawn_items = tuple((name, n) for n, name in enumerate(DRAWN))
+        self._term_items = _flagged((name, n) for n, name in enumerate(TERMS) if weights.get(name, 0.0) > 0.0)
+        self._drawn_items = _flagged((name, n) for n, name in enumerate(DRAWN))
+        self._everyone = np.ones(len(fleet), dtype=np.bool_)
+        self._everyone.flags.writeable = False
         self._time_place, self._gain_place = self._time - first, self._gain - first
         self._reward_place, self._status_place = parts["REWARD"].start - first, parts["STATUS"].start - first
 
@@ -96,7 +99,7 @@ class InfoMaker:
         """
         info, _, _ = self.after_step()
         del info["reward_terms"]
-        info["parameters"] = dict(zip(DRAWN, self._fleet.only_result[self._episode].tolist(), strict=True))
+        info["parameters"] = dict(zip(DRAWN, self._fleet.only_drawn.tolist(), strict=True))
         (info["path"],), (info["start_time"],) = self._fleet.starts_of([0])
         return info
 
@@ -120,54 +123,53 @@ class InfoMaker:
         if self._with_gain:
             info["gain"] = numbers[self._gain_place]
         info["reward_terms"] = terms = {}
-        for name, place in self._term_items:
+        for name, _, place in self._term_items:
             terms[name] = numbers[place]
         return info, numbers[self._reward_place], numbers[self._status_place]
 
-    def batch(self, results: Array, begun: NDArray[np.int64], stepped: bool) -> dict[str, Any]:
+    def batch(self, begun: NDArray[np.int64], stepped: bool) -> dict[str, Any]:
         """The infos of a batch in Gymnasium's form: arrays, and for each a mask of the environments that have it.
 
+        Keys of the same environments share a mask, which therefore cannot be written to.
+
         Args:
-            results: Shape (N, k).
             begun: environments that were reset. Shape (n,).
             stepped: a step led the others there; False: they have no info.
         """
-        known, others = results, np.ones(len(results), dtype=np.bool_)
-        others[begun] = False
-        fresh, everyone = ~others, stepped or len(begun) == len(results)
-        if not everyone:
-            known = np.where(fresh[:, None], results, 0.0)
-        masks = _copies(np.array(True) if everyone else fresh, (len(self._items) + 2, len(results)))
+        known = self._fleet.results
+        count = len(known)
+        fresh = np.zeros(count, dtype=np.bool_)
+        fresh[begun] = True
+        others = ~fresh
+        fresh.flags.writeable = others.flags.writeable = False
+        everyone = self._everyone
+        if not stepped and len(begun) < count:
+            known, everyone = np.where(fresh[:, None], known, 0.0), fresh
         infos: dict[str, Any] = {}
-        for (name, part), mask in zip(self._items, masks, strict=False):
-            infos[name], infos[f"_{name}"] = known[:, part], mask
-        infos["time"], infos["_time"] = known[:, self._time], masks[-1]
-        if self._with_gain:
-            infos["gain"], infos["_gain"] = known[:, self._gain], masks[-2]
-        if stepped and len(begun) < len(results):  # an episode that begins has no reward: its terms are 0
+        for name, flag, part in self._items:
+            infos[name], infos[flag] = known[:, part], everyone
+        if stepped and len(begun) < count:  # an episode that begins has no reward: its terms are 0
             infos["reward_terms"] = _named(known.T[self._numbers], self._term_items, others)
             infos["_reward_terms"] = others
         if len(begun):
-            numbers = np.zeros((len(DRAWN) + 1, len(results)))
-            numbers[:-1, begun] = results.T[self._episode, begun]
-            infos["parameters"], infos["_parameters"] = _named(numbers, self._drawn_items, fresh), fresh.copy()
-            paths, times = np.empty(len(results), dtype=object), numbers[-1]
+            numbers = np.zeros((len(DRAWN) + 1, count))
+            numbers[:-1, begun] = self._fleet.drawn_of(begun)
+            paths, times = np.empty(count, dtype=object), numbers[-1]
             paths[begun], times[begun] = self._fleet.starts_of(begun.tolist())
-            infos["path"], infos["_path"] = paths, fresh.copy()
+            infos["parameters"], infos["_parameters"] = _named(numbers, self._drawn_items, fresh), fresh
+            infos["path"], infos["_path"] = paths, fresh
             infos["start_time"], infos["_start_time"] = times, fresh
         return infos
 
 
-def _named(rows: Array, items: tuple[tuple[str, int], ...], mask: NDArray[np.bool_]) -> dict[str, Any]:
-    """Rows by name, each with a mask of the environments that have it."""
+def _flagged(items: Iterable[tuple[str, Any]]) -> tuple[tuple[str, str, Any], ...]:
+    """Names and places, with the name of the mask between."""
+    return tuple((name, f"_{name}", place) for name, place in items)
+
+
+def _named(rows: Array, items: tuple[tuple[str, str, int], ...], mask: NDArray[np.bool_]) -> dict[str, Any]:
+    """Rows by name, each with the mask of the environments that have it."""
     named: dict[str, Any] = {}
-    for (name, place), flags in zip(items, _copies(mask, (len(items), len(mask))), strict=True):
-        named[name], named[f"_{name}"] = rows[place], flags
+    for name, flag, place in items:
+        named[name], named[flag] = rows[place], mask
     return named
-
-
-def _copies(mask: NDArray[np.bool_], shape: tuple[int, int]) -> NDArray[np.bool_]:
-    """Copies of a mask, made at once. Shape (count, N)."""
-    copies = np.empty(shape, dtype=np.bool_)
-    copies[:] = mask
-    return copies

@@ -163,7 +163,12 @@ _TABLES: dict[str, tuple[tuple[ModuleType, tuple[str, ...]], ...]] = {
 def _constants(variant: Variant) -> dict[str, Any]:
     """Names in capitals that a module's drivers use."""
     rows = variant.rows
-    names: dict[str, Any] = {"LANES": variant.lanes, "BATCH": variant.lanes > 1, "MODES": variant.modes, "SIZE": 2 * variant.modes + 2}
+    names: dict[str, Any] = {
+        "LANES": variant.lanes,
+        "BATCH": variant.lanes > 1,
+        "MODES": variant.modes,
+        "SIZE": 2 * variant.modes + 2,
+    }
     names |= {"STAGES": stepping.STAGES, "LATE": variant.late, "CACHE_LINE": machine.CACHE_LINE}
     names |= {name: first for name, (first, _) in rows.items()}
     names |= {name: getattr(module, name) for module, group in _TABLES[variant.kind] for name in group}
@@ -180,7 +185,7 @@ def _constants(variant: Variant) -> dict[str, Any]:
         names |= {"DRAWN_ORDER": ORDER.index(next(iter(DRAWN))), "STATE_ORDER": len(ORDER)}
         names |= {"QUANTITIES": len(DRAWN), "TERMS": len(reward.TERMS)}
         names |= {"LAW": variant.kind == "gain", "TRACKING": variant.kind == "tracking"}
-        names |= {"LINEAR": not variant.foreshortened}
+        names |= {"LINEAR": not variant.foreshortened, "RESULTS": rows["STATE"][0]}
         names |= {name: 0 for name in _FOREIGN_ROWS if name not in names}
     return names
 
@@ -199,7 +204,7 @@ def render(variant: Variant) -> str:
     text += "".join(f"@intrinsic\n{inspect.getsource(function)}\n\n" for function in machine.INTRINSICS)
     for record in RECORDED[variant.kind]:
         text += record(variant)
-    for driver in _DRIVERS[variant.kind]:
+    for driver in (*_DRIVERS[variant.kind], *([periods.step_block] if variant.kind in DRIVES else [])):
         function, name = driver if isinstance(driver, tuple) else (driver, driver.__name__)
         source = inspect.getsource(function)
         decorator = INLINED if function in _PER_LANE and variant.lanes > 1 else DECORATOR
@@ -211,7 +216,7 @@ def render(variant: Variant) -> str:
         decorator = DECORATOR.replace("cache=True, ", "cache=True, _nrt=False, ")
         if variant.lanes == 1:  # a step of microseconds: to let go of the interpreter's lock takes 0.04 of them
             decorator = decorator.replace("nogil=True, ", "")
-        text += decorator + inspect.getsource(periods.step_episodes)
+        text += decorator + inspect.getsource(periods.step_only if variant.lanes == 1 else periods.step_blocks)
     return text
 
 

@@ -115,7 +115,6 @@ def episode_sizes(modes: int) -> dict[str, int]:
         "TIME": 1,
         "EFFECTIVE_GAIN": 1,
         "STATUS": 1,
-        "EPISODE": len(DRAWN),
     }
 
 
@@ -194,7 +193,7 @@ def layout(kind: str, modes: int, foreshortened: bool = False) -> dict[str, tupl
         }
         parts |= {"SAMPLE_TIME": 1, "SAMPLE_AGE": 1, "SAMPLE_POINT": 2, "SAMPLE_REFERENCE": 2}
         parts |= {"SENSOR_ERROR": 2, "SENSOR_ERROR_RATE": 2}
-        parts |= feature_sizes() | episode_sizes(modes)
+        parts |= feature_sizes() | {"EPISODE": len(DRAWN)} | episode_sizes(modes)
     return _places(parts)
 
 

@@ -82,9 +82,7 @@ def side_of(paths: Any, p: int, time: float) -> tuple[float, int]:
     return before, k
 
 
-def reference_at(
-    paths: Any, p: int, time: float, side: float, since: float
-) -> tuple[float, float, float, float]:
+def reference_at(paths: Any, p: int, time: float, side: float, since: float) -> tuple[float, float, float, float]:
     """Reference position and velocity on a closed polyline.
 
     Args:

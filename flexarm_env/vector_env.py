@@ -112,10 +112,8 @@ class FlexArmVectorEnv(FleetView, gymnasium.vector.VectorEnv[NDArray[np.float32]
         begun = np.flatnonzero(mask)
         self._begin(begun, orders, self.fleet.start)
         self._started, self._ended = True, self._ended[~mask[self._ended]]
-        results = self.fleet.results()
-        self._remember(results, begun)
-        infos = self._infos.batch(results, begun, stepped=False)
-        return self._observations(), infos
+        self._remember(begun)
+        return self._observations(), self._infos.batch(begun, stepped=False)
 
     def step(self, actions: NDArray[np.float32]) -> Step:
         """Hold each environment's action for one control period.
@@ -141,28 +139,27 @@ class FlexArmVectorEnv(FleetView, gymnasium.vector.VectorEnv[NDArray[np.float32]
         if len(begun):
             self._begin(begun, self._orders, self.fleet.order_starts)
         self.fleet.step()
-        results = self.fleet.results()
+        results = self.fleet.results
         terminated = results[:, self._status] != 0.0
         truncated = self._steps >= self._limit if self._limit else np.zeros_like(terminated)
         if len(begun):  # whatever comes of an episode's first instant, it ends after a step at the earliest
             terminated[begun] = truncated[begun] = False
         rewards = results[:, self._reward].copy()  # 0 where an episode begins
         self._ended = (terminated | truncated).nonzero()[0]
-        infos = self._infos.batch(results, begun, stepped=True)
+        infos = self._infos.batch(begun, stepped=True)
         if len(self._ended):
             self._add_reasons(infos, results, terminated)
             if self._mode is AutoresetMode.SAME_STEP:
                 begun, self._ended = self._ended, NOBODY
-                results, infos = self._restart(begun, infos)
-        self._remember(results, begun)
+                infos = self._restart(begun, infos)
+        self._remember(begun)
         return self._observations(), rewards, terminated, truncated, infos
 
     def render(self) -> tuple[NDArray[np.uint8], ...] | None:
         """A picture of each environment. Shape (size, size, 3) each."""
         if not self._scenes or not self._started:
             return None
-        results = self.fleet.results()
-        return tuple(scene.draw(result) for scene, result in zip(self._scenes, results, strict=True))  # type: ignore[misc]
+        return tuple(scene.draw(self.fleet.result(i)) for i, scene in enumerate(self._scenes))  # type: ignore[misc]
 
     def close_extras(self, **kwargs: Any) -> None:
         """Let go of threads and windows."""
@@ -213,20 +210,19 @@ class FlexArmVectorEnv(FleetView, gymnasium.vector.VectorEnv[NDArray[np.float32]
             finite_array("actions", np.where(read[:, None], values, 0.0), self.action_space.shape or ())
         self.fleet.actions[: self.num_envs] = values
 
-    def _restart(self, ended: Indices, infos: dict[str, Any]) -> tuple[Array, dict[str, Any]]:
+    def _restart(self, ended: Indices, infos: dict[str, Any]) -> dict[str, Any]:
         """Begin new episodes where one ended in this step; what ended goes into `final_obs` and `final_info`."""
         final = {name: value for name, value in infos.items() if not name.startswith("_")}
         final_obs = np.empty(self.num_envs, dtype=object)
         for i in ended.tolist():
             final_obs[i] = self.fleet.observations[i].copy()
         self._begin(ended, self._orders, self.fleet.start)
-        results = self.fleet.results()
-        merged = self._infos.batch(results, ended, stepped=True)
+        merged = self._infos.batch(ended, stepped=True)
         done = np.zeros(self.num_envs, dtype=bool)
         done[ended] = True
         merged |= {"final_obs": final_obs, "_final_obs": done.copy()}
         merged |= {"final_info": _masked(final, done), "_final_info": done.copy()}
-        return results, merged
+        return merged
 
     def _add_reasons(self, infos: dict[str, Any], results: Array, terminated: Flags) -> None:
         statuses = results[self._ended, self._status].tolist()
@@ -239,10 +235,10 @@ class FlexArmVectorEnv(FleetView, gymnasium.vector.VectorEnv[NDArray[np.float32]
     def _observations(self) -> NDArray[np.float32]:
         return self.fleet.observations[: self.num_envs].copy()
 
-    def _remember(self, results: Array, begun: Indices) -> None:
+    def _remember(self, begun: Indices) -> None:
         """Traces for the pictures."""
         for i, scene in enumerate(self._scenes):
-            (scene.begin if i in begun else scene.add)(results[i])
+            (scene.begin if i in begun else scene.add)(self.fleet.result(i))
 
 
 def _masked(infos: dict[str, Any], mask: Flags) -> dict[str, Any]:
