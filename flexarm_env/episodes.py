@@ -21,7 +21,7 @@ STEP = ENCODER_NOISE = DEFLECTION_LIMIT = ERROR_LIMIT = LENGTHS = BRANCH = LAP =
 WEIGHTS = CHANNELS = KEPT_ACTIONS = PREVIEWS = TAIL = 0
 TERMS = 0  # of the reward
 ACTION_CHANGE = MEASURED = STATE = REFERENCE = PHASE = TIME = STATUS = DEFLECTION = TRUE_TIP = REWARD = REWARD_TERMS = 0
-SIDE_LAPS = SIDE_FROM = SIDE_TO = SIDE_START = SIDE_VELOCITY = SIDE_PASSED = SIDE_LEFT = 0
+SIDE_LAPS = SIDE_FROM = SIDE_TO = SIDE_START = SIDE_VELOCITY = SIDE_PASSED = SIDE_LEFT = NEXT_TIME = NEXT_VELOCITY = 0
 
 
 def truth_kernel(arena: Any) -> None:
@@ -149,9 +149,12 @@ def enter_side(arena: Any, clock: Any, paths: Any, h: float, i: int) -> None:
     arena[i + SIDE_LAPS * LANES] = before
     arena[i + SIDE_FROM * LANES] = paths[p, k, 0]
     arena[i + SIDE_TO * LANES] = paths[p, k + 1, 0]
+    following = k + 1 if k + 2 < paths.shape[1] else 0
+    arena[i + NEXT_TIME * LANES] = paths[p, following + 1, 0] - paths[p, following, 0]
     for r in range(2):
         arena[i + (SIDE_START + r) * LANES] = paths[p, k, 1 + r]
         arena[i + (SIDE_VELOCITY + r) * LANES] = paths[p, k, 3 + r]
+        arena[i + (NEXT_VELOCITY + r) * LANES] = paths[p, following, 3 + r]
 
 
 def judge(arena: Any, settings: Any) -> None:

@@ -169,7 +169,7 @@ def _constants(variant: Variant) -> dict[str, Any]:
         "MODES": variant.modes,
         "SIZE": 2 * variant.modes + 2,
     }
-    names |= {"STAGES": stepping.STAGES, "LATE": variant.late, "CACHE_LINE": machine.CACHE_LINE}
+    names |= {"STAGES": stepping.STAGES, "LATE": variant.late, "CACHE_LINE": machine.CACHE_LINE, "TILE": machine.TILE}
     names |= {name: first for name, (first, _) in rows.items()}
     names |= {name: getattr(module, name) for module, group in _TABLES[variant.kind] for name in group}
     if variant.kind in DRIVES:
@@ -198,7 +198,7 @@ def render(variant: Variant) -> str:
     """Source text of a variant's module."""
     text = f'"""Assembled by flexarm_env.kernels for {variant}; do not edit."""\n\n'
     text += "from math import log, sqrt\nfrom typing import Any\n\nimport numpy as np\nfrom numba import njit\n"
-    text += "from numba.core import types\nfrom numba.extending import intrinsic\n"
+    text += "from llvmlite import ir\nfrom numba.core import types\nfrom numba.extending import intrinsic\n"
     text += "from numba.np.arrayobj import populate_array\nfrom numpy import floor\n\n"
     text += "".join(f"{name} = {value!r}\n" for name, value in _constants(variant).items()) + "\n\n"
     text += "".join(f"@intrinsic\n{inspect.getsource(function)}\n\n" for function in machine.INTRINSICS)

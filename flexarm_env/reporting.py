@@ -10,27 +10,32 @@ from typing import Any
 from flexarm_env.stepping import PATH, STEPS, reference_at
 
 LANES = 1
+TILE = 8
+BATCH = False
 STEP = PREVIEWS = OBSERVED = PLACES = HORIZONS = TAIL = 0
-REFERENCE = SIDE_LEFT = FRAME_AXIS = STATUS = 0
+REFERENCE = SIDE_LEFT = SIDE_VELOCITY = NEXT_VELOCITY = NEXT_TIME = FRAME_AXIS = STATUS = 0
 
 
 def write_previews(arena: Any, clock: Any, paths: Any, plan: Any, settings: Any) -> None:
     """Where the reference will have moved at each horizon, seen from where it is, in the frame.
 
-    On its present side it moves on at its velocity, which the compiler works out for several lanes at once; only what
-    lies beyond the side's end is searched for.
+    On its present side and the next it moves at known velocities, which the compiler works out for several lanes at
+    once; only what lies beyond is searched for.
     """
     for n in range(plan[PREVIEWS]):
         horizon = settings[HORIZONS + n]
         row = TAIL + 2 * n
         preview = arena[row * LANES : (row + 2) * LANES]
-        turning = 0
+        beyond = 0
         for i in range(LANES):
-            preview[i] = arena[i + (REFERENCE + 2) * LANES] * horizon
-            preview[i + LANES] = arena[i + (REFERENCE + 3) * LANES] * horizon
-            turning += arena[i + SIDE_LEFT * LANES] < horizon
-        for i in range(LANES if turning > 0 else 0):
-            if arena[i + SIDE_LEFT * LANES] < horizon:
+            along = min(horizon, arena[i + SIDE_LEFT * LANES])
+            after = horizon - along
+            for r in range(2):
+                way = along * arena[i + (SIDE_VELOCITY + r) * LANES] + after * arena[i + (NEXT_VELOCITY + r) * LANES]
+                preview[i + r * LANES] = way
+            beyond += after > arena[i + NEXT_TIME * LANES]
+        for i in range(LANES if beyond > 0 else 0):
+            if horizon - arena[i + SIDE_LEFT * LANES] > arena[i + NEXT_TIME * LANES]:
                 time = clock[STEPS, i] * settings[STEP] + horizon
                 there = reference_at(paths, clock[PATH, i], time, time, -1e18)
                 preview[i] = there[0] - arena[i + REFERENCE * LANES]
@@ -49,12 +54,12 @@ def write_observations(arena: Any, observations: Any, first: int, plan: Any, set
     count = 0
     for i in range(LANES):
         count += shown(arena, who, i)
-    if LANES > 1 and count == LANES:  # a row after the other: neighbouring lanes are read and scaled at once
-        for n in range(plan[OBSERVED]):
-            factor = settings[factors + n]
-            values = arena[plan[PLACES + n] * LANES : (plan[PLACES + n] + 1) * LANES]
-            for i in range(LANES):
-                ours[i, n] = values[i] * factor
+    observed = plan[OBSERVED]
+    if BATCH and count == LANES and observed >= TILE:
+        for i in range(0, LANES, TILE):
+            for n in range(0, observed, TILE):
+                begin = min(n, observed - TILE)  # the last tile repeats a part of the one before
+                write_tile(arena[i:], LANES, plan[PLACES:], settings[factors:], begin, ours[i:])
         return
     for i in range(LANES):
         for n in range(plan[OBSERVED] if shown(arena, who, i) else 0):

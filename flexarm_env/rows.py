@@ -184,6 +184,9 @@ def layout(kind: str, modes: int, foreshortened: bool = False) -> dict[str, tupl
             "SIDE_TO": 1,
             "SIDE_START": 2,
             "SIDE_VELOCITY": 2,
+            # the next one: how long it takes, how fast
+            "NEXT_TIME": 1,
+            "NEXT_VELOCITY": 2,
             # time since the reference came onto it (or began to move), and until it leaves it
             "SIDE_PASSED": 1,
             "SIDE_LEFT": 1,
