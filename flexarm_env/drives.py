@@ -80,9 +80,12 @@ def write_commands(arena: Any, plan: Any, settings: Any, step: int, held: bool) 
     newest = TAIL + 2 * plan[PREVIEWS]
     for r in range(2):
         scale = settings[ACTION_SCALE + r]
-        for i in range(LANES):
-            acting = arena[i + (newest + r) * LANES] if held else command(arena, plan, settings, i, r, begin)
-            arena[i + (TAU + r) * LANES] = scale * acting
+        torques = arena[(TAU + r) * LANES : (TAU + r + 1) * LANES]
+        actions = arena[(newest + r) * LANES : (newest + r + 1) * LANES]
+        for i in range(LANES if held else 0):
+            torques[i] = scale * actions[i]
+        for i in range(0 if held else LANES):
+            torques[i] = scale * command(arena, plan, settings, i, r, begin)
 
 
 def keep_reading(arena: Any, history: Any, clock: Any, plan: Any, done: int) -> None:

@@ -44,15 +44,21 @@ def take_actions(arena: Any, actions: Any, first: int, plan: Any) -> None:
     channels = plan[CHANNELS]
     newest = TAIL + 2 * plan[PREVIEWS]
     for row in range(newest + plan[KEPT_ACTIONS] * channels - 1, newest + channels - 1, -1):
+        kept = arena[row * LANES : (row + 1) * LANES]
+        later = arena[(row - channels) * LANES : (row - channels + 1) * LANES]
         for i in range(LANES):
-            arena[i + row * LANES] = arena[i + (row - channels) * LANES]
+            kept[i] = later[i]
+    changes = arena[ACTION_CHANGE * LANES : (ACTION_CHANGE + 1) * LANES]
+    for i in range(LANES):
+        changes[i] = 0.0
+    ours = actions[first : first + LANES]
     for r in range(channels):
+        last = arena[(newest + r) * LANES : (newest + r + 1) * LANES]
         for i in range(LANES):
-            action = clip(actions[first + i, r], -1.0, 1.0)
-            change = action - arena[i + (newest + r) * LANES]
-            before = arena[i + ACTION_CHANGE * LANES] if r > 0 else 0.0
-            arena[i + (newest + r) * LANES] = action
-            arena[i + ACTION_CHANGE * LANES] = before + change * change
+            action = clip(ours[i, r], -1.0, 1.0)
+            change = action - last[i]
+            last[i] = action
+            changes[i] += change * change
 
 
 def observe(

@@ -5,7 +5,7 @@ Single and vector environments both stand on it: one arm is a fleet of one, with
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from typing import Any
@@ -41,7 +41,7 @@ REASONS = {-1: "diverged", -2: "deflection", -3: "error"}
 # Attributes that are views of the memory.
 VIEWS = (
     *("_plan", "_arenas", "_clocks", "_keys", "_starts", "_orders", "_paths"),
-    *("actions", "observations", "only_action", "only_observation", "only_result", "only_numbers", "only_drawn"),
+    *("actions", "observations", "only_action", "only_observation", "only_result", "only_numbers"),
 )
 # Why an episode may terminate.
 ENDS = {
@@ -70,7 +70,6 @@ class Fleet:
         only_observation: the same.
         only_result: the same, of what is known of it.
         only_numbers: the same, of those of them that an info reports one by one after a step.
-        only_drawn: the same, of the episode's quantities (`rows.DRAWN`).
     """
 
     results: Array
@@ -108,6 +107,9 @@ class Fleet:
         blocks = -(-count // lanes)
         rows = extent(self._rows) + 2 * len(settings.previews) + self._kept * channels
         plan, table = plan_and_table(settings, self._kind, self.layout, self._kept)
+        usual = np.full((blocks * lanes, len(ORDER) + 2 * arm.size), NAN)
+        usual[:, ORDER.index("start")] = START_CODES[settings.start]
+        usual.setflags(write=False)
         self._memory, self._parts = lay_out(
             {
                 "PLAN": plan,
@@ -121,12 +123,12 @@ class Fleet:
                 "OBSERVATIONS": np.zeros((blocks * lanes, len(self.layout.rows)), dtype=np.float32),
                 "SETTINGS": table,
                 "PATHS": path_tables(settings, blocks * lanes),
-                "ORDERS": np.full((blocks * lanes, len(ORDER) + 2 * arm.size), NAN),
+                "ORDERS": usual,
             }
         )
-        self.usual_orders = np.full((count, len(ORDER) + 2 * arm.size), NAN)
-        self.usual_orders[:, ORDER.index("start")] = START_CODES[settings.start]
-        self.usual_orders.setflags(write=False)
+        self.usual_orders = usual[:count]
+        self._usual = True
+        self._names = np.array(settings.reference, dtype=object)
         self._link()
         for name, value in fixed_rows(settings).items():
             if name in self._rows:
@@ -158,8 +160,11 @@ class Fleet:
         """Have the next step begin episodes at its end; see `start`."""
         self._starts[which] = True
         self._keys[which] = keys
-        self._orders[which] = orders[which]
-        if orders is not self.usual_orders and np.isfinite(orders[which, DELAY]).any():
+        usual = orders is self.usual_orders
+        if not (usual and self._usual):  # until others come, the usual ones lie there
+            self._usual = False
+            self._orders[which] = orders[which]
+        if not usual and np.isfinite(orders[which, DELAY]).any():
             self._plan[READINGS] = ALL_READINGS
 
     def step(self) -> None:
@@ -186,11 +191,6 @@ class Fleet:
         block, lane = divmod(index, self._arenas.shape[2])
         return self._arenas[block, self._results, lane].copy()
 
-    def drawn_of(self, chosen: NDArray[np.int64]) -> Array:
-        """Quantities of some environments' episodes (`rows.DRAWN`), drawn or not. Shape (quantities, n)."""
-        blocks, lanes = np.divmod(chosen, self._arenas.shape[2])
-        return np.asarray(self._arenas[blocks, self._drawn, lanes].T)
-
     def close(self) -> None:
         """Let go of the threads."""
         if self._pool is not None:
@@ -206,16 +206,21 @@ class Fleet:
             return "rate"
         return "angle" if entry < 2 else "deflection"
 
-    def starts_of(self, chosen: Sequence[int]) -> tuple[list[str], list[float]]:
-        """Names of the paths that some environments' episodes follow, and the moments at which they began [s].
+    def beginnings(self, chosen: NDArray[np.int64]) -> tuple[Array, NDArray[Any], Array]:
+        """How some environments' episodes began.
 
-        One by one: in most steps a few begin, and each of numpy's functions takes longer than one of them.
+        Args:
+            chosen: which. Shape (n,).
+
+        Returns:
+            Their quantities (`rows.DRAWN`), drawn or not, Shape (quantities, n); the names of their paths, Shape (n,);
+            the moments at which they began [s], Shape (n,).
         """
-        places = [divmod(index, self._arenas.shape[2]) for index in chosen]
-        clocks, names = self._clocks, self.settings.reference
-        step = self.settings.control_period / self.settings.substeps
-        paths = [clocks.item(block, PATH, lane) for block, lane in places] if self.settings.paths else [0] * len(places)
-        return [names[path] for path in paths], [clocks.item(block, BEGAN, lane) * step for block, lane in places]
+        blocks, lanes = np.divmod(chosen, self._arenas.shape[2])
+        clocks = self._clocks[blocks, :, lanes]
+        paths = clocks[:, PATH] if self.settings.paths else np.zeros_like(chosen)  # there each episode has its own
+        times = clocks[:, BEGAN] * (self.settings.control_period / self.settings.substeps)
+        return self._arenas[blocks, self._drawn, lanes].T, self._names[paths], times
 
     def path(self, index: int) -> Array:
         """Way-points of the path that an environment follows [m]. Shape (n, 2)."""
@@ -233,7 +238,6 @@ class Fleet:
         self.only_result = self._arenas[0, self._results, 0]
         self.only_numbers = self.only_result[self.parts["REWARD_TERMS"].start :]
         self.only_action, self.only_observation = self.actions[0], self.observations[0]
-        self.only_drawn = self._arenas[0, self._drawn, 0]
         self._blocks = len(self._arenas)
         self._edges = np.linspace(0, self._blocks, self._threads + 1).astype(int).tolist()  # of the threads' shares
         self._use(_not_started)

@@ -51,6 +51,7 @@ KEYS = {
     "start_time": Key("moment of the lap at which the episode began", "s", "after a reset"),
     "termination_reason": Key("why the episode terminated; see Episode end", "", "when it did"),
 }
+ONLY = np.zeros(1, dtype=np.int64)  # the only environment
 # Key in `info`, part of the results, and how many of its numbers.
 _VECTORS = {
     "torque": ("TORQUE", 2),
@@ -99,8 +100,9 @@ class InfoMaker:
         """
         info, _, _ = self.after_step()
         del info["reward_terms"]
-        info["parameters"] = dict(zip(DRAWN, self._fleet.only_drawn.tolist(), strict=True))
-        (info["path"],), (info["start_time"],) = self._fleet.starts_of([0])
+        drawn, (info["path"],), times = self._fleet.beginnings(ONLY)
+        info["parameters"] = dict(zip(DRAWN, drawn[:, 0].tolist(), strict=True))
+        info["start_time"] = times.item()
         return info
 
     def after_step(self) -> tuple[dict[str, Any], float, float]:
@@ -153,9 +155,8 @@ class InfoMaker:
             infos["_reward_terms"] = others
         if len(begun):
             numbers = np.zeros((len(DRAWN) + 1, count))
-            numbers[:-1, begun] = self._fleet.drawn_of(begun)
             paths, times = np.empty(count, dtype=object), numbers[-1]
-            paths[begun], times[begun] = self._fleet.starts_of(begun.tolist())
+            numbers[:-1, begun], paths[begun], times[begun] = self._fleet.beginnings(begun)
             infos["parameters"], infos["_parameters"] = _named(numbers, self._drawn_items, fresh), fresh
             infos["path"], infos["_path"] = paths, fresh
             infos["start_time"], infos["_start_time"] = times, fresh

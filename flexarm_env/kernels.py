@@ -2,7 +2,8 @@
 
 A variant fixes what the compiler should know: number of modes, velocity forces, sensor model, lanes of a block.
 Its module is one file holding everything it calls: elementary functions, the recorded physics and features
-(`recorded`) and the drivers (`stepping`, `torque_stepping`, `drives`, `episodes`, `reporting`, `starts`, `periods`).
+(`recorded`) and the drivers (`stepping`, `torque_stepping`, `drives`, `sampling`, `episodes`, `reporting`, `starts`,
+`periods`).
 The file's name carries a hash of its text, so that an edited formula can never meet a stale compiled cache (numba does
 not see edits in other files: numba issue 1833).
 """

@@ -67,41 +67,41 @@ def array_at(typing_context: Any, memory: Any, first: Any, shape: Any, dtype: An
 
 
 def write_tile(typing_context: Any, rows: Any, distance: Any, places: Any, factors: Any, n: Any, lanes: Any) -> Any:
-    """Transpose a tile of eight rows and eight lanes, as ``write_tile(rows, distance, places, factors, n, lanes)``.
+    """Enter eight numbers of each of eight lanes: ``lanes[i, n] = rows[i + places[n] * distance] * factors[n]``.
 
-    Lane i's numbers n to n + 7, side by side in ``lanes[i, n : n + 8]``, are ``rows[i + places[n] * distance] *
-    factors[n]`` and so on, for the first eight lanes. A loop writes them one by one, which takes four times as long.
+    For the first eight i, and n and the seven that follow; nothing is checked. Where a lane's numbers lie side by side,
+    a loop can only write them one by one; here they change places within vectors first.
     """
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        """Eight loads, three rounds of exchanges between vectors, eight stores."""
-        source, at, scale = (context.make_array(kind)(context, builder, arguments[k]) for k, kind in ((0, rows), (2, places), (3, factors)))
-        wide, narrow = ir.VectorType(ir.DoubleType(), TILE), ir.VectorType(ir.FloatType(), TILE)
+        """Eight loads, three rounds of exchanges between two vectors each, eight stores."""
+        known, where, scales, told = (
+            context.make_array(signature.args[k])(context, builder, arguments[k]) for k in (0, 2, 3, 5)
+        )
+        doubles, floats = (ir.VectorType(kind, TILE) for kind in (ir.DoubleType(), ir.FloatType()))
+        indices = ir.VectorType(ir.IntType(32), TILE)
+        undefined = ir.Constant(doubles, ir.Undefined)
         vectors = []
         for k in range(TILE):
-            number = builder.add(arguments[4], ir.Constant(ir.IntType(64), k))
-            first = builder.mul(builder.load(builder.gep(at.data, [number])), arguments[1])
-            vector = builder.load(builder.bitcast(builder.gep(source.data, [first]), wide.as_pointer()), align=8)
-            factor = builder.insert_element(ir.Constant(wide, ir.Undefined), builder.load(builder.gep(scale.data, [number])), ir.Constant(ir.IntType(32), 0))
-            every = builder.shuffle_vector(factor, factor, ir.Constant(ir.VectorType(ir.IntType(32), TILE), [0] * TILE))
-            vectors.append(builder.fptrunc(builder.fmul(vector, every), narrow))
-        for distance_ in (1, 2, 4):
-            low = [k if not k & distance_ else k - distance_ + TILE for k in range(TILE)]
-            high = [k + distance_ if not k & distance_ else k + TILE for k in range(TILE)]
-            mixed = list(vectors)
+            place = builder.add(arguments[4], ir.Constant(arguments[4].type, k))
+            first = builder.mul(builder.load(builder.gep(where.data, [place])), arguments[1])
+            values = builder.load(builder.bitcast(builder.gep(known.data, [first]), doubles.as_pointer()), align=8)
+            factor = builder.load(builder.gep(scales.data, [place]))
+            factor = builder.insert_element(undefined, factor, ir.Constant(ir.IntType(32), 0))
+            factor = builder.shuffle_vector(factor, undefined, ir.Constant(indices, [0] * TILE))
+            vectors.append(builder.fptrunc(builder.fmul(values, factor), floats))
+        for half in (1, 2, 4):  # vector k and its partner exchange the numbers whose place has, or lacks, this bit
             for k in range(TILE):
-                if not k & distance_:
-                    a, b = vectors[k], vectors[k + distance_]
-                    mask = ir.VectorType(ir.IntType(32), TILE)
-                    mixed[k] = builder.shuffle_vector(a, b, ir.Constant(mask, low))
-                    mixed[k + distance_] = builder.shuffle_vector(a, b, ir.Constant(mask, high))
-            vectors = mixed
-        target = context.make_array(lanes)(context, builder, arguments[5])
-        stride = builder.extract_value(target.strides, 0)
-        begin = builder.bitcast(builder.gep(target.data, [arguments[4]]), ir.IntType(8).as_pointer())
-        for k in range(TILE):
-            row = builder.gep(begin, [builder.mul(stride, ir.Constant(ir.IntType(64), k))])
-            builder.store(vectors[k], builder.bitcast(row, narrow.as_pointer()), align=4)
+                if k & half == 0:
+                    pair = vectors[k], vectors[k + half]
+                    kept = [n if n & half == 0 else n - half + TILE for n in range(TILE)]
+                    given = [n + half for n in kept]
+                    vectors[k] = builder.shuffle_vector(*pair, ir.Constant(indices, kept))
+                    vectors[k + half] = builder.shuffle_vector(*pair, ir.Constant(indices, given))
+        row = builder.bitcast(builder.gep(told.data, [arguments[4]]), ir.IntType(8).as_pointer())
+        for vector in vectors:
+            builder.store(vector, builder.bitcast(row, floats.as_pointer()), align=4)
+            row = builder.gep(row, [builder.extract_value(told.strides, 0)])
         return context.get_dummy_value()
 
     return types.void(rows, distance, places, factors, n, lanes), generate

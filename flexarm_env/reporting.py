@@ -16,6 +16,11 @@ STEP = PREVIEWS = OBSERVED = PLACES = HORIZONS = TAIL = 0
 REFERENCE = SIDE_LEFT = SIDE_VELOCITY = NEXT_VELOCITY = NEXT_TIME = FRAME_AXIS = STATUS = 0
 
 
+def write_tile(rows: Any, distance: int, places: Any, factors: Any, n: int, lanes: Any) -> None:
+    """Enter eight numbers of eight lanes, each scaled (`machine.write_tile`)."""
+    raise NotImplementedError("the intrinsic exists in assembled modules only")
+
+
 def write_previews(arena: Any, clock: Any, paths: Any, plan: Any, settings: Any) -> None:
     """Where the reference will have moved at each horizon, seen from where it is, in the frame.
 
