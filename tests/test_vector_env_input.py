@@ -160,17 +160,29 @@ def test_what_is_handed_out_is_new(mode: AutoresetMode) -> None:
 
 
 def spoil(value: Any) -> None:
-    """Overwrite every array of an answer."""
+    """Overwrite every array of an answer but the infos' masks, which refuse it, being shared among keys."""
     if isinstance(value, tuple):
         for part in value:
             spoil(part)
     elif isinstance(value, dict):
-        for part in value.values():
+        for name, part in value.items():
+            if name.startswith("_") and part.dtype == bool and not part.flags.writeable:
+                continue
             spoil(part)
     elif value.dtype == bool:
         value[:] = ~value
     elif value.dtype != object:
         value[:] = 99.0
+
+
+def test_masks_that_keys_share_cannot_be_written() -> None:
+    env = vector(SQUARE, 3)
+    for infos in (env.reset(seed=0)[1], env.step(actions_for(env, 1)[0])[4]):
+        for name, mask in infos.items():
+            if name.startswith("_"):
+                assert not mask.flags.writeable, name
+                with pytest.raises(ValueError, match="read-only"):
+                    mask[0] = False
 
 
 @pytest.mark.parametrize("env_id", IDS)
