@@ -13,7 +13,20 @@ from flexarm_env.random_stream import normal
 from flexarm_env.reporting import write_observations, write_previews
 from flexarm_env.sampling import CHANNELS_OF_NOISE, noise_place, sense
 from flexarm_env.scalars import clip
-from flexarm_env.stepping import BEGAN, PATH, SINCE, STEPS, side_of, state_status
+from flexarm_env.stepping import (
+    AHEAD,
+    BEGAN,
+    PATH,
+    SIDE_BEGIN,
+    SIDE_END,
+    SIDE_LAP,
+    SIDE_VELOCITY,
+    SINCE,
+    STEPS,
+    note_side,
+    on_side,
+    state_status,
+)
 
 LANES = 1
 SIZE = 4
@@ -21,7 +34,7 @@ STEP = ENCODER_NOISE = DEFLECTION_LIMIT = ERROR_LIMIT = LENGTHS = BRANCH = LAP =
 WEIGHTS = CHANNELS = KEPT_ACTIONS = PREVIEWS = TAIL = 0
 TERMS = 0  # of the reward
 ACTION_CHANGE = MEASURED = STATE = REFERENCE = PHASE = TIME = STATUS = DEFLECTION = TRUE_TIP = REWARD = REWARD_TERMS = 0
-SIDE_LAPS = SIDE_FROM = SIDE_TO = SIDE_START = SIDE_VELOCITY = SIDE_PASSED = SIDE_LEFT = NEXT_TIME = NEXT_VELOCITY = 0
+PRESENT_SIDE = SIDE_PASSED = SIDE_LEFT = NEXT_TIME = NEXT_VELOCITY = 0
 
 
 def truth_kernel(arena: Any) -> None:
@@ -121,46 +134,33 @@ def follow_reference(arena: Any, clock: Any, paths: Any, settings: Any) -> None:
     h = settings[STEP]
     turning = 0
     for i in range(LANES):
-        turning += side_time(arena, clock, h, i) >= arena[i + SIDE_TO * LANES]
+        turning += side_time(arena, clock, h, i) >= arena[i + (PRESENT_SIDE + SIDE_END) * LANES]
     for i in range(LANES if turning > 0 else 0):
-        if side_time(arena, clock, h, i) >= arena[i + SIDE_TO * LANES]:
-            enter_side(arena, clock, paths, h, i)
+        if side_time(arena, clock, h, i) >= arena[i + (PRESENT_SIDE + SIDE_END) * LANES]:
+            p = clock[PATH, i]
+            k = note_side(arena, PRESENT_SIDE, paths, p, (clock[STEPS, i] + AHEAD) * h, i)
+            following = k + 1 if k + 2 < paths.shape[1] else 0
+            arena[i + NEXT_TIME * LANES] = paths[p, following + 1, 0] - paths[p, following, 0]
+            for r in range(2):
+                arena[i + (NEXT_VELOCITY + r) * LANES] = paths[p, following, 3 + r]
     lap = settings[LAP]
     for i in range(LANES):
         now = clock[STEPS, i] * h
-        passed = now - arena[i + SIDE_LAPS * LANES] - arena[i + SIDE_FROM * LANES]
+        within = now - arena[i + (PRESENT_SIDE + SIDE_LAP) * LANES]
+        passed = within - arena[i + (PRESENT_SIDE + SIDE_BEGIN) * LANES]
         for r in range(2):
-            velocity = arena[i + (SIDE_VELOCITY + r) * LANES]
-            arena[i + (REFERENCE + r) * LANES] = arena[i + (SIDE_START + r) * LANES] + velocity * passed
-            arena[i + (REFERENCE + 2 + r) * LANES] = velocity
+            arena[i + (REFERENCE + r) * LANES] = on_side(arena, PRESENT_SIDE, i, r, now)
+            arena[i + (REFERENCE + 2 + r) * LANES] = arena[i + (PRESENT_SIDE + SIDE_VELOCITY + r) * LANES]
         arena[i + SIDE_PASSED * LANES] = min(passed, (clock[STEPS, i] - clock[SINCE, i]) * h)
-        arena[i + SIDE_LEFT * LANES] = arena[i + SIDE_TO * LANES] - (now - arena[i + SIDE_LAPS * LANES])
+        arena[i + SIDE_LEFT * LANES] = arena[i + (PRESENT_SIDE + SIDE_END) * LANES] - within
         laps = now / lap
         arena[i + PHASE * LANES] = laps - floor(laps)
         arena[i + TIME * LANES] = (clock[STEPS, i] - clock[BEGAN, i]) * h
 
 
 def side_time(arena: Any, clock: Any, h: float, i: int) -> float:
-    """Time of the present lap that says on which side lane i's reference is [s].
-
-    A billionth of a step ahead: at a corner the side that begins there, whatever the rounding.
-    """
-    return (clock[STEPS, i] + 1e-9) * h - arena[i + SIDE_LAPS * LANES]
-
-
-def enter_side(arena: Any, clock: Any, paths: Any, h: float, i: int) -> None:
-    """Note the side of the path on which lane i's reference is."""
-    p = clock[PATH, i]
-    before, k = side_of(paths, p, (clock[STEPS, i] + 1e-9) * h)
-    arena[i + SIDE_LAPS * LANES] = before
-    arena[i + SIDE_FROM * LANES] = paths[p, k, 0]
-    arena[i + SIDE_TO * LANES] = paths[p, k + 1, 0]
-    following = k + 1 if k + 2 < paths.shape[1] else 0
-    arena[i + NEXT_TIME * LANES] = paths[p, following + 1, 0] - paths[p, following, 0]
-    for r in range(2):
-        arena[i + (SIDE_START + r) * LANES] = paths[p, k, 1 + r]
-        arena[i + (SIDE_VELOCITY + r) * LANES] = paths[p, k, 3 + r]
-        arena[i + (NEXT_VELOCITY + r) * LANES] = paths[p, following, 3 + r]
+    """Time of the lap that says whether lane i's reference is still on its side [s]."""
+    return (clock[STEPS, i] + AHEAD) * h - arena[i + (PRESENT_SIDE + SIDE_LAP) * LANES]
 
 
 def judge(arena: Any, settings: Any) -> None:

@@ -47,6 +47,9 @@ from flexarm_env.rows import DRAWN, DRIVES, ORDER, PLAN, constant_places, extent
 _READINGS = (
     stepping.side_of,
     stepping.reference_at,
+    stepping.note_side,
+    stepping.forget_side,
+    stepping.on_side,
     stepping.around,
     stepping.between,
     stepping.past_reading,
@@ -56,6 +59,7 @@ _READINGS = (
 )
 _LAW = (
     stepping.chord_at,
+    stepping.chord_known,
     stepping.prepare_commands,
     stepping.prepare_reading,
     stepping.prepare_readings,
@@ -93,7 +97,6 @@ _LOOKING = (
     sampling.sense,
     episodes.take_actions,
     episodes.side_time,
-    episodes.enter_side,
     episodes.follow_reference,
     episodes.judge,
     episodes.look,
@@ -135,18 +138,22 @@ _PER_LANE = (
     stepping.past_reading,
     stepping.side_of,
     stepping.reference_at,
+    stepping.note_side,
+    stepping.on_side,
+    stepping.chord_known,
     sampling.point_at,
     sampling.sensed_point,
     sampling.newest_reading,
     sampling.sample,
     episodes.side_time,
-    episodes.enter_side,
     reporting.shown,
 )
 _LAW_TABLES = (stepping, ("NODES", "GAMMA", "EXPLICIT", "IMPLICIT"))
 _CLOCK = (stepping, ("STEPS", "PATH", "SINCE", "BEGAN", "HEAD", "CLOCK"))
+_SIDE = (stepping, ("SIDE_LAP", "SIDE_BEGIN", "SIDE_END", "SIDE_START", "SIDE_VELOCITY", "AHEAD"))
 _EPISODE_TABLES = (
     _CLOCK,
+    _SIDE,
     (random_stream, ("STRIDE",)),
     (inverse, ("LEAST_SINE",)),
     (sampling, ("CHANNELS_OF_NOISE", "FIRST_NOISE")),
@@ -154,7 +161,7 @@ _EPISODE_TABLES = (
 )
 _TABLES: dict[str, tuple[tuple[ModuleType, tuple[str, ...]], ...]] = {
     "open": (),
-    "loop": (_LAW_TABLES, _CLOCK),
+    "loop": (_LAW_TABLES, _CLOCK, _SIDE),
     "torque": _EPISODE_TABLES,
     "tracking": _EPISODE_TABLES,
     "gain": (_LAW_TABLES, *_EPISODE_TABLES),
@@ -192,7 +199,7 @@ def _constants(variant: Variant) -> dict[str, Any]:
 
 
 # Rows that only some kinds have, read where the module's own constants rule it out.
-_FOREIGN_ROWS = ("SHIFT", "NOISE", "DELAY", "COMMAND_DELAY", "WEIGHT", "RATE_WEIGHT", "GAIN")
+_FOREIGN_ROWS = ("SHIFT", "NOISE", "DELAY", "COMMAND_DELAY", "COMMAND_SIDE", "WEIGHT", "RATE_WEIGHT", "GAIN")
 
 
 def render(variant: Variant) -> str:

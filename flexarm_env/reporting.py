@@ -7,13 +7,13 @@ from __future__ import annotations
 
 from typing import Any
 
-from flexarm_env.stepping import PATH, STEPS, reference_at
+from flexarm_env.stepping import PATH, SIDE_VELOCITY, STEPS, reference_at
 
 LANES = 1
 TILE = 8
 BATCH = False
 STEP = PREVIEWS = OBSERVED = PLACES = HORIZONS = TAIL = 0
-REFERENCE = SIDE_LEFT = SIDE_VELOCITY = NEXT_VELOCITY = NEXT_TIME = FRAME_AXIS = STATUS = 0
+REFERENCE = SIDE_LEFT = PRESENT_SIDE = NEXT_VELOCITY = NEXT_TIME = FRAME_AXIS = STATUS = 0
 
 
 def write_tile(rows: Any, distance: int, places: Any, factors: Any, n: int, lanes: Any) -> None:
@@ -36,7 +36,10 @@ def write_previews(arena: Any, clock: Any, paths: Any, plan: Any, settings: Any)
             along = min(horizon, arena[i + SIDE_LEFT * LANES])
             after = horizon - along
             for r in range(2):
-                way = along * arena[i + (SIDE_VELOCITY + r) * LANES] + after * arena[i + (NEXT_VELOCITY + r) * LANES]
+                way = (
+                    along * arena[i + (PRESENT_SIDE + SIDE_VELOCITY + r) * LANES]
+                    + after * arena[i + (NEXT_VELOCITY + r) * LANES]
+                )
                 preview[i + r * LANES] = way
             beyond += after > arena[i + NEXT_TIME * LANES]
         for i in range(LANES if beyond > 0 else 0):

@@ -153,9 +153,9 @@ def _physics(kind: str, modes: int, foreshortened: bool) -> dict[str, int]:
         parts |= {"TAU": 2}
     else:
         parts |= {name.upper(): n for name, n in Law.sizes(modes, foreshortened).items()}
-        parts |= {"DELAY": 2, "COMMAND_DELAY": 2, "RATE_LATE": 1}
+        parts |= {"DELAY": 2, "COMMAND_DELAY": 2, "COMMAND_SIDE": stepping.SIDE_ROWS, "RATE_LATE": 1}
         parts |= {"Y_STAGE": size, "V_STAGE": size, "MECHANICAL": size, "FEEDBACK": size, "TAU": 2}
-        parts |= dict.fromkeys(("V_SLOTS", "MECHANICAL_SLOTS", "FEEDBACK_SLOTS"), (stepping.STAGES + 1) * size)
+        parts |= dict.fromkeys(("V_SLOTS", "MECHANICAL_SLOTS", "FEEDBACK_SLOTS"), stepping.STAGES * size)
     if kind == "tracking":
         parts |= {"STIFFNESS": 2, "RESISTANCE": 2, "TORQUE_LIMIT": 2, "INNER_FROM": 4, "INNER_TO": 4, "SHIFT": 2}
         parts |= {"STAGE_TORQUE": 2}
@@ -178,16 +178,11 @@ def layout(kind: str, modes: int, foreshortened: bool = False) -> dict[str, tupl
         parts |= {
             "FRAME": 1,
             "PHASE": 1,
-            # present side of the path: when its lap began, when in the lap it begins and ends, where, how fast
-            "SIDE_LAPS": 1,
-            "SIDE_FROM": 1,
-            "SIDE_TO": 1,
-            "SIDE_START": 2,
-            "SIDE_VELOCITY": 2,
+            "PRESENT_SIDE": stepping.SIDE_ROWS,
             # the next one: how long it takes, how fast
             "NEXT_TIME": 1,
             "NEXT_VELOCITY": 2,
-            # time since the reference came onto it (or began to move), and until it leaves it
+            # time since the reference came onto the present one (or began to move), and until it leaves it
             "SIDE_PASSED": 1,
             "SIDE_LEFT": 1,
             "DEFLECTION": 2,

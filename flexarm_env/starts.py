@@ -18,6 +18,7 @@ from flexarm_env.stepping import (
     PATH,
     SINCE,
     STEPS,
+    forget_side,
     law_kernel,
     prepare_commands,
     prepare_readings,
@@ -36,7 +37,7 @@ PLACE_DISTANCE = JOINT = SHIFT = DELAY = COMMAND_DELAY = WEIGHT = RATE_WEIGHT = 
 V_SLOTS = MECHANICAL_SLOTS = FEEDBACK_SLOTS = V_STAGE = MECHANICAL = FEEDBACK = ACTION_CHANGE = NOISE = 0
 K_STIFFNESS_1 = K_DAMPING_1 = K_ELBOW_SLOPES = 0
 TIP_VALUES = K_ELBOW_VALUES = 0
-MOVES = LAP = SIDE_TO = READINGS = HOLD = SENSED = 0
+MOVES = LAP = PRESENT_SIDE = COMMAND_SIDE = READINGS = HOLD = SENSED = 0
 CONSTANT_COUNT = 0  # numbers that the equations know of an arm
 OWN_PATHS = TRUE_SENSOR = LATE = LAW = TRACKING = LINEAR = False
 # Constants of this file that assembled modules repeat.
@@ -248,11 +249,12 @@ def prepare_law(arena: Any, clock: Any, plan: Any, i: int) -> None:
         arena[i + (RATE_WEIGHT + r) * LANES] = 1.0
         arena[i + (NOISE + r) * LANES] = 0.0
     arena[i + GAIN * LANES] = 0.0
+    forget_side(arena, COMMAND_SIDE, i)
 
 
 def start_law(arena: Any, history: Any, clock: Any, paths: Any, settings: Any, started: Any) -> None:
     """Complete the started lanes for the implicit integrator; the others keep what they had."""
-    for row in range((STAGES + 1) * SIZE):  # what an earlier episode left, at worst not finite
+    for row in range(STAGES * SIZE):  # what an earlier episode left, at worst not finite
         for i in range(LANES):
             if started[i]:
                 arena[i + (V_SLOTS + row) * LANES] = 0.0
@@ -280,7 +282,7 @@ def start_lane(
     newest = TAIL + 2 * plan[PREVIEWS]
     for row in range(plan[KEPT_ACTIONS] * plan[CHANNELS]):
         arena[i + (newest + row) * LANES] = -1.0 if LAW else 0.0  # no torque, no gain
-    arena[i + SIDE_TO * LANES] = -1e300  # the side is not known yet
+    forget_side(arena, PRESENT_SIDE, i)
     arena[i + ACTION_CHANGE * LANES] = 0.0
     arena[i + EFFECTIVE_GAIN * LANES] = 0.0
     for r in range(2):

@@ -18,11 +18,18 @@ LANES = 1
 SIZE = 4  # internal coordinates
 STAGES = 4
 Y = V = Y_STAGE = V_STAGE = V_SLOTS = MECHANICAL = MECHANICAL_SLOTS = FEEDBACK = FEEDBACK_SLOTS = OFFSET = 0
-WEIGHT = RATE_OFFSET = RATE_WEIGHT = COMMAND_1 = COMMAND_2 = DELAY = COMMAND_DELAY = RATE_LATE = READING = 0
+WEIGHT = RATE_OFFSET = RATE_WEIGHT = COMMAND_1 = COMMAND_2 = COMMAND_SIDE = COMMAND_DELAY = 0
+DELAY = RATE_LATE = READING = 0
 # What a lane's clock counts and points to: integration steps of path time, its path, the step before which the
 # reference rests, the step at which the episode began, and the delay line's newest slot, the same for a whole block.
 STEPS, PATH, SINCE, BEGAN, HEAD = 0, 1, 2, 3, 4
 CLOCK = 5
+# What a lane notes of a side of its path: when its lap began, when in the lap it begins and ends [s], where it begins
+# [m], its velocity [m/s]; rows from the first on.
+SIDE_LAP, SIDE_BEGIN, SIDE_END, SIDE_START, SIDE_VELOCITY = 0, 1, 2, 3, 5
+SIDE_ROWS = 7
+# The present side is sought so many steps ahead: at a corner it is the one that begins there, whatever the rounding.
+AHEAD = 1e-9
 LATE = True
 TAU = REFERENCE = STATE = LIMITS = TRUE_TIP = REWARD_TERMS = STATUS = TORQUE = 0
 
@@ -108,6 +115,29 @@ def reference_at(paths: Any, p: int, time: float, side: float, since: float) -> 
     return paths[p, k, 1] + vx * passed, paths[p, k, 2] + vy * passed, moving * vx, moving * vy
 
 
+def note_side(arena: Any, row: int, paths: Any, p: int, time: float, i: int) -> int:
+    """Note for lane i, from a row on, the side that path p is on at a time [s] (see SIDE_LAP); which it is."""
+    lap, k = side_of(paths, p, time)
+    arena[i + (row + SIDE_LAP) * LANES] = lap
+    arena[i + (row + SIDE_BEGIN) * LANES] = paths[p, k, 0]
+    arena[i + (row + SIDE_END) * LANES] = paths[p, k + 1, 0]
+    for r in range(2):
+        arena[i + (row + SIDE_START + r) * LANES] = paths[p, k, 1 + r]
+        arena[i + (row + SIDE_VELOCITY + r) * LANES] = paths[p, k, 3 + r]
+    return k
+
+
+def forget_side(arena: Any, row: int, i: int) -> None:
+    """Have lane i search for its side anew."""
+    arena[i + (row + SIDE_END) * LANES] = -1e300
+
+
+def on_side(arena: Any, row: int, i: int, r: int, time: float) -> float:
+    """Coordinate r of lane i's reference at a time [s] on the side that is noted from a row on, as `reference_at`."""
+    passed = time - arena[i + (row + SIDE_LAP) * LANES] - arena[i + (row + SIDE_BEGIN) * LANES]
+    return arena[i + (row + SIDE_START + r) * LANES] + arena[i + (row + SIDE_VELOCITY + r) * LANES] * passed
+
+
 def prepare_commands(arena: Any, clock: Any, paths: Any, h: float) -> None:
     """Write each joint's command for the step at hand: position at its start, and velocity.
 
@@ -120,19 +150,36 @@ def prepare_commands(arena: Any, clock: Any, paths: Any, h: float) -> None:
         paths: of all lanes, see `reference_at`. Shape (paths, n, 5).
         h: step [s].
     """
+    others = 0
     for i in range(LANES):
-        late_1 = arena[i + COMMAND_DELAY * LANES]
-        late_2 = arena[i + (COMMAND_DELAY + 1) * LANES]
-        p = clock[PATH, i]
-        now = clock[STEPS, i] * h
-        since = clock[SINCE, i] * h
-        command_1 = chord_at(paths, p, now - late_1, h, since)
-        command_2 = command_1
-        if late_2 != late_1:
-            command_2 = chord_at(paths, p, now - late_2, h, since)
-        for r in range(4):
-            arena[i + (COMMAND_1 + r) * LANES] = command_1[r]
-            arena[i + (COMMAND_2 + r) * LANES] = command_2[r]
+        time = clock[STEPS, i] * h - arena[i + COMMAND_DELAY * LANES]
+        for r in range(2):
+            here, there = on_side(arena, COMMAND_SIDE, i, r, time), on_side(arena, COMMAND_SIDE, i, r, time + h)
+            velocity = (there - here) / h
+            for joint in (COMMAND_1, COMMAND_2):
+                arena[i + (joint + r) * LANES] = here
+                arena[i + (joint + 2 + r) * LANES] = velocity
+        others += not chord_known(arena, clock, i, time, h)
+    for i in range(LANES if others > 0 else 0):
+        p, now, since = clock[PATH, i], clock[STEPS, i] * h, clock[SINCE, i] * h
+        late_1, late_2 = arena[i + COMMAND_DELAY * LANES], arena[i + (COMMAND_DELAY + 1) * LANES]
+        if not chord_known(arena, clock, i, now - late_1, h):
+            note_side(arena, COMMAND_SIDE, paths, p, now - late_1 + h, i)  # where the next step begins
+            command_1 = chord_at(paths, p, now - late_1, h, since)
+            command_2 = command_1
+            if late_2 != late_1:
+                command_2 = chord_at(paths, p, now - late_2, h, since)
+            for r in range(4):
+                arena[i + (COMMAND_1 + r) * LANES] = command_1[r]
+                arena[i + (COMMAND_2 + r) * LANES] = command_2[r]
+
+
+def chord_known(arena: Any, clock: Any, i: int, time: float, h: float) -> bool:
+    """Whether lane i's commands run along the noted side in the whole step that begins at a time [s]."""
+    within = time - arena[i + (COMMAND_SIDE + SIDE_LAP) * LANES]
+    begun = (within >= arena[i + (COMMAND_SIDE + SIDE_BEGIN) * LANES]) & (time >= clock[SINCE, i] * h)
+    alike = arena[i + COMMAND_DELAY * LANES] == arena[i + (COMMAND_DELAY + 1) * LANES]
+    return begun & alike & (within + h < arena[i + (COMMAND_SIDE + SIDE_END) * LANES])
 
 
 def chord_at(paths: Any, p: int, time: float, h: float, since: float) -> tuple[float, float, float, float]:
@@ -264,7 +311,9 @@ def evaluate_law(arena: Any, history: Any, clock: Any, paths: Any, h: float) -> 
 
 def start(arena: Any, history: Any, clock: Any, paths: Any, h: float) -> None:
     """Complete every lane of a block from its state."""
-    for row in range((STAGES + 1) * SIZE):  # what an earlier episode left, at worst not finite
+    for i in range(LANES):
+        forget_side(arena, COMMAND_SIDE, i)
+    for row in range(STAGES * SIZE):  # what an earlier episode left, at worst not finite
         for i in range(LANES):
             arena[i + (V_SLOTS + row) * LANES] = 0.0
             arena[i + (MECHANICAL_SLOTS + row) * LANES] = 0.0
@@ -289,7 +338,8 @@ def loop_step(arena: Any, history: Any, clock: Any, paths: Any, h: float) -> Non
     for stage in range(STAGES):
         prepare_readings(arena, history, clock, h, NODES[stage])
         law_kernel(arena, h, h * NODES[stage], EXPLICIT[stage], IMPLICIT[stage])
-        store_stage(arena, stage + 1)
+        if stage + 1 < STAGES:
+            store_stage(arena, stage + 1)
     for r in range(SIZE):
         for i in range(LANES):
             arena[i + (Y + r) * LANES] = arena[i + (Y_STAGE + r) * LANES]
@@ -318,8 +368,7 @@ def write_outputs(arena: Any, history: Any, clock: Any, paths: Any, h: float) ->
     prepare_readings(arena, history, clock, h, 0.0)
     for i in range(LANES):
         steps = clock[STEPS, i]
-        # a billionth of a step ahead: at a corner the side that begins there, whatever the rounding
-        reference = reference_at(paths, clock[PATH, i], steps * h, (steps + 1e-9) * h, clock[SINCE, i] * h)
+        reference = reference_at(paths, clock[PATH, i], steps * h, (steps + AHEAD) * h, clock[SINCE, i] * h)
         for r in range(4):
             arena[i + (REFERENCE + r) * LANES] = reference[r]
     outputs_kernel(arena)
