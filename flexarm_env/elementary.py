@@ -2,17 +2,18 @@
 
 A library sine differs between scalar and vector code and between machines; these are sums and products only, so a
 state is bit-identical in a single environment, in a batch of any size and on any thread. Written once, they run
-on floats and numpy arrays, are recorded by `flexarm_env.tracing` (which fuses sums and products), and are compiled as
-they stand.
+on floats and numpy arrays, are recorded by `flexarm_env.tracing` (which fuses sums and products) for all kernels of a
+module together, and are compiled as they stand.
 """
 
 from __future__ import annotations
 
 from typing import Any
 
-from flexarm_env.tracing import at_least, clip, floor, magnitude, where_less
+from flexarm_env.tracing import at_least, clip, floor, magnitude, recorded_once, where_less
 
 
+@recorded_once(2)
 def sincos(x: Any) -> tuple[Any, Any]:
     """Sine and cosine, branch-free; within 2 units in the last place for |x| < 1e5 rad.
 
@@ -51,6 +52,7 @@ def sincos(x: Any) -> tuple[Any, Any]:
     return sine_sign * where_less(swap, 0.5, s, c), cosine_sign * where_less(swap, 0.5, c, s)
 
 
+@recorded_once(1)
 def exp_minus(x: Any) -> Any:
     """exp(-x) for x >= 0, relative error below 1e-12; 0 to within 1e-300 beyond x = 700.
 
@@ -65,6 +67,7 @@ def exp_minus(x: Any) -> Any:
     return p
 
 
+@recorded_once(1)
 def arctan2(y: Any, x: Any) -> Any:
     """Angle of the point (x, y) in [-pi, pi], branch-free; within 4 units in the last place.
 

@@ -148,6 +148,12 @@ _PER_LANE = (
     episodes.side_time,
     reporting.shown,
 )
+# Called once, around everything else: numba optimises each function with all that it calls, and what lies five deep five
+# times. Written into their callers these take a second less to compile.
+_ONCE = (
+    *(drives.drive_torque, drives.drive_tracking, drives.drive_gain),
+    *(starts.begin_lanes, episodes.look, episodes.observe, periods.step_block),
+)
 _LAW_TABLES = (stepping, ("NODES", "GAMMA", "EXPLICIT", "IMPLICIT"))
 _CLOCK = (stepping, ("STEPS", "PATH", "SINCE", "BEGAN", "HEAD", "CLOCK"))
 _SIDE = (stepping, ("SIDE_LAP", "SIDE_BEGIN", "SIDE_END", "SIDE_START", "SIDE_VELOCITY", "AHEAD"))
@@ -215,7 +221,10 @@ def render(variant: Variant) -> str:
     for driver in (*_DRIVERS[variant.kind], *([periods.step_block] if variant.kind in DRIVES else [])):
         function, name = driver if isinstance(driver, tuple) else (driver, driver.__name__)
         source = inspect.getsource(function)
+        source = source[source.index("def ") :]  # without a decorator of `tracing`
         decorator = INLINED if function in _PER_LANE and variant.lanes > 1 else DECORATOR
+        if function in _ONCE:
+            decorator = '@njit(inline="always", error_model="numpy", boundscheck=False)\n'
         text += decorator + source.replace(f"def {function.__name__}(", f"def {name}(", 1) + "\n\n"
     if variant.kind in DRIVES:
         # Python calls the entry point only: wrappers for the others and their own places in the cache would take time.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -10,12 +11,12 @@ from flexarm_env import closed_loop, features, reward, sensing, stepping, tracki
 from flexarm_env import dynamics as dyn
 from flexarm_env.algebra import dot
 from flexarm_env.constants import Constants
-from flexarm_env.elementary import sincos
+from flexarm_env.elementary import arctan2, exp_minus, sincos
 from flexarm_env.elimination import Elimination, elimination
 from flexarm_env.links import Place
 from flexarm_env.rows import constant_count, elimination_count, layout
 from flexarm_env.torque_stepping import RK4_NODES, RK4_WEIGHTS
-from flexarm_env.tracing import Expression, Trace, clip
+from flexarm_env.tracing import Expression, Trace, clip, recorded_name
 
 # Strict IEEE arithmetic: no fast-math, and nothing is fused but what the recorder writes so (`tracing`); "numpy" only
 # drops the checks for division by zero, which would keep the compiler from vectorising.
@@ -124,6 +125,20 @@ class _Recorder:
 
 def _elimination(variant: Variant, numbers: Sequence[Any]) -> Elimination | None:
     return None if variant.foreshortened else Elimination.unflat(numbers, variant.modes)
+
+
+def elementary_source(variant: Variant) -> str:
+    """The elementary functions that the kernels call."""
+    text = ""
+    for function in (sincos, exp_minus, arctan2):
+        formula, trace = inspect.unwrap(function), Trace()
+        names = list(inspect.signature(formula).parameters)
+        found = formula(*trace.inputs(names))
+        results = found if isinstance(found, tuple) else (found,)
+        lines = [*trace.lines(results), f"return ({', '.join(result.name for result in results)},)"]
+        text += f"{INLINED}def {recorded_name(formula)}({', '.join(names)}):\n"
+        text += "".join(f"    {line}\n" for line in lines) + "\n\n"
+    return text
 
 
 def slope_source(variant: Variant) -> str:
@@ -281,9 +296,9 @@ def joint_source(variant: Variant) -> str:
 
 _COMMON = (elimination_source, reading_source, truth_source, features_source, joint_source)
 RECORDED: dict[str, tuple[Callable[[Variant], str], ...]] = {
-    "open": (slope_source, step_source),
-    "loop": (law_source, reading_source, outputs_source),
-    "torque": (slope_source, step_source, *_COMMON),
-    "tracking": (slope_source, step_source, *_COMMON),
-    "gain": (law_source, *_COMMON),
+    "open": (elementary_source, slope_source, step_source),
+    "loop": (elementary_source, law_source, reading_source, outputs_source),
+    "torque": (elementary_source, slope_source, step_source, *_COMMON),
+    "tracking": (elementary_source, slope_source, step_source, *_COMMON),
+    "gain": (elementary_source, law_source, *_COMMON),
 }

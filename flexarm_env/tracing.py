@@ -9,7 +9,8 @@ uses is fused with it (`machine.fused`): rounded once, in one instruction, where
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import wraps
 from typing import Any
 
 import numpy as np
@@ -171,6 +172,35 @@ class Expression:
     def __neg__(self) -> Any:
         """Negative."""
         return self._record("-{0}", self)
+
+
+def recorded_once(count: int) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Decorates a formula of several numbers that a module's kernels share: a record calls it.
+
+    Compiling takes longer the more there is to read; a sine has fifty operations, and a step of the arm eight sines.
+
+    Args:
+        count: of the formula's results.
+    """
+
+    def decorated(formula: Callable[..., Any]) -> Callable[..., Any]:
+        @wraps(formula)
+        def called(*arguments: Any) -> Any:
+            """The formula, or the record of a call."""
+            for argument in arguments:
+                if isinstance(argument, Expression):
+                    results = argument.trace.call(recorded_name(formula), arguments, count)
+                    return tuple(results) if count > 1 else results[0]
+            return formula(*arguments)
+
+        return called
+
+    return decorated
+
+
+def recorded_name(formula: Callable[..., Any]) -> str:
+    """What a shared formula is called in a module's kernels, sums fused with products."""
+    return f"{formula.__name__}_fused"
 
 
 def _code(operand: Any) -> str:

@@ -115,7 +115,7 @@ def interpreted(variant: Variant, fused: Callable[[float, float, float], float])
     text = kernels.render(variant)
     plain = {"njit": lambda **options: lambda function: function, "floor": np.floor}
     names: dict[str, Any] = plain | {"fused": fused, "aligned_stack": lambda: None}
-    for name in ("slope", "step_kernel"):
+    for name in ("sincos_fused", "slope", "step_kernel"):
         exec(f"def {name}({text.split(f'def {name}(', 1)[1].split('@njit', 1)[0]}", names)
     step: Callable[[np.ndarray, float], None] = names["step_kernel"]
     return step

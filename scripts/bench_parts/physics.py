@@ -69,9 +69,16 @@ def torque_driven(modes: Sequence[int], effort: float) -> Group:
 def operations(modes: int) -> int:
     """Additions, subtractions, multiplications and divisions of a Runge-Kutta step, as written; fused ones are two."""
     text = kernels.render(Variant("open", modes, True, 1))
-    slope, step = (text.split(f"def {name}(", 1)[1].split("def ", 1)[0] for name in ("slope", "step_kernel"))
-    written = [len(re.findall(r" [-+*/] (?![^\[]*\])", part)) + 2 * part.count("fused(") for part in (slope, step)]
-    return 4 * written[0] + written[1]
+    bodies = dict(re.findall(r"^def (\w+)\([^\n]*\n(.*?)(?=^@|^def |\Z)", text, re.DOTALL | re.MULTILINE))
+
+    def count(name: str) -> int:
+        """Of a function, with those that it calls."""
+        body = bodies[name]
+        own = len(re.findall(r" [-+*/] (?![^\[]*\])", body)) + 2 * len(re.findall(r"\bfused\(", body))
+        calls = [called for called in re.findall(r"\b(\w+)\(", body) if called in bodies and called != "fused"]
+        return own + sum(map(count, calls))
+
+    return count("step_kernel")
 
 
 def bare_kernel(name: str, modes: int, lanes: int, arms: int, steps: int, kinematics: Kinematics = "linear") -> Subject:
