@@ -148,8 +148,8 @@ _PER_LANE = (
     episodes.side_time,
     reporting.shown,
 )
-# Called once, around everything else: numba optimises each function with all that it calls, and what lies five deep five
-# times. Written into their callers these take a second less to compile.
+# Called once, around everything else: numba optimises each function with all that it calls, and what lies five deep
+# five times. Written into their callers these take a second less to compile.
 _ONCE = (
     *(drives.drive_torque, drives.drive_tracking, drives.drive_gain),
     *(starts.begin_lanes, episodes.look, episodes.observe, periods.step_block),
