@@ -152,7 +152,7 @@ _PER_LANE = (
 # five times. Written into their callers these take a second less to compile.
 _ONCE = (
     *(drives.drive_torque, drives.drive_tracking, drives.drive_gain),
-    *(starts.begin_lanes, episodes.look, episodes.observe, periods.step_block),
+    *(starts.draw_start, starts.begin_lanes, episodes.look, episodes.observe, periods.step_block),
 )
 _LAW_TABLES = (stepping, ("NODES", "GAMMA", "EXPLICIT", "IMPLICIT"))
 _CLOCK = (stepping, ("STEPS", "PATH", "SINCE", "BEGAN", "HEAD", "CLOCK"))
