@@ -34,7 +34,7 @@ from flexarm_env.task import ANGLE_LIMITS, RATE_LIMIT
 
 Array = NDArray[np.float64]
 # Time that a block takes for a step, by its lanes, relative; `Square-v0` with two modes (`make bench`, batches).
-COSTS = {8: 1.0, 32: 3.6, 128: 14.2}
+COSTS = {8: 1.0, 32: 3.1, 128: 11.0}
 DRIVING, READINGS, DELAY = PLAN.index("DRIVING"), PLAN.index("READINGS"), ORDER.index("delay")
 KINDS = {"torque": "torque", "residual": "tracking", "reference": "tracking", "gain": "gain"}
 REASONS = {-1: "diverged", -2: "deflection", -3: "error"}

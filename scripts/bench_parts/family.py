@@ -9,7 +9,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 
-from bench_parts import peers
+from bench_parts import accuracy, peers
 from bench_parts.environments import SQUARE, stepped
 from bench_parts.physics import bare_kernel
 from bench_parts.timing import Group, Ratio, Subject
@@ -22,6 +22,7 @@ PHYSICS_STEPS = 10  # of 1 ms in a control period
 BATCH_CALLS = 100
 SINGLE_CALLS = 4000
 SEGMENTS = 10
+FINE_STEP = 2e-4  # [s]
 MANY = 4096
 LEARNING_FRAMES, LEARNERS = 65_536, 64
 
@@ -97,15 +98,18 @@ def _memory(many: int) -> float:
 def chain(modes: Sequence[int], effort: float) -> Group:
     """The same arm as a chain of segments in MuJoCo, per simulated second.
 
-    At its largest stable step, and at the step at which its error in time is no larger than FlexArm's. The chain's
-    shape is better than one mode's in any case; what is equal there is the error that the step makes.
+    At its largest stable step; at one whose error in time is some tenths of a millimetre; and at the step at which that
+    error is no larger than FlexArm's. The chain's shape is better than one mode's in any case; what is equal there is
+    the error that the step makes.
 
     Args:
         modes: numbers of modes a link.
         effort: factor on the work of a timed call.
     """
     chains = [peers.mujoco_chain(SEGMENTS, effort, damping) for damping in (0.01, 0.0)]
-    subjects, ratios, facts = [*chains], [], {}
+    chains.append(peers.mujoco_chain(SEGMENTS, effort, step=FINE_STEP))
+    error = accuracy.chain_error(SEGMENTS, "implicitfast", round(accuracy.HELD / FINE_STEP))
+    subjects, ratios, facts = [*chains], [], {f"error in time, chain at {1e3 * FINE_STEP:g} ms [mm]": 1e3 * error}
     for m in modes:
         accurate, equal = peers.accurate_chain(SEGMENTS, effort, m)
         subjects.append(accurate)

@@ -66,21 +66,22 @@ def envpool_acrobot(num_envs: int, effort: float) -> Subject:
     return Subject(f"EnvPool {ACROBOT}, {num_envs} environments, 1 thread", work, calls * num_envs)
 
 
-def mujoco_chain(segments: int, effort: float, damping_ratio: float = 0.01) -> Subject:
+def mujoco_chain(segments: int, effort: float, damping_ratio: float = 0.01, step: float | None = None) -> Subject:
     """The arm as a chain of rigid segments in MuJoCo under random torques; amount: simulated seconds.
 
-    It takes the largest stable step of `mujoco_chain.TIME_STEPS`. That depends much on the damping, as is told there:
-    show 0.01 (FlexArm's default) and 0 (the paper's arm).
+    The largest stable step depends much on the damping, as `mujoco_chain` tells: show 0.01 (FlexArm's default) and 0
+    (the paper's arm).
 
     Args:
         segments: rigid segments a link; as many degrees of freedom a link.
         effort: factor on the work of a timed call.
         damping_ratio: of the first clamped mode of a link; the higher ones get more.
+        step: [s]; None: the largest stable one of `mujoco_chain.TIME_STEPS`.
     """
     import mujoco_chain as chain
 
     arm = ArmParameters(modal_damping_ratio=damping_ratio)
-    step = chain.largest_stable_step(segments, arm)
+    step = chain.largest_stable_step(segments, arm) if step is None else step
     damping = f"damping {damping_ratio:.2g}" if damping_ratio else "undamped"
     name = f"MuJoCo chain, {segments} segments a link, {damping}, implicitfast, step {1e3 * step:g} ms"
     return _chain(name, chain.chain_model(segments, arm, step), effort)
