@@ -25,6 +25,7 @@ from flexarm_env.torque_stepping import step_kernel
 LANES = 1
 STEP = PERIOD = ACTION_SCALE = LENGTHS = BRANCH = SUBSTEPS = CHANNELS = PREVIEWS = SHIFTING = READINGS = 0
 TAIL = EPISODE = TAU = TORQUE = STAGE_TORQUE = GAIN = EFFECTIVE_GAIN = 0
+DISTURBED = False
 JOINT = REFERENCE = INNER_FROM = INNER_TO = SHIFT = 0
 DRAWN_ACTUATION_DELAY = 0  # place of the actuation delay among the quantities drawn for an episode
 
@@ -84,8 +85,9 @@ def write_commands(arena: Any, plan: Any, settings: Any, step: int, held: bool) 
         actions = arena[(newest + r) * LANES : (newest + r + 1) * LANES]
         for i in range(LANES if held else 0):
             torques[i] = scale * actions[i]
-        for i in range(0 if held else LANES):
-            torques[i] = scale * command(arena, plan, settings, i, r, begin)
+        if DISTURBED:
+            for i in range(0 if held else LANES):
+                torques[i] = scale * command(arena, plan, settings, i, r, begin)
 
 
 def keep_reading(arena: Any, history: Any, clock: Any, plan: Any, done: int) -> None:

@@ -33,6 +33,7 @@ SIZE = 4
 STEP = ENCODER_NOISE = DEFLECTION_LIMIT = ERROR_LIMIT = LENGTHS = BRANCH = LAP = 0
 WEIGHTS = CHANNELS = KEPT_ACTIONS = PREVIEWS = TAIL = 0
 TERMS = 0  # of the reward
+DISTURBED = False
 ACTION_CHANGE = MEASURED = STATE = REFERENCE = PHASE = TIME = STATUS = DEFLECTION = TRUE_TIP = REWARD = REWARD_TERMS = 0
 PRESENT_SIDE = SIDE_PASSED = SIDE_LEFT = NEXT_TIME = NEXT_VELOCITY = 0
 
@@ -115,12 +116,13 @@ def look(arena: Any, history: Any, clock: Any, keys: Any, paths: Any, plan: Any,
     sense(arena, history, clock, keys, paths, plan, settings, who)
     for r in range(4):
         row = r if r < 2 else SIZE + r - 2
-        deviation = settings[ENCODER_NOISE + r // 2]
         for i in range(LANES):
             arena[i + (MEASURED + r) * LANES] = arena[i + (STATE + row) * LANES]
-        for i in range(LANES if deviation > 0.0 else 0):
-            noise = normal(keys[i], noise_place(clock, plan, i) + CHANNELS_OF_NOISE + 2 * r)
-            arena[i + (MEASURED + r) * LANES] += deviation * noise
+        if DISTURBED:
+            deviation = settings[ENCODER_NOISE + r // 2]
+            for i in range(LANES if deviation > 0.0 else 0):
+                noise = normal(keys[i], noise_place(clock, plan, i) + CHANNELS_OF_NOISE + 2 * r)
+                arena[i + (MEASURED + r) * LANES] += deviation * noise
     joint_kernel(arena, settings[LENGTHS], settings[LENGTHS + 1], settings[BRANCH])
     features_kernel(arena, settings[LENGTHS], settings[LENGTHS + 1], settings[WEIGHTS : WEIGHTS + TERMS])
     judge(arena, settings)

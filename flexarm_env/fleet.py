@@ -280,6 +280,7 @@ def _variant(settings: Settings, kind: str, lanes: int) -> Variant:
         late=settings.law_sensor == "sensor",
         own_paths=not settings.paths,
         foreshortened=arm.constants.foreshortened,
+        disturbed=settings.disturbed,
     )
 
 

@@ -89,6 +89,7 @@ _LOOKING = (
     sampling.point_at,
     sampling.sensed_point,
     sampling.noise_place,
+    sampling.disturbed_reading,
     sampling.newest_reading,
     sampling.sample,
     sampling.copy_readings,
@@ -144,6 +145,7 @@ _PER_LANE = (
     stepping.chord_known,
     sampling.point_at,
     sampling.sensed_point,
+    sampling.disturbed_reading,
     sampling.newest_reading,
     sampling.sample,
     episodes.side_time,
@@ -200,7 +202,7 @@ def _constants(variant: Variant) -> dict[str, Any]:
         names |= {"DRAWN_ORDER": ORDER.index(next(iter(DRAWN))), "STATE_ORDER": len(ORDER)}
         names |= {"QUANTITIES": len(DRAWN), "TERMS": len(reward.TERMS)}
         names |= {"LAW": variant.kind == "gain", "TRACKING": variant.kind == "tracking"}
-        names |= {"LINEAR": not variant.foreshortened, "RESULTS": rows["STATE"][0]}
+        names |= {"LINEAR": not variant.foreshortened, "DISTURBED": variant.disturbed, "RESULTS": rows["STATE"][0]}
         names |= {name: 0 for name in _FOREIGN_ROWS if name not in names}
     return names
 

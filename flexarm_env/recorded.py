@@ -39,6 +39,8 @@ class Variant:
         late: the law acts on the sensor's late readings; False: on the joints' own, whatever the sensor.
         own_paths: each episode draws a path of its own (environments only).
         foreshortened: kinematics (`links`).
+        disturbed: noise, jitter, dropouts, a sensor with a clock of its own, or late motors can occur (environments
+            only); compiling them takes as long as a tenth of everything.
     """
 
     kind: str
@@ -50,6 +52,7 @@ class Variant:
     late: bool = True
     own_paths: bool = False
     foreshortened: bool = False
+    disturbed: bool = False
 
     @property
     def rows(self) -> dict[str, tuple[int, int]]:

@@ -18,7 +18,7 @@ STEP = PERIOD = JITTER = HOLD = DROPOUT = LENGTHS = SUBSTEPS = 0
 NOISE = PLACE_DISTANCE = SENSOR_DELAY = EPISODE = SENSED = SENSOR_ERROR = SENSOR_ERROR_RATE = REFERENCE = 0
 SAMPLE_TIME = SAMPLE_AGE = SAMPLE_POINT = SAMPLE_REFERENCE = SIDE_PASSED = 0
 DRAWN_NOISE = 0  # place of the noise among the quantities drawn for an episode
-LATE = TRUE_SENSOR = BATCH = False
+LATE = TRUE_SENSOR = BATCH = DISTURBED = False
 CHANNELS_OF_NOISE = 8  # random numbers set aside for each control period
 FIRST_NOISE = 64  # random numbers set aside for the start of an episode
 
@@ -108,15 +108,16 @@ def sample(arena: Any, history: Any, clock: Any, keys: Any, plan: Any, settings:
     if late < 0.0:
         return
     x, y = sensed_point(arena, history, clock, settings, i, late, late + later)
-    deviation = arena[i + (EPISODE + DRAWN_NOISE) * LANES]
-    if deviation > 0.0:
-        noise_x = deviation * normal(keys[i], place + 2)
-        noise_y = deviation * normal(keys[i], place + 4)
-        x += noise_x
-        y += noise_y
-        if LATE:  # the law sees the same noise until the next reading
-            arena[i + NOISE * LANES] = noise_x
-            arena[i + (NOISE + 1) * LANES] = noise_y
+    if DISTURBED:
+        deviation = arena[i + (EPISODE + DRAWN_NOISE) * LANES]
+        if deviation > 0.0:
+            noise_x = deviation * normal(keys[i], place + 2)
+            noise_y = deviation * normal(keys[i], place + 4)
+            x += noise_x
+            y += noise_y
+            if LATE:  # the law sees the same noise until the next reading
+                arena[i + NOISE * LANES] = noise_x
+                arena[i + (NOISE + 1) * LANES] = noise_y
     arena[i + SAMPLE_POINT * LANES] = x
     arena[i + (SAMPLE_POINT + 1) * LANES] = y
 
@@ -143,10 +144,27 @@ def newest_reading(
         The age, and the first random number that belongs to the reading.
     """
     delay = arena[i + SENSOR_DELAY * LANES]
-    least = before + 0.5 * settings[PERIOD]
+    if not DISTURBED:
+        return (delay if now - delay >= before + 0.5 * settings[PERIOD] else -1.0), 0
+    return disturbed_reading(clock, keys, plan, settings, i, now, before + 0.5 * settings[PERIOD], delay)
+
+
+def disturbed_reading(
+    clock: Any, keys: Any, plan: Any, settings: Any, i: int, now: float, least: float, delay: float
+) -> tuple[float, int]:
+    """As `newest_reading`, with draws and a clock of the sensor's own.
+
+    Args:
+        clock: of each lane.
+        keys: of each lane's episode.
+        plan: see `rows`.
+        settings: see `rows`.
+        i: the lane.
+        now: [s].
+        least: when a reading must have been taken to be new enough [s].
+        delay: without jitter [s].
+    """
     if settings[HOLD] == 0.0:
-        if settings[DROPOUT] == 0.0 and settings[JITTER] == 0.0 and arena[i + (EPISODE + DRAWN_NOISE) * LANES] == 0.0:
-            return (delay if now - delay >= least else -1.0), 0  # nothing random: the division is spared
         place = noise_place(clock, plan, i)
         if settings[DROPOUT] > 0.0 and uniform(keys[i], place) < settings[DROPOUT]:
             return -1.0, place

@@ -261,6 +261,15 @@ class Settings:
         return found
 
     @property
+    def disturbed(self) -> bool:
+        """Whether noise, jitter, dropouts, a sensor with a clock of its own, or late motors can occur.
+
+        No reset may ask for any of these where this is false.
+        """
+        own = (self.noise, *self.encoder_noise, self.jitter, self.dropout, self.hold, self.actuation_delay)
+        return any(own) or not self.randomisation.keys().isdisjoint(("noise", "actuation_delay"))
+
+    @property
     def motor_limit(self) -> tuple[float, float]:
         """Largest torques of shoulder and elbow [N m]; inf where there is no limit."""
         if self.action_mode == "gain":

@@ -95,10 +95,10 @@ def first_of(whole: dict[str, Any], part: dict[str, Any]) -> dict[str, Any]:
 
 
 def test_threads_give_the_same_bits() -> None:
-    """Thirteen blocks on two threads."""
+    """Ten blocks on two threads."""
     options = random_options(SQUARE) | {"max_episode_steps": 31}
-    assert block_lanes(100, 1) == block_lanes(100, 2) == 8
-    one, two = (vector(SQUARE, 100, threads=threads, **options) for threads in (1, 2))
+    assert block_lanes(300, 1) == block_lanes(300, 2) == 32
+    one, two = (vector(SQUARE, 300, threads=threads, **options) for threads in (1, 2))
     assert_same(two.reset(seed=5), one.reset(seed=5))
     for actions in actions_for(one, 60):
         assert_same(two.step(actions), one.step(actions))
