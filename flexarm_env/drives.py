@@ -9,17 +9,8 @@ from __future__ import annotations
 from math import floor
 from typing import Any
 
-from flexarm_env.stepping import (
-    PATH,
-    SINCE,
-    STEPS,
-    count_steps,
-    evaluate_law,
-    loop_step,
-    reference_at,
-    slot_after,
-    store_reading,
-)
+from flexarm_env.sides import reference_at
+from flexarm_env.stepping import PATH, SINCE, STEPS, count_steps, evaluate_law, loop_step, slot_after, store_reading
 from flexarm_env.torque_stepping import step_kernel
 
 LANES = 1

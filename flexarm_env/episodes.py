@@ -13,20 +13,8 @@ from flexarm_env.random_stream import normal
 from flexarm_env.reporting import write_observations, write_previews
 from flexarm_env.sampling import CHANNELS_OF_NOISE, noise_place, sense
 from flexarm_env.scalars import clip
-from flexarm_env.stepping import (
-    AHEAD,
-    BEGAN,
-    PATH,
-    SIDE_BEGIN,
-    SIDE_END,
-    SIDE_LAP,
-    SIDE_VELOCITY,
-    SINCE,
-    STEPS,
-    note_side,
-    on_side,
-    state_status,
-)
+from flexarm_env.sides import AHEAD, SIDE_BEGIN, SIDE_END, SIDE_LAP, SIDE_VELOCITY, note_side, on_side
+from flexarm_env.stepping import BEGAN, PATH, SINCE, STEPS, state_status
 
 LANES = 1
 SIZE = 4

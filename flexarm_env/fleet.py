@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from flexarm_env import kernels, starts
 from flexarm_env.choices import STARTS
+from flexarm_env.machine import TILE
 from flexarm_env.memory import blank
 from flexarm_env.observation import observation_layout, refuse_fast_starts
 from flexarm_env.recorded import Variant
@@ -35,6 +36,7 @@ from flexarm_env.task import ANGLE_LIMITS, RATE_LIMIT
 Array = NDArray[np.float64]
 # Time that a block takes for a step, by its lanes, relative; `Square-v0` with two modes (`make bench`, batches).
 COSTS = {8: 1.0, 32: 3.1, 128: 11.0}
+assert all(lanes % TILE == 0 for lanes in COSTS)  # so observations are written
 DRIVING, READINGS, DELAY = PLAN.index("DRIVING"), PLAN.index("READINGS"), ORDER.index("delay")
 KINDS = {"torque": "torque", "residual": "tracking", "reference": "tracking", "gain": "gain"}
 REASONS = {-1: "diverged", -2: "deflection", -3: "error"}
@@ -61,15 +63,15 @@ class Fleet:
         layout: of the observations.
         usual_orders: for new episodes, as the settings say; read-only. Shape (N, columns).
         observations: present ones; the kernels write into it. Shape (lanes, k), float32.
-        results: of more than one environment, what is known since the latest start or step, in an array of its own;
-            `parts` says what lies where. Shape (N, k).
+        results: what is known since the latest `start` or `step` (not `only_step`), in an array of its own; `parts`
+            says what lies where. Shape (N, k).
         parts: places of the parts of `results`, by name.
         only_step: for one environment without others, as all that follows: a control period; False if it refused an
             action that is not finite.
         only_action: of the first environment: a view.
         only_observation: the same.
-        only_result: the same, of what is known of it.
-        only_numbers: the same, of those of them that an info reports one by one after a step.
+        only_result: the same, of what `results` would hold of it, at any instant.
+        only_numbers: a part of that: the numbers that an info reports one by one after a step.
     """
 
     results: Array
@@ -109,6 +111,7 @@ class Fleet:
         plan, table = plan_and_table(settings, self._kind, self.layout, self._kept)
         usual = np.full((blocks * lanes, len(ORDER) + 2 * arm.size), NAN)
         usual[:, ORDER.index("start")] = START_CODES[settings.start]
+        usual[count:, ORDER.index("start")] = START_CODES["corner"]  # lanes of no environment rest
         usual.setflags(write=False)
         self._memory, self._parts = lay_out(
             {
@@ -152,9 +155,13 @@ class Fleet:
         self.order_starts(keys, which, orders)
         if self._step_kernel is _not_started:
             self._use(self._kernel())
+            self._starts[self.count :] = True  # what all lanes of a block share is worked out together
+            self.actions[self.count :] = -1.0 if self.settings.action_mode == "gain" else 0.0
         self._plan[DRIVING] = 0
-        self.step()
-        self._plan[DRIVING] = 1
+        try:
+            self.step()
+        finally:
+            self._plan[DRIVING] = 1
 
     def order_starts(self, keys: NDArray[np.uint64], which: NDArray[np.int64], orders: Array) -> None:
         """Have the next step begin episodes at its end; see `start`."""
@@ -170,7 +177,8 @@ class Fleet:
     def step(self) -> None:
         """One control period with `actions`, unless the plan says that none drives; see `results`."""
         if self.count == 1:
-            self.only_step()
+            if not self.only_step():
+                raise ValueError(f"actions = {self.actions!r}: must be finite")
             self.results = self.result(0)[None]
             return
         told = np.empty((self._results.stop - self._results.start, len(self._keys)))

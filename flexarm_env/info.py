@@ -88,8 +88,6 @@ class InfoMaker:
         self._numbers = slice(first, None)  # all that are reported one by one come last
         self._term_items = _flagged((name, n) for n, name in enumerate(TERMS) if weights.get(name, 0.0) > 0.0)
         self._drawn_items = _flagged((name, n) for n, name in enumerate(DRAWN))
-        self._everyone = np.ones(len(fleet), dtype=np.bool_)
-        self._everyone.flags.writeable = False
         self._time_place, self._gain_place = self._time - first, self._gain - first
         self._reward_place, self._status_place = parts["REWARD"].start - first, parts["STATUS"].start - first
 
@@ -142,9 +140,9 @@ class InfoMaker:
         count = len(known)
         fresh = np.zeros(count, dtype=np.bool_)
         fresh[begun] = True
-        others = ~fresh
-        fresh.flags.writeable = others.flags.writeable = False
-        everyone = self._everyone
+        others, everyone = ~fresh, np.ones(count, dtype=np.bool_)
+        for mask in (fresh, others, everyone):
+            mask.flags.writeable = False
         if not stepped and len(begun) < count:
             known, everyone = np.where(fresh[:, None], known, 0.0), fresh
         infos: dict[str, Any] = {}

@@ -2,8 +2,8 @@
 
 A variant fixes what the compiler should know: number of modes, velocity forces, sensor model, lanes of a block.
 Its module is one file holding everything it calls: elementary functions, the recorded physics and features
-(`recorded`) and the drivers (`stepping`, `torque_stepping`, `drives`, `sampling`, `episodes`, `reporting`, `starts`,
-`periods`).
+(`recorded`) and the drivers (`sides`, `stepping`, `torque_stepping`, `drives`, `sampling`, `episodes`, `reporting`,
+`starts`, `periods`).
 The file's name carries a hash of its text, so that an edited formula can never meet a stale compiled cache (numba does
 not see edits in other files: numba issue 1833).
 """
@@ -38,6 +38,7 @@ from flexarm_env import (
     reward,
     sampling,
     scalars,
+    sides,
     starts,
     stepping,
     torque_stepping,
@@ -46,11 +47,11 @@ from flexarm_env.recorded import DECORATOR, INLINED, RECORDED, Variant
 from flexarm_env.rows import DRAWN, DRIVES, ORDER, PLAN, constant_places, extent, settings_layout
 
 _READINGS = (
-    stepping.side_of,
-    stepping.reference_at,
-    stepping.note_side,
-    stepping.forget_side,
-    stepping.on_side,
+    sides.side_of,
+    sides.reference_at,
+    sides.note_side,
+    sides.forget_side,
+    sides.on_side,
     stepping.around,
     stepping.between,
     stepping.past_reading,
@@ -59,7 +60,7 @@ _READINGS = (
     stepping.store_reading,
 )
 _LAW = (
-    stepping.chord_at,
+    sides.chord_at,
     stepping.chord_known,
     stepping.prepare_commands,
     stepping.prepare_reading,
@@ -138,10 +139,10 @@ _PER_LANE = (
     stepping.around,
     stepping.between,
     stepping.past_reading,
-    stepping.side_of,
-    stepping.reference_at,
-    stepping.note_side,
-    stepping.on_side,
+    sides.side_of,
+    sides.reference_at,
+    sides.note_side,
+    sides.on_side,
     stepping.chord_known,
     sampling.point_at,
     sampling.sensed_point,
@@ -159,7 +160,7 @@ _ONCE = (
 )
 _LAW_TABLES = (stepping, ("NODES", "GAMMA", "EXPLICIT", "IMPLICIT"))
 _CLOCK = (stepping, ("STEPS", "PATH", "SINCE", "BEGAN", "HEAD", "CLOCK"))
-_SIDE = (stepping, ("SIDE_LAP", "SIDE_BEGIN", "SIDE_END", "SIDE_START", "SIDE_VELOCITY", "AHEAD"))
+_SIDE = (sides, ("SIDE_LAP", "SIDE_BEGIN", "SIDE_END", "SIDE_START", "SIDE_VELOCITY", "AHEAD"))
 _EPISODE_TABLES = (
     _CLOCK,
     _SIDE,
@@ -272,7 +273,7 @@ def _private_folder(parent: Path) -> Path:
 
 
 def bare(kernel: Any, *arguments: Any) -> Callable[..., Any]:
-    """A kernel as it is compiled for arguments of these types; to be called with such arguments only.
+    """An environment's kernel as it is compiled for arguments of these types; to be called with such only.
 
     numba's dispatcher would look it up in each call, which takes 0.08 us. Python's garbage collector waits: compiling
     makes so many objects that to go through them again and again takes a tenth of its time.

@@ -39,8 +39,8 @@ class Variant:
         late: the law acts on the sensor's late readings; False: on the joints' own, whatever the sensor.
         own_paths: each episode draws a path of its own (environments only).
         foreshortened: kinematics (`links`).
-        disturbed: noise, jitter, dropouts, a sensor with a clock of its own, or late motors can occur (environments
-            only); compiling them takes as long as a tenth of everything.
+        disturbed: noise, jitter, dropouts, a sensor with a clock of its own, or late torques can occur (environments
+            only); to compile them takes a tenth of the time that all takes.
     """
 
     kind: str

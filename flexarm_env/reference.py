@@ -1,7 +1,7 @@
 """Reference paths as pure functions of time: the square and others, corners abrupt, laps following each other.
 
 A path is a closed polyline travelled at constant speed on each side. The one rule that evaluates it
-(`stepping.reference_at`) is compiled into the closed loop and used here as plain Python.
+(`sides.reference_at`) is compiled into the closed loop and used here as plain Python.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from flexarm_env.inverse import joint_angles_for
 from flexarm_env.parameters import ArmParameters, SquareParameters
-from flexarm_env.stepping import reference_at
+from flexarm_env.sides import reference_at
 from flexarm_env.validation import choice, finite_array
 
 Array = NDArray[np.float64]
@@ -47,7 +47,7 @@ class ReferencePath:
 
     @property
     def rows(self) -> Array:
-        """The table with the velocity from each way-point on, as `stepping.reference_at` reads it. Shape (n, 5)."""
+        """The table with the velocity from each way-point on, as `sides.reference_at` reads it. Shape (n, 5)."""
         return with_velocities(self.table)
 
     @property

@@ -7,7 +7,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from flexarm_env.stepping import PATH, SIDE_VELOCITY, STEPS, reference_at
+from flexarm_env.sides import SIDE_VELOCITY, reference_at
+from flexarm_env.stepping import PATH, STEPS
 
 LANES = 1
 TILE = 8

@@ -15,6 +15,7 @@ from flexarm_env.closed_loop import Law
 from flexarm_env.constants import Constants
 from flexarm_env.elimination import Elimination, elimination
 from flexarm_env.links import Place
+from flexarm_env.sides import SIDE_ROWS
 
 DRIVES = ("torque", "tracking", "gain")
 
@@ -153,7 +154,7 @@ def _physics(kind: str, modes: int, foreshortened: bool) -> dict[str, int]:
         parts |= {"TAU": 2}
     else:
         parts |= {name.upper(): n for name, n in Law.sizes(modes, foreshortened).items()}
-        parts |= {"DELAY": 2, "COMMAND_DELAY": 2, "COMMAND_SIDE": stepping.SIDE_ROWS, "RATE_LATE": 1}
+        parts |= {"DELAY": 2, "COMMAND_DELAY": 2, "COMMAND_SIDE": SIDE_ROWS, "RATE_LATE": 1}
         parts |= {"Y_STAGE": size, "V_STAGE": size, "MECHANICAL": size, "FEEDBACK": size, "TAU": 2}
         parts |= dict.fromkeys(("V_SLOTS", "MECHANICAL_SLOTS", "FEEDBACK_SLOTS"), stepping.STAGES * size)
     if kind == "tracking":
@@ -178,7 +179,7 @@ def layout(kind: str, modes: int, foreshortened: bool = False) -> dict[str, tupl
         parts |= {
             "FRAME": 1,
             "PHASE": 1,
-            "PRESENT_SIDE": stepping.SIDE_ROWS,
+            "PRESENT_SIDE": SIDE_ROWS,
             # the next one: how long it takes, how fast
             "NEXT_TIME": 1,
             "NEXT_VELOCITY": 2,

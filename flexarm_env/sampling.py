@@ -11,7 +11,8 @@ from typing import Any
 
 from flexarm_env.elementary import sincos
 from flexarm_env.random_stream import normal, uniform
-from flexarm_env.stepping import BEGAN, HEAD, PATH, SINCE, STEPS, around, between, past_reading, reference_at
+from flexarm_env.sides import reference_at
+from flexarm_env.stepping import BEGAN, HEAD, PATH, SINCE, STEPS, around, between, past_reading
 
 LANES = 1
 STEP = PERIOD = JITTER = HOLD = DROPOUT = LENGTHS = SUBSTEPS = 0
@@ -175,6 +176,7 @@ def disturbed_reading(
     hold = settings[HOLD]
     first = floor(clock[BEGAN, i] * settings[STEP] / hold) - 2 - floor(delay / hold)
     newest = floor((now - delay) / hold + 1e-9)
+    place = 0
     for back in range(int((settings[JITTER] + settings[PERIOD]) / hold) + 2):
         tick = newest - back
         late = now - tick * hold

@@ -12,18 +12,17 @@ from flexarm_env.elementary import sincos
 from flexarm_env.inverse import joint_angles_for, joint_rates_for
 from flexarm_env.random_stream import uniform
 from flexarm_env.sampling import sensed_point
+from flexarm_env.sides import forget_side, reference_at
 from flexarm_env.stepping import (
     BEGAN,
     HEAD,
     PATH,
     SINCE,
     STEPS,
-    forget_side,
     law_kernel,
     prepare_commands,
     prepare_readings,
     reading_kernel,
-    reference_at,
 )
 
 LANES = 1
@@ -131,7 +130,7 @@ def draw_moves(path: Any, key: Any, settings: Any) -> None:
     `MOVES` sets, theta1's way is the shorter one.
 
     Args:
-        path: to be filled; evenly timed, see `stepping.reference_at`. Shape (n, 5).
+        path: to be filled; evenly timed, see `sides.reference_at`. Shape (n, 5).
         key: of the episode.
         settings: see `rows.SETTINGS`.
     """

@@ -11,8 +11,19 @@ lanes at once.
 
 from __future__ import annotations
 
-from math import floor
 from typing import Any
+
+from flexarm_env.sides import (
+    AHEAD,
+    SIDE_BEGIN,
+    SIDE_END,
+    SIDE_LAP,
+    chord_at,
+    forget_side,
+    note_side,
+    on_side,
+    reference_at,
+)
 
 LANES = 1
 SIZE = 4  # internal coordinates
@@ -24,14 +35,8 @@ DELAY = RATE_LATE = READING = 0
 # reference rests, the step at which the episode began, and the delay line's newest slot, the same for a whole block.
 STEPS, PATH, SINCE, BEGAN, HEAD = 0, 1, 2, 3, 4
 CLOCK = 5
-# What a lane notes of a side of its path: when its lap began, when in the lap it begins and ends [s], where it begins
-# [m], its velocity [m/s]; rows from the first on.
-SIDE_LAP, SIDE_BEGIN, SIDE_END, SIDE_START, SIDE_VELOCITY = 0, 1, 2, 3, 5
-SIDE_ROWS = 7
-# The present side is sought so many steps ahead: at a corner it is the one that begins there, whatever the rounding.
-AHEAD = 1e-9
 LATE = True
-TAU = REFERENCE = STATE = LIMITS = TRUE_TIP = REWARD_TERMS = STATUS = TORQUE = 0
+TAU = REFERENCE = STATE = LIMITS = STATUS = TORQUE = 0
 
 # ARS(4,4,3) of Ascher, Ruuth & Spiteri (1997), third order: explicit coefficients for the arm, singly diagonally
 # implicit and stiffly accurate ones (gamma = 1/2, L-stable) for the law. The last stage is the step's result.
@@ -74,70 +79,6 @@ def outputs_kernel(arena: Any) -> None:
     raise NotImplementedError("the recorded kernel exists in assembled modules only")
 
 
-def side_of(paths: Any, p: int, time: float) -> tuple[float, int]:
-    """Time at which the present lap of path p began, and the number of its side, at a time [s]."""
-    last = paths.shape[1] - 1
-    lap = paths[p, last, 0]
-    before = floor(time / lap) * lap  # laps done
-    within = time - before
-    k = min(int(within * last / lap), last - 1)  # right at once where way-points are evenly timed
-    if (within >= paths[p, k + 1, 0]) | (within < paths[p, k, 0]):  # one rare branch, which the processor foresees
-        while k < last - 1 and within >= paths[p, k + 1, 0]:
-            k += 1
-        while k > 0 and within < paths[p, k, 0]:
-            k -= 1
-    return before, k
-
-
-def reference_at(paths: Any, p: int, time: float, side: float, since: float) -> tuple[float, float, float, float]:
-    """Reference position and velocity on a closed polyline.
-
-    Args:
-        paths: way-points (time [s], x, y [m], velocity from there on x', y' [m/s]), the last one closing the lap.
-            Shape (paths, n, 5).
-        p: which of the paths. (A view of one would be counted by reference, which takes longer than all the rest.)
-        time: where to evaluate [s].
-        side: picks the side where `time` is at a corner: a time on it [s].
-        since: before this time the reference rests where it is then [s].
-
-    Returns:
-        x, y [m], x', y' [m/s].
-    """
-    moving = 1.0
-    if side < since:
-        time = since
-        side = since
-        moving = 0.0
-    before, k = side_of(paths, p, side)
-    vx = paths[p, k, 3]
-    vy = paths[p, k, 4]
-    passed = time - before - paths[p, k, 0]
-    return paths[p, k, 1] + vx * passed, paths[p, k, 2] + vy * passed, moving * vx, moving * vy
-
-
-def note_side(arena: Any, row: int, paths: Any, p: int, time: float, i: int) -> int:
-    """Note for lane i, from a row on, the side that path p is on at a time [s] (see SIDE_LAP); which it is."""
-    lap, k = side_of(paths, p, time)
-    arena[i + (row + SIDE_LAP) * LANES] = lap
-    arena[i + (row + SIDE_BEGIN) * LANES] = paths[p, k, 0]
-    arena[i + (row + SIDE_END) * LANES] = paths[p, k + 1, 0]
-    for r in range(2):
-        arena[i + (row + SIDE_START + r) * LANES] = paths[p, k, 1 + r]
-        arena[i + (row + SIDE_VELOCITY + r) * LANES] = paths[p, k, 3 + r]
-    return k
-
-
-def forget_side(arena: Any, row: int, i: int) -> None:
-    """Have lane i search for its side anew."""
-    arena[i + (row + SIDE_END) * LANES] = -1e300
-
-
-def on_side(arena: Any, row: int, i: int, r: int, time: float) -> float:
-    """Coordinate r of lane i's reference at a time [s] on the side that is noted from a row on, as `reference_at`."""
-    passed = time - arena[i + (row + SIDE_LAP) * LANES] - arena[i + (row + SIDE_BEGIN) * LANES]
-    return arena[i + (row + SIDE_START + r) * LANES] + arena[i + (row + SIDE_VELOCITY + r) * LANES] * passed
-
-
 def prepare_commands(arena: Any, clock: Any, paths: Any, h: float) -> None:
     """Write each joint's command for the step at hand: position at its start, and velocity.
 
@@ -175,18 +116,14 @@ def prepare_commands(arena: Any, clock: Any, paths: Any, h: float) -> None:
 
 
 def chord_known(arena: Any, clock: Any, i: int, time: float, h: float) -> bool:
-    """Whether lane i's commands run along the noted side in the whole step that begins at a time [s]."""
+    """Whether lane i's commands run along the noted side in the whole step that begins at a time [s].
+
+    One side is noted for both joints: commands that are late by different times are searched for in each step.
+    """
     within = time - arena[i + (COMMAND_SIDE + SIDE_LAP) * LANES]
     begun = (within >= arena[i + (COMMAND_SIDE + SIDE_BEGIN) * LANES]) & (time >= clock[SINCE, i] * h)
-    alike = arena[i + COMMAND_DELAY * LANES] == arena[i + (COMMAND_DELAY + 1) * LANES]
-    return begun & alike & (within + h < arena[i + (COMMAND_SIDE + SIDE_END) * LANES])
-
-
-def chord_at(paths: Any, p: int, time: float, h: float, since: float) -> tuple[float, float, float, float]:
-    """Position [m] at a time [s], and mean velocity [m/s] over the step h [s] that begins there, on path p."""
-    start = reference_at(paths, p, time, time, since)
-    end = reference_at(paths, p, time + h, time + h, since)
-    return start[0], start[1], (end[0] - start[0]) / h, (end[1] - start[1]) / h
+    together = arena[i + COMMAND_DELAY * LANES] == arena[i + (COMMAND_DELAY + 1) * LANES]
+    return begun & together & (within + h < arena[i + (COMMAND_SIDE + SIDE_END) * LANES])
 
 
 def prepare_readings(arena: Any, history: Any, clock: Any, h: float, node: float) -> None:

@@ -65,7 +65,7 @@ def path_tables(settings: Settings, lanes: int) -> Array:
         return same_length(settings.paths)
     points = min(MOVE_POINTS, round(settings.lap_time / settings.control_period)) + 1
     room = np.zeros((lanes, points, 5))
-    room[..., 0] = np.arange(points)  # a lane that no environment uses has a lap time as well
+    room[..., 0] = np.arange(points)  # a path has a lap time before it is drawn, too
     return room
 
 

@@ -30,9 +30,9 @@ A batch is one environment that steps all its arms in the same compiled loop, fa
 observations, rewards and flags are arrays with a row for each arm:"""
 _AUTORESET = """\
 With `NextStep`, Gymnasium's default, the step after an episode's end begins the next one: its action is not read, its
-reward is 0, its info is a reset's. In `infos`, `_name` says which environments have `name`; these masks are shared among
-keys and cannot be written to. With `SameStep` the step that ends an episode returns the next one's first observation; the
-last one is in `infos["final_obs"][i]`, with its info in `infos["final_info"]`:"""
+reward is 0, its info is a reset's. In `infos`, `_name` says which environments have `name`; these masks are shared
+among keys and cannot be written to. With `SameStep` the step that ends an episode returns the next one's first
+observation; the last one is in `infos["final_obs"][i]`, with its info in `infos["final_info"]`:"""
 _NAMING = """\
 The part before the colon imports the package, so that it works in spawned processes too. Every argument of the pages'
 tables can be given to `make` and `make_vec`. The ids differ in their options only; a version number goes up when an
