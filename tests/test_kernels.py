@@ -21,7 +21,7 @@ from flexarm_env.constants import Constants
 from flexarm_env.elementary import sincos
 from flexarm_env.elimination import elimination
 from flexarm_env.recorded import Variant
-from flexarm_env.rows import arm_rows, extent
+from flexarm_env.rows import DRIVES, arm_rows, extent
 
 LANES = 8
 # modes, complete velocity forces, kinematics
@@ -152,6 +152,15 @@ def test_the_text_of_a_step_is_the_formulas_on_arrays_to_the_last_bit(batch: Bat
     for name, start, (a, b, c, d) in zip("YV", (batch.y, batch.v), zip(*slopes, strict=True), strict=True):
         end = start + h / 6.0 * (a + 2.0 * b + 2.0 * c + d)
         np.testing.assert_array_equal(batch.part(arenas, 1, name), end)
+
+
+@pytest.mark.parametrize("kind", DRIVES)
+def test_functions_that_are_written_into_their_callers_have_one_caller(kind: str) -> None:
+    text = kernels.render(Variant(kind, 2, True, 1))
+    inlined = re.findall(r'^@njit\(inline="always"[^\n]*\ndef (\w+)\(', text, re.MULTILINE)
+    assert {"drive", "look", "observe", "step_block"} <= set(inlined)
+    for name in inlined:
+        assert len(re.findall(rf"\b{name}\(", text)) == 2, name  # its definition, and one call
 
 
 def test_slopes_are_the_arms_accelerations() -> None:
