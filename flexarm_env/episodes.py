@@ -77,7 +77,7 @@ def observe(
 ) -> None:
     """Sense, judge and report the present instant.
 
-    Args: as `look`, and
+    Args: as `sampling.sense`, and
         observations: to be filled, of all lanes.
         first: lane of the block among all.
     """
@@ -89,15 +89,7 @@ def observe(
 def look(arena: Any, history: Any, clock: Any, keys: Any, paths: Any, plan: Any, settings: Any, who: Any) -> None:
     """Sense, and judge the present instant, on a block; doing it again changes nothing.
 
-    Args:
-        arena: of one block.
-        history: readings at past steps.
-        clock: of each lane.
-        keys: of each lane's episode.
-        paths: of all lanes.
-        plan: see `rows`.
-        settings: see `rows`.
-        who: lanes that sense; the others have done so already. Shape (LANES,).
+    Args: as `sampling.sense`.
     """
     truth_kernel(arena)
     follow_reference(arena, clock, paths, settings)

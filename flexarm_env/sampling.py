@@ -155,13 +155,7 @@ def disturbed_reading(
 ) -> tuple[float, int]:
     """As `newest_reading`, with draws and a clock of the sensor's own.
 
-    Args:
-        clock: of each lane.
-        keys: of each lane's episode.
-        plan: see `rows`.
-        settings: see `rows`.
-        i: the lane.
-        now: [s].
+    Args: as there, and
         least: when a reading must have been taken to be new enough [s].
         delay: without jitter [s].
     """

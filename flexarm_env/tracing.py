@@ -184,9 +184,11 @@ def recorded_once(count: int) -> Callable[[Callable[..., Any]], Callable[..., An
     """
 
     def decorated(formula: Callable[..., Any]) -> Callable[..., Any]:
+        """The formula for numbers and arrays; for expressions, the record of its call."""
+
         @wraps(formula)
         def called(*arguments: Any) -> Any:
-            """The formula, or the record of a call."""
+            """Compute, or record."""
             for argument in arguments:
                 if isinstance(argument, Expression):
                     results = argument.trace.call(recorded_name(formula), arguments, count)

@@ -1,4 +1,4 @@
-"""What the lanes of a block work out together is, to the last bit, what each works out alone."""
+"""What kernels take together or leave out: to the last bit what each lane alone, with everything, would work out."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from envs import GAIN, SQUARE, actions_for, assert_same, make, vector
 
+from flexarm_env.settings import Settings
 from flexarm_env.vector_env import FlexArmVectorEnv
 
 REACH = "FlexArm/Reach-v0"
@@ -93,3 +94,33 @@ def test_a_lane_whose_state_is_invalid_keeps_its_observation() -> None:
     assert terminated.tolist() == [i == 3 for i in range(8)]
     np.testing.assert_array_equal(after[3], before[3])
     assert (after[[0, 1, 2, 4, 5, 6, 7]] != before[[0, 1, 2, 4, 5, 6, 7]]).any(axis=1).all()
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"noise": 0.05},
+        {"encoder_noise": (0.05, 0.0)},
+        {"encoder_noise": (0.0, 0.05)},
+        {"jitter": 0.02},
+        {"dropout": 0.5},
+        {"hold": 0.03},
+        {"actuation_delay": 0.013},
+        {"randomisation": {"noise": (0.05, 0.1)}},
+        {"randomisation": {"actuation_delay": (0.01, 0.02)}},
+    ],
+    ids=str,
+)
+@pytest.mark.parametrize("count", [1, 9])
+def test_each_disturbance_acts_by_itself(count: int, options: dict[str, Any]) -> None:
+    """Kernels leave disturbances out where none can occur: no option that brings one may be forgotten there."""
+    assert not Settings.of({}).disturbed
+    assert Settings.of(options).disturbed
+    disturbed, exact = (vector(SQUARE, count, start="corner", **each) for each in (options, {}))
+    disturbed.reset(seed=0)
+    exact.reset(seed=0)
+    farthest = np.zeros(count)
+    for actions in actions_for(exact, 12):
+        found, expected = (env.step(actions)[0] * env.observation_scale for env in (disturbed, exact))
+        farthest = np.maximum(farthest, np.abs(found - expected).max(axis=1))
+    assert (farthest > 1e-4).all()

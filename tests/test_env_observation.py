@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
-from envs import GAIN, PAPER, RESIDUAL, SQUARE, actions_for, bare, block, vector
+from envs import GAIN, PAPER, RESIDUAL, SQUARE, bare, block
 from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
 
@@ -14,7 +14,6 @@ from flexarm_env import SquareParameters, inverse_kinematics, square
 from flexarm_env.env import FlexArmEnv
 from flexarm_env.observation import BLOCKS
 from flexarm_env.reference import ReferencePath
-from flexarm_env.settings import Settings
 
 Array = NDArray[np.float64]
 STEPS = 40
@@ -320,36 +319,3 @@ def test_noise_has_the_size_it_says() -> None:
     np.testing.assert_allclose(block(noisy, difference, "joint_error"), -joint, atol=1e-6)
     for name in ("modal_coordinates", "modal_rates", "reference_position", "lap_phase", "previews", "last_actions"):
         assert not block(noisy, difference, name).any()
-
-
-# --- disturbances -----------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    "options",
-    [
-        {"noise": 0.05},
-        {"encoder_noise": (0.05, 0.0)},
-        {"encoder_noise": (0.0, 0.05)},
-        {"jitter": 0.02},
-        {"dropout": 0.5},
-        {"hold": 0.03},
-        {"actuation_delay": 0.013},
-        {"randomisation": {"noise": (0.05, 0.1)}},
-        {"randomisation": {"actuation_delay": (0.01, 0.02)}},
-    ],
-    ids=str,
-)
-@pytest.mark.parametrize("count", [1, 9])
-def test_each_disturbance_acts_by_itself(count: int, options: dict[str, Any]) -> None:
-    """Kernels leave disturbances out where none can occur: no option that brings one may be forgotten there."""
-    assert not Settings.of({}).disturbed
-    assert Settings.of(options).disturbed
-    disturbed, exact = (vector(SQUARE, count, start="corner", **each) for each in (options, {}))
-    disturbed.reset(seed=0)
-    exact.reset(seed=0)
-    farthest = np.zeros(count)
-    for actions in actions_for(exact, 12):
-        found, expected = (env.step(actions)[0] * env.observation_scale for env in (disturbed, exact))
-        farthest = np.maximum(farthest, np.abs(found - expected).max(axis=1))
-    assert (farthest > 1e-4).all()
