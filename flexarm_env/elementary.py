@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from flexarm_env.tracing import at_least, clip, floor, magnitude, recorded_once, where_less
+from flexarm_env.tracing import at_least, clip, floor, magnitude, quarter_turns, recorded_once, where_less
 
 
 @recorded_once(2)
@@ -18,8 +18,7 @@ def sincos(x: Any) -> tuple[Any, Any]:
     """Sine and cosine, branch-free; within 2 units in the last place for |x| < 1e5 rad.
 
     pi/2 is subtracted in three parts (Cody & Waite 1980), the first two of 33 bits: k times them is exact for
-    |k| < 2^20. Minimax polynomials on [-pi/4, pi/4] from the Cephes library (Moshier 1989), quadrant by
-    arithmetic.
+    |k| < 2^20. Minimax polynomials on [-pi/4, pi/4] from the Cephes library (Moshier 1989).
 
     Args:
         x: angle [rad].
@@ -44,12 +43,7 @@ def sincos(x: Any) -> tuple[Any, Any]:
     p = p * z - 1.38888888888730564116e-3
     p = p * z + 4.16666666666665929218e-2
     c = p * z * z - 0.5 * z + 1.0
-    quarter = k - 4.0 * floor(k * 0.25)  # 0, 1, 2, 3
-    half = floor(quarter * 0.5)  # 1 in the lower half plane
-    swap = quarter - 2.0 * half  # 1 where sine and cosine change roles
-    sine_sign = 1.0 - 2.0 * half
-    cosine_sign = sine_sign * (1.0 - 2.0 * swap)
-    return sine_sign * where_less(swap, 0.5, s, c), cosine_sign * where_less(swap, 0.5, c, s)
+    return quarter_turns(k, s, c)
 
 
 @recorded_once(1)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from flexarm_env.arm import FlexibleArm
 from flexarm_env.documentation import specification
+from flexarm_env.episode_keys import new_key
 from flexarm_env.fleet import Fleet
 from flexarm_env.info import InfoMaker
 from flexarm_env.reset_options import orders_of
@@ -18,7 +19,6 @@ from flexarm_env.settings import Settings
 from flexarm_env.validation import choice, finite_array
 
 RENDER_MODES = ("rgb_array", "human")
-FLOATS = (np.dtype(np.float32), np.dtype(np.float64))  # of actions that are taken as they are
 FASTEST_VIDEO = 100  # [1/s]; a picture is drawn for each step, and slower control plays in real time
 
 
@@ -126,7 +126,7 @@ class FlexArmEnv(FleetView, gymnasium.Env[NDArray[np.float32], NDArray[np.float3
         """
         super().reset(seed=seed)
         orders = orders_of(options, self.fleet)
-        self.fleet.start(new_keys([self.np_random]), self._begin, orders)
+        self.fleet.start(new_key(self.np_random), self._begin, orders)
         self._started = True
         if self._scene is not None:
             result = self.fleet.result(0)
@@ -138,7 +138,8 @@ class FlexArmEnv(FleetView, gymnasium.Env[NDArray[np.float32], NDArray[np.float3
         """Hold the action for one control period.
 
         Args:
-            action: in [-1, 1]; beyond that it is limited (Gaussian policies leave the range).
+            action: in [-1, 1]; beyond that it is limited (Gaussian policies leave the range). Other numbers than
+                float32, the action space's, are rounded to it. Shape (channels,).
 
         Raises:
             ValueError: for another shape, or a value that is not finite.
@@ -146,16 +147,16 @@ class FlexArmEnv(FleetView, gymnasium.Env[NDArray[np.float32], NDArray[np.float3
         """
         if not self._started:
             raise RuntimeError("step() before reset(): there is no state to advance")
-        values: NDArray[Any] = action
-        if type(action) is not np.ndarray or action.dtype not in FLOATS or action.shape != self._shape:
-            values = finite_array("action", action, self._shape)
         fleet = self.fleet
-        fleet.only_action[...] = values
+        try:
+            fleet.only_action[:] = action  # type: ignore[call-overload]
+        except (TypeError, ValueError, BufferError, NotImplementedError):  # not float32, or not of this shape
+            fleet.only_action[:] = rounded(finite_array("action", action, self._shape))  # type: ignore[call-overload]
         if not fleet.only_step():
             finite_array("action", action, self._shape)  # says what is wrong
         info, reward, status = self._infos.after_step()
         if status != 0.0:
-            info["termination_reason"] = fleet.failure(status)
+            info["termination_reason"] = fleet.failures[status]
         if self._scene is not None:
             result = fleet.result(0)
             self._scene.add(result)
@@ -187,6 +188,6 @@ class FlexArmEnv(FleetView, gymnasium.Env[NDArray[np.float32], NDArray[np.float3
             self._scene.draw(result)
 
 
-def new_keys(generators: list[np.random.Generator]) -> NDArray[np.uint64]:
-    """Keys of new episodes, one drawn from each generator. Shape (n,)."""
-    return np.array([generator.bit_generator.random_raw() for generator in generators], dtype=np.uint64)
+def rounded(actions: NDArray[Any]) -> NDArray[np.float32]:
+    """Actions of another type as the action space's, limited first: a float64 may be beyond all of float32."""
+    return np.clip(actions, -1.0, 1.0).astype(np.float32)

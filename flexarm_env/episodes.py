@@ -149,15 +149,15 @@ def judge(arena: Any, settings: Any) -> None:
     """Status of every lane: the state's (`state_status`), -2 for a link bent too far, -3 for too large an error."""
     state_status(arena)
     for i in range(LANES):
-        if arena[i + STATUS * LANES] == 0.0:
-            x = arena[i + TRUE_TIP * LANES] - arena[i + REFERENCE * LANES]
-            y = arena[i + (TRUE_TIP + 1) * LANES] - arena[i + (REFERENCE + 1) * LANES]
-            if x * x + y * y > settings[ERROR_LIMIT] * settings[ERROR_LIMIT]:
-                arena[i + STATUS * LANES] = -3.0
-            bent = max(abs(arena[i + DEFLECTION * LANES]), abs(arena[i + (DEFLECTION + 1) * LANES]))
-            if bent > settings[DEFLECTION_LIMIT]:
-                arena[i + STATUS * LANES] = -2.0
-        else:  # no state, no reward
-            arena[i + REWARD * LANES] = 0.0
-            for n in range(TERMS):
-                arena[i + (REWARD_TERMS + n) * LANES] = 0.0
+        status = arena[i + STATUS * LANES]
+        x = arena[i + TRUE_TIP * LANES] - arena[i + REFERENCE * LANES]
+        y = arena[i + (TRUE_TIP + 1) * LANES] - arena[i + (REFERENCE + 1) * LANES]
+        bent = max(abs(arena[i + DEFLECTION * LANES]), abs(arena[i + (DEFLECTION + 1) * LANES]))
+        far = x * x + y * y > settings[ERROR_LIMIT] * settings[ERROR_LIMIT]
+        outside = -2.0 if bent > settings[DEFLECTION_LIMIT] else (-3.0 if far else 0.0)
+        arena[i + STATUS * LANES] = outside if status == 0.0 else status
+        reward = arena[i + REWARD * LANES]
+        arena[i + REWARD * LANES] = reward if status == 0.0 else 0.0  # no state, no reward
+        for n in range(TERMS):
+            term = arena[i + (REWARD_TERMS + n) * LANES]
+            arena[i + (REWARD_TERMS + n) * LANES] = term if status == 0.0 else 0.0

@@ -21,7 +21,7 @@ from flexarm_env.observation import observation_layout, refuse_fast_starts
 from flexarm_env.recorded import Variant
 from flexarm_env.rows import ORDER, PLAN, episode_sizes, extent
 from flexarm_env.settings import Settings
-from flexarm_env.stepping import BEGAN, CLOCK, PATH
+from flexarm_env.stepping import CLOCK, PATH
 from flexarm_env.tables import (
     ALL_READINGS,
     NAN,
@@ -35,11 +35,12 @@ from flexarm_env.task import ANGLE_LIMITS, RATE_LIMIT
 
 Array = NDArray[np.float64]
 # Time that a block takes for a step, by its lanes, relative; `Square-v0` with two modes (`make bench`, batches).
-COSTS = {8: 1.0, 32: 3.1, 128: 11.0}
+# Three of the largest make 1024; its rows' distance is no power of two, at which they push each other out of a cache.
+COSTS = {8: 1.0, 32: 2.9, 128: 10.8, 344: 27.5}
 assert all(lanes % TILE == 0 for lanes in COSTS)  # so observations are written
 DRIVING, READINGS, DELAY = PLAN.index("DRIVING"), PLAN.index("READINGS"), ORDER.index("delay")
 KINDS = {"torque": "torque", "residual": "tracking", "reference": "tracking", "gain": "gain"}
-REASONS = {-1: "diverged", -2: "deflection", -3: "error"}
+REASONS: dict[float, str | None] = {-1.0: "diverged", -2.0: "deflection", -3.0: "error"}
 # Attributes that are views of the memory.
 VIEWS = (
     *("_plan", "_arenas", "_clocks", "_keys", "_starts", "_orders", "_paths"),
@@ -61,15 +62,17 @@ class Fleet:
     Attributes:
         settings: the settings.
         layout: of the observations.
+        failures: why an episode ended, by its status; 0 is that of a valid state.
+        everyone: the mask of all environments; read-only. Shape (N,).
         usual_orders: for new episodes, as the settings say; read-only. Shape (N, columns).
         observations: present ones; the kernels write into it. Shape (lanes, k), float32.
         results: what is known since the latest `start` or `step` (not `only_step`), in an array of its own; `parts`
-            says what lies where. Shape (N, k).
+            says what lies where. In a batch, how an episode began is 0 where none did. Shape (N, k).
         parts: places of the parts of `results`, by name.
         only_step: for one environment without others, as all that follows: a control period; False if it refused an
             action that is not finite.
-        only_action: of the first environment: a view.
-        only_observation: the same.
+        only_action: of the first environment: a `memoryview`, which takes float32 arrays of its shape only.
+        only_observation: of the first environment: a view.
         only_result: the same, of what `results` would hold of it, at any instant.
         only_numbers: a part of that: the numbers that an info reports one by one after a step.
     """
@@ -97,12 +100,10 @@ class Fleet:
         self._variant = _variant(settings, self._kind, lanes)
         self._rows = self._variant.rows
         sizes = episode_sizes(modes)
-        first = self._rows["STATE"][0]
+        first = self._rows[next(iter(sizes))][0]
         self._results = slice(first, first + sum(sizes.values()))
         ends = np.cumsum(list(sizes.values())).tolist()
         self.parts = {name: slice(end - size, end) for (name, size), end in zip(sizes.items(), ends, strict=True)}
-        first, drawn = self._rows["EPISODE"]
-        self._drawn = slice(first, first + drawn)
         channels = len(settings.action_limit)
         longest = settings.randomisation.get("actuation_delay", (0.0, settings.actuation_delay))[1]
         self._kept = max(2, settings.last_actions, int(np.ceil(longest / settings.control_period)) + 1)
@@ -122,13 +123,14 @@ class Fleet:
                 "KEYS": np.zeros(blocks * lanes, dtype=np.uint64),
                 "STARTS": np.zeros(blocks * lanes, dtype=bool),
                 "LOOKING": np.zeros(blocks * lanes, dtype=bool),
-                "ACTIONS": np.zeros((blocks * lanes, channels)),
+                "ACTIONS": np.zeros((blocks * lanes, channels), dtype=np.float32),
                 "OBSERVATIONS": np.zeros((blocks * lanes, len(self.layout.rows)), dtype=np.float32),
                 "SETTINGS": table,
                 "PATHS": path_tables(settings, blocks * lanes),
                 "ORDERS": usual,
             }
         )
+        self.failures = {0.0: None} | REASONS | {1.0 + n: _beyond(n, arm.size) for n in range(2 * arm.size)}
         self.usual_orders = usual[:count]
         self._usual = True
         self._names = np.array(settings.reference, dtype=object)
@@ -205,30 +207,22 @@ class Fleet:
             self._pool.shutdown()
             self._pool = None
 
-    def failure(self, status: float) -> str | None:
-        """What a status means: None for a valid state, else why the episode ended."""
-        if status <= 0.0:
-            return None if status == 0.0 else REASONS[int(status)]
-        entry, size = int(status) - 1, self.settings.flexible_arm.size
-        if entry >= size:
-            return "rate"
-        return "angle" if entry < 2 else "deflection"
-
-    def beginnings(self, chosen: NDArray[np.int64]) -> tuple[Array, NDArray[Any], Array]:
-        """How some environments' episodes began.
+    def path_names(self, chosen: NDArray[np.int64]) -> NDArray[Any]:
+        """Names of the paths that some environments follow, at their places; None elsewhere.
 
         Args:
             chosen: which. Shape (n,).
 
         Returns:
-            Their quantities (`rows.DRAWN`), drawn or not, Shape (quantities, n); the names of their paths, Shape (n,);
-            the moments at which they began [s], Shape (n,).
+            The names. Shape (N,).
         """
-        blocks, lanes = np.divmod(chosen, self._arenas.shape[2])
-        clocks = self._clocks[blocks, :, lanes]
-        paths = clocks[:, PATH] if self.settings.paths else np.zeros_like(chosen)  # there each episode has its own
-        times = clocks[:, BEGAN] * (self.settings.control_period / self.settings.substeps)
-        return self._arenas[blocks, self._drawn, lanes].T, self._names[paths], times
+        names = np.empty(self.count, dtype=object)
+        if len(self._names) == 1:
+            names[chosen] = self._names[0]
+        else:
+            blocks, lanes = np.divmod(chosen, self._arenas.shape[2])
+            names[chosen] = self._names[self._clocks[blocks, PATH, lanes]]
+        return names
 
     def path(self, index: int) -> Array:
         """Way-points of the path that an environment follows [m]. Shape (n, 2)."""
@@ -245,7 +239,9 @@ class Fleet:
         self._paths, self.actions, self.observations = views["PATHS"], views["ACTIONS"], views["OBSERVATIONS"]
         self.only_result = self._arenas[0, self._results, 0]
         self.only_numbers = self.only_result[self.parts["REWARD_TERMS"].start :]
-        self.only_action, self.only_observation = self.actions[0], self.observations[0]
+        self.only_action, self.only_observation = memoryview(self.actions[0]), self.observations[0]
+        self.everyone = np.ones(self.count, dtype=np.bool_)
+        self.everyone.setflags(write=False)
         self._blocks = len(self._arenas)
         self._edges = np.linspace(0, self._blocks, self._threads + 1).astype(int).tolist()  # of the threads' shares
         self._use(_not_started)
@@ -261,8 +257,8 @@ class Fleet:
         return kernels.bare(module.step_blocks, self._memory, 0, self._blocks, np.empty((1, 1)))
 
     def __getstate__(self) -> dict[str, Any]:
-        """Without views, which would come back as copies, and without what cannot be pickled."""
-        left_out = (*VIEWS, "_pool", "_step_kernel", "only_step")
+        """Without views, which would come back as copies, and without what cannot be pickled or written to."""
+        left_out = (*VIEWS, "everyone", "_pool", "_step_kernel", "only_step")
         return {name: value for name, value in self.__dict__.items() if name not in left_out}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -302,6 +298,11 @@ def block_lanes(count: int, threads: int) -> int:
         return COSTS[lanes] * -(-blocks // threads)
 
     return min(COSTS, key=time)
+
+
+def _beyond(entry: int, size: int) -> str:
+    """What is beyond its limit where that entry of the state is, of so many internal coordinates and their rates."""
+    return "rate" if entry >= size else "angle" if entry < 2 else "deflection"
 
 
 def _not_started(*arguments: Any) -> None:

@@ -87,6 +87,7 @@ class InfoMaker:
         self._items = _flagged((vectors | {"time": self._time} | gain).items())
         self._numbers = slice(first, None)  # all that are reported one by one come last
         self._term_items = _flagged((name, n) for n, name in enumerate(TERMS) if weights.get(name, 0.0) > 0.0)
+        self._drawn, self._start_time = parts["EPISODE"], parts["START_TIME"].start
         self._drawn_items = _flagged((name, n) for n, name in enumerate(DRAWN))
         self._time_place, self._gain_place = self._time - first, self._gain - first
         self._reward_place, self._status_place = parts["REWARD"].start - first, parts["STATUS"].start - first
@@ -98,9 +99,10 @@ class InfoMaker:
         """
         info, _, _ = self.after_step()
         del info["reward_terms"]
-        drawn, (info["path"],), times = self._fleet.beginnings(ONLY)
-        info["parameters"] = dict(zip(DRAWN, drawn[:, 0].tolist(), strict=True))
-        info["start_time"] = times.item()
+        known = self._fleet.only_result
+        info["parameters"] = dict(zip(DRAWN, known[self._drawn].tolist(), strict=True))
+        info["path"] = self._fleet.path_names(ONLY)[0]
+        info["start_time"] = known[self._start_time].item()
         return info
 
     def after_step(self) -> tuple[dict[str, Any], float, float]:
@@ -140,9 +142,9 @@ class InfoMaker:
         count = len(known)
         fresh = np.zeros(count, dtype=np.bool_)
         fresh[begun] = True
-        others, everyone = ~fresh, np.ones(count, dtype=np.bool_)
-        for mask in (fresh, others, everyone):
-            mask.flags.writeable = False
+        others, everyone = ~fresh, self._fleet.everyone
+        fresh.setflags(write=False)
+        others.setflags(write=False)
         if not stepped and len(begun) < count:
             known, everyone = np.where(fresh[:, None], known, 0.0), fresh
         infos: dict[str, Any] = {}
@@ -152,12 +154,9 @@ class InfoMaker:
             infos["reward_terms"] = _named(known.T[self._numbers], self._term_items, others)
             infos["_reward_terms"] = others
         if len(begun):
-            numbers = np.zeros((len(DRAWN) + 1, count))
-            paths, times = np.empty(count, dtype=object), numbers[-1]
-            numbers[:-1, begun], paths[begun], times[begun] = self._fleet.beginnings(begun)
-            infos["parameters"], infos["_parameters"] = _named(numbers, self._drawn_items, fresh), fresh
-            infos["path"], infos["_path"] = paths, fresh
-            infos["start_time"], infos["_start_time"] = times, fresh
+            infos["parameters"] = _named(known.T[self._drawn], self._drawn_items, fresh)
+            infos["_parameters"] = infos["_path"] = infos["_start_time"] = fresh
+            infos["path"], infos["start_time"] = self._fleet.path_names(begun), known[:, self._start_time]
         return infos
 
 

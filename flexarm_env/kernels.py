@@ -44,7 +44,7 @@ from flexarm_env import (
     torque_stepping,
 )
 from flexarm_env.recorded import DECORATOR, INLINED, RECORDED, Variant
-from flexarm_env.rows import DRAWN, DRIVES, ORDER, PLAN, constant_places, extent, settings_layout
+from flexarm_env.rows import DRAWN, DRIVES, ORDER, PLAN, beginning_sizes, constant_places, extent, settings_layout
 
 _READINGS = (
     sides.side_of,
@@ -103,6 +103,7 @@ _LOOKING = (
     episodes.follow_reference,
     episodes.judge,
     episodes.look,
+    reporting.write_preview,
     reporting.write_previews,
     reporting.shown,
     reporting.write_observations,
@@ -150,6 +151,7 @@ _PER_LANE = (
     sampling.newest_reading,
     sampling.sample,
     episodes.side_time,
+    reporting.write_preview,
     reporting.shown,
 )
 # Called once, around everything else: numba optimises each function with all that it calls, and what lies five deep
@@ -203,7 +205,8 @@ def _constants(variant: Variant) -> dict[str, Any]:
         names |= {"DRAWN_ORDER": ORDER.index(next(iter(DRAWN))), "STATE_ORDER": len(ORDER)}
         names |= {"QUANTITIES": len(DRAWN), "TERMS": len(reward.TERMS)}
         names |= {"LAW": variant.kind == "gain", "TRACKING": variant.kind == "tracking"}
-        names |= {"LINEAR": not variant.foreshortened, "DISTURBED": variant.disturbed, "RESULTS": rows["STATE"][0]}
+        names |= {"LINEAR": not variant.foreshortened, "DISTURBED": variant.disturbed}
+        names |= {"RESULTS": rows["EPISODE"][0], "BEGINNINGS": sum(beginning_sizes().values())}
         names |= {name: 0 for name in _FOREIGN_ROWS if name not in names}
     return names
 

@@ -25,6 +25,30 @@ def fused(typing_context: Any, a: Any, b: Any, c: Any) -> Any:
     return types.float64(types.float64, types.float64, types.float64), generate
 
 
+def quarter_turns(typing_context: Any, k: Any, sine: Any, cosine: Any) -> Any:
+    """Sine and cosine of an angle k quarter turns on (`tracing.quarter_turns`), by the last two bits of k.
+
+    Choices and signs that are bits leave the units that add and multiply to others; where |k| < 2^51, the same bits.
+    """
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        """Adding 1.5 * 2^52 moves a whole number to the last bits of its sum; a sign is the first bit."""
+        whole, number = ir.IntType(64), ir.DoubleType()
+        shifted = builder.fadd(arguments[0], ir.Constant(number, 6755399441055744.0))
+        turns = builder.bitcast(shifted, whole)
+        one, two, to_sign = (ir.Constant(whole, value) for value in (1, 2, 62))
+        odd = builder.icmp_unsigned("!=", builder.and_(turns, one), ir.Constant(whole, 0))
+        turned = []
+        for then, otherwise, count in ((2, 1, turns), (1, 2, builder.add(turns, one))):
+            value = builder.bitcast(builder.select(odd, arguments[then], arguments[otherwise]), whole)
+            sign = builder.shl(builder.and_(count, two), to_sign)
+            turned.append(builder.bitcast(builder.xor(value, sign), number))
+        return context.make_tuple(builder, signature.return_type, turned)
+
+    pair = types.UniTuple(types.float64, 2)  # type: ignore[no-untyped-call]
+    return pair(types.float64, types.float64, types.float64), generate
+
+
 def aligned_stack(typing_context: Any) -> Any:
     """Begin the stack frame of the function that calls this where a line of the processor's cache begins.
 
@@ -107,4 +131,4 @@ def write_tile(typing_context: Any, rows: Any, distance: Any, places: Any, facto
     return types.void(rows, distance, places, factors, n, lanes), generate
 
 
-INTRINSICS = (fused, aligned_stack, array_at, write_tile)
+INTRINSICS = (fused, quarter_turns, aligned_stack, array_at, write_tile)

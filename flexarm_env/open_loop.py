@@ -95,7 +95,9 @@ class OpenLoop:
                 return False
             tau = _evaluate(torque, (k + node) * h, stage)
             y, v = np.split(internal, 2)
-            slope = np.concatenate([v, self._module.slope(*self._numbers, *y.tolist(), *v.tolist(), *tau.tolist())])
+            turn = self._module.sincos_fused(float(y[len(y) // 2] - y[0]))
+            rates = self._module.slope(*self._numbers, *y.tolist(), *v.tolist(), *tau.tolist(), *turn)
+            slope = np.concatenate([v, rates])
             total = total + weight * slope
         self._arena[self._state] = start + h / 6.0 * total
         return True

@@ -16,7 +16,7 @@ from flexarm_env.starts import begin_lanes, start_law
 LANES = 1
 CHANNELS = PREVIEWS = OBSERVED = DRIVING = ARENA_SIZE = HISTORY_SIZE = PATH_COUNT = PATH_POINTS = ORDER_COLUMNS = 0
 ARENAS = HISTORIES = CLOCKS = KEYS = STARTS = LOOKING = ACTIONS = OBSERVATIONS = SETTINGS = PATHS = ORDERS = 0
-RESULTS = PLACES = HORIZONS = CLOCK = REWARD = REWARD_TERMS = TERMS = 0
+RESULTS = BEGINNINGS = PLACES = HORIZONS = CLOCK = REWARD = REWARD_TERMS = TERMS = 0
 LAW = False
 
 
@@ -36,17 +36,20 @@ def step_only(memory: Any) -> bool:
     """
     plan = array_at(memory, 0, (PLACES,), np.int64)
     channels = plan[CHANNELS]
-    actions = array_at(memory, plan[ACTIONS], (channels,), np.float64)
+    actions = array_at(memory, plan[ACTIONS], (channels,), np.float32)
     starting = array_at(memory, plan[STARTS], (1,), np.bool_)[0]
     for r in range(channels if plan[DRIVING] != 0 and not starting else 0):
         if actions[r] - actions[r] != 0.0:
             return False
     step_block(memory, 0)
+    array_at(memory, plan[STARTS], (1,), np.bool_)[0] = False
     return True
 
 
 def step_blocks(memory: Any, begin: int, end: int, results: Any) -> None:
     """One control period of some blocks (`step_block`), and what is known at its end.
+
+    How an episode began is told where one did; elsewhere it is 0.
 
     Args:
         memory: of the fleet.
@@ -58,17 +61,22 @@ def step_blocks(memory: Any, begin: int, end: int, results: Any) -> None:
     for block in range(begin, end):
         step_block(memory, block)
         arena = array_at(memory, plan[ARENAS] + block * plan[ARENA_SIZE], (plan[ARENA_SIZE],), np.float64)
+        started = array_at(memory, plan[STARTS], ((block + 1) * LANES,), np.bool_)[block * LANES :]
         for row in range(results.shape[0]):
             known = arena[(RESULTS + row) * LANES : (RESULTS + row + 1) * LANES]
             told = results[row, block * LANES : (block + 1) * LANES]
-            for i in range(LANES):
+            for i in range(LANES if row < BEGINNINGS else 0):
+                told[i] = known[i] if started[i] else 0.0
+            for i in range(LANES if row >= BEGINNINGS else 0):
                 told[i] = known[i]
+        for i in range(LANES):
+            started[i] = False
 
 
 def step_block(memory: Any, block: int) -> None:
     """One control period of a block, unless `DRIVING` is 0; lanes that begin an episode do so at its end.
 
-    So a lane that begins costs its block no second look.
+    So a lane that begins costs its block no second look. The caller forgets then which lanes began.
 
     Args:
         memory: of the fleet; the plan lies at its beginning, and says where the arrays of `rows.MEMORY` are.
@@ -95,7 +103,7 @@ def step_block(memory: Any, block: int) -> None:
     if not (driving or starting):
         return
     if driving:
-        take_actions(arena, array_at(memory, plan[ACTIONS], (lanes, plan[CHANNELS]), np.float64), first, plan)
+        take_actions(arena, array_at(memory, plan[ACTIONS], (lanes, plan[CHANNELS]), np.float32), first, plan)
         drive(arena, history, clock, paths, plan, settings)
     if starting:
         begin_lanes(arena, history, clock, key, paths, plan, settings, orders, first, started)
@@ -110,4 +118,3 @@ def step_block(memory: Any, block: int) -> None:
                 for n in range(TERMS):
                     arena[i + (REWARD_TERMS + n) * LANES] = 0.0
                 arena[i + REWARD * LANES] = 0.0
-                started[i] = False

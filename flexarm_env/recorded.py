@@ -9,7 +9,6 @@ from typing import Any
 
 from flexarm_env import closed_loop, features, reward, sensing, stepping, tracking
 from flexarm_env import dynamics as dyn
-from flexarm_env.algebra import dot
 from flexarm_env.constants import Constants
 from flexarm_env.elementary import arctan2, exp_minus, sincos
 from flexarm_env.elimination import Elimination, elimination
@@ -66,7 +65,7 @@ class _Recorder:
     def __init__(self, variant: Variant) -> None:
         self.variant = variant
         self.trace = Trace()
-        self.stores: list[tuple[int, Any]] = []
+        self.stores: list[tuple[str, Any]] = []
         self.shared: list[str] = []
 
     def read(self, name: str) -> list[Any]:
@@ -89,7 +88,12 @@ class _Recorder:
     def write(self, name: str, values: Sequence[Any]) -> None:
         first, count = self.variant.rows[name]
         assert len(values) == count, f"{name}: {len(values)} values for {count} rows"
-        self.stores += enumerate(values, first)
+        self.store("arena", values, first)
+
+    def store(self, array: str, values: Sequence[Any], first: int = 0) -> None:
+        """Into rows of an array, from the first on."""
+        places = (f"{array}[i + {row * self.variant.lanes}]" for row in range(first, first + len(values)))
+        self.stores += zip(places, values, strict=True)
 
     def constants(self) -> Constants:
         return Constants.unflat(self.read("CONSTANTS"), self.variant.modes, self.variant.foreshortened)
@@ -117,9 +121,9 @@ class _Recorder:
     def source(self, header: str, fusing: bool = True) -> str:
         """Text of the kernel: for each lane, what was recorded, then the stores; `fusing` as in `Trace.lines`."""
         body = self.trace.lines([value for _, value in self.stores], fusing)
-        for row, value in self.stores:
+        for place, value in self.stores:
             code = value.name if isinstance(value, Expression) else repr(float(value))
-            body.append(f"arena[i + {row * self.variant.lanes}] = {code}")
+            body.append(f"{place} = {code}")
         lines = "".join(f"        {line}\n" for line in body)
         before = ["aligned_stack()"] * (self.variant.lanes > 1) + self.shared
         head = "".join(f"    {line}\n" for line in before)
@@ -145,7 +149,7 @@ def elementary_source(variant: Variant) -> str:
 
 
 def slope_source(variant: Variant) -> str:
-    """v' of one arm from what kernels know of it (`rows.arm_rows`), y, v and torques, in this order."""
+    """v' of one arm from what kernels know of it (`rows.arm_rows`), y, v, torques, S and C, in this order."""
     trace, size = Trace(), 2 * variant.modes + 2
     counts = {
         "k": constant_count(variant.modes, variant.foreshortened),
@@ -153,40 +157,52 @@ def slope_source(variant: Variant) -> str:
         "y": size,
         "v": size,
         "tau": 2,
+        "turn": 2,
     }
-    constants, known, y, v, tau = (trace.inputs([f"{name}{n}" for n in range(count)]) for name, count in counts.items())
+    names = [[f"{name}{n}" for n in range(count)] for name, count in counts.items()]
+    constants, known, y, v, tau, (sin, cos) = map(trace.inputs, names)
     k, e = Constants.unflat(constants, variant.modes, variant.foreshortened), _elimination(variant, known)
-    sin, cos = sincos(y[variant.modes + 1] - y[0])
     sin_theta2 = None if variant.complete else sincos(dyn.joint_angles(k, y)[1])[0]
     slope = dyn.acceleration(k, e, variant.complete, y, v, tau, (cos, sin, sin_theta2))
     lines = [*trace.lines(slope), f"return {', '.join(value.name for value in slope)}"]
-    parameters = ", ".join(f"{name}{n}" for name, count in counts.items() for n in range(count))
+    parameters = ", ".join(name for group in names for name in group)
     return f"{INLINED}def slope({parameters}):\n" + "".join(f"    {line}\n" for line in lines) + "\n\n"
 
 
 def step_source(variant: Variant) -> str:
     """One step of the classical Runge-Kutta method; under the inner law where the kind is "tracking".
 
-    All four stages in one pass over the lanes, so that slopes and their sum stay in registers.
+    All four stages in one pass over the lanes, so that slopes and their sum stay in registers. A stage's positions need
+    the velocities of the stage before, but not its slope, so its sine is at hand early: the two are worked out side by
+    side. Twice a slope is a sum, since units that only add are idle while others multiply.
     """
     r = _Recorder(variant)
     known, h, y, v = [*r.read("CONSTANTS"), *r.read("ELIMINATION")], r.trace.input("h"), r.read("Y"), r.read("V")
-    slopes: list[list[Any]] = []
-    for stage, node in enumerate(RK4_NODES):
-        late = [a + (h * node) * b for a, b in zip([*y, *v], slopes[-1], strict=True)] if slopes else [*y, *v]
-        stage_y, stage_v = late[: len(y)], late[len(y) :]
+    stage_y, stage_v, turn = y, v, _elbow_turn(variant, y)
+    total: list[Any] = []
+    for node, next_node, weight in zip(RK4_NODES, (*RK4_NODES[1:], 0.0), RK4_WEIGHTS, strict=True):
+        ahead = h * next_node
+        next_y = [a + ahead * b for a, b in zip(y, stage_v, strict=True)]
+        next_turn = _elbow_turn(variant, next_y)
         acting = r.read("TAU")
         if variant.kind == "tracking":
             acting = _tracking_torque(r, r.constants(), round(2 * node), (stage_y, stage_v))
-            if stage == 0:
+            if not total:
                 r.write("STAGE_TORQUE", acting)
-        slopes.append([*stage_v, *r.trace.call("slope", [*known, *late, *acting], len(v))])
+        slope = r.trace.call("slope", [*known, *stage_y, *stage_v, *acting, *turn], len(v))
+        each = [*stage_v, *slope] if weight == 1.0 else [a + a for a in (*stage_v, *slope)]
+        total = [a + b for a, b in zip(total, each, strict=True)] if total else each
+        stage_y, stage_v, turn = next_y, [a + ahead * b for a, b in zip(v, slope, strict=True)], next_turn
     sixth = h / 6.0
-    sums = [dot(RK4_WEIGHTS, each) for each in zip(*slopes, strict=True)]
-    moved = [a + sixth * b for a, b in zip([*y, *v], sums, strict=True)]
+    moved = [a + sixth * b for a, b in zip([*y, *v], total, strict=True)]
     r.write("Y", moved[: len(y)])
     r.write("V", moved[len(y) :])
     return r.source("step_kernel(arena, h" + (", bases)" if variant.kind == "tracking" else ")"))
+
+
+def _elbow_turn(variant: Variant, y: Sequence[Any]) -> tuple[Any, Any]:
+    """S and C, sine and cosine of a2 - a1 (`dynamics`)."""
+    return sincos(y[variant.modes + 1] - y[0])
 
 
 def _tracking_torque(
@@ -240,8 +256,8 @@ def elimination_source(variant: Variant) -> str:
 def reading_source(variant: Variant) -> str:
     """What the sensor measures now."""
     r = _Recorder(variant)
-    r.write("READING", sensing.reading(r.constants(), r.sensor(), variant.sensor, r.read("Y"), r.read("V")))
-    return r.source("reading_kernel(arena)")
+    r.store("readings", sensing.reading(r.constants(), r.sensor(), variant.sensor, r.read("Y"), r.read("V")))
+    return r.source("reading_kernel(arena, readings)")
 
 
 def outputs_source(variant: Variant) -> str:

@@ -36,24 +36,26 @@ def write_previews(arena: Any, clock: Any, paths: Any, plan: Any, settings: Any)
         for i in range(LANES):
             along = min(horizon, arena[i + SIDE_LEFT * LANES])
             after = horizon - along
-            for r in range(2):
-                way = (
-                    along * arena[i + (PRESENT_SIDE + SIDE_VELOCITY + r) * LANES]
-                    + after * arena[i + (NEXT_VELOCITY + r) * LANES]
-                )
-                preview[i + r * LANES] = way
+            x = along * arena[i + (PRESENT_SIDE + SIDE_VELOCITY) * LANES] + after * arena[i + NEXT_VELOCITY * LANES]
+            y = (
+                along * arena[i + (PRESENT_SIDE + SIDE_VELOCITY + 1) * LANES]
+                + after * arena[i + (NEXT_VELOCITY + 1) * LANES]
+            )
+            write_preview(arena, preview, i, x, y)
             beyond += after > arena[i + NEXT_TIME * LANES]
         for i in range(LANES if beyond > 0 else 0):
             if horizon - arena[i + SIDE_LEFT * LANES] > arena[i + NEXT_TIME * LANES]:
                 time = clock[STEPS, i] * settings[STEP] + horizon
                 there = reference_at(paths, clock[PATH, i], time, time, -1e18)
-                preview[i] = there[0] - arena[i + REFERENCE * LANES]
-                preview[i + LANES] = there[1] - arena[i + (REFERENCE + 1) * LANES]
-        for i in range(LANES):
-            x, y = preview[i], preview[i + LANES]
-            cosine, sine = arena[i + FRAME_AXIS * LANES], arena[i + (FRAME_AXIS + 1) * LANES]
-            preview[i] = cosine * x + sine * y
-            preview[i + LANES] = cosine * y - sine * x
+                x, y = there[0] - arena[i + REFERENCE * LANES], there[1] - arena[i + (REFERENCE + 1) * LANES]
+                write_preview(arena, preview, i, x, y)
+
+
+def write_preview(arena: Any, preview: Any, i: int, x: float, y: float) -> None:
+    """Enter a way of lane i's reference [m], turned into the frame."""
+    cosine, sine = arena[i + FRAME_AXIS * LANES], arena[i + (FRAME_AXIS + 1) * LANES]
+    preview[i] = cosine * x + sine * y
+    preview[i + LANES] = cosine * y - sine * x
 
 
 def write_observations(arena: Any, observations: Any, first: int, plan: Any, settings: Any, who: Any) -> None:

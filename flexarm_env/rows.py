@@ -102,9 +102,14 @@ def result_sizes(modes: int) -> dict[str, int]:
     }
 
 
+def beginning_sizes() -> dict[str, int]:
+    """What an environment gives out where an episode begins."""
+    return {"EPISODE": len(DRAWN), "START_TIME": 1}
+
+
 def episode_sizes(modes: int) -> dict[str, int]:
-    """What an environment gives out at an instant."""
-    return {
+    """What an environment gives out at an instant: rows that follow each other in the arena."""
+    return beginning_sizes() | {
         "STATE": 4 * modes + 4,
         "TORQUE": 2,
         "TRUE_TIP": 2,
@@ -169,7 +174,7 @@ def layout(kind: str, modes: int, foreshortened: bool = False) -> dict[str, tupl
     parts = _physics(kind, modes, foreshortened)
     pairs = foreshortened * modes * (modes + 1) // 2
     if kind != "open":
-        parts |= {"READING": 4, "LIMITS": 4 * modes + 4}
+        parts |= {"LIMITS": 4 * modes + 4}
         parts |= {"TIP_VALUES": modes, "TIP_DISTANCE": 1, "TIP_FORESHORTENING": pairs}
     if kind == "loop":
         parts |= {"REFERENCE": 4} | result_sizes(modes)
@@ -192,7 +197,7 @@ def layout(kind: str, modes: int, foreshortened: bool = False) -> dict[str, tupl
         }
         parts |= {"SAMPLE_TIME": 1, "SAMPLE_AGE": 1, "SAMPLE_POINT": 2, "SAMPLE_REFERENCE": 2}
         parts |= {"SENSOR_ERROR": 2, "SENSOR_ERROR_RATE": 2}
-        parts |= feature_sizes() | {"EPISODE": len(DRAWN)} | episode_sizes(modes)
+        parts |= feature_sizes() | episode_sizes(modes)
     return _places(parts)
 
 

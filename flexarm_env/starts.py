@@ -22,7 +22,7 @@ from flexarm_env.stepping import (
     law_kernel,
     prepare_commands,
     prepare_readings,
-    reading_kernel,
+    store_reading,
 )
 
 LANES = 1
@@ -31,12 +31,12 @@ MODES = 1
 STAGES = 4
 STEP = PERIOD = LENGTHS = BRANCH = START_SPREAD = SENSOR_DELAYS = BASE = LOWEST = HIGHEST = ARM = PER_PAYLOAD = 0
 PER_DAMPING = SUBSTEPS = CHANNELS = KEPT_ACTIONS = PREVIEWS = COMPENSATION = 0
-TAIL = EPISODE = Y = V = CONSTANTS = SENSOR_DELAY = SAMPLE_TIME = SENSOR_ERROR = SENSOR_ERROR_RATE = READING = 0
+TAIL = EPISODE = Y = V = CONSTANTS = SENSOR_DELAY = SAMPLE_TIME = SENSOR_ERROR = SENSOR_ERROR_RATE = 0
 PLACE_DISTANCE = JOINT = SHIFT = DELAY = COMMAND_DELAY = WEIGHT = RATE_WEIGHT = GAIN = EFFECTIVE_GAIN = TORQUE = 0
 V_SLOTS = MECHANICAL_SLOTS = FEEDBACK_SLOTS = V_STAGE = MECHANICAL = FEEDBACK = ACTION_CHANGE = NOISE = 0
 K_STIFFNESS_1 = K_DAMPING_1 = K_ELBOW_SLOPES = 0
 TIP_VALUES = K_ELBOW_VALUES = 0
-MOVES = LAP = PRESENT_SIDE = COMMAND_SIDE = READINGS = HOLD = SENSED = 0
+MOVES = LAP = START_TIME = PRESENT_SIDE = COMMAND_SIDE = READINGS = HOLD = SENSED = 0
 CONSTANT_COUNT = 0  # numbers that the equations know of an arm
 OWN_PATHS = TRUE_SENSOR = LATE = LAW = TRACKING = LINEAR = False
 # Constants of this file that assembled modules repeat.
@@ -87,7 +87,7 @@ def draw_quantities(arena: Any, key: Any, settings: Any, order: Any, i: int) -> 
     arena[i + (EPISODE + DRAWN_DELAY) * LANES] = arena[i + SENSOR_DELAY * LANES]
 
 
-def draw_start(clock: Any, key: Any, paths: Any, plan: Any, settings: Any, order: Any, lane: int, i: int) -> bool:
+def draw_start(arena: Any, clock: Any, key: Any, paths: Any, settings: Any, order: Any, lane: int, i: int) -> bool:
     """Path and moment at which lane i starts; whether the arm starts on the move."""
     index = int(uniform(key, PLACE_PATH) * paths.shape[0])
     if OWN_PATHS:  # a constant: where it is false, the compiler never sees what follows
@@ -109,6 +109,7 @@ def draw_start(clock: Any, key: Any, paths: Any, plan: Any, settings: Any, order
     clock[PATH, i] = index
     clock[STEPS, i] = int(phase / settings[STEP] + 0.5)
     clock[BEGAN, i] = clock[STEPS, i]
+    arena[i + START_TIME * LANES] = clock[BEGAN, i] * settings[STEP]
     moving = kind == MOVING
     clock[SINCE, i] = LONG_AGO if moving else clock[STEPS, i]
     return moving
@@ -193,17 +194,18 @@ def place_arm(arena: Any, clock: Any, key: Any, paths: Any, settings: Any, order
 def fill_history(
     arena: Any, history: Any, clock: Any, paths: Any, plan: Any, settings: Any, i: int, moving: bool
 ) -> None:
-    """The delay line of lane i: the present reading, moved back with the reference if the arm starts on the move."""
+    """The delay line of lane i: its newest reading, moved back with the reference if the arm starts on the move."""
     h = settings[STEP]
     slots = history.shape[0] // (4 * LANES)
+    newest = clock[HEAD, 0]
     now = reference_reading(arena, clock, paths, settings, i, 0.0)
     for back in range(slots):
         if not (plan[READINGS] >> (-back % plan[SUBSTEPS] & 63)) & 1:
             continue  # nobody will ask for it
-        slot = (clock[HEAD, 0] - back) % slots
+        slot = (newest - back) % slots
         moved = reference_reading(arena, clock, paths, settings, i, back * h) if moving and back > 0 else now
         for r in range(4):
-            value = arena[i + (READING + r) * LANES]
+            value = history[i + (4 * newest + r) * LANES]
             if moving:
                 value += moved[r] - now[r]
             elif r >= 2 and back > 0:
@@ -276,7 +278,7 @@ def start_lane(
 ) -> None:
     """Everything of lane i but its delay line."""
     draw_quantities(arena, key, settings, order, i)
-    moving = draw_start(clock, key, paths, plan, settings, order, lane, i)
+    moving = draw_start(arena, clock, key, paths, settings, order, lane, i)
     place_arm(arena, clock, key, paths, settings, order, i, moving)
     newest = TAIL + 2 * plan[PREVIEWS]
     for row in range(plan[KEPT_ACTIONS] * plan[CHANNELS]):
@@ -342,7 +344,7 @@ def begin_lanes(
                 prepare_law(arena, clock, plan, i)
     if LINEAR:
         elimination_kernel(arena)
-    reading_kernel(arena)
+    store_reading(arena, history, clock[HEAD, 0])  # again where no episode begins
     for i in range(LANES):
         if started[i]:
             moving = clock[SINCE, i] == LONG_AGO

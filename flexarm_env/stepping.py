@@ -30,7 +30,7 @@ SIZE = 4  # internal coordinates
 STAGES = 4
 Y = V = Y_STAGE = V_STAGE = V_SLOTS = MECHANICAL = MECHANICAL_SLOTS = FEEDBACK = FEEDBACK_SLOTS = OFFSET = 0
 WEIGHT = RATE_OFFSET = RATE_WEIGHT = COMMAND_1 = COMMAND_2 = COMMAND_SIDE = COMMAND_DELAY = 0
-DELAY = RATE_LATE = READING = 0
+DELAY = RATE_LATE = 0
 # What a lane's clock counts and points to: integration steps of path time, its path, the step before which the
 # reference rests, the step at which the episode began, and the delay line's newest slot, the same for a whole block.
 STEPS, PATH, SINCE, BEGAN, HEAD = 0, 1, 2, 3, 4
@@ -69,8 +69,8 @@ def law_kernel(arena: Any, h: float, ahead: float, explicit: Any, implicit: Any)
     raise NotImplementedError("the recorded kernel exists in assembled modules only")
 
 
-def reading_kernel(arena: Any) -> None:
-    """What the sensor would measure now, without delay, on every lane (recorded)."""
+def reading_kernel(arena: Any, readings: Any) -> None:
+    """What the sensor would measure now, without delay, on every lane: two readings, two rates (recorded)."""
     raise NotImplementedError("the recorded kernel exists in assembled modules only")
 
 
@@ -229,11 +229,7 @@ def count_steps(clock: Any, history: Any, steps: int) -> None:
 
 def store_reading(arena: Any, history: Any, slot: int) -> None:
     """Enter the current readings into a slot of the delay line."""
-    reading_kernel(arena)
-    kept = history[slot * 4 * LANES : (slot + 1) * 4 * LANES]
-    now = arena[READING * LANES : (READING + 4) * LANES]
-    for n in range(4 * LANES):
-        kept[n] = now[n]
+    reading_kernel(arena, history[slot * 4 * LANES : (slot + 1) * 4 * LANES])
 
 
 def evaluate_law(arena: Any, history: Any, clock: Any, paths: Any, h: float) -> None:
@@ -289,15 +285,14 @@ def loop_step(arena: Any, history: Any, clock: Any, paths: Any, h: float) -> Non
 def state_status(arena: Any) -> None:
     """Status of every lane: 0 for a valid state; -1 if it is not finite; n if its entry n - 1 is beyond its limit."""
     for i in range(LANES):
-        arena[i + STATUS * LANES] = 0.0
-    for r in range(2 * SIZE - 1, -1, -1):
-        for i in range(LANES):
+        status = 0.0
+        for r in range(2 * SIZE - 1, -1, -1):
             beyond = not abs(arena[i + (STATE + r) * LANES]) <= arena[i + (LIMITS + r) * LANES]
-            arena[i + STATUS * LANES] = r + 1.0 if beyond else arena[i + STATUS * LANES]
-    for r in range(2 * SIZE):
-        for i in range(LANES):
+            status = r + 1.0 if beyond else status
+        for r in range(2 * SIZE):
             value = arena[i + (STATE + r) * LANES]
-            arena[i + STATUS * LANES] = arena[i + STATUS * LANES] if value - value == 0.0 else -1.0
+            status = status if value - value == 0.0 else -1.0
+        arena[i + STATUS * LANES] = status
 
 
 def write_outputs(arena: Any, history: Any, clock: Any, paths: Any, h: float) -> None:

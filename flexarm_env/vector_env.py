@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from math import isfinite
 from typing import Any
 
 import gymnasium
 import numpy as np
-from gymnasium.utils import seeding
 from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from flexarm_env.env import FASTEST_VIDEO, RENDER_MODES, FleetView, new_keys
+from flexarm_env.env import FASTEST_VIDEO, RENDER_MODES, FleetView, rounded
+from flexarm_env.episode_keys import EpisodeKeys
 from flexarm_env.fleet import Fleet
 from flexarm_env.info import InfoMaker
 from flexarm_env.reset_options import orders_of
@@ -65,7 +66,7 @@ class FlexArmVectorEnv(FleetView, gymnasium.vector.VectorEnv[NDArray[np.float32]
             TypeError, ValueError: for a bad argument, naming it, its value and what is allowed.
         """
         self.num_envs = integer("num_envs", num_envs, 1)
-        self._limit = None if max_episode_steps in (None, -1) else integer("max_episode_steps", max_episode_steps, 1)
+        limit = None if max_episode_steps in (None, -1) else integer("max_episode_steps", max_episode_steps, 1)
         if render_mode is not None:
             choice("render_mode", render_mode, RENDER_MODES[:1])
         self.render_mode = render_mode
@@ -80,13 +81,13 @@ class FlexArmVectorEnv(FleetView, gymnasium.vector.VectorEnv[NDArray[np.float32]
         self._scenes = (
             [Scene(self.fleet, i, render_mode, self._fps()) for i in range(self.num_envs)] if render_mode else []
         )
-        self._generators: list[np.random.Generator] = []
-        self._steps = np.zeros(self.num_envs, dtype=np.int64)
+        self._keys = EpisodeKeys(self.num_envs)
+        self._longest = np.inf if limit is None else (limit - 0.5) * self.control_period  # [s], whatever the rounding
         self._ended = NOBODY  # environments whose episode is over
         self._orders = orders_of(None, self.fleet)
         self._started = False
         parts = self.fleet.parts
-        self._reward, self._status = parts["REWARD"].start, parts["STATUS"].start
+        self._reward, self._status, self._time = (parts[name].start for name in ("REWARD", "STATUS", "TIME"))
 
     # --- Gymnasium's interface -------------------------------------------------------------------------------------
 
@@ -110,7 +111,7 @@ class FlexArmVectorEnv(FleetView, gymnasium.vector.VectorEnv[NDArray[np.float32]
         orders = orders_of(wanted, self.fleet)
         self._seed(seed, mask)
         begun = np.flatnonzero(mask)
-        self._begin(begun, orders, self.fleet.start)
+        self.fleet.start(self._keys.take(begun), begun, orders)
         self._started, self._ended = True, self._ended[~mask[self._ended]]
         self._remember(begun)
         return self._observations(), self._infos.batch(begun, stepped=False)
@@ -120,7 +121,7 @@ class FlexArmVectorEnv(FleetView, gymnasium.vector.VectorEnv[NDArray[np.float32]
 
         Args:
             actions: in [-1, 1]; beyond that they are limited. Those of environments that begin an episode in this step
-                are not read. Shape (N, channels).
+                are not read. Other numbers than float32 are rounded to it. Shape (N, channels).
 
         Raises:
             ValueError: for another shape, or a value that is not finite.
@@ -135,20 +136,20 @@ class FlexArmVectorEnv(FleetView, gymnasium.vector.VectorEnv[NDArray[np.float32]
                 "reset(options={'reset_mask': ...}) first"
             )
         begun = self._ended  # there are such with next-step reset only
-        self._steps += 1
         if len(begun):
-            self._begin(begun, self._orders, self.fleet.order_starts)
+            self.fleet.order_starts(self._keys.take(begun), begun, self._orders)
         self.fleet.step()
         results = self.fleet.results
-        terminated = results[:, self._status] != 0.0
-        truncated = self._steps >= self._limit if self._limit else np.zeros_like(terminated)
+        status = results[:, self._status]
+        terminated = status != 0.0
+        truncated = results[:, self._time] > self._longest
         if len(begun):  # whatever comes of an episode's first instant, it ends after a step at the earliest
-            terminated[begun] = truncated[begun] = False
+            terminated[begun] = False
         rewards = results[:, self._reward].copy()  # 0 where an episode begins
         self._ended = (terminated | truncated).nonzero()[0]
         infos = self._infos.batch(begun, stepped=True)
         if len(self._ended):
-            self._add_reasons(infos, results, terminated)
+            self._add_reasons(infos, status, terminated)
             if self._mode is AutoresetMode.SAME_STEP:
                 begun, self._ended = self._ended, NOBODY
                 infos = self._restart(begun, infos)
@@ -189,26 +190,17 @@ class FlexArmVectorEnv(FleetView, gymnasium.vector.VectorEnv[NDArray[np.float32]
             seeds = [None if each is None else int(each) for each in seed]
             if len(seeds) != self.num_envs:
                 raise ValueError(f"seed: must be one number or {self.num_envs}, got {len(seeds)}")
-        if not self._generators:
-            self._generators = [seeding.np_random(each)[0] for each in seeds]
-            return
-        for i in np.flatnonzero(mask).tolist():
-            if seeds[i] is not None:
-                self._generators[i] = seeding.np_random(seeds[i])[0]
-
-    def _begin(self, chosen: Indices, orders: Array, start: Callable[..., None]) -> None:
-        start(new_keys([self._generators[i] for i in chosen.tolist()]), chosen, orders)
-        self._steps[chosen] = 0
+        self._keys.seed(seeds, mask)
 
     def _take(self, actions: NDArray[np.float32]) -> None:
         values = np.asarray(actions)
         if values.shape != self.action_space.shape or values.dtype.kind not in "fiu":
             finite_array("actions", actions, self.action_space.shape or ())  # says what is wrong
-        if not np.isfinite(values).all():
+        if not isfinite(np.vdot(values, values)):  # or too large for its square: one look takes the least time
             read = np.ones(len(values), dtype=bool)
             read[self._ended] = False
             finite_array("actions", np.where(read[:, None], values, 0.0), self.action_space.shape or ())
-        self.fleet.actions[: self.num_envs] = values
+        self.fleet.actions[: self.num_envs] = values if values.dtype == np.float32 else rounded(values)
 
     def _restart(self, ended: Indices, infos: dict[str, Any]) -> dict[str, Any]:
         """Begin new episodes where one ended in this step; what ended goes into `final_obs` and `final_info`."""
@@ -216,7 +208,7 @@ class FlexArmVectorEnv(FleetView, gymnasium.vector.VectorEnv[NDArray[np.float32]
         final_obs = np.empty(self.num_envs, dtype=object)
         for i in ended.tolist():
             final_obs[i] = self.fleet.observations[i].copy()
-        self._begin(ended, self._orders, self.fleet.start)
+        self.fleet.start(self._keys.take(ended), ended, self._orders)
         merged = self._infos.batch(ended, stepped=True)
         done = np.zeros(self.num_envs, dtype=bool)
         done[ended] = True
@@ -224,12 +216,13 @@ class FlexArmVectorEnv(FleetView, gymnasium.vector.VectorEnv[NDArray[np.float32]
         merged |= {"final_info": _masked(final, done), "_final_info": done.copy()}
         return merged
 
-    def _add_reasons(self, infos: dict[str, Any], results: Array, terminated: Flags) -> None:
-        statuses = results[self._ended, self._status].tolist()
-        if not any(statuses):  # all were cut off by the time limit
+    def _add_reasons(self, infos: dict[str, Any], status: Array, terminated: Flags) -> None:
+        found = status[self._ended].tolist()
+        if not any(found):  # all were cut off by the time limit
             return
-        reasons = np.empty(self.num_envs, dtype=object)
-        reasons[self._ended] = [self.fleet.failure(status) for status in statuses]
+        reasons, failures = np.empty(self.num_envs, dtype=object), self.fleet.failures
+        for i, each in zip(self._ended.tolist(), found, strict=True):
+            reasons[i] = failures[each]
         infos["termination_reason"], infos["_termination_reason"] = reasons, terminated.copy()
 
     def _observations(self) -> NDArray[np.float32]:

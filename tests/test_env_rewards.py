@@ -27,9 +27,9 @@ def test_the_reward_is_the_weighted_sum_of_its_terms(env_id: str) -> None:
     env = bare(env_id, reward_weights=weights, start="moving", **FREE)
     time, last = 2.0, np.full(env.action_space.shape, -1.0 if env_id == GAIN else 0.0)
     env.reset(seed=1, options={"time": time})
-    for action in np.random.default_rng(0).uniform(-1.3, 1.3, (40, len(last))):
+    for action in np.random.default_rng(0).uniform(-1.3, 1.3, (40, len(last))).astype(np.float32):
         _, reward, _, _, info = env.step(action)
-        action = np.clip(action, -1.0, 1.0)
+        action = np.clip(action.astype(np.float64), -1.0, 1.0)
         distance = math.dist(info["true_tip"], square(SquareParameters()).position(time + info["time"]))
         rates = env.arm.tip_deflection(info["state"][env.arm.size :])
         terms = {

@@ -22,6 +22,7 @@ from flexarm_env.elementary import sincos
 from flexarm_env.elimination import elimination
 from flexarm_env.recorded import Variant
 from flexarm_env.rows import DRIVES, arm_rows, extent
+from flexarm_env.tracing import quarter_turns
 
 LANES = 8
 # modes, complete velocity forces, kinematics
@@ -110,15 +111,17 @@ def batch(request: pytest.FixtureRequest) -> Batch:
 # --- the formulas as written ------------------------------------------------------------------------------------------
 
 
-def interpreted(variant: Variant, fused: Callable[[float, float, float], float]) -> Callable[[np.ndarray, float], None]:
-    """The step of a module with one lane as Python runs its text, with a multiplication-and-addition of our choice."""
+def interpreted(variant: Variant, fused: Callable[[float, float, float], float]) -> dict[str, Callable[..., Any]]:
+    """Functions of a module with one lane as Python runs their text, with a multiplication-and-addition of our choice.
+
+    What the module has as intrinsics of the processor is arithmetic here.
+    """
     text = kernels.render(variant)
     plain = {"njit": lambda **options: lambda function: function, "floor": np.floor}
-    names: dict[str, Any] = plain | {"fused": fused, "aligned_stack": lambda: None}
+    names: dict[str, Any] = plain | {"fused": fused, "quarter_turns": quarter_turns, "aligned_stack": lambda: None}
     for name in ("sincos_fused", "slope", "step_kernel"):
         exec(f"def {name}({text.split(f'def {name}(', 1)[1].split('@njit', 1)[0]}", names)
-    step: Callable[[np.ndarray, float], None] = names["step_kernel"]
-    return step
+    return names
 
 
 def rounded_once(a: float, b: float, c: float) -> float:
@@ -131,7 +134,7 @@ def test_a_compiled_step_is_its_text_to_the_last_bit(batch: Batch, lanes: int) -
     arenas, expected = batch.arenas(lanes), batch.arenas(1)
     for arena in arenas:
         batch.module(lanes).step_kernel(arena, 1e-3)
-    step = interpreted(batch.variant(1), rounded_once)
+    step = interpreted(batch.variant(1), rounded_once)["step_kernel"]
     for arena in expected:
         step(arena, 1e-3)
     for name in "YV":
@@ -141,7 +144,7 @@ def test_a_compiled_step_is_its_text_to_the_last_bit(batch: Batch, lanes: int) -
 def test_the_text_of_a_step_is_the_formulas_on_arrays_to_the_last_bit(batch: Batch) -> None:
     """The recorder reorders and replaces nothing; here what it fuses is rounded twice, as in the formulas."""
     h, arenas = 1e-3, batch.arenas(1)
-    step = interpreted(batch.variant(1), lambda a, b, c: a * b + c)
+    step = interpreted(batch.variant(1), lambda a, b, c: a * b + c)["step_kernel"]
     for arena in arenas:
         step(arena, h)
     y, v, slopes = batch.y, batch.v, []
@@ -254,6 +257,15 @@ ANGLES = {
 def test_sine_and_cosine_are_within_two_ulp(name: str) -> None:
     x = ANGLES[name]
     assert ulp_errors(np.concatenate([x, -x[:100], np.nextafter(x[:100], 0.0)])).max() < 2.0
+
+
+@pytest.mark.parametrize("name", ANGLES)
+def test_a_compiled_sine_is_its_text_to_the_last_bit(name: str) -> None:
+    """Signs and the exchange of sine and cosine too, which the processor takes from the bits of a whole number."""
+    variant = Variant("open", 1, True, 1)
+    compiled, text = kernels.load(variant).sincos_fused, interpreted(variant, rounded_once)["sincos_fused"]
+    for x in np.concatenate([ANGLES[name][:100], -ANGLES[name][:100], ANGLES[name][-50:], [0.0]]).tolist():
+        assert compiled(x) == text(x)
 
 
 def test_sine_and_cosine_of_zero_are_exact() -> None:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import copy
+from collections.abc import Callable
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
 import pytest
-from envs import IDS, SQUARE, actions_for, assert_same, vector
+from envs import IDS, SQUARE, actions_for, assert_same, make, vector
 from gymnasium.vector import AutoresetMode
 from refusals import refuses
 
@@ -139,6 +140,35 @@ def test_wrong_actions_are_refused_and_nothing_moves(actions: Any, words: tuple[
         env.step(actions)
     for good in actions_for(env, 3):
         assert_same(env.step(good), twin.step(good))
+
+
+@pytest.mark.parametrize(
+    "convert",
+    [
+        np.float64,
+        np.float16,
+        lambda actions: actions.astype(">f4"),
+        lambda actions: np.repeat(actions, 2, axis=-1)[..., ::2],
+        lambda actions: actions.tolist(),
+    ],
+    ids=["float64", "float16", "other byte order", "not contiguous", "list"],
+)
+def test_actions_of_another_type_are_rounded_to_the_spaces(convert: Callable[[Any], Any]) -> None:
+    env, twin, single, other = vector(SQUARE), vector(SQUARE), make(SQUARE), make(SQUARE)
+    for each in (env, twin, single, other):
+        each.reset(seed=0)
+    for actions in actions_for(env, 5).astype(np.float16).astype(np.float32):  # the same number in all of these types
+        assert_same(env.step(convert(actions)), twin.step(actions))
+        assert_same(single.step(convert(actions[0])), other.step(actions[0]))
+
+
+def test_actions_beyond_the_range_of_float32_are_limited() -> None:
+    env, twin, single, other = vector(SQUARE), vector(SQUARE), make(SQUARE), make(SQUARE)
+    for each in (env, twin, single, other):
+        each.reset(seed=0)
+    assert_same(env.step(np.full((3, 2), -1e300)), twin.step(np.full((3, 2), -1.0, np.float32)))
+    assert_same(single.step(np.full(2, 1e300)), other.step(np.full(2, 1.0, np.float32)))
+    assert_same(env.step(np.full((3, 2), 1e30, np.float32)), twin.step(np.ones((3, 2), np.float32)))
 
 
 # --- what is handed out -------------------------------------------------------------------------------------
