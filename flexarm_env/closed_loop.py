@@ -23,6 +23,7 @@ from flexarm_env.algebra import dot
 from flexarm_env.constants import Constants
 from flexarm_env.dynamics import (
     applied_forces,
+    elbow_turn,
     generalised_torque,
     inertia,
     joint_angles,
@@ -187,7 +188,7 @@ def law_stage(
     """
     complete, sensor, rate_jacobian = variant
     m = len(k.elbow_values)
-    sin, cos = sincos(y[m + 1] - y[0])
+    sin, cos = sincos(elbow_turn(y))
     one, both = sincos(y[0]), sincos(y[m + 1] - dot(k.elbow_slopes, y[1 : m + 1]))  # theta1, theta1 + theta2
     jacobian = rigid_jacobian(k.elbow_distance, law.sensor_distance, one, both)
     if sensor == "true":

@@ -83,7 +83,7 @@ def write_commands(arena: Any, plan: Any, settings: Any, step: int, held: bool) 
 
 def keep_reading(arena: Any, history: Any, clock: Any, plan: Any, done: int) -> None:
     """Enter the reading after so many steps of a period into the delay line, if it will be asked for (`READINGS`)."""
-    if (plan[READINGS] >> ((done if done < plan[SUBSTEPS] else 0) & 63)) & 1:  # a remainder takes 2 ns
+    if (plan[READINGS] >> ((done if done < plan[SUBSTEPS] else 0) & 63)) & 1:
         store_reading(arena, history, slot_after(clock, history, done))
 
 

@@ -41,6 +41,11 @@ def internal_coordinates(k: Constants, q: Vector) -> list[Any]:
     return [q[0], *q1, q[0] + dot(k.elbow_slopes, q1) + q[1], *q[m + 2 :]]
 
 
+def elbow_turn(y: Vector) -> Any:
+    """a2 - a1 [rad], from internal coordinates y: with as many modes on each link, a2 is half way."""
+    return y[len(y) // 2] - y[0]
+
+
 def generalised_torque(k: Constants, tau: Vector) -> list[Any]:
     """B tau: the elbow's torque reacts on link 1's tip slope."""
     m = len(k.elbow_slopes)

@@ -150,7 +150,10 @@ class FlexArmEnv(FleetView, gymnasium.Env[NDArray[np.float32], NDArray[np.float3
         fleet = self.fleet
         try:
             fleet.only_action[:] = action  # type: ignore[call-overload]
+            taken = True
         except (TypeError, ValueError, BufferError, NotImplementedError):  # not float32, or not of this shape
+            taken = False
+        if not taken:
             fleet.only_action[:] = rounded(finite_array("action", action, self._shape))  # type: ignore[call-overload]
         if not fleet.only_step():
             finite_array("action", action, self._shape)  # says what is wrong
@@ -190,4 +193,5 @@ class FlexArmEnv(FleetView, gymnasium.Env[NDArray[np.float32], NDArray[np.float3
 
 def rounded(actions: NDArray[Any]) -> NDArray[np.float32]:
     """Actions of another type as the action space's, limited first: a float64 may be beyond all of float32."""
-    return np.clip(actions, -1.0, 1.0).astype(np.float32)
+    limited = np.minimum(np.maximum(actions.astype(np.float64), -1.0), 1.0)  # `np.clip` takes five times as long
+    return limited.astype(np.float32)

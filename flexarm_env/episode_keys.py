@@ -20,7 +20,7 @@ class EpisodeKeys:
     """Keys for the episodes of many environments, each with a generator of its own.
 
     They are the ones that `new_key` would draw, one by one, drawn ahead: a generator that was not used for a while has
-    left the processor's cache, and to fetch it takes a microsecond.
+    left the processor's cache, and to fetch it takes longer than to draw.
     """
 
     def __init__(self, count: int) -> None:

@@ -19,7 +19,7 @@ from flexarm_env.machine import TILE
 from flexarm_env.memory import blank
 from flexarm_env.observation import observation_layout, refuse_fast_starts
 from flexarm_env.recorded import Variant
-from flexarm_env.rows import ORDER, PLAN, episode_sizes, extent
+from flexarm_env.rows import ORDER, PLAN, episode_sizes, extent, result_rows
 from flexarm_env.settings import Settings
 from flexarm_env.stepping import CLOCK, PATH
 from flexarm_env.tables import (
@@ -67,7 +67,7 @@ class Fleet:
         usual_orders: for new episodes, as the settings say; read-only. Shape (N, columns).
         observations: present ones; the kernels write into it. Shape (lanes, k), float32.
         results: what is known since the latest `start` or `step` (not `only_step`), in an array of its own; `parts`
-            says what lies where. In a batch, how an episode began is 0 where none did. Shape (N, k).
+            says what lies where. Of several, how an episode began is 0 where none did. Shape (N, k).
         parts: places of the parts of `results`, by name.
         only_step: for one environment without others, as all that follows: a control period; False if it refused an
             action that is not finite.
@@ -100,8 +100,8 @@ class Fleet:
         self._variant = _variant(settings, self._kind, lanes)
         self._rows = self._variant.rows
         sizes = episode_sizes(modes)
-        first = self._rows[next(iter(sizes))][0]
-        self._results = slice(first, first + sum(sizes.values()))
+        first, count_of = result_rows(self._rows, modes)
+        self._results = slice(first, first + count_of)
         ends = np.cumsum(list(sizes.values())).tolist()
         self.parts = {name: slice(end - size, end) for (name, size), end in zip(sizes.items(), ends, strict=True)}
         channels = len(settings.action_limit)

@@ -44,7 +44,17 @@ from flexarm_env import (
     torque_stepping,
 )
 from flexarm_env.recorded import DECORATOR, INLINED, RECORDED, Variant
-from flexarm_env.rows import DRAWN, DRIVES, ORDER, PLAN, beginning_sizes, constant_places, extent, settings_layout
+from flexarm_env.rows import (
+    DRAWN,
+    DRIVES,
+    ORDER,
+    PLAN,
+    beginning_sizes,
+    constant_places,
+    extent,
+    result_rows,
+    settings_layout,
+)
 
 _READINGS = (
     sides.side_of,
@@ -206,7 +216,7 @@ def _constants(variant: Variant) -> dict[str, Any]:
         names |= {"QUANTITIES": len(DRAWN), "TERMS": len(reward.TERMS)}
         names |= {"LAW": variant.kind == "gain", "TRACKING": variant.kind == "tracking"}
         names |= {"LINEAR": not variant.foreshortened, "DISTURBED": variant.disturbed}
-        names |= {"RESULTS": rows["EPISODE"][0], "BEGINNINGS": sum(beginning_sizes().values())}
+        names |= {"RESULTS": result_rows(rows, variant.modes)[0], "BEGINNINGS": sum(beginning_sizes().values())}
         names |= {name: 0 for name in _FOREIGN_ROWS if name not in names}
     return names
 

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from flexarm_env import kernels
 from flexarm_env.constants import Constants
+from flexarm_env.dynamics import elbow_turn
 from flexarm_env.kinematics import internal_state, public_state
 from flexarm_env.recorded import Variant
 from flexarm_env.rows import arm_rows, extent
@@ -94,10 +95,9 @@ class OpenLoop:
             if not np.all(np.isfinite(stage)):
                 return False
             tau = _evaluate(torque, (k + node) * h, stage)
-            y, v = np.split(internal, 2)
-            turn = self._module.sincos_fused(float(y[len(y) // 2] - y[0]))
-            rates = self._module.slope(*self._numbers, *y.tolist(), *v.tolist(), *tau.tolist(), *turn)
-            slope = np.concatenate([v, rates])
+            y, v = (part.tolist() for part in np.split(internal, 2))
+            turn = self._module.sincos_fused(elbow_turn(y))
+            slope = np.array([*v, *self._module.slope(*self._numbers, *y, *v, *tau.tolist(), *turn)])
             total = total + weight * slope
         self._arena[self._state] = start + h / 6.0 * total
         return True

@@ -174,16 +174,18 @@ def step_source(variant: Variant) -> str:
 
     All four stages in one pass over the lanes, so that slopes and their sum stay in registers. A stage's positions need
     the velocities of the stage before, but not its slope, so its sine is at hand early: the two are worked out side by
-    side. Twice a slope is a sum, since units that only add are idle while others multiply.
+    side. (After the last stage comes none: what is written for it no result needs, and `Trace.lines` leaves it out.)
+    Twice a slope is a sum, since units that only add are idle while others multiply.
     """
     r = _Recorder(variant)
     known, h, y, v = [*r.read("CONSTANTS"), *r.read("ELIMINATION")], r.trace.input("h"), r.read("Y"), r.read("V")
-    stage_y, stage_v, turn = y, v, _elbow_turn(variant, y)
+    stage_y, stage_v, turn = y, v, sincos(dyn.elbow_turn(y))
     total: list[Any] = []
     for node, next_node, weight in zip(RK4_NODES, (*RK4_NODES[1:], 0.0), RK4_WEIGHTS, strict=True):
+        assert weight in (1.0, 2.0)
         ahead = h * next_node
         next_y = [a + ahead * b for a, b in zip(y, stage_v, strict=True)]
-        next_turn = _elbow_turn(variant, next_y)
+        next_turn = sincos(dyn.elbow_turn(next_y))
         acting = r.read("TAU")
         if variant.kind == "tracking":
             acting = _tracking_torque(r, r.constants(), round(2 * node), (stage_y, stage_v))
@@ -198,11 +200,6 @@ def step_source(variant: Variant) -> str:
     r.write("Y", moved[: len(y)])
     r.write("V", moved[len(y) :])
     return r.source("step_kernel(arena, h" + (", bases)" if variant.kind == "tracking" else ")"))
-
-
-def _elbow_turn(variant: Variant, y: Sequence[Any]) -> tuple[Any, Any]:
-    """S and C, sine and cosine of a2 - a1 (`dynamics`)."""
-    return sincos(y[variant.modes + 1] - y[0])
 
 
 def _tracking_torque(

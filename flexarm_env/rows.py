@@ -124,6 +124,12 @@ def episode_sizes(modes: int) -> dict[str, int]:
     }
 
 
+def result_rows(rows: dict[str, tuple[int, int]], modes: int) -> tuple[int, int]:
+    """First row of what an environment gives out (`episode_sizes`) in an arena with this layout, and how many rows."""
+    sizes = episode_sizes(modes)
+    return rows[next(iter(sizes))][0], sum(sizes.values())
+
+
 def feature_sizes() -> dict[str, int]:
     """What observations are made of beside rows that exist anyway."""
     return {

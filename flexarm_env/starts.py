@@ -30,13 +30,11 @@ SIZE = 4
 MODES = 1
 STAGES = 4
 STEP = PERIOD = LENGTHS = BRANCH = START_SPREAD = SENSOR_DELAYS = BASE = LOWEST = HIGHEST = ARM = PER_PAYLOAD = 0
-PER_DAMPING = SUBSTEPS = CHANNELS = KEPT_ACTIONS = PREVIEWS = COMPENSATION = 0
-TAIL = EPISODE = Y = V = CONSTANTS = SENSOR_DELAY = SAMPLE_TIME = SENSOR_ERROR = SENSOR_ERROR_RATE = 0
+PER_DAMPING = SUBSTEPS = CHANNELS = KEPT_ACTIONS = PREVIEWS = COMPENSATION = TIP_VALUES = K_ELBOW_VALUES = 0
+TAIL = EPISODE = Y = V = CONSTANTS = SENSOR_DELAY = SAMPLE_TIME = SENSOR_ERROR = SENSOR_ERROR_RATE = K_ELBOW_SLOPES = 0
 PLACE_DISTANCE = JOINT = SHIFT = DELAY = COMMAND_DELAY = WEIGHT = RATE_WEIGHT = GAIN = EFFECTIVE_GAIN = TORQUE = 0
 V_SLOTS = MECHANICAL_SLOTS = FEEDBACK_SLOTS = V_STAGE = MECHANICAL = FEEDBACK = ACTION_CHANGE = NOISE = 0
-K_STIFFNESS_1 = K_DAMPING_1 = K_ELBOW_SLOPES = 0
-TIP_VALUES = K_ELBOW_VALUES = 0
-MOVES = LAP = START_TIME = PRESENT_SIDE = COMMAND_SIDE = READINGS = HOLD = SENSED = 0
+MOVES = LAP = START_TIME = PRESENT_SIDE = COMMAND_SIDE = READINGS = HOLD = SENSED = K_STIFFNESS_1 = K_DAMPING_1 = 0
 CONSTANT_COUNT = 0  # numbers that the equations know of an arm
 OWN_PATHS = TRUE_SENSOR = LATE = LAW = TRACKING = LINEAR = False
 # Constants of this file that assembled modules repeat.
@@ -344,7 +342,7 @@ def begin_lanes(
                 prepare_law(arena, clock, plan, i)
     if LINEAR:
         elimination_kernel(arena)
-    store_reading(arena, history, clock[HEAD, 0])  # again where no episode begins
+    store_reading(arena, history, clock[HEAD, 0])  # where none begins it was there, or nobody asks for it
     for i in range(LANES):
         if started[i]:
             moving = clock[SINCE, i] == LONG_AGO

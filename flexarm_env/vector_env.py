@@ -19,11 +19,12 @@ from flexarm_env.info import InfoMaker
 from flexarm_env.reset_options import orders_of
 from flexarm_env.scene import Scene
 from flexarm_env.settings import Settings
-from flexarm_env.validation import choice, finite_array, integer
+from flexarm_env.validation import choice, finite_array, integer, real_array
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 Indices = NDArray[np.int64]
+LONGEST = 10**15  # [control periods]; a float64 counts them one by one
 NOBODY = np.zeros(0, dtype=np.int64)
 NOBODY.setflags(write=False)
 Step = tuple[NDArray[np.float32], Array, Flags, Flags, dict[str, Any]]
@@ -66,7 +67,7 @@ class FlexArmVectorEnv(FleetView, gymnasium.vector.VectorEnv[NDArray[np.float32]
             TypeError, ValueError: for a bad argument, naming it, its value and what is allowed.
         """
         self.num_envs = integer("num_envs", num_envs, 1)
-        limit = None if max_episode_steps in (None, -1) else integer("max_episode_steps", max_episode_steps, 1)
+        limit = None if max_episode_steps in (None, -1) else integer("max_episode_steps", max_episode_steps, 1, LONGEST)
         if render_mode is not None:
             choice("render_mode", render_mode, RENDER_MODES[:1])
         self.render_mode = render_mode
@@ -193,10 +194,10 @@ class FlexArmVectorEnv(FleetView, gymnasium.vector.VectorEnv[NDArray[np.float32]
         self._keys.seed(seeds, mask)
 
     def _take(self, actions: NDArray[np.float32]) -> None:
-        values = np.asarray(actions)
+        values = actions if isinstance(actions, np.ndarray) else real_array("actions", actions)
         if values.shape != self.action_space.shape or values.dtype.kind not in "fiu":
             finite_array("actions", actions, self.action_space.shape or ())  # says what is wrong
-        if not isfinite(np.vdot(values, values)):  # or too large for its square: one look takes the least time
+        if not isfinite(np.vdot(values, values)):  # one is not, or their squares overflow; then look at each
             read = np.ones(len(values), dtype=bool)
             read[self._ended] = False
             finite_array("actions", np.where(read[:, None], values, 0.0), self.action_space.shape or ())

@@ -130,7 +130,7 @@ def test_a_copy_continues_identically(env_id: str, how: str, wrapped: bool) -> N
 @pytest.mark.parametrize("threads", [1, 2])
 def test_a_copy_of_many_continues_identically(env_id: str, how: str, threads: int) -> None:
     """Across resets, with a thread pool that no pickle can hold."""
-    env = gym.make_vec(env_id, num_envs=17, max_episode_steps=25, threads=threads, **noisy(env_id))
+    env = gym.make_vec(env_id, num_envs=11, max_episode_steps=25, threads=threads, **noisy(env_id))
     env.reset(seed=3)
     digest(env, 20)
     twin = pickle.loads(pickle.dumps(env)) if how == "pickle" else copy.deepcopy(env)

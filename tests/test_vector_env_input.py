@@ -108,7 +108,8 @@ def test_resets_that_cannot_be() -> None:
     [
         ({"num_envs": 0}, ValueError, ("num_envs = 0", ">= 1")),
         ({"num_envs": 2.0}, TypeError, ("num_envs = 2.0", "integer")),
-        ({"max_episode_steps": 0}, ValueError, ("max_episode_steps = 0", ">= 1")),
+        ({"max_episode_steps": 0}, ValueError, ("max_episode_steps = 0", "from 1 to")),
+        ({"max_episode_steps": 10**400}, ValueError, ("max_episode_steps = 1000", "from 1 to")),
         ({"threads": 0}, ValueError, ("threads = 0", ">= 1")),
         ({"autoreset_mode": "Sometimes"}, ValueError, ("autoreset_mode = 'Sometimes'", "'NextStep'", "'SameStep'")),
         ({"render_mode": "human"}, ValueError, ("render_mode = 'human'", "'rgb_array'")),
@@ -130,6 +131,7 @@ def test_a_wrong_argument_names_itself(options: dict[str, Any], error: type[Exce
         (np.full((3, 2), np.nan), ("actions[0, 0] = nan: must be finite",)),
         ([[0.0, 0.0], [0.0, np.inf], [0.0, 0.0]], ("actions[1, 1] = inf: must be finite",)),
         (np.zeros((3, 2), bool), ("actions", "must be an array of real numbers")),
+        ([[0.0, 0.0], [0.0], [0.0, 0.0]], ("actions", "must be an array of real numbers")),
     ],
 )
 def test_wrong_actions_are_refused_and_nothing_moves(actions: Any, words: tuple[str, ...]) -> None:
@@ -145,21 +147,31 @@ def test_wrong_actions_are_refused_and_nothing_moves(actions: Any, words: tuple[
 @pytest.mark.parametrize(
     "convert",
     [
-        np.float64,
-        np.float16,
-        lambda actions: actions.astype(">f4"),
-        lambda actions: np.repeat(actions, 2, axis=-1)[..., ::2],
+        lambda actions: actions,
+        lambda actions: actions.astype(np.longdouble),
         lambda actions: actions.tolist(),
+        lambda actions: actions.astype(np.float32).astype(">f4"),
+        lambda actions: np.repeat(actions.astype(np.float32), 2, axis=-1)[..., ::2],
     ],
-    ids=["float64", "float16", "other byte order", "not contiguous", "list"],
+    ids=["float64", "long double", "list", "other byte order", "not contiguous"],
 )
 def test_actions_of_another_type_are_rounded_to_the_spaces(convert: Callable[[Any], Any]) -> None:
     env, twin, single, other = vector(SQUARE), vector(SQUARE), make(SQUARE), make(SQUARE)
     for each in (env, twin, single, other):
         each.reset(seed=0)
-    for actions in actions_for(env, 5).astype(np.float16).astype(np.float32):  # the same number in all of these types
-        assert_same(env.step(convert(actions)), twin.step(actions))
-        assert_same(single.step(convert(actions[0])), other.step(actions[0]))
+    for actions in np.random.default_rng(0).uniform(-1.0, 1.0, (5, 3, 2)):
+        nearest = actions.astype(np.float32)
+        assert (nearest != actions).all()
+        assert_same(env.step(convert(actions)), twin.step(nearest))
+        assert_same(single.step(convert(actions[0])), other.step(nearest[0]))
+
+
+def test_a_refused_action_is_the_only_error() -> None:
+    env = make(SQUARE)
+    env.reset(seed=0)
+    with pytest.raises(ValueError, match="action: must have shape") as caught:
+        env.step([0.0, 0.0, 0.0])
+    assert caught.value.__context__ is None
 
 
 def test_actions_beyond_the_range_of_float32_are_limited() -> None:
@@ -206,8 +218,8 @@ def spoil(value: Any) -> None:
 
 
 def test_masks_that_keys_share_cannot_be_written() -> None:
-    env = vector(SQUARE, 3)
-    for infos in (env.reset(seed=0)[1], env.step(actions_for(env, 1)[0])[4]):
+    env, actions = vector(SQUARE, 3), np.zeros((3, 2), np.float32)
+    for infos in (env.reset(seed=0)[1], env.step(actions)[4], copy.deepcopy(env).step(actions)[4]):
         for name, mask in infos.items():
             if name.startswith("_"):
                 assert not mask.flags.writeable, name
