@@ -21,6 +21,7 @@ from flexarm_env.observation import observation_layout, refuse_fast_starts
 from flexarm_env.recorded import Variant
 from flexarm_env.rows import ORDER, PLAN, episode_sizes, extent, result_rows
 from flexarm_env.settings import Settings
+from flexarm_env.simulation import failures
 from flexarm_env.stepping import CLOCK, PATH
 from flexarm_env.tables import (
     ALL_READINGS,
@@ -40,7 +41,7 @@ COSTS = {8: 1.0, 32: 2.9, 128: 10.8, 344: 27.5}
 assert all(lanes % TILE == 0 for lanes in COSTS)  # so observations are written
 DRIVING, READINGS, DELAY = PLAN.index("DRIVING"), PLAN.index("READINGS"), ORDER.index("delay")
 KINDS = {"torque": "torque", "residual": "tracking", "reference": "tracking", "gain": "gain"}
-REASONS: dict[float, str | None] = {-1.0: "diverged", -2.0: "deflection", -3.0: "error"}
+REASONS: dict[float, str | None] = {-2.0: "deflection", -3.0: "error"}  # beside those of a state (`episodes.judge`)
 # Attributes that are views of the memory.
 VIEWS = (
     *("_plan", "_arenas", "_clocks", "_keys", "_starts", "_orders", "_paths"),
@@ -130,7 +131,7 @@ class Fleet:
                 "ORDERS": usual,
             }
         )
-        self.failures = {0.0: None} | REASONS | {1.0 + n: _beyond(n, arm.size) for n in range(2 * arm.size)}
+        self.failures = failures(arm.size) | REASONS
         self.usual_orders = usual[:count]
         self._usual = True
         self._names = np.array(settings.reference, dtype=object)
@@ -298,11 +299,6 @@ def block_lanes(count: int, threads: int) -> int:
         return COSTS[lanes] * -(-blocks // threads)
 
     return min(COSTS, key=time)
-
-
-def _beyond(entry: int, size: int) -> str:
-    """What is beyond its limit where that entry of the state is, of so many internal coordinates and their rates."""
-    return "rate" if entry >= size else "angle" if entry < 2 else "deflection"
 
 
 def _not_started(*arguments: Any) -> None:
