@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from flexarm_env.arm import FlexibleArm
 from flexarm_env.documentation import specification
-from flexarm_env.episode_keys import new_key
+from flexarm_env.episode_keys import new_keys
 from flexarm_env.fleet import Fleet
 from flexarm_env.info import InfoMaker
 from flexarm_env.reset_options import orders_of
@@ -126,7 +126,7 @@ class FlexArmEnv(FleetView, gymnasium.Env[NDArray[np.float32], NDArray[np.float3
         """
         super().reset(seed=seed)
         orders = orders_of(options, self.fleet)
-        self.fleet.start(new_key(self.np_random), self._begin, orders)
+        self.fleet.start(new_keys(self.np_random, 1), self._begin, orders)
         self._started = True
         if self._scene is not None:
             result = self.fleet.result(0)
@@ -193,5 +193,5 @@ class FlexArmEnv(FleetView, gymnasium.Env[NDArray[np.float32], NDArray[np.float3
 
 def rounded(actions: NDArray[Any]) -> NDArray[np.float32]:
     """Actions of another type as the action space's, limited first: a float64 may be beyond all of float32."""
-    limited = np.minimum(np.maximum(actions.astype(np.float64), -1.0), 1.0)  # `np.clip` takes five times as long
+    limited = np.minimum(np.maximum(actions.astype(np.float64), -1.0), 1.0)  # sooner done than `np.clip`
     return limited.astype(np.float32)

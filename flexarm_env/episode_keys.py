@@ -11,15 +11,15 @@ from numpy.typing import NDArray
 AHEAD = 16  # keys drawn at once
 
 
-def new_key(generator: np.random.Generator) -> NDArray[np.uint64]:
-    """The next episode's key. Shape (1,)."""
-    return generator.bit_generator.random_raw(1)
+def new_keys(generator: np.random.Generator, count: int) -> NDArray[np.uint64]:
+    """Keys of an environment's next episodes. Shape (count,)."""
+    return generator.bit_generator.random_raw(count)
 
 
 class EpisodeKeys:
     """Keys for the episodes of many environments, each with a generator of its own.
 
-    They are the ones that `new_key` would draw, one by one, drawn ahead: a generator that was not used for a while has
+    They are the ones that `new_keys` would draw one by one, drawn ahead: a generator that was not used for a while has
     left the processor's cache, and to fetch it takes longer than to draw.
     """
 
@@ -53,7 +53,7 @@ class EpisodeKeys:
         places = self._used[chosen]
         spent = places == AHEAD
         for i in chosen[spent].tolist():
-            self._drawn[i] = self._generators[i].bit_generator.random_raw(AHEAD)
+            self._drawn[i] = new_keys(self._generators[i], AHEAD)
         places[spent] = 0
         self._used[chosen] = places + 1
         return self._drawn[chosen, places]

@@ -21,8 +21,7 @@ from flexarm_env.observation import observation_layout, refuse_fast_starts
 from flexarm_env.recorded import Variant
 from flexarm_env.rows import ORDER, PLAN, episode_sizes, extent, result_rows
 from flexarm_env.settings import Settings
-from flexarm_env.simulation import failures
-from flexarm_env.stepping import CLOCK, PATH
+from flexarm_env.stepping import CLOCK, PATH, failures
 from flexarm_env.tables import (
     ALL_READINGS,
     NAN,
@@ -101,8 +100,8 @@ class Fleet:
         self._variant = _variant(settings, self._kind, lanes)
         self._rows = self._variant.rows
         sizes = episode_sizes(modes)
-        first, count_of = result_rows(self._rows, modes)
-        self._results = slice(first, first + count_of)
+        first, told = result_rows(self._rows, modes)
+        self._results = slice(first, first + told)
         ends = np.cumsum(list(sizes.values())).tolist()
         self.parts = {name: slice(end - size, end) for (name, size), end in zip(sizes.items(), ends, strict=True)}
         channels = len(settings.action_limit)

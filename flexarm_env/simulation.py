@@ -55,16 +55,6 @@ class Results(NamedTuple):
     status: Array
 
 
-def failures(size: int) -> dict[float, str | None]:
-    """What a state's status means (`stepping.state_status`): why it is not valid; 0 is that of a valid one.
-
-    Args:
-        size: number of internal coordinates.
-    """
-    entries = ("angle", "angle", *["deflection"] * (size - 2), *["rate"] * size)
-    return {0.0: None, -1.0: "diverged"} | {1.0 + n: reason for n, reason in enumerate(entries)}
-
-
 class ClosedLoop:
     """N arms of equal parameters following one path.
 
@@ -235,7 +225,7 @@ class ClosedLoop:
 
     def failure(self, status: float) -> str | None:
         """What a `Results.status` means: None, "diverged", "angle", "deflection" or "rate"."""
-        return failures(self.arm.size)[float(status)]
+        return stepping.failures(self.arm.size)[float(status)]
 
     # --- inside ----------------------------------------------------------------------------------------------------
 

@@ -295,6 +295,16 @@ def state_status(arena: Any) -> None:
         arena[i + STATUS * LANES] = status
 
 
+def failures(size: int) -> dict[float, str | None]:
+    """What a state's status means (`state_status`): why it is not valid; 0 is that of a valid one.
+
+    Args:
+        size: number of internal coordinates.
+    """
+    entries = ("angle", "angle", *["deflection"] * (size - 2), *["rate"] * size)
+    return {0.0: None, -1.0: "diverged"} | {1.0 + n: reason for n, reason in enumerate(entries)}
+
+
 def write_outputs(arena: Any, history: Any, clock: Any, paths: Any, h: float) -> None:
     """Observation, state, tips, reward and status of every lane of a block at the present instant."""
     prepare_readings(arena, history, clock, h, 0.0)

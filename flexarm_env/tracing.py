@@ -221,7 +221,7 @@ def floor(x: Any) -> Any:
 def quarter_turns(k: Any, sine: Any, cosine: Any) -> tuple[Any, Any]:
     """Sine and cosine of an angle k quarter turns on; k is a whole number, as a float.
 
-    Kernels have an intrinsic for it (`machine.quarter_turns`): by arithmetic it would take a third of a sine's time.
+    Kernels have an intrinsic for it (`machine.quarter_turns`), which spares the processor's multipliers.
     """
     if isinstance(k, Expression):
         turned = k.trace.call("quarter_turns", (k, sine, cosine), 2)

@@ -9,7 +9,7 @@ from gymnasium.utils import seeding
 from hypothesis import given
 from hypothesis import strategies as st
 
-from flexarm_env.episode_keys import AHEAD, EpisodeKeys, new_key
+from flexarm_env.episode_keys import AHEAD, EpisodeKeys, new_keys
 
 COUNT = 3
 
@@ -26,7 +26,7 @@ def test_keys_drawn_ahead_are_those_drawn_one_by_one(calls: list[list[int]], see
         if n == seeded_anew:  # the second one; the third is named, but masked
             keys.seed([None, 5, 6], np.array([True, True, False]))
             generators[1] = seeding.np_random(5)[0]
-        expected = [new_key(generators[i])[0] for i in chosen]
+        expected = [new_keys(generators[i], 1)[0] for i in chosen]
         assert keys.take(np.array(chosen)).tolist() == expected
 
 
