@@ -10,11 +10,11 @@ import gymnasium
 from gymnasium.vector import AutoresetMode
 
 import flexarm_env  # noqa: F401  (registers the ids)
-from flexarm_env.env import FlexArmEnv
-from flexarm_env.settings import Settings
-from flexarm_env.vector_env import FlexArmVectorEnv
+from flexarm_env.envs.settings import Settings
+from flexarm_env.envs.single import FlexArmEnv
+from flexarm_env.envs.vector import FlexArmVectorEnv
 
-_ENTRY_POINT = "flexarm_env.vector_env:FlexArmVectorEnv"
+_ENTRY_POINT = "flexarm_env.envs.vector:FlexArmVectorEnv"
 
 
 def check_id(environment: object) -> str:

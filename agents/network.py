@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexarm_env import archive
+from flexarm_env.simulation import archive
 from flexarm_env.validation import choice
 
 Array = NDArray[np.float32]

@@ -9,7 +9,7 @@ import numpy as np
 
 from flexarm_env.metrics import tracking_error
 from flexarm_env.rollout import run_policy
-from flexarm_env.trajectory import Trajectory
+from flexarm_env.simulation.trajectory import Trajectory
 
 SETTLED = 2.0  # [s]; the start's transient is over
 

@@ -17,8 +17,8 @@ from stable_baselines3.common.vec_env.base_vec_env import VecEnv, VecEnvIndices,
 
 from flexarm_agents.environments import make_batch
 from flexarm_agents.infos import info_of
+from flexarm_env.envs.vector import FlexArmVectorEnv
 from flexarm_env.validation import choice
-from flexarm_env.vector_env import FlexArmVectorEnv
 
 Observations = NDArray[np.float32]
 Infos = Literal["final", "all"]

@@ -4,16 +4,16 @@ Importing this package registers its environments with Gymnasium; `gymnasium.mak
 imports it by itself.
 """
 
-from flexarm_env.arm import Energy, FlexibleArm
-from flexarm_env.linearisation import Linearisation
-from flexarm_env.loop_cases import LoopCase
+from flexarm_env.envs.registration import register_environments
 from flexarm_env.parameters import ArmParameters, LawParameters, SensorParameters, SquareParameters
-from flexarm_env.reference import ReferencePath, inverse_kinematics, square
-from flexarm_env.registration import register_environments
+from flexarm_env.physics.linearisation import Linearisation
+from flexarm_env.physics.paths import ReferencePath, inverse_kinematics, square
 from flexarm_env.rollout import run_batch, run_policy
-from flexarm_env.simulation import ClosedLoop
-from flexarm_env.task import rest_state, square_loop, state_limits
-from flexarm_env.trajectory import DivergenceError, Trajectory
+from flexarm_env.simulation.arm import Energy, FlexibleArm
+from flexarm_env.simulation.cases import LoopCase
+from flexarm_env.simulation.closed_loop import ClosedLoop
+from flexarm_env.simulation.square import rest_state, square_loop, state_limits
+from flexarm_env.simulation.trajectory import DivergenceError, Trajectory
 
 __version__ = "0.1.0"
 

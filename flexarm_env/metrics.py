@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from flexarm_env.arm import FlexibleArm
-from flexarm_env.trajectory import Trajectory
+from flexarm_env.simulation.arm import FlexibleArm
+from flexarm_env.simulation.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 

@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexarm_env.actions import gain_from_action
-from flexarm_env.arm import FlexibleArm
-from flexarm_env.env import FlexArmEnv
-from flexarm_env.simulation import ClosedLoop, Results, observation_blocks
-from flexarm_env.trajectory import Trajectory
+from flexarm_env.envs.single import FlexArmEnv
+from flexarm_env.simulation.arm import FlexibleArm
+from flexarm_env.simulation.closed_loop import ClosedLoop, Results, observation_blocks
+from flexarm_env.simulation.trajectory import Trajectory
 from flexarm_env.validation import integer
 
 Array = NDArray[np.float64]

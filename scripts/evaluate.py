@@ -11,13 +11,13 @@ import gymnasium
 import tyro
 from tqdm import tqdm
 
-from command_line import run
 from flexarm_agents import Score, evaluate, load_policy, shipped_policies
 from flexarm_agents.constant import ConstantPolicy
 from flexarm_agents.environments import make_one
 from flexarm_baselines import FLSAC, IFDC
 from flexarm_env.parameters import Kinematics
-from result_files import write_json
+from scripts.common.command_line import run
+from scripts.common.result_files import write_json
 
 TORQUE, GAIN = "FlexArm/Square-v0", "FlexArm/SquareGain-v0"  # the same plant, sensor and path
 NAMES = ("ifdc", "flsac", "zero", "random")

@@ -10,9 +10,9 @@ from typing import Any
 
 import tyro
 
-from command_line import run
 from flexarm_agents import TrainingConfig, train
 from flexarm_agents.run_folder import RunFolder
+from scripts.common.command_line import run
 
 
 @dataclass

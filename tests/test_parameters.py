@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from lagrange import arms
-from refusals import refuses
 
 from flexarm_env import ArmParameters, LawParameters, SensorParameters, SquareParameters
 from flexarm_env.validation import choice, finite_array, finite_rows, integer, number, pair
+from tests.support.lagrange import arms
+from tests.support.refusals import refuses
 
 CLASSES = (ArmParameters, SensorParameters, LawParameters, SquareParameters)
 

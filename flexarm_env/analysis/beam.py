@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from flexarm_env.analysis.checks import instance
-from flexarm_env.arm import FlexibleArm
+from flexarm_env.simulation.arm import FlexibleArm
 from flexarm_env.validation import integer, number
 
 Array = NDArray[np.float64]

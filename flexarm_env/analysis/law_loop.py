@@ -26,10 +26,10 @@ from numpy.typing import ArrayLike, NDArray
 from flexarm_env.analysis.checks import instance
 from flexarm_env.analysis.operating_point import OperatingPoint
 from flexarm_env.analysis.sensor import rigid_jacobian
-from flexarm_env.arm import FlexibleArm
-from flexarm_env.linearisation import Linearisation
 from flexarm_env.parameters import LawParameters, SensorParameters
-from flexarm_env.reference import inverse_kinematics
+from flexarm_env.physics.linearisation import Linearisation
+from flexarm_env.physics.paths import inverse_kinematics
+from flexarm_env.simulation.arm import FlexibleArm
 from flexarm_env.validation import finite_array, number
 
 Array = NDArray[np.float64]

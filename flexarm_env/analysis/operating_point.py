@@ -1,6 +1,6 @@
 """Where the arm is linearised: a state and a torque, said in physical terms.
 
-Source: the arm's coordinates of `flexarm_env.arm`; inverse kinematics of Green & Sasiadek (2008), (8), (9).
+Source: the arm's coordinates of `flexarm_env.simulation.arm`; inverse kinematics of Green & Sasiadek (2008), (8), (9).
 """
 
 from __future__ import annotations
@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexarm_env.analysis.checks import instance
-from flexarm_env.arm import FlexibleArm
-from flexarm_env.linearisation import Linearisation
-from flexarm_env.reference import inverse_kinematics
+from flexarm_env.physics.linearisation import Linearisation
+from flexarm_env.physics.paths import inverse_kinematics
+from flexarm_env.simulation.arm import FlexibleArm
 from flexarm_env.validation import finite_array
 
 Array = NDArray[np.float64]
@@ -26,7 +26,7 @@ class OperatingPoint:
 
     Attributes:
         arm: the arm.
-        state: public coordinates and their rates, see `flexarm_env.arm`. Shape (4 + 4 m,).
+        state: public coordinates and their rates, see `flexarm_env.simulation.arm`. Shape (4 + 4 m,).
         torque: of shoulder and elbow [N m]. Shape (2,).
     """
 

@@ -1,0 +1,30 @@
+"""`flexarm_env.codegen.tracing`'s functions for single numbers: what the kernels' scalar code is compiled with."""
+
+from __future__ import annotations
+
+from math import sqrt
+
+
+def root(x: float) -> float:
+    """Square root."""
+    return sqrt(x)
+
+
+def magnitude(x: float) -> float:
+    """Absolute value."""
+    return abs(x)
+
+
+def where_less(x: float, bound: float, then: float, otherwise: float) -> float:
+    """`then` where x < bound, else `otherwise`."""
+    return then if x < bound else otherwise
+
+
+def clip(x: float, low: float, high: float) -> float:
+    """x limited to [low, high]; NaN stays NaN."""
+    return low if x < low else (high if x > high else x)
+
+
+def at_least(x: float, low: float) -> float:
+    """The larger of x and low; NaN stays NaN."""
+    return low if x < low else x

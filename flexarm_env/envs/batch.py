@@ -1,0 +1,308 @@
+"""`Fleet`: N environments side by side, their episodes begun and stepped by compiled kernels.
+
+Single and vector environments both stand on it: one arm is a fleet of one, with the same bits.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexarm_env.codegen import assembly
+from flexarm_env.codegen.intrinsics import TILE
+from flexarm_env.codegen.memory import blank
+from flexarm_env.envs.choices import STARTS
+from flexarm_env.envs.kernel_inputs import (
+    ALL_READINGS,
+    NAN,
+    fixed_rows,
+    history_slots,
+    lay_out,
+    path_tables,
+    plan_and_table,
+)
+from flexarm_env.envs.observation import observation_layout, refuse_fast_starts
+from flexarm_env.envs.settings import Settings
+from flexarm_env.episode import reset
+from flexarm_env.kernels.imex import CLOCK, PATH, failures
+from flexarm_env.kernels.layout import ORDER, PLAN, episode_sizes, extent, result_rows
+from flexarm_env.kernels.recorded import Variant
+from flexarm_env.simulation.square import ANGLE_LIMITS, RATE_LIMIT
+
+Array = NDArray[np.float64]
+# Time that a block takes for a step, by its lanes, relative; `Square-v0` with two modes (`make bench`, batches).
+# Three of the largest make 1024; its rows' distance is no power of two, at which they push each other out of a cache.
+COSTS = {8: 1.0, 32: 2.9, 128: 10.8, 344: 27.5}
+assert all(lanes % TILE == 0 for lanes in COSTS)  # so observations are written
+DRIVING, READINGS, DELAY = PLAN.index("DRIVING"), PLAN.index("READINGS"), ORDER.index("delay")
+KINDS = {"torque": "torque", "residual": "tracking", "reference": "tracking", "gain": "gain"}
+REASONS: dict[float, str | None] = {-2.0: "deflection", -3.0: "error"}  # beside those of a state (`episodes.judge`)
+# Attributes that are views of the memory.
+VIEWS = (
+    *("_plan", "_arenas", "_clocks", "_keys", "_starts", "_orders", "_paths"),
+    *("actions", "observations", "only_action", "only_observation", "only_result", "only_numbers"),
+)
+# Why an episode may terminate.
+ENDS = {
+    "error": "the true tip is farther from the reference than `error_limit`",
+    "deflection": "a link's tip deflection is beyond `deflection_limit`, or that of one of its modes beyond its length",
+    "angle": "theta1 is beyond {:g} turns, or theta2 beyond {:g}".format(*(x / (2.0 * np.pi) for x in ANGLE_LIMITS)),
+    "rate": f"a joint is faster than {RATE_LIMIT:g} rad/s",
+    "diverged": "a number of the state is not finite",
+}
+
+
+class Fleet:
+    """N environments with the same settings.
+
+    Attributes:
+        settings: the settings.
+        layout: of the observations.
+        failures: why an episode ended, by its status; 0 is that of a valid state.
+        everyone: the mask of all environments; read-only. Shape (N,).
+        usual_orders: for new episodes, as the settings say; read-only. Shape (N, columns).
+        observations: present ones; the kernels write into it. Shape (lanes, k), float32.
+        results: what is known since the latest `start` or `step` (not `only_step`), in an array of its own; `parts`
+            says what lies where. Of several, how an episode began is 0 where none did. Shape (N, k).
+        parts: places of the parts of `results`, by name.
+        only_step: for one environment without others, as all that follows: a control period; False if it refused an
+            action that is not finite.
+        only_action: of the first environment: a `memoryview`, which takes float32 arrays of its shape only.
+        only_observation: of the first environment: a view.
+        only_result: the same, of what `results` would hold of it, at any instant.
+        only_numbers: a part of that: the numbers that an info reports one by one after a step.
+    """
+
+    results: Array
+    _pool: ThreadPoolExecutor | None
+    _step_kernel: Callable[..., Any]
+    only_step: Callable[[], bool]
+
+    def __init__(self, settings: Settings, count: int, threads: int = 1) -> None:
+        """Lay out the fleet; kernels are compiled, or found in the cache, at the first start.
+
+        Args:
+            settings: of all environments.
+            count: how many.
+            threads: that step the blocks; more than one pays for large fleets on idle cores only.
+        """
+        self.settings, self.count, self._threads = settings, count, threads
+        refuse_fast_starts(settings, settings.start)
+        arm = settings.flexible_arm
+        modes = arm.parameters.modes_per_link
+        self._kind = KINDS[settings.action_mode]
+        self.layout = observation_layout(settings, self._kind)
+        lanes = block_lanes(count, threads)
+        self._variant = _variant(settings, self._kind, lanes)
+        self._rows = self._variant.rows
+        sizes = episode_sizes(modes)
+        first, told = result_rows(self._rows, modes)
+        self._results = slice(first, first + told)
+        ends = np.cumsum(list(sizes.values())).tolist()
+        self.parts = {name: slice(end - size, end) for (name, size), end in zip(sizes.items(), ends, strict=True)}
+        channels = len(settings.action_limit)
+        longest = settings.randomisation.get("actuation_delay", (0.0, settings.actuation_delay))[1]
+        self._kept = max(2, settings.last_actions, int(np.ceil(longest / settings.control_period)) + 1)
+        blocks = -(-count // lanes)
+        rows = extent(self._rows) + 2 * len(settings.previews) + self._kept * channels
+        plan, table = plan_and_table(settings, self._kind, self.layout, self._kept)
+        usual = np.full((blocks * lanes, len(ORDER) + 2 * arm.size), NAN)
+        usual[:, ORDER.index("start")] = START_CODES[settings.start]
+        usual[count:, ORDER.index("start")] = START_CODES["corner"]  # lanes of no environment rest
+        usual.setflags(write=False)
+        self._memory, self._parts = lay_out(
+            {
+                "PLAN": plan,
+                "ARENAS": np.zeros((blocks, rows, lanes)),
+                "HISTORIES": np.zeros((blocks, history_slots(settings), 4, lanes)),
+                "CLOCKS": np.zeros((blocks, CLOCK, lanes), dtype=np.int64),
+                "KEYS": np.zeros(blocks * lanes, dtype=np.uint64),
+                "STARTS": np.zeros(blocks * lanes, dtype=bool),
+                "LOOKING": np.zeros(blocks * lanes, dtype=bool),
+                "ACTIONS": np.zeros((blocks * lanes, channels), dtype=np.float32),
+                "OBSERVATIONS": np.zeros((blocks * lanes, len(self.layout.rows)), dtype=np.float32),
+                "SETTINGS": table,
+                "PATHS": path_tables(settings, blocks * lanes),
+                "ORDERS": usual,
+            }
+        )
+        self.failures = failures(arm.size) | REASONS
+        self.usual_orders = usual[:count]
+        self._usual = True
+        self._names = np.array(settings.reference, dtype=object)
+        self._link()
+        for name, value in fixed_rows(settings).items():
+            if name in self._rows:
+                first, rows_of = self._rows[name]
+                self._arenas[:, first : first + rows_of] = np.asarray(value, dtype=float)[None, :, None]
+
+    def __len__(self) -> int:
+        """Number of environments."""
+        return self.count
+
+    # --- running ---------------------------------------------------------------------------------------------------
+
+    def start(self, keys: NDArray[np.uint64], which: NDArray[np.int64], orders: Array) -> None:
+        """Begin episodes.
+
+        Args:
+            keys: of the episodes that begin. Shape (n,).
+            which: environments that begin one; the others stay as they are. Shape (n,).
+            orders: see `rows.ORDER`; rows of the others are not read. Shape (N, columns).
+        """
+        self.order_starts(keys, which, orders)
+        if self._step_kernel is _not_started:
+            self._use(self._kernel())
+            self._starts[self.count :] = True  # what all lanes of a block share is worked out together
+            self.actions[self.count :] = -1.0 if self.settings.action_mode == "gain" else 0.0
+        self._plan[DRIVING] = 0
+        try:
+            self.step()
+        finally:
+            self._plan[DRIVING] = 1
+
+    def order_starts(self, keys: NDArray[np.uint64], which: NDArray[np.int64], orders: Array) -> None:
+        """Have the next step begin episodes at its end; see `start`."""
+        self._starts[which] = True
+        self._keys[which] = keys
+        usual = orders is self.usual_orders
+        if not (usual and self._usual):  # until others come, the usual ones lie there
+            self._usual = False
+            self._orders[which] = orders[which]
+        if not usual and np.isfinite(orders[which, DELAY]).any():
+            self._plan[READINGS] = ALL_READINGS
+
+    def step(self) -> None:
+        """One control period with `actions`, unless the plan says that none drives; see `results`."""
+        if self.count == 1:
+            if not self.only_step():
+                raise ValueError(f"actions = {self.actions!r}: must be finite")
+            self.results = self.result(0)[None]
+            return
+        told = np.empty((self._results.stop - self._results.start, len(self._keys)))
+        if self._threads == 1:
+            self._step_kernel(self._memory, 0, self._blocks, told)
+        else:
+            if self._pool is None:
+                self._pool = ThreadPoolExecutor(self._threads)
+            for _ in self._pool.map(partial(self._step_share, told), self._edges[:-1], self._edges[1:]):
+                pass
+        self.results = told[:, : self.count].T
+
+    def _step_share(self, told: Array, begin: int, end: int) -> None:
+        self._step_kernel(self._memory, begin, end, told)
+
+    def result(self, index: int) -> Array:
+        """What is known of one environment at the present instant, in a new array. Shape (k,)."""
+        block, lane = divmod(index, self._arenas.shape[2])
+        return self._arenas[block, self._results, lane].copy()
+
+    def close(self) -> None:
+        """Let go of the threads."""
+        if self._pool is not None:
+            self._pool.shutdown()
+            self._pool = None
+
+    def path_names(self, chosen: NDArray[np.int64]) -> NDArray[Any]:
+        """Names of the paths that some environments follow, at their places; None elsewhere.
+
+        Args:
+            chosen: which. Shape (n,).
+
+        Returns:
+            The names. Shape (N,).
+        """
+        names = np.empty(self.count, dtype=object)
+        if len(self._names) == 1:
+            names[chosen] = self._names[0]
+        else:
+            blocks, lanes = np.divmod(chosen, self._arenas.shape[2])
+            names[chosen] = self._names[self._clocks[blocks, PATH, lanes]]
+        return names
+
+    def path(self, index: int) -> Array:
+        """Way-points of the path that an environment follows [m]. Shape (n, 2)."""
+        block, lane = divmod(index, self._arenas.shape[2])
+        return np.asarray(self._paths[self._clocks[block, PATH, lane], :, 1:3])
+
+    # --- inside ----------------------------------------------------------------------------------------------------
+
+    def _link(self) -> None:
+        """Views and functions of the hot path."""
+        views = {name: part.view(self._memory) for name, part in self._parts.items()}
+        self._plan, self._arenas, self._clocks = views["PLAN"], views["ARENAS"], views["CLOCKS"]
+        self._keys, self._starts, self._orders = views["KEYS"], views["STARTS"], views["ORDERS"]
+        self._paths, self.actions, self.observations = views["PATHS"], views["ACTIONS"], views["OBSERVATIONS"]
+        self.only_result = self._arenas[0, self._results, 0]
+        self.only_numbers = self.only_result[self.parts["REWARD_TERMS"].start :]
+        self.only_action, self.only_observation = memoryview(self.actions[0]), self.observations[0]
+        self.everyone = np.ones(self.count, dtype=np.bool_)
+        self.everyone.setflags(write=False)
+        self._blocks = len(self._arenas)
+        self._edges = np.linspace(0, self._blocks, self._threads + 1).astype(int).tolist()  # of the threads' shares
+        self._use(_not_started)
+        self._pool = None
+
+    def _use(self, kernel: Callable[..., Any]) -> None:
+        self._step_kernel, self.only_step = kernel, partial(kernel, self._memory)
+
+    def _kernel(self) -> Callable[..., Any]:
+        module = assembly.load(self._variant)
+        if self.count == 1:
+            return assembly.bare(module.step_only, self._memory)
+        return assembly.bare(module.step_blocks, self._memory, 0, self._blocks, np.empty((1, 1)))
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Without views, which would come back as copies, and without what cannot be pickled or written to."""
+        left_out = (*VIEWS, "everyone", "_pool", "_step_kernel", "only_step")
+        return {name: value for name, value in self.__dict__.items() if name not in left_out}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Link the views again."""
+        self.__dict__.update(state)
+        self._memory = blank(len(state["_memory"]))
+        self._memory[:] = state["_memory"]
+        self._link()
+        if self._keys.any():  # an episode has begun
+            self._use(self._kernel())
+
+
+def _variant(settings: Settings, kind: str, lanes: int) -> Variant:
+    """The kernels that these settings need."""
+    arm = settings.flexible_arm
+    return Variant(
+        kind,
+        arm.parameters.modes_per_link,
+        arm.parameters.velocity_forces == "complete",
+        lanes,
+        sensor="true" if settings.sensor == "true" else "rigid",
+        rate_jacobian=settings.rate_jacobian,
+        late=settings.law_sensor == "sensor",
+        own_paths=not settings.paths,
+        foreshortened=arm.constants.foreshortened,
+        disturbed=settings.disturbed,
+    )
+
+
+def block_lanes(count: int, threads: int) -> int:
+    """Lanes with which the blocks of a fleet are stepped soonest: well filled, and enough of them for the threads."""
+    if count == 1:
+        return 1
+
+    def time(lanes: int) -> float:
+        blocks = -(-count // lanes)
+        return COSTS[lanes] * -(-blocks // threads)
+
+    return min(COSTS, key=time)
+
+
+def _not_started(*arguments: Any) -> None:
+    raise RuntimeError("step() before start(): there are no states to advance")
+
+
+START_CODES = {name: getattr(reset, name.upper()) for name in STARTS}

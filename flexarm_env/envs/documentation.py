@@ -1,0 +1,230 @@
+"""The environments' documentation in Markdown, made from the declarations that the code itself reads.
+
+Pure functions. Tables come from `settings`, `observation`, `reward`, `reset_options`, `fleet`, `info` and
+`registration`; what concerns all environments alike is told here once, for `FlexArmEnv`'s docstring and for the pages
+under docs/environments (scripts/docs/environments.py).
+"""
+
+from __future__ import annotations
+
+import inspect
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import fields
+from typing import Any
+
+import numpy as np
+
+from flexarm_env.envs.batch import ENDS, KINDS
+from flexarm_env.envs.choices import DEFAULT_WEIGHTS, MODES, STARTS, ActionMode
+from flexarm_env.envs.info import KEYS
+from flexarm_env.envs.observation import BLOCKS, observation_layout
+from flexarm_env.envs.registration import IDS, NAMESPACE
+from flexarm_env.envs.reset_options import OPTIONS
+from flexarm_env.envs.settings import Settings, default_of
+from flexarm_env.episode.reward import TERMS
+
+# Told once for all environments.
+ACTION = """\
+An action is an array of float32 in [-1, 1], held for one control period (from `actuation_delay` after it is given; an
+inner law itself acts without delay). `flexarm_env.actions.physical_from_action` is the map below, with its inverse.
+What is beyond that range is limited, for policies that draw from a Gaussian; what is not finite is refused."""
+FRAMES = """\
+All units are SI. theta1 is the angle of link 1's root from the world's x axis, theta2 that of link 2's root from the
+tangent at link 1's tip. Blocks in m and m/s are x and y in a frame whose origin is the shoulder: with `frame="link"`
+its x axis lies along the root of link 1 (the world turned by the measured -theta1), with `frame="world"` nothing is
+turned. Without gravity the arm knows no direction, so in the link's frame the four sides of the square look alike.
+Infos are always in the world's frame."""
+BLOCK_RULES = """\
+An observation is an array of float32: the blocks that `observation` names, one after the other, each divided by its
+scale where `scaled` is set. `env.unwrapped.observation_blocks` says where each lies, `observation_scale` what each
+number was divided by. No number passes its bound before the episode ends. The true tip is in no observation."""
+LATENESS = """\
+Encoders and strain gauges are current, and the gauges ideal; the sensor on link 2 is late. At the end of each control
+period its reading of `delay` seconds ago arrives, not rounded to steps; if `delay` is None, that is the distance from
+the shoulder over the wave speed (31.2 ms for a sensor at the tip; the "rigid" sensor reads the elbow's angle after a
+delay of its own, the way from the elbow). `jitter` makes each reading older by an amount drawn evenly up to that;
+with `hold`, readings are taken at the ticks of a slower clock only; with probability `dropout` none arrives, and the
+last one stays. A reading that is not newer than the last one by half a control period is passed over. `sensor_error`
+compares a reading with where the reference was when it was taken. For a "true" sensor at the tip, the default, it is
+thus the exact error of a moment ago, not a wrong one of now; elsewhere on link 2 it is the way from that point to
+where the *tip* should be, and the "rigid" sensor mixes two moments."""
+REWARD = """\
+The reward judges the state after the step, by the true tip (e: its distance from the reference), whatever the sensors
+see. It is the sum of terms in [0, 1] times their weights (`reward_weights`). None is negative, so ending an episode
+early never pays."""
+SCORE = """\
+A lap from rest is scored mostly by its start. The reference leaves at full speed at once, which no motor can follow,
+so the RMS error of a controller that tracks well is made in the first second or two. Give both figures: of the whole
+lap, and since 2 s (`flexarm_env.metrics.tracking_error(run, "true", since=2.0)`)."""
+ENDING = """\
+An episode terminates for one of the reasons below. `error_limit` and `deflection_limit` are part of the task: a
+learner that has lost the path does not spend the rest of the lap far off it, and links bent so far are beyond what
+linear elasticity describes. The other reasons say that the state is no longer valid; the reward of that step is 0,
+and its observation is the last valid one. `max_episode_steps` truncates an episode."""
+SEEDS = """\
+`reset(seed=s)` seeds `np_random`, of which every reset, seeded or not, draws one key. All that is random in an
+episode (start, drawn quantities, noise, jitter, dropouts) is a hash of that key and a counter: key and actions alone
+determine the episode, on any thread and in a batch of any size. Environment i of a batch seeded with s is the single
+environment seeded with s + i, to the last bit."""
+
+
+def specification(introduction: str) -> str:
+    """`FlexArmEnv`'s docstring; nothing is computed for it.
+
+    Args:
+        introduction: text of the class.
+    """
+    first, _, rest = inspect.cleandoc(introduction).partition("\n")
+    sections = {
+        "Description": rest,
+        "Ids": table(("id", "task"), ((f"`{NAMESPACE}/{name}`", one.summary) for name, one in IDS.items())),
+        "Action space": f"{ACTION}\n\n{action_table()}",
+        "Observation space": f"{BLOCK_RULES}\n\n{FRAMES}\n\n{LATENESS}\n\n{block_table()}",
+        "Reward": f"{REWARD}\n\n{reward_table()}\n\n{SCORE}",
+        "Starting state": start_table(),
+        "Episode end": f"{ENDING}\n\n{end_table()}",
+        "Info": info_table(),
+        "Arguments": f"With the defaults of `{NAMESPACE}/Square-v0`:\n\n{argument_table()}",
+        "Reset options": f"{option_table()}\n\n{SEEDS}",
+        "Version history": "\n".join(f"- `{NAMESPACE}/{name}`: {'; '.join(one.history)}" for name, one in IDS.items()),
+    }
+    return f"{first}\n\n" + "\n\n".join(f"## {title}\n\n{text.strip()}" for title, text in sections.items()) + "\n"
+
+
+# --- tables --------------------------------------------------------------------------------------------------------
+
+
+def action_table(settings: Settings | None = None) -> str:
+    """What an action stands for: in every action mode, or where settings are given in theirs, with numbers."""
+    if settings is None:
+        header = ("`action_mode`", "an action is", "of", "quantity", "action", "unit")
+        modes = MODES.items()
+        return table(header, [(f"`{name}`", one.text, ", ".join(one.channels), *_formulas(one)) for name, one in modes])
+    mode = MODES[settings.action_mode]
+    rows = [
+        (str(n), channel, figure(mode.least * limit), figure(limit), *_formulas(mode))
+        for n, (channel, limit) in enumerate(zip(mode.channels, settings.action_limit, strict=True))
+    ]
+    return table(("number", "of", "at a = -1", "at a = 1", "quantity", "action", "unit"), rows)
+
+
+def _formulas(mode: ActionMode) -> tuple[str, str, str]:
+    return f"`{mode.quantity} = {mode.formula}`", f"`a = {mode.inverse}`", mode.unit
+
+
+def block_table(settings: Settings | None = None) -> str:
+    """Blocks of an observation: all that exist, or where settings are given theirs, with places and numbers."""
+    if settings is None:
+        rows = [(f"`{name}`", block.count, block.what, block.unit) for name, block in BLOCKS.items()]
+        return table(("block", "numbers (m modes a link)", "what", "unit"), rows)
+    layout = observation_layout(settings, KINDS[settings.action_mode])
+    header = ["numbers", "block", "what", "unit", "bound"] + ["scale"] * settings.scaled
+    numbers = []
+    for name, part in layout.blocks.items():
+        block, scale = BLOCKS[name], layout.scale[part]
+        cells = [
+            f"`{part.start}:{part.stop}`",
+            f"`{name}`",
+            block.what,
+            block.unit,
+            figures(layout.bound[part] * scale),
+        ]
+        numbers.append(cells + [figures(scale)] * settings.scaled)
+    return table(header, numbers)
+
+
+def reward_table(settings: Settings | None = None) -> str:
+    """Terms of the reward: all with their default weights, or where settings are given those that count there."""
+    weights = DEFAULT_WEIGHTS if settings is None else settings.reward_weights
+    named = [(name, weights.get(name, 0.0), text) for name, text in TERMS.items()]
+    rows = [(f"`{name}`", figure(weight), text) for name, weight, text in named if weight > 0.0 or settings is None]
+    return table(("term", "weight", "what"), rows)
+
+
+def start_table() -> str:
+    """How episodes start."""
+    return table(("`start`", "the arm"), [(f'`"{name}"`', text) for name, text in STARTS.items()])
+
+
+def end_table(settings: Settings | None = None) -> str:
+    """Why episodes terminate; with the limits of the settings where they are given."""
+    texts = dict(ENDS)
+    if settings is not None:
+        for name, limit in (("error", settings.error_limit), ("deflection", settings.deflection_limit)):
+            given = "none" if limit is None else f"{figure(limit)} m"
+            texts[name] = texts[name].replace(f"`{name}_limit`", f"`{name}_limit` ({given})")
+    return table(("reason", "when"), [(f"`{name}`", text) for name, text in texts.items()])
+
+
+def info_table(gain: bool = True) -> str:
+    """Keys of an info.
+
+    Args:
+        gain: with those that exist only where the action is the gain.
+    """
+    rows = [(f"`{name}`", key.what, key.unit, key.when) for name, key in KEYS.items() if gain or name != "gain"]
+    return table(("key", "what", "unit", "there"), rows)
+
+
+def argument_table(settings: Settings | None = None, options: Mapping[str, Any] | None = None) -> str:
+    """Arguments of `make`: all, or where settings are given those that have an effect there.
+
+    Args:
+        settings: of an id.
+        options: what the id gives; the others have the class's defaults.
+    """
+    rows = []
+    for one in fields(Settings):
+        modes, unit = one.metadata["modes"], one.metadata["unit"]
+        if settings is not None and settings.action_mode not in modes:
+            continue
+        value = (options or {}).get(one.name, default_of(one))
+        text = one.metadata["text"]
+        if settings is None and len(modes) < len(MODES):
+            text += f" (only in mode {' or '.join(modes)})"
+        rows.append((f"`{one.name}`", f"`{_python(value)}`", unit, text))
+    return table(("argument", "default", "unit", "what"), rows)
+
+
+def option_table() -> str:
+    """Keys of `reset(options=...)`."""
+    return table(("option", "what"), [(f"`{name}`", text) for name, text in OPTIONS.items()])
+
+
+def parameter_table(docstring: str) -> str:
+    """Arguments that a docstring describes under "Args:" (Google's style)."""
+    text = docstring.partition("Args:\n")[2]
+    indent = re.match(r" *", text)
+    assert indent is not None
+    entry = re.compile(rf"^{indent[0]}(\w+): (.*(?:\n{indent[0]} +\S.*)*)", re.MULTILINE)
+    rows = [(f"`{name}`", re.sub(r"\s+", " ", what).removesuffix(".")) for name, what in entry.findall(text)]
+    return table(("argument", "what"), rows)
+
+
+# --- Markdown ------------------------------------------------------------------------------------------------------
+
+
+def table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """A table; columns that are empty throughout are left out."""
+    body = [list(row) for row in rows]
+    kept = [n for n in range(len(header)) if any(row[n] for row in body)]
+    lines = [[header[n] for n in kept], ["---"] * len(kept)] + [[row[n] for n in kept] for row in body]
+    return "\n".join("| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |" for line in lines)
+
+
+def figure(value: float) -> str:
+    """A number with at most four significant digits; "none" if there is no limit."""
+    if np.isinf(value):
+        return "none"
+    return np.format_float_positional(value, precision=4, fractional=False, trim="-")
+
+
+def figures(values: Iterable[float]) -> str:
+    """Numbers as `figure` writes them; one if they are all alike."""
+    texts = [figure(value) for value in values]
+    return texts[0] if len(set(texts)) == 1 else ", ".join(texts)
+
+
+def _python(value: Any) -> str:
+    return repr(value).replace("'", '"')

@@ -1,0 +1,224 @@
+"""What the kernels of a fleet are told once: whole numbers, settings, paths, and the rows that no episode changes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexarm_env.codegen.memory import Part, packed
+from flexarm_env.envs.choices import MOVE_POINTS, MOVE_RING
+from flexarm_env.envs.observation import ObservationLayout
+from flexarm_env.envs.settings import Settings
+from flexarm_env.episode.reward import TERMS
+from flexarm_env.kernels.layout import DRAWN, MEMORY, PLAN, arena_rows, extent, place_rows, settings_layout
+from flexarm_env.physics.constants import arm_constants
+from flexarm_env.physics.paths import same_length
+from flexarm_env.simulation.arm import FlexibleArm
+from flexarm_env.simulation.square import state_limits
+
+Array = NDArray[np.float64]
+ALL_READINGS = -1  # as bits
+NAN = float("nan")
+
+
+def history_slots(settings: Settings) -> int:
+    """Length of the delay line: the latest reading and the period before the first.
+
+    Whole control periods, so that readings at the same moments of a period use the same few slots, which stay cached.
+    """
+    s = settings
+    latest = max(*sensor_delays(s), s.randomisation.get("delay", (0.0, 0.0))[1])
+    longest = latest + s.jitter + 4.0 * s.hold + 2.0 * s.control_period
+    return s.substeps * int(np.ceil(longest / s.control_period + 4.0 / s.substeps))
+
+
+def sensor_delays(settings: Settings) -> tuple[float, float]:
+    """Delay of the shoulder's and of the elbow's reading unless drawn or ordered otherwise [s]."""
+    return settings.sensor_parameters.joint_delays(settings.flexible_arm.parameters.link_lengths[0])
+
+
+def kept_readings(settings: Settings) -> int:
+    """Integration steps of a control period after which a reading is kept, as bits (bit 0: its end).
+
+    Where each sample is equally late, it lies between the same two steps of a period; the others are not needed.
+    """
+    s = settings
+    varies = s.jitter > 0.0 or s.hold > 0.0 or "delay" in s.randomisation or s.action_mode == "gain"
+    if varies or s.substeps > 62:
+        return ALL_READINGS
+    bits = 0
+    for delay in sensor_delays(s):
+        back = delay / (s.control_period / s.substeps)
+        # a hair more on both sides: rounding may see a whole number of steps from either
+        for steps in range(int(np.floor(back - 1e-6)), int(np.floor(back + 1e-6)) + 2):
+            bits |= 1 << (-steps % s.substeps)
+    return bits
+
+
+def path_tables(settings: Settings, lanes: int) -> Array:
+    """Paths of all lanes, or room for one each. Shape (paths, n, 5)."""
+    if settings.paths:
+        return same_length(settings.paths)
+    points = min(MOVE_POINTS, round(settings.lap_time / settings.control_period)) + 1
+    room = np.zeros((lanes, points, 5))
+    room[..., 0] = np.arange(points)  # a path has a lap time before it is drawn, too
+    return room
+
+
+def lay_out(arrays: Mapping[str, NDArray[Any]]) -> tuple[Array, dict[str, Part]]:
+    """Memory with the plan and the arrays of `rows.MEMORY`, and where each lies; the plan says it to the kernels."""
+    assert tuple(arrays) == ("PLAN", *MEMORY)  # kernels find the plan at the beginning
+    memory, parts = packed(arrays)
+    sizes = {
+        "ARENA_SIZE": arrays["ARENAS"][0].size,
+        "HISTORY_SIZE": arrays["HISTORIES"][0].size,
+        "PATH_COUNT": arrays["PATHS"].shape[0],
+        "PATH_POINTS": arrays["PATHS"].shape[1],
+        "ORDER_COLUMNS": arrays["ORDERS"].shape[1],
+    }
+    plan = parts["PLAN"].view(memory)
+    for name, value in {**sizes, **{name: parts[name].first for name in MEMORY}}.items():
+        plan[PLAN.index(name)] = value
+    return memory, parts
+
+
+def plan_and_table(
+    settings: Settings, kind: str, layout: ObservationLayout, kept: int
+) -> tuple[NDArray[np.int64], Array]:
+    """`plan` and `settings` of the kernels; where arrays lie is left open.
+
+    Args:
+        settings: of the environments.
+        kind: of the kernel module (`rows`).
+        layout: of the observations.
+        kept: actions that are kept.
+
+    Returns:
+        Whole numbers (`rows.PLAN`) and the rows of the observation; numbers (`rows.SETTINGS`), horizons and factors.
+    """
+    horizons = settings.previews if _previews(settings) else ()
+    plan = np.concatenate([_whole_numbers(settings, layout, kept), _observed_rows(settings, kind, layout)])
+    return plan, np.concatenate([_numbers(settings), horizons, 1.0 / layout.scale])
+
+
+def _previews(settings: Settings) -> int:
+    """How many horizons are observed."""
+    return len(settings.previews) if "previews" in settings.observation else 0
+
+
+def _whole_numbers(settings: Settings, layout: ObservationLayout, kept: int) -> NDArray[np.int64]:
+    """In the order of `rows.PLAN`."""
+    s = settings
+    whole = {
+        "SUBSTEPS": s.substeps,
+        "CHANNELS": len(s.action_limit),
+        "KEPT_ACTIONS": kept,
+        "PREVIEWS": _previews(s),
+        "OBSERVED": len(layout.rows),
+        "SHIFTING": int(s.action_mode == "reference"),
+        "COMPENSATION": ("none", "shared", "per_joint").index(s.compensation),
+        "READINGS": kept_readings(s),
+        "DRIVING": 1,
+    }
+    assert tuple(whole) == PLAN[: len(whole)]
+    numbers = np.zeros(len(PLAN) - 1, dtype=np.int64)  # the others are for `lay_out` to fill in
+    numbers[: len(whole)] = list(whole.values())
+    return numbers
+
+
+def _numbers(settings: Settings) -> Array:
+    """In the order of `rows.SETTINGS`."""
+    s = settings
+    arm = s.flexible_arm
+    p = arm.parameters
+    values: dict[str, Any] = {
+        "STEP": [s.control_period / s.substeps],
+        "PERIOD": [s.control_period],
+        "ACTION_SCALE": (*s.action_limit, 0.0)[:2],
+        "JITTER": [s.jitter],
+        "HOLD": [s.hold],
+        "DROPOUT": [s.dropout],
+        "ENCODER_NOISE": s.encoder_noise,
+        "DEFLECTION_LIMIT": [np.inf if s.deflection_limit is None else s.deflection_limit],
+        "ERROR_LIMIT": [np.inf if s.error_limit is None else s.error_limit],
+        "LENGTHS": p.link_lengths,
+        "BRANCH": [1.0 if s.elbow_branch == "positive" else -1.0],
+        "START_SPREAD": s.start_spread,
+        "MOVES": [MOVE_RING[0] * p.reach, MOVE_RING[1] * p.reach],
+        "LAP": [s.lap_time],
+        "WEIGHTS": [s.reward_weights.get(name, 0.0) for name in TERMS],
+        "SENSOR_DELAYS": sensor_delays(s),
+        **_drawn(s),
+        "ARM": arm.constants.flat(),
+        "PER_PAYLOAD": _per_payload(arm),
+        "PER_DAMPING": _per_damping(arm),
+    }
+    places = settings_layout(p.modes_per_link, arm.constants.foreshortened)
+    assert all(len(values[name]) == count for name, (_, count) in places.items())
+    table = np.concatenate([np.asarray(values[name], dtype=float) for name in places])
+    assert len(table) == extent(places)
+    return table
+
+
+def _drawn(settings: Settings) -> dict[str, list[float]]:
+    """Of each quantity that an episode may draw, the arm's own value and the bounds of its range."""
+    s = settings
+    p = s.flexible_arm.parameters
+    base = {
+        "delay": NAN if s.delay is None or isinstance(s.delay, tuple) else s.delay,
+        "payload_mass": p.payload_mass,
+        "stiffness": 1.0,
+        "damping": p.modal_damping_ratio,
+        "noise": s.noise,
+        "actuation_delay": s.actuation_delay,
+    }
+    lowest, highest = zip(*(s.randomisation.get(name, (NAN, NAN)) for name in DRAWN), strict=True)
+    return {"BASE": [base[name] for name in DRAWN], "LOWEST": list(lowest), "HIGHEST": list(highest)}
+
+
+def _observed_rows(settings: Settings, kind: str, layout: ObservationLayout) -> NDArray[np.int64]:
+    """Rows of the observation; actions move up where there are no previews before them."""
+    arm = settings.flexible_arm
+    tail = arena_rows(kind, arm.parameters.modes_per_link, arm.constants.foreshortened)
+    if "previews" in settings.observation:
+        return layout.rows
+    return np.where(layout.rows >= tail, layout.rows - 2 * len(settings.previews), layout.rows)
+
+
+def _per_payload(arm: FlexibleArm) -> Array:
+    """Change of the arm's constants with the payload, in which they are linear [1/kg]."""
+    p, modes = arm.parameters, arm.modes
+    heavy, light = (arm_constants(replace(p, payload_mass=mass), modes) for mass in (1.0, 0.0))
+    return np.array(heavy.flat()) - np.array(light.flat())
+
+
+def _per_damping(arm: FlexibleArm) -> Array:
+    """Change of the arm's constants with the modal damping ratio."""
+    p, modes = arm.parameters, arm.modes
+    damped, free = (arm_constants(replace(p, modal_damping_ratio=ratio), modes) for ratio in (1.0, 0.0))
+    return np.array(damped.flat()) - np.array(free.flat())
+
+
+def fixed_rows(settings: Settings) -> dict[str, Any]:
+    """Parts of the arena that no episode changes, by name (`rows`)."""
+    s = settings
+    arm = s.flexible_arm
+    length = arm.parameters.link_lengths[1]
+    law_point = s.sensor_position if s.law_sensor == "sensor" else length
+    return {
+        "LIMITS": state_limits(arm),
+        **place_rows("TIP", arm.place(2, length)),
+        **place_rows("PLACE", arm.place(2, s.sensor_position)),
+        **place_rows("SENSOR", arm.place(2, law_point)),
+        "FRAME": [float(s.frame == "link")],
+        "TORQUE_LIMIT": s.motor_limit,
+        "STIFFNESS": s.inner_stiffness,
+        "RESISTANCE": s.inner_resistance,
+        "PROPORTIONAL_GAIN": [s.proportional_gain],
+        "DERIVATIVE_GAIN": [s.derivative_gain],
+        "RATE_LATE": [float(s.delayed == "position+rate")],
+    }

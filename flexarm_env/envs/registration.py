@@ -1,0 +1,134 @@
+"""The environments' ids: one class, and for each id the options in which it differs from `FlexArm/Square-v0`.
+
+The texts are documentation: the ids' pages are made from them.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import gymnasium
+
+from flexarm_env.envs.choices import DEFAULT_OBSERVATION
+
+NAMESPACE = "FlexArm"
+# Control periods of an episode: a lap of 16 s at 100 Hz, or at the paper's 1 kHz; a move there and back of 8 s. A test
+# ties them to lap time and control period.
+_LAP, _PAPER_LAP = 1600, 16_000
+
+
+class Id(NamedTuple):
+    """An environment's id.
+
+    Attributes:
+        steps: control periods after which an episode is truncated.
+        options: in which it differs from the defaults of `Settings`.
+        summary: in one line.
+        text: what it is for.
+        history: versions, the newest first.
+    """
+
+    steps: int
+    options: dict[str, Any]
+    summary: str
+    text: str
+    history: tuple[str, ...] = ("v0: first version",)
+
+
+_PAPER: dict[str, Any] = {
+    "arm": "paper",
+    "action_mode": "gain",
+    "control_period": 1e-3,
+    "law_sensor": "sensor",
+    "sensor": "rigid",
+    "observation": (
+        "joint_angles",
+        "joint_rates",
+        "sensed_position",
+        "modal_coordinates",
+        "reference_position",
+        "reference_velocity",
+    ),
+    "frame": "world",
+    "scaled": False,
+    "start": "corner",
+    "reward_weights": {"tracking_wide": 0.5, "tracking_middle": 0.5},
+    "deflection_limit": None,
+    "error_limit": None,
+}
+# Blocks that need the sensor on link 2 or the strain gauges.
+_OF_THE_LINKS = ("sensor_error", "sensor_error_rate", "modal_coordinates", "modal_rates")
+_ENCODERS = tuple(name for name in DEFAULT_OBSERVATION if name not in _OF_THE_LINKS)
+
+IDS: dict[str, Id] = {
+    "Square-v0": Id(
+        _LAP,
+        {},
+        "Track the square by the motors' torques",
+        "The paper's task with the torques in the agent's hands: nothing is stabilised for it. It knows the "
+        "joints by encoders, the links' bending by strain gauges, and the tip by a sensor that is late. In the "
+        "link's frame the sides of the square are one task; what differs is how the arm is bent when the "
+        "reference turns.",
+    ),
+    "SquareResidual-v0": Id(
+        _LAP,
+        {"action_mode": "residual"},
+        "Track the square by torques added to an inner joint-space law",
+        "As `FlexArm/Square-v0`, but a spring and a damper in each joint already pull the arm along the reference. "
+        "Alone (action 0) they stay within 2 m of it, for they know nothing of the links' bending and nothing of the "
+        "corner to come. The agent adds what is missing; the torques of both together are limited.",
+    ),
+    "SquareGain-v0": Id(
+        _LAP,
+        {"action_mode": "gain", "physics_step": 1e-3, "deflection_limit": 4.5, "error_limit": 9.0},
+        "Track the square by the gain of the paper's law",
+        "The action is what the paper's fuzzy system sets, the gain of a Jacobian-transpose law; here 100 times a "
+        "second, on joints without delay, with the default arm. The law overshoots corners, so the limits that "
+        "end an episode are wide. For the paper's own conditions see `FlexArm/Paper-v0`.",
+    ),
+    "SquareEncoders-v0": Id(
+        _LAP,
+        {"observation": _ENCODERS, "last_actions": 8},
+        "Track the square by torques, knowing the joints only",
+        "As `FlexArm/Square-v0`, without strain gauges and without the sensor on link 2: how far the links bend "
+        "must be guessed from what the joints do and from the last eight actions. The reward still judges the "
+        "true tip.",
+    ),
+    "Reach-v0": Id(
+        _LAP,
+        {"reference": "moves", "start": "corner"},
+        "Move the tip to a drawn point and back, and bring it to rest there",
+        "Each episode draws two points. The reference moves from the first to the second in a quarter of the lap "
+        "time, both joints together along a minimum-jerk polynomial, rests as long, moves back, and rests. To be "
+        "learned is to arrive without vibration.",
+    ),
+    "Track-v0": Id(
+        _LAP,
+        {"reference": "circle"},
+        "Track a circle, or any path that you give, by the motors' torques",
+        "As `FlexArm/Square-v0` on the circle inside the square: no corners. `reference` takes other paths, and "
+        "way-points of your own; of several names one is drawn for each episode.",
+    ),
+    "Paper-v0": Id(
+        _PAPER_LAP,
+        _PAPER,
+        "The paper's set-up: the gain of the law at 1 kHz, with the late sensor in the loop",
+        "What `make reproduce` runs: one mode a link, the rigid arm's velocity forces, no damping; the law acts "
+        "on the late, noncollocated sensor, and the action is its gain. Observations are plain numbers in the "
+        "world's frame, as IFDC and FLSAC of `flexarm_baselines` read them. There is no torque limit, and only an "
+        "invalid state ends an episode. [The paper, reproduced](../reproduction.md) tells what comes out.",
+    ),
+}
+
+
+def register_environments() -> None:
+    """Register all ids with Gymnasium; doing it again changes nothing."""
+    for name, declared in IDS.items():
+        if f"{NAMESPACE}/{name}" not in gymnasium.registry:
+            gymnasium.register(
+                id=f"{NAMESPACE}/{name}",
+                entry_point="flexarm_env.envs.single:FlexArmEnv",
+                vector_entry_point="flexarm_env.envs.vector:FlexArmVectorEnv",
+                max_episode_steps=declared.steps,
+                kwargs=declared.options,
+            )

@@ -1,0 +1,86 @@
+"""From an arm to the picture's plain snapshot."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexarm_env.envs.batch import Fleet
+from flexarm_env.envs.choices import TORQUE_LIMIT
+from flexarm_env.envs.rendering import Renderer, Snapshot
+
+Array = NDArray[np.float64]
+LONGEST_TRACE = 4096
+POINTS = 24  # of a link's centre line
+MARGIN = 1.05  # of the reach, so that a bent arm fits
+
+
+class Scene:
+    """Draws one arm of a fleet, with the trace of its tip."""
+
+    def __init__(self, fleet: Fleet, index: int, render_mode: str, fps: int) -> None:
+        """Nothing is imported or opened before the first picture.
+
+        Args:
+            fleet: the environments.
+            index: which one.
+            render_mode: "rgb_array" or "human".
+            fps: pictures a second that a window shows at most.
+        """
+        self._fleet, self._index = fleet, index
+        self._renderer = Renderer(render_mode, fps=fps)
+        self._trace: list[Array] = []
+        self._stride, self._skipped = 1, 0
+
+    def begin(self, result: Array) -> None:
+        """A new episode, whose first result this is."""
+        self._trace.clear()
+        self._stride, self._skipped = 1, 0
+        self.add(result)
+
+    def add(self, result: Array) -> None:
+        """A new instant; a long trace is thinned evenly."""
+        self._skipped += 1
+        if self._skipped < self._stride and self._trace:
+            return
+        self._skipped = 0
+        self._trace.append(result[self._fleet.parts["TRUE_TIP"]].copy())
+        if len(self._trace) > LONGEST_TRACE:
+            del self._trace[1::2]
+            self._stride *= 2
+
+    def draw(self, result: Array) -> NDArray[np.uint8] | None:
+        """Draw an instant; a picture in "rgb_array", None in "human"."""
+        return self._renderer.draw(self._snapshot(result))
+
+    def close(self) -> None:
+        """Close the window, if there is one."""
+        self._renderer.close()
+
+    def _snapshot(self, result: Array) -> Snapshot:
+        settings = self._fleet.settings
+        arm = settings.flexible_arm
+        values: dict[str, Any] = {name: result[part] for name, part in self._fleet.parts.items()}
+        q = np.nan_to_num(values["STATE"][: arm.size], posinf=0.0, neginf=0.0)
+        lengths = arm.parameters.link_lengths
+        lines = [
+            arm.position(np.tile(q, (POINTS, 1)), link, np.linspace(0.0, length, POINTS))
+            for link, length in enumerate(lengths, 1)
+        ]
+        gain = settings.action_mode == "gain"
+        return Snapshot(
+            time=float(values["TIME"][0]),
+            links=(lines[0], lines[1]),
+            path=self._fleet.path(self._index),
+            trace=np.array([*self._trace, values["TRUE_TIP"]]),
+            reference=values["REFERENCE"][:2],
+            sensor=arm.position(q, 2, settings.sensor_position),
+            sensed=values["SENSED"],
+            torque=values["TORQUE"],
+            torque_scale=TORQUE_LIMIT if np.inf in settings.motor_limit else settings.motor_limit,
+            gain=float(values["EFFECTIVE_GAIN"][0]) if gain else None,
+            gain_limit=settings.gain_limit,
+            reach=MARGIN * arm.parameters.reach,
+        )

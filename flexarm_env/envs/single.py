@@ -1,0 +1,197 @@
+"""`FlexArmEnv`: one arm as a Gymnasium environment. Glue only."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import gymnasium
+import numpy as np
+from numpy.typing import NDArray
+
+from flexarm_env.envs.batch import Fleet
+from flexarm_env.envs.documentation import specification
+from flexarm_env.envs.info import InfoMaker
+from flexarm_env.envs.reset_options import orders_of
+from flexarm_env.envs.scene import Scene
+from flexarm_env.envs.seeding import new_keys
+from flexarm_env.envs.settings import Settings
+from flexarm_env.simulation.arm import FlexibleArm
+from flexarm_env.validation import choice, finite_array
+
+RENDER_MODES = ("rgb_array", "human")
+FASTEST_VIDEO = 100  # [1/s]; a picture is drawn for each step, and slower control plays in real time
+
+
+class FleetView:
+    """What single and vector environments tell of themselves alike."""
+
+    fleet: Fleet
+
+    def _spaces(self) -> tuple[Any, Any]:
+        """Of one environment's observation and action."""
+        bound = self.fleet.layout.bound
+        observation = gymnasium.spaces.Box(-bound, bound, dtype=np.float32)
+        return observation, gymnasium.spaces.Box(-1.0, 1.0, (len(self.settings.action_limit),), np.float32)
+
+    def _fps(self) -> int:
+        """Pictures a second: one for each control period, in real time up to `FASTEST_VIDEO`."""
+        return min(FASTEST_VIDEO, max(1, round(1.0 / self.settings.control_period)))
+
+    @property
+    def settings(self) -> Settings:
+        """All options, validated."""
+        return self.fleet.settings
+
+    @property
+    def arm(self) -> FlexibleArm:
+        """The arm, unless an episode draws another payload, stiffness or damping."""
+        return self.settings.flexible_arm
+
+    @property
+    def observation_blocks(self) -> dict[str, slice]:
+        """Where each named block lies in an observation."""
+        return dict(self.fleet.layout.blocks)
+
+    @property
+    def observation_scale(self) -> NDArray[np.float64]:
+        """What each number of an observation was divided by; its unit is the block's. Shape (k,)."""
+        return self.fleet.layout.scale.copy()
+
+    @property
+    def gain_limit(self) -> float:
+        """Gain lambda at action 1.
+
+        Raises:
+            AttributeError: the action is not the gain.
+        """
+        if self.settings.action_mode != "gain":
+            raise AttributeError(f"gain_limit: the action is {self.settings.action_mode!r}, not the gain")
+        return self.settings.gain_limit
+
+    @property
+    def control_period(self) -> float:
+        """An action is held so long [s]."""
+        return self.settings.control_period
+
+    @property
+    def lap_steps(self) -> int:
+        """Control periods in a lap."""
+        return max(1, round(self.settings.lap_time / self.settings.control_period))
+
+
+class FlexArmEnv(FleetView, gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
+    """A very flexible two-link arm whose tip tracks a path; see docs/environments for each id.
+
+    The set-up is that of Green & Sasiadek, *Control of a flexible robot using fuzzy logic and a noncollocated sensor*
+    (IFAC 2008): two links of 4.5 m, no gravity; the tip should follow a square of 12.6 m in 16 s. What an action is,
+    what an observation holds, what is random and what is rewarded are options (`flexarm_env.envs.settings.Settings`);
+    the ids differ in their options only.
+    """
+
+    # The tables of the specification come from the declarations.
+    __doc__ = specification(__doc__ or "")
+
+    metadata = {"render_modes": list(RENDER_MODES), "render_fps": FASTEST_VIDEO}  # noqa: RUF012  (Gymnasium's own)
+
+    def __init__(self, render_mode: str | None = None, **options: Any) -> None:
+        """Lay out the environment.
+
+        Args:
+            render_mode: "rgb_array", "human" or None.
+            **options: fields of `Settings`.
+
+        Raises:
+            TypeError, ValueError: for a bad argument, naming it, its value and what is allowed.
+        """
+        if render_mode is not None:
+            choice("render_mode", render_mode, RENDER_MODES)
+        self.render_mode = render_mode
+        self.fleet = Fleet(Settings.of(options), 1)
+        self.metadata = self.metadata | {"render_fps": self._fps()}
+        self.observation_space, self.action_space = self._spaces()
+        self._infos = InfoMaker(self.fleet)
+        self._scene = None if render_mode is None else Scene(self.fleet, 0, render_mode, self._fps())
+        self._begin = np.zeros(1, dtype=np.int64)
+        self._shape: tuple[int, ...] = self.action_space.shape or ()
+        self._started = False
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[NDArray[np.float32], dict[str, Any]]:
+        """Begin an episode.
+
+        Args:
+            seed: of everything random.
+            options: see `flexarm_env.envs.reset_options.OPTIONS`; an unknown key raises `ValueError`.
+        """
+        super().reset(seed=seed)
+        orders = orders_of(options, self.fleet)
+        self.fleet.start(new_keys(self.np_random, 1), self._begin, orders)
+        self._started = True
+        if self._scene is not None:
+            result = self.fleet.result(0)
+            self._scene.begin(result)
+            self._show(result)
+        return self.fleet.only_observation.copy(), self._infos.after_reset()
+
+    def step(self, action: NDArray[np.float32]) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
+        """Hold the action for one control period.
+
+        Args:
+            action: in [-1, 1]; beyond that it is limited (Gaussian policies leave the range). Other numbers than
+                float32, the action space's, are rounded to it. Shape (channels,).
+
+        Raises:
+            ValueError: for another shape, or a value that is not finite.
+            RuntimeError: before the first reset.
+        """
+        if not self._started:
+            raise RuntimeError("step() before reset(): there is no state to advance")
+        fleet = self.fleet
+        try:
+            fleet.only_action[:] = action  # type: ignore[call-overload]
+            taken = True
+        except (TypeError, ValueError, BufferError, NotImplementedError):  # not float32, or not of this shape
+            taken = False
+        if not taken:
+            fleet.only_action[:] = rounded(finite_array("action", action, self._shape))  # type: ignore[call-overload]
+        if not fleet.only_step():
+            finite_array("action", action, self._shape)  # says what is wrong
+        info, reward, status = self._infos.after_step()
+        if status != 0.0:
+            info["termination_reason"] = fleet.failures[status]
+        if self._scene is not None:
+            result = fleet.result(0)
+            self._scene.add(result)
+            self._show(result)
+        return fleet.only_observation.copy(), reward, status != 0.0, False, info
+
+    def render(self) -> NDArray[np.uint8] | None:
+        """The present instant as a picture, Shape (size, size, 3), or None where a window shows it.
+
+        Raises:
+            gymnasium.error.DependencyNotInstalled: without pygame-ce, naming the extra.
+        """
+        if self._scene is None:
+            gymnasium.logger.warn(
+                f'render() without a render mode; give make one, e.g. render_mode="{RENDER_MODES[0]}"'
+            )
+            return None
+        if not self._started:
+            raise RuntimeError("render() before reset(): there is nothing to show")
+        return self._scene.draw(self.fleet.result(0))
+
+    def close(self) -> None:
+        """Close the window, if there is one."""
+        if self._scene is not None:
+            self._scene.close()
+
+    def _show(self, result: NDArray[np.float64]) -> None:
+        if self.render_mode == "human" and self._scene is not None:
+            self._scene.draw(result)
+
+
+def rounded(actions: NDArray[Any]) -> NDArray[np.float32]:
+    """Actions of another type as the action space's, limited first: a float64 may be beyond all of float32."""
+    limited = np.minimum(np.maximum(actions.astype(np.float64), -1.0), 1.0)  # sooner done than `np.clip`
+    return limited.astype(np.float32)

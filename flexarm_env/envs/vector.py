@@ -1,0 +1,256 @@
+"""`FlexArmVectorEnv`: many arms as one Gymnasium vector environment, stepped by the kernels that step one."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from math import isfinite
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium.vector import AutoresetMode
+from gymnasium.vector.utils import batch_space
+from numpy.typing import NDArray
+
+from flexarm_env.envs.batch import Fleet
+from flexarm_env.envs.info import InfoMaker
+from flexarm_env.envs.reset_options import orders_of
+from flexarm_env.envs.scene import Scene
+from flexarm_env.envs.seeding import EpisodeKeys
+from flexarm_env.envs.settings import Settings
+from flexarm_env.envs.single import FASTEST_VIDEO, RENDER_MODES, FleetView, rounded
+from flexarm_env.validation import choice, finite_array, integer, real_array
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+Indices = NDArray[np.int64]
+LONGEST = 10**15  # [control periods]; a float64 counts them one by one
+NOBODY = np.zeros(0, dtype=np.int64)
+NOBODY.setflags(write=False)
+Step = tuple[NDArray[np.float32], Array, Flags, Flags, dict[str, Any]]
+
+
+class FlexArmVectorEnv(FleetView, gymnasium.vector.VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[Any]]):
+    """N environments in one; environment i of a batch seeded s is the single one seeded s + i, to the last bit.
+
+    Attributes:
+        fleet: the arms, their kernels and their data.
+    """
+
+    metadata = {  # noqa: RUF012  (Gymnasium's own declaration)
+        "render_modes": list(RENDER_MODES[:1]),
+        "render_fps": FASTEST_VIDEO,
+        "autoreset_mode": AutoresetMode.NEXT_STEP,
+    }
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        max_episode_steps: int | None = None,
+        render_mode: str | None = None,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        threads: int = 1,
+        **options: Any,
+    ) -> None:
+        """Lay out the batch.
+
+        Args:
+            num_envs: how many.
+            max_episode_steps: control periods after which an episode is truncated; None or -1: never.
+            render_mode: "rgb_array" or None.
+            autoreset_mode: a finished environment begins a new episode at the next step ("NextStep"), in the step that
+                ends it ("SameStep": see `final_obs` and `final_info`), or when it is told to ("Disabled").
+            threads: that share the work; more than one pays for large batches on idle cores.
+            **options: fields of `Settings`.
+
+        Raises:
+            TypeError, ValueError: for a bad argument, naming it, its value and what is allowed.
+        """
+        self.num_envs = integer("num_envs", num_envs, 1)
+        limit = None if max_episode_steps in (None, -1) else integer("max_episode_steps", max_episode_steps, 1, LONGEST)
+        if render_mode is not None:
+            choice("render_mode", render_mode, RENDER_MODES[:1])
+        self.render_mode = render_mode
+        mode = autoreset_mode.value if isinstance(autoreset_mode, AutoresetMode) else autoreset_mode
+        self._mode = AutoresetMode(choice("autoreset_mode", mode, [each.value for each in AutoresetMode]))
+        self.fleet = Fleet(Settings.of(options), self.num_envs, integer("threads", threads, 1))
+        self.metadata = self.metadata | {"autoreset_mode": self._mode, "render_fps": self._fps()}
+        self.single_observation_space, self.single_action_space = self._spaces()
+        self.observation_space = batch_space(self.single_observation_space, self.num_envs)
+        self.action_space = batch_space(self.single_action_space, self.num_envs)
+        self._infos = InfoMaker(self.fleet)
+        self._scenes = (
+            [Scene(self.fleet, i, render_mode, self._fps()) for i in range(self.num_envs)] if render_mode else []
+        )
+        self._keys = EpisodeKeys(self.num_envs)
+        self._longest = np.inf if limit is None else (limit - 0.5) * self.control_period  # [s], whatever the rounding
+        self._ended = NOBODY  # environments whose episode is over
+        self._orders = orders_of(None, self.fleet)
+        self._started = False
+        parts = self.fleet.parts
+        self._reward, self._status, self._time = (parts[name].start for name in ("REWARD", "STATUS", "TIME"))
+
+    # --- Gymnasium's interface -------------------------------------------------------------------------------------
+
+    def reset(
+        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[NDArray[np.float32], dict[str, Any]]:
+        """Begin episodes.
+
+        Args:
+            seed: environment i is seeded with seed + i, or with its own of a sequence.
+            options: see `flexarm_env.envs.reset_options.OPTIONS`, each value one for all or one for each environment; and
+                `reset_mask`, which environments begin an episode. Shape (N,), bool.
+
+        Raises:
+            TypeError, ValueError: for an unknown option or a bad value.
+        """
+        if options is not None and not isinstance(options, Mapping):
+            raise TypeError(f"options = {options!r}: must be a mapping or None")
+        wanted = dict(options or {})
+        mask = self._mask(wanted.pop("reset_mask", None))
+        orders = orders_of(wanted, self.fleet)
+        self._seed(seed, mask)
+        begun = np.flatnonzero(mask)
+        self.fleet.start(self._keys.take(begun), begun, orders)
+        self._started, self._ended = True, self._ended[~mask[self._ended]]
+        self._remember(begun)
+        return self._observations(), self._infos.batch(begun, stepped=False)
+
+    def step(self, actions: NDArray[np.float32]) -> Step:
+        """Hold each environment's action for one control period.
+
+        Args:
+            actions: in [-1, 1]; beyond that they are limited. Those of environments that begin an episode in this step
+                are not read. Other numbers than float32 are rounded to it. Shape (N, channels).
+
+        Raises:
+            ValueError: for another shape, or a value that is not finite.
+            RuntimeError: before the first reset, or for a finished environment where nothing resets it.
+        """
+        if not self._started:
+            raise RuntimeError("step() before reset(): there are no states to advance")
+        self._take(actions)
+        if self._mode is AutoresetMode.DISABLED and len(self._ended):
+            raise RuntimeError(
+                f"step() after the end of episode {self._ended[0]}: with autoreset_mode = 'Disabled' call "
+                "reset(options={'reset_mask': ...}) first"
+            )
+        begun = self._ended  # there are such with next-step reset only
+        if len(begun):
+            self.fleet.order_starts(self._keys.take(begun), begun, self._orders)
+        self.fleet.step()
+        results = self.fleet.results
+        status = results[:, self._status]
+        terminated = status != 0.0
+        truncated = results[:, self._time] > self._longest
+        if len(begun):  # whatever comes of an episode's first instant, it ends after a step at the earliest
+            terminated[begun] = False
+        rewards = results[:, self._reward].copy()  # 0 where an episode begins
+        self._ended = (terminated | truncated).nonzero()[0]
+        infos = self._infos.batch(begun, stepped=True)
+        if len(self._ended):
+            self._add_reasons(infos, status, terminated)
+            if self._mode is AutoresetMode.SAME_STEP:
+                begun, self._ended = self._ended, NOBODY
+                infos = self._restart(begun, infos)
+        self._remember(begun)
+        return self._observations(), rewards, terminated, truncated, infos
+
+    def render(self) -> tuple[NDArray[np.uint8], ...] | None:
+        """A picture of each environment. Shape (size, size, 3) each."""
+        if not self._scenes or not self._started:
+            return None
+        return tuple(scene.draw(self.fleet.result(i)) for i, scene in enumerate(self._scenes))  # type: ignore[misc]
+
+    def close_extras(self, **kwargs: Any) -> None:
+        """Let go of threads and windows."""
+        for scene in self._scenes:
+            scene.close()
+        self.fleet.close()
+
+    # --- inside ----------------------------------------------------------------------------------------------------
+
+    def _mask(self, mask: Any) -> Flags:
+        if mask is None:
+            return np.ones(self.num_envs, dtype=bool)
+        flags = np.asarray(mask)
+        if flags.shape != (self.num_envs,) or flags.dtype != np.bool_ or not flags.any():
+            raise ValueError(
+                f"options['reset_mask'] = {mask!r}: must be a bool array of shape ({self.num_envs},), one True at least"
+            )
+        if not self._started and not flags.all():
+            raise ValueError("options['reset_mask']: the first reset must begin an episode in every environment")
+        return flags.copy()
+
+    def _seed(self, seed: int | Sequence[int | None] | None, mask: Flags) -> None:
+        """As `SyncVectorEnv` does: one seed for all in a row, or one each; None leaves a generator as it is."""
+        if seed is None or isinstance(seed, int | np.integer):
+            seeds = [None if seed is None else int(seed) + i for i in range(self.num_envs)]
+        else:
+            seeds = [None if each is None else int(each) for each in seed]
+            if len(seeds) != self.num_envs:
+                raise ValueError(f"seed: must be one number or {self.num_envs}, got {len(seeds)}")
+        self._keys.seed(seeds, mask)
+
+    def _take(self, actions: NDArray[np.float32]) -> None:
+        values = actions if isinstance(actions, np.ndarray) else real_array("actions", actions)
+        if values.shape != self.action_space.shape or values.dtype.kind not in "fiu":
+            finite_array("actions", actions, self.action_space.shape or ())  # says what is wrong
+        if not isfinite(np.vdot(values, values)):  # one is not, or their squares overflow; then look at each
+            read = np.ones(len(values), dtype=bool)
+            read[self._ended] = False
+            finite_array("actions", np.where(read[:, None], values, 0.0), self.action_space.shape or ())
+        self.fleet.actions[: self.num_envs] = values if values.dtype == np.float32 else rounded(values)
+
+    def _restart(self, ended: Indices, infos: dict[str, Any]) -> dict[str, Any]:
+        """Begin new episodes where one ended in this step; what ended goes into `final_obs` and `final_info`."""
+        final = {name: value for name, value in infos.items() if not name.startswith("_")}
+        final_obs = np.empty(self.num_envs, dtype=object)
+        for i in ended.tolist():
+            final_obs[i] = self.fleet.observations[i].copy()
+        self.fleet.start(self._keys.take(ended), ended, self._orders)
+        merged = self._infos.batch(ended, stepped=True)
+        done = np.zeros(self.num_envs, dtype=bool)
+        done[ended] = True
+        merged |= {"final_obs": final_obs, "_final_obs": done.copy()}
+        merged |= {"final_info": _masked(final, done), "_final_info": done.copy()}
+        return merged
+
+    def _add_reasons(self, infos: dict[str, Any], status: Array, terminated: Flags) -> None:
+        found = status[self._ended].tolist()
+        if not any(found):  # all were cut off by the time limit
+            return
+        reasons, failures = np.empty(self.num_envs, dtype=object), self.fleet.failures
+        for i, each in zip(self._ended.tolist(), found, strict=True):
+            reasons[i] = failures[each]
+        infos["termination_reason"], infos["_termination_reason"] = reasons, terminated.copy()
+
+    def _observations(self) -> NDArray[np.float32]:
+        return self.fleet.observations[: self.num_envs].copy()
+
+    def _remember(self, begun: Indices) -> None:
+        """Traces for the pictures."""
+        for i, scene in enumerate(self._scenes):
+            (scene.begin if i in begun else scene.add)(self.fleet.result(i))
+
+
+def _masked(infos: dict[str, Any], mask: Flags) -> dict[str, Any]:
+    """Infos of some environments only, with masks that say so."""
+    masked: dict[str, Any] = {}
+    for name, value in infos.items():
+        if isinstance(value, dict):
+            masked[name] = _masked({key: each for key, each in value.items() if not key.startswith("_")}, mask)
+            masked[f"_{name}"] = mask.copy()
+            continue
+        if value.dtype == object:
+            having = mask & np.array([each is not None for each in value])
+            if not having.any():
+                continue
+            kept = np.full(len(mask), None, dtype=object)
+            kept[having] = value[having]
+            masked[name], masked[f"_{name}"] = kept, having
+            continue
+        masked[name] = np.where(mask.reshape(-1, *(1,) * (value.ndim - 1)), value, 0.0)
+        masked[f"_{name}"] = mask.copy()
+    return masked

@@ -1,0 +1,100 @@
+"""What an observation is made of, as plain functions of numbers that a controller can know (see `dynamics`).
+
+Cartesian quantities come in a *frame*: the world's, or the link's, turned by the measured -theta1. The plant has no
+preferred direction, so in the link's frame the four sides of a square are one task.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+from flexarm_env.codegen.elementary import sincos
+from flexarm_env.codegen.tracing import floor
+from flexarm_env.physics.inverse_kinematics import joint_angles_for, joint_rates_for
+
+TURN = 6.283185307179586
+
+
+class Known(NamedTuple):
+    """What sensors and the task say at an instant; lists of numbers.
+
+    Attributes:
+        measured: joint angles [rad] and rates [rad/s] by the encoders.
+        reference: position [m] and velocity [m/s].
+        joint: joint angles and rates of the rigid arm on the reference.
+        sensed: latest reading of the sensor [m].
+        sensor_error: reference at the time of that reading minus the reading [m].
+        sensor_error_rate: its change since the reading before, per second [m/s].
+        lengths: of the links [m].
+        phase: of the lap, 0 to 1.
+        frame: 1 for the link's frame, 0 for the world's.
+    """
+
+    measured: Sequence[Any]
+    reference: Sequence[Any]
+    joint: Sequence[Any]
+    sensed: Sequence[Any]
+    sensor_error: Sequence[Any]
+    sensor_error_rate: Sequence[Any]
+    lengths: Sequence[Any]
+    phase: Any
+    frame: Any
+
+
+class Features(NamedTuple):
+    """Parts of observations; lists of numbers. `frame_axis`: cosine and sine of the frame's angle."""
+
+    directions: list[Any]
+    joint_error: list[Any]
+    joint_error_rate: list[Any]
+    encoder_error: list[Any]
+    reference: list[Any]
+    reference_velocity: list[Any]
+    sensed: list[Any]
+    sensor_error: list[Any]
+    sensor_error_rate: list[Any]
+    phase: list[Any]
+    frame_axis: list[Any]
+
+
+def features(known: Known) -> Features:
+    """All parts."""
+    theta1, theta2 = known.measured[:2]
+    one, two = sincos(theta1), sincos(theta2)
+    both = (one[0] * two[1] + one[1] * two[0], one[1] * two[1] - one[0] * two[0])
+    axis = [known.frame * one[1] + (1.0 - known.frame), known.frame * one[0]]
+    tip = [known.lengths[0] * one[n] + known.lengths[1] * both[n] for n in (1, 0)]
+    error = [_turned_back(a - b) for a, b in zip(known.joint[:2], known.measured[:2], strict=True)]
+    lap = sincos(TURN * known.phase)
+    return Features(
+        directions=[two[1], two[0], one[1], one[0]],
+        joint_error=error,
+        joint_error_rate=[a - b for a, b in zip(known.joint[2:], known.measured[2:], strict=True)],
+        encoder_error=in_frame(axis, [known.reference[r] - tip[r] for r in (0, 1)]),
+        reference=in_frame(axis, known.reference[:2]),
+        reference_velocity=in_frame(axis, known.reference[2:]),
+        sensed=in_frame(axis, known.sensed),
+        sensor_error=in_frame(axis, known.sensor_error),
+        sensor_error_rate=in_frame(axis, known.sensor_error_rate),
+        phase=[lap[1], lap[0]],
+        frame_axis=axis,
+    )
+
+
+def in_frame(axis: Sequence[Any], vector: Sequence[Any]) -> list[Any]:
+    """A vector's components along the frame's axes."""
+    return [axis[0] * vector[0] + axis[1] * vector[1], axis[0] * vector[1] - axis[1] * vector[0]]
+
+
+def joint_aim(lengths: Sequence[Any], branch: Any, reference: Sequence[Any], near: Any) -> list[Any]:
+    """Joint angles and rates of the rigid arm on the reference; theta1 within half a turn of `near` [rad]."""
+    theta1, theta2 = joint_angles_for(lengths[0], lengths[1], branch, reference[0], reference[1])
+    rates = joint_rates_for(lengths[0], lengths[1], theta1, theta2, reference[2], reference[3])
+    whole_turns = floor((near - theta1) * (1.0 / TURN) + 0.5)  # so that finding it again gives the same bits
+    return [theta1 + TURN * whole_turns, theta2, *rates]
+
+
+def _turned_back(angle: Any) -> Any:
+    """The same direction, within half a turn of 0."""
+    return angle - TURN * floor(angle * (1.0 / TURN) + 0.5)

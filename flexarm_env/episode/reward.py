@@ -1,0 +1,59 @@
+"""Reward: terms of the state after the step, each in [0, 1], and their weighted sum.
+
+Every term is bounded and none is negative, so that ending an episode early never pays. Plain functions of numbers,
+recorded into the kernels.
+
+Symbols: ``e`` distance of the true tip (with deflection) from the reference [m]; ``a`` action in [-1, 1].
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from flexarm_env.codegen.elementary import exp_minus
+from flexarm_env.codegen.tracing import root
+
+TERMS = {
+    "tracking_wide": "exp(-(e / 0.6 m)^2): pulls from afar",
+    "tracking_middle": "exp(-e / 0.15 m): rewards precision",
+    "tracking_fine": "exp(-e / 0.04 m): rewards the last centimetres",
+    "action_change": "1 / (1 + |a - a_before|^2 / 0.5): one for a steady action",
+    "effort": "1 / (1 + (tau_1 / 150 N m)^2 + (tau_2 / 50 N m)^2)",
+    "vibration": "1 / (1 + (|w_1'|^2 + |w_2'|^2) / (1 m/s)^2), w' the rates of the links' tip deflections",
+}
+WIDTHS = (0.6, 0.15, 0.04)  # [m]
+CHANGE = 0.5
+EFFORT = (150.0, 50.0)  # [N m]
+VIBRATION = 1.0  # [m/s]
+
+
+def tracking_terms(tip: Sequence[Any], reference: Sequence[Any]) -> list[Any]:
+    """The three tracking terms.
+
+    Args:
+        tip: x, y of the true tip [m].
+        reference: where it should be [m].
+    """
+    x, y = tip[0] - reference[0], tip[1] - reference[1]
+    square = x * x + y * y
+    distance = root(square)
+    wide, middle, fine = WIDTHS
+    return [exp_minus(square / (wide * wide)), exp_minus(distance / middle), exp_minus(distance / fine)]
+
+
+def regularising_terms(change: Any, torque: Sequence[Any], deflection_rate: Sequence[Any]) -> list[Any]:
+    """The terms for a quiet arm.
+
+    Args:
+        change: |a - a_before|^2.
+        torque: of shoulder and elbow [N m].
+        deflection_rate: of the two links' tips [m/s].
+    """
+    effort = [torque[j] / EFFORT[j] for j in (0, 1)]
+    rates = [rate / VIBRATION for rate in deflection_rate]
+    return [
+        1.0 / (1.0 + change / CHANGE),
+        1.0 / (1.0 + effort[0] * effort[0] + effort[1] * effort[1]),
+        1.0 / (1.0 + rates[0] * rates[0] + rates[1] * rates[1]),
+    ]

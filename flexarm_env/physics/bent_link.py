@@ -1,0 +1,157 @@
+"""One bent link in the frame of its root tangent, as plain functions of numbers (see `dynamics`).
+
+A point at the distance x along the link lies at (X, Y) = (x - u, w): ``w = sum_i phi_i(x) q_i`` (3), and the
+foreshortening ``u = q^T S(x) q / 2``, where ``S_ij(x)`` is the integral of phi_i' phi_j' from the root to x.
+``w'`` is the angle of the link's tangent against the root's, so that bending energy, joint angles and the angles of
+hubs are those of an inextensible beam, X is right to second order in q, and Y lacks only terms of third order.
+With linear kinematics S is left out (its sequences are empty) and nothing of it is recorded.
+
+Source: Kane, Ryan & Banerjee, *Dynamics of a cantilever beam attached to a moving base*, J. Guidance 10 (1987), on why
+a spinning beam needs it and how it enters; the integrals over two links and the kernels' form of them are our own.
+
+T and G are the moments of the foreshortening: ``T_k,ij`` integral of phi_k S_ij, ``G_ij,kl`` of S_ij S_kl over mass.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from flexarm_env.physics.linear_algebra import Vector, dot, place, products, symmetric_times
+
+
+class Place(NamedTuple):
+    """A point of a link, or the sum of its mass over points (then with a moment for each distance).
+
+    Attributes:
+        distance: x, along the root tangent [m].
+        values: phi_i.
+        foreshortening: S, lower triangle; empty with linear kinematics.
+    """
+
+    distance: Any
+    values: Vector
+    foreshortening: Vector
+
+
+class Bent(NamedTuple):
+    """A place of a link at its modal coordinates.
+
+    Attributes:
+        along: X [m].
+        across: Y [m].
+        slack: S q, which is -dX/dq.
+        values: phi_i, which is dY/dq.
+    """
+
+    along: Any
+    across: Any
+    slack: Vector
+    values: Vector
+
+
+def bent(at: Place, q: Vector) -> Bent:
+    """Where a place of a link is at the modal coordinates q."""
+    across = dot(at.values, q)
+    if not at.foreshortening:
+        return Bent(at.distance, across, [0.0] * len(q), at.values)
+    slack = symmetric_times(at.foreshortening, q)
+    return Bent(at.distance - 0.5 * dot(q, slack), across, slack, at.values)
+
+
+def drawn_in(at: Place, rates: Vector) -> Any:
+    """Acceleration of a place towards the root that the modal rates alone cause, q'^T S q'."""
+    return dot(at.foreshortening, products(rates)) if at.foreshortening else 0.0
+
+
+class Link(NamedTuple):
+    """Inertia of one link with what is fixed to it.
+
+    Attributes:
+        inertia: about the root, unbent [kg m^2].
+        coupling: moment of inertia between root rotation and each mode, unbent.
+        mass: modal mass matrix, lower triangle.
+        translation: the same without rotary inertias at the tip, which have no centrifugal effect.
+        shortened: integral of x S over mass, lower triangle; empty with linear kinematics, as are:
+        cubic: T, for each mode a lower triangle.
+        quartic: G, the lower triangle of a matrix over pairs of modes.
+    """
+
+    inertia: Any
+    coupling: Vector
+    mass: Vector
+    translation: Vector
+    shortened: Vector
+    cubic: Vector
+    quartic: Vector
+
+
+def root_inertia(link: Link, q: Vector) -> Any:
+    """Moment of inertia of the bent link about its root."""
+    return link.inertia + dot(q, symmetric_times(_spread(link, q, 0.25), q))
+
+
+def outward(link: Link, q: Vector) -> list[Any]:
+    """Half the gradient of `root_inertia`: the modal forces of a unit centrifugal field."""
+    return symmetric_times(_spread(link, q, 0.5), q)
+
+
+def _spread(link: Link, q: Vector, share: float) -> Vector:
+    """Mass matrix, less what foreshortening takes away, and a share of what it squared adds."""
+    if not link.quartic:
+        return link.translation
+    squared = symmetric_times(link.quartic, products(q))
+    parts = zip(link.translation, link.shortened, squared, strict=True)
+    return [mass - shortened + share * more for mass, shortened, more in parts]
+
+
+def root_coupling(link: Link, q: Vector) -> Vector:
+    """Moment of inertia between root rotation and each mode of the bent link."""
+    if not link.cubic:
+        return link.coupling
+    pulled, pairs = symmetric_times(_weighted(link, q), q), products(q)
+    return [link.coupling[j] + (pulled[j] - 0.5 * dot(_cubic(link, j, len(q)), pairs)) for j in range(len(q))]
+
+
+def modal_mass(link: Link, q: Vector) -> Vector:
+    """Modal mass matrix of the bent link, lower triangle."""
+    if not link.quartic:
+        return link.mass
+    modes, result = range(len(q)), []
+    for i in modes:
+        for j in range(i + 1):
+            rows = [[link.quartic[place(place(i, k), place(j, n))] for n in modes] for k in modes]
+            result.append(link.mass[place(i, j)] + dot(q, [dot(row, q) for row in rows]))
+    return result
+
+
+def shortening_forces(link: Link, q: Vector, rates: Vector, turn: Any) -> tuple[Any, Vector]:
+    """Velocity forces that foreshortening adds, on the root and on each mode, at v' = 0.
+
+    Args:
+        link: the link.
+        q: modal coordinates.
+        rates: of them.
+        turn: angular velocity of the root tangent.
+    """
+    n = len(q)
+    if not link.quartic:
+        return 0.0, [0.0] * n
+    root = dot(_weighted(link, q), products(rates))
+    across = symmetric_times(_weighted(link, rates), q)
+    along = symmetric_times(symmetric_times(link.quartic, products(rates)), q)
+    modal = []
+    for j in range(n):
+        back = dot(rates, symmetric_times(_cubic(link, j, n), q))
+        modal.append(2.0 * turn * (across[j] - back) + along[j])
+    return root, modal
+
+
+def _cubic(link: Link, mode: int, modes: int) -> Vector:
+    """T_k of one mode, lower triangle."""
+    count = modes * (modes + 1) // 2
+    return link.cubic[mode * count : (mode + 1) * count]
+
+
+def _weighted(link: Link, b: Vector) -> list[Any]:
+    """sum_k b_k T_k, lower triangle."""
+    return [dot(b, column) for column in zip(*(_cubic(link, k, len(b)) for k in range(len(b))), strict=True)]

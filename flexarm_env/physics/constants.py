@@ -1,0 +1,169 @@
+"""What the equations know of an arm: modal integrals and lumped masses, folded into constants (see `dynamics`)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from flexarm_env.parameters import ArmParameters
+from flexarm_env.physics import linear_algebra
+from flexarm_env.physics.bent_link import Link, Place
+from flexarm_env.physics.linear_algebra import Vector
+from flexarm_env.physics.link_modes import LinkModes, foreshortening_moments, link_modes
+
+
+class Constants(NamedTuple):
+    """Everything the equations know of an arm; each field a number or a tuple over modes.
+
+    Link i with what is fixed to it: ``inertia`` about its root [kg m^2]; ``coupling``, moment of inertia between
+    root rotation and mode; ``mass``, modal mass matrix (lower triangle, row by row); ``static_moment`` [kg m];
+    ``momentum``, integral of the mode over mass. Link 1 carries the elbow's mass, all of link 2 and the payload at
+    its tip; link 2 carries the elbow hub's inertia and the payload. ``translation_2`` is ``mass_2`` without the
+    payload's rotary inertia, which has no centrifugal effect.
+
+    The last eight are empty with linear kinematics (`links`): S at the elbow, the moments of S, and of link 2 the
+    integral of S over mass.
+    """
+
+    elbow_distance: Any
+    inertia_1: Any
+    inertia_2: Any
+    static_moment_2: Any
+    friction_1: Any
+    friction_2: Any
+    elbow_values: Vector
+    elbow_slopes: Vector
+    coupling_1: Vector
+    coupling_2: Vector
+    momentum_2: Vector
+    stiffness_1: Vector
+    stiffness_2: Vector
+    damping_1: Vector
+    damping_2: Vector
+    mass_1: Vector
+    mass_2: Vector
+    translation_2: Vector
+    elbow_foreshortening: Vector = ()
+    mean_foreshortening_2: Vector = ()
+    shortened_1: Vector = ()
+    shortened_2: Vector = ()
+    cubic_1: Vector = ()
+    cubic_2: Vector = ()
+    quartic_1: Vector = ()
+    quartic_2: Vector = ()
+
+    @staticmethod
+    def sizes(modes: int, foreshortened: bool = False) -> list[int | None]:
+        """Length of each field for a number of modes; None for a number."""
+        pairs = modes * (modes + 1) // 2
+        further = [pairs] * 4 + [modes * pairs] * 2 + [pairs * (pairs + 1) // 2] * 2
+        return [None] * 6 + [modes] * 9 + [pairs] * 3 + [count * foreshortened for count in further]
+
+    @property
+    def foreshortened(self) -> bool:
+        """Whether the kinematics are."""
+        return bool(self.elbow_foreshortening)
+
+    @property
+    def elbow(self) -> Place:
+        """Link 1's tip."""
+        return Place(self.elbow_distance, self.elbow_values, self.elbow_foreshortening)
+
+    @property
+    def moment_2(self) -> Place:
+        """First moment of link 2's mass and the payload's."""
+        return Place(self.static_moment_2, self.momentum_2, self.mean_foreshortening_2)
+
+    @property
+    def links(self) -> tuple[Link, Link]:
+        """Inertia of both links; link 1 has no rotary inertia at its tip."""
+        further = (self.shortened_1, self.cubic_1, self.quartic_1), (self.shortened_2, self.cubic_2, self.quartic_2)
+        return (
+            Link(self.inertia_1, self.coupling_1, self.mass_1, self.mass_1, *further[0]),
+            Link(self.inertia_2, self.coupling_2, self.mass_2, self.translation_2, *further[1]),
+        )
+
+    def flat(self) -> list[Any]:
+        """All numbers in order, as a kernel reads them."""
+        return linear_algebra.flat(self)
+
+    @classmethod
+    def unflat(cls, numbers: Sequence[Any], modes: int, foreshortened: bool = False) -> Constants:
+        """Inverse of `flat`."""
+        return cls(*linear_algebra.unflat(numbers, cls.sizes(modes, foreshortened)))
+
+
+def arm_modes(parameters: ArmParameters) -> tuple[LinkModes, LinkModes]:
+    """Modes of the two bare links."""
+    p = parameters
+    first, second = (
+        link_modes(length, rigidity, density, p.modes_per_link, p.mode_scale, p.mode_shapes)
+        for length, rigidity, density in zip(p.link_lengths, p.flexural_rigidities, p.masses_per_length, strict=True)
+    )
+    return first, second
+
+
+def arm_constants(parameters: ArmParameters, modes: tuple[LinkModes, LinkModes]) -> Constants:
+    """Fold modal integrals and lumped masses into the equations' constants; floats only."""
+    p = parameters
+    one, two = modes
+    (length_1, length_2), (rho_1, rho_2) = p.link_lengths, p.masses_per_length
+    at_elbow = p.elbow_mass + rho_2 * length_2 + p.payload_mass  # what link 1 carries at its tip
+    slope_2 = two.tip_slopes
+    translation_2 = two.mass + p.payload_mass * np.outer(two.tip_values, two.tip_values)
+    mass_2 = translation_2 + p.payload_inertia * np.outer(slope_2, slope_2)
+    hub_and_payload = p.elbow_hub_inertia + p.payload_mass * length_2**2 + p.payload_inertia
+    coupling_2 = two.second_moment + p.payload_mass * length_2 * two.tip_values + p.payload_inertia * slope_2
+    damping = [2.0 * p.modal_damping_ratio * link.frequencies * np.diag(link.mass) for link in modes]
+    return Constants(
+        elbow_distance=length_1,
+        inertia_1=rho_1 * length_1**3 / 3.0 + p.shoulder_hub_inertia + at_elbow * length_1**2,
+        inertia_2=rho_2 * length_2**3 / 3.0 + hub_and_payload,
+        static_moment_2=rho_2 * length_2**2 / 2.0 + p.payload_mass * length_2,
+        friction_1=p.joint_friction[0],
+        friction_2=p.joint_friction[1],
+        elbow_values=_floats(one.tip_values),
+        elbow_slopes=_floats(one.tip_slopes),
+        coupling_1=_floats(one.second_moment + at_elbow * length_1 * one.tip_values),
+        coupling_2=_floats(coupling_2),
+        momentum_2=_floats(two.first_moment + p.payload_mass * two.tip_values),
+        stiffness_1=_floats(one.stiffness),
+        stiffness_2=_floats(two.stiffness),
+        damping_1=_floats(damping[0]),
+        damping_2=_floats(damping[1]),
+        mass_1=_lower(one.mass + at_elbow * np.outer(one.tip_values, one.tip_values)),
+        mass_2=_lower(mass_2),
+        translation_2=_lower(translation_2),
+        **(_foreshortening(modes, (at_elbow, p.payload_mass)) if p.kinematics == "foreshortened" else {}),
+    )
+
+
+def link_place(modes: LinkModes, foreshortened: bool, s: float) -> Place:
+    """A point of a link at the distance s [m] from its root; floats only."""
+    sums = _lower(modes.foreshortening(s)) if foreshortened else ()
+    return Place(float(s), _floats(modes.shape(s)), sums)
+
+
+def _foreshortening(modes: tuple[LinkModes, LinkModes], carried: tuple[float, float]) -> dict[str, tuple[float, ...]]:
+    """The fields of `Constants` that linear kinematics leave empty; `carried`: masses at the links' tips [kg]."""
+    one, two = (foreshortening_moments(link, mass) for link, mass in zip(modes, carried, strict=True))
+    return {
+        "elbow_foreshortening": _lower(modes[0].foreshortening(modes[0].length)),
+        "mean_foreshortening_2": _lower(two.mean),
+        "shortened_1": _lower(one.shortened),
+        "shortened_2": _lower(two.shortened),
+        "cubic_1": tuple(x for matrix in one.cubic for x in _lower(matrix)),
+        "cubic_2": tuple(x for matrix in two.cubic for x in _lower(matrix)),
+        "quartic_1": _lower(one.quartic),
+        "quartic_2": _lower(two.quartic),
+    }
+
+
+def _floats(values: np.ndarray) -> tuple[float, ...]:
+    return tuple(float(value) for value in values)
+
+
+def _lower(matrix: np.ndarray) -> tuple[float, ...]:
+    return _floats(matrix[np.tril_indices(len(matrix))])

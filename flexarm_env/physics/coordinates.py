@@ -1,0 +1,116 @@
+"""Where the arm's material points are, and the change between public and internal coordinates, on arrays.
+
+Public order: (theta1, theta2, q1, q2), internal order: y = (a1, q1, a2, q2); symbols as in `flexarm_env.physics.dynamics`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexarm_env.physics.constants import Constants
+from flexarm_env.physics.dynamics import internal_coordinates, joint_angles
+from flexarm_env.physics.link_modes import LinkModes
+
+Array = NDArray[np.float64]
+
+
+def stack(values: Sequence[Any]) -> Array:
+    """Numbers or arrays that broadcast, along a new last axis."""
+    return np.stack(np.broadcast_arrays(*values), axis=-1)
+
+
+def stack_matrix(rows: Sequence[Sequence[Any]]) -> Array:
+    """A square matrix of numbers or arrays that broadcast, along two new last axes."""
+    size = len(rows)
+    flat = stack([value for row in rows for value in row])
+    return flat.reshape(*flat.shape[:-1], size, size)
+
+
+def to_internal(k: Constants) -> Array:
+    """dy/dq, constant. Shape (2 + 2 m, 2 + 2 m)."""
+    size = 2 * len(k.elbow_slopes) + 2
+    return np.array(internal_coordinates(k, list(np.eye(size))), dtype=np.float64)
+
+
+def to_public(k: Constants) -> Array:
+    """dq/dy, constant. Shape (2 + 2 m, 2 + 2 m)."""
+    size = 2 * len(k.elbow_slopes) + 2
+    y = list(np.eye(size))
+    m = len(k.elbow_slopes)
+    return np.array([*joint_angles(k, y), *y[1 : m + 1], *y[m + 2 :]], dtype=np.float64)
+
+
+def internal_state(k: Constants, state: Array) -> Array:
+    """(y, v) of public states. Shape (..., 4 + 4 m)."""
+    halves = np.split(state, 2, axis=-1)
+    return np.concatenate([stack(internal_coordinates(k, list(np.moveaxis(half, -1, 0)))) for half in halves], axis=-1)
+
+
+def public_state(k: Constants, internal: Array) -> Array:
+    """Inverse of `internal_state`; sums in a fixed order, the same bits for one state and for many."""
+    halves = []
+    m = len(k.elbow_slopes)
+    for half in np.split(internal, 2, axis=-1):
+        theta1, theta2 = joint_angles(k, list(np.moveaxis(half, -1, 0)))
+        halves += [theta1[..., None], theta2[..., None], half[..., 1 : m + 1], half[..., m + 2 :]]
+    return np.concatenate(halves, axis=-1)
+
+
+def material_point(
+    modes: tuple[LinkModes, LinkModes], foreshortened: bool, y: Array, link: int, s: Array
+) -> tuple[Array, Array]:
+    """Position of a material point and its Jacobian with respect to the internal coordinates.
+
+    Args:
+        modes: of both links.
+        foreshortened: kinematics.
+        y: internal coordinates. Shape (..., 2 + 2 m).
+        link: 1 or 2.
+        s: distance from the link's root along its undeformed axis [m]; broadcasts with y's leading axes.
+
+    Returns:
+        x, y [m], Shape (..., 2), and its derivatives, Shape (..., 2, 2 + 2 m).
+    """
+    size = y.shape[-1]
+    half = size // 2
+    first_s = s if link == 1 else np.asarray(modes[0].length)
+    at, jacobian = _link_point(modes[0], foreshortened, y[..., :half], first_s)
+    full = np.zeros((*jacobian.shape[:-1], size))
+    full[..., :half] = jacobian
+    if link == 2:
+        relative, jacobian = _link_point(modes[1], foreshortened, y[..., half:], s)
+        at = at + relative
+        full = np.broadcast_to(full, (*relative.shape, size)).copy()
+        full[..., half:] = jacobian
+    return at, full
+
+
+def rigid_tip(lengths: tuple[float, float], q: Array) -> Array:
+    """Tip by rigid kinematics of the joint angles (8), (9) [m]. Shape (..., 2)."""
+    first, both = q[..., 0], q[..., 0] + q[..., 1]
+    x = lengths[0] * np.cos(first) + lengths[1] * np.cos(both)
+    y = lengths[0] * np.sin(first) + lengths[1] * np.sin(both)
+    return np.stack([x, y], axis=-1)
+
+
+def _link_point(link: LinkModes, foreshortened: bool, y: Array, s: Array) -> tuple[Array, Array]:
+    """Point X e + Y n of one link relative to its root, and its Jacobian in (a, q)."""
+    angle, coordinates = y[..., 0], y[..., 1:]
+    shape = link.shape(s)
+    w = np.sum(shape * coordinates, axis=-1)
+    along = s
+    normal = np.stack([-np.sin(angle), np.cos(angle)], axis=-1)
+    bend = normal[..., :, None] * np.broadcast_to(shape, (*w.shape, shape.shape[-1]))[..., None, :]
+    if foreshortened:
+        slack = np.sum(link.foreshortening(s) * coordinates[..., None, :], axis=-1)
+        along = s - 0.5 * np.sum(slack * coordinates, axis=-1)
+        tangent = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+        bend = bend - tangent[..., :, None] * slack[..., None, :]
+    cos, sin = np.cos(angle), np.sin(angle)
+    at = np.stack([along * cos - w * sin, along * sin + w * cos], axis=-1)
+    turn = np.stack([-at[..., 1], at[..., 0]], axis=-1)
+    return at, np.concatenate([turn[..., None], bend], axis=-1)

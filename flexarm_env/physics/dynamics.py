@@ -1,0 +1,213 @@
+"""Equations of motion of the flexible arm, as plain functions of numbers.
+
+They compute on floats and numpy arrays and are recorded into compiled kernels (`flexarm_env.codegen.tracing`), so they
+hold no branches on data and take sines and cosines as arguments.
+
+Symbols:
+    a1, a2: absolute angles of the root tangents of link 1 and link 2 from the x axis [rad].
+    q1, q2: modal coordinates of the links; a point of a link lies at (X, Y) along and across its root tangent: with
+        linear kinematics at (x, w), ``w(x) = sum_i phi_i(x) q_i`` [m] (3), or foreshortened (see `links`).
+    y = (a1, q1, a2, q2): the internal coordinates; v = dy/dt.
+    theta1 = a1, theta2 = a2 - a1 - w1'(L1): the joint angles [rad], what encoders read.
+    e_i, n_i: unit vectors along and across link i's root tangent; C, S: cosine and sine of a2 - a1.
+    E = X1(L1) e1 + Y1(L1) n1: the elbow; a point of link 2 is E + X2(x) e2 + Y2(x) n2.
+
+With link 2's angle absolute, the two links couple only through the elbow's motion, the mass matrix is short, and
+the velocity forces follow from the points' accelerations at v' = 0 (D'Alembert) in closed form:
+``M(y) v' + h(y, v) + K y + D v = B tau`` (6). The lumped masses and inertias enter the constants alone.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from flexarm_env.physics import linear_algebra, modal_elimination
+from flexarm_env.physics.bent_link import (
+    bent,
+    drawn_in,
+    modal_mass,
+    outward,
+    root_coupling,
+    root_inertia,
+    shortening_forces,
+)
+from flexarm_env.physics.constants import Constants
+from flexarm_env.physics.linear_algebra import Factors, Matrix, Vector, dot, factor, place
+from flexarm_env.physics.modal_elimination import Elimination, Inertia
+
+
+def joint_angles(k: Constants, y: Vector) -> tuple[Any, Any]:
+    """(theta1, theta2) from the internal coordinates; applies to rates as well."""
+    m = len(k.elbow_slopes)
+    return y[0], y[m + 1] - y[0] - dot(k.elbow_slopes, y[1 : m + 1])
+
+
+def internal_coordinates(k: Constants, q: Vector) -> list[Any]:
+    """y = (a1, q1, a2, q2) from the public order (theta1, theta2, q1, q2); applies to rates as well."""
+    m = len(k.elbow_slopes)
+    q1 = list(q[2 : m + 2])
+    return [q[0], *q1, q[0] + dot(k.elbow_slopes, q1) + q[1], *q[m + 2 :]]
+
+
+def elbow_turn(y: Vector) -> Any:
+    """a2 - a1 [rad], from internal coordinates y: with as many modes on each link, a2 is half way."""
+    return y[len(y) // 2] - y[0]
+
+
+def generalised_torque(k: Constants, tau: Vector) -> list[Any]:
+    """B tau: the elbow's torque reacts on link 1's tip slope."""
+    m = len(k.elbow_slopes)
+    return [tau[0] - tau[1], *(-slope * tau[1] for slope in k.elbow_slopes), tau[1], *([0.0] * m)]
+
+
+def mass_matrix(k: Constants, y: Vector, cos: Any, sin: Any) -> list[list[Any]]:
+    """M(y), full and symmetric, in the order of y.
+
+    Args:
+        k: constants.
+        y: internal coordinates.
+        cos: C, cosine of a2 - a1.
+        sin: S, sine of a2 - a1.
+    """
+    m = len(k.elbow_slopes)
+    q1, q2 = y[1 : m + 1], y[m + 2 :]
+    (one, two), elbow, moment = k.links, bent(k.elbow, q1), bent(k.moment_2, q2)
+    along = elbow.along * cos + elbow.across * sin  # d(elbow velocity)/d(a1') on n2, and on e2:
+    across = elbow.along * sin - elbow.across * cos
+    rows: list[list[Any]] = [[0.0] * (2 * m + 2) for _ in range(2 * m + 2)]
+    rows[0][0] = root_inertia(one, q1)
+    rows[m + 1][m + 1] = root_inertia(two, q2)
+    rows[m + 1][0] = moment.along * along - moment.across * across
+    bending = moment.along * cos - moment.across * sin  # link 2's moment on e1, and on n1:
+    turning = moment.along * sin + moment.across * cos
+    coupling, mass = (root_coupling(one, q1), root_coupling(two, q2)), (modal_mass(one, q1), modal_mass(two, q2))
+    for i in range(m):
+        rows[1 + i][0] = coupling[0][i]
+        rows[m + 2 + i][m + 1] = coupling[1][i]
+        rows[m + 1][1 + i] = elbow.values[i] * bending + elbow.slack[i] * turning
+        rows[m + 2 + i][0] = moment.values[i] * along - moment.slack[i] * across
+        for j in range(m):
+            on_n1 = moment.values[i] * elbow.values[j] * cos - moment.slack[i] * elbow.values[j] * sin
+            on_e1 = moment.values[i] * elbow.slack[j] * sin + moment.slack[i] * elbow.slack[j] * cos
+            rows[m + 2 + i][1 + j] = on_n1 + on_e1
+            if j <= i:
+                rows[1 + i][1 + j] = mass[0][place(i, j)]
+                rows[m + 2 + i][m + 2 + j] = mass[1][place(i, j)]
+    for i in range(2 * m + 2):
+        for j in range(i):
+            rows[j][i] = rows[i][j]
+    return rows
+
+
+def inertia(k: Constants, e: Elimination | None, y: Vector, cos: Any, sin: Any) -> Inertia | Factors:
+    """M(y) ready for `solve`: by elimination with linear kinematics, else (e is None) by a factorisation."""
+    if e is not None:
+        return modal_elimination.inertia(k, e, y, cos, sin)
+    return factor(mass_matrix(k, y, cos, sin))
+
+
+def solve(k: Constants, e: Elimination | None, at: Inertia | Factors, right: Vector) -> list[Any]:
+    """x with ``M(y) x = right``, from `inertia`."""
+    if isinstance(at, Factors):
+        return linear_algebra.solve(at, right)
+    assert e is not None
+    return modal_elimination.solve(k, e, at, right)
+
+
+def velocity_forces(k: Constants, y: Vector, v: Vector, cos: Any, sin: Any) -> list[Any]:
+    """h(y, v): complete Coriolis and centrifugal forces, in the order of y."""
+    m = len(k.elbow_slopes)
+    w1, w2 = v[0], v[m + 1]  # angular velocities
+    q1, q1_dot, q2, q2_dot = y[1 : m + 1], v[1 : m + 1], y[m + 2 :], v[m + 2 :]
+    (one, two), elbow, moment = k.links, bent(k.elbow, q1), bent(k.moment_2, q2)
+    # elbow's acceleration at v' = 0 on -n1 and on -e1; and link 2's inertial force relative to the elbow
+    elbow_n = elbow.across * (w1 * w1) + 2.0 * dot(elbow.slack, q1_dot) * w1
+    elbow_e = (2.0 * dot(elbow.values, q1_dot) + elbow.along * w1) * w1 + drawn_in(k.elbow, q1_dot)
+    link_n = moment.across * (w2 * w2) + 2.0 * dot(moment.slack, q2_dot) * w2
+    link_e = (2.0 * dot(moment.values, q2_dot) + moment.along * w2) * w2 + drawn_in(k.moment_2, q2_dot)
+    elbow_on_n2, elbow_on_e2 = elbow_e * sin - elbow_n * cos, -(elbow_n * sin + elbow_e * cos)
+    link_on_n1, link_on_e1 = -(link_n * cos + link_e * sin), link_n * sin - link_e * cos
+    out1, out2 = outward(one, q1), outward(two, q2)
+    root1, modal1 = shortening_forces(one, q1, q1_dot, w1)
+    root2, modal2 = shortening_forces(two, q2, q2_dot, w2)
+    return [
+        2.0 * w1 * dot(out1, q1_dot) + root1 + elbow.along * link_on_n1 - elbow.across * link_on_e1,
+        *(elbow.values[i] * link_on_n1 - elbow.slack[i] * link_on_e1 - w1 * w1 * out1[i] + modal1[i] for i in range(m)),
+        2.0 * w2 * dot(out2, q2_dot) + root2 + moment.along * elbow_on_n2 - moment.across * elbow_on_e2,
+        *(
+            moment.values[i] * elbow_on_n2 - moment.slack[i] * elbow_on_e2 - w2 * w2 * out2[i] + modal2[i]
+            for i in range(m)
+        ),
+    ]
+
+
+def rigid_velocity_forces(k: Constants, v: Vector, sin_theta2: Any) -> list[Any]:
+    """The paper's C_r(theta, theta') (7), mapped from the joint rows to the order of y.
+
+    In joint coordinates only the two joint rows are not zero; the virtual work of the elbow's row gives link 1's
+    modal rows -phi'(L1) times it.
+
+    Args:
+        k: constants.
+        v: internal rates.
+        sin_theta2: sine of the joint angle theta2.
+    """
+    rate1, rate2 = joint_angles(k, v)
+    mass = k.static_moment_2 * k.elbow_distance * sin_theta2
+    shoulder = -mass * (2.0 * rate1 + rate2) * rate2
+    elbow = mass * rate1 * rate1
+    return generalised_torque(k, (shoulder, elbow))
+
+
+def applied_forces(k: Constants, y: Vector, v: Vector, h: Vector, tau: Vector = (0.0, 0.0)) -> list[Any]:
+    """Right-hand side: B (tau - friction) - h - K y - D v; tau: of the motors [N m]."""
+    m = len(k.elbow_slopes)
+    rate1, rate2 = joint_angles(k, v)
+    joints = generalised_torque(k, (tau[0] - k.friction_1 * rate1, tau[1] - k.friction_2 * rate2))
+    stiffness = (0.0, *k.stiffness_1, 0.0, *k.stiffness_2)
+    damping = (0.0, *k.damping_1, 0.0, *k.damping_2)
+    return [joints[i] - (h[i] + stiffness[i] * y[i] + damping[i] * v[i]) for i in range(2 * m + 2)]
+
+
+def acceleration(
+    k: Constants,
+    e: Elimination | None,
+    complete: bool,
+    y: Vector,
+    v: Vector,
+    tau: Vector,
+    angles: tuple[Any, Any, Any],
+) -> list[Any]:
+    """v' of the torque-driven arm (6).
+
+    Args:
+        k: constants.
+        e: see `inertia`.
+        complete: complete velocity forces, or the paper's C_r.
+        y: internal coordinates.
+        v: internal rates.
+        tau: torques of shoulder and elbow [N m].
+        angles: C and S of a2 - a1, and the sine of theta2 (used by C_r only).
+    """
+    cos, sin, sin_theta2 = angles
+    h = velocity_forces(k, y, v, cos, sin) if complete else rigid_velocity_forces(k, v, sin_theta2)
+    right = applied_forces(k, y, v, h, tau)
+    return solve(k, e, inertia(k, e, y, cos, sin), right)
+
+
+def kinetic_energy(matrix: Matrix, v: Vector) -> Any:
+    """v^T M v / 2 [J]."""
+    return 0.5 * dot(v, [dot(row, v) for row in matrix])
+
+
+def strain_energy(k: Constants, y: Vector) -> Any:
+    """Bending energy of both links [J]."""
+    m = len(k.elbow_slopes)
+    q = [*y[1 : m + 1], *y[m + 2 :]]
+    return 0.5 * dot([*k.stiffness_1, *k.stiffness_2], [x * x for x in q])
+
+
+def angular_momentum(matrix: Matrix, v: Vector) -> Any:
+    """About the shoulder [kg m^2/s]: the momenta of a1 and a2 are rotated together by a turn of the whole arm."""
+    m = len(v) // 2 - 1
+    return dot(matrix[0], v) + dot(matrix[m + 1], v)

@@ -1,0 +1,218 @@
+"""Reference paths as pure functions of time: the square and others, corners abrupt, laps following each other.
+
+A path is a closed polyline travelled at constant speed on each side. The one rule that evaluates it
+(`sides.reference_at`) is compiled into the closed loop and used here as plain Python.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from flexarm_env.kernels.path_cache import reference_at
+from flexarm_env.parameters import ArmParameters, SquareParameters
+from flexarm_env.physics.inverse_kinematics import joint_angles_for
+from flexarm_env.validation import choice, finite_array
+
+Array = NDArray[np.float64]
+
+_CORNERS = ("lower left", "upper left", "upper right", "lower right")  # clockwise
+_SIGNS = np.array([(-1.0, -1.0), (-1.0, 1.0), (1.0, 1.0), (1.0, -1.0)])
+
+
+class ReferencePath:
+    """A closed polyline with the times of its way-points.
+
+    Attributes:
+        table: way-points (time [s], x, y [m]); the last repeats the first one lap later. Shape (n, 3).
+    """
+
+    def __init__(self, table: ArrayLike) -> None:
+        """Take the way-points.
+
+        Args:
+            table: see the attribute.
+
+        Raises:
+            ValueError: if times do not increase from 0, or the path is not closed.
+        """
+        points = finite_array("table", table, (None, 3))
+        if len(points) < 2 or points[0, 0] != 0.0 or np.any(np.diff(points[:, 0]) <= 0.0):
+            raise ValueError(f"table[:, 0] = {points[:, 0]}: times must increase from 0, two at least [s]")
+        if np.any(points[0, 1:] != points[-1, 1:]):
+            raise ValueError(f"table[-1, 1:] = {points[-1, 1:]}: must repeat the start {points[0, 1:]} [m]")
+        self.table = points
+
+    @property
+    def rows(self) -> Array:
+        """The table with the velocity from each way-point on, as `sides.reference_at` reads it. Shape (n, 5)."""
+        return with_velocities(self.table)
+
+    @property
+    def lap_time(self) -> float:
+        """Time of one lap [s]."""
+        return float(self.table[-1, 0])
+
+    def position(self, time: ArrayLike) -> Array:
+        """Reference position [m]; before time 0 it rests at the start. Shape (..., 2)."""
+        return self._evaluate(time)[..., :2]
+
+    def velocity(self, time: ArrayLike) -> Array:
+        """Reference velocity [m/s]; at a corner that of the side that begins there. Shape (..., 2)."""
+        return self._evaluate(time)[..., 2:]
+
+    def _evaluate(self, time: ArrayLike) -> Array:
+        times, paths = np.asarray(time, dtype=float), self.rows[None]
+        values = [reference_at(paths, 0, t, t, 0.0) for t in times.ravel().tolist()]
+        return np.array(values).reshape(*times.shape, 4)
+
+    def check_reach(self, arm: ArmParameters) -> None:
+        """Refuse a path that the arm's tip cannot reach with rigid links.
+
+        Raises:
+            ValueError: with the way-point or side and the distance by which it misses.
+        """
+        corners = self.table[:-1, 1:]
+        distances = np.linalg.norm(corners, axis=1)
+        worst = int(np.argmax(distances))
+        miss = float(distances[worst]) - arm.reach
+        if miss > 0.0:
+            raise ValueError(
+                f"path: way-point {tuple(map(float, corners[worst]))} m is {distances[worst]:.4g} m from the "
+                f"shoulder; the tip reaches {arm.reach:.4g} m and misses it by {miss:.4g} m"
+            )
+        hole = abs(arm.link_lengths[0] - arm.link_lengths[1])
+        nearest = min(_distance_to_origin(a, b) for a, b in zip(corners, np.roll(corners, -1, 0), strict=True))
+        if nearest < hole:
+            raise ValueError(
+                f"path: it passes the shoulder at {nearest:.4g} m; links of {arm.link_lengths} m keep the tip "
+                f"{hole:.4g} m away, which misses it by {hole - nearest:.4g} m"
+            )
+
+
+def with_velocities(table: Array) -> Array:
+    """Way-points (time, x, y) with the velocity from each on; the last one's is that of the first. Shape (n, 5)."""
+    steps = np.diff(table, axis=0)
+    velocities = steps[:, 1:] * (1.0 / steps[:, :1])
+    return np.column_stack([table, np.concatenate([velocities, velocities[:1]])])
+
+
+def _distance_to_origin(a: Array, b: Array) -> float:
+    side = b - a
+    along = np.clip(-(a @ side) / (side @ side), 0.0, 1.0)
+    return float(np.linalg.norm(a + along * side))
+
+
+def square(parameters: SquareParameters) -> ReferencePath:
+    """The square centred on the shoulder, a quarter of the lap time for each side."""
+    first = _CORNERS.index(parameters.start_corner)
+    turn = 1 if parameters.direction == "clockwise" else -1
+    order = [(first + turn * i) % 4 for i in range(5)]
+    corners = 0.5 * parameters.side * _SIGNS[order]
+    times = 0.25 * parameters.lap_time * np.arange(5.0)
+    return ReferencePath(np.column_stack([times, corners]))
+
+
+def circle(parameters: SquareParameters) -> ReferencePath:
+    """The circle inscribed in the square, from its point nearest the start corner, at constant speed."""
+    start = _SIGNS[_CORNERS.index(parameters.start_corner)]
+    turn = -1.0 if parameters.direction == "clockwise" else 1.0
+    angle = np.arctan2(start[1], start[0]) + turn * 2.0 * np.pi * _shares()
+    return _curve(parameters, 0.5 * parameters.side * np.column_stack([np.cos(angle), np.sin(angle)]))
+
+
+def line(parameters: SquareParameters) -> ReferencePath:
+    """The square's first side and back; the velocity reverses at both ends."""
+    corners = square(parameters).table[:2, 1:]
+    return ReferencePath(np.column_stack([0.5 * parameters.lap_time * np.arange(3.0), corners[[0, 1, 0]]]))
+
+
+def figure_eight(parameters: SquareParameters) -> ReferencePath:
+    """A lying eight above the shoulder: 0.9 of the square's side wide, 0.3 high, centred 0.35 of it up."""
+    turn = -1.0 if parameters.direction == "clockwise" else 1.0
+    angle = turn * 2.0 * np.pi * _shares()
+    x, y = 0.45 * np.sin(angle), 0.35 + 0.15 * np.sin(2.0 * angle)
+    return _curve(parameters, parameters.side * np.column_stack([x, y]))
+
+
+def way_points(parameters: SquareParameters, points: ArrayLike) -> ReferencePath:
+    """A closed polyline through points of the user's, at constant speed.
+
+    Args:
+        parameters: its lap time.
+        points: x, y [m], at least two, the first one not repeated at the end. Shape (n, 2).
+
+    Raises:
+        ValueError: if two that follow each other are the same.
+    """
+    corners = finite_array("waypoints", points, (None, 2))
+    if len(corners) < 2:
+        raise ValueError(f"waypoints: must be at least 2 points, got {len(corners)}")
+    closed = np.vstack([corners, corners[:1]])
+    lengths = np.linalg.norm(np.diff(closed, axis=0), axis=1)
+    if not np.all(lengths > 0.0):
+        raise ValueError(f"waypoints[{int(np.argmin(lengths))}]: must differ from the point that follows it")
+    times = parameters.lap_time * np.concatenate([[0.0], np.cumsum(lengths) / np.sum(lengths)])
+    times[-1] = parameters.lap_time
+    return ReferencePath(np.column_stack([times, closed]))
+
+
+PATHS = {"square": square, "circle": circle, "line": line, "figure_eight": figure_eight}
+_CURVE_POINTS = 1600  # sides of the polygon that stands for a curve: at 10 ms of the default lap one each
+
+
+def _shares() -> Array:
+    return np.linspace(0.0, 1.0, _CURVE_POINTS + 1)
+
+
+def _curve(parameters: SquareParameters, points: Array) -> ReferencePath:
+    points[-1] = points[0]  # closed to the last bit
+    return ReferencePath(np.column_stack([parameters.lap_time * _shares(), points]))
+
+
+def same_length(paths: Sequence[ReferencePath]) -> Array:
+    """Tables of several paths with equally many way-points; sides of the shorter ones are divided evenly.
+
+    Returns:
+        Shape (paths, n, 5), see `ReferencePath.rows`.
+    """
+    sides = max(len(path.table) for path in paths) - 1
+    return np.array([with_velocities(_subdivided(path.table, sides)) for path in paths])
+
+
+def _subdivided(table: Array, sides: int) -> Array:
+    own = len(table) - 1
+    pieces = np.full(own, sides // own)
+    pieces[: sides % own] += 1
+    rows = [table[:1]]
+    for start, end, count in zip(table[:-1], table[1:], pieces, strict=True):
+        inner = start + (end - start) * (np.arange(1, count)[:, None] / count)
+        rows += [inner, end[None]]
+    return np.concatenate(rows)
+
+
+def inverse_kinematics(arm: ArmParameters, point: ArrayLike, elbow_branch: str) -> Array:
+    """Joint angles that put the rigid arm's tip at a point.
+
+    Args:
+        arm: link lengths.
+        point: x, y [m]. Shape (2,).
+        elbow_branch: "positive" or "negative" theta2.
+
+    Returns:
+        (theta1, theta2) [rad]. Shape (2,).
+
+    Raises:
+        ValueError: if the point is out of reach, with the distance by which it is.
+    """
+    target = finite_array("point", point, (2,))
+    choice("elbow_branch", elbow_branch, ("positive", "negative"))
+    length1, length2 = arm.link_lengths
+    distance = float(np.linalg.norm(target))
+    miss = max(distance - arm.reach, abs(length1 - length2) - distance)
+    if miss > 1e-12 * arm.reach:
+        raise ValueError(f"point = {tuple(target.tolist())} m: out of the tip's reach by {miss:.4g} m")
+    branch = 1.0 if elbow_branch == "positive" else -1.0
+    return np.array(joint_angles_for(length1, length2, branch, target[0], target[1]))

@@ -1,0 +1,339 @@
+"""`FlexibleArm`: the friendly object over the equations and the compiled kernels.
+
+Public coordinates: ``q`` = (theta1, theta2, link 1's modal coordinates, link 2's), Shape (..., 2 + 2 m); a *state*
+is q followed by its rates, Shape (..., 4 + 4 m). theta1 is the angle of link 1's root tangent from the x axis;
+theta2 that of link 2's root tangent from the tangent at link 1's tip. Symbols as in `flexarm_env.physics.dynamics`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from flexarm_env.parameters import ArmParameters
+from flexarm_env.physics import constants, coordinates
+from flexarm_env.physics import dynamics as dyn
+from flexarm_env.physics.bent_link import Place
+from flexarm_env.physics.coordinates import stack, stack_matrix
+from flexarm_env.physics.linearisation import Linearisation, linearise
+from flexarm_env.physics.modal_elimination import elimination
+from flexarm_env.simulation.open_loop import OpenLoop, TorqueFunction
+from flexarm_env.simulation.trajectory import DivergenceError, Trajectory
+from flexarm_env.validation import finite_array, finite_rows, integer, number, real_array
+
+Array = NDArray[np.float64]
+
+# RK4 is stable for undamped modes up to h omega = 2.83. Deflections of 1 m raise the fastest rate by 3 % at most; what
+# 2 leaves room for is the coupling of large vibrations, which change the mass matrix within a step.
+STEP_LIMIT = 2.0
+
+
+class Energy(NamedTuple):
+    """Kinetic and strain energy [J]. Shape (...)."""
+
+    kinetic: Array
+    strain: Array
+
+
+class FlexibleArm:
+    """A planar arm of two flexible links: its equations, kinematics, and torque-driven simulation.
+
+    Attributes:
+        parameters: the arm's parameters.
+        modes: `LinkModes` of the two bare links.
+        constants: what the equations know of the arm.
+    """
+
+    def __init__(self, parameters: ArmParameters | None = None) -> None:
+        """Compute modes and constants; nothing is compiled before `simulate`.
+
+        Args:
+            parameters: default `ArmParameters()`.
+
+        Raises:
+            TypeError: if it is anything else.
+        """
+        parameters = ArmParameters() if parameters is None else parameters
+        if not isinstance(parameters, ArmParameters):
+            raise TypeError(f"parameters = {parameters!r}: must be an ArmParameters")
+        self.parameters = parameters
+        self.modes = constants.arm_modes(parameters)
+        self.constants = constants.arm_constants(parameters, self.modes)
+        self._elimination = elimination(self.constants)
+        self._to_internal = coordinates.to_internal(self.constants)
+        self._to_public = coordinates.to_public(self.constants)
+
+    @property
+    def size(self) -> int:
+        """Number of coordinates, 2 + 2 m."""
+        return 2 * self.parameters.modes_per_link + 2
+
+    # --- equations -------------------------------------------------------------------------------------------------
+
+    def mass_matrix(self, q: ArrayLike) -> Array:
+        """Mass matrix in public coordinates. Shape (..., 2 + 2 m, 2 + 2 m)."""
+        y, cos, sin, _ = self._geometry(self._coordinates("q", q))
+        internal = stack_matrix(dyn.mass_matrix(self.constants, y, cos, sin))
+        return self._to_internal.T @ internal @ self._to_internal
+
+    def velocity_forces(self, q: ArrayLike, rates: ArrayLike) -> Array:
+        """Coriolis and centrifugal forces C in ``tau = M q'' + C + D q' + K q`` (6). Shape (..., 2 + 2 m)."""
+        q, rates = np.broadcast_arrays(self._coordinates("q", q), self._coordinates("rates", rates))
+        h = self._velocity_forces(self._geometry(q), self._internal(rates))
+        return stack(h) @ self._to_internal
+
+    def acceleration(self, state: ArrayLike, torque: ArrayLike = (0.0, 0.0)) -> Array:
+        """q'' under a torque [N m]. Shape (..., 2 + 2 m)."""
+        q, rates = self._split(state)
+        tau = list(np.moveaxis(finite_rows("torque", torque, 2), -1, 0))
+        return self._public_acceleration(q, rates, tau)
+
+    def energy(self, state: ArrayLike) -> Energy:
+        """Kinetic and strain energy [J]. Shape (...) each."""
+        q, rates = self._split(state)
+        y, cos, sin, _ = self._geometry(q)
+        matrix = dyn.mass_matrix(self.constants, y, cos, sin)
+        kinetic = dyn.kinetic_energy(matrix, self._internal(rates))
+        return Energy(np.asarray(kinetic), np.asarray(dyn.strain_energy(self.constants, y)))
+
+    def angular_momentum(self, state: ArrayLike) -> Array:
+        """About the shoulder [kg m^2/s]. Shape (...)."""
+        q, rates = self._split(state)
+        y, cos, sin, _ = self._geometry(q)
+        matrix = dyn.mass_matrix(self.constants, y, cos, sin)
+        return np.asarray(dyn.angular_momentum(matrix, self._internal(rates)))
+
+    # --- kinematics ------------------------------------------------------------------------------------------------
+
+    def position(self, q: ArrayLike, link: int, s: ArrayLike) -> Array:
+        """A material point, with deflection.
+
+        Args:
+            q: coordinates. Shape (..., 2 + 2 m).
+            link: 1 or 2.
+            s: distance from the link's root along its undeformed axis [m]. A number, or shape broadcasting with
+                q's leading axes.
+
+        Returns:
+            x, y [m]. Shape (..., 2).
+
+        Raises:
+            ValueError: for another link, or s off the link.
+        """
+        return self._point(self._coordinates("q", q), link, s)[0]
+
+    def velocity(self, state: ArrayLike, link: int, s: ArrayLike) -> Array:
+        """Velocity of a material point [m/s]; arguments as in `position`. Shape (..., 2)."""
+        q, rates = self._split(state)
+        jacobian = self._point(q, link, s)[1]
+        return np.einsum("...ij,...j->...i", jacobian, rates)
+
+    def point_jacobian(self, q: ArrayLike, link: int, s: ArrayLike) -> Array:
+        """d(position)/dq; arguments as in `position`. Shape (..., 2, 2 + 2 m)."""
+        return self._point(self._coordinates("q", q), link, s)[1]
+
+    def place(self, link: int, s: float) -> Place:
+        """A material point as the equations know it; arguments as in `position`, s a number."""
+        link = integer("link", link, 1, 2)
+        length = self.parameters.link_lengths[link - 1]
+        distance = number("s", s, "m", least=0.0, most=length)
+        return constants.link_place(self.modes[link - 1], self.constants.foreshortened, distance)
+
+    def elbow(self, q: ArrayLike) -> Array:
+        """Tip of link 1 [m]. Shape (..., 2)."""
+        return self.position(q, 1, self.parameters.link_lengths[0])
+
+    def tip(self, q: ArrayLike) -> Array:
+        """Tip of link 2 [m]. Shape (..., 2)."""
+        return self.position(q, 2, self.parameters.link_lengths[1])
+
+    def rigid_tip(self, q: ArrayLike) -> Array:
+        """Tip by rigid kinematics of the joint angles (8), (9) [m]. Shape (..., 2)."""
+        return coordinates.rigid_tip(self.parameters.link_lengths, self._coordinates("q", q))
+
+    def tip_deflection(self, q: ArrayLike) -> Array:
+        """Each link's tip off its own root tangent [m]. Shape (..., 2)."""
+        q = self._coordinates("q", q)
+        m = self.parameters.modes_per_link
+        links = (q[..., 2 : 2 + m], q[..., 2 + m :])
+        pairs = zip(links, self.modes, strict=True)
+        return np.stack([coordinates @ link.tip_values for coordinates, link in pairs], axis=-1)
+
+    # --- linearisation ---------------------------------------------------------------------------------------------
+
+    def linearise(self, state: ArrayLike, torque: ArrayLike = (0.0, 0.0)) -> Linearisation:
+        """Linearise about any state and torque, exact to rounding error (complex-step derivatives).
+
+        Args:
+            state: operating point. Shape (4 + 4 m,).
+            torque: [N m]. Shape (2,).
+
+        Returns:
+            A, B and the rate at the point; an equilibrium has rate 0.
+        """
+        point = finite_array("state", state, (2 * self.size,))
+        tau0 = finite_array("torque", torque, (2,))
+        return linearise(self._state_rate, point, tau0)
+
+    def fastest_rate(self) -> float:
+        """Largest eigenvalue magnitude of the free arm at rest over the elbow's angles [rad/s]."""
+        return self._fastest_rate
+
+    def longest_step(self) -> float:
+        """Longest step of the explicit integrator that the arm's fastest mode allows [s]."""
+        return STEP_LIMIT / self.fastest_rate()
+
+    # --- simulation ------------------------------------------------------------------------------------------------
+
+    def simulate(
+        self,
+        initial_state: ArrayLike,
+        torque: TorqueFunction | ArrayLike | None,
+        duration: float,
+        step: float = 1e-3,
+        substeps: int | Literal["auto"] = 1,
+    ) -> Trajectory:
+        """Integrate the torque-driven arm by the classical Runge-Kutta method of fourth order.
+
+        Args:
+            initial_state: Shape (4 + 4 m,).
+            torque: a function ``torque(time, state)`` giving shoulder and elbow [N m], evaluated at every stage;
+                or an array held over each step, Shape (steps, 2); or None for none.
+            duration: a whole number of steps [s].
+            step: [s]; the trajectory has one instant a step.
+            substeps: integration steps in each `step`; "auto": as few as the fastest mode allows, which is stable for
+                ordinary motion and does not resolve that mode: for accuracy take more.
+
+        Returns:
+            A `Trajectory` of ``steps + 1`` instants.
+
+        Raises:
+            ValueError: for bad input; a step too long is refused with the longest that is allowed.
+            DivergenceError: if the state stops being finite; it keeps the run until then.
+        """
+        start = finite_array("initial_state", initial_state, (2 * self.size,))
+        step = number("step", step, "s", above=0.0)
+        duration = number("duration", duration, "s", above=0.0)
+        steps = round(duration / step)
+        if steps < 1 or abs(steps * step - duration) > 1e-9 * duration:
+            raise ValueError(f"duration = {duration!r}: must be a whole number of steps of {step} s")
+        count = self._substeps(step, substeps)
+        run = OpenLoop(self.constants, self._complete, start)
+        if callable(torque):
+            states, torques = run.run_function(torque, steps, step, count)
+        else:
+            held = np.zeros((steps, 2)) if torque is None else finite_array("torque", torque, (steps, 2))
+            states, torques = run.run_held(held, step, count)
+        with np.errstate(over="ignore", invalid="ignore"):  # energies of a diverging state overflow before it does
+            trajectory = self.record(step * np.arange(len(states), dtype=np.float64), states, torques)
+        if len(states) <= steps:
+            raise DivergenceError(float(trajectory.time[-1]), trajectory)
+        return trajectory
+
+    def record(self, time: Array, state: Array, torque: Array, **signals: Any) -> Trajectory:
+        """Complete a run's states to a `Trajectory`.
+
+        Args:
+            time: [s]. Shape (n,).
+            state: Shape (n, 4 + 4 m).
+            torque: [N m]. Shape (n, 2).
+            **signals: further fields of `Trajectory`.
+        """
+        q = state[:, : self.size]
+        energy = self.energy(state)
+        return Trajectory(
+            parameters=self.parameters,
+            time=time,
+            state=state,
+            torque=torque,
+            tip=self.tip(q),
+            elbow=self.elbow(q),
+            rigid_tip=self.rigid_tip(q),
+            tip_deflection=self.tip_deflection(q),
+            kinetic_energy=energy.kinetic,
+            strain_energy=energy.strain,
+            **signals,
+        )
+
+    def internal_state(self, state: Array) -> Array:
+        """(y, v) of public states, see `flexarm_env.physics.dynamics`. Shape (..., 4 + 4 m)."""
+        return coordinates.internal_state(self.constants, state)
+
+    def public_state(self, internal: Array) -> Array:
+        """Inverse of `internal_state`. Shape (..., 4 + 4 m)."""
+        return coordinates.public_state(self.constants, internal)
+
+    # --- inside ----------------------------------------------------------------------------------------------------
+
+    @property
+    def _complete(self) -> bool:
+        return self.parameters.velocity_forces == "complete"
+
+    @cached_property
+    def _fastest_rate(self) -> float:
+        states = np.zeros((9, 2 * self.size))
+        states[:, 1] = np.linspace(0.0, np.pi, 9)
+        return max(float(np.abs(np.linalg.eigvals(self.linearise(state).A)).max()) for state in states)
+
+    def _coordinates(self, name: str, q: ArrayLike) -> Array:
+        return finite_rows(name, q, self.size)
+
+    def _split(self, state: ArrayLike) -> tuple[Array, Array]:
+        array = finite_rows("state", state, 2 * self.size)
+        return array[..., : self.size], array[..., self.size :]
+
+    def _internal(self, q: Array) -> list[Any]:
+        return dyn.internal_coordinates(self.constants, list(np.moveaxis(q, -1, 0)))
+
+    def _geometry(self, q: Array) -> tuple[list[Any], Any, Any, Any]:
+        """y, cosine and sine of a2 - a1, sine of theta2; real or complex."""
+        y = self._internal(q)
+        between = y[self.parameters.modes_per_link + 1] - y[0]
+        return y, np.cos(between), np.sin(between), np.sin(q[..., 1])
+
+    def _velocity_forces(self, geometry: tuple[list[Any], Any, Any, Any], v: list[Any]) -> list[Any]:
+        y, cos, sin, sin_theta2 = geometry
+        if self._complete:
+            return dyn.velocity_forces(self.constants, y, v, cos, sin)
+        return dyn.rigid_velocity_forces(self.constants, v, sin_theta2)
+
+    def _public_acceleration(self, q: Array, rates: Array, tau: Sequence[Any]) -> Array:
+        y, cos, sin, sin_theta2 = self._geometry(q)
+        v = self._internal(rates)
+        angles = (cos, sin, sin_theta2)
+        internal = stack(dyn.acceleration(self.constants, self._elimination, self._complete, y, v, tau, angles))
+        return internal @ self._to_public.T
+
+    def _state_rate(self, state: Array, tau: Array) -> Array:
+        q, rates = state[: self.size], state[self.size :]
+        return np.concatenate([rates, self._public_acceleration(q, rates, list(tau))])
+
+    def _point(self, q: Array, link: int, s: ArrayLike) -> tuple[Array, Array]:
+        """Position of a material point and its Jacobian with respect to q."""
+        link = integer("link", link, 1, 2)
+        length = self.parameters.link_lengths[link - 1]
+        distance = real_array("s", s)
+        if not np.all((distance >= 0.0) & (distance <= length)):
+            raise ValueError(f"s = {s!r}: must be a distance on link {link}, 0 to {length} [m]")
+        y = stack(self._internal(q))
+        at, jacobian = coordinates.material_point(self.modes, self.constants.foreshortened, y, link, distance)
+        return at, jacobian @ self._to_internal
+
+    def _substeps(self, step: float, substeps: int | str) -> int:
+        longest = self.longest_step()
+        if isinstance(substeps, str):
+            if substeps != "auto":
+                raise ValueError(f"substeps = {substeps!r}: must be an integer >= 1 or 'auto'")
+            return int(np.ceil(step / longest))
+        count = integer("substeps", substeps, 1)
+        if step / count > longest:
+            raise ValueError(
+                f"step = {step} s in {count} substep(s): too long for the arm's fastest mode, "
+                f"{self.fastest_rate():.4g} rad/s; at most {longest:.4g} s is allowed "
+                f"(or substeps='auto', here {int(np.ceil(step / longest))})"
+            )
+        return count

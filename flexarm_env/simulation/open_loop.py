@@ -1,0 +1,112 @@
+"""The torque-driven run of one arm on its compiled kernel: torques held over each step, or a function of the state.
+
+The classical Runge-Kutta method of fourth order; states come in and go out in public coordinates.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from types import ModuleType
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from flexarm_env.codegen import assembly
+from flexarm_env.kernels.layout import arm_rows, extent
+from flexarm_env.kernels.recorded import Variant
+from flexarm_env.kernels.rk4 import RK4_NODES, RK4_WEIGHTS
+from flexarm_env.physics.constants import Constants
+from flexarm_env.physics.coordinates import internal_state, public_state
+from flexarm_env.physics.dynamics import elbow_turn
+from flexarm_env.validation import finite_array
+
+Array = NDArray[np.float64]
+TorqueFunction = Callable[[float, Array], ArrayLike]
+
+
+class OpenLoop:
+    """One arm between its start and its present state."""
+
+    def __init__(self, constants: Constants, complete: bool, start: Array) -> None:
+        """Load the kernel (compiled when first run) and put the arm at its start.
+
+        Args:
+            constants: what the equations know of the arm.
+            complete: complete velocity forces, or the paper's C_r.
+            start: public state. Shape (4 + 4 m,).
+        """
+        modes = len(constants.elbow_slopes)
+        size = 2 * modes + 2
+        self._start, self._constants = start, constants
+        variant = Variant("open", modes, complete, lanes=1, foreshortened=constants.foreshortened)
+        self._module: ModuleType = assembly.load(variant)
+        self._rows = variant.rows
+        self._arena = np.zeros(extent(self._rows))
+        self._numbers: list[float] = []
+        for name, values in arm_rows(constants).items():
+            self._arena[self._part(name)] = values
+            self._numbers += values
+        # rates follow positions
+        self._state = slice(self._rows["Y"][0], self._rows["Y"][0] + 2 * size)
+        self._arena[self._state] = internal_state(constants, start)
+
+    def run_held(self, held: Array, step: float, substeps: int) -> tuple[Array, Array]:
+        """Hold each torque over one step.
+
+        Args:
+            held: [N m]. Shape (steps, 2).
+            step: [s].
+            substeps: integration steps in each `step`.
+
+        Returns:
+            States, Shape (n, 4 + 4 m), and torques, Shape (n, 2), until the state stops being finite: n = steps + 1
+            if it does not.
+        """
+        torques = np.repeat(held, substeps, axis=0)[:, None, :]
+        states = np.zeros((len(held), 1, len(self._start)))
+        done = self._module.run_open(self._arena[None], torques, states, step / substeps, substeps) // substeps
+        public = np.concatenate([self._start[None], public_state(self._constants, states[:done, 0])])
+        return public, np.concatenate([held, held[-1:]])[: done + 1]
+
+    def run_function(self, torque: TorqueFunction, steps: int, step: float, substeps: int) -> tuple[Array, Array]:
+        """Evaluate the torque at every stage; arguments and results as in `run_held`."""
+        h = step / substeps
+        states, torques = [self._start], [_evaluate(torque, 0.0, self._start)]
+        for k in range(steps * substeps):
+            if not self._step(torque, k, h):
+                break
+            if (k + 1) % substeps == 0:
+                with np.errstate(over="ignore", invalid="ignore"):
+                    state = public_state(self._constants, self._arena[self._state])
+                if not np.all(np.isfinite(state)):
+                    break
+                states.append(state)
+                torques.append(_evaluate(torque, (k + 1) * h, state))
+        return np.array(states), np.array(torques)
+
+    def _step(self, torque: TorqueFunction, k: int, h: float) -> bool:
+        """Integration step k; False if a stage is not finite."""
+        start = self._arena[self._state].copy()
+        slope = total = np.zeros_like(start)
+        for node, weight in zip(RK4_NODES, RK4_WEIGHTS, strict=True):
+            with np.errstate(over="ignore", invalid="ignore"):  # a diverging state
+                internal = start + h * node * slope
+                stage = public_state(self._constants, internal)
+            if not np.all(np.isfinite(stage)):
+                return False
+            tau = _evaluate(torque, (k + node) * h, stage)
+            y, v = (part.tolist() for part in np.split(internal, 2))
+            turn = self._module.sincos_fused(elbow_turn(y))
+            slope = np.array([*v, *self._module.slope(*self._numbers, *y, *v, *tau.tolist(), *turn)])
+            total = total + weight * slope
+        self._arena[self._state] = start + h / 6.0 * total
+        return True
+
+    def _part(self, name: str) -> slice:
+        first, count = self._rows[name]
+        return slice(first, first + count)
+
+
+def _evaluate(torque: TorqueFunction, time: float, state: Array) -> Array:
+    """The user's torque, checked; the function gets a copy, which it may change."""
+    return finite_array(f"torque(time={time:.6g}, state)", torque(time, state.copy()), (2,))

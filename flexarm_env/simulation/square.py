@@ -1,0 +1,67 @@
+"""The paper's task put together: the square, the start on its corner, and the limits of a valid state."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from flexarm_env.parameters import SquareParameters
+from flexarm_env.physics.paths import inverse_kinematics, square
+from flexarm_env.simulation.arm import FlexibleArm
+from flexarm_env.simulation.cases import LoopCase
+from flexarm_env.simulation.closed_loop import ClosedLoop
+
+Array = NDArray[np.float64]
+
+CONTROL_PERIOD = 1e-3  # [s]; the paper's step size
+# [rad]; of theta1, which turns once a lap around the shoulder, a thousand turns; of theta2 four
+ANGLE_LIMITS = (2000.0 * np.pi, 8.0 * np.pi)
+RATE_LIMIT = 1e3  # [rad/s]
+TIP_RATE_LIMIT = 1e3  # [m/s], of a link's tip by one mode
+
+
+def square_loop(
+    arm: FlexibleArm,
+    cases: Sequence[LoopCase],
+    task: SquareParameters | None = None,
+    physics_step: float | None = None,
+) -> tuple[ClosedLoop, Array]:
+    """A batch of arms that track the square, and where they start.
+
+    Args:
+        arm: the arm.
+        cases: sensor and law of each.
+        task: the square; default `SquareParameters()`.
+        physics_step: see `ClosedLoop`.
+
+    Returns:
+        The batch, with limits on its states, and the starting states for its `reset`. Shape (N, 4 + 4 m).
+
+    Raises:
+        ValueError: if the tip cannot reach the square, with the distance by which it misses.
+    """
+    task = SquareParameters() if task is None else task
+    path = square(task)
+    path.check_reach(arm.parameters)
+    loop = ClosedLoop(arm, cases, path, CONTROL_PERIOD, physics_step=physics_step, state_limits=state_limits(arm))
+    return loop, np.tile(rest_state(arm, path.table[0, 1:], task.elbow_branch), (len(loop), 1))
+
+
+def rest_state(arm: FlexibleArm, point: ArrayLike, elbow_branch: str = "positive") -> Array:
+    """At rest with straight links, the tip at a point [m]. Shape (4 + 4 m,)."""
+    state = np.zeros(2 * arm.size)
+    state[:2] = inverse_kinematics(arm.parameters, point, elbow_branch)
+    return state
+
+
+def state_limits(arm: FlexibleArm) -> Array:
+    """Magnitudes of a valid state: angles, modal coordinates, joint rates, modal rates. Shape (4 + 4 m,).
+
+    A modal coordinate's limit is the one that alone bends its link's tip by the link's length; a modal rate's the one
+    that alone moves it at 1000 m/s.
+    """
+    tips = [np.abs(link.tip_values) for link in arm.modes]
+    modal = np.concatenate([link.length / values for link, values in zip(arm.modes, tips, strict=True)])
+    return np.concatenate([ANGLE_LIMITS, modal, np.full(2, RATE_LIMIT), TIP_RATE_LIMIT / np.concatenate(tips)])

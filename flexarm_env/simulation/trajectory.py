@@ -1,0 +1,112 @@
+"""`Trajectory`: the one record of a run, open loop or under a policy; saves to and loads from npz."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, field, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexarm_env.parameters import ArmParameters
+from flexarm_env.simulation import archive
+
+Array = NDArray[np.float64]
+_FORMAT = 1
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """A run sampled at n instants; m modes a link.
+
+    Attributes:
+        parameters: the arm.
+        time: [s]. Shape (n,).
+        state: theta1, theta2 [rad], modal coordinates of link 1 and of link 2, and the rates of all of these.
+            Shape (n, 4 + 4 m).
+        torque: of shoulder and elbow [N m]; at each instant the one that acts just after it (the last instant, after
+            which nothing was computed, repeats the one before unless the torque is a function). Shape (n, 2).
+        tip: true tip, with deflection [m]. Shape (n, 2).
+        elbow: tip of link 1 [m]. Shape (n, 2).
+        rigid_tip: tip by rigid kinematics of the joint angles (8), (9) [m]. Shape (n, 2).
+        tip_deflection: of each link's tip off its own root tangent [m]. Shape (n, 2).
+        kinetic_energy: [J]. Shape (n,).
+        strain_energy: [J]. Shape (n,).
+        reference: where the tip should be [m]; policies only. Shape (n, 2).
+        sensed: the sensor's late reading as a Cartesian position [m]; policies only. Shape (n, 2).
+        gain: lambda held over the period that starts here; policies only. Shape (n,).
+        reward: received for reaching this instant (0 at the first); policies only. Shape (n,).
+        notes: anything plain (JSON) worth keeping with the run: case, policy, why it ended.
+    """
+
+    parameters: ArmParameters
+    time: Array
+    state: Array
+    torque: Array
+    tip: Array
+    elbow: Array
+    rigid_tip: Array
+    tip_deflection: Array
+    kinetic_energy: Array
+    strain_energy: Array
+    reference: Array | None = None
+    sensed: Array | None = None
+    gain: Array | None = None
+    reward: Array | None = None
+    notes: dict[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Check that all arrays cover the same instants.
+
+        Raises:
+            ValueError: naming the array that does not.
+        """
+        for name, array in self.arrays().items():
+            if len(array) != len(self.time):
+                raise ValueError(f"{name}: has {len(array)} instants, time has {len(self.time)}")
+
+    def __len__(self) -> int:
+        """Number of instants."""
+        return len(self.time)
+
+    def arrays(self) -> dict[str, Array]:
+        """All arrays that the run has, by name."""
+        values = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("parameters", "notes")}
+        return {name: value for name, value in values.items() if value is not None}
+
+    def save(self, path: str | Path) -> None:
+        """Write an npz file: arrays, and the rest as JSON text (`archive`)."""
+        archive.write(path, _FORMAT, {"parameters": asdict(self.parameters), "notes": self.notes}, self.arrays())
+
+    @classmethod
+    def load(cls, path: str | Path) -> Trajectory:
+        """Read a file written by `save`.
+
+        Raises:
+            FileNotFoundError: if there is none.
+            ValueError: if the file is not such a file, naming it and what is wrong.
+        """
+        return archive.read(path, _FORMAT, "Trajectory", cls._from_file)
+
+    @classmethod
+    def _from_file(cls, head: dict[str, Any], arrays: dict[str, Array]) -> Trajectory:
+        values: dict[str, Any] = {
+            name: tuple(value) if isinstance(value, list) else value for name, value in head["parameters"].items()
+        }
+        return cls(parameters=ArmParameters(**values), notes=head["notes"], **arrays)
+
+
+class DivergenceError(RuntimeError):
+    """A simulation whose state stopped being finite.
+
+    Attributes:
+        time: of the last finite state [s].
+        trajectory: what was computed until then.
+    """
+
+    def __init__(self, time: float, trajectory: Trajectory) -> None:
+        """Say when; keep what there is."""
+        super().__init__(f"the state stopped being finite after t = {time:.6g} s; .trajectory holds the run until then")
+        self.time = time
+        self.trajectory = trajectory

@@ -1,0 +1,145 @@
+"""The delay at which the simulated, nonlinear loop really diverges, beside the linear theory's."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexarm_env import (
+    ArmParameters,
+    ClosedLoop,
+    FlexibleArm,
+    LawParameters,
+    LoopCase,
+    ReferencePath,
+    SensorParameters,
+    square_loop,
+)
+from flexarm_env.analysis.law_loop import rest_angles
+from scripts.analysis.margins import DELAYED, GAINS, PLACES, SENSORS
+
+Array = NDArray[np.float64]
+
+LANES = 8  # delays tried at once: one block of the kernel
+HELD_TIME = {"position": 24.0, "position+rate": 3.0}  # [s]; late rates let fast roots cross, which grow fast
+PUSH = 1e-4  # [rad]; small enough that the motion stays linear while it is watched
+GROWN = 20.0  # pushes; the motion of a stable loop stays near one
+STEPS_PER_RADIAN = 4.0  # of the crossing frequency; at most the default step
+
+
+def bisect(diverges: Callable[[Array], NDArray[np.bool_]], low: float, high: float, rounds: int) -> tuple[float, float]:
+    """The delay from which on runs diverge, to a factor; `LANES` delays a round.
+
+    Args:
+        diverges: of many delays [s].
+        low: a delay that does not diverge [s].
+        high: one that does [s].
+        rounds: of refinement.
+
+    Returns:
+        The last delay that does not and the first that does [s]; infinite if none does.
+    """
+    for number in range(rounds):
+        tried = np.geomspace(low, high, LANES + 2)[1:-1] if number else np.geomspace(low, high, LANES)
+        failed = diverges(tried)
+        if number == 0 and (failed[0] or not failed[-1]):
+            return (0.0, low) if failed[0] else (high, np.inf)
+        first = int(np.argmax(failed)) if failed.any() else LANES
+        low, high = (tried[first - 1] if first else low), (tried[first] if first < LANES else high)
+    return float(low), float(high)
+
+
+def cases(sensor: str, delayed: str, delays: Array) -> list[LoopCase]:
+    """One case for each shoulder delay, the elbow's in proportion."""
+    position = SENSORS[sensor]["position"]
+    ratio = 1.0 if "delay" in SENSORS[sensor] else position / (4.5 + position)
+    return [
+        LoopCase(
+            SensorParameters(position=position, delay=(float(d), float(ratio * d)), delayed=delayed),  # type: ignore[arg-type]
+            LawParameters(),
+        )
+        for d in delays
+    ]
+
+
+def step(margin: float, omega: float) -> float | None:
+    """Integration step that resolves the root that crosses, and the delay itself [s]; None for the default."""
+    wanted = min(1.0 / (STEPS_PER_RADIAN * omega), 0.5 * margin)
+    return wanted if wanted < 2e-4 else None
+
+
+def held_diverges(sensor: str, delayed: str, gain: float, place: Any, physics_step: float | None) -> Any:
+    """A test of delays: the arm held at one place of the square and pushed a little; does the motion grow?"""
+    arm = FlexibleArm(ArmParameters.paper())
+    duration = HELD_TIME[delayed]
+    path = ReferencePath([[0.0, *place], [2.0 * duration, *place]])
+    angles, _ = rest_angles(arm, place, SENSORS[sensor]["position"], "positive")
+    state = np.zeros(2 * arm.size)
+    state[:2] = angles + PUSH * np.array([1.0, -0.6])
+
+    def diverges(delays: Array) -> NDArray[np.bool_]:
+        """Whether the motion grows from the middle third of the time to the last, for each delay [s]."""
+        loop = ClosedLoop(arm, cases(sensor, delayed, delays), path, physics_step=physics_step)
+        loop.reset(np.tile(state, (len(delays), 1)))
+        steps = round(duration / loop.control_period)
+        size = np.zeros((steps, len(delays)))
+        with np.errstate(all="ignore"):
+            for i in range(steps):
+                loop.advance(np.full(len(delays), gain))
+                size[i] = np.abs(loop.results().state[:, :2] - angles).max(axis=1)
+            third = steps // 3
+            early, late = size[third : 2 * third].max(axis=0), size[2 * third :].max(axis=0)
+        grows = late > early if delayed == "position" else late > GROWN * PUSH
+        return np.asarray(~np.isfinite(late) | grows)
+
+    return diverges
+
+
+def lap_diverges(sensor: str, delayed: str, gain: float, physics_step: float | None) -> Any:
+    """A test of delays: does a lap of the square leave the limits of a valid state?"""
+    arm = FlexibleArm(ArmParameters.paper())
+
+    def diverges(delays: Array) -> NDArray[np.bool_]:
+        """Whether the lap ends in an invalid state, for each delay [s]."""
+        loop, starts = square_loop(arm, cases(sensor, delayed, delays), physics_step=physics_step)
+        loop.reset(starts)
+        failed = np.zeros(len(delays), dtype=bool)
+        for i in range(16_000):
+            loop.advance(np.full(len(delays), gain))
+            if i % 50 == 49:
+                failed |= loop.results().status != 0.0
+                if failed.all():
+                    break
+        return failed
+
+    return diverges
+
+
+def study(rows: list[dict[str, Any]], quick: bool, tick: Callable[[], Any]) -> list[dict[str, Any]]:
+    """Diverging delays of the paper's arm for every case of `margins.rows`.
+
+    Args:
+        rows: the linear margins; of the paper's arm.
+        quick: only one case, coarsely.
+        tick: called after each case.
+    """
+    found = []
+    wanted = [r for r in rows if r["arm"] == "paper's arm" and r["sensor"] in list(SENSORS)[:2]]
+    for row in wanted[:1] if quick else wanted:
+        sensor, delayed, gain = row["sensor"], row["delayed"], GAINS[row["controller"]]
+        assert delayed in DELAYED
+        result: dict[str, Any] = {"sensor": sensor, "delayed": delayed, "controller": row["controller"]}
+        for place, at in PLACES.items():
+            linear = row[place]["delay_margin"]
+            test = held_diverges(sensor, delayed, gain, at, step(linear, row[place]["omega"]))
+            result[place] = bisect(test, 0.6 * linear, 1.6 * linear, 1 if quick else 2)
+        if not quick:
+            linear = row["corner"]["delay_margin"]
+            test = lap_diverges(sensor, delayed, gain, step(linear, row["corner"]["omega"]))
+            result["lap"] = bisect(test, 0.5 * linear, 4.0 * linear, 2)
+        found.append(result)
+        tick()
+    return found

@@ -1,0 +1,155 @@
+"""Results of the analysis -> Markdown tables."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from scripts.paper.tables import table
+
+
+def _root(value: list[float]) -> str:
+    """A zero: right of the axis plain, on it with a j."""
+    real, imaginary = value
+    if abs(imaginary) < 1e-6 * abs(real):
+        return f"{real:.1f}"
+    if abs(real) < 1e-6 * abs(imaginary):
+        return f"{imaginary:.1f}j"
+    return f"{real:.0f} ± {imaginary:.0f}j"
+
+
+def zeros_by_model(rows: list[dict[str, Any]]) -> str:
+    """The slowest right-half-plane zero and what it forbids."""
+    head = [
+        "arm",
+        "right-half-plane zero [rad/s]",
+        "at the tip it is",
+        "bandwidth for a peak of 2 [rad/s]",
+        "least peak for errors of 10 % up to 12.3 rad/s",
+        "further zeros pass infinity at s [m]",
+    ]
+    body = [
+        [
+            r["arm"],
+            f"{r['zero']:.2f}",
+            {1: "single", 2: "double"}[r["multiplicity"]],
+            f"{r['bandwidth']:.1f}",
+            f"{r['peak']:.2f}",
+            ", ".join(f"{s:.2f}" for s in r["entries"]) or "none: they are there at every s",
+        ]
+        for r in rows
+    ]
+    return table(head, body)
+
+
+def zeros_by_position(rows: list[dict[str, Any]]) -> str:
+    """All zeros of magnitude below 400 rad/s."""
+    models = [name for name in rows[0] if name not in ("position", "exact beam")]
+
+    def shown(values: list[list[float]]) -> str:
+        near = [v for v in values if abs(complex(*v)) < 400.0]
+        return ", ".join(_root(v) for v in near)
+
+    def beam(value: dict[str, list[float]]) -> str:
+        every = [[r, 0.0] for r in value["real"]] + [[0.0, i] for i in value["imaginary"]]
+        return shown(sorted(every, key=lambda v: abs(complex(*v))))
+
+    body = [[f"{r['position']:g}", *(shown(r[m]) for m in models), beam(r["exact beam"])] for r in rows]
+    return table(["s [m]", *models, "exact beam, link 2 alone"], body)
+
+
+def passivity(rows: list[dict[str, Any]]) -> str:
+    """Positive real or not."""
+    body = [
+        [
+            r["path"],
+            "yes" if r["worst"] > -1e-9 else "**no**",
+            "0 or more" if r["worst"] > -1e-9 else f"{r['worst']:.2f} at {r['at']:.0f}",
+            "" if r["negative_from"] is None else f"{r['negative_from']:.1f}",
+        ]
+        for r in rows
+    ]
+    head = ["path", "positive real", "least eigenvalue over norm, at [rad/s]", "below -0.01 from [rad/s] on"]
+    return table(head, body)
+
+
+def _time(seconds: float | None) -> str:
+    if seconds is None:
+        return "none"
+    return f"{1e3 * seconds:.1f}" if seconds > 0.02 else f"{1e3 * seconds:.3g}"
+
+
+def _gain(margin: dict[str, Any]) -> str:
+    if not margin["stable"]:
+        return "unstable"
+    return "infinite" if margin["gain_up"] is None or margin["gain_up"] > 1e12 else f"{margin['gain_up']:.0f}"
+
+
+def margins(rows: list[dict[str, Any]]) -> str:
+    """Linear margins of every case."""
+    head = [
+        "arm",
+        "sensor",
+        "late",
+        "controller",
+        "its delay [ms]",
+        "gain margin, corner",
+        "gain margin, mid-side",
+        "delay margin, corner [ms]",
+        "delay margin, mid-side [ms]",
+    ]
+    body = [
+        [
+            r["arm"],
+            r["sensor"],
+            _late(r["delayed"]),
+            f"{r['controller']} ({r['gain']:.3g})",
+            _time(r["corner"]["delay"]),
+            _gain(r["corner"]),
+            _gain(r["mid-side"]),
+            _time(r["corner"]["delay_margin"]),
+            _time(r["mid-side"]["delay_margin"]),
+        ]
+        for r in rows
+    ]
+    return table(head, body)
+
+
+def simulated(rows: list[dict[str, Any]], linear: list[dict[str, Any]]) -> str:
+    """Delays from which on the simulated loop diverges, beside the linear margins."""
+    head = ["sensor", "late", "gain"]
+    head += ["corner: linear [ms]", "corner: simulated [ms]", "mid-side: linear [ms]", "mid-side: simulated [ms]"]
+    head += ["whole lap, simulated [ms]"]
+    keys = ("sensor", "delayed", "controller")
+    margin = {tuple(r[k] for k in keys): r for r in linear if r["arm"] == "paper's arm"}
+    body = []
+    for r in rows:
+        own = margin[tuple(r[k] for k in keys)]
+        cells = [r["sensor"], _late(r["delayed"]), f"{own['gain']:.3g}"]
+        for place in ("corner", "mid-side"):
+            cells += [_time(own[place]["delay_margin"]), _bracket(r[place])]
+        body.append([*cells, _bracket(r["lap"]) if "lap" in r else ""])
+    return table(head, body)
+
+
+def _bracket(ends: list[float | None]) -> str:
+    """Between which delays it begins to diverge."""
+    low, high = ends
+    if high is None:
+        return f"above {_time(low)}"
+    return f"below {_time(high)}" if not low else f"{_time(low)} to {_time(high)}"
+
+
+def _late(delayed: str) -> str:
+    return "position" if delayed == "position" else "position and rate"
+
+
+def largest_gains(rows: list[dict[str, Any]]) -> str:
+    """The largest stable lambda."""
+
+    def cell(value: float) -> str:
+        return f"{value:.2g}" if value else "none"
+
+    return table(
+        ["loop", "largest stable lambda, corner", "mid-side"],
+        [[r["what"], cell(r["corner"]), cell(r["mid-side"])] for r in rows],
+    )

@@ -1,0 +1,179 @@
+"""Measure the speed of FlexArm beside what a user knows: scalar beside batch, Acrobot, scipy, the paper's clock.
+
+All subjects of a group are timed by turns in one run and compared repeat by repeat: trust the ratios. The times
+behind them belong to the machine. Prints tables and writes one JSON file.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import sys
+import tempfile
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import llvmlite.binding
+import tyro
+from tqdm import tqdm
+
+from flexarm_env.parameters import MAX_MODES
+from scripts.benchmarks import environments, family, lap, peers, physics
+from scripts.benchmarks.timing import Group, measure
+
+
+@dataclass
+class Options:
+    """Measure the speed of simulation and environments."""
+
+    output: Path = Path("results/bench.json")
+    """JSON file for the results; an existing one is replaced."""
+    repeats: int = 10
+    """How often the short measurements are repeated; the long ones half as often."""
+    modes: tuple[int, ...] = (1, 2)
+    """Modes a link in the measurement of the torque-driven arm."""
+    cold: int = 2
+    """How often the start without compiled code is measured."""
+    quick: bool = False
+    """A trial of the script: two short repeats, the first of `modes`, a part of the lap. Its numbers mean little."""
+
+
+def machine() -> dict[str, Any]:
+    """What the times depend on."""
+    names = ("numba", "numpy", "scipy", "gymnasium", "flexarm")
+    usable = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+    return {
+        "cpu": _cpu_model(),
+        "compiled_for": llvmlite.binding.get_host_cpu_name(),
+        "cores": usable,
+        "system": platform.system(),
+        "load": os.getloadavg()[0] if hasattr(os, "getloadavg") else None,
+        "python": platform.python_version(),
+    } | {name: version(name) for name in names}
+
+
+def _cpu_model() -> str:
+    facts = Path("/proc/cpuinfo")
+    lines = facts.read_text().splitlines() if facts.exists() else []
+    models = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
+    return models[0] if models else platform.processor() or platform.machine()
+
+
+def run(options: Options, cache: Path) -> dict[str, Any]:
+    """Measure everything.
+
+    Args:
+        options: the command line.
+        cache: an existing folder for compiled code.
+
+    Returns:
+        What the JSON file holds.
+    """
+    repeats = 2 if options.quick else options.repeats
+    modes = options.modes[:1] if options.quick else options.modes
+    effort = 0.05 if options.quick else 1.0
+    seconds = 0.25 if options.quick else lap.LAP
+    facts = machine()
+    makers: list[tuple[str, Callable[[], Group]]] = [
+        ("torque-driven arm", lambda: physics.torque_driven(modes, effort)),
+        ("closed loop", lambda: physics.closed_loop(effort)),
+        ("environments", lambda: environments.steps(effort)),
+        ("first step", lambda: environments.first_step(1 if options.quick else options.cold, cache)),
+        ("lap", lambda: lap.lap(seconds)),
+        ("batches", lambda: family.batch(modes, effort, 64 if options.quick else family.MANY)),
+    ]
+    optional = [
+        ("chain in MuJoCo", ("mujoco",), lambda: family.chain(modes, effort)),
+        ("learning", ("stable_baselines3", "torch", "flexarm_agents"), lambda: family.learning(effort)),
+    ]
+    missing = [label for label, packages, _ in optional if not peers.installed(*packages)]
+    makers += [(label, make) for label, packages, make in optional if peers.installed(*packages)]
+    groups = {}
+    with tqdm(total=0, unit="call") as bar:
+        for label, make in makers:
+            bar.set_description(f"{label}, compiling")
+            group = make()
+            bar.total += sum(min(s.at_most or repeats, group.repeats(repeats)) for s in group.subjects)
+            bar.set_description(label)
+            groups[group.name] = measure(group, repeats, lambda _: bar.update())
+    missing += [] if peers.installed("envpool") else ["EnvPool"]
+    return {"machine": facts, "quick": options.quick, "not_installed": missing, "groups": groups}
+
+
+def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Columns of text; all but the last to the right."""
+    widths = [max(len(row[i]) for row in [header, *rows]) for i in range(len(header) - 1)]
+    return "\n".join(
+        "  " + "  ".join([*(cell.rjust(w) for cell, w in zip(row, widths, strict=False)), row[-1]])
+        for row in [header, *rows]
+    )
+
+
+def report(results: dict[str, Any]) -> str:
+    """Tables of the ratios, then of the times, for people."""
+    facts = results["machine"]
+    lines = ["", f"{facts['cpu']} (compiled for {facts['compiled_for']}), {facts['cores']} cores, load {facts['load']}"]
+    lines += [", ".join(f"{name} {facts[name]}" for name in ("python", "numba", "numpy", "scipy", "gymnasium"))]
+    if results["quick"]:
+        lines += ["A quick trial: these numbers mean little."]
+    if results["not_installed"]:
+        lines += [f"Not measured, since a package is missing: {', '.join(results['not_installed'])}"]
+    groups = results["groups"].values()
+    lines += ["", "RATIOS: subjects timed by turns, compared repeat by repeat; these carry over to other machines best"]
+    rows = [_figures(ratio, ratio["says"]) for group in groups for ratio in group["ratios"]]
+    lines += [table(("median", "least", "most", "what is compared"), rows)]
+    lines += ["", "TIMES on this machine: processor time where `wall`, the clock's median, stands beside it"]
+    for group in groups:
+        rows = [_time(values, name, group["clock"]) for name, values in group["times"].items()]
+        rows += [(_number(value), "", "", "", "", f"{name} (not measured)") for name, value in group["given"].items()]
+        header = ("median", "least", "most", "wall", "a second", "")
+        lines += ["", f"{group['title']}: {group['unit']}", table(header, rows)]
+        lines += [f"  {name}: {value:.3g}" for name, value in group["facts"].items()]
+    return "\n".join(lines)
+
+
+def _figures(values: dict[str, Any], last: str) -> tuple[str, ...]:
+    return (*(_number(values[key]) for key in ("median", "min", "max")), last)
+
+
+def _time(values: dict[str, Any], name: str, clock: str) -> tuple[str, ...]:
+    wall = _number(values["wall"]) if clock == "processor" else ""
+    return (*_figures(values, wall), f"{values['per_second']:.3g}", name)
+
+
+def _number(value: float) -> str:
+    return f"{value:.0f}" if value >= 100.0 else f"{value:.3g}"
+
+
+def write(results: dict[str, Any], path: Path) -> None:
+    """Write strict JSON; the file is complete or absent."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    aside = path.with_name(f".{path.name}.tmp")
+    aside.write_text(json.dumps(results, indent=1, allow_nan=False) + "\n")
+    os.replace(aside, path)
+
+
+def main() -> None:
+    """Command line."""
+    options = tyro.cli(Options)
+    for name in ("repeats", "cold"):
+        if getattr(options, name) < 1:
+            raise ValueError(f"{name} = {getattr(options, name)}: must be an integer >= 1")
+    if not options.modes or not all(1 <= m <= MAX_MODES for m in options.modes):
+        raise ValueError(f"modes = {options.modes}: must be one or more integers from 1 to {MAX_MODES}")
+    with tempfile.TemporaryDirectory() as cache:
+        results = run(options, Path(cache))
+    write(results, options.output)
+    print(report(results))
+    print(f"\n{options.output}: written")
+
+
+if __name__ == "__main__":
+    try:
+        main()
+    except (ValueError, TypeError) as error:
+        sys.exit(f"error: {error}")

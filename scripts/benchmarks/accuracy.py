@@ -1,0 +1,125 @@
+"""How long a step of the chain in MuJoCo may be if its error in time is to be no larger than that of FlexArm's step.
+
+Both move by the benchmark's torques, which are the same for both, and each is measured against its own converged
+solution: what is compared is the step, not the models. A largest *stable* step says nothing of accuracy.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexarm_env import ArmParameters, FlexibleArm
+
+Array = NDArray[np.float64]
+SECONDS, TORQUE, HELD = 2.0, 20.0, 0.01  # [s], up to [N m], constant for [s]
+OUR_STEP = 1e-3  # of the environments that are driven by torques [s]
+CONVERGED = 32  # steps of ours in one of `OUR_STEP` for the solution that counts as exact
+FINEST = 512  # steps of the chain in `HELD`, the same
+COUNTS = tuple(round(2.0 ** (k / 3)) for k in range(6, 29))  # steps in `HELD` that are tried, by thirds of an octave
+STAGES = {"implicitfast": 1, "RK4": 4}  # evaluations of the dynamics in a step
+RK4_LIMIT = 2.5  # step times the fastest rate; 2.78 for small motions
+
+
+@dataclass(frozen=True)
+class EqualStep:
+    """A step of the chain.
+
+    Attributes:
+        integrator: MuJoCo's name of it.
+        step: [s].
+        error: largest distance of the tip from the converged chain's [m].
+        ours: the same of FlexArm's arm at `OUR_STEP` from its own.
+    """
+
+    integrator: str
+    step: float
+    error: float
+    ours: float
+
+
+def torques() -> Array:
+    """The motion: random torques from rest, straight. Shape (n, 2)."""
+    return np.random.default_rng(0).uniform(-TORQUE, TORQUE, (round(SECONDS / HELD), 2))
+
+
+def our_error(modes: int) -> float:
+    """Largest tip error of FlexArm's arm at `OUR_STEP` [m].
+
+    Args:
+        modes: per link.
+    """
+    arm = FlexibleArm(ArmParameters(modes_per_link=modes))
+    held = np.repeat(torques(), round(HELD / OUR_STEP), axis=0)
+    tips = [arm.simulate(np.zeros(2 * arm.size), held, SECONDS, OUR_STEP, count).tip for count in (1, CONVERGED)]
+    return _farthest(*tips)
+
+
+def equal_step(segments: int, modes: int) -> EqualStep:
+    """The cheapest step of the chain that is as accurate in time as ours: that with fewest evaluations a second.
+
+    Args:
+        segments: per link, of the chain.
+        modes: per link, of our arm.
+
+    Raises:
+        ValueError: if none of those tried is.
+    """
+    ours, found = our_error(modes), []
+    for integrator, stages in STAGES.items():
+        counts = _counts(segments, integrator)
+        place = bisect_left(counts, -ours, key=lambda n, name=integrator: -chain_error(segments, name, n))
+        if place < len(counts):
+            error = chain_error(segments, integrator, counts[place])
+            found.append((stages * counts[place], EqualStep(integrator, HELD / counts[place], error, ours)))
+    if not found:
+        raise ValueError(f"segments = {segments}: with no step tried is the tip within {ours} m")
+    return min(found, key=lambda each: each[0])[1]
+
+
+def _counts(segments: int, integrator: str) -> tuple[int, ...]:
+    """Those of `COUNTS` that are stable."""
+    from flexarm_env.chain import model as chain
+
+    if integrator != "RK4":
+        return COUNTS
+    fastest = chain.fastest_rate(chain.chain_model(segments))
+    return tuple(count for count in COUNTS if HELD / count * fastest <= RK4_LIMIT)
+
+
+@cache
+def chain_error(segments: int, integrator: str, count: int) -> float:
+    """Largest tip error of a chain [m]; arguments as of `chain_tips`."""
+    return _farthest(chain_tips(segments, integrator, count), chain_tips(segments, "RK4", FINEST))
+
+
+@cache
+def chain_tips(segments: int, integrator: str, count: int) -> Array:
+    """The chain's tip every `HELD` [m]. Shape (n, 2).
+
+    Args:
+        segments: per link.
+        integrator: MuJoCo's name of it.
+        count: steps in `HELD`.
+    """
+    import mujoco
+
+    from flexarm_env.chain import model as chain
+
+    model = chain.chain_model(segments, ArmParameters(), HELD / count)
+    model.opt.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{integrator.upper()}")
+    data, held = mujoco.MjData(model), torques()
+    tips = []
+    for torque in held:
+        data.ctrl[:] = torque
+        mujoco.mj_step(model, data, count)
+        tips.append(chain.tip_position(model, data))
+    return np.array(tips)
+
+
+def _farthest(tips: Array, exact: Array) -> float:
+    return float(np.linalg.norm(tips - exact, axis=1).max())

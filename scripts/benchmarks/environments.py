@@ -1,0 +1,127 @@
+"""Environments through `gymnasium.make` with its default wrappers: steps, and the way to the first one."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+from numpy.typing import NDArray
+
+from scripts.benchmarks.timing import Group, Ratio, Subject
+
+SQUARE, PAPER = "FlexArm/Square-v0", "FlexArm/Paper-v0"
+ACROBOT, EMPTY = "Acrobot-v1", "FlexArmBench/Empty-v0"
+
+
+class EmptyEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
+    """Does nothing: what Gymnasium itself costs."""
+
+    observation_space = gymnasium.spaces.Box(-1.0, 1.0, (12,), np.float32)
+    action_space = gymnasium.spaces.Box(-1.0, 1.0, (1,), np.float32)
+    _observation = np.zeros(12, dtype=np.float32)
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> Any:
+        """Start an episode."""
+        super().reset(seed=seed)
+        return self._observation.copy(), {}
+
+    def step(self, action: Any) -> Any:
+        """Do nothing."""
+        return self._observation.copy(), 0.0, False, False, {}
+
+
+def steps(effort: float) -> Group:
+    """Single environments with random actions, resets included.
+
+    Args:
+        effort: factor on the work of a timed call.
+    """
+    if EMPTY not in gymnasium.registry:
+        gymnasium.register(EMPTY, entry_point=EmptyEnv, max_episode_steps=16_000)
+    counts = {SQUARE: 8000, PAPER: 2000, ACROBOT: 3000, EMPTY: 50_000}
+    subjects = [stepped(name, name, round(effort * count)) for name, count in counts.items()]
+    ratios = [
+        Ratio(ACROBOT, SQUARE, f"{SQUARE} over Acrobot, steps in the same time"),
+        Ratio(ACROBOT, PAPER, f"{PAPER} over Acrobot, steps in the same time"),
+        Ratio(SQUARE, EMPTY, "FlexArm's time over that of an empty environment"),
+        Ratio(ACROBOT, EMPTY, "Acrobot's time over that of an empty environment"),
+    ]
+    title = "One environment, gymnasium.make with default wrappers, random actions"
+    return Group("environment", title, "us", "env step", subjects, ratios)
+
+
+def stepped(name: str, env_id: str, count: int, **options: Any) -> Subject:
+    """One environment, stepped with random actions, and reset where an episode ends.
+
+    Args:
+        name: of the subject.
+        env_id: of the environment.
+        count: steps of a timed call.
+        **options: of the environment.
+    """
+    env = gymnasium.make(env_id, **options)
+    env.action_space.seed(0)
+    actions = [env.action_space.sample() for _ in range(count)]
+
+    def work() -> None:
+        for action in actions:
+            _, _, terminated, truncated, _ = env.step(action)
+            if terminated or truncated:
+                env.reset()
+
+    return Subject(name, work, count, prepare=lambda: env.reset(seed=0))
+
+
+# What a new process does until it has made one step; it prints the seconds of each part.
+_FIRST_STEP = """
+import json, sys, time
+clock = [time.perf_counter()]
+import gymnasium
+if sys.argv[1].startswith("FlexArm"):
+    import flexarm_env
+clock.append(time.perf_counter())
+env = gymnasium.make(sys.argv[1])
+clock.append(time.perf_counter())
+env.reset(seed=0)
+clock.append(time.perf_counter())
+env.step(env.action_space.sample())
+clock.append(time.perf_counter())
+print(json.dumps(dict(zip(("import", "make", "reset", "step"), [b - a for a, b in zip(clock, clock[1:])]))))
+"""
+
+
+def first_step(colds: int, cache: Path) -> Group:
+    """From the start of the interpreter to the end of a process that made one step.
+
+    Args:
+        colds: how often with an empty cache (the compiler takes its time).
+        cache: a folder that the first process fills and the cached ones use; what it holds is lost.
+    """
+    cold, cached = f"{SQUARE}, nothing compiled yet", f"{SQUARE}, compiled code cached"
+    subjects = [  # the first one comes first
+        Subject(cold, lambda: _process(SQUARE, cache), prepare=lambda: shutil.rmtree(cache), at_most=colds),
+        Subject(cached, lambda: _process(SQUARE, cache)),
+        Subject(ACROBOT, lambda: _process(ACROBOT, cache)),
+    ]
+    ratios = [
+        Ratio(cold, cached, "first time ever over a later process"),
+        Ratio(cached, ACROBOT, "FlexArm (cached) over Acrobot, time to the first step"),
+    ]
+    title = "From process start to the first step (import, make, reset, step)"
+    return Group("first_step", title, "s", "process", subjects, ratios, wall=True, warm=False, share=0.5)
+
+
+def _process(name: str, cache: Path) -> dict[str, float]:
+    environment = {key: value for key, value in os.environ.items() if key != "NUMBA_CACHE_DIR"}  # it goes first
+    command = [sys.executable, "-c", _FIRST_STEP, name]
+    done = subprocess.run(
+        command, env=environment | {"FLEXARM_CACHE_DIR": str(cache)}, check=True, stdout=subprocess.PIPE, text=True
+    )
+    return json.loads(done.stdout)

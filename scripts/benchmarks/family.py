@@ -1,0 +1,155 @@
+"""The environment family beside its peers: a batch, one environment, a chain in MuJoCo, the learner alone."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import gymnasium
+import numpy as np
+
+from flexarm_env.envs.batch import COSTS, Fleet
+from flexarm_env.envs.settings import Settings
+from scripts.benchmarks import accuracy, peers
+from scripts.benchmarks.environments import SQUARE, stepped
+from scripts.benchmarks.physics import bare_kernel
+from scripts.benchmarks.timing import Group, Ratio, Subject
+
+GAIN = "FlexArm/SquareGain-v0"
+ENVS = 1024
+PHYSICS_STEPS = 10  # of 1 ms in a control period
+BATCH_CALLS = 100
+SINGLE_CALLS = 4000
+SEGMENTS = 10
+FINE_STEP = 2e-4  # [s]
+MANY = 4096
+LEARNING_FRAMES, LEARNERS = 65_536, 64
+
+
+def batch(modes: Sequence[int], effort: float, many: int = MANY) -> Group:
+    """Batches of 1024 on one core: torques, full observation, reward, delay line, auto-reset, 10 physics steps.
+
+    Args:
+        modes: numbers of modes a link.
+        effort: factor on the work of a timed call.
+        many: environments whose memory is measured.
+    """
+    subjects, ratios = [], []
+    acrobot = peers.envpool_acrobot(ENVS, effort) if peers.installed("envpool") else None
+    if acrobot is not None:
+        subjects.append(acrobot)
+    for m in modes:
+        batch_of = _batch(f"{SQUARE}, {m} modes", SQUARE, ENVS, round(BATCH_CALLS * effort), arm={"modes_per_link": m})
+        bare = bare_kernel(f"its physics alone, {m} modes", m, 32, ENVS, max(1, round(100 * effort)))
+        bare = replace(bare, amount=bare.amount / PHYSICS_STEPS)
+        subjects += [batch_of, bare]
+        ratios.append(Ratio(batch_of.name, bare.name, f"batch step over its bare physics, {m} modes (75 % is 1.33)"))
+        if acrobot is not None:
+            ratios.append(Ratio(acrobot.name, batch_of.name, f"FlexArm over EnvPool's Acrobot, {m} modes"))
+    gain = _batch(GAIN, GAIN, ENVS, max(1, round(0.4 * BATCH_CALLS * effort)))
+    torque = _batch(f"{SQUARE}, default", SQUARE, ENVS, round(BATCH_CALLS * effort))
+    arm = {"kinematics": "foreshortened"}
+    bent = _batch(f"{SQUARE}, foreshortened", SQUARE, ENVS, max(1, round(0.5 * BATCH_CALLS * effort)), arm=arm)
+    subjects += [gain, torque, bent]
+    ratios.append(Ratio(gain.name, torque.name, "the gain's mode over the torque's mode, time of a step"))
+    ratios.append(Ratio(bent.name, torque.name, "the foreshortened arm over the linear one, time of a step"))
+    few, *more = (_block(lanes, round(40_000 * effort)) for lanes in COSTS)
+    subjects += [few, *more]
+    ratios += [Ratio(few.name, each.name, f"{few.name} over {each.name}, per environment") for each in more]
+    facts = {f"memory added by {many} environments [MB]": _memory(many)}
+    return Group("batch", f"Batches of {ENVS}, one core", "us", "env step", subjects, ratios, facts=facts)
+
+
+def _batch(name: str, env_id: str, num_envs: int, calls: int, **options: Any) -> Subject:
+    env = gymnasium.make_vec(f"flexarm_env:{env_id}", num_envs=num_envs, **options)
+    calls = max(1, calls)
+    actions = np.random.default_rng(0).uniform(-1.0, 1.0, (calls, *env.action_space.shape)).astype(np.float32)
+    env.reset(seed=0)
+
+    def work() -> None:
+        for action in actions:
+            env.step(action)
+
+    return Subject(name, work, calls * num_envs)
+
+
+def _block(lanes: int, calls: int) -> Subject:
+    """One full block's step in its kernel alone: what `flexarm_env.envs.batch.COSTS` says, for each environment."""
+    fleet = Fleet(Settings.of({}), lanes)
+    fleet.start(np.arange(lanes, dtype=np.uint64), np.arange(lanes), fleet.usual_orders)
+    calls = max(1, calls // lanes)
+
+    def work() -> None:
+        for _ in range(calls):
+            fleet.step()
+
+    return Subject(f"block of {lanes} lanes", work, calls * lanes)
+
+
+def _memory(many: int) -> float:
+    imports = "import gymnasium, flexarm_env, numpy as np\nenv = gymnasium.make_vec('FlexArm/Square-v0', num_envs=16)\n"
+    imports += "env.reset(seed=0); env.step(np.zeros((16, 2), np.float32))"
+    code = f"many = gymnasium.make_vec('FlexArm/Square-v0', num_envs={many})\n"
+    code += f"many.reset(seed=0); many.step(np.zeros(({many}, 2), np.float32))"
+    return peers.memory_of(code, imports) / 1e6
+
+
+def chain(modes: Sequence[int], effort: float) -> Group:
+    """The same arm as a chain of segments in MuJoCo, per simulated second.
+
+    At its largest stable step; at one whose error in time is some tenths of a millimetre; and at the step at which that
+    error is no larger than FlexArm's. The chain's shape is better than one mode's in any case; what is equal there is
+    the error that the step makes.
+
+    Args:
+        modes: numbers of modes a link.
+        effort: factor on the work of a timed call.
+    """
+    chains = [peers.mujoco_chain(SEGMENTS, effort, damping) for damping in (0.01, 0.0)]
+    chains.append(peers.mujoco_chain(SEGMENTS, effort, step=FINE_STEP))
+    error = accuracy.chain_error(SEGMENTS, "implicitfast", round(accuracy.HELD / FINE_STEP))
+    subjects, ratios, facts = [*chains], [], {f"error in time, chain at {1e3 * FINE_STEP:g} ms [mm]": 1e3 * error}
+    for m in modes:
+        accurate, equal = peers.accurate_chain(SEGMENTS, effort, m)
+        subjects.append(accurate)
+        facts |= {f"error in time, {m} modes at 1 ms [mm]": 1e3 * equal.ours}
+        facts |= {f"error in time, chain at {1e3 * equal.step:.3g} ms [mm]": 1e3 * equal.error}
+        options = {"arm": {"modes_per_link": m}}
+        single = stepped(f"one environment, {m} modes", SQUARE, max(50, round(SINGLE_CALLS * effort)), **options)
+        many = _batch(f"batch of {ENVS}, {m} modes", SQUARE, ENVS, round(BATCH_CALLS * effort), **options)
+        for subject in (single, many):
+            subjects.append(replace(subject, amount=subject.amount * 1e-3 * PHYSICS_STEPS))
+            ratios += [Ratio(each.name, subject.name, f"{each.name} over {subject.name}") for each in chains]
+            ratios.append(Ratio(accurate.name, subject.name, f"equal accuracy in time: chain over {subject.name}"))
+    title = "One simulated second of one arm, MuJoCo and FlexArm, one core"
+    return Group("chain", title, "ms", "simulated second", subjects, ratios, facts=facts)
+
+
+def learning(effort: float) -> Group:
+    """PPO of Stable-Baselines3 on the batch through the adapter, and on an environment that does nothing.
+
+    Args:
+        effort: factor on the work of a timed call.
+    """
+    from flexarm_agents import FlexArmVecEnv
+
+    frames = max(2 * peers.ROLLOUT, round(effort * LEARNING_FRAMES))
+    env = gymnasium.make(f"flexarm_env:{SQUARE}")
+    sizes = (env.observation_space.shape[0], env.action_space.shape[0])
+    ours = Subject(
+        f"PPO on {SQUARE}",
+        lambda: _learn(lambda n: FlexArmVecEnv.make(SQUARE, n), frames),
+        frames + peers.ROLLOUT,
+    )
+    empty = Subject(
+        "PPO on an empty environment",
+        lambda: _learn(lambda n: peers.empty_vec_env(n, *sizes), frames),
+        frames + peers.ROLLOUT,
+    )
+    ratio = Ratio(empty.name, ours.name, "PPO's rate on FlexArm over that on an empty environment")
+    return Group("learning", "PPO, one core", "us", "frame", [ours, empty], [ratio], share=0.4)
+
+
+def _learn(make: Any, frames: int) -> None:
+    peers.ppo_rate(make, LEARNERS, frames)

@@ -1,0 +1,158 @@
+"""The sixteen-second job: one lap of the paper's arm, by our loops, by scipy, and by the paper's own clock.
+
+Ours and scipy's final tips are compared with a tighter solution, so that speed is told at a known error.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import gymnasium
+import numpy as np
+from numpy.typing import NDArray
+
+from flexarm_baselines import IFDC
+from flexarm_env import (
+    ArmParameters,
+    ClosedLoop,
+    FlexibleArm,
+    LawParameters,
+    LoopCase,
+    SensorParameters,
+    rest_state,
+    square,
+)
+from flexarm_env.parameters import SquareParameters
+from flexarm_env.simulation.square import CONTROL_PERIOD
+from scripts.benchmarks import scipy_lap
+from scripts.benchmarks.physics import LOOPS
+from scripts.benchmarks.timing import Group, Ratio, Subject
+from scripts.paper.cases import COLUMNS, Study, all_cases, simulate
+
+LAP = 16.0  # [s]
+PAPER_CLOCK = {"paper, IFDC (2008)": 77.0, "paper, FLSAC (2008)": 100.0}  # [s]; end of section 4
+GOAL = 3.0  # [s] for the twelve runs together
+AGREEMENT = 1e-3  # [m]
+
+ONE_CALL, EVERY_MS = "ClosedLoop, 1 arm, gain held for the lap", "ClosedLoop, 1 arm, gain set every ms"
+SHARE, ENV = f"ClosedLoop, {LOOPS} arms, share of one", "Gymnasium environment, one step each ms"
+SCIPY = "scipy solve_ivp (LSODA, 1e-6), right-hand side in numpy"
+SCIPY_COMPILED = "scipy solve_ivp (LSODA, 1e-6), right-hand side compiled by numba"
+TWELVE = "twelve runs, one batch with policies"
+
+
+class _Job:
+    """IFDC with a collocated sensor over the first seconds of the lap."""
+
+    def __init__(self, seconds: float) -> None:
+        self.seconds = seconds
+        task = SquareParameters()
+        self.arm, self.law, self.path = FlexibleArm(ArmParameters.paper()), LawParameters(), square(task)
+        self.start = rest_state(self.arm, self.path.table[0, 1:], task.elbow_branch)
+
+    def loop(self, name: str, arms: int, period: float) -> Subject:
+        """A batch of the same arm, driven with gain 1."""
+        case = LoopCase(SensorParameters("collocated"), self.law)
+        loop = ClosedLoop(self.arm, [case] * arms, self.path, period)
+        start, gain = np.tile(self.start, (arms, 1)), np.ones(arms)
+
+        def work() -> None:
+            for _ in range(round(self.seconds / period)):
+                loop.advance(gain)
+
+        return Subject(name, work, arms, prepare=lambda: loop.reset(start))
+
+    def environment(self) -> Subject:
+        """The same through `gymnasium.make`."""
+        env = gymnasium.make("FlexArm/Paper-v0", sensor="collocated")
+        action = np.ones(1, dtype=np.float32)
+
+        def work() -> None:
+            for _ in range(round(self.seconds / CONTROL_PERIOD)):
+                env.step(action)
+
+        return Subject(ENV, work, prepare=lambda: env.reset(seed=0))
+
+    def scipy(self, seconds: float | None = None, **options: Any) -> NDArray[np.float64]:
+        """Final state by `solve_ivp`."""
+        return scipy_lap.solve(self.arm, self.law, self.path, self.start, seconds or self.seconds, **options)
+
+    def errors(self) -> dict[str, float]:
+        """Distance of the final true tip from that of `solve_ivp` at 1e-10 [m]: do all compute the same?
+
+        Raises:
+            RuntimeError: if they do not.
+        """
+        case = LoopCase(SensorParameters("collocated"), self.law)
+        loop = ClosedLoop(self.arm, [case], self.path, self.seconds)
+        loop.reset(self.start[None])
+        loop.advance([1.0])
+        tips = {
+            "ClosedLoop": loop.results().true_tip[0],
+            "solve_ivp": self.arm.tip(self.scipy()[: self.arm.size]),
+        }
+        exact = self.arm.tip(self.scipy(tolerance=1e-10)[: self.arm.size])
+        found = {f"final tip's error, {name} [m]": float(np.linalg.norm(tip - exact)) for name, tip in tips.items()}
+        if not all(error < AGREEMENT for error in found.values()):
+            raise RuntimeError(f"the programs do not compute the same: {found}")
+        return found
+
+
+def lap(seconds: float) -> Group:
+    """The job and the twelve runs.
+
+    Args:
+        seconds: of the lap's 16; the paper's times and the goal are scaled with it.
+    """
+    job, part = _Job(seconds), seconds / LAP
+    given = {name: part * clock for name, clock in (PAPER_CLOCK | {"goal for twelve runs": GOAL}).items()}
+    given["paper, twelve runs"] = 6.0 * sum(given[name] for name in PAPER_CLOCK)
+    subjects = [
+        job.loop(ONE_CALL, 1, seconds),
+        job.loop(EVERY_MS, 1, CONTROL_PERIOD),
+        job.loop(SHARE, LOOPS, CONTROL_PERIOD),
+        job.environment(),
+        Subject(SCIPY, lambda: _nothing(job.scipy())),
+        Subject(
+            SCIPY_COMPILED,
+            lambda: _nothing(job.scipy(compiled=True)),
+            prepare=lambda: job.scipy(seconds=0.01, compiled=True),
+        ),
+        _twelve(seconds),
+    ]
+    ifdc, _ = PAPER_CLOCK
+    ratios = [
+        Ratio(SCIPY, ONE_CALL, "scipy's time over ours, one arm, constant gain"),
+        Ratio(SCIPY_COMPILED, ONE_CALL, "the same with scipy's right-hand side compiled"),
+        Ratio(SCIPY, EVERY_MS, "scipy's time over ours, gain set every ms"),
+        Ratio(SCIPY, SHARE, f"scipy's time over ours, share of one in a batch of {LOOPS}"),
+        Ratio(SCIPY_COMPILED, SHARE, "the same with scipy's right-hand side compiled"),
+        Ratio(SCIPY, ENV, "scipy's time over that of the Gymnasium environment"),
+        Ratio(ifdc, ONE_CALL, "paper's 77 s over ours, one arm, constant gain (machines 18 years apart)"),
+        Ratio(ifdc, ENV, "paper's 77 s over that of the Gymnasium environment"),
+        Ratio("paper, twelve runs", TWELVE, "paper's twelve runs (6 x 77 s + 6 x 100 s) over ours"),
+        Ratio("goal for twelve runs", TWELVE, "goal of 3 s over the twelve runs' time (above 1: reached)"),
+    ]
+    title = f"The job: {seconds:g} s of the paper's arm on its lap, law in continuous time"
+    return Group(
+        "lap", title, "s", "job", subjects, ratios, given, {"seconds": seconds} | job.errors(), warm=False, share=0.5
+    )
+
+
+def _nothing(_: Any) -> None:
+    """A subject's work returns no parts."""
+
+
+def _twelve(seconds: float) -> Subject:
+    study, column, cases = Study(), COLUMNS["paper"], all_cases()
+    ifdc, flsac = IFDC(), study.fuzzy(study.arm(column))
+    policies = [flsac if case.controller == "flsac" else ifdc for case in cases]
+    gains = [study.K_s if case.controller == "flsac" else 1.0 for case in cases]
+    loop_cases = [case.loop_case() for case in cases]
+
+    def run(steps: int) -> Callable[[], None]:
+        """So many control periods of the twelve runs."""
+        return lambda: _nothing(simulate(study, column, loop_cases, policies, gains, steps=steps))
+
+    return Subject(TWELVE, run(round(seconds / CONTROL_PERIOD)), prepare=run(2))

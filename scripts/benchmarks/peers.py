@@ -1,0 +1,294 @@
+"""What FlexArm's speed is held against: other engines, the machine's own peak, and an environment that does nothing.
+
+The packages behind are optional and imported when first needed; ask `installed` before.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import subprocess
+import sys
+import time
+import warnings
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from flexarm_env import ArmParameters
+from scripts.benchmarks.accuracy import EqualStep, equal_step
+from scripts.benchmarks.timing import Subject
+
+if TYPE_CHECKING:
+    from stable_baselines3.common.vec_env import VecEnv
+
+ACROBOT = "Acrobot-v1"
+ACROBOT_STEPS = 100_000  # a timed call at effort 1
+CHAIN_SECONDS = 10.0  # simulated in a timed call at effort 1 [s]
+TORQUE, TORQUE_HELD = 20.0, 0.01  # of the chain's motors: up to [N m], constant for [s]
+CHAINED, LANES = 8, 64  # dependent multiply-adds a lane, and lanes
+FLOPS = 600_000_000  # a timed call at effort 1
+ROLLOUT, BATCH = 8192, 1024  # frames between two updates, and in a gradient step
+
+
+def installed(*packages: str) -> bool:
+    """Whether all these packages can be imported: "envpool", "mujoco", "stable_baselines3"."""
+    return all(importlib.util.find_spec(name) is not None for name in packages)
+
+
+# --- other engines ----------------------------------------------------------------------------------------------------
+
+
+def envpool_acrobot(num_envs: int, effort: float) -> Subject:
+    """EnvPool's Acrobot-v1 on one thread with random actions prepared before; amount: environment steps.
+
+    An episode that is over starts anew with the next step, whose action is lost: one step in 500 is such a reset.
+
+    Args:
+        num_envs: environments, all stepped by each call.
+        effort: factor on the work of a timed call.
+    """
+    import envpool
+
+    calls = max(1, round(effort * ACROBOT_STEPS / num_envs))
+    actions = np.random.default_rng(0).integers(0, 3, (calls, num_envs), dtype=np.int32)
+    pool = envpool.make_gymnasium(ACROBOT, num_envs=num_envs, batch_size=num_envs, num_threads=1, seed=0)
+    with warnings.catch_warnings():  # EnvPool gives gymnasium its bounds in double precision
+        warnings.filterwarnings("ignore", message=".*precision lowered by casting", category=UserWarning)
+        pool.reset()
+
+    def work() -> None:
+        for action in actions:
+            pool.step(action)
+
+    return Subject(f"EnvPool {ACROBOT}, {num_envs} environments, 1 thread", work, calls * num_envs)
+
+
+def mujoco_chain(segments: int, effort: float, damping_ratio: float = 0.01, step: float | None = None) -> Subject:
+    """The arm as a chain of rigid segments in MuJoCo under random torques; amount: simulated seconds.
+
+    The largest stable step depends much on the damping, as `mujoco_chain` tells: show 0.01 (FlexArm's default) and 0
+    (the paper's arm).
+
+    Args:
+        segments: rigid segments a link; as many degrees of freedom a link.
+        effort: factor on the work of a timed call.
+        damping_ratio: of the first clamped mode of a link; the higher ones get more.
+        step: [s]; None: the largest stable one of `mujoco_chain.TIME_STEPS`.
+    """
+    from flexarm_env.chain import model as chain
+
+    arm = ArmParameters(modal_damping_ratio=damping_ratio)
+    step = chain.largest_stable_step(segments, arm) if step is None else step
+    damping = f"damping {damping_ratio:.2g}" if damping_ratio else "undamped"
+    name = f"MuJoCo chain, {segments} segments a link, {damping}, implicitfast, step {1e3 * step:g} ms"
+    return _chain(name, chain.chain_model(segments, arm, step), effort)
+
+
+def accurate_chain(segments: int, effort: float, modes: int) -> tuple[Subject, EqualStep]:
+    """The default arm's chain at the cheapest step that is as accurate in time as FlexArm's of 1 ms.
+
+    Args:
+        segments: rigid segments a link.
+        effort: factor on the work of a timed call.
+        modes: per link, of FlexArm's arm.
+    """
+    import mujoco
+
+    from flexarm_env.chain import model as chain
+
+    equal = equal_step(segments, modes)
+    model = chain.chain_model(segments, None, equal.step)
+    model.opt.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{equal.integrator.upper()}")
+    step = f"{equal.integrator}, step {1e3 * equal.step:.3g} ms"
+    name = f"MuJoCo chain, {segments} segments a link, damping 0.01, {step}: as accurate in time as {modes} modes"
+    return _chain(name, model, effort), equal
+
+
+def _chain(name: str, model: Any, effort: float) -> Subject:
+    import mujoco
+
+    data, step = mujoco.MjData(model), model.opt.timestep
+    held = max(1, round(TORQUE_HELD / step))  # steps of a call: what Python costs is spread over them
+    calls = max(1, round(effort * CHAIN_SECONDS / (held * step)))
+    torques = np.random.default_rng(0).uniform(-TORQUE, TORQUE, (calls, 2))
+
+    def work() -> None:
+        for torque in torques:
+            data.ctrl[:] = torque
+            mujoco.mj_step(model, data, held)
+        if not np.isfinite(data.qpos).all():
+            raise RuntimeError(f"{name}: the state stopped being finite")
+
+    return Subject(name, work, calls * held * step, prepare=lambda: mujoco.mj_resetData(model, data))
+
+
+# --- the machine ------------------------------------------------------------------------------------------------------
+
+
+@numba.njit(fastmath={"contract"}, boundscheck=False)  # the machine is measured, not a result: contraction is the point
+def _multiply_add(lanes: NDArray[np.float64], factor: float, addend: float, sweeps: int) -> None:
+    for _ in range(sweeps):
+        for i in range(LANES):
+            x = lanes[i]
+            for _ in range(CHAINED):
+                x = x * factor + addend
+            lanes[i] = x
+
+
+def multiply_adds(effort: float) -> Subject:
+    """Fused multiply-adds in double precision on one core, vectorised, 64 independent chains; amount: flop.
+
+    Args:
+        effort: factor on the work of a timed call.
+    """
+    sweeps = max(1, round(effort * FLOPS / (2 * CHAINED * LANES)))
+    lanes = np.linspace(0.0, 1.0, LANES)  # they go to 0.5, neither to zero nor out of range
+    name = "multiply-add peak of one core"
+    return Subject(name, lambda: _multiply_add(lanes, 0.5, 0.25, sweeps), 2.0 * CHAINED * LANES * sweeps)
+
+
+def fma_peak(repeats: int = 20) -> float:
+    """Multiply-add peak of one core [FLOP/s], a multiply-add being two: the best of some runs of about 1 ms.
+
+    Args:
+        repeats: number of runs.
+    """
+    subject = multiply_adds(0.1)
+    subject.work()  # compiles
+    return subject.amount / min(_wall(subject.work) for _ in range(repeats))
+
+
+def _wall(work: Callable[[], Any]) -> float:
+    start = time.perf_counter()
+    work()
+    return time.perf_counter() - start
+
+
+# --- learning ---------------------------------------------------------------------------------------------------------
+
+
+def empty_vec_env(num_envs: int, observation_size: int, action_size: int) -> VecEnv:
+    """A vector environment of Stable-Baselines3 that does nothing: what the learner costs alone.
+
+    Observations and rewards are the same random numbers at each step, and no episode ends.
+
+    Args:
+        num_envs: environments.
+        observation_size: numbers in an observation, each between -10 and 10.
+        action_size: numbers in an action, each between -1 and 1.
+    """
+    from gymnasium.spaces import Box
+    from stable_baselines3.common.vec_env import VecEnv
+
+    class EmptyVecEnv(VecEnv):
+        """Returns what it was made with."""
+
+        render_mode = None
+
+        def __init__(self) -> None:
+            random = np.random.default_rng(0)
+            observations = np.clip(random.standard_normal((num_envs, observation_size)), -10.0, 10.0)
+            self._observations = observations.astype(np.float32)
+            self._rewards = random.standard_normal(num_envs).astype(np.float32)
+            self._dones = np.zeros(num_envs, dtype=bool)
+            self._infos: list[dict[str, Any]] = [{} for _ in range(num_envs)]
+            spaces = (Box(-bound, bound, (size,)) for bound, size in ((10.0, observation_size), (1.0, action_size)))
+            super().__init__(num_envs, *spaces)
+
+        def reset(self) -> Any:
+            return self._observations
+
+        def step_async(self, actions: Any) -> None:
+            pass
+
+        def step_wait(self) -> Any:
+            return self._observations, self._rewards, self._dones, self._infos
+
+        def close(self) -> None:
+            pass
+
+        def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
+            return [getattr(self, attr_name)] * len(self._get_indices(indices))
+
+        def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
+            raise NotImplementedError("there are no single environments")
+
+        def env_method(self, method_name: str, *arguments: Any, indices: Any = None, **options: Any) -> list[Any]:
+            raise NotImplementedError("there are no single environments")
+
+        def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:
+            return [False] * len(self._get_indices(indices))
+
+    return EmptyVecEnv()
+
+
+def ppo_rate(make_vec_env: Callable[[int], VecEnv], num_envs: int, steps: int) -> float:
+    """Frames per second of Stable-Baselines3's PPO, rollouts and updates, after one untimed round of both.
+
+    Policy and value have two layers of 64 each; a round is about 8192 frames, then ten epochs in batches of at most
+    1024, on one thread of PyTorch. Time is the processor's, of all threads, as in `timing`.
+
+    Args:
+        make_vec_env: makes an environment from `num_envs`; it is closed at the end.
+        num_envs: environments.
+        steps: frames of all environments together, rounded up to whole rounds.
+    """
+    import torch
+    from stable_baselines3 import PPO
+
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)  # two are three to five times slower as soon as the machine is busy
+    env = make_vec_env(num_envs)
+    n_steps = max(2, ROLLOUT // num_envs)
+    try:
+        options = {"n_steps": n_steps, "batch_size": min(BATCH, n_steps * num_envs)}
+        learner = PPO("MlpPolicy", env, device="cpu", seed=0, **options)
+        learner.learn(n_steps * num_envs)
+        start = time.process_time()
+        learner.learn(steps)
+        return learner.num_timesteps / (time.process_time() - start)
+    finally:
+        env.close()
+        torch.set_num_threads(threads)
+
+
+# --- memory -----------------------------------------------------------------------------------------------------------
+
+# What a fresh process does; it prints how far its resident memory grew [bytes].
+_MEMORY = """
+import gc, resource, sys
+
+def resident():
+    try:
+        with open("/proc/self/statm") as numbers:
+            return int(numbers.read().split()[1]) * resource.getpagesize()
+    except FileNotFoundError:  # the peak will do: in bytes on macOS, else in KiB
+        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
+
+names = {}
+exec(sys.argv[1], names)
+gc.collect()
+before = resident()
+exec(sys.argv[2], names)
+print(resident() - before)
+"""
+
+
+def memory_of(code: str, imports: str = "") -> int:
+    """Resident memory that a fresh process needs for some code, on top of what it holds after its imports [bytes].
+
+    Good to some 0.1 MB: memory grows by whole pages, and what the imports freed is used again unseen. Not for Windows.
+
+    Args:
+        code: statements; what they bind to names stays alive.
+        imports: statements that come first and do not count.
+
+    Raises:
+        subprocess.CalledProcessError: if either fails; the traceback goes to the error stream.
+    """
+    command = [sys.executable, "-c", _MEMORY, imports, code]
+    done = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True)
+    return int(done.stdout.splitlines()[-1])

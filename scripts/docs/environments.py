@@ -1,0 +1,203 @@
+"""Write docs/environments: an index, and for each id a page and a picture, all from the code's declarations."""
+
+from __future__ import annotations
+
+import re
+import textwrap
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import matplotlib.image
+import tyro
+
+from flexarm_env.envs import documentation as doc
+from flexarm_env.envs.choices import MODES
+from flexarm_env.envs.registration import IDS, NAMESPACE, Id
+from flexarm_env.envs.settings import Settings
+from flexarm_env.envs.single import FlexArmEnv
+from flexarm_env.envs.vector import FlexArmVectorEnv
+from scripts.docs.env_pictures import PICTURES, drawn
+
+DOCS = Path(__file__).resolve().parent.parent / "docs" / "environments"
+WIDTH = 118  # of prose
+_INTRODUCTION = """\
+A very flexible two-link arm in the plane, 9 m long, whose tip should follow a path. What an action is, what an
+observation holds, what is random and what is rewarded are options; the ids are choices of them. `help(env.unwrapped)`
+shows the whole family's specification."""
+_BATCH = """\
+A batch is one environment that steps all its arms in the same compiled loop, far faster than as many single ones; its
+observations, rewards and flags are arrays with a row for each arm:"""
+_AUTORESET = """\
+With `NextStep`, Gymnasium's default, the step after an episode's end begins the next one: its action is not read, its
+reward is 0, its info is a reset's. In `infos`, `_name` says which environments have `name`; these masks are shared
+among keys and cannot be written to. With `SameStep` the step that ends an episode returns the next one's first
+observation; the last one is in `infos["final_obs"][i]`, with its info in `infos["final_info"]`:"""
+_NAMING = """\
+The part before the colon imports the package, so that it works in spawned processes too. Every argument of the pages'
+tables can be given to `make` and `make_vec`. The ids differ in their options only; a version number goes up when an
+id's dynamics, observation or reward changes."""
+
+_RESET = "`reset(options=...)` takes:"
+
+
+@dataclass
+class Options:
+    """Write the pages and pictures of docs/environments."""
+
+    docs: Path = DOCS
+    """The folder to write to."""
+    pictures: bool = True
+    """Draw the pictures too (needs the extra `render`)."""
+
+
+# --- pages ---------------------------------------------------------------------------------------------------------
+
+
+def pages() -> dict[str, str]:
+    """All pages by file name."""
+    return {"README.md": index()} | {f"{stem(name)}.md": page(name, one) for name, one in IDS.items()}
+
+
+def stem(name: str) -> str:
+    """File name of an id's page, without its ending: the versions of an environment share a page."""
+    return re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name.partition("-")[0]).lower()
+
+
+def index() -> str:
+    """The page of what all environments have in common."""
+    vector = FlexArmVectorEnv.__init__.__doc__ or ""
+    sections = {
+        "Make one": [snippet("Square-v0"), _NAMING],
+        "Make a batch": [_BATCH, _batch(), doc.parameter_table(vector), _AUTORESET, _batch(autoreset_mode="SameStep")],
+        "Frames and units": [doc.FRAMES],
+        "The late sensor": [doc.LATENESS],
+        "Reward and score": [doc.REWARD, doc.SCORE],
+        "How an episode starts": [doc.start_table(), _RESET, doc.option_table()],
+        "How it ends": [doc.ENDING, doc.end_table()],
+        "Seeds": [doc.SEEDS],
+    }
+    return _assembled("Environments", [_INTRODUCTION, _ids()], sections)
+
+
+def page(name: str, one: Id) -> str:
+    """The page of an id."""
+    settings = Settings.of(one.options)
+    changed = ", ".join(f"`{option}`" for option in one.options)
+    arguments = [_wrapped(f"It differs from `{NAMESPACE}/Square-v0` in {changed}.")] if changed else []
+    sections = {
+        "Description": [_wrapped(one.text), snippet(name)],
+        "Action space": [doc.ACTION, _mode(settings), doc.action_table(settings)],
+        "Observation space": [doc.BLOCK_RULES, _pointers(settings), doc.block_table(settings)],
+        "Reward": [doc.REWARD, doc.reward_table(settings), doc.SCORE if settings.paths else ""],
+        "Starting state": [f'Here `start` is `"{settings.start}"`.', doc.start_table(), _RESET, doc.option_table()],
+        "Episode end": [doc.ENDING, doc.end_table(settings)],
+        "Info": [doc.info_table(settings.action_mode == "gain")],
+        "Arguments": [*arguments, doc.argument_table(settings, one.options)],
+        "Version history": ["\n".join(f"- {version}" for version in one.history)],
+    }
+    picture = f"![{NAMESPACE}/{name}]({stem(name)}.png)\n\n*{PICTURES[name].caption}*"
+    family = "[FlexArm's environments](README.md) explains what they share: batches, frames, the late sensor, seeds."
+    return _assembled(
+        f"{NAMESPACE}/{name}", [_wrapped(f"{one.summary}. {family}"), picture, _facts(name, one)], sections
+    )
+
+
+def snippet(name: str) -> str:
+    """A first program."""
+    return f"""\
+```python
+import gymnasium
+
+env = gymnasium.make("flexarm_env:{NAMESPACE}/{name}")
+observation, info = env.reset(seed=0)
+for _ in range(100):
+    observation, reward, terminated, truncated, info = env.step(env.action_space.sample())
+    if terminated or truncated:
+        observation, info = env.reset()
+```"""
+
+
+def _batch(**arguments: Any) -> str:
+    given = "".join(f', {name}="{value}"' for name, value in arguments.items())
+    call = f'gymnasium.make_vec("flexarm_env:{NAMESPACE}/Square-v0", num_envs=16{given})'
+    lines = [
+        "import gymnasium",
+        "",
+        f"envs = {call}",
+        "observations, infos = envs.reset(seed=0)",
+        "for _ in range(100):",
+    ]
+    lines.append("    observations, rewards, terminated, truncated, infos = envs.step(envs.action_space.sample())")
+    if arguments:
+        lines += ["    for i in (terminated | truncated).nonzero()[0]:", '        last = infos["final_obs"][i]']
+    return "\n".join(["```python", *lines, "```"])
+
+
+def _ids() -> str:
+    rows = []
+    for name, one in IDS.items():
+        env = FlexArmEnv(**one.options)
+        sizes = [space.shape[0] for space in (env.action_space, env.observation_space) if space.shape]
+        link = f"[`{NAMESPACE}/{name}`]({stem(name)}.md)"
+        rows.append((link, one.summary, env.settings.action_mode, *map(str, sizes), _milliseconds(env.settings)))
+    return doc.table(("id", "task", "action is", "actions", "observations", "control period"), rows)
+
+
+def _facts(name: str, one: Id) -> str:
+    env = FlexArmEnv(**one.options)
+    period, shape = env.settings.control_period, env.observation_space.shape
+    rows = [
+        ("Observation space", f"`Box({shape}, float32)`"),
+        ("Control period", _milliseconds(env.settings)),
+        ("Episode", f"{one.steps} steps, {doc.figure(one.steps * period)} s"),
+        ("Import", f'`gymnasium.make("flexarm_env:{NAMESPACE}/{name}")`'),
+        ("Batch", f'`gymnasium.make_vec("flexarm_env:{NAMESPACE}/{name}", num_envs=16)`'),
+    ]
+    return doc.table(("Action space", f"`{env.action_space}`"), rows)
+
+
+def _milliseconds(settings: Settings) -> str:
+    return f"{doc.figure(1e3 * settings.control_period)} ms"
+
+
+def _pointers(settings: Settings) -> str:
+    text = f"Blocks in m and m/s are in the {settings.frame}'s frame ([frames and units](README.md#frames-and-units))."
+    if any(block.startswith("sens") for block in settings.observation):
+        delays = settings.sensor_parameters.joint_delays(settings.flexible_arm.parameters.link_lengths[0])
+        shoulder, elbow = (f"{doc.figure(1e3 * delay)} ms" for delay in delays)
+        late = shoulder if shoulder == elbow else f"{shoulder} (shoulder's angle) and {elbow} (elbow's)"
+        text += f" The sensor on link 2 is {late} late ([the late sensor](README.md#the-late-sensor))."
+    return _wrapped(text)
+
+
+def _mode(settings: Settings) -> str:
+    return _wrapped(f'`action_mode` is `"{settings.action_mode}"`: {MODES[settings.action_mode].text}.')
+
+
+def _wrapped(text: str) -> str:
+    return textwrap.fill(text, WIDTH, break_long_words=False, break_on_hyphens=False)
+
+
+def _assembled(title: str, top: list[str], sections: dict[str, list[str]]) -> str:
+    parts = [f"<!-- written by scripts/docs/environments.py -->\n\n# {title}", *top]
+    for name, paragraphs in sections.items():
+        parts += [f"## {name}", *paragraphs]
+    return "\n\n".join(part.strip() for part in parts if part) + "\n"
+
+
+def main() -> None:
+    """Command line."""
+    options = tyro.cli(Options)
+    options.docs.mkdir(parents=True, exist_ok=True)
+    for name, text in pages().items():
+        (options.docs / name).write_text(text, encoding="utf-8")
+    print(f"{options.docs}: {len(IDS) + 1} pages up to date")
+    if options.pictures:
+        for name in IDS:
+            matplotlib.image.imsave(options.docs / f"{stem(name)}.png", drawn(name))
+        print(f"{options.docs}: {len(IDS)} pictures up to date")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,71 @@
+"""Bring the generated tables and pictures under docs/ up to date from a complete `results/paper`."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+import sys
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import tyro
+
+from scripts.paper.cases import Study
+
+DOCS = Path(__file__).resolve().parent.parent / "docs"
+PAGES = ("reproduction.md", "claims.md")
+PICTURES = (
+    *(f"fig{name}" for name in ("2", "5a", "5b", "6a", "6b", "7a", "7b")),
+    "arm_at_corner",
+    "rigid_and_true_tip",
+    "alternatives",
+    "true_tip_feedback",
+    *(f"sweep_{name}" for name in ("constant_gain", "K_s", "K_n", "width_scale")),
+)
+_BLOCK = re.compile(r"(<!-- generated: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
+
+
+@dataclass
+class Options:
+    """Regenerate the tables and pictures under docs/."""
+
+    results: Path = Path("results/paper")
+    """A complete result folder of reproduce_paper.py with default options."""
+    docs: Path = DOCS
+    """The folder to bring up to date."""
+    pictures: bool = True
+    """Copy the pictures too."""
+
+
+def filled(page: str, results: Path) -> str:
+    """A page's text with every generated block replaced by the results' table of that name.
+
+    Raises:
+        FileNotFoundError: if the results lack a table.
+    """
+    return _BLOCK.sub(lambda block: block[1] + (results / f"{block[2]}.md").read_text() + block[3], page)
+
+
+def main() -> None:
+    """Command line."""
+    options = tyro.cli(Options)
+    if not (options.results / "claims.json").exists():
+        sys.exit(f"error: results = {options.results}: no complete results there; run `make reproduce` first")
+    study = json.loads((options.results / "summary.json").read_text())["study"]
+    if study != asdict(Study()):
+        sys.exit(f"error: results = {options.results}: made with {study}; the docs show the defaults")
+    for name in PAGES:
+        page = options.docs / name
+        page.write_text(filled(page.read_text(), options.results))
+        print(f"{page}: tables up to date")
+    if options.pictures:
+        target = options.docs / "figures"
+        target.mkdir(exist_ok=True)
+        for name in PICTURES:
+            shutil.copyfile(options.results / "figures" / f"{name}.png", target / f"{name}.png")
+        print(f"{target}: {len(PICTURES)} pictures up to date")
+
+
+if __name__ == "__main__":
+    main()

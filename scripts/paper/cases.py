@@ -1,0 +1,207 @@
+"""The paper's twelve runs, the columns (arms) in which they are made, and their simulation to npz files."""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from flexarm_baselines import FLSAC, IFDC
+from flexarm_env import (
+    ArmParameters,
+    FlexibleArm,
+    LawParameters,
+    LoopCase,
+    SensorParameters,
+    SquareParameters,
+    Trajectory,
+    run_batch,
+    square_loop,
+)
+from flexarm_env.simulation.closed_loop import observation_blocks
+from flexarm_env.simulation.square import CONTROL_PERIOD
+from flexarm_env.validation import number
+
+CONTROLLERS = ("ifdc", "flsac")
+SENSINGS = ("collocated", "nmp", "corrected")
+PLACES = ("tip", "elbow")
+SENSOR_POSITION = {"tip": 4.5, "elbow": 0.5}  # distance from the elbow [m]
+
+
+@dataclass(frozen=True)
+class Case:
+    """One run: who controls, what is sensed, and where.
+
+    Attributes:
+        controller: "ifdc", "flsac", or "constant": the constant gain equal to the mean of FLSAC's in the same case.
+        sensing: "collocated", "nmp" (noncollocated, late), "corrected" (the command is late too, by one delay).
+        place: "tip" (end effector) or "elbow" (0.5 m past it).
+    """
+
+    controller: str
+    sensing: str
+    place: str
+
+    @property
+    def name(self) -> str:
+        """For files and tables."""
+        return f"{self.controller}_{self.sensing}_{self.place}"
+
+    def loop_case(self, **sensor: Any) -> LoopCase:
+        """Sensor and law of the case; `sensor` changes fields of its `SensorParameters`."""
+        model = "collocated" if self.sensing == "collocated" else "rigid"
+        values: dict[str, Any] = {"model": model, "position": SENSOR_POSITION[self.place]} | sensor
+        compensation = "shared" if self.sensing == "corrected" else "none"
+        return LoopCase(SensorParameters(**values), LawParameters(compensation=compensation))
+
+
+@dataclass(frozen=True)
+class Column:
+    """An arm in which all cases are run.
+
+    Attributes:
+        title: for tables.
+        arm: its parameters.
+        elbow_branch: sign of theta2 at the start.
+    """
+
+    title: str
+    arm: ArmParameters
+    elbow_branch: str = "positive"
+
+
+COLUMNS = {
+    "paper": Column("paper's arm (1 mode, C_r)", ArmParameters.paper()),
+    "complete": Column("1 mode, complete forces", ArmParameters.paper(velocity_forces="complete")),
+    "default": Column("default arm (2 modes, complete, 1 %)", ArmParameters()),
+    "branch": Column("paper's arm, theta2 < 0", ArmParameters.paper(), elbow_branch="negative"),
+}
+
+
+@dataclass(frozen=True)
+class Study:
+    """What a reproduction is made with.
+
+    Attributes:
+        K_s: output scale of FLSAC (14).
+        K_n: normalising factor of FLSAC.
+        lap_time: of the square [s].
+        arm_changes: fields of `ArmParameters` set in every column.
+    """
+
+    K_s: float = 1.0
+    K_n: float = 5.0
+    lap_time: float = 16.0
+    arm_changes: dict[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Validate.
+
+        Raises:
+            ValueError: for a value out of range, or a lap that is no whole number of control periods.
+        """
+        number("K_s", self.K_s, above=0.0)
+        number("K_n", self.K_n, above=0.0)
+        lap = number("lap_time", self.lap_time, "s", above=0.0)
+        if round(lap / CONTROL_PERIOD) < 4 or abs(round(lap / CONTROL_PERIOD) * CONTROL_PERIOD - lap) > 1e-9:
+            raise ValueError(f"lap_time = {lap} s: must be a whole number of periods of {CONTROL_PERIOD} s, 4 at least")
+
+    def arm(self, column: Column) -> FlexibleArm:
+        """The column's arm with the study's changes."""
+        return FlexibleArm(dataclasses.replace(column.arm, **self.arm_changes))
+
+    def square(self, column: Column) -> SquareParameters:
+        """The task."""
+        return SquareParameters(lap_time=self.lap_time, elbow_branch=column.elbow_branch)  # type: ignore[arg-type]
+
+    @property
+    def steps(self) -> int:
+        """Control periods in a lap."""
+        return round(self.lap_time / CONTROL_PERIOD)
+
+    def fuzzy(self, arm: FlexibleArm, **options: Any) -> FLSAC:
+        """The FLSAC policy of an arm, lambda = fuzzy (scaled by the batch's gain limit)."""
+        blocks = observation_blocks(arm.parameters.modes_per_link)
+        weights = np.array([link.tip_values for link in arm.modes])
+        return FLSAC(blocks["modal_coordinates"], weights, **({"K_n": self.K_n} | options))
+
+
+def all_cases(
+    controllers: Iterable[str] = CONTROLLERS, sensings: Iterable[str] = SENSINGS, places: Iterable[str] = PLACES
+) -> list[Case]:
+    """The paper's twelve runs, or a part of them."""
+    places, sensings = list(places), list(sensings)
+    return [Case(c, s, p) for c in controllers for p in places for s in sensings]
+
+
+def simulate(
+    study: Study,
+    column: Column,
+    loop_cases: Sequence[LoopCase],
+    policies: Sequence[Any],
+    gains: Sequence[float],
+    steps: int | None = None,
+) -> list[Trajectory]:
+    """Run a batch from rest on the start corner.
+
+    Args:
+        study: the study.
+        column: the arm.
+        loop_cases: sensor and law of each run.
+        policies: of each run.
+        gains: lambda at action 1 of each run.
+        steps: control periods; None for one lap.
+    """
+    loop, starts = square_loop(study.arm(column), loop_cases, study.square(column))
+    return run_batch(loop, starts, policies, gains, steps or study.steps)
+
+
+def simulate_column(study: Study, name: str, cases: Sequence[Case], folder: Path) -> dict[str, float]:
+    """Make a column's runs, then the constant gains equal to FLSAC's means, and save them as npz files.
+
+    Args:
+        study: the study.
+        name: of the column.
+        cases: which runs.
+        folder: for the files, `<column>__<case>.npz`.
+
+    Returns:
+        Clock time of the batch of runs, policies included, and its share of one run [s]; compilation not counted, but
+        other worker processes may have run beside it.
+    """
+    column = COLUMNS[name]
+    arm = study.arm(column)
+    ifdc, flsac = IFDC(), study.fuzzy(arm)
+    loop_cases = [case.loop_case() for case in cases]
+    policies = [flsac if case.controller == "flsac" else ifdc for case in cases]
+    scales = [study.K_s if case.controller == "flsac" else 1.0 for case in cases]
+    simulate(study, column, loop_cases, policies, scales, steps=2)  # compiles
+    start = time.perf_counter()
+    runs = simulate(study, column, loop_cases, policies, scales)
+    clock = time.perf_counter() - start
+    named = dict(zip(cases, runs, strict=True))
+    fuzzy_cases = [case for case in cases if case.controller == "flsac"]
+    if fuzzy_cases:
+        means = [float(named[case].gain[:-1].mean()) for case in fuzzy_cases]  # type: ignore[index]
+        constant = [dataclasses.replace(case, controller="constant") for case in fuzzy_cases]
+        runs = simulate(study, column, [case.loop_case() for case in constant], [ifdc] * len(constant), means)
+        named |= dict(zip(constant, runs, strict=True))
+    for case, run in named.items():
+        run.notes.update(column=name, **dataclasses.asdict(case))
+        run.save(folder / f"{name}__{case.name}.npz")
+    return {"batch": clock, "run": clock / len(cases)}
+
+
+def load_runs(folder: Path) -> dict[str, dict[str, Trajectory]]:
+    """All saved runs by column and case name."""
+    runs: dict[str, dict[str, Trajectory]] = {}
+    for path in sorted(folder.glob("*.npz")):
+        column, case = path.stem.split("__")
+        runs.setdefault(column, {})[case] = Trajectory.load(path)
+    order = [case.name for case in all_cases((*CONTROLLERS, "constant"))]
+    return {name: {case: runs[name][case] for case in order if case in runs[name]} for name in COLUMNS if name in runs}

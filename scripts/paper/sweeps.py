@@ -1,0 +1,140 @@
+"""What the paper leaves open, varied: gains, scales, and the alternative readings of its law."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from flexarm_baselines import FLSAC, IFDC
+from flexarm_env import FlexibleArm, LoopCase
+from scripts.paper.cases import COLUMNS, PLACES, SENSINGS, Case, Column, Study, simulate
+from scripts.paper.measures import measures
+
+GAINS = (0.05, 0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 1.0, 1.5, 2.0, 3.0, 5.0)
+OUTPUT_SCALES = (1.0, 2.0, 3.0, 4.0, 6.0, 10.0, 14.0, 20.0)
+NORMALISERS = (0.2, 1.0, 5.0)
+WIDTH_SCALES = (0.75, 1.0, 2.0, 5.0)
+TRUE_TIP_GAINS = (0.02, 0.03, 0.04, 0.06, 0.1, 0.2, 0.5, 1.0)
+TRUE_TIP_DAMPING = (0.0, 0.01, 0.03)
+SHORT_DELAY = 1.2e-3  # [s]
+
+
+@dataclass(frozen=True)
+class Run:
+    """One run of a sweep.
+
+    Attributes:
+        value: what is varied, a number or a name.
+        case: the case.
+        loop_case: its sensor and law.
+        policy: "ifdc", or options of FLSAC.
+        gain: lambda at action 1.
+    """
+
+    value: float | str
+    case: Case
+    loop_case: LoopCase
+    policy: str | dict[str, Any]
+    gain: float = 1.0
+
+
+def _over(values: Sequence[float], cases: Sequence[Case], make: Callable[[float, Case], dict[str, Any]]) -> list[Run]:
+    return [Run(v, case, case.loop_case(), **make(v, case)) for v in values for case in cases]
+
+
+def _constant_gain() -> list[Run]:
+    cases = [Case("constant", sensing, place) for place in PLACES for sensing in SENSINGS]
+    return _over(GAINS, cases, lambda v, _: {"policy": "ifdc", "gain": v})
+
+
+def _output_scale() -> list[Run]:
+    cases = [Case("flsac", sensing, "tip") for sensing in SENSINGS] + [Case("flsac", "nmp", "elbow")]
+    return _over(OUTPUT_SCALES, cases, lambda v, _: {"policy": {}, "gain": v})
+
+
+def _normaliser() -> list[Run]:
+    cases = [Case("flsac", sensing, place) for place in PLACES for sensing in ("collocated", "nmp")]
+    return _over(NORMALISERS, cases, lambda v, _: {"policy": {"K_n": v}})
+
+
+def _width_scale() -> list[Run]:
+    cases = [Case("flsac", sensing, place) for place in PLACES for sensing in ("collocated", "nmp")]
+    return _over(WIDTH_SCALES, cases, lambda v, _: {"policy": {"K_s": v, "scale": "width"}})
+
+
+def _alternatives(kind: str) -> list[Run]:
+    """Readings of the law other than the one adopted; the end effector's sensor."""
+    runs = []
+    for controller in ("ifdc", "flsac"):
+        policy: str | dict[str, Any] = "ifdc" if controller == "ifdc" else {}
+        nmp = Case(controller, "nmp", "tip")
+        plain = nmp.loop_case()
+        per_joint = LoopCase(plain.sensor, dataclasses.replace(plain.law, compensation="per_joint"))
+        variants = {
+            "adopted reading": plain,
+            "command delayed per joint": per_joint,
+            "rates delayed too": nmp.loop_case(delayed="position+rate"),
+            "rates delayed too, by 1.2 ms only": nmp.loop_case(delayed="position+rate", delay=SHORT_DELAY),
+        }
+        if kind == "current":
+            variants = {"rates through the current Jacobian": nmp.loop_case(rate_jacobian="current")}
+        runs += [Run(name, nmp, loop_case, policy) for name, loop_case in variants.items()]
+    return runs
+
+
+def _true_tip(delay: str) -> list[Run]:
+    """The physical tip instead of the joint angles; undelayed, or late by the wave's travel."""
+    case = Case("constant", "nmp", "tip")
+    loop_case = case.loop_case(model="true", delay=0.0 if delay == "none" else None)
+    return [Run(v, case, loop_case, "ifdc", v) for v in TRUE_TIP_GAINS]
+
+
+def _columns_for_true_tip(damping: Sequence[float] = TRUE_TIP_DAMPING) -> dict[str, Column]:
+    base = COLUMNS["complete"]
+    return {
+        f"zeta {zeta:g}": Column(base.title, dataclasses.replace(base.arm, modal_damping_ratio=zeta))
+        for zeta in damping
+    }
+
+
+# name -> arms, and the runs made with each
+SWEEPS: dict[str, tuple[dict[str, Column], list[Run]]] = {
+    "constant_gain": ({"paper": COLUMNS["paper"]}, _constant_gain()),
+    "K_s": ({"paper": COLUMNS["paper"]}, _output_scale()),
+    "K_n": ({"paper": COLUMNS["paper"]}, _normaliser()),
+    "width_scale": ({"paper": COLUMNS["paper"]}, _width_scale()),
+    "alternatives": ({"paper": COLUMNS["paper"]}, _alternatives("plain")),
+    "current_jacobian": ({"paper": COLUMNS["paper"]}, _alternatives("current")),
+    "true_tip_feedback": (_columns_for_true_tip(), _true_tip("none")),
+    "late_true_tip_feedback": (_columns_for_true_tip((0.01,)), _true_tip("wave")),
+}
+
+
+def run_sweep(study: Study, name: str) -> list[dict[str, Any]]:
+    """Make a sweep's runs.
+
+    Returns:
+        A row for each run: sweep, arm, value, controller, sensing, place, and the run's `measures`.
+    """
+    columns, runs = SWEEPS[name]
+    rows = []
+    for arm_name, column in columns.items():
+        arm = study.arm(column)
+        policies = _policies(study, arm, runs)
+        trajectories = simulate(study, column, [r.loop_case for r in runs], policies, [r.gain for r in runs])
+        for run, trajectory in zip(runs, trajectories, strict=True):
+            head = {"sweep": name, "arm": arm_name, "value": run.value, **dataclasses.asdict(run.case)}
+            rows.append(head | measures(trajectory, study.lap_time))
+    return rows
+
+
+def _policies(study: Study, arm: FlexibleArm, runs: Sequence[Run]) -> list[Any]:
+    """One object for equal policies, so that a batch predicts them together."""
+    made: dict[str, IFDC | FLSAC] = {}
+    for run in runs:
+        key = str(run.policy)
+        if key not in made:
+            made[key] = IFDC() if isinstance(run.policy, str) else study.fuzzy(arm, **run.policy)
+    return [made[str(run.policy)] for run in runs]

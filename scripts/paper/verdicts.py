@@ -1,0 +1,112 @@
+"""Claims over all columns: the verdicts, and what constant gains do by the same measures."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+import numpy as np
+
+from scripts.paper.claims import CLAIMS, Claim, Differences, Finding, Measures
+
+
+@dataclass
+class Row:
+    """A row of claims.json."""
+
+    id: str
+    quote: str
+    measure: str
+    values: dict[str, Any]
+    verdict: str
+    condition: str
+    note: str
+    holds: dict[str, bool] = field(default_factory=dict)
+    constant_gain: dict[str, Any] = field(default_factory=dict)
+
+
+def verdict(claim: Claim, findings: dict[str, Finding], titles: dict[str, str]) -> tuple[str, str]:
+    """Verdict and the condition it stands under.
+
+    Args:
+        claim: the claim.
+        findings: by column; "paper" is the paper's own arm.
+        titles: of the columns.
+    """
+    own = findings["paper"]
+    failing = [titles[name] for name, finding in findings.items() if not finding.holds]
+    if own.holds and not failing:
+        return "reproduced", ""
+    if own.holds:
+        return "reproduced under condition", f"not for: {'; '.join(failing)}"
+    if claim.condition and own.values.get("under_condition"):
+        return "reproduced under condition", claim.condition
+    return "not reproduced", ""
+
+
+def decide(
+    table: dict[str, Measures],
+    differences: dict[str, Differences],
+    sweep: list[dict[str, Any]],
+    titles: dict[str, str],
+) -> list[Row]:
+    """All rows of claims.json.
+
+    Args:
+        table: measures by column and case name.
+        differences: path differences by column.
+        sweep: rows of the sweep "constant_gain" (the paper's arm); may be empty.
+        titles: of the columns.
+    """
+    rows = []
+    for claim in CLAIMS:
+        findings = {name: claim.check(table[name], differences[name], "flsac") for name in table}
+        decided, condition = verdict(claim, findings, titles)
+        row = Row(
+            id=claim.id,
+            quote=claim.quote,
+            measure=claim.measure,
+            values={name: finding.values for name, finding in findings.items()},
+            verdict=decided,
+            condition=condition,
+            note=claim.note,
+            holds={name: finding.holds for name, finding in findings.items()},
+        )
+        if claim.fuzzy:
+            row.constant_gain = _constant_gains(claim, table, differences, sweep)
+        rows.append(row)
+    return rows
+
+
+def _constant_gains(
+    claim: Claim, table: dict[str, Measures], differences: dict[str, Differences], sweep: list[dict[str, Any]]
+) -> dict[str, Any]:
+    """The same sentence put to constant gains: FLSAC's mean in each column, and the best of the sweep's."""
+    mean = {name: claim.check(table[name], differences[name], "constant") for name in table}
+    result: dict[str, Any] = {
+        "equal_to_mean_of_flsac": {
+            name: {"holds": finding.holds, "values": finding.values} for name, finding in mean.items()
+        }
+    }
+    own = claim.check(table["paper"], differences["paper"], "flsac")
+    by_gain: dict[float, Measures] = {}
+    for row in sweep:
+        by_gain.setdefault(row["value"], {})[f"constant_{row['sensing']}_{row['place']}"] = row
+    found = {
+        gain: claim.check(table["paper"] | rows, differences["paper"], "constant").merit
+        for gain, rows in by_gain.items()
+    }
+    merits = {gain: merit for gain, merit in found.items() if merit is not None and np.isfinite(merit)}
+    if merits and own.merit is not None:
+        result["merit_of_flsac"] = own.merit
+        # up to 1 is what FLSAC with K_s = 1 may use
+        for name, top in (("best_up_to_1", 1.0), ("best_of_all", max(merits))):
+            best = min((gain for gain in merits if gain <= top), key=lambda gain: merits[gain])
+            result[name] = {"gain": best, "merit": merits[best]}
+        result["gains_tried"] = sorted(merits)
+    return result
+
+
+def as_json(rows: list[Row]) -> list[dict[str, Any]]:
+    """Plain data."""
+    return [asdict(row) for row in rows]

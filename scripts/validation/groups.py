@@ -1,0 +1,69 @@
+"""The groups of checks, in the order of the table. Their modules are loaded when they run."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib import import_module
+from importlib.util import find_spec
+from pathlib import Path
+
+from scripts.validation.checks import Findings, Result, Settings
+
+
+@dataclass(frozen=True)
+class Group:
+    """One group of checks.
+
+    Attributes:
+        name: on the command line, in file names and in the docs' blocks.
+        title: of its section.
+        module: in `validation_parts`; has ``run(settings) -> Findings``, and may have
+            ``tables(findings) -> dict[str, str]``.
+        pictures: in `validation_parts`; has ``draw(result, folder)``, which writes its `drawings` as PNG and SVG
+            through `plotting.save` into an existing folder.
+        drawings: names of its pictures.
+        needs: packages that the group cannot do without and that the package itself does not require.
+    """
+
+    name: str
+    title: str
+    module: str
+    pictures: str
+    drawings: tuple[str, ...]
+    needs: tuple[str, ...] = ()
+
+    def run(self, settings: Settings) -> Findings:
+        """Do the work."""
+        function: Callable[[Settings], Findings] = import_module(f"validation_parts.{self.module}").run
+        return function(settings)
+
+    def draw(self, result: Result, folder: Path) -> None:
+        """Draw the pictures from a result as read from its files."""
+        import_module(f"validation_parts.{self.pictures}").draw(result, folder)
+
+    def tables(self, findings: Findings) -> dict[str, str]:
+        """Tables for the docs by their blocks' names, as Markdown, beside that of the checks."""
+        function = getattr(import_module(f"validation_parts.{self.module}"), "tables", None)
+        return function(findings) if function else {}
+
+    def missing(self) -> list[str]:
+        """Packages it needs that are not here."""
+        return [package for package in self.needs if find_spec(package) is None]
+
+
+GROUPS = (
+    Group("links", "Single links", "links", "links_pictures", ("links",)),
+    Group("arm", "Two-link arm", "two_links", "two_links_pictures", ("arm_modes", "arm_angles", "arm_convergence")),
+    Group(
+        "engine",
+        "An engine of other hands",
+        "engine",
+        "engine_pictures",
+        ("engine_convergence", "engine_programmes", "engine_validity", "engine_square"),
+        ("mujoco",),
+    ),
+    Group("drift", "Invariants over ten minutes", "drift", "drift_pictures", ("drift_time", "drift_step")),
+    Group("orders", "Orders of the integrators", "orders", "orders_pictures", ("orders",)),
+    Group("coriolis", "The paper's dropped Coriolis terms", "coriolis", "coriolis_pictures", ("coriolis",)),
+)

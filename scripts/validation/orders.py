@@ -1,0 +1,277 @@
+"""Order of convergence of every integrator, against scipy's DOP853 at tight tolerance.
+
+The equations of motion are the package's (`FlexibleArm.acceleration`); what drives them is written here anew: held
+torques, a torque that is a function, the environments' joint-space law, and the paper's law without and with delay
+(method of steps: the past is read from the solution already found, never from within the step at hand).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import gymnasium
+import numpy as np
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+from scipy.interpolate import CubicHermiteSpline
+
+import flexarm_env  # noqa: F401  (registers the environments)
+from flexarm_env import (
+    ArmParameters,
+    ClosedLoop,
+    FlexibleArm,
+    LawParameters,
+    LoopCase,
+    ReferencePath,
+    SensorParameters,
+    SquareParameters,
+    inverse_kinematics,
+    rest_state,
+    square,
+)
+from flexarm_env.parameters import Kinematics
+from scripts.validation.checks import Check, Findings, Settings
+from scripts.validation.small_motion import rate
+
+Array = NDArray[np.float64]
+Torque = Callable[[float, Array], Array]
+
+TIME = 0.1  # [s]
+CORNER = np.array([-6.3, -6.3])
+PERIOD = 1e-3  # [s] control period of the closed loop; all runs are compared at its instants
+LAW = LawParameters()
+DELAY = 4e-3  # [s]; a whole number of every step, so that no jump falls within one
+SOFT, STIFF = 0.02, 1.0  # gains lambda: fastest poles near -220 /s and -11 000 /s
+
+
+class Study(NamedTuple):
+    """An integrator on a problem."""
+
+    name: str
+    steps: Array
+    errors: Callable[[Array], list[float]]
+    least: float
+    most: float | None
+    reason: str
+
+
+def run(settings: Settings) -> Findings:
+    """All integrators; the same in the quick run."""
+    rows = []
+    checks = []
+    for study in studies():
+        settings.progress(study.name)
+        errors = study.errors(study.steps)
+        order = rate(1.0 / study.steps, errors)
+        rows.append({"name": study.name, "steps": study.steps.tolist(), "errors": errors, "order": order})
+        checks.append(Check("orders", f"{study.name}: order", order, study.reason, least=study.least, most=study.most))
+    return Findings(checks, records={"rows": rows})
+
+
+def studies() -> list[Study]:
+    """What is integrated, by what, and the order that theory promises."""
+    four = "the classical Runge-Kutta method has order 4, and the problem is smooth within every step"
+    three = "ARS(4,4,3) has order 3 where the step resolves the law's fastest pole"
+    halved = 0.5 ** np.arange(4.0)
+    return [
+        Study("Runge-Kutta 4, torques held", 1e-3 * halved, lambda h: held_torques(h, "linear"), 3.8, 4.3, four),
+        Study(
+            "Runge-Kutta 4, torques held, foreshortened arm",
+            1e-3 * halved,
+            lambda h: held_torques(h, "foreshortened"),
+            3.8,
+            4.3,
+            four,
+        ),
+        Study("Runge-Kutta 4, torque a function", 1e-3 * halved, function_torque, 3.8, 4.3, four),
+        Study("Runge-Kutta 4 with the joint-space law", 2.5e-4 * halved, tracking_law, 3.8, 4.3, four),
+        Study("ARS(4,4,3), soft law", 5e-4 * halved, lambda h: paper_law(h, SOFT, 0.0), 2.7, 3.3, three),
+        Study(
+            "ARS(4,4,3), soft law, delayed sensor",
+            5e-4 * halved,
+            lambda h: paper_law(h, SOFT, DELAY),
+            2.7,
+            3.3,
+            f"{three}; the delay line's cubic interpolation is of order 4",
+        ),
+        Study(
+            "ARS(4,4,3), stiff law",
+            5e-4 * halved[:3],
+            lambda h: paper_law(h, STIFF, 0.0),
+            1.7,
+            3.3,
+            "steps about the fastest pole's time constant: between 3, the method's, and 2, its stages' plus one",
+        ),
+    ]
+
+
+def tight(slope: Callable[[float, Array], Array], start: Array, ends: Array) -> Array:
+    """A smooth problem's solution at the times `ends`, the first being the start. Shape (n, states)."""
+    found = solve_ivp(slope, (ends[0], ends[-1]), start, "DOP853", ends, rtol=1e-11, atol=1e-13)
+    return found.y.T
+
+
+def worst(found: Array, expected: Array) -> float:
+    """Largest error of any entry of the state over its range."""
+    return float((np.abs(found - expected).max(axis=0) / np.ptp(expected, axis=0)).max())
+
+
+# --- the torque-driven arm ------------------------------------------------------------------------------------
+
+
+def bent(arm: FlexibleArm) -> Array:
+    """Elbow at 1 rad, both links bent in their first mode, joints turning. Shape (4 + 4 m,)."""
+    m, n = arm.parameters.modes_per_link, arm.size
+    state = np.zeros(2 * n)
+    state[[1, 2, 2 + m]] = 1.0, 0.2 / arm.modes[0].tip_values[0], -0.1 / arm.modes[1].tip_values[0]
+    state[n : n + 2] = 0.5, -0.5
+    return state
+
+
+def driven(arm: FlexibleArm, torque: Torque) -> Callable[[float, Array], Array]:
+    """d(state)/dt of the arm under a torque."""
+    return lambda t, x: np.concatenate([x[arm.size :], arm.acceleration(x, torque(t, x))])
+
+
+def held_torques(steps: Array, kinematics: Kinematics) -> list[float]:
+    """A torque for every 10 ms, on the default arm; the compiled loop."""
+    arm, period = FlexibleArm(ArmParameters(kinematics=kinematics)), 1e-2
+    torques = np.random.default_rng(1).uniform(-10.0, 10.0, (round(TIME / period), 2))
+    state, expected = bent(arm), [bent(arm)]
+    for tau in torques:
+        state = tight(driven(arm, lambda t, x, tau=tau: tau), state, np.array([0.0, period]))[-1]  # type: ignore[misc]
+        expected.append(state)
+    runs = [arm.simulate(bent(arm), torques, TIME, period, round(period / h)) for h in steps]
+    return [worst(run.state, np.array(expected)) for run in runs]
+
+
+def function_torque(steps: Array) -> list[float]:
+    """A torque of time and state, on the default arm; evaluated at every stage."""
+    arm = FlexibleArm()
+
+    def torque(t: float, x: Array) -> Array:
+        rates = x[arm.size : arm.size + 2]
+        return np.array([10.0 * np.sin(40.0 * t) - 2.0 * rates[0], 3.0 * np.cos(30.0 * t) - 0.5 * rates[1]])
+
+    expected = tight(driven(arm, torque), bent(arm), np.linspace(0.0, TIME, round(TIME / PERIOD) + 1))
+    runs = [arm.simulate(bent(arm), torque, TIME, PERIOD, round(PERIOD / h)) for h in steps]
+    return [worst(run.state, expected) for run in runs]
+
+
+# --- the joint-space law of the environments ------------------------------------------------------------------
+
+ACTION = np.array([2.0**-6, -(2.0**-7)])  # held; the same in float32
+LIMIT = (1000.0, 1000.0)  # [N m]; not reached, for it would be a kink within a step
+
+
+def tracking_law(steps: Array) -> list[float]:
+    """`FlexArm/SquareResidual-v0` from rest on a corner, its first 0.1 s."""
+    runs = [_residual_run(h) for h in steps]
+    expected = _residual_expected(runs[0][0])
+    return [worst(run, expected) for run in runs]
+
+
+def _residual_env(**options: Any) -> Any:
+    return gymnasium.make("FlexArm/SquareResidual-v0", torque_limit=LIMIT, **options).unwrapped
+
+
+def _residual_run(step: float) -> Array:
+    """States at control instants."""
+    env = _residual_env(physics_step=step)
+    states = [env.reset(seed=0, options={"start": "corner"})[1]["state"]]
+    for _ in range(round(TIME / env.control_period)):
+        states.append(env.step(ACTION)[4]["state"])
+    return np.array(states)
+
+
+def _residual_expected(start: Array) -> Array:
+    """The same from the law's definition: aims between control instants follow cubic Hermite polynomials."""
+    env = _residual_env()
+    arm, path, period = env.arm, square(SquareParameters()), env.control_period
+    stiffness, resistance, limit = (
+        np.array(values)
+        for values in (env.settings.inner_stiffness, env.settings.inner_resistance, env.settings.torque_limit)
+    )
+    turn = 2.0 * np.pi * np.round((start[:2] - _aim(arm, path, 0.0)[0]) / (2.0 * np.pi))
+    states = [start]
+    for k in range(round(TIME / period)):
+        ends = np.array([0.0, period])
+        aims = np.array([_aim(arm, path, k * period + u) for u in ends])
+        spline = CubicHermiteSpline(ends, aims[:, 0] + turn, aims[:, 1])
+
+        def torque(t: float, x: Array, spline: Any = spline) -> Array:
+            wanted = limit * ACTION + stiffness * (spline(t) - x[:2])
+            wanted += resistance * (spline(t, 1) - x[arm.size : arm.size + 2])
+            return np.clip(wanted, -limit, limit)
+
+        states.append(tight(driven(arm, torque), states[-1], ends)[-1])
+    return np.array(states)
+
+
+def _aim(arm: FlexibleArm, path: ReferencePath, time: float) -> tuple[Array, Array]:
+    """Joint angles and rates of the rigid arm on the path."""
+    theta = inverse_kinematics(arm.parameters, path.position(time), "positive")
+    return theta, np.asarray(np.linalg.solve(jacobian(arm, theta), path.velocity(time)))
+
+
+def jacobian(arm: FlexibleArm, theta: Array) -> Array:
+    """Of the rigid tip (13). Shape (2, 2)."""
+    length1, length2 = arm.parameters.link_lengths
+    one, both = theta[0], theta[0] + theta[1]
+    second = length2 * np.array([-np.sin(both), np.cos(both)])
+    return np.column_stack([length1 * np.array([-np.sin(one), np.cos(one)]) + second, second])
+
+
+# --- the paper's law ------------------------------------------------------------------------------------------
+
+
+def paper_law(steps: Array, gain: float, delay: float) -> list[float]:
+    """The paper's arm held on a corner from which it was moved away, by the law in continuous time."""
+    arm = FlexibleArm(ArmParameters.paper())
+    start = rest_state(arm, CORNER)
+    start[:2] += 0.1, -0.15
+    if gain == STIFF:  # the order of interest is that on a smooth solution: 50 ms later the fast part is gone
+        start = law_solution(arm, start, gain, delay, 0.5 * TIME)[-1]
+    expected = law_solution(arm, start, gain, delay, TIME)
+    return [worst(law_run(arm, start, gain, delay, h), expected) for h in steps]
+
+
+def law_run(arm: FlexibleArm, start: Array, gain: float, delay: float, step: float) -> Array:
+    """States at control instants, from the package."""
+    sensor = SensorParameters("rigid", delay=delay) if delay else SensorParameters("collocated")
+    path = ReferencePath(np.column_stack([4.0 * np.arange(5.0), np.tile(CORNER, (5, 1))]))
+    loop = ClosedLoop(arm, [LoopCase(sensor, LAW)], path, PERIOD, step)
+    loop.reset(start[None])
+    states = [loop.results().state[0]]
+    for _ in range(round(TIME / PERIOD)):
+        loop.advance([gain])
+        states.append(loop.results().state[0])
+    return np.array(states)
+
+
+def law_solution(arm: FlexibleArm, start: Array, gain: float, delay: float, time: float) -> Array:
+    """The same by the method of steps: lambda J^T (Kp e + Kd e'), e and e' of late angles and present rates."""
+
+    def torque(x: Array, late: Array) -> Array:
+        error = CORNER - arm.rigid_tip(np.concatenate([late, np.zeros(arm.size - 2)]))
+        error_rate = -jacobian(arm, late) @ x[arm.size : arm.size + 2]
+        force = LAW.proportional_gain * error + LAW.derivative_gain * error_rate
+        return gain * jacobian(arm, x[:2]).T @ force
+
+    part = delay or time
+    times, states = PERIOD * np.arange(round(time / PERIOD) + 1), [start[None]]
+    past: Callable[[float], Array] = lambda t: start  # noqa: E731  (before the start nothing moves)
+    for begin in np.arange(0.0, time - 1e-9, part):
+        inside = times[(times > begin + 1e-9) & (times < begin + part + 1e-9)]
+        end = begin + part
+
+        def slope(t: float, x: Array, past: Callable[[float], Array] = past) -> Array:
+            late = past(t - delay)[:2] if delay else x[:2]
+            return np.concatenate([x[arm.size :], arm.acceleration(x, torque(x, late))])
+
+        found = solve_ivp(slope, (begin, end), states[-1][-1], "DOP853", rtol=1e-11, atol=1e-13, dense_output=True)
+        states.append(found.sol(inside).T)
+        states[-1][-1] = found.y[:, -1]
+        past = found.sol
+    return np.concatenate(states)

@@ -1,0 +1,61 @@
+"""Configurations of a training: what they refuse, and how they survive a file."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from flexarm_agents import TrainingConfig
+from flexarm_agents.run_folder import RunFolder
+from tests.support.trainings import ID, TINY
+
+
+@pytest.mark.parametrize(
+    ("options", "error", "message"),
+    [
+        (
+            {"environment": "CartPole-v1"},
+            ValueError,
+            r"environment = 'CartPole-v1': must be one of 'FlexArm/Paper-v0', ",
+        ),
+        ({"environment": 3}, ValueError, r"environment = 3: must be one of"),
+        ({"options": {"noize": 1.0}}, TypeError, r"noize: no such option; did you mean 'noise'"),
+        ({"options": {"noise": -1.0}}, ValueError, r"noise = -1.0: must be"),
+        ({"options": {"arm": object()}}, TypeError, r"options = .*: must be plain values \(JSON\)"),
+        ({"options": [1]}, TypeError, r"options = \[1\]: must be a mapping"),
+        ({"steps": 0}, ValueError, r"steps = 0: must be an integer >= 1"),
+        ({"envs": 1.5}, TypeError, r"envs = 1.5: must be an integer >= 1"),
+        ({"batch": 1000}, ValueError, r"batch = 1000: must divide rollout \* envs = 64 \* 64 = 4096"),
+        ({"gamma": 1.5}, ValueError, r"gamma = 1.5: must be .* <= 1.0"),
+        ({"learning_rate": 0.0}, ValueError, r"learning_rate = 0.0: must be .* > 0.0"),
+        ({"learning_rate": 1e-6}, ValueError, r"final_learning_rate = .*: must be <= learning_rate = 1e-06"),
+        ({"seed": -1}, ValueError, r"seed = -1: must be an integer from 0 to"),
+        ({"hidden": ()}, TypeError, r"hidden = \(\): must be a list of sizes"),
+        ({"hidden": (8, 0)}, ValueError, r"hidden\[1\] = 0: must be an integer >= 1"),
+        ({"activation": "selu"}, ValueError, r"activation = 'selu': must be one of 'elu', 'tanh', 'relu'"),
+    ],
+)
+def test_impossible_configurations(options: dict[str, Any], error: type[Exception], message: str) -> None:
+    with pytest.raises(error, match=message):
+        TrainingConfig(**options)
+
+
+def test_a_configuration_survives_a_file() -> None:
+    config = TrainingConfig(**{**TINY, "environment": "flexarm_env:FlexArm/Square-v0", "seed": 3})
+    assert config.environment == ID
+    assert config.folder == Path("runs/Square-v0-3")
+    again = TrainingConfig.of(json.loads(json.dumps(config.plain())))
+    assert again == config
+    assert config.differences(again) == []
+    with pytest.raises(TypeError, match=r"gama: no such parameter; did you mean 'gamma'"):
+        TrainingConfig.of({"gama": 0.9})
+
+
+@pytest.mark.parametrize("text", ["{", "[]", "{}", '{"format": 99}', '{"format": 1, "gama": 1}'])
+def test_a_spoilt_configuration(tmp_path: Path, text: str) -> None:
+    (tmp_path / "config.json").write_text(text)
+    with pytest.raises(ValueError, match=r"config.json: not a training's configuration"):
+        RunFolder(tmp_path).read_config()

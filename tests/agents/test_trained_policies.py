@@ -1,0 +1,134 @@
+"""Trained policies: as files, and those that are shipped."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+import torch
+
+import flexarm_agents.load
+from flexarm_agents import NetworkPolicy, TrainingConfig, evaluate, load_policy, network_policy, shipped_policies, train
+from flexarm_agents.environments import make_one
+from flexarm_agents.training import new_model
+from tests.support.trainings import ID, TINY, finished
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A finished tiny training; not to be changed."""
+    return finished(tmp_path_factory.mktemp("runs"))
+
+
+# --- policies as files ------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("activation", ["elu", "tanh", "relu"])
+def test_numpy_predicts_what_torch_predicts(activation: Any) -> None:
+    model = new_model(TrainingConfig(**{**TINY, "activation": activation}))
+    with torch.no_grad():  # away from the small weights of the start
+        for parameter in model.policy.parameters():
+            parameter.add_(0.3 * torch.randn_like(parameter))
+    policy = network_policy(model)
+    observations = np.random.default_rng(0).normal(size=(50, policy.observation_size)).astype(np.float32)
+    expected, _ = model.predict(observations, deterministic=True)
+    found, state = policy.predict(observations, deterministic=True)
+    assert state is None
+    assert found.dtype == np.float32
+    np.testing.assert_allclose(found, expected, atol=1e-5)
+    assert np.abs(expected).max() == 1.0  # limits were met
+    np.testing.assert_allclose(policy.predict(observations[7], deterministic=True)[0], expected[7], atol=1e-5)
+
+
+def test_a_policys_own_randomness() -> None:
+    policy = NetworkPolicy([np.zeros((2, 3), np.float32)], [np.zeros(2, np.float32)], np.log(np.float32([0.1, 0.3])))
+    policy.seed(1)
+    first = policy.predict(np.zeros((4000, 3)))[0]
+    np.testing.assert_allclose(first.std(axis=0), [0.1, 0.3], rtol=0.05)
+    policy.seed(1)
+    np.testing.assert_array_equal(policy.predict(np.zeros((4000, 3)))[0], first)
+
+
+def test_a_policy_survives_a_file(tmp_path: Path) -> None:
+    model = new_model(TrainingConfig(**TINY))
+    policy = network_policy(model, {"config": {"environment": ID, "options": {}}})
+    policy.save(tmp_path / "policy.npz")
+    again = NetworkPolicy.load(tmp_path / "policy.npz")
+    assert again.notes == policy.notes
+    observations = np.random.default_rng(0).normal(size=(5, policy.observation_size))
+    np.testing.assert_array_equal(
+        again.predict(observations, deterministic=True)[0], policy.predict(observations, deterministic=True)[0]
+    )
+    trained = load_policy(tmp_path / "policy.npz")
+    assert (trained.name, trained.environment, trained.options) == ("policy", ID, {})
+
+
+def test_bad_policies(tmp_path: Path, run: Path) -> None:
+    (tmp_path / "text.npz").write_text("text")
+    np.savez(tmp_path / "other.npz", x=np.zeros(3))
+    np.savez(tmp_path / "future.npz", head=np.array('{"format": 99}'))
+    np.savez(tmp_path / "few.npz", head=np.array('{"format": 1, "layers": 1}'))
+    network_policy(new_model(TrainingConfig(**TINY))).save(tmp_path / "bare.npz")
+    for name, message in [
+        ("text.npz", "text.npz: not a saved policy"),
+        ("other.npz", "no entry 'head'"),
+        ("future.npz", "future.npz: format 99; this version reads 1"),
+        ("few.npz", r"few.npz: not a saved policy \(no entry 'weight_0'\)"),
+        ("bare.npz", "does not say what it was trained on"),
+    ]:
+        with pytest.raises(ValueError, match=message):
+            load_policy(tmp_path / name)
+    with pytest.raises(FileNotFoundError, match=r"the folder holds no best_policy.npz"):
+        load_policy(tmp_path)
+    with pytest.raises(FileNotFoundError, match=r"source = 'nobody': neither a folder or file nor a shipped policy"):
+        load_policy("nobody")
+    trained = load_policy(run, last=True)
+    with pytest.raises(ValueError, match=r"policy 'tiny': was trained with observation of shape"):
+        trained.make_env(last_actions=2)
+    with pytest.raises(ValueError, match=r"observation must have shape \(\d+,\) or \(n, \d+\), got \(3,\)"):
+        trained.policy.predict(np.zeros(3))
+    with pytest.raises(TypeError, match=r"observation must be an array, got a dict"):
+        trained.policy.predict({"a": np.zeros(3)})
+    with pytest.raises(ValueError, match=r"weights\[1\]: must have shape \(1, 2\), got \(1, 3\)"):
+        NetworkPolicy([np.zeros((2, 4)), np.zeros((1, 3))], [np.zeros(2), np.zeros(1)], np.zeros(1))
+    with pytest.raises(ValueError, match=r"log_std: must have shape \(2,\)"):
+        NetworkPolicy([np.zeros((2, 4))], [np.zeros(2)], np.zeros(1))
+
+
+# --- shipped policies -------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", shipped_policies())
+def test_a_shipped_policy_scores_what_it_says(name: str) -> None:
+    trained = load_policy(name)
+    path = Path(flexarm_agents.load.POLICIES) / f"{name}.npz"
+    assert path.stat().st_size < 300_000
+    beside = json.loads(path.with_suffix(".json").read_text())
+    assert set(beside) == {"command", "config", "evaluation"}
+    assert beside["config"] == trained.notes["config"]
+    assert beside["evaluation"] == trained.notes["evaluation"]
+    again = evaluate(trained.make_env(), trained.policy, seed=1_000_003)
+    assert again.complete
+    # another processor's matrix products may round otherwise, which a lap amplifies a little
+    assert again.rms == pytest.approx(beside["evaluation"]["rms"], rel=1e-3)
+    assert again.rms <= 0.13
+    assert again.rms_after_2s is not None
+    assert again.rms_after_2s <= 0.05
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_the_defaults_reach_the_goal(tmp_path: Path, seed: int) -> None:
+    best = train(TrainingConfig(seed=seed), tmp_path / "run").best
+    assert best["complete"]
+    assert best["rms"] <= 0.13
+    assert best["rms_after_2s"] <= 0.05
+
+
+def test_environments_are_made_with_their_limits() -> None:
+    assert make_one(ID).spec.max_episode_steps == 1600  # type: ignore[union-attr]
+    assert isinstance(make_one(ID), gymnasium.Env)

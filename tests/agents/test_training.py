@@ -1,0 +1,182 @@
+"""Training: the folder that it leaves, resuming, the same bits from the same seed."""
+
+from __future__ import annotations
+
+import csv
+import json
+import re
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from stable_baselines3 import PPO
+from stable_baselines3.common.callbacks import BaseCallback
+
+import flexarm_agents.training
+from flexarm_agents import FlexArmVecEnv, NetworkPolicy, TrainingConfig, evaluate, load_policy, train
+from flexarm_agents.environments import make_batch
+from flexarm_agents.follow import Follow
+from flexarm_agents.training import new_model
+from tests.support.trainings import ID, TINY, finished
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A finished tiny training; not to be changed."""
+    return finished(tmp_path_factory.mktemp("runs"))
+
+
+def files(folder: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in folder.iterdir() if path.is_file()}
+
+
+def same_policy(one: Path, other: Path) -> bool:
+    first, second = NetworkPolicy.load(one), NetworkPolicy.load(other)
+    pairs = zip(
+        [*first.weights, *first.biases, first.log_std], [*second.weights, *second.biases, second.log_std], strict=True
+    )
+    return all(np.array_equal(a, b) for a, b in pairs)
+
+
+def test_what_a_training_leaves(run: Path) -> None:
+    names = {path.name for path in run.iterdir()}
+    assert names == {
+        "best_model.zip", "best_policy.npz", "checkpoint.zip", "config.json", "evaluations.csv", "evaluations.json",
+        "last_policy.npz", "tensorboard",
+    }  # fmt: skip
+    assert list((run / "tensorboard").glob("events.out.tfevents.*"))
+    rows = json.loads((run / "evaluations.json").read_text())
+    assert [row["steps"] for row in rows] == [256, 512]
+    assert rows[0]["ended"] == "error"
+    assert not rows[0]["complete"]
+    with (run / "evaluations.csv").open(newline="") as file:
+        table = list(csv.DictReader(file))
+    assert [float(row["rms"]) for row in table] == [row["rms"] for row in rows]
+    assert [float(row["peak_torque_2"]) for row in table] == [row["peak_torque"][1] for row in rows]
+
+
+def test_the_best_policy_is_the_one_that_was_evaluated(run: Path) -> None:
+    trained = load_policy(run)
+    assert (trained.name, trained.environment) == ("tiny", ID)
+    assert trained.options == TINY["options"]
+    row = trained.notes["evaluation"]
+    again = evaluate(trained.make_env(), trained.policy, seed=1_000_003)
+    assert again.plain() == {name: value for name, value in row.items() if name not in ("steps", "seconds")}
+    model = PPO.load(run / "best_model.zip", device="cpu")
+    observations = np.random.default_rng(0).normal(size=(20, trained.policy.observation_size)).astype(np.float32)
+    expected, _ = model.predict(observations, deterministic=True)
+    np.testing.assert_allclose(trained.policy.predict(observations, deterministic=True)[0], expected, atol=2e-6)
+
+
+def test_the_same_seed_gives_the_same_numbers(run: Path, tmp_path: Path) -> None:
+    train(TrainingConfig(**TINY), tmp_path / "again")
+    assert same_policy(run / "last_policy.npz", tmp_path / "again" / "last_policy.npz")
+    train(TrainingConfig(**TINY, seed=1), tmp_path / "other")
+    assert not same_policy(run / "last_policy.npz", tmp_path / "other" / "last_policy.npz")
+
+
+class Interrupted(Exception):  # noqa: N818
+    pass
+
+
+def interrupted(monkeypatch: pytest.MonkeyPatch, folder: Path, steps: int) -> None:
+    """Begin the tiny training and break it off in the middle of a rollout."""
+
+    class Breaking(Follow):
+        def _on_step(self) -> bool:
+            if self.num_timesteps >= steps:
+                raise Interrupted
+            return True
+
+    with monkeypatch.context() as patch:
+        patch.setattr(flexarm_agents.training, "Follow", Breaking)
+        with pytest.raises(Interrupted):
+            train(TrainingConfig(**TINY), folder)
+
+
+@pytest.mark.parametrize("steps", [60, 400])
+def test_an_interrupted_training_ends_in_the_same_bits(
+    run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, steps: int
+) -> None:
+    interrupted(monkeypatch, tmp_path / "run", steps)
+    assert (tmp_path / "run" / "checkpoint.zip").exists() == (steps == 400)
+    np.random.seed(5)  # noqa: NPY002
+    torch.manual_seed(5)  # what the generators did meanwhile has no influence
+    outcome = train(TrainingConfig(**TINY), tmp_path / "run", resume=True)
+    assert same_policy(run / "last_policy.npz", tmp_path / "run" / "last_policy.npz")
+    mine, theirs = (json.loads((folder / "evaluations.json").read_text()) for folder in (tmp_path / "run", run))
+    for rows in (mine, theirs):
+        assert [row.pop("seconds") for row in rows]
+    assert mine == theirs
+    assert outcome.best["rms"] == min(mine, key=lambda row: -row["duration"])["rms"]
+
+
+def test_resuming_what_is_complete_changes_nothing(run: Path, tmp_path: Path) -> None:
+    shutil.copytree(run, tmp_path / "run")
+    before = files(tmp_path / "run")
+    outcome = train(TrainingConfig(**TINY), tmp_path / "run", resume=True)
+    assert files(tmp_path / "run") == before
+    assert outcome.last["steps"] == 512
+
+
+def test_a_folder_is_never_overwritten(run: Path, tmp_path: Path) -> None:
+    before = files(run)
+    with pytest.raises(FileExistsError, match=rf"folder = {re.escape(str(run))}: exists and is not empty; resume"):
+        train(TrainingConfig(**TINY), run)
+    with pytest.raises(ValueError, match=r"seed = 4: the training in .* has 0; only the same .*: seed, gamma\)"):
+        train(TrainingConfig(**{**TINY, "gamma": 0.9, "seed": 4}), run, resume=True)
+    with pytest.raises(FileNotFoundError, match=r"folder = .*nothing: holds no config.json"):
+        train(TrainingConfig(**TINY), tmp_path / "nothing", resume=True)
+    assert files(run) == before
+    assert not (tmp_path / "nothing").exists()
+    (tmp_path / "file").touch()
+    with pytest.raises(FileExistsError, match="file: exists"):
+        train(TrainingConfig(**TINY), tmp_path / "file")
+
+
+def test_a_spoilt_checkpoint(run: Path, tmp_path: Path) -> None:
+    shutil.copytree(run, tmp_path / "run")
+    (tmp_path / "run" / "checkpoint.zip").write_bytes(b"no zip")
+    with pytest.raises(ValueError, match=r"checkpoint.zip: not a checkpoint"):
+        train(TrainingConfig(**TINY), tmp_path / "run", resume=True)
+
+
+def test_threads_are_left_as_they_were(tmp_path: Path) -> None:
+    before = torch.get_num_threads()
+    torch.set_num_threads(2)
+    try:
+        train(TrainingConfig(**{**TINY, "steps": 128}), tmp_path / "run")
+        assert torch.get_num_threads() == 2
+    finally:
+        torch.set_num_threads(before)
+
+
+def test_a_time_limit_is_bootstrapped() -> None:
+    """With rewards of the value's own scale the buffer's last reward must hold the value of what comes after."""
+    config = TrainingConfig(**{**TINY, "options": {"start": "moving"}, "episode_steps": 5, "rollout": 5, "batch": 20})
+    model = new_model(config)
+    plain = FlexArmVecEnv(make_batch(ID, 4, {"start": "moving", "max_episode_steps": 5}))
+    rewards: list[np.ndarray] = []
+
+    class Record(BaseCallback):
+        def _on_step(self) -> bool:
+            rewards.append(self.locals["rewards"].copy())
+            return True
+
+    model.learn(20, Record())
+    kept = model.rollout_buffer.rewards
+    np.testing.assert_array_equal(kept[:4], np.array(rewards[:4]))
+    assert np.all(kept[4] != rewards[4])
+    plain.close()
+
+
+@pytest.mark.parametrize("name", ["Reach-v0", "SquareEncoders-v0", "SquareGain-v0", "SquareResidual-v0", "Track-v0"])
+def test_other_environments_are_trained_alike(tmp_path: Path, name: str) -> None:
+    config = TrainingConfig(**{**TINY, "environment": f"FlexArm/{name}", "steps": 128, "evaluation_laps": 2})
+    train(config, tmp_path / "run")
+    trained = load_policy(tmp_path / "run")
+    env = trained.make_env()
+    assert trained.policy.log_std.shape == env.action_space.shape
+    assert trained.environment == f"FlexArm/{name}"

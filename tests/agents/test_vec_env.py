@@ -1,0 +1,230 @@
+"""The adapter for stable-baselines3: step by step what `DummyVecEnv` gives over single environments."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.vector import AutoresetMode
+from stable_baselines3.common.monitor import Monitor
+from stable_baselines3.common.vec_env import DummyVecEnv, VecMonitor, VecNormalize
+
+from flexarm_agents import FlexArmVecEnv
+from flexarm_env.envs.vector import FlexArmVectorEnv
+
+ID = "flexarm_env:FlexArm/Square-v0"
+COUNT, LIMIT = 5, 23
+# Errors of 0.4 m end an episode soon under random torque: every kind of end comes within some hundred steps.
+OPTIONS: dict[str, Any] = {"error_limit": 0.4, "randomisation": {"payload_mass": (0.0, 0.5)}, "noise": 1e-3}
+
+
+def pair(infos: Any = "all", **options: Any) -> tuple[FlexArmVecEnv, DummyVecEnv]:
+    def make() -> gymnasium.Env[Any, Any]:
+        return gymnasium.make(ID, max_episode_steps=LIMIT, **OPTIONS, **options)
+
+    return FlexArmVecEnv.make(ID, COUNT, infos, max_episode_steps=LIMIT, **OPTIONS, **options), DummyVecEnv(
+        [make] * COUNT
+    )
+
+
+@pytest.fixture
+def env() -> Iterator[FlexArmVecEnv]:
+    made = FlexArmVecEnv.make(ID, COUNT, max_episode_steps=LIMIT, **OPTIONS)
+    yield made
+    made.close()
+
+
+def actions(rng: np.random.Generator) -> np.ndarray:
+    return np.clip(rng.normal(size=(COUNT, 2)), -1.0, 1.0).astype(np.float32)
+
+
+def assert_same(ours: Any, theirs: Any) -> None:
+    """Equal to the last bit and of the same types, whatever it is."""
+    assert type(ours) is type(theirs)
+    if isinstance(ours, dict):
+        assert set(ours) == set(theirs)
+        for name in ours:
+            assert_same(ours[name], theirs[name])
+    elif isinstance(ours, np.ndarray):
+        assert ours.dtype == theirs.dtype
+        np.testing.assert_array_equal(ours, theirs)
+    else:
+        assert ours == theirs
+
+
+@pytest.mark.parametrize("name", ["Square-v0", "SquareGain-v0", "SquareResidual-v0", "Reach-v0"])
+def test_step_by_step_as_dummy_vec_env(name: str) -> None:
+    def make() -> gymnasium.Env[Any, Any]:
+        return gymnasium.make(f"flexarm_env:FlexArm/{name}", max_episode_steps=LIMIT, **OPTIONS)
+
+    ours = FlexArmVecEnv.make(f"flexarm_env:FlexArm/{name}", COUNT, "all", max_episode_steps=LIMIT, **OPTIONS)
+    theirs = DummyVecEnv([make] * COUNT)
+    assert ours.observation_space == theirs.observation_space
+    assert ours.action_space == theirs.action_space
+    rng, ends = np.random.default_rng(3), set()
+    for start in (None, "corner"):  # seeds and options go to the next reset only
+        for env in (ours, theirs):
+            env.seed(11)
+            env.set_options({"start": start} if start else None)
+        assert_same(ours.reset(), theirs.reset())
+        for _ in range(3 * LIMIT):
+            torque = np.clip(rng.normal(size=(COUNT, *ours.action_space.shape)), -1, 1).astype(np.float32)
+            mine, other = ours.step(torque), theirs.step(torque)
+            for one, another in zip(mine[:3], other[:3], strict=True):
+                assert_same(one, another)
+            for one, another in zip(mine[3], other[3], strict=True):
+                assert_same(one, another)
+            for one, another in zip(ours.reset_infos, theirs.reset_infos, strict=True):
+                assert_same(one, another)
+            ends |= {info["TimeLimit.truncated"] for info, done in zip(mine[3], mine[2], strict=True) if done}
+    assert True in ends
+    if name.startswith("Square") and name != "SquareGain-v0":
+        assert False in ends  # ended by the error limit, too
+
+
+def test_a_limit_reached_in_the_step_that_ends_an_episode_is_no_truncation() -> None:
+    """Truncated and terminated at once: the end is real, nothing may be bootstrapped."""
+    options: dict[str, Any] = {"error_limit": 1e-6, "max_episode_steps": 1}
+    env = FlexArmVecEnv.make(ID, COUNT, **options)
+    env.seed(0)
+    env.reset()
+    _, _, dones, infos = env.step(np.ones((COUNT, 2), dtype=np.float32))
+    assert dones.all()
+    assert all(info["TimeLimit.truncated"] is False and info["termination_reason"] == "error" for info in infos)
+
+
+def test_only_what_ended_carries_an_info() -> None:
+    some, every = FlexArmVecEnv.make(ID, COUNT, max_episode_steps=LIMIT, **OPTIONS), pair("all")[0]
+    rng = np.random.default_rng(0)
+    for env in (some, every):
+        env.seed(1)
+        env.reset()
+    for _ in range(2 * LIMIT):
+        torque = actions(rng)
+        mine, all_infos = some.step(torque), every.step(torque)
+        for done, info, full in zip(mine[2], mine[3], all_infos[3], strict=True):
+            assert_same(info, full if done else {})
+
+
+def test_options_of_single_environments() -> None:
+    ours, theirs = pair()
+    state = np.zeros(12)
+    wanted = [{"start": "corner"}, {}, {"time": 3.0}, {"start": "corner"}, {"state": state}]
+    for options in (wanted, wanted, None, {"state": state}, [{}] * COUNT):
+        for env in (ours, theirs):
+            if options is wanted:
+                env.seed(5)
+            env.set_options(options)
+        np.testing.assert_array_equal(ours.reset(), theirs.reset())
+        for one, another in zip(ours.reset_infos, theirs.reset_infos, strict=True):
+            assert_same(one, another)
+    for env in (ours, theirs):
+        env.set_options(wanted)  # no new seeds: the generators go on
+    np.testing.assert_array_equal(ours.reset(), theirs.reset())
+
+
+def test_vec_monitor(env: FlexArmVecEnv) -> None:
+    monitored = VecMonitor(env)
+    theirs = DummyVecEnv([lambda: Monitor(gymnasium.make(ID, max_episode_steps=LIMIT, **OPTIONS))] * COUNT)
+    for each in (monitored, theirs):
+        each.seed(2)
+        each.reset()
+    rng, found = np.random.default_rng(1), 0
+    for _ in range(2 * LIMIT):
+        torque = actions(rng)
+        _, _, dones, infos = monitored.step(torque)
+        _, _, _, others = theirs.step(torque)
+        for done, info, other in zip(dones, infos, others, strict=True):
+            assert ("episode" in info) == bool(done)
+            if done:
+                assert info["episode"]["l"] == other["episode"]["l"]
+                assert info["episode"]["r"] == pytest.approx(other["episode"]["r"], rel=1e-5)
+                found += 1
+    assert found > COUNT
+
+
+def test_vec_normalize() -> None:
+    normal = [VecNormalize(env, gamma=0.985) for env in pair("final")]
+    rng = np.random.default_rng(1)
+    for env in normal:
+        env.seed(2)
+    np.testing.assert_array_equal(*[env.reset() for env in normal])
+    for _ in range(2 * LIMIT):
+        torque = actions(rng)
+        ours, theirs = (env.step(torque) for env in normal)
+        for one, another in zip(ours[:3], theirs[:3], strict=True):
+            np.testing.assert_array_equal(one, another)
+        for done, one, another in zip(ours[2], ours[3], theirs[3], strict=True):
+            if done:
+                np.testing.assert_array_equal(one["terminal_observation"], another["terminal_observation"])
+
+
+def test_what_the_environments_are_asked(env: FlexArmVecEnv) -> None:
+    single = gymnasium.make(ID, **OPTIONS).unwrapped
+    assert env.get_attr("observation_space") == [single.observation_space] * COUNT
+    assert env.get_attr("action_space", [1, 3]) == [single.action_space] * 2
+    assert env.get_attr("observation_blocks", 2) == [single.observation_blocks]
+    assert env.has_attr("settings")
+    assert not env.has_attr("gain_limit")  # the action is no gain
+    assert env.env_method("get_wrapper_attr", "lap_steps", indices=0) == [1600]
+    assert env.env_method("has_wrapper_attr", "lap_steps") == [True] * COUNT
+    assert env.env_is_wrapped(Monitor) == [False] * COUNT
+    assert env.env_is_wrapped(Monitor, indices=[0, 2]) == [False] * 2
+    env.set_attr("note", "kept")
+    assert env.get_attr("note", 0) == ["kept"]
+    with pytest.raises(ValueError, match=r"indices = 1: must be None; the environments share the attribute 'note'"):
+        env.set_attr("note", "lost", 1)
+    with pytest.raises(AttributeError, match=r"method_name = 'compute_reward': must be one of 'render', 'reset'"):
+        env.env_method("compute_reward")
+
+
+def test_reset_as_a_method_of_some(env: FlexArmVecEnv) -> None:
+    single = gymnasium.make(ID, max_episode_steps=LIMIT, **OPTIONS)
+    env.seed(0)
+    before = env.reset()
+    (first, second) = env.env_method("reset", indices=[1, 4], seed=9, options={"start": "corner"})
+    expected, info = single.reset(seed=9, options={"start": "corner"})
+    for observation, own in (first, second):
+        np.testing.assert_array_equal(observation, expected)
+        assert_same(
+            own, {name: value.copy() if isinstance(value, np.ndarray) else value for name, value in info.items()}
+        )
+    after, *_ = env.step(np.zeros((COUNT, 2), dtype=np.float32))
+    assert after.shape == before.shape
+
+
+def test_pictures() -> None:
+    pytest.importorskip("pygame")
+    env = FlexArmVecEnv.make(ID, 2, render_mode="rgb_array")
+    env.reset()
+    images = env.get_images()
+    assert len(images) == 2
+    assert images[0] is not None
+    assert images[0].dtype == np.uint8
+    tiled = env.render()
+    assert tiled is not None
+    assert tiled.shape == (2 * images[0].shape[0], images[0].shape[1], 3)
+    np.testing.assert_array_equal(env.env_method("render", indices=1)[0], images[1])
+    env.close()
+    assert list(FlexArmVecEnv.make(ID, 2).get_images()) == [None, None]
+
+
+def test_what_is_refused(env: FlexArmVecEnv) -> None:
+    with pytest.raises(TypeError, match=r"env = .*: must be a FlexArmVectorEnv"):
+        FlexArmVecEnv(gymnasium.make(ID))  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match=r"autoreset_mode'\] = 'NextStep': must be 'SameStep'"):
+        FlexArmVecEnv(FlexArmVectorEnv(2))
+    with pytest.raises(ValueError, match=r"infos = 'some': must be one of 'final', 'all'"):
+        FlexArmVecEnv(FlexArmVectorEnv(2, autoreset_mode=AutoresetMode.SAME_STEP), infos="some")  # type: ignore[arg-type]
+    env.set_options([{}])
+    with pytest.raises(ValueError, match=r"options: must be one mapping or 5, one for each, got 1"):
+        env.reset()
+    with pytest.raises(RuntimeError, match="step_async"):
+        env.step_wait()
+    with pytest.raises(RuntimeError, match="before reset"):
+        env.step(np.zeros((COUNT, 2)))
+    with pytest.raises(ValueError, match=r"environment = 'CartPole-v1': must be one of 'FlexArm/Paper-v0', "):
+        FlexArmVecEnv.make("CartPole-v1", 2)

@@ -1,0 +1,269 @@
+"""The counter-based random stream, the rigid inverse kinematics and elementary functions that the kernels compile."""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+from typing import Any
+
+import mpmath
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numba import njit
+from scipy import stats
+
+from flexarm_env import ArmParameters, inverse_kinematics
+from flexarm_env.codegen import assembly, elementary, random_stream
+from flexarm_env.envs.observation import LARGEST_DEVIATE
+from flexarm_env.kernels.recorded import Variant
+from flexarm_env.physics.inverse_kinematics import LEAST_SINE
+
+LENGTHS = (4.5, 3.0)
+BITS = st.integers(0, 2**64 - 1)
+
+
+@pytest.fixture(scope="module")
+def compiled() -> SimpleNamespace:
+    """The functions as a kernel module has them, each with a loop over arrays around it."""
+    module = assembly.load(Variant("torque", 2, True, 1, "true"))
+    uniform, normal, arctan2, sincos = module.uniform, module.normal, module.arctan2, module.sincos
+    angles, rates = module.joint_angles_for, module.joint_rates_for
+
+    @njit
+    def uniforms(keys: Any, places: Any) -> Any:
+        return np.array([uniform(keys[n], places[n]) for n in range(len(keys))])
+
+    @njit
+    def normals(keys: Any, places: Any) -> Any:
+        return np.array([normal(keys[n], places[n]) for n in range(len(keys))])
+
+    @njit
+    def arctan2s(y: Any, x: Any) -> Any:
+        return np.array([arctan2(y[n], x[n]) for n in range(len(x))])
+
+    @njit
+    def sines(x: Any) -> Any:
+        found = np.empty((len(x), 2))
+        for n in range(len(x)):
+            found[n] = sincos(x[n])
+        return found
+
+    @njit
+    def joint_angles(branch: float, points: Any) -> Any:
+        found = np.empty((len(points), 2))
+        for n in range(len(points)):
+            found[n] = angles(4.5, 3.0, branch, points[n, 0], points[n, 1])
+        return found
+
+    @njit
+    def joint_rates(theta: Any, velocity: Any) -> Any:
+        found = np.empty((len(theta), 2))
+        for n in range(len(theta)):
+            found[n] = rates(4.5, 3.0, theta[n, 0], theta[n, 1], velocity[n, 0], velocity[n, 1])
+        return found
+
+    return SimpleNamespace(
+        uniforms=uniforms,
+        normals=normals,
+        arctan2s=arctan2s,
+        sines=sines,
+        joint_angles=joint_angles,
+        joint_rates=joint_rates,
+    )
+
+
+def consecutive(count: int, key: int = 12345, first: int = 0) -> tuple[np.ndarray, np.ndarray]:
+    return np.full(count, key, dtype=np.uint64), np.arange(first, first + count)
+
+
+def various_keys(count: int) -> np.ndarray:
+    """Consecutive ones, which differ in few bits."""
+    return np.arange(count, dtype=np.uint64)
+
+
+# --- random numbers -----------------------------------------------------------------------------------------
+
+COUNT = 200_000
+
+
+def test_a_number_depends_on_key_and_place_alone(compiled: SimpleNamespace) -> None:
+    keys, places = consecutive(1000)
+    whole = compiled.uniforms(keys, places)
+    np.testing.assert_array_equal(compiled.uniforms(keys[::-7], places[::-7]), whole[::-7])
+    np.testing.assert_array_equal(compiled.normals(keys[3:], places[3:]), compiled.normals(keys, places)[3:])
+
+
+def reference_uniform(key: int, place: int) -> float:
+    """SplitMix64 of the key combined with that of the place, in Python's own integers."""
+
+    def mixed(bits: int) -> int:
+        bits = ((bits ^ bits >> 30) * 0xBF58476D1CE4E5B9) % 2**64
+        bits = ((bits ^ bits >> 27) * 0x94D049BB133111EB) % 2**64
+        return bits ^ bits >> 31
+
+    return (mixed(key ^ mixed((place + 1) * 0x9E3779B97F4A7C15 % 2**64)) >> 11) / 2**53
+
+
+@settings(max_examples=200, deadline=None)
+@given(BITS, st.integers(0, 10**9))
+def test_uniform_is_the_same_in_any_arithmetic(compiled: SimpleNamespace, key: int, place: int) -> None:
+    expected = reference_uniform(key, place)
+    with np.errstate(over="ignore"):
+        assert random_stream.uniform(np.uint64(key), place) == expected
+    assert compiled.uniforms(np.array([key], np.uint64), np.array([place]))[0] == expected
+    assert 0.0 <= expected < 1.0
+
+
+@pytest.mark.parametrize("along", ["places", "keys"])
+def test_uniform_is_even(compiled: SimpleNamespace, along: str) -> None:
+    """By Kolmogorov and Smirnov, in its moments, and in the last bits; a chance of 1e-3 each to fail were it drawn."""
+    keys, places = consecutive(COUNT) if along == "places" else (various_keys(COUNT), np.full(COUNT, 17))
+    numbers = compiled.uniforms(keys, places)
+    assert stats.kstest(numbers, "uniform").pvalue > 1e-3
+    assert numbers.mean() == pytest.approx(0.5, abs=3.3 * 12**-0.5 * COUNT**-0.5)
+    assert numbers.var() == pytest.approx(1.0 / 12.0, abs=3.3 * 180**-0.5 * COUNT**-0.5)
+    last = (numbers * 2.0**53).astype(np.int64) & 255
+    assert stats.chisquare(np.bincount(last, minlength=256)).pvalue > 1e-3
+    assert len(np.unique(numbers)) > 0.999 * COUNT
+
+
+@pytest.mark.parametrize("along", ["places", "keys"])
+def test_normal_is_normal(compiled: SimpleNamespace, along: str) -> None:
+    keys, places = consecutive(COUNT) if along == "places" else (various_keys(COUNT), np.full(COUNT, 17))
+    places = 2 * places  # each uses up two
+    numbers = compiled.normals(keys, places)
+    assert stats.kstest(numbers, "norm").pvalue > 1e-3
+    moments = [np.mean(numbers**power) for power in (1, 2, 3, 4)]
+    deviations = np.sqrt(np.array([1.0, 2.0, 15.0, 96.0]) / COUNT)
+    assert np.all(np.abs(np.array(moments) - [0.0, 1.0, 0.0, 3.0]) < 3.5 * deviations)
+    assert 4.0 < np.abs(numbers).max() < 6.0
+
+
+def test_normal_has_a_bound(monkeypatch: pytest.MonkeyPatch) -> None:
+    """At the largest uniform number, one minus 2^-53, in the direction 0: what the observation's bounds assume."""
+    monkeypatch.setattr(random_stream, "uniform", lambda key, place: (1.0 - 2.0**-53) * (1 - place % 2))
+    largest = random_stream.normal(np.uint64(0), 0)
+    assert largest == pytest.approx(math.sqrt(106.0 * math.log(2.0)), rel=1e-12)
+    assert 8.5 < largest < LARGEST_DEVIATE
+
+
+@pytest.mark.parametrize(("key_step", "place_step"), [(0, 1), (1, 0), (1, 1), (2**40, 0), (1, -1), (0, 8)])
+def test_neighbours_are_independent(compiled: SimpleNamespace, key_step: int, place_step: int) -> None:
+    """Episodes with similar keys, places that follow each other: pairs fill the unit square evenly."""
+    keys = np.arange(COUNT, dtype=np.uint64) if key_step else np.full(COUNT, 5, dtype=np.uint64)
+    places = np.arange(COUNT) + 10 if place_step else np.full(COUNT, 3)
+    here = compiled.uniforms(keys, places)
+    there = compiled.uniforms(keys + np.uint64(key_step), places + place_step)
+    counts, *_ = np.histogram2d(here, there, bins=16, range=[(0.0, 1.0)] * 2)
+    assert stats.chisquare(counts.ravel()).pvalue > 1e-4
+    assert abs(np.corrcoef(here, there)[0, 1]) < 3.5 * COUNT**-0.5
+
+
+# --- inverse kinematics -------------------------------------------------------------------------------------
+
+
+def ring_of_points(count: int = 500) -> np.ndarray:
+    rng = np.random.default_rng(0)
+    radius, angle = rng.uniform(1.51, 7.49, count), rng.uniform(-np.pi, np.pi, count)
+    return np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=1)
+
+
+@pytest.mark.parametrize("branch", [1.0, -1.0])
+def test_joint_angles_put_the_tip_there(compiled: SimpleNamespace, branch: float) -> None:
+    points = ring_of_points()
+    theta = compiled.joint_angles(branch, points)
+    both = theta.sum(axis=1)
+    x = 4.5 * np.cos(theta[:, 0]) + 3.0 * np.cos(both)
+    y = 4.5 * np.sin(theta[:, 0]) + 3.0 * np.sin(both)
+    # where the arm is nearly straight an angle's rounding is that of a root: 1e-16 / 0.1
+    np.testing.assert_allclose(np.stack([x, y], axis=1), points, rtol=0.0, atol=2e-14)
+    assert np.all(np.sign(theta[:, 1]) == branch)
+    name = "positive" if branch > 0.0 else "negative"
+    arm = ArmParameters(link_lengths=LENGTHS)
+    np.testing.assert_array_equal([inverse_kinematics(arm, point, name) for point in points], theta)
+
+
+def test_beyond_the_reach_the_arm_is_straight_or_folded(compiled: SimpleNamespace) -> None:
+    points = np.array([(8.0, 0.0), (0.0, 100.0), (7.5, 0.0), (1.0, 0.0), (0.0, -1.5)])
+    theta = compiled.joint_angles(1.0, points)
+    # rounding of the reach's square, 1e-14, enters by its root
+    np.testing.assert_allclose(theta[:, 1], [0.0, 0.0, 0.0, np.pi, np.pi], rtol=0.0, atol=1e-7)
+    np.testing.assert_allclose(theta[:3, 0], [0.0, np.pi / 2.0, 0.0], rtol=0.0, atol=1e-7)
+
+
+def test_joint_rates_move_the_tip(compiled: SimpleNamespace) -> None:
+    """By difference quotients of the angles: their own error is 1e-6 of a rate that the root makes large near reach."""
+    points = ring_of_points()
+    theta = compiled.joint_angles(1.0, points)
+    points, theta = (rows[np.abs(np.sin(theta[:, 1])) > LEAST_SINE] for rows in (points, theta))
+    velocity = np.random.default_rng(1).normal(size=points.shape)
+    rates = compiled.joint_rates(theta, velocity)
+    ahead, behind = (compiled.joint_angles(1.0, points + h * velocity) for h in (1e-6, -1e-6))
+    turn = 2.0 * np.pi * np.round((ahead - behind) / (2.0 * np.pi))
+    np.testing.assert_allclose(rates, (ahead - behind - turn) / 2e-6, rtol=1e-5, atol=1e-6)
+
+
+def test_joint_rates_stay_bounded_near_the_straight_arm(compiled: SimpleNamespace) -> None:
+    """As if the sine of theta2 were 0.05; exact just outside."""
+    theta = np.array([(0.3, angle) for angle in (0.0, 1e-9, -1e-9, 0.04, np.pi, np.arcsin(LEAST_SINE) * 1.0001)])
+    velocity = np.array([(0.6, 0.8)] * len(theta))
+    rates = compiled.joint_rates(theta, velocity)
+    assert np.abs(rates).max() <= (4.5 + 3.0) / (4.5 * 3.0 * LEAST_SINE)
+    t1, t2 = theta[-1]
+    jacobian = [
+        [-4.5 * np.sin(t1) - 3.0 * np.sin(t1 + t2), -3.0 * np.sin(t1 + t2)],
+        [4.5 * np.cos(t1) + 3.0 * np.cos(t1 + t2), 3.0 * np.cos(t1 + t2)],
+    ]
+    np.testing.assert_allclose(rates[-1], np.linalg.solve(jacobian, velocity[-1]), rtol=1e-12)
+
+
+# --- elementary functions -----------------------------------------------------------------------------------
+
+
+def coordinates() -> tuple[np.ndarray, np.ndarray]:
+    rng = np.random.default_rng(0)
+    size = 10.0 ** rng.uniform(-12.0, 12.0, (2, 3000)) * rng.choice([-1.0, 1.0], (2, 3000))
+    special = np.array([(a, b) for a in (0.0, 1.0, -1.0, 1e-200, -3.0, 5e200) for b in (0.0, 1.0, -1.0, 1e-200, 7.0)])
+    return np.hstack([size, special.T])
+
+
+def test_arctan2_is_as_accurate_as_it_says(compiled: SimpleNamespace) -> None:
+    """Within 4 units in the last place of the exact angle, the same bits as number, array, and compiled."""
+    y, x = coordinates()
+    found = elementary.arctan2(y, x)
+    np.testing.assert_array_equal(compiled.arctan2s(y, x), found)
+    np.testing.assert_array_equal(
+        [elementary.arctan2(*pair) for pair in zip(y.tolist(), x.tolist(), strict=True)], found
+    )
+    with mpmath.workdps(40):
+        exact = [mpmath.atan2(mpmath.mpf(a), mpmath.mpf(b)) for a, b in zip(y.tolist(), x.tolist(), strict=True)]
+        far = [float(abs(mpmath.mpf(a) - b)) for a, b in zip(found.tolist(), exact, strict=True)]
+    far = np.array(far) / np.spacing(np.maximum(np.abs([float(value) for value in exact]), 1e-300))
+    assert far.max() <= 4.0
+    np.testing.assert_allclose(found, np.arctan2(y, x), rtol=1e-15)
+    assert elementary.arctan2(0.0, 0.0) == 0.0
+    assert np.isnan(elementary.arctan2(np.array([np.nan, 1.0]), np.array([1.0, np.nan]))).all()
+
+
+def test_exp_minus_is_as_accurate_as_it_says() -> None:
+    """Relative error below 1e-12; the same bits as number and array; one at zero, never more."""
+    x = np.concatenate(
+        [np.linspace(0.0, 700.0, 4001), 10.0 ** np.linspace(-300.0, 2.8, 2000), [0.0, 700.0, 1e9, np.inf]]
+    )
+    found = elementary.exp_minus(x)
+    np.testing.assert_array_equal([elementary.exp_minus(value) for value in x.tolist()], found)
+    inside = x <= 700.0
+    with mpmath.workdps(40):
+        exact = [mpmath.exp(-mpmath.mpf(value)) for value in x[inside].tolist()]
+        far = [float(abs(mpmath.mpf(a) / b - 1)) for a, b in zip(found[inside].tolist(), exact, strict=True)]
+    assert max(far) < 1e-12
+    assert np.all((found >= 0.0) & (found <= 1.0))
+    assert np.all(found[~inside] < 1e-300)
+    assert elementary.exp_minus(0.0) == 1.0
+
+
+def test_sines_are_the_same_compiled(compiled: SimpleNamespace) -> None:
+    x = np.random.default_rng(0).uniform(-30.0, 30.0, 3000)
+    np.testing.assert_array_equal(compiled.sines(x).T, elementary.sincos(x))

@@ -1,0 +1,257 @@
+"""docs/environments and `FlexArmEnv`'s docstring: fresh, complete, and true of the environments that they describe."""
+
+from __future__ import annotations
+
+import ast
+import inspect
+import re
+import sys
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+from flexarm_env import FlexibleArm
+from flexarm_env.envs import documentation
+from flexarm_env.envs.batch import ENDS, START_CODES
+from flexarm_env.envs.choices import MODES, STARTS
+from flexarm_env.envs.info import KEYS
+from flexarm_env.envs.observation import BLOCKS
+from flexarm_env.envs.registration import IDS
+from flexarm_env.envs.reset_options import OPTIONS
+from flexarm_env.envs.settings import Settings
+from flexarm_env.envs.single import FlexArmEnv
+from flexarm_env.episode.reward import TERMS
+from scripts.docs import environments
+
+ROOT = Path(__file__).resolve().parent.parent
+DOCS = ROOT / "docs" / "environments"
+DOCSTRING = FlexArmEnv.__doc__ or ""
+Row = dict[str, str]
+
+
+@pytest.fixture(params=IDS, scope="module")
+def name(request: pytest.FixtureRequest) -> str:
+    return str(request.param)
+
+
+@pytest.fixture
+def env(name: str) -> FlexArmEnv:
+    made = gym.make(f"FlexArm/{name}").unwrapped
+    assert isinstance(made, FlexArmEnv)
+    return made
+
+
+def section(text: str, title: str) -> str:
+    return text.partition(f"\n## {title}\n")[2].partition("\n## ")[0]
+
+
+def rows(text: str) -> list[Row]:
+    """Lines of the first table, by the names of its columns; without the marks of code."""
+    lines = [line for line in text.splitlines() if line.startswith("|")]
+    cells = [[cell.strip() for cell in re.split(r"(?<!\\)\|", line)[1:-1]] for line in lines]
+    assert len({len(line) for line in cells}) == 1
+    return [dict(zip(cells[0], line, strict=True)) for line in cells[2:]]
+
+
+def bare(cell: str) -> str:
+    return cell.strip("`")
+
+
+def page(name: str) -> str:
+    return (DOCS / f"{environments.stem(name)}.md").read_text(encoding="utf-8")
+
+
+def numbers(cell: str) -> np.ndarray:
+    return np.array([np.inf if part == "none" else float(part) for part in cell.split(", ")])
+
+
+# --- fresh and complete --------------------------------------------------------------------------------------
+
+
+def test_the_committed_pages_are_what_the_code_says() -> None:
+    pages = environments.pages()
+    assert set(pages) == {path.name for path in DOCS.glob("*.md")}
+    for file, text in pages.items():
+        assert text == (DOCS / file).read_text(encoding="utf-8"), f"{file}: run scripts/docs/environments.py"
+
+
+def test_every_id_has_its_picture() -> None:
+    pictures = {f"{environments.stem(name)}.png" for name in IDS}
+    assert pictures == {path.name for path in DOCS.glob("*.png")}
+    assert set(environments.PICTURES) == set(IDS)
+
+
+def test_the_script_writes_where_it_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "argv", ["build_env_docs.py", "--docs", str(tmp_path), "--no-pictures"])
+    environments.main()
+    assert {path.name for path in tmp_path.iterdir()} == set(environments.pages())
+
+
+def test_a_picture_is_drawn() -> None:
+    picture = environments.drawn("Reach-v0")
+    assert picture.shape == (600, 600, 3)
+    assert picture.dtype == np.uint8
+    assert len(np.unique(picture.reshape(-1, 3), axis=0)) > 50
+
+
+@pytest.mark.parametrize(
+    ("title", "words"),
+    [
+        ("Ids", [f"FlexArm/{name}" for name in IDS]),
+        ("Action space", MODES),
+        ("Observation space", BLOCKS),
+        ("Reward", TERMS),
+        ("Starting state", STARTS),
+        ("Episode end", ENDS),
+        ("Info", KEYS),
+        ("Arguments", [one.name for one in fields(Settings)]),
+        ("Reset options", OPTIONS),
+        ("Version history", [f"FlexArm/{name}" for name in IDS]),
+    ],
+)
+def test_the_docstring_names_all(title: str, words: list[str]) -> None:
+    table = section(DOCSTRING, title)
+    missing = [word for word in words if f"`{word}`" not in table and f'`"{word}"`' not in table]
+    assert not missing
+
+
+def test_help_of_a_made_environment_is_the_specification() -> None:
+    env = gym.make("FlexArm/Square-v0").unwrapped
+    assert inspect.getdoc(env) == DOCSTRING.strip()
+    assert "\n## Description\n\nThe set-up" in DOCSTRING
+
+
+def test_the_specification_builds_no_arm(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Importing the package must stay light."""
+
+    def fail(*arguments: Any) -> None:
+        raise AssertionError("an arm was built")
+
+    monkeypatch.setattr(FlexibleArm, "__init__", fail)
+    monkeypatch.setattr(Settings, "__post_init__", fail)
+    assert documentation.specification(FlexArmEnv.__doc__ or "").count("\n## ") > 8
+
+
+# --- true ----------------------------------------------------------------------------------------------------
+
+
+def test_observation_tables(name: str, env: FlexArmEnv) -> None:
+    table = rows(section(page(name), "Observation space"))
+    assert [bare(row["block"]) for row in table] == list(env.observation_blocks)
+    high = env.observation_space.high  # type: ignore[attr-defined]
+    for row, (block, part) in zip(table, env.observation_blocks.items(), strict=True):
+        assert bare(row["numbers"]) == f"{part.start}:{part.stop}"
+        assert row["unit"] == BLOCKS[block].unit
+        physical, scale = high[part] * env.observation_scale[part], env.observation_scale[part]
+        np.testing.assert_allclose(np.broadcast_to(numbers(row["bound"]), physical.shape), physical, rtol=1e-3)
+        told = numbers(row["scale"]) if env.settings.scaled else np.ones(1)
+        np.testing.assert_allclose(np.broadcast_to(told, scale.shape), scale, rtol=1e-3)
+
+
+def test_argument_tables(name: str, env: FlexArmEnv) -> None:
+    """Together the defaults of a page make the id's settings, and it leaves out only what has no effect there."""
+    table = rows(section(page(name), "Arguments"))
+    defaults = {bare(row["argument"]): ast.literal_eval(bare(row["default"])) for row in table}
+    assert Settings.of(defaults) == env.settings
+    spec = gym.spec(f"FlexArm/{name}")
+    assert {option: defaults[option] for option in spec.kwargs} == spec.kwargs
+    for one in fields(Settings):
+        assert (one.name in defaults) == (env.settings.action_mode in one.metadata["modes"])
+        assert one.metadata["text"]
+
+
+def test_facts(name: str, env: FlexArmEnv) -> None:
+    lines = page(name).splitlines()
+    steps = gym.spec(f"FlexArm/{name}").max_episode_steps
+    assert steps is not None
+    assert f"| Action space | `{env.action_space}` |" in lines
+    assert f"| Observation space | `Box({env.observation_space.shape}, float32)` |" in lines
+    assert f"| Episode | {steps} steps, {steps * env.control_period:g} s |" in lines
+
+
+def test_action_tables(name: str, env: FlexArmEnv) -> None:
+    table = rows(section(page(name), "Action space"))
+    assert len(table) == len(env.settings.action_limit)
+    for row, limit in zip(table, env.settings.action_limit, strict=True):
+        for end, column in ((-1.0, "at a = -1"), (1.0, "at a = 1")):
+            assert float(row[column]) == pytest.approx(evaluated(right_side(row["quantity"]), end, limit))
+            assert evaluated(right_side(row["action"]), float(row[column]), limit) == pytest.approx(end)
+
+
+def right_side(cell: str) -> str:
+    return bare(cell).partition(" = ")[2]
+
+
+def evaluated(formula: str, value: float, limit: float) -> float:
+    """A formula of an action table, for one channel."""
+    known = {"a": value} | {mode.quantity: value for mode in MODES.values()}
+    known |= {f"{option}_limit": limit for option in ("torque", "shift", "gain")}
+    return float(eval(formula, {"__builtins__": {}}, known))
+
+
+@pytest.mark.parametrize(("mode", "key"), [("torque", "torque"), ("residual", "torque"), ("gain", "gain")])
+def test_action_formulas_hold_in_the_environment(mode: str, key: str) -> None:
+    options = {"torque_limit": (4000.0, 4000.0)} if mode == "residual" else {}  # so that the sum stays below it
+    env = FlexArmEnv(action_mode=mode, start="corner", **options)
+    action = np.array([0.25, -0.5], np.float32)[: env.action_space.shape[0]]  # type: ignore[index]
+    found = []
+    for value in (0.0 * action, action):
+        env.reset(seed=0)
+        found.append(np.atleast_1d(env.step(value)[4][key]))
+    if mode == "residual":  # beside the inner law's own torque
+        found[1] -= found[0]
+    wanted = [evaluated(MODES[mode].formula, a, x) for a, x in zip(action, env.settings.action_limit, strict=True)]
+    np.testing.assert_allclose(found[1], wanted, rtol=1e-9)
+
+
+def test_reward_tables(name: str, env: FlexArmEnv) -> None:
+    table = rows(section(page(name), "Reward"))
+    weights = {bare(row["term"]): float(row["weight"]) for row in table}
+    assert weights == {term: weight for term, weight in env.settings.reward_weights.items() if weight > 0.0}
+    env.reset(seed=0)
+    _, reward, _, _, info = env.step(env.action_space.sample())
+    assert set(info["reward_terms"]) == set(weights)
+    assert sum(info["reward_terms"].values()) == pytest.approx(reward)
+
+
+def test_info_tables(name: str, env: FlexArmEnv) -> None:
+    told = {bare(row["key"]): row["there"] for row in rows(section(page(name), "Info"))}
+    _, begun = env.reset(seed=0)
+    stepped = env.step(env.action_space.sample())[4]
+    always = {key for key, there in told.items() if there.startswith("always")}
+    reset_only = {"parameters", "path", "start_time"}
+    assert set(begun) == always | reset_only
+    assert set(stepped) == always | {"reward_terms"}
+    assert set(told) == always | reset_only | {"reward_terms", "termination_reason"}
+
+
+def test_every_reason_is_told_and_no_other(env: FlexArmEnv) -> None:
+    statuses = (-3.0, -2.0, -1.0, *(entry + 1.0 for entry in range(env.arm.size + 2)))
+    assert {env.fleet.failures[status] for status in statuses} == set(ENDS)
+
+
+def test_starts_and_modes_are_those_of_the_code() -> None:
+    assert set(START_CODES) == set(STARTS)
+    assert set(KEYS) > {"torque", "gain"}
+
+
+def test_arguments_of_a_batch() -> None:
+    table = rows(section((DOCS / "README.md").read_text(encoding="utf-8"), "Make a batch"))
+    signature = inspect.signature(environments.FlexArmVectorEnv.__init__)
+    assert [bare(row["argument"]) for row in table] == [
+        each for each in signature.parameters if each not in ("self", "options")
+    ]
+
+
+def test_tables_escape_bars_and_drop_empty_columns() -> None:
+    assert documentation.table(("a", "b"), [("|x|", "")]) == "| a |\n| --- |\n| \\|x\\| |"
+    assert [documentation.figure(value) for value in (17.90954, 20354.2, 0.25, np.inf)] == [
+        "17.91",
+        "20350",
+        "0.25",
+        "none",
+    ]

@@ -1,0 +1,263 @@
+"""What an action does in each mode, against computations of the same motion by other means."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.polynomial import Chebyshev, Polynomial
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+from scipy.interpolate import CubicHermiteSpline
+
+from flexarm_env import (
+    ClosedLoop,
+    LawParameters,
+    LoopCase,
+    SensorParameters,
+    SquareParameters,
+    inverse_kinematics,
+    square,
+)
+from flexarm_env.envs.single import FlexArmEnv
+from tests.support.envs import FORESHORTENED, GAIN, PAPER, RESIDUAL, SQUARE, bare
+
+Array = NDArray[np.float64]
+LIMITS = np.array([150.0, 50.0])
+FREE: dict[str, Any] = {"error_limit": None, "deflection_limit": None}
+
+
+def actions_for(steps: int, seed: int = 0, size: float = 1.0) -> Array:
+    """Exact in float32 and float64 alike. Shape (steps, 2)."""
+    return np.random.default_rng(seed).integers(-64, 65, (steps, 2)) / 64.0 * size
+
+
+def recorded(env: FlexArmEnv, actions: Array, **options: Any) -> tuple[Array, Array]:
+    """States, one more than actions, and torques."""
+    infos = [env.reset(seed=1, options=options)[1]]
+    for action in actions:
+        _, _, terminated, _, info = env.step(action)
+        assert not terminated
+        infos.append(info)
+    return np.array([info["state"] for info in infos]), np.array([info["torque"] for info in infos[1:]])
+
+
+# --- torque -------------------------------------------------------------------------------------------------
+
+
+def test_torques_are_held() -> None:
+    """The same Runge-Kutta steps from the same state: what differs is the rounding of the start."""
+    env = bare(start="moving", **FREE)
+    actions = actions_for(60, size=0.25)
+    states, torques = recorded(env, actions)
+    np.testing.assert_array_equal(torques, LIMITS * actions)
+    run = env.arm.simulate(states[0], np.repeat(torques, 10, axis=0), 0.6)
+    np.testing.assert_allclose(states, run.state[::10], rtol=0.0, atol=1e-12 * np.abs(states).max())
+    assert np.abs(np.diff(states, axis=0)).max() > 0.1
+
+
+@pytest.mark.parametrize(("period", "physics_step", "substeps"), [(0.02, 1e-3, 20), (0.01, 3e-4, 34), (0.001, None, 1)])
+def test_integration_steps_fill_the_period(period: float, physics_step: float | None, substeps: int) -> None:
+    env = bare(control_period=period, physics_step=physics_step, torque_limit=(30.0, 20.0), **FREE)
+    states, torques = recorded(env, actions_for(20))
+    np.testing.assert_array_equal(torques, np.array([30.0, 20.0]) * actions_for(20))
+    run = env.arm.simulate(states[0], torques, 20 * period, step=period, substeps=substeps)
+    np.testing.assert_allclose(states, run.state, rtol=0.0, atol=1e-12 * np.abs(states).max())
+
+
+@pytest.mark.parametrize("delay", [0.0003, 0.0137, 0.03, 0.0995])
+def test_a_late_torque_acts_as_late_as_it_is(delay: float) -> None:
+    """A command that changes within an integration step enters as the mean over that step."""
+    env = bare(actuation_delay=delay, start="moving", **FREE)
+    actions = actions_for(40, size=0.25)
+    states, torques = recorded(env, actions)
+    fine = 100  # microseconds: the delays are whole multiples
+    count = 400_000 // fine
+    index = (np.arange(count) * fine - round(1e6 * delay)) // 10_000  # of the action that acts; before all, none
+    acting = np.where(index[:, None] >= 0, (LIMITS * actions)[index], 0.0)
+    means = acting.reshape(-1, 10, 2).mean(axis=1)
+    coarse = env.arm.simulate(states[0], means, 0.4)
+    # a switch is placed to within 1e-9 of a period, 1e-8 of an integration step, so that roundings cannot move it
+    np.testing.assert_allclose(states, coarse.state[::10], rtol=0.0, atol=1e-8 * np.abs(states).max())
+    np.testing.assert_allclose(torques, means[::10], rtol=0.0, atol=1e-8 * LIMITS[0])
+    # The mean has the right impulse, a fraction of 1 ms early or late: little of what the joints do in a period.
+    exact = env.arm.simulate(states[0], acting, 0.4, step=1e-4)
+    late = np.abs(states[1:, :2] - exact.state[100::100, :2]).max() / np.abs(np.diff(states[:, :2], axis=0)).max()
+    assert late < 0.01
+
+
+@pytest.mark.parametrize(("env_id", "mode"), [(SQUARE, "torque"), (RESIDUAL, "residual"), (RESIDUAL, "reference")])
+def test_a_delay_of_two_periods_is_the_action_before_the_last(env_id: str, mode: str) -> None:
+    actions = actions_for(30, size=0.3)
+    shifted = np.vstack([np.zeros((2, 2)), actions[:-2]])
+    late = recorded(bare(env_id, action_mode=mode, actuation_delay=0.02, start="corner", **FREE), actions)
+    prompt = recorded(bare(env_id, action_mode=mode, start="corner", **FREE), shifted)
+    np.testing.assert_array_equal(late[0], prompt[0])
+    np.testing.assert_array_equal(late[1], prompt[1])
+
+
+# --- the inner tracking law ---------------------------------------------------------------------------------
+
+
+def shifts_of(env: FlexArmEnv, actions: Array) -> list[tuple[Array, Array]]:
+    """Residual torque, or shift of the joints' reference, as polynomials of the time within each period."""
+    period = env.control_period
+    if env.settings.action_mode == "residual":
+        return [(LIMITS * a, np.zeros((2, 2))) for a in actions]
+    shifts = np.vstack([np.zeros((1, 2)), np.array(env.settings.shift_limit) * actions])
+    return [(np.zeros(2), np.array([a, (b - a) / period])) for a, b in zip(shifts[:-1], shifts[1:], strict=True)]
+
+
+def integrated(env: FlexArmEnv, start: Array, time: float, actions: Array) -> tuple[Array, Array]:
+    """States and first torques by an adaptive integrator.
+
+    The joint angles of the rigid arm on the path are fitted by a polynomial in each period on its own, so that corners
+    between the periods stay sharp. The law's reference is the cubic with the same angles and rates at the period's
+    ends, off by 2e-6 rad at most.
+    """
+    settings, arm, path = env.settings, env.arm, square(SquareParameters())
+    period = env.control_period
+    stiffness, resistance = np.array(settings.inner_stiffness), np.array(settings.inner_resistance)
+    limit = np.array(settings.torque_limit or LIMITS)
+    states, torques = [start], []
+    for k, (residual, shift) in enumerate(shifts_of(env, actions)):
+        nodes = np.linspace(0.0, period, 9)
+        angles = [inverse_kinematics(arm.parameters, path.position(time + k * period + u), "positive") for u in nodes]
+        fits = [Chebyshev.fit(nodes, np.unwrap(np.array(angles)[:, j]), 6).convert(kind=Polynomial) for j in (0, 1)]
+        ends = np.array([0.0, period])
+        cubics = [CubicHermiteSpline(ends, fit(ends), fit.deriv()(ends)) for fit in fits]
+        assert max(np.abs(fit(nodes) - cubic(nodes)).max() for fit, cubic in zip(fits, cubics, strict=True)) < 2e-6
+        fits = [Polynomial(cubic.c[::-1, 0]) + Polynomial(shift[:, j]) for j, cubic in enumerate(cubics)]
+        turn = 2.0 * np.pi * np.round((states[-1][0] - fits[0](0.0)) / (2.0 * np.pi))
+
+        def torque(
+            u: float, state: Array, fits: Any = fits, turn: float = turn, residual: Array = residual
+        ) -> NDArray[Any]:
+            angle = np.array([fits[0](u) + turn, fits[1](u)])
+            rate = np.array([fit.deriv()(u) for fit in fits])
+            wanted = residual + stiffness * (angle - state[:2]) + resistance * (rate - state[arm.size : arm.size + 2])
+            return np.clip(wanted, -limit, limit)
+
+        def slope(u: float, state: Array, torque: Any = torque) -> NDArray[Any]:
+            return np.concatenate([state[arm.size :], arm.acceleration(state, torque(u, state))])
+
+        torques.append(torque(0.0, states[-1]))
+        found = solve_ivp(slope, (0.0, period), states[-1], rtol=1e-9, atol=1e-11)
+        states.append(found.y[:, -1])
+    return np.array(states), np.array(torques)
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {},
+        {"action_mode": "reference", "shift_limit": (0.2, 0.1)},
+        {"torque_limit": (150.0, 50.0), "inner_stiffness": (500.0, 100.0), "inner_resistance": (50.0, 3.0)},
+    ],
+    ids=["residual", "reference", "stiff"],
+)
+def test_the_inner_law_acts_in_continuous_time(options: dict[str, Any]) -> None:
+    """Around the corner at 4 s, with actions; steps so fine that the torque limit may be met anywhere within one."""
+    env = bare(RESIDUAL, physics_step=1e-5, start="moving", **(FREE | options))
+    actions = actions_for(16, size=0.25)
+    states, torques = recorded(env, actions, time=3.92)
+    expected, expected_torques = integrated(env, states[0], 3.92, actions)
+    scale = np.abs(expected).max(axis=0)
+    np.testing.assert_allclose(states / scale, expected / scale, rtol=0.0, atol=1e-6)
+    np.testing.assert_allclose(torques, expected_torques, rtol=0.0, atol=1e-6 * LIMITS[0])
+    assert np.abs(np.diff(expected_torques, axis=0)).max() > 1.0
+
+
+def test_torque_limits_hold() -> None:
+    """The sum of action and inner law is limited, and reaches the limit."""
+    limit = np.array([20.0, 5.0])
+    for env_id, options in ((RESIDUAL, {}), (SQUARE, {}), (GAIN, {"gain_limit": 20.0})):
+        env = bare(env_id, torque_limit=(20.0, 5.0), start="corner", **(FREE | options))
+        torques = []
+        for k in range(100):
+            *_, terminated, _, info = env.step(np.full(env.action_space.shape, 1.0 - k % 3))
+            assert not terminated
+            torques.append(info["torque"])
+        np.testing.assert_array_equal(np.abs(torques).max(axis=0), limit)
+
+
+def test_the_same_law_held_over_a_period_is_unstable() -> None:
+    """Without hub inertia the elbow has next to no inertia of its own: held for 10 ms, its damping overshoots.
+
+    Inside the integrator the same law keeps the resting arm at rest.
+    """
+    stiffness, resistance = np.array([60.0, 20.0]), np.array([20.0, 6.0])
+    start = np.zeros(12)
+    start[:2] = inverse_kinematics(bare().arm.parameters, (-6.3, -6.3), "positive")
+    start[6:8] = 1e-3
+    still = {"reference": "waypoints", "waypoints": [(-6.3, -6.3), (-6.3, -6.3 + 1e-9)]}
+    inner, outer = bare(RESIDUAL, **still), bare(SQUARE, **still)
+    inner.reset(options={"state": start})
+    state = outer.reset(options={"state": start})[1]["state"]
+    ended = False
+    for _ in range(200):
+        torque = stiffness * (start[:2] - state[:2]) - resistance * state[6:8]
+        *_, terminated, _, info = outer.step(torque / LIMITS)
+        state = info["state"]
+        ended = ended or terminated or np.abs(state[6:8]).max() > 10.0
+        *_, terminated, _, info = inner.step(np.zeros(2))
+        assert not terminated
+        assert np.abs(info["state"][6:8]).max() < 2e-3
+    assert ended
+
+
+# --- the gain -----------------------------------------------------------------------------------------------
+
+LATE = {"law_sensor": "sensor", "delay": 0.004}
+
+
+@pytest.mark.parametrize(
+    ("env_id", "options", "sensor", "law"),
+    [
+        (PAPER, {}, SensorParameters(), LawParameters()),
+        (PAPER, {"sensor": "collocated"}, SensorParameters("collocated"), LawParameters()),
+        (
+            PAPER,
+            {"delay": (0.01, 0.004), "compensation": "per_joint", "proportional_gain": 80.0},
+            SensorParameters(delay=(0.01, 0.004)),
+            LawParameters(80.0, compensation="per_joint"),
+        ),
+        (GAIN, {"sensor_position": 3.0}, SensorParameters("collocated"), LawParameters()),
+        (
+            GAIN,
+            LATE | {"compensation": "shared", "torque_limit": (300.0, 90.0)},
+            SensorParameters("true", delay=0.004),
+            LawParameters(compensation="shared", torque_limit=(300.0, 90.0)),
+        ),
+        (GAIN, FORESHORTENED | LATE, SensorParameters("true", delay=0.004), LawParameters()),
+    ],
+)
+def test_the_gain_scales_the_papers_law(
+    env_id: str, options: dict[str, Any], sensor: SensorParameters, law: LawParameters
+) -> None:
+    """The same integrator as `ClosedLoop`, to the last bit, with a gain that changes and across a corner."""
+    env = bare(env_id, lap_time=1.6, side=1.26, start="corner", gain_limit=2.0, **(FREE | options))
+    period, step = env.control_period, env.control_period / env.settings.substeps
+    path = square(SquareParameters(side=1.26, lap_time=1.6))
+    loop = ClosedLoop(env.arm, [LoopCase(sensor, law)], path, period, step)
+    info = env.reset()[1]
+    loop.reset(info["state"][None])
+    for k in range(round(0.6 / period)):
+        action = (k % 5 - 2.0) / 2.0
+        info = env.step(np.array([action]))[4]
+        loop.advance([action + 1.0])
+        assert info["gain"] == action + 1.0
+        np.testing.assert_array_equal(info["state"], loop.results().state[0])
+        np.testing.assert_array_equal(info["torque"], loop.results().torque[0])
+
+
+def test_a_late_gain() -> None:
+    """None before the first has arrived."""
+    late, prompt = (bare(GAIN, actuation_delay=delay, start="corner") for delay in (0.03, 0.0))
+    for k in range(30):
+        action = np.array([k % 7 / 3.0 - 1.0])
+        shifted = np.array([(k - 3) % 7 / 3.0 - 1.0 if k >= 3 else -1.0])
+        info, other = late.step(action)[4], prompt.step(shifted)[4]
+        np.testing.assert_array_equal(info["state"], other["state"])
+        assert info["gain"] == other["gain"]

@@ -1,0 +1,250 @@
+"""What Gymnasium and stable-baselines3 ask of every id, over a grid of all options."""
+
+from __future__ import annotations
+
+import copy
+import json
+import warnings
+from dataclasses import fields
+from functools import partial
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+
+from flexarm_env import register_environments
+from flexarm_env.envs.info import KEYS
+from flexarm_env.envs.observation import BLOCKS
+from flexarm_env.envs.settings import Settings
+from flexarm_env.envs.single import FlexArmEnv
+from flexarm_env.envs.vector import FlexArmVectorEnv
+from flexarm_env.kernels.layout import DRAWN
+from tests.support.envs import (
+    CASE_NAMES,
+    CASES,
+    IDS,
+    PAPER,
+    POOR_SENSOR,
+    RANDOM,
+    SQUARE,
+    assert_same,
+    bare,
+    block,
+    in_fresh_process,
+    make,
+)
+
+# Any warning is an error (pyproject.toml), also those of the checkers.
+
+
+def test_the_grid_holds_every_option() -> None:
+    used = {name for _, options in CASES for name in options}
+    registered = {name for env_id in IDS for name in gym.spec(env_id).kwargs}
+    assert used | registered == {one.name for one in fields(Settings)}
+    assert registered - used <= {"law_sensor", "action_mode", "physics_step", "reference"}
+
+
+# --- the two checkers ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("env_id", "options"), CASES, ids=CASE_NAMES)
+def test_gymnasiums_checker(env_id: str, options: dict[str, Any]) -> None:
+    check_env(make(env_id, **options).unwrapped, skip_render_check=True)
+
+
+@pytest.mark.parametrize("env_id", [SQUARE, PAPER])
+def test_gymnasiums_checker_with_pictures(env_id: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("pygame")
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")  # the checker opens a window
+    check_env(make(env_id).unwrapped)
+
+
+@pytest.mark.parametrize(("env_id", "options"), CASES, ids=CASE_NAMES)
+def test_stable_baselines3s_checker(env_id: str, options: dict[str, Any]) -> None:
+    checker = pytest.importorskip("stable_baselines3.common.env_checker")
+    checker.check_env(make(env_id, **options), warn=True)
+
+
+# --- registration -------------------------------------------------------------------------------------------
+
+
+def test_what_is_registered() -> None:
+    names = ("Paper", "Reach", "Square", "SquareEncoders", "SquareGain", "SquareResidual", "Track")
+    assert [name[8:-3] for name in IDS] == list(names)
+
+
+def test_registering_again_is_harmless() -> None:
+    before = dict(gym.registry)
+    register_environments()  # Gymnasium warns of overwritten ids, and a warning is an error
+    register_environments()
+    assert dict(gym.registry) == before
+
+
+@pytest.mark.parametrize("env_id", IDS)
+def test_the_registered_limit_is_one_lap(env_id: str) -> None:
+    """The registry holds a number; lap time and control period are options."""
+    env = bare(env_id)
+    assert gym.spec(env_id).max_episode_steps == env.settings.lap_time / env.control_period == env.lap_steps
+    assert env.control_period == (1e-3 if env_id == PAPER else 1e-2)
+    assert bare(env_id, lap_time=4.0).lap_steps == round(4.0 / env.control_period)
+
+
+@pytest.mark.parametrize(("env_id", "options"), CASES, ids=CASE_NAMES)
+def test_the_spec_survives_json(env_id: str, options: dict[str, Any]) -> None:
+    env = make(env_id, **options)
+    assert env.spec is not None
+    text = env.spec.to_json()
+    json.loads(text)
+    twin = gym.make(gym.envs.registration.EnvSpec.from_json(text))
+    assert_same(twin.reset(seed=4), env.reset(seed=4))
+    action = np.full(env.action_space.shape, 0.5, np.float32)
+    assert_same(twin.step(action), env.step(action))
+
+
+def test_make_imports_the_package_by_itself() -> None:
+    code = (
+        "import gymnasium as gym, sys\n"
+        "assert not [name for name in sys.modules if name.startswith('flexarm')]\n"
+        "env = gym.make('flexarm_env:FlexArm/Square-v0', noise=0.01)\n"
+        "env.reset(seed=0)\n"
+        "print(*env.step(env.action_space.sample())[2:4])\n"
+        "assert not {'torch', 'stable_baselines3', 'matplotlib', 'pygame'} & set(sys.modules)\n"
+    )
+    assert in_fresh_process(code) == "False False"
+
+
+def test_the_class_alone_is_the_square() -> None:
+    action = np.array([0.3, -0.2], np.float32)
+    alone, registered = FlexArmEnv(), bare()
+    alone.reset(seed=0)
+    assert_same(alone.step(action), registered.step(action))
+
+
+# --- what is handed out -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("env_id", IDS)
+def test_keys_of_infos(env_id: str) -> None:
+    """As declared, which the documentation is made from."""
+    env = make(env_id, error_limit=0.05, start="corner", reference="square", max_episode_steps=400)
+    begun = env.reset(seed=0)[1]
+    lasting = {"torque", "true_tip", "rigid_tip", "reference", "sensed", "state", "time"}
+    lasting |= {"gain"} if env.unwrapped.settings.action_mode == "gain" else set()
+    assert set(begun) == lasting | {"parameters", "path", "start_time"}
+    assert set(begun["parameters"]) == set(DRAWN)
+    for _ in range(400):
+        action = -np.ones(env.action_space.shape, np.float32)
+        _, reward, terminated, _, info = env.step(action)
+        assert type(reward) is float
+        assert set(info) == lasting | {"reward_terms"} | ({"termination_reason"} if terminated else set())
+        if terminated:
+            break
+    assert info["termination_reason"] == "error"
+    assert set(begun) | set(info) <= set(KEYS)
+
+
+@pytest.mark.parametrize("env_id", IDS)
+def test_what_is_handed_out_is_new(env_id: str) -> None:
+    """What was given out before does not change, and changing it changes nothing."""
+    env, twin = bare(env_id, noise=0.01), bare(env_id, noise=0.01)
+    action = np.full(env.action_space.shape, 0.1, np.float32)
+    earlier = kept = None
+    for k in range(6):
+        answer = env.reset(seed=3) if k == 0 else env.step(action)
+        assert_same(earlier, kept)
+        assert_same(answer, twin.reset(seed=3) if k == 0 else twin.step(action))
+        if k % 2:
+            observation, info = answer[0], answer[-1]
+            observation[:] = np.nan
+            for value in info.values():
+                if isinstance(value, np.ndarray):
+                    value[:] = np.nan
+                elif isinstance(value, dict):
+                    value.clear()
+            info.clear()
+        earlier, kept = answer, copy.deepcopy(answer)
+    action[:] = np.nan  # the caller's own, and not looked at again
+    assert_same(env.step(np.zeros_like(action)), twin.step(np.zeros_like(action)))
+
+
+@pytest.mark.parametrize(("env_id", "options"), CASES, ids=CASE_NAMES)
+def test_blocks_cover_the_observation_in_order(env_id: str, options: dict[str, Any]) -> None:
+    env = bare(env_id, **options)
+    places = env.observation_blocks
+    assert list(places) == list(env.settings.observation)
+    assert set(places) <= set(BLOCKS)
+    ends = [0, *(part.stop for part in places.values())]
+    assert [part.start for part in places.values()] == ends[:-1]
+    assert env.observation_space.shape == (ends[-1],) == env.observation_scale.shape
+    assert np.all(env.observation_scale > 0.0)
+    assert env.settings.scaled or np.all(env.observation_scale == 1.0)
+    assert np.isfinite(env.observation_space.high).all()
+
+
+# --- the end of an episode ----------------------------------------------------------------------------------
+
+
+def test_only_the_time_limit_truncates() -> None:
+    """Not the first step, not any other but the 16 000th; without the wrapper none."""
+    env = make(PAPER, sensor="collocated")
+    env.reset(seed=0)
+    action = np.ones(1, np.float32)
+    for k in range(1, 16_001):
+        _, _, terminated, truncated, info = env.step(action)
+        assert not terminated
+        assert truncated == (k == 16_000)
+    assert info["time"] == pytest.approx(16.0, rel=1e-12)
+    for _ in range(100):
+        assert env.unwrapped.step(action)[2:4] == (False, False)
+
+
+def test_the_lap_goes_on_after_its_end() -> None:
+    """The second lap is the first again: what acts on the arm knows no end of the lap."""
+    env = bare(error_limit=None, deflection_limit=None, lap_time=0.5, side=0.5, start="corner")
+    rows = [env.step(np.zeros(2, np.float32))[0] for _ in range(101)]
+    position = np.array([block(env, row, "reference_position") for row in rows])
+    np.testing.assert_allclose(position[50:], position[:51], atol=1e-6)  # float32
+    previews = np.array([block(env, row, "previews") for row in rows])
+    np.testing.assert_allclose(previews[50:], previews[:51], atol=1e-6)
+
+
+# --- worker processes ---------------------------------------------------------------------------------------
+
+WORKERS = 2
+OPTIONS = RANDOM | POOR_SENSOR | {"max_episode_steps": 7}
+
+
+def played(env: Any, steps: int = 20) -> list[Any]:
+    actions = np.random.default_rng(0).uniform(-1.0, 1.0, (steps, WORKERS, 2)).astype(np.float32)
+    return [env.reset(seed=2), *(env.step(each) for each in actions)]
+
+
+@pytest.mark.parametrize("context", ["fork", "spawn"])
+def test_gymnasiums_worker_processes(context: str) -> None:
+    functions = [partial(gym.make, f"flexarm_env:{SQUARE}", **OPTIONS)] * WORKERS
+    with warnings.catch_warnings():
+        # Python's general warning: this process has threads, of numpy and of others, that a fork does not copy
+        warnings.filterwarnings("ignore", ".*multi-threaded.*", DeprecationWarning)
+        env = gym.vector.AsyncVectorEnv(functions, context=context)
+    found = played(env)
+    env.close()
+    assert_same(found, played(FlexArmVectorEnv(WORKERS, **OPTIONS)))
+
+
+@pytest.mark.slow  # each worker imports torch
+def test_stable_baselines3s_worker_processes() -> None:
+    env_util = pytest.importorskip("stable_baselines3.common.env_util")
+    vec_env = pytest.importorskip("stable_baselines3.common.vec_env")
+    kinds = (vec_env.SubprocVecEnv, vec_env.DummyVecEnv)
+    runs = []
+    for kind in kinds:
+        env = env_util.make_vec_env(f"flexarm_env:{SQUARE}", WORKERS, seed=1, env_kwargs=OPTIONS, vec_env_cls=kind)
+        rows = [env.reset()]
+        for action in np.random.default_rng(0).uniform(-1.0, 1.0, (20, WORKERS, 2)).astype(np.float32):
+            observation, reward, done, infos = env.step(action)
+            rows += [observation, reward.astype(np.float32), done, np.array([info["state"] for info in infos])]
+        env.close()
+        runs.append(rows)
+    assert_same(*runs)

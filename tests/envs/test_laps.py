@@ -1,0 +1,138 @@
+"""What a user meets beyond one default lap: many laps, moved sensors, slow and lossy clocks, ranges and options."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+
+from flexarm_agents import load_policy
+
+SQUARE, GAIN, RESIDUAL = (f"flexarm_env:FlexArm/Square{name}-v0" for name in ("", "Gain", "Residual"))
+
+
+def test_laps_follow_each_other() -> None:
+    """theta1 winds once a lap around the shoulder; the shipped policy is as good in the fifth as in the second."""
+    agent = load_policy("square")
+    env = agent.make_env(max_episode_steps=8000)
+    observation, info = env.reset(seed=0, options={"start": "corner"})
+    errors = []
+    truncated = False
+    while not truncated:
+        action, _ = agent.policy.predict(observation, deterministic=True)
+        observation, _, terminated, truncated, info = env.step(action)
+        assert not terminated, info
+        errors.append(np.linalg.norm(info["true_tip"] - info["reference"]))
+    laps = np.sqrt(np.mean(np.square(errors).reshape(5, 1600), axis=1))
+    assert info["state"][0] < -8.0 * np.pi
+    np.testing.assert_allclose(laps[2:], laps[1], rtol=0.2)
+
+
+def test_the_law_on_the_joints_does_not_know_the_sensor() -> None:
+    tips = []
+    for position in (0.5, 4.5):
+        env = gymnasium.make(GAIN, sensor_position=position)
+        env.reset(seed=0, options={"start": "corner"})
+        for _ in range(50):
+            info = env.step(np.ones(1, np.float32))[4]
+        tips.append(info["true_tip"])
+    np.testing.assert_array_equal(*tips)
+
+
+def test_the_inner_law_alone_keeps_within_two_metres() -> None:
+    """A lap with action 0, as docs/model.md and the id's text tell it; 1.83 m found, half a second after the start."""
+    env = gymnasium.make(RESIDUAL)
+    env.reset(seed=0, options={"start": "corner"})
+    errors = []
+    truncated = False
+    while not truncated:
+        *_, terminated, truncated, info = env.step(np.zeros(2, np.float32))
+        assert not terminated, info
+        errors.append(np.linalg.norm(info["true_tip"] - info["reference"]))
+    assert len(errors) == 1600
+    assert 0.0 < max(errors) < 2.0
+
+
+def readings(steps: int, **options: Any) -> np.ndarray:
+    """What the sensor says at each control instant of a moving arm. Shape (steps, 2)."""
+    env = gymnasium.make(RESIDUAL, max_episode_steps=steps, error_limit=None, **options)
+    env.reset(seed=3, options={"start": "moving", "time": 0.5})
+    return np.array([env.step(np.zeros(2, np.float32))[4]["sensed"] for _ in range(steps)])
+
+
+@pytest.mark.parametrize("dropout", [0.0, 0.5, 0.9])
+def test_a_tick_of_a_slow_clock_is_lost_once(dropout: float) -> None:
+    """80 ticks in 8 s; what is lost stays lost, and is not drawn again at each control instant."""
+    sensed = readings(800, hold=0.1, dropout=dropout)
+    new = np.any(np.diff(sensed, axis=0) != 0.0, axis=1).sum()
+    expected = 80.0 * (1.0 - dropout)
+    assert abs(new - expected) <= 1.0 + 4.0 * np.sqrt(80.0 * dropout * (1.0 - dropout))  # four deviations
+
+
+def test_jitter_of_a_slow_clock_is_even() -> None:
+    """Ticks 50 ms apart arrive 31.2 to 71.2 ms late; a control instant sees them up to 10 ms later."""
+    env = gymnasium.make(RESIDUAL, max_episode_steps=4000, error_limit=None, hold=0.05, jitter=0.04)
+    env.reset(seed=1, options={"start": "corner"})
+    before, instants = None, []
+    for _ in range(4000):
+        info = env.step(np.zeros(2, np.float32))[4]
+        if before is not None and (info["sensed"] != before).any():
+            instants.append(info["time"])
+        before = info["sensed"]
+    # (arrival - delay) mod hold is even over the jitter, then rounded up to a control instant
+    phase = np.mod(np.array(instants) - 9.0 / 288.33, 0.05)
+    counts, _ = np.histogram(phase, bins=5, range=(0.0, 0.05))
+    assert len(instants) == pytest.approx(800, abs=5)
+    assert counts.max() < 0.32 * len(instants)  # a minimum of several draws would put half into the first bin
+
+
+@pytest.mark.parametrize("env_id", [SQUARE, RESIDUAL, GAIN])
+def test_a_strong_drawn_damping_is_stepped_finely_enough(env_id: str) -> None:
+    limits = {"error_limit": None, "deflection_limit": None, "physics_step": None}
+    env = gymnasium.make(env_id, randomisation={"damping": (0.5, 0.5)}, **limits)
+    env.reset(seed=0, options={"start": "corner"})
+    for _ in range(100):
+        assert not env.step(np.zeros(env.action_space.shape, np.float32))[2]
+
+
+def test_what_an_episode_drew_is_told() -> None:
+    env = gymnasium.make("flexarm_env:FlexArm/Track-v0", reference=("circle", "line"), start="mix")
+    seen = {(info["path"], info["start_time"] > 0.0) for info in (env.reset(seed=k)[1] for k in range(40))}
+    assert {name for name, _ in seen} == {"circle", "line"}
+    assert {later for _, later in seen} == {True, False}
+    info = env.reset(options={"path": "line", "start": "moving", "time": 3.0})[1]
+    assert (info["path"], info["start_time"]) == ("line", pytest.approx(3.0))
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"action_mode": "reference", "actuation_delay": 0.005}, "actuation_delay = 0.005 s: must be a whole number"),
+        ({"observation": ("joint_rates",), "previews": (0.1,)}, r"previews = \(0.1,\): has no effect here"),
+        ({"observation": ("joint_rates",), "last_actions": 3}, "last_actions = 3: has no effect here"),
+        ({"previews": ()}, "previews = "),
+        ({"delay": 0.01, "wave_speed": 100.0}, "wave_speed = 100.0: has no effect here"),
+        ({"sensor": "collocated", "jitter": 0.01}, "jitter = 0.01: has no effect here"),
+        ({"start": "corner", "start_spread": (0.1, 0.1)}, "start_spread = .*: has no effect here"),
+        ({"reference": "moves", "side": 8.0}, "side = 8.0: has no effect here"),
+        ({"reference": "moves", "lap_time": 0.2}, "lap_time = 0.2 s: must be at least 40 control periods"),
+        ({"lap_time": 0.3}, "start = 'mix' with lap_time = 0.3 s"),
+        ({"side": 20.0}, "side = 20.0 m: path: way-point"),
+        ({"randomisation": {"payload_mass": (0.0, 1e9)}}, r"randomisation\['payload_mass'\]\[1\] = 1000000000.0"),
+        ({"randomisation": {"wind": (0.0, 1.0)}}, r"randomisation\['wind'\]: no such quantity"),
+    ],
+)
+def test_what_does_not_go_together_is_refused(options: dict[str, Any], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        gymnasium.make(SQUARE, **options)
+
+
+def test_a_batch_of_moves_fits_into_memory() -> None:
+    """Each arm has a path of its own: 4096 of them stay below 200 MB."""
+    from flexarm_env.envs.vector import FlexArmVectorEnv
+
+    fleet = FlexArmVectorEnv(num_envs=256, reference="moves", start="corner").fleet
+    size = sum(array.nbytes for array in vars(fleet).values() if isinstance(array, np.ndarray) and array.base is None)
+    assert 16 * size < 200e6

@@ -1,0 +1,282 @@
+"""Options and actions: what is refused, with which words."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import fields
+from typing import Any
+
+import numpy as np
+import pytest
+
+from flexarm_env.envs.settings import Settings
+from flexarm_env.envs.single import FlexArmEnv
+from tests.support.envs import GAIN, PAPER, RESIDUAL, SQUARE, WAYPOINTS, assert_same, bare, make
+from tests.support.refusals import refuses
+
+MESSAGES: list[tuple[str, dict[str, Any], type[Exception], str]] = [
+    (SQUARE, {"arm": "papers"}, ValueError, r"arm = 'papers': must be one of 'paper', 'default'"),
+    (SQUARE, {"arm": 2}, TypeError, r"arm = 2: must be 'paper', 'default' or a mapping of ArmParameters fields"),
+    (SQUARE, {"arm": {"mass": 1.0}}, ValueError, r"arm: unknown field\(s\) \['mass'\]; ArmParameters has .*'link_le"),
+    (SQUARE, {"arm": {"modes_per_link": 5}}, ValueError, r"modes_per_link = 5: must be an integer from 1 to 4"),
+    (SQUARE, {"arm": {"preset": "new"}}, ValueError, r"arm = 'new': must be one of 'paper', 'default'"),
+    (SQUARE, {"action_mode": "speed"}, ValueError, r"action_mode = 'speed': must be one of 'torque', 'residual', 'ref"),
+    (SQUARE, {"control_period": 0.0}, ValueError, r"control_period = 0\.0: must be .* >= 1e-05 and <= 1\.0 \[s\]"),
+    (SQUARE, {"control_period": 2.0}, ValueError, r"control_period = 2\.0: must be .* <= 1\.0 \[s\]"),
+    (SQUARE, {"control_period": True}, TypeError, r"control_period = True: must be a finite number"),
+    (SQUARE, {"physics_step": 0.02}, ValueError, r"physics_step = 0\.02 s: too long .* 323 rad/s; at most 0\.00619"),
+    (SQUARE, {"physics_step": -1e-3}, ValueError, r"physics_step = -0\.001: must be .* > 0\.0 \[s\]"),
+    (PAPER, {"physics_step": 0.1}, ValueError, r"physics_step = 0\.1 s: too long .* at most 0\.01218 s is allowed"),
+    (PAPER, {"physics_step": "auto"}, TypeError, r"physics_step = 'auto': must be a .*number .*\[s\]"),
+    (SQUARE, {"torque_limit": (0.0, 1.0)}, ValueError, r"torque_limit\[0\] = 0\.0: must be .* > 0\.0 \[N m\]"),
+    (PAPER, {"torque_limit": 5.0}, TypeError, r"torque_limit = 5\.0: must be a pair of"),
+    (PAPER, {"gain_limit": 0.0}, ValueError, r"gain_limit = 0\.0: must be .* > 0\.0"),
+    (GAIN, {"gain_limit": math.nan}, ValueError, r"gain_limit = nan: must be a finite number"),
+    (
+        RESIDUAL,
+        {"inner_stiffness": (1.0, -1.0)},
+        ValueError,
+        r"inner_stiffness\[1\] = -1\.0: must be .* >= 0\.0 \[N m/r",
+    ),
+    (
+        RESIDUAL,
+        {"inner_resistance": 2.0},
+        TypeError,
+        r"inner_resistance = 2\.0: must be a pair of numbers \[N m s/rad\]",
+    ),
+    (
+        RESIDUAL,
+        {"action_mode": "reference", "shift_limit": (0.1, 4.0)},
+        ValueError,
+        r"shift_limit\[1\] = 4\.0: must be .* > 0\.0 and <= 3\.14\d* \[rad\]",
+    ),
+    (PAPER, {"proportional_gain": -1.0}, ValueError, r"proportional_gain = -1\.0: must be .* >= 0\.0 \[N/m\]"),
+    (PAPER, {"derivative_gain": math.inf}, ValueError, r"derivative_gain = inf: must be .* >= 0\.0 \[N s/m\]"),
+    (
+        PAPER,
+        {"compensation": "both"},
+        ValueError,
+        r"compensation = 'both': must be one of 'none', 'shared', 'per_joint'",
+    ),
+    (
+        PAPER,
+        {"sensor": "collocated", "compensation": "shared"},
+        ValueError,
+        r"compensation = 'shared': .* must be 'none'",
+    ),
+    (GAIN, {"law_sensor": "eye"}, ValueError, r"law_sensor = 'eye': must be one of 'joints', 'sensor'"),
+    (PAPER, {"rate_jacobian": "late"}, ValueError, r"rate_jacobian = 'late': must be one of 'delayed', 'current'"),
+    (PAPER, {"delayed": "rate"}, ValueError, r"delayed = 'rate': must be one of 'position', 'position\+rate'"),
+    (
+        GAIN,
+        {"compensation": "shared"},
+        ValueError,
+        r"compensation = 'shared': has no effect here; only with law_sensor = 'sensor'",
+    ),
+    (
+        GAIN,
+        {"delayed": "position+rate"},
+        ValueError,
+        r"delayed = 'position\+rate': has no effect here; only with law_sensor",
+    ),
+    (
+        GAIN,
+        {"rate_jacobian": "current"},
+        ValueError,
+        r"rate_jacobian = 'current': has no effect here; only with law_sensor",
+    ),
+    (PAPER, {"jitter": 0.01}, ValueError, r"jitter = 0\.01: .* must be 0 with law_sensor = 'sensor'"),
+    (PAPER, {"hold": 0.02}, ValueError, r"hold = 0\.02: .* must be 0 with law_sensor = 'sensor'"),
+    (PAPER, {"dropout": 0.5}, ValueError, r"dropout = 0\.5: .* must be 0 with law_sensor = 'sensor'"),
+    (SQUARE, {"sensor": "laser"}, ValueError, r"sensor = 'laser': must be one of 'collocated', 'rigid', 'true'"),
+    (SQUARE, {"sensor_position": 0.0}, ValueError, r"sensor_position = 0\.0: must be .* > 0\.0 \[m\]"),
+    (SQUARE, {"sensor_position": 4.6}, ValueError, r"sensor_position = 4\.6 m: must be on link 2, > 0 and <= 4\.5 m"),
+    (SQUARE, {"delay": -1e-3}, ValueError, r"delay = -0\.001: must be .* >= 0\.0 and <= 10\.0 \[s\]"),
+    (PAPER, {"delay": (0.01, math.inf)}, ValueError, r"delay\[1\] = inf: must be .* \[s\]"),
+    (SQUARE, {"delay": "late"}, TypeError, r"delay = 'late': must be a .* \[s\]"),
+    (SQUARE, {"delay": (0.1, 0.2)}, ValueError, r"delay = \(0\.1, 0\.2\): .* must be one number \[s\]"),
+    (SQUARE, {"sensor": "collocated", "delay": 0.1}, ValueError, r"delay = 0\.1: .* must be None"),
+    (SQUARE, {"wave_speed": 0.0}, ValueError, r"wave_speed = 0\.0: must be .* > 0\.0 \[m/s\]"),
+    (SQUARE, {"noise": -0.1}, ValueError, r"noise = -0\.1: must be .* >= 0\.0"),
+    (SQUARE, {"jitter": 11.0}, ValueError, r"jitter = 11\.0: must be .* >= 0\.0 and <= 10\.0 \[s\]"),
+    (SQUARE, {"hold": -1.0}, ValueError, r"hold = -1\.0: must be .* >= 1e-06 and <= 10\.0 \[s\]"),
+    (SQUARE, {"hold": 1e-311}, ValueError, r"hold = 1e-311: must be .* >= 1e-06 and <= 10\.0 \[s\]"),
+    (SQUARE, {"dropout": 1.5}, ValueError, r"dropout = 1\.5: must be .* >= 0\.0 and <= 1\.0"),
+    (SQUARE, {"encoder_noise": 0.1}, TypeError, r"encoder_noise = 0\.1: must be a pair of numbers \[rad, rad/s\]"),
+    (SQUARE, {"encoder_noise": (0.1, -1.0)}, ValueError, r"encoder_noise\[1\] = -1\.0: must be .* >= 0\.0"),
+    (SQUARE, {"actuation_delay": 11}, ValueError, r"actuation_delay = 11: must be .* >= 0\.0 and <= 10\.0 \[s\]"),
+    (SQUARE, {"observation": ["tip"]}, ValueError, r"observation = 'tip': must be one of 'joint_angles', "),
+    (SQUARE, {"observation": []}, ValueError, r"observation = \[\]: must hold at least one name, and each only once"),
+    (SQUARE, {"observation": ["lap_phase"] * 2}, ValueError, r"observation = .*: must hold .* each only once"),
+    (SQUARE, {"observation": "lap_phase"}, TypeError, r"observation = 'lap_phase': must be a list or a tuple"),
+    (SQUARE, {"observation": [1]}, TypeError, r"observation = \[1\]: must hold names"),
+    (SQUARE, {"frame": "tip"}, ValueError, r"frame = 'tip': must be one of 'link', 'world'"),
+    (SQUARE, {"previews": 0.1}, TypeError, r"previews = 0\.1: must be a list or a tuple"),
+    (SQUARE, {"previews": (0.1, 0.0)}, ValueError, r"previews\[1\] = 0\.0: must be .* > 0\.0 \[s\]"),
+    (SQUARE, {"last_actions": 0}, ValueError, r"last_actions = 0: must be an integer from 1 to 100"),
+    (SQUARE, {"last_actions": 1.0}, TypeError, r"last_actions = 1\.0: must be an integer"),
+    (SQUARE, {"scaled": 1}, TypeError, r"scaled = 1: must be True or False"),
+    (SQUARE, {"reference": "heart"}, ValueError, r"reference = 'heart': must be one of 'square', 'circle', .*'moves'"),
+    (SQUARE, {"reference": ["square", "moves"]}, ValueError, r"reference = 'moves': must be one of .*'waypoints'$"),
+    (SQUARE, {"reference": "waypoints"}, ValueError, r"waypoints = None: must be given with the reference 'waypoints'"),
+    (SQUARE, {"waypoints": WAYPOINTS}, ValueError, r"waypoints = .*only with it; reference = 'square'"),
+    (
+        SQUARE,
+        {"reference": "waypoints", "waypoints": [(1.0, 1.0)]},
+        ValueError,
+        r"waypoints: must be at least 2 points",
+    ),
+    (
+        SQUARE,
+        {"reference": "waypoints", "waypoints": [(9.0, 9.0), (0.0, 1.0)]},
+        ValueError,
+        r"way-point .* misses it by",
+    ),
+    (SQUARE, {"side": 12.8}, ValueError, r"path: way-point .* misses it by 0\.05097 m"),
+    (SQUARE, {"lap_time": 0.0}, ValueError, r"lap_time = 0\.0: must be .* >= 0\.001"),
+    (SQUARE, {"start_corner": "top"}, ValueError, r"start_corner = 'top': must be one of 'lower left', 'upper left'"),
+    (SQUARE, {"direction": "left"}, ValueError, r"direction = 'left': must be one of 'clockwise', 'counterclockwise'"),
+    (SQUARE, {"elbow_branch": "up"}, ValueError, r"elbow_branch = 'up': must be one of 'positive', 'negative'"),
+    (SQUARE, {"start": "side"}, ValueError, r"start = 'side': must be one of 'corner', 'corners', 'moving', 'mix'"),
+    (SQUARE, {"start_spread": (0.1, 0.6)}, ValueError, r"start_spread\[1\] = 0\.6: must be .* >= 0\.0 and <= 0\.5"),
+    (
+        SQUARE,
+        {"randomisation": {"mass": (0.0, 1.0)}},
+        ValueError,
+        r"randomisation\['mass'\]: no such quantity; there are 'delay'",
+    ),
+    (
+        SQUARE,
+        {"randomisation": {"delay": 0.1}},
+        TypeError,
+        r"randomisation\['delay'\] = 0\.1: must be a pair of numbers",
+    ),
+    (
+        SQUARE,
+        {"randomisation": {"stiffness": (0.0, 1.0)}},
+        ValueError,
+        r"\['stiffness'\]\[0\] = 0\.0: must be .* >= 0\.1",
+    ),
+    (
+        SQUARE,
+        {"randomisation": {"noise": (0.2, 0.1)}},
+        ValueError,
+        r"\['noise'\] = .*the first must not be above the sec",
+    ),
+    (SQUARE, {"randomisation": [1]}, TypeError, r"randomisation = \[1\]: must be a mapping of names"),
+    (
+        SQUARE,
+        {"randomisation": {"delay": (0.0, 0.1)}, "sensor": "collocated"},
+        ValueError,
+        r"randomisation\['delay'\]: a collocated sensor has no delay",
+    ),
+    (
+        SQUARE,
+        {"reward_weights": {"speed": 1.0}},
+        ValueError,
+        r"reward_weights\['speed'\]: no such term; there are 'tracking_wide'",
+    ),
+    (
+        SQUARE,
+        {"reward_weights": {"effort": -1.0}},
+        ValueError,
+        r"reward_weights\['effort'\] = -1\.0: must be .* >= 0\.0",
+    ),
+    (SQUARE, {"reward_weights": {"effort": 0.0}}, ValueError, r"reward_weights = .*: one at least must be > 0"),
+    (SQUARE, {"reward_weights": 1.0}, TypeError, r"reward_weights = 1\.0: must be a mapping of names"),
+    (SQUARE, {"deflection_limit": 0.0}, ValueError, r"deflection_limit = 0\.0: must be .* > 0\.0 \[m\]"),
+    (SQUARE, {"error_limit": math.inf}, ValueError, r"error_limit = inf: must be a finite number"),
+    (SQUARE, {"render_mode": "ansi"}, ValueError, r"render_mode = 'ansi': must be one of 'rgb_array', 'human'"),
+    (
+        SQUARE,
+        {"wind": 3.0},
+        TypeError,
+        r"wind: no such option\. The options are arm, action_mode, ",
+    ),
+    (SQUARE, {"torque_limits": (1.0, 1.0)}, TypeError, r"torque_limits: no such option; did you mean 'torque_limit'\?"),
+    (PAPER, {"gainlimit": 1.0}, TypeError, r"gainlimit: no such option; did you mean 'gain_limit'\?"),
+]
+
+
+@pytest.mark.parametrize(("env_id", "options", "error", "message"), MESSAGES, ids=lambda value: str(value)[:40])
+def test_a_wrong_option_fails_at_make(
+    env_id: str, options: dict[str, Any], error: type[Exception], message: str
+) -> None:
+    """Naming the option, its value and what is allowed."""
+    with pytest.raises(error, match=message):
+        make(env_id, **options) if "render_mode" not in options else FlexArmEnv(**options)
+
+
+def test_every_option_is_refused_something() -> None:
+    assert {name for _, options, *_ in MESSAGES for name in options} >= {one.name for one in fields(Settings)}
+
+
+# The modes in which an option acts; in the others it must not be given.
+ACTS_IN = {
+    "gain_limit": ("gain", 2.0),
+    "shift_limit": ("reference", (0.1, 0.1)),
+    "inner_stiffness": ("residual reference", (1.0, 1.0)),
+    "inner_resistance": ("residual reference", (1.0, 1.0)),
+    "proportional_gain": ("gain", 1.0),
+    "derivative_gain": ("gain", 1.0),
+    "compensation": ("gain", "shared"),
+    "law_sensor": ("gain", "sensor"),
+    "rate_jacobian": ("gain", "current"),
+    "delayed": ("gain", "position+rate"),
+}
+
+
+@pytest.mark.parametrize("mode", ["torque", "residual", "reference", "gain"])
+@pytest.mark.parametrize("name", ACTS_IN)
+def test_an_option_without_effect_is_refused(name: str, mode: str) -> None:
+    allowed, value = ACTS_IN[name]
+    late = {"law_sensor": "sensor", "sensor": "rigid"} if mode == "gain" else {}
+    options = {"action_mode": mode, **late, name: value}
+    if mode in allowed.split():
+        assert getattr(Settings.of(options), name) == value
+    else:
+        with refuses(ValueError, f"{name} = {value!r}: has no effect", f"'{mode}'", *map(repr, allowed.split())):
+            Settings.of(options)
+
+
+def test_lists_as_json_has_them_are_tuples() -> None:
+    settings = Settings.of({"previews": [0.1], "torque_limit": [1.0, 2.0], "delay": [0.1, 0.2], "sensor": "rigid"})
+    assert (settings.previews, settings.torque_limit, settings.reference) == ((0.1,), (1.0, 2.0), ("square",))
+    assert settings.delay == settings.sensor_parameters.delay == (0.1, 0.2)
+
+
+# --- actions ------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("action", "message"),
+    [
+        ([math.nan, 0.0], r"action\[0\] = nan: must be finite"),
+        ([0.0, -math.inf], r"action\[1\] = -inf: must be finite"),
+        ([0.0], r"action: must have shape \(2,\), got \(1,\)"),
+        (0.0, r"action: must have shape \(2,\), got \(\)"),
+        ([[0.0, 0.0]], r"action: must have shape \(2,\), got \(1, 2\)"),
+    ],
+    ids=str,
+)
+@pytest.mark.parametrize("env_id", [SQUARE, RESIDUAL])
+def test_a_wrong_action_is_refused_and_nothing_moves(env_id: str, action: Any, message: str) -> None:
+    env, twin = bare(env_id), bare(env_id)
+    with pytest.raises(ValueError, match=message):
+        env.step(np.asarray(action))
+    assert_same(env.step(np.zeros(2, np.float32)), twin.step(np.zeros(2, np.float32)))
+
+
+def test_an_action_beyond_the_range_is_limited() -> None:
+    env, twin = bare(), bare()
+    for beyond, limit in (((-7.0, 1.5), (-1.0, 1.0)), ((1e30, 0.5), (1.0, 0.5))):
+        assert_same(env.step(np.array(beyond, np.float32)), twin.step(np.array(limit, np.float32)))
+
+
+def test_steps_before_the_first_reset_are_refused() -> None:
+    with pytest.raises(RuntimeError, match=r"step\(\) before reset\(\)"):
+        FlexArmEnv().step(np.zeros(2, np.float32))
+    with pytest.raises(RuntimeError, match=r"render\(\) before reset\(\)"):
+        FlexArmEnv(render_mode="rgb_array").render()
+    with pytest.raises(AttributeError, match="gain_limit: the action is 'torque', not the gain"):
+        _ = FlexArmEnv().gain_limit

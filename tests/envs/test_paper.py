@@ -1,0 +1,222 @@
+"""The paper's set-up, `FlexArm/Paper-v0`: the law's torque, what its sensor sees, how an episode ends."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from flexarm_env import ArmParameters, FlexibleArm, SquareParameters, square
+from flexarm_env.envs.single import FlexArmEnv
+from tests.support.envs import PAPER, bare, block, make
+
+Array = NDArray[np.float64]
+STEPS = 60
+
+
+def paper(**options: Any) -> FlexArmEnv:
+    return bare(PAPER, **options)
+
+
+def recorded(env: FlexArmEnv) -> tuple[Array, list[dict[str, Any]]]:
+    """Observations and infos of an episode with random actions."""
+    observation, info = env.reset(seed=2)
+    observations, infos = [observation], [info]
+    for action in np.random.default_rng(2).uniform(-1.0, 1.0, (STEPS, 1)).astype(np.float32):
+        observation, _, terminated, _, info = env.step(action)
+        assert not terminated
+        observations.append(observation)
+        infos.append(info)
+    return np.array(observations), infos
+
+
+def test_the_set_up() -> None:
+    env = paper()
+    assert env.arm.parameters == ArmParameters.paper()
+    assert env.settings.sensor_parameters.joint_delays(4.5) == (9.0 / 288.33, 4.5 / 288.33)
+    law = env.settings.law
+    assert (law.proportional_gain, law.derivative_gain, law.torque_limit) == (150.79, 17.364, None)
+    assert (env.control_period, env.gain_limit, env.settings.substeps) == (1e-3, 1.0, 4)
+
+
+# --- the law ------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("action", "gain"), [(-1.0, 0.0), (0.0, 2.0), (1.0, 4.0), (-7.0, 0.0), (1.5, 4.0), (0.5, 3.0)])
+def test_the_action_is_the_gain(action: float, gain: float) -> None:
+    """-1 to 1 onto 0 to gain_limit; what lies outside is limited."""
+    env = paper(gain_limit=4.0)
+    assert env.reset()[1]["gain"] == 0.0
+    assert env.step(np.array([action], np.float32))[4]["gain"] == gain
+
+
+def law_without_gain(env: FlexArmEnv, info: dict[str, Any]) -> Array:
+    """J^T (Kp e + Kd e') (10) at an instant of an undelayed run on the first side."""
+    theta1, theta2, *_ = info["state"]
+    rates = info["state"][env.arm.size : env.arm.size + 2]
+    s1, c1, s12, c12 = np.sin(theta1), np.cos(theta1), np.sin(theta1 + theta2), np.cos(theta1 + theta2)
+    p = 4.5 * np.array([c1 + c12, s1 + s12])
+    J = 4.5 * np.array([[-s1 - s12, -s12], [c1 + c12, c12]])
+    error = np.array([-6.3, -6.3 + 3.15 * info["time"]]) - p
+    return np.asarray(J.T @ (150.79 * error + 17.364 * (np.array([0.0, 3.15]) - J @ rates)))
+
+
+def test_the_torque_is_the_papers_law_times_the_gain() -> None:
+    """Reported as it acts when the period begins; at the reset there is none."""
+    env = paper(sensor="collocated", gain_limit=4.0)
+    info = env.reset(seed=0)[1]
+    np.testing.assert_array_equal(info["torque"], np.zeros(2))
+    for action in (*np.linspace(-1.0, 1.0, 9), *np.zeros(60)):
+        expected = 2.0 * (action + 1.0) * law_without_gain(env, info)
+        info = env.step(np.array([action], np.float32))[4]
+        # rounding of the position, 1e-15 m, times gains of up to 1e4 N m/m; the command's velocity is a difference
+        # quotient over 0.25 ms, with 1e-11 m/s of rounding
+        np.testing.assert_allclose(info["torque"], expected, rtol=1e-9, atol=1e-8)
+
+
+def test_noise_reaches_the_law() -> None:
+    """And moves the arm, unlike the noise of a sensor that no law acts on."""
+    noisy, clean = paper(noise=0.01), paper()
+    for env in (noisy, clean):
+        for _ in range(20):
+            info = env.step(np.ones(1))[4]
+        env.last = info["state"]
+    assert 1e-9 < np.abs(noisy.last - clean.last)[:2].max() < 1e-2
+
+
+# --- observation and info -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("arm", ["paper", "default"])
+def test_blocks_hold_what_they_say(arm: str) -> None:
+    env = paper(arm=arm, start_corner="upper left", lap_time=0.12, gain_limit=0.01)  # a soft gain over two corners
+    observations, infos = recorded(env)
+    m = env.arm.parameters.modes_per_link
+    states = np.array([info["state"] for info in infos])
+    path = square(SquareParameters(start_corner="upper left", lap_time=0.12))
+    times = 1e-3 * np.arange(STEPS + 1)
+    expected = {
+        "joint_angles": states[:, :2],
+        "joint_rates": states[:, 2 * m + 2 : 2 * m + 4],
+        "modal_coordinates": states[:, 2 : 2 * m + 2],
+        "reference_position": path.position(times),
+        "reference_velocity": path.velocity(times + 1e-9),
+    }
+    assert env.observation_scale.tolist() == [1.0] * (10 + 2 * m)
+    for name, values in expected.items():
+        np.testing.assert_allclose(block(env, observations, name), values, rtol=3e-7, atol=1e-12, err_msg=name)
+    assert np.ptp(expected["modal_coordinates"], axis=0).min() > 0.0
+    assert list(env.observation_blocks) == [*list(expected)[:2], "sensed_position", *list(expected)[2:]]
+
+
+@pytest.mark.parametrize("sensor", ["collocated", "rigid", "true"])
+def test_the_sensed_position(sensor: Any) -> None:
+    """Of angles 4 and 2 ms old, of the point 4 ms ago with its deflection, or of the present angles."""
+    delay = {"collocated": None, "rigid": (0.004, 0.002), "true": 0.004}[sensor]
+    env = paper(sensor=sensor, sensor_position=3.0, delay=delay, gain_limit=0.3)
+    observations, infos = recorded(env)
+    states = np.array([info["state"] for info in infos])
+    late_1 = states[np.maximum(np.arange(STEPS + 1) - (0 if sensor == "collocated" else 4), 0)]
+    late_2 = states[np.maximum(np.arange(STEPS + 1) - (2 if sensor == "rigid" else 0), 0)]
+    if sensor == "true":
+        expected = env.arm.position(late_1[:, : env.arm.size], 2, 3.0)
+    else:
+        theta1, both = late_1[:, 0], late_1[:, 0] + late_2[:, 1]
+        expected = np.stack([4.5 * np.cos(theta1) + 3.0 * np.cos(both), 4.5 * np.sin(theta1) + 3.0 * np.sin(both)], 1)
+    found = block(env, observations, "sensed_position")
+    np.testing.assert_allclose(found, expected, rtol=0.0, atol=4e-7)  # float32 at 7 m
+    np.testing.assert_array_equal(found, np.float32([info["sensed"] for info in infos]))
+    present = env.arm.position(states[:, : env.arm.size], 2, 3.0)
+    assert sensor == "collocated" or np.abs(found - present).max() > 1e-3  # it is late
+
+
+def test_the_reference_where_corners_fall_between_the_instants() -> None:
+    """It neither overshoots the corner nor turns before it."""
+    env = paper(lap_time=0.0404, gain_limit=1e-6)
+    observations, _ = recorded(env)
+    path = square(SquareParameters(lap_time=0.0404))
+    times = 1e-3 * np.arange(STEPS + 1)
+    np.testing.assert_array_equal(block(env, observations, "reference_position"), np.float32(path.position(times)))
+    np.testing.assert_array_equal(block(env, observations, "reference_velocity"), np.float32(path.velocity(times)))
+
+
+def test_info_and_tips() -> None:
+    env = paper(arm="default")
+    _, infos = recorded(env)
+    q = np.array([info["state"][: env.arm.size] for info in infos])
+    arm = FlexibleArm(env.arm.parameters)
+    np.testing.assert_allclose([info["true_tip"] for info in infos], arm.tip(q), atol=1e-13)
+    np.testing.assert_allclose([info["rigid_tip"] for info in infos], arm.rigid_tip(q), atol=1e-13)
+    np.testing.assert_allclose([info["time"] for info in infos], 1e-3 * np.arange(STEPS + 1), rtol=1e-12)
+    references = square(SquareParameters()).position([info["time"] for info in infos])
+    np.testing.assert_allclose([info["reference"] for info in infos], references, atol=1e-14)
+    np.testing.assert_allclose(infos[0]["rigid_tip"], (-6.3, -6.3), atol=1e-14)
+    assert not infos[0]["state"][2:].any()  # at rest, straight
+    assert infos[0]["state"][1] > 0.0
+    assert paper(elbow_branch="negative").reset()[1]["state"][1] < 0.0
+
+
+def test_the_reward_is_of_the_true_tip_after_the_step() -> None:
+    env = paper(gain_limit=2.0)
+    for k in range(1, 40):
+        _, reward, _, _, info = env.step(np.ones(1, np.float32))
+        distance = math.dist(info["true_tip"], (-6.3, -6.3 + 3.15e-3 * k))
+        wide, middle = 0.5 * math.exp(-((distance / 0.6) ** 2)), 0.5 * math.exp(-distance / 0.15)
+        assert info["reward_terms"] == pytest.approx({"tracking_wide": wide, "tracking_middle": middle}, rel=1e-9)
+        assert reward == pytest.approx(wide + middle, rel=1e-9)
+        assert isinstance(reward, float)
+
+
+def test_noise_has_the_size_it_says() -> None:
+    """On the sensed position alone, fresh every period; 400 draws: the estimate's own deviation is 3.5 %."""
+    noisy, clean = paper(noise=0.02, gain_limit=1e-9), paper(gain_limit=1e-9)  # too weak to move the arm
+    rows = np.array([[e.step(np.ones(1, np.float32))[0] for e in (noisy, clean)] for _ in range(200)])
+    difference = rows[:, 0] - rows[:, 1]
+    sensed = difference[:, noisy.observation_blocks["sensed_position"]]
+    assert sensed.std() == pytest.approx(0.02, rel=0.15)
+    assert abs(sensed.mean()) < 0.004
+    assert abs(np.corrcoef(sensed[1:, 0], sensed[:-1, 0])[0, 1]) < 0.3
+    assert abs(np.corrcoef(sensed[:, 0], sensed[:, 1])[0, 1]) < 0.3
+    others = np.delete(difference, np.r_[noisy.observation_blocks["sensed_position"]], axis=1)
+    assert np.abs(others).max() < 1e-6
+
+
+# --- the end of an episode ----------------------------------------------------------------------------------
+
+STIFF = {"preset": "paper", "flexural_rigidities": (1e6, 1e6), "modal_damping_ratio": 0.01}
+
+
+@pytest.mark.parametrize(
+    ("options", "reason"),
+    [
+        ({"delayed": "position+rate"}, "deflection"),
+        ({"delayed": "position+rate", "delay": 2e-3, "arm": STIFF}, "rate"),
+        ({"gain_limit": 1e300}, "diverged"),
+        ({"error_limit": 0.05}, "error"),
+    ],
+    ids=["deflection", "rate", "diverged", "error"],
+)
+def test_termination(options: dict[str, Any], reason: str) -> None:
+    env = make(PAPER, **options)
+    previous, _ = env.reset(seed=0)
+    for _ in range(16_000):
+        observation, reward, terminated, truncated, info = env.step(np.ones(1, np.float32))
+        assert env.observation_space.contains(observation)
+        if terminated:
+            break
+        previous = observation.copy()
+        observation[:] = np.nan  # the caller's own
+    assert info["termination_reason"] == reason
+    assert not truncated
+    if reason == "error":  # a valid state
+        assert reward > 0.0
+    else:
+        assert reward == 0.0
+        assert info["reward_terms"] == {"tracking_wide": 0.0, "tracking_middle": 0.0}
+        np.testing.assert_array_equal(observation, previous)  # the last valid one
+    again, _ = env.reset(seed=0)  # and the next episode is like the first
+    np.testing.assert_array_equal(again, make(PAPER, **options).reset(seed=0)[0])
+    assert not env.step(-np.ones(1, np.float32))[2]

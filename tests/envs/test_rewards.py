@@ -1,0 +1,280 @@
+"""What is rewarded, what ends an episode, how one starts, and what is drawn for it."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from flexarm_env import ArmParameters, FlexibleArm, SquareParameters, inverse_kinematics, square
+from flexarm_env.envs.single import FlexArmEnv
+from flexarm_env.episode.reward import TERMS
+from tests.support.envs import GAIN, IDS, PAPER, RESIDUAL, SQUARE, bare, make
+
+FREE: dict[str, Any] = {"error_limit": None, "deflection_limit": None}
+WEIGHTS = {"tracking_wide": 0.5, "tracking_middle": 2.0, "effort": 0.25, "vibration": 3.0, "action_change": 0.125}
+
+
+# --- reward -------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("env_id", [SQUARE, RESIDUAL, GAIN])
+def test_the_reward_is_the_weighted_sum_of_its_terms(env_id: str) -> None:
+    """Of the state after the step, the torque at its start, and the change of the action."""
+    weights = WEIGHTS | {"tracking_fine": 0.7}
+    env = bare(env_id, reward_weights=weights, start="moving", **FREE)
+    time, last = 2.0, np.full(env.action_space.shape, -1.0 if env_id == GAIN else 0.0)
+    env.reset(seed=1, options={"time": time})
+    for action in np.random.default_rng(0).uniform(-1.3, 1.3, (40, len(last))).astype(np.float32):
+        _, reward, _, _, info = env.step(action)
+        action = np.clip(action.astype(np.float64), -1.0, 1.0)
+        distance = math.dist(info["true_tip"], square(SquareParameters()).position(time + info["time"]))
+        rates = env.arm.tip_deflection(info["state"][env.arm.size :])
+        terms = {
+            "tracking_wide": math.exp(-((distance / 0.6) ** 2)),
+            "tracking_middle": math.exp(-distance / 0.15),
+            "tracking_fine": math.exp(-distance / 0.04),
+            "action_change": 1.0 / (1.0 + np.sum((action - last) ** 2) / 0.5),
+            "effort": 1.0 / (1.0 + np.sum((info["torque"] / (150.0, 50.0)) ** 2)),
+            "vibration": 1.0 / (1.0 + np.sum(rates**2)),
+        }
+        assert set(terms) == set(TERMS)
+        expected = {name: weights[name] * term for name, term in terms.items()}
+        # distances are known to 1e-14 m; divided by 0.04 m, and by the accuracy of the exponential
+        assert info["reward_terms"] == pytest.approx(expected, rel=1e-11, abs=1e-14)
+        assert reward == pytest.approx(sum(expected.values()), rel=1e-11)
+        last = action
+
+
+def test_terms_without_weight_are_not_told() -> None:
+    env = bare(reward_weights={"vibration": 1.0, "effort": 0.0}, start="corner")
+    _, reward, *_, info = env.step(np.zeros(2))
+    assert info["reward_terms"] == {"vibration": 1.0}
+    assert reward == 1.0
+
+
+@pytest.mark.parametrize("policy", [-1.0, 0.0, 1.0, "bang-bang"])
+@pytest.mark.parametrize("env_id", IDS)
+def test_ending_early_never_pays(env_id: str, policy: Any) -> None:
+    """No step's reward is negative, so that none that is missed could have been a loss."""
+    env = make(env_id, max_episode_steps=400)
+    signs = np.random.default_rng(0).choice([-1.0, 1.0], (400, *env.action_space.shape))
+    env.reset(seed=0)
+    for sign in signs:
+        action = sign if policy == "bang-bang" else np.full_like(sign, policy)
+        _, reward, terminated, truncated, info = env.step(action)
+        assert reward >= 0.0
+        assert min(info["reward_terms"].values()) >= 0.0
+        if terminated or truncated:
+            break
+
+
+# --- the end of an episode ----------------------------------------------------------------------------------
+
+STIFF = {"preset": "paper", "flexural_rigidities": (1e6, 1e6), "modal_damping_ratio": 0.01}
+
+
+def ended(env: FlexArmEnv, action: Any, steps: int = 3000, **options: Any) -> tuple[str, float, dict[str, Any]]:
+    """Reason, reward and info of the last step; the space holds every observation."""
+    env.reset(seed=0, options=options)
+    for _ in range(steps):
+        observation, reward, terminated, truncated, info = env.step(np.full(env.action_space.shape, action))
+        assert env.observation_space.contains(observation)
+        assert not truncated
+        if terminated:
+            return info["termination_reason"], reward, info
+    raise AssertionError("the episode did not end")
+
+
+@pytest.mark.parametrize("limit", [0.02, 1.0])
+def test_too_large_an_error_ends_an_episode(limit: float) -> None:
+    env = bare(error_limit=limit, deflection_limit=None, start="corner")
+    reason, reward, info = ended(env, 0.0)
+    assert reason == "error"
+    assert reward > 0.0  # the state is a valid one
+    distance = math.dist(info["true_tip"], info["reference"])
+    assert limit < distance < limit + 3.15 * 0.01 * 1.01  # the step before was within
+    assert bare(error_limit=0.5, start="corner").reset()[1]["time"] == 0.0
+
+
+@pytest.mark.parametrize("limit", [0.1, 1.5])
+@pytest.mark.parametrize("torque", [(1.0, 0.0), (0.0, -1.0)])
+def test_a_link_bent_too_far_ends_an_episode(limit: float, torque: tuple[float, float]) -> None:
+    """Either link, either way; the step before neither was."""
+    env = bare(deflection_limit=limit, error_limit=None, start="corner", torque_limit=(400.0, 400.0))
+    bent = 0.0
+    for _ in range(200):
+        *_, reward, terminated, _, info = env.step(np.array(torque))
+        before, bent = bent, float(np.abs(env.arm.tip_deflection(info["state"][:6])).max())
+        if terminated:
+            break
+    assert info["termination_reason"] == "deflection"
+    assert before <= limit < bent
+    assert reward > 0.0
+
+
+@pytest.mark.parametrize(
+    ("env_id", "options", "reason"),
+    [
+        (SQUARE, {"torque_limit": (2e3, 500.0)}, "deflection"),
+        (SQUARE, {"arm": STIFF, "sensor": "rigid", "torque_limit": (0.001, 20.0)}, "angle"),
+        (PAPER, {"gain_limit": 1e300}, "diverged"),
+    ],
+    ids=["deflection", "angle", "diverged"],
+)
+def test_an_invalid_state_ends_an_episode_without_reward(env_id: str, options: dict[str, Any], reason: str) -> None:
+    """And the next is like the first."""
+    env = bare(env_id, start="corner", **(FREE | options))
+    found, reward, info = ended(env, 1.0)
+    assert found == reason
+    assert reward == 0.0
+    assert not any(info["reward_terms"].values())
+    fresh = bare(env_id, start="corner", **(FREE | options))
+    np.testing.assert_array_equal(env.reset(seed=0)[0], fresh.reset(seed=0)[0])
+    quiet = -np.ones(env.action_space.shape) if env_id == PAPER else np.zeros(env.action_space.shape)
+    np.testing.assert_array_equal(env.step(quiet)[0], fresh.step(quiet)[0])
+
+
+# --- starts -------------------------------------------------------------------------------------------------
+
+
+def starts(count: int, **options: Any) -> tuple[FlexArmEnv, np.ndarray, np.ndarray]:
+    """States and references of many episodes' starts."""
+    env = bare(**options)
+    infos = [env.reset()[1] for _ in range(count)]
+    return env, np.array([i["state"] for i in infos]), np.array([i["reference"] for i in infos])
+
+
+def test_starts_at_rest() -> None:
+    corners = {(x, y) for x in (-6.3, 6.3) for y in (-6.3, 6.3)}
+    env, states, references = starts(5, start="corner", start_corner="upper right")
+    assert not states[:, 2:].any()
+    np.testing.assert_allclose(references, [(6.3, 6.3)] * 5, atol=1e-12)
+    env, states, references = starts(200, start="corners")
+    assert not states[:, 2:].any()
+    np.testing.assert_allclose(env.arm.tip(states[:, :6]), references, atol=1e-12)
+    places = [tuple(np.round(row, 9)) for row in references]
+    assert set(places) == corners
+    assert min(places.count(corner) for corner in corners) > 25  # of 50, deviation 6
+
+
+def test_starts_on_the_move() -> None:
+    """All along the path, with the velocity of the reference, off it evenly by up to the spread."""
+    env, states, references = starts(400, start="moving", start_spread=(0.04, 0.03))
+    path = square(SquareParameters())
+    sides = np.argmax(np.abs(references) * [1.0, 1.0001], axis=1) * 2 + (references.max(axis=1) > 6.3 - 1e-9)
+    assert min(np.bincount(sides, minlength=4)) > 60  # of 100, deviation 9
+    rigid = np.array([inverse_kinematics(env.arm.parameters, point, "positive") for point in references])
+    off = states[:, :2] - rigid
+    off -= 2.0 * np.pi * np.round(off / (2.0 * np.pi))
+    assert np.all(np.abs(off).max(axis=0) == pytest.approx([0.04, 0.04], rel=0.05))
+    assert off.std(axis=0) == pytest.approx([0.04 / 3**0.5] * 2, rel=0.15)
+    bending = env.arm.tip_deflection(states[:, :6])
+    assert np.abs(bending).max(axis=0) == pytest.approx([0.03, 0.03], rel=0.05)
+    assert not states[:, [3, 5]].any()  # the second modes
+    assert not states[:, 8:].any()
+    straight = np.hstack([rigid, np.zeros((400, 4)), states[:, 6:]])
+    speeds = np.linalg.norm(env.arm.velocity(straight, 2, 4.5), axis=1)
+    np.testing.assert_allclose(speeds, 3.15, rtol=1e-9)
+    moving = env.arm.velocity(straight, 2, 4.5) * 1e-4 + references
+    nearest = [np.abs(path.position(np.linspace(0.0, 16.0, 1601)) - point).sum(axis=1).min() for point in moving[:20]]
+    assert max(nearest) < 0.032
+
+
+def test_the_mix_of_starts() -> None:
+    """Three in ten at rest; 600 draws: deviation 0.019."""
+    _, states, _ = starts(600, start="mix")
+    assert np.mean(~states[:, 2:].any(axis=1)) == pytest.approx(0.3, abs=0.06)
+
+
+# --- what is drawn for an episode ---------------------------------------------------------------------------
+
+RANGES = {
+    "payload_mass": (0.1, 0.5),
+    "stiffness": (0.8, 1.3),
+    "damping": (0.0, 0.05),
+    "noise": (0.01, 0.02),
+    "delay": (0.02, 0.06),
+    "actuation_delay": (0.0, 0.03),
+}
+
+
+def test_what_is_drawn_lies_evenly_in_its_range() -> None:
+    env = bare(randomisation=RANGES)
+    drawn = [env.reset()[1]["parameters"] for _ in range(300)]
+    for name, (low, high) in RANGES.items():
+        values = (np.array([each[name] for each in drawn]) - low) / (high - low)
+        assert 0.0 <= values.min() < 0.05
+        assert 0.95 < values.max() <= 1.0
+        assert values.mean() == pytest.approx(0.5, abs=0.07)  # deviation 0.017
+    table = np.array([[each[name] for name in RANGES] for each in drawn])
+    correlation = np.corrcoef(table.T) - np.eye(len(RANGES))
+    assert np.abs(correlation).max() < 0.25  # deviation 0.058
+    assert bare().reset()[1]["parameters"] == {
+        "delay": 9.0 / 288.33,
+        "payload_mass": 0.0,
+        "stiffness": 1.0,
+        "damping": 0.01,
+        "noise": 0.0,
+        "actuation_delay": 0.0,
+    }
+
+
+@pytest.mark.parametrize("env_id", [SQUARE, RESIDUAL, GAIN])
+@pytest.mark.parametrize("ordered", [{}, {"payload_mass": 0.7, "stiffness": 1.2}], ids=["drawn", "ordered"])
+def test_the_arm_is_the_one_that_was_drawn(env_id: str, ordered: dict[str, float]) -> None:
+    """Like an environment that is made with it: its constants follow from the same formulas up to rounding."""
+    ranges = {name: RANGES[name] for name in ("payload_mass", "stiffness", "damping")}
+    env = bare(env_id, randomisation=ranges, start="corner", physics_step=5e-4, **FREE)
+    info = env.reset(seed=3, options={"parameters": ordered})[1]
+    drawn = info["parameters"]
+    assert all(drawn[name] == value for name, value in ordered.items())
+    made = {
+        "payload_mass": drawn["payload_mass"],
+        "flexural_rigidities": (1676.0 * drawn["stiffness"],) * 2,
+        "modal_damping_ratio": drawn["damping"],
+    }
+    twin = bare(env_id, arm=made, start="corner", physics_step=5e-4, **FREE)
+    assert env.settings.substeps == twin.settings.substeps
+    states = []
+    for action in np.random.default_rng(1).uniform(-0.3, 0.3, (50, *env.action_space.shape)):
+        states.append([each.step(action)[4]["state"] for each in (env, twin)])
+    found, expected = np.array(states).transpose(1, 0, 2)
+    scale = np.abs(expected).max(axis=0)
+    np.testing.assert_allclose(found / scale, expected / scale, rtol=0.0, atol=1e-9)
+    plain = FlexibleArm(ArmParameters()).acceleration(expected[-1]) - FlexibleArm(ArmParameters(**made)).acceleration(
+        expected[-1]
+    )
+    assert np.abs(plain).max() > 1.0  # it matters
+
+
+def test_drawn_delays_and_noise_act() -> None:
+    """As where they are set."""
+    env = bare(randomisation=RANGES | {"stiffness": (1.0, 1.0), "payload_mass": (0.0, 0.0), "damping": (0.01, 0.01)})
+    drawn = env.reset(seed=3)[1]["parameters"]
+    made = {name: drawn[name] for name in ("delay", "noise", "actuation_delay")}
+    twin = bare(seed=3, **made)
+    for action in np.random.default_rng(1).uniform(-0.3, 0.3, (30, 2)):
+        (_, *_, info), (_, *_, other) = env.step(action), twin.step(action)
+        np.testing.assert_allclose(info["state"], other["state"], rtol=1e-9, atol=1e-12)
+        np.testing.assert_allclose(info["sensed"], other["sensed"], rtol=1e-9)
+
+
+def test_moves_are_drawn_within_their_ring() -> None:
+    """From rest to rest: a move, a rest, a move back, a rest."""
+    env = make("FlexArm/Reach-v0", lap_time=8.0, **FREE)
+    ends = []
+    for seed in range(40):
+        first = env.reset(seed=seed)[1]["reference"]
+        track = np.array([first, *(env.step(np.zeros(2))[4]["reference"] for _ in range(800))])
+        np.testing.assert_allclose(track[200:401], np.broadcast_to(track[200], (201, 2)), atol=1e-12)
+        np.testing.assert_allclose(track[600:], np.broadcast_to(first, (201, 2)), atol=1e-12)
+        np.testing.assert_allclose(track[400:601], track[200::-1], atol=1e-9)
+        steps = np.linalg.norm(np.diff(track[:201], axis=0), axis=1)
+        assert max(steps[0], steps[-1]) < 0.01 * steps.max()
+        ends += [first, track[200]]
+    radii = np.linalg.norm(ends, axis=1) / 9.0
+    assert 0.35 <= radii.min() < 0.45
+    assert 0.85 < radii.max() <= 0.95

@@ -1,0 +1,166 @@
+"""A seed's episode: the same in other processes, from copies, and whatever others do with random numbers."""
+
+from __future__ import annotations
+
+import copy
+import hashlib
+import inspect
+import pickle
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+from flexarm_env.envs.single import FlexArmEnv
+from tests.support.envs import (
+    IDS,
+    PAPER,
+    POOR_SENSOR,
+    RANDOM,
+    RESIDUAL,
+    SQUARE,
+    assert_same,
+    bare,
+    in_fresh_process,
+    make,
+)
+
+NOISY: dict[str, Any] = RANDOM | POOR_SENSOR
+
+
+def noisy(env_id: str) -> dict[str, Any]:
+    return RANDOM if env_id == PAPER else NOISY
+
+
+def digest(env: Any, steps: int = 20) -> str:
+    """Of all that an episode gives out, of one environment or several; runs in other processes too."""
+    bits = hashlib.sha256()
+    for k in range(steps):
+        observation, reward, _, _, info = env.step(np.full(env.action_space.shape, 0.5 * (k % 3 - 1.0), np.float32))
+        for part in (observation, np.float64(reward), info["state"], info["torque"], info["sensed"]):
+            bits.update(part.tobytes())
+    return bits.hexdigest()
+
+
+EPISODE = f"""
+from __future__ import annotations
+import hashlib, pickle, sys
+from typing import Any
+import gymnasium as gym
+import numpy as np
+
+{inspect.getsource(digest)}
+"""
+SEEDED = f"""{EPISODE}
+env = gym.make(f"flexarm_env:{{sys.argv[3]}}", **{{}})
+np.random.seed(int(sys.argv[2]))  # somebody else's business
+observation, _ = env.reset(seed=int(sys.argv[1]))
+print(observation.tobytes().hex(), digest(env))
+"""
+CONTINUED = f"""{EPISODE}
+with open(sys.argv[1], "rb") as file:
+    print(digest(pickle.load(file)))
+"""
+
+
+def seeded(seed: int | None, env: gym.Env[Any, Any]) -> str:
+    return f"{env.reset(seed=seed)[0].tobytes().hex()} {digest(env)}"
+
+
+# --- seeds --------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("env_id", [SQUARE, PAPER])
+def test_a_seed_repeats_across_processes_whatever_others_seed(env_id: str) -> None:
+    options = noisy(env_id)
+    code = SEEDED.replace("**{}", f"**{options!r}")
+    assert in_fresh_process(code, "7", "1", env_id) == seeded(7, make(env_id, **options))
+
+
+@pytest.mark.parametrize("env_id", IDS)
+def test_seeds(env_id: str) -> None:
+    """Each has an episode of its own; without one the next follow, and their sequence repeats."""
+    env, twin = make(env_id, **noisy(env_id)), make(env_id, **noisy(env_id))
+    runs = [seeded(seed, env) for seed in (7, None, None, 8)]
+    assert len(set(runs)) == 4
+    assert [seeded(seed, twin) for seed in (7, None, None, 8)] == runs
+    assert seeded(7, env) == runs[0]
+    assert seeded(None, make(env_id, **noisy(env_id))) not in runs
+
+
+def test_the_global_generator_is_neither_read_nor_moved() -> None:
+    np.random.seed(0)  # noqa: NPY002  (the thing under test)
+    state = np.random.get_state(legacy=False)["state"]  # noqa: NPY002
+    first = seeded(7, make(**NOISY))
+    moved = np.random.get_state(legacy=False)["state"]  # noqa: NPY002
+    assert state["pos"] == moved["pos"]
+    np.testing.assert_array_equal(state["key"], moved["key"])
+    np.random.seed(1)  # noqa: NPY002
+    assert seeded(7, make(**NOISY)) == first
+
+
+def test_an_episode_takes_one_number_from_the_generator() -> None:
+    """So that whatever is random within one, the next is the same."""
+    calm, wild = bare(), bare(**NOISY)
+    for env in (calm, wild):
+        env.reset(seed=3)
+        digest(env, 9)
+        env.reset()
+    assert calm.np_random.bit_generator.state == wild.np_random.bit_generator.state
+
+
+def test_observing_more_changes_nothing() -> None:
+    """Noise and starts do not depend on who looks."""
+    blocks = ["sensed_position", "joint_rates"]
+    few, many = bare(observation=blocks, **NOISY), bare(**NOISY)
+    for _ in range(30):
+        info, other = few.step(np.zeros(2))[4], many.step(np.zeros(2))[4]
+        assert_same(info, other)
+
+
+# --- copies -------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("wrapped", [True, False])
+@pytest.mark.parametrize("how", ["pickle", "deepcopy"])
+@pytest.mark.parametrize("env_id", [SQUARE, RESIDUAL, PAPER])
+def test_a_copy_continues_identically(env_id: str, how: str, wrapped: bool) -> None:
+    env: gym.Env[Any, Any] = (make if wrapped else bare)(env_id, **noisy(env_id))
+    env.reset(seed=3)
+    digest(env, 30)
+    twin = pickle.loads(pickle.dumps(env)) if how == "pickle" else copy.deepcopy(env)
+    found = digest(twin, 40)
+    assert digest(env, 40) == found
+    assert seeded(None, twin) == seeded(None, env)
+
+
+@pytest.mark.parametrize("how", ["pickle", "deepcopy"])
+@pytest.mark.parametrize("env_id", [SQUARE, PAPER])
+@pytest.mark.parametrize("threads", [1, 2])
+def test_a_copy_of_many_continues_identically(env_id: str, how: str, threads: int) -> None:
+    """Across resets, with a thread pool that no pickle can hold."""
+    env = gym.make_vec(env_id, num_envs=11, max_episode_steps=25, threads=threads, **noisy(env_id))
+    env.reset(seed=3)
+    digest(env, 20)
+    twin = pickle.loads(pickle.dumps(env)) if how == "pickle" else copy.deepcopy(env)
+    found = digest(twin, 30)
+    assert digest(env, 30) == found
+    env.close()
+    twin.close()
+
+
+def test_a_copy_before_the_first_reset() -> None:
+    twin = copy.deepcopy(FlexArmEnv(**NOISY))
+    assert seeded(5, twin) == seeded(5, FlexArmEnv(**NOISY))
+
+
+def test_a_pickle_holds_no_compiled_code_and_continues_elsewhere(tmp_path: Path) -> None:
+    env = bare(**NOISY)
+    digest(env, 30)
+    data = pickle.dumps(env)
+    assert len(data) < 100_000
+    assert b"flexarm_torque" not in data  # the kernel modules' names
+    (tmp_path / "env.pickle").write_bytes(data)
+    assert in_fresh_process(CONTINUED, str(tmp_path / "env.pickle")) == digest(env)

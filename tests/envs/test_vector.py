@@ -1,0 +1,238 @@
+"""`FlexArmVectorEnv`: the single environment's bits, Gymnasium's rules of resets, memory."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.vector import AutoresetMode, SyncVectorEnv
+
+from flexarm_env.envs.batch import block_lanes
+from flexarm_env.envs.vector import FlexArmVectorEnv
+from tests.support.envs import (
+    IDS,
+    PAPER,
+    POOR_SENSOR,
+    RANDOM,
+    RESIDUAL,
+    SQUARE,
+    actions_for,
+    assert_same,
+    in_fresh_process,
+    vector,
+)
+from tests.support.refusals import refuses
+
+NEXT_STEP, SAME_STEP, DISABLED = AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP, AutoresetMode.DISABLED
+
+
+def random_options(env_id: str) -> dict[str, Any]:
+    return RANDOM | ({} if env_id == PAPER else POOR_SENSOR)
+
+
+def several_singles(env_id: str, num_envs: int, mode: AutoresetMode, **options: Any) -> SyncVectorEnv:
+    return SyncVectorEnv([lambda: gym.make(env_id, **options)] * num_envs, autoreset_mode=mode)
+
+
+def first(num_envs: int, value: Any) -> Any:
+    """The part of a batch's answer that its first environments make."""
+    if isinstance(value, dict):
+        return {name: first(num_envs, part) for name, part in value.items()}
+    return value[:num_envs]
+
+
+# --- one alone and many together ----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("mode", [NEXT_STEP, SAME_STEP])
+@pytest.mark.parametrize("env_id", IDS)
+def test_single_environments_give_the_same_bits(env_id: str, mode: AutoresetMode) -> None:
+    """Against Gymnasium's own vector environment: everything, masks and final infos included, over many episodes."""
+    options = random_options(env_id) | {"max_episode_steps": 23, "error_limit": 0.4}
+    together = vector(env_id, autoreset_mode=mode, **options)
+    alone = several_singles(env_id, 3, mode, **options)
+    assert_same(together.reset(seed=3), alone.reset(seed=3))
+    assert_same(together.reset(seed=[4, 2**40, 9]), alone.reset(seed=[4, 2**40, 9]))
+    assert_same(together.reset(), alone.reset())  # goes on with the generators it has
+    ended = np.zeros(2, dtype=int)
+    for k, actions in enumerate(actions_for(together, 250)):
+        found, expected = together.step(actions), alone.step(actions)
+        assert_same(found, expected, f"step {k}")
+        ended += [found[2].sum(), found[3].sum()]
+    assert ended[1] > 3  # truncations
+    assert ended[0] > 0 or env_id == PAPER  # which starts at rest on the path and has 23 ms to leave it
+
+
+def test_an_invalid_state_resets_alike() -> None:
+    """A diverged neighbour changes nothing for the others, and leaves nothing behind for its own next episode."""
+    options = {"gain_limit": 1e300, "max_episode_steps": 20}
+    together, alone = vector(PAPER, 3, **options), several_singles(PAPER, 3, NEXT_STEP, **options)
+    assert_same(together.reset(seed=0), alone.reset(seed=0))
+    ended = 0
+    for k in range(40):
+        actions = np.array([[1.0], [-1.0], [-1.0 + 1e-6]], np.float32)
+        found, expected = together.step(actions), alone.step(actions)
+        np.testing.assert_equal(found, expected, err_msg=f"step {k}")  # counts NaN as equal to NaN
+        ended += found[2].sum()
+    assert ended >= 5
+
+
+@pytest.mark.parametrize(("env_id", "most"), [(SQUARE, 11), (RESIDUAL, 11), (PAPER, 11), (SQUARE, 250), (SQUARE, 1024)])
+def test_an_environment_does_not_depend_on_how_many_there_are(env_id: str, most: int) -> None:
+    """In one lane, in blocks of 8, the last of them nearly empty, or in two and three large ones."""
+    assert [block_lanes(count, 1) for count in (1, 3, 8, 11, 250, 1024)] == [1, 8, 8, 8, 128, 344]
+    options = random_options(env_id) | {"max_episode_steps": 31, "error_limit": 0.6}
+    runs = {}
+    for num_envs in (most, 8, 3, 1):
+        env = vector(env_id, num_envs, **options)
+        runs[num_envs] = [env.reset(seed=5)]
+        for actions in actions_for(vector(env_id, most), 80):
+            runs[num_envs].append(env.step(actions[:num_envs]))
+    for num_envs in (8, 3, 1):
+        for whole, part in zip(runs[most], runs[num_envs], strict=True):
+            *arrays, infos = part
+            assert_same(arrays, [value[:num_envs] for value in whole[:-1]], f"{num_envs}")
+            expected = first(num_envs, whole[-1])
+            for name, value in infos.items():  # what no environment of the part has is missing there
+                assert_same(value, expected[name] if not isinstance(value, dict) else first_of(expected[name], value))
+
+
+def first_of(whole: dict[str, Any], part: dict[str, Any]) -> dict[str, Any]:
+    return {name: whole[name] for name in part}
+
+
+def test_threads_give_the_same_bits() -> None:
+    """Five blocks on two threads."""
+    options = random_options(SQUARE) | {"max_episode_steps": 31}
+    assert block_lanes(160, 1) == block_lanes(160, 2) == 32
+    one, two = (vector(SQUARE, 160, threads=threads, **options) for threads in (1, 2))
+    assert_same(two.reset(seed=5), one.reset(seed=5))
+    for actions in actions_for(one, 60):
+        assert_same(two.step(actions), one.step(actions))
+    two.close()
+    one.close()
+
+
+def test_more_threads_than_blocks() -> None:
+    one, many = vector(SQUARE, 3), vector(SQUARE, 3, threads=4)
+    assert_same(many.reset(seed=5), one.reset(seed=5))
+    for actions in actions_for(one, 5):
+        assert_same(many.step(actions), one.step(actions))
+    many.close()
+
+
+# --- the end of episodes ------------------------------------------------------------------------------------
+
+
+def test_the_registered_time_limit_reaches_the_batch() -> None:
+    """At rest without torque and without limits nothing else ends an episode: 1600 steps, not one more or less."""
+    env = vector("FlexArm/Reach-v0", 3, error_limit=None, deflection_limit=None)
+    env.reset(seed=0)
+    still = np.zeros((3, 2), np.float32)
+    for k in range(1, 1604):
+        _, reward, terminated, truncated, infos = env.step(still)
+        assert not terminated.any()
+        assert truncated.all() == truncated.any() == (k == 1600)
+        if k == 1601:  # the step that begins the next episode
+            assert not reward.any()
+            assert not infos["time"].any()
+            assert infos["_parameters"].all()
+            assert "reward_terms" not in infos
+    np.testing.assert_allclose(infos["time"], 0.02, rtol=1e-12)
+
+
+def test_without_a_limit_nothing_is_truncated() -> None:
+    env = FlexArmVectorEnv(2, start="corner", error_limit=None)
+    env.reset(seed=0)
+    assert not any(env.step(np.zeros((2, 2), np.float32))[3].any() for _ in range(1700))
+
+
+def test_reset_mask_restarts_only_what_it_names() -> None:
+    """As Gymnasium's own does; the others keep their bits."""
+    options = random_options(SQUARE) | {"max_episode_steps": 12}
+    together, alone = (
+        vector(SQUARE, 4, autoreset_mode=DISABLED, **options),
+        several_singles(SQUARE, 4, DISABLED, **options),
+    )
+    assert_same(together.reset(seed=8), alone.reset(seed=8))
+    undisturbed = vector(SQUARE, 4, autoreset_mode=DISABLED, **(options | {"max_episode_steps": 60}))
+    undisturbed.reset(seed=8)
+    left = np.array([False, True, True, False])
+    for k, actions in enumerate(actions_for(together, 40)):
+        found, expected = together.step(actions), alone.step(actions)
+        assert_same(found, expected, f"step {k}")
+        if k < 12:
+            assert_same(found[0][left], undisturbed.step(actions)[0][left])
+        ended = found[2] | found[3]
+        if k == 4:
+            mask, seed = ~left, [31, None, 33, None]
+        elif ended.any():
+            mask, seed = ended, None
+        else:
+            continue
+        parts = [env.reset(seed=seed, options={"reset_mask": mask.copy()}) for env in (together, alone)]
+        assert_same(parts[0], parts[1], f"reset after step {k}")
+
+
+def test_a_finished_environment_must_be_reset_where_nothing_else_does() -> None:
+    env = vector(SQUARE, 2, autoreset_mode=DISABLED, max_episode_steps=2)
+    env.reset(seed=0)
+    still = np.zeros((2, 2), np.float32)
+    env.step(still)
+    assert env.step(still)[3].all()
+    with refuses(RuntimeError, "step() after the end of episode 0", "reset_mask"):
+        env.step(still)
+    env.reset(options={"reset_mask": np.array([True, False])})
+    with refuses(RuntimeError, "step() after the end of episode 1"):
+        env.step(still)
+
+
+@pytest.mark.parametrize("num_envs", [1, 2])
+def test_the_action_of_an_environment_that_begins_an_episode_is_not_read(num_envs: int) -> None:
+    env, twin = (vector(SQUARE, num_envs, max_episode_steps=3) for _ in range(2))
+    env.reset(seed=0)
+    twin.reset(seed=0)
+    still = np.zeros((num_envs, 2), np.float32)
+    for k in range(8):
+        begins = k == 3
+        assert_same(env.step(np.full_like(still, np.nan) if begins else still), twin.step(still))
+
+
+# --- memory -------------------------------------------------------------------------------------------------
+
+MEMORY = """
+import sys
+import numpy as np
+from flexarm_env.envs.vector import FlexArmVectorEnv
+
+def resident():
+    with open("/proc/self/status") as file:
+        return next(int(line.split()[1]) for line in file if line.startswith("VmRSS")) / 1024.0  # [MiB]
+
+def run(env, steps):
+    env.reset(seed=0)
+    rng = np.random.default_rng(0)
+    for _ in range(steps):
+        env.step(rng.uniform(-1.0, 1.0, (env.num_envs, 2)).astype(np.float32))
+
+small = FlexArmVectorEnv(64, 50, start="mix", noise=0.01, threads=2)
+run(small, 300)
+"""
+GROWTH = MEMORY + "before = resident()\nrun(small, int(sys.argv[1]))\nprint(resident() - before)"
+SIZE = MEMORY + "before = resident()\nlarge = FlexArmVectorEnv(4096, 50)\nrun(large, 5)\nprint(resident() - before)"
+needs_proc = pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="reads the process's memory from /proc")
+
+
+@needs_proc
+@pytest.mark.parametrize("steps", [3200, pytest.param(160_000, marks=pytest.mark.slow)])
+def test_memory_stays_flat(steps: int) -> None:
+    """Steps of 64 environments, with a reset every 50: a leak of 8 bytes a step and environment would show."""
+    assert float(in_fresh_process(GROWTH, str(steps))) < (1.5 if steps < 10_000 else 8.0)
+
+
+@needs_proc
+def test_many_environments_are_small() -> None:
+    assert float(in_fresh_process(SIZE)) < 200.0

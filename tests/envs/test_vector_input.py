@@ -1,0 +1,261 @@
+"""`FlexArmVectorEnv`: options of a reset, what is refused, and what is handed out."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Callable
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.vector import AutoresetMode
+
+from flexarm_env.envs.vector import FlexArmVectorEnv
+from tests.support.envs import IDS, SQUARE, actions_for, assert_same, make, vector
+from tests.support.refusals import refuses
+
+NEXT_STEP, SAME_STEP = AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP
+
+
+# --- options of a reset -------------------------------------------------------------------------------------
+
+
+def test_each_environment_may_have_its_own_options() -> None:
+    """And is then the single environment with those."""
+    made: dict[str, Any] = {"reference": ["square", "circle"], "error_limit": None}
+    made["randomisation"] = {"stiffness": (0.5, 2.0), "delay": (0.0, 0.1)}
+    env = vector(SQUARE, 3, **made)
+    state = np.zeros((3, 12))
+    state[:, :2] = [(0.3, 1.0), (-0.2, 2.0), (1.0, 0.5)]
+    parameters: dict[str, Any] = {
+        "payload_mass": [0.0, 0.2, 0.4],
+        "stiffness": 1.3,
+        "delay": np.array([0.0, 0.03, 0.1]),
+    }
+    options = {
+        "start": ["moving", "corner", "mix"],
+        "time": [0.0, 3.0, 15.9],
+        "path": ["circle", "square", "circle"],
+        "parameters": parameters,
+        "state": state,
+    }
+    found = [env.reset(seed=1, options=options)]
+    actions = actions_for(env, 10)
+    found += [env.step(each) for each in actions]
+    for i in range(3):
+        single = gym.make(SQUARE, **made)
+        own = {name: options[name][i] for name in ("start", "time", "path", "state")}
+        own["parameters"] = {"payload_mass": parameters["payload_mass"][i], "stiffness": 1.3}
+        own["parameters"]["delay"] = parameters["delay"][i]
+        observation, info = single.reset(seed=1 + i, options=own)
+        np.testing.assert_array_equal(info["state"], state[i])
+        np.testing.assert_array_equal(found[0][0][i], observation)
+        assert {name: found[0][1]["parameters"][name][i] for name in info["parameters"]} == info["parameters"]
+        for whole, action in zip(found[1:], actions[:, i], strict=True):
+            observation, reward, *_ = single.step(action)
+            np.testing.assert_array_equal(whole[0][i], observation)
+            assert whole[1][i] == reward
+
+
+MASKED = {"reset_mask": np.array([True, False, False])}
+
+
+@pytest.mark.parametrize(
+    ("options", "error", "words"),
+    [
+        ({"reset_mask": [True, False]}, ValueError, ("reset_mask", "shape (3,)")),
+        ({"reset_mask": np.ones(3)}, ValueError, ("reset_mask", "bool")),
+        ({"reset_mask": np.zeros(3, bool)}, ValueError, ("reset_mask", "one True at least")),
+        ({"wind": 1.0}, ValueError, ("'wind'", "start", "parameters")),
+        ({"start": ["corner"] * 2}, ValueError, ("one value or 3",)),
+        ({"start": ["corner", "corner", "side"]}, ValueError, ("start", "'side'", "'corner'")),
+        ({"time": [0.0, 16.0, 0.0]}, ValueError, ("time", "16.0", "from 0 to 16")),
+        ({"time": np.zeros((3, 1))}, ValueError, ("time", "(3, 1)")),
+        ({"parameters": {"payload_mass": [0.0, -1.0, 0.0]}}, ValueError, ("payload_mass", "-1.0")),
+        ({"state": np.zeros((2, 12))}, ValueError, ("state", "(12,)", "(2, 12)")),
+    ],
+    ids=lambda value: next(iter(value)) if isinstance(value, dict) else "",
+)
+def test_bad_options_are_refused_and_nothing_moves(
+    options: dict[str, Any], error: type[Exception], words: tuple[str, ...]
+) -> None:
+    env, twin = vector(SQUARE), vector(SQUARE)
+    env.reset(seed=0)
+    twin.reset(seed=0)
+    with refuses(error, *words):
+        env.reset(seed=7, options=options)
+    for actions in actions_for(env, 3):
+        assert_same(env.step(actions), twin.step(actions))
+    assert_same(env.reset(), twin.reset())
+
+
+def test_resets_that_cannot_be() -> None:
+    env = vector(SQUARE)
+    with refuses(ValueError, "the first reset must begin an episode in every environment"):
+        env.reset(options=dict(MASKED))
+    with refuses(ValueError, "seed: must be one number or 3, got 2"):
+        env.reset(seed=[1, 2])
+    with refuses(RuntimeError, "step() before reset()"):
+        env.step(np.zeros((3, 2), np.float32))
+
+
+# --- bad arguments ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("options", "error", "words"),
+    [
+        ({"num_envs": 0}, ValueError, ("num_envs = 0", ">= 1")),
+        ({"num_envs": 2.0}, TypeError, ("num_envs = 2.0", "integer")),
+        ({"max_episode_steps": 0}, ValueError, ("max_episode_steps = 0", "from 1 to")),
+        ({"max_episode_steps": 10**400}, ValueError, ("max_episode_steps = 1000", "from 1 to")),
+        ({"threads": 0}, ValueError, ("threads = 0", ">= 1")),
+        ({"autoreset_mode": "Sometimes"}, ValueError, ("autoreset_mode = 'Sometimes'", "'NextStep'", "'SameStep'")),
+        ({"render_mode": "human"}, ValueError, ("render_mode = 'human'", "'rgb_array'")),
+        ({"delays": 0.1}, TypeError, ("delays: no such option; did you mean 'delay'?",)),
+        ({"noise": -1.0}, ValueError, ("noise = -1.0", ">= 0.0")),
+    ],
+    ids=lambda value: next(iter(value)) if isinstance(value, dict) else "",
+)
+def test_a_wrong_argument_names_itself(options: dict[str, Any], error: type[Exception], words: tuple[str, ...]) -> None:
+    with refuses(error, *words):
+        FlexArmVectorEnv(**options)
+
+
+@pytest.mark.parametrize(
+    ("actions", "words"),
+    [
+        (np.zeros(2), ("actions: must have shape (3, 2), got (2,)",)),
+        (np.zeros((3, 1)), ("actions: must have shape (3, 2), got (3, 1)",)),
+        (np.full((3, 2), np.nan), ("actions[0, 0] = nan: must be finite",)),
+        ([[0.0, 0.0], [0.0, np.inf], [0.0, 0.0]], ("actions[1, 1] = inf: must be finite",)),
+        (np.zeros((3, 2), bool), ("actions", "must be an array of real numbers")),
+        ([[0.0, 0.0], [0.0], [0.0, 0.0]], ("actions", "must be an array of real numbers")),
+    ],
+)
+def test_wrong_actions_are_refused_and_nothing_moves(actions: Any, words: tuple[str, ...]) -> None:
+    env, twin = vector(SQUARE), vector(SQUARE)
+    env.reset(seed=0)
+    twin.reset(seed=0)
+    with refuses(ValueError, *words):
+        env.step(actions)
+    for good in actions_for(env, 3):
+        assert_same(env.step(good), twin.step(good))
+
+
+@pytest.mark.parametrize(
+    "convert",
+    [
+        lambda actions: actions,
+        lambda actions: actions.astype(np.longdouble),
+        lambda actions: actions.tolist(),
+        lambda actions: actions.astype(np.float32).astype(">f4"),
+        lambda actions: np.repeat(actions.astype(np.float32), 2, axis=-1)[..., ::2],
+    ],
+    ids=["float64", "long double", "list", "other byte order", "not contiguous"],
+)
+def test_actions_of_another_type_are_rounded_to_the_spaces(convert: Callable[[Any], Any]) -> None:
+    env, twin, single, other = vector(SQUARE), vector(SQUARE), make(SQUARE), make(SQUARE)
+    for each in (env, twin, single, other):
+        each.reset(seed=0)
+    for actions in np.random.default_rng(0).uniform(-1.0, 1.0, (5, 3, 2)):
+        nearest = actions.astype(np.float32)
+        assert (nearest != actions).all()
+        assert_same(env.step(convert(actions)), twin.step(nearest))
+        assert_same(single.step(convert(actions[0])), other.step(nearest[0]))
+
+
+def test_a_refused_action_is_the_only_error() -> None:
+    env = make(SQUARE)
+    env.reset(seed=0)
+    with pytest.raises(ValueError, match="action: must have shape") as caught:
+        env.step([0.0, 0.0, 0.0])
+    assert caught.value.__context__ is None
+
+
+def test_actions_beyond_the_range_of_float32_are_limited() -> None:
+    env, twin, single, other = vector(SQUARE), vector(SQUARE), make(SQUARE), make(SQUARE)
+    for each in (env, twin, single, other):
+        each.reset(seed=0)
+    assert_same(env.step(np.full((3, 2), -1e300)), twin.step(np.full((3, 2), -1.0, np.float32)))
+    assert_same(single.step(np.full(2, 1e300)), other.step(np.full(2, 1.0, np.float32)))
+    assert_same(env.step(np.full((3, 2), 1e30, np.float32)), twin.step(np.ones((3, 2), np.float32)))
+
+
+# --- what is handed out -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("mode", [NEXT_STEP, SAME_STEP])
+def test_what_is_handed_out_is_new(mode: AutoresetMode) -> None:
+    env, twin = (vector(SQUARE, 3, autoreset_mode=mode, max_episode_steps=4) for _ in range(2))
+    spoil(env.reset(seed=0))
+    twin.reset(seed=0)
+    earlier = kept = None
+    for k, actions in enumerate(actions_for(env, 12)):
+        found = env.step(actions)
+        assert_same(earlier, kept)
+        assert_same(found, twin.step(actions))
+        if k % 2:
+            spoil(found)
+        earlier, kept = found, copy.deepcopy(found)
+
+
+def spoil(value: Any) -> None:
+    """Overwrite every array of an answer but the infos' masks, which refuse it, being shared among keys."""
+    if isinstance(value, tuple):
+        for part in value:
+            spoil(part)
+    elif isinstance(value, dict):
+        for name, part in value.items():
+            if name.startswith("_") and part.dtype == bool and not part.flags.writeable:
+                continue
+            spoil(part)
+    elif value.dtype == bool:
+        value[:] = ~value
+    elif value.dtype != object:
+        value[:] = 99.0
+
+
+def test_masks_that_keys_share_cannot_be_written() -> None:
+    env, actions = vector(SQUARE, 3), np.zeros((3, 2), np.float32)
+    for infos in (env.reset(seed=0)[1], env.step(actions)[4], copy.deepcopy(env).step(actions)[4]):
+        for name, mask in infos.items():
+            if name.startswith("_"):
+                assert not mask.flags.writeable, name
+                with pytest.raises(ValueError, match="read-only"):
+                    mask[0] = False
+
+
+@pytest.mark.parametrize("env_id", IDS)
+def test_spaces_and_metadata(env_id: str) -> None:
+    env, single = vector(env_id, 3, autoreset_mode="SameStep"), gym.make(env_id)
+    assert env.single_observation_space == single.observation_space
+    assert env.single_action_space == single.action_space
+    assert env.metadata["autoreset_mode"] is SAME_STEP
+    assert env.observation_blocks == single.unwrapped.observation_blocks
+    assert env.spec is not None
+    assert env.spec.id == env_id
+    observations, _ = env.reset(seed=0)
+    assert env.observation_space.contains(observations)
+
+
+def test_pictures() -> None:
+    pytest.importorskip("pygame")
+    assert vector(SQUARE).render() is None
+    env = vector(SQUARE, 2, render_mode="rgb_array", max_episode_steps=5)
+    env.reset(seed=[0, 0])
+    actions = np.array([[0.0, 0.0], [0.0, 1.0]], np.float32)
+    for _ in range(3):
+        env.step(actions)
+    left, right = env.render()
+    single = gym.make(SQUARE, render_mode="rgb_array")
+    single.reset(seed=0)
+    for _ in range(3):
+        single.step(actions[1])
+    np.testing.assert_array_equal(right, single.render())
+    assert left.shape == right.shape
+    assert left.dtype == np.uint8
+    assert np.any(left != right)
+    env.close()
+    single.close()

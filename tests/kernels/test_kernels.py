@@ -1,0 +1,338 @@
+"""Compiled kernels: the formulas as written, the same bits in any lane and thread, vectorised."""
+
+import platform
+import re
+import time
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from fractions import Fraction
+from types import ModuleType
+from typing import Any
+
+import mpmath
+import numpy as np
+import pytest
+from numba import njit
+
+from flexarm_env import FlexibleArm
+from flexarm_env.codegen import assembly
+from flexarm_env.codegen.elementary import sincos
+from flexarm_env.codegen.tracing import quarter_turns
+from flexarm_env.kernels import imex
+from flexarm_env.kernels.layout import DRIVES, arm_rows, extent
+from flexarm_env.kernels.recorded import Variant
+from flexarm_env.physics import dynamics as dyn
+from flexarm_env.physics.constants import Constants
+from flexarm_env.physics.modal_elimination import elimination
+from tests.support.lagrange import loaded_arm, random_state
+
+LANES = 8
+# modes, complete velocity forces, kinematics
+VARIANTS = [
+    (1, True, "linear"),
+    (2, True, "linear"),
+    (4, True, "linear"),
+    (2, False, "linear"),
+    (2, True, "foreshortened"),
+]
+
+
+class Batch:
+    """Random arms of one variant at random states, as the kernels and as numpy want them."""
+
+    def __init__(self, modes: int, complete: bool, kinematics: str = "linear", count: int = LANES) -> None:
+        rng = np.random.default_rng(modes)
+        self.modes, self.complete, self.count = modes, complete, count
+        self.foreshortened = kinematics == "foreshortened"
+        self.size = 2 * modes + 2
+        self.constants, internal = [], []
+        for seed in range(count):
+            loads = {"payload_mass": rng.uniform(0.0, 2.0), "elbow_hub_inertia": rng.uniform(0.0, 1.0)}
+            parameters = loaded_arm(modes, kinematics=kinematics, **loads)
+            arm = FlexibleArm(parameters)
+            self.constants.append(arm.constants.flat())
+            internal.append(arm.internal_state(random_state(parameters, seed, deflection=0.05, rate=0.5)))
+        self.y, self.v = np.split(np.array(internal).T.copy(), 2)  # Shape (size, count)
+        self.tau = rng.normal(size=(2, count)) * 10.0
+
+    def module(self, lanes: int) -> ModuleType:
+        return assembly.load(self.variant(lanes))
+
+    def variant(self, lanes: int) -> Variant:
+        return Variant("open", self.modes, self.complete, lanes, foreshortened=self.foreshortened)
+
+    def arenas(self, lanes: int) -> np.ndarray:
+        """Shape (blocks, rows * lanes)."""
+        rows = np.zeros((extent(self.rows), self.count))
+        known = {name: np.array(numbers) for name, numbers in arm_rows(self.known).items()}
+        values = {"Y": self.y, "V": self.v, "TAU": self.tau} | known
+        for name, value in values.items():
+            first, n = self.rows[name]
+            rows[first : first + n] = np.reshape(value, (n, self.count))
+        return np.array([block.ravel() for block in np.split(rows, self.count // lanes, axis=1)])
+
+    @property
+    def known(self) -> Constants:
+        """Constants of all arms; each an array."""
+        return Constants.unflat(list(np.array(self.constants).T), self.modes, self.foreshortened)
+
+    @property
+    def rows(self) -> dict[str, tuple[int, int]]:
+        return self.variant(1).rows
+
+    def part(self, arenas: np.ndarray, lanes: int, name: str) -> np.ndarray:
+        """Shape (n, count)."""
+        first, n = self.rows[name]
+        return np.concatenate([block.reshape(-1, lanes)[first : first + n] for block in arenas], axis=1)
+
+    def by_numpy(self, y: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """The accelerations that the package's formulas give on arrays."""
+        k = self.known
+        sin, cos = sincos(y[self.modes + 1] - y[0])
+        sin_theta2 = sincos(dyn.joint_angles(k, y)[1])[0]
+        angles = (cos, sin, sin_theta2)
+        return np.array(dyn.acceleration(k, elimination(k), self.complete, list(y), list(v), self.tau, angles))
+
+    def run(self, lanes: int, steps: int = 200) -> np.ndarray:
+        """States after each of some steps under the held torques. Shape (steps, 2 size, count)."""
+        arenas = self.arenas(lanes)
+        blocks = len(arenas)
+        torques = np.array([self.part(arenas[b : b + 1], lanes, "TAU").ravel() for b in range(blocks)])
+        states = np.zeros((steps, blocks, 2 * self.size * lanes))
+        done = self.module(lanes).run_open(arenas, np.tile(torques, (steps, 1, 1)), states, 2e-4, 1)
+        assert done == steps
+        shaped = states.reshape(steps, blocks, 2 * self.size, lanes)
+        return np.concatenate(list(shaped.transpose(1, 0, 2, 3)), axis=2)
+
+
+@pytest.fixture(scope="module", params=VARIANTS, ids=str)
+def batch(request: pytest.FixtureRequest) -> Batch:
+    return Batch(*request.param)
+
+
+# --- the formulas as written ------------------------------------------------------------------------------------------
+
+
+def interpreted(variant: Variant, fused: Callable[[float, float, float], float]) -> dict[str, Callable[..., Any]]:
+    """Functions of a module with one lane as Python runs their text, with a multiplication-and-addition of our choice.
+
+    What the module has as intrinsics of the processor is arithmetic here.
+    """
+    text = assembly.render(variant)
+    plain = {"njit": lambda **options: lambda function: function, "floor": np.floor}
+    names: dict[str, Any] = plain | {"fused": fused, "quarter_turns": quarter_turns, "aligned_stack": lambda: None}
+    for name in ("sincos_fused", "slope", "step_kernel"):
+        exec(f"def {name}({text.split(f'def {name}(', 1)[1].split('@njit', 1)[0]}", names)
+    return names
+
+
+def rounded_once(a: float, b: float, c: float) -> float:
+    return float(Fraction(float(a)) * Fraction(float(b)) + Fraction(float(c)))
+
+
+@pytest.mark.parametrize("lanes", [1, LANES])
+def test_a_compiled_step_is_its_text_to_the_last_bit(batch: Batch, lanes: int) -> None:
+    """The compiler reorders, contracts and replaces nothing; what the text fuses is rounded once."""
+    arenas, expected = batch.arenas(lanes), batch.arenas(1)
+    for arena in arenas:
+        batch.module(lanes).step_kernel(arena, 1e-3)
+    step = interpreted(batch.variant(1), rounded_once)["step_kernel"]
+    for arena in expected:
+        step(arena, 1e-3)
+    for name in "YV":
+        np.testing.assert_array_equal(batch.part(arenas, lanes, name), batch.part(expected, 1, name))
+
+
+def test_the_text_of_a_step_is_the_formulas_on_arrays_to_the_last_bit(batch: Batch) -> None:
+    """The recorder reorders and replaces nothing; here what it fuses is rounded twice, as in the formulas."""
+    h, arenas = 1e-3, batch.arenas(1)
+    step = interpreted(batch.variant(1), lambda a, b, c: a * b + c)["step_kernel"]
+    for arena in arenas:
+        step(arena, h)
+    y, v, slopes = batch.y, batch.v, []
+    for step in (0.5 * h, 0.5 * h, h, None):  # the way to the next stage of the classical Runge-Kutta method
+        slopes.append((v, batch.by_numpy(y, v)))
+        if step is not None:
+            y, v = (start + step * slope for start, slope in zip((batch.y, batch.v), slopes[-1], strict=True))
+    for name, start, (a, b, c, d) in zip("YV", (batch.y, batch.v), zip(*slopes, strict=True), strict=True):
+        end = start + h / 6.0 * (a + 2.0 * b + 2.0 * c + d)
+        np.testing.assert_array_equal(batch.part(arenas, 1, name), end)
+
+
+@pytest.mark.parametrize("kind", DRIVES)
+def test_functions_that_are_written_into_their_callers_have_one_caller(kind: str) -> None:
+    text = assembly.render(Variant(kind, 2, True, 1))
+    inlined = re.findall(r'^@njit\(inline="always"[^\n]*\ndef (\w+)\(', text, re.MULTILINE)
+    assert {"drive", "look", "observe", "step_block"} <= set(inlined)
+    for name in inlined:
+        assert len(re.findall(rf"\b{name}\(", text)) == 2, name  # its definition, and one call
+
+
+def test_slopes_are_the_arms_accelerations() -> None:
+    """The friendly object uses numpy's sines: some ulp off, grown by the mass matrix's condition of 1e4."""
+    batch = Batch(2, True)
+    for lane in range(LANES):
+        arm = FlexibleArm(loaded_arm(2))
+        state = random_state(arm.parameters, lane, deflection=0.2, rate=1.0)
+        internal = arm.internal_state(state)
+        batch.y[:, lane], batch.v[:, lane] = np.split(internal, 2)
+        batch.constants[lane] = arm.constants.flat()
+        rates = arm.public_state(np.concatenate([batch.v[:, lane], batch.by_numpy(batch.y, batch.v)[:, lane]]))
+        expected = arm.acceleration(state, batch.tau[:, lane])
+        np.testing.assert_allclose(rates[arm.size :], expected, atol=1e-11 * np.abs(expected).max())
+
+
+# --- the same bits everywhere -----------------------------------------------------------------------------------------
+
+
+def test_a_lane_of_a_block_runs_as_it_runs_alone(batch: Batch) -> None:
+    together, alone = batch.run(LANES), batch.run(1)
+    assert np.all(np.isfinite(together))
+    assert np.abs(together[-1] - together[0]).max() > 1.0
+    np.testing.assert_array_equal(together, alone)
+
+
+def test_threads_run_as_one_does(batch: Batch) -> None:
+    expected = batch.run(LANES)
+    with ThreadPoolExecutor(4) as pool:
+        for result in pool.map(lambda _: batch.run(LANES), range(8)):
+            np.testing.assert_array_equal(result, expected)
+
+
+def test_kernels_release_the_interpreter() -> None:
+    """While a kernel runs in another thread, this one goes on counting."""
+    batch = Batch(1, True)
+    steps = 300_000
+    arenas, torques = batch.arenas(LANES), np.zeros((steps, 1, 2 * LANES))
+    states, run = np.zeros((1, 1, 2 * batch.size * LANES)), batch.module(LANES).run_open
+    run(arenas.copy(), torques[:1], states, 1e-4, 1)  # compiles
+    with ThreadPoolExecutor(1) as pool:
+        started = time.perf_counter()
+        running = pool.submit(run, arenas, torques, states, 1e-4, steps)
+        longest, last = 0.0, started
+        done = False
+        while not done:
+            done, now = running.done(), time.perf_counter()
+            longest, last = max(longest, now - last), now
+        took = now - started
+    # a kernel that held the interpreter would stop this loop for nearly all of its time
+    assert longest < 0.5 * took
+
+
+# --- sine and cosine --------------------------------------------------------------------------------------------------
+
+
+def ulp_errors(x: np.ndarray) -> np.ndarray:
+    """Of sine and cosine against 60 digits [units in the last place of the exact value]. Shape (2, n)."""
+    ours = np.array(sincos(x))
+    errors = np.empty_like(ours)
+    with mpmath.workdps(60):
+        for j, value in enumerate(x.tolist()):
+            for i, exact in enumerate(reversed(mpmath.cos_sin(mpmath.mpf(value)))):
+                errors[i, j] = abs((mpmath.mpf(float(ours[i, j])) - exact) / np.spacing(abs(float(exact))))
+    return errors
+
+
+def random_angles(bound: float) -> np.ndarray:
+    return np.random.default_rng(0).uniform(-bound, bound, 2000)
+
+
+def angles_near_quarters() -> np.ndarray:
+    """Doubles next to multiples of pi/2: the first, and those up to 1e5 that come closest to one."""
+    quarters = np.arange(1, 63662) * (np.pi / 2)
+    closest = np.argsort(np.minimum(np.abs(np.sin(quarters)), np.abs(np.cos(quarters))))
+    return np.concatenate([quarters[:500], quarters[closest[:1500]]])
+
+
+ANGLES = {
+    "a quarter": random_angles(0.8),
+    "a turn": random_angles(4.0),
+    "turns": random_angles(100.0),
+    "many turns": random_angles(1e5),
+    "next to multiples of pi/2": angles_near_quarters(),
+    "next to odd multiples of pi/4": np.arange(1, 2001, 2) * (np.pi / 4),
+    "tiny": 10.0 ** np.random.default_rng(1).uniform(-300.0, -1.0, 1000),
+}
+
+
+@pytest.mark.parametrize("name", ANGLES)
+def test_sine_and_cosine_are_within_two_ulp(name: str) -> None:
+    x = ANGLES[name]
+    assert ulp_errors(np.concatenate([x, -x[:100], np.nextafter(x[:100], 0.0)])).max() < 2.0
+
+
+@pytest.mark.parametrize("name", ANGLES)
+def test_a_compiled_sine_is_its_text_to_the_last_bit(name: str) -> None:
+    """Signs and the exchange of sine and cosine too, which the processor takes from the bits of a whole number."""
+    variant = Variant("open", 1, True, 1)
+    compiled, text = assembly.load(variant).sincos_fused, interpreted(variant, rounded_once)["sincos_fused"]
+    for x in np.concatenate([ANGLES[name][:100], -ANGLES[name][:100], ANGLES[name][-50:], [0.0]]).tolist():
+        assert np.array(compiled(x)).tobytes() == np.array(text(x)).tobytes()  # 0 and -0 are not the same
+
+
+def test_sine_and_cosine_of_zero_are_exact() -> None:
+    assert sincos(0.0) == (0.0, 1.0)
+
+
+def test_sine_and_cosine_pass_on_what_is_not_finite() -> None:
+    with np.errstate(invalid="ignore"):
+        results = np.array(sincos(np.array([np.nan, np.inf, -np.inf, 1.0])))
+    assert np.all(np.isnan(results[:, :3]))
+    assert np.all(np.isfinite(results[:, 3]))
+
+
+def test_a_lane_that_is_not_finite_stays_so_and_alone() -> None:
+    batch = Batch(2, True)
+    expected = batch.arenas(LANES)
+    batch.module(LANES).step_kernel(expected[0], 1e-3)
+    batch.v[0, 3] = np.nan
+    arenas = batch.arenas(LANES)
+    batch.module(LANES).step_kernel(arenas[0], 1e-3)
+    rates = batch.part(arenas, LANES, "V")
+    assert np.all(np.isnan(rates[:, 3]))
+    others = np.arange(LANES) != 3
+    np.testing.assert_array_equal(rates[:, others], batch.part(expected, LANES, "V")[:, others])
+
+
+# --- vectorised -------------------------------------------------------------------------------------------------------
+
+# packed and scalar double-precision arithmetic, and jumps to a library's sine or cosine
+MACHINES = {
+    "x86_64": (
+        r"\bv?(?:mul|add|sub|div|fn?m(?:add|sub)\d+)pd\b",
+        r"\bv?(?:mul|add|sub|div|fn?m(?:add|sub)\d+)sd\b",
+        r"\b(?:callq?|jmpq?)\b",
+    ),
+    "aarch64": (
+        r"\bf(?:mul|add|sub|div|ml[as])\s+v\d+\.2d|\bf(?:mul|add|sub|div|ml[as])\.2d",
+        r"\bf(?:mul|add|sub|div|n?madd|n?msub)\s+d\d",
+        r"\bbl\b",
+    ),
+}
+
+
+@pytest.mark.parametrize(
+    ("variant", "kernel", "arguments"),
+    [
+        (Variant("open", 1, True, LANES), "step_kernel", (1e-3,)),
+        (Variant("loop", 1, True, LANES), "law_kernel", (1e-3, 0.0, imex.EXPLICIT[0], imex.IMPLICIT[0])),
+    ],
+    ids=["open", "loop"],
+)
+def test_batch_kernels_work_on_several_lanes_at_once(variant: Variant, kernel: str, arguments: tuple[Any, ...]) -> None:
+    machine = {"AMD64": "x86_64", "arm64": "aarch64"}.get(platform.machine(), platform.machine())
+    if machine not in MACHINES:
+        pytest.skip(f"no pattern of vector instructions for {machine}")
+    dispatcher = getattr(assembly.load(variant), kernel)
+    options = {name: value for name, value in dispatcher.targetoptions.items() if name not in ("cache", "nopython")}
+    assert not options.get("fastmath")
+    fresh = njit(**options)(dispatcher.py_func)  # what comes from a cache has no assembly to show
+    fresh(np.zeros(extent(variant.rows) * LANES), *arguments)
+    (assembly,) = fresh.inspect_asm().values()
+    packed, scalar, _ = (len(re.findall(pattern, assembly)) for pattern in MACHINES[machine])
+    # hundreds of operations; scalar ones are left to the wrapper and to a loop's remainder, of which there is none
+    assert packed > 200
+    assert scalar < 0.05 * packed
+    assert not re.search(rf"(?:{MACHINES[machine][2]}).*\b_*(?:sin|cos|sincos|fma)", assembly)
+    if machine == "x86_64":
+        assert re.search(r"\$-64, %rsp", assembly)  # the stack is aligned

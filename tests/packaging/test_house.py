@@ -1,0 +1,183 @@
+"""The rules of the house: who may import whom, what stays light, what a wheel holds."""
+
+import ast
+import os
+import re
+import shutil
+import subprocess
+import sys
+import sysconfig
+import zipfile
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+PACKAGES = {"flexarm_env": ROOT / "flexarm_env"}
+PACKAGES |= {f"flexarm_{name}": ROOT / name for name in ("baselines", "agents")}
+FOLDER_NAMES = {"baselines", "agents"}  # other distributions own these names; ours import as flexarm_*
+HEAVY = ("torch", "stable_baselines3", "matplotlib", "pygame")
+IMPORTERS = {"import_module", "__import__", "importorskip", "find_spec", "run_module"}
+
+
+def run(*command: str | Path, cwd: Path, **environment: str) -> subprocess.CompletedProcess[str]:
+    """Run a command without what the caller's PYTHONPATH would add."""
+    env = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"} | environment
+    arguments = [str(part) for part in command]
+    return subprocess.run(arguments, cwd=cwd, env=env, capture_output=True, text=True, timeout=300)
+
+
+def sources(*patterns: str) -> list[Path]:
+    """Return the repository's own files; builds, caches and environments have no part in it."""
+    folders = ("flexarm_env", "baselines", "agents", "tests", "scripts", "docs", "examples")
+    found = [path for pattern in patterns for path in ROOT.glob(pattern)]
+    found += [path for folder in folders for pattern in patterns for path in (ROOT / folder).rglob(pattern)]
+    return sorted(found)
+
+
+# --- the import contract ------------------------------------------------------------------------------------
+
+
+def lint_imports(folder: Path, **environment: str) -> subprocess.CompletedProcess[str]:
+    program = Path(sysconfig.get_path("scripts")) / "lint-imports"
+    config = ROOT / "pyproject.toml"
+    return run(program, "--config", config, "--no-cache", "--no-logo", cwd=folder, **environment)
+
+
+def test_imports_follow_the_flow() -> None:
+    result = lint_imports(ROOT)
+    assert result.returncode == 0, result.stdout + result.stderr
+
+
+@pytest.mark.parametrize(
+    ("file", "line", "contract"),
+    [
+        ("flexarm_env/parameters.py", "import flexarm_env.envs.single", "flexarm_env flows one way"),
+        ("flexarm_env/parameters.py", "from flexarm_env import env", "flexarm_env flows one way"),
+        ("flexarm_env/unplaced.py", "", "flexarm_env flows one way"),
+        ("flexarm_env/reward.py", "import flexarm_env.control.jacobian_transpose", "The closed loop and the reward"),
+        ("flexarm_env/closed_loop.py", "import flexarm_env.episode.reward", "The closed loop and the reward"),
+        ("flexarm_env/env.py", "def late(): import torch", "needs no learning"),
+        ("flexarm_env/env.py", "import control", "needs no learning"),
+        ("flexarm_env/analysis/unplaced.py", "", "linear theory flows one way"),
+        ("flexarm_env/analysis/sensor.py", "import flexarm_env.analysis.zeros", "linear theory flows one way"),
+        ("flexarm_env/analysis/margins.py", "import flexarm_env.simulation.closed_loop", "knows the arm and its references"),
+        ("flexarm_env/arm.py", "import flexarm_env.analysis", "flexarm_env flows one way"),
+        ("flexarm_env/env.py", "import flexarm_baselines", "does not know the baselines"),
+        ("flexarm_env/env.py", "import flexarm_agents", "know the agents"),
+        ("flexarm_baselines/ifdc.py", "import flexarm_agents", "know the agents"),
+        ("flexarm_agents/unplaced.py", "", "agents flow one way"),
+        ("flexarm_agents/score.py", "import flexarm_agents.training", "agents flow one way"),
+        ("flexarm_agents/load.py", "import torch", "without a learning library"),
+        ("flexarm_baselines/violation.py", "import flexarm_env", "look only at"),
+        ("flexarm_baselines/violation.py", "from flexarm_env.envs.single import FlexArmEnv", "look only at"),
+    ],
+)
+def test_the_contract_bites(tmp_path: Path, file: str, line: str, contract: str) -> None:
+    for name, folder in PACKAGES.items():
+        shutil.copytree(folder, tmp_path / name, ignore=shutil.ignore_patterns("__pycache__"))
+    with (tmp_path / file).open("a") as stream:
+        stream.write(f"\n{line}\n")
+    result = lint_imports(tmp_path, PYTHONPATH=str(tmp_path))
+    assert result.returncode == 1, result.stdout + result.stderr
+    assert re.search(rf"{contract}.* BROKEN", result.stdout), result.stdout
+
+
+# --- names and weight ---------------------------------------------------------------------------------------
+
+
+def imported_names(tree: ast.AST) -> Iterator[str]:
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.level == 0:
+            yield node.module or ""
+        elif isinstance(node, ast.Call) and node.args and isinstance(node.args[0], ast.Constant):
+            called = node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")
+            if called in IMPORTERS:
+                yield str(node.args[0].value)
+
+
+def test_no_source_imports_a_folder_by_its_generic_name() -> None:
+    files = sources("*.py", "*.pyi")
+    assert Path(__file__).resolve() in files
+    offenders = [
+        f"{path.relative_to(ROOT)}: {name}"
+        for path in files
+        for name in imported_names(ast.parse(path.read_text(encoding="utf-8")))
+        if name.partition(".")[0] in FOLDER_NAMES
+    ]
+    assert not offenders
+
+
+def test_no_document_imports_a_folder_by_its_generic_name() -> None:
+    folder = "|".join(sorted(FOLDER_NAMES))
+    forbidden = re.compile(rf"^\W*(?:from|import) +(?:{folder})\b|python3? +-m +(?:{folder})\b", re.MULTILINE)
+    assert forbidden.search(">>> from baselines import policy")
+    offenders = [str(path) for path in sources("*.md") if forbidden.search(path.read_text(encoding="utf-8"))]
+    assert not offenders
+
+
+def test_importing_the_environment_loads_nothing_heavy(tmp_path: Path) -> None:
+    code = f"import sys, flexarm_env; print(sorted(set({HEAVY!r}) & set(sys.modules)))"
+    result = run(sys.executable, "-W", "error", "-c", code, cwd=tmp_path)
+    assert result.returncode == 0, result.stderr
+    assert result.stdout.strip() == "[]"
+
+
+def test_trained_policies_need_no_learning_library(tmp_path: Path) -> None:
+    code = (
+        "import sys; from flexarm_agents import evaluate, load_policy, shipped_policies, TrainingConfig; "
+        f"TrainingConfig(); print(sorted(set({HEAVY!r}) & set(sys.modules)))"
+    )
+    result = run(sys.executable, "-W", "error", "-c", code, cwd=tmp_path)
+    assert result.returncode == 0, result.stderr
+    assert result.stdout.strip() == "[]"
+
+
+# --- the distribution ---------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Build from a copy, so that neither an old build folder nor this one can stain the other."""
+    copy = tmp_path_factory.mktemp("source") / "flexarm"
+    unwanted = shutil.ignore_patterns(".*", "build", "dist", "out", "runs", "*.egg-info", "__pycache__")
+    shutil.copytree(ROOT, copy, ignore=unwanted)
+    output = tmp_path_factory.mktemp("wheel")
+    command = ["wheel", "--no-deps", "--no-build-isolation", "--wheel-dir", output, copy]
+    result = run(sys.executable, "-m", "pip", *command, cwd=output)
+    assert result.returncode == 0, result.stderr
+    (built,) = output.glob("*.whl")
+    return built
+
+
+@pytest.mark.slow
+def test_a_wheel_holds_the_packages_and_nothing_else(wheel: Path) -> None:
+    files = zipfile.ZipFile(wheel).namelist()
+    tops = {name.partition("/")[0] for name in files}
+    assert {top for top in tops if not top.endswith(".dist-info")} == set(PACKAGES)
+    for package, folder in PACKAGES.items():
+        expected = {f"{package}/{path.relative_to(folder).as_posix()}" for path in folder.rglob("*.py")}
+        assert expected | {f"{package}/py.typed"} <= set(files)
+    policies = {f"flexarm_agents/policies/{path.name}" for path in (ROOT / "agents" / "policies").iterdir()}
+    assert policies
+    assert policies <= set(files)
+
+
+@pytest.mark.slow
+def test_a_plain_install_imports_by_all_names(wheel: Path, tmp_path: Path) -> None:
+    site = tmp_path / "site"
+    result = run(sys.executable, "-m", "pip", "install", "--no-deps", "--target", site, wheel, cwd=tmp_path)
+    assert result.returncode == 0, result.stderr
+    code = (
+        "import importlib.metadata, flexarm_agents, flexarm_baselines, flexarm_env; "
+        "print(flexarm_env.__file__, flexarm_baselines.__file__, flexarm_agents.__file__, flexarm_env.__version__, "
+        "importlib.metadata.version('flexarm'), sep='\\n')"
+    )
+    result = run(sys.executable, "-c", code, cwd=tmp_path, PYTHONPATH=str(site))
+    assert result.returncode == 0, result.stderr
+    *origins, version, declared = result.stdout.split()
+    assert all(Path(origin).is_relative_to(site) for origin in origins)
+    assert version == declared

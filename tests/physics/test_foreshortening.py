@@ -1,0 +1,220 @@
+"""The foreshortened arm: what it adds to the linear one (its equations: test_dynamics, its moments: test_modes)."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+
+from flexarm_env import (
+    ArmParameters,
+    ClosedLoop,
+    FlexibleArm,
+    LawParameters,
+    LoopCase,
+    SensorParameters,
+    SquareParameters,
+    square,
+)
+from flexarm_env.codegen.elementary import sincos
+from flexarm_env.parameters import SensorModel
+from flexarm_env.physics import sensing
+from flexarm_env.physics.bent_link import bent
+from tests.support.envs import FORESHORTENED, bare
+from tests.support.lagrange import loaded_arm, random_state
+
+Array = NDArray[np.float64]
+
+
+def both(modes: int = 2, **changes: Any) -> tuple[FlexibleArm, FlexibleArm]:
+    """A linear arm and its foreshortened twin."""
+    linear, foreshortened = (
+        FlexibleArm(loaded_arm(modes, kinematics=kinematics, **changes)) for kinematics in ("linear", "foreshortened")
+    )
+    return linear, foreshortened
+
+
+# --- kinematics -------------------------------------------------------------------------------------------------------
+
+
+def centre_line_excess(arm: FlexibleArm, q: Array, link: int) -> float:
+    """By how much a link's centre line is longer than the link, from 2000 chords [m]."""
+    length = arm.parameters.link_lengths[link - 1]
+    points = arm.position(np.tile(q, (2001, 1)), link, np.linspace(0.0, length, 2001))
+    return float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum()) - length
+
+
+@pytest.mark.parametrize("link", [1, 2])
+def test_a_bent_link_keeps_its_length(link: int) -> None:
+    """(1 - w'^2/2)^2 + w'^2 = 1 + w'^4/4: the length errs in the fourth order, that of the linear arm in the second."""
+    linear, foreshortened = both()
+    q = random_state(linear.parameters, 3, deflection=0.5)[: linear.size]
+    half = q.copy()
+    half[2:] *= 0.5
+    for arm, order in ((linear, 2), (foreshortened, 4)):
+        large, small = centre_line_excess(arm, q, link), centre_line_excess(arm, half, link)
+        assert large > 0.0
+        assert np.log2(large / small) == pytest.approx(order, abs=0.15)  # the next order is 10 to 20 % of it
+    assert centre_line_excess(foreshortened, q, link) < 0.1 * centre_line_excess(linear, q, link)
+
+
+def test_joint_angles_and_bending_energy_are_the_linear_arms() -> None:
+    linear, foreshortened = both()
+    state = random_state(linear.parameters, 1)
+    assert foreshortened.energy(state).strain == linear.energy(state).strain
+    np.testing.assert_array_equal(foreshortened.internal_state(state), linear.internal_state(state))
+
+
+@pytest.mark.parametrize("modes", [1, 2, 3, 4])
+def test_kinetic_energy_and_momentum_are_sums_over_material_points(modes: int) -> None:
+    """Of a loaded arm without rotary inertias, by Gauss' rule; `velocity` knows nothing of the mass matrix."""
+    still = {"shoulder_hub_inertia": 0.0, "elbow_hub_inertia": 0.0, "payload_inertia": 0.0}
+    _, arm = both(modes, **still)
+    p, state = arm.parameters, random_state(arm.parameters, 5)
+    nodes, weights = np.polynomial.legendre.leggauss(60)
+    points, rates, masses = [], [], []
+    for link, (length, rho) in enumerate(zip(p.link_lengths, p.masses_per_length, strict=True), 1):
+        s = np.append(0.5 * length * (nodes + 1.0), length)
+        repeated = np.tile(state, (len(s), 1))
+        points.append(arm.position(repeated[:, : arm.size], link, s))
+        rates.append(arm.velocity(repeated, link, s))
+        masses.append(np.append(0.5 * length * rho * weights, (p.elbow_mass, p.payload_mass)[link - 1]))
+    at, rate, mass = np.concatenate(points), np.concatenate(rates), np.concatenate(masses)
+    assert arm.energy(state).kinetic == pytest.approx(0.5 * mass @ (rate**2).sum(axis=1), rel=1e-11)
+    moment = mass @ (at[:, 0] * rate[:, 1] - at[:, 1] * rate[:, 0])
+    assert arm.angular_momentum(state) == pytest.approx(moment, rel=1e-11)
+
+
+@pytest.mark.parametrize("s", [0.5, 3.7])
+def test_sensors_see_the_point_where_it_is(s: float) -> None:
+    """The kernels' kinematics of a point of link 2 are those of `position`, `velocity` and `point_jacobian`."""
+    _, arm = both(3)
+    state = random_state(arm.parameters, 2)
+    y, v = (list(half) for half in np.split(arm.internal_state(state), 2))
+    one, two = sincos(y[0]), sincos(y[4])
+    close = {"rtol": 1e-12, "atol": 1e-12}
+    np.testing.assert_allclose(
+        sensing.true_point(arm.constants, arm.place(2, s), y, one, two), arm.position(state[: arm.size], 2, s), **close
+    )
+    rows = np.array(sensing.true_jacobian(arm.constants, arm.place(2, s), y, one, two))
+    np.testing.assert_allclose(rows @ np.array(v), arm.velocity(state, 2, s), **close)
+
+
+def test_point_jacobian_is_the_positions_derivative() -> None:
+    _, arm = both(2)
+    q = random_state(arm.parameters, 4)[: arm.size]
+    step = 1e-6  # central differences: step^2 of truncation, EPS / step of rounding
+    for link in (1, 2):
+        jacobian = arm.point_jacobian(q, link, 2.5)
+        moves = step * np.eye(arm.size)
+        differences = (arm.position(q + moves, link, 2.5) - arm.position(q - moves, link, 2.5)) / (2.0 * step)
+        np.testing.assert_allclose(jacobian, differences.T, atol=1e-8)
+
+
+# --- forces -----------------------------------------------------------------------------------------------------------
+
+
+def test_small_deflections_move_the_linear_arm() -> None:
+    """At rest what foreshortening adds is of second order in the deflection: a tenth of it, a hundredth."""
+    linear, foreshortened = both()
+    state = random_state(linear.parameters, 6, deflection=0.05, rate=0.0)
+    tenth = state.copy()
+    tenth[2 : linear.size] *= 0.1
+    difference = [
+        np.abs(foreshortened.acceleration(x, (3.0, -2.0)) - linear.acceleration(x, (3.0, -2.0))).max()
+        for x in (state, tenth)
+    ]
+    assert difference[0] > 0.0
+    assert np.log10(difference[0] / difference[1]) == pytest.approx(2.0, abs=0.3)  # first order in q times q
+
+
+# Flapping frequencies of a uniform blade clamped to a turning root of radius zero, in units of sqrt(EI / rho L^4):
+# Wright, Smith, Thresher & Wang, Vibration modes of centrifugally stiffened beams, J. Appl. Mech. 49 (1982), table 1.
+BLADE = {0.0: (3.5160, 22.0345), 2.0: (4.1373, 22.6149), 5.0: (6.4495, 25.4461), 10.0: (11.2023, 33.6404)}
+
+
+@pytest.mark.parametrize("turn", BLADE)
+def test_a_turning_link_stiffens_like_a_blade(turn: float) -> None:
+    """A huge hub turns link 1 at a constant rate; in the plane of rotation the blade's squares are less the turn's.
+
+    The linear arm softens instead: its squares are those of the link at rest, less the turn's.
+    """
+    bare = {"elbow_mass": 0.0, "payload_mass": 0.0, "payload_inertia": 0.0, "elbow_hub_inertia": 0.0}
+    for arm in both(4, **bare, shoulder_hub_inertia=1e9, masses_per_length=(0.335, 1e-9), modal_damping_ratio=0.0):
+        unit = np.sqrt(arm.parameters.flexural_rigidities[0] / (0.335 * arm.parameters.link_lengths[0] ** 4))
+        state = np.zeros(2 * arm.size)
+        state[arm.size] = turn * unit
+        linear = arm.linearise(state, (0.0, 0.0)).A[arm.size + 2 : arm.size + 6, 2:6]  # q1'' by q1, the hub unmoved
+        squares = np.sort(np.linalg.eigvals(-linear).real)[:2] / unit**2
+        if arm.parameters.kinematics == "foreshortened":
+            # four modes of the resting beam: they bend more stiffly than the blade by the last digits given
+            np.testing.assert_allclose(np.sqrt(squares + turn**2), BLADE[turn], rtol=1e-3)
+        else:
+            np.testing.assert_allclose(squares, np.array(BLADE[0.0]) ** 2 - turn**2, rtol=1e-4)
+
+
+# --- the loop and the environments ------------------------------------------------------------------------------------
+
+
+def test_the_papers_velocity_forces_know_no_foreshortening() -> None:
+    with pytest.raises(ValueError, match=r"kinematics = 'foreshortened'.*must be 'complete'"):
+        ArmParameters.paper(kinematics="foreshortened")
+
+
+def test_a_place_is_on_its_link() -> None:
+    _, arm = both()
+    place = arm.place(1, 4.5)
+    assert place == arm.constants.elbow
+    assert bent(place, [0.0, 0.0]).along == 4.5
+    with pytest.raises(ValueError, match=r"s = 5.0"):
+        arm.place(2, 5.0)
+    with pytest.raises(ValueError, match=r"link = 3"):
+        arm.place(3, 1.0)
+
+
+def test_torques_move_an_environments_arm_as_they_move_the_arm() -> None:
+    env = bare(**FORESHORTENED, start="moving", sensor="true", delay=0.0, error_limit=None, deflection_limit=None)
+    actions = np.random.default_rng(0).integers(-16, 17, (40, 2)) / 64.0
+    infos = [env.reset(seed=1)[1], *(env.step(action)[4] for action in actions)]
+    states, tips, sensed = (np.array([info[name] for info in infos]) for name in ("state", "true_tip", "sensed"))
+    torques = np.repeat(actions * [150.0, 50.0], 10, axis=0)
+    run = env.arm.simulate(states[0], torques, 0.4)
+    np.testing.assert_allclose(states, run.state[::10], rtol=0.0, atol=1e-12 * np.abs(states).max())
+    assert np.abs(run.tip_deflection).max() > 0.1
+    np.testing.assert_allclose(tips, env.arm.tip(states[:, : env.arm.size]), rtol=0.0, atol=1e-12)
+    at = env.arm.position(states[:, : env.arm.size], 2, env.settings.sensor_position)
+    np.testing.assert_allclose(sensed, at, rtol=0.0, atol=1e-12)
+
+
+@pytest.mark.parametrize("model", ["collocated", "true"])
+def test_the_law_moves_the_arm_as_an_independent_solver_says(model: SensorModel) -> None:
+    """(10), (14) through `position` and `velocity` alone, with a stiff solver; the loop's kernel has its own ways."""
+    _, arm = both(1, joint_friction=(0.0, 0.0))
+    s, gain, kp, kd = 3.0, 0.3, 150.79, 17.364
+    path, law = square(SquareParameters(side=1.26, lap_time=1.6)), LawParameters(kp, kd)
+    sensor = SensorParameters(model, position=s, delay=None if model == "collocated" else 0.0)
+    loop = ClosedLoop(arm, [LoopCase(sensor, law)], path, 1e-3, 1e-4)
+    start = random_state(arm.parameters, 8, deflection=0.2, rate=0.5)
+    start[:2] = 0.7, 1.9
+
+    def rate(time: float, state: Array) -> Array:
+        theta1, both_angles = state[0], state[0] + state[1]
+        length = arm.parameters.link_lengths[0]
+        e1, e2 = (np.array([np.cos(a), np.sin(a)]) for a in (theta1, both_angles))
+        turn = np.array([[0.0, -1.0], [1.0, 0.0]])
+        jacobian = np.stack([turn @ (length * e1 + s * e2), turn @ (s * e2)], axis=1)
+        if model == "true":
+            at, moving = arm.position(state[: arm.size], 2, s), arm.velocity(state, 2, s)
+        else:
+            at, moving = length * e1 + s * e2, jacobian @ state[arm.size : arm.size + 2]
+        error, error_rate = path.position(time) - at, path.velocity(time) - moving
+        tau = gain * jacobian.T @ (kp * error + kd * error_rate)
+        return np.concatenate([state[arm.size :], arm.acceleration(state, tau)])
+
+    loop.reset(start[None])
+    for _ in range(100):
+        loop.advance([gain])
+    exact = solve_ivp(rate, (0.0, 0.1), start, "Radau", rtol=1e-10, atol=1e-12).y[:, -1]
+    # third order with 0.1 ms and a pole near 3000 /s; the linear arm's loop is as close to its oracle
+    np.testing.assert_allclose(loop.results().state[0], exact, rtol=0.0, atol=1e-4 * np.abs(exact).max())

@@ -1,0 +1,262 @@
+"""Clamped-free modes against the textbook: roots, frequencies, boundary conditions, integrals, statics."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from flexarm_env.physics.link_modes import LinkModes, clamped_free_roots, foreshortening_moments, link_modes
+from tests.support.lagrange import clenshaw_curtis, loaded_arm, shapes, textbook_roots
+
+L, EI, RHO, A = 4.5, 1676.0, 0.335, 0.1  # the paper's link
+EPS = np.finfo(float).eps
+
+# Shapes of mode i subtract numbers of the size of cosh(lambda_i L), and every quantity below inherits that rounding
+# error: 1.5e4 ulp for the fourth mode, about 4e-12.
+ROUNDING = 2.0 * np.cosh(textbook_roots(4)[-1]) * EPS
+
+
+@pytest.fixture(scope="module")
+def link() -> LinkModes:
+    return link_modes(L, EI, RHO, 4, A)
+
+
+def k(roots: np.ndarray) -> np.ndarray:
+    """The textbook's sigma, in the form that the package does not use."""
+    return (np.sinh(roots) - np.sin(roots)) / (np.cosh(roots) + np.cos(roots))
+
+
+# --- roots and frequencies --------------------------------------------------------------------------------------------
+
+
+def test_roots_solve_the_characteristic_equation() -> None:
+    # brentq is asked for 4 ulp, its smallest tolerance
+    np.testing.assert_allclose(clamped_free_roots(4), textbook_roots(4), rtol=4 * EPS)
+
+
+def test_roots_are_not_the_asymptote_that_the_paper_prints() -> None:
+    roots = np.array(clamped_free_roots(4))
+    asymptote = (np.arange(4) + 0.5) * np.pi
+    assert roots[0] - asymptote[0] == pytest.approx(0.3043, abs=1e-4)
+    # the root tends to the asymptote like 2 exp(-z): 3e-5 at the fourth
+    np.testing.assert_allclose(np.abs(roots - asymptote)[1:], 2.0 * np.exp(-asymptote[1:]), rtol=0.02)
+
+
+def test_fewer_modes_are_the_first_of_more(link: LinkModes) -> None:
+    for count in (1, 2, 3):
+        np.testing.assert_array_equal(link_modes(L, EI, RHO, count, A).frequencies, link.frequencies[:count])
+
+
+def test_frequencies_of_the_papers_link(link: LinkModes) -> None:
+    figures, last_digits = np.array([12.281, 76.96, 215.5]), np.array([1e-3, 1e-2, 1e-1])
+    assert np.all(np.abs(link.frequencies[:3] - figures) <= 0.5 * last_digits)
+
+
+@given(
+    length=st.floats(0.1, 20.0),
+    rigidity=st.floats(1.0, 1e6),
+    density=st.floats(0.01, 100.0),
+    scale=st.floats(0.01, 10.0),
+)
+def test_frequencies_scale_as_the_beam_equation_says(
+    length: float, rigidity: float, density: float, scale: float
+) -> None:
+    modes = link_modes(length, rigidity, density, 3, scale)
+    expected = np.array(textbook_roots(3)) ** 2 * np.sqrt(rigidity / (density * length**4))
+    np.testing.assert_allclose(modes.frequencies, expected, rtol=20 * EPS)  # a dozen roundings
+    # Rayleigh's quotient: stiffness and mass belong to the same motion
+    np.testing.assert_allclose(np.sqrt(modes.stiffness / np.diag(modes.mass)), expected, rtol=ROUNDING)
+
+
+# --- shapes -----------------------------------------------------------------------------------------------------------
+
+
+def test_shapes_are_the_textbooks(link: LinkModes) -> None:
+    p = loaded_arm(4, mode_scale=A)
+    x = np.linspace(0.0, L, 50)
+    for order, ours in enumerate((link.shape(x), link.slope(x), link.curvature(x))):
+        theirs = shapes(p, L, x, order)
+        np.testing.assert_allclose(ours, theirs, atol=ROUNDING * np.abs(theirs).max(axis=0).max())
+
+
+def test_slope_and_curvature_are_derivatives(link: LinkModes) -> None:
+    x, h = np.linspace(0.1, L - 0.1, 23), 1e-4
+    # Central differences are off by h^2/6 times the third derivative, (lambda h)^2/6 = 1e-8 relative, and by
+    # rounding over h: ROUNDING / (lambda h) = 2e-8.
+    for function, derivative in ((link.shape, link.slope), (link.slope, link.curvature)):
+        difference = (function(x + h) - function(x - h)) / (2.0 * h)
+        np.testing.assert_allclose(difference, derivative(x), atol=1e-7 * np.abs(derivative(x)).max())
+
+
+def test_root_is_clamped(link: LinkModes) -> None:
+    assert np.all(link.shape(0.0) == 0.0)
+    assert np.all(link.slope(0.0) == 0.0)
+
+
+def test_tip_is_free(link: LinkModes) -> None:
+    curvature = link.curvature(L)
+    largest = np.abs(link.curvature(np.linspace(0.0, L, 50))).max(axis=0)
+    assert np.all(np.abs(curvature) < ROUNDING * largest)  # no moment
+    # no shear force: phi''' by one-sided differences of third order, from four curvatures
+    h = 1e-3
+    shear = link.curvature(L - h * np.arange(4)).T @ np.array([11.0, -18.0, 9.0, -2.0]) / (6.0 * h)
+    # truncation h^3/4 times the sixth derivative, ten orders above what a missing boundary condition would give
+    assert np.all(np.abs(shear) < (link.wavenumbers * h) ** 3 * link.wavenumbers * largest)
+
+
+def test_tip_values_and_slopes(link: LinkModes) -> None:
+    roots = np.array(textbook_roots(4))
+    signs = np.array([1.0, -1.0, 1.0, -1.0])
+    np.testing.assert_allclose(link.tip_values, 2.0 * A * signs, rtol=ROUNDING)
+    np.testing.assert_allclose(link.tip_slopes, 2.0 * A * signs * k(roots) * roots / L, rtol=ROUNDING)
+    np.testing.assert_array_equal(link.tip_values, link.shape(L))
+    np.testing.assert_array_equal(link.tip_slopes, link.slope(L))
+
+
+def test_shape_broadcasts(link: LinkModes) -> None:
+    x = np.linspace(0.0, L, 6).reshape(2, 3)
+    assert link.shape(1.0).shape == (4,)
+    assert link.shape(x).shape == (2, 3, 4)
+    np.testing.assert_array_equal(link.slope(x)[1, 2], link.slope(x[1, 2]))
+
+
+# --- integrals --------------------------------------------------------------------------------------------------------
+
+
+def test_integrals_have_their_closed_forms(link: LinkModes) -> None:
+    """Felgar (1950): the integrals of a clamped-free beam, from its boundary values."""
+    wave = np.array(textbook_roots(4)) / L
+    np.testing.assert_allclose(link.first_moment, RHO * 2.0 * A * k(wave * L) / wave, rtol=ROUNDING)
+    np.testing.assert_allclose(link.second_moment, RHO * 2.0 * A / wave**2, rtol=10 * ROUNDING)
+    np.testing.assert_allclose(np.diag(link.mass), RHO * A**2 * L, rtol=ROUNDING)
+    np.testing.assert_allclose(link.stiffness, EI * A**2 * L * wave**4, rtol=ROUNDING)
+
+
+def test_integrals_agree_with_another_rule_and_the_textbooks_shapes(link: LinkModes) -> None:
+    x, weight = clenshaw_curtis(L)
+    phi, bend = (shapes(loaded_arm(4, mode_scale=A), L, x, order) for order in (0, 2))
+    mass = RHO * A**2 * L
+    np.testing.assert_allclose(link.mass, RHO * phi.T @ (weight[:, None] * phi), atol=ROUNDING * mass)
+    np.testing.assert_allclose(link.first_moment, RHO * weight @ phi, rtol=10 * ROUNDING)
+    np.testing.assert_allclose(link.second_moment, RHO * (weight * x) @ phi, rtol=10 * ROUNDING)
+    np.testing.assert_allclose(link.stiffness, EI * weight @ bend**2, rtol=ROUNDING)
+
+
+def test_modes_are_orthogonal(link: LinkModes) -> None:
+    off = ~np.eye(4, dtype=bool)
+    assert np.all(np.abs(link.mass[off]) < ROUNDING * RHO * A**2 * L)
+    # in bending too: that is why the stiffness is kept as a diagonal
+    x, weight = clenshaw_curtis(L)
+    stiffness = EI * link.curvature(x).T @ (weight[:, None] * link.curvature(x))
+    scale = np.sqrt(np.outer(link.stiffness, link.stiffness))
+    assert np.all(np.abs(stiffness / scale)[off] < ROUNDING)
+
+
+def test_mode_scale_scales_the_coordinates_only() -> None:
+    one, ten = (link_modes(L, EI, RHO, 2, scale) for scale in (1.0, 10.0))
+    np.testing.assert_array_equal(one.frequencies, ten.frequencies)
+    np.testing.assert_allclose(ten.tip_values, 10.0 * one.tip_values, rtol=4 * EPS)
+    np.testing.assert_allclose(ten.stiffness, 100.0 * one.stiffness, rtol=4 * EPS)
+    np.testing.assert_allclose(np.diag(ten.mass), 100.0 * np.diag(one.mass), rtol=4 * EPS)
+
+
+# --- polynomial shapes ------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def polynomial() -> LinkModes:
+    return link_modes(L, EI, RHO, 4, A, "polynomial")
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 4])
+def test_polynomial_shapes_are_the_ritz_modes_of_monomials(count: int) -> None:
+    link = link_modes(L, EI, RHO, count, A, "polynomial")
+    p = loaded_arm(count, mode_scale=A, mode_shapes="polynomial")
+    x = np.linspace(0.0, L, 50)
+    for order, ours in enumerate((link.shape(x), link.slope(x), link.curvature(x))):
+        theirs = shapes(p, L, x, order)
+        np.testing.assert_allclose(ours, theirs, atol=ROUNDING * np.abs(theirs).max())
+
+
+def test_polynomial_shapes_are_orthogonal_in_mass_and_bending(polynomial: LinkModes) -> None:
+    x, weight = clenshaw_curtis(L)
+    phi, bend = polynomial.shape(x), polynomial.curvature(x)
+    off = ~np.eye(4, dtype=bool)
+    for matrix in (RHO * phi.T @ (weight[:, None] * phi), EI * bend.T @ (weight[:, None] * bend)):
+        scale = np.sqrt(np.outer(np.diag(matrix), np.diag(matrix)))
+        assert np.all(np.abs(matrix / scale)[off] < 1e-12)  # powers up to the fifth cancel three digits
+    np.testing.assert_allclose(polynomial.frequencies**2, polynomial.stiffness / np.diag(polynomial.mass), rtol=1e-12)
+
+
+def test_polynomial_shapes_are_clamped_and_end_like_the_cantilevers(polynomial: LinkModes, link: LinkModes) -> None:
+    assert np.all(polynomial.shape(0.0) == 0.0)
+    assert np.all(polynomial.slope(0.0) == 0.0)
+    np.testing.assert_allclose(polynomial.tip_values, link.tip_values, rtol=1e-12)
+    # they can carry a moment there, the cantilever's modes cannot
+    assert np.abs(polynomial.curvature(L)).max() > polynomial.curvature(0.0)[0]
+
+
+def test_polynomial_frequencies_are_upper_bounds_that_fall_with_their_number(link: LinkModes) -> None:
+    """Rayleigh and Ritz: each further shape lowers each frequency, never below the beam's."""
+    found = [link_modes(L, EI, RHO, count, A, "polynomial").frequencies for count in (1, 2, 3, 4)]
+    for fewer, more in zip(found, found[1:], strict=False):
+        assert np.all(more[: len(fewer)] < fewer)
+    assert np.all(found[-1] > link.frequencies)
+    # four polynomials hold the first mode almost, and the second within a percent
+    assert np.all(found[-1][:2] < link.frequencies[:2] * (1.0 + np.array([1e-5, 1e-2])))
+
+
+def test_two_polynomials_hold_every_static_shape_of_forces_at_the_tip() -> None:
+    """A tip force and a tip moment bend the beam by x^2 (3 L - x) and by x^2: its statics are exact."""
+    link = link_modes(L, EI, RHO, 2, A, "polynomial")
+    compliance = np.array([[L**3 / 3.0, L**2 / 2.0], [L**2 / 2.0, L]]) / EI
+    ends = np.stack([link.tip_values, link.tip_slopes])
+    np.testing.assert_allclose(ends @ (ends / link.stiffness).T, compliance, rtol=1e-12)
+
+
+# --- foreshortening ---------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("mode_shapes", ["cantilever", "polynomial"])
+def test_foreshortening_is_the_integral_of_products_of_slopes(mode_shapes: str) -> None:
+    link = link_modes(L, EI, RHO, 4, A, mode_shapes)
+    distances = np.array([[0.0, 0.7], [3.1, L]])
+    sums = link.foreshortening(distances)
+    assert sums.shape == (2, 2, 4, 4)
+    for place in np.ndindex(2, 2):
+        x, weight = clenshaw_curtis(max(float(distances[place]), 1e-300))
+        expected = link.slope(x).T @ (weight[:, None] * link.slope(x))
+        np.testing.assert_allclose(sums[place], expected, atol=ROUNDING * np.abs(sums).max())
+
+
+def test_moments_of_the_foreshortening_are_sums_over_the_links_points() -> None:
+    link, tip_mass = link_modes(L, EI, RHO, 3, A), 0.7
+    x, weight = clenshaw_curtis(L)
+    mass, points = np.append(RHO * weight, tip_mass), np.append(x, L)
+    s, phi = link.foreshortening(points), link.shape(points)
+    moments = foreshortening_moments(link, tip_mass)
+    sums = {
+        "mean": np.einsum("n,nij->ij", mass, s),
+        "shortened": np.einsum("n,n,nij->ij", mass, points, s),
+        "cubic": np.einsum("n,nk,nij->kij", mass, phi, s),
+    }
+    for name, expected in sums.items():
+        np.testing.assert_allclose(getattr(moments, name), expected, atol=ROUNDING * np.abs(expected).max())
+    pairs = [(0, 0), (1, 0), (1, 1), (2, 0), (2, 1), (2, 2)]
+    quartic = np.einsum("n,nij,nkl->ijkl", mass, s, s)
+    expected = np.array([[quartic[*a, *b] for b in pairs] for a in pairs])
+    np.testing.assert_allclose(moments.quartic, expected, atol=ROUNDING * np.abs(expected).max())
+
+
+# --- statics ----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("count", "missing"), [(1, 0.029), (2, 0.0047), (3, 0.0015), (4, 0.0006)])
+def test_static_tip_deflection_lacks_the_modes_that_are_left_out(count: int, missing: float) -> None:
+    """A tip force F deflects a clamped beam by F L^3 / (3 EI); the modes give sum phi_i(L)^2 F / k_i."""
+    link = link_modes(L, EI, RHO, count, A)
+    flexibility = np.sum(link.tip_values**2 / link.stiffness)
+    error = 1.0 - flexibility / (L**3 / (3.0 * EI))
+    # each mode adds its 12 / z_i^4 of the whole, so that the error is known; the rounded figure is the one told
+    assert error == pytest.approx(1.0 - sum(12.0 / z**4 for z in textbook_roots(count)), abs=ROUNDING)
+    assert error == pytest.approx(missing, rel=0.1)

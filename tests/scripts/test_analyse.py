@@ -1,0 +1,151 @@
+"""`scripts/analysis/__main__.py` end to end, and docs/analysis.md against what it produces."""
+
+import json
+import re
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+SCRIPT = ROOT / "scripts" / "analyse.py"
+PAGE = ROOT / "docs" / "analysis.md"
+BLOCK = re.compile(r"<!-- generated: (\w+) -->\n(.*?)<!-- end -->", re.DOTALL)
+TABLES = {"zeros_by_model", "zeros_by_position", "passivity", "margins", "simulated", "largest_gains"}
+PICTURES = {"zeros_locus", "passivity", "margins"}
+
+
+def run_script(*arguments: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([sys.executable, str(SCRIPT), *arguments], capture_output=True, text=True, check=False)
+
+
+@pytest.fixture(scope="module")
+def quick(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    output = tmp_path_factory.mktemp("analysis") / "quick"
+    done = run_script("--quick", "--output", str(output))
+    assert done.returncode == 0, done.stderr
+    return output
+
+
+@pytest.fixture(scope="module")
+def full(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    output = tmp_path_factory.mktemp("analysis") / "full"
+    done = run_script("--output", str(output))
+    assert done.returncode == 0, done.stderr
+    return output
+
+
+def committed() -> dict[str, str]:
+    return dict(BLOCK.findall(PAGE.read_text()))
+
+
+def prose() -> str:
+    return " ".join(PAGE.read_text().split())
+
+
+def read(results: Path) -> dict[str, Any]:
+    return json.loads((results / "analysis.json").read_text())
+
+
+def test_results_are_complete(quick: Path) -> None:
+    assert {path.stem for path in quick.glob("*.md")} == TABLES
+    for suffix in ("png", "svg"):
+        assert {path.stem for path in (quick / "figures").glob(f"*.{suffix}")} == PICTURES
+    assert set(read(quick)) >= {"zeros", "passivity", "margins", "profile", "simulated", "largest_gains"}
+    assert [path.name for path in quick.parent.iterdir()] == [quick.name], "work files were left behind"
+
+
+def test_committed_tables_have_the_rows_of_a_quick_run(quick: Path) -> None:
+    """Those that a quick run makes as a full one does. All of them take a full run, below."""
+    pages = committed()
+    assert set(pages) == TABLES
+    for name in ("zeros_by_model", "largest_gains", "margins"):
+        rows = (quick / f"{name}.md").read_text().splitlines()
+        assert len(rows) > 3
+        for row in rows:
+            assert row in pages[name], f"{name} is out of date: run `make docs`; {row}"
+
+
+@pytest.mark.slow
+def test_all_committed_tables_match(full: Path) -> None:
+    for name, text in committed().items():
+        assert text == (full / f"{name}.md").read_text(), f"{name} is out of date: run `make docs`"
+
+
+@pytest.mark.slow
+def test_figures_of_the_simulation_in_the_text_match(full: Path) -> None:
+    worst = 0.0
+    results = read(full)
+    linear = {(r["sensor"], r["delayed"], r["controller"]): r for r in results["margins"] if r["arm"] == "paper's arm"}
+    for row in results["simulated"]:
+        for place in ("corner", "mid-side"):
+            own = linear[row["sensor"], row["delayed"], row["controller"]][place]["delay_margin"]
+            worst = max(worst, *(abs(end / own - 1.0) for end in row[place]))
+    assert f"within {100.0 * worst:.1f} %" in prose()
+
+
+@pytest.mark.slow
+def test_figures_in_the_text_match(full: Path) -> None:
+    """Every sentence of docs/analysis.md that quotes a figure, with the figure put in by the results."""
+    results, text = read(full), prose()
+    models = {row["arm"]: row for row in results["zeros"]["by_model"]}
+    one, default = models["1 mode, undamped"], models["2 modes, 1 % (default)"]
+    paper = [row for row in results["margins"] if row["arm"] == "paper's arm"]
+    margins = {(r["sensor"], r["delayed"], r["controller"]): r for r in paper}
+    late = margins["end effector", "position", "IFDC"]
+    rates = margins["end effector", "position+rate", "IFDC"]
+    gains = {row["what"]: row for row in results["largest_gains"]}
+    law = results["passivity"]["law"]
+    tip = gains["true tip, not late, 1 mode, 1 %"]
+    room = {
+        delayed: [
+            row[place]["delay_margin"] / row[place]["delay"]
+            for row in paper
+            if row["delayed"] == delayed and row["sensor"] in ("end effector", "0.5 m past the elbow")
+            for place in ("corner", "mid-side")
+        ]
+        for delayed in ("position", "position+rate")
+    }
+    sentences = [
+        f"{min(room['position']):.1f} to {max(room['position']):.1f} times the delay",
+        f"are {1 / max(room['position+rate']):.0f} to {1 / min(room['position+rate']):.0f} times too long",
+        f"Without damping it is at {one['zero']:.1f} rad/s with one mode a link, at "
+        f"{models['2 modes, undamped']['zero']:.1f}, "
+        f"{models['3 modes, undamped']['zero']:.1f} and {models['4 modes, undamped']['zero']:.1f} with two to four, at "
+        f"{models['exact beam']['zero']:.2f} for the exact beam",
+        f"without damping {one['bandwidth']:.1f} rad/s with one mode, "
+        f"{models['4 modes, undamped']['bandwidth']:.1f} with four",
+        f"1/z of the exact beam is {1e3 / models['exact beam']['zero']:.0f} ms",
+        f"{100.0 * 3.15 / models['exact beam']['zero']:.0f} cm",
+        f"at {one['entries'][0]:.2f} m, {100 * one['entries'][0] / 4.5:.0f} % of the link",
+        f"on the default arm, two modes with 1 % damping, at {default['zero']:.2f} rad/s",
+        f"to {default['zero']:.2f} rad/s",
+        f"Kd / Kp = {1e3 * law['longest_passive_delay']:.0f} ms",
+        f"from {law['active_from']:.0f} rad/s on",
+        f"{1e3 * late['corner']['delay_margin']:.0f} to {1e3 * late['mid-side']['delay_margin']:.0f} ms for IFDC",
+        f"{1e3 * rates['corner']['delay_margin']:.2f} to {1e3 * rates['mid-side']['delay_margin']:.2f} ms",
+        f"lambda = {tip['corner']:.3f} on a corner and {tip['mid-side']:.3f} in the middle of a side",
+    ]
+    for sentence in sentences:
+        assert sentence in text, f"not in docs/analysis.md: {sentence}"
+
+
+def test_fuzzy_gains_are_those_that_the_margins_are_made_for(quick: Path) -> None:
+    low, high = read(quick)["fuzzy_gains"]
+    assert low == pytest.approx(1.0 / 6.0)
+    assert high == pytest.approx(5.0 / 6.0)
+
+
+def test_bad_options_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "thesis.tex").touch()
+    done = run_script("--quick", "--output", str(tmp_path))
+    assert done.returncode != 0
+    assert f"output = {tmp_path}" in done.stderr
+    assert (tmp_path / "thesis.tex").exists()
+    done = run_script("--quick", "--docs", "--output", str(tmp_path / "new"))
+    assert done.returncode != 0
+    assert "Traceback" not in done.stderr
+    for option in ("--output", "--quick", "--docs"):
+        assert option in run_script("--help").stdout

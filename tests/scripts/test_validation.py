@@ -1,0 +1,344 @@
+"""`scripts/validation/__main__.py`: its short version end to end, its machinery, and docs/validation.md against its record."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+import shutil
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from flexarm_env import ArmParameters
+from scripts.validation import __main__ as validate
+
+ROOT = Path(__file__).resolve().parent.parent
+SCRIPT = ROOT / "scripts" / "validate.py"
+DOCS = ROOT / "docs"
+NAMES = ("links", "arm", "engine", "drift", "orders", "coriolis")
+UNCHANGED = ("links", "orders", "coriolis")  # the same work in the short version
+
+
+def run_script(*arguments: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([sys.executable, str(SCRIPT), *arguments], capture_output=True, text=True, check=False)
+
+
+@pytest.fixture(scope="module")
+def short(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
+    """One short run of everything: its folder and what it printed."""
+    output = tmp_path_factory.mktemp("validation") / "results"
+    done = run_script("--quick", "--output", str(output))
+    assert done.returncode == 0, done.stdout + done.stderr
+    return output, done.stdout
+
+
+def record() -> dict[str, Any]:
+    """Of the run that made the committed page."""
+    return json.loads((DOCS / "validation.json").read_text())
+
+
+# --- end to end -----------------------------------------------------------------------------------------------
+
+
+def test_the_short_version_passes(short: tuple[Path, str]) -> None:
+    output, printed = short
+    summary = json.loads((output / "summary.json").read_text())
+    assert summary["passed"]
+    assert summary["quick"]
+    assert tuple(summary["groups"]) == NAMES
+    assert {check["group"] for check in summary["checks"]} == set(NAMES)
+    for check in summary["checks"]:
+        assert check["passed"]
+        assert check["name"] in printed
+        assert f"because {check['reason']}" in printed
+    assert "NOT RUN" not in printed
+
+
+def test_every_group_has_its_pictures_tables_and_data(short: tuple[Path, str]) -> None:
+    from scripts.validation.groups import GROUPS
+
+    output, _ = short
+    for group in GROUPS:
+        assert group.drawings
+        for name in group.drawings:
+            for suffix in ("png", "svg"):
+                assert (output / "figures" / f"{name}.{suffix}").stat().st_size > 5_000
+        assert (output / f"{group.name}.md").read_text().startswith("| check |")
+        assert (output / group.name / "result.json").exists()
+
+
+def test_what_is_up_to_date_is_not_run_again(short: tuple[Path, str], tmp_path: Path) -> None:
+    output = tmp_path / "copy"
+    shutil.copytree(short[0], output)
+    links = ("--quick", "--only", "links", "--output", str(output))
+    assert "from an earlier run" in run_script(*links).stdout
+    assert "from an earlier run" not in run_script(*links, "--fresh").stdout
+
+
+# --- the machinery --------------------------------------------------------------------------------------------
+
+
+def a_check(figure: float, **bounds: float) -> Any:
+    from scripts.validation.checks import Check
+
+    return Check("group", "name", figure, "reason", **(bounds or {"most": 1.0}))
+
+
+def test_a_check_passes_within_its_bounds_only() -> None:
+    assert a_check(0.5).passed
+    assert a_check(1.0).passed
+    assert not a_check(1.1).passed
+    assert not a_check(math.nan).passed
+    assert not a_check(-math.inf).passed
+    assert a_check(3.0, least=2.0, most=4.0).passed
+    assert not a_check(1.0, least=2.0).passed
+    with pytest.raises(ValueError, match="bound"):
+        a_check(1.0, least=None)  # type: ignore[arg-type]
+
+
+def test_results_survive_the_file(tmp_path: Path) -> None:
+    from scripts.validation.checks import Findings, Result, read, write
+
+    checks = [a_check(0.5), a_check(math.nan)]
+    findings = Findings(checks, {"x": np.arange(3.0)}, {"rows": [{"y": (1, 2)}]}, {"z": 1.0})
+    write(tmp_path / "group", Result("key", 1.5, findings))
+    found = read(tmp_path / "group")
+    assert found is not None
+    assert (found.key, found.seconds) == ("key", 1.5)
+    assert found.findings.checks[0] == checks[0]
+    assert not found.findings.checks[1].passed
+    np.testing.assert_array_equal(found.findings.arrays["x"], np.arange(3.0))
+    assert found.findings.records == {"rows": [{"y": [1, 2]}]}
+    assert found.findings.quoted == {"z": 1.0}
+    (tmp_path / "group" / "data.npz").write_bytes(b"half a file")
+    assert read(tmp_path / "group") is None
+    assert read(tmp_path / "nothing") is None
+
+
+@dataclass(frozen=True)
+class StubBase:
+    """Stands for a `Group` with given behaviour."""
+
+    name: str
+    figure: float = 0.0
+    needs: tuple[str, ...] = ()
+    title: str = "A stub"
+    module: str = "checks"
+    drawings: tuple[str, ...] = ()
+
+    def run(self, settings: Any) -> Any:
+        from scripts.validation.checks import Findings
+
+        if math.isinf(self.figure):
+            raise RuntimeError("an accident")
+        return Findings([a_check(self.figure)])
+
+    def draw(self, result: Any, folder: Path) -> None:
+        assert folder.is_dir()
+
+    def tables(self, findings: Any) -> dict[str, str]:
+        return {}
+
+    def missing(self) -> list[str]:
+        return list(self.needs)
+
+
+@pytest.mark.parametrize(
+    ("groups", "quick", "status", "says"),
+    [
+        ([StubBase("a"), StubBase("b")], False, 0, "all passed"),
+        ([StubBase("a", 2.0), StubBase("b")], False, 1, "FAILED in a"),
+        ([StubBase("a", math.nan), StubBase("b")], True, 1, "FAILED in a"),
+        ([StubBase("a", math.inf), StubBase("b")], False, 1, "an accident"),
+        ([StubBase("a", needs=("engine_x",)), StubBase("b")], False, 1, "NOT RUN: engine_x is not installed"),
+        ([StubBase("a", needs=("engine_x",)), StubBase("b")], True, 0, 'pip install "flexarm[validate]"'),
+    ],
+)
+def test_one_group_does_not_stop_another(
+    groups: list[StubBase],
+    quick: bool,
+    status: int,
+    says: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setattr(validate, "GROUPS", groups)
+    monkeypatch.setattr(validate, "NAMES", ("a", "b"))
+    options = ["--output", str(tmp_path), "--only", "a", "b", *(["--quick"] if quick else [])]
+    monkeypatch.setattr(sys, "argv", ["validate.py", *options])
+    with pytest.raises(SystemExit) as caught:
+        validate.main()
+    assert caught.value.code == status
+    printed = capsys.readouterr().out
+    assert says in printed
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert summary["passed"] == (status == 0)
+    assert summary["checks"][-1]["passed"], "the second group was not reached"
+
+
+def test_the_key_knows_settings_and_sources() -> None:
+    from scripts.validation.groups import GROUPS
+    from scripts.validation.runner import SCRIPTS, _imported, key
+
+    keys = {key(group, quick) for group in GROUPS for quick in (True, False)}
+    assert len(keys) == 2 * len(GROUPS)
+    names = {path.name for path in _imported(SCRIPTS / "validation_parts" / "two_links.py")}
+    assert {"two_links.py", "exact_beams.py", "finite_elements.py", "checks.py", "small_motion.py"} <= names
+    assert "two_links_pictures.py" not in names
+
+
+@pytest.mark.parametrize("where", ["PACKAGES", "POLICIES"])
+def test_the_key_knows_files_in_subfolders(where: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from scripts.validation import runner
+    from scripts.validation.groups import GROUPS
+
+    nested = tmp_path / "folder" / "nested.py"
+    nested.parent.mkdir()
+    nested.write_text("x = 1")
+    monkeypatch.setattr(runner, where, (tmp_path,) if where == "PACKAGES" else tmp_path)
+    before = runner.key(GROUPS[0], True)
+    nested.write_text("x = 2")
+    assert runner.key(GROUPS[0], True) != before
+
+
+def test_a_run_of_some_groups_keeps_the_others_in_the_summary(short: tuple[Path, str], tmp_path: Path) -> None:
+    output = tmp_path / "copy"
+    shutil.copytree(short[0], output)
+    run_script("--quick", "--only", "links", "--output", str(output))
+    assert tuple(json.loads((output / "summary.json").read_text())["groups"]) == NAMES
+    (output / "arm" / "result.json").unlink()
+    done = run_script("--quick", "--only", "links", "--output", str(output))
+    assert "left out: arm" in done.stdout
+    assert "arm" not in json.loads((output / "summary.json").read_text())["groups"]
+
+
+def test_the_short_version_has_a_folder_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(validate, "GROUPS", [StubBase("a")])
+    monkeypatch.setattr(validate, "NAMES", ("a",))
+    monkeypatch.chdir(tmp_path)
+    for options, folder in (([], "validation"), (["--quick"], "validation-quick")):
+        monkeypatch.setattr(sys, "argv", ["validate.py", "--only", "a", *options])
+        with pytest.raises(SystemExit):
+            validate.main()
+        assert json.loads((tmp_path / "results" / folder / "summary.json").read_text())["quick"] == bool(options)
+
+
+def test_bad_options_are_refused(tmp_path: Path) -> None:
+    done = run_script("--only", "nothing", "--output", str(tmp_path / "x"))
+    assert done.returncode == 1
+    assert "only = ('nothing',): must be one or more of" in done.stderr
+    assert not (tmp_path / "x").exists()
+    file = tmp_path / "file"
+    file.write_text("kept")
+    done = run_script("--only", "links", "--output", str(file / "folder"))
+    assert done.returncode == 1
+    assert f"output = {file / 'folder'}: {file} is a file; must be a folder" in done.stderr
+    assert file.read_text() == "kept"
+
+
+# --- the page -------------------------------------------------------------------------------------------------
+
+
+def test_the_page_shows_the_record() -> None:
+    """`make docs` brings both up to date."""
+    from scripts.validation.checks import check_of
+    from scripts.validation.groups import GROUPS
+    from scripts.validation.runner import Outcome, table_of_all, table_of_group
+
+    found = record()
+    assert found["passed"]
+    assert not found["quick"]
+    assert tuple(found["groups"]) == NAMES
+    outcomes, wanted = [], {}
+    for group in GROUPS:
+        plain = [{k: v for k, v in check.items() if k != "passed"} for check in found["checks"]]
+        checks = [check_of(check) for check in plain if check["group"] == group.name]
+        outcomes.append(Outcome(group, checks))
+        wanted |= {group.name: table_of_group(checks), **found["groups"][group.name]["tables"]}
+        for name in group.drawings:
+            assert (DOCS / "figures" / "validation" / f"{name}.png").exists()
+    wanted["summary"] = table_of_all(outcomes)
+    page = (DOCS / "validation.md").read_text()
+    blocks = dict(re.findall(r"<!-- generated: (\w+) -->\n(.*?)<!-- end -->", page, re.DOTALL))
+    assert blocks == wanted, "docs/validation.md is out of date: run `make docs`"
+    for group in GROUPS:
+        assert f"## {group.title}\n" in page
+        assert f'make validate ARGS="--only {group.name}"' in page
+        assert all(f"(figures/validation/{name}.png)" in page for name in group.drawings)
+
+
+def test_the_record_agrees_with_a_new_run(short: tuple[Path, str]) -> None:
+    """Where the short version does the same work: names, thresholds, and figures."""
+    fresh, committed = (
+        {(c["group"], c["name"]): c for c in summary["checks"]}
+        for summary in (json.loads((short[0] / "summary.json").read_text()), record())
+    )
+    for key, check in fresh.items():
+        if key[0] in UNCHANGED:
+            old = committed[key]
+            assert {k: check[k] for k in ("least", "most", "unit", "reason")} == {
+                k: old[k] for k in ("least", "most", "unit", "reason")
+            }
+            assert check["figure"] == pytest.approx(old["figure"], rel=0.02, abs=1e-10), key
+    for group in NAMES:
+        assert {key for key in fresh if key[0] == group} & {key for key in committed if key[0] == group}
+
+
+def test_figures_in_the_text_match_the_record() -> None:
+    text = " ".join((DOCS / "validation.md").read_text().split())
+    quoted = {name: group["quoted"] for name, group in record()["groups"].items()}
+    arm, drift, coriolis = quoted["arm"], quoted["drift"], quoted["coriolis"]
+    joints = ("free", "elbow locked", "shoulder locked", "both locked")
+    four = max(arm[f"any load, {j}, 4 polynomial, first two"] for j in joints)
+    full, tenth = coriolis["away, 45 N m"], coriolis["away, 4.5 N m"]
+    sentences = [
+        f"first two frequencies are within {arm['bare, free, 2 cantilever, first two']:.2f} %",
+        f"With one mode they are up to {arm['bare, free, 1 cantilever, first two']:.0f} % too high",
+        f"with the elbow locked is {arm['bare, elbow locked, 2 cantilever, first']:.0f} % too high with two modes and "
+        f"{arm['bare, elbow locked, 4 cantilever, first']:.0f} % with four",
+        f"with four, {four:.1f} % over all joints, loads and angles",
+        f"not enough for free joints ({arm['bare, free, 2 polynomial, first']:.0f} %)",
+        f"loses {100.0 * drift['energy, 2 modes, bent, 1 ms, 0']:.0f} % of its energy in ten minutes",
+        f"With 0.25 ms it is {100.0 * drift['energy, 2 modes, bent, 0.25 ms, 0']:.1f} %",
+        f"moves its tip by {coriolis['moved, 45 N m']:.2f} m, the tip of the truncated one goes {full:.1f} m astray, "
+        f"and {coriolis['ended, 45 N m']:.1f} s after the start",
+        f"from 4.5 to 45 N m the error grows {full / tenth:.0f}-fold",
+    ]
+    orders = [c["figure"] for c in record()["checks"] if "that furthest from 5" in c["name"]]
+    sentences.append(f"drift falls with order {min(orders):.1f} to {max(orders):.1f}")
+    for sentence in sentences:
+        assert sentence in text, f"not in docs/validation.md: {sentence}"
+
+
+@pytest.mark.parametrize("where", ["docs/model.md", "ArmParameters"])
+def test_the_model_s_limits_are_told_as_recorded(where: str) -> None:
+    """How many modes, and up to which deflection and spin: in the page on the model, and where a user sets them."""
+    found = ArmParameters.__doc__ if where == "ArmParameters" else (ROOT / where).read_text()
+    text = " ".join(str(found).split())
+    arm, engine = (record()["groups"][name]["quoted"] for name in ("arm", "engine"))
+    one, two = (f"free, {m} cantilever" for m in (1, 2))
+    kinds = ("smooth torques", "torques that jump")
+    bend = min(engine[f"limit, linear, 2 modes, {kind}, 10 mm"] for kind in kinds)
+    spins = {
+        name: engine["first clamped"] * engine[f"spin, linear, 2 modes, {name}"]
+        for name in ("bent by 5 %, 10 mm", "hardly bent, 10 mm", "unstable from")
+    }
+    assert arm[f"bare, {two}, first two"] < 1.0
+    assert engine["square, bend"] > bend
+    assert engine["reference, largest"] > spins["bent by 5 %, 10 mm"]
+    for words in (
+        f"{arm[f'bare, {one}, least']:.0f} to {arm[f'bare, {one}, first two']:.0f} % too high",
+        f"{arm[f'any load, {one}, first two']:.0f} %",
+        f"{arm[f'any load, {two}, first two']:.0f} %",
+        f"less than {bend:.0f} %",
+        *(f"{spin:.1f} rad/s" for spin in spins.values()),
+    ):
+        assert words in text, f"not in {where}: {words}"
+    assert f"up to {engine['reference, largest']:.1f} rad/s" in text or where == "ArmParameters"

@@ -1,0 +1,171 @@
+"""The environments as the tests ask for them: every id, options that together use every one, comparisons."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from numpy.typing import NDArray
+
+from flexarm_env.envs.observation import BLOCKS
+from flexarm_env.envs.single import FlexArmEnv
+from flexarm_env.envs.vector import FlexArmVectorEnv
+from flexarm_env.episode.reward import TERMS
+
+Array = NDArray[np.float64]
+IDS = sorted(name for name in gym.registry if name.startswith("FlexArm/"))
+SQUARE, RESIDUAL, GAIN, PAPER = (f"FlexArm/{name}-v0" for name in ("Square", "SquareResidual", "SquareGain", "Paper"))
+WAYPOINTS = [(-4.0, 1.0), (0.0, 5.0), (4.0, 1.0)]
+
+RANDOMISATION = {
+    "payload_mass": (0.0, 0.5),
+    "stiffness": (0.9, 1.1),
+    "damping": (0.0, 0.02),
+    "noise": (0.0, 0.02),
+    "delay": (0.01, 0.05),
+    "actuation_delay": (0.0, 0.013),
+}
+# All that is random at once; the last three not where the law acts on the sensor.
+RANDOM: dict[str, Any] = {"randomisation": RANDOMISATION, "encoder_noise": (1e-3, 1e-2), "start": "mix"}
+POOR_SENSOR: dict[str, Any] = {"jitter": 0.01, "hold": 0.015, "dropout": 0.1}
+FORESHORTENED = {"arm": {"kinematics": "foreshortened", "mode_shapes": "polynomial"}}
+
+# What every id takes.
+_COMMON: list[dict[str, Any]] = [
+    {},
+    RANDOM,
+    {
+        "start": "moving",
+        "start_spread": (0.1, 0.02),
+        "start_corner": "upper right",
+        "direction": "counterclockwise",
+        "elbow_branch": "negative",
+        "actuation_delay": 0.007,
+        "noise": 0.01,
+    },
+    {
+        "observation": list(BLOCKS),
+        "previews": (0.02, 0.5),
+        "last_actions": 3,
+        "scaled": False,
+        "frame": "world",
+        "reward_weights": dict.fromkeys(TERMS, 0.1),
+        "deflection_limit": None,
+        "error_limit": None,
+    },
+]
+# What acts without the paper's law in the late sensor's loop.
+_SENSING: list[dict[str, Any]] = [
+    POOR_SENSOR | {"delay": 0.02, "sensor_position": 2.0, "scaled": True, "frame": "link"},
+    {"sensor": "collocated", "arm": {"payload_mass": 0.5}},
+]
+_PATHS: list[dict[str, Any]] = [
+    {"reference": ["square", "circle", "line", "figure_eight", "waypoints"], "waypoints": WAYPOINTS, "side": 8.0},
+    {"reference": "moves", "lap_time": 6.0, "start": "corners"},
+]
+_BY_ID: dict[str, list[dict[str, Any]]] = {
+    "Square": [
+        *_SENSING,
+        *_PATHS,
+        {"arm": "paper", "sensor": "rigid", "wave_speed": 100.0},
+        {"torque_limit": (100.0, 40.0), "control_period": 0.02, "physics_step": 5e-4},
+        FORESHORTENED | {"randomisation": {"payload_mass": (0.0, 0.5), "stiffness": (0.9, 1.1)}},
+    ],
+    "SquareResidual": [
+        *_SENSING[:1],
+        {"inner_stiffness": (40.0, 10.0), "inner_resistance": (15.0, 5.0), "torque_limit": (80.0, 30.0)},
+        {"action_mode": "reference", "shift_limit": (0.2, 0.1), "actuation_delay": 0.02},
+    ],
+    "SquareGain": [
+        *_SENSING[:1],
+        {"gain_limit": 5.0, "proportional_gain": 80.0, "derivative_gain": 30.0, "torque_limit": (300.0, 200.0)},
+        {"law_sensor": "sensor", "delay": 0.002, "compensation": "shared", "delayed": "position+rate"},
+        FORESHORTENED,
+    ],
+    "SquareEncoders": [],
+    "Reach": _SENSING[:1],
+    "Track": [*_SENSING[:1], {"reference": "figure_eight", "start": "corners"}],
+    "Paper": [
+        {"arm": "default", "noise": 0.01, "gain_limit": 5.0},
+        {"arm": {"preset": "paper", "payload_mass": 0.5}, "sensor": "collocated"},
+        {"sensor_position": 0.5, "compensation": "shared", "torque_limit": (300.0, 200.0)},
+        {"delay": (0.02, 0.01), "compensation": "per_joint", "elbow_branch": "negative"},
+        {"delay": 5e-4, "delayed": "position+rate", "rate_jacobian": "current", "noise": 0.02},
+        {"sensor": "true", "noise": 0.05, "gain_limit": 0.2, "side": 8.0, "lap_time": 8.0, "physics_step": 1e-4},
+    ],
+}
+_NOT_OF_MOVES = ("start_corner", "direction")  # without effect there
+CASES = [
+    (
+        env_id,
+        {name: value for name, value in options.items() if env_id != "FlexArm/Reach-v0" or name not in _NOT_OF_MOVES},
+    )
+    for env_id in IDS
+    for options in _COMMON + _BY_ID[env_id[len("FlexArm/") : -len("-v0")]]
+]
+CASE_NAMES = [f"{env_id[8:]}-{'-'.join(options) or 'defaults'}"[:80] for env_id, options in CASES]
+
+
+def make(env_id: str = SQUARE, **options: Any) -> gym.Env[Any, Any]:
+    """The environment as users get it, wrapped."""
+    return gym.make(env_id, **options)
+
+
+def bare(env_id: str = SQUARE, seed: int = 0, **options: Any) -> FlexArmEnv:
+    """Without Gymnasium's wrappers; reset."""
+    env = make(env_id, **options).unwrapped
+    assert isinstance(env, FlexArmEnv)
+    env.reset(seed=seed)
+    return env
+
+
+def vector(env_id: str = SQUARE, num_envs: int = 3, **options: Any) -> FlexArmVectorEnv:
+    """Many environments as `make_vec` gives them."""
+    env = gym.make_vec(env_id, num_envs=num_envs, **options)
+    assert type(env) is FlexArmVectorEnv
+    return env
+
+
+def actions_for(env: Any, steps: int, seed: int = 1) -> np.ndarray:
+    """A little beyond [-1, 1]. Shape (steps, N, channels)."""
+    shape = (steps, *env.action_space.shape)
+    return np.random.default_rng(seed).uniform(-1.2, 1.2, shape).astype(np.float32)
+
+
+def block(env: FlexArmEnv, observations: Array, name: str) -> Array:
+    """The numbers of a block in observations, in its units. Shape (..., n)."""
+    part = env.observation_blocks[name]
+    return np.asarray(observations[..., part] * env.observation_scale[part])
+
+
+def in_fresh_process(code: str, *arguments: str) -> str:
+    """Standard output of a Python process of its own, elsewhere, that stops at any warning."""
+    command = [sys.executable, "-W", "error", "-c", code, *arguments]
+    result = subprocess.run(command, capture_output=True, text=True, timeout=600, cwd=Path(__file__).anchor)
+    assert result.returncode == 0, result.stderr
+    return result.stdout.strip()
+
+
+def assert_same(found: Any, expected: Any, place: str = "") -> None:
+    """The same structure, types and bits: tuples, dicts, arrays (of objects too), numbers."""
+    if isinstance(expected, tuple | list):
+        assert len(found) == len(expected), place
+        for n, (a, b) in enumerate(zip(found, expected, strict=True)):
+            assert_same(a, b, f"{place}[{n}]")
+    elif isinstance(expected, dict):
+        assert set(found) == set(expected), place
+        for name in expected:
+            assert_same(found[name], expected[name], f"{place}[{name!r}]")
+    elif isinstance(expected, np.ndarray) and expected.dtype == object:
+        assert found.dtype == object, place
+        assert_same(list(found), list(expected), place)
+    elif isinstance(expected, np.ndarray):
+        assert (found.dtype, found.shape) == (expected.dtype, expected.shape), place
+        assert found.tobytes() == expected.tobytes() or np.array_equal(found, expected, equal_nan=True), place
+    else:
+        assert type(found) is type(expected), place
+        assert found == expected, place
