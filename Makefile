@@ -34,13 +34,13 @@ help:  ## List the verbs
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
 
 reproduce: $(HAS)-plot  ## Reproduce the paper's figures and tables (installs no learning library)
-	$(PY) scripts/paper/__main__.py $(ARGS)
+	$(PY) -m scripts.paper $(ARGS)
 
 validate: $(HAS)-validate  ## Check the physics against exact beams, finite elements, MuJoCo and its own invariants
-	$(PY) scripts/validation/__main__.py $(ARGS)
+	$(PY) -m scripts.validation $(ARGS)
 
 analyse: $(HAS)-plot  ## Poles, zeros, passivity and margins of the arm: tables, figures, JSON
-	$(PY) scripts/analysis/__main__.py $(ARGS)
+	$(PY) -m scripts.analysis $(ARGS)
 
 test: lint typecheck contract  ## Run every check: lint, typecheck, contract, and pytest without the slow tests
 	$(PY) -m pytest -n $(JOBS) --dist loadfile $(ARGS)
@@ -69,14 +69,14 @@ evaluate: $(HAS)-train  ## Score the controllers, the shipped policy and trained
 	$(PY) scripts/evaluate.py $(ARGS)
 
 bench: $(HAS)-bench  ## Measure the speed of simulation and environments beside their peers
-	$(PY) scripts/benchmarks/__main__.py $(ARGS)
+	$(PY) -m scripts.benchmarks $(ARGS)
 
 docs: reproduce validate $(HAS)-draw  ## Regenerate the pictures, tables and environment pages committed under docs/
-	$(PY) scripts/docs/paper.py
-	$(PY) scripts/docs/validation.py
-	$(PY) scripts/analysis/__main__.py --docs
-	$(PY) scripts/docs/environments.py
-	$(PY) scripts/docs/corner_picture.py
+	$(PY) -m scripts.docs.paper
+	$(PY) -m scripts.docs.validation
+	$(PY) -m scripts.analysis --docs
+	$(PY) -m scripts.docs.environments
+	$(PY) -m scripts.docs.corner_picture
 
 clean:  ## Remove builds and caches (not .venv)
 	rm -rf build dist flexarm.egg-info .hypothesis .import_linter_cache .mypy_cache .pytest_cache .ruff_cache

@@ -12,7 +12,8 @@ from flexarm_env.rollout import run_batch, run_policy
 from flexarm_env.simulation.arm import Energy, FlexibleArm
 from flexarm_env.simulation.cases import LoopCase
 from flexarm_env.simulation.closed_loop import ClosedLoop
-from flexarm_env.simulation.square import rest_state, square_loop, state_limits
+from flexarm_env.simulation.limits import state_limits
+from flexarm_env.simulation.square import rest_state, square_loop
 from flexarm_env.simulation.trajectory import DivergenceError, Trajectory
 
 __version__ = "0.1.0"

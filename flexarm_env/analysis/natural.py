@@ -28,8 +28,8 @@ class NaturalModes:
         frequencies: without damping [rad/s]; two (free joints) or none (locked) are 0. Shape (k,).
         damping_ratios: ``phi^T D phi / (2 omega)``, which is the ratio of the pole to first order in the damping; 0
             for a rigid-body mode. Shape (k,).
-        shapes: one in each row, coordinates as in `flexarm_env.simulation.arm`, scaled to ``phi^T M phi = 1``; the sign makes the
-            largest entry positive. Shape (k, 2 + 2 m).
+        shapes: one in each row, coordinates as in `flexarm_env.simulation.arm`, scaled to ``phi^T M phi = 1``; the
+            sign makes the largest entry positive. Shape (k, 2 + 2 m).
     """
 
     frequencies: Array

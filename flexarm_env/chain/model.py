@@ -36,7 +36,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh
 
-from flexarm_env import ArmParameters
+from flexarm_env.parameters import ArmParameters
 
 Damping = Literal["stiffness", "modal", "two modes"]
 TIME_STEPS = (5e-3, 2e-3, 1e-3, 5e-4, 2e-4, 1e-4, 5e-5, 2e-5)  # [s]; `largest_stable_step` tries these

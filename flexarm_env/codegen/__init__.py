@@ -1,0 +1,1 @@
+"""How formulas become machine code: the recorder, elementary functions, intrinsics, memory, assembly."""

@@ -1,0 +1,1 @@
+"""The Gymnasium environments: single, vector, options, infos, rendering, registration."""

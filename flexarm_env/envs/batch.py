@@ -32,7 +32,7 @@ from flexarm_env.episode import reset
 from flexarm_env.kernels.imex import CLOCK, PATH, failures
 from flexarm_env.kernels.layout import ORDER, PLAN, episode_sizes, extent, result_rows
 from flexarm_env.kernels.recorded import Variant
-from flexarm_env.simulation.square import ANGLE_LIMITS, RATE_LIMIT
+from flexarm_env.simulation.limits import ANGLE_LIMITS, RATE_LIMIT
 
 Array = NDArray[np.float64]
 # Time that a block takes for a step, by its lanes, relative; `Square-v0` with two modes (`make bench`, batches).

@@ -18,7 +18,7 @@ from flexarm_env.kernels.layout import DRAWN, MEMORY, PLAN, arena_rows, extent, 
 from flexarm_env.physics.constants import arm_constants
 from flexarm_env.physics.paths import same_length
 from flexarm_env.simulation.arm import FlexibleArm
-from flexarm_env.simulation.square import state_limits
+from flexarm_env.simulation.limits import state_limits
 
 Array = NDArray[np.float64]
 ALL_READINGS = -1  # as bits

@@ -17,7 +17,7 @@ from flexarm_env.envs.settings import Settings
 from flexarm_env.kernels.layout import extent, layout
 from flexarm_env.physics.inverse_kinematics import LEAST_SINE
 from flexarm_env.simulation.arm import FlexibleArm
-from flexarm_env.simulation.square import ANGLE_LIMITS, RATE_LIMIT, state_limits
+from flexarm_env.simulation.limits import ANGLE_LIMITS, RATE_LIMIT, state_limits
 from flexarm_env.validation import choice
 
 Array = NDArray[np.float64]

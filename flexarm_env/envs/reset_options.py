@@ -13,7 +13,7 @@ from flexarm_env.envs.choices import HEAVIEST_PAYLOAD, STARTS
 from flexarm_env.envs.kernel_inputs import sensor_delays
 from flexarm_env.envs.observation import refuse_fast_starts
 from flexarm_env.kernels.layout import DRAWN, ORDER
-from flexarm_env.simulation.square import state_limits
+from flexarm_env.simulation.limits import state_limits
 from flexarm_env.validation import choice, real_array
 
 Array = NDArray[np.float64]

@@ -48,8 +48,7 @@ from flexarm_env.parameters import (
 )
 from flexarm_env.physics.paths import PATHS, ReferencePath, way_points
 from flexarm_env.simulation.arm import FlexibleArm
-from flexarm_env.simulation.closed_loop import default_step
-from flexarm_env.simulation.stability import ELBOWS, STABLE_ANGLE, fastest_pole
+from flexarm_env.simulation.stability import ELBOWS, STABLE_ANGLE, default_step, fastest_pole
 from flexarm_env.validation import choice, flag, integer, known_names, listed, names, number, pair
 
 

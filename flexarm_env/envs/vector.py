@@ -99,8 +99,8 @@ class FlexArmVectorEnv(FleetView, gymnasium.vector.VectorEnv[NDArray[np.float32]
 
         Args:
             seed: environment i is seeded with seed + i, or with its own of a sequence.
-            options: see `flexarm_env.envs.reset_options.OPTIONS`, each value one for all or one for each environment; and
-                `reset_mask`, which environments begin an episode. Shape (N,), bool.
+            options: see `flexarm_env.envs.reset_options.OPTIONS`, each value one for all or one for each environment;
+                and `reset_mask`, which environments begin an episode. Shape (N,), bool.
 
         Raises:
             TypeError, ValueError: for an unknown option or a bad value.

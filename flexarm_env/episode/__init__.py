@@ -1,0 +1,1 @@
+"""One control period of an environment in its order: reset, actuation, sensor, reward, observation."""

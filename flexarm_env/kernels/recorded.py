@@ -1,4 +1,4 @@
-"""Records the physics for a kernel module: straight-line code over the lanes of an arena (`flexarm_env.codegen.tracing`)."""
+"""Records the physics for a kernel module: straight-line code over the lanes of an arena (`codegen.tracing`)."""
 
 from __future__ import annotations
 

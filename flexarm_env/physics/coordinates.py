@@ -1,6 +1,6 @@
 """Where the arm's material points are, and the change between public and internal coordinates, on arrays.
 
-Public order: (theta1, theta2, q1, q2), internal order: y = (a1, q1, a2, q2); symbols as in `flexarm_env.physics.dynamics`.
+Public order: (theta1, theta2, q1, q2), internal order: y = (a1, q1, a2, q2); symbols as in `physics.dynamics`.
 """
 
 from __future__ import annotations

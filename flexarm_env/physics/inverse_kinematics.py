@@ -1,6 +1,6 @@
 """Rigid inverse kinematics as plain functions of numbers: the joint angles and rates that put the tip somewhere.
 
-Recorded into kernels and compiled into them as they stand (`flexarm_env.codegen.tracing`, `flexarm_env.codegen.scalars`).
+Recorded into kernels and compiled into them as they stand (`codegen.tracing`, `codegen.scalars`).
 """
 
 from __future__ import annotations

@@ -20,16 +20,11 @@ from flexarm_env.physics.paths import ReferencePath
 from flexarm_env.simulation import cases
 from flexarm_env.simulation.arm import FlexibleArm
 from flexarm_env.simulation.cases import LoopCase
+from flexarm_env.simulation.stability import STEP_LIMIT, default_step
 from flexarm_env.validation import finite_array, number
 
 Array = NDArray[np.float64]
 
-# The explicit part of ARS(4,4,3) is stable for undamped modes up to h omega = 1.57. The default step, a tenth of that
-# and 0.25 ms at most, keeps coordinates within 1e-3 of their range over the lap at constant gains up to 17 (the paper's
-# runs: 2e-4), and rates within 2e-3, largest just after a jump of the command (tests/test_closed_loop.py).
-STEP_LIMIT = 1.2
-DEFAULT_ANGLE = 0.15
-DEFAULT_STEP = 2.5e-4
 BLOCK = 8  # lanes; one environment alone has a block of one
 
 
@@ -279,8 +274,3 @@ def observation_blocks(modes: int) -> dict[str, slice]:
     }
     ends = np.cumsum(list(sizes.values())).tolist()
     return {name: slice(end - size, end) for (name, size), end in zip(sizes.items(), ends, strict=True)}
-
-
-def default_step(fastest: float) -> float:
-    """Integration step [s] for an arm whose fastest mode has this rate [rad/s]."""
-    return min(DEFAULT_STEP, DEFAULT_ANGLE / fastest)

@@ -1,4 +1,4 @@
-"""The paper's task put together: the square, the start on its corner, and the limits of a valid state."""
+"""The paper's task put together: the square, and the start on its corner."""
 
 from __future__ import annotations
 
@@ -12,14 +12,11 @@ from flexarm_env.physics.paths import inverse_kinematics, square
 from flexarm_env.simulation.arm import FlexibleArm
 from flexarm_env.simulation.cases import LoopCase
 from flexarm_env.simulation.closed_loop import ClosedLoop
+from flexarm_env.simulation.limits import state_limits
 
 Array = NDArray[np.float64]
 
 CONTROL_PERIOD = 1e-3  # [s]; the paper's step size
-# [rad]; of theta1, which turns once a lap around the shoulder, a thousand turns; of theta2 four
-ANGLE_LIMITS = (2000.0 * np.pi, 8.0 * np.pi)
-RATE_LIMIT = 1e3  # [rad/s]
-TIP_RATE_LIMIT = 1e3  # [m/s], of a link's tip by one mode
 
 
 def square_loop(
@@ -54,14 +51,3 @@ def rest_state(arm: FlexibleArm, point: ArrayLike, elbow_branch: str = "positive
     state = np.zeros(2 * arm.size)
     state[:2] = inverse_kinematics(arm.parameters, point, elbow_branch)
     return state
-
-
-def state_limits(arm: FlexibleArm) -> Array:
-    """Magnitudes of a valid state: angles, modal coordinates, joint rates, modal rates. Shape (4 + 4 m,).
-
-    A modal coordinate's limit is the one that alone bends its link's tip by the link's length; a modal rate's the one
-    that alone moves it at 1000 m/s.
-    """
-    tips = [np.abs(link.tip_values) for link in arm.modes]
-    modal = np.concatenate([link.length / values for link, values in zip(arm.modes, tips, strict=True)])
-    return np.concatenate([ANGLE_LIMITS, modal, np.full(2, RATE_LIMIT), TIP_RATE_LIMIT / np.concatenate(tips)])

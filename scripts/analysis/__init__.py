@@ -1,1 +1,1 @@
-"""Parts of `scripts/analysis/__main__.py`."""
+"""The linear theory's figures and tables: `python -m scripts.analysis`."""

@@ -17,8 +17,8 @@ from tqdm import tqdm
 
 from scripts.analysis import figures, margins, passivity, simulated, tables, zeros
 from scripts.common.command_line import run
+from scripts.common.markdown import DOCS, filled
 from scripts.common.result_files import replacing, write_json
-from scripts.docs.paper import DOCS, filled
 
 MARKER = "analysis.json"  # a complete result folder has it
 PAGE = "analysis.md"

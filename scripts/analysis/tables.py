@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from scripts.paper.tables import table
+from scripts.common.markdown import table
 
 
 def _root(value: list[float]) -> str:

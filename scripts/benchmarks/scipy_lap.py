@@ -1,7 +1,7 @@
 """The sixteen-second job by scipy: the paper's arm under IFDC with a collocated sensor, by `solve_ivp`.
 
-Written as a user would by hand from the equations (`flexarm_env.physics.dynamics` and `closed_loop` name the symbols), for
-one mode a link, the paper's C_r and lambda = 1, and stopped at each corner, where the reference's velocity jumps:
+Written as a user would by hand from the equations (`physics.dynamics` and `control.jacobian_transpose` name the
+symbols), for one mode a link, the paper's C_r and lambda = 1, and stopped at each corner, where the reference's velocity jumps:
 what a variable-step method needs to do well. The right-hand side runs as plain numpy or compiled by numba.
 """
 

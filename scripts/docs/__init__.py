@@ -1,0 +1,1 @@
+"""Bring what is generated under docs/ up to date."""

@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 
 from flexarm_agents import load_policy
 from flexarm_baselines import FLSAC, IFDC
+from scripts.common.markdown import DOCS
 
-PICTURE = Path(__file__).resolve().parent.parent / "docs" / "figures" / "three_controllers.png"
+PICTURE = DOCS / "figures" / "three_controllers.png"
 TIME = 5.0  # [s]; a second after the reference has turned
 GAIN = "FlexArm/SquareGain-v0"
 AGENT = "square"

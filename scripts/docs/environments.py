@@ -17,9 +17,10 @@ from flexarm_env.envs.registration import IDS, NAMESPACE, Id
 from flexarm_env.envs.settings import Settings
 from flexarm_env.envs.single import FlexArmEnv
 from flexarm_env.envs.vector import FlexArmVectorEnv
+from scripts.common.markdown import DOCS
 from scripts.docs.env_pictures import PICTURES, drawn
 
-DOCS = Path(__file__).resolve().parent.parent / "docs" / "environments"
+PAGES = DOCS / "environments"
 WIDTH = 118  # of prose
 _INTRODUCTION = """\
 A very flexible two-link arm in the plane, 9 m long, whose tip should follow a path. What an action is, what an
@@ -45,7 +46,7 @@ _RESET = "`reset(options=...)` takes:"
 class Options:
     """Write the pages and pictures of docs/environments."""
 
-    docs: Path = DOCS
+    docs: Path = PAGES
     """The folder to write to."""
     pictures: bool = True
     """Draw the pictures too (needs the extra `render`)."""

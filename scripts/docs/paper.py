@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 import shutil
 import sys
 from dataclasses import asdict, dataclass
@@ -11,9 +10,9 @@ from pathlib import Path
 
 import tyro
 
+from scripts.common.markdown import DOCS, filled
 from scripts.paper.cases import Study
 
-DOCS = Path(__file__).resolve().parent.parent / "docs"
 PAGES = ("reproduction.md", "claims.md")
 PICTURES = (
     *(f"fig{name}" for name in ("2", "5a", "5b", "6a", "6b", "7a", "7b")),
@@ -23,7 +22,6 @@ PICTURES = (
     "true_tip_feedback",
     *(f"sweep_{name}" for name in ("constant_gain", "K_s", "K_n", "width_scale")),
 )
-_BLOCK = re.compile(r"(<!-- generated: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
 
 
 @dataclass
@@ -36,15 +34,6 @@ class Options:
     """The folder to bring up to date."""
     pictures: bool = True
     """Copy the pictures too."""
-
-
-def filled(page: str, results: Path) -> str:
-    """A page's text with every generated block replaced by the results' table of that name.
-
-    Raises:
-        FileNotFoundError: if the results lack a table.
-    """
-    return _BLOCK.sub(lambda block: block[1] + (results / f"{block[2]}.md").read_text() + block[3], page)
 
 
 def main() -> None:

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import tyro
 
+from scripts.common.markdown import DOCS, filled
 from scripts.common.result_files import write_json
-from scripts.docs.paper import DOCS, filled
 from scripts.validation.groups import GROUPS
 
 PAGE = "validation.md"

@@ -1,1 +1,1 @@
-"""The parts of `scripts/paper/__main__.py`: cases -> runs (npz) -> claims, numbers, sweeps -> tables, figures."""
+"""The parts of `python -m scripts.paper`: cases -> runs (npz) -> claims, numbers, sweeps -> tables, figures."""

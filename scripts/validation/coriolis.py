@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from flexarm_env import ArmParameters, DivergenceError, FlexibleArm, Trajectory
 from flexarm_env.parameters import VelocityForces
-from scripts.common.markdown import markdown
+from scripts.common.markdown import table
 from scripts.validation.checks import Check, Findings, Settings, shown
 from scripts.validation.drift import loss_bound
 from scripts.validation.small_motion import rate
@@ -53,7 +53,7 @@ def tables(findings: Findings) -> dict[str, str]:
         [*(shown(row[name]) for name in names), shown(row["rigid_balance"] / row["energy"])]
         for row in findings.records["rows"]
     ]
-    return {"coriolis_amplitudes": markdown(header, lines)}
+    return {"coriolis_amplitudes": table(header, lines)}
 
 
 def doublet(forces: VelocityForces, amplitude: float) -> Trajectory:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from flexarm_env import ArmParameters, FlexibleArm
 from flexarm_env.parameters import Kinematics, ModeShapes
-from scripts.common.markdown import markdown
+from scripts.common.markdown import table
 from scripts.validation.checks import Check, Findings, Settings, shown
 from scripts.validation.small_motion import rate
 
@@ -91,7 +91,7 @@ def tables(findings: Findings) -> dict[str, str]:
         return " / ".join(shown(max(row[what] for row in same)) for what in ("energy", "momentum")) if same else ""
 
     lines = [[arm, *(cell(arm, step) for step in steps)] for arm in dict.fromkeys(row["arm"] for row in rows)]
-    return {"drift_steps": markdown(("undamped arm", *(f"{1e3 * step:g} ms" for step in steps)), lines)}
+    return {"drift_steps": table(("undamped arm", *(f"{1e3 * step:g} ms" for step in steps)), lines)}
 
 
 def start_state(arm: FlexibleArm, start: str) -> Array:

@@ -18,9 +18,9 @@ class Group:
     Attributes:
         name: on the command line, in file names and in the docs' blocks.
         title: of its section.
-        module: in `validation_parts`; has ``run(settings) -> Findings``, and may have
+        module: dotted name; has ``run(settings) -> Findings``, and may have
             ``tables(findings) -> dict[str, str]``.
-        pictures: in `validation_parts`; has ``draw(result, folder)``, which writes its `drawings` as PNG and SVG
+        pictures: module; has ``draw(result, folder)``, which writes its `drawings` as PNG and SVG
             through `plotting.save` into an existing folder.
         drawings: names of its pictures.
         needs: packages that the group cannot do without and that the package itself does not require.
@@ -35,16 +35,16 @@ class Group:
 
     def run(self, settings: Settings) -> Findings:
         """Do the work."""
-        function: Callable[[Settings], Findings] = import_module(f"validation_parts.{self.module}").run
+        function: Callable[[Settings], Findings] = import_module(self.module).run
         return function(settings)
 
     def draw(self, result: Result, folder: Path) -> None:
         """Draw the pictures from a result as read from its files."""
-        import_module(f"validation_parts.{self.pictures}").draw(result, folder)
+        import_module(self.pictures).draw(result, folder)
 
     def tables(self, findings: Findings) -> dict[str, str]:
         """Tables for the docs by their blocks' names, as Markdown, beside that of the checks."""
-        function = getattr(import_module(f"validation_parts.{self.module}"), "tables", None)
+        function = getattr(import_module(self.module), "tables", None)
         return function(findings) if function else {}
 
     def missing(self) -> list[str]:
@@ -52,18 +52,26 @@ class Group:
         return [package for package in self.needs if find_spec(package) is None]
 
 
+HERE = "scripts.validation"
+
+
+def _group(name: str, title: str, module: str, *drawings: str) -> Group:
+    """A group whose pictures are drawn by the module beside its own."""
+    return Group(name, title, f"{HERE}.{module}", f"{HERE}.{module}_pictures", drawings)
+
+
 GROUPS = (
-    Group("links", "Single links", "links", "links_pictures", ("links",)),
-    Group("arm", "Two-link arm", "two_links", "two_links_pictures", ("arm_modes", "arm_angles", "arm_convergence")),
+    _group("links", "Single links", "links", "links"),
+    _group("arm", "Two-link arm", "two_links", "arm_modes", "arm_angles", "arm_convergence"),
     Group(
         "engine",
-        "An engine of other hands",
-        "engine",
-        "engine_pictures",
+        "Independent engine (MuJoCo)",
+        f"{HERE}.engine.group",
+        f"{HERE}.engine.pictures",
         ("engine_convergence", "engine_programmes", "engine_validity", "engine_square"),
         ("mujoco",),
     ),
-    Group("drift", "Invariants over ten minutes", "drift", "drift_pictures", ("drift_time", "drift_step")),
-    Group("orders", "Orders of the integrators", "orders", "orders_pictures", ("orders",)),
-    Group("coriolis", "The paper's dropped Coriolis terms", "coriolis", "coriolis_pictures", ("coriolis",)),
+    _group("drift", "Invariants over ten minutes", "drift", "drift_time", "drift_step"),
+    _group("orders", "Orders of the integrators", "orders", "orders"),
+    _group("coriolis", "The paper's dropped Coriolis terms", "coriolis", "coriolis"),
 )

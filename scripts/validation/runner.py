@@ -12,14 +12,14 @@ from dataclasses import asdict, dataclass, field
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-from scripts.common.markdown import markdown
+from scripts.common.markdown import table
 from scripts.common.result_files import write_json
 from scripts.validation.checks import Check, Result, Settings, read, shown, write
 from scripts.validation.groups import Group
 
-SCRIPTS = Path(__file__).resolve().parent.parent
-PACKAGES = tuple(SCRIPTS.parent / name for name in ("flexarm_env", "baselines", "agents"))
-POLICIES = SCRIPTS.parent / "agents" / "policies"
+ROOT = Path(__file__).resolve().parents[2]
+PACKAGES = tuple(ROOT / name for name in ("flexarm_env", "baselines", "agents"))
+POLICIES = ROOT / "agents" / "policies"
 EXTRA = "validate"  # the extra of pyproject.toml that brings what a group may lack
 
 
@@ -63,9 +63,14 @@ def key(group: Group, quick: bool) -> str:
             digest.update(f"{package} missing".encode())
     packages = {path for folder in PACKAGES for path in folder.rglob("*.py")}
     policies = {path for path in POLICIES.rglob("*") if path.is_file()}
-    for path in sorted(packages | policies | _imported(SCRIPTS / "validation_parts" / f"{group.module}.py")):
+    for path in sorted(packages | policies | _imported(_file(group.module))):
         digest.update(path.name.encode() + path.read_bytes())
     return digest.hexdigest()
+
+
+def _file(module: str) -> Path:
+    """File of a module of this repository."""
+    return ROOT / (module.replace(".", "/") + ".py")
 
 
 def _imported(path: Path, known: frozenset[Path] = frozenset()) -> frozenset[Path]:
@@ -80,8 +85,8 @@ def _imported(path: Path, known: frozenset[Path] = frozenset()) -> frozenset[Pat
         elif isinstance(node, ast.Import):
             names = [alias.name for alias in node.names]
         for name in names:
-            file = SCRIPTS / (name.replace(".", "/") + ".py")
-            if file.exists():
+            file = _file(name)
+            if name.startswith("scripts.") and file.exists():
                 known = _imported(file, known)
     return known
 
@@ -161,13 +166,13 @@ def table_of_all(outcomes: Sequence[Outcome]) -> str:
         if outcome.error:
             rows.append([title, "", "", "", f"**error**: {outcome.error.splitlines()[-1]}"])
         rows += [[title, c.name, c.found, c.threshold, _verdict(c)] for c in outcome.checks]
-    return markdown(("group", "check", "figure", "threshold", ""), rows)
+    return table(("group", "check", "figure", "threshold", ""), rows)
 
 
 def table_of_group(checks: Sequence[Check]) -> str:
     """Markdown: one row a check, with the reason of its threshold."""
     rows = [[c.name, c.found, c.threshold, c.reason, _verdict(c)] for c in checks]
-    return markdown(("check", "figure", "threshold", "why this threshold", ""), rows)
+    return table(("check", "figure", "threshold", "why this threshold", ""), rows)
 
 
 def _verdict(check: Check) -> str:
@@ -199,5 +204,5 @@ def write_report(outcomes: Sequence[Outcome], quick: bool, folder: Path) -> None
     for outcome in outcomes:
         if outcome.checks:
             (folder / f"{outcome.group.name}.md").write_text(table_of_group(outcome.checks))
-        for name, table in outcome.tables.items():
-            (folder / f"{name}.md").write_text(table)
+        for name, text in outcome.tables.items():
+            (folder / f"{name}.md").write_text(text)

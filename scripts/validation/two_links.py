@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexarm_env import ArmParameters, FlexibleArm
-from scripts.common.markdown import markdown
+from scripts.common.markdown import table
 from scripts.validation.checks import Check, Findings, Settings, shown
 from scripts.validation.reference_models import exact_beams as exact
 from scripts.validation.reference_models import finite_elements as fe
@@ -77,7 +77,7 @@ def tables(findings: Findings) -> dict[str, str]:
             for basis in BASES:
                 found = 100.0 * largest(findings.records["rows"], basis, joints, load)
                 lines.append([label, joints, basis, *(" / ".join(shown(value) for value in pair) for pair in found)])
-    return {"arm_errors": markdown(("load", "joints", "shapes", *(f"m = {m}" for m in MODES)), lines)}
+    return {"arm_errors": table(("load", "joints", "shapes", *(f"m = {m}" for m in MODES)), lines)}
 
 
 def _quoted(rows: list[dict[str, Any]]) -> dict[str, float]:

@@ -27,7 +27,7 @@ from flexarm_env.envs.single import FlexArmEnv
 from flexarm_env.episode.reward import TERMS
 from scripts.docs import environments
 
-ROOT = Path(__file__).resolve().parent.parent
+ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs" / "environments"
 DOCSTRING = FlexArmEnv.__doc__ or ""
 Row = dict[str, str]

@@ -14,7 +14,7 @@ import pytest
 from flexarm_agents import Score, evaluate, load_policy
 from flexarm_baselines import FLSAC, IFDC
 
-README = Path(__file__).resolve().parent.parent / "README.md"
+README = Path(__file__).resolve().parents[2] / "README.md"
 AGENTS = README.parent / "docs" / "agents.md"
 
 

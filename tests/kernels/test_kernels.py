@@ -328,11 +328,11 @@ def test_batch_kernels_work_on_several_lanes_at_once(variant: Variant, kernel: s
     assert not options.get("fastmath")
     fresh = njit(**options)(dispatcher.py_func)  # what comes from a cache has no assembly to show
     fresh(np.zeros(extent(variant.rows) * LANES), *arguments)
-    (assembly,) = fresh.inspect_asm().values()
-    packed, scalar, _ = (len(re.findall(pattern, assembly)) for pattern in MACHINES[machine])
+    (machine_code,) = fresh.inspect_asm().values()
+    packed, scalar, _ = (len(re.findall(pattern, machine_code)) for pattern in MACHINES[machine])
     # hundreds of operations; scalar ones are left to the wrapper and to a loop's remainder, of which there is none
     assert packed > 200
     assert scalar < 0.05 * packed
-    assert not re.search(rf"(?:{MACHINES[machine][2]}).*\b_*(?:sin|cos|sincos|fma)", assembly)
+    assert not re.search(rf"(?:{MACHINES[machine][2]}).*\b_*(?:sin|cos|sincos|fma)", machine_code)
     if machine == "x86_64":
         assert re.search(r"\$-64, %rsp", assembly)  # the stack is aligned

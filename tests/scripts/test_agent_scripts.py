@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-SCRIPTS = Path(__file__).resolve().parent.parent / "scripts"
+SCRIPTS = Path(__file__).resolve().parents[2] / "scripts"
 TINY = ["--envs", "4", "--rollout", "32", "--batch", "64", "--epochs", "2", "--hidden", "16", "8"]
 TINY += ["--episode-steps", "50", "--evaluate-every", "200", "--checkpoint-every", "200"]
 

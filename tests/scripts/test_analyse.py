@@ -1,24 +1,20 @@
-"""`scripts/analysis/__main__.py` end to end, and docs/analysis.md against what it produces."""
+"""`python -m scripts.analysis` end to end, and docs/analysis.md against what it produces."""
 
 import json
 import re
-import subprocess
-import sys
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-ROOT = Path(__file__).resolve().parent.parent
-SCRIPT = ROOT / "scripts" / "analyse.py"
+from tests.support.programs import ROOT, run_study
+
 PAGE = ROOT / "docs" / "analysis.md"
 BLOCK = re.compile(r"<!-- generated: (\w+) -->\n(.*?)<!-- end -->", re.DOTALL)
 TABLES = {"zeros_by_model", "zeros_by_position", "passivity", "margins", "simulated", "largest_gains"}
 PICTURES = {"zeros_locus", "passivity", "margins"}
-
-
-def run_script(*arguments: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([sys.executable, str(SCRIPT), *arguments], capture_output=True, text=True, check=False)
+run_script = partial(run_study, "analysis")
 
 
 @pytest.fixture(scope="module")

@@ -2,20 +2,18 @@
 
 import json
 import math
-import subprocess
-import sys
+from functools import partial
 from importlib.util import find_spec
-from pathlib import Path
 
 import pytest
 
-SCRIPT = Path(__file__).resolve().parents[1] / "scripts" / "bench.py"
+from tests.support.programs import run_study
+
 GROUPS = {"torque_driven", "closed_loop", "environment", "first_step", "lap", "batch", "learning"}
 GROUPS |= {"chain"} if find_spec("mujoco") else set()
 
 
-def run(*arguments):
-    return subprocess.run([sys.executable, SCRIPT, *map(str, arguments)], capture_output=True, text=True)
+run = partial(run_study, "benchmarks")
 
 
 @pytest.fixture(scope="module")

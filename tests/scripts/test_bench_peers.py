@@ -11,7 +11,7 @@ import pytest
 
 from flexarm_env import ArmParameters
 
-ROOT = Path(__file__).resolve().parent.parent
+ROOT = Path(__file__).resolve().parents[2]
 L, EI, RHO = 4.5, 1676.0, 0.335  # a link
 CLAMPED = np.array([1.875104, 4.694091])  # roots of cos x cosh x = -1
 PINNED = np.array([3.926602, 7.068583])  # roots of tan x = tanh x; the other end is free

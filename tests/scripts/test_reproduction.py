@@ -1,8 +1,7 @@
-"""`scripts/paper/__main__.py` end to end, and the committed tables against what it produces."""
+"""`python -m scripts.paper` end to end, and the committed tables against what it produces."""
 
 import json
-import subprocess
-import sys
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -10,14 +9,10 @@ import pytest
 from flexarm_env import Trajectory
 from scripts.docs import paper
 from scripts.paper import claims, verdicts
+from tests.support.programs import ROOT, run_study
 
-ROOT = Path(__file__).resolve().parent.parent
-SCRIPT = ROOT / "scripts" / "reproduce_paper.py"
 VERDICTS = {"reproduced", "reproduced under condition", "not reproduced"}
-
-
-def run_script(*arguments: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([sys.executable, str(SCRIPT), *arguments], capture_output=True, text=True, check=False)
+run_script = partial(run_study, "paper")
 
 
 @pytest.fixture(scope="module")

@@ -1,4 +1,4 @@
-"""`scripts/validation/__main__.py`: its short version end to end, its machinery, and docs/validation.md against its record."""
+"""`python -m scripts.validation`: its short version end to end, its machinery, and the page against its record."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ import json
 import math
 import re
 import shutil
-import subprocess
 import sys
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -17,16 +17,12 @@ import pytest
 
 from flexarm_env import ArmParameters
 from scripts.validation import __main__ as validate
+from tests.support.programs import ROOT, run_study
 
-ROOT = Path(__file__).resolve().parent.parent
-SCRIPT = ROOT / "scripts" / "validate.py"
 DOCS = ROOT / "docs"
 NAMES = ("links", "arm", "engine", "drift", "orders", "coriolis")
 UNCHANGED = ("links", "orders", "coriolis")  # the same work in the short version
-
-
-def run_script(*arguments: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([sys.executable, str(SCRIPT), *arguments], capture_output=True, text=True, check=False)
+run_script = partial(run_study, "validation")
 
 
 @pytest.fixture(scope="module")
@@ -185,11 +181,11 @@ def test_one_group_does_not_stop_another(
 
 def test_the_key_knows_settings_and_sources() -> None:
     from scripts.validation.groups import GROUPS
-    from scripts.validation.runner import SCRIPTS, _imported, key
+    from scripts.validation.runner import _file, _imported, key
 
     keys = {key(group, quick) for group in GROUPS for quick in (True, False)}
     assert len(keys) == 2 * len(GROUPS)
-    names = {path.name for path in _imported(SCRIPTS / "validation_parts" / "two_links.py")}
+    names = {path.name for path in _imported(_file("scripts.validation.two_links"))}
     assert {"two_links.py", "exact_beams.py", "finite_elements.py", "checks.py", "small_motion.py"} <= names
     assert "two_links_pictures.py" not in names
 

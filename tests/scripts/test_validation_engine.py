@@ -13,7 +13,7 @@ from flexarm_env import ArmParameters, FlexibleArm, LawParameters, LoopCase, Sen
 
 mujoco = pytest.importorskip("mujoco", reason="MuJoCo is in the extra `validate`")
 
-ROOT = Path(__file__).resolve().parent.parent
+ROOT = Path(__file__).resolve().parents[2]
 EI, L = 1676.0, 4.5
 UNDAMPED = ArmParameters(modal_damping_ratio=0.0)
 JOINTS = np.array([0.3, 1.1])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from scripts.common.markdown import markdown
+from scripts.common.markdown import table
 from scripts.validation.checks import Findings
 from scripts.validation.engine.validity import FASTEST, FIRST_CLAMPED
 
@@ -51,7 +51,7 @@ def _error_table(records: dict[str, Any]) -> str:
     for label in _labels(records):
         found = [error_of(records, name, label) for name in programmes]
         lines.append([label, *(f"{_both(row)}; {_mm(row['angles'])}" for row in found)])
-    return markdown(header, lines)
+    return table(header, lines)
 
 
 def _part_table(records: dict[str, Any]) -> str:
@@ -63,7 +63,7 @@ def _part_table(records: dict[str, Any]) -> str:
         found = [by_key.get((name, label)) for name in programmes]
         cells = ["" if r is None else f"{_mm(r['first_order'])} + {_mm(r['rest'])}, {r['order']:.1f}" for r in found]
         rows.append([label, *cells])
-    return markdown(header, rows)
+    return table(header, rows)
 
 
 def _limit_table(records: dict[str, Any]) -> str:
@@ -74,7 +74,7 @@ def _limit_table(records: dict[str, Any]) -> str:
         return f"> {floored(100.0 * tried)} %" if limit is None else f"{100.0 * limit:.2g} %"
 
     rows = [[row["model"], *(cell(row[name], name) for name in names)] for row in records["limits"]]
-    return markdown(["deflection / length", *names], rows)
+    return table(["deflection / length", *names], rows)
 
 
 def floored(value: float) -> str:
@@ -88,7 +88,7 @@ def _spin_table(records: dict[str, Any]) -> str:
         [row["model"], *(f"> {FASTEST:g}" if row[n] is None else f"{row[n]:.2g}" for n in names)]
         for row in records["spins"]
     ]
-    return markdown([f"spin / {FIRST_CLAMPED:.2f} rad/s", *names], rows)
+    return table([f"spin / {FIRST_CLAMPED:.2f} rad/s", *names], rows)
 
 
 def _square_table(records: dict[str, Any]) -> str:
@@ -114,7 +114,7 @@ def _square_table(records: dict[str, Any]) -> str:
         modal = f"{_mm(row['modal']['rms'])} / {_mm(row['modal']['maximum'])}" if "modal" in row else ""
         change = f"{row['torque_change']:.3g}" if "torque_change" in row else ""
         rows.append([row["model"], row["driver"], away, modal, score, change, *alone])
-    return markdown(header, rows)
+    return table(header, rows)
 
 
 def error_of(records: dict[str, Any], programme: str, label: str, amplitude: float = 1.0) -> dict[str, Any]:

@@ -1,0 +1,1 @@
+"""Independent models that frequencies are compared with: exact beams and finite elements."""
