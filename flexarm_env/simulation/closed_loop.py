@@ -17,9 +17,8 @@ from flexarm_env.kernels import imex
 from flexarm_env.kernels.layout import arm_rows, extent, result_sizes
 from flexarm_env.kernels.recorded import Variant
 from flexarm_env.physics.paths import ReferencePath
-from flexarm_env.simulation import cases
 from flexarm_env.simulation.arm import FlexibleArm
-from flexarm_env.simulation.cases import LoopCase
+from flexarm_env.simulation.cases import LoopCase, case_rows, checked_cases, delays, sensor_variant
 from flexarm_env.simulation.stability import STEP_LIMIT, default_step
 from flexarm_env.validation import finite_array, number
 
@@ -89,14 +88,14 @@ class ClosedLoop:
             raise TypeError(f"arm = {arm!r}: must be a FlexibleArm")
         if not isinstance(path, ReferencePath):
             raise TypeError(f"path = {path!r}: must be a ReferencePath")
-        self.arm, self.path, self._cases = arm, path, cases.checked_cases(cases, arm)
+        self.arm, self.path, self._cases = arm, path, checked_cases(cases, arm)
         self._path_rows = path.rows[None]
         self._ready = False  # until the first reset
         self.control_period = number("control_period", control_period, "s", above=0.0)
         self.substeps = self._count_substeps(physics_step)
         p = arm.parameters
         lanes = 1 if len(self._cases) == 1 else BLOCK
-        sensor = cases.sensor_variant(self._cases)
+        sensor = sensor_variant(self._cases)
         complete, foreshortened = p.velocity_forces == "complete", arm.constants.foreshortened
         self._variant = Variant("loop", p.modes_per_link, complete, lanes, *sensor, foreshortened=foreshortened)
         self._allocate()
@@ -105,7 +104,7 @@ class ClosedLoop:
             raise ValueError(f"state_limits = {state_limits!r}: must be {2 * arm.size} numbers > 0 (inf for none)")
         for name, values in {**arm_rows(arm.constants), "LIMITS": limits}.items():
             self._put(name, np.tile(np.asarray(values, dtype=float), (len(self), 1)))
-        for name, rows in cases.case_rows(self._cases, arm).items():
+        for name, rows in case_rows(self._cases, arm).items():
             self._put(name, rows)
         self._link()
 
@@ -118,7 +117,7 @@ class ClosedLoop:
         self._results = slice(first, first + sum(sizes.values()))
         blocks = -(-len(self) // lanes)
         self._arenas = np.zeros((blocks, extent(self._rows), lanes))
-        latest = max(max(cases.delays(case, self.arm)) for case in self._cases)
+        latest = max(max(delays(case, self.arm)) for case in self._cases)
         self._histories = np.zeros((blocks, 3 + int(latest / self.physics_step), 4, lanes))
         self._clocks = np.zeros((blocks, imex.CLOCK, lanes), dtype=np.int64)
 

@@ -1,8 +1,8 @@
 """The sixteen-second job by scipy: the paper's arm under IFDC with a collocated sensor, by `solve_ivp`.
 
 Written as a user would by hand from the equations (`physics.dynamics` and `control.jacobian_transpose` name the
-symbols), for one mode a link, the paper's C_r and lambda = 1, and stopped at each corner, where the reference's velocity jumps:
-what a variable-step method needs to do well. The right-hand side runs as plain numpy or compiled by numba.
+symbols), for one mode a link, the paper's C_r and lambda = 1, and stopped at each corner, where the reference's
+velocity jumps: what a variable-step method needs to do well. The right-hand side runs as plain numpy or compiled by numba.
 """
 
 from __future__ import annotations
