@@ -2,7 +2,8 @@
 
 Written as a user would by hand from the equations (`physics.dynamics` and `control.jacobian_transpose` name the
 symbols), for one mode a link, the paper's C_r and lambda = 1, and stopped at each corner, where the reference's
-velocity jumps: what a variable-step method needs to do well. The right-hand side runs as plain numpy or compiled by numba.
+velocity jumps: what a variable-step method needs to do well. The right-hand side runs as plain numpy or compiled by
+numba.
 """
 
 from __future__ import annotations
