@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import Any
+
 import numpy as np
 
 from flexarm_env.simulation.arm import FlexibleArm
@@ -23,3 +26,21 @@ def fastest_pole(
     feedback[[0, 1], [0, 1]] = stiffness
     feedback[[0, 1], [arm.size, arm.size + 1]] = resistance
     return float(np.abs(np.linalg.eigvals(linear.A - linear.B @ feedback)).max())
+
+
+def fastest_rates(settings: Any) -> list[float]:
+    """Of the stiffest and lightest arm that an episode may draw; under the inner law, of the closed loop [rad/s].
+
+    Args:
+        settings: `Settings`.
+    """
+    own = settings.flexible_arm.parameters
+    stiffness = settings.randomisation.get("stiffness", (1.0, 1.0))[1]
+    payload = settings.randomisation.get("payload_mass", (own.payload_mass, own.payload_mass))[0]
+    damping = settings.randomisation.get("damping", (0.0, own.modal_damping_ratio))[1]
+    rigidities = (own.flexural_rigidities[0] * stiffness, own.flexural_rigidities[1] * stiffness)
+    arm = FlexibleArm(replace(own, flexural_rigidities=rigidities, payload_mass=payload, modal_damping_ratio=damping))
+    rates = [arm.fastest_rate()]
+    if settings.action_mode in ("residual", "reference"):
+        rates += [fastest_pole(arm, theta2, settings.inner_stiffness, settings.inner_resistance) for theta2 in ELBOWS]
+    return rates

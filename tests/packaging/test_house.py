@@ -58,6 +58,8 @@ def test_imports_follow_the_flow() -> None:
         ("flexarm_env/unplaced.py", "", "flexarm_env flows one way"),
         ("flexarm_env/reward.py", "import flexarm_env.control.jacobian_transpose", "The closed loop and the reward"),
         ("flexarm_env/closed_loop.py", "import flexarm_env.episode.reward", "The closed loop and the reward"),
+        ("flexarm_env/open_loop.py", "import flexarm_env.episode.reward", "The arm knows no reward"),
+        ("flexarm_env/kernels.py", "def late(): import flexarm_env.kernels.imex", "The assembler knows no driver"),
         ("flexarm_env/env.py", "def late(): import torch", "needs no learning"),
         ("flexarm_env/env.py", "import control", "needs no learning"),
         ("flexarm_env/analysis/unplaced.py", "", "linear theory flows one way"),
@@ -70,6 +72,7 @@ def test_imports_follow_the_flow() -> None:
         ("flexarm_agents/unplaced.py", "", "agents flow one way"),
         ("flexarm_agents/score.py", "import flexarm_agents.training", "agents flow one way"),
         ("flexarm_agents/load.py", "import torch", "without a learning library"),
+        ("flexarm_agents/commands/unplaced.py", "", "command's parts flow one way"),
         ("flexarm_baselines/violation.py", "import flexarm_env", "look only at"),
         ("flexarm_baselines/violation.py", "from flexarm_env.envs.single import FlexArmEnv", "look only at"),
     ],
@@ -126,14 +129,16 @@ def test_importing_the_environment_loads_nothing_heavy(tmp_path: Path) -> None:
     assert result.stdout.strip() == "[]"
 
 
-def test_trained_policies_need_no_learning_library(tmp_path: Path) -> None:
+def test_trained_policies_and_light_verbs_need_no_learning_library(tmp_path: Path) -> None:
     code = (
         "import sys; from flexarm_agents import evaluate, load_policy, shipped_policies, TrainingConfig; "
-        f"TrainingConfig(); print(sorted(set({HEAVY!r}) & set(sys.modules)))"
+        "TrainingConfig(); from flexarm_agents.commands import evaluate, main, warm_up; "
+        "main(['list']); main(['show', 'Square-v0']); "
+        f"print(sorted(set({(*HEAVY, 'tyro', 'tqdm')!r}) & set(sys.modules)))"
     )
     result = run(sys.executable, "-W", "error", "-c", code, cwd=tmp_path)
     assert result.returncode == 0, result.stderr
-    assert result.stdout.strip() == "[]"
+    assert result.stdout.splitlines()[-1] == "[]"
 
 
 # --- the distribution ---------------------------------------------------------------------------------------
@@ -181,3 +186,6 @@ def test_a_plain_install_imports_by_all_names(wheel: Path, tmp_path: Path) -> No
     *origins, version, declared = result.stdout.split()
     assert all(Path(origin).is_relative_to(site) for origin in origins)
     assert version == declared
+    result = run(site / "bin" / "flexarm", "list", cwd=tmp_path, PYTHONPATH=str(site))
+    assert result.returncode == 0, result.stderr
+    assert "FlexArm/Square-v0" in result.stdout
