@@ -7,9 +7,12 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from flexarm_agents.config import TrainingConfig
+from flexarm_agents.extras import needs_extra
 from flexarm_agents.load import Trained, load_policy, shipped_policies
 from flexarm_agents.network import NetworkPolicy
 from flexarm_agents.score import Score, evaluate, score
+from flexarm_agents.spread import Spread
+from flexarm_agents.stopping import TrainingStopped
 
 if TYPE_CHECKING:
     from flexarm_agents.export import network_policy
@@ -28,8 +31,10 @@ __all__ = [
     "NetworkPolicy",
     "Outcome",
     "Score",
+    "Spread",
     "Trained",
     "TrainingConfig",
+    "TrainingStopped",
     "evaluate",
     "load_policy",
     "network_policy",
@@ -39,7 +44,10 @@ __all__ = [
 ]
 
 
+
+
 def __getattr__(name: str) -> Any:
     if name not in _LATE:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(_LATE[name]), name)
+    with needs_extra(name, "train"):
+        return getattr(import_module(_LATE[name]), name)

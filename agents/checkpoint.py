@@ -29,10 +29,11 @@ class Progress:
     Attributes:
         rows: of the evaluations.
         best: index of the best row, None before the first.
-        best_rank: of that row, see `Score.rank`.
+        best_rank: of that row, see `score.rank`.
         next_evaluation: steps at which the next one is due.
         next_checkpoint: steps.
-        seconds: that the training took, of this process and those before [s].
+        seconds: of wall time that the training took, compiling and evaluations included, in this process and those
+            before [s].
     """
 
     rows: list[dict[str, Any]]

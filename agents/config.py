@@ -120,7 +120,7 @@ class TrainingConfig:
             TypeError: for an unknown name, with the nearest known one.
             ValueError: for a bad value.
         """
-        known_names("parameter", values, [one.name for one in fields(cls)])
+        known_names(cls.__name__, values, [one.name for one in fields(cls)])
         return cls(**values)
 
     def differences(self, other: TrainingConfig) -> list[str]:

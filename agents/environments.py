@@ -10,6 +10,7 @@ import gymnasium
 from gymnasium.vector import AutoresetMode
 
 import flexarm_env  # noqa: F401  (registers the ids)
+from flexarm_env.envs.registration import NAMESPACE
 from flexarm_env.envs.settings import Settings
 from flexarm_env.envs.single import FlexArmEnv
 from flexarm_env.envs.vector import FlexArmVectorEnv
@@ -21,16 +22,19 @@ def check_id(environment: object) -> str:
     """Check that an id is that of a FlexArm environment.
 
     Args:
-        environment: with or without the module that registers it: "flexarm_env:FlexArm/Square-v0".
+        environment: with or without the module that registers it, "flexarm_env:FlexArm/Square-v0", and with or without
+            the namespace, "Square-v0".
 
     Returns:
-        The id without the module.
+        The id with its namespace, without the module.
 
     Raises:
         ValueError: naming those there are.
     """
     known = sorted(name for name, spec in gymnasium.registry.items() if spec.vector_entry_point == _ENTRY_POINT)
     name = environment.rpartition(":")[2] if isinstance(environment, str) else ""
+    if "/" not in name:
+        name = f"{NAMESPACE}/{name}"
     if name not in known:
         raise ValueError(f"environment = {environment!r}: must be one of {', '.join(map(repr, known))}")
     return name

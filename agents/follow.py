@@ -1,11 +1,12 @@
-"""`Follow`: looks after a training between its rollouts: evaluation laps, the best policy, checkpoints, the bar."""
+"""`Follow`: looks after a training between its rollouts: evaluation laps, the best policy, checkpoints, progress."""
 
 from __future__ import annotations
 
+import logging
+import sys
 import time
 from typing import Any
 
-import numpy as np
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 from tqdm import tqdm
@@ -16,8 +17,10 @@ from flexarm_agents.environments import make_one
 from flexarm_agents.export import network_policy
 from flexarm_agents.network import NetworkPolicy
 from flexarm_agents.run_folder import RunFolder, put
-from flexarm_agents.score import Score, evaluate
+from flexarm_agents.score import evaluate, rank
+from flexarm_agents.stopping import StopSignals, TrainingStopped
 
+_log = logging.getLogger(__name__)
 EVALUATION_SEED = 1_000_003  # not one of the training's, for any small seed
 
 
@@ -26,37 +29,38 @@ class Follow(BaseCallback):
 
     model: PPO
 
-    def __init__(self, config: TrainingConfig, run: RunFolder, found: Progress, progress: bool) -> None:
+    def __init__(
+        self, config: TrainingConfig, run: RunFolder, found: Progress, stop: StopSignals, progress: bool
+    ) -> None:
         """Prepare.
 
         Args:
             config: of the training.
             run: its folder.
             found: its progress so far, kept up to date here.
-            progress: show a bar where there is a terminal.
+            stop: signals that stop the training between two rollouts.
+            progress: show a bar if stderr is a terminal; without a bar, each evaluation is logged in a line.
         """
         super().__init__()
-        self._config, self._run, self._found = config, run, found
+        self._config, self._run, self._found, self._stop = config, run, found, stop
         self._env = make_one(config.environment, config.options)
-        self._shown, self._began, self._before = progress, time.perf_counter(), found.seconds
+        self._began, self._before = time.perf_counter(), found.seconds
+        self._with_bar = progress and sys.stderr.isatty()
         self._bar: tqdm[Any] | None = None
 
     def _on_training_start(self) -> None:
-        self._env.reset()  # compiles, if need be
-        self._began = time.perf_counter()
-        self._bar = tqdm(
-            total=self._config.steps,
-            initial=self.num_timesteps,
-            unit=" steps",
-            unit_scale=True,
-            disable=None if self._shown else True,
-        )
+        if self._with_bar:
+            self._bar = tqdm(total=self._config.steps, initial=self.num_timesteps, unit=" steps", unit_scale=True)
 
     def _on_step(self) -> bool:
         return True
 
     def _on_rollout_start(self) -> None:
         self._look_after(last=False)
+        if self._stop.received is not None:
+            if self.num_timesteps > 0:  # before, there is nothing to go on from
+                save_checkpoint(self._run.checkpoint, self.model, self._found)
+            raise TrainingStopped(self._stop.received, self.num_timesteps)
 
     def _on_training_end(self) -> None:
         self._look_after(last=True)
@@ -91,12 +95,15 @@ class Follow(BaseCallback):
                 self.logger.record(f"evaluation/{name}", row[name])
         self.logger.dump(self.num_timesteps)
         self._run.write_evaluations(found.rows)
-        if (rank := _rank(laps)) < found.best_rank:
-            found.best, found.best_rank = len(found.rows) - 1, rank
+        if (of_these := rank(laps)) < found.best_rank:
+            found.best, found.best_rank = len(found.rows) - 1, of_these
             put(self._run.best, self._policy(row).save)
             put(self._run.best_model, self.model.save)
-        if self._bar is not None and found.best_rank[0] == 0:
-            self._bar.set_postfix_str(f"best lap {found.best_rank[1]:.3f} m r.m.s.")
+        best = f"best {found.best_rank[1]:.3f} m" if found.best_rank[0] == 0 else "no complete episode yet"
+        if self._bar is not None:
+            self._bar.set_postfix_str(best)
+        else:
+            _log.info("%9d steps  %6.0f s  %s; %s", self.num_timesteps, found.seconds, worst, best)
 
     def _policy(self, row: dict[str, Any]) -> NetworkPolicy:
         notes = {"config": self._config.plain(), "evaluation": row}
@@ -106,9 +113,3 @@ class Follow(BaseCallback):
 def _after(steps: int, every: int) -> int:
     """The next multiple."""
     return (steps // every + 1) * every
-
-
-def _rank(laps: list[Score]) -> tuple[int, float]:
-    """Of several episodes: how many ended early, then their mean rank."""
-    early = sum(not lap.complete for lap in laps)
-    return early, float(np.mean([lap.rank[1] for lap in laps if lap.complete == (early == 0)]))

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 _OF_BATCHES = ("final_obs", "final_info")
 
 
@@ -23,10 +21,5 @@ def info_of(infos: dict[str, Any], index: int) -> dict[str, Any]:
     for name, values in infos.items():
         if name.startswith("_") or name in _OF_BATCHES or not infos[f"_{name}"][index]:
             continue
-        if isinstance(values, dict):
-            own[name] = info_of(values, index)
-        elif isinstance(value := values[index], np.generic):
-            own[name] = value.item()
-        else:
-            own[name] = value.copy() if isinstance(value, np.ndarray) else value
+        own[name] = values[index].copy()
     return own

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import gymnasium
 
-from flexarm_agents.environments import make_one
+from flexarm_agents.environments import check_id, make_one
 from flexarm_agents.network import NetworkPolicy
+from flexarm_env.simulation import archive
+from flexarm_env.validation import mapping, shown
 
 POLICIES = Path(__file__).resolve().parent / "policies"
+_STABLE_BASELINES = {"data", "policy.pth"}  # in the zip files of its models
 _BEST, _LAST = "best_policy.npz", "last_policy.npz"  # of a run's folder
 
 
@@ -44,13 +48,32 @@ class Trained:
             ValueError: if the environment's observation or action has another size than the policy's.
         """
         env = make_one(self.environment, self.options | options)
-        sizes = {"observation": env.observation_space.shape, "action": env.action_space.shape}
-        own = {"observation": (self.policy.observation_size,), "action": self.policy.log_std.shape}
-        for what, shape in sizes.items():
-            if shape != own[what]:
-                env.close()
-                raise ValueError(f"policy {self.name!r}: was trained with {what} of shape {own[what]}, got {shape}")
+        check_fits(self.name, (self.policy.observation_size,), self.policy.log_std.shape, env)
         return env
+
+
+def check_fits(
+    name: str,
+    observation: tuple[int, ...] | None,
+    action: tuple[int, ...] | None,
+    env: gymnasium.Env[Any, Any],
+) -> None:
+    """Check that a policy was trained with observations and actions of an environment's sizes; close it if not.
+
+    Args:
+        name: of the policy, for the message.
+        observation: shape.
+        action: shape.
+        env: environment.
+
+    Raises:
+        ValueError: if one of them has another shape.
+    """
+    spaces = {"observation": (observation, env.observation_space), "action": (action, env.action_space)}
+    for what, (shape, space) in spaces.items():
+        if shape != space.shape:
+            env.close()
+            raise ValueError(f"policy {name!r}: was trained with {what} of shape {shape}, got {space.shape}")
 
 
 def shipped_policies() -> list[str]:
@@ -67,24 +90,38 @@ def load_policy(source: str | Path, last: bool = False) -> Trained:
 
     Raises:
         FileNotFoundError: if there is none, naming those that are shipped.
+        TypeError: if the source is neither text nor a path.
         ValueError: if the file is not a policy's.
     """
+    if not isinstance(source, str | os.PathLike):
+        raise TypeError(f"source = {shown(source)}: must be a folder, a file or the name of a shipped policy")
     path = Path(source)
-    if path.is_dir():
+    if os.path.isdir(path):
         name, file = path.name, path / (_LAST if last else _BEST)
-        if not file.is_file():
-            raise FileNotFoundError(f"source = {str(source)!r}: the folder holds no {file.name}")
-    elif path.is_file():
+        if not os.path.isfile(file):
+            raise FileNotFoundError(f"source = {shown(str(source))}: the folder holds no {file.name}")
+    elif os.path.isfile(path):
         name, file = path.stem, path
     else:
         name, file = str(source), POLICIES / f"{source}.npz"
         if name not in shipped_policies():
             raise FileNotFoundError(
-                f"source = {name!r}: neither a folder or file nor a shipped policy; these are {shipped_policies()}"
+                f"source = {shown(name)}: neither a folder or file nor a shipped policy; these are {shipped_policies()}"
             )
-    policy = NetworkPolicy.load(file)
     try:
-        config = policy.notes["config"]
-        return Trained(name, policy, config["environment"], config["options"], policy.notes)
+        policy = NetworkPolicy.load(file)
+    except ValueError as error:
+        if not _STABLE_BASELINES.issubset(archive.names(file)):
+            raise
+        raise ValueError(
+            f"{file}: a stable-baselines3 model, which executes code of its maker's when it is loaded; if you trust "
+            "it, `flexarm evaluate` scores it: pass it with its explicit flag, --allow-pickle"
+        ) from error
+    try:
+        config = mapping("config", policy.notes["config"])
+        options = mapping("options", config["options"])
+        return Trained(name, policy, check_id(config["environment"]), options, policy.notes)
     except KeyError as error:
         raise ValueError(f"{file}: does not say what it was trained on (no {error} in its notes)") from error
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{file}: does not say what it was trained on ({error})") from error

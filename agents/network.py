@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import math
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -11,10 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexarm_env.simulation import archive
-from flexarm_env.validation import choice
+from flexarm_env.validation import choice, integer, mapping, real_array, shown
 
 Array = NDArray[np.float32]
 _FORMAT = 1
+MOST_LAYERS = 100
+MOST_NUMBERS = 20_000_000  # of all weights and biases
+LARGEST_LOG_STD = 20.0
 
 
 def _elu(x: Array) -> Array:
@@ -53,15 +57,16 @@ class NetworkPolicy:
             ValueError: naming the layer that does not, or a bad activation.
         """
         choice("activation", self.activation, ACTIVATIONS)
-        if not self.weights or len(self.weights) != len(self.biases):
-            raise ValueError(f"weights, biases: must be as many, and some; got {len(self.weights)}, {len(self.biases)}")
-        inputs = self.weights[0].shape[-1]
-        for n, (weight, bias) in enumerate(zip(self.weights, self.biases, strict=True)):
-            if weight.shape != (len(bias), inputs):
-                raise ValueError(f"weights[{n}]: must have shape ({len(bias)}, {inputs}), got {weight.shape}")
-            inputs = len(bias)
-        if self.log_std.shape != (inputs,):
-            raise ValueError(f"log_std: must have shape ({inputs},), got {self.log_std.shape}")
+        mapping("notes", self.notes)
+        arrays = {f"weights[{n}]": weight for n, weight in enumerate(self.weights)}
+        arrays |= {f"biases[{n}]": bias for n, bias in enumerate(self.biases)} | {"log_std": self.log_std}
+        for name, array in arrays.items():
+            if not np.isfinite(real_array(name, array)).all():
+                raise ValueError(f"{name}: must be finite")
+        weights, biases = ([np.shape(array) for array in part] for part in (self.weights, self.biases))
+        _check_shapes(weights, biases, np.shape(self.log_std))
+        if np.abs(self.log_std).max() > LARGEST_LOG_STD:
+            raise ValueError(f"log_std = {shown(self.log_std)}: must be at most {LARGEST_LOG_STD:g} in magnitude")
         object.__setattr__(self, "_generator", np.random.default_rng())
 
     @property
@@ -125,10 +130,44 @@ class NetworkPolicy:
             FileNotFoundError: if there is none.
             ValueError: if the file is not such a file, naming it and what is wrong.
         """
-        return archive.read(path, _FORMAT, "policy", cls._from_file)
+        return archive.read(path, _FORMAT, "policy", cls._check_file, cls._from_file)
+
+    @classmethod
+    def _check_file(cls, head: dict[str, Any], entries: Mapping[str, archive.Entry]) -> None:
+        layers = range(integer("layers", head["layers"], 1, MOST_LAYERS))
+        names = [[f"{part}_{n}" for n in layers] for part in ("weight", "bias")]
+        for name, entry in entries.items():
+            if name not in (*names[0], *names[1], "log_std"):
+                raise ValueError(f"{shown(name)}: no such array in a policy of {len(layers)} layers")
+            if entry.dtype != np.float32:
+                raise ValueError(f"{name}: must hold float32, got {entry.dtype}")
+        weights, biases = ([entries[name].shape for name in part] for part in names)
+        _check_shapes(weights, biases, entries["log_std"].shape)
 
     @classmethod
     def _from_file(cls, head: dict[str, Any], arrays: dict[str, Array]) -> NetworkPolicy:
         layers = range(head["layers"])
         weights, biases = ([arrays[f"{name}_{n}"] for n in layers] for name in ("weight", "bias"))
         return cls(weights, biases, arrays["log_std"], head["activation"], head["notes"])
+
+
+Shape = tuple[int, ...]
+
+
+def _check_shapes(weights: Sequence[Shape], biases: Sequence[Shape], log_std: Shape) -> None:
+    """Refuse layers that do not fit together, or are too large to be a policy's."""
+    if not 0 < len(weights) == len(biases) <= MOST_LAYERS:
+        raise ValueError(f"weights, biases: must be as many, 1 to {MOST_LAYERS}; got {len(weights)}, {len(biases)}")
+    for n, (weight, bias) in enumerate(zip(weights, biases, strict=True)):
+        if len(weight) != 2 or len(bias) != 1 or 0 in (*weight, *bias):
+            raise ValueError(f"weights[{n}], biases[{n}]: must have shapes (n, k) and (n,), got {weight} and {bias}")
+    inputs = weights[0][1]
+    for n, (weight, bias) in enumerate(zip(weights, biases, strict=True)):
+        if weight != (bias[0], inputs):
+            raise ValueError(f"weights[{n}]: must have shape ({bias[0]}, {inputs}), got {weight}")
+        inputs = bias[0]
+    if log_std != (inputs,):
+        raise ValueError(f"log_std: must have shape ({inputs},), got {log_std}")
+    numbers = sum(math.prod(shape) for shape in (*weights, *biases))
+    if numbers > MOST_NUMBERS:
+        raise ValueError(f"weights: {numbers} numbers; at most {MOST_NUMBERS} are allowed")

@@ -20,6 +20,7 @@ from flexarm_agents.environments import make_batch
 from flexarm_agents.export import MODULES
 from flexarm_agents.follow import Follow
 from flexarm_agents.run_folder import RunFolder
+from flexarm_agents.stopping import StopSignals
 from flexarm_agents.vec_env import FlexArmVecEnv
 
 
@@ -47,9 +48,12 @@ def train(
         config: the configuration.
         folder: for the results; None: `config.folder`. See `RunFolder` for what it holds.
         resume: go on with the interrupted training in the folder, from its last checkpoint.
-        progress: show a bar where there is a terminal.
+        progress: show a bar if stderr is a terminal; without a bar, the logger "flexarm_agents" gets a line for each
+            evaluation.
 
     Raises:
+        TrainingStopped: a `KeyboardInterrupt`, after SIGINT (Ctrl-C) or SIGTERM in the main thread: the rollout that
+            runs is finished and a checkpoint written. A second signal ends the process at once.
         FileExistsError: if the folder is not empty and is not to be resumed.
         FileNotFoundError: if there is no training to resume.
         ValueError: if the training in the folder has another configuration.
@@ -59,14 +63,14 @@ def train(
         run.check_same(config)
     else:
         run.begin(config)
-    with _one_thread():
+    with _one_thread(), StopSignals() as stop:
         if run.checkpoint.exists():
             model, found = load_checkpoint(run.checkpoint)
         else:
             model = new_model(config)
             found = Progress([], None, WORST, config.evaluate_every, config.checkpoint_every)
         model.set_logger(configure(str(run.logs), ["tensorboard"]))
-        follow = Follow(config, run, found, progress)
+        follow = Follow(config, run, found, stop, progress)
         try:
             if model.num_timesteps < config.steps:
                 fresh = model.num_timesteps == 0

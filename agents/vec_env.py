@@ -17,6 +17,7 @@ from stable_baselines3.common.vec_env.base_vec_env import VecEnv, VecEnvIndices,
 
 from flexarm_agents.environments import make_batch
 from flexarm_agents.infos import info_of
+from flexarm_env.envs.info import Episode
 from flexarm_env.envs.vector import FlexArmVectorEnv
 from flexarm_env.validation import choice
 
@@ -51,9 +52,8 @@ class FlexArmVecEnv(VecEnv):
         """
         if not isinstance(env, FlexArmVectorEnv):
             raise TypeError(f"env = {env!r}: must be a FlexArmVectorEnv, not wrapped")
-        mode = env.metadata["autoreset_mode"]
-        if mode is not AutoresetMode.SAME_STEP:
-            raise ValueError(f"env.metadata['autoreset_mode'] = {mode.value!r}: must be 'SameStep'")
+        if env.autoreset_mode is not AutoresetMode.SAME_STEP:
+            raise ValueError(f"env.autoreset_mode = {env.autoreset_mode.value!r}: must be 'SameStep'")
         self.env = env
         self.infos = choice("infos", infos, INFOS)
         self._actions: NDArray[Any] | None = None
@@ -142,7 +142,7 @@ class FlexArmVecEnv(VecEnv):
     # --- what an environment is asked through a VecEnv -------------------------------------------------------------
 
     def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
-        """An attribute that all environments share.
+        """An attribute of each environment; all share their attributes but `episode`.
 
         Args:
             attr_name: of the vector environment; `observation_space` and `action_space` mean those of one.
@@ -152,7 +152,7 @@ class FlexArmVecEnv(VecEnv):
             AttributeError: there is none of this name.
         """
         value = getattr(self.env, _SINGLE.get(attr_name, attr_name))
-        return [value for _ in self._get_indices(indices)]
+        return [value.one(i) if isinstance(value, Episode) else value for i in self._get_indices(indices)]
 
     def set_attr(self, attr_name: str, value: Any, indices: VecEnvIndices = None) -> None:
         """Set an attribute of the vector environment.

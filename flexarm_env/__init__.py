@@ -5,6 +5,8 @@ imports it by itself.
 """
 
 from flexarm_env.envs.registration import register_environments
+from flexarm_env.envs.termination import end_reason
+from flexarm_env.envs.warm_up import warm_up
 from flexarm_env.parameters import ArmParameters, LawParameters, SensorParameters, SquareParameters
 from flexarm_env.physics.linearisation import Linearisation
 from flexarm_env.physics.paths import ReferencePath, inverse_kinematics, square
@@ -31,6 +33,7 @@ __all__ = [
     "SensorParameters",
     "SquareParameters",
     "Trajectory",
+    "end_reason",
     "inverse_kinematics",
     "register_environments",
     "rest_state",
@@ -39,6 +42,7 @@ __all__ = [
     "square",
     "square_loop",
     "state_limits",
+    "warm_up",
 ]
 
 register_environments()

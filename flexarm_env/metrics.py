@@ -12,6 +12,7 @@ from flexarm_env.simulation.arm import FlexibleArm
 from flexarm_env.simulation.trajectory import Trajectory
 
 Array = NDArray[np.float64]
+STRAIGHT = 0.05  # [rad]; an elbow bent by less is on neither side. Two equal links then reach to 0.03 % of their length
 
 
 class TrackingError(NamedTuple):
@@ -151,16 +152,60 @@ def circle_fit(path: Array) -> CircleFit:
     return CircleFit(centre, radius, float(np.sqrt(np.mean(deviation**2))))
 
 
+def elbow_changes(run: Trajectory) -> Array:
+    """When the elbow changed sides: the times at which the sign of sin(theta2) changed.
+
+    The elbow is on a side only where it is bent by more than 0.05 rad, off the straight and off the folded arm. A
+    motion within that band, and one that comes back to the side that it left, is no change. The time of a change is
+    the last at which theta2 passed 0 (or pi) on the way to the new side.
+
+    Args:
+        run: any run, sampled finely enough that theta2 moves by less than pi between two instants.
+
+    Returns:
+        Times [s], interpolated linearly between instants. Shape (changes,).
+    """
+    bend = np.sin(run.state[:, 1])
+    (bent,) = np.nonzero(np.abs(bend) > np.sin(STRAIGHT))
+    sides = np.sign(bend[bent])
+    (turns,) = np.nonzero(sides[1:] != sides[:-1])
+    times = []
+    for before, after in zip(bent[turns], bent[turns + 1], strict=True):
+        (not_yet,) = np.nonzero(bend[before:after] * bend[after] <= 0.0)
+        last = before + not_yet[-1]
+        share = bend[last] / (bend[last] - bend[last + 1])
+        times.append(run.time[last] + share * (run.time[last + 1] - run.time[last]))
+    return np.array(times, dtype=float)
+
+
+def ended_early(run: Trajectory) -> bool:
+    """Whether the run ended by anything but its full time, e.g. at a limit of the state (`notes["ended"]`)."""
+    return run.notes.get("ended") not in (None, "truncated")
+
+
 def summary(run: Trajectory) -> dict[str, object]:
     """The figures that every run is reported with; plain numbers, lengths in m, torques in N m.
 
-    Those after 2 s, the start's transient, are None for a run that ended before.
+    A run that ended early is a result of its own. All its figures of merit are None: means and maxima over the part
+    that it survived would compare well with those of a whole run. Those after 2 s, the start's transient, are None for
+    a run that is shorter.
     """
+    early = ended_early(run)
+    figures: dict[str, object] = {
+        "ended": run.notes.get("ended"),
+        "ended_early": early,
+        "duration": float(run.time[-1]),
+        "elbow_changes": elbow_changes(run).tolist(),
+    }
+    merits = _merits(run)
+    return figures | (dict.fromkeys(merits) if early else merits)
+
+
+def _merits(run: Trajectory) -> dict[str, object]:
+    """The part of `summary` that compares controllers."""
     true, rigid = tracking_error(run), tracking_error(run, "rigid")
     later = tracking_error(run, since=2.0) if run.time[-1] >= 2.0 else None
     figures: dict[str, object] = {
-        "ended": run.notes.get("ended"),
-        "duration": float(run.time[-1]),
         "true_tip_rms": true.rms,
         "true_tip_max": true.maximum,
         "true_tip_rms_after_2s": later.rms if later else None,

@@ -1,18 +1,21 @@
 """What the user can set, with units, defaults, their source, and validation.
 
-All classes are frozen: a changed set is a new one (`dataclasses.replace`). "(n)" is equation n of Green & Sasiadek,
-*Control of a flexible robot using fuzzy logic and a noncollocated sensor*, IFAC 2008.
+All classes are frozen: a changed set is a new one (`dataclasses.replace`). The range of each number stands beside its
+field, wide enough for arms from millimetres to kilometres, and such that all that is computed from it stays finite;
+combinations are checked where they matter (`conditioning`, `simulation.count_steps`). "(n)" is equation n of Green &
+Sasiadek, *Control of a flexible robot using fuzzy logic and a noncollocated sensor*, IFAC 2008.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 
-from flexarm_env.validation import choice, integer, number, pair
+from flexarm_env.allowed import Custom, Integer, Number, OneOf, Optional, Pair, check_fields, declared
+from flexarm_env.validation import choice, number, pair, shown
 
 VelocityForces = Literal["complete", "rigid"]
 Kinematics = Literal["linear", "foreshortened"]
@@ -28,6 +31,8 @@ ElbowBranch = Literal["positive", "negative"]
 MAX_MODES = 4
 MAX_DELAY = 10.0  # [s]; the delay line holds a reading for every integration step
 WAVE_SPEED = 288.33  # c [m/s] (15)
+HEAVIEST_PAYLOAD = 1e3  # [kg]
+LARGEST_NOISE = 1e3  # [m], [rad], [rad/s]
 
 
 @dataclass(frozen=True)
@@ -60,21 +65,21 @@ class ArmParameters:
             up, orthogonal in mass and stiffness, which let the elbow's moment bend link 1's tip.
     """
 
-    link_lengths: tuple[float, float] = (4.5, 4.5)
-    flexural_rigidities: tuple[float, float] = (1676.0, 1676.0)
-    masses_per_length: tuple[float, float] = (0.335, 0.335)
-    modes_per_link: int = 2
-    shoulder_hub_inertia: float = 0.0
-    elbow_hub_inertia: float = 0.0
-    elbow_mass: float = 0.0
-    payload_mass: float = 0.0
-    payload_inertia: float = 0.0
-    modal_damping_ratio: float = 0.01
-    joint_friction: tuple[float, float] = (0.0, 0.0)
-    velocity_forces: VelocityForces = "complete"
-    mode_scale: float = 0.1
-    kinematics: Kinematics = "linear"
-    mode_shapes: ModeShapes = "cantilever"
+    link_lengths: tuple[float, float] = declared((4.5, 4.5), Pair(1e-3, 1e3, "m"))
+    flexural_rigidities: tuple[float, float] = declared((1676.0, 1676.0), Pair(1e-9, 1e12, "N m^2"))
+    masses_per_length: tuple[float, float] = declared((0.335, 0.335), Pair(1e-9, 1e6, "kg/m"))
+    modes_per_link: int = declared(2, Integer(1, MAX_MODES))
+    shoulder_hub_inertia: float = declared(0.0, Number(0.0, 1e9, "kg m^2"))
+    elbow_hub_inertia: float = declared(0.0, Number(0.0, 1e9, "kg m^2"))
+    elbow_mass: float = declared(0.0, Number(0.0, 1e9, "kg"))
+    payload_mass: float = declared(0.0, Number(0.0, HEAVIEST_PAYLOAD, "kg"))
+    payload_inertia: float = declared(0.0, Number(0.0, 1e9, "kg m^2"))
+    modal_damping_ratio: float = declared(0.01, Number(0.0, 1.0))
+    joint_friction: tuple[float, float] = declared((0.0, 0.0), Pair(0.0, 1e9, "N m s/rad"))
+    velocity_forces: VelocityForces = declared("complete", OneOf(get_args(VelocityForces)))
+    mode_scale: float = declared(0.1, Number(1e-6, 1e6))
+    kinematics: Kinematics = declared("linear", OneOf(get_args(Kinematics)))
+    mode_shapes: ModeShapes = declared("cantilever", OneOf(get_args(ModeShapes)))
 
     def __post_init__(self) -> None:
         """Validate and bring to canonical types.
@@ -83,30 +88,12 @@ class ArmParameters:
             TypeError: for a value of the wrong kind.
             ValueError: for a value out of range.
         """
-        checked = {
-            "link_lengths": pair("link_lengths", self.link_lengths, "m", above=0.0),
-            "flexural_rigidities": pair("flexural_rigidities", self.flexural_rigidities, "N m^2", above=0.0),
-            "masses_per_length": pair("masses_per_length", self.masses_per_length, "kg/m", above=0.0),
-            "modes_per_link": integer("modes_per_link", self.modes_per_link, 1, MAX_MODES),
-            "shoulder_hub_inertia": number("shoulder_hub_inertia", self.shoulder_hub_inertia, "kg m^2", least=0.0),
-            "elbow_hub_inertia": number("elbow_hub_inertia", self.elbow_hub_inertia, "kg m^2", least=0.0),
-            "elbow_mass": number("elbow_mass", self.elbow_mass, "kg", least=0.0),
-            "payload_mass": number("payload_mass", self.payload_mass, "kg", least=0.0),
-            "payload_inertia": number("payload_inertia", self.payload_inertia, "kg m^2", least=0.0),
-            "modal_damping_ratio": number("modal_damping_ratio", self.modal_damping_ratio, least=0.0, most=1.0),
-            "joint_friction": pair("joint_friction", self.joint_friction, "N m s/rad", least=0.0),
-            "velocity_forces": choice("velocity_forces", self.velocity_forces, ("complete", "rigid")),
-            "mode_scale": number("mode_scale", self.mode_scale, above=0.0),
-            "kinematics": choice("kinematics", self.kinematics, ("linear", "foreshortened")),
-            "mode_shapes": choice("mode_shapes", self.mode_shapes, ("cantilever", "polynomial")),
-        }
+        check_fields(self)
         if self.kinematics == "foreshortened" and self.velocity_forces == "rigid":
             raise ValueError(
                 "kinematics = 'foreshortened': the paper's C_r (velocity_forces = 'rigid') knows no foreshortening; "
                 "velocity_forces must be 'complete'"
             )
-        for name, value in checked.items():
-            object.__setattr__(self, name, value)
 
     @classmethod
     def paper(cls, **changes: object) -> ArmParameters:
@@ -127,6 +114,15 @@ class ArmParameters:
     def reach(self) -> float:
         """Distance from the shoulder to the tip of the straight arm [m]."""
         return self.link_lengths[0] + self.link_lengths[1]
+
+
+def _one_or_two_delays(name: str, value: Any) -> float | tuple[float, float]:
+    if isinstance(value, tuple | list) or (isinstance(value, np.ndarray) and value.ndim):
+        return pair(name, value, "s", least=0.0, most=MAX_DELAY)
+    return number(name, value, "s", least=0.0, most=MAX_DELAY)
+
+
+_DELAY = Custom(_one_or_two_delays, "s", f"one number or a pair, 0 to {MAX_DELAY:g}")
 
 
 @dataclass(frozen=True)
@@ -150,33 +146,23 @@ class SensorParameters:
         wave_speed: c [m/s] (15).
     """
 
-    model: SensorModel = "rigid"
-    position: float = 4.5
-    delay: float | tuple[float, float] | None = None
-    delayed: Delayed = "position"
-    rate_jacobian: RateJacobian = "delayed"
-    noise: float = 0.0
-    wave_speed: float = WAVE_SPEED
+    model: SensorModel = declared("rigid", OneOf(get_args(SensorModel)), name="sensor")
+    position: float = declared(4.5, Number(1e-6, 1e3, "m"), name="sensor_position")
+    delay: float | tuple[float, float] | None = declared(None, Optional(_DELAY))
+    delayed: Delayed = declared("position", OneOf(get_args(Delayed)))
+    rate_jacobian: RateJacobian = declared("delayed", OneOf(get_args(RateJacobian)))
+    noise: float = declared(0.0, Number(0.0, LARGEST_NOISE, "m"))
+    wave_speed: float = declared(WAVE_SPEED, Number(1e-3, 1e9, "m/s"))
 
     def __post_init__(self) -> None:
         """Validate; see `ArmParameters.__post_init__` for the errors."""
-        choice("sensor", self.model, ("collocated", "rigid", "true"))
-        object.__setattr__(self, "position", number("sensor_position", self.position, "m", above=0.0))
-        choice("delayed", self.delayed, ("position", "position+rate"))
-        choice("rate_jacobian", self.rate_jacobian, ("delayed", "current"))
-        object.__setattr__(self, "noise", number("noise", self.noise, "m", least=0.0))
-        object.__setattr__(self, "wave_speed", number("wave_speed", self.wave_speed, "m/s", above=0.0))
-        if self.delay is not None:
-            if self.model == "collocated":
-                raise ValueError(f"delay = {self.delay!r}: a collocated sensor has none; it must be None")
-            if not isinstance(self.delay, tuple | list | np.ndarray):
-                object.__setattr__(self, "delay", number("delay", self.delay, "s", least=0.0, most=MAX_DELAY))
-            elif self.model == "true":
-                raise ValueError(
-                    f"delay = {self.delay!r}: a 'true' sensor's reading has one delay; it must be one number [s]"
-                )
-            else:
-                object.__setattr__(self, "delay", pair("delay", self.delay, "s", least=0.0, most=MAX_DELAY))
+        check_fields(self)
+        if self.model == "collocated" and self.delay is not None:
+            raise ValueError(f"delay = {self.delay!r}: a collocated sensor has none; it must be None")
+        if self.model == "true" and isinstance(self.delay, tuple):
+            raise ValueError(
+                f"delay = {self.delay!r}: a 'true' sensor's reading has one delay; it must be one number [s]"
+            )
 
     def joint_delays(self, shoulder_to_elbow: float) -> tuple[float, float]:
         """Delay of the shoulder's and of the elbow's measurement [s] (16), (18).
@@ -185,15 +171,17 @@ class SensorParameters:
             shoulder_to_elbow: L1 [m].
 
         Raises:
+            TypeError, ValueError: for a bad length.
             ValueError: if the wave speed makes one longer than `MAX_DELAY`.
         """
+        root = number("shoulder_to_elbow", shoulder_to_elbow, "m", least=0.0)
         if self.model == "collocated":
             return 0.0, 0.0
         if isinstance(self.delay, tuple):
             return self.delay
         if self.delay is not None:
             return self.delay, self.delay
-        shoulder = (shoulder_to_elbow + self.position) / self.wave_speed
+        shoulder = (root + self.position) / self.wave_speed
         if shoulder > MAX_DELAY:
             raise ValueError(
                 f"wave_speed = {self.wave_speed} m/s: the sensor would be late by {shoulder:.4g} s; "
@@ -214,18 +202,14 @@ class LawParameters:
         torque_limit: largest torque of shoulder and elbow [N m]; None for no limit (the paper).
     """
 
-    proportional_gain: float = 150.79
-    derivative_gain: float = 17.364
-    compensation: Compensation = "none"
-    torque_limit: tuple[float, float] | None = None
+    proportional_gain: float = declared(150.79, Number(0.0, 1e9, "N/m"))
+    derivative_gain: float = declared(17.364, Number(0.0, 1e9, "N s/m"))
+    compensation: Compensation = declared("none", OneOf(get_args(Compensation)))
+    torque_limit: tuple[float, float] | None = declared(None, Optional(Pair(1e-9, 1e9, "N m")))
 
     def __post_init__(self) -> None:
         """Validate; see `ArmParameters.__post_init__` for the errors."""
-        for name, unit in (("proportional_gain", "N/m"), ("derivative_gain", "N s/m")):
-            object.__setattr__(self, name, number(name, getattr(self, name), unit, least=0.0))
-        choice("compensation", self.compensation, ("none", "shared", "per_joint"))
-        if self.torque_limit is not None:
-            object.__setattr__(self, "torque_limit", pair("torque_limit", self.torque_limit, "N m", above=0.0))
+        check_fields(self)
 
 
 @dataclass(frozen=True)
@@ -240,19 +224,15 @@ class SquareParameters:
         elbow_branch: sign of theta2 at the start. The paper does not say; "positive" is the project's reading.
     """
 
-    side: float = 12.6
-    lap_time: float = 16.0
-    start_corner: Corner = "lower left"
-    direction: Direction = "clockwise"
-    elbow_branch: ElbowBranch = "positive"
+    side: float = declared(12.6, Number(1e-3, 1e3, "m"))
+    lap_time: float = declared(16.0, Number(1e-3, 1e5, "s"))
+    start_corner: Corner = declared("lower left", OneOf(get_args(Corner)))
+    direction: Direction = declared("clockwise", OneOf(get_args(Direction)))
+    elbow_branch: ElbowBranch = declared("positive", OneOf(get_args(ElbowBranch)))
 
     def __post_init__(self) -> None:
         """Validate; see `ArmParameters.__post_init__` for the errors."""
-        object.__setattr__(self, "side", number("side", self.side, "m", above=0.0))
-        object.__setattr__(self, "lap_time", number("lap_time", self.lap_time, "s", above=0.0))
-        choice("start_corner", self.start_corner, ("lower left", "upper left", "upper right", "lower right"))
-        choice("direction", self.direction, ("clockwise", "counterclockwise"))
-        choice("elbow_branch", self.elbow_branch, ("positive", "negative"))
+        check_fields(self)
 
 
 def arm_parameters(arm: str | Mapping[str, Any] | ArmParameters) -> ArmParameters:
@@ -267,11 +247,13 @@ def arm_parameters(arm: str | Mapping[str, Any] | ArmParameters) -> ArmParameter
     if isinstance(arm, str):
         arm = {"preset": arm}
     if not isinstance(arm, Mapping):
-        raise TypeError(f"arm = {arm!r}: must be 'paper', 'default' or a mapping of ArmParameters fields")
+        raise TypeError(f"arm = {shown(arm)}: must be 'paper', 'default' or a mapping of ArmParameters fields")
     given = dict(arm)
     preset = choice("arm", given.pop("preset", "default"), ("paper", "default"))
     known = ArmParameters.__dataclass_fields__
     unknown = [name for name in given if name not in known]
     if unknown:
-        raise ValueError(f"arm: unknown field(s) {unknown}; ArmParameters has {list(known)}, and there is 'preset'")
+        raise ValueError(
+            f"arm: unknown field(s) {shown(unknown)}; ArmParameters has {list(known)}, and there is 'preset'"
+        )
     return ArmParameters.paper(**given) if preset == "paper" else ArmParameters(**given)

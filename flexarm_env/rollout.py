@@ -11,7 +11,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexarm_env.actions import gain_from_action
+from flexarm_env.envs.registration import warn_of_short_limit
 from flexarm_env.envs.single import FlexArmEnv
+from flexarm_env.envs.termination import end_reason
+from flexarm_env.predictor import predictor
 from flexarm_env.simulation.arm import FlexibleArm
 from flexarm_env.simulation.closed_loop import ClosedLoop, Results, observation_blocks
 from flexarm_env.simulation.trajectory import Trajectory
@@ -33,9 +36,10 @@ def run_policy(
 
     Args:
         env: a `FlexArmEnv`, wrapped or not.
-        policy: anything with stable-baselines3's ``predict``.
+        policy: an object with ``predict(observation)`` or stable-baselines3's ``predict``, or a function from an
+            observation to an action.
         seed: for the environment's reset.
-        deterministic: passed to ``predict``.
+        deterministic: passed to a ``predict`` that takes it.
         max_steps: stop after so many; None: at the end of the episode, or of a lap where the environment has no
             time limit.
         options: of the environment's reset; default ``{"start": "corner"}``.
@@ -44,28 +48,31 @@ def run_policy(
         The episode; `notes["ended"]` says why: "truncated" or a termination reason.
 
     Raises:
-        TypeError: if the environment is not a `FlexArmEnv` underneath.
+        TypeError: if the environment is not a `FlexArmEnv` underneath, or the policy cannot be called so.
         ValueError: if the policy's action 1 means another gain than the environment's.
     """
     inner = env.unwrapped
     if not isinstance(inner, FlexArmEnv):
         raise TypeError(f"env = {env!r}: must be a FlexArmEnv, wrapped or not")
+    predict = predictor(policy, deterministic)
     _check_gain_limit(inner, policy)
     if max_steps is None and (env.spec is None or env.spec.max_episode_steps is None):
         max_steps = inner.lap_steps
+    if max_steps is None and env.spec is not None:
+        warn_of_short_limit(env.spec, env.spec.max_episode_steps, inner.lap_steps)
     observation, info = env.reset(seed=seed, options={"start": "corner"} if options is None else options)
-    arm = _episode_arm(inner, info["parameters"])
+    arm = _episode_arm(inner, inner.episode.parameters)
     signals = ("gain", "torque") if "gain" in info else ("torque",)
     rows = [_row(info, reward=0.0)]
     memory, start, ended = None, np.ones(1, dtype=bool), None
     while ended is None:
-        action, memory = policy.predict(observation, memory, start, deterministic)
+        action, memory = predict(observation, memory, start)
         start = np.zeros(1, dtype=bool)
         observation, reward, terminated, truncated, info = env.step(action)
         # of the period that began at the instant recorded last
         rows[-1].update({name: info[name] for name in signals})
         if terminated:
-            ended = info["termination_reason"]
+            ended = end_reason(info["end_code"])
             break  # the last state is not one: the record ends before it
         rows.append(_row(info, float(reward)))
         ended = "truncated" if truncated or len(rows) - 1 == max_steps else None
@@ -120,7 +127,8 @@ def run_batch(
     Args:
         loop: the batch, of N arms.
         states: where they start. Shape (N, 4 + 4 m).
-        policies: one for each arm; arms that share an object are predicted in one call.
+        policies: one for each arm, as `run_policy` takes them, but from observations of shape (n, k) to actions of
+            shape (n, 1); arms that share an object are predicted in one call.
         gain_limits: lambda at action 1. Shape (N,).
         steps: control periods.
         progress: called with the number of control periods done since the last call.
@@ -170,14 +178,14 @@ def _chooser(policies: Sequence[Any], count: int) -> Callable[[Observations], Ob
     """Has each policy choose for its arms, with a memory: actions, Shape (N,), from observations, Shape (N, k)."""
     if len(policies) != count:
         raise ValueError(f"policies: must be {count}, one for each arm, got {len(policies)}")
-    groups = _groups(policies)
+    groups = [(predictor(policy, deterministic=True), members) for policy, members in _groups(policies)]
     memories: list[Any] = [None] * len(groups)
     start = np.ones(count, dtype=bool)
     actions = np.zeros(count, dtype=np.float32)
 
     def choose(observation: Observations) -> Observations:
-        for k, (policy, members) in enumerate(groups):
-            action, memories[k] = policy.predict(observation[members], memories[k], start[members], True)
+        for k, (predict, members) in enumerate(groups):
+            action, memories[k] = predict(observation[members], memories[k], start[members])
             actions[members] = action[:, 0]
         start[:] = False
         return actions

@@ -7,12 +7,58 @@ value it got and what is allowed. Nothing is clipped or replaced.
 from __future__ import annotations
 
 import difflib
+import reprlib
 from collections.abc import Iterable, Mapping, Sequence
 from numbers import Integral, Real
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+_LONGEST = 500  # characters of a value in a message
+# Sequences of characters or bytes: never meant as numbers, though Python gives their entries as such.
+_TEXTS = (str, bytes, bytearray, memoryview)
+
+
+class _Short(reprlib.Repr):
+    """Repr of any value, cut where it is long."""
+
+    def __init__(self) -> None:
+        """Set how much is shown of each kind."""
+        super().__init__()
+        self.maxstring = self.maxother = self.maxlong = _LONGEST
+        self.maxlist = self.maxtuple = self.maxdict = self.maxset = self.maxfrozenset = self.maxdeque = 24
+
+    def repr_int(self, x: int, level: int) -> str:
+        """Python refuses to write integers of several thousand digits."""
+        return super().repr_int(x, level) if x.bit_length() < 4 * _LONGEST else f"<integer of {x.bit_length()} bits>"
+
+
+def shown(value: object) -> str:
+    """A user's value as a message shows it: its repr, shortened where it is long."""
+    try:
+        text = _Short().repr(value)
+    except Exception:  # a repr of the user's may raise anything, and the refusal must be told all the same
+        text = f"<{type(value).__name__}>"
+    return short(text)
+
+
+def short(text: str) -> str:
+    """A text as a message shows it: its middle left out where it is long."""
+    half = _LONGEST // 2
+    return text if len(text) <= _LONGEST else f"{text[:half]}...{text[-half:]}"
+
+
+def _scalar(value: object) -> object:
+    """A numpy array without axes is the number or name that it holds."""
+    return value[()] if isinstance(value, np.ndarray) and value.ndim == 0 else value
+
+
+def entries(value: object) -> list[Any] | None:
+    """What a list, a tuple, another sequence or an array holds; None for all else, text and bytes among it."""
+    if isinstance(value, np.ndarray):
+        return list(value) if value.ndim else None
+    return list(value) if isinstance(value, Sequence) and not isinstance(value, _TEXTS) else None
 
 
 def number(
@@ -47,10 +93,11 @@ def number(
         if bound is not None
     ]
     allowed = " and ".join(["a finite number", *bounds]) + (f" [{unit}]" if unit else "")
-    if isinstance(value, bool) or not isinstance(value, Real):
-        raise TypeError(f"{name} = {value!r}: must be {allowed}")
+    given = _scalar(value)
+    if isinstance(given, bool) or not isinstance(given, Real):
+        raise TypeError(f"{name} = {shown(value)}: must be {allowed}")
     try:
-        x = float(value)
+        x = float(given)
     except OverflowError:  # an integer beyond the largest float
         x = np.inf
     out_of_range = (
@@ -59,7 +106,7 @@ def number(
         or (most is not None and not x <= most)
     )
     if not np.isfinite(x) or out_of_range:
-        raise ValueError(f"{name} = {value!r}: must be {allowed}")
+        raise ValueError(f"{name} = {shown(value)}: must be {allowed}")
     return x
 
 
@@ -71,11 +118,12 @@ def integer(name: str, value: object, least: int, most: int | None = None) -> in
         ValueError: if it is out of range.
     """
     allowed = f"an integer >= {least}" if most is None else f"an integer from {least} to {most}"
-    if isinstance(value, bool) or not isinstance(value, Integral):
-        raise TypeError(f"{name} = {value!r}: must be {allowed}")
-    n = int(value)
+    given = _scalar(value)
+    if isinstance(given, bool) or not isinstance(given, Integral):
+        raise TypeError(f"{name} = {shown(value)}: must be {allowed}")
+    n = int(given)
     if n < least or (most is not None and n > most):
-        raise ValueError(f"{name} = {value!r}: must be {allowed}")
+        raise ValueError(f"{name} = {shown(value)}: must be {allowed}")
     return n
 
 
@@ -89,11 +137,9 @@ def pair(
     most: float | None = None,
 ) -> tuple[float, float]:
     """Check two finite numbers, one for each link or joint; bounds as in `number`."""
-    values: list[object] = []
-    if isinstance(value, Sequence | np.ndarray) and not isinstance(value, str | bytes | bytearray):
-        values = list(np.atleast_1d(value)) if isinstance(value, np.ndarray) else list(value)
-    if len(values) != 2:
-        raise TypeError(f"{name} = {value!r}: must be a pair of numbers" + (f" [{unit}]" if unit else ""))
+    values = entries(value)
+    if values is None or len(values) != 2:
+        raise TypeError(f"{name} = {shown(value)}: must be a pair of numbers" + (f" [{unit}]" if unit else ""))
     first, second = (number(f"{name}[{i}]", x, unit, above=above, least=least, most=most) for i, x in enumerate(values))
     return first, second
 
@@ -105,43 +151,70 @@ def choice(name: str, value: object, allowed: Iterable[str]) -> str:
         ValueError: naming the allowed ones.
     """
     names = list(allowed)
-    if not isinstance(value, str) or value not in names:
-        raise ValueError(f"{name} = {value!r}: must be one of {', '.join(map(repr, names))}")
-    return value
+    given = _scalar(value)
+    if not isinstance(given, str) or given not in names:
+        raise ValueError(f"{name} = {shown(value)}: must be one of {', '.join(map(repr, names))}")
+    return str(given)
 
 
-def finite_array(name: str, value: ArrayLike, shape: tuple[int | None, ...]) -> NDArray[np.float64]:
-    """Check an array of finite numbers against a shape (None admits any length on that axis).
+def finite_array(
+    name: str, value: ArrayLike, shape: tuple[int | None, ...], most: float = np.inf
+) -> NDArray[np.float64]:
+    """Check an array of finite numbers against a shape.
+
+    Args:
+        name: for messages.
+        value: what the user gave.
+        shape: None admits any length on that axis.
+        most: largest magnitude of an entry.
 
     Returns:
         A new float64 array, so that the caller's is never changed.
 
     Raises:
-        ValueError: for another shape, or naming the index of the first entry that is not finite.
+        ValueError: for another shape, or naming the index of the first entry that is not finite or too large.
     """
     array = real_array(name, value)
     if array.ndim != len(shape) or any(n is not None and n != m for n, m in zip(shape, array.shape, strict=True)):
         wanted = "(" + ", ".join("n" if n is None else str(n) for n in shape) + (",)" if len(shape) == 1 else ")")
         raise ValueError(f"{name}: must have shape {wanted}, got {array.shape}")
-    if not np.all(np.isfinite(array)):
-        index = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
-        raise ValueError(f"{name}{list(index)} = {array[index]}: must be finite")
-    return array
+    return _finite(name, array, most)
 
 
-def finite_rows(name: str, value: ArrayLike, last: int) -> NDArray[np.float64]:
+def finite_rows(name: str, value: ArrayLike, last: int, most: float = np.inf) -> NDArray[np.float64]:
     """Check an array of finite numbers with a given last axis and any number of leading ones.
+
+    Args:
+        name: for messages.
+        value: what the user gave.
+        last: length of the last axis.
+        most: largest magnitude of an entry.
 
     Returns:
         A new float64 array.
 
     Raises:
-        ValueError: for another shape, or naming the index of the first entry that is not finite.
+        ValueError: for another shape, or naming the index of the first entry that is not finite or too large.
     """
     array = real_array(name, value)
     if array.ndim == 0 or array.shape[-1] != last:
         raise ValueError(f"{name}: must have shape (..., {last}), got {array.shape}")
-    return finite_array(name, array, tuple(array.shape))
+    return _finite(name, array, most)
+
+
+def finite_values(name: str, value: ArrayLike, most: float = np.inf) -> NDArray[np.float64]:
+    """Check an array of finite numbers of any shape; arguments and errors as in `finite_rows`."""
+    return _finite(name, real_array(name, value), most)
+
+
+def _finite(name: str, array: NDArray[np.float64], most: float) -> NDArray[np.float64]:
+    inside = np.isfinite(array) & (np.abs(array) <= most)
+    if not np.all(inside):
+        index = tuple(int(i) for i in np.argwhere(~inside)[0])
+        place = str(list(index)) if index else ""
+        limit = "" if most == np.inf else f", at most {most:g} in magnitude"
+        raise ValueError(f"{name}{place} = {array[index]}: must be finite{limit}")
+    return array
 
 
 def real_array(name: str, value: ArrayLike) -> NDArray[np.float64]:
@@ -155,11 +228,12 @@ def real_array(name: str, value: ArrayLike) -> NDArray[np.float64]:
     """
     try:
         array = np.asarray(value)
-    except (TypeError, ValueError) as error:
-        raise ValueError(f"{name}: must be an array of real numbers ({error})") from None
-    if array.dtype.kind not in "iuf":
-        raise ValueError(f"{name} = {value!r}: must be an array of real numbers")
-    return array.astype(np.float64)
+    except Exception as error:  # numpy asks the value itself, which may raise anything
+        raise ValueError(f"{name}: must be an array of real numbers ({short(str(error))})") from None
+    if array.dtype.kind not in "iuf" or isinstance(value, _TEXTS):
+        raise ValueError(f"{name} = {shown(value)}: must be an array of real numbers")
+    with np.errstate(over="ignore"):  # wider floats than ours become infinite, as their text would
+        return array.astype(np.float64)
 
 
 def listed(name: str, value: object) -> list[Any]:
@@ -168,9 +242,10 @@ def listed(name: str, value: object) -> list[Any]:
     Raises:
         TypeError: for anything else.
     """
-    if not isinstance(value, list | tuple):
-        raise TypeError(f"{name} = {value!r}: must be a list or a tuple")
-    return list(value)
+    found = entries(value)
+    if found is None:
+        raise TypeError(f"{name} = {shown(value)}: must be a list or a tuple")
+    return found
 
 
 def names(name: str, value: object) -> tuple[str, ...]:
@@ -180,30 +255,39 @@ def names(name: str, value: object) -> tuple[str, ...]:
         TypeError: for anything else.
         ValueError: if it is empty or a name comes twice.
     """
-    entries = listed(name, value)
-    if not all(isinstance(entry, str) for entry in entries):
-        raise TypeError(f"{name} = {value!r}: must hold names")
-    if not entries or len(set(entries)) < len(entries):
-        raise ValueError(f"{name} = {value!r}: must hold at least one name, and each only once")
-    return tuple(entries)
+    found = listed(name, value)
+    if not all(isinstance(entry, str) for entry in found):
+        raise TypeError(f"{name} = {shown(value)}: must hold names")
+    if not found or len(set(found)) < len(found):
+        raise ValueError(f"{name} = {shown(value)}: must hold at least one name, and each only once")
+    return tuple(map(str, found))
 
 
-def known_names(what: str, given: Iterable[str], known: Sequence[str]) -> None:
+def known_names(owner: str, given: Iterable[str], known: Sequence[str]) -> None:
     """Check the names of keyword arguments.
 
     Args:
-        what: one of them is called, e.g. "option".
+        owner: name of the class that was given them.
         given: by the user.
         known: that there are.
 
     Raises:
-        TypeError: for the first that is not known, with the nearest known one.
+        TypeError: for the first that is not known, with the nearest known ones. It begins as Python's own message,
+            which libraries look for (TorchRL tries `frameskip` on every environment).
     """
     for name in given:
         if name not in known:
-            near = difflib.get_close_matches(name, known, 1)
-            hint = f"; did you mean {near[0]!r}?" if near else "."
-            raise TypeError(f"{name}: no such {what}{hint} The {what}s are {', '.join(known)}")
+            near = " or ".join(map(repr, nearest_names(name, known)))
+            hint = f"did you mean {near}?" if near else f"see help({owner})"
+            raise TypeError(f"{owner}.__init__() got an unexpected keyword argument {shown(name)}; {hint}")
+
+
+def nearest_names(name: str, known: Sequence[str]) -> list[str]:
+    """Names that a user may have meant: the likest of those that end with the same word, and the likest of all."""
+    last = name.rpartition("_")[2]
+    same = [other for other in known if other.rpartition("_")[2] == last]
+    near = [*difflib.get_close_matches(name, same, 1, 0.0), *difflib.get_close_matches(name, known, 1)]
+    return list(dict.fromkeys(near))
 
 
 def mapping(name: str, value: object) -> dict[str, Any]:
@@ -213,7 +297,7 @@ def mapping(name: str, value: object) -> dict[str, Any]:
         TypeError: for anything else.
     """
     if not isinstance(value, Mapping):
-        raise TypeError(f"{name} = {value!r}: must be a mapping of names")
+        raise TypeError(f"{name} = {shown(value)}: must be a mapping of names")
     return dict(value)
 
 
@@ -223,6 +307,7 @@ def flag(name: str, value: object) -> bool:
     Raises:
         TypeError: for anything else.
     """
-    if not isinstance(value, bool | np.bool_):
-        raise TypeError(f"{name} = {value!r}: must be True or False")
-    return bool(value)
+    given = _scalar(value)
+    if not isinstance(given, bool | np.bool_):
+        raise TypeError(f"{name} = {shown(value)}: must be True or False")
+    return bool(given)

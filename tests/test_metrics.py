@@ -2,10 +2,14 @@
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from flexarm_env import ArmParameters, FlexibleArm, Trajectory
 from flexarm_env.metrics import (
     circle_fit,
+    elbow_changes,
+    ended_early,
     overshoot,
     path_difference,
     summary,
@@ -110,6 +114,68 @@ def test_errors_name_what_is_wrong() -> None:
         tracking_error(run, "elbow")
     with pytest.raises(ValueError, match=r"window = 5\.0 to inf s"):
         tracking_error(run, since=5.0)
+
+
+def elbow_run(theta2: np.ndarray, time: np.ndarray = TIME) -> Trajectory:
+    state = np.zeros((len(time), 8))
+    state[:, 1] = theta2
+    return FlexibleArm(ArmParameters.paper()).record(
+        time, state, np.zeros((len(time), 2)), reference=np.zeros((len(time), 2)), notes={"ended": "truncated"}
+    )
+
+
+def test_elbow_changes_of_a_sine() -> None:
+    """theta2 = -0.5 cos(2 pi t) is 0 at 0.25, 0.75, 1.25 and 1.75 s, none of which need be an instant."""
+    run = elbow_run(-0.5 * np.cos(2.0 * np.pi * (TIME + 0.3e-3)))
+    assert elbow_changes(run) == pytest.approx(np.array([0.25, 0.75, 1.25, 1.75]) - 0.3e-3, abs=1e-6)
+    assert summary(run)["elbow_changes"] == elbow_changes(run).tolist()
+
+
+@pytest.mark.parametrize(
+    ("theta2", "times"),
+    [
+        (np.zeros_like(TIME), []),  # straight all the time: on no side
+        (0.04 * np.sin(40.0 * TIME), []),  # flutters about the straight arm
+        (1.0 - TIME + 0.01, [1.01]),
+        (np.abs(1.0 - TIME) - 0.04, []),  # passes the straight arm a little and comes back
+        (np.where(TIME < 1.0, 0.5, -0.04), []),  # not bent enough on the other side
+        (np.where(TIME < 0.5, 0.5, np.where(TIME < 1.0, 0.0, -0.5)), [0.999]),  # leaves the straight arm at 1 s
+        (np.pi - 1.0 + TIME, [1.0]),  # through the folded arm
+        (0.5 + 2.0 * np.pi * np.round(TIME), []),  # whole turns are the same pose
+    ],
+)
+def test_what_is_a_change_of_the_elbow(theta2: np.ndarray, times: list[float]) -> None:
+    assert elbow_changes(elbow_run(theta2)) == pytest.approx(times, abs=1e-9)
+
+
+@given(st.lists(st.sampled_from([-2.0, -0.3, -0.02, 0.0, 0.03, 0.4, 1.5]), min_size=2, max_size=20))
+def test_elbow_changes_are_the_changes_of_sign_among_bent_arms(angles: list[float]) -> None:
+    """Also that mirroring the arm changes nothing, and that times increase and lie within the run."""
+    time = np.arange(float(len(angles)))
+    found = elbow_changes(elbow_run(np.array(angles), time))
+    signs = [angle > 0.0 for angle in angles if abs(angle) > 0.05]
+    assert len(found) == sum(one != two for one, two in zip(signs, signs[1:], strict=False))
+    assert np.all(np.diff(found) > 0.0)
+    assert all(0.0 <= t <= time[-1] for t in found)
+    assert elbow_changes(elbow_run(-np.array(angles), time)) == pytest.approx(found, abs=0.0)
+
+
+def test_a_run_that_ended_early_has_no_figures_that_compare() -> None:
+    """It would have a better r.m.s. than the whole run, whose error comes later."""
+    reference = np.tile([9.0, 0.0], (len(TIME), 1))
+    reference[TIME > 0.5] += 1.0
+    whole = run_with(reference, gain=np.ones(len(TIME)))
+    part = {name: array[:400] for name, array in whole.arrays().items()}
+    died = Trajectory(parameters=whole.parameters, notes={"ended": "deflection"}, **part)
+    assert tracking_error(died).rms < tracking_error(whole).rms
+    assert ended_early(died)
+    assert not ended_early(whole)
+    found = summary(died)
+    assert set(found) == set(summary(whole))
+    assert found["ended_early"] is True
+    compared = set(found) - {"ended", "ended_early", "duration", "elbow_changes"}
+    assert {found[name] for name in compared} == {None}
+    assert None not in {summary(whole)["true_tip_rms"], summary(whole)["mean_gain"]}
 
 
 def test_summary_of_a_short_run_says_none() -> None:

@@ -11,49 +11,29 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from flexarm_env import ArmParameters, LawParameters, SensorParameters, SquareParameters
+from flexarm_env.allowed import Number, OneOf, Pair
 from flexarm_env.validation import choice, finite_array, finite_rows, integer, number, pair
 from tests.support.lagrange import arms
 from tests.support.refusals import refuses
 
 CLASSES = (ArmParameters, SensorParameters, LawParameters, SquareParameters)
 
-# Every numeric field: class, field, its name in messages, unit, whether it is a pair, the bound.
-POSITIVE, NOT_NEGATIVE = "> 0.0", ">= 0.0"
-NUMBERS: list[tuple[type, str, str, str, bool, str]] = [
-    (ArmParameters, "link_lengths", "link_lengths", "[m]", True, POSITIVE),
-    (ArmParameters, "flexural_rigidities", "flexural_rigidities", "[N m^2]", True, POSITIVE),
-    (ArmParameters, "masses_per_length", "masses_per_length", "[kg/m]", True, POSITIVE),
-    (ArmParameters, "shoulder_hub_inertia", "shoulder_hub_inertia", "[kg m^2]", False, NOT_NEGATIVE),
-    (ArmParameters, "elbow_hub_inertia", "elbow_hub_inertia", "[kg m^2]", False, NOT_NEGATIVE),
-    (ArmParameters, "elbow_mass", "elbow_mass", "[kg]", False, NOT_NEGATIVE),
-    (ArmParameters, "payload_mass", "payload_mass", "[kg]", False, NOT_NEGATIVE),
-    (ArmParameters, "payload_inertia", "payload_inertia", "[kg m^2]", False, NOT_NEGATIVE),
-    (ArmParameters, "modal_damping_ratio", "modal_damping_ratio", "<= 1.0", False, NOT_NEGATIVE),
-    (ArmParameters, "joint_friction", "joint_friction", "[N m s/rad]", True, NOT_NEGATIVE),
-    (ArmParameters, "mode_scale", "mode_scale", "", False, POSITIVE),
-    (SensorParameters, "position", "sensor_position", "[m]", False, POSITIVE),
-    (SensorParameters, "delay", "delay", "[s]", False, NOT_NEGATIVE),
-    (SensorParameters, "delay", "delay", "[s]", True, NOT_NEGATIVE),
-    (SensorParameters, "noise", "noise", "[m]", False, NOT_NEGATIVE),
-    (SensorParameters, "wave_speed", "wave_speed", "[m/s]", False, POSITIVE),
-    (LawParameters, "proportional_gain", "proportional_gain", "[N/m]", False, NOT_NEGATIVE),
-    (LawParameters, "derivative_gain", "derivative_gain", "[N s/m]", False, NOT_NEGATIVE),
-    (LawParameters, "torque_limit", "torque_limit", "[N m]", True, POSITIVE),
-    (SquareParameters, "side", "side", "[m]", False, POSITIVE),
-    (SquareParameters, "lap_time", "lap_time", "[s]", False, POSITIVE),
-]
-OPTIONS: list[tuple[type, str, str, tuple[str, ...]]] = [
-    (ArmParameters, "velocity_forces", "velocity_forces", ("complete", "rigid")),
-    (ArmParameters, "kinematics", "kinematics", ("linear", "foreshortened")),
-    (ArmParameters, "mode_shapes", "mode_shapes", ("cantilever", "polynomial")),
-    (SensorParameters, "model", "sensor", ("collocated", "rigid", "true")),
-    (SensorParameters, "delayed", "delayed", ("position", "position+rate")),
-    (SensorParameters, "rate_jacobian", "rate_jacobian", ("delayed", "current")),
-    (LawParameters, "compensation", "compensation", ("none", "shared", "per_joint")),
-    (SquareParameters, "start_corner", "start_corner", ("lower left", "upper left", "upper right", "lower right")),
-    (SquareParameters, "direction", "direction", ("clockwise", "counterclockwise")),
-    (SquareParameters, "elbow_branch", "elbow_branch", ("positive", "negative")),
-]
+DELAY = (SensorParameters, "delay")  # a number, a pair or None
+
+
+def of_kind(*kinds: type) -> list[tuple[type, str, str, Any]]:
+    """Fields that are declared so: class, field, its name in messages, what it may be."""
+    rows = []
+    for kind in CLASSES:
+        for one in fields(kind):
+            allowed = one.metadata["allowed"]
+            inner = getattr(allowed, "other", allowed)
+            if type(inner) in kinds:
+                rows.append((kind, one.name, one.metadata["name"] or one.name, inner))
+    return rows
+
+
+NUMBERS, OPTIONS = of_kind(Number, Pair), of_kind(OneOf)
 BAD_NUMBERS: list[tuple[Any, type[Exception]]] = [
     (-1.0, ValueError),
     (-1e-300, ValueError),
@@ -72,38 +52,64 @@ def called(row: Any) -> str | None:
     return f"{row.__name__}" if isinstance(row, type) else None
 
 
-def test_the_tables_below_leave_no_field_out() -> None:
-    checked = {(kind, name) for kind, name, *_ in [*NUMBERS, *OPTIONS]} | {(ArmParameters, "modes_per_link")}
+def test_the_tables_leave_no_field_out() -> None:
+    checked = {(kind, name) for kind, name, *_ in [*NUMBERS, *OPTIONS]} | {(ArmParameters, "modes_per_link"), DELAY}
     assert checked == {(kind, field.name) for kind in CLASSES for field in fields(kind)}
 
 
-@pytest.mark.parametrize(("kind", "field", "name", "unit", "is_pair", "bound"), NUMBERS, ids=called)
-def test_bad_numbers_are_refused(kind: Any, field: str, name: str, unit: str, is_pair: bool, bound: str) -> None:
+@pytest.mark.parametrize(("kind", "field", "name", "allowed"), NUMBERS, ids=called)
+def test_bad_numbers_are_refused(kind: Any, field: str, name: str, allowed: Number) -> None:
+    inside = allowed.most
     for bad, error in BAD_NUMBERS:
-        if is_pair:
-            for i, values in enumerate([(bad, 1.0), (1.0, bad)]):
-                with refuses(error, f"{name}[{i}] = {bad!r}: must be a finite number", bound, unit):
+        if isinstance(allowed, Pair):
+            for i, values in enumerate([(bad, inside), (inside, bad)]):
+                with refuses(error, f"{name}[{i}] = {bad!r}: must be a finite number", allowed.unit):
                     kind(**{field: values})
         else:
-            with refuses(error, f"{name} = {bad!r}: must be ", bound, unit):
+            with refuses(error, f"{name} = {bad!r}: must be ", allowed.unit):
                 kind(**{field: bad})
 
 
-@pytest.mark.parametrize(("kind", "field", "name", "unit", "is_pair", "bound"), NUMBERS, ids=called)
-def test_the_bound_itself(kind: Any, field: str, name: str, unit: str, is_pair: bool, bound: str) -> None:
-    zero = (0.0, 0.0) if is_pair else 0.0
-    if bound == POSITIVE:
-        with refuses(ValueError, name, "= 0.0: must be a finite number and > 0.0"):
-            kind(**{field: zero})
-    else:
-        assert getattr(kind(**{field: zero}), field) == zero
+@pytest.mark.parametrize(("kind", "field", "name", "allowed"), NUMBERS, ids=called)
+def test_the_bounds_themselves(kind: Any, field: str, name: str, allowed: Number) -> None:
+    for bound, beyond in ((allowed.least, -np.inf), (allowed.most, np.inf)):
+        value, outside = bound, float(np.nextafter(bound, beyond))
+        if isinstance(allowed, Pair):
+            assert getattr(kind(**{field: (value, value)}), field) == (value, value)
+            with refuses(ValueError, f"{name}[0] = {outside!r}: must be", f">= {allowed.least} and <= {allowed.most}"):
+                kind(**{field: (outside, value)})
+        else:
+            assert getattr(kind(**{field: value}), field) == value
+            with refuses(ValueError, f"{name} = {outside!r}: must be", f">= {allowed.least} and <= {allowed.most}"):
+                kind(**{field: outside})
 
 
-NO_PAIRS: list[Any] = [1.0, None, (1.0,), (1.0, 2.0, 3.0), "ab", b"ab", {1.0, 2.0}, {"a": 1.0, "b": 2.0}, np.array(1.0)]
+def test_delays_have_a_range() -> None:
+    for bad, error in BAD_NUMBERS:
+        with refuses(error, f"delay = {bad!r}: must be ", ">= 0.0 and <= 10.0 [s]"):
+            SensorParameters(delay=bad)
+        with refuses(error, f"delay[1] = {bad!r}: must be ", ">= 0.0 and <= 10.0 [s]"):
+            SensorParameters(delay=(0.0, bad))
+
+
+NO_PAIRS: list[Any] = [
+    memoryview(b"ab"),
+    bytearray(b"ab"),
+    iter((1.0, 2.0)),
+    1.0,
+    None,
+    (1.0,),
+    (1.0, 2.0, 3.0),
+    "ab",
+    b"ab",
+    {1.0, 2.0},
+    {"a": 1.0, "b": 2.0},
+    np.array(1.0),
+]
 
 
 @pytest.mark.parametrize(
-    "field", [field for kind, field, _, _, is_pair, _ in NUMBERS if is_pair and kind is ArmParameters]
+    "field", [field for kind, field, _, allowed in NUMBERS if isinstance(allowed, Pair) and kind is ArmParameters]
 )
 def test_what_is_no_pair_is_refused(field: str) -> None:
     for bad in NO_PAIRS:
@@ -114,15 +120,16 @@ def test_what_is_no_pair_is_refused(field: str) -> None:
 
 
 @pytest.mark.parametrize(("kind", "field", "name", "allowed"), OPTIONS, ids=called)
-def test_unknown_options_are_refused(kind: Any, field: str, name: str, allowed: tuple[str, ...]) -> None:
-    for bad in ("", "Complete", "unknown", 1, None, True, ("rigid",)):
-        with refuses(ValueError, f"{name} = {bad!r}: must be one of {', '.join(map(repr, allowed))}"):
+def test_unknown_options_are_refused(kind: Any, field: str, name: str, allowed: OneOf) -> None:
+    for bad in ("", "Complete", "unknown", 1, None, True, ("rigid",), np.array([0.1, 0.1])):
+        with refuses(ValueError, f"{name} = {bad!r}: must be one of {', '.join(map(repr, allowed.names))}"):
             kind(**{field: bad})
 
 
 @pytest.mark.parametrize(("kind", "field", "name", "allowed"), OPTIONS, ids=called)
-def test_all_options_are_accepted(kind: Any, field: str, name: str, allowed: tuple[str, ...]) -> None:
-    for option in allowed:
+def test_all_options_are_accepted(kind: Any, field: str, name: str, allowed: OneOf) -> None:
+    assert len(allowed.names) > 1
+    for option in allowed.names:
         assert getattr(kind(**{field: option}), field) == option
 
 

@@ -6,12 +6,12 @@ Source: the arm's coordinates of `flexarm_env.simulation.arm`; inverse kinematic
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexarm_env.analysis.checks import instance
+from flexarm_env.lazy import cached_property
 from flexarm_env.physics.linearisation import Linearisation
 from flexarm_env.physics.paths import inverse_kinematics
 from flexarm_env.simulation.arm import FlexibleArm

@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from flexarm_env.analysis.checks import instance
 from flexarm_env.analysis.operating_point import OperatingPoint
 from flexarm_env.analysis.sensor import Sensor
+from flexarm_env.extras import install_hint
 from flexarm_env.validation import finite_array, integer
 
 Array = NDArray[np.float64]
@@ -147,7 +148,7 @@ class Plant:
         try:
             import control
         except ImportError as error:
-            raise ImportError("python-control is not installed: pip install 'flexarm[analysis]'") from error
+            raise ImportError(install_hint("python-control", "analysis")) from error
         plant = self
         if np.any(self.delays):
             if pade_order is None:

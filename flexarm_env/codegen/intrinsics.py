@@ -1,22 +1,25 @@
-"""What kernels ask of the processor and numba has no word for; written into their modules as intrinsics (`kernels`)."""
+"""What kernels ask of the processor and numba has no word for: intrinsics, with their meaning in plain Python."""
 
 from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 from llvmlite import ir
 from numba.core import types
 from numba.np.arrayobj import populate_array
+from numpy.typing import NDArray
+
+from flexarm_env.codegen import tracing
+from flexarm_env.codegen.arrays import LaneRows, Memory, Observations, Plan, Table
+from flexarm_env.codegen.declarations import intrinsic
 
 CACHE_LINE = 64  # [bytes], and the widest vector
 TILE = 8  # lanes that are transposed at once
 
 
-def fused(typing_context: Any, a: Any, b: Any, c: Any) -> Any:
-    """a * b + c, rounded once: one instruction on ARM64 and on x86-64 with FMA (Intel Core since 2013, AMD since 2012).
-
-    Elsewhere it is a call into the C library, with the same bits, and slow.
-    """
+def _fused(typing_context: Any, a: Any, b: Any, c: Any) -> Any:
+    """Code of `fused`."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         """Emit it."""
@@ -25,11 +28,17 @@ def fused(typing_context: Any, a: Any, b: Any, c: Any) -> Any:
     return types.float64(types.float64, types.float64, types.float64), generate
 
 
-def quarter_turns(typing_context: Any, k: Any, sine: Any, cosine: Any) -> Any:
-    """Sine and cosine of an angle k quarter turns on (`tracing.quarter_turns`), by the last two bits of k.
+@intrinsic(_fused)
+def fused(a: float, b: float, c: float) -> float:
+    """a * b + c, rounded once: one instruction on ARM64 and on x86-64 with FMA (Intel Core since 2013, AMD since 2012).
 
-    Choices and signs that are bits leave the units that add and multiply to others; where |k| < 2^51, the same bits.
+    Elsewhere it is a call into the C library, with the same bits, and slow.
     """
+    return a * b + c  # rounded twice
+
+
+def _quarter_turns(typing_context: Any, k: Any, sine: Any, cosine: Any) -> Any:
+    """Code of `quarter_turns`."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         """Adding 1.5 * 2^52 moves a whole number to the last bits of its sum; a sign is the first bit."""
@@ -49,13 +58,17 @@ def quarter_turns(typing_context: Any, k: Any, sine: Any, cosine: Any) -> Any:
     return pair(types.float64, types.float64, types.float64), generate
 
 
-def aligned_stack(typing_context: Any) -> Any:
-    """Begin the stack frame of the function that calls this where a line of the processor's cache begins.
+@intrinsic(_quarter_turns)
+def quarter_turns(k: float, sine: float, cosine: float) -> tuple[float, float]:
+    """Sine and cosine of an angle k quarter turns on (`tracing.quarter_turns`), by the last two bits of k.
 
-    Vectors that do not fit into registers are kept on the stack. LLVM settles its alignment before it knows of them,
-    and where the callers happen to leave it unaligned each such vector lies across two lines: a step of a batch then
-    takes a tenth longer.
+    Choices and signs that are bits leave the units that add and multiply to others; where |k| < 2^51, the same bits.
     """
+    return tracing.quarter_turns(k, sine, cosine)
+
+
+def _aligned_stack(typing_context: Any) -> Any:
+    """Code of `aligned_stack`."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         """Set the alignment on the function being built."""
@@ -66,12 +79,18 @@ def aligned_stack(typing_context: Any) -> Any:
     return types.void(), generate
 
 
-def array_at(typing_context: Any, memory: Any, first: Any, shape: Any, dtype: Any) -> Any:
-    """The array that begins at a word of a piece of memory, as ``array_at(memory, first, shape, dtype)``.
+@intrinsic(_aligned_stack)
+def aligned_stack() -> None:
+    """Begin the stack frame of the function that calls this where a line of the processor's cache begins.
 
-    Nothing is checked, counted or copied. A reshaped slice would take a call into numba's library, a view of another
-    type two atomic operations, and each a tenth of a second to compile.
+    Vectors that do not fit into registers are kept on the stack. LLVM settles its alignment before it knows of them,
+    and where the callers happen to leave it unaligned each such vector lies across two lines: a step of a batch then
+    takes a tenth longer.
     """
+
+
+def _array_at(typing_context: Any, memory: Any, first: Any, shape: Any, dtype: Any) -> Any:
+    """Code of `array_at`."""
     kind = types.Array(dtype.dtype, len(shape), "C")
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
@@ -90,12 +109,18 @@ def array_at(typing_context: Any, memory: Any, first: Any, shape: Any, dtype: An
     return kind(memory, first, shape, dtype), generate
 
 
-def write_tile(typing_context: Any, rows: Any, distance: Any, places: Any, factors: Any, n: Any, lanes: Any) -> Any:
-    """Enter eight numbers of each of eight lanes: ``lanes[i, n] = rows[i + places[n] * distance] * factors[n]``.
+@intrinsic(_array_at)
+def array_at(memory: Memory, first: int, shape: tuple[int, ...], dtype: type[Any]) -> NDArray[Any]:
+    """The array that begins at a word of a piece of memory, as ``array_at(memory, first, shape, dtype)``.
 
-    For the first eight i, and n and the seven that follow; nothing is checked. Where a lane's numbers lie side by side,
-    a loop can only write them one by one; here they change places within vectors first.
+    Nothing is checked, counted or copied. A reshaped slice would take a call into numba's library, a view of another
+    type two atomic operations, and each a tenth of a second to compile.
     """
+    return np.ndarray(shape, dtype, memory.data, memory.itemsize * first)
+
+
+def _write_tile(typing_context: Any, rows: Any, distance: Any, places: Any, factors: Any, n: Any, lanes: Any) -> Any:
+    """Code of `write_tile`."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         """Eight loads, three rounds of exchanges between two vectors each, eight stores."""
@@ -131,4 +156,12 @@ def write_tile(typing_context: Any, rows: Any, distance: Any, places: Any, facto
     return types.void(rows, distance, places, factors, n, lanes), generate
 
 
-INTRINSICS = (fused, quarter_turns, aligned_stack, array_at, write_tile)
+@intrinsic(_write_tile)
+def write_tile(rows: LaneRows, distance: int, places: Plan, factors: Table, n: int, lanes: Observations) -> None:
+    """Enter eight numbers of each of eight lanes: ``lanes[i, n] = rows[i + places[n] * distance] * factors[n]``.
+
+    For the first eight i, and n and the seven that follow; nothing is checked. Where a lane's numbers lie side by side,
+    a loop can only write them one by one; here they change places within vectors first.
+    """
+    for k in range(n, n + TILE):
+        lanes[:TILE, k] = rows[places[k], :TILE] * factors[k]

@@ -2,7 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from math import sqrt
+from typing import Any
+
+import numpy as np
+
+from flexarm_env.codegen import intrinsics, tracing
 
 
 def root(x: float) -> float:
@@ -28,3 +34,15 @@ def clip(x: float, low: float, high: float) -> float:
 def at_least(x: float, low: float) -> float:
     """The larger of x and low; NaN stays NaN."""
     return low if x < low else x
+
+
+# What the compiler is given for functions of numbers, arrays and expressions.
+COMPILED: dict[Callable[..., Any], Callable[..., Any]] = {
+    tracing.root: root,
+    tracing.magnitude: magnitude,
+    tracing.where_less: where_less,
+    tracing.clip: clip,
+    tracing.at_least: at_least,
+    tracing.floor: np.floor,
+    tracing.quarter_turns: intrinsics.quarter_turns,
+}

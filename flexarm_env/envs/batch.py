@@ -13,48 +13,33 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexarm_env.codegen import assembly
+from flexarm_env.codegen import assembly, cache
+from flexarm_env.codegen.declarations import Program
 from flexarm_env.codegen.intrinsics import TILE
 from flexarm_env.codegen.memory import blank
 from flexarm_env.envs.choices import STARTS
-from flexarm_env.envs.kernel_inputs import (
-    ALL_READINGS,
-    NAN,
-    fixed_rows,
-    history_slots,
-    lay_out,
-    path_tables,
-    plan_and_table,
-)
+from flexarm_env.envs.kernel_inputs import ALL_READINGS, NAN, fixed_rows, lay_out, path_tables, plan_and_table
 from flexarm_env.envs.observation import observation_layout, refuse_fast_starts
 from flexarm_env.envs.settings import Settings
 from flexarm_env.episode import reset
-from flexarm_env.kernels.imex import CLOCK, PATH, failures
-from flexarm_env.kernels.layout import ORDER, PLAN, episode_sizes, extent, result_rows
-from flexarm_env.kernels.recorded import Variant
-from flexarm_env.simulation.limits import ANGLE_LIMITS, RATE_LIMIT
+from flexarm_env.episode.step import GAIN, TORQUE, TRACKING
+from flexarm_env.kernels.entries import CLOCK_ROWS, clock_row, column, drawn, extent, header
+from flexarm_env.kernels.imex import failures
+from flexarm_env.kernels.layout import beginning_sizes, episode_sizes
+from flexarm_env.kernels.variants import Variant
 
 Array = NDArray[np.float64]
 # Time that a block takes for a step, by its lanes, relative; `Square-v0` with two modes (`make bench`, batches).
 # Three of the largest make 1024; its rows' distance is no power of two, at which they push each other out of a cache.
 COSTS = {8: 1.0, 32: 2.9, 128: 10.8, 344: 27.5}
 assert all(lanes % TILE == 0 for lanes in COSTS)  # so observations are written
-DRIVING, READINGS, DELAY = PLAN.index("DRIVING"), PLAN.index("READINGS"), ORDER.index("delay")
-KINDS = {"torque": "torque", "residual": "tracking", "reference": "tracking", "gain": "gain"}
+PROGRAMS = {"torque": TORQUE, "residual": TRACKING, "reference": TRACKING, "gain": GAIN}
 REASONS: dict[float, str | None] = {-2.0: "deflection", -3.0: "error"}  # beside those of a state (`episodes.judge`)
 # Attributes that are views of the memory.
 VIEWS = (
     *("_plan", "_arenas", "_clocks", "_keys", "_starts", "_orders", "_paths"),
-    *("actions", "observations", "only_action", "only_observation", "only_result", "only_numbers"),
+    *("actions", "observations", "only_action", "only_observation", "only_result", "only_end"),
 )
-# Why an episode may terminate.
-ENDS = {
-    "error": "the true tip is farther from the reference than `error_limit`",
-    "deflection": "a link's tip deflection is beyond `deflection_limit`, or that of one of its modes beyond its length",
-    "angle": "theta1 is beyond {:g} turns, or theta2 beyond {:g}".format(*(x / (2.0 * np.pi) for x in ANGLE_LIMITS)),
-    "rate": f"a joint is faster than {RATE_LIMIT:g} rad/s",
-    "diverged": "a number of the state is not finite",
-}
 
 
 class Fleet:
@@ -68,14 +53,14 @@ class Fleet:
         usual_orders: for new episodes, as the settings say; read-only. Shape (N, columns).
         observations: present ones; the kernels write into it. Shape (lanes, k), float32.
         results: what is known since the latest `start` or `step` (not `only_step`), in an array of its own; `parts`
-            says what lies where. Of several, how an episode began is 0 where none did. Shape (N, k).
+            says what lies where. Shape (N, k).
         parts: places of the parts of `results`, by name.
         only_step: for one environment without others, as all that follows: a control period; False if it refused an
             action that is not finite.
         only_action: of the first environment: a `memoryview`, which takes float32 arrays of its shape only.
         only_observation: of the first environment: a view.
         only_result: the same, of what `results` would hold of it, at any instant.
-        only_numbers: a part of that: the numbers that an info reports one by one after a step.
+        only_end: a part of that: reward and status.
     """
 
     results: Array
@@ -94,15 +79,14 @@ class Fleet:
         self.settings, self.count, self._threads = settings, count, threads
         refuse_fast_starts(settings, settings.start)
         arm = settings.flexible_arm
-        modes = arm.parameters.modes_per_link
-        self._kind = KINDS[settings.action_mode]
-        self.layout = observation_layout(settings, self._kind)
+        program = PROGRAMS[settings.action_mode]
+        self.layout = observation_layout(settings, program)
         lanes = block_lanes(count, threads)
-        self._variant = _variant(settings, self._kind, lanes)
+        self._variant = _variant(settings, program, lanes)
         self._rows = self._variant.rows
-        sizes = episode_sizes(modes)
-        first, told = result_rows(self._rows, modes)
-        self._results = slice(first, first + told)
+        sizes = episode_sizes(self._rows)
+        first = self._rows[next(iter(sizes))][0]
+        self._results = slice(first, first + sum(sizes.values()))
         ends = np.cumsum(list(sizes.values())).tolist()
         self.parts = {name: slice(end - size, end) for (name, size), end in zip(sizes.items(), ends, strict=True)}
         channels = len(settings.action_limit)
@@ -110,17 +94,17 @@ class Fleet:
         self._kept = max(2, settings.last_actions, int(np.ceil(longest / settings.control_period)) + 1)
         blocks = -(-count // lanes)
         rows = extent(self._rows) + 2 * len(settings.previews) + self._kept * channels
-        plan, table = plan_and_table(settings, self._kind, self.layout, self._kept)
-        usual = np.full((blocks * lanes, len(ORDER) + 2 * arm.size), NAN)
-        usual[:, ORDER.index("start")] = START_CODES[settings.start]
-        usual[count:, ORDER.index("start")] = START_CODES["corner"]  # lanes of no environment rest
+        plan, table = plan_and_table(settings, program, self.layout, self._kept)
+        usual = np.full((blocks * lanes, column.STATE + 2 * arm.size), NAN)
+        usual[:, column.START] = START_CODES[settings.start]
+        usual[count:, column.START] = START_CODES["corner"]  # lanes of no environment rest
         usual.setflags(write=False)
         self._memory, self._parts = lay_out(
             {
                 "PLAN": plan,
                 "ARENAS": np.zeros((blocks, rows, lanes)),
-                "HISTORIES": np.zeros((blocks, history_slots(settings), 4, lanes)),
-                "CLOCKS": np.zeros((blocks, CLOCK, lanes), dtype=np.int64),
+                "HISTORIES": np.zeros((blocks, settings.history_slots, 4, lanes)),
+                "CLOCKS": np.zeros((blocks, CLOCK_ROWS, lanes), dtype=np.int64),
                 "KEYS": np.zeros(blocks * lanes, dtype=np.uint64),
                 "STARTS": np.zeros(blocks * lanes, dtype=bool),
                 "LOOKING": np.zeros(blocks * lanes, dtype=bool),
@@ -134,7 +118,6 @@ class Fleet:
         self.failures = failures(arm.size) | REASONS
         self.usual_orders = usual[:count]
         self._usual = True
-        self._names = np.array(settings.reference, dtype=object)
         self._link()
         for name, value in fixed_rows(settings).items():
             if name in self._rows:
@@ -153,18 +136,18 @@ class Fleet:
         Args:
             keys: of the episodes that begin. Shape (n,).
             which: environments that begin one; the others stay as they are. Shape (n,).
-            orders: see `rows.ORDER`; rows of the others are not read. Shape (N, columns).
+            orders: see `entries.Column`; rows of the others are not read. Shape (N, columns).
         """
         self.order_starts(keys, which, orders)
         if self._step_kernel is _not_started:
-            self._use(self._kernel())
+            self._use(self.compile())
             self._starts[self.count :] = True  # what all lanes of a block share is worked out together
             self.actions[self.count :] = -1.0 if self.settings.action_mode == "gain" else 0.0
-        self._plan[DRIVING] = 0
+        self._plan[header.DRIVING] = 0
         try:
             self.step()
         finally:
-            self._plan[DRIVING] = 1
+            self._plan[header.DRIVING] = 1
 
     def order_starts(self, keys: NDArray[np.uint64], which: NDArray[np.int64], orders: Array) -> None:
         """Have the next step begin episodes at its end; see `start`."""
@@ -174,8 +157,8 @@ class Fleet:
         if not (usual and self._usual):  # until others come, the usual ones lie there
             self._usual = False
             self._orders[which] = orders[which]
-        if not usual and np.isfinite(orders[which, DELAY]).any():
-            self._plan[READINGS] = ALL_READINGS
+        if not usual and np.isfinite(orders[which, column.DRAWN + drawn.DELAY]).any():
+            self._plan[header.READINGS] = ALL_READINGS
 
     def step(self) -> None:
         """One control period with `actions`, unless the plan says that none drives; see `results`."""
@@ -197,6 +180,16 @@ class Fleet:
     def _step_share(self, told: Array, begin: int, end: int) -> None:
         self._step_kernel(self._memory, begin, end, told)
 
+    def dispatcher(self) -> Any:
+        """Return the function, not its machine code, that steps these environments."""
+        module = assembly.load(self._variant)
+        return module.step_only if self.count == 1 else module.step_blocks
+
+    def compile(self) -> Callable[..., Any]:
+        """Return the machine code that steps these environments; the first call compiles or loads it."""
+        shared = (self._memory,) if self.count == 1 else (self._memory, 0, self._blocks, np.empty((1, 1)))
+        return cache.compiled_entry(self.dispatcher(), *shared)
+
     def result(self, index: int) -> Array:
         """What is known of one environment at the present instant, in a new array. Shape (k,)."""
         block, lane = divmod(index, self._arenas.shape[2])
@@ -208,27 +201,22 @@ class Fleet:
             self._pool.shutdown()
             self._pool = None
 
-    def path_names(self, chosen: NDArray[np.int64]) -> NDArray[Any]:
-        """Names of the paths that some environments follow, at their places; None elsewhere.
+    def beginnings(self) -> Array:
+        """What describes the present episodes (`rows.beginning_sizes`), in a new array. Shape (N, k)."""
+        first = self._rows["EPISODE"][0]
+        rows = self._arenas[:, first : first + sum(beginning_sizes(self._rows).values())]
+        return np.moveaxis(rows, 1, 2).reshape(-1, rows.shape[1])[: self.count].copy()
 
-        Args:
-            chosen: which. Shape (n,).
-
-        Returns:
-            The names. Shape (N,).
-        """
-        names = np.empty(self.count, dtype=object)
-        if len(self._names) == 1:
-            names[chosen] = self._names[0]
-        else:
-            blocks, lanes = np.divmod(chosen, self._arenas.shape[2])
-            names[chosen] = self._names[self._clocks[blocks, PATH, lanes]]
-        return names
+    def path_names(self) -> NDArray[np.str_]:
+        """Names of the paths that the environments follow. Shape (N,)."""
+        names = np.array(self.settings.reference)
+        chosen = self._clocks[:, clock_row.PATH].reshape(-1)[: self.count]
+        return names[np.zeros_like(chosen) if len(names) == 1 else chosen]
 
     def path(self, index: int) -> Array:
         """Way-points of the path that an environment follows [m]. Shape (n, 2)."""
         block, lane = divmod(index, self._arenas.shape[2])
-        return np.asarray(self._paths[self._clocks[block, PATH, lane], :, 1:3])
+        return np.asarray(self._paths[self._clocks[block, clock_row.PATH, lane], :, 1:3])
 
     # --- inside ----------------------------------------------------------------------------------------------------
 
@@ -239,7 +227,7 @@ class Fleet:
         self._keys, self._starts, self._orders = views["KEYS"], views["STARTS"], views["ORDERS"]
         self._paths, self.actions, self.observations = views["PATHS"], views["ACTIONS"], views["OBSERVATIONS"]
         self.only_result = self._arenas[0, self._results, 0]
-        self.only_numbers = self.only_result[self.parts["REWARD_TERMS"].start :]
+        self.only_end = self.only_result[self.parts["REWARD"].start : self.parts["STATUS"].stop]
         self.only_action, self.only_observation = memoryview(self.actions[0]), self.observations[0]
         self.everyone = np.ones(self.count, dtype=np.bool_)
         self.everyone.setflags(write=False)
@@ -250,12 +238,6 @@ class Fleet:
 
     def _use(self, kernel: Callable[..., Any]) -> None:
         self._step_kernel, self.only_step = kernel, partial(kernel, self._memory)
-
-    def _kernel(self) -> Callable[..., Any]:
-        module = assembly.load(self._variant)
-        if self.count == 1:
-            return assembly.bare(module.step_only, self._memory)
-        return assembly.bare(module.step_blocks, self._memory, 0, self._blocks, np.empty((1, 1)))
 
     def __getstate__(self) -> dict[str, Any]:
         """Without views, which would come back as copies, and without what cannot be pickled or written to."""
@@ -269,14 +251,14 @@ class Fleet:
         self._memory[:] = state["_memory"]
         self._link()
         if self._keys.any():  # an episode has begun
-            self._use(self._kernel())
+            self._use(self.compile())
 
 
-def _variant(settings: Settings, kind: str, lanes: int) -> Variant:
+def _variant(settings: Settings, program: Program, lanes: int) -> Variant:
     """The kernels that these settings need."""
     arm = settings.flexible_arm
     return Variant(
-        kind,
+        program,
         arm.parameters.modes_per_link,
         arm.parameters.velocity_forces == "complete",
         lanes,

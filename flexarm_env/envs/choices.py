@@ -67,8 +67,6 @@ MODES: dict[str, ActionMode] = {
     ),
 }
 TORQUE_LIMIT = (150.0, 50.0)  # [N m]
-HEAVIEST_PAYLOAD = 1e3  # [kg]
-LARGEST_NOISE = 1e3  # [m], [rad], [rad/s]
 PHYSICS_STEP = 1e-3  # [s], of the explicit integrator
 STARTS = {
     "corner": "at rest at the start of the lap",

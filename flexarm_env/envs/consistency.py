@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from flexarm_env.envs.choices import HEAVIEST_PAYLOAD, LARGEST_NOISE
 from flexarm_env.episode import reward
-from flexarm_env.kernels.layout import DRAWN
-from flexarm_env.parameters import MAX_DELAY
-from flexarm_env.physics.paths import PATHS
-from flexarm_env.validation import choice, mapping, names, number, pair
+from flexarm_env.kernels.entries import DRAWN
+from flexarm_env.parameters import HEAVIEST_PAYLOAD, LARGEST_NOISE, MAX_DELAY, arm_parameters
+from flexarm_env.physics.paths import FARTHEST, PATHS
+from flexarm_env.validation import choice, finite_array, listed, mapping, names, number, pair, shown
 
 
 def _on_a_named_path(settings: Any) -> bool:
@@ -54,12 +53,12 @@ def refuse_options_without_effect(settings: Any, declared: Mapping[str, tuple[An
             continue
         if settings.action_mode not in modes:
             raise ValueError(
-                f"{name} = {value!r}: has no effect with action_mode = {settings.action_mode!r}; "
+                f"{name} = {shown(value)}: has no effect with action_mode = {settings.action_mode!r}; "
                 f"only with {' or '.join(map(repr, modes))}"
             )
         has_effect, where = _EFFECT.get(name, (lambda s: True, ""))
         if not has_effect(settings):
-            raise ValueError(f"{name} = {value!r}: has no effect here; only {where}")
+            raise ValueError(f"{name} = {shown(value)}: has no effect here; only {where}")
     _refuse_contradictions(settings)
 
 
@@ -71,6 +70,16 @@ def _refuse_contradictions(settings: Any) -> None:
                     f"{name} = {getattr(settings, name)}: the law acts on the sensor in continuous time; "
                     "must be 0 with law_sensor = 'sensor'"
                 )
+    if ("waypoints" in settings.reference) != (settings.waypoints is not None):
+        raise ValueError(
+            f"waypoints = {shown(settings.waypoints)}: must be given with the reference 'waypoints', and only with it; "
+            f"reference = {shown(settings.reference)}"
+        )
+    if settings.hold and (settings.jitter + settings.control_period) / settings.hold > MOST_TICKS:
+        raise ValueError(
+            f"hold = {settings.hold} s: more than {MOST_TICKS} of the sensor's ticks in jitter = {settings.jitter} s "
+            f"and control_period = {settings.control_period} s; must be longer"
+        )
     if settings.sensor == "collocated":
         if settings.compensation != "none":
             raise ValueError(
@@ -96,27 +105,46 @@ def _refuse_contradictions(settings: Any) -> None:
 
 
 FEWEST_PERIODS = 40  # of a lap of moves: ten for each
+SHORTEST_HOLD = 1e-6  # [s]
+MOST_TICKS = 20_000  # of a sensor's clock that are searched for the newest reading
+# Learners keep returns and their squares in float32, up to 3.4e38: six such terms over 100 000 steps remain below it.
+LARGEST_WEIGHT = 1e12
 
 
-def checked_reference(reference: Any, waypoints: Any) -> tuple[str, ...]:
+def checked_arm(name: str, value: Any) -> Any:
+    """The arm as it was given; see `arm_parameters` for the errors."""
+    arm_parameters(value)
+    return dict(value) if isinstance(value, Mapping) else value
+
+
+def checked_hold(name: str, value: Any) -> float:
+    """Period of the sensor's clock [s]: none, or one that can be divided by."""
+    hold = number(name, value, "s", most=MAX_DELAY)
+    return number(name, value, "s", least=SHORTEST_HOLD, most=MAX_DELAY) if hold else hold
+
+
+def checked_previews(name: str, value: Any) -> tuple[float, ...]:
+    """Horizons [s]."""
+    return tuple(number(f"{name}[{n}]", x, "s", least=1e-6, most=1e5) for n, x in enumerate(listed(name, value)))
+
+
+def checked_paths(name: str, value: Any) -> tuple[str, ...]:
     """Names of the paths.
 
     Raises:
-        TypeError, ValueError: for unknown names, or way-points that do not fit them.
+        TypeError, ValueError: for unknown names, or "moves" beside others.
     """
-    wanted = (reference,) if isinstance(reference, str) else names("reference", reference)
+    wanted = (value,) if isinstance(value, str) else names(name, value)
     allowed = (*PATHS, "waypoints") if len(wanted) > 1 else (*PATHS, "waypoints", "moves")
-    for name in wanted:
-        choice("reference", name, allowed)
-    if ("waypoints" in wanted) != (waypoints is not None):
-        raise ValueError(
-            f"waypoints = {waypoints!r}: must be given with the reference 'waypoints', and only with it; "
-            f"reference = {reference!r}"
-        )
-    return tuple(wanted)
+    return tuple(choice(name, one, allowed) for one in wanted)
 
 
-def checked_ranges(randomisation: Any) -> dict[str, tuple[float, float]]:
+def checked_waypoints(name: str, value: Any) -> tuple[tuple[float, float], ...]:
+    """Corners of the user's path [m]."""
+    return tuple((x, y) for x, y in finite_array(name, value, (None, 2), most=FARTHEST).tolist())
+
+
+def checked_ranges(label: str, randomisation: Any) -> dict[str, tuple[float, float]]:
     """Ranges of the quantities that are drawn for each episode.
 
     Raises:
@@ -126,27 +154,27 @@ def checked_ranges(randomisation: Any) -> dict[str, tuple[float, float]]:
     most = {"stiffness": 10.0, "damping": 1.0, "noise": LARGEST_NOISE, "payload_mass": HEAVIEST_PAYLOAD}
     most |= dict.fromkeys(("delay", "actuation_delay"), MAX_DELAY)
     ranges = {}
-    for name, limits in mapping("randomisation", randomisation).items():
+    for name, limits in mapping(label, randomisation).items():
         if name not in DRAWN:
-            raise ValueError(f"randomisation[{name!r}]: no such quantity; there are {', '.join(map(repr, DRAWN))}")
-        low, high = pair(f"randomisation[{name!r}]", limits, DRAWN[name], least=least[name], most=most[name])
+            raise ValueError(f"{label}[{shown(name)}]: no such quantity; there are {', '.join(map(repr, DRAWN))}")
+        low, high = pair(f"{label}[{shown(name)}]", limits, DRAWN[name], least=least[name], most=most[name])
         if low > high:
-            raise ValueError(f"randomisation[{name!r}] = {limits!r}: the first must not be above the second")
+            raise ValueError(f"{label}[{shown(name)}] = {shown(limits)}: the first must not be above the second")
         ranges[name] = (low, high)
     return ranges
 
 
-def checked_weights(reward_weights: Any) -> dict[str, float]:
+def checked_weights(label: str, reward_weights: Any) -> dict[str, float]:
     """Weights of the reward's terms.
 
     Raises:
         TypeError, ValueError: for an unknown term or a bad weight.
     """
     weights = {}
-    for name, value in mapping("reward_weights", reward_weights).items():
+    for name, value in mapping(label, reward_weights).items():
         if name not in reward.TERMS:
-            raise ValueError(f"reward_weights[{name!r}]: no such term; there are {', '.join(map(repr, reward.TERMS))}")
-        weights[name] = number(f"reward_weights[{name!r}]", value, least=0.0)
+            raise ValueError(f"{label}[{shown(name)}]: no such term; there are {', '.join(map(repr, reward.TERMS))}")
+        weights[name] = number(f"{label}[{shown(name)}]", value, least=0.0, most=LARGEST_WEIGHT)
     if not any(weights.values()):
-        raise ValueError(f"reward_weights = {reward_weights!r}: one at least must be > 0")
+        raise ValueError(f"{label} = {shown(reward_weights)}: one at least must be > 0")
     return weights

@@ -15,14 +15,16 @@ from typing import Any
 
 import numpy as np
 
-from flexarm_env.envs.batch import ENDS, KINDS
+from flexarm_env.envs.batch import PROGRAMS
 from flexarm_env.envs.choices import DEFAULT_WEIGHTS, MODES, STARTS, ActionMode
-from flexarm_env.envs.info import KEYS
+from flexarm_env.envs.info import KEYS, Episode, info_keys
 from flexarm_env.envs.observation import BLOCKS, observation_layout
 from flexarm_env.envs.registration import IDS, NAMESPACE
 from flexarm_env.envs.reset_options import OPTIONS
 from flexarm_env.envs.settings import Settings, default_of
+from flexarm_env.envs.termination import END_CODES, ENDS
 from flexarm_env.episode.reward import TERMS
+from flexarm_env.parameters import ArmParameters
 
 # Told once for all environments.
 ACTION = """\
@@ -61,7 +63,18 @@ ENDING = """\
 An episode terminates for one of the reasons below. `error_limit` and `deflection_limit` are part of the task: a
 learner that has lost the path does not spend the rest of the lap far off it, and links bent so far are beyond what
 linear elasticity describes. The other reasons say that the state is no longer valid; the reward of that step is 0,
-and its observation is the last valid one. `max_episode_steps` truncates an episode."""
+and its observation is the last valid one. `max_episode_steps` truncates an episode.
+
+`info["end_code"]` is the code of the reason at the step that terminates the episode, else 0;
+`flexarm_env.end_reason` gives its name. A time limit has no code: Gymnasium's `TimeLimit` ends a single environment
+from outside, and infos of single environments and of batches are the same. At an episode's end 0 thus means that the
+time limit truncated it."""
+INFO = """\
+An info has the same keys after a reset and after every step; each value is a float64 or an array of them. In a batch
+each key holds an array with a row for each arm."""
+EPISODE = """\
+What describes the episode as a whole is `env.unwrapped.episode` (of a batch: arrays of shape (N,)), from each reset to
+the next one. Where a step begins the next episode, it describes that one:"""
 SEEDS = """\
 `reset(seed=s)` seeds `np_random`, of which every reset, seeded or not, draws one key. All that is random in an
 episode (start, drawn quantities, noise, jitter, dropouts) is a hash of that key and a counter: key and actions alone
@@ -84,7 +97,8 @@ def specification(introduction: str) -> str:
         "Reward": f"{REWARD}\n\n{reward_table()}\n\n{SCORE}",
         "Starting state": start_table(),
         "Episode end": f"{ENDING}\n\n{end_table()}",
-        "Info": info_table(),
+        "Info": f"{INFO}\n\n{info_table()}",
+        "The episode": f"{EPISODE}\n\n{episode_table()}",
         "Arguments": f"With the defaults of `{NAMESPACE}/Square-v0`:\n\n{argument_table()}",
         "Reset options": f"{option_table()}\n\n{SEEDS}",
         "Version history": "\n".join(f"- `{NAMESPACE}/{name}`: {'; '.join(one.history)}" for name, one in IDS.items()),
@@ -118,7 +132,7 @@ def block_table(settings: Settings | None = None) -> str:
     if settings is None:
         rows = [(f"`{name}`", block.count, block.what, block.unit) for name, block in BLOCKS.items()]
         return table(("block", "numbers (m modes a link)", "what", "unit"), rows)
-    layout = observation_layout(settings, KINDS[settings.action_mode])
+    layout = observation_layout(settings, PROGRAMS[settings.action_mode])
     header = ["numbers", "block", "what", "unit", "bound"] + ["scale"] * settings.scaled
     numbers = []
     for name, part in layout.blocks.items():
@@ -154,17 +168,21 @@ def end_table(settings: Settings | None = None) -> str:
         for name, limit in (("error", settings.error_limit), ("deflection", settings.deflection_limit)):
             given = "none" if limit is None else f"{figure(limit)} m"
             texts[name] = texts[name].replace(f"`{name}_limit`", f"`{name}_limit` ({given})")
-    return table(("reason", "when"), [(f"`{name}`", text) for name, text in texts.items()])
+    return table(
+        ("code", "reason", "when"), [(str(END_CODES[name]), f"`{name}`", text) for name, text in texts.items()]
+    )
 
 
-def info_table(gain: bool = True) -> str:
-    """Keys of an info.
+def info_table(settings: Settings | None = None) -> str:
+    """Keys of an info: all, or where settings are given those that it has there."""
+    names = tuple(KEYS) if settings is None else info_keys(settings)
+    rows = [(f"`{name}`", KEYS[name].what, KEYS[name].unit, "" if settings else KEYS[name].where) for name in names]
+    return table(("key", "what", "unit", "only where"), rows)
 
-    Args:
-        gain: with those that exist only where the action is the gain.
-    """
-    rows = [(f"`{name}`", key.what, key.unit, key.when) for name, key in KEYS.items() if gain or name != "gain"]
-    return table(("key", "what", "unit", "there"), rows)
+
+def episode_table() -> str:
+    """Fields of an episode's description."""
+    return parameter_table(inspect.getdoc(Episode) or "", "Attributes", "field")
 
 
 def argument_table(settings: Settings | None = None, options: Mapping[str, Any] | None = None) -> str:
@@ -176,15 +194,24 @@ def argument_table(settings: Settings | None = None, options: Mapping[str, Any] 
     """
     rows = []
     for one in fields(Settings):
-        modes, unit = one.metadata["modes"], one.metadata["unit"]
+        modes, allowed = one.metadata["modes"], one.metadata["allowed"]
         if settings is not None and settings.action_mode not in modes:
             continue
         value = (options or {}).get(one.name, default_of(one))
         text = one.metadata["text"]
         if settings is None and len(modes) < len(MODES):
             text += f" (only in mode {' or '.join(modes)})"
-        rows.append((f"`{one.name}`", f"`{_python(value)}`", unit, text))
-    return table(("argument", "default", "unit", "what"), rows)
+        rows.append((f"`{one.name}`", f"`{_python(value)}`", allowed.unit, allowed.text, text))
+    return table(("argument", "default", "unit", "allowed", "what"), rows)
+
+
+def arm_table() -> str:
+    """Parameters of the arm: what `arm` takes as a mapping."""
+    rows = []
+    for one in fields(ArmParameters):
+        allowed = one.metadata["allowed"]
+        rows.append((f"`{one.name}`", f"`{_python(default_of(one))}`", allowed.unit, allowed.text))
+    return table(("parameter", "default", "unit", "allowed"), rows)
 
 
 def option_table() -> str:
@@ -192,14 +219,14 @@ def option_table() -> str:
     return table(("option", "what"), [(f"`{name}`", text) for name, text in OPTIONS.items()])
 
 
-def parameter_table(docstring: str) -> str:
-    """Arguments that a docstring describes under "Args:" (Google's style)."""
-    text = docstring.partition("Args:\n")[2]
+def parameter_table(docstring: str, section: str = "Args", kind: str = "argument") -> str:
+    """Arguments, or the names of another kind that a section of a docstring (Google's style) describes."""
+    text = docstring.partition(f"{section}:\n")[2]
     indent = re.match(r" *", text)
     assert indent is not None
     entry = re.compile(rf"^{indent[0]}(\w+): (.*(?:\n{indent[0]} +\S.*)*)", re.MULTILINE)
     rows = [(f"`{name}`", re.sub(r"\s+", " ", what).removesuffix(".")) for name, what in entry.findall(text)]
-    return table(("argument", "what"), rows)
+    return table((kind, "what"), rows)
 
 
 # --- Markdown ------------------------------------------------------------------------------------------------------

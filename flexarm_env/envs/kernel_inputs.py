@@ -9,12 +9,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from flexarm_env.codegen.declarations import Program
 from flexarm_env.codegen.memory import Part, packed
 from flexarm_env.envs.choices import MOVE_POINTS, MOVE_RING
 from flexarm_env.envs.observation import ObservationLayout
 from flexarm_env.envs.settings import Settings
 from flexarm_env.episode.reward import TERMS
-from flexarm_env.kernels.layout import DRAWN, MEMORY, PLAN, arena_rows, extent, place_rows, settings_layout
+from flexarm_env.kernels.entries import DRAWN, MEMORY, header, settings_layout
+from flexarm_env.kernels.layout import layout, place_rows
 from flexarm_env.physics.constants import arm_constants
 from flexarm_env.physics.paths import same_length
 from flexarm_env.simulation.arm import FlexibleArm
@@ -23,22 +25,6 @@ from flexarm_env.simulation.limits import state_limits
 Array = NDArray[np.float64]
 ALL_READINGS = -1  # as bits
 NAN = float("nan")
-
-
-def history_slots(settings: Settings) -> int:
-    """Length of the delay line: the latest reading and the period before the first.
-
-    Whole control periods, so that readings at the same moments of a period use the same few slots, which stay cached.
-    """
-    s = settings
-    latest = max(*sensor_delays(s), s.randomisation.get("delay", (0.0, 0.0))[1])
-    longest = latest + s.jitter + 4.0 * s.hold + 2.0 * s.control_period
-    return s.substeps * int(np.ceil(longest / s.control_period + 4.0 / s.substeps))
-
-
-def sensor_delays(settings: Settings) -> tuple[float, float]:
-    """Delay of the shoulder's and of the elbow's reading unless drawn or ordered otherwise [s]."""
-    return settings.sensor_parameters.joint_delays(settings.flexible_arm.parameters.link_lengths[0])
 
 
 def kept_readings(settings: Settings) -> int:
@@ -51,7 +37,7 @@ def kept_readings(settings: Settings) -> int:
     if varies or s.substeps > 62:
         return ALL_READINGS
     bits = 0
-    for delay in sensor_delays(s):
+    for delay in s.sensor_delays:
         back = delay / (s.control_period / s.substeps)
         # a hair more on both sides: rounding may see a whole number of steps from either
         for steps in range(int(np.floor(back - 1e-6)), int(np.floor(back + 1e-6)) + 2):
@@ -70,39 +56,41 @@ def path_tables(settings: Settings, lanes: int) -> Array:
 
 
 def lay_out(arrays: Mapping[str, NDArray[Any]]) -> tuple[Array, dict[str, Part]]:
-    """Memory with the plan and the arrays of `rows.MEMORY`, and where each lies; the plan says it to the kernels."""
+    """Memory with the plan and the arrays of `entries.MEMORY`, and where each lies; the plan says it to the kernels."""
     assert tuple(arrays) == ("PLAN", *MEMORY)  # kernels find the plan at the beginning
     memory, parts = packed(arrays)
+    lanes = arrays["ARENAS"].shape[-1]
     sizes = {
-        "ARENA_SIZE": arrays["ARENAS"][0].size,
-        "HISTORY_SIZE": arrays["HISTORIES"][0].size,
+        "ARENA_ROWS": arrays["ARENAS"][0].size // lanes,
+        "HISTORY_ROWS": arrays["HISTORIES"][0].size // lanes,
         "PATH_COUNT": arrays["PATHS"].shape[0],
         "PATH_POINTS": arrays["PATHS"].shape[1],
         "ORDER_COLUMNS": arrays["ORDERS"].shape[1],
     }
     plan = parts["PLAN"].view(memory)
     for name, value in {**sizes, **{name: parts[name].first for name in MEMORY}}.items():
-        plan[PLAN.index(name)] = value
+        plan[getattr(header, name)] = value
     return memory, parts
 
 
 def plan_and_table(
-    settings: Settings, kind: str, layout: ObservationLayout, kept: int
+    settings: Settings, program: Program, observed: ObservationLayout, kept: int
 ) -> tuple[NDArray[np.int64], Array]:
     """`plan` and `settings` of the kernels; where arrays lie is left open.
 
     Args:
         settings: of the environments.
-        kind: of the kernel module (`rows`).
-        layout: of the observations.
+        program: of the kernels.
+        observed: the observations.
         kept: actions that are kept.
 
     Returns:
-        Whole numbers (`rows.PLAN`) and the rows of the observation; numbers (`rows.SETTINGS`), horizons and factors.
+        Whole numbers (`entries.Header`) and the rows of the observation; numbers (`entries.Setting`), horizons and
+        factors.
     """
     horizons = settings.previews if _previews(settings) else ()
-    plan = np.concatenate([_whole_numbers(settings, layout, kept), _observed_rows(settings, kind, layout)])
-    return plan, np.concatenate([_numbers(settings), horizons, 1.0 / layout.scale])
+    plan = np.concatenate([_whole_numbers(settings, observed, kept), _observed_rows(settings, program, observed)])
+    return plan, np.concatenate([_numbers(settings, program), horizons, 1.0 / observed.scale])
 
 
 def _previews(settings: Settings) -> int:
@@ -110,28 +98,28 @@ def _previews(settings: Settings) -> int:
     return len(settings.previews) if "previews" in settings.observation else 0
 
 
-def _whole_numbers(settings: Settings, layout: ObservationLayout, kept: int) -> NDArray[np.int64]:
-    """In the order of `rows.PLAN`."""
+def _whole_numbers(settings: Settings, observed: ObservationLayout, kept: int) -> NDArray[np.int64]:
+    """What is to be done (`entries.Header`)."""
     s = settings
     whole = {
         "SUBSTEPS": s.substeps,
         "CHANNELS": len(s.action_limit),
         "KEPT_ACTIONS": kept,
         "PREVIEWS": _previews(s),
-        "OBSERVED": len(layout.rows),
+        "OBSERVED": len(observed.rows),
         "SHIFTING": int(s.action_mode == "reference"),
         "COMPENSATION": ("none", "shared", "per_joint").index(s.compensation),
         "READINGS": kept_readings(s),
         "DRIVING": 1,
     }
-    assert tuple(whole) == PLAN[: len(whole)]
-    numbers = np.zeros(len(PLAN) - 1, dtype=np.int64)  # the others are for `lay_out` to fill in
-    numbers[: len(whole)] = list(whole.values())
+    numbers = np.zeros(header.PLACES, dtype=np.int64)  # the others are for `lay_out` to fill in
+    for name, value in whole.items():
+        numbers[getattr(header, name)] = value
     return numbers
 
 
-def _numbers(settings: Settings) -> Array:
-    """In the order of `rows.SETTINGS`."""
+def _numbers(settings: Settings, program: Program) -> Array:
+    """In the order of `entries.Setting`, without its last part."""
     s = settings
     arm = s.flexible_arm
     p = arm.parameters
@@ -151,17 +139,16 @@ def _numbers(settings: Settings) -> Array:
         "MOVES": [MOVE_RING[0] * p.reach, MOVE_RING[1] * p.reach],
         "LAP": [s.lap_time],
         "WEIGHTS": [s.reward_weights.get(name, 0.0) for name in TERMS],
-        "SENSOR_DELAYS": sensor_delays(s),
+        "SENSOR_DELAYS": s.sensor_delays,
         **_drawn(s),
         "ARM": arm.constants.flat(),
         "PER_PAYLOAD": _per_payload(arm),
         "PER_DAMPING": _per_damping(arm),
     }
-    places = settings_layout(p.modes_per_link, arm.constants.foreshortened)
-    assert all(len(values[name]) == count for name, (_, count) in places.items())
-    table = np.concatenate([np.asarray(values[name], dtype=float) for name in places])
-    assert len(table) == extent(places)
-    return table
+    *places, (last, _) = settings_layout(program, p.modes_per_link, arm.constants.foreshortened).items()
+    assert last == "HORIZONS"
+    assert all(len(values[name]) == count for name, (_, count) in places)
+    return np.concatenate([np.asarray(values[name], dtype=float) for name, _ in places])
 
 
 def _drawn(settings: Settings) -> dict[str, list[float]]:
@@ -180,13 +167,13 @@ def _drawn(settings: Settings) -> dict[str, list[float]]:
     return {"BASE": [base[name] for name in DRAWN], "LOWEST": list(lowest), "HIGHEST": list(highest)}
 
 
-def _observed_rows(settings: Settings, kind: str, layout: ObservationLayout) -> NDArray[np.int64]:
+def _observed_rows(settings: Settings, program: Program, observed: ObservationLayout) -> NDArray[np.int64]:
     """Rows of the observation; actions move up where there are no previews before them."""
     arm = settings.flexible_arm
-    tail = arena_rows(kind, arm.parameters.modes_per_link, arm.constants.foreshortened)
+    tail, _ = layout(program, arm.parameters.modes_per_link, arm.constants.foreshortened)["TAIL"]
     if "previews" in settings.observation:
-        return layout.rows
-    return np.where(layout.rows >= tail, layout.rows - 2 * len(settings.previews), layout.rows)
+        return observed.rows
+    return np.where(observed.rows >= tail, observed.rows - 2 * len(settings.previews), observed.rows)
 
 
 def _per_payload(arm: FlexibleArm) -> Array:

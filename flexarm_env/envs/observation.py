@@ -12,9 +12,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from flexarm_env.codegen.declarations import Program
 from flexarm_env.envs.choices import MOVE_RING
 from flexarm_env.envs.settings import Settings
-from flexarm_env.kernels.layout import extent, layout
+from flexarm_env.kernels.layout import layout
 from flexarm_env.physics.inverse_kinematics import LEAST_SINE
 from flexarm_env.simulation.arm import FlexibleArm
 from flexarm_env.simulation.limits import ANGLE_LIMITS, RATE_LIMIT, state_limits
@@ -280,18 +281,17 @@ class ObservationLayout(NamedTuple):
     bound: NDArray[np.float32]
 
 
-def observation_layout(settings: Settings, kind: str) -> ObservationLayout:
+def observation_layout(settings: Settings, program: Program) -> ObservationLayout:
     """Lay out the observation that an environment's settings ask for.
 
     Args:
         settings: the settings.
-        kind: of the kernel module (`rows`).
+        program: of the kernels.
 
     Raises:
         ValueError: for an unknown block.
     """
-    rows_of = layout(kind, _modes(settings), settings.flexible_arm.constants.foreshortened)
-    places = rows_of | {"TAIL": (extent(rows_of), 0)}
+    places = layout(program, _modes(settings), settings.flexible_arm.constants.foreshortened)
     reach = reach_of(settings)
     blocks: dict[str, slice] = {}
     rows: list[int] = []

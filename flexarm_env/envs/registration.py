@@ -8,6 +8,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import gymnasium
+from gymnasium.envs.registration import EnvSpec
 
 from flexarm_env.envs.choices import DEFAULT_OBSERVATION
 
@@ -119,6 +120,24 @@ IDS: dict[str, Id] = {
         "invalid state ends an episode. [The paper, reproduced](../reproduction.md) tells what comes out.",
     ),
 }
+
+
+def warn_of_short_limit(spec: EnvSpec | None, steps: int | None, lap_steps: int) -> None:
+    """Warn if the time limit with which an id is registered is shorter than a lap.
+
+    The limit is a number of control periods: other options can make it a part of a lap. A user's own limit is meant.
+
+    Args:
+        spec: of the environment.
+        steps: its time limit.
+        lap_steps: control periods in a lap.
+    """
+    declared = IDS.get(spec.id.removeprefix(f"{NAMESPACE}/")) if spec is not None else None
+    if spec is not None and declared is not None and steps == declared.steps < lap_steps:
+        gymnasium.logger.warn(
+            f"{spec.id}: the registered limit of {steps} control periods is shorter than a lap of {lap_steps} with "
+            f"these options; give make max_episode_steps={lap_steps} for a whole lap"
+        )
 
 
 def register_environments() -> None:

@@ -14,6 +14,7 @@ import numpy as np
 from gymnasium.error import DependencyNotInstalled
 from numpy.typing import NDArray
 
+from flexarm_env.extras import install_hint
 from flexarm_env.validation import choice, integer
 
 Array = NDArray[np.float64]
@@ -213,7 +214,7 @@ def _import_pygame() -> Any:
     try:
         import pygame
     except ImportError as error:
-        raise DependencyNotInstalled('pygame is not installed, run `pip install "flexarm[render]"`') from error
+        raise DependencyNotInstalled(install_hint("pygame", "render")) from error
     return pygame
 
 

@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexarm_env.envs.batch import START_CODES, Fleet
-from flexarm_env.envs.choices import HEAVIEST_PAYLOAD, STARTS
-from flexarm_env.envs.kernel_inputs import sensor_delays
+from flexarm_env.envs.choices import STARTS
 from flexarm_env.envs.observation import refuse_fast_starts
-from flexarm_env.kernels.layout import DRAWN, ORDER
+from flexarm_env.kernels.entries import DRAWN, column
+from flexarm_env.parameters import HEAVIEST_PAYLOAD
 from flexarm_env.simulation.limits import state_limits
-from flexarm_env.validation import choice, real_array
+from flexarm_env.validation import choice, entries, real_array, shown
 
 Array = NDArray[np.float64]
 OPTIONS = {
@@ -35,41 +35,43 @@ def orders_of(options: Mapping[str, Any] | None, fleet: Fleet) -> Array:
         fleet: the environments.
 
     Returns:
-        Shape (N, columns), see `rows.ORDER`.
+        Shape (N, columns), see `entries.Column`.
 
     Raises:
         TypeError, ValueError: for an unknown key or a bad value, naming it and what is allowed.
     """
-    if not options:
+    if options is None:
         return fleet.usual_orders
     if not isinstance(options, Mapping):
-        raise TypeError(f"options = {options!r}: must be a mapping or None")
+        raise TypeError(f"options = {shown(options)}: must be a mapping or None")
+    if not options:
+        return fleet.usual_orders
     for name in options:
         if name not in OPTIONS:
-            raise ValueError(f"options[{name!r}]: no such option; the options are {', '.join(OPTIONS)}")
+            raise ValueError(f"options[{shown(name)}]: no such option; the options are {', '.join(OPTIONS)}")
     orders = fleet.usual_orders.copy()
     if "start" in options:
         names = [choice("options['start']", name, STARTS) for name in _each("start", options["start"], fleet)]
         for name in set(names):
             refuse_fast_starts(fleet.settings, name)
-        orders[:, ORDER.index("start")] = [START_CODES[name] for name in names]
+        orders[:, column.START] = [START_CODES[name] for name in names]
     if "time" in options:
         lap = fleet.settings.lap_time
-        orders[:, ORDER.index("phase")] = _numbers(
-            "options['time']", options["time"], fleet, 0.0, np.nextafter(lap, 0.0)
-        )
+        orders[:, column.PHASE] = _numbers("options['time']", options["time"], fleet, 0.0, np.nextafter(lap, 0.0))
     if "path" in options:
-        orders[:, ORDER.index("path")] = _path_indices(options["path"], fleet)
+        orders[:, column.PATH] = _path_indices(options["path"], fleet)
     for name, value in _mapping("parameters", options.get("parameters", {})).items():
         if name not in DRAWN:
             raise ValueError(
-                f"options['parameters'][{name!r}]: no such quantity; there are {', '.join(map(repr, DRAWN))}"
+                f"options['parameters'][{shown(name)}]: no such quantity; there are {', '.join(map(repr, DRAWN))}"
             )
         least, most = _range(name, fleet)
         hint = f" (`randomisation` at make can allow more: {{{name!r}: (least, most)}})"
-        orders[:, ORDER.index(name)] = _numbers(f"options['parameters'][{name!r}]", value, fleet, least, most, hint)
+        orders[:, column.DRAWN + list(DRAWN).index(name)] = _numbers(
+            f"options['parameters'][{name!r}]", value, fleet, least, most, hint
+        )
     if "state" in options:
-        orders[:, len(ORDER) :] = _states(options["state"], fleet)
+        orders[:, column.STATE :] = _states(options["state"], fleet)
     return orders
 
 
@@ -78,7 +80,7 @@ def _range(name: str, fleet: Fleet) -> tuple[float, float]:
     settings = fleet.settings
     arm = settings.flexible_arm.parameters
     own = {
-        "delay": max(sensor_delays(settings)),
+        "delay": max(settings.sensor_delays),
         "payload_mass": arm.payload_mass,
         "stiffness": 1.0,
         "damping": arm.modal_damping_ratio,
@@ -97,11 +99,14 @@ def _range(name: str, fleet: Fleet) -> tuple[float, float]:
 
 def _each(name: str, value: Any, fleet: Fleet) -> list[Any]:
     """One value for each environment."""
-    if isinstance(value, str) or not isinstance(value, Sequence | np.ndarray):
+    found = entries(value)
+    if found is None:
         return [value] * len(fleet)
-    if len(value) != len(fleet):
-        raise ValueError(f"options[{name!r}] = {value!r}: must be one value or {len(fleet)}, one for each environment")
-    return list(value)
+    if len(found) != len(fleet):
+        raise ValueError(
+            f"options[{name!r}] = {shown(value)}: must be one value or {len(fleet)}, one for each environment"
+        )
+    return found
 
 
 def _numbers(label: str, value: Any, fleet: Fleet, least: float, most: float, hint: str = "") -> Array:
@@ -117,13 +122,13 @@ def _numbers(label: str, value: Any, fleet: Fleet, least: float, most: float, hi
 def _path_indices(value: Any, fleet: Fleet) -> list[int]:
     names = fleet.settings.reference
     if not fleet.settings.paths:
-        raise ValueError(f"options['path'] = {value!r}: each episode draws its own moves; it has no names")
+        raise ValueError(f"options['path'] = {shown(value)}: each episode draws its own moves; it has no names")
     return [names.index(choice("options['path']", name, names)) for name in _each("path", value, fleet)]
 
 
 def _mapping(name: str, value: Any) -> Mapping[str, Any]:
     if not isinstance(value, Mapping):
-        raise TypeError(f"options[{name!r}] = {value!r}: must be a mapping")
+        raise TypeError(f"options[{name!r}] = {shown(value)}: must be a mapping")
     return value
 
 

@@ -43,10 +43,11 @@ class EpisodeKeys:
         if not self._generators:
             self._generators = [seeding.np_random(seed)[0] for seed in seeds]
             return
-        for i in np.flatnonzero(mask).tolist():
-            if seeds[i] is not None:
-                self._generators[i] = seeding.np_random(seeds[i])[0]
-                self._used[i] = AHEAD
+        # all are made before the first is used: a bad seed changes nothing
+        new = {i: seeding.np_random(seeds[i])[0] for i in np.flatnonzero(mask).tolist() if seeds[i] is not None}
+        for i, generator in new.items():
+            self._generators[i] = generator
+            self._used[i] = AHEAD
 
     def take(self, chosen: NDArray[np.int64]) -> NDArray[np.uint64]:
         """The next episode's key of some environments, each named once. Shape (n,)."""

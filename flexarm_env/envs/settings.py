@@ -7,16 +7,27 @@ is its documentation: the environments' pages are made from it.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import MISSING, Field, dataclass, field, fields, replace
-from functools import cached_property
+from dataclasses import MISSING, Field, dataclass, fields
 from typing import Any, Literal
 
 import numpy as np
 
+from flexarm_env.allowed import (
+    Allowed,
+    Custom,
+    Flag,
+    Integer,
+    Number,
+    OneOf,
+    Optional,
+    Pair,
+    allowed_of,
+    check_fields,
+    declared,
+)
 from flexarm_env.envs.choices import (
     DEFAULT_OBSERVATION,
     DEFAULT_WEIGHTS,
-    LARGEST_NOISE,
     MODES,
     PHYSICS_STEP,
     STARTS,
@@ -26,12 +37,19 @@ from flexarm_env.envs.choices import (
     Start,
 )
 from flexarm_env.envs.consistency import (
+    SHORTEST_HOLD,
+    checked_arm,
+    checked_hold,
+    checked_paths,
+    checked_previews,
     checked_ranges,
-    checked_reference,
+    checked_waypoints,
     checked_weights,
     refuse_options_without_effect,
 )
+from flexarm_env.lazy import cached_property
 from flexarm_env.parameters import (
+    LARGEST_NOISE,
     MAX_DELAY,
     WAVE_SPEED,
     Compensation,
@@ -48,17 +66,19 @@ from flexarm_env.parameters import (
 )
 from flexarm_env.physics.paths import PATHS, ReferencePath, way_points
 from flexarm_env.simulation.arm import FlexibleArm
-from flexarm_env.simulation.stability import ELBOWS, STABLE_ANGLE, default_step, fastest_pole
-from flexarm_env.validation import choice, flag, integer, known_names, listed, names, number, pair
+from flexarm_env.simulation.stability import STABLE_ANGLE, count_readings, count_steps, default_step, fastest_rates
+from flexarm_env.validation import known_names, names, shown
 
 
-def _option(default: Any, text: str, unit: str = "", modes: Sequence[str] = tuple(MODES)) -> Any:
-    kind = {"default_factory": lambda: default} if isinstance(default, dict) else {"default": default}
-    return field(metadata={"text": text, "unit": unit, "modes": tuple(modes)}, **kind)
+def _option(default: Any, text: str, allowed: Allowed, modes: Sequence[str] = tuple(MODES)) -> Any:
+    return declared(default, allowed, text=text, modes=tuple(modes))
 
 
 _LAW = ("gain",)
 _INNER = ("residual", "reference")
+_LATE = Number(0.0, MAX_DELAY, "s")
+_HOLD = Custom(checked_hold, "s", f"0, or {SHORTEST_HOLD:g} to {MAX_DELAY:g}")
+_LIMIT = Optional(Number(1e-9, 1e9, "m"))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,143 +90,145 @@ class Settings:
         '"default" (2 modes a link, complete dynamics, 1 % modal damping), "paper", or a mapping of `ArmParameters` '
         'fields, with `preset` ("default" or "paper") for those it does not set; {"kinematics": "foreshortened"} is '
         "the arm whose bent links keep their length",
+        Custom(checked_arm),
     )
-    action_mode: Mode = _option("torque", "what an action is; see Action space")
-    control_period: float = _option(0.01, "an action is held so long", "s")
+    action_mode: Mode = _option("torque", "what an action is; see Action space", OneOf(tuple(MODES)))
+    control_period: float = _option(0.01, "an action is held so long", Number(1e-5, 1.0, "s"))
     physics_step: float | None = _option(
-        None, "longest integration step; None: 1 ms, for the gain 0.25 ms, or less if the fastest mode demands it", "s"
+        None,
+        "longest integration step; None: 1 ms, for the gain 0.25 ms, or less if the fastest mode demands it",
+        Optional(Number(1e-9, 1.0, "s")),
     )
     torque_limit: tuple[float, float] | None = _option(
-        None, "of shoulder and elbow; None: 150 and 50, for the gain no limit (limited, the law loses the path)", "N m"
+        None,
+        "of shoulder and elbow; None: 150 and 50, for the gain no limit (limited, the law loses the path)",
+        allowed_of(LawParameters, "torque_limit"),
     )
-    gain_limit: float = _option(1.0, "lambda at action 1", "1", _LAW)
+    gain_limit: float = _option(1.0, "lambda at action 1", Number(1e-6, 1e6, "1"), _LAW)
     shift_limit: tuple[float, float] = _option(
-        (0.3, 0.3), "shift of the joints' reference at action 1", "rad", ("reference",)
+        (0.3, 0.3), "shift of the joints' reference at action 1", Pair(1e-6, np.pi, "rad"), ("reference",)
     )
-    inner_stiffness: tuple[float, float] = _option((1000.0, 130.0), "of the inner tracking law", "N m/rad", _INNER)
-    inner_resistance: tuple[float, float] = _option((40.0, 30.0), "of the inner tracking law", "N m s/rad", _INNER)
-    proportional_gain: float = _option(150.79, "Kp of the paper's law (11)", "N/m", _LAW)
-    derivative_gain: float = _option(17.364, "Kd of the paper's law (12)", "N s/m", _LAW)
-    compensation: Compensation = _option("none", "delay of the law's command; see `LawParameters`", "", _LAW)
+    inner_stiffness: tuple[float, float] = _option(
+        (1000.0, 130.0), "of the inner tracking law", Pair(0.0, 1e9, "N m/rad"), _INNER
+    )
+    inner_resistance: tuple[float, float] = _option(
+        (40.0, 30.0), "of the inner tracking law", Pair(0.0, 1e9, "N m s/rad"), _INNER
+    )
+    proportional_gain: float = _option(
+        150.79, "Kp of the paper's law (11)", allowed_of(LawParameters, "proportional_gain"), _LAW
+    )
+    derivative_gain: float = _option(
+        17.364, "Kd of the paper's law (12)", allowed_of(LawParameters, "derivative_gain"), _LAW
+    )
+    compensation: Compensation = _option(
+        "none", "delay of the law's command; see `LawParameters`", allowed_of(LawParameters, "compensation"), _LAW
+    )
     law_sensor: Literal["joints", "sensor"] = _option(
-        "joints", 'what the paper\'s law acts on: "joints" (collocated, not late) or the late "sensor"', "", _LAW
+        "joints",
+        'what the paper\'s law acts on: "joints" (collocated, not late) or the late "sensor"',
+        OneOf(("joints", "sensor")),
+        _LAW,
     )
-    rate_jacobian: RateJacobian = _option("delayed", "see `SensorParameters`", "", _LAW)
-    delayed: Delayed = _option("position", "see `SensorParameters`", "", _LAW)
+    rate_jacobian: RateJacobian = _option(
+        "delayed", "see `SensorParameters`", allowed_of(SensorParameters, "rate_jacobian"), _LAW
+    )
+    delayed: Delayed = _option("position", "see `SensorParameters`", allowed_of(SensorParameters, "delayed"), _LAW)
     sensor: SensorModel = _option(
         "true",
         'what the sensor on link 2 sees: the "true" point, the "rigid" one or the "collocated"; see `SensorParameters`',
+        allowed_of(SensorParameters, "model"),
     )
-    sensor_position: float = _option(4.5, "of the sensor from the elbow", "m")
-    delay: float | tuple[float, float] | None = _option(None, "of the sensor's reading; None: by the wave speed", "s")
-    wave_speed: float = _option(WAVE_SPEED, "c (15)", "m/s")
-    noise: float = _option(0.0, "standard deviation of each coordinate of the sensor's reading", "m")
-    jitter: float = _option(0.0, "largest additional delay, drawn evenly for each reading", "s")
-    hold: float = _option(0.0, "period of a slower sensor's clock (sample and hold); 0: none", "s")
-    dropout: float = _option(0.0, "probability that a reading is lost", "1")
+    sensor_position: float = _option(4.5, "of the sensor from the elbow", allowed_of(SensorParameters, "position"))
+    delay: float | tuple[float, float] | None = _option(
+        None, "of the sensor's reading; None: by the wave speed", allowed_of(SensorParameters, "delay")
+    )
+    wave_speed: float = _option(WAVE_SPEED, "c (15)", allowed_of(SensorParameters, "wave_speed"))
+    noise: float = _option(
+        0.0, "standard deviation of each coordinate of the sensor's reading", allowed_of(SensorParameters, "noise")
+    )
+    jitter: float = _option(0.0, "largest additional delay, drawn evenly for each reading", _LATE)
+    hold: float = _option(0.0, "period of a slower sensor's clock (sample and hold); 0: none", _HOLD)
+    dropout: float = _option(0.0, "probability that a reading is lost", Number(0.0, 1.0, "1"))
     encoder_noise: tuple[float, float] = _option(
-        (0.0, 0.0), "standard deviations of joint angles and rates", "rad, rad/s"
+        (0.0, 0.0), "standard deviations of joint angles and rates", Pair(0.0, LARGEST_NOISE, "rad, rad/s")
     )
-    actuation_delay: float = _option(0.0, "from an action to its effect; an inner law is not delayed", "s")
-    observation: tuple[str, ...] = _option(DEFAULT_OBSERVATION, "names of the blocks, in order; see Observation space")
-    frame: Frame = _option("link", 'frame of Cartesian blocks: "link" (turned by -theta1) or "world"')
+    actuation_delay: float = _option(0.0, "from an action to its effect; an inner law is not delayed", _LATE)
+    observation: tuple[str, ...] = _option(
+        DEFAULT_OBSERVATION, "names of the blocks, in order; see Observation space", Custom(names)
+    )
+    frame: Frame = _option(
+        "link", 'frame of Cartesian blocks: "link" (turned by -theta1) or "world"', OneOf(("link", "world"))
+    )
     previews: tuple[float, ...] = _option(
-        (0.05, 0.1, 0.2, 0.3, 0.45, 0.6, 1.0), "horizons of the block `previews`", "s"
+        (0.05, 0.1, 0.2, 0.3, 0.45, 0.6, 1.0), "horizons of the block `previews`", Custom(checked_previews, "s")
     )
-    last_actions: int = _option(1, "how many the block `last_actions` holds")
-    scaled: bool = _option(True, "divide each block by its scale")
+    last_actions: int = _option(1, "how many the block `last_actions` holds", Integer(1, 100))
+    scaled: bool = _option(True, "divide each block by its scale", Flag())
     reference: str | Sequence[str] = _option(
         "square",
         '"square", "circle", "line", "figure_eight", "waypoints", "moves" (drawn from rest to rest), or several of the '
         "first five, one of which is drawn for each episode",
+        Custom(checked_paths),
     )
-    waypoints: Sequence[tuple[float, float]] | None = _option(None, 'corners of the reference "waypoints"', "m")
-    side: float = _option(12.6, "of the square, or the square around the other paths", "m")
-    lap_time: float = _option(16.0, "of a lap", "s")
-    start_corner: Corner = _option("lower left", "where a lap starts")
-    direction: Direction = _option("clockwise", "of a lap")
-    elbow_branch: ElbowBranch = _option("positive", "sign of theta2 at the start and in the inverse kinematics")
-    start: Start = _option(
-        "mix",
-        "how an episode starts; see Starting state",
+    waypoints: Sequence[tuple[float, float]] | None = _option(
+        None, 'corners of the reference "waypoints"', Optional(Custom(checked_waypoints, "m"))
     )
+    side: float = _option(
+        12.6, "of the square, or the square around the other paths", allowed_of(SquareParameters, "side")
+    )
+    lap_time: float = _option(16.0, "of a lap", allowed_of(SquareParameters, "lap_time"))
+    start_corner: Corner = _option("lower left", "where a lap starts", allowed_of(SquareParameters, "start_corner"))
+    direction: Direction = _option("clockwise", "of a lap", allowed_of(SquareParameters, "direction"))
+    elbow_branch: ElbowBranch = _option(
+        "positive",
+        "sign of theta2 at the start and in the inverse kinematics",
+        allowed_of(SquareParameters, "elbow_branch"),
+    )
+    start: Start = _option("mix", "how an episode starts; see Starting state", OneOf(tuple(STARTS)))
     start_spread: tuple[float, float] = _option(
-        (0.05, 0.05), "largest deviations of a moving start: joint angles, tip deflections of the first modes", "rad, m"
+        (0.05, 0.05),
+        "largest deviations of a moving start: joint angles, tip deflections of the first modes",
+        Pair(0.0, 0.5, "rad, m"),
     )
     randomisation: Mapping[str, tuple[float, float]] = _option(
         {},
         "ranges from which quantities are drawn for each episode: `delay` [s] (both joints), `payload_mass` [kg], "
         "`stiffness` (factor), `damping` (modal damping ratio), `noise` [m], `actuation_delay` [s]",
+        Custom(checked_ranges),
     )
-    reward_weights: Mapping[str, float] = _option(DEFAULT_WEIGHTS, "of the reward's terms; what is not named is 0")
+    reward_weights: Mapping[str, float] = _option(
+        DEFAULT_WEIGHTS, "of the reward's terms; what is not named is 0", Custom(checked_weights)
+    )
     deflection_limit: float | None = _option(
-        1.5, "a link's tip deflection that ends an episode; None: any is allowed", "m"
+        1.5, "a link's tip deflection that ends an episode; None: any is allowed", _LIMIT
     )
     error_limit: float | None = _option(
-        2.5, "distance of the true tip from the reference that ends an episode; None: any is allowed", "m"
+        2.5, "distance of the true tip from the reference that ends an episode; None: any is allowed", _LIMIT
     )
 
     @classmethod
-    def of(cls, options: Mapping[str, Any]) -> Settings:
+    def of(cls, options: Mapping[str, Any], owner: str = "Settings") -> Settings:
         """Settings from keyword arguments.
+
+        Args:
+            options: the arguments.
+            owner: name of the class that was given them, for messages.
 
         Raises:
             TypeError: for an unknown name, with the nearest known one.
             ValueError: for a bad value.
         """
-        known_names("option", options, [one.name for one in fields(cls)])
+        known_names(owner, options, [one.name for one in fields(cls)])
         return cls(**options)
 
     def __post_init__(self) -> None:
         """Validate; lists (as JSON has them) become tuples."""
-        for name, value in self._checked().items():
-            object.__setattr__(self, name, value)
+        check_fields(self)
         refuse_options_without_effect(
             self, {one.name: (default_of(one), one.metadata["modes"]) for one in fields(self)}
         )
-        for what in ("law", "sensor_parameters", "flexible_arm", "paths", "substeps"):
+        for what in ("law", "sensor_parameters", "flexible_arm", "paths", "substeps", "history_slots"):
             getattr(self, what)  # made once, with its own checks
-
-    def _checked(self) -> dict[str, Any]:
-        optional: dict[str, Any] = {}
-        if self.physics_step is not None:
-            optional["physics_step"] = number("physics_step", self.physics_step, "s", above=0.0)
-        if self.torque_limit is not None:
-            optional["torque_limit"] = pair("torque_limit", self.torque_limit, "N m", above=0.0)
-        if isinstance(self.delay, list | np.ndarray):
-            optional["delay"] = tuple(self.delay)
-        for name in ("deflection_limit", "error_limit"):
-            if getattr(self, name) is not None:
-                optional[name] = number(name, getattr(self, name), "m", above=0.0)
-        return optional | {
-            "action_mode": choice("action_mode", self.action_mode, MODES),
-            "control_period": number("control_period", self.control_period, "s", least=1e-5, most=1.0),
-            "side": number("side", self.side, "m", least=1e-3, most=1e3),
-            "lap_time": number("lap_time", self.lap_time, "s", least=1e-3, most=1e5),
-            "noise": number("noise", self.noise, "m", least=0.0, most=LARGEST_NOISE),
-            "gain_limit": number("gain_limit", self.gain_limit, above=0.0),
-            "shift_limit": pair("shift_limit", self.shift_limit, "rad", above=0.0, most=np.pi),
-            "inner_stiffness": pair("inner_stiffness", self.inner_stiffness, "N m/rad", least=0.0),
-            "inner_resistance": pair("inner_resistance", self.inner_resistance, "N m s/rad", least=0.0),
-            "law_sensor": choice("law_sensor", self.law_sensor, ("joints", "sensor")),
-            "jitter": number("jitter", self.jitter, "s", least=0.0, most=MAX_DELAY),
-            "hold": number("hold", self.hold, "s", least=1e-6 if self.hold else 0.0, most=MAX_DELAY),  # a divisor
-            "dropout": number("dropout", self.dropout, least=0.0, most=1.0),
-            "encoder_noise": pair("encoder_noise", self.encoder_noise, "rad, rad/s", least=0.0, most=LARGEST_NOISE),
-            "actuation_delay": number("actuation_delay", self.actuation_delay, "s", least=0.0, most=MAX_DELAY),
-            "observation": names("observation", self.observation),
-            "frame": choice("frame", self.frame, ("link", "world")),
-            "previews": tuple(
-                number(f"previews[{n}]", x, "s", above=0.0) for n, x in enumerate(listed("previews", self.previews))
-            ),
-            "last_actions": integer("last_actions", self.last_actions, 1, 100),
-            "scaled": flag("scaled", self.scaled),
-            "reference": checked_reference(self.reference, self.waypoints),
-            "start": choice("start", self.start, STARTS),
-            "start_spread": pair("start_spread", self.start_spread, "rad, m", least=0.0, most=0.5),
-            "randomisation": checked_ranges(self.randomisation),
-            "reward_weights": checked_weights(self.reward_weights),
-        }
 
     # --- what follows ----------------------------------------------------------------------------------------------
 
@@ -234,7 +256,10 @@ class Settings:
         arm = FlexibleArm(arm_parameters(self.arm))
         length2 = arm.parameters.link_lengths[1]
         if self.sensor_position > length2:
-            raise ValueError(f"sensor_position = {self.sensor_position} m: must be on link 2, > 0 and <= {length2} m")
+            raise ValueError(
+                f"sensor_position = {self.sensor_position} m: must be on link 2, > 0 and <= {length2} m "
+                f"(link_lengths of the arm)"
+            )
         return arm
 
     @cached_property
@@ -285,36 +310,40 @@ class Settings:
     @cached_property
     def substeps(self) -> int:
         """Integration steps in a control period."""
-        fastest = max(self._fastest_rates())
+        fastest = max(fastest_rates(self))
         longest = STABLE_ANGLE[self.action_mode] / fastest
+        under_law = self.action_mode in ("residual", "reference")
+        what = "fastest pole under the inner law" if under_law else "fastest mode"
         if self.physics_step is None:
             wanted = default_step(fastest) if self.action_mode == "gain" else min(PHYSICS_STEP, longest)
+            law = ", with inner_stiffness and inner_resistance" if under_law else ""
+            cause = f"arm = {shown(self.arm)}{law}: its {what}, {fastest:.4g} rad/s, asks for steps of {wanted:.4g} s"
         elif self.physics_step <= longest:
-            wanted = self.physics_step
+            wanted, cause = self.physics_step, f"physics_step = {self.physics_step} s"
         else:
-            what = (
-                "fastest pole under the inner law" if self.action_mode in ("residual", "reference") else "fastest mode"
-            )
             raise ValueError(
                 f"physics_step = {self.physics_step} s: too long for the arm's {what}, {fastest:.4g} rad/s; "
                 f"at most {longest:.4g} s is allowed"
             )
-        return int(np.ceil(self.control_period / wanted - 1e-9))
+        return count_steps(self.control_period, wanted, cause)
 
-    def _fastest_rates(self) -> list[float]:
-        """Of the stiffest and lightest arm that an episode may draw; under the inner law, of the closed loop."""
-        own = self.flexible_arm.parameters
-        stiffness = self.randomisation.get("stiffness", (1.0, 1.0))[1]
-        payload = self.randomisation.get("payload_mass", (own.payload_mass, own.payload_mass))[0]
-        damping = self.randomisation.get("damping", (0.0, own.modal_damping_ratio))[1]
-        rigidities = (own.flexural_rigidities[0] * stiffness, own.flexural_rigidities[1] * stiffness)
-        arm = FlexibleArm(
-            replace(own, flexural_rigidities=rigidities, payload_mass=payload, modal_damping_ratio=damping)
-        )
-        rates = [arm.fastest_rate()]
-        if self.action_mode in ("residual", "reference"):
-            rates += [fastest_pole(arm, theta2, self.inner_stiffness, self.inner_resistance) for theta2 in ELBOWS]
-        return rates
+    @cached_property
+    def sensor_delays(self) -> tuple[float, float]:
+        """Delay of the shoulder's and of the elbow's reading unless drawn or ordered otherwise [s]."""
+        return self.sensor_parameters.joint_delays(self.flexible_arm.parameters.link_lengths[0])
+
+    @cached_property
+    def history_slots(self) -> int:
+        """Length of the delay line: the latest reading and the period before the first.
+
+        Whole control periods, so that readings at the same moments of a period use the same few slots, which stay
+        cached.
+        """
+        latest = max(*self.sensor_delays, self.randomisation.get("delay", (0.0, 0.0))[1])
+        longest = latest + self.jitter + 4.0 * self.hold + 2.0 * self.control_period
+        periods = int(np.ceil(longest / self.control_period + 4.0 / self.substeps))
+        cause = f"delay = {latest} s, jitter = {self.jitter} s, hold = {self.hold} s"
+        return count_readings(self.substeps * periods, self.control_period / self.substeps, cause)
 
 
 def default_of(one: Field[Any]) -> Any:

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from flexarm_env.envs.batch import Fleet
 from flexarm_env.envs.documentation import specification
-from flexarm_env.envs.info import InfoMaker
+from flexarm_env.envs.info import Episode, InfoMaker, episodes
+from flexarm_env.envs.registration import warn_of_short_limit
 from flexarm_env.envs.reset_options import orders_of
 from flexarm_env.envs.scene import Scene
 from flexarm_env.envs.seeding import new_keys
@@ -26,6 +27,11 @@ class FleetView:
     """What single and vector environments tell of themselves alike."""
 
     fleet: Fleet
+    _started: bool
+
+    def _check_begun(self) -> None:
+        if not self._started:
+            raise AttributeError("episode: none has begun; call reset() first")
 
     def _spaces(self) -> tuple[Any, Any]:
         """Of one environment's observation and action."""
@@ -106,7 +112,7 @@ class FlexArmEnv(FleetView, gymnasium.Env[NDArray[np.float32], NDArray[np.float3
         if render_mode is not None:
             choice("render_mode", render_mode, RENDER_MODES)
         self.render_mode = render_mode
-        self.fleet = Fleet(Settings.of(options), 1)
+        self.fleet = Fleet(Settings.of(options, type(self).__name__), 1)
         self.metadata = self.metadata | {"render_fps": self._fps()}
         self.observation_space, self.action_space = self._spaces()
         self._infos = InfoMaker(self.fleet)
@@ -114,6 +120,17 @@ class FlexArmEnv(FleetView, gymnasium.Env[NDArray[np.float32], NDArray[np.float3
         self._begin = np.zeros(1, dtype=np.int64)
         self._shape: tuple[int, ...] = self.action_space.shape or ()
         self._started = False
+        self._limit_checked = False
+
+    @property
+    def episode(self) -> Episode:
+        """What describes the present episode.
+
+        Raises:
+            AttributeError: before the first reset.
+        """
+        self._check_begun()
+        return episodes(self.fleet).one(0)
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -124,8 +141,9 @@ class FlexArmEnv(FleetView, gymnasium.Env[NDArray[np.float32], NDArray[np.float3
             seed: of everything random.
             options: see `flexarm_env.envs.reset_options.OPTIONS`; an unknown key raises `ValueError`.
         """
-        super().reset(seed=seed)
         orders = orders_of(options, self.fleet)
+        super().reset(seed=seed)  # refuses a bad seed before it changes anything
+        self._check_time_limit()
         self.fleet.start(new_keys(self.np_random, 1), self._begin, orders)
         self._started = True
         if self._scene is not None:
@@ -157,14 +175,12 @@ class FlexArmEnv(FleetView, gymnasium.Env[NDArray[np.float32], NDArray[np.float3
             fleet.only_action[:] = rounded(finite_array("action", action, self._shape))  # type: ignore[call-overload]
         if not fleet.only_step():
             finite_array("action", action, self._shape)  # says what is wrong
-        info, reward, status = self._infos.after_step()
-        if status != 0.0:
-            info["termination_reason"] = fleet.failures[status]
+        info, reward, terminated = self._infos.after_step()
         if self._scene is not None:
             result = fleet.result(0)
             self._scene.add(result)
             self._show(result)
-        return fleet.only_observation.copy(), reward, status != 0.0, False, info
+        return fleet.only_observation.copy(), reward, terminated, False, info
 
     def render(self) -> NDArray[np.uint8] | None:
         """The present instant as a picture, Shape (size, size, 3), or None where a window shows it.
@@ -185,6 +201,19 @@ class FlexArmEnv(FleetView, gymnasium.Env[NDArray[np.float32], NDArray[np.float3
         """Close the window, if there is one."""
         if self._scene is not None:
             self._scene.close()
+
+    def _check_time_limit(self) -> None:
+        """Warn once if the registered time limit ended the episode before a lap was complete.
+
+        The limit is that of Gymnasium's wrapper, which `make` does not tell the environment; hence at the next reset.
+        """
+        if self._limit_checked or not self._started:
+            return
+        self._limit_checked = True
+        result, parts = self.fleet.result(0), self.fleet.parts
+        if result[parts["STATUS"]] == 0.0:
+            steps = round(result[parts["TIME"]].item() / self.control_period)
+            warn_of_short_limit(self.spec, steps, self.lap_steps)
 
     def _show(self, result: NDArray[np.float64]) -> None:
         if self.render_mode == "human" and self._scene is not None:

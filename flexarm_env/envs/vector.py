@@ -8,12 +8,14 @@ from typing import Any
 
 import gymnasium
 import numpy as np
+from gymnasium.envs.registration import EnvSpec
 from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from flexarm_env.envs.batch import Fleet
-from flexarm_env.envs.info import InfoMaker
+from flexarm_env.envs.info import Episode, InfoMaker, episodes, masked
+from flexarm_env.envs.registration import warn_of_short_limit
 from flexarm_env.envs.reset_options import orders_of
 from flexarm_env.envs.scene import Scene
 from flexarm_env.envs.seeding import EpisodeKeys
@@ -35,6 +37,7 @@ class FlexArmVectorEnv(FleetView, gymnasium.vector.VectorEnv[NDArray[np.float32]
 
     Attributes:
         fleet: the arms, their kernels and their data.
+        autoreset_mode: when a finished environment begins its next episode.
     """
 
     metadata = {  # noqa: RUF012  (Gymnasium's own declaration)
@@ -72,9 +75,9 @@ class FlexArmVectorEnv(FleetView, gymnasium.vector.VectorEnv[NDArray[np.float32]
             choice("render_mode", render_mode, RENDER_MODES[:1])
         self.render_mode = render_mode
         mode = autoreset_mode.value if isinstance(autoreset_mode, AutoresetMode) else autoreset_mode
-        self._mode = AutoresetMode(choice("autoreset_mode", mode, [each.value for each in AutoresetMode]))
-        self.fleet = Fleet(Settings.of(options), self.num_envs, integer("threads", threads, 1))
-        self.metadata = self.metadata | {"autoreset_mode": self._mode, "render_fps": self._fps()}
+        self.autoreset_mode = AutoresetMode(choice("autoreset_mode", mode, [each.value for each in AutoresetMode]))
+        self.fleet = Fleet(Settings.of(options, type(self).__name__), self.num_envs, integer("threads", threads, 1))
+        self.metadata = self.metadata | {"autoreset_mode": self.autoreset_mode, "render_fps": self._fps()}
         self.single_observation_space, self.single_action_space = self._spaces()
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
         self.action_space = batch_space(self.single_action_space, self.num_envs)
@@ -83,12 +86,33 @@ class FlexArmVectorEnv(FleetView, gymnasium.vector.VectorEnv[NDArray[np.float32]
             [Scene(self.fleet, i, render_mode, self._fps()) for i in range(self.num_envs)] if render_mode else []
         )
         self._keys = EpisodeKeys(self.num_envs)
+        self._limit = limit
         self._longest = np.inf if limit is None else (limit - 0.5) * self.control_period  # [s], whatever the rounding
         self._ended = NOBODY  # environments whose episode is over
         self._orders = orders_of(None, self.fleet)
         self._started = False
         parts = self.fleet.parts
         self._reward, self._status, self._time = (parts[name].start for name in ("REWARD", "STATUS", "TIME"))
+
+    @property
+    def spec(self) -> EnvSpec | None:
+        """What the batch was made from; `make_vec` sets it."""
+        return self._spec
+
+    @spec.setter
+    def spec(self, spec: EnvSpec | None) -> None:
+        self._spec = spec
+        warn_of_short_limit(spec, self._limit, self.lap_steps)
+
+    @property
+    def episode(self) -> Episode:
+        """What describes the present episodes: arrays of shape (N,).
+
+        Raises:
+            AttributeError: before the first reset.
+        """
+        self._check_begun()
+        return episodes(self.fleet)
 
     # --- Gymnasium's interface -------------------------------------------------------------------------------------
 
@@ -110,12 +134,13 @@ class FlexArmVectorEnv(FleetView, gymnasium.vector.VectorEnv[NDArray[np.float32]
         wanted = dict(options or {})
         mask = self._mask(wanted.pop("reset_mask", None))
         orders = orders_of(wanted, self.fleet)
-        self._seed(seed, mask)
+        self._seed(seed, mask)  # refuses a bad seed before it changes anything
         begun = np.flatnonzero(mask)
         self.fleet.start(self._keys.take(begun), begun, orders)
         self._started, self._ended = True, self._ended[~mask[self._ended]]
         self._remember(begun)
-        return self._observations(), self._infos.batch(begun, stepped=False)
+        infos = self._infos.batch()
+        return self._observations(), infos if len(begun) == self.num_envs else masked(infos, mask)
 
     def step(self, actions: NDArray[np.float32]) -> Step:
         """Hold each environment's action for one control period.
@@ -131,7 +156,7 @@ class FlexArmVectorEnv(FleetView, gymnasium.vector.VectorEnv[NDArray[np.float32]
         if not self._started:
             raise RuntimeError("step() before reset(): there are no states to advance")
         self._take(actions)
-        if self._mode is AutoresetMode.DISABLED and len(self._ended):
+        if self.autoreset_mode is AutoresetMode.DISABLED and len(self._ended):
             raise RuntimeError(
                 f"step() after the end of episode {self._ended[0]}: with autoreset_mode = 'Disabled' call "
                 "reset(options={'reset_mask': ...}) first"
@@ -148,10 +173,10 @@ class FlexArmVectorEnv(FleetView, gymnasium.vector.VectorEnv[NDArray[np.float32]
             terminated[begun] = False
         rewards = results[:, self._reward].copy()  # 0 where an episode begins
         self._ended = (terminated | truncated).nonzero()[0]
-        infos = self._infos.batch(begun, stepped=True)
+        infos = self._infos.batch()
         if len(self._ended):
-            self._add_reasons(infos, status, terminated)
-            if self._mode is AutoresetMode.SAME_STEP:
+            infos["end_code"][self._ended] = self._infos.end_codes(status[self._ended])
+            if self.autoreset_mode is AutoresetMode.SAME_STEP:
                 begun, self._ended = self._ended, NOBODY
                 infos = self._restart(begun, infos)
         self._remember(begun)
@@ -205,26 +230,16 @@ class FlexArmVectorEnv(FleetView, gymnasium.vector.VectorEnv[NDArray[np.float32]
 
     def _restart(self, ended: Indices, infos: dict[str, Any]) -> dict[str, Any]:
         """Begin new episodes where one ended in this step; what ended goes into `final_obs` and `final_info`."""
-        final = {name: value for name, value in infos.items() if not name.startswith("_")}
         final_obs = np.empty(self.num_envs, dtype=object)
         for i in ended.tolist():
             final_obs[i] = self.fleet.observations[i].copy()
         self.fleet.start(self._keys.take(ended), ended, self._orders)
-        merged = self._infos.batch(ended, stepped=True)
+        merged = self._infos.batch()
         done = np.zeros(self.num_envs, dtype=bool)
         done[ended] = True
         merged |= {"final_obs": final_obs, "_final_obs": done.copy()}
-        merged |= {"final_info": _masked(final, done), "_final_info": done.copy()}
+        merged |= {"final_info": masked(infos, done), "_final_info": done.copy()}
         return merged
-
-    def _add_reasons(self, infos: dict[str, Any], status: Array, terminated: Flags) -> None:
-        found = status[self._ended].tolist()
-        if not any(found):  # all were cut off by the time limit
-            return
-        reasons, failures = np.empty(self.num_envs, dtype=object), self.fleet.failures
-        for i, each in zip(self._ended.tolist(), found, strict=True):
-            reasons[i] = failures[each]
-        infos["termination_reason"], infos["_termination_reason"] = reasons, terminated.copy()
 
     def _observations(self) -> NDArray[np.float32]:
         return self.fleet.observations[: self.num_envs].copy()
@@ -233,24 +248,3 @@ class FlexArmVectorEnv(FleetView, gymnasium.vector.VectorEnv[NDArray[np.float32]
         """Traces for the pictures."""
         for i, scene in enumerate(self._scenes):
             (scene.begin if i in begun else scene.add)(self.fleet.result(i))
-
-
-def _masked(infos: dict[str, Any], mask: Flags) -> dict[str, Any]:
-    """Infos of some environments only, with masks that say so."""
-    masked: dict[str, Any] = {}
-    for name, value in infos.items():
-        if isinstance(value, dict):
-            masked[name] = _masked({key: each for key, each in value.items() if not key.startswith("_")}, mask)
-            masked[f"_{name}"] = mask.copy()
-            continue
-        if value.dtype == object:
-            having = mask & np.array([each is not None for each in value])
-            if not having.any():
-                continue
-            kept = np.full(len(mask), None, dtype=object)
-            kept[having] = value[having]
-            masked[name], masked[f"_{name}"] = kept, having
-            continue
-        masked[name] = np.where(mask.reshape(-1, *(1,) * (value.ndim - 1)), value, 0.0)
-        masked[f"_{name}"] = mask.copy()
-    return masked

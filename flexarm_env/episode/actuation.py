@@ -1,93 +1,89 @@
-"""Drivers of the three ways in which an action moves the arm over a control period.
+"""Drivers of the ways in which an action moves the arm over a control period; a program has one of them, as `drive`.
 
-Assembled and compiled like `stepping`, which explains lanes, blocks and arenas. A module has one of the three, under
-the name `drive`. Torques and gains are held over the period, each from its `actuation_delay` after the action on.
+`stepping` explains lanes, blocks and arenas. Torques and gains are held over the period, each from its
+`actuation_delay` after the action on.
 """
 
 from __future__ import annotations
 
-from math import floor
-from typing import Any
+from numpy import floor
 
-from flexarm_env.kernels.imex import PATH, SINCE, STEPS, count_steps, evaluate_law, loop_step, slot_after, store_reading
+from flexarm_env.codegen.arrays import Arena, Clock, History, LaneRow, Paths, Plan, Table
+from flexarm_env.codegen.declarations import chosen_by_program, inlined_in_its_caller
+from flexarm_env.kernels.entries import clock_row, drawn, header, setting
+from flexarm_env.kernels.imex import count_steps, evaluate_law, loop_step, slot_after, store_reading
+from flexarm_env.kernels.layout import row
 from flexarm_env.kernels.path_cache import reference_at
-from flexarm_env.kernels.rk4 import step_kernel
+from flexarm_env.kernels.recorded import step_kernel
+from flexarm_env.kernels.reported import joint_kernel
+from flexarm_env.kernels.variants import variant
 
-LANES = 1
-STEP = PERIOD = ACTION_SCALE = LENGTHS = BRANCH = SUBSTEPS = CHANNELS = PREVIEWS = SHIFTING = READINGS = 0
-TAIL = EPISODE = TAU = TORQUE = STAGE_TORQUE = GAIN = EFFECTIVE_GAIN = 0
-DISTURBED = False
-JOINT = REFERENCE = INNER_FROM = INNER_TO = SHIFT = 0
-DRAWN_ACTUATION_DELAY = 0  # place of the actuation delay among the quantities drawn for an episode
+Factors = tuple[float, float, float, float, float, float, float, float]
 
 
-def joint_kernel(arena: Any, length_1: float, length_2: float, branch: float) -> None:
-    """Joint angles and rates of the rigid arm on the reference, of every lane (recorded)."""
-    raise NotImplementedError("the recorded kernel exists in assembled modules only")
+@chosen_by_program
+def drive(arena: Arena, history: History, clock: Clock, paths: Paths, plan: Plan, settings: Table) -> None:
+    """Move the arm over a control period: one of the three below, as the program says."""
 
 
-def drive(arena: Any, history: Any, clock: Any, paths: Any, plan: Any, settings: Any) -> None:
-    """One of the three below, as the module's kind says."""
-    raise NotImplementedError("assembled modules have one of the three below under this name")
-
-
-def command(arena: Any, plan: Any, settings: Any, i: int, r: int, begin: float) -> float:
+def command(arena: Arena, plan: Plan, settings: Table, i: int, r: int, begin: float) -> float:
     """Mean of the acting command in [-1, 1] of channel r of lane i over an integration step.
 
     Args:
         arena: of one block.
-        plan: see `rows.PLAN`.
-        settings: see `rows.SETTINGS`.
+        plan: see `entries.Header`.
+        settings: see `entries.Setting`.
         i: the lane.
         r: the channel.
         begin: of the integration step after the start of the period [s].
     """
-    newest = TAIL + 2 * plan[PREVIEWS] + r
-    late = arena[i + (EPISODE + DRAWN_ACTUATION_DELAY) * LANES]
+    newest = row.TAIL + 2 * plan[header.PREVIEWS] + r
+    late = arena[row.EPISODE + drawn.ACTUATION_DELAY, i]
     if late == 0.0:
-        return arena[i + newest * LANES]
-    start = (begin - late) / settings[PERIOD] + 1e-9  # in periods, of the moment at which the command was given
-    length = settings[STEP] / settings[PERIOD]
+        return arena[newest, i]
+    start = (begin - late) / settings[setting.PERIOD] + 1e-9  # in periods, of the moment at which the command was given
+    length = settings[setting.STEP] / settings[setting.PERIOD]
     whole = floor(start)
     back = -int(whole)  # 0: the present action acts, 1: the one before, ...
-    value = arena[i + (newest + back * plan[CHANNELS]) * LANES]
+    value = arena[newest + back * plan[header.CHANNELS], i]
     before_switch = (whole + 1.0 - start) / length
     if back == 0 or before_switch >= 1.0 - 1e-6:
         return value
-    next_value = arena[i + (newest + (back - 1) * plan[CHANNELS]) * LANES]
+    next_value = arena[newest + (back - 1) * plan[header.CHANNELS], i]
     return before_switch * value + (1.0 - before_switch) * next_value
 
 
-def prompt(arena: Any) -> bool:
+def prompt(arena: Arena) -> bool:
     """Whether no lane has an actuation delay, so that commands do not change within a control period."""
     delayed = 0
-    for i in range(LANES):
-        delayed += arena[i + (EPISODE + DRAWN_ACTUATION_DELAY) * LANES] > 0.0
+    for i in range(variant.lanes):
+        delayed += arena[row.EPISODE + drawn.ACTUATION_DELAY, i] > 0.0
     return delayed == 0
 
 
-def write_commands(arena: Any, plan: Any, settings: Any, step: int, held: bool) -> None:
+def write_commands(arena: Arena, plan: Plan, settings: Table, step: int, held: bool) -> None:
     """Enter the commanded torques of an integration step, the mean over it where a command changes within."""
-    begin = step * settings[STEP]
-    newest = TAIL + 2 * plan[PREVIEWS]
+    begin = step * settings[setting.STEP]
+    newest = row.TAIL + 2 * plan[header.PREVIEWS]
     for r in range(2):
-        scale = settings[ACTION_SCALE + r]
-        torques = arena[(TAU + r) * LANES : (TAU + r + 1) * LANES]
-        actions = arena[(newest + r) * LANES : (newest + r + 1) * LANES]
-        for i in range(LANES if held else 0):
+        scale = settings[setting.ACTION_SCALE + r]
+        torques: LaneRow = arena[row.TAU + r]
+        actions: LaneRow = arena[newest + r]
+        for i in range(variant.lanes if held else 0):
             torques[i] = scale * actions[i]
-        if DISTURBED:
-            for i in range(0 if held else LANES):
+        if variant.disturbed:
+            for i in range(0 if held else variant.lanes):
                 torques[i] = scale * command(arena, plan, settings, i, r, begin)
 
 
-def keep_reading(arena: Any, history: Any, clock: Any, plan: Any, done: int) -> None:
-    """Enter the reading after so many steps of a period into the delay line, if it will be asked for (`READINGS`)."""
-    if (plan[READINGS] >> ((done if done < plan[SUBSTEPS] else 0) & 63)) & 1:
+def keep_reading(arena: Arena, history: History, clock: Clock, plan: Plan, done: int) -> None:
+    """Enter the reading after so many steps of a period into the delay line, if `Header.READINGS` asks for it."""
+    if (plan[header.READINGS] >> ((done if done < plan[header.SUBSTEPS] else 0) & 63)) & 1:
         store_reading(arena, history, slot_after(clock, history, done))
 
 
-def drive_torque(arena: Any, history: Any, clock: Any, paths: Any, plan: Any, settings: Any) -> None:
+@inlined_in_its_caller
+def drive_torque(arena: Arena, history: History, clock: Clock, paths: Paths, plan: Plan, settings: Table) -> None:
     """The action is the motors' torque.
 
     Args:
@@ -95,21 +91,22 @@ def drive_torque(arena: Any, history: Any, clock: Any, paths: Any, plan: Any, se
         history: readings at past steps.
         clock: of each lane.
         paths: not used.
-        plan: see `rows.PLAN`.
-        settings: see `rows.SETTINGS`.
+        plan: see `entries.Header`.
+        settings: see `entries.Setting`.
     """
     held = prompt(arena)
-    for step in range(plan[SUBSTEPS]):
+    for step in range(plan[header.SUBSTEPS]):
         if step == 0 or not held:
             write_commands(arena, plan, settings, step, held)
-        for i in range(2 * LANES if step == 0 else 0):
-            arena[i + TORQUE * LANES] = arena[i + TAU * LANES]
-        step_kernel(arena, settings[STEP])
+        for r in range(2 if step == 0 else 0):
+            for i in range(variant.lanes):
+                arena[row.TORQUE + r, i] = arena[row.TAU + r, i]
+        step_kernel(arena, settings[setting.STEP])
         keep_reading(arena, history, clock, plan, step + 1)
-    count_steps(clock, history, plan[SUBSTEPS])
+    count_steps(clock, history, plan[header.SUBSTEPS])
 
 
-def hermite(u: float, period: float) -> tuple[float, float, float, float, float, float, float, float]:
+def hermite(u: float, period: float) -> Factors:
     """Factors of `tracking.interpolated` a share u of a period [s] after its start."""
     v = 1.0 - u
     return (
@@ -124,38 +121,39 @@ def hermite(u: float, period: float) -> tuple[float, float, float, float, float,
     )
 
 
-def aim(arena: Any, clock: Any, paths: Any, plan: Any, settings: Any) -> None:
+def aim(arena: Arena, clock: Clock, paths: Paths, plan: Plan, settings: Table) -> None:
     """Where the inner law's reference runs in the coming period: from the present aim to that at its end.
 
     A shift runs linearly from the last one to the commanded one. The end's rates are those of the side that ends there.
     """
-    h, period = settings[STEP], settings[PERIOD]
+    h, period = settings[setting.STEP], settings[setting.PERIOD]
     for r in range(4):
-        for i in range(LANES):
-            arena[i + (INNER_FROM + r) * LANES] = arena[i + (JOINT + r) * LANES]
-    for i in range(LANES):
-        time = (clock[STEPS, i] + plan[SUBSTEPS]) * h
-        there = reference_at(paths, clock[PATH, i], time, time - 1e-3 * h, clock[SINCE, i] * h)
+        for i in range(variant.lanes):
+            arena[row.INNER_FROM + r, i] = arena[row.JOINT + r, i]
+    for i in range(variant.lanes):
+        time = (clock[clock_row.STEPS, i] + plan[header.SUBSTEPS]) * h
+        there = reference_at(paths, clock[clock_row.PATH, i], time, time - 1e-3 * h, clock[clock_row.SINCE, i] * h)
         for r in range(4):
-            arena[i + (REFERENCE + r) * LANES] = there[r]
-    joint_kernel(arena, settings[LENGTHS], settings[LENGTHS + 1], settings[BRANCH])
+            arena[row.REFERENCE + r, i] = there[r]
+    joint_kernel(arena, settings[setting.LENGTHS], settings[setting.LENGTHS + 1], settings[setting.BRANCH])
     for r in range(4):
-        for i in range(LANES):
-            arena[i + (INNER_TO + r) * LANES] = arena[i + (JOINT + r) * LANES]
-    if plan[SHIFTING] > 0:
+        for i in range(variant.lanes):
+            arena[row.INNER_TO + r, i] = arena[row.JOINT + r, i]
+    if plan[header.SHIFTING] > 0:
         for r in range(2):
-            for i in range(LANES):
-                before = arena[i + (SHIFT + r) * LANES]
-                shift = settings[ACTION_SCALE + r] * command(arena, plan, settings, i, r, period - h)
+            for i in range(variant.lanes):
+                before = arena[row.SHIFT + r, i]
+                shift = settings[setting.ACTION_SCALE + r] * command(arena, plan, settings, i, r, period - h)
                 rate = (shift - before) / period
-                arena[i + (INNER_FROM + r) * LANES] += before
-                arena[i + (INNER_TO + r) * LANES] += shift
-                arena[i + (INNER_FROM + 2 + r) * LANES] += rate
-                arena[i + (INNER_TO + 2 + r) * LANES] += rate
-                arena[i + (SHIFT + r) * LANES] = shift
+                arena[row.INNER_FROM + r, i] += before
+                arena[row.INNER_TO + r, i] += shift
+                arena[row.INNER_FROM + 2 + r, i] += rate
+                arena[row.INNER_TO + 2 + r, i] += rate
+                arena[row.SHIFT + r, i] = shift
 
 
-def drive_tracking(arena: Any, history: Any, clock: Any, paths: Any, plan: Any, settings: Any) -> None:
+@inlined_in_its_caller
+def drive_tracking(arena: Arena, history: History, clock: Clock, paths: Paths, plan: Plan, settings: Table) -> None:
     """The inner joint-space law tracks the rigid arm's way along the reference; the action adds to it.
 
     Args:
@@ -163,26 +161,29 @@ def drive_tracking(arena: Any, history: Any, clock: Any, paths: Any, plan: Any, 
         history: readings at past steps.
         clock: of each lane.
         paths: of all lanes.
-        plan: see `rows.PLAN`.
-        settings: see `rows.SETTINGS`.
+        plan: see `entries.Header`.
+        settings: see `entries.Setting`.
     """
-    h, period = settings[STEP], settings[PERIOD]
+    h, period = settings[setting.STEP], settings[setting.PERIOD]
     aim(arena, clock, paths, plan, settings)
     held = prompt(arena)
-    for i in range(2 * LANES):
-        arena[i + TAU * LANES] = 0.0
-    for step in range(plan[SUBSTEPS]):
-        if plan[SHIFTING] == 0 and (step == 0 or not held):
+    for r in range(2):
+        for i in range(variant.lanes):
+            arena[row.TAU + r, i] = 0.0
+    for step in range(plan[header.SUBSTEPS]):
+        if plan[header.SHIFTING] == 0 and (step == 0 or not held):
             write_commands(arena, plan, settings, step, held)
         begin, middle, end = step * h / period, (step + 0.5) * h / period, (step + 1.0) * h / period
         step_kernel(arena, h, (hermite(begin, period), hermite(middle, period), hermite(end, period)))
-        for i in range(2 * LANES if step == 0 else 0):
-            arena[i + TORQUE * LANES] = arena[i + STAGE_TORQUE * LANES]
+        for r in range(2 if step == 0 else 0):
+            for i in range(variant.lanes):
+                arena[row.TORQUE + r, i] = arena[row.STAGE_TORQUE + r, i]
         keep_reading(arena, history, clock, plan, step + 1)
-    count_steps(clock, history, plan[SUBSTEPS])
+    count_steps(clock, history, plan[header.SUBSTEPS])
 
 
-def drive_gain(arena: Any, history: Any, clock: Any, paths: Any, plan: Any, settings: Any) -> None:
+@inlined_in_its_caller
+def drive_gain(arena: Arena, history: History, clock: Clock, paths: Paths, plan: Plan, settings: Table) -> None:
     """The action is the gain lambda of the paper's law, which acts in continuous time.
 
     Args:
@@ -190,18 +191,18 @@ def drive_gain(arena: Any, history: Any, clock: Any, paths: Any, plan: Any, sett
         history: readings at past steps.
         clock: of each lane.
         paths: of all lanes.
-        plan: see `rows.PLAN`.
-        settings: see `rows.SETTINGS`.
+        plan: see `entries.Header`.
+        settings: see `entries.Setting`.
     """
-    h = settings[STEP]
+    h = settings[setting.STEP]
     held = prompt(arena)
-    for step in range(plan[SUBSTEPS]):
-        for i in range(LANES if step == 0 or not held else 0):
-            arena[i + GAIN * LANES] = settings[ACTION_SCALE] * (
+    for step in range(plan[header.SUBSTEPS]):
+        for i in range(variant.lanes if step == 0 or not held else 0):
+            arena[row.GAIN, i] = settings[setting.ACTION_SCALE] * (
                 0.5 * (command(arena, plan, settings, i, 0, step * h) + 1.0)
             )
         if step == 0:
             evaluate_law(arena, history, clock, paths, h)
-            for i in range(LANES):
-                arena[i + EFFECTIVE_GAIN * LANES] = arena[i + GAIN * LANES]
+            for i in range(variant.lanes):
+                arena[row.EFFECTIVE_GAIN, i] = arena[row.GAIN, i]
         loop_step(arena, history, clock, paths, h)

@@ -1,79 +1,75 @@
-"""Drivers of an environment's kernels: actions, sensing, observation, termination; one control period of a batch.
+"""Drivers of an environment's kernels: actions, sensing, observation, termination.
 
-Assembled and compiled like `stepping`, which explains lanes, blocks and arenas; names in capitals are rows of the
-arena and places in the tables `settings` and `plan` (`rows`).
+`stepping` explains lanes, blocks and arenas.
 """
 
 from __future__ import annotations
 
-from math import floor
-from typing import Any
+from numpy import floor
 
+from flexarm_env.codegen.arrays import (
+    Actions,
+    Arena,
+    Clock,
+    History,
+    Keys,
+    LaneRow,
+    Mask,
+    Observations,
+    Paths,
+    Plan,
+    Table,
+)
+from flexarm_env.codegen.declarations import inlined_in_its_caller, per_lane
 from flexarm_env.codegen.random_stream import normal
 from flexarm_env.codegen.scalars import clip
 from flexarm_env.episode.sensor import CHANNELS_OF_NOISE, noise_place, sense
 from flexarm_env.episode.write_observation import write_observations, write_previews
-from flexarm_env.kernels.imex import BEGAN, PATH, SINCE, STEPS, state_status
-from flexarm_env.kernels.path_cache import AHEAD, SIDE_BEGIN, SIDE_END, SIDE_LAP, SIDE_VELOCITY, note_side, on_side
+from flexarm_env.kernels.entries import clock_row, header, setting
+from flexarm_env.kernels.imex import state_status
+from flexarm_env.kernels.layout import row
+from flexarm_env.kernels.path_cache import AHEAD, note_side, on_side, segment
+from flexarm_env.kernels.reported import features_kernel, joint_kernel, truth_kernel
+from flexarm_env.kernels.variants import variant
 
-LANES = 1
-SIZE = 4
-STEP = ENCODER_NOISE = DEFLECTION_LIMIT = ERROR_LIMIT = LENGTHS = BRANCH = LAP = 0
-WEIGHTS = CHANNELS = KEPT_ACTIONS = PREVIEWS = TAIL = 0
-TERMS = 0  # of the reward
-DISTURBED = False
-ACTION_CHANGE = MEASURED = STATE = REFERENCE = PHASE = TIME = STATUS = DEFLECTION = TRUE_TIP = REWARD = REWARD_TERMS = 0
-PRESENT_SIDE = SIDE_PASSED = SIDE_LEFT = NEXT_TIME = NEXT_VELOCITY = 0
+NEAR = 0.02  # [m]; a tip that is not farther from the reference has arrived
+FINAL_REST = 0.25  # of the lap; the rest after the move back (`starts.draw_moves`)
 
 
-def truth_kernel(arena: Any) -> None:
-    """State, tips and deflections of every lane (recorded)."""
-    raise NotImplementedError("the recorded kernel exists in assembled modules only")
-
-
-def joint_kernel(arena: Any, length_1: float, length_2: float, branch: float) -> None:
-    """Joint angles and rates of the rigid arm on the reference, of every lane (recorded)."""
-    raise NotImplementedError("the recorded kernel exists in assembled modules only")
-
-
-def features_kernel(arena: Any, length_1: float, length_2: float, weights: Any) -> None:
-    """Parts of observations and terms of the reward, of every lane (recorded)."""
-    raise NotImplementedError("the recorded kernel exists in assembled modules only")
-
-
-def take_actions(arena: Any, actions: Any, first: int, plan: Any) -> None:
+def take_actions(arena: Arena, actions: Actions, first: int, plan: Plan) -> None:
     """Enter the actions of a block, limited to [-1, 1], before the earlier ones, and note their squared change."""
-    channels = plan[CHANNELS]
-    newest = TAIL + 2 * plan[PREVIEWS]
-    for row in range(newest + plan[KEPT_ACTIONS] * channels - 1, newest + channels - 1, -1):
-        kept = arena[row * LANES : (row + 1) * LANES]
-        later = arena[(row - channels) * LANES : (row - channels + 1) * LANES]
-        for i in range(LANES):
+    channels = plan[header.CHANNELS]
+    newest = row.TAIL + 2 * plan[header.PREVIEWS]
+    for at in range(newest + plan[header.KEPT_ACTIONS] * channels - 1, newest + channels - 1, -1):
+        kept: LaneRow = arena[at]
+        later: LaneRow = arena[at - channels]
+        for i in range(variant.lanes):
             kept[i] = later[i]
-    changes = arena[ACTION_CHANGE * LANES : (ACTION_CHANGE + 1) * LANES]
-    for i in range(LANES):
+    changes: LaneRow = arena[row.ACTION_CHANGE]
+    for i in range(variant.lanes):
         changes[i] = 0.0
-    ours = actions[first : first + LANES]
+    ours = actions[first : first + variant.lanes]
     for r in range(channels):
-        last = arena[(newest + r) * LANES : (newest + r + 1) * LANES]
-        for i in range(LANES):
+        last: LaneRow = arena[newest + r]
+        for i in range(variant.lanes):
             action = clip(ours[i, r], -1.0, 1.0)
             change = action - last[i]
             last[i] = action
             changes[i] += change * change
 
 
+@inlined_in_its_caller
 def observe(
-    arena: Any,
-    history: Any,
-    clock: Any,
-    keys: Any,
-    paths: Any,
-    plan: Any,
-    settings: Any,
-    observations: Any,
+    arena: Arena,
+    history: History,
+    clock: Clock,
+    keys: Keys,
+    paths: Paths,
+    plan: Plan,
+    settings: Table,
+    observations: Observations,
     first: int,
-    who: Any,
+    who: Mask,
 ) -> None:
     """Sense, judge and report the present instant.
 
@@ -86,7 +82,10 @@ def observe(
     write_observations(arena, observations, first, plan, settings, who)
 
 
-def look(arena: Any, history: Any, clock: Any, keys: Any, paths: Any, plan: Any, settings: Any, who: Any) -> None:
+@inlined_in_its_caller
+def look(
+    arena: Arena, history: History, clock: Clock, keys: Keys, paths: Paths, plan: Plan, settings: Table, who: Mask
+) -> None:
     """Sense, and judge the present instant, on a block; doing it again changes nothing.
 
     Args: as `sampling.sense`.
@@ -95,69 +94,105 @@ def look(arena: Any, history: Any, clock: Any, keys: Any, paths: Any, plan: Any,
     follow_reference(arena, clock, paths, settings)
     sense(arena, history, clock, keys, paths, plan, settings, who)
     for r in range(4):
-        row = r if r < 2 else SIZE + r - 2
-        for i in range(LANES):
-            arena[i + (MEASURED + r) * LANES] = arena[i + (STATE + row) * LANES]
-        if DISTURBED:
-            deviation = settings[ENCODER_NOISE + r // 2]
-            for i in range(LANES if deviation > 0.0 else 0):
+        at = r if r < 2 else variant.size + r - 2
+        for i in range(variant.lanes):
+            arena[row.MEASURED + r, i] = arena[row.STATE + at, i]
+        if variant.disturbed:
+            deviation = settings[setting.ENCODER_NOISE + r // 2]
+            for i in range(variant.lanes if deviation > 0.0 else 0):
                 noise = normal(keys[i], noise_place(clock, plan, i) + CHANNELS_OF_NOISE + 2 * r)
-                arena[i + (MEASURED + r) * LANES] += deviation * noise
-    joint_kernel(arena, settings[LENGTHS], settings[LENGTHS + 1], settings[BRANCH])
-    features_kernel(arena, settings[LENGTHS], settings[LENGTHS + 1], settings[WEIGHTS : WEIGHTS + TERMS])
+                arena[row.MEASURED + r, i] += deviation * noise
+    joint_kernel(arena, settings[setting.LENGTHS], settings[setting.LENGTHS + 1], settings[setting.BRANCH])
+    features_kernel(
+        arena,
+        settings[setting.LENGTHS],
+        settings[setting.LENGTHS + 1],
+        settings[setting.WEIGHTS : setting.WEIGHTS + variant.reward_terms],
+    )
+    note_elbow(arena)
+    if variant.own_paths:
+        note_rest(arena, clock, settings)
     judge(arena, settings)
 
 
-def follow_reference(arena: Any, clock: Any, paths: Any, settings: Any) -> None:
+def follow_reference(arena: Arena, clock: Clock, paths: Paths, settings: Table) -> None:
     """The reference of every lane at the present instant, its phase of the lap, and the episode's time.
 
     A lane knows the side of the path it is on; only where that ends is the next one searched for.
     """
-    h = settings[STEP]
+    h = settings[setting.STEP]
     turning = 0
-    for i in range(LANES):
-        turning += side_time(arena, clock, h, i) >= arena[i + (PRESENT_SIDE + SIDE_END) * LANES]
-    for i in range(LANES if turning > 0 else 0):
-        if side_time(arena, clock, h, i) >= arena[i + (PRESENT_SIDE + SIDE_END) * LANES]:
-            p = clock[PATH, i]
-            k = note_side(arena, PRESENT_SIDE, paths, p, (clock[STEPS, i] + AHEAD) * h, i)
+    for i in range(variant.lanes):
+        turning += side_time(arena, clock, h, i) >= arena[row.PRESENT_SIDE + segment.END, i]
+    for i in range(variant.lanes if turning > 0 else 0):
+        if side_time(arena, clock, h, i) >= arena[row.PRESENT_SIDE + segment.END, i]:
+            p = clock[clock_row.PATH, i]
+            k = note_side(arena, row.PRESENT_SIDE, paths, p, (clock[clock_row.STEPS, i] + AHEAD) * h, i)
             following = k + 1 if k + 2 < paths.shape[1] else 0
-            arena[i + NEXT_TIME * LANES] = paths[p, following + 1, 0] - paths[p, following, 0]
+            arena[row.NEXT_TIME, i] = paths[p, following + 1, 0] - paths[p, following, 0]
             for r in range(2):
-                arena[i + (NEXT_VELOCITY + r) * LANES] = paths[p, following, 3 + r]
-    lap = settings[LAP]
-    for i in range(LANES):
-        now = clock[STEPS, i] * h
-        within = now - arena[i + (PRESENT_SIDE + SIDE_LAP) * LANES]
-        passed = within - arena[i + (PRESENT_SIDE + SIDE_BEGIN) * LANES]
+                arena[row.NEXT_VELOCITY + r, i] = paths[p, following, 3 + r]
+    lap = settings[setting.LAP]
+    for i in range(variant.lanes):
+        now = clock[clock_row.STEPS, i] * h
+        within = now - arena[row.PRESENT_SIDE + segment.LAP, i]
+        passed = within - arena[row.PRESENT_SIDE + segment.BEGIN, i]
         for r in range(2):
-            arena[i + (REFERENCE + r) * LANES] = on_side(arena, PRESENT_SIDE, i, r, now)
-            arena[i + (REFERENCE + 2 + r) * LANES] = arena[i + (PRESENT_SIDE + SIDE_VELOCITY + r) * LANES]
-        arena[i + SIDE_PASSED * LANES] = min(passed, (clock[STEPS, i] - clock[SINCE, i]) * h)
-        arena[i + SIDE_LEFT * LANES] = arena[i + (PRESENT_SIDE + SIDE_END) * LANES] - within
+            arena[row.REFERENCE + r, i] = on_side(arena, row.PRESENT_SIDE, i, r, now)
+            arena[row.REFERENCE + 2 + r, i] = arena[row.PRESENT_SIDE + segment.VELOCITY + r, i]
+        arena[row.SIDE_PASSED, i] = min(passed, (clock[clock_row.STEPS, i] - clock[clock_row.SINCE, i]) * h)
+        arena[row.SIDE_LEFT, i] = arena[row.PRESENT_SIDE + segment.END, i] - within
         laps = now / lap
-        arena[i + PHASE * LANES] = laps - floor(laps)
-        arena[i + TIME * LANES] = (clock[STEPS, i] - clock[BEGAN, i]) * h
+        arena[row.PHASE, i] = laps - floor(laps)
+        arena[row.TIME, i] = (clock[clock_row.STEPS, i] - clock[clock_row.BEGAN, i]) * h
 
 
-def side_time(arena: Any, clock: Any, h: float, i: int) -> float:
+@per_lane
+def side_time(arena: Arena, clock: Clock, h: float, i: int) -> float:
     """Time of the lap that says whether lane i's reference is still on its side [s]."""
-    return (clock[STEPS, i] + AHEAD) * h - arena[i + (PRESENT_SIDE + SIDE_LAP) * LANES]
+    return (clock[clock_row.STEPS, i] + AHEAD) * h - arena[row.PRESENT_SIDE + segment.LAP, i]
 
 
-def judge(arena: Any, settings: Any) -> None:
+def note_elbow(arena: Arena) -> None:
+    """Side of every lane's elbow, 1 where sin(theta2) >= 0 and -1 elsewhere, and how often it has changed.
+
+    A state that is not finite changes nothing. At the beginning of an episode the side before is 0.
+    """
+    for i in range(variant.lanes):
+        turns = arena[row.STATE + 1, i] * 0.15915494309189535
+        share = turns - floor(turns)
+        before = arena[row.ELBOW_SIDE, i]
+        side = 1.0 if share < 0.5 else (-1.0 if share >= 0.5 else before)
+        arena[row.ELBOW_CHANGES, i] += 1.0 if side * before < 0.0 else 0.0
+        arena[row.ELBOW_SIDE, i] = side
+
+
+def note_rest(arena: Arena, clock: Clock, settings: Table) -> None:
+    """Whether every lane's tip was near the reference through the final rest of a lap of moves.
+
+    This is decided at the first instant after the lap, and stays until the next lap ends; before it is 0.
+    """
+    h, lap = settings[setting.STEP], settings[setting.LAP]
+    for i in range(variant.lanes):
+        now = (clock[clock_row.STEPS, i] + AHEAD) * h
+        if not arena[row.TIP_ERROR, i] <= NEAR:
+            arena[row.AWAY, i] = now
+        end = floor(now / lap) * lap  # of the latest complete lap
+        if now - end < settings[setting.PERIOD]:
+            arena[row.SUCCESS, i] = 1.0 if arena[row.AWAY, i] < end - FINAL_REST * lap else 0.0
+
+
+def judge(arena: Arena, settings: Table) -> None:
     """Status of every lane: the state's (`state_status`), -2 for a link bent too far, -3 for too large an error."""
     state_status(arena)
-    for i in range(LANES):
-        status = arena[i + STATUS * LANES]
-        x = arena[i + TRUE_TIP * LANES] - arena[i + REFERENCE * LANES]
-        y = arena[i + (TRUE_TIP + 1) * LANES] - arena[i + (REFERENCE + 1) * LANES]
-        bent = max(abs(arena[i + DEFLECTION * LANES]), abs(arena[i + (DEFLECTION + 1) * LANES]))
-        far = x * x + y * y > settings[ERROR_LIMIT] * settings[ERROR_LIMIT]
-        outside = -2.0 if bent > settings[DEFLECTION_LIMIT] else (-3.0 if far else 0.0)
-        arena[i + STATUS * LANES] = outside if status == 0.0 else status
-        reward = arena[i + REWARD * LANES]
-        arena[i + REWARD * LANES] = reward if status == 0.0 else 0.0  # no state, no reward
-        for n in range(TERMS):
-            term = arena[i + (REWARD_TERMS + n) * LANES]
-            arena[i + (REWARD_TERMS + n) * LANES] = term if status == 0.0 else 0.0
+    for i in range(variant.lanes):
+        status = arena[row.STATUS, i]
+        bent = max(abs(arena[row.DEFLECTION, i]), abs(arena[row.DEFLECTION + 1, i]))
+        far = arena[row.TIP_ERROR, i] > settings[setting.ERROR_LIMIT]
+        outside = -2.0 if bent > settings[setting.DEFLECTION_LIMIT] else (-3.0 if far else 0.0)
+        arena[row.STATUS, i] = outside if status == 0.0 else status
+        reward = arena[row.REWARD, i]
+        arena[row.REWARD, i] = reward if status == 0.0 else 0.0  # no state, no reward
+        for n in range(variant.reward_terms):
+            term = arena[row.REWARD_TERMS + n, i]
+            arena[row.REWARD_TERMS + n, i] = term if status == 0.0 else 0.0

@@ -28,15 +28,23 @@ EFFORT = (150.0, 50.0)  # [N m]
 VIBRATION = 1.0  # [m/s]
 
 
-def tracking_terms(tip: Sequence[Any], reference: Sequence[Any]) -> list[Any]:
-    """The three tracking terms.
+def squared_distance(tip: Sequence[Any], reference: Sequence[Any]) -> Any:
+    """Squared distance of the true tip from the reference [m^2].
 
     Args:
         tip: x, y of the true tip [m].
         reference: where it should be [m].
     """
     x, y = tip[0] - reference[0], tip[1] - reference[1]
-    square = x * x + y * y
+    return x * x + y * y
+
+
+def tracking_terms(square: Any) -> list[Any]:
+    """The three tracking terms.
+
+    Args:
+        square: squared distance of the true tip from the reference [m^2].
+    """
     distance = root(square)
     wide, middle, fine = WIDTHS
     return [exp_minus(square / (wide * wide)), exp_minus(distance / middle), exp_minus(distance / fine)]

@@ -1,85 +1,25 @@
 """Drivers of the closed loop's kernels: loops over lanes, stages, steps and blocks.
 
-`kernels` assembles these functions with the recorded physics into one module per variant and compiles that; here
-they are plain Python for reading, checking and testing. The names in capitals are constants of the assembled
-module (`layout`); those below belong to one mode and one lane, and stand here so that the file is complete.
-
-A *block* holds LANES environments. Its *arena* is one flat array of rows of LANES numbers, ``arena[i + row *
-LANES]`` for lane i: constant row distance and indices that cannot be negative let the compiler work on several
-lanes at once.
+A *block* holds some environments, its lanes. All that is known of them is in its *arena*, one row of lanes for each
+quantity (`rows.Row`); their late readings are in its *delay line*, a ring of slots of four rows: two readings, two
+rates. `kernels` assembles these functions with recorded formulas into one module per variant and compiles that; here
+they are plain Python for reading, checking and testing (`declarations.plain_python`).
 """
 
 from __future__ import annotations
 
-from typing import Any
-
-from flexarm_env.kernels.path_cache import (
-    AHEAD,
-    SIDE_BEGIN,
-    SIDE_END,
-    SIDE_LAP,
-    chord_at,
-    forget_side,
-    note_side,
-    on_side,
-    reference_at,
-)
-
-LANES = 1
-SIZE = 4  # internal coordinates
-STAGES = 4
-Y = V = Y_STAGE = V_STAGE = V_SLOTS = MECHANICAL = MECHANICAL_SLOTS = FEEDBACK = FEEDBACK_SLOTS = OFFSET = 0
-WEIGHT = RATE_OFFSET = RATE_WEIGHT = COMMAND_1 = COMMAND_2 = COMMAND_SIDE = COMMAND_DELAY = 0
-DELAY = RATE_LATE = 0
-# What a lane's clock counts and points to: integration steps of path time, its path, the step before which the
-# reference rests, the step at which the episode began, and the delay line's newest slot, the same for a whole block.
-STEPS, PATH, SINCE, BEGAN, HEAD = 0, 1, 2, 3, 4
-CLOCK = 5
-LATE = True
-TAU = REFERENCE = STATE = LIMITS = STATUS = TORQUE = 0
-
-# ARS(4,4,3) of Ascher, Ruuth & Spiteri (1997), third order: explicit coefficients for the arm, singly diagonally
-# implicit and stiffly accurate ones (gamma = 1/2, L-stable) for the law. The last stage is the step's result.
-NODES = (0.5, 2.0 / 3.0, 0.5, 1.0)
-GAMMA = 0.5
-EXPLICIT = (
-    (0.5, 0.0, 0.0, 0.0),
-    (11.0 / 18.0, 1.0 / 18.0, 0.0, 0.0),
-    (5.0 / 6.0, -5.0 / 6.0, 0.5, 0.0),
-    (0.25, 1.75, 0.75, -1.75),
-)
-IMPLICIT = (
-    (0.0, 0.0, 0.0, 0.0),
-    (0.0, 1.0 / 6.0, 0.0, 0.0),
-    (0.0, -0.5, 0.5, 0.0),
-    (0.0, 1.5, -1.5, 0.5),
-)
+from flexarm_env.codegen.arrays import Arena, Arenas, Clock, Clocks, Histories, History, Paths
+from flexarm_env.codegen.declarations import Program, per_lane
+from flexarm_env.kernels.entries import clock_row
+from flexarm_env.kernels.layout import row
+from flexarm_env.kernels.path_cache import AHEAD, chord_at, forget_side, note_side, on_side, reference_at, segment
+from flexarm_env.kernels.recorded import law_kernel, reading_kernel
+from flexarm_env.kernels.reported import outputs_kernel
+from flexarm_env.kernels.tableau import EXPLICIT, IMPLICIT, NODES, STAGES
+from flexarm_env.kernels.variants import variant
 
 
-def law_kernel(arena: Any, h: float, ahead: float, explicit: Any, implicit: Any) -> None:
-    """One stage of the closed loop on every lane (recorded): combine earlier stages, then `closed_loop.law_stage`.
-
-    Args:
-        arena: of one block; results in Y_STAGE, V_STAGE, MECHANICAL, FEEDBACK, TAU.
-        h: step [s].
-        ahead: time of the stage after the step's start [s].
-        explicit: coefficients of the stages before, explicit part.
-        implicit: the same, implicit part.
-    """
-    raise NotImplementedError("the recorded kernel exists in assembled modules only")
-
-
-def reading_kernel(arena: Any, readings: Any) -> None:
-    """What the sensor would measure now, without delay, on every lane: two readings, two rates (recorded)."""
-    raise NotImplementedError("the recorded kernel exists in assembled modules only")
-
-
-def outputs_kernel(arena: Any) -> None:
-    """Sensed position and tips on every lane (recorded)."""
-    raise NotImplementedError("the recorded kernel exists in assembled modules only")
-
-
-def prepare_commands(arena: Any, clock: Any, paths: Any, h: float) -> None:
+def prepare_commands(arena: Arena, clock: Clock, paths: Paths, h: float) -> None:
     """Write each joint's command for the step at hand: position at its start, and velocity.
 
     Within a step the reference runs along its chord. Where a corner falls inside, the velocity is then its mean over
@@ -87,77 +27,81 @@ def prepare_commands(arena: Any, clock: Any, paths: Any, h: float) -> None:
 
     Args:
         arena: of one block.
-        clock: of each lane, see STEPS. Shape (CLOCK, LANES).
+        clock: of each lane, see `entries.ClockRow`. Shape (5, lanes).
         paths: of all lanes, see `reference_at`. Shape (paths, n, 5).
         h: step [s].
     """
     others = 0
-    for i in range(LANES):
-        time = clock[STEPS, i] * h - arena[i + COMMAND_DELAY * LANES]
+    for i in range(variant.lanes):
+        time = clock[clock_row.STEPS, i] * h - arena[row.COMMAND_DELAY, i]
         for r in range(2):
-            here, there = on_side(arena, COMMAND_SIDE, i, r, time), on_side(arena, COMMAND_SIDE, i, r, time + h)
+            here, there = on_side(arena, row.COMMAND_SIDE, i, r, time), on_side(arena, row.COMMAND_SIDE, i, r, time + h)
             velocity = (there - here) / h
-            for joint in (COMMAND_1, COMMAND_2):
-                arena[i + (joint + r) * LANES] = here
-                arena[i + (joint + 2 + r) * LANES] = velocity
+            for joint in (row.COMMAND_1, row.COMMAND_2):
+                arena[joint + r, i] = here
+                arena[joint + 2 + r, i] = velocity
         others += not chord_known(arena, clock, i, time, h)
-    for i in range(LANES if others > 0 else 0):
-        p, now, since = clock[PATH, i], clock[STEPS, i] * h, clock[SINCE, i] * h
-        late_1, late_2 = arena[i + COMMAND_DELAY * LANES], arena[i + (COMMAND_DELAY + 1) * LANES]
+    for i in range(variant.lanes if others > 0 else 0):
+        p, now, since = clock[clock_row.PATH, i], clock[clock_row.STEPS, i] * h, clock[clock_row.SINCE, i] * h
+        late_1, late_2 = arena[row.COMMAND_DELAY, i], arena[row.COMMAND_DELAY + 1, i]
         if not chord_known(arena, clock, i, now - late_1, h):
-            note_side(arena, COMMAND_SIDE, paths, p, now - late_1 + h, i)  # where the next step begins
+            note_side(arena, row.COMMAND_SIDE, paths, p, now - late_1 + h, i)  # where the next step begins
             command_1 = chord_at(paths, p, now - late_1, h, since)
             command_2 = command_1
             if late_2 != late_1:
                 command_2 = chord_at(paths, p, now - late_2, h, since)
             for r in range(4):
-                arena[i + (COMMAND_1 + r) * LANES] = command_1[r]
-                arena[i + (COMMAND_2 + r) * LANES] = command_2[r]
+                arena[row.COMMAND_1 + r, i] = command_1[r]
+                arena[row.COMMAND_2 + r, i] = command_2[r]
 
 
-def chord_known(arena: Any, clock: Any, i: int, time: float, h: float) -> bool:
+@per_lane
+def chord_known(arena: Arena, clock: Clock, i: int, time: float, h: float) -> bool:
     """Whether lane i's commands run along the noted side in the whole step that begins at a time [s].
 
     One side is noted for both joints: commands that are late by different times are searched for in each step.
     """
-    within = time - arena[i + (COMMAND_SIDE + SIDE_LAP) * LANES]
-    begun = (within >= arena[i + (COMMAND_SIDE + SIDE_BEGIN) * LANES]) & (time >= clock[SINCE, i] * h)
-    together = arena[i + COMMAND_DELAY * LANES] == arena[i + (COMMAND_DELAY + 1) * LANES]
-    return begun & together & (within + h < arena[i + (COMMAND_SIDE + SIDE_END) * LANES])
+    within = time - arena[row.COMMAND_SIDE + segment.LAP, i]
+    begun = (within >= arena[row.COMMAND_SIDE + segment.BEGIN, i]) & (time >= clock[clock_row.SINCE, i] * h)
+    together = arena[row.COMMAND_DELAY, i] == arena[row.COMMAND_DELAY + 1, i]
+    return begun & together & (within + h < arena[row.COMMAND_SIDE + segment.END, i])
 
 
-def prepare_readings(arena: Any, history: Any, clock: Any, h: float, node: float) -> None:
+def prepare_readings(arena: Arena, history: History, clock: Clock, h: float, node: float) -> None:
     """Write the late readings for a stage at t + node h.
 
     Args:
         arena: of one block.
-        history: readings at past steps, a ring. Shape (slots, 4, LANES) flat: two readings, two rates.
-        clock: of each lane, see STEPS. Shape (CLOCK, LANES).
+        history: readings at past steps, a ring. Shape (slots * 4, lanes).
+        clock: of each lane, see `entries.ClockRow`. Shape (5, lanes).
         h: step [s].
         node: of the stage, 0 to 1.
     """
-    slots = history.shape[0] // (4 * LANES)
-    slot = clock[HEAD, 0]
-    for i in range(LANES if LATE else 0):
-        for j in range(2):
-            prepare_reading(arena, history, slots, slot, i, j, h, node)
+    slots = history.shape[0] // 4
+    slot = clock[clock_row.HEAD, 0]
+    if variant.late:
+        for i in range(variant.lanes):
+            for j in range(2):
+                prepare_reading(arena, history, slots, slot, i, j, h, node)
 
 
-def past_reading(history: Any, slots: int, slot: int, i: int, j: int, h: float, back: float) -> tuple[float, float]:
+@per_lane
+def past_reading(history: History, slots: int, slot: int, i: int, j: int, h: float, back: float) -> tuple[float, float]:
     """Reading j of lane i and its rate, `back` steps before the slot of the present one; see `prepare_reading`."""
     if back == 0.0:
-        return history[i + (4 * slot + j) * LANES], history[i + (4 * slot + 2 + j) * LANES]
+        return history[4 * slot + j, i], history[4 * slot + 2 + j, i]
     first, last, u = around(slots, slot, back)
     return between(
-        history[i + (first + j) * LANES],
-        history[i + (last + j) * LANES],
-        history[i + (first + 2 + j) * LANES],
-        history[i + (last + 2 + j) * LANES],
+        history[first + j, i],
+        history[last + j, i],
+        history[first + 2 + j, i],
+        history[last + 2 + j, i],
         h,
         u,
     )
 
 
+@per_lane
 def around(slots: int, slot: int, back: float) -> tuple[int, int, float]:
     """Rows of the delay line at which the readings before and after a moment begin, and where it lies between.
 
@@ -173,6 +117,7 @@ def around(slots: int, slot: int, back: float) -> tuple[int, int, float]:
     return 4 * first, 4 * last, 1.0 - (back - whole)
 
 
+@per_lane
 def between(a: float, b: float, a_rate: float, b_rate: float, h: float, u: float) -> tuple[float, float]:
     """Value and rate a share u of a step h after a, by the cubic with these values and rates at its ends."""
     a_rise, b_rise = h * a_rate, h * b_rate
@@ -182,23 +127,25 @@ def between(a: float, b: float, a_rate: float, b_rate: float, h: float, u: float
     return a + u * (a_rise + u * (curve + u * twist)), (a_rise + u * (2.0 * curve + u * 3.0 * twist)) / h
 
 
-def prepare_reading(arena: Any, history: Any, slots: int, slot: int, i: int, j: int, h: float, node: float) -> None:
+def prepare_reading(
+    arena: Arena, history: History, slots: int, slot: int, i: int, j: int, h: float, node: float
+) -> None:
     """Write offset and weight of reading j of lane i at t + node h (see `closed_loop.Law`).
 
     Readings at past steps are interpolated by cubic Hermite polynomials, whose error is of fourth order. A delay
     shorter than node h falls into the step at hand: the reading is then a parabola through the one at t, with its
     rate, and the stage's own, so that it tends to the undelayed one as the delay vanishes.
     """
-    position = node - arena[i + (DELAY + j) * LANES] / h  # in steps from t
+    position = node - arena[row.DELAY + j, i] / h  # in steps from t
     offset = 0.0
     weight = 1.0
     rate_offset = 0.0
     rate_weight = 1.0
     if position > 0.0:
-        here = slot * 4 * LANES
+        here = slot * 4
         u = position / node
-        value = history[i + here + j * LANES]
-        rate = history[i + here + (2 + j) * LANES]
+        value = history[here + j, i]
+        rate = history[here + 2 + j, i]
         weight = u * u
         offset = value * (1.0 - u * u) + rate * h * (position - position * u)
         rate_weight = u
@@ -207,65 +154,65 @@ def prepare_reading(arena: Any, history: Any, slots: int, slot: int, i: int, j: 
         offset, rate_offset = past_reading(history, slots, slot, i, j, h, -position)
         weight = 0.0
         rate_weight = 0.0
-    arena[i + (OFFSET + j) * LANES] = offset
-    arena[i + (WEIGHT + j) * LANES] = weight
-    late = arena[i + RATE_LATE * LANES] > 0.0
-    arena[i + (RATE_OFFSET + j) * LANES] = rate_offset if late else 0.0
-    arena[i + (RATE_WEIGHT + j) * LANES] = rate_weight if late else 1.0
+    arena[row.OFFSET + j, i] = offset
+    arena[row.WEIGHT + j, i] = weight
+    late = arena[row.RATE_LATE, i] > 0.0
+    arena[row.RATE_OFFSET + j, i] = rate_offset if late else 0.0
+    arena[row.RATE_WEIGHT + j, i] = rate_weight if late else 1.0
 
 
-def slot_after(clock: Any, history: Any, steps: int) -> int:
+def slot_after(clock: Clock, history: History, steps: int) -> int:
     """Slot of a block's delay line that so many integration steps from now on will be the newest one."""
-    return (clock[HEAD, 0] + steps) % (history.shape[0] // (4 * LANES))
+    return (clock[clock_row.HEAD, 0] + steps) % (history.shape[0] // 4)
 
 
-def count_steps(clock: Any, history: Any, steps: int) -> None:
+def count_steps(clock: Clock, history: History, steps: int) -> None:
     """Count integration steps of every lane of a block, and move on in its delay line."""
     head = slot_after(clock, history, steps)
-    for i in range(LANES):
-        clock[STEPS, i] += steps
-        clock[HEAD, i] = head
+    for i in range(variant.lanes):
+        clock[clock_row.STEPS, i] += steps
+        clock[clock_row.HEAD, i] = head
 
 
-def store_reading(arena: Any, history: Any, slot: int) -> None:
+def store_reading(arena: Arena, history: History, slot: int) -> None:
     """Enter the current readings into a slot of the delay line."""
-    reading_kernel(arena, history[slot * 4 * LANES : (slot + 1) * 4 * LANES])
+    reading_kernel(arena, history[slot * 4 : (slot + 1) * 4])
 
 
-def evaluate_law(arena: Any, history: Any, clock: Any, paths: Any, h: float) -> None:
+def evaluate_law(arena: Arena, history: History, clock: Clock, paths: Paths, h: float) -> None:
     """The law's torque at the present instant with the present gain; mechanical acceleration as well."""
     prepare_commands(arena, clock, paths, h)
     prepare_readings(arena, history, clock, h, 0.0)
     law_kernel(arena, 0.0, 0.0, (0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0))
     for r in range(2):
-        for i in range(LANES):
-            arena[i + (TORQUE + r) * LANES] = arena[i + (TAU + r) * LANES]
+        for i in range(variant.lanes):
+            arena[row.TORQUE + r, i] = arena[row.TAU + r, i]
 
 
-def start(arena: Any, history: Any, clock: Any, paths: Any, h: float) -> None:
+def start(arena: Arena, history: History, clock: Clock, paths: Paths, h: float) -> None:
     """Complete every lane of a block from its state."""
-    for i in range(LANES):
-        forget_side(arena, COMMAND_SIDE, i)
-    for row in range(STAGES * SIZE):  # what an earlier episode left, at worst not finite
-        for i in range(LANES):
-            arena[i + (V_SLOTS + row) * LANES] = 0.0
-            arena[i + (MECHANICAL_SLOTS + row) * LANES] = 0.0
-            arena[i + (FEEDBACK_SLOTS + row) * LANES] = 0.0
+    for i in range(variant.lanes):
+        forget_side(arena, row.COMMAND_SIDE, i)
+    for at in range(STAGES * variant.size):  # what an earlier episode left, at worst not finite
+        for i in range(variant.lanes):
+            arena[row.V_SLOTS + at, i] = 0.0
+            arena[row.MECHANICAL_SLOTS + at, i] = 0.0
+            arena[row.FEEDBACK_SLOTS + at, i] = 0.0
     evaluate_law(arena, history, clock, paths, h)
     store_stage(arena, 0)
 
 
-def store_stage(arena: Any, slot: int) -> None:
+def store_stage(arena: Arena, slot: int) -> None:
     """Keep what the law's kernel found for the stages to come."""
-    for r in range(SIZE):
-        for i in range(LANES):
-            row = slot * SIZE + r
-            arena[i + (V_SLOTS + row) * LANES] = arena[i + (V_STAGE + r) * LANES]
-            arena[i + (MECHANICAL_SLOTS + row) * LANES] = arena[i + (MECHANICAL + r) * LANES]
-            arena[i + (FEEDBACK_SLOTS + row) * LANES] = arena[i + (FEEDBACK + r) * LANES]
+    for r in range(variant.size):
+        for i in range(variant.lanes):
+            at = slot * variant.size + r
+            arena[row.V_SLOTS + at, i] = arena[row.V_STAGE + r, i]
+            arena[row.MECHANICAL_SLOTS + at, i] = arena[row.MECHANICAL + r, i]
+            arena[row.FEEDBACK_SLOTS + at, i] = arena[row.FEEDBACK + r, i]
 
 
-def loop_step(arena: Any, history: Any, clock: Any, paths: Any, h: float) -> None:
+def loop_step(arena: Arena, history: History, clock: Clock, paths: Paths, h: float) -> None:
     """One step of the closed loop on every lane of a block."""
     prepare_commands(arena, clock, paths, h)
     for stage in range(STAGES):
@@ -273,26 +220,26 @@ def loop_step(arena: Any, history: Any, clock: Any, paths: Any, h: float) -> Non
         law_kernel(arena, h, h * NODES[stage], EXPLICIT[stage], IMPLICIT[stage])
         if stage + 1 < STAGES:
             store_stage(arena, stage + 1)
-    for r in range(SIZE):
-        for i in range(LANES):
-            arena[i + (Y + r) * LANES] = arena[i + (Y_STAGE + r) * LANES]
-            arena[i + (V + r) * LANES] = arena[i + (V_STAGE + r) * LANES]
+    for r in range(variant.size):
+        for i in range(variant.lanes):
+            arena[row.Y + r, i] = arena[row.Y_STAGE + r, i]
+            arena[row.V + r, i] = arena[row.V_STAGE + r, i]
     store_stage(arena, 0)  # the last stage is the step's end, where the next step starts
     count_steps(clock, history, 1)
-    store_reading(arena, history, clock[HEAD, 0])
+    store_reading(arena, history, clock[clock_row.HEAD, 0])
 
 
-def state_status(arena: Any) -> None:
+def state_status(arena: Arena) -> None:
     """Status of every lane: 0 for a valid state; -1 if it is not finite; n if its entry n - 1 is beyond its limit."""
-    for i in range(LANES):
+    for i in range(variant.lanes):
         status = 0.0
-        for r in range(2 * SIZE - 1, -1, -1):
-            beyond = not abs(arena[i + (STATE + r) * LANES]) <= arena[i + (LIMITS + r) * LANES]
+        for r in range(2 * variant.size - 1, -1, -1):
+            beyond = not abs(arena[row.STATE + r, i]) <= arena[row.LIMITS + r, i]
             status = r + 1.0 if beyond else status
-        for r in range(2 * SIZE):
-            value = arena[i + (STATE + r) * LANES]
+        for r in range(2 * variant.size):
+            value = arena[row.STATE + r, i]
             status = status if value - value == 0.0 else -1.0
-        arena[i + STATUS * LANES] = status
+        arena[row.STATUS, i] = status
 
 
 def failures(size: int) -> dict[float, str | None]:
@@ -305,34 +252,38 @@ def failures(size: int) -> dict[float, str | None]:
     return {0.0: None, -1.0: "diverged"} | {1.0 + n: reason for n, reason in enumerate(entries)}
 
 
-def write_outputs(arena: Any, history: Any, clock: Any, paths: Any, h: float) -> None:
+def write_outputs(arena: Arena, history: History, clock: Clock, paths: Paths, h: float) -> None:
     """Observation, state, tips, reward and status of every lane of a block at the present instant."""
     prepare_readings(arena, history, clock, h, 0.0)
-    for i in range(LANES):
-        steps = clock[STEPS, i]
-        reference = reference_at(paths, clock[PATH, i], steps * h, (steps + AHEAD) * h, clock[SINCE, i] * h)
+    for i in range(variant.lanes):
+        steps = clock[clock_row.STEPS, i]
+        reference = reference_at(
+            paths, clock[clock_row.PATH, i], steps * h, (steps + AHEAD) * h, clock[clock_row.SINCE, i] * h
+        )
         for r in range(4):
-            arena[i + (REFERENCE + r) * LANES] = reference[r]
+            arena[row.REFERENCE + r, i] = reference[r]
     outputs_kernel(arena)
     state_status(arena)
 
 
-def run_loop(arenas: Any, histories: Any, clocks: Any, paths: Any, h: float, steps: int, initialise: bool) -> None:
+def run_loop(
+    arenas: Arenas, histories: Histories, clocks: Clocks, paths: Paths, h: float, steps: int, initialise: bool
+) -> None:
     """Advance all blocks by a control period, or complete them after a reset.
 
     Args:
-        arenas: Shape (blocks, rows * LANES).
-        histories: Shape (blocks, slots * 4 * LANES).
-        clocks: Shape (blocks, CLOCK, LANES).
+        arenas: Shape (blocks, rows, lanes).
+        histories: Shape (blocks, slots * 4, lanes).
+        clocks: Shape (blocks, 5, lanes).
         paths: of all lanes, see `reference_at`. Shape (paths, n, 5).
         h: step [s].
         steps: how many; 0 after a reset.
         initialise: complete the states first (after a reset).
     """
     for block in range(arenas.shape[0]):
-        arena = arenas[block]
-        history = histories[block]
-        clock = clocks[block]
+        arena: Arena = arenas[block]
+        history: History = histories[block]
+        clock: Clock = clocks[block]
         if initialise:
             start(arena, history, clock, paths, h)
         else:
@@ -340,3 +291,6 @@ def run_loop(arenas: Any, histories: Any, clocks: Any, paths: Any, h: float, ste
         for _ in range(steps):
             loop_step(arena, history, clock, paths, h)
         write_outputs(arena, history, clock, paths, h)
+
+
+LOOP = Program("loop", entry_points=(run_loop, store_reading), groups=frozenset({"law", "loop"}), reward_terms=2)

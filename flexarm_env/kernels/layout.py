@@ -1,157 +1,27 @@
-"""What lies where: the rows of an arena and the places of the tables that a kernel module reads.
+"""The rows of an arena, each declared once; `entries` has the other tables that kernels read.
 
-An arena holds LANES environments, one row of LANES numbers for each quantity (`stepping`). Kinds of modules:
-"open" (the bare arm driven by torques), "loop" (the arm under the law), and one for each drive of the environments:
-"torque", "tracking" (inner joint-space law) and "gain" (the law with a commanded gain).
+An arena holds some environments, its lanes: one row of numbers for each quantity (`arrays`). A program's groups say
+which rows its arenas have:
+
+- "law": the paper's law acts (`closed_loop`),
+- "tracking": the joint-space law tracks the reference (`tracking`),
+- "loop": the paper's closed loop (`simulation`),
+- "environment": an environment (`periods`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from functools import lru_cache
+from collections.abc import Callable, Sequence
 
+from flexarm_env.codegen.declarations import Entry, Names, Program
 from flexarm_env.control.jacobian_transpose import Law
-from flexarm_env.episode import reward
-from flexarm_env.kernels import imex
+from flexarm_env.kernels.entries import CONSTANTS_UNIT, QUANTITIES, STATE_UNIT, Shape
 from flexarm_env.kernels.path_cache import SIDE_ROWS
+from flexarm_env.kernels.tableau import STAGES
 from flexarm_env.physics import linear_algebra
 from flexarm_env.physics.bent_link import Place
 from flexarm_env.physics.constants import Constants
 from flexarm_env.physics.modal_elimination import Elimination, elimination
-
-DRIVES = ("torque", "tracking", "gain")
-
-# What may be drawn anew for each episode, with its unit.
-DRAWN = {
-    "delay": "s",
-    "payload_mass": "kg",
-    "stiffness": "1",
-    "damping": "1",
-    "noise": "m",
-    "actuation_delay": "s",
-}
-
-# Numbers of the table `settings` that every kernel of an environment reads, with their counts.
-SETTINGS = {
-    "STEP": 1,
-    "PERIOD": 1,
-    "ACTION_SCALE": 2,
-    "JITTER": 1,
-    "HOLD": 1,
-    "DROPOUT": 1,
-    "ENCODER_NOISE": 2,
-    "DEFLECTION_LIMIT": 1,
-    "ERROR_LIMIT": 1,
-    "LENGTHS": 2,
-    "BRANCH": 1,
-    "START_SPREAD": 2,
-    "MOVES": 2,
-    "LAP": 1,
-    "WEIGHTS": len(reward.TERMS),
-    "SENSOR_DELAYS": 2,
-    "BASE": len(DRAWN),
-    "LOWEST": len(DRAWN),
-    "HIGHEST": len(DRAWN),
-}
-# Arrays that a kernel finds in a fleet's memory after the plan (`memory`).
-MEMORY = (
-    "ARENAS",
-    "HISTORIES",
-    "CLOCKS",
-    "KEYS",
-    "STARTS",
-    "LOOKING",
-    "ACTIONS",
-    "OBSERVATIONS",
-    "SETTINGS",
-    "PATHS",
-    "ORDERS",
-)
-# Whole numbers of the table `plan`: what is to be done; how large some of these arrays are, and their first words.
-PLAN = (
-    "SUBSTEPS",
-    "CHANNELS",
-    "KEPT_ACTIONS",
-    "PREVIEWS",
-    "OBSERVED",
-    "SHIFTING",
-    "COMPENSATION",
-    "READINGS",
-    "DRIVING",
-    "ARENA_SIZE",
-    "HISTORY_SIZE",
-    "PATH_COUNT",
-    "PATH_POINTS",
-    "ORDER_COLUMNS",
-    *MEMORY,
-    "PLACES",
-)
-# Columns of an order for a new episode; NaN where the environment decides. The state's entries follow.
-ORDER = ("start", "phase", "path", *DRAWN)
-
-
-def result_sizes(modes: int) -> dict[str, int]:
-    """What a closed loop gives out at an instant: rows that follow each other in the arena."""
-    size = 2 * modes + 2
-    return {
-        "OBSERVATION": 10 + 2 * modes,
-        "STATE": 2 * size,
-        "TORQUE": 2,
-        "TRUE_TIP": 2,
-        "RIGID_TIP": 2,
-        "REWARD_TERMS": 2,
-        "STATUS": 1,
-    }
-
-
-def beginning_sizes() -> dict[str, int]:
-    """What an environment gives out where an episode begins."""
-    return {"EPISODE": len(DRAWN), "START_TIME": 1}
-
-
-def episode_sizes(modes: int) -> dict[str, int]:
-    """What an environment gives out at an instant: rows that follow each other in the arena."""
-    return beginning_sizes() | {
-        "STATE": 4 * modes + 4,
-        "TORQUE": 2,
-        "TRUE_TIP": 2,
-        "RIGID_TIP": 2,
-        "REFERENCE": 4,
-        "SENSED": 2,
-        "REWARD_TERMS": len(reward.TERMS),
-        "REWARD": 1,
-        "TIME": 1,
-        "EFFECTIVE_GAIN": 1,
-        "STATUS": 1,
-    }
-
-
-def result_rows(rows: dict[str, tuple[int, int]], modes: int) -> tuple[int, int]:
-    """First row of what an environment gives out (`episode_sizes`) in an arena with this layout, and how many rows."""
-    sizes = episode_sizes(modes)
-    return rows[next(iter(sizes))][0], sum(sizes.values())
-
-
-def feature_sizes() -> dict[str, int]:
-    """What observations are made of beside rows that exist anyway."""
-    return {
-        "F_DIRECTIONS": 4,
-        "F_JOINT_ERROR": 2,
-        "F_JOINT_ERROR_RATE": 2,
-        "F_ENCODER_ERROR": 2,
-        "F_REFERENCE": 2,
-        "F_REFERENCE_VELOCITY": 2,
-        "F_SENSED": 2,
-        "F_SENSOR_ERROR": 2,
-        "F_SENSOR_ERROR_RATE": 2,
-        "F_PHASE": 2,
-        "FRAME_AXIS": 2,
-    }
-
-
-def constant_count(modes: int, foreshortened: bool) -> int:
-    """How many numbers the constants of an arm are."""
-    return linear_algebra.extent(Constants.sizes(modes, foreshortened))
 
 
 def elimination_count(modes: int, foreshortened: bool) -> int:
@@ -159,73 +29,172 @@ def elimination_count(modes: int, foreshortened: bool) -> int:
     return 0 if foreshortened else linear_algebra.extent(Elimination.sizes(modes))
 
 
-def _physics(kind: str, modes: int, foreshortened: bool) -> dict[str, int]:
-    size = 2 * modes + 2
-    parts: dict[str, int] = {"Y": size, "V": size, "CONSTANTS": constant_count(modes, foreshortened)}
-    parts |= {"ELIMINATION": elimination_count(modes, foreshortened)}
-    if kind in ("open", "torque", "tracking"):
-        parts |= {"TAU": 2}
-    else:
-        parts |= {name.upper(): n for name, n in Law.sizes(modes, foreshortened).items()}
-        parts |= {"DELAY": 2, "COMMAND_DELAY": 2, "COMMAND_SIDE": SIDE_ROWS, "RATE_LATE": 1}
-        parts |= {"Y_STAGE": size, "V_STAGE": size, "MECHANICAL": size, "FEEDBACK": size, "TAU": 2}
-        parts |= dict.fromkeys(("V_SLOTS", "MECHANICAL_SLOTS", "FEEDBACK_SLOTS"), imex.STAGES * size)
-    if kind == "tracking":
-        parts |= {"STIFFNESS": 2, "RESISTANCE": 2, "TORQUE_LIMIT": 2, "INNER_FROM": 4, "INNER_TO": 4, "SHIFT": 2}
-        parts |= {"STAGE_TORQUE": 2}
-    return parts
+def _size(shape: Shape) -> int:
+    return shape.size
 
 
-@lru_cache
-def layout(kind: str, modes: int, foreshortened: bool = False) -> dict[str, tuple[int, int]]:
-    """First row and number of rows of each named part of an arena."""
-    parts = _physics(kind, modes, foreshortened)
-    pairs = foreshortened * modes * (modes + 1) // 2
-    if kind != "open":
-        parts |= {"LIMITS": 4 * modes + 4}
-        parts |= {"TIP_VALUES": modes, "TIP_DISTANCE": 1, "TIP_FORESHORTENING": pairs}
-    if kind == "loop":
-        parts |= {"REFERENCE": 4} | result_sizes(modes)
-    if kind in DRIVES:
-        parts |= {"PLACE_DISTANCE": 1, "PLACE_VALUES": modes, "PLACE_FORESHORTENING": pairs}
-        parts |= {"SENSOR_DELAY": 2, "MEASURED": 4, "JOINT": 4}
-        parts |= {
-            "FRAME": 1,
-            "PHASE": 1,
-            "PRESENT_SIDE": SIDE_ROWS,
-            # the next one: how long it takes, how fast
-            "NEXT_TIME": 1,
-            "NEXT_VELOCITY": 2,
-            # time since the reference came onto the present one (or began to move), and until it leaves it
-            "SIDE_PASSED": 1,
-            "SIDE_LEFT": 1,
-            "DEFLECTION": 2,
-            "DEFLECTION_RATE": 2,
-            "ACTION_CHANGE": 1,
-        }
-        parts |= {"SAMPLE_TIME": 1, "SAMPLE_AGE": 1, "SAMPLE_POINT": 2, "SAMPLE_REFERENCE": 2}
-        parts |= {"SENSOR_ERROR": 2, "SENSOR_ERROR_RATE": 2}
-        parts |= feature_sizes() | episode_sizes(modes)
-    return _places(parts)
+def _slots(shape: Shape) -> int:
+    return STAGES * shape.size
 
 
-def arena_rows(kind: str, modes: int, foreshortened: bool = False) -> int:
-    """Rows of one arena; an environment's previews and actions come after."""
-    return extent(layout(kind, modes, foreshortened))
+def _pairs(shape: Shape) -> int:
+    return shape.pairs
 
 
-@lru_cache
-def settings_layout(modes: int, foreshortened: bool = False) -> dict[str, tuple[int, int]]:
-    """First place and number of places of each part of `settings`; previews' horizons and factors come after."""
-    constants = dict.fromkeys(("ARM", "PER_PAYLOAD", "PER_DAMPING"), constant_count(modes, foreshortened))
-    return _places(SETTINGS | constants)
+def _modes(shape: Shape) -> int:
+    return shape.modes
 
 
-@lru_cache
-def constant_places(modes: int, foreshortened: bool = False) -> dict[str, tuple[int, int]]:
-    """Where each field of `Constants` lies in an arm's flat constants."""
-    sizes = zip(Constants._fields, Constants.sizes(modes, foreshortened), strict=True)
-    return _places({name: 1 if n is None else n for name, n in sizes})
+def _law(field: str) -> Callable[[Shape], int]:
+    return lambda shape: Law.sizes(shape.modes, shape.foreshortened)[field]
+
+
+_REPORTED = ("loop", "environment")
+_LAW = ("law",)
+_LOOP = ("loop",)
+_TRACKING = ("tracking",)
+_ENVIRONMENT = ("environment",)
+
+
+class Row(Names):
+    """Rows of an arena."""
+
+    Y = Entry("internal coordinates (`dynamics`)", "rad, m", _size)
+    V = Entry("their rates; they follow the coordinates", "rad/s, m/s", _size)
+    CONSTANTS = Entry("what the equations know of the arm (`Constants`)", CONSTANTS_UNIT, lambda s: s.constants)
+    ELIMINATION = Entry(
+        "what follows from them (`Elimination`)", "as in `Elimination`", lambda s: elimination_count(*s[1:])
+    )
+
+    GAIN = Entry("gain lambda of the paper's law", "1", _law("gain"), _LAW)
+    PROPORTIONAL_GAIN = Entry("Kp", "N/m", _law("proportional_gain"), _LAW)
+    DERIVATIVE_GAIN = Entry("Kd", "N s/m", _law("derivative_gain"), _LAW)
+    TORQUE_LIMIT = Entry("of shoulder and elbow", "N m", 2, ("law", "tracking"))
+    SENSOR_DISTANCE = Entry("of the point that the law acts on from the elbow", "m", 1, _LAW)
+    SENSOR_VALUES = Entry("link 2's mode shapes there", "1", _law("sensor_values"), _LAW)
+    SENSOR_FORESHORTENING = Entry("foreshortening there", "1/m", _law("sensor_foreshortening"), _LAW)
+    NOISE = Entry("added to the reading's position", "m", _law("noise"), _LAW)
+    COMMAND_1 = Entry("reference position and velocity in the shoulder's torque", "m, m/s", _law("command_1"), _LAW)
+    COMMAND_2 = Entry("the same in the elbow's", "m, m/s", _law("command_2"), _LAW)
+    OFFSET = Entry("late part of the two readings", "rad or m", _law("offset"), _LAW)
+    WEIGHT = Entry("share of the current readings", "1", _law("weight"), _LAW)
+    RATE_OFFSET = Entry("late part of the readings' rates", "rad/s or m/s", _law("rate_offset"), _LAW)
+    RATE_WEIGHT = Entry("share of the current rates", "1", _law("rate_weight"), _LAW)
+    DELAY = Entry("of the two readings in the law", "s", 2, _LAW)
+    COMMAND_DELAY = Entry("of the commands of shoulder and elbow", "s", 2, _LAW)
+    COMMAND_SIDE = Entry("side of the path that the commands are on (`sides.Segment`)", "s, m, m/s", SIDE_ROWS, _LAW)
+    RATE_LATE = Entry("whether the rates are as late as the readings", "1", 1, _LAW)
+    Y_STAGE = Entry("coordinates of the stage", "rad, m", _size, _LAW)
+    V_STAGE = Entry("rates of the stage", "rad/s, m/s", _size, _LAW)
+    MECHANICAL = Entry("acceleration of the stage without the law", "rad/s^2, m/s^2", _size, _LAW)
+    FEEDBACK = Entry("acceleration of the stage by the law", "rad/s^2, m/s^2", _size, _LAW)
+    TAU = Entry("torques of shoulder and elbow at the present step", "N m", 2)
+    V_SLOTS = Entry("V_STAGE of the earlier stages", "rad/s, m/s", _slots, _LAW)
+    MECHANICAL_SLOTS = Entry("MECHANICAL of the earlier stages", "rad/s^2, m/s^2", _slots, _LAW)
+    FEEDBACK_SLOTS = Entry("FEEDBACK of the earlier stages", "rad/s^2, m/s^2", _slots, _LAW)
+
+    STIFFNESS = Entry("of the joint-space law", "N m/rad", 2, _TRACKING)
+    RESISTANCE = Entry("damping of the joint-space law", "N m s/rad", 2, _TRACKING)
+    INNER_FROM = Entry("joint angles and rates that it aims at, at the period's start", "rad, rad/s", 4, _TRACKING)
+    INNER_TO = Entry("the same at the period's end", "rad, rad/s", 4, _TRACKING)
+    SHIFT = Entry("commanded shift of the aim", "rad", 2, _TRACKING)
+    STAGE_TORQUE = Entry("torque of the step's first stage", "N m", 2, _TRACKING)
+
+    LIMITS = Entry("magnitudes of the state that end a run", STATE_UNIT, lambda s: 2 * s.size, _REPORTED)
+    TIP_VALUES = Entry("link 2's mode shapes at the tip", "1", _modes, _REPORTED)
+    TIP_DISTANCE = Entry("of the tip from the elbow", "m", 1, _REPORTED)
+    TIP_FORESHORTENING = Entry("foreshortening at the tip", "1/m", _pairs, _REPORTED)
+
+    PLACE_DISTANCE = Entry("of the sensor from the elbow", "m", 1, _ENVIRONMENT)
+    PLACE_VALUES = Entry("link 2's mode shapes at the sensor", "1", _modes, _ENVIRONMENT)
+    PLACE_FORESHORTENING = Entry("foreshortening at the sensor", "1/m", _pairs, _ENVIRONMENT)
+    SENSOR_DELAY = Entry("of the shoulder's and the elbow's reading", "s", 2, _ENVIRONMENT)
+    MEASURED = Entry("joint angles and rates by the encoders", "rad, rad/s", 4, _ENVIRONMENT)
+    JOINT = Entry("joint angles and rates of the rigid arm on the reference", "rad, rad/s", 4, _ENVIRONMENT)
+    FRAME = Entry("1 for the link's frame, 0 for the world's", "1", 1, _ENVIRONMENT)
+    PHASE = Entry("of the lap, 0 to 1", "1", 1, _ENVIRONMENT)
+    PRESENT_SIDE = Entry(
+        "side of the path that the reference is on (`sides.Segment`)", "s, m, m/s", SIDE_ROWS, _ENVIRONMENT
+    )
+    NEXT_TIME = Entry("how long the next side takes", "s", 1, _ENVIRONMENT)
+    NEXT_VELOCITY = Entry("of the reference on the next side", "m/s", 2, _ENVIRONMENT)
+    SIDE_PASSED = Entry("time since the reference came onto its side, or began to move", "s", 1, _ENVIRONMENT)
+    SIDE_LEFT = Entry("time until the reference leaves its side", "s", 1, _ENVIRONMENT)
+    DEFLECTION = Entry("of each link's tip", "m", 2, _ENVIRONMENT)
+    DEFLECTION_RATE = Entry("its change", "m/s", 2, _ENVIRONMENT)
+    ACTION_CHANGE = Entry("squared change of the action", "1", 1, _ENVIRONMENT)
+    AWAY = Entry("latest path time at which the tip was not near the reference", "s", 1, _ENVIRONMENT)
+    SAMPLE_TIME = Entry("when the latest reading was taken", "s", 1, _ENVIRONMENT)
+    SAMPLE_AGE = Entry("age of the reading that arrives now; negative: none does", "s", 1, _ENVIRONMENT)
+    SAMPLE_POINT = Entry("the reading that arrives now", "m", 2, _ENVIRONMENT)
+    SAMPLE_REFERENCE = Entry("reference when it was taken", "m", 2, _ENVIRONMENT)
+    SENSOR_ERROR = Entry("reference at the time of the latest reading minus the reading", "m", 2, _ENVIRONMENT)
+    SENSOR_ERROR_RATE = Entry("its change since the reading before, per second", "m/s", 2, _ENVIRONMENT)
+    F_DIRECTIONS = Entry("cosine and sine of theta2, of theta1 (`features`)", "1", 4, _ENVIRONMENT)
+    F_JOINT_ERROR = Entry("JOINT's angles minus the measured ones", "rad", 2, _ENVIRONMENT)
+    F_JOINT_ERROR_RATE = Entry("JOINT's rates minus the measured ones", "rad/s", 2, _ENVIRONMENT)
+    F_ENCODER_ERROR = Entry("reference minus the tip by rigid kinematics, in the frame", "m", 2, _ENVIRONMENT)
+    F_REFERENCE = Entry("reference, in the frame", "m", 2, _ENVIRONMENT)
+    F_REFERENCE_VELOCITY = Entry("its velocity, in the frame", "m/s", 2, _ENVIRONMENT)
+    F_SENSED = Entry("latest reading, in the frame", "m", 2, _ENVIRONMENT)
+    F_SENSOR_ERROR = Entry("SENSOR_ERROR, in the frame", "m", 2, _ENVIRONMENT)
+    F_SENSOR_ERROR_RATE = Entry("SENSOR_ERROR_RATE, in the frame", "m/s", 2, _ENVIRONMENT)
+    F_PHASE = Entry("cosine and sine of the lap's phase", "1", 2, _ENVIRONMENT)
+    FRAME_AXIS = Entry("cosine and sine of the frame's angle", "1", 2, _ENVIRONMENT)
+
+    # what describes an episode (`beginning_sizes`), then what an environment reports (`episode_sizes`)
+    EPISODE = Entry("what is drawn for the episode (`Drawn`)", "as in `Drawn`", QUANTITIES, _ENVIRONMENT)
+    START_TIME = Entry("path time at which the episode started", "s", 1, _ENVIRONMENT)
+    # what the paper's closed loop reports begins here
+    OBSERVATION = Entry(
+        "what a controller may know (`closed_loop.observation`)", STATE_UNIT, lambda s: 10 + 2 * s.modes, _LOOP
+    )
+    STATE = Entry("public state", STATE_UNIT, lambda s: 2 * s.size, _REPORTED)
+    TORQUE = Entry("torques at the start of the period", "N m", 2, _REPORTED)
+    TRUE_TIP = Entry("tip with deflection", "m", 2, _REPORTED)
+    RIGID_TIP = Entry("tip by rigid kinematics", "m", 2, _REPORTED)
+    REFERENCE = Entry("reference position and velocity", "m, m/s", 4, _REPORTED)
+    SENSED = Entry("latest reading of the sensor", "m", 2, _ENVIRONMENT)
+    REWARD_TERMS = Entry("terms of the reward, weighted", "1", lambda s: s.program.reward_terms, _REPORTED)
+    TIME = Entry("since the episode's start", "s", 1, _ENVIRONMENT)
+    EFFECTIVE_GAIN = Entry("gain at the start of the period", "1", 1, _ENVIRONMENT)
+    TIP_ERROR = Entry("distance of the true tip from the reference", "m", 1, _ENVIRONMENT)
+    ELBOW_SIDE = Entry("1 where sin(theta2) >= 0, else -1", "1", 1, _ENVIRONMENT)
+    ELBOW_CHANGES = Entry("how often ELBOW_SIDE has changed since the episode began", "1", 1, _ENVIRONMENT)
+    SUCCESS = Entry("whether the tip was near the reference through the final rest", "1", 1, _ENVIRONMENT)
+    REWARD = Entry("sum of the reward's terms", "1", 1, _ENVIRONMENT)
+    STATUS = Entry("0 for a valid state (`stepping.state_status`, `episodes.judge`)", "1", 1, _REPORTED)
+
+    TAIL = Entry("previews of the reference, then kept actions, the newest first", "m, 1", 0, _ENVIRONMENT)
+
+
+row = Row()
+
+
+def layout(program: Program, modes: int, foreshortened: bool = False) -> dict[str, tuple[int, int]]:
+    """First row and number of rows of each part of an arena."""
+    return Row.layout(Shape(program, modes, foreshortened))
+
+
+def sizes_between(rows: dict[str, tuple[int, int]], first: str, last: str) -> dict[str, int]:
+    """Number of rows of the parts of an arena from one to another, in their order."""
+    names = list(rows)
+    return {name: rows[name][1] for name in names[names.index(first) : names.index(last) + 1]}
+
+
+def episode_sizes(rows: dict[str, tuple[int, int]]) -> dict[str, int]:
+    """What an environment gives out at an instant: parts that follow each other in its arena."""
+    return sizes_between(rows, "STATE", "STATUS")
+
+
+def beginning_sizes(rows: dict[str, tuple[int, int]]) -> dict[str, int]:
+    """What describes an episode, from its beginning on: parts that follow each other in its arena."""
+    return sizes_between(rows, "EPISODE", "START_TIME")
+
+
+def result_sizes(rows: dict[str, tuple[int, int]]) -> dict[str, int]:
+    """What a closed loop gives out at an instant: parts that follow each other in its arena."""
+    return sizes_between(rows, "OBSERVATION", "STATUS")
 
 
 def arm_rows(k: Constants) -> dict[str, Sequence[float]]:
@@ -241,17 +210,3 @@ def place_rows(name: str, place: Place) -> dict[str, Sequence[float]]:
         f"{name}_VALUES": place.values,
         f"{name}_FORESHORTENING": place.foreshortening,
     }
-
-
-def extent(places: dict[str, tuple[int, int]]) -> int:
-    """How many places a layout takes."""
-    first, count = list(places.values())[-1]
-    return first + count
-
-
-def _places(parts: dict[str, int]) -> dict[str, tuple[int, int]]:
-    places, first = {}, 0
-    for name, count in parts.items():
-        places[name] = (first, count)
-        first += count
-    return places

@@ -1,24 +1,35 @@
 """The reference on its path, a closed polyline: where it is at a time, and what a lane notes of the side it is on.
 
-Assembled and compiled like `stepping`, which explains lanes, blocks and arenas; `reference_at` is the one rule that
-evaluates a path, in plain Python too (`reference`).
+`reference_at` is the one rule that evaluates a path, in the kernels and in plain Python (`reference`).
 """
 
 from __future__ import annotations
 
-from math import floor
-from typing import Any
+from numpy import floor
 
-LANES = 1
-# What a lane notes of a side of its path: when its lap began, when in the lap it begins and ends [s], where it begins
-# [m], its velocity [m/s]; rows from the first on.
-SIDE_LAP, SIDE_BEGIN, SIDE_END, SIDE_START, SIDE_VELOCITY = 0, 1, 2, 3, 5
-SIDE_ROWS = 7
+from flexarm_env.codegen.arrays import Arena, Four, Paths
+from flexarm_env.codegen.declarations import Entry, FixedNames, per_lane
+
 # The present side is sought so many steps ahead: at a corner it is the one that begins there, whatever the rounding.
 AHEAD = 1e-9
 
 
-def side_of(paths: Any, p: int, time: float) -> tuple[float, int]:
+class Segment(FixedNames):
+    """What a lane notes of a side of its path, in rows of its arena that follow each other."""
+
+    LAP = Entry("when its lap began", "s")
+    BEGIN = Entry("when in the lap it begins", "s")
+    END = Entry("when in the lap it ends", "s")
+    START = Entry("where it begins", "m", 2)
+    VELOCITY = Entry("of the reference on it", "m/s", 2)
+
+
+segment = Segment()
+SIDE_ROWS = sum(count for _, count in Segment.layout(None).values())
+
+
+@per_lane
+def side_of(paths: Paths, p: int, time: float) -> tuple[float, int]:
     """Time at which the present lap of path p began, and the number of its side, at a time [s]."""
     last = paths.shape[1] - 1
     lap = paths[p, last, 0]
@@ -33,7 +44,8 @@ def side_of(paths: Any, p: int, time: float) -> tuple[float, int]:
     return before, k
 
 
-def reference_at(paths: Any, p: int, time: float, side: float, since: float) -> tuple[float, float, float, float]:
+@per_lane
+def reference_at(paths: Paths, p: int, time: float, side: float, since: float) -> Four:
     """Reference position and velocity on a closed polyline.
 
     Args:
@@ -59,30 +71,32 @@ def reference_at(paths: Any, p: int, time: float, side: float, since: float) -> 
     return paths[p, k, 1] + vx * passed, paths[p, k, 2] + vy * passed, moving * vx, moving * vy
 
 
-def note_side(arena: Any, row: int, paths: Any, p: int, time: float, i: int) -> int:
-    """Note for lane i, from a row on, the side that path p is on at a time [s] (see SIDE_LAP); which it is."""
+@per_lane
+def note_side(arena: Arena, first: int, paths: Paths, p: int, time: float, i: int) -> int:
+    """Note for lane i, from a row on, the side that path p is on at a time [s] (see `Segment`); which it is."""
     lap, k = side_of(paths, p, time)
-    arena[i + (row + SIDE_LAP) * LANES] = lap
-    arena[i + (row + SIDE_BEGIN) * LANES] = paths[p, k, 0]
-    arena[i + (row + SIDE_END) * LANES] = paths[p, k + 1, 0]
+    arena[first + segment.LAP, i] = lap
+    arena[first + segment.BEGIN, i] = paths[p, k, 0]
+    arena[first + segment.END, i] = paths[p, k + 1, 0]
     for r in range(2):
-        arena[i + (row + SIDE_START + r) * LANES] = paths[p, k, 1 + r]
-        arena[i + (row + SIDE_VELOCITY + r) * LANES] = paths[p, k, 3 + r]
+        arena[first + segment.START + r, i] = paths[p, k, 1 + r]
+        arena[first + segment.VELOCITY + r, i] = paths[p, k, 3 + r]
     return k
 
 
-def forget_side(arena: Any, row: int, i: int) -> None:
+def forget_side(arena: Arena, first: int, i: int) -> None:
     """Have lane i search for its side anew."""
-    arena[i + (row + SIDE_END) * LANES] = -1e300
+    arena[first + segment.END, i] = -1e300
 
 
-def on_side(arena: Any, row: int, i: int, r: int, time: float) -> float:
+@per_lane
+def on_side(arena: Arena, first: int, i: int, r: int, time: float) -> float:
     """Coordinate r of lane i's reference at a time [s] on the side that is noted from a row on, as `reference_at`."""
-    passed = time - arena[i + (row + SIDE_LAP) * LANES] - arena[i + (row + SIDE_BEGIN) * LANES]
-    return arena[i + (row + SIDE_START + r) * LANES] + arena[i + (row + SIDE_VELOCITY + r) * LANES] * passed
+    passed = time - arena[first + segment.LAP, i] - arena[first + segment.BEGIN, i]
+    return arena[first + segment.START + r, i] + arena[first + segment.VELOCITY + r, i] * passed
 
 
-def chord_at(paths: Any, p: int, time: float, h: float, since: float) -> tuple[float, float, float, float]:
+def chord_at(paths: Paths, p: int, time: float, h: float, since: float) -> Four:
     """Position [m] at a time [s], and mean velocity [m/s] over the step h [s] that begins there, on path p."""
     start = reference_at(paths, p, time, time, since)
     end = reference_at(paths, p, time + h, time + h, since)

@@ -1,78 +1,43 @@
-"""Records the physics for a kernel module: straight-line code over the lanes of an arena (`codegen.tracing`)."""
+"""Records the physics for a kernel module: straight-line code over the lanes of an arena (`codegen.tracing`).
+
+A recorded kernel is declared by its signature and its formula, and called like any driver.
+"""
 
 from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import Any
 
+from flexarm_env.codegen.arrays import Arena, Four, LaneRows
+from flexarm_env.codegen.declarations import Recorded, always_inlined, recorded
 from flexarm_env.codegen.elementary import arctan2, exp_minus, sincos
+from flexarm_env.codegen.intrinsics import aligned_stack, fused, quarter_turns
 from flexarm_env.codegen.tracing import Expression, Trace, clip, recorded_name
 from flexarm_env.control import jacobian_transpose, joint_tracking
-from flexarm_env.episode import features, reward
-from flexarm_env.kernels import imex
-from flexarm_env.kernels.layout import constant_count, elimination_count, layout
-from flexarm_env.kernels.rk4 import RK4_NODES, RK4_WEIGHTS
+from flexarm_env.kernels.layout import elimination_count
+from flexarm_env.kernels.tableau import GAMMA, RK4_NODES, RK4_WEIGHTS, STAGES
+from flexarm_env.kernels.variants import Variant
 from flexarm_env.physics import dynamics as dyn
 from flexarm_env.physics import sensing
 from flexarm_env.physics.bent_link import Place
 from flexarm_env.physics.constants import Constants
 from flexarm_env.physics.modal_elimination import Elimination, elimination
 
-# Strict IEEE arithmetic: no fast-math, and nothing is fused but what the recorder writes so (`tracing`); "numpy" only
-# drops the checks for division by zero, which would keep the compiler from vectorising.
-DECORATOR = '@njit(cache=True, nogil=True, error_model="numpy", boundscheck=False, no_cfunc_wrapper=True)\n'
-# A function that must become a part of its caller, or the caller's loop over lanes is not vectorised.
-INLINED = DECORATOR.replace(")\n", ", forceinline=True)\n")
 
-
-@dataclass(frozen=True)
-class Variant:
-    """What a kernel module is compiled for.
-
-    Attributes:
-        kind: see `rows`.
-        modes: per link.
-        complete: complete velocity forces, or C_r.
-        lanes: environments in a block.
-        sensor: "rigid" or "true" ("collocated" is "rigid" without delay).
-        rate_jacobian: "delayed" or "current" (where the law acts).
-        late: the law acts on the sensor's late readings; False: on the joints' own, whatever the sensor.
-        own_paths: each episode draws a path of its own (environments only).
-        foreshortened: kinematics (`links`).
-        disturbed: noise, jitter, dropouts, a sensor with a clock of its own, or late torques can occur (environments
-            only); to compile them takes a tenth of the time that all takes.
-    """
-
-    kind: str
-    modes: int
-    complete: bool
-    lanes: int
-    sensor: str = "rigid"
-    rate_jacobian: str = "delayed"
-    late: bool = True
-    own_paths: bool = False
-    foreshortened: bool = False
-    disturbed: bool = False
-
-    @property
-    def rows(self) -> dict[str, tuple[int, int]]:
-        """Layout of its arenas."""
-        return layout(self.kind, self.modes, self.foreshortened)
-
-
-class _Recorder:
+class Recorder:
     """Records one kernel over the lanes of an arena."""
 
     def __init__(self, variant: Variant) -> None:
+        """Begin one for a variant."""
         self.variant = variant
         self.trace = Trace()
         self.stores: list[tuple[str, Any]] = []
         self.shared: list[str] = []
 
     def read(self, name: str) -> list[Any]:
-        first, count = self.variant.rows[name]
+        """The numbers of a part of the arena."""
+        first, count = self._part(name)
         lanes = self.variant.lanes
         return self.trace.inputs([f"arena[i + {row * lanes}]" for row in range(first, first + count)])
 
@@ -86,10 +51,12 @@ class _Recorder:
         return self.trace.inputs([f"{array}_{n}" for n in range(count)])
 
     def one(self, name: str) -> Any:
+        """The number of a part of one row."""
         return self.read(name)[0]
 
     def write(self, name: str, values: Sequence[Any]) -> None:
-        first, count = self.variant.rows[name]
+        """Enter a part of the arena."""
+        first, count = self._part(name)
         assert len(values) == count, f"{name}: {len(values)} values for {count} rows"
         self.store("arena", values, first)
 
@@ -99,12 +66,15 @@ class _Recorder:
         self.stores += zip(places, values, strict=True)
 
     def constants(self) -> Constants:
+        """What the equations know of the arm."""
         return Constants.unflat(self.read("CONSTANTS"), self.variant.modes, self.variant.foreshortened)
 
     def elimination(self) -> Elimination | None:
+        """What follows from it."""
         return _elimination(self.variant, self.read("ELIMINATION"))
 
     def law(self) -> jacobian_transpose.Law:
+        """What the law needs."""
         fields = {}
         for name, count in jacobian_transpose.Law.sizes(self.variant.modes, self.variant.foreshortened).items():
             values = self.read(name.upper())
@@ -113,13 +83,21 @@ class _Recorder:
         return jacobian_transpose.Law(**fields)
 
     def place(self, name: str) -> Place:
+        """A point of link 2, by its name."""
         return Place(self.one(f"{name}_DISTANCE"), self.read(f"{name}_VALUES"), self.read(f"{name}_FORESHORTENING"))
 
     def sensor(self) -> Place:
-        return self.place("SENSOR" if self.variant.kind == "loop" else "PLACE")
+        """Where the sensor is."""
+        return self.place("PLACE" if "PLACE_VALUES" in self.variant.rows else "SENSOR")
 
     def truth(self) -> sensing.Truth:
+        """The arm at the instant."""
         return sensing.truth(self.constants(), self.place("TIP"), self.read("Y"), self.read("V"))
+
+    def _part(self, name: str) -> tuple[int, int]:
+        if name not in self.variant.rows:
+            raise LookupError(f"a formula needs Row.{name}: programs of kind {self.variant.kind!r} do not have it")
+        return self.variant.rows[name]
 
     def source(self, header: str, fusing: bool = True) -> str:
         """Text of the kernel: for each lane, what was recorded, then the stores; `fusing` as in `Trace.lines`."""
@@ -130,32 +108,38 @@ class _Recorder:
         lines = "".join(f"        {line}\n" for line in body)
         before = ["aligned_stack()"] * (self.variant.lanes > 1) + self.shared
         head = "".join(f"    {line}\n" for line in before)
-        return f"{DECORATOR}def {header}:\n{head}    for i in range({self.variant.lanes}):\n{lines}\n\n"
+        return f"def {header}:\n{head}    for i in range({self.variant.lanes}):\n{lines}"
 
 
 def _elimination(variant: Variant, numbers: Sequence[Any]) -> Elimination | None:
     return None if variant.foreshortened else Elimination.unflat(numbers, variant.modes)
 
 
-def elementary_source(variant: Variant) -> str:
-    """The elementary functions that the kernels call."""
-    text = ""
-    for function in (sincos, exp_minus, arctan2):
-        formula, trace = inspect.unwrap(function), Trace()
+def _elementary(formula: Callable[..., Any]) -> Recorded[..., Any]:
+    """An elementary function with its sums and products fused, which the recorded kernels call."""
+
+    def text(variant: Variant) -> str:
+        """The same for all variants."""
+        trace = Trace()
         names = list(inspect.signature(formula).parameters)
         found = formula(*trace.inputs(names))
         results = found if isinstance(found, tuple) else (found,)
         lines = [*trace.lines(results), f"return ({', '.join(result.name for result in results)},)"]
-        text += f"{INLINED}def {recorded_name(formula)}({', '.join(names)}):\n"
-        text += "".join(f"    {line}\n" for line in lines) + "\n\n"
-    return text
+        return f"def {recorded_name(formula)}({', '.join(names)}):\n" + "".join(f"    {line}\n" for line in lines)
+
+    return always_inlined(Recorded(recorded_name(formula), text, INTRINSICS))
+
+
+INTRINSICS = (fused, quarter_turns, aligned_stack)
+ELEMENTARY = tuple(_elementary(inspect.unwrap(function)) for function in (sincos, exp_minus, arctan2))
+SHARED = (*INTRINSICS, *ELEMENTARY)  # what recorded kernels may call
 
 
 def slope_source(variant: Variant) -> str:
     """v' of one arm from what kernels know of it (`rows.arm_rows`), y, v, torques, S and C, in this order."""
-    trace, size = Trace(), 2 * variant.modes + 2
+    trace, size = Trace(), variant.size
     counts = {
-        "k": constant_count(variant.modes, variant.foreshortened),
+        "k": variant.constants,
         "e": elimination_count(variant.modes, variant.foreshortened),
         "y": size,
         "v": size,
@@ -169,7 +153,10 @@ def slope_source(variant: Variant) -> str:
     slope = dyn.acceleration(k, e, variant.complete, y, v, tau, (cos, sin, sin_theta2))
     lines = [*trace.lines(slope), f"return {', '.join(value.name for value in slope)}"]
     parameters = ", ".join(name for group in names for name in group)
-    return f"{INLINED}def slope({parameters}):\n" + "".join(f"    {line}\n" for line in lines) + "\n\n"
+    return f"def slope({parameters}):\n" + "".join(f"    {line}\n" for line in lines)
+
+
+slope: Recorded[..., Any] = always_inlined(Recorded("slope", slope_source, SHARED))
 
 
 def step_source(variant: Variant) -> str:
@@ -180,7 +167,7 @@ def step_source(variant: Variant) -> str:
     side. (After the last stage comes none: what is written for it no result needs, and `Trace.lines` leaves it out.)
     Twice a slope is a sum, since units that only add are idle while others multiply.
     """
-    r = _Recorder(variant)
+    r = Recorder(variant)
     known, h, y, v = [*r.read("CONSTANTS"), *r.read("ELIMINATION")], r.trace.input("h"), r.read("Y"), r.read("V")
     stage_y, stage_v, turn = y, v, sincos(dyn.elbow_turn(y))
     total: list[Any] = []
@@ -190,7 +177,7 @@ def step_source(variant: Variant) -> str:
         next_y = [a + ahead * b for a, b in zip(y, stage_v, strict=True)]
         next_turn = sincos(dyn.elbow_turn(next_y))
         acting = r.read("TAU")
-        if variant.kind == "tracking":
+        if variant.tracking:
             acting = _tracking_torque(r, r.constants(), round(2 * node), (stage_y, stage_v))
             if not total:
                 r.write("STAGE_TORQUE", acting)
@@ -202,12 +189,10 @@ def step_source(variant: Variant) -> str:
     moved = [a + sixth * b for a, b in zip([*y, *v], total, strict=True)]
     r.write("Y", moved[: len(y)])
     r.write("V", moved[len(y) :])
-    return r.source("step_kernel(arena, h" + (", bases)" if variant.kind == "tracking" else ")"))
+    return r.source("step_kernel(arena, h" + (", bases)" if variant.tracking else ")"))
 
 
-def _tracking_torque(
-    r: _Recorder, k: Constants, basis_of: int, state: tuple[Sequence[Any], Sequence[Any]]
-) -> list[Any]:
+def _tracking_torque(r: Recorder, k: Constants, basis_of: int, state: tuple[Sequence[Any], Sequence[Any]]) -> list[Any]:
     basis = r.trace.inputs([f"bases[{basis_of}][{n}]" for n in range(8)])
     aim = joint_tracking.interpolated(r.read("INNER_FROM"), r.read("INNER_TO"), basis)
     gains = (r.read("STIFFNESS"), r.read("RESISTANCE"))
@@ -215,14 +200,25 @@ def _tracking_torque(
     return [clip(value, -limit, limit) for value, limit in zip(tau, r.read("TORQUE_LIMIT"), strict=True)]
 
 
+@recorded(step_source, (slope, *SHARED))
+def step_kernel(arena: Arena, h: float, bases: tuple[Sequence[float], ...] = ()) -> None:
+    """One step of the torque-driven arm on every lane, torques held.
+
+    Args:
+        arena: of one block.
+        h: step [s].
+        bases: see `drives.hermite`, at the step's start, middle and end; under the joint-space law only.
+    """
+
+
 def law_source(variant: Variant) -> str:
     """One stage of the closed loop."""
-    r = _Recorder(variant)
+    r = Recorder(variant)
     h, ahead = r.trace.input("h"), r.trace.input("ahead")
     y, v_known = r.read("Y"), r.read("V")
     size = len(y)
     slots = [r.read(name) for name in ("V_SLOTS", "MECHANICAL_SLOTS", "FEEDBACK_SLOTS")]
-    for slot in range(imex.STAGES):
+    for slot in range(STAGES):
         explicit, implicit = (h * r.trace.input(f"{name}[{slot}]") for name in ("explicit", "implicit"))
         v, mechanical, feedback = (values[slot * size : (slot + 1) * size] for values in slots)
         y = [a + explicit * b for a, b in zip(y, v, strict=True)]
@@ -231,7 +227,7 @@ def law_source(variant: Variant) -> str:
     here = [[x + vx * ahead, y + vy * ahead, vx, vy] for x, y, vx, vy in (law.command_1, law.command_2)]
     law = law._replace(command_1=here[0], command_2=here[1])
     options = (variant.complete, variant.sensor if variant.late else "rigid", variant.rate_jacobian)
-    stage = jacobian_transpose.law_stage(r.constants(), r.elimination(), law, options, y, v_known, h * imex.GAMMA)
+    stage = jacobian_transpose.law_stage(r.constants(), r.elimination(), law, options, y, v_known, h * GAMMA)
     r.write("Y_STAGE", y)
     r.write("V_STAGE", stage.v)
     r.write("MECHANICAL", stage.mechanical)
@@ -240,84 +236,43 @@ def law_source(variant: Variant) -> str:
     return r.source("law_kernel(arena, h, ahead, explicit, implicit)")
 
 
+@recorded(law_source, SHARED)
+def law_kernel(arena: Arena, h: float, ahead: float, explicit: Four, implicit: Four) -> None:
+    """One stage of the closed loop on every lane: combine earlier stages, then `closed_loop.law_stage`.
+
+    Args:
+        arena: of one block; results in Y_STAGE, V_STAGE, MECHANICAL, FEEDBACK, TAU.
+        h: step [s].
+        ahead: time of the stage after the step's start [s].
+        explicit: coefficients of the stages before, explicit part.
+        implicit: the same, implicit part.
+    """
+
+
 def elimination_source(variant: Variant) -> str:
-    """What elimination knows of an arm, from its constants; nothing with foreshortened kinematics.
+    """What elimination knows of an arm, from its constants.
 
     Rounded as Python rounds it for the kernels whose arms never change (`rows.arm_rows`).
     """
-    r = _Recorder(variant)
+    r = Recorder(variant)
     e = elimination(r.constants())
-    if e is None:
-        return ""
+    assert e is not None
     r.write("ELIMINATION", e.flat())
     return r.source("elimination_kernel(arena)", fusing=False)
 
 
+@recorded(elimination_source, SHARED)
+def elimination_kernel(arena: Arena) -> None:
+    """What `elimination` knows of every lane's arm, with linear kinematics."""
+
+
 def reading_source(variant: Variant) -> str:
     """What the sensor measures now."""
-    r = _Recorder(variant)
+    r = Recorder(variant)
     r.store("readings", sensing.reading(r.constants(), r.sensor(), variant.sensor, r.read("Y"), r.read("V")))
     return r.source("reading_kernel(arena, readings)")
 
 
-def outputs_source(variant: Variant) -> str:
-    """Observation, state, tips and tracking terms of a closed loop."""
-    r = _Recorder(variant)
-    truth, reference = r.truth(), r.read("REFERENCE")
-    observed = jacobian_transpose.observation(r.constants(), r.law(), variant.sensor, (r.read("Y"), r.read("V")))
-    r.write("OBSERVATION", [*observed, *reference])
-    r.write("STATE", truth.state)
-    r.write("TRUE_TIP", truth.true_tip)
-    r.write("RIGID_TIP", truth.rigid_tip)
-    r.write("REWARD_TERMS", [0.5 * term for term in reward.tracking_terms(truth.true_tip, reference)[:2]])
-    return r.source("outputs_kernel(arena)")
-
-
-def truth_source(variant: Variant) -> str:
-    """State, tips and deflections of an environment's arm."""
-    r = _Recorder(variant)
-    truth = r.truth()
-    for name, values in truth._asdict().items():
-        r.write(name.upper(), values)
-    return r.source("truth_kernel(arena)")
-
-
-def features_source(variant: Variant) -> str:
-    """What observations are made of, and the reward's terms."""
-    r = _Recorder(variant)
-    names = ("measured", "reference", "joint", "sensed", "sensor_error", "sensor_error_rate")
-    known = features.Known(
-        **{name: r.read(name.upper()) for name in names},
-        lengths=(r.trace.input("length_1"), r.trace.input("length_2")),
-        phase=r.one("PHASE"),
-        frame=r.one("FRAME"),
-    )
-    for name, values in features.features(known)._asdict().items():
-        r.write(("" if name == "frame_axis" else "F_") + name.upper(), values)
-    terms = reward.tracking_terms(r.read("TRUE_TIP"), r.read("REFERENCE"))
-    terms += reward.regularising_terms(r.one("ACTION_CHANGE"), r.read("TORQUE"), r.read("DEFLECTION_RATE"))
-    weighted = [weight * term for weight, term in zip(r.elements("weights", len(terms)), terms, strict=True)]
-    r.write("REWARD_TERMS", weighted)
-    total = weighted[0]
-    for term in weighted[1:]:
-        total = total + term
-    r.write("REWARD", [total])
-    return r.source("features_kernel(arena, length_1, length_2, weights)")
-
-
-def joint_source(variant: Variant) -> str:
-    """Joint angles and rates of the rigid arm whose tip is on the reference."""
-    r = _Recorder(variant)
-    lengths = (r.trace.input("length_1"), r.trace.input("length_2"))
-    r.write("JOINT", features.joint_aim(lengths, r.trace.input("branch"), r.read("REFERENCE"), r.read("JOINT")[0]))
-    return r.source("joint_kernel(arena, length_1, length_2, branch)")
-
-
-_COMMON = (elimination_source, reading_source, truth_source, features_source, joint_source)
-RECORDED: dict[str, tuple[Callable[[Variant], str], ...]] = {
-    "open": (elementary_source, slope_source, step_source),
-    "loop": (elementary_source, law_source, reading_source, outputs_source),
-    "torque": (elementary_source, slope_source, step_source, *_COMMON),
-    "tracking": (elementary_source, slope_source, step_source, *_COMMON),
-    "gain": (elementary_source, law_source, *_COMMON),
-}
+@recorded(reading_source, SHARED)
+def reading_kernel(arena: Arena, readings: LaneRows) -> None:
+    """What the sensor would measure now, without delay, on every lane: two readings, two rates. Shape (4, lanes)."""

@@ -14,10 +14,12 @@ from numpy.typing import ArrayLike, NDArray
 from flexarm_env.kernels.path_cache import reference_at
 from flexarm_env.parameters import ArmParameters, SquareParameters
 from flexarm_env.physics.inverse_kinematics import joint_angles_for
-from flexarm_env.validation import choice, finite_array
+from flexarm_env.validation import choice, finite_array, finite_values
 
 Array = NDArray[np.float64]
 
+FARTHEST = 1e6  # [m], of a way-point from the shoulder
+LARGEST_TIME = 1e12  # [s]
 _CORNERS = ("lower left", "upper left", "upper right", "lower right")  # clockwise
 _SIGNS = np.array([(-1.0, -1.0), (-1.0, 1.0), (1.0, 1.0), (1.0, -1.0)])
 
@@ -38,7 +40,7 @@ class ReferencePath:
         Raises:
             ValueError: if times do not increase from 0, or the path is not closed.
         """
-        points = finite_array("table", table, (None, 3))
+        points = finite_array("table", table, (None, 3), LARGEST_TIME)
         if len(points) < 2 or points[0, 0] != 0.0 or np.any(np.diff(points[:, 0]) <= 0.0):
             raise ValueError(f"table[:, 0] = {points[:, 0]}: times must increase from 0, two at least [s]")
         if np.any(points[0, 1:] != points[-1, 1:]):
@@ -64,7 +66,7 @@ class ReferencePath:
         return self._evaluate(time)[..., 2:]
 
     def _evaluate(self, time: ArrayLike) -> Array:
-        times, paths = np.asarray(time, dtype=float), self.rows[None]
+        times, paths = finite_values("time", time, LARGEST_TIME), self.rows[None]
         values = [reference_at(paths, 0, t, t, 0.0) for t in times.ravel().tolist()]
         return np.array(values).reshape(*times.shape, 4)
 
@@ -147,7 +149,7 @@ def way_points(parameters: SquareParameters, points: ArrayLike) -> ReferencePath
     Raises:
         ValueError: if two that follow each other are the same.
     """
-    corners = finite_array("waypoints", points, (None, 2))
+    corners = finite_array("waypoints", points, (None, 2), FARTHEST)
     if len(corners) < 2:
         raise ValueError(f"waypoints: must be at least 2 points, got {len(corners)}")
     closed = np.vstack([corners, corners[:1]])
@@ -207,7 +209,7 @@ def inverse_kinematics(arm: ArmParameters, point: ArrayLike, elbow_branch: str) 
     Raises:
         ValueError: if the point is out of reach, with the distance by which it is.
     """
-    target = finite_array("point", point, (2,))
+    target = finite_array("point", point, (2,), FARTHEST)
     choice("elbow_branch", elbow_branch, ("positive", "negative"))
     length1, length2 = arm.link_lengths
     distance = float(np.linalg.norm(target))

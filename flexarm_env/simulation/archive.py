@@ -1,20 +1,43 @@
-"""Npz files with a head: arrays by name, and beside them what is plain (JSON), with the number of the format."""
+"""Npz files with a head: arrays by name, and beside them what is plain (JSON), with the number of the format.
+
+A file may come from a stranger. Nothing in it is executed; what each array is (type and shape) is read and checked
+before its numbers are, so that a small file cannot unpack to a large one; and whatever is wrong with it ends in a
+`ValueError`.
+"""
 
 from __future__ import annotations
 
 import json
-import zlib
+import math
+import warnings
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, BinaryIO, TypeVar
-from zipfile import BadZipFile
+from typing import Any, NamedTuple, TypeVar
+from zipfile import ZIP_DEFLATED, ZIP_STORED, ZipFile, ZipInfo
 
 import numpy as np
-from numpy.lib.npyio import NpzFile
 from numpy.typing import NDArray
+
+from flexarm_env.validation import short, shown
 
 Arrays = dict[str, NDArray[Any]]
 Made = TypeVar("Made")
+LARGEST_HEAD = 1_000_000  # characters, each of four bytes
+LARGEST_FILE = 4 * 2**30  # bytes of all arrays: the longest run of `FlexibleArm.simulate`
+_ENCRYPTED = 1  # the bit of a zip entry's flags
+_READERS = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
+
+
+class Entry(NamedTuple):
+    """What an array is.
+
+    Attributes:
+        dtype: type of its numbers.
+        shape: its shape.
+    """
+
+    dtype: np.dtype[Any]
+    shape: tuple[int, ...]
 
 
 def write(path: str | Path, version: int, head: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> None:
@@ -25,45 +48,119 @@ def write(path: str | Path, version: int, head: Mapping[str, Any], arrays: Mappi
         version: of the format.
         head: plain values (JSON).
         arrays: by name; "head" is taken.
+
+    Raises:
+        TypeError, ValueError: if the head is not plain, or longer than `read` accepts.
     """
     text = json.dumps({"format": version, **head})
+    if len(text) > LARGEST_HEAD:
+        raise ValueError(f"notes: take {len(text)} characters as JSON; at most {LARGEST_HEAD} are allowed")
     with open(path, "wb") as file:
         np.savez(file, head=np.array(text), **arrays)  # type: ignore[arg-type]
 
 
-def read(path: str | Path, version: int, what: str, make: Callable[[dict[str, Any], Arrays], Made]) -> Made:
+def read(
+    path: str | Path,
+    version: int,
+    what: str,
+    check: Callable[[dict[str, Any], Mapping[str, Entry]], None],
+    make: Callable[[dict[str, Any], Arrays], Made],
+) -> Made:
     """Read a file that `write` has written; nothing in it is executed.
 
     Args:
         path: of the file.
         version: of the format.
         what: is in the file, for the message, e.g. "Trajectory".
-        make: that from the head and the arrays; what these lack is a `KeyError`, what does not fit another error.
+        check: refuses, by any error, a head and arrays that do not fit it; called before the arrays are read.
+        make: that from the head and the arrays.
 
     Raises:
         FileNotFoundError: if there is none.
+        PermissionError, IsADirectoryError: if it cannot be read.
         ValueError: if it is another file, a damaged one or one of another format, naming it and what is wrong.
     """
-    with open(path, "rb") as stream:  # not by np.load, which leaves a damaged file open
-        try:
-            head, arrays = _contents(stream)
-        except (ValueError, EOFError, BadZipFile, zlib.error) as error:
-            raise ValueError(f"{path}: not a saved {what} ({error})") from error
-    if head.get("format") != version:
-        raise ValueError(f"{path}: format {head.get('format')}; this version reads {version}")
     try:
-        return make(head, arrays)
-    except KeyError as error:
-        raise ValueError(f"{path}: not a saved {what} (no entry {error})") from error
-    except (AttributeError, TypeError, ValueError) as error:
-        raise ValueError(f"{path}: not a saved {what} ({error})") from error
+        stream = open(path, "rb")  # noqa: SIM115  (closed below; errors of opening are others than those of reading)
+    except (FileNotFoundError, PermissionError, IsADirectoryError):
+        raise
+    except (OSError, ValueError) as error:  # no possible name
+        raise ValueError(f"path = {shown(path)}: {error.args[-1]}") from None
+    with stream, warnings.catch_warnings(action="error"):
+        # Damage meets zipfile, zlib, json and numpy anywhere: any of their errors, and warnings, says that it is there.
+        try:
+            with ZipFile(stream) as file:
+                members = _members(file)
+                head = _head(file, members)
+                if type(head.get("format")) is not int or head["format"] != version:
+                    raise _FormatError(f"format {shown(head.get('format'))}; this version reads {version}")
+                check(head, {name: _entry(file, info) for name, info in members.items()})
+                arrays = {name: _array(file, info) for name, info in members.items()}
+            return make(head, arrays)
+        except _FormatError as error:
+            raise ValueError(f"{path}: {error}") from None
+        except KeyError as error:
+            raise ValueError(f"{path}: not a saved {what} (no entry {short(str(error))})") from error
+        except Exception as error:
+            reason = short(str(error)) or type(error).__name__
+            raise ValueError(f"{path}: not a saved {what} ({reason})") from error
 
 
-def _contents(stream: BinaryIO) -> tuple[dict[str, Any], Arrays]:
-    file = np.load(stream, allow_pickle=False)
-    if not isinstance(file, NpzFile) or "head" not in file:
-        raise ValueError("no entry 'head'")
-    head = json.loads(str(file["head"]))
+def names(path: str | Path) -> list[str]:
+    """Names of what a zip file holds, whatever that is; none of another file."""
+    try:
+        with ZipFile(path) as file:
+            return file.namelist()
+    except Exception:  # of damage, see `read`
+        return []
+
+
+class _FormatError(Exception):
+    """The file is of another format."""
+
+
+def _members(file: ZipFile) -> dict[str, ZipInfo]:
+    """Arrays in a file, by name, none of which is read."""
+    members = {info.filename.removesuffix(".npy"): info for info in file.infolist()}
+    if len(members) < len(file.infolist()):
+        raise ValueError("an entry is there twice")
+    for name, info in members.items():
+        if info.flag_bits & _ENCRYPTED:
+            raise ValueError(f"entry {shown(name)} is encrypted")
+        if info.compress_type not in (ZIP_STORED, ZIP_DEFLATED):
+            raise ValueError(f"entry {shown(name)} is compressed by another method than deflate")
+    size = sum(info.file_size for info in members.values())
+    if size > LARGEST_FILE:
+        raise ValueError(f"the arrays take {size} bytes; at most {LARGEST_FILE} are allowed")
+    return members
+
+
+def _head(file: ZipFile, members: dict[str, ZipInfo]) -> dict[str, Any]:
+    """What is plain; taken out of the members."""
+    info = members.pop("head")
+    entry = _entry(file, info)
+    if entry.dtype.kind != "U" or entry.shape or entry.dtype.itemsize > 4 * LARGEST_HEAD:
+        raise ValueError(f"the entry 'head' is not a text of at most {LARGEST_HEAD} characters")
+    head = json.loads(str(_array(file, info)))
     if not isinstance(head, dict):
         raise ValueError("the entry 'head' is not a JSON object")
-    return head, {name: file[name] for name in file.files if name != "head"}
+    return head
+
+
+def _entry(file: ZipFile, info: ZipInfo) -> Entry:
+    """Type and shape of an array, which must fill its entry."""
+    with file.open(info) as stream:
+        version = np.lib.format.read_magic(stream)
+        if version not in _READERS:
+            raise ValueError(f"entry {shown(info.filename)} is of the npy format {version}")
+        shape, _, dtype = _READERS[version](stream)
+        size = stream.tell() + math.prod(shape) * dtype.itemsize
+    if min(shape, default=0) < 0 or size != info.file_size:
+        raise ValueError(f"entry {shown(info.filename)} should have {size} bytes, not {info.file_size}")
+    return Entry(dtype, shape)
+
+
+def _array(file: ZipFile, info: ZipInfo) -> NDArray[Any]:
+    with file.open(info) as stream:
+        array: NDArray[Any] = np.lib.format.read_array(stream, allow_pickle=False)
+    return array

@@ -8,12 +8,12 @@ theta2 that of link 2's root tangent from the tangent at link 1's tip. Symbols a
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cached_property
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from flexarm_env.lazy import cached_property
 from flexarm_env.parameters import ArmParameters
 from flexarm_env.physics import constants, coordinates
 from flexarm_env.physics import dynamics as dyn
@@ -21,9 +21,10 @@ from flexarm_env.physics.bent_link import Place
 from flexarm_env.physics.coordinates import stack, stack_matrix
 from flexarm_env.physics.linearisation import Linearisation, linearise
 from flexarm_env.physics.modal_elimination import elimination
-from flexarm_env.simulation.open_loop import OpenLoop, TorqueFunction
+from flexarm_env.simulation.conditioning import refuse_singular
+from flexarm_env.simulation.open_loop import LARGEST, OpenLoop, TorqueFunction, count_instants, count_substeps
 from flexarm_env.simulation.trajectory import DivergenceError, Trajectory
-from flexarm_env.validation import finite_array, finite_rows, integer, number, real_array
+from flexarm_env.validation import finite_array, finite_rows, integer, number, real_array, shown
 
 Array = NDArray[np.float64]
 
@@ -56,13 +57,15 @@ class FlexibleArm:
 
         Raises:
             TypeError: if it is anything else.
+            ValueError: if its masses lie too far apart (`conditioning`).
         """
         parameters = ArmParameters() if parameters is None else parameters
         if not isinstance(parameters, ArmParameters):
-            raise TypeError(f"parameters = {parameters!r}: must be an ArmParameters")
+            raise TypeError(f"parameters = {shown(parameters)}: must be an ArmParameters")
         self.parameters = parameters
         self.modes = constants.arm_modes(parameters)
         self.constants = constants.arm_constants(parameters, self.modes)
+        refuse_singular(parameters, self.constants)
         self._elimination = elimination(self.constants)
         self._to_internal = coordinates.to_internal(self.constants)
         self._to_public = coordinates.to_public(self.constants)
@@ -89,12 +92,14 @@ class FlexibleArm:
     def acceleration(self, state: ArrayLike, torque: ArrayLike = (0.0, 0.0)) -> Array:
         """q'' under a torque [N m]. Shape (..., 2 + 2 m)."""
         q, rates = self._split(state)
-        tau = list(np.moveaxis(finite_rows("torque", torque, 2), -1, 0))
+        tau = list(np.moveaxis(finite_rows("torque", torque, 2, LARGEST), -1, 0))
         return self._public_acceleration(q, rates, tau)
 
     def energy(self, state: ArrayLike) -> Energy:
         """Kinetic and strain energy [J]. Shape (...) each."""
-        q, rates = self._split(state)
+        return self._energy(*self._split(state))
+
+    def _energy(self, q: Array, rates: Array) -> Energy:
         y, cos, sin, _ = self._geometry(q)
         matrix = dyn.mass_matrix(self.constants, y, cos, sin)
         kinetic = dyn.kinetic_energy(matrix, self._internal(rates))
@@ -157,7 +162,9 @@ class FlexibleArm:
 
     def tip_deflection(self, q: ArrayLike) -> Array:
         """Each link's tip off its own root tangent [m]. Shape (..., 2)."""
-        q = self._coordinates("q", q)
+        return self._tip_deflection(self._coordinates("q", q))
+
+    def _tip_deflection(self, q: Array) -> Array:
         m = self.parameters.modes_per_link
         links = (q[..., 2 : 2 + m], q[..., 2 + m :])
         pairs = zip(links, self.modes, strict=True)
@@ -175,8 +182,8 @@ class FlexibleArm:
         Returns:
             A, B and the rate at the point; an equilibrium has rate 0.
         """
-        point = finite_array("state", state, (2 * self.size,))
-        tau0 = finite_array("torque", torque, (2,))
+        point = finite_array("state", state, (2 * self.size,), LARGEST)
+        tau0 = finite_array("torque", torque, (2,), LARGEST)
         return linearise(self._state_rate, point, tau0)
 
     def fastest_rate(self) -> float:
@@ -215,26 +222,22 @@ class FlexibleArm:
             ValueError: for bad input; a step too long is refused with the longest that is allowed.
             DivergenceError: if the state stops being finite; it keeps the run until then.
         """
-        start = finite_array("initial_state", initial_state, (2 * self.size,))
+        start = finite_array("initial_state", initial_state, (2 * self.size,), LARGEST)
         step = number("step", step, "s", above=0.0)
-        duration = number("duration", duration, "s", above=0.0)
-        steps = round(duration / step)
-        if steps < 1 or abs(steps * step - duration) > 1e-9 * duration:
-            raise ValueError(f"duration = {duration!r}: must be a whole number of steps of {step} s")
-        count = self._substeps(step, substeps)
+        count = count_substeps(step, substeps, self.longest_step(), self.fastest_rate())
+        steps = count_instants(number("duration", duration, "s", above=0.0), step, count)
         run = OpenLoop(self.constants, self._complete, start)
         if callable(torque):
             states, torques = run.run_function(torque, steps, step, count)
         else:
             held = np.zeros((steps, 2)) if torque is None else finite_array("torque", torque, (steps, 2))
             states, torques = run.run_held(held, step, count)
-        with np.errstate(over="ignore", invalid="ignore"):  # energies of a diverging state overflow before it does
-            trajectory = self.record(step * np.arange(len(states), dtype=np.float64), states, torques)
+        trajectory = self.record(step * np.arange(len(states), dtype=np.float64), states, torques)
         if len(states) <= steps:
             raise DivergenceError(float(trajectory.time[-1]), trajectory)
         return trajectory
 
-    def record(self, time: Array, state: Array, torque: Array, **signals: Any) -> Trajectory:
+    def record(self, time: ArrayLike, state: ArrayLike, torque: ArrayLike, **signals: Any) -> Trajectory:
         """Complete a run's states to a `Trajectory`.
 
         Args:
@@ -242,22 +245,28 @@ class FlexibleArm:
             state: Shape (n, 4 + 4 m).
             torque: [N m]. Shape (n, 2).
             **signals: further fields of `Trajectory`.
+
+        Raises:
+            ValueError: for arrays of another shape, or none of an instant.
         """
-        q = state[:, : self.size]
-        energy = self.energy(state)
-        return Trajectory(
-            parameters=self.parameters,
-            time=time,
-            state=state,
-            torque=torque,
-            tip=self.tip(q),
-            elbow=self.elbow(q),
-            rigid_tip=self.rigid_tip(q),
-            tip_deflection=self.tip_deflection(q),
-            kinetic_energy=energy.kinetic,
-            strain_energy=energy.strain,
-            **signals,
-        )
+        states = finite_array("state", state, (None, 2 * self.size))
+        q, rates = states[:, : self.size], states[:, self.size :]
+        with np.errstate(over="ignore", invalid="ignore"):  # energies of a diverging state overflow before it does
+            energy = self._energy(q, rates)
+            elbow, tip = (self._point(q, link, self.parameters.link_lengths[link - 1])[0] for link in (1, 2))
+            return Trajectory(
+                parameters=self.parameters,
+                time=real_array("time", time),
+                state=states,
+                torque=real_array("torque", torque),
+                tip=tip,
+                elbow=elbow,
+                rigid_tip=coordinates.rigid_tip(self.parameters.link_lengths, q),
+                tip_deflection=self._tip_deflection(q),
+                kinetic_energy=energy.kinetic,
+                strain_energy=energy.strain,
+                **signals,
+            )
 
     def internal_state(self, state: Array) -> Array:
         """(y, v) of public states, see `flexarm_env.physics.dynamics`. Shape (..., 4 + 4 m)."""
@@ -280,10 +289,10 @@ class FlexibleArm:
         return max(float(np.abs(np.linalg.eigvals(self.linearise(state).A)).max()) for state in states)
 
     def _coordinates(self, name: str, q: ArrayLike) -> Array:
-        return finite_rows(name, q, self.size)
+        return finite_rows(name, q, self.size, LARGEST)
 
     def _split(self, state: ArrayLike) -> tuple[Array, Array]:
-        array = finite_rows("state", state, 2 * self.size)
+        array = finite_rows("state", state, 2 * self.size, LARGEST)
         return array[..., : self.size], array[..., self.size :]
 
     def _internal(self, q: Array) -> list[Any]:
@@ -318,22 +327,7 @@ class FlexibleArm:
         length = self.parameters.link_lengths[link - 1]
         distance = real_array("s", s)
         if not np.all((distance >= 0.0) & (distance <= length)):
-            raise ValueError(f"s = {s!r}: must be a distance on link {link}, 0 to {length} [m]")
+            raise ValueError(f"s = {shown(s)}: must be a distance on link {link}, 0 to {length} [m]")
         y = stack(self._internal(q))
         at, jacobian = coordinates.material_point(self.modes, self.constants.foreshortened, y, link, distance)
         return at, jacobian @ self._to_internal
-
-    def _substeps(self, step: float, substeps: int | str) -> int:
-        longest = self.longest_step()
-        if isinstance(substeps, str):
-            if substeps != "auto":
-                raise ValueError(f"substeps = {substeps!r}: must be an integer >= 1 or 'auto'")
-            return int(np.ceil(step / longest))
-        count = integer("substeps", substeps, 1)
-        if step / count > longest:
-            raise ValueError(
-                f"step = {step} s in {count} substep(s): too long for the arm's fastest mode, "
-                f"{self.fastest_rate():.4g} rad/s; at most {longest:.4g} s is allowed "
-                f"(or substeps='auto', here {int(np.ceil(step / longest))})"
-            )
-        return count

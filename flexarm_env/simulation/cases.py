@@ -53,7 +53,7 @@ def checked_cases(cases: Sequence[LoopCase], arm: FlexibleArm) -> list[LoopCase]
 
 
 def sensor_variant(cases: Sequence[LoopCase]) -> tuple[str, str]:
-    """Model and Jacobian of the sensors, for which a kernel is compiled (`recorded.Variant`).
+    """Model and Jacobian of the sensors, for which a kernel is compiled (`variants.Variant`).
 
     Raises:
         ValueError: if they differ.

@@ -12,15 +12,16 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexarm_env.codegen import assembly
-from flexarm_env.kernels import imex
-from flexarm_env.kernels.layout import arm_rows, extent, result_sizes
-from flexarm_env.kernels.recorded import Variant
+from flexarm_env.codegen import assembly, cache
+from flexarm_env.kernels.entries import CLOCK_ROWS, clock_row, extent
+from flexarm_env.kernels.imex import LOOP, failures
+from flexarm_env.kernels.layout import arm_rows
+from flexarm_env.kernels.variants import Variant
 from flexarm_env.physics.paths import ReferencePath
 from flexarm_env.simulation.arm import FlexibleArm
 from flexarm_env.simulation.cases import LoopCase, case_rows, checked_cases, delays, sensor_variant
-from flexarm_env.simulation.stability import STEP_LIMIT, default_step
-from flexarm_env.validation import finite_array, number
+from flexarm_env.simulation.stability import STEP_LIMIT, count_readings, count_steps, default_step
+from flexarm_env.validation import finite_array, number, shown
 
 Array = NDArray[np.float64]
 
@@ -85,9 +86,9 @@ class ClosedLoop:
                 long for the fastest mode.
         """
         if not isinstance(arm, FlexibleArm):
-            raise TypeError(f"arm = {arm!r}: must be a FlexibleArm")
+            raise TypeError(f"arm = {shown(arm)}: must be a FlexibleArm")
         if not isinstance(path, ReferencePath):
-            raise TypeError(f"path = {path!r}: must be a ReferencePath")
+            raise TypeError(f"path = {shown(path)}: must be a ReferencePath")
         self.arm, self.path, self._cases = arm, path, checked_cases(cases, arm)
         self._path_rows = path.rows[None]
         self._ready = False  # until the first reset
@@ -97,11 +98,11 @@ class ClosedLoop:
         lanes = 1 if len(self._cases) == 1 else BLOCK
         sensor = sensor_variant(self._cases)
         complete, foreshortened = p.velocity_forces == "complete", arm.constants.foreshortened
-        self._variant = Variant("loop", p.modes_per_link, complete, lanes, *sensor, foreshortened=foreshortened)
+        self._variant = Variant(LOOP, p.modes_per_link, complete, lanes, *sensor, foreshortened=foreshortened)
         self._allocate()
         limits = np.full(2 * arm.size, np.inf) if state_limits is None else np.array(state_limits, dtype=float)
         if limits.shape != (2 * arm.size,) or not np.all(limits > 0.0):
-            raise ValueError(f"state_limits = {state_limits!r}: must be {2 * arm.size} numbers > 0 (inf for none)")
+            raise ValueError(f"state_limits = {shown(state_limits)}: must be {2 * arm.size} numbers > 0 (inf for none)")
         for name, values in {**arm_rows(arm.constants), "LIMITS": limits}.items():
             self._put(name, np.tile(np.asarray(values, dtype=float), (len(self), 1)))
         for name, rows in case_rows(self._cases, arm).items():
@@ -112,14 +113,13 @@ class ClosedLoop:
         """Blocks of arenas, delay lines and clocks, and where the results lie in an arena."""
         lanes = self._variant.lanes
         self._rows = self._variant.rows
-        sizes = result_sizes(self._variant.modes)
-        first = self._rows[next(iter(sizes))][0]
-        self._results = slice(first, first + sum(sizes.values()))
+        self._results = slice(self._rows["OBSERVATION"][0], extent(self._rows))
         blocks = -(-len(self) // lanes)
         self._arenas = np.zeros((blocks, extent(self._rows), lanes))
         latest = max(max(delays(case, self.arm)) for case in self._cases)
-        self._histories = np.zeros((blocks, 3 + int(latest / self.physics_step), 4, lanes))
-        self._clocks = np.zeros((blocks, imex.CLOCK, lanes), dtype=np.int64)
+        readings = count_readings(latest / self.physics_step, self.physics_step, f"delay = {latest} s")
+        self._histories = np.zeros((blocks, 3 + readings, 4, lanes))
+        self._clocks = np.zeros((blocks, CLOCK_ROWS, lanes), dtype=np.int64)
 
     def _link(self) -> None:
         """Views for the hot path: whole blocks as the kernels take them, the gains' rows, the parts of results."""
@@ -127,8 +127,8 @@ class ClosedLoop:
         self._flat_histories = self._histories.reshape(len(self._histories), -1)
         self._gain_rows = self._arenas[:, self._rows["GAIN"][0]]
         self._places = np.divmod(np.arange(len(self._cases)), self._arenas.shape[2])  # block and lane of each arm
-        ends = np.cumsum(list(result_sizes(self.arm.parameters.modes_per_link).values())).tolist()
-        self._parts = [slice(start, end) for start, end in zip([0, *ends], ends, strict=False)]
+        places = [self._rows[name.upper()] for name in Results._fields]
+        self._parts = [slice(first - self._results.start, first - self._results.start + n) for first, n in places]
 
     def __getstate__(self) -> dict[str, Any]:
         """Without the views, which would come back as copies."""
@@ -157,7 +157,7 @@ class ClosedLoop:
     @property
     def time(self) -> float:
         """Since the reset [s]."""
-        return float(self._clocks[0, imex.STEPS, 0] * self.physics_step)
+        return float(self._clocks[0, clock_row.STEPS, 0] * self.physics_step)
 
     # --- running ---------------------------------------------------------------------------------------------------
 
@@ -177,7 +177,7 @@ class ClosedLoop:
         self._put_noise(noise)
         module = assembly.load(self._variant)
         for arena, history in zip(self._flat_arenas, self._flat_histories, strict=True):
-            module.store_reading(arena, history, 0)
+            cache.call(module.store_reading, arena, history, 0)
         self._histories[:, 1:] = self._histories[:, :1]
         self._histories[:, 1:, 2:] = 0.0  # before the start nothing moves
         self._run(0, initialise=True)
@@ -221,7 +221,7 @@ class ClosedLoop:
 
     def failure(self, status: float) -> str | None:
         """What a `Results.status` means: None, "diverged", "angle", "deflection" or "rate"."""
-        return imex.failures(self.arm.size)[float(status)]
+        return failures(self.arm.size)[float(status)]
 
     # --- inside ----------------------------------------------------------------------------------------------------
 
@@ -229,14 +229,16 @@ class ClosedLoop:
         fastest = self.arm.fastest_rate()
         if physics_step is None:
             wanted = default_step(fastest)
+            cause = f"arm: its fastest mode, {fastest:.4g} rad/s, asks for steps of {wanted:.4g} s"
         else:
             wanted = number("physics_step", physics_step, "s", above=0.0)
+            cause = f"physics_step = {wanted} s"
             if wanted > STEP_LIMIT / fastest:
                 raise ValueError(
                     f"physics_step = {wanted} s: too long for the arm's fastest mode, {fastest:.4g} rad/s; "
                     f"at most {STEP_LIMIT / fastest:.4g} s is allowed"
                 )
-        return int(np.ceil(self.control_period / wanted - 1e-9))
+        return count_steps(self.control_period, wanted, cause)
 
     def _put(self, name: str, values: Array) -> None:
         """Write rows of all arms; lanes beyond the last arm repeat the first."""
@@ -250,7 +252,8 @@ class ClosedLoop:
         self._put("NOISE", values)
 
     def _run(self, steps: int, initialise: bool) -> None:
-        assembly.load(self._variant).run_loop(
+        cache.call(
+            assembly.load(self._variant).run_loop,
             self._flat_arenas,
             self._flat_histories,
             self._clocks,

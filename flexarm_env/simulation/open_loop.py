@@ -7,21 +7,29 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from types import ModuleType
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexarm_env.codegen import assembly
-from flexarm_env.kernels.layout import arm_rows, extent
-from flexarm_env.kernels.recorded import Variant
-from flexarm_env.kernels.rk4 import RK4_NODES, RK4_WEIGHTS
+from flexarm_env.codegen import assembly, cache
+from flexarm_env.kernels.entries import extent
+from flexarm_env.kernels.layout import arm_rows
+from flexarm_env.kernels.rk4 import OPEN
+from flexarm_env.kernels.tableau import RK4_NODES, RK4_WEIGHTS
+from flexarm_env.kernels.variants import Variant
 from flexarm_env.physics.constants import Constants
 from flexarm_env.physics.coordinates import internal_state, public_state
 from flexarm_env.physics.dynamics import elbow_turn
-from flexarm_env.validation import finite_array
+from flexarm_env.validation import finite_array, integer, shown
 
 Array = NDArray[np.float64]
 TorqueFunction = Callable[[float, Array], ArrayLike]
+# Magnitude of any coordinate, rate or torque at which the equations are evaluated: far beyond what an arm survives, and
+# no power of it that they form overflows.
+LARGEST = 1e12
+MOST_INSTANTS = 10_000_000  # of a run: a trajectory of one arm with two modes then takes 2 GB
+MOST_STEPS = 100_000_000  # integration steps of a run: torques held over them take 1.6 GB
 
 
 class OpenLoop:
@@ -38,7 +46,7 @@ class OpenLoop:
         modes = len(constants.elbow_slopes)
         size = 2 * modes + 2
         self._start, self._constants = start, constants
-        variant = Variant("open", modes, complete, lanes=1, foreshortened=constants.foreshortened)
+        variant = Variant(OPEN, modes, complete, lanes=1, foreshortened=constants.foreshortened)
         self._module: ModuleType = assembly.load(variant)
         self._rows = variant.rows
         self._arena = np.zeros(extent(self._rows))
@@ -64,7 +72,8 @@ class OpenLoop:
         """
         torques = np.repeat(held, substeps, axis=0)[:, None, :]
         states = np.zeros((len(held), 1, len(self._start)))
-        done = self._module.run_open(self._arena[None], torques, states, step / substeps, substeps) // substeps
+        arguments = (self._arena[None], torques, states, step / substeps, substeps)
+        done = cache.call(self._module.run_open, *arguments) // substeps
         public = np.concatenate([self._start[None], public_state(self._constants, states[:done, 0])])
         return public, np.concatenate([held, held[-1:]])[: done + 1]
 
@@ -96,8 +105,9 @@ class OpenLoop:
                 return False
             tau = _evaluate(torque, (k + node) * h, stage)
             y, v = (part.tolist() for part in np.split(internal, 2))
-            turn = self._module.sincos_fused(elbow_turn(y))
-            slope = np.array([*v, *self._module.slope(*self._numbers, *y, *v, *tau.tolist(), *turn)])
+            turn = cache.call(self._module.sincos_fused, elbow_turn(y))
+            numbers = (*self._numbers, *y, *v, *tau.tolist(), *turn)
+            slope = np.array([*v, *cache.call(self._module.slope, *numbers)])
             total = total + weight * slope
         self._arena[self._state] = start + h / 6.0 * total
         return True
@@ -105,6 +115,57 @@ class OpenLoop:
     def _part(self, name: str) -> slice:
         first, count = self._rows[name]
         return slice(first, first + count)
+
+
+def count_instants(duration: float, step: float, substeps: int) -> int:
+    """Steps of a run.
+
+    Args:
+        duration: of the run [s].
+        step: between two instants of the trajectory [s].
+        substeps: integration steps in each.
+
+    Raises:
+        ValueError: if the duration is not a whole number of steps, or too long.
+    """
+    wanted = duration / step
+    if not (wanted <= MOST_INSTANTS and wanted * substeps <= MOST_STEPS):
+        raise ValueError(
+            f"duration = {duration!r}: {wanted:.4g} steps of {step} s in {substeps} substep(s); at most "
+            f"{MOST_INSTANTS} steps and {MOST_STEPS} substeps are allowed"
+        )
+    steps = round(wanted)
+    if steps < 1 or abs(steps * step - duration) > 1e-9 * duration:
+        raise ValueError(f"duration = {duration!r}: must be a whole number of steps of {step} s")
+    return steps
+
+
+def count_substeps(step: float, substeps: int | Literal["auto"], longest: float, fastest: float) -> int:
+    """Integration steps in a step.
+
+    Args:
+        step: between two instants of the trajectory [s].
+        substeps: what the user wants.
+        longest: integration step that the arm's fastest mode allows [s].
+        fastest: that mode's rate [rad/s].
+
+    Raises:
+        TypeError, ValueError: for a bad number, or one that makes an integration step too long.
+    """
+    enough = np.ceil(step / longest)
+    if isinstance(substeps, str):
+        if substeps != "auto":
+            raise ValueError(f"substeps = {shown(substeps)}: must be an integer >= 1 or 'auto'")
+        if enough > MOST_STEPS:
+            raise ValueError(f"step = {step} s: takes {enough:.4g} substeps; at most {MOST_STEPS} are allowed")
+        return int(enough)
+    count = integer("substeps", substeps, 1, MOST_STEPS)
+    if step / count > longest:
+        raise ValueError(
+            f"step = {step} s in {count} substep(s): too long for the arm's fastest mode, "
+            f"{fastest:.4g} rad/s; at most {longest:.4g} s is allowed (or substeps='auto', here {enough:.0f})"
+        )
+    return count
 
 
 def _evaluate(torque: TorqueFunction, time: float, state: Array) -> Array:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import Any
+
 import numpy as np
 
 from flexarm_env.simulation.arm import FlexibleArm
@@ -17,6 +20,10 @@ ELBOWS = np.linspace(0.0, np.pi, 7)  # [rad]
 STEP_LIMIT = 1.2
 DEFAULT_ANGLE = 0.15
 DEFAULT_STEP = 2.5e-4
+# What a control period may ask of one arm. An integration step takes about a microsecond, so that the longest period
+# takes a few hundredths of a second; a reading takes 32 bytes, so that the longest delay line takes 64 MB.
+MOST_STEPS = 20_000
+MOST_READINGS = 2_000_000
 
 
 def fastest_pole(
@@ -35,3 +42,59 @@ def fastest_pole(
 def default_step(fastest: float) -> float:
     """Integration step [s] for an arm whose fastest mode has this rate [rad/s]."""
     return min(DEFAULT_STEP, DEFAULT_ANGLE / fastest)
+
+
+def fastest_rates(settings: Any) -> list[float]:
+    """Of the stiffest and lightest arm that an episode may draw; under the inner law, of the closed loop [rad/s].
+
+    Args:
+        settings: `Settings`.
+    """
+    own = settings.flexible_arm.parameters
+    stiffness = settings.randomisation.get("stiffness", (1.0, 1.0))[1]
+    payload = settings.randomisation.get("payload_mass", (own.payload_mass, own.payload_mass))[0]
+    damping = settings.randomisation.get("damping", (0.0, own.modal_damping_ratio))[1]
+    rigidities = (own.flexural_rigidities[0] * stiffness, own.flexural_rigidities[1] * stiffness)
+    arm = FlexibleArm(replace(own, flexural_rigidities=rigidities, payload_mass=payload, modal_damping_ratio=damping))
+    rates = [arm.fastest_rate()]
+    if settings.action_mode in ("residual", "reference"):
+        rates += [fastest_pole(arm, theta2, settings.inner_stiffness, settings.inner_resistance) for theta2 in ELBOWS]
+    return rates
+
+
+def count_steps(period: float, step: float, cause: str) -> int:
+    """Integration steps in a control period.
+
+    Args:
+        period: the control period [s].
+        step: the longest integration step [s].
+        cause: of the step, for the message.
+
+    Raises:
+        ValueError: for more than `MOST_STEPS`.
+    """
+    count = period / step - 1e-9
+    if not count <= MOST_STEPS:
+        raise ValueError(
+            f"{cause}: {count:.4g} integration steps in control_period = {period} s; at most {MOST_STEPS} are allowed"
+        )
+    return int(np.ceil(count))
+
+
+def count_readings(count: float, step: float, cause: str) -> int:
+    """Readings that a delay line holds for one arm.
+
+    Args:
+        count: how many are wanted.
+        step: time between two [s].
+        cause: of the count, for the message.
+
+    Raises:
+        ValueError: for more than `MOST_READINGS`.
+    """
+    if not count <= MOST_READINGS:
+        raise ValueError(
+            f"{cause}: {count:.4g} readings to keep, one for each integration step of {step:.4g} s; "
+            f"at most {MOST_READINGS} are allowed"
+        )
+    return int(count)

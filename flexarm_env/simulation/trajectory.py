@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any
@@ -11,9 +12,12 @@ from numpy.typing import NDArray
 
 from flexarm_env.parameters import ArmParameters
 from flexarm_env.simulation import archive
+from flexarm_env.validation import mapping, real_array, shown
 
 Array = NDArray[np.float64]
 _FORMAT = 1
+_PAIRS = ("torque", "tip", "elbow", "rigid_tip", "tip_deflection")
+_REQUIRED = ("time", "state", *_PAIRS, "kinetic_energy", "strain_energy")
 
 
 @dataclass(frozen=True)
@@ -57,14 +61,19 @@ class Trajectory:
     notes: dict[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        """Check that all arrays cover the same instants.
+        """Check that all arrays cover the same instants, of this arm.
 
         Raises:
-            ValueError: naming the array that does not.
+            TypeError: if the notes are no mapping.
+            ValueError: naming the array that does not fit.
         """
+        if not isinstance(self.parameters, ArmParameters):
+            raise TypeError(f"parameters = {shown(self.parameters)}: must be an ArmParameters")
+        mapping("notes", self.notes)
         for name, array in self.arrays().items():
-            if len(array) != len(self.time):
-                raise ValueError(f"{name}: has {len(array)} instants, time has {len(self.time)}")
+            if not (isinstance(array, np.ndarray) and array.dtype == np.float64):
+                object.__setattr__(self, name, real_array(name, array))
+        _check_shapes(self.parameters, {name: array.shape for name, array in self.arrays().items()})
 
     def __len__(self) -> int:
         """Number of instants."""
@@ -87,14 +96,44 @@ class Trajectory:
             FileNotFoundError: if there is none.
             ValueError: if the file is not such a file, naming it and what is wrong.
         """
-        return archive.read(path, _FORMAT, "Trajectory", cls._from_file)
+        return archive.read(path, _FORMAT, "Trajectory", cls._check_file, cls._from_file)
+
+    @classmethod
+    def _check_file(cls, head: dict[str, Any], entries: Mapping[str, archive.Entry]) -> None:
+        for name, entry in entries.items():
+            if entry.dtype != np.float64:
+                raise ValueError(f"{name}: must hold float64, got {entry.dtype}")
+        _check_shapes(_plain_parts(head)[0], {name: entry.shape for name, entry in entries.items()})
 
     @classmethod
     def _from_file(cls, head: dict[str, Any], arrays: dict[str, Array]) -> Trajectory:
-        values: dict[str, Any] = {
-            name: tuple(value) if isinstance(value, list) else value for name, value in head["parameters"].items()
-        }
-        return cls(parameters=ArmParameters(**values), notes=head["notes"], **arrays)
+        parameters, notes = _plain_parts(head)
+        return cls(parameters=parameters, notes=notes, **arrays)
+
+
+def _plain_parts(head: dict[str, Any]) -> tuple[ArmParameters, dict[str, Any]]:
+    """Parameters and notes of a file."""
+    return ArmParameters(**mapping("parameters", head["parameters"])), mapping("notes", head["notes"])
+
+
+def _check_shapes(parameters: ArmParameters, shapes: Mapping[str, tuple[int, ...]]) -> None:
+    """Refuse arrays that are unknown, missing, or no run's of this arm."""
+    for name in _REQUIRED:
+        if name not in shapes:
+            raise ValueError(f"{name}: must be an array, and is missing")
+    instants = shapes["time"][:1]
+    if not instants or instants == (0,):
+        raise ValueError(f"time: must hold an instant at least, got shape {shapes['time']}")
+    numbers = dict.fromkeys(("time", "kinetic_energy", "strain_energy", "gain", "reward"), ())
+    pairs = dict.fromkeys((*_PAIRS, "reference", "sensed"), (2,))
+    wanted: dict[str, tuple[int, ...]] = {**numbers, **pairs, "state": (4 + 4 * parameters.modes_per_link,)}
+    for name, shape in shapes.items():
+        if name not in wanted:
+            raise ValueError(f"{shown(name)}: no such array; a Trajectory has {', '.join(wanted)}")
+        if shape[:1] != instants:
+            raise ValueError(f"{name}: has shape {shape}, time has {instants[0]} instants")
+        if shape[1:] != wanted[name]:
+            raise ValueError(f"{name}: must have shape {instants + wanted[name]}, got {shape}")
 
 
 class DivergenceError(RuntimeError):

@@ -58,6 +58,8 @@ def analyse(folder: Path, quick: bool) -> None:
         tick()
         results["fuzzy_gains"] = margins.fuzzy_extremes()
         results["margins"] = margins.rows(arms, controllers, tick)
+        results["room"] = margins.room(results["margins"])
+        results["margins_by_modes"] = margins.by_modes((1, 2) if quick else (1, 2, 3, 4))
         results["profile"] = margins.profile(2 if quick else 9, controllers, tick)
         results["largest_gains"] = margins.largest_gains([] if quick else arms, (1,) if quick else (1, 2))
         tick()
@@ -74,6 +76,9 @@ def write_tables(folder: Path, results: dict[str, Any]) -> None:
         "zeros_by_position": tables.zeros_by_position(results["zeros"]["by_position"]),
         "passivity": tables.passivity(results["passivity"]["rows"]),
         "margins": tables.margins(results["margins"]),
+        "margins_claim": tables.margins_claim(results["room"]),
+        "room": tables.room(results["room"]),
+        "margins_by_modes": tables.margins_by_modes(results["margins_by_modes"]),
         "simulated": tables.simulated(results["simulated"], results["margins"]),
         "largest_gains": tables.largest_gains(results["largest_gains"]),
     }

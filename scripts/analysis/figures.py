@@ -8,63 +8,83 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 
-from scripts.analysis.margins import DELAYED, GAINS, SENSORS
-from scripts.common.plotting import plt, save
+from scripts.analysis.margins import GAINS, SENSORS
+from scripts.common.plotting import COLOURS, plt, save
 
 COLORS = {"IFDC": "#111111", "FLSAC, largest": "#D55E00", "FLSAC, smallest": "#0072B2"}
-RIGHT, AXIS, QUADRUPLE, EXACT = "#D55E00", "#0072B2", "#009E73", "0.6"
+EXACT = "0.6"
+COLLOCATED = "joint torques -> joint rates"
+KINDS: dict[str, dict[str, Any]] = {
+    "right of the axis, real": {"color": "#D55E00", "markersize": 2.6},
+    "right of the axis, complex": {"color": "#009E73", "markersize": 2.6},
+    "on the imaginary axis": {"color": "#0072B2", "markersize": 2.6},
+    "left of the axis, complex": {"color": "#56B4E9", "markersize": 2.6},
+    "left of the axis, real": {"color": "#E69F00", "markersize": 1.2},
+}
+LINES: dict[str, dict[str, Any]] = {  # the two large gains' curves lie close: a thin one on a broad one
+    "FLSAC, smallest": {"color": COLORS["FLSAC, smallest"], "linewidth": 1.5, "zorder": 2.5},
+    "FLSAC, largest": {"color": COLORS["FLSAC, largest"], "linewidth": 4.5, "alpha": 0.6},
+    "IFDC": {"color": COLORS["IFDC"], "linewidth": 1.2, "zorder": 3},
+}
+WHOLE_LAP = 4.35  # sides; where the squares of whole laps stand
 LABELS = {"position": "position late", "position+rate": "position and rate late"}
 
 
 def zeros_locus(folder: Path, locus: dict[str, Any]) -> None:
-    """Magnitude of every zero against the sensor's position, a panel for each number of modes."""
-    models = [name for name in locus if name not in ("positions", "exact beam")]
+    """Magnitude of every zero against the sensor's position, a panel for each arm."""
+    models = [name for name in locus if name not in ("positions", "exact beam", "exact link 1")]
     s = np.array(locus["positions"])
-    figure, axes = plt.subplots(1, len(models), figsize=(13.5, 5.2), sharey=True)
-    for axis, name in zip(axes, models, strict=True):
-        for kind in ("real", "imaginary"):
-            points = [(at, z) for at, row in zip(s, locus["exact beam"], strict=True) for z in row[kind]]
-            axis.plot(*np.array(points).T, "o", color=EXACT, markersize=1.6, zorder=1)
-        for right, on_axis, color, label in (
-            (True, False, RIGHT, "right half plane, real (and its mirror image)"),
-            (False, True, AXIS, "imaginary axis"),
-            (True, True, QUADRUPLE, "right half plane, complex"),
-        ):
-            points = [
-                (at, abs(complex(*z)))
-                for at, row in zip(s, locus[name], strict=True)
-                for z in row
-                if (z[0] > 1e-6 * abs(complex(*z))) == right and (abs(z[1]) > 1e-6 * abs(complex(*z))) == on_axis
-            ]
-            if points:
-                axis.plot(*np.array(points).T, "o", color=color, markersize=2.6, label=label, zorder=3)
-        axis.plot([], [], "o", color=EXACT, markersize=3, label="exact beam (link 2)")
-        axis.axvline(2.25, color="0.8", linewidth=1, zorder=0)
+    figure, axes = plt.subplots(1, len(models), figsize=(4.2 * len(models), 5.4), sharey=True, squeeze=False)
+    for axis, name in zip(axes[0], models, strict=True):
+        exact = [
+            (at, z)
+            for at, row in zip(s, locus["exact beam"], strict=True)
+            for z in (*row["real"], *row["imaginary"], *locus["exact link 1"])
+        ]
+        axis.plot(*np.array(exact).T, "o", color=EXACT, markersize=1.6, zorder=1, label="exact beams, both links")
+        kinds: dict[str, list[tuple[float, float]]] = {kind: [] for kind in KINDS}
+        for at, row in zip(s, locus[name], strict=True):
+            for z in row:
+                kinds[_kind(complex(*z))].append((at, abs(complex(*z))))
+        for kind, points in kinds.items():
+            # an undamped arm's zeros on the left are mirror images of those on the right
+            if points and not (kind.startswith("left") and "undamped" in name):
+                axis.plot(*np.array(points).T, "o", label=kind, zorder=3, **KINDS[kind])
         axis.set(title=name, xlabel="sensor position s on link 2 [m]", yscale="log", ylim=(10, 1000), xlim=(0, 4.6))
-    axes[0].set_ylabel("magnitude of the zero [rad/s]")
+    axes[0, 0].set_ylabel("magnitude of the zero [rad/s]")
     handles: dict[str, Any] = {}
-    for axis in axes:
+    for axis in axes[0]:
         handles |= dict(zip(*reversed(axis.get_legend_handles_labels()), strict=True))
-    figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=4, markerscale=2)
+    figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=3, markerscale=2)
     save(figure, folder, "zeros_locus")
+
+
+def _kind(zero: complex) -> str:
+    """Where a zero lies: a key of `KINDS`."""
+    tiny = 1e-6 * abs(zero)
+    if abs(zero.real) <= tiny:
+        return "on the imaginary axis"
+    shape = "real" if abs(zero.imag) <= tiny else "complex"
+    return f"{'right' if zero.real > 0.0 else 'left'} of the axis, {shape}"
 
 
 def passivity(folder: Path, results: dict[str, Any]) -> None:
     """Left: positive realness over frequency. Right: the law's own damping when its readings are late."""
     figure, (left, right) = plt.subplots(1, 2, figsize=(13.5, 5.0))
-    shown = {
-        "joint torques -> joint rates": ("#111111", "-"),
-        "the same, 31.2 ms late": ("#D55E00", "-"),
-        "law's force -> true point's rate, 0.5 m": ("#56B4E9", "-"),
-        "law's force -> true point's rate, tip": ("#0072B2", "-"),
-    }
-    names = {"the same, 31.2 ms late": "law's force -> rigid point's rate, tip, 31.2 ms late"}
-    for name, (color, style) in shown.items():
-        label = names.get(name, name)
-        left.plot(results["omega"], results["curves"][name], color=color, linestyle=style, label=label)
-    left.set(xscale="log", xlabel="frequency [rad/s]", ylabel="smallest eigenvalue of (G + G*)/2 over |G|")
+    left.plot(results["omega"], results["curves"][COLLOCATED], color="#111111", linewidth=2, label=COLLOCATED)
+    late = [row["path"] for row in results["rows"] if row["worst"] < -1e-9]
+    for name, color in zip(late, COLOURS, strict=False):
+        after = [row["path"] for row in results["rows"]]
+        label = name.replace("the same", after[after.index(name) - 1])  # the row above it in the table
+        left.plot(results["omega"], results["curves"][name], color=color, linewidth=1.3, label=label)
+    left.set(
+        xscale="log",
+        xlabel="frequency [rad/s]",
+        ylabel="least eigenvalue of $(G + G^H)/2$\nover the largest singular value of $G$",
+    )
     left.set_title(f"positive real? worst of {results['poses']} poses, default arm")
-    left.legend(loc="lower left", fontsize=9)
+    left.set_ylim(-1.05, 0.75)  # room for the legend
+    left.legend(loc="upper left", fontsize=8.5)
     _law_damping(right, results["law"])
     save(figure, folder, "passivity")
 
@@ -86,50 +106,46 @@ def _law_damping(axis: Axes, law: dict[str, Any]) -> None:
 
 
 def margins(folder: Path, profile: dict[str, Any], simulated: list[dict[str, Any]], rows: list[dict[str, Any]]) -> None:
-    """Delay margins along the lap, with the paper's delay and where the simulation diverges."""
-    figure, axes = plt.subplots(2, len(SENSORS), figsize=(14, 7.6), sharex=True, sharey="row")
+    """Delay margins along the lap, with the paper's delay and where the simulation diverges, on one scale."""
+    figure, axes = plt.subplots(1, len(SENSORS), figsize=(14, 6.4), sharex=True, sharey=True)
     side = profile["side"]
     arc = np.array(profile["arc"])
     half = np.concatenate([arc, side - arc[-2::-1]])
     lap = np.concatenate([*(half[:-1] + i * side for i in range(4)), [4.0 * side]])
-    for column, sensor in enumerate(SENSORS):
-        for row, delayed in enumerate(DELAYED):
-            axis = axes[row, column]
-            for curve in profile["curves"]:
-                if (curve["sensor"], curve["delayed"]) == (sensor, delayed):
-                    values = 1e3 * np.array(curve["margin"])
-                    both = np.concatenate([values, values[-2::-1]])[:-1]
-                    name = curve["controller"]
-                    label = f"{name}, lambda = {GAINS[name]:.3g}"
-                    axis.plot(lap, np.append(np.tile(both, 4), both[0]), color=COLORS[name], label=label)
-            own = next(r for r in rows if (r["sensor"], r["delayed"]) == (sensor, delayed))["corner"]["delay"]
-            axis.axhline(1e3 * own, color="#CC79A7", linestyle="--", linewidth=1.6, label="the paper's delay")
-            _diverging(axis, [r for r in simulated if (r["sensor"], r["delayed"]) == (sensor, delayed)], side)
-            axis.set_yscale("log")
-            if row == 0:
-                axis.set_title(sensor)
-    for row, delayed in enumerate(DELAYED):
-        axes[row, 0].set_ylabel(f"{LABELS[delayed]}:\ndelay margin [ms]")
-    axes[0, 0].set_yticks([20, 50, 100, 200], ["20", "50", "100", "200"])
-    axes[0, 0].set_yticks([], minor=True)
-    axes[1, 0].set_yticks([0.2, 0.5, 1, 2, 5, 10, 30], ["0.2", "0.5", "1", "2", "5", "10", "30"])
-    axes[1, 0].set_yticks([], minor=True)
-    for axis in axes[-1]:
-        axis.set(xlabel="arc length [m]; ticks are corners", xlim=(0, 4 * side))
-        axis.set_xticks(side * np.arange(5))
-    handles = dict(zip(*reversed(axes[0, 0].get_legend_handles_labels()), strict=True))
+    for axis, sensor in zip(axes, SENSORS, strict=True):
+        for curve in (c for c in profile["curves"] if c["sensor"] == sensor):
+            values = 1e3 * np.array(curve["margin"])
+            both = np.concatenate([values, values[-2::-1]])[:-1]
+            name = curve["controller"]
+            label = f"{name}, lambda = {GAINS[name]:.3g}"
+            axis.plot(lap, np.append(np.tile(both, 4), both[0]), label=label, **LINES[name])
+        own = next(r for r in rows if r["sensor"] == sensor)["corner"]["delay"]
+        axis.axhline(1e3 * own, color="#CC79A7", linestyle="--", linewidth=1.6, label="the paper's delay")
+        _diverging(axis, [r for r in simulated if r["sensor"] == sensor], side)
+        axis.set(title=sensor, yscale="log", xlim=(0, WHOLE_LAP * side + 0.5 * side), xlabel="arc length [m]")
+        axis.axvline(4.0 * side, color="0.7", linewidth=1)
+        corners = [f"{side * i:.1f}" for i in range(4)]
+        axis.set_xticks(side * np.array([0, 1, 2, 3, WHOLE_LAP]), [*corners, "whole\nlap"])
+        for delayed, height in (("position", 0.985), ("position+rate", 0.02)):
+            up = "top" if height > 0.5 else "bottom"
+            axis.text(0.02, height, LABELS[delayed], transform=axis.transAxes, va=up, style="italic")
+    axes[0].set_ylabel("delay margin [ms]")
+    axes[0].set_ylim(0.08, 320)
+    ticks = [0.1, 0.3, 1, 3, 10, 30, 100]
+    axes[0].set_yticks(ticks, [f"{tick:g}" for tick in ticks])
+    axes[0].set_yticks([], minor=True)
+    handles = dict(zip(*reversed(axes[0].get_legend_handles_labels()), strict=True))
     figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=3)
     save(figure, folder, "margins")
 
 
 def _diverging(axis: Axes, rows: list[dict[str, Any]], side: float) -> None:
-    """Markers where the held arm diverges; a dotted level for the whole lap."""
+    """Circles where the held arm diverges; squares, behind the lap's end, for whole laps."""
     for r in rows:
-        color = COLORS[r["controller"]]
+        look = {"color": COLORS[r["controller"]], "mfc": "white", "markersize": 7, "linestyle": "none", "zorder": 4}
         for place, at in (("corner", side), ("mid-side", 1.5 * side)):
             if r[place][1] is not None and np.isfinite(r[place][1]):
-                label = "simulated: held there, diverges"
-                axis.plot(at, 1e3 * r[place][1], "o", color=color, mfc="white", markersize=7, zorder=4, label=label)
+                axis.plot(at, 1e3 * r[place][1], marker="o", label="simulated: held there, diverges", **look)
         if "lap" in r and r["lap"][1] is not None and np.isfinite(r["lap"][1]):
-            label = "simulated: the lap diverges"
-            axis.plot(3.5 * side, 1e3 * r["lap"][1], "s", color=color, mfc="white", markersize=7, zorder=4, label=label)
+            label = "simulated: the whole lap diverges"
+            axis.plot(WHOLE_LAP * side, 1e3 * r["lap"][1], marker="s", label=label, **look)

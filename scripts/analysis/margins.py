@@ -73,6 +73,33 @@ def margins(case: LawLoop) -> dict[str, Any]:
     }
 
 
+def by_modes(modes: Iterable[int]) -> list[dict[str, Any]]:
+    """Delay margins of IFDC with late rates and the sensor at the end effector: the default arm with other modes."""
+    found = []
+    for count in modes:
+        arm = FlexibleArm(ArmParameters(modes_per_link=count))
+        row: dict[str, Any] = {"modes": count}
+        for place, at in PLACES.items():
+            row[place] = delay_margin(loop(arm, at, "end effector", "position+rate", 1.0)).delay
+        found.append(row)
+    return found
+
+
+def room(found: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """How many times its delay each arm, sensor and kind of late reading can stand, over controllers and places.
+
+    Args:
+        found: what `rows` returned.
+    """
+    ratios: dict[tuple[str, str, str], list[float]] = {}
+    for row in found:
+        for place in PLACES:
+            ratio = row[place]["delay_margin"] / row[place]["delay"]
+            ratios.setdefault((row["arm"], row["sensor"], row["delayed"]), []).append(ratio)
+    keys = ("arm", "sensor", "delayed")
+    return [dict(zip(keys, case, strict=True)) | {"least": min(r), "most": max(r)} for case, r in ratios.items()]
+
+
 def profile(points: int, controllers: Sequence[str], tick: Callable[[], Any]) -> dict[str, Any]:
     """Delay margins of the paper's arm along the first side; the other sides repeat it, and it is its own mirror image.
 

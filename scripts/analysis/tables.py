@@ -114,6 +114,45 @@ def margins(rows: list[dict[str, Any]]) -> str:
     return table(head, body)
 
 
+def room(rows: list[dict[str, Any]]) -> str:
+    """How much delay each loop can stand, against the delay that it has."""
+
+    def verdict(row: dict[str, Any]) -> str:
+        if row["least"] > 1.0:
+            return f"stable: {row['least']:.1f} to {row['most']:.1f} times the delay would be the limit"
+        return f"**unstable**: the delay is {1.0 / row['most']:.1f} to {1.0 / row['least']:.0f} times too long"
+
+    body = [[r["arm"], r["sensor"], _late(r["delayed"]), verdict(r)] for r in rows]
+    return table(["arm", "sensor", "late", "all three gains, corner and mid-side"], body)
+
+
+def margins_claim(rows: list[dict[str, Any]]) -> str:
+    """The claim about margins, as a paragraph."""
+    late = {delayed: [r for r in rows if r["delayed"] == delayed] for delayed in ("position", "position+rate")}
+    assert all(r["least"] > 1.0 for r in late["position"]), "stable with late positions"
+    assert all(r["most"] < 1.0 for r in late["position+rate"]), "unstable with late rates"
+    room = min(r["least"] for r in late["position"]), max(r["most"] for r in late["position"])
+    paper = [r for r in late["position+rate"] if r["arm"] == "paper's arm"]
+    own, every = (
+        (1.0 / max(r["most"] for r in group), 1.0 / min(r["least"] for r in group))
+        for group in (paper, late["position+rate"])
+    )
+    return (
+        "**Claim.** With late positions and current rates the paper's loops are stable. They would stay so with\n"
+        f"{room[0]:.1f} times the paper's delay in the worst case, {room[1]:.1f} times in the best, and at practically "
+        "every gain. With late rates\n"
+        f"they are unstable: the paper's delays are {own[0]:.1f} to {own[1]:.0f} times too long on the paper's arm, "
+        f"and {every[0]:.1f} to {every[1]:.0f} times\n"
+        "over both arms and all three sensors.\n"
+    )
+
+
+def margins_by_modes(rows: list[dict[str, Any]]) -> str:
+    """What late rates leave with more modes."""
+    body = [[str(r["modes"]), _time(r["corner"]), _time(r["mid-side"])] for r in rows]
+    return table(["modes a link", "delay margin, corner [ms]", "delay margin, mid-side [ms]"], body)
+
+
 def simulated(rows: list[dict[str, Any]], linear: list[dict[str, Any]]) -> str:
     """Delays from which on the simulated loop diverges, beside the linear margins."""
     head = ["sensor", "late", "gain"]

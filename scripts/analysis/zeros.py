@@ -37,6 +37,11 @@ def point_zeros(point: OperatingPoint, position: float) -> list[complex]:
     return [complex(v) for v in values if v.real >= -1e-9 * abs(v) and v.imag >= 0.0]
 
 
+def upper_zeros(point: OperatingPoint, position: float) -> list[complex]:
+    """Zeros from the torques to a point of link 2 with Im >= 0, on either side of the axis."""
+    return [complex(v) for v in zeros(linear_plant(point, true_point(position))).values if v.imag >= 0.0]
+
+
 def entries(arm: FlexibleArm) -> list[float]:
     """Sensor positions at which a zero is at infinity [m]: the instantaneous response C A B is singular there."""
     point = bent(arm)
@@ -121,13 +126,14 @@ def exact(position: float, count: int = 3) -> dict[str, list[float]]:
 
 
 def locus(models: dict[str, FlexibleArm], points: int) -> dict[str, Any]:
-    """Zeros along link 2, for the picture."""
+    """Zeros along link 2, for the picture; with Im >= 0, on either side of the axis."""
     positions = np.linspace(0.1, 4.5, points)
     found: dict[str, Any] = {"positions": positions.tolist()}
     for name, arm in models.items():
         point = bent(arm)
-        found[name] = [[[v.real, v.imag] for v in point_zeros(point, float(s))] for s in positions]
+        found[name] = [[[v.real, v.imag] for v in upper_zeros(point, float(s))] for s in positions]
     found["exact beam"] = [exact(float(s), 4) for s in positions]
+    found["exact link 1"] = link_zeros(undamped(1), 1, 4.5, 3).real.tolist()
     return found
 
 
@@ -139,6 +145,6 @@ def study(quick: bool) -> dict[str, Any]:
     return {
         "by_model": by_model(models | damped),
         "by_position": by_position(models),
-        "locus": locus({name: models[name] for name in list(models)[:2] + list(models)[3:]}, 20 if quick else 400),
+        "locus": locus({n: arm for n, arm in (models | damped).items() if not n.startswith("3")}, 20 if quick else 400),
         "spread": {str(m): spread(m) for m in counts},
     }

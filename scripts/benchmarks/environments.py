@@ -119,9 +119,7 @@ def first_step(colds: int, cache: Path) -> Group:
 
 
 def _process(name: str, cache: Path) -> dict[str, float]:
-    environment = {key: value for key, value in os.environ.items() if key != "NUMBA_CACHE_DIR"}  # it goes first
+    environment = os.environ | {"FLEXARM_CACHE_DIR": str(cache)}
     command = [sys.executable, "-c", _FIRST_STEP, name]
-    done = subprocess.run(
-        command, env=environment | {"FLEXARM_CACHE_DIR": str(cache)}, check=True, stdout=subprocess.PIPE, text=True
-    )
+    done = subprocess.run(command, env=environment, check=True, stdout=subprocess.PIPE, text=True)
     return json.loads(done.stdout)

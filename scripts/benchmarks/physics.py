@@ -20,8 +20,10 @@ from flexarm_env import (
 )
 from flexarm_env.codegen import assembly
 from flexarm_env.codegen.memory import blank
-from flexarm_env.kernels.layout import arm_rows, extent
-from flexarm_env.kernels.recorded import Variant
+from flexarm_env.kernels.entries import extent
+from flexarm_env.kernels.layout import arm_rows
+from flexarm_env.kernels.rk4 import OPEN
+from flexarm_env.kernels.variants import Variant
 from flexarm_env.parameters import Kinematics
 from flexarm_env.simulation.square import CONTROL_PERIOD
 from scripts.benchmarks import peers
@@ -68,7 +70,7 @@ def torque_driven(modes: Sequence[int], effort: float) -> Group:
 
 def operations(modes: int) -> int:
     """Additions, subtractions, multiplications and divisions of a Runge-Kutta step, as written; fused ones are two."""
-    text = assembly.render(Variant("open", modes, True, 1))
+    text = assembly.render(Variant(OPEN, modes, True, 1))
     bodies = dict(re.findall(r"^def (\w+)\([^\n]*\n(.*?)(?=^@|^def |\Z)", text, re.DOTALL | re.MULTILINE))
 
     def count(name: str) -> int:
@@ -93,7 +95,7 @@ def bare_kernel(name: str, modes: int, lanes: int, arms: int, steps: int, kinema
         kinematics: of the arm.
     """
     arm = FlexibleArm(ArmParameters(modes_per_link=modes, kinematics=kinematics))
-    variant = Variant("open", modes, True, lanes, foreshortened=arm.constants.foreshortened)
+    variant = Variant(OPEN, modes, True, lanes, foreshortened=arm.constants.foreshortened)
     rows = variant.rows
     blocks = arms // lanes
     arenas = blank(blocks * extent(rows) * lanes).reshape(blocks, extent(rows), lanes)

@@ -5,21 +5,32 @@ from __future__ import annotations
 import json
 import math
 import os
+import re
 import shutil
 import tempfile
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+try:
+    import fcntl
+except ImportError:  # Windows: leftovers of killed runs stay
+    fcntl = None  # type: ignore[assignment]
+
+PARTIAL, OLD = ".partial", ".old"  # results being made; results about to be replaced
+
 
 def write_json(path: Path, data: Any) -> None:
     """Strict JSON: what is not finite becomes null. The file is complete or absent."""
     aside = path.with_name(f".{path.name}.tmp")
-    aside.write_text(json.dumps(_plain(data), indent=1, allow_nan=False) + "\n")
-    os.replace(aside, path)
+    try:
+        aside.write_text(json.dumps(_plain(data), indent=1, allow_nan=False) + "\n")
+        os.replace(aside, path)
+    finally:
+        aside.unlink(missing_ok=True)
 
 
 def _plain(value: Any) -> Any:
@@ -51,6 +62,8 @@ def check_replaceable(folder: Path, marker: str) -> None:
 def replacing(target: Path, marker: str) -> Iterator[Path]:
     """An empty folder to fill, which takes the target's place at the end; after an error the target stays as it was.
 
+    What runs that were killed left beside the target is removed first. A run that is alive holds a lock on its folder.
+
     Args:
         target: where the results belong.
         marker: a file that a complete result folder holds.
@@ -60,14 +73,58 @@ def replacing(target: Path, marker: str) -> Iterator[Path]:
     """
     check_replaceable(target, marker)
     target.parent.mkdir(parents=True, exist_ok=True)
-    work = Path(tempfile.mkdtemp(dir=target.parent, prefix=f".{target.name}-"))
-    old = work.with_name(work.name + ".old")
-    try:
+    with ExitStack() as stack:
+        with _locked(target.parent, wait=True):  # nobody takes a folder for a leftover before it is locked
+            _sweep(target)
+            work = Path(tempfile.mkdtemp(dir=target.parent, prefix=f".{target.name}-", suffix=PARTIAL))
+            stack.enter_context(_locked(work))
+            stack.callback(_clear, target, work)
         yield work
         os.chmod(work, 0o755)  # mkdtemp's folders are private
         if target.exists():
-            os.replace(target, old)
+            os.replace(target, work.with_suffix(OLD))
         os.replace(work, target)
+
+
+def _clear(target: Path, work: Path) -> None:
+    """Remove a run's work folder and the results that it replaced; put these back if nothing took their place."""
+    old = work.with_suffix(OLD)
+    if old.exists() and not target.exists():
+        os.replace(old, target)
+    for folder in (work, old):
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def _sweep(target: Path) -> None:
+    """Clear what killed runs left beside a target."""
+    ours = re.compile(rf"\.{re.escape(target.name)}-[a-z0-9_]{{8}}({re.escape(PARTIAL)}|{re.escape(OLD)})")
+    for work in {path.with_suffix(PARTIAL) for path in target.parent.iterdir() if ours.fullmatch(path.name)}:
+        with _locked(work) as free:
+            if free:
+                _clear(target, work)
+
+
+@contextmanager
+def _locked(folder: Path, wait: bool = False) -> Iterator[bool]:
+    """Lock a folder until the block, or the process, ends.
+
+    Yields:
+        Whether the folder is ours now, or is not there. False where the system cannot lock folders.
+    """
+    if fcntl is None:
+        yield False
+        return
+    try:
+        handle = os.open(folder, os.O_RDONLY)
+    except FileNotFoundError:
+        yield True
+        return
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
+        free = True
+    except OSError:  # another's, or a file system without locks
+        free = False
+    try:
+        yield free
     finally:
-        shutil.rmtree(work, ignore_errors=True)
-        shutil.rmtree(old, ignore_errors=True)
+        os.close(handle)

@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 
 from flexarm_agents import load_policy
 from flexarm_baselines import FLSAC, IFDC
+from flexarm_env.metrics import elbow_changes, ended_early
+from flexarm_env.rollout import run_policy
 from scripts.common.markdown import DOCS
 
 PICTURE = DOCS / "figures" / "three_controllers.png"
@@ -21,19 +23,17 @@ GAIN = "FlexArm/SquareGain-v0"
 AGENT = "square"
 
 
-def frame(env: gymnasium.Env[Any, Any], policy: Any) -> NDArray[np.uint8]:
-    """The arm at `TIME`, from rest on the first corner."""
-    observation, info = env.reset(seed=0, options={"start": "corner"})
-    state, start = None, np.ones(1, dtype=bool)
-    while info["time"] < TIME - 1e-9:
-        action, state = policy.predict(observation, state, start, True)
-        start = np.zeros(1, dtype=bool)
-        observation, _, terminated, _, info = env.step(action)
-        assert not terminated, f"{type(policy).__name__}: {info['termination_reason']} after {info['time']} s"
+def frame(env: gymnasium.Env[Any, Any], policy: Any) -> tuple[NDArray[np.uint8], str]:
+    """The arm at `TIME`, from rest on the first corner, and what its elbow has done until then."""
+    periods = round(TIME / env.get_wrapper_attr("control_period"))
+    run = run_policy(env, policy, seed=0, max_steps=periods)
+    assert not ended_early(run), f"{type(policy).__name__}: {run.notes['ended']} after {run.time[-1]} s"
     picture = env.render()
     env.close()
     assert isinstance(picture, np.ndarray)
-    return picture
+    changes = elbow_changes(run)
+    times = ", ".join(f"{time:.2f} s" for time in changes)
+    return picture, f"elbow changed sides at {times}" if len(changes) else "elbow on the side of the start"
 
 
 def main(output: Path = PICTURE) -> None:
@@ -49,13 +49,13 @@ def main(output: Path = PICTURE) -> None:
         "FLSAC: the law with a fuzzy gain": frame(gain[1], FLSAC.for_env(gain[1])),
         "PPO: torques at 100 Hz, 150 / 50 N m": frame(agent.make_env(render_mode="rgb_array"), agent.policy),
     }
-    figure, axes = plt.subplots(1, 3, figsize=(15.0, 5.3), layout="constrained")
-    for axis, (title, picture) in zip(axes, frames.items(), strict=True):
+    figure, axes = plt.subplots(1, 3, figsize=(15.0, 5.75), layout="constrained")
+    for axis, (title, (picture, elbow)) in zip(axes, frames.items(), strict=True):
         axis.imshow(picture)
-        axis.set_title(title, fontsize=13)
+        axis.set_title(f"{title}\n{elbow}", fontsize=13)
         axis.set_axis_off()
     output.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(output, dpi=110)
+    figure.savefig(output, dpi=110, bbox_inches="tight", pad_inches=0.1)
     print(f"{output}: drawn")
 
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from flexarm_env.envs.registration import NAMESPACE
 from flexarm_env.envs.single import FlexArmEnv
+from flexarm_env.envs.termination import end_reason
 
 
 class Picture(NamedTuple):
@@ -100,7 +101,7 @@ def drawn(name: str) -> NDArray[np.uint8]:
     observation, _ = made.reset(seed=wanted.seed, options=wanted.reset)
     for _ in range(wanted.steps):
         observation, _, terminated, _, info = made.step(wanted.policy(env, observation))
-        assert not terminated, f"{name}: {info['termination_reason']} after {info['time']} s"
+        assert not terminated, f"{name}: {end_reason(info['end_code'])} after {info['time']} s"
     picture = env.render()
     assert picture is not None
     made.close()

@@ -33,11 +33,18 @@ _AUTORESET = """\
 With `NextStep`, Gymnasium's default, the step after an episode's end begins the next one: its action is not read, its
 reward is 0, its info is a reset's. In `infos`, `_name` says which environments have `name`; these masks are shared
 among keys and cannot be written to. With `SameStep` the step that ends an episode returns the next one's first
-observation; the last one is in `infos["final_obs"][i]`, with its info in `infos["final_info"]`:"""
+observation; the last one is in `infos["final_obs"][i]`, with its info in `infos["final_info"]`. TorchRL takes
+`SameStep` or `Disabled` only. The mode is an argument of the environment here, not of `vector_kwargs`, which
+Gymnasium's `SyncVectorEnv` and `AsyncVectorEnv` take (`vectorization_mode="sync"`):"""
 _NAMING = """\
 The part before the colon imports the package, so that it works in spawned processes too. Every argument of the pages'
 tables can be given to `make` and `make_vec`. The ids differ in their options only; a version number goes up when an
 id's dynamics, observation or reward changes."""
+
+_ARM = """\
+`arm={...}` takes the fields of `flexarm_env.ArmParameters`, whose docstring says what each is. A range ends far from
+any arm that is built; what only a combination spoils (masses too far apart for double precision, a mode so fast that
+a control period takes more than 20 000 integration steps) is refused with the numbers that decide it."""
 
 _RESET = "`reset(options=...)` takes:"
 
@@ -71,6 +78,7 @@ def index() -> str:
     sections = {
         "Make one": [snippet("Square-v0"), _NAMING],
         "Make a batch": [_BATCH, _batch(), doc.parameter_table(vector), _AUTORESET, _batch(autoreset_mode="SameStep")],
+        "Parameters of the arm": [_ARM, doc.arm_table()],
         "Frames and units": [doc.FRAMES],
         "The late sensor": [doc.LATENESS],
         "Reward and score": [doc.REWARD, doc.SCORE],
@@ -93,7 +101,8 @@ def page(name: str, one: Id) -> str:
         "Reward": [doc.REWARD, doc.reward_table(settings), doc.SCORE if settings.paths else ""],
         "Starting state": [f'Here `start` is `"{settings.start}"`.', doc.start_table(), _RESET, doc.option_table()],
         "Episode end": [doc.ENDING, doc.end_table(settings)],
-        "Info": [doc.info_table(settings.action_mode == "gain")],
+        "Info": [doc.INFO, doc.info_table(settings)],
+        "The episode": [doc.EPISODE, doc.episode_table()],
         "Arguments": [*arguments, doc.argument_table(settings, one.options)],
         "Version history": ["\n".join(f"- {version}" for version in one.history)],
     }

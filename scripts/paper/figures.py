@@ -4,17 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
+from numpy.typing import NDArray
 
 from flexarm_baselines import paper_system
 from flexarm_env import FlexibleArm, Trajectory
+from flexarm_env.metrics import elbow_changes
 from scripts.common.plotting import save
 from scripts.paper.cases import SENSINGS
 
+Array = NDArray[np.float64]
 STYLE = {
     "collocated": {"color": "#0072B2", "linestyle": "-", "label": "collocated"},
     "nmp": {"color": "#D55E00", "linestyle": "-", "label": "noncollocated (NMP)"},
@@ -23,6 +25,7 @@ STYLE = {
 REFERENCE = {"color": "0.35", "linestyle": ":", "linewidth": 1.4, "label": "reference"}
 CONTROLLER = {"ifdc": "IFDC", "flsac": "FLSAC"}
 LINKS = ("#0072B2", "#D55E00")
+CHANGE = {"color": "#CC79A7", "linewidth": 1.6, "label": "elbow changes sides"}
 THIN = 5  # every fifth ms is drawn: more points than an A4 page has dots
 
 
@@ -70,6 +73,10 @@ def paths(
         for sensing, run in chosen.items():
             path = run.rigid_tip if tip == "rigid" else run.tip
             axis.plot(*path[::THIN].T, linewidth=1.5, **STYLE[sensing])
+        if place == "tip":  # with the other sensor the stretched arm swings through the straight pose all the time
+            _mark_changes(axis, chosen, tip, zoom)
+        if zoom is not None:
+            _show_direction(axis, reference, chosen, tip)
         axis.set_aspect("equal")
         axis.set_xlabel("x [m]")
         if place == "elbow":
@@ -81,8 +88,47 @@ def paths(
     else:
         axes[0].set(xlim=(-6.3 - zoom, -6.3 + zoom), ylim=(6.3 - zoom, 6.3 + zoom))
     figure.suptitle(title)
-    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=5)
     save(figure, folder, name)
+
+
+def _mark_changes(axis: Axes, runs: dict[str, Trajectory], tip: str, zoom: float | None) -> None:
+    """Where the tip is when the elbow changes sides; on the whole square with the time of the first run to do so."""
+    labelled: list[float] = []
+    for sensing, run in runs.items():
+        path = run.rigid_tip if tip == "rigid" else run.tip
+        for change in elbow_changes(run):
+            at = path[np.argmin(np.abs(run.time - change))]
+            if zoom is not None and np.abs(at - [-6.3, 6.3]).max() > zoom:
+                continue
+            label = None if labelled else CHANGE["label"]
+            style = {"color": CHANGE["color"], "mec": STYLE[sensing]["color"], "mew": 1.3, "markersize": 7}
+            axis.plot(*at, "D", linestyle="none", label=label, zorder=5, **style)
+            if zoom is None and all(abs(change - other) > 0.5 for other in labelled):
+                outwards = np.array([26.0, 12.0]) * np.sign(at)  # points
+                axis.annotate(f"{change:.1f} s", at, outwards, textcoords="offset points", ha="center", va="center")
+            labelled.append(float(change))
+
+
+def _show_direction(axis: Axes, reference: Array, runs: dict[str, Trajectory], tip: str) -> None:
+    """Arrows along the reference, and when the runs that differ pass: dots every quarter of a second."""
+    switch = reference[len(reference) // 4]
+    for start, end in ((-0.5, -0.3), (0.3, 0.5)):  # share of the view's half width before and behind the corner
+        ends = [switch + 2.0 * np.array([share, 0.0] if share > 0.0 else [0.0, share]) for share in (start, end)]
+        axis.annotate("", ends[1], ends[0], arrowprops={"arrowstyle": "-|>", "color": "0.35", "mutation_scale": 18})
+    for sensing, run in runs.items():
+        if sensing == "corrected" and "nmp" in runs:
+            continue  # lies on top of NMP's
+        path = run.rigid_tip if tip == "rigid" else run.tip
+        quarters = np.arange(3.5, 5.51, 0.25) / 16.0 * run.time[-1]
+        for number, time in enumerate(quarters):
+            at = path[np.argmin(np.abs(run.time - time))]
+            axis.plot(*at, "o", color=STYLE[sensing]["color"], markersize=5, zorder=4)
+            if number % 2 == 0:
+                offset = (-34, 3) if sensing == "nmp" else (7, -10)
+                axis.annotate(
+                    f"{time:.1f} s", at, offset, textcoords="offset points", fontsize=9, color=STYLE[sensing]["color"]
+                )
 
 
 def _inset_of_the_start(axis: Axes, runs: dict[str, Trajectory], tip: str) -> None:
@@ -120,15 +166,25 @@ def time_histories(folder: Path, name: str, run: Trajectory, lap_time: float) ->
     axes[1].set_ylabel("torque [N m]")
     axes[2].set(ylabel="gain $\\lambda$", xlabel="time [s]", xlim=(0, run.time[-1]))
     axes[2].set_ylim(bottom=0)
-    for axis in axes[:2]:
-        axis.legend(loc="upper right", ncols=2)
     for axis in axes:
         for switch in np.arange(1, 4) * lap_time / 4:
             axis.axvline(switch, color="0.6", linewidth=0.8, linestyle="--", zorder=0)
     notes = run.notes
+    if notes["place"] == "tip":
+        _change_lines(axes[:2], run)
+    for axis in axes[:2]:
+        axis.legend(loc="upper right", ncols=3)
     sensor = "end effector" if notes["place"] == "tip" else "0.5 m from the elbow"
     figure.suptitle(f"{CONTROLLER[notes['controller']]}, {STYLE[notes['sensing']]['label']}, sensor: {sensor}")
     save(figure, folder, name)
+
+
+def _change_lines(axes: Sequence[Axes], run: Trajectory) -> None:
+    """A line at each instant at which the elbow changes sides; one label an axis."""
+    for axis in axes:
+        for number, change in enumerate(elbow_changes(run)):
+            style = CHANGE if number == 0 else CHANGE | {"label": None}
+            axis.axvline(change, zorder=0, **style)
 
 
 def rigid_and_true(folder: Path, runs: dict[str, dict[str, Trajectory]]) -> None:
@@ -149,6 +205,7 @@ def rigid_and_true(folder: Path, runs: dict[str, dict[str, Trajectory]]) -> None
                 error = np.linalg.norm(path - run.reference, axis=1)
                 rms = float(np.sqrt(np.mean(error**2)))
                 axis.plot(run.time[::THIN], error[::THIN], color=color, label=f"{label}, r.m.s. {rms:.2f} m")
+            _change_lines([axis], run)
             arm = "paper's arm" if column == "paper" else "default arm"
             axis.set_title(f"{CONTROLLER[controller]}, collocated, {arm}")
             axis.legend(loc="upper left")
@@ -174,6 +231,9 @@ def arm_at_corner(folder: Path, runs: dict[str, dict[str, Trajectory]], lap_time
         shown = np.flatnonzero((run.time > switch - 0.5) & (run.time < switch + 1.4))
         axis.plot(*run.tip[shown].T, color="#D55E00", linewidth=2, label="true tip")
         axis.plot(*run.rigid_tip[shown].T, color="#0072B2", linewidth=1.5, label="tip by rigid kinematics")
+        changes = [t for t in elbow_changes(run) if run.time[shown[0]] <= t <= run.time[shown[-1]]]
+        at = run.tip[[int(np.argmin(np.abs(run.time - t))) for t in changes]]
+        axis.plot(*at.T, "D", color=CHANGE["color"], mec="k", markersize=8, zorder=5, label=CHANGE["label"])
         instants = shown[::120]
         for index, shade in zip(instants, np.linspace(0.85, 0.1, len(instants)), strict=True):
             for link, length in enumerate(run.parameters.link_lengths, 1):
@@ -181,106 +241,10 @@ def arm_at_corner(folder: Path, runs: dict[str, dict[str, Trajectory]], lap_time
                 axis.plot(*points.T, color=str(shade), linewidth=1.3, zorder=1)
             axis.plot(*run.tip[index], "o", color="#D55E00", markersize=4)
         axis.plot(0, 0, "ks", markersize=7)
-        axis.set_title(CONTROLLER[controller])
+        when = ", ".join(f"{t:.2f}" for t in changes)
+        axis.set_title(CONTROLLER[controller] + (f": elbow changes sides at {when} s" if changes else ""))
         axis.set_aspect("equal")
         axis.set_xlabel("x [m]")
     axes[0].set(ylabel="y [m]", xlim=(-8, 1), ylim=(-1.2, 8))
-    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
     save(figure, folder, "arm_at_corner")
-
-
-_PANELS = (
-    ("overshoot, top left corner [m]", lambda row: row["rigid_overshoot"][0], "tip"),
-    ("true tip, r.m.s. error [m]", lambda row: row["true_tip_rms"], "tip"),
-    ("vibration, sensor at the tip [m/s]", lambda row: row["vibration"], "tip"),
-    ("vibration, sensor near the elbow [m/s]", lambda row: row["vibration"], "elbow"),
-)
-
-
-def sweep_lines(
-    folder: Path, rows: Sequence[dict[str, Any]], sweep: str, label: str, base: Sequence[dict[str, Any]]
-) -> None:
-    """A sweep over a number: four figures of merit against it.
-
-    Args:
-        folder: for the files.
-        rows: of all sweeps.
-        sweep: which one.
-        label: of the abscissa.
-        base: measures to draw as levels: dicts with "label", "place" and the measures.
-    """
-    figure, axes = plt.subplots(2, 2, figsize=(12, 7.6), sharex=True)
-    for axis, (title, pick, place) in zip(axes.flat, _PANELS, strict=True):
-        for sensing in SENSINGS:
-            chosen = [r for r in rows if (r["sweep"], r["sensing"], r["place"]) == (sweep, sensing, place)]
-            points = [(r["value"], pick(r)) for r in chosen if r["ended"] == "truncated"]
-            if points:
-                axis.plot(*np.array(points).T, marker="o", markersize=4, **STYLE[sensing])
-        for level, dash in zip([b for b in base if b["place"] == place], ("-.", "--", (0, (1, 1))), strict=False):
-            axis.axhline(pick(level), color="0.45", linewidth=1, linestyle=dash, label=level["label"])
-        _number_axis(axis, [r["value"] for r in rows if r["sweep"] == sweep])
-        axis.set_ylabel(title)
-        axis.set_ylim(bottom=0)
-    for axis in axes[-1]:
-        axis.set_xlabel(label)
-    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=5)
-    save(figure, folder, f"sweep_{sweep}")
-
-
-def _number_axis(axis: Axes, values: Sequence[float]) -> None:
-    """Logarithmic abscissa with a tick, as a plain number, at each value of a sweep."""
-    ticks = sorted(set(values))
-    axis.set_xscale("log")
-    # labels that would run into each other are left out
-    shown = [tick for before, tick in zip([0.0, *ticks], ticks, strict=False) if tick > 1.4 * before]
-    axis.set_xticks(ticks, [f"{tick:g}" if tick in shown else "" for tick in ticks])
-    axis.set_xticks([], minor=True)
-
-
-def alternatives(folder: Path, rows: Sequence[dict[str, Any]]) -> None:
-    """The law's alternative readings: overshoot, or when the run ended."""
-    chosen = [r for r in rows if r["sweep"] in ("alternatives", "current_jacobian", "elbow_branch")]
-    names = list(dict.fromkeys(r["value"] for r in chosen))
-    figure, axis = plt.subplots(figsize=(11, 0.75 * len(names) + 1.6))
-    for offset, controller in ((0.18, "ifdc"), (-0.18, "flsac")):
-        for y, name in enumerate(reversed(names)):
-            for row in (r for r in chosen if r["value"] == name and r["controller"] == controller):
-                whole = row["ended"] == "truncated"
-                value = row["rigid_overshoot"][0] if whole else 0.0
-                axis.barh(y + offset, value, height=0.34, color=LINKS[controller == "flsac"])
-                text = f"{value:.2f} m" if whole else f"unstable: stopped at {row['duration']:.2f} s ({row['ended']})"
-                axis.annotate(
-                    f" {CONTROLLER[controller]} {text}", (max(value, 0.0), y + offset), va="center", fontsize=9
-                )
-    axis.set_yticks(range(len(names)), list(reversed(names)))
-    axis.set(xlabel="overshoot past the top left corner, NMP case, sensor at the end effector [m]", xlim=(0, 1.4))
-    save(figure, folder, "alternatives")
-
-
-def true_tip_feedback(folder: Path, rows: Sequence[dict[str, Any]]) -> None:
-    """The same law fed with the true tip: error where it stays bounded, time of failure where not."""
-    figure, axes = plt.subplots(2, 2, figsize=(12, 7), sharex=True)
-    for row, (sweep, text) in zip(
-        axes, (("true_tip_feedback", "not delayed"), ("late_true_tip_feedback", "31.2 ms late")), strict=True
-    ):
-        _true_tip_row(row, [r for r in rows if r["sweep"] == sweep])
-        for axis in row:
-            axis.set_title(f"true tip fed back, {text}")
-    for axis in axes[-1]:
-        axis.set_xlabel("constant gain $\\lambda$")
-    save(figure, folder, "true_tip_feedback")
-
-
-def _true_tip_row(axes: Sequence[Axes], chosen: Sequence[dict[str, Any]]) -> None:
-    for color, arm in zip(("#111111", *LINKS), dict.fromkeys(r["arm"] for r in chosen), strict=False):
-        mine = [r for r in chosen if r["arm"] == arm]
-        label = "damping ratio " + arm.removeprefix("zeta ")
-        axes[0].plot([r["value"] for r in mine], [r["duration"] for r in mine], "o-", color=color, label=label)
-        whole = [r for r in mine if r["ended"] == "truncated"]
-        axes[1].plot([r["value"] for r in whole], [r["true_tip_rms"] for r in whole], "o-", color=color, label=label)
-    axes[0].set(ylabel="run lasts [s]", ylim=(0, None))
-    axes[1].set_ylabel("true tip, r.m.s. error of whole laps [m]")
-    axes[1].set_ylim(bottom=0)
-    for axis in axes:
-        _number_axis(axis, [r["value"] for r in chosen])
-        axis.legend()

@@ -2,14 +2,24 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from flexarm_env import SquareParameters, Trajectory, square
-from flexarm_env.metrics import circle_fit, overshoot, path_difference, summary, tip_acceleration, vibration
+from flexarm_env import ArmParameters, SquareParameters, Trajectory, square
+from flexarm_env.metrics import (
+    circle_fit,
+    ended_early,
+    overshoot,
+    path_difference,
+    summary,
+    tip_acceleration,
+    vibration,
+)
 
-SWITCHES = ("top left", "top right", "bottom right")  # direction switches within a lap
+Array = NDArray[np.float64]
 
 
 def measures(run: Trajectory, lap_time: float) -> dict[str, Any]:
@@ -17,22 +27,65 @@ def measures(run: Trajectory, lap_time: float) -> dict[str, Any]:
 
     Besides `flexarm_env.metrics.summary`: the overshoot past each switch of the rigid-kinematics tip (the one that
     the paper plots) and of the true tip, from the switch until the next one; the vibration over each side; the
-    acceleration of the rigid tip; the circle through its path.
+    acceleration of the rigid tip; the circle through its path. As there, a run that ended early has no figures of
+    merit, only overshoots and vibration of the sides that it completed.
     """
     table = square(SquareParameters(lap_time=lap_time)).table
     figures: dict[str, Any] = dict(summary(run))
+    figures["rigid_overshoot_along"] = [_along(run, table[k - 1 : k + 2]) for k in (1, 2, 3)]
     for tip, path in (("rigid", run.rigid_tip), ("true", run.tip)):
         figures[f"{tip}_overshoot"] = [
             overshoot(path, run.time, table[k, 1:], table[k, 1:] - table[k - 1, 1:], (table[k, 0], table[k + 1, 0]))
-            if run.time[-1] >= table[k, 0]
+            if run.time[-1] >= table[k + 1, 0] - 1e-9
             else float("nan")
             for k in (1, 2, 3)
         ]
     figures["vibration_by_side"] = [vibration(run, *window) for window in _sides(run, lap_time)]
-    figures["tip_acceleration"] = tip_acceleration(run) if len(run) > 2 else float("nan")
+    whole = not ended_early(run)
     fit = circle_fit(run.rigid_tip)
-    figures["circle_radius"], figures["circle_deviation"] = fit.radius, fit.deviation
+    figures["tip_acceleration"] = tip_acceleration(run) if whole else None
+    figures["circle_radius"] = fit.radius if whole else None
+    figures["circle_deviation"] = fit.deviation if whole else None
     return figures
+
+
+def _along(run: Trajectory, knots: Array) -> float:
+    """How far along the next side the rigid tip is where its overshoot is largest [m].
+
+    Args:
+        run: the run.
+        knots: time and place of the corner before, of the corner, and of the next. Shape (3, 3).
+    """
+    (_, before), (switch, corner), (end, after) = ((knot[0], knot[1:]) for knot in knots)
+    inside = (run.time >= switch) & (run.time <= end)
+    if run.time[-1] < end - 1e-9:
+        return float("nan")
+    from_corner = run.rigid_tip[inside] - corner
+    peak = int(np.argmax(from_corner @ (corner - before)))
+    side = after - corner
+    return float(from_corner[peak] @ side / np.linalg.norm(side))
+
+
+@dataclass(frozen=True)
+class Workspace:
+    """What the reach of the arm leaves the rigid tip beyond a corner of the square.
+
+    Attributes:
+        reach: of the stretched arm [m].
+        corner: distance of a corner from either axis through the shoulder [m].
+    """
+
+    reach: float = sum(ArmParameters.paper().link_lengths)
+    corner: float = SquareParameters().side / 2.0
+
+    @property
+    def straight_on(self) -> float:
+        """The furthest that the tip gets past a corner in the direction in which the reference came [m]."""
+        return float(np.sqrt(self.reach**2 - self.corner**2) - self.corner)
+
+    def along(self, overshoot: float) -> float:
+        """How far along the next side a tip is at least that is so far past the corner [m]; 0 or more."""
+        return max(0.0, float(self.corner - np.sqrt(self.reach**2 - (self.corner + overshoot) ** 2)))
 
 
 def _sides(run: Trajectory, lap_time: float) -> list[tuple[float, float]]:

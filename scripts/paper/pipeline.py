@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import json
-import multiprocessing
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from concurrent.futures import Future, as_completed
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -14,9 +13,11 @@ from tqdm import tqdm
 
 from flexarm_env import Trajectory
 from scripts.common.result_files import write_json
-from scripts.paper import figures, tables, verdicts
+from scripts.common.worker_pool import worker_pool
+from scripts.paper import figures, sweep_figures, tables, verdicts
 from scripts.paper.cases import COLUMNS, CONTROLLERS, Case, Study, load_runs, simulate_column
-from scripts.paper.measures import differences, measures
+from scripts.paper.checks import PRONOUNCED
+from scripts.paper.measures import Workspace, differences, measures
 from scripts.paper.numbers import Number, numbers
 from scripts.paper.sweeps import SWEEPS, run_sweep
 
@@ -27,7 +28,6 @@ SWEEP_LABELS = {
     "K_n": "normaliser K_n",
     "width_scale": "K_s as width scale of the input sets",
 }
-TRUE_TIP = ("true_tip_feedback", "late_true_tip_feedback")
 TITLES = {name: column.title for name, column in COLUMNS.items()}
 
 
@@ -46,9 +46,7 @@ def reproduce(study: Study, cases: Sequence[Case], folder: Path, sweeps: bool, p
     runs_folder.mkdir()
     figures_folder.mkdir()
     names = list(SWEEPS) if sweeps else []
-    context = multiprocessing.get_context("spawn")
-    pool = ProcessPoolExecutor(workers, mp_context=context)
-    try:
+    with worker_pool(workers) as pool:
         # jobs of different kernels first: the two workers then compile different ones, and the rest find them
         todo = sorted([("sweep", name) for name in names] + [("runs", name) for name in COLUMNS], key=_order)
         jobs: dict[Future[Any], tuple[str, str]] = {}
@@ -64,8 +62,6 @@ def reproduce(study: Study, cases: Sequence[Case], folder: Path, sweeps: bool, p
         if pictures:
             drawings = {pool.submit(draw, folder, name): ("figures", name) for name in _drawings(cases, bool(names))}
             _collect(drawings, "drawing")
-    finally:
-        pool.shutdown(cancel_futures=True)  # a failure, or Ctrl-C, does not wait for what has not begun
 
 
 _FIRST = (("runs", "default"), ("sweep", "constant_gain"), ("runs", "complete"), ("sweep", "true_tip_feedback"))
@@ -99,24 +95,48 @@ def _decide(
             if paper is not None:  # the batch's clock time, shared out over its runs
                 figures_of_run["clock_time"] = clocks[column]["run"]
                 figures_of_run["paper_clock_time_over_ours"] = paper / clocks[column]["run"]
-    write_json(folder / "summary.json", {"study": asdict(study), "runs": found, "path_differences": apart})
+    workspace = {"reach": Workspace().reach, "straight_past_a_corner": Workspace().straight_on}
+    write_json(
+        folder / "summary.json",
+        {"study": asdict(study), "runs": found, "path_differences": apart, "workspace": workspace},
+    )
     for column in found:
         (folder / f"summary_{column}.md").write_text(tables.runs(found, column))
+    (folder / "reach.md").write_text(tables.reach(found["paper"], Workspace()))
     if rows and "branch" in found:
         rows += [
-            {"sweep": "elbow_branch", "arm": "paper", "value": "elbow bent the other way (theta2 < 0)"}
+            {"sweep": "elbow_branch", "arm": "paper", "value": "elbow bent the other way at the start (theta2 < 0)"}
             | asdict(Case(c, "nmp", "tip"))
             | found["branch"][f"{c}_nmp_tip"]
             for c in CONTROLLERS
             if f"{c}_nmp_tip" in found["branch"]
         ]
+    _write_numbers(folder, clocks["paper"]["run"])
+    if rows:
+        write_json(folder / "sweeps.json", rows)
+        (folder / "sensitivity.md").write_text(tables.sensitivity(rows))
+        for name, label in (SWEEP_LABELS | dict.fromkeys(sweep_figures.TIP_SWEEPS, "constant gain lambda")).items():
+            (folder / f"sweep_{name}.md").write_text(tables.sweep(rows, name, label))
+    if len(cases) == 12:
+        constant = [row for row in rows if row["sweep"] == "constant_gain"]
+        decided = verdicts.as_json(verdicts.decide(found, apart, constant, TITLES))
+        write_json(folder / "claims.json", decided)
+        (folder / "verdicts.md").write_text(tables.verdicts(decided, TITLES))
+        (folder / "verdicts_one_side.md").write_text(tables.one_side(decided, TITLES))
+        (folder / "elbow_claim.md").write_text(tables.elbow_claim(found, TITLES))
+        (folder / "reach_claim.md").write_text(tables.reach_claim(found, Workspace(), PRONOUNCED))
+        (folder / "claims.md").write_text(tables.claims(decided, TITLES))
+
+
+def _write_numbers(folder: Path, clock: float) -> None:
+    """Write the paper's numbers beside ours; `clock`: time of one run [s]."""
     clock_rows = [
         Number(
             f"clock time of a run, {c.upper()}",
             "s",
             "end of sec. 4",
             PAPER_CLOCK[c],
-            clocks["paper"]["run"],
+            clock,
             "a run's share of the batch of both controllers' runs, measured beside another worker process",
         )
         for c in CONTROLLERS
@@ -124,17 +144,6 @@ def _decide(
     listed = [n.as_json() for n in numbers()]
     write_json(folder / "numbers.json", listed + [n.as_json() for n in clock_rows])
     (folder / "numbers.md").write_text(tables.numbers(listed))
-    if rows:
-        write_json(folder / "sweeps.json", rows)
-        (folder / "sensitivity.md").write_text(tables.sensitivity(rows))
-        for name, label in (SWEEP_LABELS | dict.fromkeys(TRUE_TIP, "constant gain lambda")).items():
-            (folder / f"sweep_{name}.md").write_text(tables.sweep(rows, name, label))
-    if len(cases) == 12:
-        constant = [row for row in rows if row["sweep"] == "constant_gain"]
-        decided = verdicts.as_json(verdicts.decide(found, apart, constant, TITLES))
-        write_json(folder / "claims.json", decided)
-        (folder / "verdicts.md").write_text(tables.verdicts(decided, TITLES))
-        (folder / "claims.md").write_text(tables.claims(decided, TITLES))
 
 
 def _drawings(cases: Sequence[Case], sweeps: bool) -> list[str]:
@@ -179,15 +188,15 @@ def draw(folder: Path, name: str) -> None:
 def _draw_sweep(folder: Path, target: Path, name: str) -> None:
     rows = json.loads((folder / "sweeps.json").read_text())
     simple: dict[str, Callable[[Path, Sequence[dict[str, Any]]], None]] = {
-        "alternatives": figures.alternatives,
-        "true_tip_feedback": figures.true_tip_feedback,
+        "alternatives": sweep_figures.alternatives,
+        "true_tip_feedback": sweep_figures.true_tip_feedback,
     }
     if name in simple:
         simple[name](target, rows)
         return
     sweep = name.removeprefix("sweep_")
     levels = list(_levels(json.loads((folder / "summary.json").read_text())["runs"]["paper"]))
-    figures.sweep_lines(target, rows, sweep, SWEEP_LABELS[sweep], levels)
+    sweep_figures.sweep_lines(target, rows, sweep, SWEEP_LABELS[sweep], levels)
 
 
 def _levels(found: dict[str, dict[str, Any]]) -> Iterator[dict[str, Any]]:

@@ -6,7 +6,9 @@ from collections.abc import Sequence
 from typing import Any
 
 from scripts.common.markdown import table
+from scripts.paper.measures import Workspace
 
+KEPT = " °"  # after the figures of a lap whose elbow keeps its side
 _NAMES = {"ifdc": "IFDC", "flsac": "FLSAC", "constant": "constant", "nmp": "NMP", "corrected": "corrected"}
 
 
@@ -47,6 +49,108 @@ def verdicts(rows: Sequence[dict[str, Any]], titles: dict[str, str]) -> str:
     )
 
 
+def one_side(rows: Sequence[dict[str, Any]], titles: dict[str, str]) -> str:
+    """The verdicts from all runs, and from those whose elbow keeps its side."""
+
+    def cell(found: dict[str, Any]) -> str:
+        word = {True: "holds", False: "fails", None: "undecided"}[found["holds"]]
+        return f"{word} ({len(found['runs'])} of {found['of']} runs)"
+
+    def text(verdict: str, condition: str) -> str:
+        return f"**{verdict}**" + (f" ({condition})" if condition else "")
+
+    return table(
+        ["claim", "from all runs", "from those whose elbow keeps its side", *titles.values()],
+        [
+            [
+                r["id"],
+                r["verdict"],
+                text(r["one_side"]["verdict"], r["one_side"]["condition"]),
+                *(cell(r["one_side"]["columns"][c]) for c in titles),
+            ]
+            for r in rows
+        ],
+    )
+
+
+def elbow_changes(row: dict[str, Any]) -> str:
+    """When the elbow changes sides [s]; near the elbow's sensor, where the arm is stretched out, how often."""
+    times = row["elbow_changes"]
+    if len(times) > 4:
+        return f"{len(times)} times"
+    return ", ".join(f"{t:.1f}" for t in times) or "never"
+
+
+def elbow_claim(found: dict[str, dict[str, dict[str, Any]]], titles: dict[str, str]) -> str:
+    """How many of the paper's runs keep their elbow on its side, as a paragraph."""
+    laps = {
+        (column, name): row["elbow_changes"]
+        for column, named in found.items()
+        for name, row in named.items()
+        if not name.startswith("constant") and not row["ended_early"]
+    }
+    at_tip = {key: times for key, times in laps.items() if key[1].endswith("_tip")}
+    counts = [len(times) for key, times in laps.items() if key not in at_tip]
+    kept = [
+        f"{name.replace('_', ' ')} on the {titles[column]}" for (column, name), times in at_tip.items() if not times
+    ]
+    keeping = f"{len(kept)} ({'; '.join(kept)})" if kept else "none"
+    text = f"Of the {len(at_tip)} laps with the sensor at the end effector, the elbow keeps its side in {keeping}."
+    if counts:
+        text += f"\nWith the sensor near the elbow it changes sides {min(counts)} to {max(counts)} times a lap.\n"
+    return text
+
+
+def reach_claim(found: dict[str, dict[str, dict[str, Any]]], workspace: Workspace, threshold: float) -> str:
+    """What the reach of the arm means for the claim about pronounced overshoots, as a paragraph."""
+    least = min(
+        (h for named in found.values() for name, row in named.items() if _is_ifdc_lap(name, row)
+         for h in row["rigid_overshoot"]),
+        default=float("nan"),
+    )  # fmt: skip
+    return (
+        f"The stretched arm reaches {workspace.reach:g} m. Straight on past a corner, without moving along the next "
+        f"side, the rigid tip gets\n{workspace.straight_on:.3f} m; claim 2's threshold is {threshold:.3f} m. IFDC's "
+        f"smallest overshoot in all four arms is {least:.2f} m, for which the tip\nmust be at least "
+        f"{workspace.along(least):.2f} m along the next side.\n"
+    )
+
+
+def _is_ifdc_lap(name: str, row: dict[str, Any]) -> bool:
+    return name.startswith("ifdc") and name.endswith("_tip") and not row["ended_early"]
+
+
+def ended_early(row: dict[str, Any]) -> str:
+    """Why, but not when a run ended: that hangs on the last digit. sweeps.json has the time."""
+    return f"ended early: {row['ended']}"
+
+
+def reach(found: dict[str, dict[str, Any]], workspace: Workspace) -> str:
+    """Overshoots of one column's runs, and where the arm's reach lets the tip be so far past a corner."""
+    chosen = {name: row for name, row in found.items() if name.endswith("_tip") and not row["ended_early"]}
+
+    def cell(values: Sequence[float]) -> str:
+        return " / ".join(f"{v:.2f}" for v in values)
+
+    return table(
+        [
+            "run",
+            "overshoot at the three switches [m]",
+            "for which the tip must be along the next side by at least [m]",
+            "and is by [m]",
+        ],
+        [
+            [
+                name.replace("_", " "),
+                cell(row["rigid_overshoot"]),
+                cell([workspace.along(h) for h in row["rigid_overshoot"]]),
+                cell(row["rigid_overshoot_along"]),
+            ]
+            for name, row in chosen.items()
+        ],
+    )
+
+
 def claims(rows: Sequence[dict[str, Any]], titles: dict[str, str]) -> str:
     """Each claim with its measure and the figures of every column."""
     text = ""
@@ -61,7 +165,14 @@ def claims(rows: Sequence[dict[str, Any]], titles: dict[str, str]) -> str:
         for c, found in gains.get("equal_to_mean_of_flsac", {}).items():
             verdict = "holds" if found["holds"] else "fails"
             body.append([f"constant gain, FLSAC's mean: {titles[c]}", verdict, _shown(found["values"])])
+        alone = {c: found for c, found in r["one_side"]["columns"].items() if found["holds"] is not None}
+        for c, found in alone.items():
+            share = f"{len(found['runs'])} of {found['of']} runs"
+            verdict = "holds" if found["holds"] else "fails"
+            body.append([f"elbow keeps its side ({share}): {titles[c]}", verdict, _shown(found["values"])])
         text += "\n" + table(["arm", "", "figures"], body)
+        if not alone:
+            text += "\nWithout the runs whose elbow changes sides: undecided in every arm.\n"
         if "merit_of_flsac" in gains:
             up_to_1, of_all = gains["best_up_to_1"], gains["best_of_all"]
             text += (
@@ -82,68 +193,64 @@ def numbers(rows: Sequence[dict[str, Any]]) -> str:
 
 def runs(summary: dict[str, dict[str, dict[str, Any]]], column: str) -> str:
     """The runs of one column; no clock times, so that the table is the same on every machine."""
-    return table(
-        [
-            "run",
-            "overshoot at the three switches [m]",
-            "rigid tip r.m.s. / max [m]",
-            "true tip r.m.s. / max [m]",
-            "peak deflection [m]",
-            "peak torque [N m]",
-            "vibration [m/s]",
-            "mean gain",
-        ],
-        [
-            [
-                name.replace("_", " "),
-                " / ".join(f"{x:.2f}" for x in r["rigid_overshoot"]) if name.endswith("tip") else "(circle)",
-                f"{r['rigid_tip_rms']:.2f} / {r['rigid_tip_max']:.2f}",
-                f"{r['true_tip_rms']:.2f} / {r['true_tip_max']:.2f}",
-                " / ".join(f"{x:.2f}" for x in r["peak_deflection"]),
-                " / ".join(f"{x:.0f}" for x in r["peak_torque"]),
-                f"{r['vibration']:.2f}",
-                f"{r['mean_gain']:.2f}",
-            ]
-            for name, r in summary[column].items()
-        ],
-    )
+    head = [
+        "run",
+        "overshoot at the three switches [m]",
+        "rigid tip r.m.s. / max [m]",
+        "true tip r.m.s. / max [m]",
+        "peak deflection [m]",
+        "peak torque [N m]",
+        "vibration [m/s]",
+        "mean gain",
+        "elbow changes sides at [s]",
+    ]
+    body = []
+    for name, r in summary[column].items():
+        cells = [ended_early(r), *[""] * (len(head) - 3)] if r["ended_early"] else _figures_of_run(name, r)
+        body.append([name.replace("_", " "), *cells, elbow_changes(r)])
+    return table(head, body)
+
+
+def _figures_of_run(name: str, r: dict[str, Any]) -> list[str]:
+    return [
+        " / ".join(f"{x:.2f}" for x in r["rigid_overshoot"]) if name.endswith("tip") else "(circle)",
+        f"{r['rigid_tip_rms']:.2f} / {r['rigid_tip_max']:.2f}",
+        f"{r['true_tip_rms']:.2f} / {r['true_tip_max']:.2f}",
+        " / ".join(f"{x:.2f}" for x in r["peak_deflection"]),
+        " / ".join(f"{x:.0f}" for x in r["peak_torque"]),
+        f"{r['vibration']:.2f}",
+        f"{r['mean_gain']:.2f}",
+    ]
 
 
 def sensitivity(rows: Sequence[dict[str, Any]]) -> str:
     """Alternative readings of the law, NMP case, sensor at the end effector."""
     chosen = [r for r in rows if r["sweep"] in ("alternatives", "current_jacobian", "elbow_branch")]
+
+    def cells(r: dict[str, Any]) -> list[str]:
+        if r["ended_early"]:
+            return ["", "", "", "", ended_early(r)]
+        figures = (r["rigid_overshoot"][0], r["rigid_tip_rms"], r["true_tip_rms"])
+        return [*(f"{x:.2f}" for x in figures), elbow_changes(r), "whole lap"]
+
+    head = ["reading", "controller", "overshoot top left [m]", "rigid tip r.m.s. [m]", "true tip r.m.s. [m]"]
     return table(
-        ["reading", "controller", "overshoot top left [m]", "rigid tip r.m.s. [m]", "true tip r.m.s. [m]", "run"],
-        [
-            [
-                r["value"],
-                _NAMES[r["controller"]],
-                *(
-                    [
-                        f"{r['rigid_overshoot'][0]:.2f}",
-                        f"{r['rigid_tip_rms']:.2f}",
-                        f"{r['true_tip_rms']:.2f}",
-                        "whole lap",
-                    ]
-                    if r["ended"] == "truncated"
-                    else ["", "", "", "unstable"]
-                ),
-            ]
-            for r in chosen
-        ],
+        [*head, "elbow changes sides at [s]", "run"],
+        [[r["value"], _NAMES[r["controller"]], *cells(r)] for r in chosen],
     )
 
 
 def sweep(rows: Sequence[dict[str, Any]], name: str, label: str) -> str:
-    """One sweep over a number, sensor at the end effector and 0.5 m from the elbow."""
+    """One sweep over a number, sensor at the end effector and 0.5 m from the elbow; `KEPT` marks unchanged elbows."""
 
     def cell(row: dict[str, Any]) -> str:
         """What is compared at the run's sensor place."""
-        if row["ended"] != "truncated":
-            return "unstable"  # when it stops hangs on the last digit; sweeps.json has the time
+        if row["ended_early"]:
+            return ended_early(row)
         if row["place"] == "elbow":
             return f"{row['vibration']:.2f}"
-        return f"{row['rigid_overshoot'][0]:.2f} / {row['true_tip_rms']:.2f}"
+        kept = "" if row["elbow_changes"] else KEPT
+        return f"{row['rigid_overshoot'][0]:.2f} / {row['true_tip_rms']:.2f}{kept}"
 
     chosen = [r for r in rows if r["sweep"] == name]
     columns = list(dict.fromkeys((r["arm"], r["sensing"], r["place"]) for r in chosen))

@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from scripts.paper.claims import CLAIMS, Claim, Differences, Finding, Measures
+from scripts.paper.checks import Differences, Finding, Measures
+from scripts.paper.claims import CLAIMS, Claim
 
 
 @dataclass
@@ -22,6 +23,7 @@ class Row:
     condition: str
     note: str
     holds: dict[str, bool] = field(default_factory=dict)
+    one_side: dict[str, Any] = field(default_factory=dict)
     constant_gain: dict[str, Any] = field(default_factory=dict)
 
 
@@ -60,7 +62,7 @@ def decide(
     """
     rows = []
     for claim in CLAIMS:
-        findings = {name: claim.check(table[name], differences[name], "flsac") for name in table}
+        findings = {name: claim.find(table[name], differences[name], "flsac") for name in table}
         decided, condition = verdict(claim, findings, titles)
         row = Row(
             id=claim.id,
@@ -71,6 +73,7 @@ def decide(
             condition=condition,
             note=claim.note,
             holds={name: finding.holds for name, finding in findings.items()},
+            one_side=_on_one_side(claim, table, differences, titles),
         )
         if claim.fuzzy:
             row.constant_gain = _constant_gains(claim, table, differences, sweep)
@@ -78,22 +81,46 @@ def decide(
     return rows
 
 
+def _on_one_side(
+    claim: Claim, table: dict[str, Measures], differences: dict[str, Differences], titles: dict[str, str]
+) -> dict[str, Any]:
+    """The claim decided without the runs whose elbow changes sides in the part of the lap that it looks at."""
+    found = {name: claim.find_on_one_side(table[name], differences[name], "flsac") for name in table}
+    decided = {name: finding for name, (finding, _) in found.items() if finding is not None}
+    word, condition = verdict(claim, decided, titles) if "paper" in decided else ("undecided", "")
+    if word == "reproduced" and len(decided) < len(table):
+        word = "reproduced where decided"
+    return {
+        "verdict": word,
+        "condition": condition,
+        "columns": {
+            name: {
+                "holds": finding.holds if finding else None,
+                "values": finding.values if finding else {},
+                "runs": kept,
+                "of": len(claim.runs("flsac")),
+            }
+            for name, (finding, kept) in found.items()
+        },
+    }
+
+
 def _constant_gains(
     claim: Claim, table: dict[str, Measures], differences: dict[str, Differences], sweep: list[dict[str, Any]]
 ) -> dict[str, Any]:
     """The same sentence put to constant gains: FLSAC's mean in each column, and the best of the sweep's."""
-    mean = {name: claim.check(table[name], differences[name], "constant") for name in table}
+    mean = {name: claim.find(table[name], differences[name], "constant") for name in table}
     result: dict[str, Any] = {
         "equal_to_mean_of_flsac": {
             name: {"holds": finding.holds, "values": finding.values} for name, finding in mean.items()
         }
     }
-    own = claim.check(table["paper"], differences["paper"], "flsac")
+    own = claim.find(table["paper"], differences["paper"], "flsac")
     by_gain: dict[float, Measures] = {}
     for row in sweep:
         by_gain.setdefault(row["value"], {})[f"constant_{row['sensing']}_{row['place']}"] = row
     found = {
-        gain: claim.check(table["paper"] | rows, differences["paper"], "constant").merit
+        gain: claim.find({**table["paper"], **rows}, differences["paper"], "constant").merit
         for gain, rows in by_gain.items()
     }
     merits = {gain: merit for gain, merit in found.items() if merit is not None and np.isfinite(merit)}
@@ -103,7 +130,8 @@ def _constant_gains(
         for name, top in (("best_up_to_1", 1.0), ("best_of_all", max(merits))):
             best = min((gain for gain in merits if gain <= top), key=lambda gain: merits[gain])
             result[name] = {"gain": best, "merit": merits[best]}
-        result["gains_tried"] = sorted(merits)
+        result["gains_tried"] = sorted(found)
+        result["ended_early"] = sorted(set(found) - set(merits))
     return result
 
 

@@ -85,7 +85,7 @@ def _checks(rows: list[dict[str, Any]]) -> list[Check]:
             "links",
             "pinned-free: first frequency with 2 modes, relative error",
             max(pinned),
-            "docs/model.md promises 1 % for free joints with 2 modes",
+            "the claim of docs/model.md, 1 % for free joints with 2 modes, which is checked here",
             most=0.01,
         ),
         *ritz_checks(

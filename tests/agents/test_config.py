@@ -22,7 +22,7 @@ from tests.support.trainings import ID, TINY
             r"environment = 'CartPole-v1': must be one of 'FlexArm/Paper-v0', ",
         ),
         ({"environment": 3}, ValueError, r"environment = 3: must be one of"),
-        ({"options": {"noize": 1.0}}, TypeError, r"noize: no such option; did you mean 'noise'"),
+        ({"options": {"noize": 1.0}}, TypeError, r"keyword argument 'noize'; did you mean 'noise'"),
         ({"options": {"noise": -1.0}}, ValueError, r"noise = -1.0: must be"),
         ({"options": {"arm": object()}}, TypeError, r"options = .*: must be plain values \(JSON\)"),
         ({"options": [1]}, TypeError, r"options = \[1\]: must be a mapping"),
@@ -43,6 +43,11 @@ def test_impossible_configurations(options: dict[str, Any], error: type[Exceptio
         TrainingConfig(**options)
 
 
+def test_the_namespace_may_be_left_out() -> None:
+    assert TrainingConfig(environment="Square-v0") == TrainingConfig(environment="flexarm_env:FlexArm/Square-v0")
+    assert TrainingConfig(environment="Reach-v0").environment == "FlexArm/Reach-v0"
+
+
 def test_a_configuration_survives_a_file() -> None:
     config = TrainingConfig(**{**TINY, "environment": "flexarm_env:FlexArm/Square-v0", "seed": 3})
     assert config.environment == ID
@@ -50,7 +55,7 @@ def test_a_configuration_survives_a_file() -> None:
     again = TrainingConfig.of(json.loads(json.dumps(config.plain())))
     assert again == config
     assert config.differences(again) == []
-    with pytest.raises(TypeError, match=r"gama: no such parameter; did you mean 'gamma'"):
+    with pytest.raises(TypeError, match=r"keyword argument 'gama'; did you mean 'gamma'"):
         TrainingConfig.of({"gama": 0.9})
 
 

@@ -4,8 +4,13 @@ from __future__ import annotations
 
 import csv
 import json
+import logging
+import os
 import re
 import shutil
+import signal
+import sys
+import threading
 from pathlib import Path
 
 import numpy as np
@@ -15,9 +20,18 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 
 import flexarm_agents.training
-from flexarm_agents import FlexArmVecEnv, NetworkPolicy, TrainingConfig, evaluate, load_policy, train
+from flexarm_agents import (
+    FlexArmVecEnv,
+    NetworkPolicy,
+    TrainingConfig,
+    TrainingStopped,
+    evaluate,
+    load_policy,
+    train,
+)
 from flexarm_agents.environments import make_batch
 from flexarm_agents.follow import Follow
+from flexarm_agents.stopping import StopSignals
 from flexarm_agents.training import new_model
 from tests.support.trainings import ID, TINY, finished
 
@@ -53,7 +67,9 @@ def test_what_a_training_leaves(run: Path) -> None:
     assert not rows[0]["complete"]
     with (run / "evaluations.csv").open(newline="") as file:
         table = list(csv.DictReader(file))
-    assert [float(row["rms"]) for row in table] == [row["rms"] for row in rows]
+    assert [row["rms"] for row in table] == ["", ""]  # errors of laps that ended early
+    assert [row["rms"] for row in rows] == [None, None]
+    assert [float(row["duration"]) for row in table] == [row["duration"] for row in rows]
     assert [float(row["peak_torque_2"]) for row in table] == [row["peak_torque"][1] for row in rows]
 
 
@@ -110,7 +126,69 @@ def test_an_interrupted_training_ends_in_the_same_bits(
     for rows in (mine, theirs):
         assert [row.pop("seconds") for row in rows]
     assert mine == theirs
-    assert outcome.best["rms"] == min(mine, key=lambda row: -row["duration"])["rms"]
+    assert outcome.best["duration"] == max(row["duration"] for row in mine)
+
+
+def signalled(monkeypatch: pytest.MonkeyPatch, folder: Path, number: int, steps: int) -> TrainingStopped:
+    """Begin the tiny training and send this process a signal in the middle of a rollout."""
+
+    class Signalling(Follow):
+        sent = False
+
+        def _on_step(self) -> bool:
+            if self.num_timesteps >= steps and not self.sent:
+                self.sent = True
+                os.kill(os.getpid(), number)
+            return True
+
+    with monkeypatch.context() as patch:
+        patch.setattr(flexarm_agents.training, "Follow", Signalling)
+        with pytest.raises(TrainingStopped) as caught:
+            train(TrainingConfig(**{**TINY, "checkpoint_every": 10_000}), folder)
+    return caught.value
+
+
+@pytest.mark.parametrize(("number", "steps", "kept"), [(signal.SIGINT, 60, 128), (signal.SIGTERM, 300, 384)])
+def test_a_signal_keeps_every_step(
+    run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, number: int, steps: int, kept: int
+) -> None:
+    """The rollout is finished and a checkpoint written, though none is due; what resumes ends in the same bits."""
+    before = [signal.getsignal(each) for each in (signal.SIGINT, signal.SIGTERM)]
+    stopped = signalled(monkeypatch, tmp_path / "run", number, steps)
+    assert (stopped.signal, stopped.steps) == (number, kept)
+    assert isinstance(stopped, KeyboardInterrupt)
+    assert [signal.getsignal(each) for each in (signal.SIGINT, signal.SIGTERM)] == before
+    train(TrainingConfig(**{**TINY, "checkpoint_every": 10_000}), tmp_path / "run", resume=True)
+    assert same_policy(run / "last_policy.npz", tmp_path / "run" / "last_policy.npz")
+
+
+def test_a_second_signal_ends_at_once() -> None:
+    with pytest.raises(KeyboardInterrupt) as caught, StopSignals() as stop:  # noqa: PT012
+        os.kill(os.getpid(), signal.SIGINT)
+        assert stop.received == signal.SIGINT
+        os.kill(os.getpid(), signal.SIGINT)
+    assert not isinstance(caught.value, TrainingStopped)
+
+
+def test_other_threads_train_without_handlers(tmp_path: Path) -> None:
+    outcomes: list[object] = []
+    thread = threading.Thread(
+        target=lambda: outcomes.append(train(TrainingConfig(**{**TINY, "steps": 128}), tmp_path / "run"))
+    )
+    thread.start()
+    thread.join()
+    assert outcomes
+
+
+def test_each_evaluation_is_logged_where_there_is_no_bar(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    assert not sys.stderr.isatty()
+    with caplog.at_level(logging.INFO, "flexarm_agents"):
+        train(TrainingConfig(**TINY), tmp_path / "run", progress=True)
+    lines = [record.getMessage() for record in caplog.records]
+    assert len(lines) == 2
+    ended = r"ended early: \w+ after \d\.\d\d s; no complete episode yet"
+    assert re.fullmatch(rf" +256 steps +\d+ s  {ended}", lines[0])
+    assert re.fullmatch(rf" +512 steps +\d+ s  {ended}", lines[1])
 
 
 def test_resuming_what_is_complete_changes_nothing(run: Path, tmp_path: Path) -> None:

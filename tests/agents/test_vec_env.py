@@ -13,6 +13,7 @@ from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv, VecMonitor, VecNormalize
 
 from flexarm_agents import FlexArmVecEnv
+from flexarm_env.envs.termination import END_CODES
 from flexarm_env.envs.vector import FlexArmVectorEnv
 
 ID = "flexarm_env:FlexArm/Square-v0"
@@ -93,7 +94,7 @@ def test_a_limit_reached_in_the_step_that_ends_an_episode_is_no_truncation() -> 
     env.reset()
     _, _, dones, infos = env.step(np.ones((COUNT, 2), dtype=np.float32))
     assert dones.all()
-    assert all(info["TimeLimit.truncated"] is False and info["termination_reason"] == "error" for info in infos)
+    assert all(info["TimeLimit.truncated"] is False and info["end_code"] == END_CODES["error"] for info in infos)
 
 
 def test_only_what_ended_carries_an_info() -> None:

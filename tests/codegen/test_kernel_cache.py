@@ -1,104 +1,203 @@
-"""Assembled and compiled kernels on disk: never stale, safe to share, in a folder that can be written."""
+"""Compiled kernels on disk: never stale, never trusted blindly, compiled by one process, and not indispensable."""
 
+import errno
+import gc
+import hashlib
+import inspect
+import logging
 import os
-import shutil
+import signal
 import subprocess
 import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import ModuleType
+from typing import Any
 
+import filelock
+import numba
 import pytest
 
-from flexarm_env.codegen import assembly
+from flexarm_env.codegen import cache, cache_folder
 
-PACKAGE = Path(assembly.__file__).parent
+# --- a module that compiles in no time ----------------------------------------------------------------------------
 
-PROGRAM = """
-import sys, numpy as np, flexarm_env
-from flexarm_env import ArmParameters, FlexibleArm, kernels
-from flexarm_env.kernels.recorded import Variant
-assert flexarm_env.__file__.startswith(sys.argv[1]), flexarm_env.__file__
-arm = FlexibleArm(ArmParameters(modes_per_link=1))
-run = arm.simulate([0.1, 0.2, 0.3, -0.2, 1.0, -1.0, 0.5, 0.4], np.ones((10, 2)), 0.01)
-stats = kernels.load(Variant("open", 1, True, 1)).run_open.stats
-print(sum(stats.cache_hits.values()), *(x.hex() for x in run.state[-1]))
+NAME = "flexarm_tiny_1_1_0123456789abcdef"
+TEXT = """
+from numba import njit
+
+@njit(cache=True, nogil=True)
+def successor(x):
+    return x + 1.0
 """
 
 
-def start(folder: Path) -> subprocess.Popen[str]:
-    """Run the program on the copy of the package in a folder, with a cache of its own."""
-    environment = os.environ | {"PYTHONPATH": str(folder), "FLEXARM_CACHE_DIR": str(folder / "cache")}
-    command = [sys.executable, "-c", PROGRAM, str(folder)]
-    return subprocess.Popen(
-        command, cwd=folder, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    )
+def load(text: str = TEXT, name: str = NAME) -> ModuleType:
+    """The module as a process that has just started loads it."""
+    sys.modules.pop(name, None)
+    return cache.load_module(name, text, "a tiny kernel")
 
 
-def finish(process: subprocess.Popen[str]) -> tuple[int, list[float]]:
-    """Hits in the cache, and the last state."""
-    out, err = process.communicate(timeout=300)
-    assert process.returncode == 0, err
-    hits, *state = out.split()
-    return int(hits), [float.fromhex(x) for x in state]
+def run(module: ModuleType) -> bool:
+    """Call its kernel; True if it came from disk."""
+    assert cache.call(module.successor, 1.0) == 2.0
+    return bool(sum(module.successor.stats.cache_hits.values()))
 
 
 @pytest.fixture
-def copy(tmp_path: Path) -> Path:
-    shutil.copytree(PACKAGE, tmp_path / "flexarm_env", ignore=shutil.ignore_patterns("__pycache__"))
-    return tmp_path
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    monkeypatch.setenv(cache_folder.VARIABLE, str(tmp_path / "cache"))
+    cache_folder.say_once.cache_clear()
+    cache_folder.remove_unused_files_once.cache_clear()
+    yield tmp_path / "cache"
+    sys.modules.pop(NAME, None)
 
 
-EDITS = [
-    ("dynamics.py", "elbow_n = elbow.across * (w1 * w1)", "elbow_n = elbow.across * (w1 * w2)"),
-    ("elementary.py", "p = p * z - 1.66666666666666307295e-1", "p = p * z - 1.5e-1"),
-    ("torque_stepping.py", "= torques[step, block, i + r * LANES]", "= 2.0 * torques[step, block, i + r * LANES]"),
-]
+def files(folder: Path) -> list[Path]:
+    """Compiled code in a folder."""
+    return sorted(folder.glob("*.nbc"))
 
 
-def test_an_edited_formula_comes_through_and_an_unedited_one_comes_from_the_cache(copy: Path) -> None:
-    hits, original = finish(start(copy))
-    assert hits == 0
-    hits, again = finish(start(copy))
-    assert hits == 1  # the cache is at work: it could be stale
-    assert again == original
-    seen = [original]
-    for name, old, new in EDITS:
-        file = copy / "flexarm_env" / name
-        text = file.read_text(encoding="utf-8")
-        assert text.count(old) == 1, f"{name} no longer holds {old!r}"
-        stamp = file.stat()
-        file.write_text(text.replace(old, new), encoding="utf-8")
-        os.utime(file, ns=(stamp.st_atime_ns, stamp.st_mtime_ns + 10**9))  # for Python's own cache of bytecode
-        hits, state = finish(start(copy))
-        assert hits == 0
-        assert state not in seen
-        seen.append(state)
-        file.write_text(text, encoding="utf-8")
-        os.utime(file, ns=(stamp.st_atime_ns, stamp.st_mtime_ns + 2 * 10**9))
+def warnings_of(caplog: pytest.LogCaptureFixture) -> list[str]:
+    return [record.getMessage() for record in caplog.records if record.levelno >= logging.WARNING]
 
 
-def test_processes_may_start_together_on_an_empty_cache(copy: Path) -> None:
-    results = [finish(process) for process in [start(copy), start(copy)]]
-    assert results[0][1] == results[1][1]
-    assert not list((copy / "cache").glob("*.tmp"))  # nothing is left lying about
-    assert finish(start(copy)) == (1, results[0][1])  # and the cache that they leave is a good one
+# --- what is on disk ----------------------------------------------------------------------------------------------
 
 
-def test_a_folder_that_cannot_be_written_is_an_error_if_the_user_chose_it(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def test_what_one_process_compiles_the_next_one_loads_and_only_the_first_says_so(
+    folder: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    blocker = tmp_path / "file"
-    blocker.write_text("")
-    monkeypatch.setenv("FLEXARM_CACHE_DIR", str(blocker / "cache"))
-    with pytest.raises(OSError, match="cache"):
-        assembly.cache_folder()
+    assert not run(load())
+    assert warnings_of(caplog) == ["compiling kernels, once: a tiny kernel"]
+    assert cache.is_kept(sys.modules[NAME].successor)
+    assert run(load())
+    assert len(warnings_of(caplog)) == 1
 
 
-def test_a_home_that_cannot_be_written_falls_back(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    blocker = tmp_path / "file"
-    blocker.write_text("")
-    monkeypatch.delenv("FLEXARM_CACHE_DIR", raising=False)
-    monkeypatch.setattr(assembly.platformdirs, "user_cache_dir", lambda name: str(blocker / name))
-    monkeypatch.setattr(assembly.tempfile, "gettempdir", lambda: str(tmp_path))
-    folder = assembly.cache_folder()
-    assert folder.is_dir()
-    assert folder.parent == tmp_path
+DAMAGES: dict[str, Callable[[bytes], bytes]] = {
+    "empty": lambda data: b"",
+    "truncated": lambda data: data[: len(data) // 2],
+    "a changed byte": lambda data: data[:-100] + bytes([data[-100] ^ 1]) + data[-99:],
+    "appended": lambda data: data + b"\nraise SystemExit",
+    "no pickle": lambda data: hashlib.sha256(b"").digest(),
+    "another pickle": lambda data: hashlib.sha256(b"N.").digest() + b"N.",
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGES.values(), ids=DAMAGES)
+def test_a_damaged_file_is_compiled_anew(folder: Path, damage: Callable[[bytes], bytes]) -> None:
+    run(load())
+    (file,) = files(folder)
+    file.write_bytes(damage(file.read_bytes()))
+    assert not run(load())
+    assert files(folder) == [file]
+    assert run(load())
+
+
+def test_source_code_in_the_folder_is_never_run(folder: Path) -> None:
+    run(load())
+    marker = folder / "marker"
+    for path in (folder / f"{NAME}.py", folder / "successor.py", folder / "numba.py"):
+        path.write_text(f"open({str(marker)!r}, 'w')\n{TEXT}")
+    assert run(load())
+    assert not marker.exists()
+    assert not list(folder.rglob("*.pyc"))
+
+
+def test_tracebacks_show_the_text(folder: Path) -> None:
+    assert "return x + 1.0" in inspect.getsource(load().successor.py_func)
+
+
+def test_a_file_in_use_stays(folder: Path) -> None:
+    run(load())
+    (file,) = files(folder)
+    os.utime(file, (0.0, time.time() - 89 * 86400.0))
+    run(load())
+    assert time.time() - file.stat().st_mtime < 3600.0
+
+
+# --- without a folder, room or a lock -----------------------------------------------------------------------------
+
+
+def test_without_a_folder_kernels_live_in_memory(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr(cache, "find_folder", lambda: None)
+    assert not run(load())
+    assert not run(load())
+    assert not cache.is_kept(sys.modules.pop(NAME).successor)
+    assert set(warnings_of(caplog)) == {"compiling kernels: a tiny kernel"}
+
+
+def test_a_full_disk_costs_the_cache_only(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    def full(path: Path, data: bytes) -> int:
+        path.touch()
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(Path, "write_bytes", full)
+    assert not run(load())
+    assert not cache.is_kept(sys.modules[NAME].successor)
+    assert not run(load())
+    assert not [path for path in folder.iterdir() if path.suffix != ".lock"]
+    (line,) = [line for line in warnings_of(caplog) if "No space" in line]
+    assert str(folder) in line
+
+
+@pytest.mark.parametrize("error", [OSError(errno.ENOLCK, "no locks"), NotImplementedError(), filelock.Timeout("x")])
+def test_a_lock_that_cannot_be_had_costs_the_lock_only(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, error: Exception
+) -> None:
+    def refuse(self: Any, **arguments: Any) -> None:
+        raise error
+
+    monkeypatch.setattr(filelock.FileLock, "acquire", refuse)
+    assert not run(load())
+    assert run(load())
+
+
+@pytest.mark.parametrize("sent", [signal.SIGKILL, signal.SIGSTOP])
+def test_a_process_that_holds_the_lock_and_is_killed_or_stopped_blocks_nobody_for_ever(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, sent: signal.Signals
+) -> None:
+    folder.mkdir()
+    hold = "import filelock, sys, time; filelock.FileLock(sys.argv[1]).acquire(); print(flush=True); time.sleep(60)"
+    command = [sys.executable, "-c", hold, str(folder / f"{NAME}.lock")]
+    with subprocess.Popen(command, stdout=subprocess.PIPE) as holder:
+        try:
+            assert holder.stdout is not None
+            holder.stdout.readline()
+            holder.send_signal(sent)
+            if sent == signal.SIGKILL:
+                holder.wait()
+            monkeypatch.setattr(cache, "LONGEST_WAIT", 30.0 if sent == signal.SIGKILL else 0.2)
+            begin = time.monotonic()
+            assert not run(load())
+            assert time.monotonic() - begin < 20.0
+        finally:
+            holder.kill()
+
+
+def test_a_failed_compilation_frees_lock_and_collector(folder: Path) -> None:
+    module = load()
+    with pytest.raises(numba.TypingError):
+        cache.call(module.successor, "no number")
+    assert gc.isenabled()
+    with filelock.FileLock(folder / f"{NAME}.lock").acquire(blocking=False):
+        pass
+
+
+def test_threads_share_a_module(folder: Path) -> None:
+    sys.modules.pop(NAME, None)
+    found: list[ModuleType] = []
+    threads = [threading.Thread(target=lambda: found.append(cache.load_module(NAME, TEXT, ""))) for _ in "1234"]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert len(found) == 4
+    assert len(set(map(id, found))) == 1

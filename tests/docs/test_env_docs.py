@@ -16,7 +16,7 @@ import pytest
 
 from flexarm_env import FlexibleArm
 from flexarm_env.envs import documentation
-from flexarm_env.envs.batch import ENDS, START_CODES
+from flexarm_env.envs.batch import START_CODES
 from flexarm_env.envs.choices import MODES, STARTS
 from flexarm_env.envs.info import KEYS
 from flexarm_env.envs.observation import BLOCKS
@@ -24,8 +24,10 @@ from flexarm_env.envs.registration import IDS
 from flexarm_env.envs.reset_options import OPTIONS
 from flexarm_env.envs.settings import Settings
 from flexarm_env.envs.single import FlexArmEnv
+from flexarm_env.envs.termination import ENDS
 from flexarm_env.episode.reward import TERMS
 from scripts.docs import environments
+from tests.support.envs import terms_of
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs" / "environments"
@@ -214,19 +216,15 @@ def test_reward_tables(name: str, env: FlexArmEnv) -> None:
     assert weights == {term: weight for term, weight in env.settings.reward_weights.items() if weight > 0.0}
     env.reset(seed=0)
     _, reward, _, _, info = env.step(env.action_space.sample())
-    assert set(info["reward_terms"]) == set(weights)
-    assert sum(info["reward_terms"].values()) == pytest.approx(reward)
+    assert set(terms_of(info)) == set(weights)
+    assert sum(terms_of(info).values()) == pytest.approx(reward)
 
 
 def test_info_tables(name: str, env: FlexArmEnv) -> None:
-    told = {bare(row["key"]): row["there"] for row in rows(section(page(name), "Info"))}
-    _, begun = env.reset(seed=0)
-    stepped = env.step(env.action_space.sample())[4]
-    always = {key for key, there in told.items() if there.startswith("always")}
-    reset_only = {"parameters", "path", "start_time"}
-    assert set(begun) == always | reset_only
-    assert set(stepped) == always | {"reward_terms"}
-    assert set(told) == always | reset_only | {"reward_terms", "termination_reason"}
+    told = [bare(row["key"]) for row in rows(section(page(name), "Info"))]
+    assert list(env.reset(seed=0)[1]) == list(env.step(env.action_space.sample())[4]) == told
+    described = [bare(row["field"]) for row in rows(section(page(name), "The episode"))]
+    assert described == list(env.episode._fields)
 
 
 def test_every_reason_is_told_and_no_other(env: FlexArmEnv) -> None:

@@ -9,9 +9,10 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from flexarm_env import end_reason
 from flexarm_env.envs.observation import BLOCKS
 from flexarm_env.episode.reward import TERMS
-from tests.support.envs import CASE_NAMES, CASES, WAYPOINTS, make
+from tests.support.envs import CASE_NAMES, CASES, WAYPOINTS, make, terms_of
 
 POLICIES = ("random", "bang-bang", "spin", "none")
 
@@ -36,11 +37,11 @@ def play(env: Any, policy: str, steps: int, seed: int) -> str | None:
         observation, reward, terminated, truncated, info = env.step(action)
         assert env.observation_space.contains(observation), observation
         assert 0.0 <= reward <= largest
-        assert sum(info["reward_terms"].values()) == pytest.approx(reward, rel=1e-12, abs=1e-12)
-        assert min(info["reward_terms"].values()) >= 0.0
-        assert ("termination_reason" in info) == terminated
+        assert sum(terms_of(info).values()) == pytest.approx(reward, rel=1e-12, abs=1e-12)
+        assert min(terms_of(info).values()) >= 0.0
+        assert (info["end_code"] != 0.0) == terminated
         if terminated or truncated:
-            reason = info.get("termination_reason", reason)
+            reason = end_reason(info["end_code"]) if terminated else reason
             observation, _ = env.reset()
             assert env.observation_space.contains(observation)
     return reason

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from flexarm_agents import load_policy
+from flexarm_env.envs.single import FlexArmEnv
 
 SQUARE, GAIN, RESIDUAL = (f"flexarm_env:FlexArm/Square{name}-v0" for name in ("", "Gain", "Residual"))
 
@@ -99,11 +100,16 @@ def test_a_strong_drawn_damping_is_stepped_finely_enough(env_id: str) -> None:
 
 def test_what_an_episode_drew_is_told() -> None:
     env = gymnasium.make("flexarm_env:FlexArm/Track-v0", reference=("circle", "line"), start="mix")
-    seen = {(info["path"], info["start_time"] > 0.0) for info in (env.reset(seed=k)[1] for k in range(40))}
+    inner = env.unwrapped
+    assert isinstance(inner, FlexArmEnv)
+    seen = set()
+    for k in range(40):
+        env.reset(seed=k)
+        seen.add((inner.episode.path, inner.episode.start_time > 0.0))
     assert {name for name, _ in seen} == {"circle", "line"}
     assert {later for _, later in seen} == {True, False}
-    info = env.reset(options={"path": "line", "start": "moving", "time": 3.0})[1]
-    assert (info["path"], info["start_time"]) == ("line", pytest.approx(3.0))
+    env.reset(options={"path": "line", "start": "moving", "time": 3.0})
+    assert (inner.episode.path, inner.episode.start_time) == ("line", pytest.approx(3.0))
 
 
 @pytest.mark.parametrize(

@@ -14,6 +14,7 @@ from flexarm_env.envs.single import FlexArmEnv
 from tests.support.envs import GAIN, PAPER, RESIDUAL, SQUARE, WAYPOINTS, assert_same, bare, make
 from tests.support.refusals import refuses
 
+MISMATCHED = {"masses_per_length": (1e-9, 1e-9), "payload_inertia": 1e9}
 MESSAGES: list[tuple[str, dict[str, Any], type[Exception], str]] = [
     (SQUARE, {"arm": "papers"}, ValueError, r"arm = 'papers': must be one of 'paper', 'default'"),
     (SQUARE, {"arm": 2}, TypeError, r"arm = 2: must be 'paper', 'default' or a mapping of ArmParameters fields"),
@@ -25,18 +26,18 @@ MESSAGES: list[tuple[str, dict[str, Any], type[Exception], str]] = [
     (SQUARE, {"control_period": 2.0}, ValueError, r"control_period = 2\.0: must be .* <= 1\.0 \[s\]"),
     (SQUARE, {"control_period": True}, TypeError, r"control_period = True: must be a finite number"),
     (SQUARE, {"physics_step": 0.02}, ValueError, r"physics_step = 0\.02 s: too long .* 323 rad/s; at most 0\.00619"),
-    (SQUARE, {"physics_step": -1e-3}, ValueError, r"physics_step = -0\.001: must be .* > 0\.0 \[s\]"),
+    (SQUARE, {"physics_step": -1e-3}, ValueError, r"physics_step = -0\.001: must be .* >= 1e-09 .* \[s\]"),
     (PAPER, {"physics_step": 0.1}, ValueError, r"physics_step = 0\.1 s: too long .* at most 0\.01218 s is allowed"),
     (PAPER, {"physics_step": "auto"}, TypeError, r"physics_step = 'auto': must be a .*number .*\[s\]"),
-    (SQUARE, {"torque_limit": (0.0, 1.0)}, ValueError, r"torque_limit\[0\] = 0\.0: must be .* > 0\.0 \[N m\]"),
+    (SQUARE, {"torque_limit": (0.0, 1.0)}, ValueError, r"torque_limit\[0\] = 0\.0: must be .* >= 1e-09 .* \[N m\]"),
     (PAPER, {"torque_limit": 5.0}, TypeError, r"torque_limit = 5\.0: must be a pair of"),
-    (PAPER, {"gain_limit": 0.0}, ValueError, r"gain_limit = 0\.0: must be .* > 0\.0"),
+    (PAPER, {"gain_limit": 0.0}, ValueError, r"gain_limit = 0\.0: must be .* >= 1e-06"),
     (GAIN, {"gain_limit": math.nan}, ValueError, r"gain_limit = nan: must be a finite number"),
     (
         RESIDUAL,
         {"inner_stiffness": (1.0, -1.0)},
         ValueError,
-        r"inner_stiffness\[1\] = -1\.0: must be .* >= 0\.0 \[N m/r",
+        r"inner_stiffness\[1\] = -1\.0: must be .* >= 0\.0 .* \[N m/r",
     ),
     (
         RESIDUAL,
@@ -48,10 +49,10 @@ MESSAGES: list[tuple[str, dict[str, Any], type[Exception], str]] = [
         RESIDUAL,
         {"action_mode": "reference", "shift_limit": (0.1, 4.0)},
         ValueError,
-        r"shift_limit\[1\] = 4\.0: must be .* > 0\.0 and <= 3\.14\d* \[rad\]",
+        r"shift_limit\[1\] = 4\.0: must be .* >= 1e-06 and <= 3\.14\d* \[rad\]",
     ),
-    (PAPER, {"proportional_gain": -1.0}, ValueError, r"proportional_gain = -1\.0: must be .* >= 0\.0 \[N/m\]"),
-    (PAPER, {"derivative_gain": math.inf}, ValueError, r"derivative_gain = inf: must be .* >= 0\.0 \[N s/m\]"),
+    (PAPER, {"proportional_gain": -1.0}, ValueError, r"proportional_gain = -1\.0: must be .* >= 0\.0 .* \[N/m\]"),
+    (PAPER, {"derivative_gain": math.inf}, ValueError, r"derivative_gain = inf: must be .* >= 0\.0 .* \[N s/m\]"),
     (
         PAPER,
         {"compensation": "both"},
@@ -89,14 +90,14 @@ MESSAGES: list[tuple[str, dict[str, Any], type[Exception], str]] = [
     (PAPER, {"hold": 0.02}, ValueError, r"hold = 0\.02: .* must be 0 with law_sensor = 'sensor'"),
     (PAPER, {"dropout": 0.5}, ValueError, r"dropout = 0\.5: .* must be 0 with law_sensor = 'sensor'"),
     (SQUARE, {"sensor": "laser"}, ValueError, r"sensor = 'laser': must be one of 'collocated', 'rigid', 'true'"),
-    (SQUARE, {"sensor_position": 0.0}, ValueError, r"sensor_position = 0\.0: must be .* > 0\.0 \[m\]"),
+    (SQUARE, {"sensor_position": 0.0}, ValueError, r"sensor_position = 0\.0: must be .* >= 1e-06 .* \[m\]"),
     (SQUARE, {"sensor_position": 4.6}, ValueError, r"sensor_position = 4\.6 m: must be on link 2, > 0 and <= 4\.5 m"),
     (SQUARE, {"delay": -1e-3}, ValueError, r"delay = -0\.001: must be .* >= 0\.0 and <= 10\.0 \[s\]"),
     (PAPER, {"delay": (0.01, math.inf)}, ValueError, r"delay\[1\] = inf: must be .* \[s\]"),
     (SQUARE, {"delay": "late"}, TypeError, r"delay = 'late': must be a .* \[s\]"),
     (SQUARE, {"delay": (0.1, 0.2)}, ValueError, r"delay = \(0\.1, 0\.2\): .* must be one number \[s\]"),
     (SQUARE, {"sensor": "collocated", "delay": 0.1}, ValueError, r"delay = 0\.1: .* must be None"),
-    (SQUARE, {"wave_speed": 0.0}, ValueError, r"wave_speed = 0\.0: must be .* > 0\.0 \[m/s\]"),
+    (SQUARE, {"wave_speed": 0.0}, ValueError, r"wave_speed = 0\.0: must be .* >= 0\.001 .* \[m/s\]"),
     (SQUARE, {"noise": -0.1}, ValueError, r"noise = -0\.1: must be .* >= 0\.0"),
     (SQUARE, {"jitter": 11.0}, ValueError, r"jitter = 11\.0: must be .* >= 0\.0 and <= 10\.0 \[s\]"),
     (SQUARE, {"hold": -1.0}, ValueError, r"hold = -1\.0: must be .* >= 1e-06 and <= 10\.0 \[s\]"),
@@ -112,14 +113,14 @@ MESSAGES: list[tuple[str, dict[str, Any], type[Exception], str]] = [
     (SQUARE, {"observation": [1]}, TypeError, r"observation = \[1\]: must hold names"),
     (SQUARE, {"frame": "tip"}, ValueError, r"frame = 'tip': must be one of 'link', 'world'"),
     (SQUARE, {"previews": 0.1}, TypeError, r"previews = 0\.1: must be a list or a tuple"),
-    (SQUARE, {"previews": (0.1, 0.0)}, ValueError, r"previews\[1\] = 0\.0: must be .* > 0\.0 \[s\]"),
+    (SQUARE, {"previews": (0.1, 0.0)}, ValueError, r"previews\[1\] = 0\.0: must be .* >= 1e-06 .* \[s\]"),
     (SQUARE, {"last_actions": 0}, ValueError, r"last_actions = 0: must be an integer from 1 to 100"),
     (SQUARE, {"last_actions": 1.0}, TypeError, r"last_actions = 1\.0: must be an integer"),
     (SQUARE, {"scaled": 1}, TypeError, r"scaled = 1: must be True or False"),
     (SQUARE, {"reference": "heart"}, ValueError, r"reference = 'heart': must be one of 'square', 'circle', .*'moves'"),
     (SQUARE, {"reference": ["square", "moves"]}, ValueError, r"reference = 'moves': must be one of .*'waypoints'$"),
     (SQUARE, {"reference": "waypoints"}, ValueError, r"waypoints = None: must be given with the reference 'waypoints'"),
-    (SQUARE, {"waypoints": WAYPOINTS}, ValueError, r"waypoints = .*only with it; reference = 'square'"),
+    (SQUARE, {"waypoints": WAYPOINTS}, ValueError, r"waypoints = .*only with it; reference = \('square',\)"),
     (
         SQUARE,
         {"reference": "waypoints", "waypoints": [(1.0, 1.0)]},
@@ -184,17 +185,67 @@ MESSAGES: list[tuple[str, dict[str, Any], type[Exception], str]] = [
     ),
     (SQUARE, {"reward_weights": {"effort": 0.0}}, ValueError, r"reward_weights = .*: one at least must be > 0"),
     (SQUARE, {"reward_weights": 1.0}, TypeError, r"reward_weights = 1\.0: must be a mapping of names"),
-    (SQUARE, {"deflection_limit": 0.0}, ValueError, r"deflection_limit = 0\.0: must be .* > 0\.0 \[m\]"),
+    (SQUARE, {"deflection_limit": 0.0}, ValueError, r"deflection_limit = 0\.0: must be .* >= 1e-09 .* \[m\]"),
     (SQUARE, {"error_limit": math.inf}, ValueError, r"error_limit = inf: must be a finite number"),
+    (SQUARE, {"physics_step": 1e-320}, ValueError, r"physics_step = 1e-320: must be .* >= 1e-09"),
+    (
+        SQUARE,
+        {"physics_step": 1e-9},
+        ValueError,
+        r"physics_step = 1e-09 s: 1e\+07 integration steps .*at most 20000 are",
+    ),
+    (SQUARE, {"arm": {"payload_inertia": 1e30}}, ValueError, r"payload_inertia = 1e\+30: must be .* \[kg m\^2\]"),
+    (SQUARE, {"arm": {"mode_scale": 1e-300}}, ValueError, r"mode_scale = 1e-300: must be .* >= 1e-06"),
+    (SQUARE, {"arm": {"payload_mass": 1e300}}, ValueError, r"payload_mass = 1e\+300: must be .* \[kg\]"),
+    (SQUARE, {"arm": {"joint_friction": (1e300, 0)}}, ValueError, r"joint_friction\[0\] = 1e\+300: must be"),
+    (
+        SQUARE,
+        {"arm": {"joint_friction": (1e6, 1e6)}},
+        ValueError,
+        r"arm = .*friction.*rad/s.* integration steps in con",
+    ),
+    (
+        SQUARE,
+        {"arm": {"masses_per_length": (1e-12, 1)}},
+        ValueError,
+        r"masses_per_length\[0\] = 1e-12: must be .* >= 1",
+    ),
+    (
+        SQUARE,
+        {"arm": MISMATCHED},
+        ValueError,
+        r"arm: its masses and inertias lie too far apart .*payload_inertia = 1000",
+    ),
+    (RESIDUAL, {"inner_resistance": (1e9, 1e9)}, ValueError, r"inner_resistance: its fastest pole .* integration st"),
+    (
+        SQUARE,
+        {"delay": 10.0, "physics_step": 1e-6},
+        ValueError,
+        r"delay = 10\.0 s, .* readings to keep, .*at most 2000000",
+    ),
+    (
+        SQUARE,
+        {"hold": 1e-6, "jitter": 1.0},
+        ValueError,
+        r"hold = 1e-06 s: more than 20000 of the sensor's ticks in jit",
+    ),
+    (
+        SQUARE,
+        {"torque_limit": memoryview(b"ab")},
+        TypeError,
+        r"torque_limit = <memory at .*: must be a pair of numbers",
+    ),
+    (SQUARE, {"sensor": np.array([0.1, 0.1])}, ValueError, r"sensor = array\(\[0\.1, 0\.1\]\): must be one of 'collo"),
+    (SQUARE, {"reward_weights": {"effort": 1e308}}, ValueError, r"\['effort'\] = 1e\+308: must be .* <= 1000000000000"),
     (SQUARE, {"render_mode": "ansi"}, ValueError, r"render_mode = 'ansi': must be one of 'rgb_array', 'human'"),
     (
         SQUARE,
         {"wind": 3.0},
         TypeError,
-        r"wind: no such option\. The options are arm, action_mode, ",
+        r"FlexArmEnv\.__init__\(\) got an unexpected keyword argument 'wind'; see help\(FlexArmEnv\)",
     ),
-    (SQUARE, {"torque_limits": (1.0, 1.0)}, TypeError, r"torque_limits: no such option; did you mean 'torque_limit'\?"),
-    (PAPER, {"gainlimit": 1.0}, TypeError, r"gainlimit: no such option; did you mean 'gain_limit'\?"),
+    (SQUARE, {"torque_limits": (1.0, 1.0)}, TypeError, r"argument 'torque_limits'; did you mean 'torque_limit'\?"),
+    (PAPER, {"gainlimit": 1.0}, TypeError, r"keyword argument 'gainlimit'; did you mean 'gain_limit'\?"),
 ]
 
 
@@ -243,6 +294,23 @@ def test_lists_as_json_has_them_are_tuples() -> None:
     settings = Settings.of({"previews": [0.1], "torque_limit": [1.0, 2.0], "delay": [0.1, 0.2], "sensor": "rigid"})
     assert (settings.previews, settings.torque_limit, settings.reference) == ((0.1,), (1.0, 2.0), ("square",))
     assert settings.delay == settings.sensor_parameters.delay == (0.1, 0.2)
+
+
+def test_numbers_of_numpy_are_numbers() -> None:
+    given = {"delay": np.array(0.01), "noise": np.float32(0.5), "sensor": np.array("true"), "scaled": np.array(False)}
+    settings = Settings.of(given | {"previews": np.array([0.1, 0.2]), "last_actions": np.int8(3)})
+    assert (settings.delay, settings.noise, settings.sensor, settings.scaled) == (0.01, 0.5, "true", False)
+    assert (settings.previews, settings.last_actions) == ((0.1, 0.2), 3)
+    assert {type(x) for x in (settings.delay, settings.noise, *settings.previews)} == {float}
+    assert (type(settings.sensor), type(settings.scaled), type(settings.last_actions)) == (str, bool, int)
+
+
+@pytest.mark.parametrize("value", ["x" * 100_000, [1.0] * 100_000, {"x" * 100_000: "y"}, 10**100_000], ids=type)
+@pytest.mark.parametrize("name", ["delay", "sensor", "arm", "observation", "reward_weights", "last_actions"])
+def test_messages_stay_short(name: str, value: Any) -> None:
+    with pytest.raises((TypeError, ValueError), match=name) as caught:
+        Settings.of({name: value})
+    assert len(str(caught.value)) < 1500
 
 
 # --- actions ------------------------------------------------------------------------------------------------

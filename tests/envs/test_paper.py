@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from flexarm_env import ArmParameters, FlexibleArm, SquareParameters, square
+from flexarm_env import ArmParameters, FlexibleArm, SquareParameters, end_reason, square
 from flexarm_env.envs.single import FlexArmEnv
-from tests.support.envs import PAPER, bare, block, make
+from tests.support.envs import PAPER, bare, block, make, terms_of
 
 Array = NDArray[np.float64]
 STEPS = 60
@@ -165,7 +165,7 @@ def test_the_reward_is_of_the_true_tip_after_the_step() -> None:
         _, reward, _, _, info = env.step(np.ones(1, np.float32))
         distance = math.dist(info["true_tip"], (-6.3, -6.3 + 3.15e-3 * k))
         wide, middle = 0.5 * math.exp(-((distance / 0.6) ** 2)), 0.5 * math.exp(-distance / 0.15)
-        assert info["reward_terms"] == pytest.approx({"tracking_wide": wide, "tracking_middle": middle}, rel=1e-9)
+        assert terms_of(info) == pytest.approx({"tracking_wide": wide, "tracking_middle": middle}, rel=1e-9)
         assert reward == pytest.approx(wide + middle, rel=1e-9)
         assert isinstance(reward, float)
 
@@ -209,13 +209,13 @@ def test_termination(options: dict[str, Any], reason: str) -> None:
             break
         previous = observation.copy()
         observation[:] = np.nan  # the caller's own
-    assert info["termination_reason"] == reason
+    assert end_reason(info["end_code"]) == reason
     assert not truncated
     if reason == "error":  # a valid state
         assert reward > 0.0
     else:
         assert reward == 0.0
-        assert info["reward_terms"] == {"tracking_wide": 0.0, "tracking_middle": 0.0}
+        assert terms_of(info) == {"tracking_wide": 0.0, "tracking_middle": 0.0}
         np.testing.assert_array_equal(observation, previous)  # the last valid one
     again, _ = env.reset(seed=0)  # and the next episode is like the first
     np.testing.assert_array_equal(again, make(PAPER, **options).reset(seed=0)[0])

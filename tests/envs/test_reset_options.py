@@ -48,6 +48,11 @@ def test_quantities_of_an_episode() -> None:
     [
         ({"corner": 2}, ValueError, ("options['corner']", "start, time, path, parameters, state")),
         ("corner", TypeError, ("options = 'corner'", "mapping")),
+        ("", TypeError, ("options = ''", "mapping")),
+        (np.zeros(2), TypeError, ("options = array([0., 0.])", "mapping")),
+        ({"start": np.array(0.0)}, ValueError, ("options['start'] = array(0.)", "'corner'")),
+        ({"start": b"x"}, ValueError, ("options['start'] = b'x'", "'corner'")),
+        ({"time": memoryview(b"a")}, ValueError, ("options['time'] = <memory", "real numbers")),
         ({"start": "side"}, ValueError, ("options['start'] = 'side'", "'corner', 'corners', 'moving', 'mix'")),
         ({"start": 1}, ValueError, ("options['start'] = 1",)),
         ({"time": 16.0}, ValueError, ("options['time'] = 16.0", "from 0 to 16")),

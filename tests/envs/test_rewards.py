@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flexarm_env import ArmParameters, FlexibleArm, SquareParameters, inverse_kinematics, square
+from flexarm_env import ArmParameters, FlexibleArm, SquareParameters, end_reason, inverse_kinematics, square
 from flexarm_env.envs.single import FlexArmEnv
 from flexarm_env.episode.reward import TERMS
-from tests.support.envs import GAIN, IDS, PAPER, RESIDUAL, SQUARE, bare, make
+from tests.support.envs import GAIN, IDS, PAPER, RESIDUAL, SQUARE, bare, make, terms_of
 
 FREE: dict[str, Any] = {"error_limit": None, "deflection_limit": None}
 WEIGHTS = {"tracking_wide": 0.5, "tracking_middle": 2.0, "effort": 0.25, "vibration": 3.0, "action_change": 0.125}
@@ -43,7 +43,7 @@ def test_the_reward_is_the_weighted_sum_of_its_terms(env_id: str) -> None:
         assert set(terms) == set(TERMS)
         expected = {name: weights[name] * term for name, term in terms.items()}
         # distances are known to 1e-14 m; divided by 0.04 m, and by the accuracy of the exponential
-        assert info["reward_terms"] == pytest.approx(expected, rel=1e-11, abs=1e-14)
+        assert terms_of(info) == pytest.approx(expected, rel=1e-11, abs=1e-14)
         assert reward == pytest.approx(sum(expected.values()), rel=1e-11)
         last = action
 
@@ -51,7 +51,7 @@ def test_the_reward_is_the_weighted_sum_of_its_terms(env_id: str) -> None:
 def test_terms_without_weight_are_not_told() -> None:
     env = bare(reward_weights={"vibration": 1.0, "effort": 0.0}, start="corner")
     _, reward, *_, info = env.step(np.zeros(2))
-    assert info["reward_terms"] == {"vibration": 1.0}
+    assert terms_of(info) == {"vibration": 1.0}
     assert reward == 1.0
 
 
@@ -66,7 +66,7 @@ def test_ending_early_never_pays(env_id: str, policy: Any) -> None:
         action = sign if policy == "bang-bang" else np.full_like(sign, policy)
         _, reward, terminated, truncated, info = env.step(action)
         assert reward >= 0.0
-        assert min(info["reward_terms"].values()) >= 0.0
+        assert min(terms_of(info).values()) >= 0.0
         if terminated or truncated:
             break
 
@@ -84,7 +84,7 @@ def ended(env: FlexArmEnv, action: Any, steps: int = 3000, **options: Any) -> tu
         assert env.observation_space.contains(observation)
         assert not truncated
         if terminated:
-            return info["termination_reason"], reward, info
+            return end_reason(info["end_code"]), reward, info
     raise AssertionError("the episode did not end")
 
 
@@ -110,7 +110,7 @@ def test_a_link_bent_too_far_ends_an_episode(limit: float, torque: tuple[float, 
         before, bent = bent, float(np.abs(env.arm.tip_deflection(info["state"][:6])).max())
         if terminated:
             break
-    assert info["termination_reason"] == "deflection"
+    assert end_reason(info["end_code"]) == "deflection"
     assert before <= limit < bent
     assert reward > 0.0
 
@@ -130,7 +130,7 @@ def test_an_invalid_state_ends_an_episode_without_reward(env_id: str, options: d
     found, reward, info = ended(env, 1.0)
     assert found == reason
     assert reward == 0.0
-    assert not any(info["reward_terms"].values())
+    assert not any(terms_of(info).values())
     fresh = bare(env_id, start="corner", **(FREE | options))
     np.testing.assert_array_equal(env.reset(seed=0)[0], fresh.reset(seed=0)[0])
     quiet = -np.ones(env.action_space.shape) if env_id == PAPER else np.zeros(env.action_space.shape)
@@ -203,7 +203,10 @@ RANGES = {
 
 def test_what_is_drawn_lies_evenly_in_its_range() -> None:
     env = bare(randomisation=RANGES)
-    drawn = [env.reset()[1]["parameters"] for _ in range(300)]
+    drawn = []
+    for _ in range(300):
+        env.reset()
+        drawn.append(env.episode.parameters)
     for name, (low, high) in RANGES.items():
         values = (np.array([each[name] for each in drawn]) - low) / (high - low)
         assert 0.0 <= values.min() < 0.05
@@ -212,7 +215,7 @@ def test_what_is_drawn_lies_evenly_in_its_range() -> None:
     table = np.array([[each[name] for name in RANGES] for each in drawn])
     correlation = np.corrcoef(table.T) - np.eye(len(RANGES))
     assert np.abs(correlation).max() < 0.25  # deviation 0.058
-    assert bare().reset()[1]["parameters"] == {
+    assert bare().episode.parameters == {
         "delay": 9.0 / 288.33,
         "payload_mass": 0.0,
         "stiffness": 1.0,
@@ -228,8 +231,8 @@ def test_the_arm_is_the_one_that_was_drawn(env_id: str, ordered: dict[str, float
     """Like an environment that is made with it: its constants follow from the same formulas up to rounding."""
     ranges = {name: RANGES[name] for name in ("payload_mass", "stiffness", "damping")}
     env = bare(env_id, randomisation=ranges, start="corner", physics_step=5e-4, **FREE)
-    info = env.reset(seed=3, options={"parameters": ordered})[1]
-    drawn = info["parameters"]
+    env.reset(seed=3, options={"parameters": ordered})
+    drawn = env.episode.parameters
     assert all(drawn[name] == value for name, value in ordered.items())
     made = {
         "payload_mass": drawn["payload_mass"],
@@ -253,7 +256,8 @@ def test_the_arm_is_the_one_that_was_drawn(env_id: str, ordered: dict[str, float
 def test_drawn_delays_and_noise_act() -> None:
     """As where they are set."""
     env = bare(randomisation=RANGES | {"stiffness": (1.0, 1.0), "payload_mass": (0.0, 0.0), "damping": (0.01, 0.01)})
-    drawn = env.reset(seed=3)[1]["parameters"]
+    env.reset(seed=3)
+    drawn = env.episode.parameters
     made = {name: drawn[name] for name in ("delay", "noise", "actuation_delay")}
     twin = bare(seed=3, **made)
     for action in np.random.default_rng(1).uniform(-0.3, 0.3, (30, 2)):

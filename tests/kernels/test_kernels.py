@@ -16,11 +16,16 @@ from numba import njit
 
 from flexarm_env import FlexibleArm
 from flexarm_env.codegen import assembly
+from flexarm_env.codegen.declarations import Program
 from flexarm_env.codegen.elementary import sincos
 from flexarm_env.codegen.tracing import quarter_turns
-from flexarm_env.kernels import imex
-from flexarm_env.kernels.layout import DRIVES, arm_rows, extent
-from flexarm_env.kernels.recorded import Variant
+from flexarm_env.episode.step import GAIN, TORQUE, TRACKING
+from flexarm_env.kernels import tableau
+from flexarm_env.kernels.entries import extent
+from flexarm_env.kernels.imex import LOOP
+from flexarm_env.kernels.layout import arm_rows
+from flexarm_env.kernels.rk4 import OPEN
+from flexarm_env.kernels.variants import Variant
 from flexarm_env.physics import dynamics as dyn
 from flexarm_env.physics.constants import Constants
 from flexarm_env.physics.modal_elimination import elimination
@@ -59,7 +64,7 @@ class Batch:
         return assembly.load(self.variant(lanes))
 
     def variant(self, lanes: int) -> Variant:
-        return Variant("open", self.modes, self.complete, lanes, foreshortened=self.foreshortened)
+        return Variant(OPEN, self.modes, self.complete, lanes, foreshortened=self.foreshortened)
 
     def arenas(self, lanes: int) -> np.ndarray:
         """Shape (blocks, rows * lanes)."""
@@ -122,7 +127,9 @@ def interpreted(variant: Variant, fused: Callable[[float, float, float], float])
     plain = {"njit": lambda **options: lambda function: function, "floor": np.floor}
     names: dict[str, Any] = plain | {"fused": fused, "quarter_turns": quarter_turns, "aligned_stack": lambda: None}
     for name in ("sincos_fused", "slope", "step_kernel"):
-        exec(f"def {name}({text.split(f'def {name}(', 1)[1].split('@njit', 1)[0]}", names)
+        definition = re.search(rf"^def {name}\(.*?(?=^@|\Z)", text, re.MULTILINE | re.DOTALL)
+        assert definition is not None
+        exec(definition[0], names)
     return names
 
 
@@ -159,11 +166,11 @@ def test_the_text_of_a_step_is_the_formulas_on_arrays_to_the_last_bit(batch: Bat
         np.testing.assert_array_equal(batch.part(arenas, 1, name), end)
 
 
-@pytest.mark.parametrize("kind", DRIVES)
-def test_functions_that_are_written_into_their_callers_have_one_caller(kind: str) -> None:
-    text = assembly.render(Variant(kind, 2, True, 1))
-    inlined = re.findall(r'^@njit\(inline="always"[^\n]*\ndef (\w+)\(', text, re.MULTILINE)
-    assert {"drive", "look", "observe", "step_block"} <= set(inlined)
+@pytest.mark.parametrize("program", [TORQUE, TRACKING, GAIN], ids=str)
+def test_functions_that_are_inlined_in_their_callers_have_one_caller(program: Program) -> None:
+    text = assembly.render(Variant(program, 2, True, 1))
+    inlined = re.findall(r"^@njit\(inline='always'[^\n]*\ndef (\w+)\(", text, re.MULTILINE)
+    assert {program.parts["drive"].__name__, "look", "observe", "step_block"} <= set(inlined)
     for name in inlined:
         assert len(re.findall(rf"\b{name}\(", text)) == 2, name  # its definition, and one call
 
@@ -264,7 +271,7 @@ def test_sine_and_cosine_are_within_two_ulp(name: str) -> None:
 @pytest.mark.parametrize("name", ANGLES)
 def test_a_compiled_sine_is_its_text_to_the_last_bit(name: str) -> None:
     """Signs and the exchange of sine and cosine too, which the processor takes from the bits of a whole number."""
-    variant = Variant("open", 1, True, 1)
+    variant = Variant(OPEN, 1, True, 1)
     compiled, text = assembly.load(variant).sincos_fused, interpreted(variant, rounded_once)["sincos_fused"]
     for x in np.concatenate([ANGLES[name][:100], -ANGLES[name][:100], ANGLES[name][-50:], [0.0]]).tolist():
         assert np.array(compiled(x)).tobytes() == np.array(text(x)).tobytes()  # 0 and -0 are not the same
@@ -314,8 +321,8 @@ MACHINES = {
 @pytest.mark.parametrize(
     ("variant", "kernel", "arguments"),
     [
-        (Variant("open", 1, True, LANES), "step_kernel", (1e-3,)),
-        (Variant("loop", 1, True, LANES), "law_kernel", (1e-3, 0.0, imex.EXPLICIT[0], imex.IMPLICIT[0])),
+        (Variant(OPEN, 1, True, LANES), "step_kernel", (1e-3,)),
+        (Variant(LOOP, 1, True, LANES), "law_kernel", (1e-3, 0.0, tableau.EXPLICIT[0], tableau.IMPLICIT[0])),
     ],
     ids=["open", "loop"],
 )

@@ -131,14 +131,16 @@ def test_importing_the_environment_loads_nothing_heavy(tmp_path: Path) -> None:
     assert result.stdout.strip() == "[]"
 
 
-def test_trained_policies_need_no_learning_library(tmp_path: Path) -> None:
+def test_trained_policies_and_light_verbs_need_no_learning_library(tmp_path: Path) -> None:
     code = (
         "import sys; from flexarm_agents import evaluate, load_policy, shipped_policies, TrainingConfig; "
-        f"TrainingConfig(); print(sorted(set({HEAVY!r}) & set(sys.modules)))"
+        "TrainingConfig(); from flexarm_agents.commands import evaluate, main, warm_up; "
+        "main(['list']); main(['show', 'Square-v0']); "
+        f"print(sorted(set({(*HEAVY, 'tyro', 'tqdm')!r}) & set(sys.modules)))"
     )
     result = run(sys.executable, "-W", "error", "-c", code, cwd=tmp_path)
     assert result.returncode == 0, result.stderr
-    assert result.stdout.strip() == "[]"
+    assert result.stdout.splitlines()[-1] == "[]"
 
 
 # --- the distribution ---------------------------------------------------------------------------------------
@@ -186,3 +188,6 @@ def test_a_plain_install_imports_by_all_names(wheel: Path, tmp_path: Path) -> No
     *origins, version, declared = result.stdout.split()
     assert all(Path(origin).is_relative_to(site) for origin in origins)
     assert version == declared
+    result = run(site / "bin" / "flexarm", "list", cwd=tmp_path, PYTHONPATH=str(site))
+    assert result.returncode == 0, result.stderr
+    assert "FlexArm/Square-v0" in result.stdout

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from flexarm_env import ArmParameters, FlexibleArm
-from flexarm_env.envs.choices import HEAVIEST_PAYLOAD
+from flexarm_env.parameters import HEAVIEST_PAYLOAD
 from flexarm_env.physics import dynamics as dyn
 from flexarm_env.physics import linear_algebra, modal_elimination
 from tests.support.lagrange import loaded_arm

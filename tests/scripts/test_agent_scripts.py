@@ -1,85 +1,261 @@
-"""train.py and evaluate.py as they are run: train, go on, evaluate."""
+"""Training and evaluation by the command line: train, stop, go on, evaluate."""
 
 from __future__ import annotations
 
 import json
+import re
+import signal
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any, NamedTuple
 
+import numpy as np
 import pytest
 
-SCRIPTS = Path(__file__).resolve().parents[2] / "scripts"
+from flexarm_agents import NetworkPolicy, TrainingConfig
+from flexarm_agents.commands import main
+from flexarm_agents.training import new_model
+from tests.support.programs import ROOT
+from tests.support.trainings import TINY as CONFIG
+
+SCRIPTS = ROOT / "scripts"
 TINY = ["--envs", "4", "--rollout", "32", "--batch", "64", "--epochs", "2", "--hidden", "16", "8"]
 TINY += ["--episode-steps", "50", "--evaluate-every", "200", "--checkpoint-every", "200"]
+ALONE = ("--no-baselines", "--no-shipped")
 
 
-def script(name: str, *arguments: str | Path, cwd: Path) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-W", "error", SCRIPTS / name, *arguments]
-    return subprocess.run([str(part) for part in command], cwd=cwd, capture_output=True, text=True, timeout=300)
+class Ended(NamedTuple):
+    """How the command ended, and what it printed."""
+
+    returncode: int
+    stdout: str
+    stderr: str
 
 
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Where a tiny training was run, in the folder that it takes by itself."""
-    place = tmp_path_factory.mktemp("place")
-    options = json.dumps({"noise": 0.001})
-    result = script("train.py", *TINY, "--steps", "256", "--seed", "3", "--options", options, cwd=place)
+class Shell:
+    """Runs the command in this process, in a folder."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], folder: Path) -> None:
+        self._capsys, self.folder = capsys, folder
+        monkeypatch.chdir(folder)
+        monkeypatch.setattr(sys, "path", list(sys.path))
+
+    def __call__(self, *arguments: str | Path) -> Ended:
+        code: Any = 0
+        try:
+            main([str(argument) for argument in arguments])
+        except SystemExit as end:
+            code = end.code
+        return Ended(code, *self._capsys.readouterr())
+
+    def evaluation(self) -> dict[str, Any]:
+        values: dict[str, Any] = json.loads((self.folder / "results/evaluation/evaluation.json").read_text())
+        return values
+
+
+@pytest.fixture
+def flexarm(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> Shell:
+    return Shell(monkeypatch, capsys, tmp_path)
+
+
+# --- training -----------------------------------------------------------------------------------------------------
+
+
+def test_train_stop_and_go_on(flexarm: Shell) -> None:
+    """The script is stopped by Ctrl-C; the command goes on with its folder."""
+    again = ("train", *TINY, "--steps", "100000", "--seed", "3", "--options", '{"noise": 0.001}')
+    command = [sys.executable, "-W", "error", SCRIPTS / "train.py", *again[1:]]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    assert process.stdout is not None
+    line = process.stdout.readline()
+    process.send_signal(signal.SIGINT)
+    _, stderr = process.communicate(timeout=300)
+    assert line.startswith("      256 steps "), stderr
+    assert process.returncode == 130
+    assert stderr.startswith("stopped; all ")
+    assert stderr.endswith("steps are kept in runs/Square-v0-3; the same command with --resume goes on\n")
+    assert (flexarm.folder / "runs" / "Square-v0-3" / "checkpoint.zip").is_file()
+
+
+def test_train_and_resume(flexarm: Shell) -> None:
+    again = ("train", *TINY, "--steps", "256", "--seed", "3", "--options", '{"noise": 0.001}')
+    result = flexarm(*again)
     assert result.returncode == 0, result.stderr
-    assert "best: r.m.s. " in result.stdout
-    assert "ended early: error after " in result.stdout
-    return place
-
-
-def test_train_and_resume(folder: Path) -> None:
-    run = folder / "runs" / "Square-v0-3"
+    assert "best: ended early: error after " in result.stdout
+    assert "s, compiling included" in result.stdout
+    run = flexarm.folder / "runs" / "Square-v0-3"
     assert json.loads((run / "config.json").read_text())["options"] == {"noise": 0.001}
-    again = (*TINY, "--steps", "256", "--seed", "3", "--options", '{"noise": 0.001}')
-    result = script("train.py", *again, cwd=folder)
+    result = flexarm(*again)
     assert result.returncode == 1
     assert result.stderr.startswith("error: folder = runs/Square-v0-3: exists and is not empty; resume")
-    result = script("train.py", *again, "--resume", cwd=folder)
+    result = flexarm(*again, "--resume")
     assert result.returncode == 0, result.stderr
-    result = script("train.py", *again, "--resume", "--gamma", "0.9", cwd=folder)
+    result = flexarm(*again, "--resume", "--gamma", "0.9")
     assert result.returncode == 1
     assert result.stderr.startswith("error: gamma = 0.9: the training in runs/Square-v0-3 has 0.985")
-
-
-def test_evaluate(folder: Path) -> None:
-    result = script("evaluate.py", "runs/Square-v0-3", cwd=folder)
-    assert result.returncode == 0, result.stderr
-    for name in ("IFDC", "FLSAC", "no torque", "random torque", "Square-v0-3"):
-        assert name in result.stdout
+    result = flexarm("evaluate", "runs/Square-v0-3", *ALONE)
     (line,) = [line for line in result.stdout.splitlines() if line.startswith("runs/Square-v0-3")]
     assert "ENDED at " in line
     assert " Square-v0* " in line  # its options are not the id's
-    assert line.count("(") == 2  # its scores are no lap's
-    laps = {
-        lap["name"]: lap
-        for lap in json.loads((folder / "results" / "evaluation" / "evaluation.json").read_text())["laps"]
-    }
-    assert laps["IFDC"]["complete"]
-    assert laps["IFDC"]["rms"] == pytest.approx(0.84, abs=0.1)  # one mode a link
-    assert not laps["no torque"]["complete"]
-    assert laps["no torque"]["rms_after_2s"] is None
-    result = script("evaluate.py", "nobody", "--no-baselines", "--no-shipped", cwd=folder)
-    assert result.returncode == 1
-    assert result.stderr.splitlines()[-1].startswith("error: source = 'nobody': neither")
-    result = script("evaluate.py", "--no-baselines", "--no-shipped", cwd=folder)
-    assert result.returncode == 1
-    assert "nothing to score" in result.stderr
+    assert not re.search(r"\d\.\d{3}", line)  # it has no errors
 
 
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("--options", '{"noize": 1}'), "noize: no such option; did you mean 'noise'"),
+        (("--options", '{"noize": 1}'), "keyword argument 'noize'; did you mean 'noise'"),
+        (("--options", "7"), "7: must be a JSON object"),
         (("--batch", "1000", "--options", '{"noise": 0.1}'), "batch = 1000: must divide rollout * envs"),
+        (("--seedd", "4"), "--seed INT"),  # an option that is spelt alike
     ],
 )
-def test_bad_input(tmp_path: Path, arguments: tuple[str, ...], message: str) -> None:
-    result = script("train.py", *arguments, cwd=tmp_path)
+def test_bad_input(flexarm: Shell, arguments: tuple[str, ...], message: str) -> None:
+    result = flexarm("train", *arguments)
     assert result.returncode in (1, 2)  # 2: from the command line's reader
     assert message in " ".join(result.stderr.replace("│", " ").split())
-    assert "Traceback" not in result.stderr
-    assert not list(tmp_path.iterdir())  # nothing was begun
+    assert not list(flexarm.folder.iterdir())  # nothing was begun
+
+
+# --- evaluation ---------------------------------------------------------------------------------------------------
+
+
+def test_evaluate_scores_what_there_is(flexarm: Shell) -> None:
+    result = flexarm("evaluate")
+    assert result.returncode == 0, result.stderr
+    rows = result.stdout.splitlines()[3:-1]
+    names = ["square", "FLSAC", "IFDC", "no torque", "random torque"]
+    assert [name for row in rows for name in names if row.startswith(name)] == names
+    assert all("ENDED at " in row and not re.search(r"\d\.\d{3}", row) for row in rows[3:])
+    assert [line.partition(":")[0] for line in result.stderr.splitlines()] == [*names[2:0:-1], *names[3:], "square"]
+    laps = {one["name"]: one["laps"][0] for one in flexarm.evaluation()["results"]}
+    assert laps["IFDC"]["complete"]
+    assert laps["IFDC"]["rms"] == pytest.approx(0.901, abs=5e-3)
+    assert not laps["no torque"]["complete"]
+    assert laps["no torque"]["rms_after_2s"] is None
+
+
+MODULE = """
+import numpy as np
+
+class Pulls:
+    def predict(self, observation):
+        return np.array([0.1, 0.0])
+
+class Needs:
+    def __init__(self, gain):
+        self.predict = None
+
+def pulls(observation):
+    return 0.1, 0.0
+
+def spoilt(observation):
+    return np.full(2, np.nan)
+
+one = Pulls()
+number = 7
+"""
+
+
+def test_evaluate_takes_policies_of_ones_own(flexarm: Shell) -> None:
+    (flexarm.folder / "mine_here.py").write_text(MODULE)
+    result = flexarm("evaluate", "mine_here:Pulls", "mine_here:pulls", "mine_here:one", *ALONE, "--seed", "5")
+    assert result.returncode == 0, result.stderr
+    found = flexarm.evaluation()["results"]
+    assert len({one["laps"][0]["duration"] for one in found}) == 1
+    assert {one["environment"] for one in found} == {"FlexArm/Square-v0"}
+    assert [one["laps"][0]["seed"] for one in found] == [5, 5, 5]
+
+
+@pytest.mark.parametrize(
+    ("source", "message"),
+    [
+        ("mine_there:Needs", "error: policy mine_there:Needs: needs a classmethod for_env(env), or no arguments"),
+        ("mine_there:spoilt", "error: mine_there:spoilt: action[0] = nan: must be finite"),
+        ("mine_there:number", "error: mine_there:number: policy = 7: must have predict(observation)"),
+        ("mine_there:nothing", "error: 'mine_there:nothing': mine_there has no attribute nothing"),
+        ("mine_there:", "error: 'mine_there:': must be 'module:attribute'"),
+        ("mine_elsewhere:thing", "error: No module named 'mine_elsewhere'"),
+    ],
+)
+def test_evaluate_refuses_in_a_line(flexarm: Shell, source: str, message: str) -> None:
+    (flexarm.folder / "mine_there.py").write_text(MODULE)
+    result = flexarm("evaluate", source, *ALONE)
+    assert result.returncode == 1
+    (line,) = result.stderr.splitlines()
+    assert line.startswith(message)
+
+
+def test_laps_have_a_spread_in_which_an_early_end_counts(flexarm: Shell) -> None:
+    """With delays that the agent never met, it loses some laps."""
+    options = '{"randomisation": {"delay": [0.0, 0.06]}}'
+    result = flexarm("evaluate", "square", *ALONE, "--laps", "4", "--seed", "0", "--options", options)
+    assert result.returncode == 0, result.stderr
+    (found,) = flexarm.evaluation()["results"]
+    ends = [lap["ended"] for lap in found["laps"]]
+    whole = [lap["rms"] for lap in found["laps"] if lap["complete"]]
+    assert [lap["seed"] for lap in found["laps"]] == [0, 1, 2, 3]
+    assert 0 < len(whole) < 4
+    assert {name: found["rms"][name] for name in ("total", "complete", "best", "worst")} == {
+        "total": 4, "complete": len(whole), "best": min(whole), "worst": None
+    }  # fmt: skip
+    assert " .. ended]" in result.stdout
+    assert f"{4 - len(whole)} of 4 ENDED: {next(end for end in ends if end != 'truncated')}" in result.stdout
+    assert found["options"] == {"randomisation": {"delay": [0.0, 0.06]}}
+
+
+def test_seeds_of_one_setting_are_aggregated(flexarm: Shell) -> None:
+    config = TrainingConfig(**{**CONFIG, "options": {}}).plain()
+    size = 42
+    for seed in (0, 1, 2):
+        weights = [np.full((2, size), 0.01 * seed, np.float32)]
+        notes = {"config": config | {"seed": seed}}
+        NetworkPolicy(weights, [np.zeros(2, np.float32)], np.zeros(2, np.float32), "tanh", notes).save(
+            Path(f"{seed}.npz")
+        )
+    result = flexarm("evaluate", "0.npz", "1.npz", "2.npz", "square", *ALONE)
+    assert result.returncode == 0, result.stderr
+    values = flexarm.evaluation()
+    (setting,) = values["settings"]
+    assert sorted(setting["trainings"]) == ["0.npz", "1.npz", "2.npz"]
+    assert setting["rms"] == {
+        "total": 3, "complete": 0, "median": None, "interquartile_mean": None, "best": None, "worst": None
+    }  # fmt: skip
+    assert "(0 of 3 complete)" in result.stdout
+    assert "square" not in result.stdout.split("Trainings of one setting")[1].splitlines()[2]
+
+
+def test_models_of_stable_baselines_are_read_only_when_asked_for(flexarm: Shell) -> None:
+    model = new_model(TrainingConfig(**{**CONFIG, "options": {}}))
+    model.save("model.zip")
+    result = flexarm("evaluate", "model.zip", *ALONE)
+    assert result.returncode == 1
+    assert result.stderr == "error: model.zip: needs --stable-baselines3 CLASS, since reading it can run code\n"
+    result = flexarm("evaluate", "model.zip", *ALONE, "--stable-baselines3", "PPO")
+    assert result.returncode == 0, result.stderr
+    assert "model.zip" in result.stdout
+    for arguments, message in [
+        (("--stable-baselines3", "SAC"), "error: model.zip: is no model of SAC ("),
+        (("--stable-baselines3", "PPI"), "error: 'stable_baselines3:PPI': stable_baselines3 has no attribute PPI"),
+        (("--stable-baselines3", "json:dumps"), "error: algorithm = 'json:dumps': must be a class of"),
+        (
+            ("--stable-baselines3", "PPO", "--environment", "SquareGain-v0"),
+            "error: policy 'model.zip': was trained with observation of shape (42,), got (41,)",
+        ),
+    ]:
+        result = flexarm("evaluate", "model.zip", *ALONE, *arguments)
+        assert result.returncode == 1
+        assert result.stderr.startswith(message)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("--stable-baselines3", "PPO"), "there is no zip file among the policies"),
+        (("--environment", "Reach-v0"), "is for module:attribute and for zip files"),
+    ],
+)
+def test_an_argument_without_effect_is_an_error(flexarm: Shell, arguments: tuple[str, ...], message: str) -> None:
+    result = flexarm("evaluate", "square", *arguments)
+    assert result.returncode == 2
+    assert message in result.stderr

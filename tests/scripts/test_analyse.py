@@ -13,6 +13,7 @@ from tests.support.programs import ROOT, run_study
 PAGE = ROOT / "docs" / "analysis.md"
 BLOCK = re.compile(r"<!-- generated: (\w+) -->\n(.*?)<!-- end -->", re.DOTALL)
 TABLES = {"zeros_by_model", "zeros_by_position", "passivity", "margins", "simulated", "largest_gains"}
+TABLES |= {"room", "margins_claim", "margins_by_modes"}
 PICTURES = {"zeros_locus", "passivity", "margins"}
 run_script = partial(run_study, "analysis")
 
@@ -57,7 +58,7 @@ def test_committed_tables_have_the_rows_of_a_quick_run(quick: Path) -> None:
     """Those that a quick run makes as a full one does. All of them take a full run, below."""
     pages = committed()
     assert set(pages) == TABLES
-    for name in ("zeros_by_model", "largest_gains", "margins"):
+    for name in ("zeros_by_model", "largest_gains", "margins", "margins_by_modes"):
         rows = (quick / f"{name}.md").read_text().splitlines()
         assert len(rows) > 3
         for row in rows:
@@ -95,18 +96,7 @@ def test_figures_in_the_text_match(full: Path) -> None:
     gains = {row["what"]: row for row in results["largest_gains"]}
     law = results["passivity"]["law"]
     tip = gains["true tip, not late, 1 mode, 1 %"]
-    room = {
-        delayed: [
-            row[place]["delay_margin"] / row[place]["delay"]
-            for row in paper
-            if row["delayed"] == delayed and row["sensor"] in ("end effector", "0.5 m past the elbow")
-            for place in ("corner", "mid-side")
-        ]
-        for delayed in ("position", "position+rate")
-    }
     sentences = [
-        f"{min(room['position']):.1f} to {max(room['position']):.1f} times the delay",
-        f"are {1 / max(room['position+rate']):.0f} to {1 / min(room['position+rate']):.0f} times too long",
         f"Without damping it is at {one['zero']:.1f} rad/s with one mode a link, at "
         f"{models['2 modes, undamped']['zero']:.1f}, "
         f"{models['3 modes, undamped']['zero']:.1f} and {models['4 modes, undamped']['zero']:.1f} with two to four, at "
@@ -126,6 +116,30 @@ def test_figures_in_the_text_match(full: Path) -> None:
     ]
     for sentence in sentences:
         assert sentence in text, f"not in docs/analysis.md: {sentence}"
+
+
+def test_the_claim_about_margins_follows_from_the_table_of_margins() -> None:
+    """Of all rows of the committed table, not only of the paper's arm and two sensors."""
+    rows = [line.strip("| ").split(" | ") for line in committed()["margins"].splitlines()[2:]]
+    late = [float(delay) / float(cells[at]) for cells in rows if cells[2] == "position and rate"
+            for delay in cells[4:5] for at in (7, 8)]  # fmt: skip
+    room = [float(cells[at]) / float(cells[4]) for cells in rows if cells[2] == "position" for at in (7, 8)]
+    assert len(late) == len(room) == 36
+    claim = " ".join(committed()["margins_claim"].split())
+    found = re.search(r"with (\S+) times the paper's delay in the worst case, (\S+) times in the best", claim)
+    assert found
+    assert [float(x) for x in found.groups()] == pytest.approx([min(room), max(room)], abs=0.06)
+    found = re.search(r"and (\S+) to (\S+) times over both arms and all three sensors", claim)
+    assert found
+    assert [float(x) for x in found.groups()] == pytest.approx([min(late), max(late)], rel=0.02)
+
+
+def test_the_locus_has_a_panel_for_every_arm_and_the_exact_zeros_of_link_1(quick: Path) -> None:
+    found = read(quick)
+    locus = found["zeros"]["locus"]
+    assert "2 modes, 1 % (default)" in locus
+    exact = next(row["zero"] for row in found["zeros"]["by_model"] if row["arm"] == "exact beam")
+    assert locus["exact link 1"][0] == pytest.approx(exact)
 
 
 def test_fuzzy_gains_are_those_that_the_margins_are_made_for(quick: Path) -> None:

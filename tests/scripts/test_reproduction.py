@@ -8,7 +8,8 @@ import pytest
 
 from flexarm_env import Trajectory
 from scripts.docs import paper
-from scripts.paper import claims, verdicts
+from scripts.paper import checks, claims, tables, verdicts
+from scripts.paper.measures import Workspace
 from tests.support.programs import ROOT, run_study
 
 VERDICTS = {"reproduced", "reproduced under condition", "not reproduced"}
@@ -158,9 +159,45 @@ def test_figures_in_the_text_match(results: Path) -> None:
     ]
     for sentence in sentences:
         assert sentence in text, f"not in docs/reproduction.md: {sentence}"
+    late, prompt = (
+        {r["value"]: r for r in sweeps if r["sweep"] == sweep and r["arm"] == "zeta 0.01" and not r["ended_early"]}
+        for sweep in ("late_true_tip_feedback", "true_tip_feedback")
+    )
+    assert set(late) == set(prompt), "the same gains survive"
+    assert all(late[gain]["true_tip_rms"] > prompt[gain]["true_tip_rms"] for gain in late), "with larger errors"
+    (per_joint_ifdc,) = [r for r in sweeps if (r["value"], r["controller"]) == ("command delayed per joint", "ifdc")]
+    assert len(per_joint_ifdc["elbow_changes"]) == 1
+    assert per_joint_ifdc["elbow_changes"][0] < 0.25, "in the first quarter of a second, and never again"
+    assert {
+        not r["elbow_changes"]
+        for r in sweeps
+        if r["sweep"] == "constant_gain" and r["place"] == "tip" and r["value"] >= 1.5
+    } == {True}, "the elbow keeps its side from lambda = 1.5 on, with every sensor"
     stable = {r["value"] for r in sweeps if r["sweep"] == "true_tip_feedback" and r["arm"] == "zeta 0.01"
               and r["ended"] == "truncated"}  # fmt: skip
     assert stable == {0.02, 0.03, 0.04}, "unstable from 6 % of the gains on"
+
+
+def test_the_elbow_changes_sides_as_the_page_says(results: Path) -> None:
+    """Times found by a referee's own program: paper's arm, theta2 > 0 at the start; he gave 0.01 s."""
+    runs = read(results, "summary.json")["runs"]["paper"]
+    referee = {
+        "ifdc_collocated_tip": [],
+        "ifdc_nmp_tip": [8.19, 12.08],
+        "flsac_collocated_tip": [4.14, 8.17, 12.17],
+        "flsac_nmp_tip": [4.09, 8.18, 12.13],
+    }
+    for name, times in referee.items():
+        assert runs[name]["elbow_changes"] == pytest.approx(times, abs=0.006), name
+    decided = {claim["id"]: claim["one_side"] for claim in read(results, "claims.json")}
+    word = {name: found["verdict"] for name, found in decided.items() if found["verdict"] != "undecided"}
+    assert word == dict.fromkeys(("1-stable", "2-overshoot", "4a-nmp"), "reproduced where decided")
+    for column in ("paper", "branch"):
+        assert decided["4a-nmp"]["columns"][column]["holds"]
+        assert len(decided["4a-nmp"]["columns"][column]["runs"]) == 3
+    for runs_of_arm in read(results, "summary.json")["runs"].values():
+        flsac = [row for name, row in runs_of_arm.items() if name.startswith("flsac") and name.endswith("tip")]
+        assert all(4.0 < row["elbow_changes"][0] < 4.5 for row in flsac), "FLSAC's at the first corner in every arm"
 
 
 def test_part_of_the_cases(tmp_path: Path) -> None:
@@ -227,7 +264,7 @@ def test_verdicts_follow_from_the_columns() -> None:
     titles = {"paper": "own arm", "other": "other arm"}
 
     def verdict(claim: object, own: bool, other: bool, **values: object) -> tuple[str, str]:
-        found = {"paper": claims.Finding(own, values), "other": claims.Finding(other, {})}
+        found = {"paper": checks.Finding(own, values), "other": checks.Finding(other, {})}
         return verdicts.verdict(claim, found, titles)
 
     assert verdict(claim, True, True)[0] == "reproduced"
@@ -236,3 +273,68 @@ def test_verdicts_follow_from_the_columns() -> None:
     assert verdict(claim, False, True)[0] == "not reproduced"
     assert verdict(conditional, False, True, under_condition=True)[0] == "reproduced under condition"
     assert verdict(conditional, False, True, under_condition=False)[0] == "not reproduced"
+
+
+def lap(changes: list[float] | None = None, early: bool = False, **figures: object) -> dict[str, object]:
+    """Measures of a run, as far as the checks below read them."""
+    return {"ended_early": early, "duration": 4.1 if early else 16.0, "elbow_changes": changes or []} | figures
+
+
+def tip_laps(**rows: dict[str, object]) -> dict[str, dict[str, object]]:
+    return {f"{c}_{s}_tip": rows[c] for c in ("ifdc", "flsac") for s in ("nmp", "corrected")}
+
+
+def test_a_run_that_ended_early_never_compares_better() -> None:
+    """The r.m.s. error of a part of a lap is smaller than the whole lap's, and says nothing."""
+    claim = next(c for c in claims.CLAIMS if c.id == "8b-tracking-true")
+    whole = tip_laps(ifdc=lap(true_tip_rms=0.9), flsac=lap(true_tip_rms=0.5))
+    assert claim.find(whole, {}, "flsac").holds
+    died = tip_laps(ifdc=lap(true_tip_rms=0.9), flsac=lap(early=True, true_tip_rms=0.1))
+    found = claim.find(died, {}, "flsac")
+    assert not found.holds
+    assert found.merit is None, "it takes no part in the search for the best gain"
+    assert found.values == {"ended_early": ["flsac nmp tip", "flsac corrected tip"]}
+    assert claim.find_on_one_side(died, {}, "flsac")[0] is None
+
+
+def test_a_claim_is_decided_from_runs_whose_elbow_keeps_its_side() -> None:
+    claim = next(c for c in claims.CLAIMS if c.id == "8b-tracking-true")
+    rows = tip_laps(ifdc=lap(true_tip_rms=0.9), flsac=lap(true_tip_rms=0.5))
+    rows["flsac_corrected_tip"] = lap([15.9], true_tip_rms=0.1)
+    finding, kept = claim.find_on_one_side(rows, {}, "flsac")
+    assert finding
+    assert finding.holds
+    assert kept == ["ifdc_nmp_tip", "ifdc_corrected_tip", "flsac_nmp_tip"]
+    assert finding.values["largest_ratio"] == pytest.approx(0.5 / 0.9), "of the sensing that both have"
+    rows["flsac_nmp_tip"] = lap([4.1], true_tip_rms=0.1)
+    assert claim.find_on_one_side(rows, {}, "flsac")[0] is None, "nothing left to compare"
+
+
+def test_a_change_after_what_a_claim_looks_at_does_not_count() -> None:
+    claim = next(c for c in claims.CLAIMS if c.id == "4a-nmp")  # the first corner, up to 8 s
+    rows = {
+        f"ifdc_{s}_tip": lap([8.2], rigid_overshoot=[over, 0.0, 0.0])
+        for s, over in (("collocated", 0.4), ("nmp", 0.7), ("corrected", 0.7))
+    }
+    finding, kept = claim.find_on_one_side(rows, {}, "flsac")
+    assert finding
+    assert finding.holds
+    assert len(kept) == 3
+    rows["ifdc_nmp_tip"]["elbow_changes"] = [7.9]
+    assert claim.find_on_one_side(rows, {}, "flsac")[0] is None
+
+
+def test_what_the_reach_leaves_beyond_a_corner() -> None:
+    """9 m of reach, corners 6.3 m off both axes: sqrt(81 - 6.3^2) - 6.3 = 0.127 m straight on."""
+    workspace = Workspace()
+    assert workspace.straight_on == pytest.approx(0.1273, abs=5e-5)
+    assert workspace.along(workspace.straight_on) == pytest.approx(0.0, abs=1e-12)
+    assert workspace.along(0.0) == 0.0
+    assert (6.3 - workspace.along(0.5)) ** 2 + 6.8**2 == pytest.approx(81.0)
+
+
+def test_tables_mark_a_run_that_ended_early() -> None:
+    row = lap(early=True, ended="deflection", rigid_overshoot=[None] * 3)
+    text = tables.runs({"paper": {"ifdc_nmp_tip": row}}, "paper")
+    assert "| ifdc nmp tip | ended early: deflection |  |  |  |  |  |  | never |" in text
+    assert len({line.count("|") for line in text.splitlines()}) == 1

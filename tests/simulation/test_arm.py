@@ -259,7 +259,11 @@ BAD_RUNS: list[tuple[dict[str, Any], type[Exception], tuple[str, ...]]] = [
     ({"duration": "1"}, TypeError, ("duration = '1'", "finite number")),
     ({"step": 0.0}, ValueError, ("step = 0.0", "> 0.0")),
     ({"step": np.nan}, ValueError, ("step = nan", "finite")),
-    ({"substeps": 0}, ValueError, ("substeps = 0", ">= 1")),
+    ({"substeps": 0}, ValueError, ("substeps = 0", "an integer from 1 to")),
+    ({"substeps": 10**400}, ValueError, ("substeps = ", "an integer from 1 to")),
+    ({"duration": 1.7e308}, ValueError, ("duration = 1.7e+308", "at most 10000000 steps")),
+    ({"step": 1e-320}, ValueError, ("duration = 0.01", "at most 10000000 steps")),
+    ({"step": 1e300, "duration": 1e300, "substeps": "auto"}, ValueError, ("step = 1e+300 s", "substeps")),
     ({"substeps": 1.5}, TypeError, ("substeps = 1.5", "integer")),
     ({"substeps": "many"}, ValueError, ("substeps = 'many'", "integer >= 1 or 'auto'")),
 ]
@@ -304,6 +308,10 @@ BAD_CALLS: list[tuple[Callable[[FlexibleArm], Any], type[Exception], tuple[str, 
     (lambda arm: arm.position(np.zeros(6), 2, "x"), ValueError, ("s = 'x'", "real numbers")),
     (lambda arm: arm.linearise(np.zeros((2, 12))), ValueError, ("state: must have shape (12,)",)),
     (lambda arm: arm.linearise(REST, (np.inf, 0.0)), ValueError, ("torque[0] = inf",)),
+    (lambda arm: arm.energy([0.0] * 11 + [1e20]), ValueError, ("state[11] = 1e+20", "at most 1e+12 in magnitude")),
+    (lambda arm: arm.acceleration(REST, (1e300, 0.0)), ValueError, ("torque[0] = 1e+300", "at most 1e+12")),
+    (lambda arm: arm.record([], np.zeros((0, 12)), np.zeros((0, 2))), ValueError, ("time: must hold an instant",)),
+    (lambda arm: arm.record([], [], []), ValueError, ("state: must have shape (n, 12), got (0,)",)),
     (lambda arm: FlexibleArm({"modes_per_link": 2}), TypeError, ("parameters = ", "ArmParameters")),  # type: ignore[arg-type]
 ]
 

@@ -11,7 +11,7 @@ import pytest
 
 from flexarm_env import ArmParameters, ClosedLoop, FlexibleArm, LawParameters, LoopCase, SensorParameters
 from flexarm_env.codegen import assembly
-from flexarm_env.kernels import imex
+from flexarm_env.kernels.entries import clock_row
 from flexarm_env.simulation.closed_loop import Results
 from tests.support.batches import ARM, CASES, PATH, PERIODS, assert_same_bits, drive, inputs, part, start_states
 
@@ -211,7 +211,7 @@ def test_late_readings_are_interpolated_exactly_up_to_third_order(node: float) -
     for step in range(now - slots + 1, now + 1):
         for reading, curve in enumerate((late, short)):
             loop._histories[0, step % slots, [reading, 2 + reading], 0] = curve(step * h), curve.deriv()(step * h)
-    loop._clocks[:, imex.STEPS], loop._clocks[:, imex.HEAD] = now, now % slots
+    loop._clocks[:, clock_row.STEPS], loop._clocks[:, clock_row.HEAD] = now, now % slots
     module, rows = assembly.load(loop._variant), loop._rows
     module.prepare_readings(loop._flat_arenas[0], loop._flat_histories[0], loop._clocks[0], h, node)
     time = (now + node) * h

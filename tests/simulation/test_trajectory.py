@@ -41,7 +41,7 @@ def test_a_policys_run_survives_saving(default: FlexibleArm, tmp_path: Path) -> 
 
 
 def test_arrays_of_another_length_are_refused(default: FlexibleArm) -> None:
-    with refuses(ValueError, "reward: has 2 instants, time has 3"):
+    with refuses(ValueError, "reward: has shape (2,), time has 3 instants"):
         default.record(np.arange(3.0), np.zeros((3, 12)), np.zeros((3, 2)), reward=np.zeros(2))
 
 
@@ -49,14 +49,14 @@ def test_other_files_are_refused(tmp_path: Path) -> None:
     reasons = {
         "text": "not a saved Trajectory (",
         "empty": "not a saved Trajectory (",
-        "array": "not a saved Trajectory (no entry 'head')",
+        "array": "not a saved Trajectory (File is not a zip file)",
         "arrays": "not a saved Trajectory (no entry 'head')",
         "cut": "not a saved Trajectory (",
         "future": "format 99; this version reads 1",
         "list": "not a saved Trajectory (the entry 'head' is not a JSON object)",
         "torn": "not a saved Trajectory (",
         "bare": "not a saved Trajectory (no entry 'parameters')",
-        "few": "not a saved Trajectory (",  # no arrays
+        "few": "not a saved Trajectory (time: must be an array, and is missing)",
     }
     paths = {name: tmp_path / f"{name}.npz" for name in reasons}
     paths["text"].write_text("time, x, y")

@@ -11,6 +11,7 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
+from flexarm_env.envs.info import TERM
 from flexarm_env.envs.observation import BLOCKS
 from flexarm_env.envs.single import FlexArmEnv
 from flexarm_env.envs.vector import FlexArmVectorEnv
@@ -108,6 +109,16 @@ CASES = [
     for options in _COMMON + _BY_ID[env_id[len("FlexArm/") : -len("-v0")]]
 ]
 CASE_NAMES = [f"{env_id[8:]}-{'-'.join(options) or 'defaults'}"[:80] for env_id, options in CASES]
+
+
+def terms_of(info: dict[str, Any]) -> dict[str, float]:
+    """Weighted terms of the reward, by name."""
+    return {name.removeprefix(TERM): value for name, value in info.items() if name.startswith(TERM)}
+
+
+def kinds_of(info: dict[str, Any]) -> dict[str, tuple[type, Any, tuple[int, ...]]]:
+    """Type, dtype and shape of each value, in the order of the keys."""
+    return {name: (type(value), np.asarray(value).dtype, np.shape(value)) for name, value in info.items()}
 
 
 def make(env_id: str = SQUARE, **options: Any) -> gym.Env[Any, Any]:

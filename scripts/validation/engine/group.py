@@ -74,7 +74,8 @@ def _reference_checks(records: dict[str, Any]) -> list[Check]:
             GROUP,
             "the finest chain's tip from the extrapolated one",
             1e3 * finest,
-            "the models are asked for 1 mm; the extrapolation, which takes most of this away, must not matter",
+            "a choice: the 1 mm that the models are asked for; the extrapolation, which takes most of this away, "
+            "must not matter",
             "mm",
             most=1.0,
         ),
@@ -82,7 +83,8 @@ def _reference_checks(records: dict[str, Any]) -> list[Check]:
             GROUP,
             "joint angles below 10 Hz, of the two finest chains",
             1e3 * angles,
-            "the angle that moves the tip of the stiff straight arm by 5 mm; raw angles have no limit to converge to",
+            "a choice: the angle that moves the tip of the stiff straight arm by 5 mm; raw angles have no limit to "
+            "converge to",
             "mrad",
             most=1e3 * 0.005 / 9.0,
         ),
@@ -91,7 +93,7 @@ def _reference_checks(records: dict[str, Any]) -> list[Check]:
                 GROUP,
                 f"the tip under a doublet with the {name}'s step halved",
                 1e3 * error,
-                "a tenth of the millimetre in question",
+                "a choice: a tenth of the 1 mm that the models are asked for",
                 "mm",
                 most=0.1,
             )
@@ -119,7 +121,8 @@ def _model_checks(records: dict[str, Any]) -> list[Check]:
             GROUP,
             "smooth torques at 4 %: r.m.s. tip error with foreshortening and 3 modes",
             1e3 * max(good),
-            "its own next order is of the third: 4 % cubed of 4.5 m is 0.3 mm, some of it over two seconds",
+            "its own next order is the third: 4 % cubed of 4.5 m is 0.3 mm; three times that is a choice, for growth "
+            "over two seconds",
             "mm",
             most=1.0,
         ),
@@ -127,7 +130,8 @@ def _model_checks(records: dict[str, Any]) -> list[Check]:
             GROUP,
             "the same, linear over foreshortened",
             min(gains),
-            "at 4 % a second-order error is 25 times a third-order one of equal coefficient; truncation takes a part",
+            "at 4 % a second-order error is 25 times a third-order one of equal coefficient; a fifth of that is a "
+            "choice, for truncation takes a part",
             least=5.0,
         ),
         Check(
@@ -149,7 +153,7 @@ def _square_checks(records: dict[str, Any]) -> list[Check]:
             GROUP,
             "the square: the finer chain from the extrapolated one",
             1e3 * max(row["rms"] for row in chains),
-            "models differ by centimetres there; a tenth of that",
+            "a choice: half of the 10 mm that the validity range allows a model",
             "mm",
             most=5.0,
         )
@@ -167,7 +171,7 @@ def _lap_checks(records: dict[str, Any]) -> list[Check]:
             GROUP,
             "the square under the agent: r.m.s. tip distance of the foreshortened model with 2 modes from the chain",
             1e3 * better["rms"],
-            "the tolerance that the validity range uses",
+            "a choice: the 10 mm that the validity range allows a model",
             "mm",
             most=1e3 * validity.TOLERANCES[0],
         ),
@@ -175,7 +179,7 @@ def _lap_checks(records: dict[str, Any]) -> list[Check]:
             GROUP,
             "the same, linear over foreshortened",
             linear["rms"] / better["rms"],
-            "foreshortening is worth its cost there if it halves the error",
+            "a choice: foreshortening, which costs up to twice the time, shall halve the error at least",
             least=2.0,
         ),
     ]

@@ -1,0 +1,69 @@
+"""`flexarm`: the command, with a module for each of its verbs."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from collections.abc import Sequence
+from importlib import import_module
+from typing import NoReturn
+
+from flexarm_agents.extras import needs_extra
+
+INTERRUPTED = 130  # as a shell reports SIGINT
+VERBS = {
+    "list": ("listing", "the environments and the policies that come with the package"),
+    "show": ("show", "the specification of an environment: spaces, reward, ends, options"),
+    "evaluate": ("evaluate", "score controllers and trained policies on the standard lap"),
+    "train": ("train", "train an agent with PPO (needs the extra `train`)"),
+    "warm-up": ("warm_up", "compile what environments need, for images and clusters"),
+}
+EXAMPLES = """\
+examples:
+  flexarm list
+  flexarm show Square-v0
+  flexarm train --environment Square-v0 --seed 7 --folder runs/mine
+  flexarm train --environment Square-v0 --seed 7 --folder runs/mine --resume
+  flexarm evaluate runs/mine
+  flexarm evaluate my_module:MyPolicy --laps 10 --options '{"noise": 0.005}'
+  flexarm warm-up Square-v0 --num-envs 64
+
+exit status: 0 done; 1 error, told in one line; 2 wrong usage; 130 interrupted"""
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run the command; ends with `SystemExit` unless all went well.
+
+    Args:
+        arguments: without the program's name; None: of this process.
+    """
+    verbs = "\n".join(f"  {verb:<10}{text}" for verb, (_, text) in VERBS.items())
+    parser = argparse.ArgumentParser(
+        prog="flexarm",
+        usage="flexarm VERB [ARGUMENTS]",
+        description=f"Environments of a flexible two-link arm, by the command line.\n\nverbs:\n{verbs}",
+        epilog=f"`flexarm VERB --help` tells more.\n\n{EXAMPLES}",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("verb", choices=VERBS, metavar="VERB", help=argparse.SUPPRESS)
+    rest = parser.add_argument("arguments", nargs=argparse.REMAINDER, help=argparse.SUPPRESS)
+    rest.required = False  # which changes the message about a missing verb alone
+    given = parser.parse_args(arguments)
+    try:
+        with needs_extra(f"flexarm {given.verb}", "train"):
+            verb = import_module(f"{__name__}.{VERBS[given.verb][0]}")
+        verb.run(given.arguments)
+        sys.stdout.flush()
+    except BrokenPipeError:  # who read the output has closed it, as `head` does
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(1)
+    except KeyboardInterrupt:
+        _end(INTERRUPTED, "interrupted")
+    except (ValueError, TypeError, OSError, ImportError) as error:
+        _end(1, f"error: {' '.join(str(error).split())}")
+
+
+def _end(status: int, line: str) -> NoReturn:
+    print(line, file=sys.stderr)
+    sys.exit(status)

@@ -1,0 +1,173 @@
+"""`flexarm evaluate`: scores of controllers and policies on the standard lap, as a table and as JSON."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple, get_args
+
+from flexarm_agents.commands.arguments import add_options, reader
+from flexarm_agents.commands.score_table import group_table, lap_table, spreads_of
+from flexarm_agents.constant import ConstantPolicy
+from flexarm_agents.contenders import Contender, changed, from_attribute, from_model, from_training
+from flexarm_agents.environments import make_one
+from flexarm_agents.load import shipped_policies
+from flexarm_agents.run_folder import write_json
+from flexarm_agents.score import Score, evaluate, rank
+from flexarm_agents.spread import Spread
+from flexarm_baselines import FLSAC, IFDC
+from flexarm_env.parameters import Kinematics
+from flexarm_env.validation import integer
+
+TORQUE, GAIN = "FlexArm/Square-v0", "FlexArm/SquareGain-v0"  # the same plant, sensor and path
+DESCRIPTION = """\
+Score controllers and trained policies on the standard lap, from rest on the first corner, by the distance of the true
+tip from the reference. Complete laps are ranked by their r.m.s.; laps that ended early come last, and are marked."""
+POLICIES = """\
+folder of a training, or its npz file; name of a shipped policy; module:attribute, a class with for_env(env) or without
+arguments, an object with predict, or a function from an observation to an action"""
+MODELS = """\
+score stable-baselines3 models (*.zip), of this class: PPO, SAC, or module:Class as in sb3_contrib:TQC. Reading such a
+file unpickles it, which can execute code: only files that you trust"""
+
+
+class Result(NamedTuple):
+    """A contender without its environment, and what its laps gave."""
+
+    contender: Contender
+    laps: list[Score]
+
+    def plain(self, seed: int) -> dict[str, Any]:
+        """For a file."""
+        one = self.contender
+        about = {"name": one.name, "environment": one.environment, "options": one.options, "config": one.config}
+        laps = [{"seed": seed + n, **lap.plain()} for n, lap in enumerate(self.laps)]
+        return about | {"laps": laps} | _plain(spreads_of(self.laps))
+
+
+class Group(NamedTuple):
+    """Trainings that differ in their seeds alone, and the spread over them of the medians of their laps."""
+
+    names: list[str]
+    spreads: tuple[Spread, Spread]
+
+
+def run(arguments: Sequence[str]) -> None:
+    """Score, print a table, write a file."""
+    given = _read(arguments)
+    laps, seed = integer("laps", given.laps, 1), integer("seed", given.seed, 0)
+    results = []
+    for contender in _contenders(given):
+        scores = _scores(contender, laps, seed)
+        results.append(Result(contender, scores))
+        told = str(scores[0]) if laps == 1 else f"{sum(each.complete for each in scores)} of {laps} laps complete"
+        print(f"{contender.name}: {told}", file=sys.stderr, flush=True)
+    if not results:
+        raise ValueError("policies: nothing to score; name one, or leave --baselines or --shipped on")
+    results.sort(key=lambda result: rank(result.laps))
+    groups = _groups(results)
+    about = {"seed": seed, "laps": laps, "options": given.options, "kinematics": given.kinematics}
+    settings = [{"trainings": group.names} | _plain(group.spreads) for group in groups]
+    given.output.parent.mkdir(parents=True, exist_ok=True)
+    write_json(given.output, about | {"results": [each.plain(seed) for each in results], "settings": settings})
+    print(lap_table([(each.contender.name, _environment(each.contender), each.laps) for each in results]))
+    if groups:
+        print(f"\n{group_table([(', '.join(group.names), group.spreads) for group in groups])}")
+    print(f"{given.output}: written")
+
+
+def _scores(contender: Contender, laps: int, seed: int) -> list[Score]:
+    try:
+        return [evaluate(contender.env, contender.policy, seed + n) for n in range(laps)]
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{contender.name}: {error}") from error
+    finally:
+        contender.env.close()
+
+
+def _read(arguments: Sequence[str]) -> argparse.Namespace:
+    parser = reader("evaluate", DESCRIPTION)
+    parser.add_argument("policies", nargs="*", default=[], metavar="POLICY", help=POLICIES)
+    switch = argparse.BooleanOptionalAction
+    baselines = "score IFDC, FLSAC, no torque and random torque, as by default"
+    parser.add_argument("--baselines", action=switch, default=True, help=baselines)
+    parser.add_argument("--shipped", action=switch, default=True, help="score all shipped policies, as by default")
+    parser.add_argument("--laps", type=int, default=1, metavar="N", help="laps of each, with seeds from --seed on; 1")
+    parser.add_argument("--seed", type=int, default=0, metavar="N", help="of what is random in the first lap; 0")
+    add_options(parser, "options of the environments, for all")
+    parser.add_argument(
+        "--kinematics", choices=get_args(Kinematics), help="of all arms; without it, as each environment was made"
+    )
+    parser.add_argument(
+        "--environment",
+        metavar="ID",
+        help=f"of module:attribute and of stable-baselines3 models; {TORQUE}",
+    )
+    parser.add_argument("--stable-baselines3", metavar="CLASS", help=MODELS)
+    output = Path("results/evaluation/evaluation.json")
+    parser.add_argument("--output", type=Path, default=output, help=f"JSON, replaced if it exists; {output}")
+    given = parser.parse_args(arguments)
+    if given.stable_baselines3 is not None and not any(map(_is_model, given.policies)):
+        parser.error("--stable-baselines3: there is no zip file among the policies")
+    if given.environment is not None and not any(_is_model(one) or _is_attribute(one) for one in given.policies):
+        parser.error("--environment: is for module:attribute and for zip files; trainings have their own")
+    return given
+
+
+def _is_model(source: str) -> bool:
+    return source.endswith(".zip") and Path(source).is_file()
+
+
+def _is_attribute(source: str) -> bool:
+    return ":" in source and not Path(source).exists()
+
+
+def _contenders(given: argparse.Namespace) -> Iterator[Contender]:
+    """Everything that the command line asks for, each made when it is its turn."""
+    options = changed({}, given.options, given.kinematics)
+    if given.baselines:
+        for name, policy in (("IFDC", IFDC), ("FLSAC", FLSAC)):
+            env = make_one(GAIN, options)
+            yield Contender(name, policy.for_env(env), env, GAIN, options)
+        for name, spread in (("no torque", 0.0), ("random torque", 1.0)):
+            yield Contender(name, ConstantPolicy(2, spread, given.seed), make_one(TORQUE, options), TORQUE, options)
+    for name in shipped_policies() if given.shipped else ():
+        yield from_training(name, given.options, given.kinematics)
+    environment = given.environment or TORQUE
+    for source in given.policies:
+        if _is_model(source):
+            if given.stable_baselines3 is None:
+                raise ValueError(f"{source}: needs --stable-baselines3 CLASS, since reading it can run code")
+            yield from_model(source, given.stable_baselines3, environment, options)
+        elif _is_attribute(source):
+            yield from_attribute(source, environment, options)
+        else:
+            yield from_training(source, given.options, given.kinematics)
+
+
+def _groups(results: Sequence[Result]) -> list[Group]:
+    """Of each setting that was trained with several seeds."""
+    members: dict[str, list[Result]] = {}
+    for each in results:
+        if each.contender.config is not None:
+            setting = {name: value for name, value in each.contender.config.items() if name != "seed"}
+            members.setdefault(json.dumps(setting, sort_keys=True), []).append(each)
+    groups = []
+    for found in members.values():
+        if len(found) > 1:
+            lap, later = zip(*(spreads_of(each.laps) for each in found), strict=True)
+            spreads = Spread.of(each.median for each in lap), Spread.of(each.median for each in later)
+            groups.append(Group([each.contender.name for each in found], spreads))
+    return groups
+
+
+def _plain(spreads: tuple[Spread, Spread]) -> dict[str, Any]:
+    lap, later = spreads
+    return {"rms": lap._asdict(), "rms_after_2s": later._asdict()}
+
+
+def _environment(contender: Contender) -> str:
+    return contender.environment.partition("/")[2] + ("*" if contender.options else "")

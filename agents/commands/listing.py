@@ -1,0 +1,33 @@
+"""`flexarm list`: the ids and the shipped policies."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from flexarm_agents.commands.arguments import reader
+from flexarm_agents.commands.text import columns
+from flexarm_agents.load import load_policy, shipped_policies
+from flexarm_env.envs.batch import PROGRAMS
+from flexarm_env.envs.choices import MODES
+from flexarm_env.envs.documentation import figure
+from flexarm_env.envs.observation import observation_layout
+from flexarm_env.envs.registration import IDS, NAMESPACE
+from flexarm_env.envs.settings import Settings
+
+
+def run(arguments: Sequence[str]) -> None:
+    """Print both lists."""
+    reader("list", "List the environments, and the policies that come with the package.").parse_args(arguments)
+    rows = [("id", "actions", "observations", "period", "task")]
+    for name, one in IDS.items():
+        settings = Settings.of(one.options)
+        actions = len(MODES[settings.action_mode].channels)
+        observations = len(observation_layout(settings, PROGRAMS[settings.action_mode]).scale)
+        period = f"{figure(1e3 * settings.control_period)} ms"
+        rows.append((f"{NAMESPACE}/{name}", str(actions), str(observations), period, one.summary))
+    print(columns(rows))
+    print(
+        f'\ngymnasium.make("flexarm_env:{NAMESPACE}/Square-v0") makes one; `flexarm show ID` has its specification.\n'
+    )
+    trained = [(name, load_policy(name).environment) for name in shipped_policies()]
+    print(columns([("shipped policy", "trained on"), *trained]))

@@ -1,0 +1,141 @@
+"""`Contender`: what is scored, by whatever name it is given: a trained policy, one's own class or function, a model."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import gymnasium
+
+from flexarm_agents.environments import check_id, make_one
+from flexarm_agents.extras import needs_extra
+from flexarm_agents.load import check_fits, load_policy
+
+Options = Mapping[str, Any]
+
+
+class Contender(NamedTuple):
+    """A policy and the environment that it is scored on.
+
+    Attributes:
+        name: as it was given.
+        policy: as `run_policy` takes it.
+        env: its environment.
+        environment: id of that.
+        options: of that, where they differ from the id's own.
+        config: of the training that it comes from, None for others.
+    """
+
+    name: str
+    policy: Any
+    env: gymnasium.Env[Any, Any]
+    environment: str
+    options: dict[str, Any]
+    config: dict[str, Any] | None = None
+
+
+def changed(own: Options, options: Options, kinematics: str | None) -> dict[str, Any]:
+    """Options of an environment after changes.
+
+    Args:
+        own: before.
+        options: replace those of the same name.
+        kinematics: of the arm; None: as it is.
+    """
+    merged = {**own, **options}
+    if kinematics is not None:
+        arm = merged.get("arm", "default")
+        merged["arm"] = {**({"preset": arm} if isinstance(arm, str) else arm), "kinematics": kinematics}
+    return merged
+
+
+def from_training(source: str, options: Options, kinematics: str | None) -> Contender:
+    """A policy that was trained, on its own environment.
+
+    Args:
+        source: see `load_policy`.
+        options: see `changed`.
+        kinematics: see `changed`.
+
+    Raises:
+        FileNotFoundError, TypeError, ValueError: see `load_policy` and `Trained.make_env`.
+    """
+    trained = load_policy(source)
+    whole = changed(trained.options, options, kinematics)
+    config = trained.notes["config"]
+    return Contender(source, trained.policy, trained.make_env(**whole), trained.environment, whole, config)
+
+
+def from_attribute(source: str, environment: str, options: Options) -> Contender:
+    """A policy out of a module: a class with `for_env` or without arguments, an object, or a function.
+
+    Args:
+        source: "module:attribute"; the module is looked for in the working directory, too.
+        environment: id.
+        options: of the environment.
+
+    Raises:
+        ImportError: if there is no such module.
+        TypeError, ValueError: for another name, a class that needs arguments, a bad id or option.
+    """
+    found = imported(source)
+    env = make_one(environment, options)
+    if hasattr(found, "for_env"):
+        found = found.for_env(env)
+    elif isinstance(found, type):
+        try:
+            found = found()
+        except TypeError as error:
+            raise TypeError(f"policy {source}: needs a classmethod for_env(env), or no arguments ({error})") from error
+    return Contender(source, found, env, check_id(environment), dict(options))
+
+
+def from_model(source: str, algorithm: str, environment: str, options: Options) -> Contender:
+    """A stable-baselines3 model, which must be from a source that you trust: reading it can execute code.
+
+    Args:
+        source: its zip file.
+        algorithm: its class, a name in stable-baselines3, "PPO", or "module:Class", "sb3_contrib:TQC".
+        environment: id.
+        options: of the environment.
+
+    Raises:
+        ImportError: without the package.
+        TypeError, ValueError: for another class, a bad file, id or option, or a model for another environment.
+    """
+    with needs_extra(source, "train"):
+        importlib.import_module("stable_baselines3")
+    kind = imported(algorithm if ":" in algorithm else f"stable_baselines3:{algorithm}")
+    if not hasattr(kind, "load"):
+        raise TypeError(f"algorithm = {algorithm!r}: must be a class of stable-baselines3's models")
+    env = make_one(environment, options)
+    try:
+        model = kind.load(source, device="cpu")
+    except Exception as error:  # whatever reading something else ends in
+        raise ValueError(f"{source}: is no model of {algorithm} ({error})") from error
+    check_fits(source, model.observation_space.shape, model.action_space.shape, env)
+    return Contender(source, model, env, check_id(environment), dict(options))
+
+
+def imported(source: str) -> Any:
+    """What "module:attribute" names.
+
+    Raises:
+        ImportError: if there is no such module.
+        ValueError: if the name has another form, or the module no such attribute.
+    """
+    module, _, attribute = source.partition(":")
+    if not module or not attribute:
+        raise ValueError(f"{source!r}: must be 'module:attribute'")
+    here = str(Path.cwd())
+    if here not in sys.path:
+        sys.path.insert(0, here)
+    found: Any = importlib.import_module(module)
+    for name in attribute.split("."):
+        if not hasattr(found, name):
+            raise ValueError(f"{source!r}: {module} has no attribute {attribute}")
+        found = getattr(found, name)
+    return found

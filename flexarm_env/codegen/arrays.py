@@ -1,0 +1,37 @@
+"""The arrays that drivers work on, as types.
+
+In plain Python the arrays of `LANED` have a row of lanes at the end: an arena's shape is (rows, lanes). Compiled
+kernels have these two axes as one, ``arena[row, i]`` at ``arena[i + row * lanes]``: constant row distance and indices
+that cannot be negative let the compiler work on several lanes at once. The assembler (`lowering`) rewrites what is
+annotated with these names; a row alone, ``arena[row]``, is a slice there.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Arena = NDArray[np.float64]  # all that is known of a block's environments (`rows.Row`). Shape (rows, lanes)
+LaneRows = NDArray[np.float64]  # some rows of lanes. Shape (n, lanes)
+History = NDArray[np.float64]  # readings at past steps, a ring of slots (`stepping`). Shape (slots * 4, lanes)
+Arenas = NDArray[np.float64]  # of all blocks. Shape (blocks, rows, lanes)
+Histories = NDArray[np.float64]  # of all blocks. Shape (blocks, slots * 4, lanes)
+LaneRecords = NDArray[np.float64]  # at some instants. Shape (instants, blocks, n, lanes)
+# Their axes before the last two.
+LANED = {"Arena": 0, "LaneRows": 0, "History": 0, "Arenas": 1, "Histories": 1, "LaneRecords": 2}
+
+LaneRow = NDArray[np.float64]  # one number of each lane. Shape (lanes,)
+Clock = NDArray[np.int64]  # what a lane counts and points to (`entries.ClockRow`). Shape (5, lanes)
+Clocks = NDArray[np.int64]  # of all blocks. Shape (blocks, 5, lanes)
+Keys = NDArray[np.uint64]  # of the lanes' episodes (`random_stream`). Shape (lanes,)
+Mask = NDArray[np.bool_]  # some of the lanes. Shape (lanes,)
+Paths = NDArray[np.float64]  # see `sides.reference_at`. Shape (paths, n, 5)
+Path = NDArray[np.float64]  # one of them. Shape (n, 5)
+Plan = NDArray[np.int64]  # whole numbers (`entries.Header`). Shape (n,)
+Table = NDArray[np.float64]  # settings (`entries.Setting`). Shape (n,)
+Orders = NDArray[np.float64]  # for new episodes (`entries.Column`). Shape (lanes, columns)
+Order = NDArray[np.float64]  # for one of them. Shape (columns,)
+Actions = NDArray[np.float32]  # Shape (lanes, channels)
+Observations = NDArray[np.float32]  # Shape (lanes, k)
+Memory = NDArray[np.float64]  # of a fleet (`memory`). Shape (words,)
+Four = tuple[float, float, float, float]

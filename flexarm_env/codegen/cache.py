@@ -1,0 +1,249 @@
+"""Keeps compiled kernels on disk: one process compiles them, once, and every later one loads them.
+
+A module's text is executed from memory. On disk lies only what numba compiled, one file for each function and types of
+its arguments. The file's name carries a hash of the module's text, so that an edited formula can never meet stale code
+(numba does not see edits in other files: numba issue 1833), and the file begins with a hash of its content, so that
+damage is found and compiled anew. Without a folder (`cache_folder`), or room in it, kernels are compiled in memory, and
+a line says so; without a lock, several processes compile the same.
+"""
+
+from __future__ import annotations
+
+import gc
+import hashlib
+import linecache
+import os
+import pickle
+import re
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import filelock
+import llvmlite
+import numba
+from numba.core.caching import NullCache
+from numba.core.compiler import CompileResult
+from numba.core.serialize import dumps
+
+from flexarm_env.codegen.cache_folder import (
+    find_folder,
+    logger,
+    note_use,
+    remove_unused_files_once,
+    say_once,
+    write_aside,
+)
+
+LONGEST_WAIT = 600.0  # for another process that compiles the same kernels [s]; after that this one compiles too
+_KEPT_FUNCTIONS = re.compile(r"^@njit\(cache=True, .*\)\ndef (\w+)\(", re.MULTILINE)
+_DIGEST = hashlib.sha256().digest_size
+
+# Held while this process compiles. A fork waits for it: a child does not have the thread that compiles, so numba's
+# locks would stay taken in it for ever.
+_COMPILING = threading.RLock()
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(
+        before=_COMPILING.acquire, after_in_parent=_COMPILING.release, after_in_child=_COMPILING.release
+    )
+
+
+# --- modules and their functions ---------------------------------------------------------------------------------
+
+
+def load_module(name: str, text: str, words: str) -> ModuleType:
+    """Execute a module's text from memory; numba compiles a function when it is first called.
+
+    Args:
+        name: holds a hash of the text.
+        text: functions decorated with `@njit(cache=True, ...)` are kept on disk.
+        words: description of the module for the user who waits.
+    """
+    with _COMPILING:  # another thread may have asked for it as well
+        if name in sys.modules:
+            return sys.modules[name]
+        module = ModuleType(name)
+        filename = f"<{name}>"
+        linecache.cache[filename] = (len(text), None, text.splitlines(keepends=True), filename)  # for tracebacks
+        kept = _Folder(name, words, find_folder())
+        plain = text.replace("@njit(cache=True, ", "@njit(")
+        exec(compile(plain, filename, "exec", dont_inherit=True), module.__dict__)
+        for function in _KEPT_FUNCTIONS.findall(text):
+            kernel = getattr(module, function)
+            kernel._cache = _KernelCache(kept, function, kernel.targetctx)  # as numba's `enable_caching` does
+        sys.modules[name] = module
+        return module
+
+
+def call(kernel: Any, *arguments: Any) -> Any:
+    """Call a kernel, and compile it as `compiled_entry` does before its first call; argument types never change."""
+    if not kernel.overloads:
+        compiled_entry(kernel, *arguments)
+    return kernel(*arguments)
+
+
+def compiled_entry(kernel: Any, *arguments: Any) -> Callable[..., Any]:
+    """Load or compile a kernel for arguments of these types, and return the compiled function.
+
+    It takes arguments of these types only and skips the look-up of numba's dispatcher, which takes longer than entering
+    a kernel. Of several processes that find nothing on disk one compiles; the others wait and load.
+    """
+    signature = tuple(map(numba.typeof, arguments))
+    if signature not in kernel.overloads:
+        with _COMPILING, _collector_paused(), kernel._cache.prepared(signature):
+            kernel.compile(signature)
+    return kernel.compile(signature)
+
+
+def is_kept(kernel: Any) -> bool:
+    """Say whether the next process finds on disk all that is compiled of a kernel."""
+    return all(kernel._cache.is_kept(signature) for signature in kernel.overloads)
+
+
+class _Folder:
+    """Where a module's compiled functions are kept.
+
+    Attributes:
+        module: its name.
+        words: what it is.
+        path: None if nothing can be kept.
+        announced: whether the user has read that it is compiled.
+    """
+
+    def __init__(self, module: str, words: str, path: Path | None) -> None:
+        self.module, self.words, self.path = module, words, path
+        self.announced = False
+
+    def announce(self) -> None:
+        """Say what the user waits for, once for each module."""
+        if not self.announced:
+            logger.warning("compiling kernels%s: %s", ", once" if self.path else "", self.words)
+            self.announced = True
+
+    @contextmanager
+    def locked(self) -> Iterator[None]:
+        """Let one process compile while others wait.
+
+        A process that cannot get the lock (on a file system without locks, or from a process that is stopped) compiles
+        too. The system frees the lock of a process that is killed.
+        """
+        if self.path is None:
+            yield
+            return
+        lock = filelock.FileLock(self.path / f"{self.module}.lock")
+        with suppress(OSError, NotImplementedError):
+            try:
+                lock.acquire(blocking=False)
+            except filelock.Timeout:
+                logger.info("waiting for another process that compiles kernels: %s", self.words)
+                lock.acquire(timeout=LONGEST_WAIT)
+        try:
+            yield
+        finally:
+            with suppress(OSError):
+                lock.release()
+
+
+class _KernelCache(NullCache):
+    """Compiled code of one function on disk, in the place of numba's own cache.
+
+    numba's needs the source in a file, keeps an index that processes overwrite for each other, and fails with whatever
+    its files hold.
+    """
+
+    def __init__(self, folder: _Folder, function: str, target_context: Any) -> None:
+        self._folder, self._function, self._target_context = folder, function, target_context
+        self._loaded: dict[Any, Any] = {}  # by `prepared`, for the `load_overload` that follows
+
+    @contextmanager
+    def prepared(self, signature: Any) -> Iterator[None]:
+        """Load the function, or hold the lock and tell the user while the caller compiles it."""
+        if self._load(signature):
+            yield
+            return
+        with self._folder.locked():
+            if not self._load(signature):
+                self._folder.announce()
+            yield
+
+    def is_kept(self, signature: Any) -> bool:
+        """Say whether there is a file for arguments of these types."""
+        path = self._path(signature)
+        return path is not None and path.exists()
+
+    # --- what numba calls ---------------------------------------------------------------------------------------
+
+    @property
+    def cache_path(self) -> str | None:
+        """The folder."""
+        return None if self._folder.path is None else str(self._folder.path)
+
+    def load_overload(self, signature: Any, target_context: Any) -> Any:
+        """Load what was compiled for arguments of these types; None if there is nothing."""
+        self._load(signature)
+        return self._loaded.pop(signature, None)
+
+    def save_overload(self, signature: Any, compiled: Any) -> None:
+        """Keep what was compiled, if the folder takes it."""
+        path = self._path(signature)
+        if path is None:
+            return
+        content = dumps(compiled._reduce())  # type: ignore[no-untyped-call]
+        try:
+            write_aside(path, hashlib.sha256(content).digest() + content)
+        except OSError as error:
+            say_once(f"kernels are compiled at every start: {path.parent} cannot be written to ({error.strerror})")
+        else:
+            remove_unused_files_once(path.parent)
+
+    # --- inside -------------------------------------------------------------------------------------------------
+
+    def _load(self, signature: Any) -> bool:
+        if signature not in self._loaded:
+            found = self._read(self._path(signature))
+            if found is not None:
+                self._loaded[signature] = found
+        return signature in self._loaded
+
+    def _read(self, path: Path | None) -> Any:
+        if path is None:
+            return None
+        try:
+            data = path.read_bytes()
+        except OSError:
+            return None
+        if hashlib.sha256(data[_DIGEST:]).digest() != data[:_DIGEST]:
+            return None
+        try:
+            self._target_context.refresh()
+            parts = pickle.loads(data[_DIGEST:])
+            compiled = CompileResult._rebuild(self._target_context, *parts)  # type: ignore[no-untyped-call]
+        except Exception:  # another build of the same versions wrote it; compiling anew replaces it
+            return None
+        note_use(path)
+        return compiled
+
+    def _path(self, signature: Any) -> Path | None:
+        """Name the file for arguments of these types, this processor and these versions."""
+        if self._folder.path is None:
+            return None
+        versions = (sys.implementation.cache_tag, numba.__version__, llvmlite.__version__)
+        key = repr((signature, self._target_context.codegen().magic_tuple(), versions))
+        digest = hashlib.sha256(key.encode()).hexdigest()[:16]
+        return self._folder.path / f"{self._folder.module}.{self._function}.{digest}.nbc"
+
+
+@contextmanager
+def _collector_paused() -> Iterator[None]:
+    """Stop Python's garbage collector, which would go again and again through the many objects of a compilation."""
+    collecting = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if collecting:
+            gc.enable()

@@ -1,0 +1,304 @@
+"""What drivers declare for the assembler (`kernels`): places in tables, recorded kernels, intrinsics, programs.
+
+A driver is a plain function of numpy arrays. Where its numbers lie, and what its recorded kernels compute, depends on
+the variant of the kernels. The assembler writes that into the text that it compiles; in plain Python drivers look it
+up in the present variant, which `plain_python` sets.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass, field
+from functools import cache, update_wrapper
+from math import sqrt
+from typing import Any, ClassVar, Generic, ParamSpec, Self, TypeVar, overload
+
+import numpy as np
+
+Function = Callable[..., Any]
+F = TypeVar("F", bound=Callable[..., Any])
+P = ParamSpec("P")
+R = TypeVar("R", covariant=True)
+
+_PRESENT: ContextVar[Any] = ContextVar("variant")
+
+
+@contextmanager
+def plain_python(variant: Any) -> Iterator[None]:
+    """Have drivers run in plain Python for a variant, on arrays as their annotations say (`arrays`)."""
+    token = _PRESENT.set(variant)
+    try:
+        yield
+    finally:
+        _PRESENT.reset(token)
+
+
+def present_variant() -> Any:
+    """The variant that drivers run for.
+
+    Raises:
+        RuntimeError: outside `plain_python`.
+    """
+    try:
+        return _PRESENT.get()
+    except LookupError:
+        raise RuntimeError("no variant is set: drivers run within `with plain_python(variant):`") from None
+
+
+# --- places -----------------------------------------------------------------------------------------------------------
+
+
+class Entry:
+    """A named part of a table; a driver reads the number of its first place.
+
+    Attributes:
+        name: that it is declared under.
+        meaning: what lies there.
+        unit: of the numbers.
+        size: how many places, a number or a function of the table's shape.
+        groups: programs that have one of these groups have the part; none: all programs have it.
+    """
+
+    name: str
+
+    def __init__(
+        self, meaning: str, unit: str, size: int | Callable[[Any], int] = 1, groups: Iterable[str] = ()
+    ) -> None:
+        """Declare it, as an attribute of a subclass of `Names`."""
+        self.meaning, self.unit, self.size, self.groups = meaning, unit, size, frozenset(groups)
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        """Keep the name."""
+        self.name = name
+
+    @overload
+    def __get__(self, instance: None, owner: type) -> Self: ...
+    @overload
+    def __get__(self, instance: Names, owner: type) -> int: ...
+    def __get__(self, instance: Names | None, owner: type) -> Self | int:
+        """The number of the first place; the declaration itself where the class is asked."""
+        return self if instance is None else instance.first(self.name)
+
+    def count(self, shape: Any) -> int | None:
+        """How many places it takes in a table of this shape; None if the table does not have it."""
+        if self.groups and not self.groups & shape.program.groups:
+            return None
+        return self.size if isinstance(self.size, int) else self.size(shape)
+
+
+class Names:
+    """The parts of a table in their order; the present variant says where each lies.
+
+    Attributes:
+        entries: all that are declared.
+    """
+
+    entries: ClassVar[tuple[Entry, ...]] = ()
+
+    def __init_subclass__(cls) -> None:
+        """Collect the parts."""
+        cls.entries += tuple(part for part in vars(cls).values() if isinstance(part, Entry))
+
+    @classmethod
+    def layout(cls, shape: Any) -> dict[str, tuple[int, int]]:
+        """First place and number of places of each part that a table of this shape has."""
+        return _layout(cls.entries, shape)
+
+    def shape(self) -> Any:
+        """What the layout depends on."""
+        return present_variant().shape
+
+    def first(self, name: str) -> int:
+        """First place of a part.
+
+        Raises:
+            LookupError: where the table does not have the part.
+        """
+        shape = self.shape()
+        layout = self.layout(shape)
+        if name not in layout:
+            raise LookupError(f"{type(self).__name__}.{name}: programs of kind {shape.program.name!r} do not have it")
+        return layout[name][0]
+
+
+@cache
+def _layout(parts: tuple[Entry, ...], shape: Any) -> dict[str, tuple[int, int]]:
+    return in_a_row({part.name: count for part in parts if (count := part.count(shape)) is not None})
+
+
+def in_a_row(sizes: Mapping[str, int]) -> dict[str, tuple[int, int]]:
+    """First place and number of places of parts of these sizes that follow each other."""
+    places, first = {}, 0
+    for name, count in sizes.items():
+        places[name] = (first, count)
+        first += count
+    return places
+
+
+class FixedNames(Names):
+    """The parts of a table that is the same for all variants."""
+
+    def shape(self) -> None:
+        """It depends on nothing."""
+        return None
+
+
+# --- functions --------------------------------------------------------------------------------------------------------
+
+
+class Intrinsic(Generic[P, R]):
+    """A function that numba has no word for: its meaning in plain Python, and the code that compiles it."""
+
+    __name__: str
+
+    def __init__(self, meaning: Callable[P, R], code: Function) -> None:
+        """See `intrinsic`."""
+        self.meaning, self.code = meaning, code
+        update_wrapper(self, meaning)
+
+    def __call__(self, *arguments: P.args, **named: P.kwargs) -> R:
+        """Run it in plain Python."""
+        return self.meaning(*arguments, **named)
+
+
+def intrinsic(code: Function) -> Callable[[Callable[P, R]], Intrinsic[P, R]]:
+    """Declare a function as an intrinsic; `code`: what `numba.extending.intrinsic` takes."""
+    return lambda meaning: Intrinsic(meaning, code)
+
+
+class Recorded(Generic[P, R]):
+    """A function whose text is recorded for each variant.
+
+    Attributes:
+        formula: the text of its definition for a variant.
+        calls: what such texts may call.
+    """
+
+    __name__: str
+
+    def __init__(self, name: str, formula: Callable[[Any], str], calls: Iterable[Any]) -> None:
+        """Declare a function of any numbers; see `recorded`."""
+        self.__name__ = name
+        self.formula, self.calls = formula, {called.__name__: called for called in calls}
+
+    def __call__(self, *arguments: P.args, **named: P.kwargs) -> R:
+        """Run the text of the present variant in plain Python."""
+        function: Callable[P, R] = _interpreted(self, present_variant())
+        return function(*map(_flat, arguments), **named)
+
+
+def recorded(formula: Callable[[Any], str], calls: Iterable[Any] = ()) -> Callable[[Callable[P, R]], Recorded[P, R]]:
+    """Declare a function by its signature and the formula that is recorded for it; see `Recorded`."""
+
+    def declare(signature: Callable[P, R]) -> Recorded[P, R]:
+        """The function."""
+        declared: Recorded[P, R] = Recorded(signature.__name__, formula, calls)
+        update_wrapper(declared, signature)
+        return declared
+
+    return declare
+
+
+def called_in(text: str, known: Mapping[str, Any]) -> dict[str, Any]:
+    """Those of some functions that a text calls, by name."""
+    names = set(re.findall(r"\b(\w+)\(", text))
+    return {name: function for name, function in known.items() if name in names}
+
+
+def _flat(argument: Any) -> Any:
+    """Recorded texts reach the numbers of a lane over flat arrays."""
+    if isinstance(argument, np.ndarray) and argument.ndim == 2:
+        return argument.reshape(-1, copy=False)
+    return argument
+
+
+@cache
+def _interpreted(function: Recorded[..., Any], variant: Any) -> Function:
+    names: dict[str, Any] = {"sqrt": sqrt, "floor": np.floor}
+    text = function.formula(variant)
+    for name, called in called_in(text, function.calls).items():
+        names[name] = _interpreted(called, variant) if isinstance(called, Recorded) else called
+    exec(text, names)
+    return names[function.__name__]
+
+
+class Chosen(Generic[P, R]):
+    """A function that each program chooses (`Program.parts`)."""
+
+    __name__: str
+
+    def __init__(self, signature: Callable[P, R]) -> None:
+        """See `chosen_by_program`."""
+        update_wrapper(self, signature)
+
+    def __call__(self, *arguments: P.args, **named: P.kwargs) -> R:
+        """Run the one of the present variant's program."""
+        function: Callable[P, R] = present_variant().program.parts[self.__name__]
+        return function(*arguments, **named)
+
+
+def chosen_by_program(signature: Callable[P, R]) -> Chosen[P, R]:
+    """Declare a function by its signature; each program names the one that it has under this name."""
+    return Chosen(signature)
+
+
+def per_lane(function: F) -> F:
+    """Mark a driver that is called for each lane with many arrays; blocks of several lanes have it in their loops.
+
+    Handing the arrays over would take longer than what is done with them. In a block of one lane the compiler decides,
+    which takes it less time.
+    """
+    function.__dict__["per_lane"] = True
+    return function
+
+
+def always_inlined(function: F) -> F:
+    """Mark a function that becomes a part of its callers whatever the lanes."""
+    function.__dict__["always_inlined"] = True
+    return function
+
+
+def inlined_in_its_caller(function: F) -> F:
+    """Mark a driver that is called in one place, around much else; it is compiled as a part of its caller.
+
+    numba optimises each function with all that it calls, and what lies five deep five times.
+    """
+    function.__dict__["inlined_in_its_caller"] = True
+    return function
+
+
+# --- programs ---------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Program:
+    """What a kind of kernels does; the assembler collects what the entry points call.
+
+    Attributes:
+        name: of the kind.
+        entry_points: functions that Python calls.
+        alone: those of a block of one lane; none: the same.
+        groups: of parts that its tables have (`Entry`).
+        parts: functions that it chooses (`chosen_by_program`), by name.
+        reward_terms: how many.
+        closed: Python calls the entry points only, and nothing allocates memory.
+    """
+
+    name: str
+    entry_points: tuple[Any, ...]
+    alone: tuple[Any, ...] = ()
+    groups: frozenset[str] = frozenset()
+    parts: Mapping[str, Function] = field(default_factory=dict)
+    reward_terms: int = 0
+    closed: bool = False
+
+    def __repr__(self) -> str:
+        """Its name."""
+        return self.name
+
+    def entries(self, lanes: int) -> tuple[Any, ...]:
+        """Entry points of a variant."""
+        return self.alone if lanes == 1 and self.alone else self.entry_points

@@ -1,0 +1,35 @@
+"""Why an episode terminates: the reasons, and the code by which an info names each."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flexarm_env.simulation.square import ANGLE_LIMITS, RATE_LIMIT
+from flexarm_env.validation import integer
+
+# When each reason applies. The codes count from 1 in this order; they are public, so a new reason goes to the end.
+ENDS = {
+    "error": "the true tip is farther from the reference than `error_limit`",
+    "deflection": "a link's tip deflection is beyond `deflection_limit`, or that of one of its modes beyond its length",
+    "angle": "theta1 is beyond {:g} turns, or theta2 beyond {:g}".format(*(x / (2.0 * np.pi) for x in ANGLE_LIMITS)),
+    "rate": f"a joint is faster than {RATE_LIMIT:g} rad/s",
+    "diverged": "a number of the state is not finite",
+}
+NOT_TERMINATED = "none"
+END_CODES = {NOT_TERMINATED: 0} | {reason: code for code, reason in enumerate(ENDS, 1)}
+
+
+def end_reason(code: float) -> str:
+    """The reason that an info's `end_code` stands for.
+
+    Args:
+        code: the number.
+
+    Returns:
+        A key of `END_CODES`; "none" for 0: the episode goes on, or a time limit truncated it.
+
+    Raises:
+        TypeError, ValueError: for anything but one of the codes.
+    """
+    whole = int(code) if isinstance(code, float | np.floating) and float(code).is_integer() else code
+    return list(END_CODES)[integer("code", whole, 0, len(ENDS))]

@@ -1,0 +1,75 @@
+"""`warm_up`: compiles ahead what environments need, for images and clusters."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import gymnasium
+
+from flexarm_env.codegen import cache
+from flexarm_env.codegen.cache_folder import find_folder
+from flexarm_env.envs.batch import Fleet
+from flexarm_env.envs.single import FleetView
+from flexarm_env.validation import integer, listed, names
+
+
+def warm_up(
+    ids: Sequence[str],
+    options: Mapping[str, Any] | None = None,
+    num_envs: Sequence[int] = (1,),
+    threads: int = 1,
+) -> list[str]:
+    """Compile the kernels of environments, unless they are on disk, so that no later process has to.
+
+    Kernels are for one type of processor. Where those that will run differ from the one that compiles, set
+    NUMBA_CPU_NAME to the oldest of them (or to "generic") for both.
+
+    Args:
+        ids: of environments, as `gymnasium.make` takes them.
+        options: of each of them; see `flexarm_env.envs.settings.Settings`.
+        num_envs: sizes of batches. 1 serves single environments, `SyncVectorEnv` and `AsyncVectorEnv` too.
+        threads: of a batch; more of them share it in smaller blocks.
+
+    Returns:
+        A line for each id and size, which says whether its kernel was compiled or was ready.
+
+    Raises:
+        TypeError, ValueError: for bad input: an id of another project, an unknown option.
+        OSError: what was compiled could not be kept.
+    """
+    sizes = [integer(f"num_envs[{n}]", size, 1) for n, size in enumerate(listed("num_envs", num_envs))]
+    if options is not None and not isinstance(options, Mapping):
+        raise TypeError(f"options = {options!r}: must be a mapping or None")
+    lines = []
+    for env_id in names("ids", ids):
+        for size in sizes:
+            fleet = _fleet(env_id, dict(options or {}), size, integer("threads", threads, 1))
+            kernel = fleet.dispatcher()
+            before = _compilations(kernel)
+            fleet.compile()
+            what = f"{env_id}, num_envs = {size}"
+            if not cache.is_kept(kernel):
+                raise OSError(f"{what}: compiled, but not kept: {find_folder()} cannot be written to")
+            lines.append(f"{what}: {'compiled' if _compilations(kernel) > before else 'was ready'}")
+    return lines
+
+
+def _fleet(env_id: str, options: dict[str, Any], size: int, threads: int) -> Fleet:
+    """Make an environment, or a batch, and return its arms."""
+    env: Any
+    if size == 1:
+        env = gymnasium.make(env_id, **options)
+    else:
+        way = gymnasium.VectorizeMode.VECTOR_ENTRY_POINT
+        env = gymnasium.make_vec(env_id, num_envs=size, vectorization_mode=way, threads=threads, **options)
+    found = env.unwrapped
+    if not isinstance(found, FleetView):
+        env.close()
+        raise ValueError(f"ids: {env_id!r} is no environment of FlexArm")
+    return found.fleet
+
+
+def _compilations(kernel: Any) -> int:
+    """Count how often this process found no compiled code on disk."""
+    return sum(kernel.stats.cache_misses.values())

@@ -1,0 +1,16 @@
+"""How to install what only some users need."""
+
+from __future__ import annotations
+
+
+def install_hint(package: str, extra: str) -> str:
+    """What to tell a user who lacks a package.
+
+    Args:
+        package: its name.
+        extra: of FlexArm, which brings it.
+    """
+    return (
+        f'{package} is not installed; run `pip install "flexarm[{extra}]"`, '
+        f'or `pip install -e ".[{extra}]"` in a clone of FlexArm'
+    )

@@ -1,0 +1,185 @@
+"""The places of the tables that kernels read beside their arenas (`rows`), each declared once."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from flexarm_env.codegen.declarations import Entry, FixedNames, Names, Program, in_a_row
+from flexarm_env.physics import linear_algebra
+from flexarm_env.physics.constants import Constants
+
+STATE_UNIT = "rad, m, rad/s, m/s"
+CONSTANTS_UNIT = "as in `Constants`"
+
+
+class Shape(NamedTuple):
+    """What the layouts depend on.
+
+    Attributes:
+        program: of the kernels.
+        modes: per link.
+        foreshortened: kinematics (`links`).
+    """
+
+    program: Program
+    modes: int
+    foreshortened: bool
+
+    @property
+    def size(self) -> int:
+        """Internal coordinates."""
+        return 2 * self.modes + 2
+
+    @property
+    def constants(self) -> int:
+        """How many numbers the constants of an arm are."""
+        return constant_count(self.modes, self.foreshortened)
+
+    @property
+    def pairs(self) -> int:
+        """How many numbers the foreshortening at a point is."""
+        return self.foreshortened * self.modes * (self.modes + 1) // 2
+
+
+def constant_count(modes: int, foreshortened: bool) -> int:
+    """How many numbers the constants of an arm are."""
+    return linear_algebra.extent(Constants.sizes(modes, foreshortened))
+
+
+def _constants(shape: Shape) -> int:
+    return shape.constants
+
+
+class Drawn(FixedNames):
+    """What may be drawn anew for each episode."""
+
+    DELAY = Entry("delay of the sensor", "s")
+    PAYLOAD_MASS = Entry("payload at the tip", "kg")
+    STIFFNESS = Entry("factor on the links' stiffness", "1")
+    DAMPING = Entry("modal damping ratio", "1")
+    NOISE = Entry("standard deviation of the sensor's noise", "m")
+    ACTUATION_DELAY = Entry("delay of the action", "s")
+
+
+drawn = Drawn()
+DRAWN = {part.name.lower(): part.unit for part in Drawn.entries}  # names and units for users
+QUANTITIES = len(DRAWN)
+
+
+class Setting(Names):
+    """Numbers of the table `settings` that every kernel of an environment reads."""
+
+    STEP = Entry("integration step", "s")
+    PERIOD = Entry("control period", "s")
+    ACTION_SCALE = Entry("what an action of 1 commands", "N m, rad or 1", 2)
+    JITTER = Entry("largest further delay of a reading", "s")
+    HOLD = Entry("period of the sensor's own clock; 0: it is continuous", "s")
+    DROPOUT = Entry("share of the readings that are lost", "1")
+    ENCODER_NOISE = Entry("standard deviation of encoder angles and rates", "rad, rad/s", 2)
+    DEFLECTION_LIMIT = Entry("of a link's tip", "m")
+    ERROR_LIMIT = Entry("of the tip's distance from the reference", "m")
+    LENGTHS = Entry("of the links", "m", 2)
+    BRANCH = Entry("sign of theta2 in inverse kinematics", "1")
+    START_SPREAD = Entry("of joint angles, and of the links' tips, at a start on the move", "rad, m", 2)
+    MOVES = Entry("radii of the ring that end points of moves are drawn from", "m", 2)
+    LAP = Entry("time of a lap", "s")
+    WEIGHTS = Entry("of the reward's terms", "1", lambda s: s.program.reward_terms)
+    SENSOR_DELAYS = Entry("delays of the sensor unless drawn or ordered", "s", 2)
+    BASE = Entry("values of the quantities unless drawn or ordered (`Drawn`)", "as in `Drawn`", QUANTITIES)
+    LOWEST = Entry("least values that may be drawn; NaN: not drawn", "as in `Drawn`", QUANTITIES)
+    HIGHEST = Entry("largest values that may be drawn", "as in `Drawn`", QUANTITIES)
+    ARM = Entry("constants of the arm as set", CONSTANTS_UNIT, _constants)
+    PER_PAYLOAD = Entry("their change with the payload", CONSTANTS_UNIT + ", per kg", _constants)
+    PER_DAMPING = Entry("their change with the modal damping ratio", CONSTANTS_UNIT, _constants)
+    HORIZONS = Entry("horizons of the previews, then the observations' factors", "s, 1 over the unit", 0)
+
+
+class Constant(Names):
+    """Some of the arm's constants, by their places among all of them (`Constants`)."""
+
+    @classmethod
+    def layout(cls, shape: Shape) -> dict[str, tuple[int, int]]:
+        """Where each field of `Constants` lies."""
+        sizes = zip(Constants._fields, Constants.sizes(shape.modes, shape.foreshortened), strict=True)
+        return in_a_row({name.upper(): 1 if n is None else n for name, n in sizes})
+
+    ELBOW_VALUES = Entry("link 1's mode shapes at the elbow", "1")
+    ELBOW_SLOPES = Entry("their slopes", "1/m")
+    STIFFNESS_1 = Entry("first of all modal stiffnesses", "N/m")
+    DAMPING_1 = Entry("first number after them: modal damping", "N s/m")
+
+
+class Word(Entry):
+    """A whole number of the plan that says where an array begins in a fleet's memory (`memory`)."""
+
+    def __init__(self, meaning: str) -> None:
+        """Declare it; `meaning`: of the array."""
+        super().__init__(f"first word of {meaning}", "words")
+
+
+class Header(FixedNames):
+    """Whole numbers of the table `plan`: what is to be done; how large arrays are, and where they lie."""
+
+    SUBSTEPS = Entry("integration steps in a control period", "1")
+    CHANNELS = Entry("of an action", "1")
+    KEPT_ACTIONS = Entry("how many actions are kept", "1")
+    PREVIEWS = Entry("how many horizons are observed", "1")
+    OBSERVED = Entry("numbers of an observation", "1")
+    SHIFTING = Entry("1 where the action shifts the aim of the joint-space law", "1")
+    COMPENSATION = Entry("delay of the commands: 0 none, 1 the shoulder's for both, 2 each joint's own", "1")
+    READINGS = Entry("bits: after which steps of a period a reading is kept; bit 0: at its end", "1")
+    DRIVING = Entry("0 where episodes begin and no time passes", "1")
+    ARENA_ROWS = Entry("of an arena, its tail included", "1")
+    HISTORY_ROWS = Entry("of a delay line", "1")
+    PATH_COUNT = Entry("how many paths", "1")
+    PATH_POINTS = Entry("way-points of a path", "1")
+    ORDER_COLUMNS = Entry("of an order", "1")
+    ARENAS = Word("the arenas")
+    HISTORIES = Word("the delay lines")
+    CLOCKS = Word("the clocks")
+    KEYS = Word("the episodes' keys")
+    STARTS = Word("the mask of lanes that begin an episode")
+    LOOKING = Word("the mask of lanes that observe")
+    ACTIONS = Word("the actions")
+    OBSERVATIONS = Word("the observations")
+    SETTINGS = Word("the settings")
+    PATHS = Word("the paths")
+    ORDERS = Word("the orders")
+    PLACES = Entry("rows of the observation's numbers", "1", 0)
+
+
+class ClockRow(FixedNames):
+    """What a lane's clock counts and points to."""
+
+    STEPS = Entry("integration steps of path time", "1")
+    PATH = Entry("its path", "1")
+    SINCE = Entry("the step before which the reference rests", "1")
+    BEGAN = Entry("the step at which the episode began", "1")
+    HEAD = Entry("the delay line's newest slot, the same for a whole block", "1")
+
+
+class Column(FixedNames):
+    """Columns of an order for a new episode; NaN where the environment decides."""
+
+    START = Entry("how it starts (`starts.CORNER`)", "1")
+    PHASE = Entry("moment of the lap", "s")
+    PATH = Entry("which path", "1")
+    DRAWN = Entry("quantities of the episode (`Drawn`)", "as in `Drawn`", QUANTITIES)
+    STATE = Entry("initial public state", STATE_UNIT, 0)
+
+
+setting, constant = Setting(), Constant()
+header, clock_row, column = Header(), ClockRow(), Column()
+MEMORY = tuple(part.name for part in Header.entries if isinstance(part, Word))  # arrays after the plan
+CLOCK_ROWS = len(ClockRow.entries)
+
+
+def settings_layout(program: Program, modes: int, foreshortened: bool = False) -> dict[str, tuple[int, int]]:
+    """First place and number of places of each part of `settings`; previews' horizons and factors come after."""
+    return Setting.layout(Shape(program, modes, foreshortened))
+
+
+def extent(places: dict[str, tuple[int, int]]) -> int:
+    """How many places a layout takes."""
+    first, count = list(places.values())[-1]
+    return first + count

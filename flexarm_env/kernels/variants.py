@@ -1,0 +1,100 @@
+"""`Variant`: what a kernel module is compiled for, and so what its drivers may take for granted."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, cast
+
+from flexarm_env.codegen.declarations import Program, present_variant
+from flexarm_env.kernels.entries import Shape
+from flexarm_env.kernels.layout import layout
+
+
+@dataclass(frozen=True)
+class Variant:
+    """What a kernel module is compiled for.
+
+    Attributes:
+        program: of the kernels.
+        modes: per link.
+        complete: complete velocity forces, or C_r.
+        lanes: environments in a block.
+        sensor: "rigid" or "true" ("collocated" is "rigid" without delay).
+        rate_jacobian: "delayed" or "current" (where the law acts).
+        late: the law acts on the sensor's late readings; False: on the joints' own, whatever the sensor.
+        own_paths: each episode draws a path of its own (environments only).
+        foreshortened: kinematics (`links`).
+        disturbed: noise, jitter, dropouts, a sensor with a clock of its own, or late torques can occur (environments
+            only); they take time to compile.
+    """
+
+    program: Program
+    modes: int
+    complete: bool
+    lanes: int
+    sensor: str = "rigid"
+    rate_jacobian: str = "delayed"
+    late: bool = True
+    own_paths: bool = False
+    foreshortened: bool = False
+    disturbed: bool = False
+
+    @property
+    def kind(self) -> str:
+        """Name of the program."""
+        return self.program.name
+
+    @property
+    def shape(self) -> Shape:
+        """What the layouts depend on."""
+        return Shape(self.program, self.modes, self.foreshortened)
+
+    @property
+    def rows(self) -> dict[str, tuple[int, int]]:
+        """Layout of its arenas."""
+        return layout(self.program, self.modes, self.foreshortened)
+
+    @property
+    def size(self) -> int:
+        """Internal coordinates."""
+        return self.shape.size
+
+    @property
+    def constants(self) -> int:
+        """How many numbers the constants of an arm are."""
+        return self.shape.constants
+
+    @property
+    def batch(self) -> bool:
+        """Whether a block has several lanes."""
+        return self.lanes > 1
+
+    @property
+    def true_sensor(self) -> bool:
+        """Whether the sensor sees the bent link."""
+        return self.sensor == "true"
+
+    @property
+    def law(self) -> bool:
+        """Whether the paper's law acts."""
+        return "law" in self.program.groups
+
+    @property
+    def tracking(self) -> bool:
+        """Whether the joint-space law acts."""
+        return "tracking" in self.program.groups
+
+    @property
+    def reward_terms(self) -> int:
+        """How many terms the reward has."""
+        return self.program.reward_terms
+
+
+class _Present:
+    """The variant that drivers run for, in plain Python (`declarations.plain_python`)."""
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(present_variant(), name)
+
+
+variant = cast(Variant, _Present())  # as drivers see it

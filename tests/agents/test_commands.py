@@ -1,0 +1,157 @@
+"""The command `flexarm`: its verbs, how it ends, and what it needs."""
+
+from __future__ import annotations
+
+import re
+import sys
+from types import ModuleType
+from typing import Any
+
+import pytest
+
+import flexarm_agents
+from flexarm_agents import shipped_policies
+from flexarm_agents.commands import VERBS, main, show
+from flexarm_agents.commands.text import columns, from_markdown
+from flexarm_env.envs.batch import ENDS
+from flexarm_env.envs.documentation import table
+from flexarm_env.envs.registration import IDS
+from flexarm_env.envs.settings import Settings
+
+Captured = pytest.CaptureFixture[str]
+
+
+def status(*arguments: str) -> Any:
+    """Run the command; how it ended."""
+    try:
+        main(arguments)
+    except SystemExit as end:
+        return end.code
+    return 0
+
+
+# --- ends ---------------------------------------------------------------------------------------------------------
+
+
+def test_help_shows_every_verb_and_examples(capsys: Captured) -> None:
+    assert status("--help") == 0
+    out = capsys.readouterr().out
+    assert all(re.search(rf"^  {verb} ", out, re.MULTILINE) for verb in VERBS)
+    assert "flexarm evaluate runs/mine" in out
+    assert "exit status: 0 done; 1 error" in out
+    for verb in VERBS:
+        assert status(verb, "--help") == 0
+        assert f"flexarm {verb}" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [(), ("trian",), ("show",), ("list", "7"), ("evaluate", "--lap", "3"), ("evaluate", "--options", "{")],
+)
+def test_wrong_usage_ends_with_2(capsys: Captured, arguments: tuple[str, ...]) -> None:
+    assert status(*arguments) == 2
+    err = capsys.readouterr().err
+    assert "usage: flexarm" in err
+    assert ("required: VERB\n" in err) == (not arguments)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("show", "Sqare-v0"), "error: environment = 'Sqare-v0': must be one of 'FlexArm/Paper-v0', "),
+        (("evaluate", "nobody"), "error: source = 'nobody': neither a folder or file nor a shipped policy"),
+        (("evaluate", "--laps", "0"), "error: laps = 0: must be an integer >= 1"),
+        (("evaluate", "--no-baselines", "--no-shipped"), "error: policies: nothing to score"),
+        (("evaluate", "--no-baselines", "--options", '{"noize": 1}'), "error: "),
+    ],
+)
+def test_errors_are_one_line(capsys: Captured, arguments: tuple[str, ...], message: str) -> None:
+    few = ("--no-baselines", "--no-shipped") if arguments[-1] == "nobody" else ()
+    assert status(*arguments, *few) == 1
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith(message)
+
+
+@pytest.mark.parametrize(("error", "code"), [(KeyboardInterrupt, 130), (BrokenPipeError, 1), (OSError("disk"), 1)])
+def test_other_ends(monkeypatch: pytest.MonkeyPatch, error: Any, code: int) -> None:
+    def fail(arguments: object) -> None:
+        raise error
+
+    monkeypatch.setattr(show, "run", fail)
+    monkeypatch.setattr("os.dup2", lambda one, other: None)
+    assert status("show", "Square-v0") == code
+
+
+def test_what_is_not_installed_is_named_with_its_extra(monkeypatch: pytest.MonkeyPatch, capsys: Captured) -> None:
+    monkeypatch.setitem(sys.modules, "tyro", None)
+    monkeypatch.delitem(sys.modules, "flexarm_agents.commands.train", raising=False)
+    assert status("train") == 1
+    err = capsys.readouterr().err
+    assert err.startswith('error: flexarm train: tyro is not installed; run `pip install "flexarm[train]"`, or ')
+    monkeypatch.delitem(sys.modules, "flexarm_agents.vec_env", raising=False)
+    monkeypatch.setitem(sys.modules, "stable_baselines3.common.vec_env.base_vec_env", None)
+    with pytest.raises(ModuleNotFoundError, match=r"FlexArmVecEnv: stable_baselines3 is not installed; run"):
+        flexarm_agents.FlexArmVecEnv  # noqa: B018
+
+
+# --- list, show, warm-up ------------------------------------------------------------------------------------------
+
+
+def test_list_shows_ids_and_policies(capsys: Captured) -> None:
+    assert status("list") == 0
+    out = capsys.readouterr().out
+    assert all(f"FlexArm/{name} " in out for name in IDS)
+    assert all(re.search(rf"^{name} ", out, re.MULTILINE) for name in shipped_policies())
+
+
+@pytest.mark.parametrize("name", IDS)
+def test_show_tells_all_that_is_declared(name: str) -> None:
+    text = show.specification(f"FlexArm/{name}", 100)
+    settings = Settings.of(IDS[name].options)
+    for word in (*ENDS, *settings.observation, *IDS[name].options, "RESET OPTIONS", f'"flexarm_env:FlexArm/{name}"'):
+        assert word in text
+    assert "`" not in text
+    assert not re.search(r"^\|", text, re.MULTILINE)
+    assert max(map(len, text.splitlines())) <= 100
+
+
+def test_show_takes_an_id_without_namespace(capsys: Captured) -> None:
+    assert status("show", "Reach-v0") == 0
+    first = capsys.readouterr().out
+    assert status("show", "flexarm_env:FlexArm/Reach-v0") == 0
+    assert capsys.readouterr().out == first
+
+
+def test_warm_up_passes_on_what_it_is_given(monkeypatch: pytest.MonkeyPatch, capsys: Captured) -> None:
+    calls: list[Any] = []
+    module = ModuleType("flexarm_env.envs.warm_up")
+
+    def warm_up(ids: list[str], options: dict[str, Any], num_envs: list[int]) -> list[str]:
+        calls.append((ids, options, num_envs))
+        return [f"{one}, num_envs = {size}: compiled" for one in ids for size in num_envs]
+
+    module.warm_up = warm_up  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, "flexarm_env.envs.warm_up", module)
+    given = ("warm-up", "Square-v0", "FlexArm/Reach-v0", "--options", '{"noise": 0.1}', "--num-envs", "1", "64")
+    assert status(*given) == 0
+    assert calls == [([f"FlexArm/{name}"], {"noise": 0.1}, [1, 64]) for name in ("Square-v0", "Reach-v0")]
+    assert capsys.readouterr().out.splitlines()[-1] == "FlexArm/Reach-v0, num_envs = 64: compiled"
+    assert status("warm-up") == 0
+    assert [ids for ids, _, _ in calls[2:]] == [[f"FlexArm/{name}"] for name in IDS]
+
+
+# --- text ---------------------------------------------------------------------------------------------------------
+
+
+def test_columns_stand_in_line() -> None:
+    rows = [("name", "m", "end"), ("a", "10.5", "complete"), ("longer", "1", "")]
+    assert columns(rows) == "name    m     end\na       10.5  complete\nlonger  1"
+    assert columns(rows, right=True) == "name       m  end\na       10.5  complete\nlonger     1"
+
+
+def test_markdown_becomes_text() -> None:
+    rows = [("`a|b`", "word " * 9, ""), ("c", "", "")]
+    page = f"See `code` and [a page](there.md).\n\n{table(('key', 'what', ''), rows)}"
+    assert from_markdown(page, 40) == (
+        "See code and a page.\n\nkey  what\na|b  word word word word word word word\n     word word\nc"
+    )

@@ -1,0 +1,70 @@
+"""Scores and spreads: an early end is a result of its own, never a better number."""
+
+from __future__ import annotations
+
+import math
+
+import gymnasium
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from flexarm_agents import Score, Spread, evaluate, score
+from flexarm_agents.constant import ConstantPolicy
+from flexarm_agents.score import rank
+from flexarm_env import run_policy
+
+FIGURES = st.floats(0.0, 100.0)
+
+
+def lap(rms: float, ended: str = "truncated", duration: float = 16.0) -> Score:
+    later = rms if duration > 2.0 else None
+    errors = (rms, rms, later, later) if ended == "truncated" else (None,) * 4
+    return Score(ended, duration, *errors, (1.0, 1.0), (0.1, 0.1), (1.0, 1.0), 0.0)
+
+
+def test_an_early_end_has_no_lap_error_and_no_better_rank() -> None:
+    """An LQR that died at the first corner showed 0.255 m beside 0.321 m for its own full lap."""
+    died, whole = lap(0.255, "deflection", 4.12), lap(0.321)
+    assert whole.rank < died.rank
+    assert str(died) == "ended early: deflection after 4.12 s"
+    assert str(whole) == "0.321 m r.m.s. over 16 s, 0.321 m after 2 s"
+    assert rank([whole, whole]) < rank([lap(0.1), died]) < rank([died, died])
+    assert Score.of(died.plain() | {"steps": 7}) == died
+
+
+def test_a_lost_arm_has_no_errors() -> None:
+    env = gymnasium.make("flexarm_env:FlexArm/Square-v0")
+    found = evaluate(env, ConstantPolicy(2)).plain()
+    assert (found["complete"], found["ended"], found["rms"], found["maximum"]) == (False, "error", None, None)
+    assert score(run_policy(env, ConstantPolicy(2), seed=0, max_steps=20)).rms is not None
+
+
+@given(st.lists(FIGURES, min_size=1))
+def test_a_spread_of_complete_laps(values: list[float]) -> None:
+    spread = Spread.of(values)
+    assert spread.total == spread.complete == len(values)
+    assert (spread.best, spread.worst) == (min(values), max(values))
+    assert spread.median == pytest.approx(float(np.median(values)))
+    assert spread.interquartile_mean is not None
+    assert min(values) - 1e-9 <= spread.interquartile_mean <= max(values) + 1e-9
+
+
+@given(st.lists(st.one_of(st.none(), FIGURES), min_size=1))
+def test_an_early_end_is_worse_than_any_lap(values: list[float | None]) -> None:
+    """No statistic leaves out a lap: each is that of a spread in which 1e6 m stand for an early end."""
+    spread = Spread.of(values)
+    instead = Spread.of([1e6 if value is None else value for value in values])
+    assert spread.complete == sum(value is not None for value in values)
+    for name in ("median", "interquartile_mean", "best", "worst"):
+        value, other = getattr(spread, name), getattr(instead, name)
+        assert value is None or value == pytest.approx(other)
+        assert (value is None) == (other > 1e3)
+
+
+def test_the_interquartile_mean_leaves_out_a_quarter_on_either_side() -> None:
+    assert Spread.of([9.0, 1.0, 2.0, 3.0]).interquartile_mean == 2.5
+    assert Spread.of([None, 1.0, 2.0, 3.0]) == (4, 3, 2.5, 2.5, 1.0, None)
+    assert Spread.of([1.0, 2.0, 6.0]).interquartile_mean == 3.0
+    assert not math.isinf(Spread.of([None, 1.0, 2.0]).median or 0.0)

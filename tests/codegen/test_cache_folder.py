@@ -1,0 +1,162 @@
+"""The folder of compiled kernels: nobody else can write to it, and what nobody uses is removed from it."""
+
+import errno
+import logging
+import os
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from flexarm_env.codegen import cache_folder
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv(cache_folder.VARIABLE, str(tmp_path / "cache"))
+    cache_folder.say_once.cache_clear()
+    return tmp_path / "cache"
+
+
+def warnings_of(caplog: pytest.LogCaptureFixture) -> list[str]:
+    return [record.getMessage() for record in caplog.records if record.levelno >= logging.WARNING]
+
+
+def belong_to_another(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Make a folder another user's; only root can do so, whose own are trusted."""
+    if os.getuid() == 0:
+        os.chown(folder, 12345, -1)
+    else:
+        monkeypatch.setattr(os, "getuid", lambda: 12345)
+
+
+@pytest.mark.parametrize("mode", [0o777, 0o1777, 0o775])
+def test_a_chosen_folder_that_others_can_write_to_is_refused(folder: Path, mode: int) -> None:
+    folder.mkdir()
+    folder.chmod(mode)
+    with pytest.raises(PermissionError, match=rf"FLEXARM_CACHE_DIR = .*mode {mode:04o}.*must be"):
+        cache_folder.find_folder()
+    folder.chmod(0o755)
+    assert cache_folder.find_folder() == folder
+
+
+@pytest.mark.parametrize("linked", [False, True])
+def test_a_chosen_folder_of_another_user_is_refused(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, linked: bool
+) -> None:
+    target = folder.with_name("target") if linked else folder
+    target.mkdir()
+    if linked:
+        folder.symlink_to(target)
+        assert cache_folder.find_folder() == folder
+    belong_to_another(target, monkeypatch)
+    with pytest.raises(PermissionError, match=r"FLEXARM_CACHE_DIR = .*another user"):
+        cache_folder.find_folder()
+
+
+@pytest.mark.parametrize("below", ["", "cache"])
+def test_a_file_in_the_place_of_the_chosen_folder_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, below: str
+) -> None:
+    (tmp_path / "file").write_text("")
+    monkeypatch.setenv(cache_folder.VARIABLE, str(tmp_path / "file" / below))
+    with pytest.raises(NotADirectoryError, match=r"FLEXARM_CACHE_DIR = .*must be a folder"):
+        cache_folder.find_folder()
+
+
+def test_a_chosen_folder_that_cannot_be_made_costs_the_cache_only(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    def refuse(self: Path, **arguments: Any) -> None:
+        raise OSError(errno.EROFS, "Read-only file system")
+
+    monkeypatch.setattr(Path, "mkdir", refuse)
+    assert cache_folder.find_folder() is None
+    assert cache_folder.find_folder() is None
+    (told,) = warnings_of(caplog)
+    assert told.startswith("kernels are compiled at every start: FLEXARM_CACHE_DIR = ")
+
+
+@pytest.fixture
+def homes(tmp_path: Path, folder: Path, monkeypatch: pytest.MonkeyPatch) -> tuple[Path, Path]:
+    """The user's cache folder and the temporary folder, where none is chosen."""
+    home, temporary = tmp_path / "home", tmp_path / "temporary"
+    monkeypatch.delenv(cache_folder.VARIABLE)
+    monkeypatch.setattr(cache_folder.platformdirs, "user_cache_dir", lambda name: str(home / name))
+    monkeypatch.setattr(cache_folder.tempfile, "gettempdir", lambda: str(temporary))
+    temporary.mkdir(mode=0o777)
+    return home, temporary
+
+
+def test_folders_of_ours_can_be_written_by_nobody_else_whatever_the_umask(homes: tuple[Path, Path]) -> None:
+    before = os.umask(0o000)
+    try:
+        folder = cache_folder.find_folder()
+    finally:
+        os.umask(before)
+    assert folder == homes[0] / "flexarm"
+    assert folder.stat().st_mode & 0o777 == 0o755
+    assert cache_folder.find_folder() == folder
+
+
+@pytest.mark.parametrize("why", ["a file", "mode"])
+def test_a_home_that_cannot_serve_falls_back(
+    homes: tuple[Path, Path], caplog: pytest.LogCaptureFixture, why: str
+) -> None:
+    home, temporary = homes
+    if why == "a file":
+        home.write_text("")
+    else:
+        (home / "flexarm").mkdir(parents=True)
+        (home / "flexarm").chmod(0o777)
+    for _ in range(2):
+        folder = cache_folder.find_folder()
+        assert folder is not None
+        assert folder.parent == temporary
+    (line,) = warnings_of(caplog)
+    assert str(home) in line
+    assert str(folder) in line
+
+
+def test_where_no_folder_can_serve_nothing_is_kept(
+    homes: tuple[Path, Path], monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    home, temporary = homes
+    home.write_text("")
+    planted = temporary / f"flexarm-{os.getuid()}"
+    planted.mkdir()
+    belong_to_another(planted, monkeypatch)
+    if os.getuid() != 0:
+        planted.rename(temporary / f"flexarm-{os.getuid()}")
+    assert cache_folder.find_folder() is None
+    (told,) = warnings_of(caplog)
+    assert told.startswith("kernels are compiled at every start")
+    assert "another user" in told
+    assert "FLEXARM_CACHE_DIR" in told
+
+
+# --- what is in it -----------------------------------------------------------------------------------------------
+
+
+def test_what_nobody_uses_is_removed_some_day(folder: Path) -> None:
+    (folder / "__pycache__").mkdir(parents=True)
+    stamp = "flexarm_torque_2_1_59cdc9bff2954fe4"
+    unused = [
+        f"{stamp}.py",
+        f"__pycache__/{stamp}.step_only-2091.py311.nbi",
+        f"{stamp}.step_only.00.nbc",
+        f"{stamp}.lock",
+    ]
+    others = ["flexarm_notes.txt", "tmp_mine.tmp"]
+    used, unfinished = f"{stamp}.step_only.01.nbc", f"{stamp}.step_only.02.nbc.12345678.tmp"
+    for days, names in ((91, [*unused, *others]), (89, [used]), (2, [unfinished])):
+        for name in names:
+            (folder / name).write_text("")
+            os.utime(folder / name, (time.time(), time.time() - days * 86400.0))
+    cache_folder.remove_unused_files(folder)
+    assert {path.name for path in folder.rglob("*") if path.is_file()} == {used, *others}
+
+
+def test_a_folder_that_cannot_be_listed_is_left_alone(folder: Path) -> None:
+    cache_folder.remove_unused_files(folder)

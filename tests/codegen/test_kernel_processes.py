@@ -1,0 +1,163 @@
+"""Compiled kernels among processes: one compiles and the others load, an edit comes through, a fork does not hang."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from flexarm_env.codegen import cache
+
+PACKAGE = Path(cache.__file__).parent
+
+# Prints a hash of the kernel's text, whether its code was on disk, and a state that it computes.
+PROGRAM = """
+import hashlib, sys, numpy as np, flexarm_env
+from flexarm_env import ArmParameters, FlexibleArm, kernels
+from flexarm_env.kernels.rk4 import OPEN
+from flexarm_env.kernels.variants import Variant
+assert flexarm_env.__file__.startswith(sys.argv[1]), flexarm_env.__file__
+variant = Variant(OPEN, 1, True, 1)
+print(hashlib.sha256(kernels.render(variant).encode()).hexdigest())
+if sys.argv[2:] != ["text"]:
+    arm = FlexibleArm(ArmParameters(modes_per_link=1))
+    run = arm.simulate([0.1, 0.2, 0.3, -0.2, 1.0, -1.0, 0.5, 0.4], np.ones((10, 2)), 0.01)
+    print(sum(kernels.load(variant).run_open.stats.cache_hits.values()), *(x.hex() for x in run.state[-1]))
+"""
+LINE = "compiling kernels, once: an arm driven by torques, one environment, 1 mode a link\n"
+
+
+def start(folder: Path, *arguments: str) -> subprocess.Popen[str]:
+    """Run the program on the copy of the package in a folder, with a cache of its own."""
+    environment = os.environ | {"PYTHONPATH": str(folder), "FLEXARM_CACHE_DIR": str(folder / "cache")}
+    command = [sys.executable, "-c", PROGRAM, str(folder), *arguments]
+    return subprocess.Popen(
+        command, cwd=folder, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+
+
+def finish(process: subprocess.Popen[str]) -> tuple[str, int, list[str]]:
+    """Hash of the text, hits in the cache, last state; who compiles says so, though nobody has configured logging."""
+    out, err = process.communicate(timeout=300)
+    assert process.returncode == 0, err
+    text, hits, *state = out.split()
+    assert err == ("" if int(hits) else LINE)
+    return text, int(hits), state
+
+
+@pytest.fixture(scope="module")
+def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("copy")
+    shutil.copytree(PACKAGE, folder / "flexarm_env", ignore=shutil.ignore_patterns("__pycache__"))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def together(copy: Path) -> list[tuple[str, int, list[str]]]:
+    """What processes find that start together on an empty cache."""
+    return [finish(process) for process in [start(copy) for _ in range(3)]]
+
+
+def test_of_processes_that_start_together_one_compiles(copy: Path, together: list[tuple[str, int, list[str]]]) -> None:
+    assert sorted(hits for _, hits, _ in together) == [0, 1, 1]
+    assert together[0][2] == together[1][2] == together[2][2]
+    assert not list((copy / "cache").glob("*.tmp"))  # nothing is left lying about
+    assert finish(start(copy)) == (together[0][0], 1, together[0][2])  # the cache that they leave is a good one
+
+
+EDITS = [
+    ("dynamics.py", "elbow_n = elbow.across * (w1 * w1)", "elbow_n = elbow.across * (w1 * w2)"),
+    ("elementary.py", "p = p * z - 1.66666666666666307295e-1", "p = p * z - 1.5e-1"),
+    ("torque_stepping.py", "= torques[step, block, r, i]", "= 2.0 * torques[step, block, r, i]"),
+]
+
+
+def test_an_edited_formula_comes_through(copy: Path, together: list[tuple[str, int, list[str]]]) -> None:
+    texts = {together[0][0]}
+    for name, old, new in EDITS:
+        file = copy / "flexarm_env" / name
+        text = file.read_text(encoding="utf-8")
+        assert text.count(old) == 1, f"{name} no longer holds {old!r}"
+        stamp = file.stat()
+        file.write_text(text.replace(old, new), encoding="utf-8")
+        os.utime(file, ns=(stamp.st_atime_ns, stamp.st_mtime_ns + 10**9))  # for Python's own cache of bytecode
+        edited, _ = start(copy, "text").communicate(timeout=60)
+        assert edited.strip() not in texts
+        texts.add(edited.strip())
+        if name == "torque_stepping.py":
+            _, hits, state = finish(start(copy))
+            assert hits == 0
+            assert state != together[0][2]
+        file.write_text(text, encoding="utf-8")
+        os.utime(file, ns=(stamp.st_atime_ns, stamp.st_mtime_ns + 2 * 10**9))
+
+
+# --- forks --------------------------------------------------------------------------------------------------------
+
+FORK_WHILE_COMPILING = '''
+import os, signal, threading, time
+from flexarm_env import kernel_cache
+
+TEXT = """from numba import njit
+@njit(cache=True, nogil=True)
+def successor(x):
+    return x + 1.0
+"""
+inside = threading.Event()
+save = kernel_cache._KernelCache.save_overload
+
+def slow(self, signature, compiled):
+    inside.set()
+    time.sleep(0.5)
+    save(self, signature, compiled)
+
+kernel_cache._KernelCache.save_overload = slow
+compile_one = lambda name: kernel_cache.call(kernel_cache.load_module(name, TEXT, "").successor, 1.0)
+thread = threading.Thread(target=compile_one, args=["flexarm_tiny_1_1_0123456789abcdef"])
+thread.start()
+inside.wait()
+child = os.fork()
+if child == 0:
+    signal.alarm(30)
+    os._exit(int(compile_one("flexarm_tiny_1_1_0123456789abcdee")))
+print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
+thread.join()
+'''
+
+FORK_WHILE_MAKING = """
+import os, signal, threading
+from flexarm_env import settings
+
+inside, resume = threading.Event(), threading.Event()
+arm_parameters = settings.arm_parameters
+
+def slow(arm):
+    if threading.current_thread() is not threading.main_thread():
+        inside.set()
+        resume.wait()
+    return arm_parameters(arm)
+
+settings.arm_parameters = slow
+thread = threading.Thread(target=settings.Settings)
+thread.start()
+inside.wait()
+child = os.fork()
+if child == 0:
+    signal.alarm(30)
+    settings.Settings()
+    os._exit(2)
+resume.set()
+print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
+thread.join()
+"""
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork on this system")
+@pytest.mark.parametrize("program", [FORK_WHILE_COMPILING, FORK_WHILE_MAKING], ids=["compiling", "making"])
+def test_a_fork_while_another_thread_works_leaves_a_child_that_works(tmp_path: Path, program: str) -> None:
+    environment = os.environ | {"FLEXARM_CACHE_DIR": str(tmp_path / "cache")}
+    command = [sys.executable, "-c", program]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=100, check=True)
+    assert done.stdout == "2\n", done.stderr

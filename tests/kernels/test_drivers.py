@@ -1,0 +1,280 @@
+"""Drivers in plain Python: the parts by hand, all of them together against what is compiled; and their declarations."""
+
+from __future__ import annotations
+
+import ast
+import inspect
+from collections.abc import Iterator
+from math import tan
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+from flexarm_env import ArmParameters, FlexibleArm
+from flexarm_env.codegen import assembly
+from flexarm_env.codegen.arrays import Arena
+from flexarm_env.codegen.declarations import Names, Program, plain_python
+from flexarm_env.envs.batch import Fleet
+from flexarm_env.envs.settings import Settings
+from flexarm_env.episode import reset, sensor, step, write_observation
+from flexarm_env.episode.step import TORQUE, TRACKING
+from flexarm_env.kernels import entries, imex, layout
+from flexarm_env.kernels.entries import drawn, header, setting
+from flexarm_env.kernels.imex import LOOP
+from flexarm_env.kernels.layout import row
+from flexarm_env.kernels.path_cache import Segment
+from flexarm_env.kernels.rk4 import OPEN
+from flexarm_env.kernels.variants import Variant, variant
+from tests.support.envs import GAIN, RESIDUAL, SQUARE
+
+LANES = 3
+ARM = FlexibleArm(ArmParameters(modes_per_link=1))
+STEP = 1e-3
+SLOTS = 7
+
+
+@pytest.fixture(autouse=True)
+def _quiet() -> Iterator[None]:
+    """Lanes without a reading divide by zero, and keys overflow: as compiled."""
+    with np.errstate(all="ignore"):
+        yield
+
+
+def settings_of(env_id: str, **options: Any) -> Settings:
+    """What an environment is made of."""
+    return Settings.of({**gym.spec(env_id).kwargs, **options})
+
+
+def arena_of(of: Variant, **parts: Any) -> np.ndarray:
+    """An arena with some parts filled, each of shape (count,) or (count, lanes). Shape (rows, lanes)."""
+    arena = np.zeros((entries.extent(of.rows), of.lanes))
+    for name, values in {**layout.arm_rows(ARM.constants), **parts}.items():
+        first, count = of.rows[name]
+        arena[first : first + count] = np.reshape(values, (count, -1))
+    return arena
+
+
+# --- the parts by hand ------------------------------------------------------------------------------------------------
+
+
+def test_a_cubic_comes_back_from_the_delay_line() -> None:
+    """Readings and rates between steps, by cubic polynomials, of two lanes that are late by different times."""
+    late = np.array([[0.5, 1.25, 2.0], [3.75, 0.0, 4.5]]) * STEP
+    curves = [np.polynomial.Polynomial([1.0, -30.0, 4e3, 9e5]), np.polynomial.Polynomial([-2.0, 50.0, 7e3])]
+    with plain_python(Variant(LOOP, 1, True, LANES)):
+        arena = arena_of(Variant(LOOP, 1, True, LANES), DELAY=late, RATE_LATE=1.0)
+        clock = np.zeros((entries.CLOCK_ROWS, LANES), dtype=np.int64)
+        history = np.zeros((4 * SLOTS, LANES))
+        imex.count_steps(clock, history, 61)
+        for step in range(62 - SLOTS, 62):
+            for j, curve in enumerate(curves):
+                history[4 * (step % SLOTS) + j] = curve(step * STEP)
+                history[4 * (step % SLOTS) + 2 + j] = curve.deriv()(step * STEP)
+        imex.prepare_readings(arena, history, clock, STEP, 0.0)
+        for j, curve in enumerate(curves):
+            seen = arena[row.OFFSET + j] + arena[row.WEIGHT + j] * curve(61 * STEP)
+            rate = arena[row.RATE_OFFSET + j] + arena[row.RATE_WEIGHT + j] * curve.deriv()(61 * STEP)
+            np.testing.assert_allclose(seen, curve(61 * STEP - late[j]), rtol=1e-13)
+            np.testing.assert_allclose(rate, curve.deriv()(61 * STEP - late[j]), rtol=1e-11)
+
+
+def test_a_recorded_reading_enters_the_delay_line() -> None:
+    state = np.zeros((LANES, 8))
+    state[:, :4] = np.random.default_rng(0).normal(size=(LANES, 4)) * [1.0, 1.0, 0.1, 0.1]
+    state[:, 4:] = np.random.default_rng(1).normal(size=(LANES, 4))
+    y, v = np.split(ARM.internal_state(state).T, 2)
+    history = np.zeros((4 * SLOTS, LANES))
+    of = Variant(LOOP, 1, True, LANES)
+    with plain_python(of):
+        imex.store_reading(arena_of(of, Y=y, V=v), history, 2)
+    np.testing.assert_allclose(history[8:12], state[:, [0, 1, 4, 5]].T, rtol=1e-13)
+    assert not history[:8].any()
+    assert not history[12:].any()
+
+
+def test_the_sensor_says_where_it_was() -> None:
+    """A rigid arm turning evenly: one lane has a new reading, one has none yet, one is not asked."""
+    of = Variant(TORQUE, 1, True, LANES)
+    plan = np.zeros(header.PLACES, dtype=np.int64)
+    settings = np.zeros(entries.extent(entries.Setting.layout(of.shape)))
+    delay, distance, now = 2.5 * STEP, 2.0, 20
+    with plain_python(of):
+        settings[setting.STEP], settings[setting.PERIOD] = STEP, 5 * STEP
+        settings[setting.LENGTHS : setting.LENGTHS + 2] = ARM.parameters.link_lengths
+        arena = arena_of(of, SENSOR_DELAY=[delay, delay], PLACE_DISTANCE=distance)
+        arena[row.SAMPLE_TIME] = (now - 7.5) * STEP, (now - 4) * STEP, 0.0
+        arena[row.SENSED] = 9.0
+        clock = np.zeros((entries.CLOCK_ROWS, LANES), dtype=np.int64)
+        history = np.zeros((4 * SLOTS, LANES))
+        imex.count_steps(clock, history, now)
+        for step in range(now + 1 - SLOTS, now + 1):
+            slot = 4 * (step % SLOTS)
+            history[slot : slot + 4] = np.array([[3.0 * step * STEP], [1.0], [3.0], [0.0]])
+        square = np.array([[[0.0, 1.0, 2.0, 0.0, 0.0], [1.0, 1.0, 2.0, 0.0, 0.0]]])
+        arena[row.REFERENCE : row.REFERENCE + 2] = [[1.0], [2.0]]
+        keys, who = np.zeros(LANES, dtype=np.uint64), np.array([True, True, False])
+        sensor.sense(arena, history, clock, keys, square, plan, settings, who)
+        np.testing.assert_array_equal(arena[row.SAMPLE_AGE] >= 0.0, [True, False, False])
+        theta1, length = 3.0 * (now * STEP - delay), ARM.parameters.link_lengths[0]
+        x = length * np.cos(theta1) + distance * np.cos(theta1 + 1.0)
+        np.testing.assert_allclose(arena[row.SENSED], [x, 9.0, 9.0], rtol=1e-12)
+        assert arena[row.SENSOR_ERROR, 0] == pytest.approx(1.0 - x, rel=1e-12)
+
+
+def test_an_order_names_what_an_episode_draws() -> None:
+    """The payload and the stiffness of one lane; the others keep what they have."""
+    fleet = Fleet(settings_of(SQUARE, arm={"modes_per_link": 1, "payload_mass": 0.5}), LANES)
+    memory = {name: part.view(fleet._memory) for name, part in fleet._parts.items()}
+    order = memory["ORDERS"][1].copy()
+    order[entries.column.DRAWN + drawn.PAYLOAD_MASS], order[entries.column.DRAWN + drawn.STIFFNESS] = 0.75, 2.0
+    arena = memory["ARENAS"][0]
+    with plain_python(fleet._variant):
+        reset.draw_quantities(arena, np.uint64(7), memory["SETTINGS"], order, 1)
+        found = arena[row.CONSTANTS : row.CONSTANTS + variant.constants, 1]
+        stiff = slice(entries.constant.STIFFNESS_1, entries.constant.DAMPING_1)
+    parameters = ArmParameters(modes_per_link=1, payload_mass=0.75)
+    expected = np.array(FlexibleArm(parameters).constants.flat())
+    expected[stiff] *= 2.0
+    first, _ = fleet._rows["CONSTANTS"]
+    np.testing.assert_allclose(found[: stiff.stop], expected[: stiff.stop], rtol=1e-12)
+    assert not arena[first : first + len(expected), 0].any()
+
+
+def test_an_observation_shows_where_the_reference_goes() -> None:
+    """On its side and beyond the corner, turned into the frame; then scaled, unless the state is invalid."""
+    of = Variant(TORQUE, 1, True, 2)
+    tail = of.rows["TAIL"][0]
+    plan = np.zeros(header.PLACES + 2, dtype=np.int64)
+    plan[[header.PREVIEWS, header.OBSERVED]] = 1, 2
+    plan[header.PLACES :] = tail, tail + 1
+    with plain_python(of):
+        settings = np.zeros(setting.HORIZONS + 3)
+        settings[setting.HORIZONS :] = 0.5, 10.0, 10.0
+        arena = np.vstack(
+            [arena_of(of, SIDE_LEFT=[[1.0, 0.2]], NEXT_TIME=1.0, FRAME_AXIS=[0.0, 1.0]), np.zeros((2, 2))]
+        )
+        velocity = row.PRESENT_SIDE + Segment.layout(None)["VELOCITY"][0]
+        arena[velocity : velocity + 2], arena[row.NEXT_VELOCITY : row.NEXT_VELOCITY + 2] = (
+            [[2.0], [0.0]],
+            [[0.0], [2.0]],
+        )
+        clock, paths = np.zeros((entries.CLOCK_ROWS, 2), dtype=np.int64), np.zeros((1, 2, 5))
+        write_observation.write_previews(arena, clock, paths, plan, settings)
+        # the frame is turned by a quarter: x there is y here
+        np.testing.assert_allclose(arena[tail : tail + 2], [[0.0, 0.6], [-1.0, -0.4]], atol=1e-15)
+        arena[row.STATUS] = 0.0, 1.0
+        observations = np.full((2, 2), 7.0, dtype=np.float32)
+        write_observation.write_observations(arena, observations, 0, plan, settings, np.array([True, True]))
+    np.testing.assert_allclose(observations, [[0.0, -10.0], [7.0, 7.0]])
+
+
+# --- all together -----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("env_id", "options"),
+    [
+        (SQUARE, {}),
+        (RESIDUAL, {"action_mode": "reference", "shift_limit": (0.2, 0.1), "reference": ["square", "line", "circle"]}),
+        (GAIN, {"law_sensor": "sensor", "compensation": "per_joint"}),
+    ],
+    ids=str,
+)
+def test_a_fleet_runs_in_plain_python_as_compiled(env_id: str, options: dict[str, Any]) -> None:
+    """Episodes begin, and some periods pass; recorded kernels round their sums with products twice here."""
+    settings = settings_of(env_id, **options)
+    compiled, plain = Fleet(settings, 8), Fleet(settings, 8)
+    keys, everyone = np.arange(8, dtype=np.uint64) + 5, np.arange(8)
+    compiled.start(keys, everyone, compiled.usual_orders)
+    plain.order_starts(keys, everyone, plain.usual_orders)
+    plain._plan[header.DRIVING] = 0
+    rng = np.random.default_rng(0)
+    for period in range(4):
+        results = np.empty(compiled.results.T.shape)
+        with plain_python(plain._variant):
+            step.step_blocks(plain._memory, 0, 1, results)
+        np.testing.assert_allclose(results.T, compiled.results, rtol=1e-8, atol=1e-9, err_msg=f"period {period}")
+        np.testing.assert_allclose(plain.observations, compiled.observations, rtol=1e-5, atol=1e-6)
+        plain._plan[header.DRIVING] = 1
+        compiled.actions[:] = plain.actions[:] = rng.uniform(-0.5, 0.5, plain.actions.shape)
+        compiled.step()
+
+
+# --- declarations -----------------------------------------------------------------------------------------------------
+
+TABLES = [
+    layout.Row,
+    entries.Setting,
+    entries.Constant,
+    entries.Header,
+    entries.ClockRow,
+    entries.Column,
+    entries.Drawn,
+    Segment,
+]
+
+
+@pytest.mark.parametrize("table", TABLES, ids=lambda table: table.__name__)
+def test_each_place_says_what_it_is_and_in_which_unit(table: type[Names]) -> None:
+    assert table.entries
+    for part in table.entries:
+        assert part.meaning, part.name
+        assert part.unit, part.name
+
+
+def test_what_the_law_needs_has_rows() -> None:
+    names = {part.name for part in layout.Row.entries}
+    assert {field.upper() for field in layout.Law._fields} <= names
+
+
+def driver_of_the_aim(arena: Arena) -> None:
+    """Move the aim of the joint-space law."""
+    for i in range(variant.lanes):
+        arena[row.SHIFT, i] = 1.0
+
+
+def guarded_driver_of_the_aim(arena: Arena) -> None:
+    """Move it where there is one."""
+    if variant.tracking:
+        driver_of_the_aim(arena)
+
+
+def test_a_row_that_a_program_lacks_is_an_error_of_the_assembler() -> None:
+    with pytest.raises(LookupError, match=r"driver_of_the_aim: Row\.SHIFT: .*'bare'"):
+        assembly.render(Variant(Program("bare", (driver_of_the_aim,)), 1, True, 1))
+    text = assembly.render(Variant(Program("guarded", (guarded_driver_of_the_aim,)), 1, True, 1))
+    assert "driver_of_the_aim(arena)" not in text.replace("guarded_driver_of_the_aim(arena)", "")
+
+
+def driver_with_a_library_function(arena: Arena) -> None:
+    """Call a function that kernel modules do not import."""
+    arena[row.Y, 0] = tan(1.0)
+
+
+def test_a_library_function_that_kernels_do_not_import_is_refused() -> None:
+    with pytest.raises(TypeError, match="tan of a library"):
+        assembly.render(Variant(Program("bare", (driver_with_a_library_function,)), 1, True, 1))
+
+
+def test_a_driver_is_lowered_to_a_flat_arena() -> None:
+    text = assembly.render(Variant(Program("moved", (driver_of_the_aim,), groups=TRACKING.groups), 1, True, 8))
+    assert "arena[i + ROW_SHIFT * VARIANT_LANES] = 1.0" in text
+    assert "VARIANT_LANES = 8" in text
+
+
+def test_drivers_need_a_variant() -> None:
+    with pytest.raises(RuntimeError, match="plain_python"):
+        driver_of_the_aim(np.zeros((50, 1)))
+    with plain_python(Variant(OPEN, 1, True, 1)), pytest.raises(LookupError, match=r"Row\.SHIFT: .*'open'"):
+        driver_of_the_aim(np.zeros((50, 1)))
+
+
+@pytest.mark.parametrize("module", [imex, sensor, reset, write_observation, step], ids=lambda module: module.__name__)
+def test_drivers_have_types(module: Any) -> None:
+    """No parameter of a driver is anything."""
+    for function in (node for node in ast.parse(inspect.getsource(module)).body if isinstance(node, ast.FunctionDef)):
+        for argument in function.args.args:
+            assert argument.annotation is not None, function.name
+            assert ast.unparse(argument.annotation) != "Any", f"{function.name}({argument.arg})"

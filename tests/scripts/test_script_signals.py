@@ -1,0 +1,161 @@
+"""Scripts that are stopped by signals, as real processes: nothing goes on running, nothing half made stays."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from scripts.common.result_files import OLD, PARTIAL, replacing, write_json
+
+SCRIPTS = Path(__file__).resolve().parent.parent / "scripts"
+pytestmark = pytest.mark.skipif(os.name != "posix", reason="POSIX signals")
+
+# A script as ours are, with jobs that only sleep; each worker leaves a file named after its process.
+SCRIPT = f"""
+import os, sys, time
+from pathlib import Path
+sys.path.insert(0, {str(SCRIPTS)!r})
+from command_line import run
+from result_files import replacing
+from worker_pool import worker_pool
+
+def job(folder, seconds):
+    (folder / str(os.getpid())).touch()
+    time.sleep(seconds)
+
+def main():
+    with replacing(Path("results"), "marker") as work, worker_pool(2) as pool:
+        jobs = [pool.submit(job, Path("pids"), float(sys.argv[1])) for _ in range(4)]
+        (work / "half").touch()
+        for one in jobs:
+            one.result()
+        (work / "marker").touch()
+
+if __name__ == "__main__":
+    run(main)
+"""
+
+
+def wait_for(condition: Callable[[], object], seconds: float = 30.0) -> None:
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end, "waited in vain"
+        time.sleep(0.02)
+
+
+def is_running(process: int) -> bool:
+    """Whether there is such a process that is no zombie."""
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    state = subprocess.run(["ps", "-o", "stat=", "-p", str(process)], capture_output=True, text=True, check=False)
+    return not state.stdout.startswith("Z") and bool(state.stdout.strip())
+
+
+class Running:
+    """The script at work, with both workers busy."""
+
+    def __init__(self, folder: Path, seconds: float = 600.0) -> None:
+        self.folder = folder
+        self.pids = folder / "pids"
+        self.pids.mkdir(exist_ok=True)
+        (folder / "script.py").write_text(SCRIPT)
+        command = [sys.executable, "script.py", str(seconds)]
+        self.process = subprocess.Popen(command, cwd=folder, stderr=subprocess.PIPE, text=True, start_new_session=True)
+        wait_for(lambda: len(list(self.pids.iterdir())) == 2 and list(folder.glob(".results-*/half")))
+        self.workers = [int(path.name) for path in self.pids.iterdir()]
+
+    def errors(self) -> str:
+        return self.process.communicate(timeout=30)[1].strip()
+
+
+@pytest.fixture
+def running(tmp_path: Path) -> Iterator[Running]:
+    script = Running(tmp_path)
+    yield script
+    for process in (script.process.pid, *script.workers):
+        if is_running(process):
+            os.kill(process, signal.SIGKILL)
+    script.process.wait()
+    assert script.process.stderr is not None
+    script.process.stderr.close()
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP], ids=lambda s: s.name)
+@pytest.mark.parametrize("to_all", [False, True], ids=["alone", "with its workers"])
+def test_a_stopped_script_leaves_nothing(running: Running, number: signal.Signals, to_all: bool) -> None:
+    """A terminal sends Ctrl-C to the workers too."""
+    if to_all:
+        os.killpg(running.process.pid, number)
+    else:
+        running.process.send_signal(number)
+    assert running.errors() == f"stopped by {number.name}"
+    assert running.process.returncode == 128 + number
+    assert not any(is_running(worker) for worker in running.workers)
+    assert {path.name for path in running.folder.iterdir()} == {"pids", "script.py"}
+
+
+def test_workers_end_with_a_killed_parent_and_the_next_run_sweeps(running: Running) -> None:
+    running.process.kill()
+    wait_for(lambda: not any(is_running(worker) for worker in running.workers))
+    assert len(list(running.folder.glob(".results-*"))) == 1
+    with replacing(running.folder / "results", "marker") as work:
+        assert list(running.folder.glob(".results-*")) == [work]
+        (work / "marker").touch()
+    assert {path.name for path in running.folder.iterdir()} == {"pids", "script.py", "results"}
+
+
+def test_a_run_that_is_alive_is_not_swept(running: Running) -> None:
+    (alive,) = running.folder.glob(".results-*")
+    with replacing(running.folder / "results", "marker") as work:
+        (work / "marker").touch()
+        assert (alive / "half").exists()
+    assert (alive / "half").exists()
+
+
+def test_a_worker_that_dies_ends_the_script(running: Running) -> None:
+    os.kill(running.workers[0], signal.SIGKILL)
+    assert "error: a worker process died" in running.errors()
+    assert running.process.returncode == 1
+    wait_for(lambda: not any(is_running(worker) for worker in running.workers))
+    assert not list(running.folder.glob(".results-*"))
+
+
+def test_undisturbed_it_is_complete(tmp_path: Path) -> None:
+    script = Running(tmp_path, seconds=0.5)
+    assert script.errors() == ""
+    assert script.process.returncode == 0
+    assert {path.name for path in (tmp_path / "results").iterdir()} == {"half", "marker"}
+    assert not any(is_running(worker) for worker in script.workers)
+
+
+def test_results_that_a_killed_run_had_moved_away_come_back(tmp_path: Path) -> None:
+    """Killed between moving the old results away and putting the new ones in their place."""
+    (tmp_path / f".results-abcdefg1{OLD}").mkdir()
+    (tmp_path / f".results-abcdefg1{OLD}" / "marker").write_text("earlier")
+    (tmp_path / f".results-abcdefg1{PARTIAL}").mkdir()
+    with pytest.raises(ZeroDivisionError), replacing(tmp_path / "results", "marker"):
+        raise ZeroDivisionError
+    assert (tmp_path / "results" / "marker").read_text() == "earlier"
+    assert [path.name for path in tmp_path.iterdir()] == ["results"]
+
+
+def test_only_leftovers_are_swept(tmp_path: Path) -> None:
+    kept = {".results-notes", ".results-abcdefgh", f".results2-abcdefgh{PARTIAL}", f"results-abcdefgh{PARTIAL}"}
+    for name in kept:
+        (tmp_path / name).mkdir()
+    with replacing(tmp_path / "results", "marker") as work:
+        (work / "marker").touch()
+    assert {path.name for path in tmp_path.iterdir()} == kept | {"results"}
+
+
+def test_json_that_cannot_be_written_leaves_no_file(tmp_path: Path) -> None:
+    with pytest.raises(TypeError):
+        write_json(tmp_path / "data.json", {"what": object()})
+    assert not list(tmp_path.iterdir())

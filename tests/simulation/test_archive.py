@@ -1,0 +1,250 @@
+"""Files from strangers: whatever is wrong with one ends in a `ValueError` that names it, and nothing large is read."""
+
+from __future__ import annotations
+
+import io
+import json
+import tracemalloc
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from flexarm_agents import NetworkPolicy, load_policy
+from flexarm_env import FlexibleArm, Trajectory
+from flexarm_env.simulation import archive
+from tests.support.refusals import refuses
+
+CONFIG = {"environment": "FlexArm/Square-v0", "options": {}}
+POLICY_HEAD: dict[str, Any] = {"format": 1, "activation": "elu", "layers": 1, "notes": {"config": CONFIG}}
+POLICY: dict[str, Any] = {
+    "weight_0": np.ones((2, 3), np.float32),
+    "bias_0": np.zeros(2, np.float32),
+    "log_std": np.zeros(2, np.float32),
+}
+
+
+def policy_file(path: Path, head: Any = None, **arrays: Any) -> Path:
+    """A policy's file with another head, or other arrays."""
+    text = json.dumps(POLICY_HEAD | (head or {}))
+    np.savez(path, head=np.array(text), **(POLICY | arrays))
+    return path
+
+
+def run() -> Trajectory:
+    """Three instants of the default arm."""
+    return FlexibleArm().record(0.1 * np.arange(3), np.zeros((3, 12)), np.zeros((3, 2)))
+
+
+def run_file(path: Path, head: Any = None, **arrays: Any) -> Path:
+    """A trajectory's file with another head, or other arrays."""
+    run().save(path)
+    with np.load(path) as file:
+        own = dict(file)
+    text = json.dumps(json.loads(str(own.pop("head"))) | (head or {}))
+    np.savez(path, head=np.array(text), **(own | arrays))
+    return path
+
+
+# --- damage -----------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, tuple[bytes, Callable[[Path], Any]]]:
+    """Good files with what reads them."""
+    folder = tmp_path_factory.mktemp("good")
+    good = {"policy": policy_file(folder / "policy.npz"), "run": run_file(folder / "run.npz")}
+    np.savez_compressed(folder / "deflated.npz", head=np.array(json.dumps(POLICY_HEAD)), **POLICY)
+    readers: dict[str, Callable[[Path], Any]] = {"policy": load_policy, "run": Trajectory.load}
+    found = {name: (path.read_bytes(), readers[name]) for name, path in good.items()}
+    return found | {"deflated": ((folder / "deflated.npz").read_bytes(), load_policy)}
+
+
+def loads_or_says_why(content: bytes, read: Callable[[Path], Any], folder: Path) -> None:
+    """Damage where nothing is checked, as in a date, may leave a file good."""
+    path = folder / "damaged.npz"
+    path.write_bytes(content)
+    try:
+        read(path)
+    except ValueError as error:
+        assert str(error).startswith(f"{path}: ")  # noqa: PT017
+        assert len(str(error)) < 2000 + len(str(path))  # noqa: PT017
+
+
+def damaged(content: bytes, places: list[tuple[float, int]], end: float) -> bytes:
+    """Bytes changed at some shares of the file's length, and its end cut off."""
+    changed = bytearray(content)
+    for share, value in places:
+        changed[int(share * (len(changed) - 1))] ^= value
+    return bytes(changed[: int(end * len(changed))])
+
+
+DAMAGE = (
+    st.sampled_from(["policy", "run", "deflated"]),
+    st.lists(st.tuples(st.floats(0.0, 1.0), st.integers(1, 255)), max_size=4),
+    st.just(1.0) | st.floats(0.0, 1.0),
+)
+QUIET = settings(max_examples=150, deadline=None, suppress_health_check=list(HealthCheck))
+
+
+@QUIET
+@given(*DAMAGE)
+def test_damage_ends_in_a_refusal(
+    files: dict[str, Any], tmp_path: Path, name: str, places: list[tuple[float, int]], end: float
+) -> None:
+    content, read = files[name]
+    loads_or_says_why(damaged(content, places, end), read, tmp_path)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["policy", "run", "deflated"])
+def test_any_byte_may_be_damaged(files: dict[str, Any], tmp_path: Path, name: str) -> None:
+    content, read = files[name]
+    for place in range(0, len(content), 3):
+        for value in (0x01, 0xFF):
+            loads_or_says_why(damaged(content, [(place / (len(content) - 1), value)], 1.0), read, tmp_path)
+        loads_or_says_why(content[:place], read, tmp_path)
+
+
+# --- files that are made to harm, or to surprise ----------------------------------------------------------------------
+
+
+def raw_entry(shape: tuple[int, ...], dtype: str, content: bytes = b"") -> bytes:
+    """An npy file that says it has this shape, and holds these bytes."""
+    stream = io.BytesIO()
+    np.lib.format.write_array_header_1_0(stream, {"descr": dtype, "fortran_order": False, "shape": shape})
+    return stream.getvalue() + content
+
+
+def with_entry(path: Path, name: str, content: bytes, **options: Any) -> Path:
+    """A policy's file with an entry of any bytes in place of its own."""
+    policy_file(path)
+    with zipfile.ZipFile(path) as file:
+        entries = {one: file.read(one) for one in file.namelist()}
+    with zipfile.ZipFile(path, "w", **options) as file:
+        for one, own in (entries | {name: content}).items():
+            file.writestr(one, own)
+    return path
+
+
+def head_of(text: str) -> bytes:
+    stream = io.BytesIO()
+    np.save(stream, np.array(text))
+    return stream.getvalue()
+
+
+BOMB = {"weight_9": np.zeros((4000, 4000), np.float32)}
+HARM: list[tuple[str, Callable[[Path], Path], str]] = [
+    ("bomb", lambda p: bomb(p), "'weight_9': no such array in a policy of 1 layers"),
+    ("wide", lambda p: with_entry(p, "weight_0.npy", raw_entry((2**40, 4), "<f4")), "should have 17592186044"),
+    ("long", lambda p: with_entry(p, "weight_0.npy", raw_entry((2, 3), "<f4", bytes(99))), "bytes, not 227"),
+    ("negative", lambda p: with_entry(p, "bias_0.npy", raw_entry((-2,), "<f4")), "should have"),
+    ("pickle", lambda p: with_entry(p, "bias_0.npy", raw_entry((1,), "|O", b"x" * 8)), "must hold float32, got object"),
+    ("deep", lambda p: with_entry(p, "head.npy", head_of("[" * 100_000)), "not a saved policy (maximum recursion"),
+    (
+        "wordy",
+        lambda p: with_entry(p, "head.npy", head_of("x" * 1_000_001)),
+        "not a text of at most 1000000 characters",
+    ),
+    ("bytes", lambda p: with_entry(p, "head.npy", raw_entry((), "|S2", b"{}")), "not a text of at most"),
+    ("bzip2", lambda p: with_entry(p, "x.npy", b"", compression=zipfile.ZIP_BZIP2), "another method than deflate"),
+    ("plain", lambda p: with_entry(p, "weight_0.npy", b"1 2 3"), "not a saved policy ("),
+    ("scalar", lambda p: policy_file(p, weight_0=np.float32(1.0)), "biases[0]: must have shapes (n, k) and (n,), got"),
+    ("wider", lambda p: policy_file(p, bias_0=np.zeros(2)), "bias_0: must hold float32, got float64"),
+    ("nan", lambda p: policy_file(p, log_std=np.full(2, np.nan, np.float32)), "log_std: must be finite"),
+    ("loud", lambda p: policy_file(p, log_std=np.full(2, 99.0, np.float32)), "log_std = array([99., 99."),
+    ("layers", lambda p: policy_file(p, {"layers": 10**9}), "layers = 1000000000: must be an integer from 1 to 100"),
+    ("half", lambda p: policy_file(p, {"layers": 0.5}), "layers = 0.5: must be an integer"),
+    ("silent", lambda p: policy_file(p, {"notes": None}), "notes = None: must be a mapping"),
+    ("version", lambda p: policy_file(p, {"format": True}), "format True; this version reads 1"),
+    ("list", lambda p: policy_file(p, {"activation": ["elu"]}), "activation = ['elu']: must be one of 'elu'"),
+    (
+        "options",
+        lambda p: policy_file(p, {"notes": {"config": CONFIG | {"options": 1}}}),
+        "options = 1: must be a mapp",
+    ),
+    ("config", lambda p: policy_file(p, {"notes": {"config": [1]}}), "config = [1]: must be a mapping"),
+    (
+        "import",
+        lambda p: policy_file(p, {"notes": {"config": CONFIG | {"environment": "os:x"}}}),
+        "must be one of 'Flex",
+    ),
+]
+
+
+def bomb(path: Path) -> Path:
+    """64 MB of zeros in 64 kB."""
+    np.savez_compressed(path, head=np.array(json.dumps(POLICY_HEAD)), **(POLICY | BOMB))
+    return path
+
+
+@pytest.mark.parametrize(("name", "make", "message"), HARM, ids=[name for name, *_ in HARM])
+def test_policies_of_strangers(tmp_path: Path, name: str, make: Callable[[Path], Path], message: str) -> None:
+    path = make(tmp_path / "policy.npz")
+    tracemalloc.start()
+    try:
+        with refuses(ValueError, f"{path}: ", message):
+            load_policy(path)
+        assert tracemalloc.get_traced_memory()[1] < 32 * 2**20
+    finally:
+        tracemalloc.stop()
+
+
+RUNS: list[tuple[dict[str, Any], dict[str, Any], str]] = [
+    ({}, {"state": np.full(3, "x")}, "state: must hold float64, got <U1"),
+    ({}, {"state": np.zeros((3, 12), bool)}, "state: must hold float64, got bool"),
+    ({}, {"state": np.zeros((3, 12), "datetime64[s]")}, "state: must hold float64, got datetime64"),
+    ({}, {"state": np.zeros((3, 7))}, "state: must have shape (3, 12), got (3, 7)"),
+    ({}, {"state": np.float64(0.0)}, "state: has shape (), time has 3 instants"),
+    ({}, {"time": np.float64(0.0)}, "time: must hold an instant"),
+    ({}, {"time": np.zeros(0)}, "time: must hold an instant"),
+    ({}, {"gain": np.zeros((3, 2))}, "gain: must have shape (3,), got (3, 2)"),
+    ({}, {"more": np.zeros(3)}, "'more': no such array; a Trajectory has time, "),
+    ({"notes": None}, {}, "notes = None: must be a mapping"),
+    ({"format": True}, {}, "format True; this version reads 1"),
+    ({"parameters": [1]}, {}, "parameters = [1]: must be a mapping"),
+    ({"parameters": {"modes_per_link": 99}}, {}, "modes_per_link = 99: must be an integer from 1 to 4"),
+]
+
+
+@pytest.mark.parametrize(("head", "arrays", "message"), RUNS, ids=[message[:30] for *_, message in RUNS])
+def test_runs_of_strangers(tmp_path: Path, head: dict[str, Any], arrays: dict[str, Any], message: str) -> None:
+    path = run_file(tmp_path / "run.npz", head, **arrays)
+    with refuses(ValueError, f"{path}: ", message):
+        Trajectory.load(path)
+
+
+def test_names_that_no_file_can_have(tmp_path: Path) -> None:
+    with refuses(FileNotFoundError, "source = 'xxx", "neither a folder or file nor a shipped policy"):
+        load_policy("x" * 5000)
+    with refuses(TypeError, "source = 5: must be a folder, a file or the name of a shipped policy"):
+        load_policy(5)  # type: ignore[arg-type]
+    for name in ("x" * 5000, "x\x00y"):
+        with refuses(ValueError, "path = '"):
+            Trajectory.load(name)
+    with pytest.raises(IsADirectoryError):
+        Trajectory.load(tmp_path)
+
+
+def test_models_of_stable_baselines_are_recognised(tmp_path: Path) -> None:
+    path = tmp_path / "model.zip"
+    with zipfile.ZipFile(path, "w") as file:
+        for name in ("data", "policy.pth", "_stable_baselines3_version"):
+            file.writestr(name, b"never read")
+    with refuses(ValueError, f"{path}: a stable-baselines3 model", "pass it with its explicit flag"):
+        load_policy(path)
+
+
+def test_what_could_not_be_loaded_is_not_written(tmp_path: Path) -> None:
+    noted = run()
+    noted.notes["text"] = "x" * archive.LARGEST_HEAD
+    with refuses(ValueError, "notes: take 1000", "at most 1000000"):
+        noted.save(tmp_path / "run.npz")
+    assert not any(tmp_path.iterdir())
+    with refuses(ValueError, "weights: 25000000 numbers; at most 20000000 are allowed"):
+        NetworkPolicy([np.zeros((5000, 4999), np.float32)], [np.zeros(5000, np.float32)], np.zeros(5000, np.float32))

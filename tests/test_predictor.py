@@ -1,0 +1,136 @@
+"""The forms in which a policy may come, and how each is called."""
+
+from __future__ import annotations
+
+import inspect
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+
+from flexarm_env import run_policy
+from flexarm_env.predictor import predictor
+
+OBSERVATION, START = np.arange(3.0), np.ones(1, dtype=bool)
+ACTION = np.array([0.1, -0.2])
+
+
+class Full:
+    def predict(
+        self, observation: Any, state: Any = None, episode_start: Any = None, deterministic: bool = False
+    ) -> Any:
+        assert episode_start is START
+        return ACTION if deterministic else -ACTION, (state or 0) + 1
+
+
+class OtherNames:
+    def predict(self, x: Any, memory: Any, first: Any, calm: bool) -> Any:
+        return ACTION if calm else -ACTION, (memory or 0) + 1
+
+
+class ObservationAlone:
+    def predict(self, observation: Any) -> Any:
+        assert observation is OBSERVATION
+        return ACTION
+
+
+class ItsObservationIsCalledState:
+    def predict(self, state: Any) -> Any:
+        assert state is OBSERVATION
+        return ACTION, None
+
+
+class SomeByName:
+    def predict(self, observation: Any, *, deterministic: bool = False, state: Any = None) -> Any:
+        return ACTION if deterministic else -ACTION, (state or 0) + 1
+
+
+class Anything:
+    def predict(self, *arguments: Any, **named: Any) -> Any:
+        assert len(arguments) == 4
+        return ACTION, None
+
+
+def function(observation: Any) -> Any:
+    assert observation is OBSERVATION
+    return ACTION
+
+
+FORMS = [Full(), OtherNames(), ObservationAlone(), ItsObservationIsCalledState(), SomeByName(), Anything(), function]
+
+
+@pytest.mark.parametrize("policy", FORMS, ids=lambda policy: getattr(policy, "__name__", type(policy).__name__))
+def test_every_form_gives_its_action(policy: Any) -> None:
+    action, _ = predictor(policy, deterministic=True)(OBSERVATION, None, START)
+    np.testing.assert_array_equal(action, ACTION)
+
+
+@pytest.mark.parametrize("policy", [Full(), OtherNames(), SomeByName()])
+def test_memory_and_determinism_reach_who_takes_them(policy: Any) -> None:
+    predict = predictor(policy, deterministic=False)
+    action, memory = predict(OBSERVATION, None, START)
+    np.testing.assert_array_equal(action, -ACTION)
+    assert predict(OBSERVATION, memory, START)[1] == 2
+
+
+@pytest.mark.parametrize("action", [(0.1, -0.2), [0.1, -0.2], (np.float32(0.1), -0.2)])
+def test_a_pair_of_numbers_is_an_action(action: Any) -> None:
+    assert predictor(lambda observation: action, deterministic=True)(OBSERVATION, None, START) == (action, None)
+
+
+def test_functions_of_other_languages_are_called_with_the_observation() -> None:
+    np.testing.assert_array_equal(
+        predictor(np.cos, deterministic=True)(OBSERVATION, None, START)[0], np.cos(OBSERVATION)
+    )
+
+
+def test_the_signature_is_inspected_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    calls = []
+    original = inspect.signature
+    monkeypatch.setattr(inspect, "signature", lambda call: calls.append(call) or original(call))
+    predict = predictor(Full(), deterministic=True)
+    for _ in range(3):
+        predict(OBSERVATION, None, START)
+    assert len(calls) == 1
+
+
+class TwoNeeded:
+    def predict(self, observation: Any, goal: Any) -> Any:
+        return ACTION
+
+
+@pytest.mark.parametrize(
+    ("policy", "message"),
+    [
+        (Full, r"policy = <class '.*Full'>: is a class; make a policy of it first"),
+        (7, r"policy = 7: must have predict\(observation\) or predict\(observation, state"),
+        (TwoNeeded(), r"the parameters of its predict are \(observation.*, goal.*\)"),
+        (lambda: ACTION, r"or be a function of an observation, its parameters are \(\)"),
+    ],
+)
+def test_other_forms_are_refused(policy: Any, message: str) -> None:
+    with pytest.raises(TypeError, match=message):
+        predictor(policy, deterministic=True)
+
+
+def test_run_policy_takes_every_form() -> None:
+    """No torque, said in three ways, ends in the same way."""
+    env = gymnasium.make("flexarm_env:FlexArm/Square-v0")
+
+    class Still:
+        def predict(self, observation: Any) -> Any:
+            return np.zeros(2)
+
+    class StillAndFull(Full):
+        def predict(self, *arguments: Any, **named: Any) -> Any:
+            return np.zeros(2), None
+
+    runs = [run_policy(env, policy, seed=0) for policy in (Still(), StillAndFull(), lambda observation: (0.0, 0.0))]
+    assert runs[0].notes == {"ended": "error"}
+    for run in runs[1:]:
+        np.testing.assert_array_equal(run.state, runs[0].state)
+    with pytest.raises(ValueError, match=r"action: must have shape \(2,\)"):
+        run_policy(env, lambda observation: 0.0, seed=0)
+    with pytest.raises(TypeError, match="policy = 7"):
+        run_policy(env, 7)
