@@ -14,6 +14,7 @@ from flexarm_env.actions import gain_from_action
 from flexarm_env.envs.registration import warn_of_short_limit
 from flexarm_env.envs.single import FlexArmEnv
 from flexarm_env.envs.termination import end_reason
+from flexarm_env.episode import reward
 from flexarm_env.predictor import predictor
 from flexarm_env.simulation.arm import FlexibleArm
 from flexarm_env.simulation.closed_loop import ClosedLoop, Results, observation_blocks
@@ -225,8 +226,7 @@ def _trajectories(loop: ClosedLoop, results: Results, gains: Array, ends: NDArra
         end = int(ends[i])
         keep = slice(0, min(end, instants))
         observation = results.observation[keep, i]
-        reward = results.reward_terms[keep, i].sum(axis=1)
-        reward[0] = 0.0
+        earned = _paper_reward(results.true_tip[keep, i], observation[:, blocks["reference_position"]])
         trajectories.append(
             loop.arm.record(
                 time[keep],
@@ -236,8 +236,16 @@ def _trajectories(loop: ClosedLoop, results: Results, gains: Array, ends: NDArra
                 reference=observation[:, blocks["reference_position"]],
                 sensed=observation[:, blocks["sensed_position"]],
                 gain=gains[keep, i],
-                reward=reward,
+                reward=earned,
                 notes={"ended": loop.failure(results.status[end, i]) if end < instants else "truncated"},
             )
         )
     return trajectories
+
+
+def _paper_reward(tips: Array, references: Array) -> Array:
+    """Reward of `FlexArm/Paper-v0` at each instant; none at the first. Shape (n,)."""
+    wide, middle, _ = reward.tracking_terms(reward.squared_distance([*tips.T], [*references.T]))
+    earned: Array = 0.5 * wide + 0.5 * middle
+    earned[0] = 0.0
+    return earned

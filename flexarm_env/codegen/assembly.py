@@ -14,9 +14,8 @@ from types import FunctionType, ModuleType
 from typing import Any
 
 from flexarm_env.codegen import cache
-from flexarm_env.codegen.declarations import Intrinsic, Recorded, called_in, plain_python
+from flexarm_env.codegen.declarations import AnyVariant, Intrinsic, Recorded, called_in, plain_python
 from flexarm_env.codegen.lowering import Lowered
-from flexarm_env.kernels.variants import Variant
 
 # Strict IEEE arithmetic: no fast-math, and nothing is fused but what the recorder writes so (`tracing`); "numpy" only
 # drops the checks for division by zero, which would keep the compiler from vectorising.
@@ -39,7 +38,7 @@ exec(_IMPORTS, _LIBRARY)
 class _Assembly:
     """Collects the functions of a module."""
 
-    def __init__(self, variant: Variant) -> None:
+    def __init__(self, variant: AnyVariant) -> None:
         self.variant = variant
         self.constants: dict[str, Any] = {}
         self.texts: list[str] = []
@@ -96,7 +95,7 @@ def _njit(**options: Any) -> str:
     return f"@njit({', '.join(f'{name}={value!r}' for name, value in options.items())})"
 
 
-def render(variant: Variant) -> str:
+def render(variant: AnyVariant) -> str:
     """Source text of a variant's module."""
     with plain_python(variant):
         assembly = _Assembly(variant)
@@ -105,39 +104,10 @@ def render(variant: Variant) -> str:
     return "\n\n".join([head + constants, *assembly.texts])
 
 
-_KINDS = {
-    "open": "an arm driven by torques",
-    "loop": "the paper's closed loop",
-    "torque": "actions are torques",
-    "tracking": "actions are added to an inner law",
-    "gain": "actions are the gain of the paper's law",
-}
-
-
-def _words(variant: Variant) -> str:
-    """Describe a variant to the user who waits for it."""
-    parts = [_KINDS[variant.kind]]
-    parts.append("one environment" if variant.lanes == 1 else f"blocks of {variant.lanes} environments")
-    parts.append("1 mode a link" if variant.modes == 1 else f"{variant.modes} modes a link")
-    if not variant.complete:
-        parts.append("the paper's velocity forces")
-    if variant.foreshortened:
-        parts.append("foreshortened links")
-    if variant.sensor == "true":
-        parts.append("true tip sensed")
-    if variant.kind in ("loop", "gain") and variant.late:
-        parts.append("law on the late sensor")
-    if variant.own_paths:
-        parts.append("drawn paths")
-    if variant.disturbed:
-        parts.append("disturbances")
-    return ", ".join(parts)
-
-
 @lru_cache
-def load(variant: Variant) -> ModuleType:
+def load(variant: AnyVariant) -> ModuleType:
     """Load the module of a variant; its functions are compiled, or found on disk, when they are first called."""
     text = render(variant)
     digest = hashlib.sha256(text.encode()).hexdigest()[:16]
     name = f"flexarm_{variant.kind}_{variant.modes}_{variant.lanes}_{digest}"
-    return cache.load_module(name, text, _words(variant))
+    return cache.load_module(name, text, variant.words)

@@ -14,7 +14,7 @@ from contextvars import ContextVar
 from dataclasses import dataclass, field
 from functools import cache, update_wrapper
 from math import sqrt
-from typing import Any, ClassVar, Generic, ParamSpec, Self, TypeVar, overload
+from typing import Any, ClassVar, Generic, ParamSpec, Protocol, Self, TypeVar, overload
 
 import numpy as np
 
@@ -46,6 +46,14 @@ def present_variant() -> Any:
         return _PRESENT.get()
     except LookupError:
         raise RuntimeError("no variant is set: drivers run within `with plain_python(variant):`") from None
+
+
+class PresentVariant:
+    """The variant that drivers run for, as a name that they import; the assembler replaces its attributes."""
+
+    def __getattr__(self, name: str) -> Any:
+        """An attribute of the present variant."""
+        return getattr(present_variant(), name)
 
 
 # --- places -----------------------------------------------------------------------------------------------------------
@@ -285,6 +293,7 @@ class Program:
         parts: functions that it chooses (`chosen_by_program`), by name.
         reward_terms: how many.
         closed: Python calls the entry points only, and nothing allocates memory.
+        words: what it does, for the user who waits for the compiler.
     """
 
     name: str
@@ -294,6 +303,7 @@ class Program:
     parts: Mapping[str, Function] = field(default_factory=dict)
     reward_terms: int = 0
     closed: bool = False
+    words: str = ""
 
     def __repr__(self) -> str:
         """Its name."""
@@ -302,3 +312,27 @@ class Program:
     def entries(self, lanes: int) -> tuple[Any, ...]:
         """Entry points of a variant."""
         return self.alone if lanes == 1 and self.alone else self.entry_points
+
+
+class AnyVariant(Protocol):
+    """What the assembler asks of a variant; it must be hashable."""
+
+    @property
+    def program(self) -> Program:
+        """What its kernels do."""
+
+    @property
+    def kind(self) -> str:
+        """Name of the program."""
+
+    @property
+    def modes(self) -> int:
+        """Per link."""
+
+    @property
+    def lanes(self) -> int:
+        """Environments in a block."""
+
+    @property
+    def words(self) -> str:
+        """Description for the user who waits for the compiler."""

@@ -18,9 +18,8 @@ from typing import Any
 import numpy as np
 
 from flexarm_env.codegen.arrays import LANED
-from flexarm_env.codegen.declarations import Chosen, Intrinsic, Names, Recorded, present_variant
+from flexarm_env.codegen.declarations import Chosen, Intrinsic, Names, PresentVariant, Recorded, present_variant
 from flexarm_env.codegen.scalars import COMPILED
-from flexarm_env.kernels.variants import variant as _variant
 
 _COMPARISONS: dict[type[ast.cmpop], Callable[[Any, Any], bool]] = {
     ast.Eq: operator.eq,
@@ -170,7 +169,7 @@ class Lowered(ast.NodeTransformer):
         if not isinstance(node, ast.Attribute) or not isinstance(node.value, ast.Name):
             return _UNKNOWN
         names = self._globals.get(node.value.id) if node.value.id not in self._locals else None
-        if not isinstance(names, Names) and names is not _variant:
+        if not isinstance(names, Names | PresentVariant):
             return _UNKNOWN
         try:
             return getattr(names, node.attr)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from flexarm_env.simulation.square import ANGLE_LIMITS, RATE_LIMIT
+from flexarm_env.simulation.limits import ANGLE_LIMITS, RATE_LIMIT
 from flexarm_env.validation import integer
 
 # When each reason applies. The codes count from 1 in this order; they are public, so a new reason goes to the end.

@@ -23,14 +23,15 @@ from flexarm_env.codegen.arrays import (
 from flexarm_env.codegen.declarations import inlined_in_its_caller, per_lane
 from flexarm_env.codegen.random_stream import normal
 from flexarm_env.codegen.scalars import clip
+from flexarm_env.episode.recorded import features_kernel, joint_kernel, truth_kernel
 from flexarm_env.episode.sensor import CHANNELS_OF_NOISE, noise_place, sense
 from flexarm_env.episode.write_observation import write_observations, write_previews
 from flexarm_env.kernels.entries import clock_row, header, setting
 from flexarm_env.kernels.imex import state_status
 from flexarm_env.kernels.layout import row
-from flexarm_env.kernels.path_cache import AHEAD, note_side, on_side, segment
-from flexarm_env.kernels.reported import features_kernel, joint_kernel, truth_kernel
+from flexarm_env.kernels.path_cache import note_side, on_side, segment
 from flexarm_env.kernels.variants import variant
+from flexarm_env.physics.polyline import AHEAD
 
 NEAR = 0.02  # [m]; a tip that is not farther from the reference has arrived
 FINAL_REST = 0.25  # of the lap; the rest after the move back (`starts.draw_moves`)

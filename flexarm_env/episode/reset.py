@@ -18,11 +18,12 @@ from flexarm_env.episode.sensor import sensed_point
 from flexarm_env.kernels.entries import QUANTITIES, clock_row, column, constant, drawn, header, setting
 from flexarm_env.kernels.imex import prepare_commands, prepare_readings, store_reading
 from flexarm_env.kernels.layout import row
-from flexarm_env.kernels.path_cache import forget_side, reference_at
+from flexarm_env.kernels.path_cache import forget_side
 from flexarm_env.kernels.recorded import elimination_kernel, law_kernel
 from flexarm_env.kernels.tableau import STAGES
 from flexarm_env.kernels.variants import variant
 from flexarm_env.physics.inverse_kinematics import joint_angles_for, joint_rates_for
+from flexarm_env.physics.polyline import reference_at
 
 CORNER, CORNERS, MOVING, MIX = 0.0, 1.0, 2.0, 3.0  # how an episode starts
 SHARE_AT_REST = 0.3  # of the mix

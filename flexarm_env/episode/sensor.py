@@ -14,8 +14,8 @@ from flexarm_env.codegen.random_stream import normal, uniform
 from flexarm_env.kernels.entries import clock_row, drawn, header, setting
 from flexarm_env.kernels.imex import around, between, past_reading
 from flexarm_env.kernels.layout import row
-from flexarm_env.kernels.path_cache import reference_at
 from flexarm_env.kernels.variants import variant
+from flexarm_env.physics.polyline import reference_at
 
 CHANNELS_OF_NOISE = 8  # random numbers set aside for each control period
 FIRST_NOISE = 64  # random numbers set aside for the start of an episode

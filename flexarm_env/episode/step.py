@@ -117,7 +117,7 @@ def step_block(memory: Memory, block: int) -> None:
                 arena[row.REWARD, i] = 0.0
 
 
-def _environment(name: str, drive: Function, *groups: str) -> Program:
+def _environment(name: str, words: str, drive: Function, *groups: str) -> Program:
     """The program of environments whose action moves the arm in one way."""
     return Program(
         name,
@@ -127,9 +127,10 @@ def _environment(name: str, drive: Function, *groups: str) -> Program:
         parts={"drive": drive},
         reward_terms=len(reward.TERMS),
         closed=True,
+        words=words,
     )
 
 
-TORQUE = _environment("torque", drive_torque)
-TRACKING = _environment("tracking", drive_tracking, "tracking")
-GAIN = _environment("gain", drive_gain, "law")
+TORQUE = _environment("torque", "actions are torques", drive_torque)
+TRACKING = _environment("tracking", "actions are added to the joint-space tracking law", drive_tracking, "tracking")
+GAIN = _environment("gain", "actions are the gain of the paper's law", drive_gain, "law")

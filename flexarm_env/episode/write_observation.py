@@ -10,8 +10,9 @@ from flexarm_env.codegen.declarations import per_lane
 from flexarm_env.codegen.intrinsics import TILE, write_tile
 from flexarm_env.kernels.entries import clock_row, header, setting
 from flexarm_env.kernels.layout import row
-from flexarm_env.kernels.path_cache import reference_at, segment
+from flexarm_env.kernels.path_cache import segment
 from flexarm_env.kernels.variants import variant
+from flexarm_env.physics.polyline import reference_at
 
 
 def write_previews(arena: Arena, clock: Clock, paths: Paths, plan: Plan, settings: Table) -> None:

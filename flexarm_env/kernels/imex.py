@@ -12,11 +12,11 @@ from flexarm_env.codegen.arrays import Arena, Arenas, Clock, Clocks, Histories, 
 from flexarm_env.codegen.declarations import Program, per_lane
 from flexarm_env.kernels.entries import clock_row
 from flexarm_env.kernels.layout import row
-from flexarm_env.kernels.path_cache import AHEAD, chord_at, forget_side, note_side, on_side, reference_at, segment
-from flexarm_env.kernels.recorded import law_kernel, reading_kernel
-from flexarm_env.kernels.reported import outputs_kernel
+from flexarm_env.kernels.path_cache import forget_side, note_side, on_side, segment
+from flexarm_env.kernels.recorded import law_kernel, outputs_kernel, reading_kernel
 from flexarm_env.kernels.tableau import EXPLICIT, IMPLICIT, NODES, STAGES
 from flexarm_env.kernels.variants import variant
+from flexarm_env.physics.polyline import AHEAD, chord_at, reference_at
 
 
 def prepare_commands(arena: Arena, clock: Clock, paths: Paths, h: float) -> None:
@@ -293,4 +293,9 @@ def run_loop(
         write_outputs(arena, history, clock, paths, h)
 
 
-LOOP = Program("loop", entry_points=(run_loop, store_reading), groups=frozenset({"law", "loop"}), reward_terms=2)
+LOOP = Program(
+    "loop",
+    entry_points=(run_loop, store_reading),
+    groups=frozenset({"law", "loop"}),
+    words="the paper's closed loop",
+)

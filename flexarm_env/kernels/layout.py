@@ -155,7 +155,7 @@ class Row(Names):
     RIGID_TIP = Entry("tip by rigid kinematics", "m", 2, _REPORTED)
     REFERENCE = Entry("reference position and velocity", "m, m/s", 4, _REPORTED)
     SENSED = Entry("latest reading of the sensor", "m", 2, _ENVIRONMENT)
-    REWARD_TERMS = Entry("terms of the reward, weighted", "1", lambda s: s.program.reward_terms, _REPORTED)
+    REWARD_TERMS = Entry("terms of the reward, weighted", "1", lambda s: s.program.reward_terms, _ENVIRONMENT)
     TIME = Entry("since the episode's start", "s", 1, _ENVIRONMENT)
     EFFECTIVE_GAIN = Entry("gain at the start of the period", "1", 1, _ENVIRONMENT)
     TIP_ERROR = Entry("distance of the true tip from the reference", "m", 1, _ENVIRONMENT)

@@ -276,3 +276,20 @@ def reading_source(variant: Variant) -> str:
 @recorded(reading_source, SHARED)
 def reading_kernel(arena: Arena, readings: LaneRows) -> None:
     """What the sensor would measure now, without delay, on every lane: two readings, two rates. Shape (4, lanes)."""
+
+
+def outputs_source(variant: Variant) -> str:
+    """Observation, state and tips of a closed loop."""
+    r = Recorder(variant)
+    truth, reference = r.truth(), r.read("REFERENCE")
+    observed = jacobian_transpose.observation(r.constants(), r.law(), variant.sensor, (r.read("Y"), r.read("V")))
+    r.write("OBSERVATION", [*observed, *reference])
+    r.write("STATE", truth.state)
+    r.write("TRUE_TIP", truth.true_tip)
+    r.write("RIGID_TIP", truth.rigid_tip)
+    return r.source("outputs_kernel(arena)")
+
+
+@recorded(outputs_source, SHARED)
+def outputs_kernel(arena: Arena) -> None:
+    """Sensed position and tips on every lane."""

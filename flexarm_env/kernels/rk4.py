@@ -46,4 +46,4 @@ def run_open(arenas: Arenas, torques: LaneRecords, states: LaneRecords, h: float
     return torques.shape[0]
 
 
-OPEN = Program("open", entry_points=(run_open, slope))
+OPEN = Program("open", entry_points=(run_open, slope), words="an arm driven by torques")

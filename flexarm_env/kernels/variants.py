@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, cast
+from typing import cast
 
-from flexarm_env.codegen.declarations import Program, present_variant
+from flexarm_env.codegen.declarations import PresentVariant, Program
 from flexarm_env.kernels.entries import Shape
 from flexarm_env.kernels.layout import layout
 
@@ -89,12 +89,25 @@ class Variant:
         """How many terms the reward has."""
         return self.program.reward_terms
 
+    @property
+    def words(self) -> str:
+        """Description for the user who waits for the compiler."""
+        parts = [self.program.words]
+        parts.append("one environment" if self.lanes == 1 else f"blocks of {self.lanes} environments")
+        parts.append("1 mode a link" if self.modes == 1 else f"{self.modes} modes a link")
+        if not self.complete:
+            parts.append("the paper's velocity forces")
+        if self.foreshortened:
+            parts.append("foreshortened links")
+        if self.true_sensor:
+            parts.append("true tip sensed")
+        if self.law and self.late:
+            parts.append("law on the late sensor")
+        if self.own_paths:
+            parts.append("drawn paths")
+        if self.disturbed:
+            parts.append("disturbances")
+        return ", ".join(parts)
 
-class _Present:
-    """The variant that drivers run for, in plain Python (`declarations.plain_python`)."""
 
-    def __getattr__(self, name: str) -> Any:
-        return getattr(present_variant(), name)
-
-
-variant = cast(Variant, _Present())  # as drivers see it
+variant = cast(Variant, PresentVariant())  # as drivers see it

@@ -11,9 +11,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexarm_env.kernels.path_cache import reference_at
 from flexarm_env.parameters import ArmParameters, SquareParameters
 from flexarm_env.physics.inverse_kinematics import joint_angles_for
+from flexarm_env.physics.polyline import reference_at
 from flexarm_env.validation import choice, finite_array, finite_values
 
 Array = NDArray[np.float64]

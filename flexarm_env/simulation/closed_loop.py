@@ -38,7 +38,6 @@ class Results(NamedTuple):
             none. Shape (N, 2).
         true_tip: with deflection [m]. Shape (N, 2).
         rigid_tip: by rigid kinematics (8), (9) [m]. Shape (N, 2).
-        reward_terms: `reward.reward_terms`. Shape (N, 2).
         status: 0 for a valid state, -1 for one that is not finite, n where entry n - 1 of the state passed its
             limit. Shape (N,).
     """
@@ -48,7 +47,6 @@ class Results(NamedTuple):
     torque: Array
     true_tip: Array
     rigid_tip: Array
-    reward_terms: Array
     status: Array
 
 

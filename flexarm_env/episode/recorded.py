@@ -1,33 +1,13 @@
-"""Records what is reported of arms: state and tips, parts of observations, terms of the reward (`recorded`)."""
+"""Records what is reported of an environment: state and tips, parts of observations, terms of the reward."""
 
 from __future__ import annotations
 
 from flexarm_env.codegen.arrays import Arena, Table
 from flexarm_env.codegen.declarations import recorded
 from flexarm_env.codegen.tracing import root
-from flexarm_env.control import jacobian_transpose
 from flexarm_env.episode import features, reward
 from flexarm_env.kernels.recorded import SHARED, Recorder
 from flexarm_env.kernels.variants import Variant
-
-
-def outputs_source(variant: Variant) -> str:
-    """Observation, state, tips and tracking terms of a closed loop."""
-    r = Recorder(variant)
-    truth, reference = r.truth(), r.read("REFERENCE")
-    observed = jacobian_transpose.observation(r.constants(), r.law(), variant.sensor, (r.read("Y"), r.read("V")))
-    r.write("OBSERVATION", [*observed, *reference])
-    r.write("STATE", truth.state)
-    r.write("TRUE_TIP", truth.true_tip)
-    r.write("RIGID_TIP", truth.rigid_tip)
-    square = reward.squared_distance(truth.true_tip, reference)
-    r.write("REWARD_TERMS", [0.5 * term for term in reward.tracking_terms(square)[:2]])
-    return r.source("outputs_kernel(arena)")
-
-
-@recorded(outputs_source, SHARED)
-def outputs_kernel(arena: Arena) -> None:
-    """Sensed position and tips on every lane."""
 
 
 def truth_source(variant: Variant) -> str:
