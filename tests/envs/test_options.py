@@ -12,7 +12,7 @@ import pytest
 from flexarm_env.envs.settings import Settings
 from flexarm_env.envs.single import FlexArmEnv
 from tests.support.envs import GAIN, PAPER, RESIDUAL, SQUARE, WAYPOINTS, assert_same, bare, make
-from tests.support.refusals import refuses
+from tests.support.refusals import label, refuses
 
 MISMATCHED = {"masses_per_length": (1e-9, 1e-9), "payload_inertia": 1e9}
 MESSAGES: list[tuple[str, dict[str, Any], type[Exception], str]] = [
@@ -249,7 +249,7 @@ MESSAGES: list[tuple[str, dict[str, Any], type[Exception], str]] = [
 ]
 
 
-@pytest.mark.parametrize(("env_id", "options", "error", "message"), MESSAGES, ids=lambda value: str(value)[:40])
+@pytest.mark.parametrize(("env_id", "options", "error", "message"), MESSAGES, ids=label)
 def test_a_wrong_option_fails_at_make(
     env_id: str, options: dict[str, Any], error: type[Exception], message: str
 ) -> None:

@@ -10,7 +10,7 @@ import pytest
 
 from flexarm_env import ArmParameters, FlexibleArm, SquareParameters, square
 from tests.support.envs import assert_same, bare
-from tests.support.refusals import refuses
+from tests.support.refusals import label, refuses
 
 DRAWING = {"randomisation": {"stiffness": (0.5, 2.0), "delay": (0.0, 0.1), "noise": (0.0, 0.1), "damping": (0.0, 0.3)}}
 
@@ -79,7 +79,7 @@ def test_quantities_of_an_episode() -> None:
         ({"state": np.full(12, 1e4)}, ValueError, ("options['state'][0] = 10000.0", "6283.19")),
         ({"state": [math.nan] * 12}, ValueError, ("options['state'][0] = nan", "finite")),
     ],
-    ids=lambda value: str(value)[:40] if isinstance(value, dict) else "",
+    ids=lambda value: label(value) if isinstance(value, dict) else "",
 )
 def test_a_bad_reset_option_is_refused_and_nothing_moves(
     options: Any, error: type[Exception], words: tuple[str, ...]

@@ -1,5 +1,6 @@
 """How the tests ask for a good error message."""
 
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -13,3 +14,8 @@ def refuses(kind: type[Exception], *words: str) -> Iterator[None]:
         yield
     for word in words:
         assert word in str(caught.value)
+
+
+def label(value: object) -> str:
+    """A short name of a parametrised value, the same in every process."""
+    return re.sub(r" at 0x[0-9a-f]+", "", str(value))[:40]
