@@ -29,32 +29,32 @@ class Elimination(NamedTuple):
     """What the elimination knows of an arm; each field a number or a tuple.
 
     Attributes:
-        inverse_1: A^-1, lower triangle.
-        inverse_2: B^-1, lower triangle.
-        push_1: A^-1 phi, modal accelerations of link 1 by a unit force across its tip.
-        turn_1: A^-1 c1, by a unit angular acceleration of its root, reversed.
-        push_2: B^-1 mu, of link 2 by a unit acceleration of the elbow across it, reversed.
-        turn_2: B^-1 c2, by a unit angular acceleration of its root, reversed.
-        push_push_1: phi^T A^-1 phi.
-        push_turn_1: phi^T A^-1 c1.
-        turn_turn_1: c1^T A^-1 c1.
-        push_push_2: mu^T B^-1 mu.
-        push_turn_2: mu^T B^-1 c2.
-        turn_turn_2: c2^T B^-1 c2.
+        inv_A: A^-1, lower triangle.
+        inv_B: B^-1, lower triangle.
+        inv_A_phi: A^-1 phi, modal accelerations of link 1 by a unit force across its tip.
+        inv_A_c1: A^-1 c1, by a unit angular acceleration of its root, reversed.
+        inv_B_mu: B^-1 mu, of link 2 by a unit acceleration of the elbow across it, reversed.
+        inv_B_c2: B^-1 c2, by a unit angular acceleration of its root, reversed.
+        phi_inv_A_phi: phi^T A^-1 phi.
+        phi_inv_A_c1: phi^T A^-1 c1.
+        c1_inv_A_c1: c1^T A^-1 c1.
+        mu_inv_B_mu: mu^T B^-1 mu.
+        mu_inv_B_c2: mu^T B^-1 c2.
+        c2_inv_B_c2: c2^T B^-1 c2.
     """
 
-    inverse_1: Vector
-    inverse_2: Vector
-    push_1: Vector
-    turn_1: Vector
-    push_2: Vector
-    turn_2: Vector
-    push_push_1: Any
-    push_turn_1: Any
-    turn_turn_1: Any
-    push_push_2: Any
-    push_turn_2: Any
-    turn_turn_2: Any
+    inv_A: Vector
+    inv_B: Vector
+    inv_A_phi: Vector
+    inv_A_c1: Vector
+    inv_B_mu: Vector
+    inv_B_c2: Vector
+    phi_inv_A_phi: Any
+    phi_inv_A_c1: Any
+    c1_inv_A_c1: Any
+    mu_inv_B_mu: Any
+    mu_inv_B_c2: Any
+    c2_inv_B_c2: Any
 
     @staticmethod
     def sizes(modes: int) -> list[int | None]:
@@ -77,21 +77,21 @@ def elimination(k: Constants) -> Elimination | None:
         return None
     m = len(k.elbow_slopes)
     one, two = inverse(k.mass_1, m), inverse(k.mass_2, m)
-    push_1, turn_1 = symmetric_times(one, k.elbow_values), symmetric_times(one, k.coupling_1)
-    push_2, turn_2 = symmetric_times(two, k.momentum_2), symmetric_times(two, k.coupling_2)
+    inv_A_phi, inv_A_c1 = symmetric_times(one, k.elbow_values), symmetric_times(one, k.coupling_1)
+    inv_B_mu, inv_B_c2 = symmetric_times(two, k.momentum_2), symmetric_times(two, k.coupling_2)
     return Elimination(
-        inverse_1=one,
-        inverse_2=two,
-        push_1=push_1,
-        turn_1=turn_1,
-        push_2=push_2,
-        turn_2=turn_2,
-        push_push_1=dot(k.elbow_values, push_1),
-        push_turn_1=dot(k.elbow_values, turn_1),
-        turn_turn_1=dot(k.coupling_1, turn_1),
-        push_push_2=dot(k.momentum_2, push_2),
-        push_turn_2=dot(k.momentum_2, turn_2),
-        turn_turn_2=dot(k.coupling_2, turn_2),
+        inv_A=one,
+        inv_B=two,
+        inv_A_phi=inv_A_phi,
+        inv_A_c1=inv_A_c1,
+        inv_B_mu=inv_B_mu,
+        inv_B_c2=inv_B_c2,
+        phi_inv_A_phi=dot(k.elbow_values, inv_A_phi),
+        phi_inv_A_c1=dot(k.elbow_values, inv_A_c1),
+        c1_inv_A_c1=dot(k.coupling_1, inv_A_c1),
+        mu_inv_B_mu=dot(k.momentum_2, inv_B_mu),
+        mu_inv_B_c2=dot(k.momentum_2, inv_B_c2),
+        c2_inv_B_c2=dot(k.coupling_2, inv_B_c2),
     )
 
 
@@ -101,26 +101,27 @@ class Inertia(NamedTuple):
     Attributes:
         cos: C, cosine of a2 - a1.
         along: how far the elbow moves across link 2 with a unit turn of a1 [m].
-        drag, pull: the rows of a1 and a2 in q1's columns once q2 is eliminated are c1 - drag phi and pull phi.
-        first, second: phi^T A^-1 times these rows.
-        grown: factor on the elbow's response to a force across link 1, since link 2's modes give way.
-        extra: what the correction of A adds to A^-1, in units of ``A^-1 phi phi^T A^-1``.
-        left_11, left_12, left_22: what is left of M for a1 and a2.
-        scale: reciprocal of its determinant.
+        row_1_phi, row_2_phi: once q2 is eliminated, the rows of a1 and a2 in q1's columns are c1 - row_1_phi phi and
+            row_2_phi phi.
+        row_1_inv_A_phi, row_2_inv_A_phi: phi^T A^-1 times these rows.
+        elbow_factor: factor on the elbow's response to a force across link 1, since link 2's modes give way.
+        correction: what the correction of A adds to A^-1, in units of ``A^-1 phi phi^T A^-1``.
+        schur_11, schur_12, schur_22: Schur complement of the modal blocks, what is left of M for a1 and a2.
+        inverse_determinant: reciprocal of its determinant.
     """
 
     cos: Any
     along: Any
-    drag: Any
-    pull: Any
-    first: Any
-    second: Any
-    grown: Any
-    extra: Any
-    left_11: Any
-    left_12: Any
-    left_22: Any
-    scale: Any
+    row_1_phi: Any
+    row_2_phi: Any
+    row_1_inv_A_phi: Any
+    row_2_inv_A_phi: Any
+    elbow_factor: Any
+    correction: Any
+    schur_11: Any
+    schur_12: Any
+    schur_22: Any
+    inverse_determinant: Any
 
 
 def inertia(k: Constants, e: Elimination, y: Vector, cos: Any, sin: Any) -> Inertia:
@@ -136,38 +137,53 @@ def inertia(k: Constants, e: Elimination, y: Vector, cos: Any, sin: Any) -> Iner
     m = len(k.elbow_slopes)
     q1, q2 = y[1 : m + 1], y[m + 2 :]
     one, two = k.links
-    softening = e.push_push_2 * cos * cos
-    grown = 1.0 / (1.0 - softening * e.push_push_1)
-    extra = softening * grown
+    softening = e.mu_inv_B_mu * cos * cos
+    elbow_factor = 1.0 / (1.0 - softening * e.phi_inv_A_phi)
+    correction = softening * elbow_factor
     swing, moment = dot(k.elbow_values, q1), dot(k.momentum_2, q2)
     along = k.elbow_distance * cos + swing * sin
     across = k.elbow_distance * sin - swing * cos
-    rest = k.static_moment_2 - e.push_turn_2  # moment of link 2 when its modes give way
-    drag, pull = e.push_push_2 * along * cos, rest * cos - moment * sin
-    first, second = e.push_turn_1 - drag * e.push_push_1, pull * e.push_push_1
-    left_11 = root_inertia(one, q1) - e.turn_turn_1 - e.push_push_2 * along * along
-    left_11 = left_11 + drag * (e.push_turn_1 + first) - extra * first * first
-    left_12 = rest * along - moment * across - grown * pull * first
-    left_22 = root_inertia(two, q2) - e.turn_turn_2 - grown * pull * second
-    scale = 1.0 / (left_11 * left_22 - left_12 * left_12)
-    return Inertia(cos, along, drag, pull, first, second, grown, extra, left_11, left_12, left_22, scale)
+    rest = k.static_moment_2 - e.mu_inv_B_c2  # moment of link 2 when its modes give way
+    row_1_phi, row_2_phi = e.mu_inv_B_mu * along * cos, rest * cos - moment * sin
+    row_1_inv_A_phi, row_2_inv_A_phi = e.phi_inv_A_c1 - row_1_phi * e.phi_inv_A_phi, row_2_phi * e.phi_inv_A_phi
+    schur_11 = root_inertia(one, q1) - e.c1_inv_A_c1 - e.mu_inv_B_mu * along * along
+    schur_11 = (
+        schur_11 + row_1_phi * (e.phi_inv_A_c1 + row_1_inv_A_phi) - correction * row_1_inv_A_phi * row_1_inv_A_phi
+    )
+    schur_12 = rest * along - moment * across - elbow_factor * row_2_phi * row_1_inv_A_phi
+    schur_22 = root_inertia(two, q2) - e.c2_inv_B_c2 - elbow_factor * row_2_phi * row_2_inv_A_phi
+    inverse_determinant = 1.0 / (schur_11 * schur_22 - schur_12 * schur_12)
+    return Inertia(
+        cos,
+        along,
+        row_1_phi,
+        row_2_phi,
+        row_1_inv_A_phi,
+        row_2_inv_A_phi,
+        elbow_factor,
+        correction,
+        schur_11,
+        schur_12,
+        schur_22,
+        inverse_determinant,
+    )
 
 
 def solve(k: Constants, e: Elimination, at: Inertia, right: Vector) -> list[Any]:
     """x with ``M x = right``; arguments as in `inertia`, and its result."""
     m = len(k.elbow_slopes)
-    free_1, free_2 = symmetric_times(e.inverse_1, right[1 : m + 1]), symmetric_times(e.inverse_2, right[m + 2 :])
+    free_1, free_2 = symmetric_times(e.inv_A, right[1 : m + 1]), symmetric_times(e.inv_B, right[m + 2 :])
     carried = dot(k.momentum_2, free_2)  # link 2's force on the elbow, across link 2
     reaction = at.cos * carried
-    pushed = dot(k.elbow_values, free_1) - reaction * e.push_push_1
-    turned = dot(k.coupling_1, free_1) - reaction * e.push_turn_1
-    on_1 = right[0] - at.along * carried - turned + (at.drag - at.extra * at.first) * pushed
-    on_2 = right[m + 1] - dot(k.coupling_2, free_2) - at.grown * at.pull * pushed
-    turn_1 = at.scale * (at.left_22 * on_1 - at.left_12 * on_2)
-    turn_2 = at.scale * (at.left_11 * on_2 - at.left_12 * on_1)
-    force = at.drag * turn_1 - at.pull * turn_2 - reaction
-    force = force + at.extra * (pushed - at.first * turn_1 - at.second * turn_2)
-    modal_1 = [free_1[i] - e.turn_1[i] * turn_1 + e.push_1[i] * force for i in range(m)]
-    elbow = at.along * turn_1 + at.cos * dot(k.elbow_values, modal_1)  # acceleration across link 2
-    modal_2 = [free_2[i] - e.push_2[i] * elbow - e.turn_2[i] * turn_2 for i in range(m)]
-    return [turn_1, *modal_1, turn_2, *modal_2]
+    pushed = dot(k.elbow_values, free_1) - reaction * e.phi_inv_A_phi
+    turned = dot(k.coupling_1, free_1) - reaction * e.phi_inv_A_c1
+    on_1 = right[0] - at.along * carried - turned + (at.row_1_phi - at.correction * at.row_1_inv_A_phi) * pushed
+    on_2 = right[m + 1] - dot(k.coupling_2, free_2) - at.elbow_factor * at.row_2_phi * pushed
+    alpha_1 = at.inverse_determinant * (at.schur_22 * on_1 - at.schur_12 * on_2)
+    alpha_2 = at.inverse_determinant * (at.schur_11 * on_2 - at.schur_12 * on_1)
+    force = at.row_1_phi * alpha_1 - at.row_2_phi * alpha_2 - reaction
+    force = force + at.correction * (pushed - at.row_1_inv_A_phi * alpha_1 - at.row_2_inv_A_phi * alpha_2)
+    modal_1 = [free_1[i] - e.inv_A_c1[i] * alpha_1 + e.inv_A_phi[i] * force for i in range(m)]
+    elbow = at.along * alpha_1 + at.cos * dot(k.elbow_values, modal_1)  # acceleration across link 2
+    modal_2 = [free_2[i] - e.inv_B_mu[i] * elbow - e.inv_B_c2[i] * alpha_2 for i in range(m)]
+    return [alpha_1, *modal_1, alpha_2, *modal_2]
