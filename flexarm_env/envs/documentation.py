@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from flexarm_env.envs.batch import PROGRAMS
-from flexarm_env.envs.choices import DEFAULT_WEIGHTS, MODES, STARTS, ActionMode
+from flexarm_env.actions import MODES, ActionMode, modes_reading
+from flexarm_env.envs.choices import DEFAULT_WEIGHTS, STARTS
 from flexarm_env.envs.info import KEYS, Episode, info_keys
 from flexarm_env.envs.observation import BLOCKS, observation_layout
 from flexarm_env.envs.registration import IDS, NAMESPACE
@@ -115,7 +115,7 @@ def action_table(settings: Settings | None = None) -> str:
         header = ("`action_mode`", "an action is", "of", "quantity", "action", "unit")
         modes = MODES.items()
         return table(header, [(f"`{name}`", one.text, ", ".join(one.channels), *_formulas(one)) for name, one in modes])
-    mode = MODES[settings.action_mode]
+    mode = settings.mode
     rows = [
         (str(n), channel, figure(mode.least * limit), figure(limit), *_formulas(mode))
         for n, (channel, limit) in enumerate(zip(mode.channels, settings.action_limit, strict=True))
@@ -132,7 +132,7 @@ def block_table(settings: Settings | None = None) -> str:
     if settings is None:
         rows = [(f"`{name}`", block.count, block.what, block.unit) for name, block in BLOCKS.items()]
         return table(("block", "numbers (m modes a link)", "what", "unit"), rows)
-    layout = observation_layout(settings, PROGRAMS[settings.action_mode])
+    layout = observation_layout(settings, settings.program)
     header = ["numbers", "block", "what", "unit", "bound"] + ["scale"] * settings.scaled
     numbers = []
     for name, part in layout.blocks.items():
@@ -194,7 +194,7 @@ def argument_table(settings: Settings | None = None, options: Mapping[str, Any] 
     """
     rows = []
     for one in fields(Settings):
-        modes, allowed = one.metadata["modes"], one.metadata["allowed"]
+        modes, allowed = modes_reading(one.name), one.metadata["allowed"]
         if settings is not None and settings.action_mode not in modes:
             continue
         value = (options or {}).get(one.name, default_of(one))

@@ -92,7 +92,7 @@ GOES_ON = np.float64(END_CODES[NOT_TERMINATED])
 def info_keys(settings: Settings) -> tuple[str, ...]:
     """Keys of an environment's infos, in their order."""
     left_out = {TERM + name for name in TERMS if not settings.reward_weights.get(name, 0.0) > 0.0}
-    if settings.action_mode != "gain":
+    if settings.mode.law != "tip":
         left_out.add("gain")
     if settings.reference != ("moves",):
         left_out.add("is_success")

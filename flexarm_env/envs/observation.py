@@ -16,6 +16,7 @@ from flexarm_env.codegen.declarations import Program
 from flexarm_env.envs.choices import MOVE_RING
 from flexarm_env.envs.settings import Settings
 from flexarm_env.kernels.layout import layout
+from flexarm_env.parameters import SENSOR_MODELS
 from flexarm_env.physics.inverse_kinematics import LEAST_SINE
 from flexarm_env.simulation.arm import FlexibleArm
 from flexarm_env.simulation.limits import ANGLE_LIMITS, RATE_LIMIT, state_limits
@@ -84,8 +85,8 @@ def reach_of(settings: Settings) -> Reach:
     else:  # minimum-jerk moves of at most half a turn of each joint in a quarter of the lap
         radius = MOVE_RING[1] * arm.parameters.reach
         speed = 1.875 * np.pi / (0.25 * settings.lap_time) * (length_1 + 2.0 * length_2)
-    bend = _bend(arm) if settings.sensor == "true" else 0.0
-    deviation = settings.randomisation.get("noise", (0.0, settings.noise))[1]
+    bend = _bend(arm) if SENSOR_MODELS[settings.sensor].bends else 0.0
+    deviation = settings.range_of("noise")[1]
     sensed = length_1 + settings.sensor_position + bend + LARGEST_DEVIATE * deviation
     return Reach(radius, speed, sensed, sensed + radius)
 

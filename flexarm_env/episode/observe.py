@@ -23,6 +23,7 @@ from flexarm_env.codegen.arrays import (
 from flexarm_env.codegen.declarations import inlined_in_its_caller, per_lane
 from flexarm_env.codegen.random_stream import normal
 from flexarm_env.codegen.scalars import clip
+from flexarm_env.episode.actuation import make_room
 from flexarm_env.episode.recorded import features_kernel, joint_kernel, truth_kernel
 from flexarm_env.episode.sensor import CHANNELS_OF_NOISE, noise_place, sense
 from flexarm_env.episode.write_observation import write_observations, write_previews
@@ -39,18 +40,13 @@ FINAL_REST = 0.25  # of the lap; the rest after the move back (`starts.draw_move
 
 def take_actions(arena: Arena, actions: Actions, first: int, plan: Plan) -> None:
     """Enter the actions of a block, limited to [-1, 1], before the earlier ones, and note their squared change."""
-    channels = plan[header.CHANNELS]
     newest = row.TAIL + 2 * plan[header.PREVIEWS]
-    for at in range(newest + plan[header.KEPT_ACTIONS] * channels - 1, newest + channels - 1, -1):
-        kept: LaneRow = arena[at]
-        later: LaneRow = arena[at - channels]
-        for i in range(variant.lanes):
-            kept[i] = later[i]
+    make_room(arena, plan, newest)
     changes: LaneRow = arena[row.ACTION_CHANGE]
     for i in range(variant.lanes):
         changes[i] = 0.0
     ours = actions[first : first + variant.lanes]
-    for r in range(channels):
+    for r in range(plan[header.CHANNELS]):
         last: LaneRow = arena[newest + r]
         for i in range(variant.lanes):
             action = clip(ours[i, r], -1.0, 1.0)

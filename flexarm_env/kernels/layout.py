@@ -165,7 +165,12 @@ class Row(Names):
     REWARD = Entry("sum of the reward's terms", "1", 1, _ENVIRONMENT)
     STATUS = Entry("0 for a valid state (`stepping.state_status`, `episodes.judge`)", "1", 1, _REPORTED)
 
-    TAIL = Entry("previews of the reference, then kept actions, the newest first", "m, 1", 0, _ENVIRONMENT)
+    TAIL = Entry(
+        "previews of the reference, then kept actions, then kept commands unless they are the actions; newest first",
+        "m, 1, N m",
+        0,
+        _ENVIRONMENT,
+    )
 
 
 row = Row()

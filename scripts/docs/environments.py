@@ -12,7 +12,6 @@ import matplotlib.image
 import tyro
 
 from flexarm_env.envs import documentation as doc
-from flexarm_env.envs.choices import MODES
 from flexarm_env.envs.registration import IDS, NAMESPACE, Id
 from flexarm_env.envs.settings import Settings
 from flexarm_env.envs.single import FlexArmEnv
@@ -182,7 +181,7 @@ def _pointers(settings: Settings) -> str:
 
 
 def _mode(settings: Settings) -> str:
-    return _wrapped(f'`action_mode` is `"{settings.action_mode}"`: {MODES[settings.action_mode].text}.')
+    return _wrapped(f'`action_mode` is `"{settings.action_mode}"`: {settings.mode.text}.')
 
 
 def _wrapped(text: str) -> str:
