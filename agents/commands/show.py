@@ -44,6 +44,7 @@ def specification(environment: str, columns: int) -> str:
         "Action space": f"action_mode is {settings.action_mode}: {mode.text}.\n\n{doc.action_table(settings)}",
         "Observation space": f"{doc.BLOCK_RULES}\n\n{doc.block_table(settings)}",
         "Frames and units": doc.FRAMES,
+        "The side of the elbow": doc.BRANCHES,
         "Reward": f"{doc.REWARD}\n\n{doc.reward_table(settings)}",
         "Starting state": f"Here start is {settings.start}.\n\n{doc.start_table()}",
         "Episode end": f"{doc.ENDING}\n\n{doc.end_table(settings)}",

@@ -25,12 +25,20 @@ from flexarm_env.envs.settings import Settings, default_of
 from flexarm_env.envs.termination import END_CODES, ENDS
 from flexarm_env.episode.reward import TERMS
 from flexarm_env.parameters import ArmParameters
+from flexarm_env.physics.inverse_kinematics import STRAIGHT
 
 # Told once for all environments.
 ACTION = """\
 An action is an array of float32 in [-1, 1], held for one control period (from `actuation_delay` after it is given; an
 inner law itself acts without delay). `flexarm_env.actions.physical_from_action` is the map below, with its inverse.
 What is beyond that range is limited, for policies that draw from a Gaussian; what is not finite is refused."""
+BRANCHES = f"""\
+The rigid arm can be on the reference with its elbow on either side. `joint_error`, the joint-space law, drawn moves
+and starts use the side of `elbow_branch`, all the episode long. The elbow may swing through the straight arm to the
+other side, and good plans do so at corners; then `joint_error` asks it to come back. `present_joint_error` and
+`present_joint_error_rate` are on the side on which the encoders see the elbow: the sign of sin(theta2) when it was last
+bent by more than {STRAIGHT:g} rad, off the straight and off the folded arm, and `elbow_branch` before.
+`info["elbow_side"]` follows the same rule with the true angle, and is 0 before."""
 FRAMES = """\
 All units are SI. theta1 is the angle of link 1's root from the world's x axis, theta2 that of link 2's root from the
 tangent at link 1's tip. Blocks in m and m/s are x and y in a frame whose origin is the shoulder: with `frame="link"`
@@ -93,7 +101,7 @@ def specification(introduction: str) -> str:
         "Description": rest,
         "Ids": table(("id", "task"), ((f"`{NAMESPACE}/{name}`", one.summary) for name, one in IDS.items())),
         "Action space": f"{ACTION}\n\n{action_table()}",
-        "Observation space": f"{BLOCK_RULES}\n\n{FRAMES}\n\n{LATENESS}\n\n{block_table()}",
+        "Observation space": f"{BLOCK_RULES}\n\n{FRAMES}\n\n{BRANCHES}\n\n{LATENESS}\n\n{block_table()}",
         "Reward": f"{REWARD}\n\n{reward_table()}\n\n{SCORE}",
         "Starting state": start_table(),
         "Episode end": f"{ENDING}\n\n{end_table()}",

@@ -170,17 +170,32 @@ BLOCKS: dict[str, Block] = {
         lambda s, r: _even(2, 3.0, RATE_LIMIT + LARGEST_DEVIATE * s.encoder_noise[1]),
     ),
     "joint_error": Block(
-        "joint angles of the rigid arm on the reference minus the measured ones, within half a turn",
+        "joint angles of the rigid arm on the reference, with its elbow on the side of `elbow_branch`, minus the "
+        "measured ones, within half a turn",
         "rad",
         "2",
         _rows("F_JOINT_ERROR"),
         lambda s, r: _even(2, 0.3, np.pi + 1e-9),
     ),
     "joint_error_rate": Block(
-        "joint rates of the rigid arm on the reference minus the measured ones",
+        "joint rates of that arm minus the measured ones",
         "rad/s",
         "2",
         _rows("F_JOINT_ERROR_RATE"),
+        lambda s, r: _even(2, 3.0, _joint_rate_bound(s, r)),
+    ),
+    "present_joint_error": Block(
+        "as `joint_error`, with the rigid arm's elbow on the side on which the measured elbow is",
+        "rad",
+        "2",
+        _rows("F_PRESENT_JOINT_ERROR"),
+        lambda s, r: _even(2, 0.3, np.pi + 1e-9),
+    ),
+    "present_joint_error_rate": Block(
+        "as `joint_error_rate`, for that arm",
+        "rad/s",
+        "2",
+        _rows("F_PRESENT_JOINT_ERROR_RATE"),
         lambda s, r: _even(2, 3.0, _joint_rate_bound(s, r)),
     ),
     "encoder_error": Block(

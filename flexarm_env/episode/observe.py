@@ -32,6 +32,7 @@ from flexarm_env.kernels.imex import state_status
 from flexarm_env.kernels.layout import row
 from flexarm_env.kernels.path_cache import note_side, on_side, segment
 from flexarm_env.kernels.variants import variant
+from flexarm_env.physics.inverse_kinematics import elbow_side, joint_angles_for, joint_rates_for
 from flexarm_env.physics.polyline import AHEAD
 
 NEAR = 0.02  # [m]; a tip that is not farther from the reference has arrived
@@ -100,13 +101,14 @@ def look(
                 noise = normal(keys[i], noise_place(clock, plan, i) + CHANNELS_OF_NOISE + 2 * r)
                 arena[row.MEASURED + r, i] += deviation * noise
     joint_kernel(arena, settings[setting.LENGTHS], settings[setting.LENGTHS + 1], settings[setting.BRANCH])
+    note_elbow(arena)
+    aim_on_present_side(arena, settings)
     features_kernel(
         arena,
         settings[setting.LENGTHS],
         settings[setting.LENGTHS + 1],
         settings[setting.WEIGHTS : setting.WEIGHTS + variant.reward_terms],
     )
-    note_elbow(arena)
     if variant.own_paths:
         note_rest(arena, clock, settings)
     judge(arena, settings)
@@ -151,17 +153,42 @@ def side_time(arena: Arena, clock: Clock, h: float, i: int) -> float:
 
 
 def note_elbow(arena: Arena) -> None:
-    """Side of every lane's elbow, 1 where sin(theta2) >= 0 and -1 elsewhere, and how often it has changed.
+    """Side of every lane's elbow, how often it has changed, and the side that the encoders tell.
 
-    A state that is not finite changes nothing. At the beginning of an episode the side before is 0.
+    An elbow that is on neither side (`elbow_side`), or whose state is not finite, stays on the side where it was; when
+    an episode begins, that is 0.
     """
     for i in range(variant.lanes):
-        turns = arena[row.STATE + 1, i] * 0.15915494309189535
-        share = turns - floor(turns)
-        before = arena[row.ELBOW_SIDE, i]
-        side = 1.0 if share < 0.5 else (-1.0 if share >= 0.5 else before)
+        side, before = elbow_side(arena[row.STATE + 1, i]), arena[row.ELBOW_SIDE, i]
         arena[row.ELBOW_CHANGES, i] += 1.0 if side * before < 0.0 else 0.0
-        arena[row.ELBOW_SIDE, i] = side
+        arena[row.ELBOW_SIDE, i] = before if side == 0.0 else side
+        measured = elbow_side(arena[row.MEASURED + 1, i])
+        arena[row.MEASURED_SIDE, i] = arena[row.MEASURED_SIDE, i] if measured == 0.0 else measured
+
+
+def aim_on_present_side(arena: Arena, settings: Table) -> None:
+    """Joint angles and rates of the rigid arm on the reference with the elbow on its present side, of every lane.
+
+    Those of `JOINT`, unless the elbow has left the side of inverse kinematics.
+    """
+    for r in range(4):
+        for i in range(variant.lanes):
+            arena[row.PRESENT_JOINT + r, i] = arena[row.JOINT + r, i]
+    swung = 0
+    for i in range(variant.lanes):
+        swung += arena[row.MEASURED_SIDE, i] * settings[setting.BRANCH] < 0.0
+    for i in range(variant.lanes if swung > 0 else 0):
+        side = arena[row.MEASURED_SIDE, i]
+        if side * settings[setting.BRANCH] < 0.0:
+            length_1, length_2 = settings[setting.LENGTHS], settings[setting.LENGTHS + 1]
+            x, y = arena[row.REFERENCE, i], arena[row.REFERENCE + 1, i]
+            vx, vy = arena[row.REFERENCE + 2, i], arena[row.REFERENCE + 3, i]
+            theta1, theta2 = joint_angles_for(length_1, length_2, side, x, y)
+            rate_1, rate_2 = joint_rates_for(length_1, length_2, theta1, theta2, vx, vy)
+            arena[row.PRESENT_JOINT, i] = theta1
+            arena[row.PRESENT_JOINT + 1, i] = theta2
+            arena[row.PRESENT_JOINT + 2, i] = rate_1
+            arena[row.PRESENT_JOINT + 3, i] = rate_2
 
 
 def note_rest(arena: Arena, clock: Clock, settings: Table) -> None:

@@ -278,6 +278,7 @@ def start_lane(
     arena[row.ACTION_CHANGE, i] = 0.0
     arena[row.EFFECTIVE_GAIN, i] = 0.0
     arena[row.ELBOW_SIDE, i] = 0.0
+    arena[row.MEASURED_SIDE, i] = 0.0
     arena[row.ELBOW_CHANGES, i] = 0.0
     arena[row.SUCCESS, i] = 0.0
     arena[row.AWAY, i] = (clock[clock_row.STEPS, i] - 1) * settings[setting.STEP]

@@ -79,6 +79,7 @@ def index() -> str:
         "Make a batch": [_BATCH, _batch(), doc.parameter_table(vector), _AUTORESET, _batch(autoreset_mode="SameStep")],
         "Parameters of the arm": [_ARM, doc.arm_table()],
         "Frames and units": [doc.FRAMES],
+        "The side of the elbow": [doc.BRANCHES],
         "The late sensor": [doc.LATENESS],
         "Reward and score": [doc.REWARD, doc.SCORE],
         "How an episode starts": [doc.start_table(), _RESET, doc.option_table()],
