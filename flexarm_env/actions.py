@@ -73,6 +73,19 @@ MODES: dict[str, ActionMode] = {
         limit="torque_limit",
         program="torque",
     ),
+    "torque_rate": ActionMode(
+        text="change of the motors' torque per second: at the start of a control period the torque becomes "
+        "`clip(torque + torque_rate * control_period, -torque_limit, torque_limit)`, from 0 at the reset, and is held; "
+        "the block `torque` observes it. Its spectrum is bounded, so that it excites high modes little",
+        quantity="torque_rate",
+        unit="N m/s",
+        formula="torque_rate_limit * a",
+        inverse="torque_rate / torque_rate_limit",
+        limit="torque_rate_limit",
+        program="torque_rate",
+        accumulates=True,
+        options=("torque_rate_limit",),
+    ),
     "residual": ActionMode(
         text="torque added to an inner joint-space tracking law (a spring and a damper between each joint and the "
         "rigid arm's way along the reference), which acts in continuous time; `torque_limit` limits the sum too",

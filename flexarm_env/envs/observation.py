@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from flexarm_env.actions import MODES
 from flexarm_env.codegen.declarations import Program
 from flexarm_env.envs.choices import MOVE_RING
 from flexarm_env.envs.settings import Settings
@@ -64,6 +65,7 @@ class Block:
         count: how many numbers, as text with m modes a link.
         rows: name of the arena's part it is read from, first number there, and how many.
         limits: scales and bounds.
+        modes: action modes that have it.
     """
 
     what: str
@@ -71,6 +73,7 @@ class Block:
     count: str
     rows: Callable[[Settings], tuple[str, int, int]]
     limits: Callable[[Settings, Reach], Limits]
+    modes: tuple[str, ...] = tuple(MODES)
 
 
 def reach_of(settings: Settings) -> Reach:
@@ -264,6 +267,14 @@ BLOCKS: dict[str, Block] = {
         lambda s: ("TAIL", 2 * len(s.previews), s.last_actions * len(s.action_limit)),
         lambda s, r: _even(s.last_actions * len(s.action_limit), 1.0, 1.0),
     ),
+    "torque": Block(
+        "commanded torque of the motors, which `actuation_delay` makes act later; what the next action changes",
+        "N m",
+        "2",
+        lambda s: ("TAIL", 2 * len(s.previews) + s.kept_actions * len(s.action_limit), 2),
+        lambda s, r: Limits(list(s.motor_limit), list(s.motor_limit)),
+        tuple(name for name, mode in MODES.items() if mode.accumulates),
+    ),
     "lap_phase": Block(
         "cosine and sine of the share of the lap that is done, as an angle",
         "1",
@@ -305,7 +316,7 @@ def observation_layout(settings: Settings, program: Program) -> ObservationLayou
         program: of the kernels.
 
     Raises:
-        ValueError: for an unknown block.
+        ValueError: for an unknown block, or one that the action mode does not have.
     """
     places = layout(program, _modes(settings), settings.flexible_arm.constants.foreshortened)
     reach = reach_of(settings)
@@ -315,6 +326,11 @@ def observation_layout(settings: Settings, program: Program) -> ObservationLayou
     bound: list[float] = []
     for name in settings.observation:
         block = BLOCKS[choice("observation", name, BLOCKS)]
+        if settings.action_mode not in block.modes:
+            raise ValueError(
+                f"observation: there is no block {name!r} with action_mode = {settings.action_mode!r}; "
+                f"only with {' or '.join(map(repr, block.modes))}"
+            )
         part, first, count = block.rows(settings)
         limits = block.limits(settings, reach)
         blocks[name] = slice(len(rows), len(rows) + count)

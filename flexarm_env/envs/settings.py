@@ -102,6 +102,12 @@ class Settings:
         "of shoulder and elbow; None: 150 and 50, for the gain no limit (limited, the law loses the path)",
         allowed_of(LawParameters, "torque_limit"),
     )
+    torque_rate_limit: tuple[float, float] = _option(
+        # The second modes of the default arm, 36 Hz and more, feel less than a tenth of what a step of the torque does.
+        (3000.0, 1000.0),
+        "change of the torque per second at action 1; the default reverses the default torques in 0.1 s",
+        Pair(1e-6, 1e12, "N m/s"),
+    )
     gain_limit: float = _option(1.0, "lambda at action 1", Number(1e-6, 1e6, "1"))
     shift_limit: tuple[float, float] = _option(
         (0.3, 0.3), "shift of the joints' reference at action 1", Pair(1e-6, np.pi, "rad")

@@ -13,6 +13,7 @@ from numpy import floor
 
 from flexarm_env.codegen.arrays import Arena, Clock, History, LaneRow, Paths, Plan, Table
 from flexarm_env.codegen.declarations import Function, chosen_by_program, inlined_in_its_caller
+from flexarm_env.codegen.scalars import clip
 from flexarm_env.episode.recorded import joint_kernel
 from flexarm_env.kernels.entries import clock_row, drawn, header, setting
 from flexarm_env.kernels.imex import count_steps, evaluate_law, loop_step, slot_after, store_reading
@@ -145,6 +146,26 @@ def drive_torque(arena: Arena, history: History, clock: Clock, paths: Paths, pla
         step_kernel(arena, settings[setting.STEP])
         keep_reading(arena, history, clock, plan, step + 1)
     count_steps(clock, history, plan[header.SUBSTEPS])
+
+
+def add_up_torques(arena: Arena, plan: Plan, settings: Table) -> None:
+    """Enter a block's newest commanded torques: the ones before and what the actions add, within the motors' limits."""
+    actions, torques = row.TAIL + 2 * plan[header.PREVIEWS], row.TAIL + plan[header.COMMANDS]
+    make_room(arena, plan, torques)
+    for r in range(2):
+        change, limit = settings[setting.ACTION_SCALE + r] * settings[setting.PERIOD], settings[setting.MOTOR_LIMIT + r]
+        for i in range(variant.lanes):
+            arena[torques + r, i] = clip(arena[torques + r, i] + change * arena[actions + r, i], -limit, limit)
+
+
+@drives("torque_rate", "actions are changes of the torques")
+def drive_torque_rate(arena: Arena, history: History, clock: Clock, paths: Paths, plan: Plan, settings: Table) -> None:
+    """The action is the change of the motors' torque per second.
+
+    Args: as `drive_torque`.
+    """
+    add_up_torques(arena, plan, settings)
+    drive_torque(arena, history, clock, paths, plan, settings)
 
 
 def hermite(u: float, period: float) -> Factors:

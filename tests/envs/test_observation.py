@@ -10,14 +10,13 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
 
 from flexarm_env import SquareParameters, inverse_kinematics, square
-from flexarm_env.envs.observation import BLOCKS
 from flexarm_env.envs.single import FlexArmEnv
 from flexarm_env.physics.paths import ReferencePath
-from tests.support.envs import GAIN, PAPER, RESIDUAL, SQUARE, bare, block
+from tests.support.envs import EVERYWHERE, GAIN, PAPER, RESIDUAL, SQUARE, bare, block
 
 Array = NDArray[np.float64]
 STEPS = 40
-ALL: dict[str, Any] = {"observation": list(BLOCKS), "error_limit": None, "deflection_limit": None}
+ALL: dict[str, Any] = {"observation": EVERYWHERE, "error_limit": None, "deflection_limit": None}
 FLOAT = 3e-7  # rounding to float32, relative
 
 
@@ -111,7 +110,7 @@ def test_blocks_hold_what_they_say(env_id: str, frame: str, scaled: bool) -> Non
     for name in ("joint_error", "joint_error_rate"):  # the elbow stays on its side; else see below
         np.testing.assert_array_equal(run.block(f"present_{name}"), run.block(name))
     others = {"sensor_error", "sensor_error_rate", "present_joint_error", "present_joint_error_rate"}
-    assert set(expected) | others | {"joint_error_rate"} == set(BLOCKS)
+    assert set(expected) | others | {"joint_error_rate"} == set(EVERYWHERE)
     assert np.ptp(run.block("reference_velocity"), axis=0).max() > 1.0  # the corner was met
 
 
