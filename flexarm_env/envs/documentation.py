@@ -135,10 +135,16 @@ def _formulas(mode: ActionMode) -> tuple[str, str, str]:
     return f"`{mode.quantity} = {mode.formula}`", f"`a = {mode.inverse}`", mode.unit
 
 
+def _only_in(modes: Sequence[str]) -> str:
+    return f" (only in mode {' or '.join(modes)})" if len(modes) < len(MODES) else ""
+
+
 def block_table(settings: Settings | None = None) -> str:
     """Blocks of an observation: all that exist, or where settings are given theirs, with places and numbers."""
     if settings is None:
-        rows = [(f"`{name}`", block.count, block.what, block.unit) for name, block in BLOCKS.items()]
+        rows = [
+            (f"`{name}`", block.count, block.what + _only_in(block.modes), block.unit) for name, block in BLOCKS.items()
+        ]
         return table(("block", "numbers (m modes a link)", "what", "unit"), rows)
     layout = observation_layout(settings, settings.program)
     header = ["numbers", "block", "what", "unit", "bound"] + ["scale"] * settings.scaled
@@ -206,9 +212,7 @@ def argument_table(settings: Settings | None = None, options: Mapping[str, Any] 
         if settings is not None and settings.action_mode not in modes:
             continue
         value = (options or {}).get(one.name, default_of(one))
-        text = one.metadata["text"]
-        if settings is None and len(modes) < len(MODES):
-            text += f" (only in mode {' or '.join(modes)})"
+        text = one.metadata["text"] + (_only_in(modes) if settings is None else "")
         rows.append((f"`{one.name}`", f"`{_python(value)}`", allowed.unit, allowed.text, text))
     return table(("argument", "default", "unit", "allowed", "what"), rows)
 

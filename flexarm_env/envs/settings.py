@@ -51,6 +51,7 @@ from flexarm_env.lazy import cached_property
 from flexarm_env.parameters import (
     LARGEST_NOISE,
     MAX_DELAY,
+    SENSOR_MODELS,
     WAVE_SPEED,
     Compensation,
     Corner,
@@ -136,7 +137,7 @@ class Settings:
     delayed: Delayed = _option("position", "see `SensorParameters`", allowed_of(SensorParameters, "delayed"))
     sensor: SensorModel = _option(
         "true",
-        'what the sensor on link 2 sees: the "true" point, the "rigid" one or the "collocated"; see `SensorParameters`',
+        "what the sensor on link 2 reads: " + "; ".join(f'"{name}": {one.text}' for name, one in SENSOR_MODELS.items()),
         allowed_of(SensorParameters, "model"),
     )
     sensor_position: float = _option(4.5, "of the sensor from the elbow", allowed_of(SensorParameters, "position"))
