@@ -1,35 +1,158 @@
-"""The map between an action in [-1, 1] and what it stands for: a torque, a shift, a gain.
+"""What an action in [-1, 1] stands for: the action modes, each declared once, and the map to physical values.
 
-Symbols: ``lambda`` the gain that multiplies the control law's torque (14), dimensionless. The baselines
-write actions with it; the kernels read them by the same formula (`drives`), as tests hold them to.
+All that depends on the mode reads `MODES`: options and their defaults, kernels, integration step, documentation. The
+kernels apply the map themselves (`episode.actuation`); a test compares both.
+
+Symbols: ``lambda`` the gain that multiplies the control law's torque (14), dimensionless.
 """
 
 from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexarm_env.validation import choice
 
-ACTION_MODES = ("torque", "residual", "reference", "gain")
+TORQUE_LIMIT = (150.0, 50.0)  # [N m], of shoulder and elbow
+JOINTS = ("shoulder", "elbow")
+
+
+@dataclass(frozen=True, kw_only=True)
+class ActionMode:
+    """What an entry a of an action, in [-1, 1], stands for, and what the mode asks of the environment.
+
+    Attributes:
+        text: description.
+        quantity: name of the physical quantity in the formulas.
+        unit: of it.
+        formula: the quantity from a, as Python writes it; other names are options.
+        inverse: a from the quantity.
+        limit: the option that sets the quantity at a = 1; `Settings.action_limit` has its value.
+        channels: what each entry belongs to.
+        least: the quantity at a = -1, as a share of that at 1: -1 or 0.
+        idle: the action that commands nothing; the actions before an episode's first one.
+        program: name of the kernels' program (`episode.step.PROGRAMS`).
+        integrator: "explicit" (Runge-Kutta) or "implicit" (ARS(4,4,3)); it sets the stability bound
+            (`simulation.stability.STABLE_ANGLE`) and the default integration step.
+        law: the feedback law that acts beside or under the action: "joints" (joint-space tracking), "tip" (the
+            paper's), or "" for none.
+        torque_limit: default of that option [N m]; None: no limit.
+        accumulates: the command is the sum of the actions, and the kernels keep it beside them.
+        shifts: the action shifts the aim of the joint-space law; its delay is then a whole number of periods.
+        options: options that only some modes read, and this one does.
+    """
+
+    text: str
+    quantity: str
+    unit: str
+    formula: str
+    inverse: str
+    limit: str
+    channels: tuple[str, ...] = JOINTS
+    least: float = -1.0
+    idle: float = 0.0
+    program: str
+    integrator: Literal["explicit", "implicit"] = "explicit"
+    law: Literal["", "joints", "tip"] = ""
+    torque_limit: tuple[float, float] | None = TORQUE_LIMIT
+    accumulates: bool = False
+    shifts: bool = False
+    options: tuple[str, ...] = ()
+
+
+MODES: dict[str, ActionMode] = {
+    "torque": ActionMode(
+        text="torque of the motors, held over the control period",
+        quantity="torque",
+        unit="N m",
+        formula="torque_limit * a",
+        inverse="torque / torque_limit",
+        limit="torque_limit",
+        program="torque",
+    ),
+    "torque_rate": ActionMode(
+        text="change of the motors' torque per second: at the start of a control period the torque becomes "
+        "`clip(torque + torque_rate * control_period, -torque_limit, torque_limit)`, from 0 at the reset, and is held; "
+        "the block `torque` observes it. Its spectrum is bounded, so that it excites high modes little",
+        quantity="torque_rate",
+        unit="N m/s",
+        formula="torque_rate_limit * a",
+        inverse="torque_rate / torque_rate_limit",
+        limit="torque_rate_limit",
+        program="torque_rate",
+        accumulates=True,
+        options=("torque_rate_limit",),
+    ),
+    "residual": ActionMode(
+        text="torque added to an inner joint-space tracking law (a spring and a damper between each joint and the "
+        "rigid arm's way along the reference), which acts in continuous time; `torque_limit` limits the sum too",
+        quantity="residual",
+        unit="N m",
+        formula="torque_limit * a",
+        inverse="residual / torque_limit",
+        limit="torque_limit",
+        program="tracking",
+        law="joints",
+        options=("inner_stiffness", "inner_resistance"),
+    ),
+    "reference": ActionMode(
+        text="shift of that law's joint reference, reached linearly within the control period",
+        quantity="shift",
+        unit="rad",
+        formula="shift_limit * a",
+        inverse="shift / shift_limit",
+        limit="shift_limit",
+        program="tracking",
+        law="joints",
+        shifts=True,
+        options=("shift_limit", "inner_stiffness", "inner_resistance"),
+    ),
+    "gain": ActionMode(
+        text="the gain lambda of the paper's law (10), (14), which acts in continuous time",
+        quantity="gain",
+        unit="1",
+        formula="gain_limit * (a + 1) / 2",
+        inverse="2 * gain / gain_limit - 1",
+        limit="gain_limit",
+        channels=("law",),
+        least=0.0,
+        idle=-1.0,
+        program="gain",
+        integrator="implicit",
+        law="tip",
+        torque_limit=None,
+        options=(
+            *("gain_limit", "proportional_gain", "derivative_gain", "compensation"),
+            *("law_sensor", "rate_jacobian", "delayed"),
+        ),
+    ),
+}
+
+
+def modes_reading(option: str) -> tuple[str, ...]:
+    """Names of the action modes that read an option of the environments."""
+    readers = tuple(name for name, mode in MODES.items() if option in mode.options)
+    return readers or tuple(MODES)
 
 
 def physical_from_action(mode: str, action: ArrayLike, limit: ArrayLike) -> NDArray[np.float64]:
     """What an action in [-1, 1] stands for, in the action mode's unit.
 
     Args:
-        mode: "torque" and "residual": torques [N m]; "reference": shifts of the joints' reference [rad]; "gain":
-            lambda, dimensionless.
+        mode: a name in `MODES`, which has the unit.
         action: values in [-1, 1]. Shape (..., channels).
         limit: value of the action 1; one for all channels or one each, as `Settings.action_limit`.
 
     Returns:
-        ``limit action``; for the gain `gain_from_action`. Shape of ``action``.
+        ``limit action``, or where the action -1 stands for 0, `gain_from_action`. Shape of ``action``.
 
     Raises:
         ValueError: for another mode, an action that is not finite or not in [-1, 1], or a limit that is not positive.
     """
-    if choice("mode", mode, ACTION_MODES) == "gain":
+    if MODES[choice("mode", mode, MODES)].least == 0.0:
         return gain_from_action(action, limit)
     return np.asarray(_checked_range("action", action, -1.0, 1.0) * _checked_limit(limit))
 
@@ -43,12 +166,12 @@ def action_from_physical(mode: str, value: ArrayLike, limit: ArrayLike) -> NDArr
         limit: see there.
 
     Returns:
-        ``value / limit``; for the gain `action_from_gain`. Shape of ``value``.
+        ``value / limit``, or where the action -1 stands for 0, `action_from_gain`. Shape of ``value``.
 
     Raises:
         ValueError: for another mode, a value that is not finite or beyond the limit, or a limit that is not positive.
     """
-    if choice("mode", mode, ACTION_MODES) == "gain":
+    if MODES[choice("mode", mode, MODES)].least == 0.0:
         return action_from_gain(value, limit)
     return _checked_range("value / limit", np.asarray(value, dtype=np.float64) / _checked_limit(limit), -1.0, 1.0)
 

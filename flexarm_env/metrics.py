@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from flexarm_env.physics.inverse_kinematics import elbow_side
 from flexarm_env.simulation.arm import FlexibleArm
 from flexarm_env.simulation.trajectory import Trajectory
 
 Array = NDArray[np.float64]
-STRAIGHT = 0.05  # [rad]; an elbow bent by less is on neither side. Two equal links then reach to 0.03 % of their length
 
 
 class TrackingError(NamedTuple):
@@ -155,7 +155,8 @@ def circle_fit(path: Array) -> CircleFit:
 def elbow_changes(run: Trajectory) -> Array:
     """When the elbow changed sides: the times at which the sign of sin(theta2) changed.
 
-    The elbow is on a side only where it is bent by more than 0.05 rad, off the straight and off the folded arm. A
+    The elbow is on a side only where it is bent by more than `STRAIGHT`, 0.05 rad, off the straight and off the folded
+    arm (`elbow_side`; the environments' infos count by the same rule). A
     motion within that band, and one that comes back to the side that it left, is no change. The time of a change is
     the last at which theta2 passed 0 (or pi) on the way to the new side.
 
@@ -165,9 +166,9 @@ def elbow_changes(run: Trajectory) -> Array:
     Returns:
         Times [s], interpolated linearly between instants. Shape (changes,).
     """
-    bend = np.sin(run.state[:, 1])
-    (bent,) = np.nonzero(np.abs(bend) > np.sin(STRAIGHT))
-    sides = np.sign(bend[bent])
+    bend, sides = np.sin(run.state[:, 1]), elbow_side(run.state[:, 1])
+    (bent,) = np.nonzero(sides)
+    sides = sides[bent]
     (turns,) = np.nonzero(sides[1:] != sides[:-1])
     times = []
     for before, after in zip(bent[turns], bent[turns + 1], strict=True):

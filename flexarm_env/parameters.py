@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Literal, get_args
+from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 
@@ -33,6 +33,44 @@ MAX_DELAY = 10.0  # [s]; the delay line holds a reading for every integration st
 WAVE_SPEED = 288.33  # c [m/s] (15)
 HEAVIEST_PAYLOAD = 1e3  # [kg]
 LARGEST_NOISE = 1e3  # [m], [rad], [rad/s]
+
+
+class SensorTraits(NamedTuple):
+    """What a model of the end-effector sensor is.
+
+    Attributes:
+        text: description.
+        reading: what a reading holds: the joint "angles", from which rigid kinematics give the point and the law's
+            Jacobian, or the Cartesian "point" of the bent link (`physics.sensing.READINGS`,
+            `control.jacobian_transpose.MEASUREMENTS`).
+        delays: of a reading: "none"; for "each joint" its own; or "one" for the whole reading.
+    """
+
+    text: str
+    reading: Literal["angles", "point"]
+    delays: Literal["none", "each joint", "one"]
+
+    @property
+    def late(self) -> bool:
+        """Whether readings are late."""
+        return self.delays != "none"
+
+    @property
+    def bends(self) -> bool:
+        """Whether the sensor sees the deflection."""
+        return self.reading == "point"
+
+
+SENSOR_MODELS: dict[SensorModel, SensorTraits] = {
+    "collocated": SensorTraits("joint angles and rates, no delay", "angles", "none"),
+    "rigid": SensorTraits(
+        "noncollocated as in the paper, rigid kinematics (8), (9) of the delayed joint angles, each by its own delay",
+        "angles",
+        "each joint",
+    ),
+    "true": SensorTraits("the physical point with its deflection, the whole reading late by one delay", "point", "one"),
+}
+assert tuple(SENSOR_MODELS) == get_args(SensorModel)
 
 
 @dataclass(frozen=True)
@@ -130,9 +168,7 @@ class SensorParameters:
     """Where the end-effector sensor sits, what it sees, and how late.
 
     Attributes:
-        model: "collocated": joint angles and rates, no delay. "rigid": noncollocated as in the paper, rigid
-            kinematics (8), (9) of the delayed joint angles, each by its own delay. "true": the physical point
-            with its deflection, the whole reading late by one delay.
+        model: "collocated", "rigid" or "true"; `SENSOR_MODELS` says what each is.
         position: distance of the sensor from the elbow along link 2 [m]; it replaces L2 in (8), (9) and (13) of
             all three models. Paper: 4.5 (end effector) and 0.5.
         delay: None: distance from each joint to the sensor over the wave speed (16), (18). Else [s], one number
@@ -157,12 +193,17 @@ class SensorParameters:
     def __post_init__(self) -> None:
         """Validate; see `ArmParameters.__post_init__` for the errors."""
         check_fields(self)
-        if self.model == "collocated" and self.delay is not None:
-            raise ValueError(f"delay = {self.delay!r}: a collocated sensor has none; it must be None")
-        if self.model == "true" and isinstance(self.delay, tuple):
+        if not self.traits.late and self.delay is not None:
+            raise ValueError(f"delay = {self.delay!r}: a {self.model} sensor has none; it must be None")
+        if self.traits.delays == "one" and isinstance(self.delay, tuple):
             raise ValueError(
-                f"delay = {self.delay!r}: a 'true' sensor's reading has one delay; it must be one number [s]"
+                f"delay = {self.delay!r}: a {self.model!r} sensor's reading has one delay; it must be one number [s]"
             )
+
+    @property
+    def traits(self) -> SensorTraits:
+        """What its model is."""
+        return SENSOR_MODELS[self.model]
 
     def joint_delays(self, shoulder_to_elbow: float) -> tuple[float, float]:
         """Delay of the shoulder's and of the elbow's measurement [s] (16), (18).
@@ -175,7 +216,7 @@ class SensorParameters:
             ValueError: if the wave speed makes one longer than `MAX_DELAY`.
         """
         root = number("shoulder_to_elbow", shoulder_to_elbow, "m", least=0.0)
-        if self.model == "collocated":
+        if not self.traits.late:
             return 0.0, 0.0
         if isinstance(self.delay, tuple):
             return self.delay
@@ -187,7 +228,7 @@ class SensorParameters:
                 f"wave_speed = {self.wave_speed} m/s: the sensor would be late by {shoulder:.4g} s; "
                 f"at most {MAX_DELAY} s is allowed"
             )
-        return shoulder, shoulder if self.model == "true" else self.position / self.wave_speed
+        return shoulder, shoulder if self.traits.delays == "one" else self.position / self.wave_speed
 
 
 @dataclass(frozen=True)

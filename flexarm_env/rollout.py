@@ -87,7 +87,7 @@ def _check_gain_limit(env: FlexArmEnv, policy: Any) -> None:
     limit = getattr(policy, "gain_limit", None)
     if limit is None:
         return
-    if env.settings.action_mode != "gain":
+    if env.settings.mode.limit != "gain_limit":
         raise ValueError(f"policy commands a gain; the environment's action is {env.settings.action_mode!r}")
     if limit != env.gain_limit:
         raise ValueError(

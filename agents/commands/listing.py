@@ -7,8 +7,6 @@ from collections.abc import Sequence
 from flexarm_agents.commands.arguments import reader
 from flexarm_agents.commands.text import columns
 from flexarm_agents.load import load_policy, shipped_policies
-from flexarm_env.envs.batch import PROGRAMS
-from flexarm_env.envs.choices import MODES
 from flexarm_env.envs.documentation import figure
 from flexarm_env.envs.observation import observation_layout
 from flexarm_env.envs.registration import IDS, NAMESPACE
@@ -21,8 +19,8 @@ def run(arguments: Sequence[str]) -> None:
     rows = [("id", "actions", "observations", "period", "task")]
     for name, one in IDS.items():
         settings = Settings.of(one.options)
-        actions = len(MODES[settings.action_mode].channels)
-        observations = len(observation_layout(settings, PROGRAMS[settings.action_mode]).scale)
+        actions = len(settings.mode.channels)
+        observations = len(observation_layout(settings, settings.program).scale)
         period = f"{figure(1e3 * settings.control_period)} ms"
         rows.append((f"{NAMESPACE}/{name}", str(actions), str(observations), period, one.summary))
     print(columns(rows))

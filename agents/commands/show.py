@@ -8,8 +8,6 @@ from flexarm_agents.commands.arguments import reader, width
 from flexarm_agents.commands.text import from_markdown
 from flexarm_agents.environments import check_id
 from flexarm_env.envs import documentation as doc
-from flexarm_env.envs.batch import PROGRAMS
-from flexarm_env.envs.choices import MODES
 from flexarm_env.envs.observation import observation_layout
 from flexarm_env.envs.registration import IDS
 from flexarm_env.envs.settings import Settings
@@ -31,8 +29,8 @@ def specification(environment: str, columns: int) -> str:
     """
     one = IDS[environment.partition("/")[2]]
     settings = Settings.of(one.options)
-    mode = MODES[settings.action_mode]
-    count = len(observation_layout(settings, PROGRAMS[settings.action_mode]).scale)
+    mode = settings.mode
+    count = len(observation_layout(settings, settings.program).scale)
     period = settings.control_period
     facts = [
         ("actions", f"Box(-1, 1, ({len(mode.channels)},), float32)"),
@@ -46,6 +44,7 @@ def specification(environment: str, columns: int) -> str:
         "Action space": f"action_mode is {settings.action_mode}: {mode.text}.\n\n{doc.action_table(settings)}",
         "Observation space": f"{doc.BLOCK_RULES}\n\n{doc.block_table(settings)}",
         "Frames and units": doc.FRAMES,
+        "The side of the elbow": doc.BRANCHES,
         "Reward": f"{doc.REWARD}\n\n{doc.reward_table(settings)}",
         "Starting state": f"Here start is {settings.start}.\n\n{doc.start_table()}",
         "Episode end": f"{doc.ENDING}\n\n{doc.end_table(settings)}",

@@ -26,7 +26,7 @@ from numpy.typing import ArrayLike, NDArray
 from flexarm_env.analysis.checks import instance
 from flexarm_env.analysis.operating_point import OperatingPoint
 from flexarm_env.analysis.sensor import rigid_jacobian
-from flexarm_env.parameters import LawParameters, SensorParameters
+from flexarm_env.parameters import LawParameters, SensorParameters, SensorTraits
 from flexarm_env.physics.linearisation import Linearisation
 from flexarm_env.physics.paths import inverse_kinematics
 from flexarm_env.simulation.arm import FlexibleArm
@@ -185,15 +185,15 @@ def law_loop(
     point = OperatingPoint.at_angles(arm, angles)
     jacobian = rigid_jacobian(lengths[0], sensor.position, point.q)
     rows = np.hstack([jacobian, np.zeros((2, arm.size - 2))])
-    if sensor.model == "true":
+    if sensor.traits.bends:
         rows = arm.point_jacobian(point.q, 2, sensor.position)
     stiffness, resistance = (k * jacobian.T @ rows for k in (law.proportional_gain, law.derivative_gain))
     turning = np.zeros_like(stiffness)
     turning[:, :2] = -law.proportional_gain * _turned(lengths[0], sensor.position, angles, error)
     nothing = np.zeros_like(stiffness)
     late_rate = sensor.delayed == "position+rate"
-    shoulder, elbow = (c * stiffness for c in _columns(arm.size, sensor.model))
-    rates = [c * resistance if late_rate else nothing for c in _columns(arm.size, sensor.model)]
+    shoulder, elbow = (c * stiffness for c in _columns(arm.size, sensor.traits))
+    rates = [c * resistance if late_rate else nothing for c in _columns(arm.size, sensor.traits)]
     delay, ratio = _delays(sensor, lengths[0])
     return LawLoop(
         point=point,
@@ -245,11 +245,11 @@ def _turned(length: float, distance: float, angles: Array, error: Array) -> Arra
     return np.array([[first, second], [second, second]])
 
 
-def _columns(size: int, model: str) -> tuple[Array, Array]:
+def _columns(size: int, traits: SensorTraits) -> tuple[Array, Array]:
     """Which coordinates are late by the shoulder's delay, and which by the elbow's. Shape (size,) each."""
-    shoulder = np.ones(size) if model == "true" else np.eye(1, size)[0]
-    elbow = np.zeros(size) if model == "true" else np.eye(1, size, 1)[0]
-    return shoulder, elbow
+    if traits.delays == "one":
+        return np.ones(size), np.zeros(size)
+    return np.eye(1, size)[0], np.eye(1, size, 1)[0]
 
 
 def _delays(sensor: SensorParameters, length: float) -> tuple[float, float]:

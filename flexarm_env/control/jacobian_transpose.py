@@ -8,7 +8,7 @@ the stage. The torque is linear in the velocity and acts through two joints: tha
 of M and a 2 x 2 system, whatever the number of modes.
 
 Symbols:
-    reading: what the sensor measures: the joint angles ("collocated", "rigid") or the Cartesian point ("true").
+    reading: what the sensor measures: the joint angles or the Cartesian point (`parameters.SENSOR_MODELS`).
         Late readings arrive as ``offset + weight * current``: weight 0 for a reading from the past, weight 1 and
         offset 0 without delay, in between for a delay shorter than the stage (interpolated within the step).
     command: reference position and velocity, for each joint's torque its own (its delay may differ).
@@ -21,6 +21,7 @@ from typing import Any, NamedTuple
 
 from flexarm_env.codegen.elementary import sincos
 from flexarm_env.codegen.tracing import at_least, clip
+from flexarm_env.parameters import SENSOR_MODELS, SensorModel
 from flexarm_env.physics.bent_link import Place
 from flexarm_env.physics.constants import Constants
 from flexarm_env.physics.dynamics import (
@@ -49,7 +50,7 @@ class Law(NamedTuple):
         derivative_gain: Kd (12).
         torque_limit: of shoulder and elbow [N m].
         sensor_distance: of the sensor from the elbow [m].
-        sensor_values: phi_i at the sensor (link 2), used by "true" only.
+        sensor_values: phi_i at the sensor (link 2), used where the sensor sees the deflection.
         sensor_foreshortening: S there, lower triangle; empty with linear kinematics.
         noise: added to the reading's Cartesian position [m].
         command_1: reference position and velocity (x, y, x', y') in the shoulder's torque.
@@ -119,15 +120,17 @@ class Measurement(NamedTuple):
     rate_rows: Sequence[Sequence[Any]]
 
 
-def _true_measurement(k: Constants, law: Law, y: Sequence[Any]) -> Measurement:
-    """Of the physical point, one delay for the whole reading."""
+def _point_measurement(
+    k: Constants, law: Law, y: Sequence[Any], current_jacobian: tuple[Pair, Pair] | None
+) -> Measurement:
+    """Of the physical point, one delay for the whole reading, and its own Jacobian."""
     one, two = sincos(y[0]), sincos(y[len(k.elbow_values) + 1])
     rows = true_jacobian(k, law.place, y, one, two)
     weighted = [[law.rate_weight[r] * value for value in rows[r]] for r in (0, 1)]
     return Measurement(_late(true_point(k, law.place, y, one, two), law), law.rate_offset, weighted)
 
 
-def _rigid_measurement(
+def _angles_measurement(
     k: Constants, law: Law, y: Sequence[Any], current_jacobian: tuple[Pair, Pair] | None
 ) -> Measurement:
     """By rigid kinematics of the joint angles, each with its own delay.
@@ -150,6 +153,9 @@ def _rigid_measurement(
     return Measurement(point, late, rows)
 
 
+MEASUREMENTS = {"angles": _angles_measurement, "point": _point_measurement}  # by what a reading holds
+
+
 class Stage(NamedTuple):
     """Result of one implicit stage.
 
@@ -170,7 +176,7 @@ def law_stage(
     k: Constants,
     e: Elimination | None,
     law: Law,
-    variant: tuple[bool, str, str],
+    variant: tuple[bool, SensorModel, str],
     y: Sequence[Any],
     v_known: Sequence[Any],
     h_gamma: Any,
@@ -191,10 +197,8 @@ def law_stage(
     sin, cos = sincos(elbow_turn(y))
     one, both = sincos(y[0]), sincos(y[m + 1] - dot(k.elbow_slopes, y[1 : m + 1]))  # theta1, theta1 + theta2
     jacobian = rigid_jacobian(k.elbow_distance, law.sensor_distance, one, both)
-    if sensor == "true":
-        measured = _true_measurement(k, law, y)
-    else:
-        measured = _rigid_measurement(k, law, y, jacobian if rate_jacobian == "current" else None)
+    measure = MEASUREMENTS[SENSOR_MODELS[sensor].reading]
+    measured = measure(k, law, y, jacobian if rate_jacobian == "current" else None)
     at = inertia(k, e, y, cos, sin)
     responses = [solve(k, e, at, generalised_torque(k, unit)) for unit in ((1.0, 0.0), (0.0, 1.0))]
     tau = _torque(law, jacobian, measured, v_known, responses, h_gamma)
@@ -256,7 +260,7 @@ def _limited_solution(wanted: Pair, feedback: Sequence[Pair], limit: Pair) -> li
     return [tau1, clip(free2 + feedback[1][0] * cut1 / at_least(d2, SMALL), -limit[1], limit[1])]
 
 
-def observation(k: Constants, law: Law, sensor: str, state: tuple[Sequence[Any], Sequence[Any]]) -> list[Any]:
+def observation(k: Constants, law: Law, sensor: SensorModel, state: tuple[Sequence[Any], Sequence[Any]]) -> list[Any]:
     """Joint angles, joint rates, sensed position (late, noisy), modal coordinates.
 
     Args:
@@ -268,7 +272,7 @@ def observation(k: Constants, law: Law, sensor: str, state: tuple[Sequence[Any],
     y, v = state
     m = len(k.elbow_values)
     theta1, theta2 = joint_angles(k, y)
-    if sensor == "true":
+    if SENSOR_MODELS[sensor].bends:
         one, two = sincos(y[0]), sincos(y[m + 1])
         point: Sequence[Any] = _late(true_point(k, law.place, y, one, two), law)
     else:

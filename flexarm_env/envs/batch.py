@@ -18,22 +18,28 @@ from flexarm_env.codegen.declarations import Program
 from flexarm_env.codegen.intrinsics import TILE
 from flexarm_env.codegen.memory import blank
 from flexarm_env.envs.choices import STARTS
-from flexarm_env.envs.kernel_inputs import ALL_READINGS, NAN, fixed_rows, lay_out, path_tables, plan_and_table
+from flexarm_env.envs.kernel_inputs import (
+    ALL_READINGS,
+    NAN,
+    fixed_rows,
+    lay_out,
+    path_tables,
+    plan_and_table,
+    tail_rows,
+)
 from flexarm_env.envs.observation import observation_layout, refuse_fast_starts
 from flexarm_env.envs.settings import Settings
 from flexarm_env.episode import reset
-from flexarm_env.episode.step import GAIN, TORQUE, TRACKING
 from flexarm_env.kernels.entries import CLOCK_ROWS, clock_row, column, drawn, extent, header
 from flexarm_env.kernels.imex import failures
 from flexarm_env.kernels.layout import beginning_sizes, episode_sizes
-from flexarm_env.kernels.variants import Variant
+from flexarm_env.kernels.variants import Variant, shared_model
 
 Array = NDArray[np.float64]
 # Time that a block takes for a step, by its lanes, relative; `Square-v0` with two modes (`make bench`, batches).
 # Three of the largest make 1024; its rows' distance is no power of two, at which they push each other out of a cache.
 COSTS = {8: 1.0, 32: 2.9, 128: 10.8, 344: 27.5}
 assert all(lanes % TILE == 0 for lanes in COSTS)  # so observations are written
-PROGRAMS = {"torque": TORQUE, "residual": TRACKING, "reference": TRACKING, "gain": GAIN}
 REASONS: dict[float, str | None] = {-2.0: "deflection", -3.0: "error"}  # beside those of a state (`episodes.judge`)
 # Attributes that are views of the memory.
 VIEWS = (
@@ -79,7 +85,7 @@ class Fleet:
         self.settings, self.count, self._threads = settings, count, threads
         refuse_fast_starts(settings, settings.start)
         arm = settings.flexible_arm
-        program = PROGRAMS[settings.action_mode]
+        program = settings.program
         self.layout = observation_layout(settings, program)
         lanes = block_lanes(count, threads)
         self._variant = _variant(settings, program, lanes)
@@ -90,11 +96,9 @@ class Fleet:
         ends = np.cumsum(list(sizes.values())).tolist()
         self.parts = {name: slice(end - size, end) for (name, size), end in zip(sizes.items(), ends, strict=True)}
         channels = len(settings.action_limit)
-        longest = settings.randomisation.get("actuation_delay", (0.0, settings.actuation_delay))[1]
-        self._kept = max(2, settings.last_actions, int(np.ceil(longest / settings.control_period)) + 1)
         blocks = -(-count // lanes)
-        rows = extent(self._rows) + 2 * len(settings.previews) + self._kept * channels
-        plan, table = plan_and_table(settings, program, self.layout, self._kept)
+        rows = extent(self._rows) + tail_rows(settings)
+        plan, table = plan_and_table(settings, program, self.layout)
         usual = np.full((blocks * lanes, column.STATE + 2 * arm.size), NAN)
         usual[:, column.START] = START_CODES[settings.start]
         usual[count:, column.START] = START_CODES["corner"]  # lanes of no environment rest
@@ -142,7 +146,7 @@ class Fleet:
         if self._step_kernel is _not_started:
             self._use(self.compile())
             self._starts[self.count :] = True  # what all lanes of a block share is worked out together
-            self.actions[self.count :] = -1.0 if self.settings.action_mode == "gain" else 0.0
+            self.actions[self.count :] = self.settings.mode.idle
         self._plan[header.DRIVING] = 0
         try:
             self.step()
@@ -262,7 +266,7 @@ def _variant(settings: Settings, program: Program, lanes: int) -> Variant:
         arm.parameters.modes_per_link,
         arm.parameters.velocity_forces == "complete",
         lanes,
-        sensor="true" if settings.sensor == "true" else "rigid",
+        sensor=shared_model(settings.sensor),
         rate_jacobian=settings.rate_jacobian,
         late=settings.law_sensor == "sensor",
         own_paths=not settings.paths,

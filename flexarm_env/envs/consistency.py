@@ -6,24 +6,28 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from flexarm_env.episode import reward
-from flexarm_env.kernels.entries import DRAWN
-from flexarm_env.parameters import HEAVIEST_PAYLOAD, LARGEST_NOISE, MAX_DELAY, arm_parameters
+from flexarm_env.parameters import MAX_DELAY, SENSOR_MODELS, arm_parameters
 from flexarm_env.physics.paths import FARTHEST, PATHS
-from flexarm_env.validation import choice, finite_array, listed, mapping, names, number, pair, shown
+from flexarm_env.validation import choice, finite_array, listed, mapping, names, number, shown
 
 
 def _on_a_named_path(settings: Any) -> bool:
     return not set(settings.reference).isdisjoint(PATHS)
 
 
+def _late(settings: Any) -> bool:
+    return SENSOR_MODELS[settings.sensor].late
+
+
+_WITH_A_LATE_SENSOR = "with a sensor that is late, not with a collocated one"
 _NAMED = f"with a reference among {', '.join(map(repr, PATHS))}"
 # Options with the condition under which they have an effect, and that condition in words.
 _EFFECT: dict[str, tuple[Callable[[Any], bool], str]] = {
     "previews": (lambda s: "previews" in s.observation, "with the observation block 'previews'"),
     "last_actions": (lambda s: "last_actions" in s.observation, "with the observation block 'last_actions'"),
-    "wave_speed": (lambda s: s.delay is None and s.sensor != "collocated", "where it sets the sensor's delay"),
-    "jitter": (lambda s: s.sensor != "collocated", "with a sensor that is late, not with a collocated one"),
-    "hold": (lambda s: s.sensor != "collocated", "with a sensor that is late, not with a collocated one"),
+    "wave_speed": (lambda s: s.delay is None and _late(s), "where it sets the sensor's delay"),
+    "jitter": (_late, _WITH_A_LATE_SENSOR),
+    "hold": (_late, _WITH_A_LATE_SENSOR),
     "start_spread": (lambda s: s.start in ("moving", "mix"), "with start = 'moving' or 'mix'"),
     "side": (_on_a_named_path, _NAMED),
     "start_corner": (_on_a_named_path, _NAMED),
@@ -31,8 +35,8 @@ _EFFECT: dict[str, tuple[Callable[[Any], bool], str]] = {
     "compensation": (lambda s: s.law_sensor == "sensor", "with law_sensor = 'sensor'"),
     "delayed": (lambda s: s.law_sensor == "sensor", "with law_sensor = 'sensor'"),
     "rate_jacobian": (
-        lambda s: s.law_sensor == "sensor" and s.sensor != "true",
-        "with law_sensor = 'sensor' and a sensor that is not 'true'",
+        lambda s: s.law_sensor == "sensor" and SENSOR_MODELS[s.sensor].reading == "angles",
+        "with law_sensor = 'sensor' and a sensor that reads joint angles, not a 'true' one",
     ),
 }
 
@@ -80,14 +84,14 @@ def _refuse_contradictions(settings: Any) -> None:
             f"hold = {settings.hold} s: more than {MOST_TICKS} of the sensor's ticks in jitter = {settings.jitter} s "
             f"and control_period = {settings.control_period} s; must be longer"
         )
-    if settings.sensor == "collocated":
+    if not _late(settings):
         if settings.compensation != "none":
             raise ValueError(
-                f"compensation = {settings.compensation!r}: a collocated sensor has no delay to compensate; "
+                f"compensation = {settings.compensation!r}: a {settings.sensor} sensor has no delay to compensate; "
                 "it must be 'none'"
             )
         if "delay" in settings.randomisation:
-            raise ValueError("randomisation['delay']: a collocated sensor has no delay")
+            raise ValueError(f"randomisation['delay']: a {settings.sensor} sensor has no delay")
     if "previews" in settings.observation and not settings.previews:
         raise ValueError("previews = (): must hold a horizon, or `observation` not name the block 'previews'")
     if settings.reference == ("moves",) and settings.lap_time < FEWEST_PERIODS * settings.control_period:
@@ -95,12 +99,12 @@ def _refuse_contradictions(settings: Any) -> None:
             f"lap_time = {settings.lap_time} s: must be at least {FEWEST_PERIODS} control periods "
             f"({FEWEST_PERIODS * settings.control_period} s) for moves there and back"
         )
-    if settings.action_mode == "reference":
+    if settings.mode.shifts:
         periods = settings.actuation_delay / settings.control_period
         if abs(periods - round(periods)) > 1e-6 or "actuation_delay" in settings.randomisation:
             raise ValueError(
                 f"actuation_delay = {settings.actuation_delay} s: must be a whole number of control periods "
-                "with action_mode = 'reference', and not be drawn"
+                f"with action_mode = {settings.action_mode!r}, and not be drawn"
             )
 
 
@@ -142,26 +146,6 @@ def checked_paths(name: str, value: Any) -> tuple[str, ...]:
 def checked_waypoints(name: str, value: Any) -> tuple[tuple[float, float], ...]:
     """Corners of the user's path [m]."""
     return tuple((x, y) for x, y in finite_array(name, value, (None, 2), most=FARTHEST).tolist())
-
-
-def checked_ranges(label: str, randomisation: Any) -> dict[str, tuple[float, float]]:
-    """Ranges of the quantities that are drawn for each episode.
-
-    Raises:
-        TypeError, ValueError: for an unknown quantity or a bad range.
-    """
-    least = {name: 0.1 if name == "stiffness" else 0.0 for name in DRAWN}
-    most = {"stiffness": 10.0, "damping": 1.0, "noise": LARGEST_NOISE, "payload_mass": HEAVIEST_PAYLOAD}
-    most |= dict.fromkeys(("delay", "actuation_delay"), MAX_DELAY)
-    ranges = {}
-    for name, limits in mapping(label, randomisation).items():
-        if name not in DRAWN:
-            raise ValueError(f"{label}[{shown(name)}]: no such quantity; there are {', '.join(map(repr, DRAWN))}")
-        low, high = pair(f"{label}[{shown(name)}]", limits, DRAWN[name], least=least[name], most=most[name])
-        if low > high:
-            raise ValueError(f"{label}[{shown(name)}] = {shown(limits)}: the first must not be above the second")
-        ranges[name] = (low, high)
-    return ranges
 
 
 def checked_weights(label: str, reward_weights: Any) -> dict[str, float]:

@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from flexarm_env.envs.batch import PROGRAMS
-from flexarm_env.envs.choices import DEFAULT_WEIGHTS, MODES, STARTS, ActionMode
+from flexarm_env.actions import MODES, ActionMode, modes_reading
+from flexarm_env.envs.choices import DEFAULT_WEIGHTS, STARTS
 from flexarm_env.envs.info import KEYS, Episode, info_keys
 from flexarm_env.envs.observation import BLOCKS, observation_layout
 from flexarm_env.envs.registration import IDS, NAMESPACE
@@ -25,12 +25,20 @@ from flexarm_env.envs.settings import Settings, default_of
 from flexarm_env.envs.termination import END_CODES, ENDS
 from flexarm_env.episode.reward import TERMS
 from flexarm_env.parameters import ArmParameters
+from flexarm_env.physics.inverse_kinematics import STRAIGHT
 
 # Told once for all environments.
 ACTION = """\
 An action is an array of float32 in [-1, 1], held for one control period (from `actuation_delay` after it is given; an
 inner law itself acts without delay). `flexarm_env.actions.physical_from_action` is the map below, with its inverse.
 What is beyond that range is limited, for policies that draw from a Gaussian; what is not finite is refused."""
+BRANCHES = f"""\
+The rigid arm can be on the reference with its elbow on either side. `joint_error`, the joint-space law, drawn moves
+and starts use the side of `elbow_branch`, all the episode long. The elbow may swing through the straight arm to the
+other side, and good plans do so at corners; then `joint_error` asks it to come back. `present_joint_error` and
+`present_joint_error_rate` are on the side on which the encoders see the elbow: the sign of sin(theta2) when it was last
+bent by more than {STRAIGHT:g} rad, off the straight and off the folded arm, and `elbow_branch` before.
+`info["elbow_side"]` follows the same rule with the true angle, and is 0 before."""
 FRAMES = """\
 All units are SI. theta1 is the angle of link 1's root from the world's x axis, theta2 that of link 2's root from the
 tangent at link 1's tip. Blocks in m and m/s are x and y in a frame whose origin is the shoulder: with `frame="link"`
@@ -93,7 +101,7 @@ def specification(introduction: str) -> str:
         "Description": rest,
         "Ids": table(("id", "task"), ((f"`{NAMESPACE}/{name}`", one.summary) for name, one in IDS.items())),
         "Action space": f"{ACTION}\n\n{action_table()}",
-        "Observation space": f"{BLOCK_RULES}\n\n{FRAMES}\n\n{LATENESS}\n\n{block_table()}",
+        "Observation space": f"{BLOCK_RULES}\n\n{FRAMES}\n\n{BRANCHES}\n\n{LATENESS}\n\n{block_table()}",
         "Reward": f"{REWARD}\n\n{reward_table()}\n\n{SCORE}",
         "Starting state": start_table(),
         "Episode end": f"{ENDING}\n\n{end_table()}",
@@ -115,7 +123,7 @@ def action_table(settings: Settings | None = None) -> str:
         header = ("`action_mode`", "an action is", "of", "quantity", "action", "unit")
         modes = MODES.items()
         return table(header, [(f"`{name}`", one.text, ", ".join(one.channels), *_formulas(one)) for name, one in modes])
-    mode = MODES[settings.action_mode]
+    mode = settings.mode
     rows = [
         (str(n), channel, figure(mode.least * limit), figure(limit), *_formulas(mode))
         for n, (channel, limit) in enumerate(zip(mode.channels, settings.action_limit, strict=True))
@@ -127,12 +135,18 @@ def _formulas(mode: ActionMode) -> tuple[str, str, str]:
     return f"`{mode.quantity} = {mode.formula}`", f"`a = {mode.inverse}`", mode.unit
 
 
+def _only_in(modes: Sequence[str]) -> str:
+    return f" (only in mode {' or '.join(modes)})" if len(modes) < len(MODES) else ""
+
+
 def block_table(settings: Settings | None = None) -> str:
     """Blocks of an observation: all that exist, or where settings are given theirs, with places and numbers."""
     if settings is None:
-        rows = [(f"`{name}`", block.count, block.what, block.unit) for name, block in BLOCKS.items()]
+        rows = [
+            (f"`{name}`", block.count, block.what + _only_in(block.modes), block.unit) for name, block in BLOCKS.items()
+        ]
         return table(("block", "numbers (m modes a link)", "what", "unit"), rows)
-    layout = observation_layout(settings, PROGRAMS[settings.action_mode])
+    layout = observation_layout(settings, settings.program)
     header = ["numbers", "block", "what", "unit", "bound"] + ["scale"] * settings.scaled
     numbers = []
     for name, part in layout.blocks.items():
@@ -194,13 +208,11 @@ def argument_table(settings: Settings | None = None, options: Mapping[str, Any] 
     """
     rows = []
     for one in fields(Settings):
-        modes, allowed = one.metadata["modes"], one.metadata["allowed"]
+        modes, allowed = modes_reading(one.name), one.metadata["allowed"]
         if settings is not None and settings.action_mode not in modes:
             continue
         value = (options or {}).get(one.name, default_of(one))
-        text = one.metadata["text"]
-        if settings is None and len(modes) < len(MODES):
-            text += f" (only in mode {' or '.join(modes)})"
+        text = one.metadata["text"] + (_only_in(modes) if settings is None else "")
         rows.append((f"`{one.name}`", f"`{_python(value)}`", allowed.unit, allowed.text, text))
     return table(("argument", "default", "unit", "allowed", "what"), rows)
 

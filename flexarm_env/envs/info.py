@@ -18,6 +18,7 @@ from flexarm_env.envs.settings import Settings
 from flexarm_env.envs.termination import END_CODES, NOT_TERMINATED
 from flexarm_env.episode.reward import TERMS
 from flexarm_env.kernels.entries import DRAWN
+from flexarm_env.physics.inverse_kinematics import STRAIGHT
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -50,9 +51,13 @@ KEYS = {
     ),
     "time": Key("since the episode began", "s"),
     "tip_error": Key("distance of the true tip from the reference", "m"),
-    "elbow_side": Key("1 where sin(theta2) >= 0, else -1", "1"),
+    "elbow_side": Key(
+        f"sign of sin(theta2) when the elbow was last bent by more than {STRAIGHT:g} rad, off the straight and off the "
+        "folded arm; 0 before",
+        "1",
+    ),
     "elbow_changes": Key(
-        "how often `elbow_side` has changed since the episode began, seen at each control period", "1"
+        "how often `elbow_side` has changed sign since the episode began, seen at each control period", "1"
     ),
     "end_code": Key(
         "why the episode terminated, see Episode end; 0 while it goes on, and where a time limit truncates it", "1"
@@ -92,7 +97,7 @@ GOES_ON = np.float64(END_CODES[NOT_TERMINATED])
 def info_keys(settings: Settings) -> tuple[str, ...]:
     """Keys of an environment's infos, in their order."""
     left_out = {TERM + name for name in TERMS if not settings.reward_weights.get(name, 0.0) > 0.0}
-    if settings.action_mode != "gain":
+    if settings.mode.law != "tip":
         left_out.add("gain")
     if settings.reference != ("moves",):
         left_out.add("is_success")

@@ -33,7 +33,7 @@ def kept_readings(settings: Settings) -> int:
     Where each sample is equally late, it lies between the same two steps of a period; the others are not needed.
     """
     s = settings
-    varies = s.jitter > 0.0 or s.hold > 0.0 or "delay" in s.randomisation or s.action_mode == "gain"
+    varies = s.jitter > 0.0 or s.hold > 0.0 or "delay" in s.randomisation or s.mode.law == "tip"
     if varies or s.substeps > 62:
         return ALL_READINGS
     bits = 0
@@ -74,7 +74,7 @@ def lay_out(arrays: Mapping[str, NDArray[Any]]) -> tuple[Array, dict[str, Part]]
 
 
 def plan_and_table(
-    settings: Settings, program: Program, observed: ObservationLayout, kept: int
+    settings: Settings, program: Program, observed: ObservationLayout
 ) -> tuple[NDArray[np.int64], Array]:
     """`plan` and `settings` of the kernels; where arrays lie is left open.
 
@@ -82,15 +82,20 @@ def plan_and_table(
         settings: of the environments.
         program: of the kernels.
         observed: the observations.
-        kept: actions that are kept.
 
     Returns:
         Whole numbers (`entries.Header`) and the rows of the observation; numbers (`entries.Setting`), horizons and
         factors.
     """
     horizons = settings.previews if _previews(settings) else ()
-    plan = np.concatenate([_whole_numbers(settings, observed, kept), _observed_rows(settings, program, observed)])
+    plan = np.concatenate([_whole_numbers(settings, observed), _observed_rows(settings, program, observed)])
     return plan, np.concatenate([_numbers(settings, program), horizons, 1.0 / observed.scale])
+
+
+def tail_rows(settings: Settings) -> int:
+    """Rows of an arena's tail: previews, kept actions, and kept commands where they are not the actions."""
+    kept = settings.kept_actions * len(settings.action_limit)
+    return 2 * len(settings.previews) + kept * (1 + settings.mode.accumulates)
 
 
 def _previews(settings: Settings) -> int:
@@ -98,16 +103,17 @@ def _previews(settings: Settings) -> int:
     return len(settings.previews) if "previews" in settings.observation else 0
 
 
-def _whole_numbers(settings: Settings, observed: ObservationLayout, kept: int) -> NDArray[np.int64]:
+def _whole_numbers(settings: Settings, observed: ObservationLayout) -> NDArray[np.int64]:
     """What is to be done (`entries.Header`)."""
     s = settings
     whole = {
         "SUBSTEPS": s.substeps,
         "CHANNELS": len(s.action_limit),
-        "KEPT_ACTIONS": kept,
+        "KEPT_ACTIONS": s.kept_actions,
         "PREVIEWS": _previews(s),
+        "COMMANDS": 2 * _previews(s) + s.mode.accumulates * s.kept_actions * len(s.action_limit),
         "OBSERVED": len(observed.rows),
-        "SHIFTING": int(s.action_mode == "reference"),
+        "SHIFTING": int(s.mode.shifts),
         "COMPENSATION": ("none", "shared", "per_joint").index(s.compensation),
         "READINGS": kept_readings(s),
         "DRIVING": 1,
@@ -127,6 +133,9 @@ def _numbers(settings: Settings, program: Program) -> Array:
         "STEP": [s.control_period / s.substeps],
         "PERIOD": [s.control_period],
         "ACTION_SCALE": (*s.action_limit, 0.0)[:2],
+        "COMMAND_SCALE": (1.0, 1.0) if s.mode.accumulates else (*s.action_limit, 0.0)[:2],
+        "IDLE_ACTION": [s.mode.idle],
+        "MOTOR_LIMIT": s.motor_limit,
         "JITTER": [s.jitter],
         "HOLD": [s.hold],
         "DROPOUT": [s.dropout],
@@ -153,17 +162,11 @@ def _numbers(settings: Settings, program: Program) -> Array:
 
 def _drawn(settings: Settings) -> dict[str, list[float]]:
     """Of each quantity that an episode may draw, the arm's own value and the bounds of its range."""
-    s = settings
-    p = s.flexible_arm.parameters
-    base = {
-        "delay": NAN if s.delay is None or isinstance(s.delay, tuple) else s.delay,
-        "payload_mass": p.payload_mass,
-        "stiffness": 1.0,
-        "damping": p.modal_damping_ratio,
-        "noise": s.noise,
-        "actuation_delay": s.actuation_delay,
-    }
-    lowest, highest = zip(*(s.randomisation.get(name, (NAN, NAN)) for name in DRAWN), strict=True)
+    base = {name: settings.own_value(name) for name in DRAWN}
+    if not isinstance(settings.delay, float):
+        base["delay"] = NAN  # each joint has its own, `SENSOR_DELAYS`
+    ranges = [settings.range_of(name) if name in settings.randomisation else (NAN, NAN) for name in DRAWN]
+    lowest, highest = zip(*ranges, strict=True)
     return {"BASE": [base[name] for name in DRAWN], "LOWEST": list(lowest), "HIGHEST": list(highest)}
 
 

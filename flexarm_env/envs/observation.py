@@ -12,10 +12,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from flexarm_env.actions import MODES
 from flexarm_env.codegen.declarations import Program
 from flexarm_env.envs.choices import MOVE_RING
 from flexarm_env.envs.settings import Settings
 from flexarm_env.kernels.layout import layout
+from flexarm_env.parameters import SENSOR_MODELS
 from flexarm_env.physics.inverse_kinematics import LEAST_SINE
 from flexarm_env.simulation.arm import FlexibleArm
 from flexarm_env.simulation.limits import ANGLE_LIMITS, RATE_LIMIT, state_limits
@@ -63,6 +65,7 @@ class Block:
         count: how many numbers, as text with m modes a link.
         rows: name of the arena's part it is read from, first number there, and how many.
         limits: scales and bounds.
+        modes: action modes that have it.
     """
 
     what: str
@@ -70,6 +73,7 @@ class Block:
     count: str
     rows: Callable[[Settings], tuple[str, int, int]]
     limits: Callable[[Settings, Reach], Limits]
+    modes: tuple[str, ...] = tuple(MODES)
 
 
 def reach_of(settings: Settings) -> Reach:
@@ -84,8 +88,8 @@ def reach_of(settings: Settings) -> Reach:
     else:  # minimum-jerk moves of at most half a turn of each joint in a quarter of the lap
         radius = MOVE_RING[1] * arm.parameters.reach
         speed = 1.875 * np.pi / (0.25 * settings.lap_time) * (length_1 + 2.0 * length_2)
-    bend = _bend(arm) if settings.sensor == "true" else 0.0
-    deviation = settings.randomisation.get("noise", (0.0, settings.noise))[1]
+    bend = _bend(arm) if SENSOR_MODELS[settings.sensor].bends else 0.0
+    deviation = settings.range_of("noise")[1]
     sensed = length_1 + settings.sensor_position + bend + LARGEST_DEVIATE * deviation
     return Reach(radius, speed, sensed, sensed + radius)
 
@@ -169,17 +173,32 @@ BLOCKS: dict[str, Block] = {
         lambda s, r: _even(2, 3.0, RATE_LIMIT + LARGEST_DEVIATE * s.encoder_noise[1]),
     ),
     "joint_error": Block(
-        "joint angles of the rigid arm on the reference minus the measured ones, within half a turn",
+        "joint angles of the rigid arm on the reference, with its elbow on the side of `elbow_branch`, minus the "
+        "measured ones, within half a turn",
         "rad",
         "2",
         _rows("F_JOINT_ERROR"),
         lambda s, r: _even(2, 0.3, np.pi + 1e-9),
     ),
     "joint_error_rate": Block(
-        "joint rates of the rigid arm on the reference minus the measured ones",
+        "joint rates of that arm minus the measured ones",
         "rad/s",
         "2",
         _rows("F_JOINT_ERROR_RATE"),
+        lambda s, r: _even(2, 3.0, _joint_rate_bound(s, r)),
+    ),
+    "present_joint_error": Block(
+        "as `joint_error`, with the rigid arm's elbow on the side on which the measured elbow is",
+        "rad",
+        "2",
+        _rows("F_PRESENT_JOINT_ERROR"),
+        lambda s, r: _even(2, 0.3, np.pi + 1e-9),
+    ),
+    "present_joint_error_rate": Block(
+        "as `joint_error_rate`, for that arm",
+        "rad/s",
+        "2",
+        _rows("F_PRESENT_JOINT_ERROR_RATE"),
         lambda s, r: _even(2, 3.0, _joint_rate_bound(s, r)),
     ),
     "encoder_error": Block(
@@ -248,6 +267,14 @@ BLOCKS: dict[str, Block] = {
         lambda s: ("TAIL", 2 * len(s.previews), s.last_actions * len(s.action_limit)),
         lambda s, r: _even(s.last_actions * len(s.action_limit), 1.0, 1.0),
     ),
+    "torque": Block(
+        "commanded torque of the motors, which `actuation_delay` makes act later; what the next action changes",
+        "N m",
+        "2",
+        lambda s: ("TAIL", 2 * len(s.previews) + s.kept_actions * len(s.action_limit), 2),
+        lambda s, r: Limits(list(s.motor_limit), list(s.motor_limit)),
+        tuple(name for name, mode in MODES.items() if mode.accumulates),
+    ),
     "lap_phase": Block(
         "cosine and sine of the share of the lap that is done, as an angle",
         "1",
@@ -289,7 +316,7 @@ def observation_layout(settings: Settings, program: Program) -> ObservationLayou
         program: of the kernels.
 
     Raises:
-        ValueError: for an unknown block.
+        ValueError: for an unknown block, or one that the action mode does not have.
     """
     places = layout(program, _modes(settings), settings.flexible_arm.constants.foreshortened)
     reach = reach_of(settings)
@@ -299,6 +326,11 @@ def observation_layout(settings: Settings, program: Program) -> ObservationLayou
     bound: list[float] = []
     for name in settings.observation:
         block = BLOCKS[choice("observation", name, BLOCKS)]
+        if settings.action_mode not in block.modes:
+            raise ValueError(
+                f"observation: there is no block {name!r} with action_mode = {settings.action_mode!r}; "
+                f"only with {' or '.join(map(repr, block.modes))}"
+            )
         part, first, count = block.rows(settings)
         limits = block.limits(settings, reach)
         blocks[name] = slice(len(rows), len(rows) + count)

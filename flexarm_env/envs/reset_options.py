@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from flexarm_env.envs.batch import START_CODES, Fleet
 from flexarm_env.envs.choices import STARTS
 from flexarm_env.envs.observation import refuse_fast_starts
+from flexarm_env.envs.quantities import orderable
 from flexarm_env.kernels.entries import DRAWN, column
-from flexarm_env.parameters import HEAVIEST_PAYLOAD
 from flexarm_env.simulation.limits import state_limits
 from flexarm_env.validation import choice, entries, real_array, shown
 
@@ -24,7 +24,6 @@ OPTIONS = {
     "parameters": f"mapping of quantities of the episode: {', '.join(DRAWN)}",
     "state": "initial state in the public order, shape (4 + 4 m,)",
 }
-LEAST_STIFFNESS = 1e-3
 
 
 def orders_of(options: Mapping[str, Any] | None, fleet: Fleet) -> Array:
@@ -65,7 +64,7 @@ def orders_of(options: Mapping[str, Any] | None, fleet: Fleet) -> Array:
             raise ValueError(
                 f"options['parameters'][{shown(name)}]: no such quantity; there are {', '.join(map(repr, DRAWN))}"
             )
-        least, most = _range(name, fleet)
+        least, most = orderable(fleet.settings, name)
         hint = f" (`randomisation` at make can allow more: {{{name!r}: (least, most)}})"
         orders[:, column.DRAWN + list(DRAWN).index(name)] = _numbers(
             f"options['parameters'][{name!r}]", value, fleet, least, most, hint
@@ -73,28 +72,6 @@ def orders_of(options: Mapping[str, Any] | None, fleet: Fleet) -> Array:
     if "state" in options:
         orders[:, column.STATE :] = _states(options["state"], fleet)
     return orders
-
-
-def _range(name: str, fleet: Fleet) -> tuple[float, float]:
-    """What memory, integration step and bounds were laid out for: the environment's own value and its range."""
-    settings = fleet.settings
-    arm = settings.flexible_arm.parameters
-    own = {
-        "delay": max(settings.sensor_delays),
-        "payload_mass": arm.payload_mass,
-        "stiffness": 1.0,
-        "damping": arm.modal_damping_ratio,
-        "noise": settings.noise,
-        "actuation_delay": settings.actuation_delay,
-    }[name]
-    low, high = settings.randomisation.get(name, (own, own))
-    if name == "payload_mass":  # a heavier arm is a slower one
-        return min(low, own), HEAVIEST_PAYLOAD
-    if name == "stiffness":
-        return LEAST_STIFFNESS, max(high, own)
-    if name == "actuation_delay" and settings.action_mode == "reference":
-        return own, own
-    return 0.0, max(high, own)
 
 
 def _each(name: str, value: Any, fleet: Fleet) -> list[Any]:

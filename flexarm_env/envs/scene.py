@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from flexarm_env.actions import TORQUE_LIMIT
 from flexarm_env.envs.batch import Fleet
-from flexarm_env.envs.choices import TORQUE_LIMIT
 from flexarm_env.envs.rendering import Renderer, Snapshot
 
 Array = NDArray[np.float64]
@@ -69,7 +69,7 @@ class Scene:
             arm.position(np.tile(q, (POINTS, 1)), link, np.linspace(0.0, length, POINTS))
             for link, length in enumerate(lengths, 1)
         ]
-        gain = settings.action_mode == "gain"
+        gain = settings.mode.law == "tip"
         return Snapshot(
             time=float(values["TIME"][0]),
             links=(lines[0], lines[1]),

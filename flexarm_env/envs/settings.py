@@ -12,6 +12,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from flexarm_env.actions import MODES, ActionMode, modes_reading
 from flexarm_env.allowed import (
     Allowed,
     Custom,
@@ -25,15 +26,13 @@ from flexarm_env.allowed import (
     check_fields,
     declared,
 )
+from flexarm_env.codegen.declarations import Program
 from flexarm_env.envs.choices import (
     DEFAULT_OBSERVATION,
     DEFAULT_WEIGHTS,
-    MODES,
     PHYSICS_STEP,
     STARTS,
-    TORQUE_LIMIT,
     Frame,
-    Mode,
     Start,
 )
 from flexarm_env.envs.consistency import (
@@ -42,15 +41,17 @@ from flexarm_env.envs.consistency import (
     checked_hold,
     checked_paths,
     checked_previews,
-    checked_ranges,
     checked_waypoints,
     checked_weights,
     refuse_options_without_effect,
 )
+from flexarm_env.envs.quantities import NAMED_QUANTITIES, QUANTITIES, checked_ranges
+from flexarm_env.episode.step import PROGRAMS
 from flexarm_env.lazy import cached_property
 from flexarm_env.parameters import (
     LARGEST_NOISE,
     MAX_DELAY,
+    SENSOR_MODELS,
     WAVE_SPEED,
     Compensation,
     Corner,
@@ -70,12 +71,10 @@ from flexarm_env.simulation.stability import STABLE_ANGLE, count_readings, count
 from flexarm_env.validation import known_names, names, shown
 
 
-def _option(default: Any, text: str, allowed: Allowed, modes: Sequence[str] = tuple(MODES)) -> Any:
-    return declared(default, allowed, text=text, modes=tuple(modes))
+def _option(default: Any, text: str, allowed: Allowed) -> Any:
+    return declared(default, allowed, text=text)
 
 
-_LAW = ("gain",)
-_INNER = ("residual", "reference")
 _LATE = Number(0.0, MAX_DELAY, "s")
 _HOLD = Custom(checked_hold, "s", f"0, or {SHORTEST_HOLD:g} to {MAX_DELAY:g}")
 _LIMIT = Optional(Number(1e-9, 1e9, "m"))
@@ -92,7 +91,7 @@ class Settings:
         "the arm whose bent links keep their length",
         Custom(checked_arm),
     )
-    action_mode: Mode = _option("torque", "what an action is; see Action space", OneOf(tuple(MODES)))
+    action_mode: str = _option("torque", "what an action is; see Action space", OneOf(tuple(MODES)))
     control_period: float = _option(0.01, "an action is held so long", Number(1e-5, 1.0, "s"))
     physics_step: float | None = _option(
         None,
@@ -104,38 +103,41 @@ class Settings:
         "of shoulder and elbow; None: 150 and 50, for the gain no limit (limited, the law loses the path)",
         allowed_of(LawParameters, "torque_limit"),
     )
-    gain_limit: float = _option(1.0, "lambda at action 1", Number(1e-6, 1e6, "1"), _LAW)
+    torque_rate_limit: tuple[float, float] = _option(
+        # The second modes of the default arm, 36 Hz and more, feel less than a tenth of what a step of the torque does.
+        (3000.0, 1000.0),
+        "change of the torque per second at action 1; the default reverses the default torques in 0.1 s",
+        Pair(1e-6, 1e12, "N m/s"),
+    )
+    gain_limit: float = _option(1.0, "lambda at action 1", Number(1e-6, 1e6, "1"))
     shift_limit: tuple[float, float] = _option(
-        (0.3, 0.3), "shift of the joints' reference at action 1", Pair(1e-6, np.pi, "rad"), ("reference",)
+        (0.3, 0.3), "shift of the joints' reference at action 1", Pair(1e-6, np.pi, "rad")
     )
     inner_stiffness: tuple[float, float] = _option(
-        (1000.0, 130.0), "of the inner tracking law", Pair(0.0, 1e9, "N m/rad"), _INNER
+        (1000.0, 130.0), "of the inner tracking law", Pair(0.0, 1e9, "N m/rad")
     )
     inner_resistance: tuple[float, float] = _option(
-        (40.0, 30.0), "of the inner tracking law", Pair(0.0, 1e9, "N m s/rad"), _INNER
+        (40.0, 30.0), "of the inner tracking law", Pair(0.0, 1e9, "N m s/rad")
     )
     proportional_gain: float = _option(
-        150.79, "Kp of the paper's law (11)", allowed_of(LawParameters, "proportional_gain"), _LAW
+        150.79, "Kp of the paper's law (11)", allowed_of(LawParameters, "proportional_gain")
     )
-    derivative_gain: float = _option(
-        17.364, "Kd of the paper's law (12)", allowed_of(LawParameters, "derivative_gain"), _LAW
-    )
+    derivative_gain: float = _option(17.364, "Kd of the paper's law (12)", allowed_of(LawParameters, "derivative_gain"))
     compensation: Compensation = _option(
-        "none", "delay of the law's command; see `LawParameters`", allowed_of(LawParameters, "compensation"), _LAW
+        "none", "delay of the law's command; see `LawParameters`", allowed_of(LawParameters, "compensation")
     )
     law_sensor: Literal["joints", "sensor"] = _option(
         "joints",
         'what the paper\'s law acts on: "joints" (collocated, not late) or the late "sensor"',
         OneOf(("joints", "sensor")),
-        _LAW,
     )
     rate_jacobian: RateJacobian = _option(
-        "delayed", "see `SensorParameters`", allowed_of(SensorParameters, "rate_jacobian"), _LAW
+        "delayed", "see `SensorParameters`", allowed_of(SensorParameters, "rate_jacobian")
     )
-    delayed: Delayed = _option("position", "see `SensorParameters`", allowed_of(SensorParameters, "delayed"), _LAW)
+    delayed: Delayed = _option("position", "see `SensorParameters`", allowed_of(SensorParameters, "delayed"))
     sensor: SensorModel = _option(
         "true",
-        'what the sensor on link 2 sees: the "true" point, the "rigid" one or the "collocated"; see `SensorParameters`',
+        "what the sensor on link 2 reads: " + "; ".join(f'"{name}": {one.text}' for name, one in SENSOR_MODELS.items()),
         allowed_of(SensorParameters, "model"),
     )
     sensor_position: float = _option(4.5, "of the sensor from the elbow", allowed_of(SensorParameters, "position"))
@@ -192,8 +194,7 @@ class Settings:
     )
     randomisation: Mapping[str, tuple[float, float]] = _option(
         {},
-        "ranges from which quantities are drawn for each episode: `delay` [s] (both joints), `payload_mass` [kg], "
-        "`stiffness` (factor), `damping` (modal damping ratio), `noise` [m], `actuation_delay` [s]",
+        f"ranges from which quantities are drawn for each episode: {NAMED_QUANTITIES}",
         Custom(checked_ranges),
     )
     reward_weights: Mapping[str, float] = _option(
@@ -225,12 +226,31 @@ class Settings:
         """Validate; lists (as JSON has them) become tuples."""
         check_fields(self)
         refuse_options_without_effect(
-            self, {one.name: (default_of(one), one.metadata["modes"]) for one in fields(self)}
+            self, {one.name: (default_of(one), modes_reading(one.name)) for one in fields(self)}
         )
         for what in ("law", "sensor_parameters", "flexible_arm", "paths", "substeps", "history_slots"):
             getattr(self, what)  # made once, with its own checks
 
     # --- what follows ----------------------------------------------------------------------------------------------
+
+    @property
+    def mode(self) -> ActionMode:
+        """The action mode."""
+        return MODES[self.action_mode]
+
+    @property
+    def program(self) -> Program:
+        """Of the kernels that step the environments."""
+        return PROGRAMS[self.mode.program]
+
+    def range_of(self, name: str) -> tuple[float, float]:
+        """Least and largest value of a quantity (`quantities.QUANTITIES`) in any episode; alike where none is drawn."""
+        own = self.own_value(name)
+        return self.randomisation.get(name, (own, own))
+
+    def own_value(self, name: str) -> float:
+        """Value of a quantity where it is neither drawn nor ordered."""
+        return QUANTITIES[name].own(self)
 
     @cached_property
     def law(self) -> LawParameters:
@@ -296,26 +316,26 @@ class Settings:
     @property
     def motor_limit(self) -> tuple[float, float]:
         """Largest torques of shoulder and elbow [N m]; inf where there is no limit."""
-        if self.action_mode == "gain":
-            return self.torque_limit or (np.inf, np.inf)
-        return self.torque_limit or TORQUE_LIMIT
+        return self.torque_limit or self.mode.torque_limit or (np.inf, np.inf)
 
     @property
     def action_limit(self) -> tuple[float, ...]:
         """Physical value of the action 1 in each channel."""
-        if self.action_mode == "gain":
-            return (self.gain_limit,)
-        return self.shift_limit if self.action_mode == "reference" else self.motor_limit
+        if self.mode.limit == "torque_limit":
+            return self.motor_limit
+        limit = getattr(self, self.mode.limit)
+        return limit if isinstance(limit, tuple) else (limit,)
 
     @cached_property
     def substeps(self) -> int:
         """Integration steps in a control period."""
         fastest = max(fastest_rates(self))
-        longest = STABLE_ANGLE[self.action_mode] / fastest
-        under_law = self.action_mode in ("residual", "reference")
+        longest = STABLE_ANGLE[self.mode.integrator] / fastest
+        under_law = self.mode.law == "joints"
         what = "fastest pole under the inner law" if under_law else "fastest mode"
         if self.physics_step is None:
-            wanted = default_step(fastest) if self.action_mode == "gain" else min(PHYSICS_STEP, longest)
+            explicit = self.mode.integrator == "explicit"
+            wanted = min(PHYSICS_STEP, longest) if explicit else default_step(fastest)
             law = ", with inner_stiffness and inner_resistance" if under_law else ""
             cause = f"arm = {shown(self.arm)}{law}: its {what}, {fastest:.4g} rad/s, asks for steps of {wanted:.4g} s"
         elif self.physics_step <= longest:
@@ -332,6 +352,12 @@ class Settings:
         """Delay of the shoulder's and of the elbow's reading unless drawn or ordered otherwise [s]."""
         return self.sensor_parameters.joint_delays(self.flexible_arm.parameters.link_lengths[0])
 
+    @property
+    def kept_actions(self) -> int:
+        """How many actions the kernels keep: those observed, and those that are still to act."""
+        periods = int(np.ceil(self.range_of("actuation_delay")[1] / self.control_period))
+        return max(2, self.last_actions, periods + 1)
+
     @cached_property
     def history_slots(self) -> int:
         """Length of the delay line: the latest reading and the period before the first.
@@ -339,7 +365,7 @@ class Settings:
         Whole control periods, so that readings at the same moments of a period use the same few slots, which stay
         cached.
         """
-        latest = max(*self.sensor_delays, self.randomisation.get("delay", (0.0, 0.0))[1])
+        latest = max(*self.sensor_delays, self.range_of("delay")[1])
         longest = latest + self.jitter + 4.0 * self.hold + 2.0 * self.control_period
         periods = int(np.ceil(longest / self.control_period + 4.0 / self.substeps))
         cause = f"delay = {latest} s, jitter = {self.jitter} s, hold = {self.hold} s"

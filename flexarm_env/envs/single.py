@@ -70,7 +70,7 @@ class FleetView:
         Raises:
             AttributeError: the action is not the gain.
         """
-        if self.settings.action_mode != "gain":
+        if self.settings.mode.limit != "gain_limit":
             raise AttributeError(f"gain_limit: the action is {self.settings.action_mode!r}, not the gain")
         return self.settings.gain_limit
 

@@ -1,15 +1,19 @@
 """Drivers of the ways in which an action moves the arm over a control period; a program has one of them, as `drive`.
 
 `stepping` explains lanes, blocks and arenas. Torques and gains are held over the period, each from its
-`actuation_delay` after the action on.
+`actuation_delay` after the action on. `DRIVES` names the drivers.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import NamedTuple
+
 from numpy import floor
 
 from flexarm_env.codegen.arrays import Arena, Clock, History, LaneRow, Paths, Plan, Table
-from flexarm_env.codegen.declarations import chosen_by_program, inlined_in_its_caller
+from flexarm_env.codegen.declarations import Function, chosen_by_program, inlined_in_its_caller
+from flexarm_env.codegen.scalars import clip
 from flexarm_env.episode.recorded import joint_kernel
 from flexarm_env.kernels.entries import clock_row, drawn, header, setting
 from flexarm_env.kernels.imex import count_steps, evaluate_law, loop_step, slot_after, store_reading
@@ -21,13 +25,51 @@ from flexarm_env.physics.polyline import reference_at
 Factors = tuple[float, float, float, float, float, float, float, float]
 
 
+class Drive(NamedTuple):
+    """A way in which an action moves the arm.
+
+    Attributes:
+        driver: does it for a control period.
+        groups: of rows that it needs (`kernels.layout`).
+        words: what it does, for the user who waits for the compiler.
+    """
+
+    driver: Function
+    groups: tuple[str, ...]
+    words: str
+
+
+DRIVES: dict[str, Drive] = {}  # by the name of the program (`actions.ActionMode.program`)
+
+
+def drives(program: str, words: str, *groups: str) -> Callable[[Function], Function]:
+    """Enter a driver as the `drive` of a program; see `Drive`."""
+
+    def enter(driver: Function) -> Function:
+        """The driver, compiled as a part of its caller."""
+        DRIVES[program] = Drive(driver, groups, words)
+        return inlined_in_its_caller(driver)
+
+    return enter
+
+
 @chosen_by_program
 def drive(arena: Arena, history: History, clock: Clock, paths: Paths, plan: Plan, settings: Table) -> None:
-    """Move the arm over a control period: one of the three below, as the program says."""
+    """Move the arm over a control period: one of `DRIVES`, as the program says."""
+
+
+def make_room(arena: Arena, plan: Plan, newest: int) -> None:
+    """Move what is kept of a block (actions or commands, from the row `newest` on) back by a control period."""
+    channels = plan[header.CHANNELS]
+    for at in range(newest + plan[header.KEPT_ACTIONS] * channels - 1, newest + channels - 1, -1):
+        kept: LaneRow = arena[at]
+        later: LaneRow = arena[at - channels]
+        for i in range(variant.lanes):
+            kept[i] = later[i]
 
 
 def command(arena: Arena, plan: Plan, settings: Table, i: int, r: int, begin: float) -> float:
-    """Mean of the acting command in [-1, 1] of channel r of lane i over an integration step.
+    """Mean of the acting command of channel r of lane i over an integration step, as a share of `COMMAND_SCALE`.
 
     Args:
         arena: of one block.
@@ -37,7 +79,7 @@ def command(arena: Arena, plan: Plan, settings: Table, i: int, r: int, begin: fl
         r: the channel.
         begin: of the integration step after the start of the period [s].
     """
-    newest = row.TAIL + 2 * plan[header.PREVIEWS] + r
+    newest = row.TAIL + plan[header.COMMANDS] + r
     late = arena[row.EPISODE + drawn.ACTUATION_DELAY, i]
     if late == 0.0:
         return arena[newest, i]
@@ -64,13 +106,13 @@ def prompt(arena: Arena) -> bool:
 def write_commands(arena: Arena, plan: Plan, settings: Table, step: int, held: bool) -> None:
     """Enter the commanded torques of an integration step, the mean over it where a command changes within."""
     begin = step * settings[setting.STEP]
-    newest = row.TAIL + 2 * plan[header.PREVIEWS]
+    newest = row.TAIL + plan[header.COMMANDS]
     for r in range(2):
-        scale = settings[setting.ACTION_SCALE + r]
+        scale = settings[setting.COMMAND_SCALE + r]
         torques: LaneRow = arena[row.TAU + r]
-        actions: LaneRow = arena[newest + r]
+        commands: LaneRow = arena[newest + r]
         for i in range(variant.lanes if held else 0):
-            torques[i] = scale * actions[i]
+            torques[i] = scale * commands[i]
         if variant.disturbed:
             for i in range(0 if held else variant.lanes):
                 torques[i] = scale * command(arena, plan, settings, i, r, begin)
@@ -82,7 +124,7 @@ def keep_reading(arena: Arena, history: History, clock: Clock, plan: Plan, done:
         store_reading(arena, history, slot_after(clock, history, done))
 
 
-@inlined_in_its_caller
+@drives("torque", "actions are torques")
 def drive_torque(arena: Arena, history: History, clock: Clock, paths: Paths, plan: Plan, settings: Table) -> None:
     """The action is the motors' torque.
 
@@ -104,6 +146,26 @@ def drive_torque(arena: Arena, history: History, clock: Clock, paths: Paths, pla
         step_kernel(arena, settings[setting.STEP])
         keep_reading(arena, history, clock, plan, step + 1)
     count_steps(clock, history, plan[header.SUBSTEPS])
+
+
+def add_up_torques(arena: Arena, plan: Plan, settings: Table) -> None:
+    """Enter a block's newest commanded torques: the ones before and what the actions add, within the motors' limits."""
+    actions, torques = row.TAIL + 2 * plan[header.PREVIEWS], row.TAIL + plan[header.COMMANDS]
+    make_room(arena, plan, torques)
+    for r in range(2):
+        change, limit = settings[setting.ACTION_SCALE + r] * settings[setting.PERIOD], settings[setting.MOTOR_LIMIT + r]
+        for i in range(variant.lanes):
+            arena[torques + r, i] = clip(arena[torques + r, i] + change * arena[actions + r, i], -limit, limit)
+
+
+@drives("torque_rate", "actions are changes of the torques")
+def drive_torque_rate(arena: Arena, history: History, clock: Clock, paths: Paths, plan: Plan, settings: Table) -> None:
+    """The action is the change of the motors' torque per second.
+
+    Args: as `drive_torque`.
+    """
+    add_up_torques(arena, plan, settings)
+    drive_torque(arena, history, clock, paths, plan, settings)
 
 
 def hermite(u: float, period: float) -> Factors:
@@ -143,7 +205,7 @@ def aim(arena: Arena, clock: Clock, paths: Paths, plan: Plan, settings: Table) -
         for r in range(2):
             for i in range(variant.lanes):
                 before = arena[row.SHIFT + r, i]
-                shift = settings[setting.ACTION_SCALE + r] * command(arena, plan, settings, i, r, period - h)
+                shift = settings[setting.COMMAND_SCALE + r] * command(arena, plan, settings, i, r, period - h)
                 rate = (shift - before) / period
                 arena[row.INNER_FROM + r, i] += before
                 arena[row.INNER_TO + r, i] += shift
@@ -152,7 +214,7 @@ def aim(arena: Arena, clock: Clock, paths: Paths, plan: Plan, settings: Table) -
                 arena[row.SHIFT + r, i] = shift
 
 
-@inlined_in_its_caller
+@drives("tracking", "actions are added to the joint-space tracking law", "tracking")
 def drive_tracking(arena: Arena, history: History, clock: Clock, paths: Paths, plan: Plan, settings: Table) -> None:
     """The inner joint-space law tracks the rigid arm's way along the reference; the action adds to it.
 
@@ -182,7 +244,7 @@ def drive_tracking(arena: Arena, history: History, clock: Clock, paths: Paths, p
     count_steps(clock, history, plan[header.SUBSTEPS])
 
 
-@inlined_in_its_caller
+@drives("gain", "actions are the gain of the paper's law", "law")
 def drive_gain(arena: Arena, history: History, clock: Clock, paths: Paths, plan: Plan, settings: Table) -> None:
     """The action is the gain lambda of the paper's law, which acts in continuous time.
 
@@ -198,7 +260,7 @@ def drive_gain(arena: Arena, history: History, clock: Clock, paths: Paths, plan:
     held = prompt(arena)
     for step in range(plan[header.SUBSTEPS]):
         for i in range(variant.lanes if step == 0 or not held else 0):
-            arena[row.GAIN, i] = settings[setting.ACTION_SCALE] * (
+            arena[row.GAIN, i] = settings[setting.COMMAND_SCALE] * (
                 0.5 * (command(arena, plan, settings, i, 0, step * h) + 1.0)
             )
         if step == 0:

@@ -11,9 +11,7 @@ from typing import Any, NamedTuple
 
 from flexarm_env.codegen.elementary import sincos
 from flexarm_env.codegen.tracing import floor
-from flexarm_env.physics.inverse_kinematics import joint_angles_for, joint_rates_for
-
-TURN = 6.283185307179586
+from flexarm_env.physics.inverse_kinematics import TURN, joint_angles_for, joint_rates_for
 
 
 class Known(NamedTuple):
@@ -65,12 +63,12 @@ def features(known: Known) -> Features:
     both = (one[0] * two[1] + one[1] * two[0], one[1] * two[1] - one[0] * two[0])
     axis = [known.frame * one[1] + (1.0 - known.frame), known.frame * one[0]]
     tip = [known.lengths[0] * one[n] + known.lengths[1] * both[n] for n in (1, 0)]
-    error = [_turned_back(a - b) for a, b in zip(known.joint[:2], known.measured[:2], strict=True)]
+    error, error_rate = joint_errors(known.joint, known.measured)
     lap = sincos(TURN * known.phase)
     return Features(
         directions=[two[1], two[0], one[1], one[0]],
         joint_error=error,
-        joint_error_rate=[a - b for a, b in zip(known.joint[2:], known.measured[2:], strict=True)],
+        joint_error_rate=error_rate,
         encoder_error=in_frame(axis, [known.reference[r] - tip[r] for r in (0, 1)]),
         reference=in_frame(axis, known.reference[:2]),
         reference_velocity=in_frame(axis, known.reference[2:]),
@@ -80,6 +78,12 @@ def features(known: Known) -> Features:
         phase=[lap[1], lap[0]],
         frame_axis=axis,
     )
+
+
+def joint_errors(aim: Sequence[Any], measured: Sequence[Any]) -> tuple[list[Any], list[Any]]:
+    """Joint angles and rates that are aimed at minus the measured ones; angles within half a turn."""
+    angles = [_turned_back(a - b) for a, b in zip(aim[:2], measured[:2], strict=True)]
+    return angles, [a - b for a, b in zip(aim[2:], measured[2:], strict=True)]
 
 
 def in_frame(axis: Sequence[Any], vector: Sequence[Any]) -> list[Any]:

@@ -23,6 +23,7 @@ from flexarm_env.codegen.arrays import (
 from flexarm_env.codegen.declarations import inlined_in_its_caller, per_lane
 from flexarm_env.codegen.random_stream import normal
 from flexarm_env.codegen.scalars import clip
+from flexarm_env.episode.actuation import make_room
 from flexarm_env.episode.recorded import features_kernel, joint_kernel, truth_kernel
 from flexarm_env.episode.sensor import CHANNELS_OF_NOISE, noise_place, sense
 from flexarm_env.episode.write_observation import write_observations, write_previews
@@ -31,6 +32,7 @@ from flexarm_env.kernels.imex import state_status
 from flexarm_env.kernels.layout import row
 from flexarm_env.kernels.path_cache import note_side, on_side, segment
 from flexarm_env.kernels.variants import variant
+from flexarm_env.physics.inverse_kinematics import elbow_side, joint_angles_for, joint_rates_for
 from flexarm_env.physics.polyline import AHEAD
 
 NEAR = 0.02  # [m]; a tip that is not farther from the reference has arrived
@@ -39,18 +41,13 @@ FINAL_REST = 0.25  # of the lap; the rest after the move back (`starts.draw_move
 
 def take_actions(arena: Arena, actions: Actions, first: int, plan: Plan) -> None:
     """Enter the actions of a block, limited to [-1, 1], before the earlier ones, and note their squared change."""
-    channels = plan[header.CHANNELS]
     newest = row.TAIL + 2 * plan[header.PREVIEWS]
-    for at in range(newest + plan[header.KEPT_ACTIONS] * channels - 1, newest + channels - 1, -1):
-        kept: LaneRow = arena[at]
-        later: LaneRow = arena[at - channels]
-        for i in range(variant.lanes):
-            kept[i] = later[i]
+    make_room(arena, plan, newest)
     changes: LaneRow = arena[row.ACTION_CHANGE]
     for i in range(variant.lanes):
         changes[i] = 0.0
     ours = actions[first : first + variant.lanes]
-    for r in range(channels):
+    for r in range(plan[header.CHANNELS]):
         last: LaneRow = arena[newest + r]
         for i in range(variant.lanes):
             action = clip(ours[i, r], -1.0, 1.0)
@@ -104,13 +101,14 @@ def look(
                 noise = normal(keys[i], noise_place(clock, plan, i) + CHANNELS_OF_NOISE + 2 * r)
                 arena[row.MEASURED + r, i] += deviation * noise
     joint_kernel(arena, settings[setting.LENGTHS], settings[setting.LENGTHS + 1], settings[setting.BRANCH])
+    note_elbow(arena)
+    aim_on_present_side(arena, settings)
     features_kernel(
         arena,
         settings[setting.LENGTHS],
         settings[setting.LENGTHS + 1],
         settings[setting.WEIGHTS : setting.WEIGHTS + variant.reward_terms],
     )
-    note_elbow(arena)
     if variant.own_paths:
         note_rest(arena, clock, settings)
     judge(arena, settings)
@@ -155,17 +153,42 @@ def side_time(arena: Arena, clock: Clock, h: float, i: int) -> float:
 
 
 def note_elbow(arena: Arena) -> None:
-    """Side of every lane's elbow, 1 where sin(theta2) >= 0 and -1 elsewhere, and how often it has changed.
+    """Side of every lane's elbow, how often it has changed, and the side that the encoders tell.
 
-    A state that is not finite changes nothing. At the beginning of an episode the side before is 0.
+    An elbow that is on neither side (`elbow_side`), or whose state is not finite, stays on the side where it was; when
+    an episode begins, that is 0.
     """
     for i in range(variant.lanes):
-        turns = arena[row.STATE + 1, i] * 0.15915494309189535
-        share = turns - floor(turns)
-        before = arena[row.ELBOW_SIDE, i]
-        side = 1.0 if share < 0.5 else (-1.0 if share >= 0.5 else before)
+        side, before = elbow_side(arena[row.STATE + 1, i]), arena[row.ELBOW_SIDE, i]
         arena[row.ELBOW_CHANGES, i] += 1.0 if side * before < 0.0 else 0.0
-        arena[row.ELBOW_SIDE, i] = side
+        arena[row.ELBOW_SIDE, i] = before if side == 0.0 else side
+        measured = elbow_side(arena[row.MEASURED + 1, i])
+        arena[row.MEASURED_SIDE, i] = arena[row.MEASURED_SIDE, i] if measured == 0.0 else measured
+
+
+def aim_on_present_side(arena: Arena, settings: Table) -> None:
+    """Joint angles and rates of the rigid arm on the reference with the elbow on its present side, of every lane.
+
+    Those of `JOINT`, unless the elbow has left the side of inverse kinematics.
+    """
+    for r in range(4):
+        for i in range(variant.lanes):
+            arena[row.PRESENT_JOINT + r, i] = arena[row.JOINT + r, i]
+    swung = 0
+    for i in range(variant.lanes):
+        swung += arena[row.MEASURED_SIDE, i] * settings[setting.BRANCH] < 0.0
+    for i in range(variant.lanes if swung > 0 else 0):
+        side = arena[row.MEASURED_SIDE, i]
+        if side * settings[setting.BRANCH] < 0.0:
+            length_1, length_2 = settings[setting.LENGTHS], settings[setting.LENGTHS + 1]
+            x, y = arena[row.REFERENCE, i], arena[row.REFERENCE + 1, i]
+            vx, vy = arena[row.REFERENCE + 2, i], arena[row.REFERENCE + 3, i]
+            theta1, theta2 = joint_angles_for(length_1, length_2, side, x, y)
+            rate_1, rate_2 = joint_rates_for(length_1, length_2, theta1, theta2, vx, vy)
+            arena[row.PRESENT_JOINT, i] = theta1
+            arena[row.PRESENT_JOINT + 1, i] = theta2
+            arena[row.PRESENT_JOINT + 2, i] = rate_1
+            arena[row.PRESENT_JOINT + 3, i] = rate_2
 
 
 def note_rest(arena: Arena, clock: Clock, settings: Table) -> None:

@@ -36,6 +36,9 @@ def features_source(variant: Variant) -> str:
     )
     for name, values in features.features(known)._asdict().items():
         r.write(("" if name == "frame_axis" else "F_") + name.upper(), values)
+    errors, error_rates = features.joint_errors(r.read("PRESENT_JOINT"), known.measured)
+    r.write("F_PRESENT_JOINT_ERROR", errors)
+    r.write("F_PRESENT_JOINT_ERROR_RATE", error_rates)
     square = reward.squared_distance(r.read("TRUE_TIP"), r.read("REFERENCE"))
     r.write("TIP_ERROR", [root(square)])
     terms = reward.tracking_terms(square)

@@ -272,11 +272,13 @@ def start_lane(
     place_arm(arena, clock, key, paths, settings, order, i, moving)
     newest = row.TAIL + 2 * plan[header.PREVIEWS]
     for at in range(plan[header.KEPT_ACTIONS] * plan[header.CHANNELS]):
-        arena[newest + at, i] = -1.0 if variant.law else 0.0  # no torque, no gain
+        arena[row.TAIL + plan[header.COMMANDS] + at, i] = 0.0
+        arena[newest + at, i] = settings[setting.IDLE_ACTION]
     forget_side(arena, row.PRESENT_SIDE, i)
     arena[row.ACTION_CHANGE, i] = 0.0
     arena[row.EFFECTIVE_GAIN, i] = 0.0
     arena[row.ELBOW_SIDE, i] = 0.0
+    arena[row.MEASURED_SIDE, i] = 0.0
     arena[row.ELBOW_CHANGES, i] = 0.0
     arena[row.SUCCESS, i] = 0.0
     arena[row.AWAY, i] = (clock[clock_row.STEPS, i] - 1) * settings[setting.STEP]

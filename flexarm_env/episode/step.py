@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexarm_env.codegen.arrays import Arena, History, LaneRow, Memory
-from flexarm_env.codegen.declarations import Function, Program, inlined_in_its_caller
+from flexarm_env.codegen.declarations import Program, inlined_in_its_caller
 from flexarm_env.codegen.intrinsics import array_at
 from flexarm_env.episode import reward
-from flexarm_env.episode.actuation import drive, drive_gain, drive_torque, drive_tracking
+from flexarm_env.episode.actuation import DRIVES, drive
 from flexarm_env.episode.observe import observe, take_actions
 from flexarm_env.episode.reset import begin_lanes, start_law
 from flexarm_env.kernels.entries import CLOCK_ROWS, header, setting
@@ -117,20 +117,18 @@ def step_block(memory: Memory, block: int) -> None:
                 arena[row.REWARD, i] = 0.0
 
 
-def _environment(name: str, words: str, drive: Function, *groups: str) -> Program:
-    """The program of environments whose action moves the arm in one way."""
-    return Program(
+# The programs of environments, by name; each has one of the ways in which an action moves the arm.
+PROGRAMS = {
+    name: Program(
         name,
         entry_points=(step_blocks,),
         alone=(step_only,),
-        groups=frozenset({"environment", *groups}),
-        parts={"drive": drive},
+        groups=frozenset({"environment", *one.groups}),
+        parts={"drive": one.driver},
         reward_terms=len(reward.TERMS),
         closed=True,
-        words=words,
+        words=one.words,
     )
-
-
-TORQUE = _environment("torque", "actions are torques", drive_torque)
-TRACKING = _environment("tracking", "actions are added to the joint-space tracking law", drive_tracking, "tracking")
-GAIN = _environment("gain", "actions are the gain of the paper's law", drive_gain, "law")
+    for name, one in DRIVES.items()
+}
+TORQUE, TRACKING, GAIN = (PROGRAMS[name] for name in ("torque", "tracking", "gain"))

@@ -110,7 +110,14 @@ class Row(Names):
     PLACE_FORESHORTENING = Entry("foreshortening at the sensor", "1/m", _pairs, _ENVIRONMENT)
     SENSOR_DELAY = Entry("of the shoulder's and the elbow's reading", "s", 2, _ENVIRONMENT)
     MEASURED = Entry("joint angles and rates by the encoders", "rad, rad/s", 4, _ENVIRONMENT)
-    JOINT = Entry("joint angles and rates of the rigid arm on the reference", "rad, rad/s", 4, _ENVIRONMENT)
+    JOINT = Entry(
+        "joint angles and rates of the rigid arm on the reference, on the branch of inverse kinematics",
+        "rad, rad/s",
+        4,
+        _ENVIRONMENT,
+    )
+    MEASURED_SIDE = Entry("side of the elbow by the encoders, as ELBOW_SIDE", "1", 1, _ENVIRONMENT)
+    PRESENT_JOINT = Entry("as JOINT, with the elbow on MEASURED_SIDE", "rad, rad/s", 4, _ENVIRONMENT)
     FRAME = Entry("1 for the link's frame, 0 for the world's", "1", 1, _ENVIRONMENT)
     PHASE = Entry("of the lap, 0 to 1", "1", 1, _ENVIRONMENT)
     PRESENT_SIDE = Entry(
@@ -133,6 +140,8 @@ class Row(Names):
     F_DIRECTIONS = Entry("cosine and sine of theta2, of theta1 (`features`)", "1", 4, _ENVIRONMENT)
     F_JOINT_ERROR = Entry("JOINT's angles minus the measured ones", "rad", 2, _ENVIRONMENT)
     F_JOINT_ERROR_RATE = Entry("JOINT's rates minus the measured ones", "rad/s", 2, _ENVIRONMENT)
+    F_PRESENT_JOINT_ERROR = Entry("PRESENT_JOINT's angles minus the measured ones", "rad", 2, _ENVIRONMENT)
+    F_PRESENT_JOINT_ERROR_RATE = Entry("PRESENT_JOINT's rates minus the measured ones", "rad/s", 2, _ENVIRONMENT)
     F_ENCODER_ERROR = Entry("reference minus the tip by rigid kinematics, in the frame", "m", 2, _ENVIRONMENT)
     F_REFERENCE = Entry("reference, in the frame", "m", 2, _ENVIRONMENT)
     F_REFERENCE_VELOCITY = Entry("its velocity, in the frame", "m/s", 2, _ENVIRONMENT)
@@ -159,13 +168,18 @@ class Row(Names):
     TIME = Entry("since the episode's start", "s", 1, _ENVIRONMENT)
     EFFECTIVE_GAIN = Entry("gain at the start of the period", "1", 1, _ENVIRONMENT)
     TIP_ERROR = Entry("distance of the true tip from the reference", "m", 1, _ENVIRONMENT)
-    ELBOW_SIDE = Entry("1 where sin(theta2) >= 0, else -1", "1", 1, _ENVIRONMENT)
+    ELBOW_SIDE = Entry("1 or -1, where the elbow was last bent (`elbow_side`); 0 before", "1", 1, _ENVIRONMENT)
     ELBOW_CHANGES = Entry("how often ELBOW_SIDE has changed since the episode began", "1", 1, _ENVIRONMENT)
     SUCCESS = Entry("whether the tip was near the reference through the final rest", "1", 1, _ENVIRONMENT)
     REWARD = Entry("sum of the reward's terms", "1", 1, _ENVIRONMENT)
     STATUS = Entry("0 for a valid state (`stepping.state_status`, `episodes.judge`)", "1", 1, _REPORTED)
 
-    TAIL = Entry("previews of the reference, then kept actions, the newest first", "m, 1", 0, _ENVIRONMENT)
+    TAIL = Entry(
+        "previews of the reference, then kept actions, then kept commands unless they are the actions; newest first",
+        "m, 1, N m",
+        0,
+        _ENVIRONMENT,
+    )
 
 
 row = Row()

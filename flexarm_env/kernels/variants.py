@@ -8,6 +8,7 @@ from typing import cast
 from flexarm_env.codegen.declarations import PresentVariant, Program
 from flexarm_env.kernels.entries import Shape
 from flexarm_env.kernels.layout import layout
+from flexarm_env.parameters import SENSOR_MODELS, SensorModel
 
 
 @dataclass(frozen=True)
@@ -19,7 +20,7 @@ class Variant:
         modes: per link.
         complete: complete velocity forces, or C_r.
         lanes: environments in a block.
-        sensor: "rigid" or "true" ("collocated" is "rigid" without delay).
+        sensor: model of the sensor; those that read the same share kernels (`shared_model`).
         rate_jacobian: "delayed" or "current" (where the law acts).
         late: the law acts on the sensor's late readings; False: on the joints' own, whatever the sensor.
         own_paths: each episode draws a path of its own (environments only).
@@ -32,7 +33,7 @@ class Variant:
     modes: int
     complete: bool
     lanes: int
-    sensor: str = "rigid"
+    sensor: SensorModel = "rigid"
     rate_jacobian: str = "delayed"
     late: bool = True
     own_paths: bool = False
@@ -72,7 +73,7 @@ class Variant:
     @property
     def true_sensor(self) -> bool:
         """Whether the sensor sees the bent link."""
-        return self.sensor == "true"
+        return SENSOR_MODELS[self.sensor].bends
 
     @property
     def law(self) -> bool:
@@ -108,6 +109,13 @@ class Variant:
         if self.disturbed:
             parts.append("disturbances")
         return ", ".join(parts)
+
+
+def shared_model(model: SensorModel) -> SensorModel:
+    """The sensor model whose kernels a model uses: of those that read the same, the one with the most delays."""
+    traits = SENSOR_MODELS[model]
+    alike: list[SensorModel] = [name for name, other in SENSOR_MODELS.items() if other.reading == traits.reading]
+    return max(alike, key=lambda name: SENSOR_MODELS[name].late)
 
 
 variant = cast(Variant, PresentVariant())  # as drivers see it

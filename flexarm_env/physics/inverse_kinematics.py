@@ -8,11 +8,13 @@ from __future__ import annotations
 from typing import Any
 
 from flexarm_env.codegen.elementary import arctan2, sincos
-from flexarm_env.codegen.tracing import at_least, magnitude, root, where_less
+from flexarm_env.codegen.tracing import at_least, floor, magnitude, root, where_less
 
 # Near the straight and the folded arm a tip velocity asks for unbounded joint rates; the sine of theta2 that divides
 # them is kept at least so large. On the default square it is 0.28 at the corners.
 LEAST_SINE = 0.05
+STRAIGHT = 0.05  # [rad]; an elbow bent by less is on neither side. Two equal links then reach to 0.03 % of their length
+TURN = 6.283185307179586
 
 
 def joint_angles_for(length_1: Any, length_2: Any, branch: Any, x: Any, y: Any) -> tuple[Any, Any]:
@@ -63,3 +65,15 @@ def joint_rates_for(length_1: Any, length_2: Any, theta1: Any, theta2: Any, vx: 
     y = length_1 * sin_1 + length_2 * sin_12
     rate_1 = length_2 * (cos_12 * vx + sin_12 * vy) * per_area
     return rate_1, -(x * vx + y * vy) * per_area
+
+
+def elbow_side(theta2: Any) -> Any:
+    """On which side the elbow is: the sign of sin(theta2), or 0 within `STRAIGHT` of the straight and the folded arm.
+
+    Args:
+        theta2: [rad]; NaN is on neither side.
+    """
+    turns = theta2 * (1.0 / TURN)
+    share = turns - floor(turns + 0.5)  # from the straight arm, at most half a turn
+    bend = 0.25 - magnitude(magnitude(share) - 0.25)  # from the nearer of both poses
+    return where_less(STRAIGHT / TURN, bend, where_less(share, 0.0, -1.0, 1.0), 0.0)

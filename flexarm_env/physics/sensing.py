@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 from flexarm_env.codegen.elementary import sincos
+from flexarm_env.parameters import SENSOR_MODELS, SensorModel
 from flexarm_env.physics.bent_link import Place, bent
 from flexarm_env.physics.constants import Constants
 from flexarm_env.physics.dynamics import joint_angles
@@ -46,13 +47,24 @@ def true_jacobian(k: Constants, at: Place, y: Sequence[Any], one: Pair, two: Pai
     return row_x, row_y
 
 
-def reading(k: Constants, at: Place, sensor: str, y: Sequence[Any], v: Sequence[Any]) -> list[Any]:
-    """What a sensor measures at this instant: two readings and their rates."""
-    if sensor != "true":
-        return [*joint_angles(k, y), *joint_angles(k, v)]
+def angles_reading(k: Constants, at: Place, y: Sequence[Any], v: Sequence[Any]) -> list[Any]:
+    """The joint angles and their rates, wherever the sensor is."""
+    return [*joint_angles(k, y), *joint_angles(k, v)]
+
+
+def point_reading(k: Constants, at: Place, y: Sequence[Any], v: Sequence[Any]) -> list[Any]:
+    """The sensor's point with deflection, and its velocity."""
     one, two = sincos(y[0]), sincos(y[len(k.elbow_values) + 1])
     rows = true_jacobian(k, at, y, one, two)
     return [*true_point(k, at, y, one, two), dot(rows[0], v), dot(rows[1], v)]
+
+
+READINGS = {"angles": angles_reading, "point": point_reading}  # of sensors (`parameters.SensorTraits`)
+
+
+def reading(k: Constants, at: Place, sensor: SensorModel, y: Sequence[Any], v: Sequence[Any]) -> list[Any]:
+    """What a sensor measures at this instant: two readings and their rates."""
+    return READINGS[SENSOR_MODELS[sensor].reading](k, at, y, v)
 
 
 class Truth(NamedTuple):

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexarm_env.kernels.layout import place_rows
-from flexarm_env.parameters import LawParameters, SensorParameters
+from flexarm_env.kernels.variants import shared_model
+from flexarm_env.parameters import LawParameters, SensorModel, SensorParameters
 from flexarm_env.simulation.arm import FlexibleArm
 
 Array = NDArray[np.float64]
@@ -20,7 +21,7 @@ class LoopCase:
     """What may differ between the arms of a batch.
 
     Attributes:
-        sensor: its model may differ only between "collocated" and "rigid", which share a kernel.
+        sensor: models may differ where they share a kernel: "collocated" and "rigid" do.
         law: gains, command delay, torque limit.
     """
 
@@ -44,21 +45,21 @@ def checked_cases(cases: Sequence[LoopCase], arm: FlexibleArm) -> list[LoopCase]
             raise TypeError(f"cases hold {case!r}: must be LoopCase objects")
         if case.sensor.position > length2:
             raise ValueError(f"sensor_position = {case.sensor.position} m: must be on link 2, > 0 and <= {length2} m")
-        if case.law.compensation != "none" and case.sensor.model == "collocated":
+        if case.law.compensation != "none" and not case.sensor.traits.late:
             raise ValueError(
-                f"compensation = {case.law.compensation!r}: a collocated sensor has no delay to compensate; "
+                f"compensation = {case.law.compensation!r}: a {case.sensor.model} sensor has no delay to compensate; "
                 "it must be 'none'"
             )
     return listed
 
 
-def sensor_variant(cases: Sequence[LoopCase]) -> tuple[str, str]:
+def sensor_variant(cases: Sequence[LoopCase]) -> tuple[SensorModel, str]:
     """Model and Jacobian of the sensors, for which a kernel is compiled (`variants.Variant`).
 
     Raises:
         ValueError: if they differ.
     """
-    kinds = {("true" if case.sensor.model == "true" else "rigid", case.sensor.rate_jacobian) for case in cases}
+    kinds = {(shared_model(case.sensor.model), case.sensor.rate_jacobian) for case in cases}
     if len(kinds) > 1:
         raise ValueError(f"cases: sensors of one batch must share model and rate_jacobian, got {sorted(kinds)}")
     return kinds.pop()

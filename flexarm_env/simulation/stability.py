@@ -9,9 +9,9 @@ import numpy as np
 
 from flexarm_env.simulation.arm import FlexibleArm
 
-# Longest h |pole| that is allowed: RK4 is stable up to 2.78 (real) and 2.83 (imaginary), the explicit part of
-# ARS(4,4,3) up to 1.57; large vibrations need a margin.
-STABLE_ANGLE = {"torque": 2.0, "residual": 2.0, "reference": 2.0, "gain": 1.2}
+# Longest h |pole| that is allowed, by the integrator of an action mode (`actions.ActionMode`): RK4 is stable up to 2.78
+# (real) and 2.83 (imaginary), the explicit part of ARS(4,4,3) up to 1.57; large vibrations need a margin.
+STABLE_ANGLE = {"explicit": 2.0, "implicit": 1.2}
 ELBOWS = np.linspace(0.0, np.pi, 7)  # [rad]
 
 # The explicit part of ARS(4,4,3) is stable for undamped modes up to h omega = 1.57. The default step, a tenth of that
@@ -51,13 +51,12 @@ def fastest_rates(settings: Any) -> list[float]:
         settings: `Settings`.
     """
     own = settings.flexible_arm.parameters
-    stiffness = settings.randomisation.get("stiffness", (1.0, 1.0))[1]
-    payload = settings.randomisation.get("payload_mass", (own.payload_mass, own.payload_mass))[0]
-    damping = settings.randomisation.get("damping", (0.0, own.modal_damping_ratio))[1]
+    stiffness, payload = settings.range_of("stiffness")[1], settings.range_of("payload_mass")[0]
+    damping = settings.range_of("damping")[1]
     rigidities = (own.flexural_rigidities[0] * stiffness, own.flexural_rigidities[1] * stiffness)
     arm = FlexibleArm(replace(own, flexural_rigidities=rigidities, payload_mass=payload, modal_damping_ratio=damping))
     rates = [arm.fastest_rate()]
-    if settings.action_mode in ("residual", "reference"):
+    if settings.mode.law == "joints":
         rates += [fastest_pole(arm, theta2, settings.inner_stiffness, settings.inner_resistance) for theta2 in ELBOWS]
     return rates
 

@@ -12,7 +12,6 @@ import matplotlib.image
 import tyro
 
 from flexarm_env.envs import documentation as doc
-from flexarm_env.envs.choices import MODES
 from flexarm_env.envs.registration import IDS, NAMESPACE, Id
 from flexarm_env.envs.settings import Settings
 from flexarm_env.envs.single import FlexArmEnv
@@ -80,6 +79,7 @@ def index() -> str:
         "Make a batch": [_BATCH, _batch(), doc.parameter_table(vector), _AUTORESET, _batch(autoreset_mode="SameStep")],
         "Parameters of the arm": [_ARM, doc.arm_table()],
         "Frames and units": [doc.FRAMES],
+        "The side of the elbow": [doc.BRANCHES],
         "The late sensor": [doc.LATENESS],
         "Reward and score": [doc.REWARD, doc.SCORE],
         "How an episode starts": [doc.start_table(), _RESET, doc.option_table()],
@@ -182,7 +182,7 @@ def _pointers(settings: Settings) -> str:
 
 
 def _mode(settings: Settings) -> str:
-    return _wrapped(f'`action_mode` is `"{settings.action_mode}"`: {MODES[settings.action_mode].text}.')
+    return _wrapped(f'`action_mode` is `"{settings.action_mode}"`: {settings.mode.text}.')
 
 
 def _wrapped(text: str) -> str:

@@ -15,9 +15,10 @@ import numpy as np
 import pytest
 
 from flexarm_env import FlexibleArm
+from flexarm_env.actions import MODES, modes_reading
 from flexarm_env.envs import documentation
 from flexarm_env.envs.batch import START_CODES
-from flexarm_env.envs.choices import MODES, STARTS
+from flexarm_env.envs.choices import STARTS
 from flexarm_env.envs.info import KEYS
 from flexarm_env.envs.observation import BLOCKS
 from flexarm_env.envs.registration import IDS
@@ -162,7 +163,7 @@ def test_argument_tables(name: str, env: FlexArmEnv) -> None:
     spec = gym.spec(f"FlexArm/{name}")
     assert {option: defaults[option] for option in spec.kwargs} == spec.kwargs
     for one in fields(Settings):
-        assert (one.name in defaults) == (env.settings.action_mode in one.metadata["modes"])
+        assert (one.name in defaults) == (env.settings.action_mode in modes_reading(one.name))
         assert one.metadata["text"]
 
 
@@ -191,7 +192,7 @@ def right_side(cell: str) -> str:
 def evaluated(formula: str, value: float, limit: float) -> float:
     """A formula of an action table, for one channel."""
     known = {"a": value} | {mode.quantity: value for mode in MODES.values()}
-    known |= {f"{option}_limit": limit for option in ("torque", "shift", "gain")}
+    known |= {f"{option}_limit": limit for option in ("torque", "torque_rate", "shift", "gain")}
     return float(eval(formula, {"__builtins__": {}}, known))
 
 

@@ -6,11 +6,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from gymnasium.utils import env_checker
 from numpy.polynomial import Chebyshev, Polynomial
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicHermiteSpline
 
+from flexarm_agents import FlexArmVecEnv
 from flexarm_env import (
     ClosedLoop,
     LawParameters,
@@ -20,8 +22,20 @@ from flexarm_env import (
     inverse_kinematics,
     square,
 )
+from flexarm_env.actions import action_from_physical, physical_from_action
+from flexarm_env.codegen.declarations import plain_python
+from flexarm_env.envs.batch import Fleet
+from flexarm_env.envs.choices import DEFAULT_OBSERVATION
+from flexarm_env.envs.kernel_inputs import plan_and_table, tail_rows
+from flexarm_env.envs.observation import observation_layout
+from flexarm_env.envs.settings import Settings
 from flexarm_env.envs.single import FlexArmEnv
-from tests.support.envs import FORESHORTENED, GAIN, PAPER, RESIDUAL, SQUARE, bare
+from flexarm_env.episode import actuation, step
+from flexarm_env.kernels.entries import drawn, extent, header
+from flexarm_env.kernels.layout import row
+from flexarm_env.kernels.variants import Variant
+from tests.support.envs import FORESHORTENED, GAIN, PAPER, RESIDUAL, SQUARE, bare, block, make
+from tests.support.refusals import refuses
 
 Array = NDArray[np.float64]
 LIMITS = np.array([150.0, 50.0])
@@ -95,6 +109,96 @@ def test_a_delay_of_two_periods_is_the_action_before_the_last(env_id: str, mode:
     prompt = recorded(bare(env_id, action_mode=mode, start="corner", **FREE), shifted)
     np.testing.assert_array_equal(late[0], prompt[0])
     np.testing.assert_array_equal(late[1], prompt[1])
+
+
+# --- torque rate --------------------------------------------------------------------------------------------
+
+RATE: dict[str, Any] = {"action_mode": "torque_rate", "observation": [*DEFAULT_OBSERVATION, "torque"]}
+
+
+def summed(actions: Array, change: Array, limit: Array = LIMITS) -> Array:
+    """Torques that the actions add up to, each within the limit. Shape (steps, 2)."""
+    torques = [np.zeros(2)]
+    for action in actions:
+        torques.append(np.clip(torques[-1] + change * action, -limit, limit))
+    return np.array(torques[1:])
+
+
+def test_torque_rates_add_up() -> None:
+    """Held over each period, within the motors' limits, observed; and from 0 again after a reset."""
+    env = bare(start="moving", **RATE, **FREE)
+    actions = np.clip(actions_for(60) + 0.3125, -1.0, 1.0)
+    for _ in range(2):
+        observations, infos = zip(env.reset(seed=1), *(env.step(action)[::4] for action in actions), strict=True)
+        states, torques = (np.array([info[name] for info in infos]) for name in ("state", "torque"))
+        expected = summed(actions, np.array([30.0, 10.0]))
+        assert (np.abs(expected) == LIMITS).any(axis=0).all()
+        np.testing.assert_allclose(torques, [np.zeros(2), *expected], rtol=1e-14)
+        np.testing.assert_allclose(block(env, np.array(observations), "torque"), torques, rtol=1e-6)
+        run = env.arm.simulate(states[0], np.repeat(torques[1:], 10, axis=0), 0.6)
+        np.testing.assert_allclose(states, run.state[::10], rtol=0.0, atol=1e-12 * np.abs(states).max())
+
+
+def test_environments_of_torque_rates_are_environments() -> None:
+    """For Gymnasium and for stable-baselines3; the other environments of a batch, in plain Python, are the same."""
+    made = make(**RATE, **FREE)
+    env_checker.check_env(made.unwrapped, skip_render_check=True)
+    adapter = FlexArmVecEnv.make("flexarm_env:" + SQUARE, 1, **RATE, **FREE)
+    np.testing.assert_array_equal(adapter.reset().shape, (1, *made.observation_space.shape))
+    adapter.close()
+    env = bare(**RATE, **FREE)
+    fleet = Fleet(env.settings, 2)
+    keys = np.arange(2, dtype=np.uint64) + 3
+    fleet.order_starts(keys, np.arange(2), fleet.usual_orders)
+    env.fleet.start(keys[:1], np.zeros(1, dtype=np.int64), env.fleet.usual_orders)
+    fleet._plan[header.DRIVING] = 0
+    for action in actions_for(4):
+        with plain_python(fleet._variant), np.errstate(all="ignore"):
+            results = np.empty((len(env.fleet.result(0)), fleet._arenas.shape[2]))
+            step.step_blocks(fleet._memory, 0, 1, results)
+        np.testing.assert_allclose(results[:, 0], env.fleet.result(0), rtol=1e-8, atol=1e-9)
+        np.testing.assert_allclose(fleet.observations[0], env.fleet.observations[0], rtol=1e-5, atol=1e-6)
+        fleet._plan[header.DRIVING] = 1
+        fleet.actions[:] = env.fleet.actions[:] = action
+        env.fleet.step()
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.0003, 0.01, 0.0137])
+def test_late_torque_rates_act_as_late_as_late_torques(delay: float) -> None:
+    """The commanded torques, not their sum, are late: as torques that are commanded so; in plain Python."""
+    options = {"torque_rate_limit": (500.0, 1e4), "torque_limit": (12.0, 40.0), "actuation_delay": delay}
+    settings = Settings.of({**RATE, **options, "last_actions": 5})
+    plan, table = plan_and_table(settings, settings.program, observation_layout(settings, settings.program))
+    variant = Variant(settings.program, 2, True, 2, sensor="true", disturbed=True)
+    arena = np.zeros((extent(variant.rows) + tail_rows(settings), 2))
+    actions, held = actions_for(12), delay == 0.0
+    torques = np.vstack([np.zeros((3, 2)), summed(actions, np.array([5.0, 100.0]), np.array([12.0, 40.0]))])
+    with plain_python(variant):
+        arena[row.EPISODE + drawn.ACTUATION_DELAY] = delay
+        for period, action in enumerate(actions):
+            arena[row.TAIL + 14 : row.TAIL + 16] = action[:, None]  # after seven previews
+            actuation.add_up_torques(arena, plan, table)
+            for part in range(10):
+                actuation.write_commands(arena, plan, table, part, held)
+                moments = (np.arange(100) + 0.5) / 100 * 1e-3 + part * 1e-3 - delay  # of command, by microseconds
+                expected = torques[period + 3 + np.floor(moments / 0.01).astype(int)].mean(axis=0)
+                np.testing.assert_allclose(arena[row.TAU : row.TAU + 2, 0], expected, rtol=1e-6, atol=1e-6)
+
+
+def test_the_map_of_torque_rates_inverts() -> None:
+    settings = Settings.of({"action_mode": "torque_rate", "torque_rate_limit": (10.0, 20.0)})
+    rates = physical_from_action("torque_rate", [0.5, -1.0], settings.action_limit)
+    np.testing.assert_array_equal(rates, [5.0, -20.0])
+    np.testing.assert_array_equal(action_from_physical("torque_rate", rates, settings.action_limit), [0.5, -1.0])
+
+
+def test_only_torque_rates_have_their_option_and_block() -> None:
+    with refuses(ValueError, "torque_rate_limit = (1.0, 1.0): has no effect with action_mode = 'torque'; only"):
+        Settings.of({"torque_rate_limit": (1.0, 1.0)})
+    with refuses(
+        ValueError, "observation: there is no block 'torque' with action_mode = 'gain'", "only with 'torque_rate'"
+    ):
+        make(GAIN, observation=["torque"])
 
 
 # --- the inner tracking law ---------------------------------------------------------------------------------

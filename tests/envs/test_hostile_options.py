@@ -16,6 +16,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from flexarm_env import ArmParameters, FlexibleArm, LawParameters, SensorParameters, SquareParameters
+from flexarm_env.actions import MODES
 from flexarm_env.allowed import Flag, Integer, Number, OneOf, Optional, Pair
 from flexarm_env.envs.observation import BLOCKS
 from flexarm_env.envs.settings import Settings
@@ -137,6 +138,7 @@ def ranges() -> st.SearchStrategy[dict[str, Any]]:
 # Options whose declaration is a function.
 CUSTOM: dict[str, st.SearchStrategy[Any]] = {
     "arm": st.sampled_from(["default", "paper"]) | declared_arms("modes_per_link", "kinematics"),  # few kernels
+    "action_mode": st.sampled_from([name for name in MODES if name != "torque_rate"]),  # few kernels
     "delay": numbers(0.0, 10.0) | st.tuples(numbers(0.0, 10.0), numbers(0.0, 10.0)),
     "hold": numbers(1e-6, 10.0),
     "observation": st.lists(st.sampled_from(sorted(BLOCKS)), min_size=1, max_size=5, unique=True),

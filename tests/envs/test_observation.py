@@ -10,14 +10,13 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
 
 from flexarm_env import SquareParameters, inverse_kinematics, square
-from flexarm_env.envs.observation import BLOCKS
 from flexarm_env.envs.single import FlexArmEnv
 from flexarm_env.physics.paths import ReferencePath
-from tests.support.envs import GAIN, PAPER, RESIDUAL, SQUARE, bare, block
+from tests.support.envs import EVERYWHERE, GAIN, PAPER, RESIDUAL, SQUARE, bare, block
 
 Array = NDArray[np.float64]
 STEPS = 40
-ALL: dict[str, Any] = {"observation": list(BLOCKS), "error_limit": None, "deflection_limit": None}
+ALL: dict[str, Any] = {"observation": EVERYWHERE, "error_limit": None, "deflection_limit": None}
 FLOAT = 3e-7  # rounding to float32, relative
 
 
@@ -108,8 +107,10 @@ def test_blocks_hold_what_they_say(env_id: str, frame: str, scaled: bool) -> Non
         np.testing.assert_allclose(run.block(name), values, rtol=FLOAT, atol=atol, err_msg=name)
     rates = (soon - aim) / 1e-5 - expected["joint_rates"]  # a difference quotient: its own error, 1e-5 s of change
     np.testing.assert_allclose(run.block("joint_error_rate"), rates, atol=2e-4 * np.abs(rates).max())
-    measured = {"sensor_error", "sensor_error_rate"}  # see below
-    assert set(expected) | measured | {"joint_error_rate"} == set(BLOCKS)
+    for name in ("joint_error", "joint_error_rate"):  # the elbow stays on its side; else see below
+        np.testing.assert_array_equal(run.block(f"present_{name}"), run.block(name))
+    others = {"sensor_error", "sensor_error_rate", "present_joint_error", "present_joint_error_rate"}
+    assert set(expected) | others | {"joint_error_rate"} == set(EVERYWHERE)
     assert np.ptp(run.block("reference_velocity"), axis=0).max() > 1.0  # the corner was met
 
 
@@ -122,6 +123,22 @@ def test_the_joint_error_is_within_half_a_turn() -> None:
         observation, info = env.reset(options={"state": turned})
         assert info["state"][0] == pytest.approx(turned[0])
         assert block(env, observation, "joint_error")[0] == pytest.approx(expected, abs=1e-6)
+
+
+def test_the_present_joint_error_is_on_the_elbows_side() -> None:
+    """Within the dead band on the side of `elbow_branch`, until the elbow is bent; by turns in one environment."""
+    env = bare(start="corner", **ALL)
+    arm, state = env.arm, env.reset()[1]["state"]
+    point = square(SquareParameters()).position(0.0)
+    for theta2, branch in ((state[1], "positive"), (-state[1], "negative"), (-0.06, "negative"), (-0.04, "positive")):
+        state[1] = theta2
+        observation, info = env.reset(options={"start": "corner", "state": state})
+        aim = inverse_kinematics(arm.parameters, point, branch)
+        found = block(env, observation, "present_joint_error")
+        np.testing.assert_allclose(found, within_half_a_turn(aim - state[:2]), atol=1e-6)
+        usual = within_half_a_turn(inverse_kinematics(arm.parameters, point, "positive") - state[:2])
+        np.testing.assert_allclose(block(env, observation, "joint_error"), usual, atol=1e-6)
+        assert info["elbow_side"] == (0.0 if theta2 == -0.04 else np.sign(theta2))
 
 
 def test_paths_are_observed_alike() -> None:

@@ -11,6 +11,7 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
+from flexarm_env.actions import MODES
 from flexarm_env.envs.info import TERM
 from flexarm_env.envs.observation import BLOCKS
 from flexarm_env.envs.single import FlexArmEnv
@@ -18,6 +19,7 @@ from flexarm_env.envs.vector import FlexArmVectorEnv
 from flexarm_env.episode.reward import TERMS
 
 Array = NDArray[np.float64]
+EVERYWHERE = [name for name, one in BLOCKS.items() if one.modes == tuple(MODES)]  # blocks of all action modes
 IDS = sorted(name for name in gym.registry if name.startswith("FlexArm/"))
 SQUARE, RESIDUAL, GAIN, PAPER = (f"FlexArm/{name}-v0" for name in ("Square", "SquareResidual", "SquareGain", "Paper"))
 WAYPOINTS = [(-4.0, 1.0), (0.0, 5.0), (4.0, 1.0)]
@@ -49,7 +51,7 @@ _COMMON: list[dict[str, Any]] = [
         "noise": 0.01,
     },
     {
-        "observation": list(BLOCKS),
+        "observation": EVERYWHERE,
         "previews": (0.02, 0.5),
         "last_actions": 3,
         "scaled": False,
