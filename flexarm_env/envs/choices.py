@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from typing import Literal, NamedTuple
 
-from flexarm_env.episode.reset import SHARE_AT_REST
+from flexarm_env.episode.draws import SHARE_AT_REST
 
 Mode = Literal["torque", "residual", "reference", "gain"]
 Start = Literal["corner", "corners", "moving", "mix"]
 Frame = Literal["link", "world"]
+EITHER = "either"  # of two: drawn for each episode
 
 
 class ActionMode(NamedTuple):

@@ -99,11 +99,15 @@ def look(
         for i in range(variant.lanes):
             arena[row.MEASURED + r, i] = arena[row.STATE + at, i]
         if variant.disturbed:
-            deviation = settings[setting.ENCODER_NOISE + r // 2]
-            for i in range(variant.lanes if deviation > 0.0 else 0):
-                noise = normal(keys[i], noise_place(clock, plan, i) + CHANNELS_OF_NOISE + 2 * r)
-                arena[row.MEASURED + r, i] += deviation * noise
-    joint_kernel(arena, settings[setting.LENGTHS], settings[setting.LENGTHS + 1], settings[setting.BRANCH])
+            noisy = 0
+            for i in range(variant.lanes):
+                noisy += arena[row.ENCODER_NOISE + r // 2, i] > 0.0
+            for i in range(variant.lanes if noisy > 0 else 0):
+                deviation = arena[row.ENCODER_NOISE + r // 2, i]
+                if deviation > 0.0:
+                    noise = normal(keys[i], noise_place(clock, plan, i) + CHANNELS_OF_NOISE + 2 * r)
+                    arena[row.MEASURED + r, i] += deviation * noise
+    joint_kernel(arena, settings[setting.LENGTHS], settings[setting.LENGTHS + 1])
     features_kernel(
         arena,
         settings[setting.LENGTHS],
