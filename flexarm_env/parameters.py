@@ -27,6 +27,7 @@ Compensation = Literal["none", "shared", "per_joint"]
 Corner = Literal["lower left", "upper left", "upper right", "lower right"]
 Direction = Literal["clockwise", "counterclockwise"]
 ElbowBranch = Literal["positive", "negative"]
+DIRECTIONS: tuple[Direction, ...] = get_args(Direction)
 
 MAX_MODES = 4
 MAX_DELAY = 10.0  # [s]; the delay line holds a reading for every integration step

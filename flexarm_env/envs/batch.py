@@ -5,7 +5,7 @@ Single and vector environments both stand on it: one arm is a fleet of one, with
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from typing import Any
@@ -22,18 +22,21 @@ from flexarm_env.envs.kernel_inputs import (
     ALL_READINGS,
     NAN,
     fixed_rows,
+    lane_numbers,
     lay_out,
     path_tables,
     plan_and_table,
     tail_rows,
 )
-from flexarm_env.envs.observation import observation_layout, refuse_fast_starts
+from flexarm_env.envs.observation import common_layout, refuse_fast_starts
+from flexarm_env.envs.per_env import refuse_unlike
 from flexarm_env.envs.settings import Settings
-from flexarm_env.episode import reset
+from flexarm_env.episode import draws
 from flexarm_env.kernels.entries import CLOCK_ROWS, clock_row, column, drawn, extent, header
 from flexarm_env.kernels.imex import failures
 from flexarm_env.kernels.layout import beginning_sizes, episode_sizes
 from flexarm_env.kernels.variants import Variant, shared_model
+from flexarm_env.parameters import DIRECTIONS
 
 Array = NDArray[np.float64]
 # Time that a block takes for a step, by its lanes, relative; `Square-v0` with two modes (`make bench`, batches).
@@ -49,10 +52,11 @@ VIEWS = (
 
 
 class Fleet:
-    """N environments with the same settings.
+    """N environments with the same settings, or with some of their own (`per_env`).
 
     Attributes:
-        settings: the settings.
+        settings: of environment 0; of all where they have none of their own.
+        each: of each environment.
         layout: of the observations.
         failures: why an episode ended, by its status; 0 is that of a valid state.
         everyone: the mask of all environments; read-only. Shape (N,).
@@ -74,21 +78,28 @@ class Fleet:
     _step_kernel: Callable[..., Any]
     only_step: Callable[[], bool]
 
-    def __init__(self, settings: Settings, count: int, threads: int = 1) -> None:
+    def __init__(self, settings: Settings | Sequence[Settings], count: int, threads: int = 1) -> None:
         """Lay out the fleet; kernels are compiled, or found in the cache, at the first start.
 
         Args:
-            settings: of all environments.
+            settings: of all environments, or of each.
             count: how many.
             threads: that step the blocks; more than one pays for large fleets on idle cores only.
+
+        Raises:
+            ValueError: for settings that differ in what a batch shares.
         """
-        self.settings, self.count, self._threads = settings, count, threads
-        refuse_fast_starts(settings, settings.start)
+        self.each = [settings] * count if isinstance(settings, Settings) else list(settings)
+        self.settings, self.count, self._threads = self.each[0], count, threads
+        refuse_unlike(self.each)
+        settings, kinds = self.settings, list({id(one): one for one in self.each}.values())
+        for one in kinds:
+            refuse_fast_starts(one, one.start)
         arm = settings.flexible_arm
         program = settings.program
-        self.layout = observation_layout(settings, program)
+        self.layout = common_layout(kinds, program)
         lanes = block_lanes(count, threads)
-        self._variant = _variant(settings, program, lanes)
+        self._variant = _variant(settings, program, lanes, any(one.disturbed for one in kinds))
         self._rows = self._variant.rows
         sizes = episode_sizes(self._rows)
         first = self._rows[next(iter(sizes))][0]
@@ -97,8 +108,11 @@ class Fleet:
         self.parts = {name: slice(end - size, end) for (name, size), end in zip(sizes.items(), ends, strict=True)}
         channels = len(settings.action_limit)
         blocks = -(-count // lanes)
-        rows = extent(self._rows) + tail_rows(settings)
-        plan, table = plan_and_table(settings, program, self.layout)
+        plan, table = plan_and_table(kinds, program, self.layout)
+        rows = extent(self._rows) + tail_rows(kinds)
+        places = {id(one): n for n, one in enumerate(kinds)}
+        kind_of = np.array([places[id(one)] for one in self.each])[np.minimum(np.arange(blocks * lanes), count - 1)]
+        owns = np.array([lane_numbers(one, program) for one in kinds])
         usual = np.full((blocks * lanes, column.STATE + 2 * arm.size), NAN)
         usual[:, column.START] = START_CODES[settings.start]
         usual[count:, column.START] = START_CODES["corner"]  # lanes of no environment rest
@@ -107,7 +121,7 @@ class Fleet:
             {
                 "PLAN": plan,
                 "ARENAS": np.zeros((blocks, rows, lanes)),
-                "HISTORIES": np.zeros((blocks, settings.history_slots, 4, lanes)),
+                "HISTORIES": np.zeros((blocks, max(one.history_slots for one in kinds), 4, lanes)),
                 "CLOCKS": np.zeros((blocks, CLOCK_ROWS, lanes), dtype=np.int64),
                 "KEYS": np.zeros(blocks * lanes, dtype=np.uint64),
                 "STARTS": np.zeros(blocks * lanes, dtype=bool),
@@ -115,6 +129,7 @@ class Fleet:
                 "ACTIONS": np.zeros((blocks * lanes, channels), dtype=np.float32),
                 "OBSERVATIONS": np.zeros((blocks * lanes, len(self.layout.rows)), dtype=np.float32),
                 "SETTINGS": table,
+                "LANE_SETTINGS": owns[kind_of] if len(kinds) > 1 else owns,
                 "PATHS": path_tables(settings, blocks * lanes),
                 "ORDERS": usual,
             }
@@ -123,10 +138,7 @@ class Fleet:
         self.usual_orders = usual[:count]
         self._usual = True
         self._link()
-        for name, value in fixed_rows(settings).items():
-            if name in self._rows:
-                first, rows_of = self._rows[name]
-                self._arenas[:, first : first + rows_of] = np.asarray(value, dtype=float)[None, :, None]
+        self._fix_rows([fixed_rows(one) for one in kinds], kind_of)
 
     def __len__(self) -> int:
         """Number of environments."""
@@ -214,8 +226,17 @@ class Fleet:
     def path_names(self) -> NDArray[np.str_]:
         """Names of the paths that the environments follow. Shape (N,)."""
         names = np.array(self.settings.reference)
-        chosen = self._clocks[:, clock_row.PATH].reshape(-1)[: self.count]
-        return names[np.zeros_like(chosen) if len(names) == 1 else chosen]
+        return names[self._chosen_paths() % len(names)]
+
+    def directions(self) -> NDArray[np.str_]:
+        """Directions of their laps. Shape (N,)."""
+        if not self.settings.paths:
+            return np.array([one.direction for one in self.each])
+        return np.array(DIRECTIONS)[self._chosen_paths() // len(self.settings.reference)]
+
+    def _chosen_paths(self) -> NDArray[np.int64]:
+        """Which of the paths the environments follow. Shape (N,)."""
+        return self._clocks[:, clock_row.PATH].reshape(-1)[: self.count]
 
     def path(self, index: int) -> Array:
         """Way-points of the path that an environment follows [m]. Shape (n, 2)."""
@@ -223,6 +244,15 @@ class Fleet:
         return np.asarray(self._paths[self._clocks[block, clock_row.PATH, lane], :, 1:3])
 
     # --- inside ----------------------------------------------------------------------------------------------------
+
+    def _fix_rows(self, kinds: Sequence[Mapping[str, Any]], kind_of: NDArray[np.int64]) -> None:
+        """Enter the rows that no episode changes, of the kind that each lane is."""
+        for name in kinds[0]:
+            if name in self._rows:
+                first, count = self._rows[name]
+                values = np.array([one[name] for one in kinds], dtype=float)[kind_of]
+                blocks = values.reshape(self._blocks, len(kind_of) // self._blocks, count)
+                self._arenas[:, first : first + count] = np.moveaxis(blocks, 2, 1)
 
     def _link(self) -> None:
         """Views and functions of the hot path."""
@@ -258,7 +288,7 @@ class Fleet:
             self._use(self.compile())
 
 
-def _variant(settings: Settings, program: Program, lanes: int) -> Variant:
+def _variant(settings: Settings, program: Program, lanes: int, disturbed: bool) -> Variant:
     """The kernels that these settings need."""
     arm = settings.flexible_arm
     return Variant(
@@ -271,7 +301,7 @@ def _variant(settings: Settings, program: Program, lanes: int) -> Variant:
         late=settings.law_sensor == "sensor",
         own_paths=not settings.paths,
         foreshortened=arm.constants.foreshortened,
-        disturbed=settings.disturbed,
+        disturbed=disturbed,
     )
 
 
@@ -291,4 +321,4 @@ def _not_started(*arguments: Any) -> None:
     raise RuntimeError("step() before start(): there are no states to advance")
 
 
-START_CODES = {name: getattr(reset, name.upper()) for name in STARTS}
+START_CODES = {name: getattr(draws, name.upper()) for name in STARTS}

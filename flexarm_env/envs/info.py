@@ -134,13 +134,13 @@ class Episode(NamedTuple):
 
 def episodes(fleet: Fleet) -> Episode:
     """The present episodes of a batch."""
-    numbers, settings = fleet.beginnings(), fleet.settings
+    numbers = fleet.beginnings()
     return Episode(
         parameters={name: numbers[:, n].copy() for n, name in enumerate(DRAWN)},
         path=fleet.path_names(),
         start_time=numbers[:, len(DRAWN)].copy(),
-        elbow_branch=np.full(len(fleet), settings.elbow_branch),
-        direction=np.full(len(fleet), settings.direction),
+        elbow_branch=np.where(numbers[:, len(DRAWN) + 1] > 0.0, "positive", "negative"),
+        direction=fleet.directions(),
     )
 
 

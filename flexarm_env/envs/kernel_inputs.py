@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -11,12 +11,13 @@ from numpy.typing import NDArray
 
 from flexarm_env.codegen.declarations import Program
 from flexarm_env.codegen.memory import Part, packed
-from flexarm_env.envs.choices import MOVE_POINTS, MOVE_RING
+from flexarm_env.envs.choices import EITHER, MOVE_POINTS, MOVE_RING
 from flexarm_env.envs.observation import ObservationLayout
 from flexarm_env.envs.settings import Settings
 from flexarm_env.episode.reward import TERMS
-from flexarm_env.kernels.entries import DRAWN, MEMORY, header, settings_layout
+from flexarm_env.kernels.entries import DRAWN, MEMORY, LaneSetting, Setting, Shape, header
 from flexarm_env.kernels.layout import layout, place_rows
+from flexarm_env.parameters import DIRECTIONS
 from flexarm_env.physics.constants import arm_constants
 from flexarm_env.physics.paths import same_length
 from flexarm_env.simulation.arm import FlexibleArm
@@ -25,9 +26,20 @@ from flexarm_env.simulation.limits import state_limits
 Array = NDArray[np.float64]
 ALL_READINGS = -1  # as bits
 NAN = float("nan")
+# In the tables `LANE_SETTINGS` and `ORDERS`.
+BRANCH_CODES = {"positive": 1.0, "negative": -1.0, EITHER: 0.0}
+DIRECTION_CODES = {name: float(n) for n, name in enumerate(DIRECTIONS)} | {EITHER: -1.0}
 
 
-def kept_readings(settings: Settings) -> int:
+def kept_readings(kinds: Sequence[Settings]) -> int:
+    """Integration steps of a control period after which a reading is kept for one of the lanes (`_readings_of`)."""
+    bits = 0
+    for settings in kinds:
+        bits |= _readings_of(settings)
+    return bits
+
+
+def _readings_of(settings: Settings) -> int:
     """Integration steps of a control period after which a reading is kept, as bits (bit 0: its end).
 
     Where each sample is equally late, it lies between the same two steps of a period; the others are not needed.
@@ -60,7 +72,10 @@ def lay_out(arrays: Mapping[str, NDArray[Any]]) -> tuple[Array, dict[str, Part]]
     assert tuple(arrays) == ("PLAN", *MEMORY)  # kernels find the plan at the beginning
     memory, parts = packed(arrays)
     lanes = arrays["ARENAS"].shape[-1]
+    rows, columns = arrays["LANE_SETTINGS"].shape
     sizes = {
+        "LANE_SETTING_ROWS": rows,
+        "LANE_SETTING_COLUMNS": columns,
         "ARENA_ROWS": arrays["ARENAS"][0].size // lanes,
         "HISTORY_ROWS": arrays["HISTORIES"][0].size // lanes,
         "PATH_COUNT": arrays["PATHS"].shape[0],
@@ -73,13 +88,18 @@ def lay_out(arrays: Mapping[str, NDArray[Any]]) -> tuple[Array, dict[str, Part]]
     return memory, parts
 
 
+def kept_actions(kinds: Sequence[Settings]) -> int:
+    """How many actions are kept for the lanes: as many as any of them needs."""
+    return max(one.kept_actions for one in kinds)
+
+
 def plan_and_table(
-    settings: Settings, program: Program, observed: ObservationLayout
+    kinds: Sequence[Settings], program: Program, observed: ObservationLayout
 ) -> tuple[NDArray[np.int64], Array]:
     """`plan` and `settings` of the kernels; where arrays lie is left open.
 
     Args:
-        settings: of the environments.
+        kinds: settings of the environments, each once.
         program: of the kernels.
         observed: the observations.
 
@@ -87,14 +107,27 @@ def plan_and_table(
         Whole numbers (`entries.Header`) and the rows of the observation; numbers (`entries.Setting`), horizons and
         factors.
     """
+    settings = kinds[0]
     horizons = settings.previews if _previews(settings) else ()
-    plan = np.concatenate([_whole_numbers(settings, observed), _observed_rows(settings, program, observed)])
+    kept = kept_actions(kinds)
+    whole = {
+        "KEPT_ACTIONS": kept,
+        "COMMANDS": 2 * _previews(settings) + settings.mode.accumulates * kept * len(settings.action_limit),
+        "READINGS": kept_readings(kinds),
+        **_whole_numbers(settings),
+    }
+    plan = np.zeros(header.PLACES + len(observed.rows), dtype=np.int64)  # `lay_out` fills in the others
+    for name, value in whole.items():
+        plan[getattr(header, name)] = value
+    plan[header.OBSERVED] = len(observed.rows)
+    plan[header.PLACES :] = _observed_rows(settings, program, observed)
     return plan, np.concatenate([_numbers(settings, program), horizons, 1.0 / observed.scale])
 
 
-def tail_rows(settings: Settings) -> int:
+def tail_rows(kinds: Sequence[Settings]) -> int:
     """Rows of an arena's tail: previews, kept actions, and kept commands where they are not the actions."""
-    kept = settings.kept_actions * len(settings.action_limit)
+    settings = kinds[0]
+    kept = kept_actions(kinds) * len(settings.action_limit)
     return 2 * len(settings.previews) + kept * (1 + settings.mode.accumulates)
 
 
@@ -103,25 +136,17 @@ def _previews(settings: Settings) -> int:
     return len(settings.previews) if "previews" in settings.observation else 0
 
 
-def _whole_numbers(settings: Settings, observed: ObservationLayout) -> NDArray[np.int64]:
-    """What is to be done (`entries.Header`)."""
+def _whole_numbers(settings: Settings) -> dict[str, int]:
+    """What is to be done (`entries.Header`), by name."""
     s = settings
-    whole = {
+    return {
         "SUBSTEPS": s.substeps,
         "CHANNELS": len(s.action_limit),
-        "KEPT_ACTIONS": s.kept_actions,
         "PREVIEWS": _previews(s),
-        "COMMANDS": 2 * _previews(s) + s.mode.accumulates * s.kept_actions * len(s.action_limit),
-        "OBSERVED": len(observed.rows),
         "SHIFTING": int(s.mode.shifts),
-        "COMPENSATION": ("none", "shared", "per_joint").index(s.compensation),
-        "READINGS": kept_readings(s),
+        "PATH_NAMES": len(s.reference),
         "DRIVING": 1,
     }
-    numbers = np.zeros(header.PLACES, dtype=np.int64)  # the others are for `lay_out` to fill in
-    for name, value in whole.items():
-        numbers[getattr(header, name)] = value
-    return numbers
 
 
 def _numbers(settings: Settings, program: Program) -> Array:
@@ -136,28 +161,45 @@ def _numbers(settings: Settings, program: Program) -> Array:
         "COMMAND_SCALE": (1.0, 1.0) if s.mode.accumulates else (*s.action_limit, 0.0)[:2],
         "IDLE_ACTION": [s.mode.idle],
         "MOTOR_LIMIT": s.motor_limit,
-        "JITTER": [s.jitter],
-        "HOLD": [s.hold],
-        "DROPOUT": [s.dropout],
-        "ENCODER_NOISE": s.encoder_noise,
         "DEFLECTION_LIMIT": [np.inf if s.deflection_limit is None else s.deflection_limit],
         "ERROR_LIMIT": [np.inf if s.error_limit is None else s.error_limit],
         "LENGTHS": p.link_lengths,
-        "BRANCH": [1.0 if s.elbow_branch == "positive" else -1.0],
         "START_SPREAD": s.start_spread,
         "MOVES": [MOVE_RING[0] * p.reach, MOVE_RING[1] * p.reach],
         "LAP": [s.lap_time],
         "WEIGHTS": [s.reward_weights.get(name, 0.0) for name in TERMS],
+    }
+    *places, (last, _) = Setting.layout(_shape(s, program)).items()
+    assert last == "HORIZONS"
+    return _in_order(dict(places), values)
+
+
+def lane_numbers(settings: Settings, program: Program) -> Array:
+    """What a lane has for itself, in the order of `entries.LaneSetting`."""
+    s = settings
+    arm = s.flexible_arm
+    values: dict[str, Any] = {
+        "BRANCH": [BRANCH_CODES[s.elbow_branch]],
+        "DIRECTION": [DIRECTION_CODES[s.direction]],
+        "COMPENSATION": [("none", "shared", "per_joint").index(s.compensation)],
         "SENSOR_DELAYS": s.sensor_delays,
         **_drawn(s),
         "ARM": arm.constants.flat(),
         "PER_PAYLOAD": _per_payload(arm),
         "PER_DAMPING": _per_damping(arm),
     }
-    *places, (last, _) = settings_layout(program, p.modes_per_link, arm.constants.foreshortened).items()
-    assert last == "HORIZONS"
-    assert all(len(values[name]) == count for name, (_, count) in places)
-    return np.concatenate([np.asarray(values[name], dtype=float) for name, _ in places])
+    return _in_order(LaneSetting.layout(_shape(s, program)), values)
+
+
+def _shape(settings: Settings, program: Program) -> Shape:
+    arm = settings.flexible_arm
+    return Shape(program, arm.parameters.modes_per_link, arm.constants.foreshortened)
+
+
+def _in_order(places: Mapping[str, tuple[int, int]], values: Mapping[str, Any]) -> Array:
+    """The numbers of a table's parts, one after the other."""
+    assert all(len(values[name]) == count for name, (_, count) in places.items())
+    return np.concatenate([np.asarray(values[name], dtype=float) for name in places])
 
 
 def _drawn(settings: Settings) -> dict[str, list[float]]:
@@ -204,6 +246,10 @@ def fixed_rows(settings: Settings) -> dict[str, Any]:
         **place_rows("TIP", arm.place(2, length)),
         **place_rows("PLACE", arm.place(2, s.sensor_position)),
         **place_rows("SENSOR", arm.place(2, law_point)),
+        "JITTER": [s.jitter],
+        "HOLD": [s.hold],
+        "DROPOUT": [s.dropout],
+        "ENCODER_NOISE": s.encoder_noise,
         "FRAME": [float(s.frame == "link")],
         "TORQUE_LIMIT": s.motor_limit,
         "STIFFNESS": s.inner_stiffness,

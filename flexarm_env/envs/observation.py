@@ -5,7 +5,7 @@ A block holds only what sensors and the task's clock can know.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -306,6 +306,18 @@ class ObservationLayout(NamedTuple):
     rows: NDArray[np.int64]
     scale: Array
     bound: NDArray[np.float32]
+
+
+def common_layout(kinds: Sequence[Settings], program: Program) -> ObservationLayout:
+    """The layout that environments of a batch share (`observation_layout`), with the widest of their bounds.
+
+    Args:
+        kinds: their settings, each once.
+        program: of the kernels.
+    """
+    layouts = [observation_layout(settings, program) for settings in kinds]
+    assert all(np.array_equal(one.scale, layouts[0].scale) for one in layouts)
+    return layouts[0]._replace(bound=np.max([one.bound for one in layouts], axis=0))
 
 
 def observation_layout(settings: Settings, program: Program) -> ObservationLayout:

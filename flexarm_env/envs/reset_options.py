@@ -10,9 +10,11 @@ from numpy.typing import NDArray
 
 from flexarm_env.envs.batch import START_CODES, Fleet
 from flexarm_env.envs.choices import STARTS
+from flexarm_env.envs.kernel_inputs import BRANCH_CODES, DIRECTION_CODES
 from flexarm_env.envs.observation import refuse_fast_starts
 from flexarm_env.envs.quantities import orderable
 from flexarm_env.kernels.entries import DRAWN, column
+from flexarm_env.physics.paths import PATHS
 from flexarm_env.simulation.limits import state_limits
 from flexarm_env.validation import choice, entries, real_array, shown
 
@@ -21,6 +23,9 @@ OPTIONS = {
     "start": "how the arm starts: " + ", ".join(f'"{name}"' for name in STARTS),
     "time": "moment of the lap at which the episode starts [s], below the lap time; to the nearest integration step",
     "path": "name of the reference, where the environment has several",
+    "direction": "of the lap: " + ", ".join(f'"{name}"' for name in DIRECTION_CODES),
+    "elbow_branch": "side of theta2 of the rigid arm on the reference: "
+    + ", ".join(f'"{name}"' for name in BRANCH_CODES),
     "parameters": f"mapping of quantities of the episode: {', '.join(DRAWN)}",
     "state": "initial state in the public order, shape (4 + 4 m,)",
 }
@@ -59,12 +64,16 @@ def orders_of(options: Mapping[str, Any] | None, fleet: Fleet) -> Array:
         orders[:, column.PHASE] = _numbers("options['time']", options["time"], fleet, 0.0, np.nextafter(lap, 0.0))
     if "path" in options:
         orders[:, column.PATH] = _path_indices(options["path"], fleet)
+    if "direction" in options:
+        orders[:, column.DIRECTION] = _directions(options["direction"], fleet)
+    if "elbow_branch" in options:
+        orders[:, column.BRANCH] = _codes("elbow_branch", options["elbow_branch"], BRANCH_CODES, fleet)
     for name, value in _mapping("parameters", options.get("parameters", {})).items():
         if name not in DRAWN:
             raise ValueError(
                 f"options['parameters'][{shown(name)}]: no such quantity; there are {', '.join(map(repr, DRAWN))}"
             )
-        least, most = orderable(fleet.settings, name)
+        least, most = np.array([orderable(settings, name) for settings in fleet.each]).T
         hint = f" (`randomisation` at make can allow more: {{{name!r}: (least, most)}})"
         orders[:, column.DRAWN + list(DRAWN).index(name)] = _numbers(
             f"options['parameters'][{name!r}]", value, fleet, least, most, hint
@@ -86,14 +95,16 @@ def _each(name: str, value: Any, fleet: Fleet) -> list[Any]:
     return found
 
 
-def _numbers(label: str, value: Any, fleet: Fleet, least: float, most: float, hint: str = "") -> Array:
+def _numbers(label: str, value: Any, fleet: Fleet, least: float | Array, most: float | Array, hint: str = "") -> Array:
     array = real_array(label, value)
     if array.shape not in ((), (len(fleet),)):
         raise ValueError(f"{label}: must be one number or {len(fleet)}, got shape {array.shape}")
-    inside = (array >= least) & (array <= most) & np.isfinite(array)
+    numbers, lowest, highest = np.broadcast_arrays(array, least, most, np.empty(len(fleet)))[:3]
+    inside = (numbers >= lowest) & (numbers <= highest) & np.isfinite(numbers)
     if not inside.all():
-        raise ValueError(f"{label} = {float(array[~inside].flat[0])!r}: must be from {least:.6g} to {most:.6g}{hint}")
-    return np.broadcast_to(array, len(fleet))
+        i = int(np.argmin(inside))
+        raise ValueError(f"{label} = {numbers[i].item()!r}: must be from {lowest[i]:.6g} to {highest[i]:.6g}{hint}")
+    return numbers
 
 
 def _path_indices(value: Any, fleet: Fleet) -> list[int]:
@@ -101,6 +112,19 @@ def _path_indices(value: Any, fleet: Fleet) -> list[int]:
     if not fleet.settings.paths:
         raise ValueError(f"options['path'] = {shown(value)}: each episode draws its own moves; it has no names")
     return [names.index(choice("options['path']", name, names)) for name in _each("path", value, fleet)]
+
+
+def _directions(value: Any, fleet: Fleet) -> list[float]:
+    if set(fleet.settings.reference).isdisjoint(PATHS):
+        raise ValueError(
+            f"options['direction'] = {shown(value)}: has no effect here; only with a reference among "
+            f"{', '.join(map(repr, PATHS))}"
+        )
+    return _codes("direction", value, DIRECTION_CODES, fleet)
+
+
+def _codes(name: str, value: Any, codes: Mapping[str, float], fleet: Fleet) -> list[float]:
+    return [codes[choice(f"options[{name!r}]", one, codes)] for one in _each(name, value, fleet)]
 
 
 def _mapping(name: str, value: Any) -> Mapping[str, Any]:

@@ -60,7 +60,7 @@ class Scene:
         self._renderer.close()
 
     def _snapshot(self, result: Array) -> Snapshot:
-        settings = self._fleet.settings
+        settings = self._fleet.each[self._index]
         arm = settings.flexible_arm
         values: dict[str, Any] = {name: result[part] for name, part in self._fleet.parts.items()}
         q = np.nan_to_num(values["STATE"][: arm.size], posinf=0.0, neginf=0.0)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, Field, dataclass, fields
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 
@@ -30,6 +30,7 @@ from flexarm_env.codegen.declarations import Program
 from flexarm_env.envs.choices import (
     DEFAULT_OBSERVATION,
     DEFAULT_WEIGHTS,
+    EITHER,
     PHYSICS_STEP,
     STARTS,
     Frame,
@@ -49,6 +50,7 @@ from flexarm_env.envs.quantities import NAMED_QUANTITIES, QUANTITIES, checked_ra
 from flexarm_env.episode.step import PROGRAMS
 from flexarm_env.lazy import cached_property
 from flexarm_env.parameters import (
+    DIRECTIONS,
     LARGEST_NOISE,
     MAX_DELAY,
     SENSOR_MODELS,
@@ -56,7 +58,6 @@ from flexarm_env.parameters import (
     Compensation,
     Corner,
     Delayed,
-    Direction,
     ElbowBranch,
     LawParameters,
     RateJacobian,
@@ -180,11 +181,11 @@ class Settings:
     )
     lap_time: float = _option(16.0, "of a lap", allowed_of(SquareParameters, "lap_time"))
     start_corner: Corner = _option("lower left", "where a lap starts", allowed_of(SquareParameters, "start_corner"))
-    direction: Direction = _option("clockwise", "of a lap", allowed_of(SquareParameters, "direction"))
-    elbow_branch: ElbowBranch = _option(
+    direction: str = _option("clockwise", 'of a lap; "either": drawn for each episode', OneOf((*DIRECTIONS, EITHER)))
+    elbow_branch: str = _option(
         "positive",
-        "sign of theta2 at the start and in the inverse kinematics",
-        allowed_of(SquareParameters, "elbow_branch"),
+        'sign of theta2 at the start and in the inverse kinematics; "either": drawn for each episode',
+        OneOf((*get_args(ElbowBranch), EITHER)),
     )
     start: Start = _option("mix", "how an episode starts; see Starting state", OneOf(tuple(STARTS)))
     start_spread: tuple[float, float] = _option(
@@ -283,26 +284,23 @@ class Settings:
         return arm
 
     @cached_property
-    def task(self) -> SquareParameters:
-        """Measures of the paths."""
-        return SquareParameters(self.side, self.lap_time, self.start_corner, self.direction, self.elbow_branch)
-
-    @cached_property
     def paths(self) -> list[ReferencePath]:
-        """The paths that an episode may be given; none where each episode draws its own."""
+        """All of `reference` in each of `DIRECTIONS`, one after the other; none where each episode draws its own."""
         if self.reference == ("moves",):
             return []
+        tasks = [SquareParameters(self.side, self.lap_time, self.start_corner, one) for one in DIRECTIONS]
         found = [
-            way_points(self.task, self.waypoints or ()) if name == "waypoints" else PATHS[name](self.task)
+            (name, way_points(task, self.waypoints or ()) if name == "waypoints" else PATHS[name](task))
+            for task in tasks
             for name in self.reference
         ]
-        for name, path in zip(self.reference, found, strict=True):
+        for name, path in found:
             try:
                 path.check_reach(self.flexible_arm.parameters)
             except ValueError as error:
                 what = f"waypoints = {self.waypoints!r}" if name == "waypoints" else f"side = {self.side} m"
                 raise ValueError(f"{what}: {error}") from None
-        return found
+        return [path for _, path in found]
 
     @property
     def disturbed(self) -> bool:

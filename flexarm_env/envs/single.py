@@ -45,7 +45,7 @@ class FleetView:
 
     @property
     def settings(self) -> Settings:
-        """All options, validated."""
+        """All options, validated; those of environment 0 where a batch's environments have some of their own."""
         return self.fleet.settings
 
     @property

@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 
 from flexarm_env.envs.batch import Fleet
 from flexarm_env.envs.info import Episode, InfoMaker, episodes, masked
+from flexarm_env.envs.per_env import settings_of_each
 from flexarm_env.envs.registration import warn_of_short_limit
 from flexarm_env.envs.reset_options import orders_of
 from flexarm_env.envs.scene import Scene
 from flexarm_env.envs.seeding import EpisodeKeys
-from flexarm_env.envs.settings import Settings
 from flexarm_env.envs.single import FASTEST_VIDEO, RENDER_MODES, FleetView, rounded
 from flexarm_env.validation import choice, finite_array, integer, real_array
 
@@ -34,6 +34,8 @@ Step = tuple[NDArray[np.float32], Array, Flags, Flags, dict[str, Any]]
 
 class FlexArmVectorEnv(FleetView, gymnasium.vector.VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[Any]]):
     """N environments in one; environment i of a batch seeded s is the single one seeded s + i, to the last bit.
+
+    This holds for environments with options of their own, too: the single one has these options.
 
     Attributes:
         fleet: the arms, their kernels and their data.
@@ -53,6 +55,7 @@ class FlexArmVectorEnv(FleetView, gymnasium.vector.VectorEnv[NDArray[np.float32]
         render_mode: str | None = None,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         threads: int = 1,
+        per_env: Mapping[str, Sequence[Any]] | None = None,
         **options: Any,
     ) -> None:
         """Lay out the batch.
@@ -64,7 +67,9 @@ class FlexArmVectorEnv(FleetView, gymnasium.vector.VectorEnv[NDArray[np.float32]
             autoreset_mode: a finished environment begins a new episode at the next step ("NextStep"), in the step that
                 ends it ("SameStep": see `final_obs` and `final_info`), or when it is told to ("Disabled").
             threads: that share the work; more than one pays for large batches on idle cores.
-            **options: fields of `Settings`.
+            per_env: options that the environments have for themselves: a value for each environment, by the option's
+                name, one of `flexarm_env.envs.per_env.OPTIONS`.
+            **options: fields of `Settings`, of all environments.
 
         Raises:
             TypeError, ValueError: for a bad argument, naming it, its value and what is allowed.
@@ -76,7 +81,8 @@ class FlexArmVectorEnv(FleetView, gymnasium.vector.VectorEnv[NDArray[np.float32]
         self.render_mode = render_mode
         mode = autoreset_mode.value if isinstance(autoreset_mode, AutoresetMode) else autoreset_mode
         self.autoreset_mode = AutoresetMode(choice("autoreset_mode", mode, [each.value for each in AutoresetMode]))
-        self.fleet = Fleet(Settings.of(options, type(self).__name__), self.num_envs, integer("threads", threads, 1))
+        each = settings_of_each(options, per_env, self.num_envs, type(self).__name__)
+        self.fleet = Fleet(each, self.num_envs, integer("threads", threads, 1))
         self.metadata = self.metadata | {"autoreset_mode": self.autoreset_mode, "render_fps": self._fps()}
         self.single_observation_space, self.single_action_space = self._spaces()
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)

@@ -197,7 +197,7 @@ def aim(arena: Arena, clock: Clock, paths: Paths, plan: Plan, settings: Table) -
         there = reference_at(paths, clock[clock_row.PATH, i], time, time - 1e-3 * h, clock[clock_row.SINCE, i] * h)
         for r in range(4):
             arena[row.REFERENCE + r, i] = there[r]
-    joint_kernel(arena, settings[setting.LENGTHS], settings[setting.LENGTHS + 1], settings[setting.BRANCH])
+    joint_kernel(arena, settings[setting.LENGTHS], settings[setting.LENGTHS + 1])
     for r in range(4):
         for i in range(variant.lanes):
             arena[row.INNER_TO + r, i] = arena[row.JOINT + r, i]

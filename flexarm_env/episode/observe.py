@@ -96,11 +96,15 @@ def look(
         for i in range(variant.lanes):
             arena[row.MEASURED + r, i] = arena[row.STATE + at, i]
         if variant.disturbed:
-            deviation = settings[setting.ENCODER_NOISE + r // 2]
-            for i in range(variant.lanes if deviation > 0.0 else 0):
-                noise = normal(keys[i], noise_place(clock, plan, i) + CHANNELS_OF_NOISE + 2 * r)
-                arena[row.MEASURED + r, i] += deviation * noise
-    joint_kernel(arena, settings[setting.LENGTHS], settings[setting.LENGTHS + 1], settings[setting.BRANCH])
+            noisy = 0
+            for i in range(variant.lanes):
+                noisy += arena[row.ENCODER_NOISE + r // 2, i] > 0.0
+            for i in range(variant.lanes if noisy > 0 else 0):
+                deviation = arena[row.ENCODER_NOISE + r // 2, i]
+                if deviation > 0.0:
+                    noise = normal(keys[i], noise_place(clock, plan, i) + CHANNELS_OF_NOISE + 2 * r)
+                    arena[row.MEASURED + r, i] += deviation * noise
+    joint_kernel(arena, settings[setting.LENGTHS], settings[setting.LENGTHS + 1])
     note_elbow(arena)
     aim_on_present_side(arena, settings)
     features_kernel(
@@ -176,10 +180,10 @@ def aim_on_present_side(arena: Arena, settings: Table) -> None:
             arena[row.PRESENT_JOINT + r, i] = arena[row.JOINT + r, i]
     swung = 0
     for i in range(variant.lanes):
-        swung += arena[row.MEASURED_SIDE, i] * settings[setting.BRANCH] < 0.0
+        swung += arena[row.MEASURED_SIDE, i] * arena[row.BRANCH, i] < 0.0
     for i in range(variant.lanes if swung > 0 else 0):
         side = arena[row.MEASURED_SIDE, i]
-        if side * settings[setting.BRANCH] < 0.0:
+        if side * arena[row.BRANCH, i] < 0.0:
             length_1, length_2 = settings[setting.LENGTHS], settings[setting.LENGTHS + 1]
             x, y = arena[row.REFERENCE, i], arena[row.REFERENCE + 1, i]
             vx, vy = arena[row.REFERENCE + 2, i], arena[row.REFERENCE + 3, i]

@@ -61,10 +61,10 @@ def joint_source(variant: Variant) -> str:
     """Joint angles and rates of the rigid arm whose tip is on the reference."""
     r = Recorder(variant)
     lengths = (r.trace.input("length_1"), r.trace.input("length_2"))
-    r.write("JOINT", features.joint_aim(lengths, r.trace.input("branch"), r.read("REFERENCE"), r.read("JOINT")[0]))
-    return r.source("joint_kernel(arena, length_1, length_2, branch)")
+    r.write("JOINT", features.joint_aim(lengths, r.one("BRANCH"), r.read("REFERENCE"), r.read("JOINT")[0]))
+    return r.source("joint_kernel(arena, length_1, length_2)")
 
 
 @recorded(joint_source, SHARED)
-def joint_kernel(arena: Arena, length_1: float, length_2: float, branch: float) -> None:
+def joint_kernel(arena: Arena, length_1: float, length_2: float) -> None:
     """Joint angles and rates of the rigid arm on the reference, of every lane."""

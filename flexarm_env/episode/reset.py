@@ -1,21 +1,33 @@
-"""Drivers that begin episodes: what is drawn for them, where the arm starts, and what its delay line holds.
+"""Drivers that begin episodes: where the arm starts, and what its delay line holds; `draws` has what is drawn.
 
 `stepping` explains lanes, blocks and arenas.
 """
 
 from __future__ import annotations
 
-from math import sqrt
-
 import numpy as np
 from numpy import floor
 
-from flexarm_env.codegen.arrays import Arena, Clock, Four, History, Keys, Mask, Order, Orders, Path, Paths, Plan, Table
+from flexarm_env.codegen.arrays import (
+    Arena,
+    Clock,
+    Four,
+    History,
+    Keys,
+    LaneSettings,
+    Mask,
+    Order,
+    Orders,
+    Paths,
+    Plan,
+    Table,
+)
 from flexarm_env.codegen.declarations import inlined_in_its_caller
 from flexarm_env.codegen.elementary import sincos
 from flexarm_env.codegen.random_stream import uniform
+from flexarm_env.episode.draws import LONG_AGO, PLACE_SPREAD, draw_branch, draw_quantities, draw_start
 from flexarm_env.episode.sensor import sensed_point
-from flexarm_env.kernels.entries import QUANTITIES, clock_row, column, constant, drawn, header, setting
+from flexarm_env.kernels.entries import clock_row, column, constant, header, lane_setting, setting
 from flexarm_env.kernels.imex import prepare_commands, prepare_readings, store_reading
 from flexarm_env.kernels.layout import row
 from flexarm_env.kernels.path_cache import forget_side
@@ -25,117 +37,6 @@ from flexarm_env.kernels.variants import variant
 from flexarm_env.physics.inverse_kinematics import joint_angles_for, joint_rates_for
 from flexarm_env.physics.polyline import reference_at
 
-CORNER, CORNERS, MOVING, MIX = 0.0, 1.0, 2.0, 3.0  # how an episode starts
-SHARE_AT_REST = 0.3  # of the mix
-LONG_AGO = -(2**60)  # [steps]; since then the reference has been moving
-# Which of an episode's random numbers its start uses.
-PLACE_PATH, PLACE_MIX, PLACE_PHASE = 0, 1, 2
-PLACE_SPREAD, PLACE_DRAWN, PLACE_MOVE = 8, 16, 32
-
-
-def draw_quantities(arena: Arena, key: np.uint64, settings: Table, order: Order, i: int) -> None:
-    """What is drawn for lane i's episode, unless the order names it, and the arm that follows from it."""
-    for n in range(QUANTITIES):
-        value = settings[setting.BASE + n]
-        low = settings[setting.LOWEST + n]
-        if low == low:
-            value = low + (settings[setting.HIGHEST + n] - low) * uniform(key, PLACE_DRAWN + n)
-        if order[column.DRAWN + n] == order[column.DRAWN + n]:
-            value = order[column.DRAWN + n]
-        arena[row.EPISODE + n, i] = value
-    payload = arena[row.EPISODE + drawn.PAYLOAD_MASS, i] - settings[setting.BASE + drawn.PAYLOAD_MASS]
-    stiffness = arena[row.EPISODE + drawn.STIFFNESS, i]
-    # modal damping is 2 zeta omega m, and omega grows with the root of the stiffness
-    ratio = arena[row.EPISODE + drawn.DAMPING, i]
-    damping = ratio * sqrt(stiffness) - settings[setting.BASE + drawn.DAMPING]
-    for n in range(variant.constants):
-        value = (
-            settings[setting.ARM + n]
-            + payload * settings[setting.PER_PAYLOAD + n]
-            + damping * settings[setting.PER_DAMPING + n]
-        )
-        if constant.STIFFNESS_1 <= n < constant.DAMPING_1:
-            value *= stiffness
-        arena[row.CONSTANTS + n, i] = value
-    delay = arena[row.EPISODE + drawn.DELAY, i]
-    for r in range(2):
-        late = delay if delay == delay else settings[setting.SENSOR_DELAYS + r]
-        arena[row.SENSOR_DELAY + r, i] = late
-    arena[row.EPISODE + drawn.DELAY, i] = arena[row.SENSOR_DELAY, i]
-
-
-@inlined_in_its_caller
-def draw_start(
-    arena: Arena, clock: Clock, key: np.uint64, paths: Paths, settings: Table, order: Order, lane: int, i: int
-) -> bool:
-    """Path and moment at which lane i starts; whether the arm starts on the move."""
-    index = int(uniform(key, PLACE_PATH) * paths.shape[0])
-    if variant.own_paths:  # a constant: where it is false, the compiler never sees what follows
-        index = lane
-        draw_moves(paths[lane], key, settings)
-    elif order[column.PATH] == order[column.PATH]:
-        index = int(order[column.PATH])
-    lap = paths[index, paths.shape[1] - 1, 0]
-    kind = order[column.START]
-    if kind == MIX:
-        kind = CORNERS if uniform(key, PLACE_MIX) < SHARE_AT_REST else MOVING
-    phase = 0.0
-    if kind == CORNERS:
-        phase = 0.25 * lap * floor(4.0 * uniform(key, PLACE_PHASE))
-    elif kind == MOVING:
-        phase = settings[setting.PERIOD] * floor(uniform(key, PLACE_PHASE) * lap / settings[setting.PERIOD])
-    if order[column.PHASE] == order[column.PHASE]:
-        phase = order[column.PHASE]
-    clock[clock_row.PATH, i] = index
-    clock[clock_row.STEPS, i] = int(phase / settings[setting.STEP] + 0.5)
-    clock[clock_row.BEGAN, i] = clock[clock_row.STEPS, i]
-    arena[row.START_TIME, i] = clock[clock_row.BEGAN, i] * settings[setting.STEP]
-    moving = kind == MOVING
-    clock[clock_row.SINCE, i] = LONG_AGO if moving else clock[clock_row.STEPS, i]
-    return moving
-
-
-def drawn_point(key: np.uint64, settings: Table, place: int) -> tuple[float, float]:
-    """Joint angles that put the tip at a point of the ring `Setting.MOVES`, by two random numbers from a place on."""
-    low, high = settings[setting.MOVES], settings[setting.MOVES + 1]
-    radius = sqrt(low * low + (high * high - low * low) * uniform(key, place))  # evenly by area
-    turn = sincos(6.283185307179586 * uniform(key, place + 1))
-    x, y = radius * turn[1], radius * turn[0]
-    return joint_angles_for(settings[setting.LENGTHS], settings[setting.LENGTHS + 1], settings[setting.BRANCH], x, y)
-
-
-def draw_moves(path: Path, key: np.uint64, settings: Table) -> None:
-    """A path of an episode's own: from one point to another and back, each move from rest to rest, then a rest.
-
-    The joint angles run together along a polynomial of fifth degree (minimum jerk); points are drawn in the ring that
-    `Setting.MOVES` sets, theta1's way is the shorter one.
-
-    Args:
-        path: to be filled; evenly timed, see `sides.reference_at`. Shape (n, 5).
-        key: of the episode.
-        settings: see `entries.Setting`.
-    """
-    start = drawn_point(key, settings, PLACE_MOVE)
-    end = drawn_point(key, settings, PLACE_MOVE + 2)
-    way_1 = end[0] - start[0]
-    way_1 -= 6.283185307179586 * floor(way_1 / 6.283185307179586 + 0.5)
-    way_2 = end[1] - start[1]
-    last = path.shape[0] - 1
-    lap = settings[setting.LAP]
-    for n in range(last + 1):
-        quarters = 4.0 * n / last  # a move, a rest, a move back, a rest
-        u = min(max(quarters if quarters < 2.0 else 3.0 - quarters, 0.0), 1.0)
-        share = u * u * u * (10.0 + u * (6.0 * u - 15.0))
-        one = sincos(start[0] + share * way_1)
-        both = sincos(start[0] + share * way_1 + start[1] + share * way_2)
-        path[n, 0] = lap * (n / last)
-        path[n, 1] = settings[setting.LENGTHS] * one[1] + settings[setting.LENGTHS + 1] * both[1]
-        path[n, 2] = settings[setting.LENGTHS] * one[0] + settings[setting.LENGTHS + 1] * both[0]
-    for n in range(last):
-        per_second = 1.0 / (path[n + 1, 0] - path[n, 0])
-        path[n, 3] = (path[n + 1, 1] - path[n, 1]) * per_second
-        path[n, 4] = (path[n + 1, 2] - path[n, 2]) * per_second
-
 
 def place_arm(
     arena: Arena, clock: Clock, key: np.uint64, paths: Paths, settings: Table, order: Order, i: int, moving: bool
@@ -144,7 +45,7 @@ def place_arm(
     now = clock[clock_row.STEPS, i] * settings[setting.STEP]
     reference = reference_at(paths, clock[clock_row.PATH, i], now, now + 1e-9 * settings[setting.STEP], -1e18)
     length_1, length_2 = settings[setting.LENGTHS], settings[setting.LENGTHS + 1]
-    theta1, theta2 = joint_angles_for(length_1, length_2, settings[setting.BRANCH], reference[0], reference[1])
+    theta1, theta2 = joint_angles_for(length_1, length_2, arena[row.BRANCH, i], reference[0], reference[1])
     rate_1, rate_2 = 0.0, 0.0
     if moving:
         rate_1, rate_2 = joint_rates_for(length_1, length_2, theta1, theta2, reference[2], reference[3])
@@ -204,7 +105,7 @@ def reference_reading(arena: Arena, clock: Clock, paths: Paths, settings: Table,
     length_1, length_2 = settings[setting.LENGTHS], settings[setting.LENGTHS + 1]
     if variant.true_sensor and arena[row.PLACE_DISTANCE, i] == length_2:  # it is the tip that is on the reference
         return x, y, vx, vy
-    theta1, theta2 = joint_angles_for(length_1, length_2, settings[setting.BRANCH], x, y)
+    theta1, theta2 = joint_angles_for(length_1, length_2, arena[row.BRANCH, i], x, y)
     rate_1, rate_2 = joint_rates_for(length_1, length_2, theta1, theta2, vx, vy)
     if not variant.true_sensor:
         near = arena[row.JOINT, i]
@@ -220,12 +121,13 @@ def reference_reading(arena: Arena, clock: Clock, paths: Paths, settings: Table,
     )
 
 
-def prepare_law(arena: Arena, clock: Clock, plan: Plan, i: int) -> None:
+def prepare_law(arena: Arena, own: Table, i: int) -> None:
     """Delays of lane i in the paper's law."""
     for r in range(2):
         late = arena[row.SENSOR_DELAY + r, i] if variant.late else 0.0
         shared = arena[row.SENSOR_DELAY, i]
-        command = 0.0 if plan[header.COMPENSATION] == 0 else shared if plan[header.COMPENSATION] == 1 else late
+        compensation = own[lane_setting.COMPENSATION]
+        command = 0.0 if compensation == 0.0 else shared if compensation == 1.0 else late
         arena[row.DELAY + r, i] = late
         arena[row.COMMAND_DELAY + r, i] = command
         arena[row.WEIGHT + r, i] = 1.0
@@ -262,13 +164,15 @@ def start_lane(
     paths: Paths,
     plan: Plan,
     settings: Table,
+    own: Table,
     order: Order,
     lane: int,
     i: int,
 ) -> None:
     """Everything of lane i but its delay line."""
-    draw_quantities(arena, key, settings, order, i)
-    moving = draw_start(arena, clock, key, paths, settings, order, lane, i)
+    draw_quantities(arena, key, own, order, i)
+    draw_branch(arena, key, own, order, i)
+    moving = draw_start(arena, clock, key, paths, plan, settings, own, order, lane, i)
     place_arm(arena, clock, key, paths, settings, order, i, moving)
     newest = row.TAIL + 2 * plan[header.PREVIEWS]
     for at in range(plan[header.KEPT_ACTIONS] * plan[header.CHANNELS]):
@@ -295,7 +199,7 @@ def first_sample(arena: Arena, history: History, clock: Clock, paths: Paths, set
     h = settings[setting.STEP]
     late = arena[row.SENSOR_DELAY, i]
     later = arena[row.SENSOR_DELAY + 1, i] - late
-    late += max(settings[setting.PERIOD], settings[setting.HOLD])
+    late += max(settings[setting.PERIOD], arena[row.HOLD, i])
     taken = clock[clock_row.STEPS, i] * h - late
     point = sensed_point(arena, history, clock, settings, i, late, late + later)
     reference = reference_at(paths, clock[clock_row.PATH, i], taken, taken + 1e-9 * h, clock[clock_row.SINCE, i] * h)
@@ -315,6 +219,7 @@ def begin_lanes(
     paths: Paths,
     plan: Plan,
     settings: Table,
+    owns: LaneSettings,
     orders: Orders,
     first: int,
     started: Mask,
@@ -329,6 +234,7 @@ def begin_lanes(
         paths: of all lanes. Shape (paths, n, 5).
         plan: see `entries.Header`.
         settings: see `entries.Setting`.
+        owns: see `entries.LaneSetting`. Shape (blocks * lanes or 1, columns).
         orders: see `entries.Column`. Shape (blocks * lanes, columns).
         first: lane of the block among all.
         started: which lanes begin an episode. Shape (lanes,).
@@ -336,9 +242,10 @@ def begin_lanes(
     for i in range(variant.lanes):
         if started[i]:
             lane = first + i
-            start_lane(arena, clock, keys[i], paths, plan, settings, orders[lane], lane, i)
+            own = owns[lane % owns.shape[0]]
+            start_lane(arena, clock, keys[i], paths, plan, settings, own, orders[lane], lane, i)
             if variant.law:
-                prepare_law(arena, clock, plan, i)
+                prepare_law(arena, own, i)
     if not variant.foreshortened:
         elimination_kernel(arena)
     store_reading(arena, history, clock[clock_row.HEAD, 0])  # where none begins it was there, or nobody asks for it

@@ -39,7 +39,7 @@ def sense(
         settings: see `entries.Setting`.
         who: lanes that sense; the others have done so already. Shape (lanes,).
     """
-    if variant.batch and alike(arena, settings):
+    if variant.batch and alike(arena):
         sample_alike(arena, history, clock, settings, who)
     else:
         for i in range(variant.lanes):
@@ -49,12 +49,12 @@ def sense(
     compare(arena, clock, paths, settings)
 
 
-def alike(arena: Arena, settings: Table) -> bool:
+def alike(arena: Arena) -> bool:
     """Whether readings are equally late in all lanes of a block, and nothing random is about them."""
-    if settings[setting.HOLD] > 0.0 or settings[setting.JITTER] > 0.0 or settings[setting.DROPOUT] > 0.0:
-        return False
     late, later = arena[row.SENSOR_DELAY, 0], arena[row.SENSOR_DELAY + 1, 0]
     others = 0
+    for i in range(variant.lanes if variant.disturbed else 0):
+        others += arena[row.HOLD, i] + arena[row.JITTER, i] + arena[row.DROPOUT, i] > 0.0
     for i in range(variant.lanes):
         others += arena[row.SENSOR_DELAY, i] != late
         others += arena[row.SENSOR_DELAY + 1, i] != later
@@ -149,12 +149,20 @@ def newest_reading(
     delay = arena[row.SENSOR_DELAY, i]
     if not variant.disturbed:
         return (delay if now - delay >= before + 0.5 * settings[setting.PERIOD] else -1.0), 0
-    return disturbed_reading(clock, keys, plan, settings, i, now, before + 0.5 * settings[setting.PERIOD], delay)
+    return disturbed_reading(arena, clock, keys, plan, settings, i, now, before + 0.5 * settings[setting.PERIOD], delay)
 
 
 @per_lane
 def disturbed_reading(
-    clock: Clock, keys: Keys, plan: Plan, settings: Table, i: int, now: float, least: float, delay: float
+    arena: Arena,
+    clock: Clock,
+    keys: Keys,
+    plan: Plan,
+    settings: Table,
+    i: int,
+    now: float,
+    least: float,
+    delay: float,
 ) -> tuple[float, int]:
     """As `newest_reading`, with draws and a clock of the sensor's own.
 
@@ -162,26 +170,26 @@ def disturbed_reading(
         least: when a reading must have been taken to be new enough [s].
         delay: without jitter [s].
     """
-    if settings[setting.HOLD] == 0.0:
+    hold, jitter, dropout = arena[row.HOLD, i], arena[row.JITTER, i], arena[row.DROPOUT, i]
+    if hold == 0.0:
         place = noise_place(clock, plan, i)
-        if settings[setting.DROPOUT] > 0.0 and uniform(keys[i], place) < settings[setting.DROPOUT]:
+        if dropout > 0.0 and uniform(keys[i], place) < dropout:
             return -1.0, place
         late = delay
-        if settings[setting.JITTER] > 0.0:
-            late += settings[setting.JITTER] * uniform(keys[i], place + 1)
+        if jitter > 0.0:
+            late += jitter * uniform(keys[i], place + 1)
         return (late if now - late >= least else -1.0), place
-    hold = settings[setting.HOLD]
     first = floor(clock[clock_row.BEGAN, i] * settings[setting.STEP] / hold) - 2 - floor(delay / hold)
     newest = floor((now - delay) / hold + 1e-9)
     place = 0
-    for back in range(int((settings[setting.JITTER] + settings[setting.PERIOD]) / hold) + 2):
+    for back in range(int((jitter + settings[setting.PERIOD]) / hold) + 2):
         tick = newest - back
         late = now - tick * hold
         if tick * hold < least or tick < first:
             return -1.0, place
         place = FIRST_NOISE + 2 * CHANNELS_OF_NOISE * int(tick - first)
-        arrived = delay + settings[setting.JITTER] * uniform(keys[i], place + 1) <= late + 1e-9 * hold
-        if arrived and uniform(keys[i], place) >= settings[setting.DROPOUT]:
+        arrived = delay + jitter * uniform(keys[i], place + 1) <= late + 1e-9 * hold
+        if arrived and uniform(keys[i], place) >= dropout:
             return late, place
     return -1.0, place
 

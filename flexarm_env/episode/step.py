@@ -92,6 +92,8 @@ def step_block(memory: Memory, block: int) -> None:
     started = array_at(memory, plan[header.STARTS], (lanes,), np.bool_)[first:]
     who = array_at(memory, plan[header.LOOKING], (lanes,), np.bool_)[first:]
     orders = array_at(memory, plan[header.ORDERS], (lanes, plan[header.ORDER_COLUMNS]), np.float64)
+    columns = plan[header.LANE_SETTING_COLUMNS]
+    owns = array_at(memory, plan[header.LANE_SETTINGS], (plan[header.LANE_SETTING_ROWS], columns), np.float64)
     observations = array_at(memory, plan[header.OBSERVATIONS], (lanes, observed), np.float32)
     driving, starting = plan[header.DRIVING] != 0, False
     for i in range(variant.lanes):
@@ -103,7 +105,7 @@ def step_block(memory: Memory, block: int) -> None:
         take_actions(arena, actions, first, plan)
         drive(arena, history, clock, paths, plan, settings)
     if starting:
-        begin_lanes(arena, history, clock, key, paths, plan, settings, orders, first, started)
+        begin_lanes(arena, history, clock, key, paths, plan, settings, owns, orders, first, started)
     for i in range(variant.lanes):
         who[i] = driving or started[i]
     observe(arena, history, clock, key, paths, plan, settings, observations, first, who)

@@ -75,18 +75,22 @@ class Setting(Names):
     COMMAND_SCALE = Entry("what a kept command of 1 is (`Header.COMMANDS`)", "N m, rad or 1", 2)
     IDLE_ACTION = Entry("the action that commands nothing", "1")
     MOTOR_LIMIT = Entry("largest torques of shoulder and elbow", "N m", 2)
-    JITTER = Entry("largest further delay of a reading", "s")
-    HOLD = Entry("period of the sensor's own clock; 0: it is continuous", "s")
-    DROPOUT = Entry("share of the readings that are lost", "1")
-    ENCODER_NOISE = Entry("standard deviation of encoder angles and rates", "rad, rad/s", 2)
     DEFLECTION_LIMIT = Entry("of a link's tip", "m")
     ERROR_LIMIT = Entry("of the tip's distance from the reference", "m")
     LENGTHS = Entry("of the links", "m", 2)
-    BRANCH = Entry("sign of theta2 in inverse kinematics", "1")
     START_SPREAD = Entry("of joint angles, and of the links' tips, at a start on the move", "rad, m", 2)
     MOVES = Entry("radii of the ring that end points of moves are drawn from", "m", 2)
     LAP = Entry("time of a lap", "s")
     WEIGHTS = Entry("of the reward's terms", "1", lambda s: s.program.reward_terms)
+    HORIZONS = Entry("horizons of the previews, then the observations' factors", "s, 1 over the unit", 0)
+
+
+class LaneSetting(Names):
+    """Numbers that a reset reads and that lanes may have for themselves: a row for each lane, or one for all."""
+
+    BRANCH = Entry("sign of theta2 in inverse kinematics; 0: drawn", "1")
+    DIRECTION = Entry("of the lap, by its place among `parameters.DIRECTIONS`; -1: drawn", "1")
+    COMPENSATION = Entry("delay of the law's commands: 0 none, 1 the shoulder's for both, 2 each joint's own", "1")
     SENSOR_DELAYS = Entry("delays of the sensor unless drawn or ordered", "s", 2)
     BASE = Entry("values of the quantities unless drawn or ordered (`Drawn`)", "as in `Drawn`", QUANTITIES)
     LOWEST = Entry("least values that may be drawn; NaN: not drawn", "as in `Drawn`", QUANTITIES)
@@ -94,7 +98,6 @@ class Setting(Names):
     ARM = Entry("constants of the arm as set", CONSTANTS_UNIT, _constants)
     PER_PAYLOAD = Entry("their change with the payload", CONSTANTS_UNIT + ", per kg", _constants)
     PER_DAMPING = Entry("their change with the modal damping ratio", CONSTANTS_UNIT, _constants)
-    HORIZONS = Entry("horizons of the previews, then the observations' factors", "s, 1 over the unit", 0)
 
 
 class Constant(Names):
@@ -130,14 +133,16 @@ class Header(FixedNames):
     COMMANDS = Entry("place in an arena's tail of the newest command: an action, or what the actions add up to", "1")
     OBSERVED = Entry("numbers of an observation", "1")
     SHIFTING = Entry("1 where the action shifts the aim of the joint-space law", "1")
-    COMPENSATION = Entry("delay of the commands: 0 none, 1 the shoulder's for both, 2 each joint's own", "1")
     READINGS = Entry("bits: after which steps of a period a reading is kept; bit 0: at its end", "1")
     DRIVING = Entry("0 where episodes begin and no time passes", "1")
     ARENA_ROWS = Entry("of an arena, its tail included", "1")
     HISTORY_ROWS = Entry("of a delay line", "1")
+    PATH_NAMES = Entry("how many paths have a name; the table has each of these in both directions", "1")
     PATH_COUNT = Entry("how many paths", "1")
     PATH_POINTS = Entry("way-points of a path", "1")
     ORDER_COLUMNS = Entry("of an order", "1")
+    LANE_SETTING_ROWS = Entry("of the lanes' own settings: one for each lane, or one for all", "1")
+    LANE_SETTING_COLUMNS = Entry("of the lanes' own settings", "1")
     ARENAS = Word("the arenas")
     HISTORIES = Word("the delay lines")
     CLOCKS = Word("the clocks")
@@ -147,6 +152,7 @@ class Header(FixedNames):
     ACTIONS = Word("the actions")
     OBSERVATIONS = Word("the observations")
     SETTINGS = Word("the settings")
+    LANE_SETTINGS = Word("the lanes' own settings")
     PATHS = Word("the paths")
     ORDERS = Word("the orders")
     PLACES = Entry("rows of the observation's numbers", "1", 0)
@@ -167,20 +173,17 @@ class Column(FixedNames):
 
     START = Entry("how it starts (`starts.CORNER`)", "1")
     PHASE = Entry("moment of the lap", "s")
-    PATH = Entry("which path", "1")
+    PATH = Entry("which of the named paths", "1")
+    BRANCH = Entry("see `LaneSetting`", "1")
+    DIRECTION = Entry("see `LaneSetting`", "1")
     DRAWN = Entry("quantities of the episode (`Drawn`)", "as in `Drawn`", QUANTITIES)
     STATE = Entry("initial public state", STATE_UNIT, 0)
 
 
-setting, constant = Setting(), Constant()
+setting, lane_setting, constant = Setting(), LaneSetting(), Constant()
 header, clock_row, column = Header(), ClockRow(), Column()
 MEMORY = tuple(part.name for part in Header.entries if isinstance(part, Word))  # arrays after the plan
 CLOCK_ROWS = len(ClockRow.entries)
-
-
-def settings_layout(program: Program, modes: int, foreshortened: bool = False) -> dict[str, tuple[int, int]]:
-    """First place and number of places of each part of `settings`; previews' horizons and factors come after."""
-    return Setting.layout(Shape(program, modes, foreshortened))
 
 
 def extent(places: dict[str, tuple[int, int]]) -> int:

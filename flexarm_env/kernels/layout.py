@@ -108,6 +108,10 @@ class Row(Names):
     PLACE_DISTANCE = Entry("of the sensor from the elbow", "m", 1, _ENVIRONMENT)
     PLACE_VALUES = Entry("link 2's mode shapes at the sensor", "1", _modes, _ENVIRONMENT)
     PLACE_FORESHORTENING = Entry("foreshortening at the sensor", "1/m", _pairs, _ENVIRONMENT)
+    JITTER = Entry("largest further delay of a reading", "s", 1, _ENVIRONMENT)
+    HOLD = Entry("period of the sensor's own clock; 0: it is continuous", "s", 1, _ENVIRONMENT)
+    DROPOUT = Entry("share of the readings that are lost", "1", 1, _ENVIRONMENT)
+    ENCODER_NOISE = Entry("standard deviation of encoder angles and rates", "rad, rad/s", 2, _ENVIRONMENT)
     SENSOR_DELAY = Entry("of the shoulder's and the elbow's reading", "s", 2, _ENVIRONMENT)
     MEASURED = Entry("joint angles and rates by the encoders", "rad, rad/s", 4, _ENVIRONMENT)
     JOINT = Entry(
@@ -154,6 +158,7 @@ class Row(Names):
     # what describes an episode (`beginning_sizes`), then what an environment reports (`episode_sizes`)
     EPISODE = Entry("what is drawn for the episode (`Drawn`)", "as in `Drawn`", QUANTITIES, _ENVIRONMENT)
     START_TIME = Entry("path time at which the episode started", "s", 1, _ENVIRONMENT)
+    BRANCH = Entry("sign of theta2 in inverse kinematics", "1", 1, _ENVIRONMENT)
     # what the paper's closed loop reports begins here
     OBSERVATION = Entry(
         "what a controller may know (`closed_loop.observation`)", STATE_UNIT, lambda s: 10 + 2 * s.modes, _LOOP
@@ -203,7 +208,7 @@ def episode_sizes(rows: dict[str, tuple[int, int]]) -> dict[str, int]:
 
 def beginning_sizes(rows: dict[str, tuple[int, int]]) -> dict[str, int]:
     """What describes an episode, from its beginning on: parts that follow each other in its arena."""
-    return sizes_between(rows, "EPISODE", "START_TIME")
+    return sizes_between(rows, "EPISODE", "BRANCH")
 
 
 def result_sizes(rows: dict[str, tuple[int, int]]) -> dict[str, int]:

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
+from flexarm_env.parameters import ArmParameters
 from flexarm_env.simulation.arm import FlexibleArm
 
+Gains = tuple[float, float]  # of shoulder and elbow
 # Longest h |pole| that is allowed, by the integrator of an action mode (`actions.ActionMode`): RK4 is stable up to 2.78
 # (real) and 2.83 (imaginary), the explicit part of ARS(4,4,3) up to 1.57; large vibrations need a margin.
 STABLE_ANGLE = {"explicit": 2.0, "implicit": 1.2}
@@ -44,7 +47,7 @@ def default_step(fastest: float) -> float:
     return min(DEFAULT_STEP, DEFAULT_ANGLE / fastest)
 
 
-def fastest_rates(settings: Any) -> list[float]:
+def fastest_rates(settings: Any) -> tuple[float, ...]:
     """Of the stiffest and lightest arm that an episode may draw; under the inner law, of the closed loop [rad/s].
 
     Args:
@@ -54,11 +57,16 @@ def fastest_rates(settings: Any) -> list[float]:
     stiffness, payload = settings.range_of("stiffness")[1], settings.range_of("payload_mass")[0]
     damping = settings.range_of("damping")[1]
     rigidities = (own.flexural_rigidities[0] * stiffness, own.flexural_rigidities[1] * stiffness)
-    arm = FlexibleArm(replace(own, flexural_rigidities=rigidities, payload_mass=payload, modal_damping_ratio=damping))
-    rates = [arm.fastest_rate()]
-    if settings.mode.law == "joints":
-        rates += [fastest_pole(arm, theta2, settings.inner_stiffness, settings.inner_resistance) for theta2 in ELBOWS]
-    return rates
+    arm = replace(own, flexural_rigidities=rigidities, payload_mass=payload, modal_damping_ratio=damping)
+    gains = (settings.inner_stiffness, settings.inner_resistance) if settings.mode.law == "joints" else None
+    return _rates_of(arm, gains)
+
+
+@lru_cache(maxsize=256)
+def _rates_of(parameters: ArmParameters, gains: tuple[Gains, Gains] | None) -> tuple[float, ...]:
+    """Fastest mode of an arm, and its fastest poles under an inner law with these gains [rad/s]."""
+    arm = FlexibleArm(parameters)
+    return (arm.fastest_rate(), *(fastest_pole(arm, theta2, *gains) for theta2 in ELBOWS if gains))
 
 
 def count_steps(period: float, step: float, cause: str) -> int:

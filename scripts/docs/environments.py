@@ -12,6 +12,7 @@ import matplotlib.image
 import tyro
 
 from flexarm_env.envs import documentation as doc
+from flexarm_env.envs.per_env import OPTIONS as PER_ENV
 from flexarm_env.envs.registration import IDS, NAMESPACE, Id
 from flexarm_env.envs.settings import Settings
 from flexarm_env.envs.single import FlexArmEnv
@@ -35,6 +36,23 @@ among keys and cannot be written to. With `SameStep` the step that ends an episo
 observation; the last one is in `infos["final_obs"][i]`, with its info in `infos["final_info"]`. TorchRL takes
 `SameStep` or `Disabled` only. The mode is an argument of the environment here, not of `vector_kwargs`, which
 Gymnasium's `SyncVectorEnv` and `AsyncVectorEnv` take (`vectorization_mode="sync"`):"""
+_PER_ENV = """\
+With `per_env`, the environments of a batch have options of their own, for a robustness sweep, say: a list for each
+option, with a value for each environment. Environment i is then the single one made with its options, to the last bit.
+What selects kernels, the shapes, the links' lengths, the kinematics and the integration step are the batch's; where
+arms ask for different steps, give all the same `physics_step`. The observation space has the widest bounds."""
+_SWEEP = f"""\
+```python
+import gymnasium
+
+envs = gymnasium.make_vec(
+    "flexarm_env:{NAMESPACE}/Square-v0",
+    num_envs=3,
+    per_env={{"jitter": [0.0, 0.01, 0.02], "arm": [{{}}, {{"payload_mass": 0.5}}, {{"joint_friction": (1.0, 1.0)}}]}},
+)
+observations, infos = envs.reset(seed=0)
+```"""
+_OWN_OPTIONS = f"These options can differ: {', '.join(f'`{name}`' for name in PER_ENV)}."
 _NAMING = """\
 The part before the colon imports the package, so that it works in spawned processes too. Every argument of the pages'
 tables can be given to `make` and `make_vec`. The ids differ in their options only; a version number goes up when an
@@ -77,6 +95,7 @@ def index() -> str:
     sections = {
         "Make one": [snippet("Square-v0"), _NAMING],
         "Make a batch": [_BATCH, _batch(), doc.parameter_table(vector), _AUTORESET, _batch(autoreset_mode="SameStep")],
+        "Environments that differ": [_PER_ENV, _SWEEP, _wrapped(_OWN_OPTIONS)],
         "Parameters of the arm": [_ARM, doc.arm_table()],
         "Frames and units": [doc.FRAMES],
         "The side of the elbow": [doc.BRANCHES],

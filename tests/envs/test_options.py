@@ -137,7 +137,7 @@ MESSAGES: list[tuple[str, dict[str, Any], type[Exception], str]] = [
     (SQUARE, {"lap_time": 0.0}, ValueError, r"lap_time = 0\.0: must be .* >= 0\.001"),
     (SQUARE, {"start_corner": "top"}, ValueError, r"start_corner = 'top': must be one of 'lower left', 'upper left'"),
     (SQUARE, {"direction": "left"}, ValueError, r"direction = 'left': must be one of 'clockwise', 'counterclockwise'"),
-    (SQUARE, {"elbow_branch": "up"}, ValueError, r"elbow_branch = 'up': must be one of 'positive', 'negative'"),
+    (SQUARE, {"elbow_branch": "up"}, ValueError, r"elbow_branch = 'up': must be one of .*, 'either'"),
     (SQUARE, {"start": "side"}, ValueError, r"start = 'side': must be one of 'corner', 'corners', 'moving', 'mix'"),
     (SQUARE, {"start_spread": (0.1, 0.6)}, ValueError, r"start_spread\[1\] = 0\.6: must be .* >= 0\.0 and <= 0\.5"),
     (

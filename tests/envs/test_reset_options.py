@@ -46,7 +46,7 @@ def test_quantities_of_an_episode() -> None:
 @pytest.mark.parametrize(
     ("options", "error", "words"),
     [
-        ({"corner": 2}, ValueError, ("options['corner']", "start, time, path, parameters, state")),
+        ({"corner": 2}, ValueError, ("options['corner']", "path, direction, elbow_branch, parameters, state")),
         ("corner", TypeError, ("options = 'corner'", "mapping")),
         ("", TypeError, ("options = ''", "mapping")),
         (np.zeros(2), TypeError, ("options = array([0., 0.])", "mapping")),

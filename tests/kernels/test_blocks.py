@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from flexarm_env.envs.settings import Settings
-from flexarm_env.envs.vector import FlexArmVectorEnv
-from tests.support.envs import GAIN, SQUARE, actions_for, assert_same, make, vector
+from tests.support.envs import GAIN, SQUARE, actions_for, same_as_alone, vector
 
 REACH = "FlexArm/Reach-v0"
 # Equally late readings without anything random, which a block takes from its delay line together (`sampling`).
@@ -30,33 +29,12 @@ ALIKE: list[tuple[str, dict[str, Any]]] = [
 ]
 
 
-def same_as_alone(batch: FlexArmVectorEnv, env_id: str, options: dict[str, Any], steps: int) -> None:
-    """Episodes begin anew after 23 steps, and where they end before."""
-    alone = [make(env_id, max_episode_steps=23, **options) for _ in range(batch.num_envs)]
-    found, _ = batch.reset(seed=7)
-    expected = [env.reset(seed=7 + i)[0] for i, env in enumerate(alone)]
-    ended = np.zeros(len(alone), dtype=bool)
-    for actions in 0.7 * actions_for(batch, steps):
-        assert_same(found, np.array(expected))
-        found, rewards, terminated, truncated, infos = batch.step(actions)
-        for i, env in enumerate(alone):
-            if ended[i]:
-                expected[i], info = env.reset()
-                ended[i] = False
-            else:
-                expected[i], reward, over, cut, info = env.step(actions[i])
-                assert (rewards[i], terminated[i], truncated[i]) == (reward, over, cut)
-                ended[i] = over or cut
-            for name in ("sensed", "state", "reference", "torque"):
-                assert_same(infos[name][i], info[name], name)
-
-
 @pytest.mark.parametrize(("env_id", "options"), ALIKE, ids=str)
 @pytest.mark.parametrize("count", [8, 11])
 def test_lanes_that_are_alike(count: int, env_id: str, options: dict[str, Any]) -> None:
     """A full block, and one with lanes of no environment."""
     batch = vector(env_id, count, max_episode_steps=23, **options)
-    same_as_alone(batch, env_id, options, 60)
+    same_as_alone(batch, env_id, [options] * count, 60)
 
 
 def test_lanes_of_no_environment_rest_and_are_like_the_others() -> None:
@@ -80,7 +58,7 @@ def test_observations_of_any_length(last: int) -> None:
     options = {"observation": ["last_actions"], "last_actions": last}
     batch = vector(GAIN, 8, max_episode_steps=23, **options)
     assert batch.single_observation_space.shape == (last,)
-    same_as_alone(batch, GAIN, options, 40)
+    same_as_alone(batch, GAIN, [options] * 8, 40)
 
 
 def test_a_lane_whose_state_is_invalid_keeps_its_observation() -> None:

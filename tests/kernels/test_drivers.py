@@ -18,7 +18,7 @@ from flexarm_env.codegen.arrays import Arena
 from flexarm_env.codegen.declarations import Names, Program, plain_python
 from flexarm_env.envs.batch import Fleet
 from flexarm_env.envs.settings import Settings
-from flexarm_env.episode import reset, sensor, step, write_observation
+from flexarm_env.episode import draws, reset, sensor, step, write_observation
 from flexarm_env.episode.step import TORQUE, TRACKING
 from flexarm_env.kernels import entries, imex, layout
 from flexarm_env.kernels.entries import drawn, header, setting
@@ -131,7 +131,7 @@ def test_an_order_names_what_an_episode_draws() -> None:
     order[entries.column.DRAWN + drawn.PAYLOAD_MASS], order[entries.column.DRAWN + drawn.STIFFNESS] = 0.75, 2.0
     arena = memory["ARENAS"][0]
     with plain_python(fleet._variant):
-        reset.draw_quantities(arena, np.uint64(7), memory["SETTINGS"], order, 1)
+        draws.draw_quantities(arena, np.uint64(7), memory["LANE_SETTINGS"][0], order, 1)
         found = arena[row.CONSTANTS : row.CONSTANTS + variant.constants, 1]
         stiff = slice(entries.constant.STIFFNESS_1, entries.constant.DAMPING_1)
     parameters = ArmParameters(modes_per_link=1, payload_mass=0.75)
@@ -271,7 +271,9 @@ def test_drivers_need_a_variant() -> None:
         driver_of_the_aim(np.zeros((50, 1)))
 
 
-@pytest.mark.parametrize("module", [imex, sensor, reset, write_observation, step], ids=lambda module: module.__name__)
+@pytest.mark.parametrize(
+    "module", [imex, sensor, draws, reset, write_observation, step], ids=lambda module: module.__name__
+)
 def test_drivers_have_types(module: Any) -> None:
     """No parameter of a driver is anything."""
     for function in (node for node in ast.parse(inspect.getsource(module)).body if isinstance(node, ast.FunctionDef)):

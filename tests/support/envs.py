@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -153,6 +154,32 @@ def block(env: FlexArmEnv, observations: Array, name: str) -> Array:
     """The numbers of a block in observations, in its units. Shape (..., n)."""
     part = env.observation_blocks[name]
     return np.asarray(observations[..., part] * env.observation_scale[part])
+
+
+def same_as_alone(batch: FlexArmVectorEnv, env_id: str, each: Sequence[dict[str, Any]], steps: int) -> None:
+    """Compare a batch with single environments made with the options of each, to the last bit.
+
+    Episodes begin anew after 23 steps, and where they end before.
+    """
+    alone = [make(env_id, max_episode_steps=23, **options) for options in each]
+    found, _ = batch.reset(seed=7)
+    expected = [env.reset(seed=7 + i)[0] for i, env in enumerate(alone)]
+    ended = np.zeros(len(alone), dtype=bool)
+    for actions in 0.7 * actions_for(batch, steps):
+        assert_same(found, np.array(expected))
+        found, rewards, terminated, truncated, infos = batch.step(actions)
+        for i, env in enumerate(alone):
+            if ended[i]:
+                expected[i], info = env.reset()
+                ended[i] = False
+            else:
+                expected[i], reward, over, cut, info = env.step(actions[i])
+                assert (rewards[i], terminated[i], truncated[i]) == (reward, over, cut)
+                ended[i] = over or cut
+            for name in ("sensed", "state", "reference", "torque"):
+                assert_same(infos[name][i], info[name], name)
+            described = batch.episode.one(i)
+            assert described == env.unwrapped.episode  # type: ignore[attr-defined]
 
 
 def in_fresh_process(code: str, *arguments: str) -> str:

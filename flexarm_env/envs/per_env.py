@@ -1,0 +1,105 @@
+"""`per_env`: options that each environment of a batch may have for itself, their checks, and the settings that follow.
+
+What selects kernels, the shapes, the kinematics and the physics step are the batch's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import fields
+from typing import Any
+
+from flexarm_env.allowed import allowed_of
+from flexarm_env.envs.settings import Settings
+from flexarm_env.parameters import arm_parameters
+from flexarm_env.validation import entries, known_names, mapping, shown
+
+OPTIONS = (
+    *("arm", "torque_limit", "inner_stiffness", "inner_resistance"),
+    *("proportional_gain", "derivative_gain", "compensation", "delayed"),
+    *("sensor_position", "delay", "wave_speed", "noise", "jitter", "hold", "dropout", "encoder_noise"),
+    *("actuation_delay", "direction", "elbow_branch", "randomisation"),
+)
+SHARED_BY_ARMS = ("link_lengths", "modes_per_link", "mode_shapes", "mode_scale", "kinematics", "velocity_forces")
+
+
+def settings_of_each(options: Mapping[str, Any], per_env: Any, count: int, owner: str) -> list[Settings]:
+    """Settings of the environments of a batch; those with the same options share an object.
+
+    Args:
+        options: of all environments.
+        per_env: mapping of names among `OPTIONS` to a value for each environment; None: all are alike.
+        count: how many environments.
+        owner: name of the class that was given the options, for messages.
+
+    Raises:
+        TypeError, ValueError: for a bad argument, naming the option, the environment, the value and what is allowed.
+    """
+    if per_env is None:
+        return [Settings.of(options, owner)] * count
+    known_names(owner, options, [one.name for one in fields(Settings)])
+    columns = {name: _column(name, values, options, count) for name, values in mapping("per_env", per_env).items()}
+    made: dict[str, Settings] = {}
+    each = []
+    for i in range(count):
+        try:
+            own = {name: allowed_of(Settings, name).check(name, values[i]) for name, values in columns.items()}
+            # checked values are plain, and an arm's parameters too: equal ones are written alike
+            key = repr([arm_parameters(value) if name == "arm" else value for name, value in own.items()])
+            if key not in made:
+                made[key] = Settings.of({**options, **own}, owner)
+        except (TypeError, ValueError) as error:
+            kind = TypeError if isinstance(error, TypeError) else ValueError
+            raise kind(f"per_env, environment {i}: {error}") from None
+        each.append(made[key])
+    return each
+
+
+def refuse_unlike(each: Sequence[Settings]) -> None:
+    """Refuse settings of a batch that differ in what all its environments share.
+
+    Raises:
+        ValueError: naming the option, the environment, its value and that of environment 0.
+    """
+    first = each[0]
+    different = {id(first)}
+    for i, one in enumerate(each):
+        if id(one) in different:
+            continue
+        different.add(id(one))
+        for name in SHARED_BY_ARMS:
+            own, common = (getattr(s.flexible_arm.parameters, name) for s in (one, first))
+            if own != common:
+                raise ValueError(
+                    f"per_env, environment {i}: arm = {shown(one.arm)}: its {name} = {own!r}, that of environment 0 "
+                    f"{common!r}; shapes and kinematics are the batch's and must be the same"
+                )
+        if one.action_limit != first.action_limit:
+            raise ValueError(
+                f"per_env, environment {i}: torque_limit = {shown(one.torque_limit)}: the action 1 would be "
+                f"{one.action_limit}, for environment 0 it is {first.action_limit}; it must be the same"
+            )
+        if one.mode.accumulates and (one.motor_limit, one.kept_actions) != (first.motor_limit, first.kept_actions):
+            raise ValueError(
+                f"per_env, environment {i}: torque_limit or actuation_delay: with action_mode = {one.action_mode!r} "
+                "all environments must have the same"
+            )
+        if one.substeps != first.substeps:
+            steps = [s.control_period / s.substeps for s in (one, first)]
+            raise ValueError(
+                f"per_env, environment {i}: physics_step = None: its arm would be integrated by steps of "
+                f"{steps[0]:.4g} s, that of environment 0 by {steps[1]:.4g} s; give all the same physics_step, "
+                f"e.g. {min(steps):.4g} s"
+            )
+
+
+def _column(name: str, values: Any, options: Mapping[str, Any], count: int) -> list[Any]:
+    """The values of one option, one for each environment."""
+    if name not in OPTIONS:
+        raise ValueError(f"per_env[{shown(name)}]: it is the batch's, or no option; there are {', '.join(OPTIONS)}")
+    if name in options:
+        raise ValueError(f"per_env[{name!r}]: {name} = {shown(options[name])} is given for all environments, too")
+    found = entries(values)
+    if found is None or len(found) != count:
+        raise ValueError(f"per_env[{name!r}] = {shown(values)}: must be a list of {count}, one for each environment")
+    return found

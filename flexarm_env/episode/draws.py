@@ -1,0 +1,161 @@
+"""Drivers that draw what an episode is: its quantities and the arm that follows, its path, where and how it starts.
+
+`stepping` explains lanes, blocks and arenas.
+"""
+
+from __future__ import annotations
+
+from math import sqrt
+
+import numpy as np
+from numpy import floor
+
+from flexarm_env.codegen.arrays import Arena, Clock, Order, Path, Paths, Plan, Table
+from flexarm_env.codegen.declarations import inlined_in_its_caller
+from flexarm_env.codegen.elementary import sincos
+from flexarm_env.codegen.random_stream import uniform
+from flexarm_env.kernels.entries import QUANTITIES, clock_row, column, constant, drawn, header, lane_setting, setting
+from flexarm_env.kernels.layout import row
+from flexarm_env.kernels.variants import variant
+from flexarm_env.physics.inverse_kinematics import joint_angles_for
+
+CORNER, CORNERS, MOVING, MIX = 0.0, 1.0, 2.0, 3.0  # how an episode starts
+SHARE_AT_REST = 0.3  # of the mix
+LONG_AGO = -(2**60)  # [steps]; since then the reference has been moving
+# Which of an episode's random numbers its start uses.
+PLACE_PATH, PLACE_MIX, PLACE_PHASE, PLACE_BRANCH, PLACE_DIRECTION = 0, 1, 2, 3, 4
+PLACE_SPREAD, PLACE_DRAWN, PLACE_MOVE = 8, 16, 32
+
+
+def draw_quantities(arena: Arena, key: np.uint64, own: Table, order: Order, i: int) -> None:
+    """What is drawn for lane i's episode, unless the order names it, and the arm that follows from it."""
+    for n in range(QUANTITIES):
+        value = own[lane_setting.BASE + n]
+        low = own[lane_setting.LOWEST + n]
+        if low == low:
+            value = low + (own[lane_setting.HIGHEST + n] - low) * uniform(key, PLACE_DRAWN + n)
+        if order[column.DRAWN + n] == order[column.DRAWN + n]:
+            value = order[column.DRAWN + n]
+        arena[row.EPISODE + n, i] = value
+    payload = arena[row.EPISODE + drawn.PAYLOAD_MASS, i] - own[lane_setting.BASE + drawn.PAYLOAD_MASS]
+    stiffness = arena[row.EPISODE + drawn.STIFFNESS, i]
+    # modal damping is 2 zeta omega m, and omega grows with the root of the stiffness
+    ratio = arena[row.EPISODE + drawn.DAMPING, i]
+    damping = ratio * sqrt(stiffness) - own[lane_setting.BASE + drawn.DAMPING]
+    for n in range(variant.constants):
+        value = (
+            own[lane_setting.ARM + n]
+            + payload * own[lane_setting.PER_PAYLOAD + n]
+            + damping * own[lane_setting.PER_DAMPING + n]
+        )
+        if constant.STIFFNESS_1 <= n < constant.DAMPING_1:
+            value *= stiffness
+        arena[row.CONSTANTS + n, i] = value
+    delay = arena[row.EPISODE + drawn.DELAY, i]
+    for r in range(2):
+        late = delay if delay == delay else own[lane_setting.SENSOR_DELAYS + r]
+        arena[row.SENSOR_DELAY + r, i] = late
+    arena[row.EPISODE + drawn.DELAY, i] = arena[row.SENSOR_DELAY, i]
+
+
+def draw_branch(arena: Arena, key: np.uint64, own: Table, order: Order, i: int) -> None:
+    """On which side of 0 theta2 is for lane i's rigid arm on the reference, unless the order says it."""
+    branch = order[column.BRANCH] if order[column.BRANCH] == order[column.BRANCH] else own[lane_setting.BRANCH]
+    if branch == 0.0:
+        branch = 1.0 if uniform(key, PLACE_BRANCH) < 0.5 else -1.0
+    arena[row.BRANCH, i] = branch
+
+
+def draw_path(key: np.uint64, plan: Plan, own: Table, order: Order) -> int:
+    """Which of the named paths an episode follows, and in which direction, unless the order says it."""
+    index = int(uniform(key, PLACE_PATH) * plan[header.PATH_NAMES])
+    if order[column.PATH] == order[column.PATH]:
+        index = int(order[column.PATH])
+    direction = own[lane_setting.DIRECTION]
+    if order[column.DIRECTION] == order[column.DIRECTION]:
+        direction = order[column.DIRECTION]
+    if direction < 0.0:
+        direction = floor(2.0 * uniform(key, PLACE_DIRECTION))
+    return index + int(direction) * plan[header.PATH_NAMES]
+
+
+@inlined_in_its_caller
+def draw_start(
+    arena: Arena,
+    clock: Clock,
+    key: np.uint64,
+    paths: Paths,
+    plan: Plan,
+    settings: Table,
+    own: Table,
+    order: Order,
+    lane: int,
+    i: int,
+) -> bool:
+    """Path and moment at which lane i starts; whether the arm starts on the move."""
+    index = lane
+    if variant.own_paths:  # a constant: where it is false, the compiler never sees what follows
+        draw_moves(paths[lane], key, settings, arena[row.BRANCH, i])
+    else:
+        index = draw_path(key, plan, own, order)
+    lap = paths[index, paths.shape[1] - 1, 0]
+    kind = order[column.START]
+    if kind == MIX:
+        kind = CORNERS if uniform(key, PLACE_MIX) < SHARE_AT_REST else MOVING
+    phase = 0.0
+    if kind == CORNERS:
+        phase = 0.25 * lap * floor(4.0 * uniform(key, PLACE_PHASE))
+    elif kind == MOVING:
+        phase = settings[setting.PERIOD] * floor(uniform(key, PLACE_PHASE) * lap / settings[setting.PERIOD])
+    if order[column.PHASE] == order[column.PHASE]:
+        phase = order[column.PHASE]
+    clock[clock_row.PATH, i] = index
+    clock[clock_row.STEPS, i] = int(phase / settings[setting.STEP] + 0.5)
+    clock[clock_row.BEGAN, i] = clock[clock_row.STEPS, i]
+    arena[row.START_TIME, i] = clock[clock_row.BEGAN, i] * settings[setting.STEP]
+    moving = kind == MOVING
+    clock[clock_row.SINCE, i] = LONG_AGO if moving else clock[clock_row.STEPS, i]
+    return moving
+
+
+def drawn_point(key: np.uint64, settings: Table, branch: float, place: int) -> tuple[float, float]:
+    """Joint angles that put the tip at a point of the ring `Setting.MOVES`, by two random numbers from a place on."""
+    low, high = settings[setting.MOVES], settings[setting.MOVES + 1]
+    radius = sqrt(low * low + (high * high - low * low) * uniform(key, place))  # evenly by area
+    turn = sincos(6.283185307179586 * uniform(key, place + 1))
+    x, y = radius * turn[1], radius * turn[0]
+    return joint_angles_for(settings[setting.LENGTHS], settings[setting.LENGTHS + 1], branch, x, y)
+
+
+def draw_moves(path: Path, key: np.uint64, settings: Table, branch: float) -> None:
+    """A path of an episode's own: from one point to another and back, each move from rest to rest, then a rest.
+
+    The joint angles run together along a polynomial of fifth degree (minimum jerk); points are drawn in the ring that
+    `Setting.MOVES` sets, theta1's way is the shorter one.
+
+    Args:
+        path: to be filled; evenly timed, see `sides.reference_at`. Shape (n, 5).
+        key: of the episode.
+        settings: see `entries.Setting`.
+        branch: sign of theta2.
+    """
+    start = drawn_point(key, settings, branch, PLACE_MOVE)
+    end = drawn_point(key, settings, branch, PLACE_MOVE + 2)
+    way_1 = end[0] - start[0]
+    way_1 -= 6.283185307179586 * floor(way_1 / 6.283185307179586 + 0.5)
+    way_2 = end[1] - start[1]
+    last = path.shape[0] - 1
+    lap = settings[setting.LAP]
+    for n in range(last + 1):
+        quarters = 4.0 * n / last  # a move, a rest, a move back, a rest
+        u = min(max(quarters if quarters < 2.0 else 3.0 - quarters, 0.0), 1.0)
+        share = u * u * u * (10.0 + u * (6.0 * u - 15.0))
+        one = sincos(start[0] + share * way_1)
+        both = sincos(start[0] + share * way_1 + start[1] + share * way_2)
+        path[n, 0] = lap * (n / last)
+        path[n, 1] = settings[setting.LENGTHS] * one[1] + settings[setting.LENGTHS + 1] * both[1]
+        path[n, 2] = settings[setting.LENGTHS] * one[0] + settings[setting.LENGTHS + 1] * both[0]
+    for n in range(last):
+        per_second = 1.0 / (path[n + 1, 0] - path[n, 0])
+        path[n, 3] = (path[n + 1, 1] - path[n, 1]) * per_second
+        path[n, 4] = (path[n + 1, 2] - path[n, 2]) * per_second

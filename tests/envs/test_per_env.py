@@ -1,0 +1,230 @@
+"""Environments of a batch with options of their own; and elbow branch and direction drawn or ordered."""
+
+from __future__ import annotations
+
+import pickle
+from typing import Any
+
+import numpy as np
+import pytest
+
+from flexarm_env.envs.batch import Fleet
+from flexarm_env.envs.per_env import OPTIONS, settings_of_each
+from flexarm_env.envs.vector import FlexArmVectorEnv
+from tests.support.envs import GAIN, RESIDUAL, SQUARE, assert_same, bare, same_as_alone, vector
+from tests.support.refusals import refuses
+
+# What each environment has for itself, in two sets of kernels that the blocks' tests compile, too.
+ARMS = [
+    "default",
+    {"masses_per_length": (0.4, 0.3)},
+    {"payload_mass": 0.5},
+    {"flexural_rigidities": (1500.0, 1800.0)},
+    {"modal_damping_ratio": 0.03, "joint_friction": (0.1, 0.2)},
+]
+TORQUE_LANES: dict[str, list[Any]] = {
+    "arm": [*ARMS, *ARMS[:4]],
+    "jitter": [0.0, 0.02, 0.0, 0.0, 0.0, 0.0, 0.0, 0.01, 0.02],
+    "hold": [0.0, 0.0, 0.03, 0.0, 0.0, 0.0, 0.0, 0.015, 0.0],
+    "dropout": [0.0, 0.0, 0.0, 0.5, 0.0, 0.0, 0.0, 0.1, 0.0],
+    "encoder_noise": [(0.0, 0.0)] * 4 + [(0.01, 0.0), (0.0, 0.02)] + [(0.0, 0.0)] * 2 + [(0.01, 0.01)],
+    "sensor_position": [4.5, 4.5, 2.0, 4.5, 4.5, 4.5, 0.5, 4.5, 3.0],
+    "delay": [None, None, 0.0372, 0.0, 0.1, None, None, 0.02, 0.02],
+    "wave_speed": [288.33, 100.0, 288.33, 288.33, 288.33, 500.0, 288.33, 288.33, 288.33],
+    "noise": [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.05, 0.0, 0.01],
+    "actuation_delay": [0.0, 0.0, 0.013, 0.0, 0.0, 0.0, 0.0, 0.03, 0.0],
+    "direction": ["clockwise", "counterclockwise", "either"] * 3,
+    "elbow_branch": [
+        "positive",
+        "negative",
+        "negative",
+        "positive",
+        "either",
+        "either",
+        "positive",
+        "negative",
+        "either",
+    ],
+    "randomisation": [{}] * 7 + [{"payload_mass": (0.0, 0.5), "noise": (0.0, 0.02)}, {"delay": (0.0, 0.05)}],
+}
+GAIN_LANES: dict[str, list[Any]] = {
+    "proportional_gain": [150.79, 100.0, 200.0] * 3,
+    "derivative_gain": [17.364, 30.0, 17.364] * 3,
+    "torque_limit": [None, (300.0, 200.0), None] * 3,
+    "compensation": ["none", "shared", "per_joint"] * 3,
+    "delayed": ["position"] * 4 + ["position+rate"] * 5,
+    "delay": [None, 0.0372, 0.002] * 3,
+    "sensor_position": [4.5, 2.0, 4.5] * 3,
+    "arm": [*ARMS, *ARMS[:4]],
+}
+
+
+@pytest.mark.parametrize(
+    ("env_id", "options", "lanes"),
+    [(SQUARE, {}, TORQUE_LANES), (GAIN, {"law_sensor": "sensor"}, GAIN_LANES)],
+    ids=["torque", "gain"],
+)
+def test_each_environment_is_the_single_one_with_its_options(
+    env_id: str, options: dict[str, Any], lanes: dict[str, list[Any]]
+) -> None:
+    """A full block and one with lanes of no environment; episodes begin anew."""
+    each = [options | {name: values[i] for name, values in lanes.items()} for i in range(9)]
+    same_as_alone(vector(env_id, 9, max_episode_steps=23, per_env=lanes, **options), env_id, each, 60)
+
+
+def test_the_tests_have_every_option() -> None:
+    assert {*TORQUE_LANES, *GAIN_LANES, "inner_stiffness", "inner_resistance"} == set(OPTIONS)
+
+
+def test_gains_of_the_joint_space_law() -> None:
+    stiffness, resistance = [(500.0, 100.0), (1000.0, 130.0), (900.0, 90.0)], [(40.0, 30.0), (30.0, 20.0), (40.0, 30.0)]
+    gains = {"inner_stiffness": stiffness, "inner_resistance": resistance}
+    with refuses(ValueError, "environment 1", "physics_step"):  # stiffer gains ask for shorter steps
+        vector(RESIDUAL, 3, per_env=gains)
+    batch = vector(RESIDUAL, 3, per_env=gains, physics_step=5e-4)
+    for name, values in (("STIFFNESS", stiffness), ("RESISTANCE", resistance)):
+        first, _ = batch.fleet._rows[name]
+        np.testing.assert_array_equal(batch.fleet._arenas[0, first : first + 2, :3].T, values)
+
+
+def test_environments_with_the_same_options_share_their_settings() -> None:
+    each = settings_of_each({}, {"jitter": [0.0, 0.01, 0, np.float64(0.01)]}, 4, "Batch")
+    assert each[0] is each[2]
+    assert each[1] is each[3]
+    assert each[0] is not each[1]
+    arms = settings_of_each({}, {"arm": ["default", {}, {"preset": "default", "payload_mass": 0.0}]}, 3, "Batch")
+    assert arms[0] is arms[1] is arms[2]
+    assert Fleet(settings_of_each({}, {}, 3, "Batch"), 3)._parts["LANE_SETTINGS"].shape[0] == 1
+
+
+def test_a_batch_bounds_what_its_widest_environment_observes() -> None:
+    noisy = bare(noise=0.5).observation_space
+    space = vector(SQUARE, 2, per_env={"noise": [0.0, 0.5]}).single_observation_space
+    assert space == noisy
+    assert (noisy.high >= bare().observation_space.high).all()  # type: ignore[attr-defined]
+
+
+def test_a_batch_of_different_environments_survives_pickling() -> None:
+    batch = vector(SQUARE, 8, per_env={name: values[:8] for name, values in TORQUE_LANES.items()})
+    batch.reset(seed=0)
+    copy: FlexArmVectorEnv = pickle.loads(pickle.dumps(batch))
+    actions = np.zeros((8, 2), np.float32)
+    assert_same(copy.step(actions), batch.step(actions))
+    assert_same(copy.reset()[0], batch.reset()[0])
+
+
+@pytest.mark.parametrize(
+    ("options", "per_env", "error", "words"),
+    [
+        ({}, [0.1], TypeError, ("per_env = [0.1]", "mapping")),
+        ({}, {"jitters": [0, 0]}, ValueError, ("per_env['jitters']", "no option", "jitter, hold")),
+        ({}, {"control_period": [0.01, 0.02]}, ValueError, ("per_env['control_period']", "the batch's")),
+        ({}, {"sensor": ["true", "rigid"]}, ValueError, ("per_env['sensor']", "the batch's")),
+        ({}, {"jitter": 0.01}, ValueError, ("per_env['jitter'] = 0.01", "list of 2")),
+        ({}, {"jitter": [0.0] * 3}, ValueError, ("per_env['jitter'] = [0.0, 0.0, 0.0]", "list of 2")),
+        ({}, {"direction": "clockwise"}, ValueError, ("per_env['direction'] = 'clockwise'", "list of 2")),
+        ({"jitter": 0.01}, {"jitter": [0.0, 0.1]}, ValueError, ("per_env['jitter']", "jitter = 0.01")),
+        ({}, {"jitter": [0.0, -0.1]}, ValueError, ("environment 1", "jitter = -0.1", ">= 0")),
+        ({}, {"jitter": [0.0, "a"]}, TypeError, ("environment 1", "jitter = 'a'")),
+        ({}, {"elbow_branch": ["up", "either"]}, ValueError, ("environment 0", "elbow_branch = 'up'", "'either'")),
+        ({}, {"sensor_position": [4.5, 5.0]}, ValueError, ("environment 1", "sensor_position = 5.0", "4.5")),
+        ({}, {"delay": [0.0, (0.1, 0.2)]}, ValueError, ("environment 1", "delay = (0.1, 0.2)", "one number")),
+        ({}, {"proportional_gain": [150.79, 1.0]}, ValueError, ("environment 1", "no effect", "'gain'")),
+        ({}, {"arm": ["default", "paper"]}, ValueError, ("environment 1", "arm = 'paper'", "modes_per_link = 1", "2")),
+        (
+            {},
+            {"arm": [{}, {"link_lengths": (5.0, 5.0)}]},
+            ValueError,
+            ("environment 1", "link_lengths = (5.0, 5.0)", "(4.5, 4.5)"),
+        ),
+        ({}, {"torque_limit": [None, (80.0, 30.0)]}, ValueError, ("environment 1", "torque_limit = (80.0, 30.0)")),
+    ],
+    ids=lambda value: next(iter(value)) if isinstance(value, dict) and value else "",
+)
+def test_a_bad_option_of_one_environment_is_refused(
+    options: dict[str, Any], per_env: Any, error: type[Exception], words: tuple[str, ...]
+) -> None:
+    with refuses(error, *words):
+        vector(SQUARE, 2, per_env=per_env, **options)
+
+
+def test_one_physics_step_serves_arms_of_different_stiffness() -> None:
+    arms = {"arm": [{}, {"flexural_rigidities": (1e5, 1e5)}]}
+    with refuses(ValueError, "environment 1", "physics_step = None", "0.0007692 s", "0.001 s"):
+        vector(SQUARE, 2, per_env=arms)
+    assert {one.substeps for one in vector(SQUARE, 2, per_env=arms, physics_step=2e-4).fleet.each} == {50}
+
+
+# --- elbow branch and direction of an episode -------------------------------------------------------------------------
+
+
+def goes_clockwise(env: Any) -> bool:
+    """Whether the reference goes round the shoulder clockwise, from the lower left corner on."""
+    x, y = env.step(np.zeros(2, np.float32))[4]["reference"] - (-6.3, -6.3)
+    return bool(y > x)
+
+
+@pytest.mark.parametrize("branch", ["positive", "negative"])
+@pytest.mark.parametrize("direction", ["clockwise", "counterclockwise"])
+def test_a_reset_orders_elbow_branch_and_direction(branch: str, direction: str) -> None:
+    ordered, made = bare(start="corner"), bare(start="corner", elbow_branch=branch, direction=direction)
+    options = {"elbow_branch": branch, "direction": direction}
+    assert_same(ordered.reset(seed=3, options=options), made.reset(seed=3))
+    assert (ordered.episode.elbow_branch, ordered.episode.direction) == (branch, direction)
+    action = np.array([0.3, -0.2], np.float32)
+    for _ in range(5):
+        assert_same(ordered.step(action), made.step(action))
+    ordered.reset()  # options are of one episode
+    assert (ordered.episode.elbow_branch, ordered.episode.direction) == ("positive", "clockwise")
+
+
+def test_each_environment_of_a_batch_has_its_order() -> None:
+    batch = vector(SQUARE, 8, reference=["square", "circle"])
+    branches, directions = ["positive", "negative"] * 4, ["clockwise", "clockwise", "counterclockwise", "either"] * 2
+    infos = batch.reset(seed=0, options={"elbow_branch": branches, "direction": directions, "start": "corner"})[1]
+    assert batch.episode.elbow_branch.tolist() == branches
+    np.testing.assert_array_equal(np.sign(infos["state"][:, 1]), [1.0, -1.0] * 4)
+    found = batch.episode.direction
+    assert found[[0, 1, 2, 4, 5, 6]].tolist() == [directions[i] for i in (0, 1, 2, 4, 5, 6)]
+    assert set(batch.episode.path) <= {"square", "circle"}
+
+
+def test_either_is_drawn_for_each_episode() -> None:
+    env = bare(elbow_branch="either", direction="either", start="corner")
+    seen = set()
+    for seed in range(20):
+        info = env.reset(seed=seed)[1]
+        branch, direction = env.episode.elbow_branch, env.episode.direction
+        assert (branch == "positive") == (info["state"][1] > 0.0)
+        assert (direction == "clockwise") == goes_clockwise(env)
+        seen.add((branch, direction))
+    assert len(seen) == 4
+
+
+def test_what_is_drawn_does_not_depend_on_what_else_is() -> None:
+    """An environment that draws its branch draws everything else as one that does not."""
+    fixed, either = (
+        bare(randomisation={"payload_mass": (0.0, 1.0)}),
+        bare(randomisation={"payload_mass": (0.0, 1.0)}, elbow_branch="either", direction="either"),
+    )
+    for seed in range(3):
+        fixed.reset(seed=seed)
+        either.reset(seed=seed)
+        assert fixed.episode.parameters == either.episode.parameters
+        assert fixed.episode.start_time == either.episode.start_time
+
+
+@pytest.mark.parametrize(
+    ("env_id", "options", "words"),
+    [
+        (SQUARE, {"elbow_branch": "up"}, ("options['elbow_branch'] = 'up'", "'positive', 'negative', 'either'")),
+        (SQUARE, {"direction": 1}, ("options['direction'] = 1", "'clockwise', 'counterclockwise', 'either'")),
+        (SQUARE, {"direction": ["clockwise"] * 2}, ("options['direction']", "one value or 1")),
+        ("FlexArm/Reach-v0", {"direction": "clockwise"}, ("options['direction'] = 'clockwise'", "no effect")),
+    ],
+    ids=str,
+)
+def test_a_bad_order_is_refused(env_id: str, options: dict[str, Any], words: tuple[str, ...]) -> None:
+    env = bare(env_id)
+    with refuses(ValueError, *words):
+        env.reset(options=options)
