@@ -24,8 +24,8 @@ from flexarm_env.envs.settings import Settings
 from flexarm_env.episode import reset
 from flexarm_env.episode.step import GAIN, TORQUE, TRACKING
 from flexarm_env.kernels.entries import CLOCK_ROWS, clock_row, column, drawn, extent, header
-from flexarm_env.kernels.imex import failures
 from flexarm_env.kernels.layout import beginning_sizes, episode_sizes
+from flexarm_env.kernels.status import failures
 from flexarm_env.kernels.variants import Variant
 
 Array = NDArray[np.float64]

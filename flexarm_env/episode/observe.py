@@ -27,9 +27,9 @@ from flexarm_env.episode.recorded import features_kernel, joint_kernel, truth_ke
 from flexarm_env.episode.sensor import CHANNELS_OF_NOISE, noise_place, sense
 from flexarm_env.episode.write_observation import write_observations, write_previews
 from flexarm_env.kernels.entries import clock_row, header, setting
-from flexarm_env.kernels.imex import state_status
 from flexarm_env.kernels.layout import row
 from flexarm_env.kernels.path_cache import note_side, on_side, segment
+from flexarm_env.kernels.status import state_status
 from flexarm_env.kernels.variants import variant
 from flexarm_env.physics.polyline import AHEAD
 

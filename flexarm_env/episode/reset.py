@@ -15,8 +15,9 @@ from flexarm_env.codegen.declarations import inlined_in_its_caller
 from flexarm_env.codegen.elementary import sincos
 from flexarm_env.codegen.random_stream import uniform
 from flexarm_env.episode.sensor import sensed_point
+from flexarm_env.kernels.delay_line import prepare_readings, store_reading
 from flexarm_env.kernels.entries import QUANTITIES, clock_row, column, constant, drawn, header, setting
-from flexarm_env.kernels.imex import prepare_commands, prepare_readings, store_reading
+from flexarm_env.kernels.imex import prepare_commands
 from flexarm_env.kernels.layout import row
 from flexarm_env.kernels.path_cache import forget_side
 from flexarm_env.kernels.recorded import elimination_kernel, law_kernel

@@ -11,8 +11,8 @@ from flexarm_env.codegen.arrays import Arena, Clock, History, Keys, LaneRow, Mas
 from flexarm_env.codegen.declarations import per_lane
 from flexarm_env.codegen.elementary import sincos
 from flexarm_env.codegen.random_stream import normal, uniform
+from flexarm_env.kernels.delay_line import around, between, past_reading
 from flexarm_env.kernels.entries import clock_row, drawn, header, setting
-from flexarm_env.kernels.imex import around, between, past_reading
 from flexarm_env.kernels.layout import row
 from flexarm_env.kernels.variants import variant
 from flexarm_env.physics.polyline import reference_at

@@ -14,8 +14,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from flexarm_env.codegen import assembly, cache
 from flexarm_env.kernels.entries import CLOCK_ROWS, clock_row, extent
-from flexarm_env.kernels.imex import LOOP, failures
+from flexarm_env.kernels.imex import LOOP
 from flexarm_env.kernels.layout import arm_rows
+from flexarm_env.kernels.status import failures
 from flexarm_env.kernels.variants import Variant
 from flexarm_env.physics.paths import ReferencePath
 from flexarm_env.simulation.arm import FlexibleArm
