@@ -103,7 +103,7 @@ class Fleet:
             {
                 "PLAN": plan,
                 "ARENAS": np.zeros((blocks, rows, lanes)),
-                "HISTORIES": np.zeros((blocks, settings.history_slots, 4, lanes)),
+                "HISTORIES": np.zeros((blocks, settings.history_slots, self._variant.slot_rows, lanes)),
                 "CLOCKS": np.zeros((blocks, CLOCK_ROWS, lanes), dtype=np.int64),
                 "KEYS": np.zeros(blocks * lanes, dtype=np.uint64),
                 "STARTS": np.zeros(blocks * lanes, dtype=bool),

@@ -16,7 +16,17 @@ from flexarm_env.codegen.elementary import sincos
 from flexarm_env.codegen.random_stream import uniform
 from flexarm_env.episode.sensor import sensed_point
 from flexarm_env.kernels.delay_line import prepare_readings, store_reading
-from flexarm_env.kernels.entries import QUANTITIES, clock_row, column, constant, drawn, header, setting
+from flexarm_env.kernels.entries import (
+    QUANTITIES,
+    READING_ROWS,
+    clock_row,
+    column,
+    constant,
+    drawn,
+    header,
+    reading_row,
+    setting,
+)
 from flexarm_env.kernels.imex import prepare_commands
 from flexarm_env.kernels.layout import row
 from flexarm_env.kernels.path_cache import forget_side
@@ -181,7 +191,7 @@ def fill_history(
 ) -> None:
     """The delay line of lane i: its newest reading, moved back with the reference if the arm starts on the move."""
     h = settings[setting.STEP]
-    slots = history.shape[0] // 4
+    slots = history.shape[0] // variant.slot_rows
     newest = clock[clock_row.HEAD, 0]
     now = reference_reading(arena, clock, paths, settings, i, 0.0)
     for back in range(slots):
@@ -189,13 +199,13 @@ def fill_history(
             continue  # nobody will ask for it
         slot = (newest - back) % slots
         moved = reference_reading(arena, clock, paths, settings, i, back * h) if moving and back > 0 else now
-        for r in range(4):
-            value = history[4 * newest + r, i]
+        for r in range(variant.slot_rows):
+            value = history[variant.slot_rows * newest + r, i]
             if moving:
                 value += moved[r] - now[r]
-            elif r >= 2 and back > 0:
+            elif r % READING_ROWS >= reading_row.RATE and back > 0:
                 value = 0.0  # before the start nothing moved
-            history[4 * slot + r, i] = value
+            history[variant.slot_rows * slot + r, i] = value
 
 
 def reference_reading(arena: Arena, clock: Clock, paths: Paths, settings: Table, i: int, back: float) -> Four:

@@ -12,7 +12,7 @@ from flexarm_env.codegen.declarations import per_lane
 from flexarm_env.codegen.elementary import sincos
 from flexarm_env.codegen.random_stream import normal, uniform
 from flexarm_env.kernels.delay_line import around, between, past_reading
-from flexarm_env.kernels.entries import clock_row, drawn, header, setting
+from flexarm_env.kernels.entries import clock_row, drawn, header, reading_row, setting
 from flexarm_env.kernels.layout import row
 from flexarm_env.kernels.variants import variant
 from flexarm_env.physics.polyline import reference_at
@@ -82,19 +82,19 @@ def sample_alike(arena: Arena, history: History, clock: Clock, settings: Table, 
 
 def copy_readings(arena: Arena, history: History, clock: Clock, h: float, j: int, late: float) -> None:
     """Enter the reading j of `late` seconds ago, of all lanes."""
-    slots = history.shape[0] // 4
+    slots = history.shape[0] // variant.slot_rows
     slot = clock[clock_row.HEAD, 0]
     readings: LaneRow = arena[row.SAMPLE_POINT + j]
     if late == 0.0:
-        now: LaneRow = history[4 * slot + j]
+        now: LaneRow = history[variant.slot_rows * slot + j]
         for i in range(variant.lanes):
             readings[i] = now[i]
         return
     first, last, u = around(slots, slot, late / h)
     a: LaneRow = history[first + j]
     b: LaneRow = history[last + j]
-    a_rate: LaneRow = history[first + 2 + j]
-    b_rate: LaneRow = history[last + 2 + j]
+    a_rate: LaneRow = history[first + reading_row.RATE + j]
+    b_rate: LaneRow = history[last + reading_row.RATE + j]
     for i in range(variant.lanes):
         readings[i] = between(a[i], b[i], a_rate[i], b_rate[i], h, u)[0]
 
@@ -199,7 +199,7 @@ def sensed_point(
 ) -> tuple[float, float]:
     """Position that the sensor of lane i measured `late` (its elbow's angle `later`) seconds ago [m]."""
     h = settings[setting.STEP]
-    slots = history.shape[0] // 4
+    slots = history.shape[0] // variant.slot_rows
     slot = clock[clock_row.HEAD, 0]
     first, _ = past_reading(history, slots, slot, i, 0, h, late / h)
     second, _ = past_reading(history, slots, slot, i, 1, h, later / h)

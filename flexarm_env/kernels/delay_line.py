@@ -1,13 +1,13 @@
 """Drivers of the delay line: readings at past steps, a ring of slots for each block (`imex` explains blocks and lanes).
 
-A slot has four rows: two readings, two rates.
+A slot has `Variant.slot_rows` rows: of each sensor two readings and their rates (`entries.ReadingRow`).
 """
 
 from __future__ import annotations
 
 from flexarm_env.codegen.arrays import Arena, Clock, History
 from flexarm_env.codegen.declarations import per_lane
-from flexarm_env.kernels.entries import clock_row
+from flexarm_env.kernels.entries import clock_row, reading_row
 from flexarm_env.kernels.layout import row
 from flexarm_env.kernels.recorded import reading_kernel
 from flexarm_env.kernels.variants import variant
@@ -15,7 +15,7 @@ from flexarm_env.kernels.variants import variant
 
 def slot_after(clock: Clock, history: History, steps: int) -> int:
     """Slot of a block's delay line that so many integration steps from now on will be the newest one."""
-    return (clock[clock_row.HEAD, 0] + steps) % (history.shape[0] // 4)
+    return (clock[clock_row.HEAD, 0] + steps) % (history.shape[0] // variant.slot_rows)
 
 
 def count_steps(clock: Clock, history: History, steps: int) -> None:
@@ -28,20 +28,30 @@ def count_steps(clock: Clock, history: History, steps: int) -> None:
 
 def store_reading(arena: Arena, history: History, slot: int) -> None:
     """Enter the current readings into a slot of the delay line."""
-    reading_kernel(arena, history[slot * 4 : (slot + 1) * 4])
+    reading_kernel(arena, history[slot * variant.slot_rows : (slot + 1) * variant.slot_rows])
 
 
 @per_lane
 def past_reading(history: History, slots: int, slot: int, i: int, j: int, h: float, back: float) -> tuple[float, float]:
-    """Reading j of lane i and its rate, `back` steps before the slot of the present one; see `prepare_reading`."""
+    """A reading of lane i and its rate, `back` steps before the present one; see `prepare_reading`.
+
+    Args:
+        history: readings at past steps.
+        slots: of the delay line.
+        slot: the newest one.
+        i: the lane.
+        j: row of the reading in a slot.
+        h: step [s].
+        back: the moment, in steps before the newest one.
+    """
     if back == 0.0:
-        return history[4 * slot + j, i], history[4 * slot + 2 + j, i]
+        return history[variant.slot_rows * slot + j, i], history[variant.slot_rows * slot + reading_row.RATE + j, i]
     first, last, u = around(slots, slot, back)
     return between(
         history[first + j, i],
         history[last + j, i],
-        history[first + 2 + j, i],
-        history[last + 2 + j, i],
+        history[first + reading_row.RATE + j, i],
+        history[last + reading_row.RATE + j, i],
         h,
         u,
     )
@@ -60,7 +70,7 @@ def around(slots: int, slot: int, back: float) -> tuple[int, int, float]:
     last = slot - whole  # the ring is longer than any delay, so one turn back is enough
     first = last - 1
     first, last = (first if first >= 0 else first + slots), (last if last >= 0 else last + slots)
-    return 4 * first, 4 * last, 1.0 - (back - whole)
+    return variant.slot_rows * first, variant.slot_rows * last, 1.0 - (back - whole)
 
 
 @per_lane
@@ -78,12 +88,12 @@ def prepare_readings(arena: Arena, history: History, clock: Clock, h: float, nod
 
     Args:
         arena: of one block.
-        history: readings at past steps, a ring. Shape (slots * 4, lanes).
+        history: readings at past steps, a ring. Shape (slots * slot_rows, lanes).
         clock: of each lane, see `entries.ClockRow`. Shape (5, lanes).
         h: step [s].
         node: of the stage, 0 to 1.
     """
-    slots = history.shape[0] // 4
+    slots = history.shape[0] // variant.slot_rows
     slot = clock[clock_row.HEAD, 0]
     if variant.late:
         for i in range(variant.lanes):
@@ -106,10 +116,10 @@ def prepare_reading(
     rate_offset = 0.0
     rate_weight = 1.0
     if position > 0.0:
-        here = slot * 4
+        here = slot * variant.slot_rows
         u = position / node
         value = history[here + j, i]
-        rate = history[here + 2 + j, i]
+        rate = history[here + reading_row.RATE + j, i]
         weight = u * u
         offset = value * (1.0 - u * u) + rate * h * (position - position * u)
         rate_weight = u

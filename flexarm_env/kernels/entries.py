@@ -50,6 +50,12 @@ def _constants(shape: Shape) -> int:
     return shape.constants
 
 
+def extent(places: dict[str, tuple[int, int]]) -> int:
+    """How many places a layout takes."""
+    first, count = list(places.values())[-1]
+    return first + count
+
+
 class Drawn(FixedNames):
     """What may be drawn anew for each episode."""
 
@@ -158,6 +164,13 @@ class ClockRow(FixedNames):
     HEAD = Entry("the delay line's newest slot, the same for a whole block", "1")
 
 
+class ReadingRow(FixedNames):
+    """What a slot of the delay line holds of one sensor; the rows of a second sensor follow (`Variant.slot_rows`)."""
+
+    VALUE = Entry("two readings", "rad or m", 2)
+    RATE = Entry("their rates", "rad/s or m/s", 2)
+
+
 class Column(FixedNames):
     """Columns of an order for a new episode; NaN where the environment decides."""
 
@@ -169,17 +182,12 @@ class Column(FixedNames):
 
 
 setting, constant = Setting(), Constant()
-header, clock_row, column = Header(), ClockRow(), Column()
+header, clock_row, reading_row, column = Header(), ClockRow(), ReadingRow(), Column()
 MEMORY = tuple(part.name for part in Header.entries if isinstance(part, Word))  # arrays after the plan
 CLOCK_ROWS = len(ClockRow.entries)
+READING_ROWS = extent(ReadingRow.layout(None))  # of one sensor in a slot of the delay line
 
 
 def settings_layout(program: Program, modes: int, foreshortened: bool = False) -> dict[str, tuple[int, int]]:
     """First place and number of places of each part of `settings`; previews' horizons and factors come after."""
     return Setting.layout(Shape(program, modes, foreshortened))
-
-
-def extent(places: dict[str, tuple[int, int]]) -> int:
-    """How many places a layout takes."""
-    first, count = list(places.values())[-1]
-    return first + count

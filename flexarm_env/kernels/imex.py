@@ -140,7 +140,7 @@ def run_loop(
 
     Args:
         arenas: Shape (blocks, rows, lanes).
-        histories: Shape (blocks, slots * 4, lanes).
+        histories: Shape (blocks, slots * slot_rows, lanes).
         clocks: Shape (blocks, 5, lanes).
         paths: of all lanes, see `reference_at`. Shape (paths, n, 5).
         h: step [s].

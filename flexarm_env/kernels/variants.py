@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import cast
 
 from flexarm_env.codegen.declarations import PresentVariant, Program
-from flexarm_env.kernels.entries import Shape
+from flexarm_env.kernels.entries import READING_ROWS, Shape
 from flexarm_env.kernels.layout import layout
 
 
@@ -63,6 +63,11 @@ class Variant:
     def constants(self) -> int:
         """How many numbers the constants of an arm are."""
         return self.shape.constants
+
+    @property
+    def slot_rows(self) -> int:
+        """Rows of a slot of the delay line: what is kept of each sensor (`entries.ReadingRow`)."""
+        return READING_ROWS
 
     @property
     def batch(self) -> bool:
