@@ -268,6 +268,7 @@ def _variant(settings: Settings, program: Program, lanes: int) -> Variant:
         own_paths=not settings.paths,
         foreshortened=arm.constants.foreshortened,
         disturbed=settings.disturbed,
+        second_sensor=settings.second_sensor_link or 0,
     )
 
 

@@ -34,8 +34,11 @@ def features_source(variant: Variant) -> str:
         phase=r.one("PHASE"),
         frame=r.one("FRAME"),
     )
-    for name, values in features.features(known)._asdict().items():
+    found = features.features(known)
+    for name, values in found._asdict().items():
         r.write(("" if name == "frame_axis" else "F_") + name.upper(), values)
+    for name in ("SECOND_SENSED", "SECOND_ERROR") if variant.second_sensor else ():
+        r.write(f"F_{name}", features.in_frame(found.frame_axis, r.read(name)))
     square = reward.squared_distance(r.read("TRUE_TIP"), r.read("REFERENCE"))
     r.write("TIP_ERROR", [root(square)])
     terms = reward.tracking_terms(square)

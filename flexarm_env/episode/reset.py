@@ -1,4 +1,4 @@
-"""Drivers that begin episodes: what is drawn for them, where the arm starts, and what its delay line holds.
+"""Drivers that begin episodes: what is drawn for them, and where the arm starts.
 
 `stepping` explains lanes, blocks and arenas.
 """
@@ -10,21 +10,19 @@ from math import sqrt
 import numpy as np
 from numpy import floor
 
-from flexarm_env.codegen.arrays import Arena, Clock, Four, History, Keys, Mask, Order, Orders, Path, Paths, Plan, Table
+from flexarm_env.codegen.arrays import Arena, Clock, History, Keys, Mask, Order, Orders, Path, Paths, Plan, Table
 from flexarm_env.codegen.declarations import inlined_in_its_caller
 from flexarm_env.codegen.elementary import sincos
 from flexarm_env.codegen.random_stream import uniform
-from flexarm_env.episode.sensor import sensed_point
+from flexarm_env.episode.first_readings import fill_history, first_sample
 from flexarm_env.kernels.delay_line import prepare_readings, store_reading
 from flexarm_env.kernels.entries import (
     QUANTITIES,
-    READING_ROWS,
     clock_row,
     column,
     constant,
     drawn,
     header,
-    reading_row,
     setting,
 )
 from flexarm_env.kernels.imex import prepare_commands
@@ -186,51 +184,6 @@ def place_arm(
     arena[row.JOINT, i] = arena[row.Y, i]  # the joint aim stays within half a turn of it
 
 
-def fill_history(
-    arena: Arena, history: History, clock: Clock, paths: Paths, plan: Plan, settings: Table, i: int, moving: bool
-) -> None:
-    """The delay line of lane i: its newest reading, moved back with the reference if the arm starts on the move."""
-    h = settings[setting.STEP]
-    slots = history.shape[0] // variant.slot_rows
-    newest = clock[clock_row.HEAD, 0]
-    now = reference_reading(arena, clock, paths, settings, i, 0.0)
-    for back in range(slots):
-        if not (plan[header.READINGS] >> (-back % plan[header.SUBSTEPS] & 63)) & 1:
-            continue  # nobody will ask for it
-        slot = (newest - back) % slots
-        moved = reference_reading(arena, clock, paths, settings, i, back * h) if moving and back > 0 else now
-        for r in range(variant.slot_rows):
-            value = history[variant.slot_rows * newest + r, i]
-            if moving:
-                value += moved[r] - now[r]
-            elif r % READING_ROWS >= reading_row.RATE and back > 0:
-                value = 0.0  # before the start nothing moved
-            history[variant.slot_rows * slot + r, i] = value
-
-
-def reference_reading(arena: Arena, clock: Clock, paths: Paths, settings: Table, i: int, back: float) -> Four:
-    """What the sensor would read on the rigid arm that is on lane i's reference, some seconds ago; with rates."""
-    time = clock[clock_row.STEPS, i] * settings[setting.STEP] - back
-    x, y, vx, vy = reference_at(paths, clock[clock_row.PATH, i], time, time + 1e-9 * settings[setting.STEP], -1e18)
-    length_1, length_2 = settings[setting.LENGTHS], settings[setting.LENGTHS + 1]
-    if variant.true_sensor and arena[row.PLACE_DISTANCE, i] == length_2:  # it is the tip that is on the reference
-        return x, y, vx, vy
-    theta1, theta2 = joint_angles_for(length_1, length_2, settings[setting.BRANCH], x, y)
-    rate_1, rate_2 = joint_rates_for(length_1, length_2, theta1, theta2, vx, vy)
-    if not variant.true_sensor:
-        near = arena[row.JOINT, i]
-        return theta1 + 6.283185307179586 * floor((near - theta1) / 6.283185307179586 + 0.5), theta2, rate_1, rate_2
-    distance = arena[row.PLACE_DISTANCE, i]
-    one, both = sincos(theta1), sincos(theta1 + theta2)
-    rate_12 = rate_1 + rate_2
-    return (
-        length_1 * one[1] + distance * both[1],
-        length_1 * one[0] + distance * both[0],
-        -length_1 * one[0] * rate_1 - distance * both[0] * rate_12,
-        length_1 * one[1] * rate_1 + distance * both[1] * rate_12,
-    )
-
-
 def prepare_law(arena: Arena, clock: Clock, plan: Plan, i: int) -> None:
     """Delays of lane i in the paper's law."""
     for r in range(2):
@@ -297,22 +250,6 @@ def start_lane(
     if variant.tracking:
         arena[row.SHIFT, i] = 0.0
         arena[row.SHIFT + 1, i] = 0.0
-
-
-def first_sample(arena: Arena, history: History, clock: Clock, paths: Paths, settings: Table, i: int) -> None:
-    """A reading from before the start of lane i, so that the first one has a change per second."""
-    h = settings[setting.STEP]
-    late = arena[row.SENSOR_DELAY, i]
-    later = arena[row.SENSOR_DELAY + 1, i] - late
-    late += max(settings[setting.PERIOD], settings[setting.HOLD])
-    taken = clock[clock_row.STEPS, i] * h - late
-    point = sensed_point(arena, history, clock, settings, i, late, late + later)
-    reference = reference_at(paths, clock[clock_row.PATH, i], taken, taken + 1e-9 * h, clock[clock_row.SINCE, i] * h)
-    for r in range(2):
-        arena[row.SENSED + r, i] = point[r]
-        arena[row.SENSOR_ERROR + r, i] = reference[r] - point[r]
-        arena[row.SENSOR_ERROR_RATE + r, i] = 0.0
-    arena[row.SAMPLE_TIME, i] = taken
 
 
 @inlined_in_its_caller

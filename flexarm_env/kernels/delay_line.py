@@ -7,9 +7,9 @@ from __future__ import annotations
 
 from flexarm_env.codegen.arrays import Arena, Clock, History
 from flexarm_env.codegen.declarations import per_lane
-from flexarm_env.kernels.entries import clock_row, reading_row
+from flexarm_env.kernels.entries import READING_ROWS, clock_row, reading_row
 from flexarm_env.kernels.layout import row
-from flexarm_env.kernels.recorded import reading_kernel
+from flexarm_env.kernels.recorded import reading_kernel, second_reading_kernel
 from flexarm_env.kernels.variants import variant
 
 
@@ -27,8 +27,11 @@ def count_steps(clock: Clock, history: History, steps: int) -> None:
 
 
 def store_reading(arena: Arena, history: History, slot: int) -> None:
-    """Enter the current readings into a slot of the delay line."""
+    """Enter the current readings of all sensors into a slot of the delay line."""
     reading_kernel(arena, history[slot * variant.slot_rows : (slot + 1) * variant.slot_rows])
+    if variant.second_sensor:
+        second = slot * variant.slot_rows + READING_ROWS
+        second_reading_kernel(arena, history[second : second + READING_ROWS])
 
 
 @per_lane

@@ -10,6 +10,7 @@ from flexarm_env.physics.constants import Constants
 
 STATE_UNIT = "rad, m, rad/s, m/s"
 CONSTANTS_UNIT = "as in `Constants`"
+SECOND_SENSOR = frozenset({"second sensor"})  # group of the parts that a second sensor needs
 
 
 class Shape(NamedTuple):
@@ -19,11 +20,18 @@ class Shape(NamedTuple):
         program: of the kernels.
         modes: per link.
         foreshortened: kinematics (`links`).
+        second_sensor: whether there is one.
     """
 
     program: Program
     modes: int
     foreshortened: bool
+    second_sensor: bool = False
+
+    @property
+    def groups(self) -> frozenset[str]:
+        """Of the parts that tables have (`layout`)."""
+        return self.program.groups | SECOND_SENSOR if self.second_sensor else self.program.groups
 
     @property
     def size(self) -> int:

@@ -10,14 +10,13 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
 
 from flexarm_env import SquareParameters, inverse_kinematics, square
-from flexarm_env.envs.observation import BLOCKS
 from flexarm_env.envs.single import FlexArmEnv
 from flexarm_env.physics.paths import ReferencePath
-from tests.support.envs import GAIN, PAPER, RESIDUAL, SQUARE, bare, block
+from tests.support.envs import GAIN, ONE_SENSOR, PAPER, RESIDUAL, SQUARE, bare, block
 
 Array = NDArray[np.float64]
 STEPS = 40
-ALL: dict[str, Any] = {"observation": list(BLOCKS), "error_limit": None, "deflection_limit": None}
+ALL: dict[str, Any] = {"observation": ONE_SENSOR, "error_limit": None, "deflection_limit": None}
 FLOAT = 3e-7  # rounding to float32, relative
 
 
@@ -109,7 +108,7 @@ def test_blocks_hold_what_they_say(env_id: str, frame: str, scaled: bool) -> Non
     rates = (soon - aim) / 1e-5 - expected["joint_rates"]  # a difference quotient: its own error, 1e-5 s of change
     np.testing.assert_allclose(run.block("joint_error_rate"), rates, atol=2e-4 * np.abs(rates).max())
     measured = {"sensor_error", "sensor_error_rate"}  # see below
-    assert set(expected) | measured | {"joint_error_rate"} == set(BLOCKS)
+    assert set(expected) | measured | {"joint_error_rate"} == set(ONE_SENSOR)
     assert np.ptp(run.block("reference_velocity"), axis=0).max() > 1.0  # the corner was met
 
 

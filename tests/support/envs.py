@@ -11,6 +11,7 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
+from flexarm_env.envs.choices import SECOND_SENSOR_BLOCKS
 from flexarm_env.envs.info import TERM
 from flexarm_env.envs.observation import BLOCKS
 from flexarm_env.envs.single import FlexArmEnv
@@ -21,6 +22,7 @@ Array = NDArray[np.float64]
 IDS = sorted(name for name in gym.registry if name.startswith("FlexArm/"))
 SQUARE, RESIDUAL, GAIN, PAPER = (f"FlexArm/{name}-v0" for name in ("Square", "SquareResidual", "SquareGain", "Paper"))
 WAYPOINTS = [(-4.0, 1.0), (0.0, 5.0), (4.0, 1.0)]
+ONE_SENSOR = [name for name in BLOCKS if name not in SECOND_SENSOR_BLOCKS]  # blocks that every environment has
 
 RANDOMISATION = {
     "payload_mass": (0.0, 0.5),
@@ -49,7 +51,7 @@ _COMMON: list[dict[str, Any]] = [
         "noise": 0.01,
     },
     {
-        "observation": list(BLOCKS),
+        "observation": ONE_SENSOR,
         "previews": (0.02, 0.5),
         "last_actions": 3,
         "scaled": False,
