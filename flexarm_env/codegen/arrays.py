@@ -13,9 +13,11 @@ from numpy.typing import NDArray
 
 Arena = NDArray[np.float64]  # all that is known of a block's environments (`rows.Row`). Shape (rows, lanes)
 LaneRows = NDArray[np.float64]  # some rows of lanes. Shape (n, lanes)
-History = NDArray[np.float64]  # readings at past steps, a ring of slots (`stepping`). Shape (slots * 4, lanes)
+History = NDArray[
+    np.float64
+]  # readings at past steps, a ring of slots (`delay_line`). Shape (slots * slot_rows, lanes)
 Arenas = NDArray[np.float64]  # of all blocks. Shape (blocks, rows, lanes)
-Histories = NDArray[np.float64]  # of all blocks. Shape (blocks, slots * 4, lanes)
+Histories = NDArray[np.float64]  # of all blocks. Shape (blocks, slots * slot_rows, lanes)
 LaneRecords = NDArray[np.float64]  # at some instants. Shape (instants, blocks, n, lanes)
 # Their axes before the last two.
 LANED = {"Arena": 0, "LaneRows": 0, "History": 0, "Arenas": 1, "Histories": 1, "LaneRecords": 2}

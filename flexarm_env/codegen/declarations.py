@@ -67,7 +67,7 @@ class Entry:
         meaning: what lies there.
         unit: of the numbers.
         size: how many places, a number or a function of the table's shape.
-        groups: programs that have one of these groups have the part; none: all programs have it.
+        groups: tables whose shape has one of these groups have the part; none: all have it.
     """
 
     name: str
@@ -92,7 +92,7 @@ class Entry:
 
     def count(self, shape: Any) -> int | None:
         """How many places it takes in a table of this shape; None if the table does not have it."""
-        if self.groups and not self.groups & shape.program.groups:
+        if self.groups and not self.groups & shape.groups:
             return None
         return self.size if isinstance(self.size, int) else self.size(shape)
 

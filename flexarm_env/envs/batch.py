@@ -33,8 +33,8 @@ from flexarm_env.envs.per_env import refuse_unlike
 from flexarm_env.envs.settings import Settings
 from flexarm_env.episode import draws
 from flexarm_env.kernels.entries import CLOCK_ROWS, clock_row, column, drawn, extent, header
-from flexarm_env.kernels.imex import failures
 from flexarm_env.kernels.layout import beginning_sizes, episode_sizes
+from flexarm_env.kernels.status import failures
 from flexarm_env.kernels.variants import Variant, shared_model
 from flexarm_env.parameters import DIRECTIONS
 
@@ -121,7 +121,9 @@ class Fleet:
             {
                 "PLAN": plan,
                 "ARENAS": np.zeros((blocks, rows, lanes)),
-                "HISTORIES": np.zeros((blocks, max(one.history_slots for one in kinds), 4, lanes)),
+                "HISTORIES": np.zeros(
+                    (blocks, max(one.history_slots for one in kinds), self._variant.slot_rows, lanes)
+                ),
                 "CLOCKS": np.zeros((blocks, CLOCK_ROWS, lanes), dtype=np.int64),
                 "KEYS": np.zeros(blocks * lanes, dtype=np.uint64),
                 "STARTS": np.zeros(blocks * lanes, dtype=bool),
@@ -302,6 +304,7 @@ def _variant(settings: Settings, program: Program, lanes: int, disturbed: bool) 
         own_paths=not settings.paths,
         foreshortened=arm.constants.foreshortened,
         disturbed=disturbed,
+        second_sensor=settings.second_sensor_link or 0,
     )
 
 

@@ -5,10 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
+from flexarm_env.envs.choices import SECOND_SENSOR_BLOCKS
 from flexarm_env.episode import reward
-from flexarm_env.parameters import MAX_DELAY, SENSOR_MODELS, arm_parameters
+from flexarm_env.parameters import MAX_DELAY, SENSOR_MODELS, ArmParameters, arm_parameters
 from flexarm_env.physics.paths import FARTHEST, PATHS
 from flexarm_env.validation import choice, finite_array, listed, mapping, names, number, shown
+
+
+def _second_sensor(settings: Any) -> bool:
+    return settings.second_sensor_link is not None
 
 
 def _on_a_named_path(settings: Any) -> bool:
@@ -28,6 +33,14 @@ _EFFECT: dict[str, tuple[Callable[[Any], bool], str]] = {
     "wave_speed": (lambda s: s.delay is None and _late(s), "where it sets the sensor's delay"),
     "jitter": (_late, _WITH_A_LATE_SENSOR),
     "hold": (_late, _WITH_A_LATE_SENSOR),
+    "second_sensor_link": (
+        lambda s: not set(s.observation).isdisjoint(SECOND_SENSOR_BLOCKS),
+        f"with an observation block of it, {' or '.join(map(repr, SECOND_SENSOR_BLOCKS))}",
+    ),
+    **{
+        f"second_sensor_{name}": (_second_sensor, "with a second sensor: second_sensor_link = 1 or 2")
+        for name in ("position", "delay", "noise")
+    },
     "start_spread": (lambda s: s.start in ("moving", "mix"), "with start = 'moving' or 'mix'"),
     "side": (_on_a_named_path, _NAMED),
     "start_corner": (_on_a_named_path, _NAMED),
@@ -92,6 +105,11 @@ def _refuse_contradictions(settings: Any) -> None:
             )
         if "delay" in settings.randomisation:
             raise ValueError(f"randomisation['delay']: a {settings.sensor} sensor has no delay")
+    for name in SECOND_SENSOR_BLOCKS:
+        if name in settings.observation and not _second_sensor(settings):
+            raise ValueError(
+                f"observation block {name!r}: there is no second sensor; give second_sensor_link (1 or 2) too"
+            )
     if "previews" in settings.observation and not settings.previews:
         raise ValueError("previews = (): must hold a horizon, or `observation` not name the block 'previews'")
     if settings.reference == ("moves",) and settings.lap_time < FEWEST_PERIODS * settings.control_period:
@@ -106,6 +124,19 @@ def _refuse_contradictions(settings: Any) -> None:
                 f"actuation_delay = {settings.actuation_delay} s: must be a whole number of control periods "
                 f"with action_mode = {settings.action_mode!r}, and not be drawn"
             )
+
+
+def refuse_off_link(name: str, position: float, link: int, arm: ArmParameters) -> None:
+    """A sensor must be on its link.
+
+    Raises:
+        ValueError: naming the option.
+    """
+    length = arm.link_lengths[link - 1]
+    if position > length:
+        raise ValueError(
+            f"{name} = {position} m: must be on link {link}, > 0 and <= {length} m (link_lengths of the arm)"
+        )
 
 
 FEWEST_PERIODS = 40  # of a lap of moves: ten for each

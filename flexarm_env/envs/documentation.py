@@ -58,7 +58,13 @@ with `hold`, readings are taken at the ticks of a slower clock only; with probab
 last one stays. A reading that is not newer than the last one by half a control period is passed over. `sensor_error`
 compares a reading with where the reference was when it was taken. For a "true" sensor at the tip, the default, it is
 thus the exact error of a moment ago, not a wrong one of now; elsewhere on link 2 it is the way from that point to
-where the *tip* should be, and the "rigid" sensor mixes two moments."""
+where the *tip* should be, and the "rigid" sensor mixes two moments.
+
+`second_sensor_link` adds a second position sensor on either link, for comparisons of sensor sets. It sees the true
+point at `second_sensor_position`, `second_sensor_delay` ago, with noise of its own (`second_sensor_noise`), at every
+control instant; `jitter`, `hold`, `dropout` and a drawn `delay` concern the first sensor only. `second_sensor_error`
+compares a reading with where the *same point* of the rigid arm on the reference was when it was taken: it is 0 where
+the arm is unbent and on the reference, wherever the sensor is."""
 REWARD = """\
 The reward judges the state after the step, by the true tip (e: its distance from the reference), whatever the sensors
 see. It is the sum of terms in [0, 1] times their weights (`reward_weights`). None is negative, so ending an episode

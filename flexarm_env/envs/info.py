@@ -72,6 +72,7 @@ KEYS = {
         "1",
         '`reference` is "moves"',
     ),
+    "second_sensed": Key("latest reading of the second sensor; shape (2,)", "m", "`second_sensor_link` is set"),
 }
 # Parts of the results with several numbers, and how many; None: all.
 _VECTORS = {
@@ -81,6 +82,7 @@ _VECTORS = {
     "reference": ("REFERENCE", 2),
     "sensed": ("SENSED", 2),
     "state": ("STATE", None),
+    "second_sensed": ("SECOND_SENSED", 2),
 }
 # Those with one.
 _NUMBERS = {
@@ -101,6 +103,8 @@ def info_keys(settings: Settings) -> tuple[str, ...]:
         left_out.add("gain")
     if settings.reference != ("moves",):
         left_out.add("is_success")
+    if settings.second_sensor is None:
+        left_out.add("second_sensed")
     return tuple(name for name in KEYS if name not in left_out)
 
 
@@ -157,6 +161,8 @@ class InfoMaker:
         parts, keys = fleet.parts, info_keys(fleet.settings)
         slices: dict[str, slice] = {}
         for name, (part, count) in _VECTORS.items():
+            if name not in keys:
+                continue
             start, stop = parts[part].start, parts[part].stop
             slices[name] = slice(start, stop if count is None else start + count)
         places = {name: parts[part].start for name, part in _NUMBERS.items()}

@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from flexarm_env.codegen.declarations import Program
 from flexarm_env.codegen.memory import Part, packed
 from flexarm_env.envs.choices import EITHER, MOVE_POINTS, MOVE_RING
-from flexarm_env.envs.observation import ObservationLayout
+from flexarm_env.envs.observation import ObservationLayout, shape_of
 from flexarm_env.envs.settings import Settings
 from flexarm_env.episode.reward import TERMS
 from flexarm_env.kernels.entries import DRAWN, MEMORY, LaneSetting, Setting, Shape, header
-from flexarm_env.kernels.layout import layout, place_rows
+from flexarm_env.kernels.layout import Row, place_rows
 from flexarm_env.parameters import DIRECTIONS
 from flexarm_env.physics.constants import arm_constants
 from flexarm_env.physics.paths import same_length
@@ -49,7 +49,7 @@ def _readings_of(settings: Settings) -> int:
     if varies or s.substeps > 62:
         return ALL_READINGS
     bits = 0
-    for delay in s.sensor_delays:
+    for delay in (*s.sensor_delays, *([s.second_sensor_delay] if s.second_sensor else [])):
         back = delay / (s.control_period / s.substeps)
         # a hair more on both sides: rounding may see a whole number of steps from either
         for steps in range(int(np.floor(back - 1e-6)), int(np.floor(back + 1e-6)) + 2):
@@ -214,8 +214,7 @@ def _drawn(settings: Settings) -> dict[str, list[float]]:
 
 def _observed_rows(settings: Settings, program: Program, observed: ObservationLayout) -> NDArray[np.int64]:
     """Rows of the observation; actions move up where there are no previews before them."""
-    arm = settings.flexible_arm
-    tail, _ = layout(program, arm.parameters.modes_per_link, arm.constants.foreshortened)["TAIL"]
+    tail, _ = Row.layout(shape_of(settings, program))["TAIL"]
     if "previews" in settings.observation:
         return observed.rows
     return np.where(observed.rows >= tail, observed.rows - 2 * len(settings.previews), observed.rows)
@@ -241,7 +240,15 @@ def fixed_rows(settings: Settings) -> dict[str, Any]:
     arm = s.flexible_arm
     length = arm.parameters.link_lengths[1]
     law_point = s.sensor_position if s.law_sensor == "sensor" else length
+    second: dict[str, Any] = {}
+    if s.second_sensor is not None:
+        second = {
+            **place_rows("SECOND", arm.place(*s.second_sensor)),
+            "SECOND_DELAY": [s.second_sensor_delay],
+            "SECOND_NOISE": [s.second_sensor_noise],
+        }
     return {
+        **second,
         "LIMITS": state_limits(arm),
         **place_rows("TIP", arm.place(2, length)),
         **place_rows("PLACE", arm.place(2, s.sensor_position)),

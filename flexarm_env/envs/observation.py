@@ -16,7 +16,8 @@ from flexarm_env.actions import MODES
 from flexarm_env.codegen.declarations import Program
 from flexarm_env.envs.choices import MOVE_RING
 from flexarm_env.envs.settings import Settings
-from flexarm_env.kernels.layout import layout
+from flexarm_env.kernels.entries import Shape
+from flexarm_env.kernels.layout import Row
 from flexarm_env.parameters import SENSOR_MODELS
 from flexarm_env.physics.inverse_kinematics import LEAST_SINE
 from flexarm_env.simulation.arm import FlexibleArm
@@ -35,12 +36,16 @@ class Reach(NamedTuple):
         speed: of the reference.
         sensed: each coordinate of the sensor's reading.
         error: each coordinate of the sensor's error.
+        second: each coordinate of the second sensor's reading.
+        second_error: each coordinate of its error.
     """
 
     radius: float
     speed: float
     sensed: float
     error: float
+    second: float
+    second_error: float
 
 
 class Limits(NamedTuple):
@@ -91,7 +96,17 @@ def reach_of(settings: Settings) -> Reach:
     bend = _bend(arm) if SENSOR_MODELS[settings.sensor].bends else 0.0
     deviation = settings.range_of("noise")[1]
     sensed = length_1 + settings.sensor_position + bend + LARGEST_DEVIATE * deviation
-    return Reach(radius, speed, sensed, sensed + radius)
+    return Reach(radius, speed, sensed, sensed + radius, *_second_reach(settings))
+
+
+def _second_reach(settings: Settings) -> tuple[float, float]:
+    """How far each coordinate of the second sensor's reading can get, and of its error [m]; 0 where there is none."""
+    if settings.second_sensor is None:
+        return 0.0, 0.0
+    link, position = settings.second_sensor
+    rigid = position + (settings.flexible_arm.parameters.link_lengths[0] if link == 2 else 0.0)
+    sensed = rigid + _bend(settings.flexible_arm) + LARGEST_DEVIATE * settings.second_sensor_noise
+    return sensed, sensed + rigid
 
 
 def _bend(arm: FlexibleArm) -> float:
@@ -229,6 +244,20 @@ BLOCKS: dict[str, Block] = {
         _rows("F_SENSOR_ERROR_RATE"),
         lambda s, r: _even(2, 3.0, 2.0 * r.error * 2**0.5 / (0.499 * s.control_period)),
     ),
+    "second_sensed_position": Block(
+        "latest reading of the second sensor (`second_sensor_link`): late, noisy",
+        "m",
+        "2",
+        _rows("F_SECOND_SENSED"),
+        lambda s, r: _even(2, 6.3, r.second * 2**0.5),
+    ),
+    "second_sensor_error": Block(
+        "the same point of the rigid arm on the reference at the time of that reading, minus the reading",
+        "m",
+        "2",
+        _rows("F_SECOND_ERROR"),
+        lambda s, r: _even(2, 0.5, r.second_error * 2**0.5),
+    ),
     "modal_coordinates": Block(
         "of link 1, of link 2, from strain gauges",
         "1",
@@ -292,6 +321,12 @@ BLOCKS: dict[str, Block] = {
 }
 
 
+def shape_of(settings: Settings, program: Program) -> Shape:
+    """What the tables of an environment's kernels depend on."""
+    foreshortened = settings.flexible_arm.constants.foreshortened
+    return Shape(program, _modes(settings), foreshortened, settings.second_sensor is not None)
+
+
 class ObservationLayout(NamedTuple):
     """An observation's make-up.
 
@@ -330,7 +365,7 @@ def observation_layout(settings: Settings, program: Program) -> ObservationLayou
     Raises:
         ValueError: for an unknown block, or one that the action mode does not have.
     """
-    places = layout(program, _modes(settings), settings.flexible_arm.constants.foreshortened)
+    places = Row.layout(shape_of(settings, program))
     reach = reach_of(settings)
     blocks: dict[str, slice] = {}
     rows: list[int] = []

@@ -44,6 +44,7 @@ from flexarm_env.envs.consistency import (
     checked_previews,
     checked_waypoints,
     checked_weights,
+    refuse_off_link,
     refuse_options_without_effect,
 )
 from flexarm_env.envs.quantities import NAMED_QUANTITIES, QUANTITIES, checked_ranges
@@ -155,6 +156,22 @@ class Settings:
     encoder_noise: tuple[float, float] = _option(
         (0.0, 0.0), "standard deviations of joint angles and rates", Pair(0.0, LARGEST_NOISE, "rad, rad/s")
     )
+    second_sensor_link: int | None = _option(
+        None,
+        "link of a second sensor, which sees the true point; None: there is none",
+        Optional(Integer(1, 2)),
+    )
+    second_sensor_position: float | None = _option(
+        None,
+        "of the second sensor from its link's root; None: at the link's tip",
+        Optional(allowed_of(SensorParameters, "position")),
+    )
+    second_sensor_delay: float = _option(0.0, "of the second sensor's reading", _LATE)
+    second_sensor_noise: float = _option(
+        0.0,
+        "standard deviation of each coordinate of the second sensor's reading",
+        allowed_of(SensorParameters, "noise"),
+    )
     actuation_delay: float = _option(0.0, "from an action to its effect; an inner law is not delayed", _LATE)
     observation: tuple[str, ...] = _option(
         DEFAULT_OBSERVATION, "names of the blocks, in order; see Observation space", Custom(names)
@@ -229,7 +246,7 @@ class Settings:
         refuse_options_without_effect(
             self, {one.name: (default_of(one), modes_reading(one.name)) for one in fields(self)}
         )
-        for what in ("law", "sensor_parameters", "flexible_arm", "paths", "substeps", "history_slots"):
+        for what in ("law", "sensor_parameters", "flexible_arm", "second_sensor", "paths", "substeps", "history_slots"):
             getattr(self, what)  # made once, with its own checks
 
     # --- what follows ----------------------------------------------------------------------------------------------
@@ -275,13 +292,19 @@ class Settings:
     def flexible_arm(self) -> FlexibleArm:
         """The arm."""
         arm = FlexibleArm(arm_parameters(self.arm))
-        length2 = arm.parameters.link_lengths[1]
-        if self.sensor_position > length2:
-            raise ValueError(
-                f"sensor_position = {self.sensor_position} m: must be on link 2, > 0 and <= {length2} m "
-                f"(link_lengths of the arm)"
-            )
+        refuse_off_link("sensor_position", self.sensor_position, 2, arm.parameters)
         return arm
+
+    @cached_property
+    def second_sensor(self) -> tuple[int, float] | None:
+        """Link of the second sensor, and its distance from the link's root [m]."""
+        if self.second_sensor_link is None:
+            return None
+        link, position, p = self.second_sensor_link, self.second_sensor_position, self.flexible_arm.parameters
+        if position is None:
+            return link, p.link_lengths[link - 1]
+        refuse_off_link("second_sensor_position", position, link, p)
+        return link, position
 
     @cached_property
     def paths(self) -> list[ReferencePath]:
@@ -308,8 +331,9 @@ class Settings:
 
         No reset may ask for any of these where this is false.
         """
-        own = (self.noise, *self.encoder_noise, self.jitter, self.dropout, self.hold, self.actuation_delay)
-        return any(own) or not self.randomisation.keys().isdisjoint(("noise", "actuation_delay"))
+        noise = (self.noise, *self.encoder_noise, self.second_sensor_noise)
+        own = any((*noise, self.jitter, self.dropout, self.hold, self.actuation_delay))
+        return own or not self.randomisation.keys().isdisjoint(("noise", "actuation_delay"))
 
     @property
     def motor_limit(self) -> tuple[float, float]:
@@ -364,9 +388,12 @@ class Settings:
         cached.
         """
         latest = max(*self.sensor_delays, self.range_of("delay")[1])
-        longest = latest + self.jitter + 4.0 * self.hold + 2.0 * self.control_period
+        oldest = max(latest + self.jitter + 4.0 * self.hold, self.second_sensor_delay)
+        longest = oldest + 2.0 * self.control_period
         periods = int(np.ceil(longest / self.control_period + 4.0 / self.substeps))
         cause = f"delay = {latest} s, jitter = {self.jitter} s, hold = {self.hold} s"
+        if self.second_sensor is not None:
+            cause += f", second_sensor_delay = {self.second_sensor_delay} s"
         return count_readings(self.substeps * periods, self.control_period / self.substeps, cause)
 
 

@@ -15,8 +15,9 @@ from flexarm_env.codegen.arrays import Arena, Clock, History, LaneRow, Paths, Pl
 from flexarm_env.codegen.declarations import Function, chosen_by_program, inlined_in_its_caller
 from flexarm_env.codegen.scalars import clip
 from flexarm_env.episode.recorded import joint_kernel
+from flexarm_env.kernels.delay_line import count_steps, slot_after, store_reading
 from flexarm_env.kernels.entries import clock_row, drawn, header, setting
-from flexarm_env.kernels.imex import count_steps, evaluate_law, loop_step, slot_after, store_reading
+from flexarm_env.kernels.imex import evaluate_law, loop_step
 from flexarm_env.kernels.layout import row
 from flexarm_env.kernels.recorded import step_kernel
 from flexarm_env.kernels.variants import variant

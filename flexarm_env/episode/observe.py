@@ -25,12 +25,13 @@ from flexarm_env.codegen.random_stream import normal
 from flexarm_env.codegen.scalars import clip
 from flexarm_env.episode.actuation import make_room
 from flexarm_env.episode.recorded import features_kernel, joint_kernel, truth_kernel
+from flexarm_env.episode.second_sensor import sense_second
 from flexarm_env.episode.sensor import CHANNELS_OF_NOISE, noise_place, sense
 from flexarm_env.episode.write_observation import write_observations, write_previews
 from flexarm_env.kernels.entries import clock_row, header, setting
-from flexarm_env.kernels.imex import state_status
 from flexarm_env.kernels.layout import row
 from flexarm_env.kernels.path_cache import note_side, on_side, segment
+from flexarm_env.kernels.status import state_status
 from flexarm_env.kernels.variants import variant
 from flexarm_env.physics.inverse_kinematics import elbow_side, joint_angles_for, joint_rates_for
 from flexarm_env.physics.polyline import AHEAD
@@ -91,6 +92,8 @@ def look(
     truth_kernel(arena)
     follow_reference(arena, clock, paths, settings)
     sense(arena, history, clock, keys, paths, plan, settings, who)
+    if variant.second_sensor:
+        sense_second(arena, history, clock, keys, paths, plan, settings, who)
     for r in range(4):
         at = r if r < 2 else variant.size + r - 2
         for i in range(variant.lanes):

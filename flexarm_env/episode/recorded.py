@@ -34,11 +34,14 @@ def features_source(variant: Variant) -> str:
         phase=r.one("PHASE"),
         frame=r.one("FRAME"),
     )
-    for name, values in features.features(known)._asdict().items():
+    found = features.features(known)
+    for name, values in found._asdict().items():
         r.write(("" if name == "frame_axis" else "F_") + name.upper(), values)
     errors, error_rates = features.joint_errors(r.read("PRESENT_JOINT"), known.measured)
     r.write("F_PRESENT_JOINT_ERROR", errors)
     r.write("F_PRESENT_JOINT_ERROR_RATE", error_rates)
+    for name in ("SECOND_SENSED", "SECOND_ERROR") if variant.second_sensor else ():
+        r.write(f"F_{name}", features.in_frame(found.frame_axis, r.read(name)))
     square = reward.squared_distance(r.read("TRUE_TIP"), r.read("REFERENCE"))
     r.write("TIP_ERROR", [root(square)])
     terms = reward.tracking_terms(square)

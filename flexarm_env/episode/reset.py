@@ -1,4 +1,4 @@
-"""Drivers that begin episodes: where the arm starts, and what its delay line holds; `draws` has what is drawn.
+"""Drivers that begin episodes: where the arm starts; `draws` has what is drawn, `first_readings` the delay line's past.
 
 `stepping` explains lanes, blocks and arenas.
 """
@@ -6,12 +6,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy import floor
 
 from flexarm_env.codegen.arrays import (
     Arena,
     Clock,
-    Four,
     History,
     Keys,
     LaneSettings,
@@ -23,12 +21,12 @@ from flexarm_env.codegen.arrays import (
     Table,
 )
 from flexarm_env.codegen.declarations import inlined_in_its_caller
-from flexarm_env.codegen.elementary import sincos
 from flexarm_env.codegen.random_stream import uniform
 from flexarm_env.episode.draws import LONG_AGO, PLACE_SPREAD, draw_branch, draw_quantities, draw_start
-from flexarm_env.episode.sensor import sensed_point
+from flexarm_env.episode.first_readings import fill_history, first_sample
+from flexarm_env.kernels.delay_line import prepare_readings, store_reading
 from flexarm_env.kernels.entries import clock_row, column, constant, header, lane_setting, setting
-from flexarm_env.kernels.imex import prepare_commands, prepare_readings, store_reading
+from flexarm_env.kernels.imex import prepare_commands
 from flexarm_env.kernels.layout import row
 from flexarm_env.kernels.path_cache import forget_side
 from flexarm_env.kernels.recorded import elimination_kernel, law_kernel
@@ -74,51 +72,6 @@ def place_arm(
         turn = arena[part, i] + slope + arena[part + variant.size // 2, i]
         arena[part + variant.size // 2, i] = turn
     arena[row.JOINT, i] = arena[row.Y, i]  # the joint aim stays within half a turn of it
-
-
-def fill_history(
-    arena: Arena, history: History, clock: Clock, paths: Paths, plan: Plan, settings: Table, i: int, moving: bool
-) -> None:
-    """The delay line of lane i: its newest reading, moved back with the reference if the arm starts on the move."""
-    h = settings[setting.STEP]
-    slots = history.shape[0] // 4
-    newest = clock[clock_row.HEAD, 0]
-    now = reference_reading(arena, clock, paths, settings, i, 0.0)
-    for back in range(slots):
-        if not (plan[header.READINGS] >> (-back % plan[header.SUBSTEPS] & 63)) & 1:
-            continue  # nobody will ask for it
-        slot = (newest - back) % slots
-        moved = reference_reading(arena, clock, paths, settings, i, back * h) if moving and back > 0 else now
-        for r in range(4):
-            value = history[4 * newest + r, i]
-            if moving:
-                value += moved[r] - now[r]
-            elif r >= 2 and back > 0:
-                value = 0.0  # before the start nothing moved
-            history[4 * slot + r, i] = value
-
-
-def reference_reading(arena: Arena, clock: Clock, paths: Paths, settings: Table, i: int, back: float) -> Four:
-    """What the sensor would read on the rigid arm that is on lane i's reference, some seconds ago; with rates."""
-    time = clock[clock_row.STEPS, i] * settings[setting.STEP] - back
-    x, y, vx, vy = reference_at(paths, clock[clock_row.PATH, i], time, time + 1e-9 * settings[setting.STEP], -1e18)
-    length_1, length_2 = settings[setting.LENGTHS], settings[setting.LENGTHS + 1]
-    if variant.true_sensor and arena[row.PLACE_DISTANCE, i] == length_2:  # it is the tip that is on the reference
-        return x, y, vx, vy
-    theta1, theta2 = joint_angles_for(length_1, length_2, arena[row.BRANCH, i], x, y)
-    rate_1, rate_2 = joint_rates_for(length_1, length_2, theta1, theta2, vx, vy)
-    if not variant.true_sensor:
-        near = arena[row.JOINT, i]
-        return theta1 + 6.283185307179586 * floor((near - theta1) / 6.283185307179586 + 0.5), theta2, rate_1, rate_2
-    distance = arena[row.PLACE_DISTANCE, i]
-    one, both = sincos(theta1), sincos(theta1 + theta2)
-    rate_12 = rate_1 + rate_2
-    return (
-        length_1 * one[1] + distance * both[1],
-        length_1 * one[0] + distance * both[0],
-        -length_1 * one[0] * rate_1 - distance * both[0] * rate_12,
-        length_1 * one[1] * rate_1 + distance * both[1] * rate_12,
-    )
 
 
 def prepare_law(arena: Arena, own: Table, i: int) -> None:
@@ -192,22 +145,6 @@ def start_lane(
     if variant.tracking:
         arena[row.SHIFT, i] = 0.0
         arena[row.SHIFT + 1, i] = 0.0
-
-
-def first_sample(arena: Arena, history: History, clock: Clock, paths: Paths, settings: Table, i: int) -> None:
-    """A reading from before the start of lane i, so that the first one has a change per second."""
-    h = settings[setting.STEP]
-    late = arena[row.SENSOR_DELAY, i]
-    later = arena[row.SENSOR_DELAY + 1, i] - late
-    late += max(settings[setting.PERIOD], arena[row.HOLD, i])
-    taken = clock[clock_row.STEPS, i] * h - late
-    point = sensed_point(arena, history, clock, settings, i, late, late + later)
-    reference = reference_at(paths, clock[clock_row.PATH, i], taken, taken + 1e-9 * h, clock[clock_row.SINCE, i] * h)
-    for r in range(2):
-        arena[row.SENSED + r, i] = point[r]
-        arena[row.SENSOR_ERROR + r, i] = reference[r] - point[r]
-        arena[row.SENSOR_ERROR_RATE + r, i] = 0.0
-    arena[row.SAMPLE_TIME, i] = taken
 
 
 @inlined_in_its_caller

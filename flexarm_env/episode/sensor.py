@@ -7,14 +7,15 @@ from __future__ import annotations
 
 from numpy import floor
 
-from flexarm_env.codegen.arrays import Arena, Clock, History, Keys, LaneRow, Mask, Paths, Plan, Table
+from flexarm_env.codegen.arrays import Arena, Clock, Four, History, Keys, LaneRow, Mask, Paths, Plan, Table
 from flexarm_env.codegen.declarations import per_lane
 from flexarm_env.codegen.elementary import sincos
 from flexarm_env.codegen.random_stream import normal, uniform
-from flexarm_env.kernels.entries import clock_row, drawn, header, setting
-from flexarm_env.kernels.imex import around, between, past_reading
+from flexarm_env.kernels.delay_line import around, between, past_reading
+from flexarm_env.kernels.entries import clock_row, drawn, header, reading_row, setting
 from flexarm_env.kernels.layout import row
 from flexarm_env.kernels.variants import variant
+from flexarm_env.physics.inverse_kinematics import joint_angles_for, joint_rates_for
 from flexarm_env.physics.polyline import reference_at
 
 CHANNELS_OF_NOISE = 8  # random numbers set aside for each control period
@@ -82,19 +83,19 @@ def sample_alike(arena: Arena, history: History, clock: Clock, settings: Table, 
 
 def copy_readings(arena: Arena, history: History, clock: Clock, h: float, j: int, late: float) -> None:
     """Enter the reading j of `late` seconds ago, of all lanes."""
-    slots = history.shape[0] // 4
+    slots = history.shape[0] // variant.slot_rows
     slot = clock[clock_row.HEAD, 0]
     readings: LaneRow = arena[row.SAMPLE_POINT + j]
     if late == 0.0:
-        now: LaneRow = history[4 * slot + j]
+        now: LaneRow = history[variant.slot_rows * slot + j]
         for i in range(variant.lanes):
             readings[i] = now[i]
         return
     first, last, u = around(slots, slot, late / h)
     a: LaneRow = history[first + j]
     b: LaneRow = history[last + j]
-    a_rate: LaneRow = history[first + 2 + j]
-    b_rate: LaneRow = history[last + 2 + j]
+    a_rate: LaneRow = history[first + reading_row.RATE + j]
+    b_rate: LaneRow = history[last + reading_row.RATE + j]
     for i in range(variant.lanes):
         readings[i] = between(a[i], b[i], a_rate[i], b_rate[i], h, u)[0]
 
@@ -195,7 +196,11 @@ def disturbed_reading(
 
 
 def noise_place(clock: Clock, plan: Plan, i: int) -> int:
-    """First of the random numbers set aside for the control period that lane i has reached."""
+    """First of the random numbers set aside for the control period that lane i has reached.
+
+    From there on: 6 for the reading that arrives (with a clock of the sensor's own they are the tick's), 2 for the
+    second sensor (`second_sensor`), 8 for the encoders.
+    """
     return FIRST_NOISE + CHANNELS_OF_NOISE * 2 * (
         (clock[clock_row.STEPS, i] - clock[clock_row.BEGAN, i]) // plan[header.SUBSTEPS]
     )
@@ -207,7 +212,7 @@ def sensed_point(
 ) -> tuple[float, float]:
     """Position that the sensor of lane i measured `late` (its elbow's angle `later`) seconds ago [m]."""
     h = settings[setting.STEP]
-    slots = history.shape[0] // 4
+    slots = history.shape[0] // variant.slot_rows
     slot = clock[clock_row.HEAD, 0]
     first, _ = past_reading(history, slots, slot, i, 0, h, late / h)
     second, _ = past_reading(history, slots, slot, i, 1, h, later / h)
@@ -223,6 +228,32 @@ def point_at(arena: Arena, settings: Table, i: int, theta1: float, theta2: float
     distance = arena[row.PLACE_DISTANCE, i]
     length_1 = settings[setting.LENGTHS]
     return length_1 * one[1] + distance * both[1], length_1 * one[0] + distance * both[0]
+
+
+def joint_motion(settings: Table, branch: float, reference: Four) -> Four:
+    """Joint angles and rates of the rigid arm whose tip moves as the reference does: position and velocity."""
+    x, y, vx, vy = reference
+    length_1, length_2 = settings[setting.LENGTHS], settings[setting.LENGTHS + 1]
+    theta1, theta2 = joint_angles_for(length_1, length_2, branch, x, y)
+    rate_1, rate_2 = joint_rates_for(length_1, length_2, theta1, theta2, vx, vy)
+    return theta1, theta2, rate_1, rate_2
+
+
+def point_on_reference(settings: Table, branch: float, link: int, distance: float, reference: Four) -> Four:
+    """Position and velocity of a point of a link of the rigid arm whose tip moves as the reference does."""
+    if link == 2 and distance == settings[setting.LENGTHS + 1]:  # it is the tip that is on the reference
+        return reference
+    theta1, theta2, rate_1, rate_2 = joint_motion(settings, branch, reference)
+    along_1 = distance if link == 1 else settings[setting.LENGTHS]
+    along_2 = 0.0 if link == 1 else distance
+    one, both = sincos(theta1), sincos(theta1 + theta2)
+    rate_12 = rate_1 + rate_2
+    return (
+        along_1 * one[1] + along_2 * both[1],
+        along_1 * one[0] + along_2 * both[0],
+        -along_1 * one[0] * rate_1 - along_2 * both[0] * rate_12,
+        along_1 * one[1] * rate_1 + along_2 * both[1] * rate_12,
+    )
 
 
 def compare(arena: Arena, clock: Clock, paths: Paths, settings: Table) -> None:

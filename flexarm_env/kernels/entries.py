@@ -10,6 +10,7 @@ from flexarm_env.physics.constants import Constants
 
 STATE_UNIT = "rad, m, rad/s, m/s"
 CONSTANTS_UNIT = "as in `Constants`"
+SECOND_SENSOR = frozenset({"second sensor"})  # group of the parts that a second sensor needs
 
 
 class Shape(NamedTuple):
@@ -19,11 +20,18 @@ class Shape(NamedTuple):
         program: of the kernels.
         modes: per link.
         foreshortened: kinematics (`links`).
+        second_sensor: whether there is one.
     """
 
     program: Program
     modes: int
     foreshortened: bool
+    second_sensor: bool = False
+
+    @property
+    def groups(self) -> frozenset[str]:
+        """Of the parts that tables have (`layout`)."""
+        return self.program.groups | SECOND_SENSOR if self.second_sensor else self.program.groups
 
     @property
     def size(self) -> int:
@@ -48,6 +56,12 @@ def constant_count(modes: int, foreshortened: bool) -> int:
 
 def _constants(shape: Shape) -> int:
     return shape.constants
+
+
+def extent(places: dict[str, tuple[int, int]]) -> int:
+    """How many places a layout takes."""
+    first, count = list(places.values())[-1]
+    return first + count
 
 
 class Drawn(FixedNames):
@@ -168,6 +182,13 @@ class ClockRow(FixedNames):
     HEAD = Entry("the delay line's newest slot, the same for a whole block", "1")
 
 
+class ReadingRow(FixedNames):
+    """What a slot of the delay line holds of one sensor; the rows of a second sensor follow (`Variant.slot_rows`)."""
+
+    VALUE = Entry("two readings", "rad or m", 2)
+    RATE = Entry("their rates", "rad/s or m/s", 2)
+
+
 class Column(FixedNames):
     """Columns of an order for a new episode; NaN where the environment decides."""
 
@@ -181,12 +202,7 @@ class Column(FixedNames):
 
 
 setting, lane_setting, constant = Setting(), LaneSetting(), Constant()
-header, clock_row, column = Header(), ClockRow(), Column()
+header, clock_row, reading_row, column = Header(), ClockRow(), ReadingRow(), Column()
 MEMORY = tuple(part.name for part in Header.entries if isinstance(part, Word))  # arrays after the plan
 CLOCK_ROWS = len(ClockRow.entries)
-
-
-def extent(places: dict[str, tuple[int, int]]) -> int:
-    """How many places a layout takes."""
-    first, count = list(places.values())[-1]
-    return first + count
+READING_ROWS = extent(ReadingRow.layout(None))  # of one sensor in a slot of the delay line

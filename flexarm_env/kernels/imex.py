@@ -1,19 +1,21 @@
 """Drivers of the closed loop's kernels: loops over lanes, stages, steps and blocks.
 
 A *block* holds some environments, its lanes. All that is known of them is in its *arena*, one row of lanes for each
-quantity (`rows.Row`); their late readings are in its *delay line*, a ring of slots of four rows: two readings, two
-rates. `kernels` assembles these functions with recorded formulas into one module per variant and compiles that; here
-they are plain Python for reading, checking and testing (`declarations.plain_python`).
+quantity (`layout.Row`); their late readings are in its *delay line* (`delay_line`). `assembly` puts these functions and
+recorded formulas into one module per variant and compiles that; here they are plain Python for reading, checking and
+testing (`declarations.plain_python`).
 """
 
 from __future__ import annotations
 
 from flexarm_env.codegen.arrays import Arena, Arenas, Clock, Clocks, Histories, History, Paths
 from flexarm_env.codegen.declarations import Program, per_lane
+from flexarm_env.kernels.delay_line import count_steps, prepare_readings, store_reading
 from flexarm_env.kernels.entries import clock_row
 from flexarm_env.kernels.layout import row
 from flexarm_env.kernels.path_cache import forget_side, note_side, on_side, segment
-from flexarm_env.kernels.recorded import law_kernel, outputs_kernel, reading_kernel
+from flexarm_env.kernels.recorded import law_kernel, outputs_kernel
+from flexarm_env.kernels.status import state_status
 from flexarm_env.kernels.tableau import EXPLICIT, IMPLICIT, NODES, STAGES
 from flexarm_env.kernels.variants import variant
 from flexarm_env.physics.polyline import AHEAD, chord_at, reference_at
@@ -67,118 +69,6 @@ def chord_known(arena: Arena, clock: Clock, i: int, time: float, h: float) -> bo
     return begun & together & (within + h < arena[row.COMMAND_SIDE + segment.END, i])
 
 
-def prepare_readings(arena: Arena, history: History, clock: Clock, h: float, node: float) -> None:
-    """Write the late readings for a stage at t + node h.
-
-    Args:
-        arena: of one block.
-        history: readings at past steps, a ring. Shape (slots * 4, lanes).
-        clock: of each lane, see `entries.ClockRow`. Shape (5, lanes).
-        h: step [s].
-        node: of the stage, 0 to 1.
-    """
-    slots = history.shape[0] // 4
-    slot = clock[clock_row.HEAD, 0]
-    if variant.late:
-        for i in range(variant.lanes):
-            for j in range(2):
-                prepare_reading(arena, history, slots, slot, i, j, h, node)
-
-
-@per_lane
-def past_reading(history: History, slots: int, slot: int, i: int, j: int, h: float, back: float) -> tuple[float, float]:
-    """Reading j of lane i and its rate, `back` steps before the slot of the present one; see `prepare_reading`."""
-    if back == 0.0:
-        return history[4 * slot + j, i], history[4 * slot + 2 + j, i]
-    first, last, u = around(slots, slot, back)
-    return between(
-        history[first + j, i],
-        history[last + j, i],
-        history[first + 2 + j, i],
-        history[last + 2 + j, i],
-        h,
-        u,
-    )
-
-
-@per_lane
-def around(slots: int, slot: int, back: float) -> tuple[int, int, float]:
-    """Rows of the delay line at which the readings before and after a moment begin, and where it lies between.
-
-    Args:
-        slots: of the delay line.
-        slot: the newest one.
-        back: the moment, in steps before the newest one.
-    """
-    whole = int(back)  # rounded towards the present
-    last = slot - whole  # the ring is longer than any delay, so one turn back is enough
-    first = last - 1
-    first, last = (first if first >= 0 else first + slots), (last if last >= 0 else last + slots)
-    return 4 * first, 4 * last, 1.0 - (back - whole)
-
-
-@per_lane
-def between(a: float, b: float, a_rate: float, b_rate: float, h: float, u: float) -> tuple[float, float]:
-    """Value and rate a share u of a step h after a, by the cubic with these values and rates at its ends."""
-    a_rise, b_rise = h * a_rate, h * b_rate
-    difference = b - a
-    curve = 3.0 * difference - 2.0 * a_rise - b_rise
-    twist = a_rise + b_rise - 2.0 * difference
-    return a + u * (a_rise + u * (curve + u * twist)), (a_rise + u * (2.0 * curve + u * 3.0 * twist)) / h
-
-
-def prepare_reading(
-    arena: Arena, history: History, slots: int, slot: int, i: int, j: int, h: float, node: float
-) -> None:
-    """Write offset and weight of reading j of lane i at t + node h (see `closed_loop.Law`).
-
-    Readings at past steps are interpolated by cubic Hermite polynomials, whose error is of fourth order. A delay
-    shorter than node h falls into the step at hand: the reading is then a parabola through the one at t, with its
-    rate, and the stage's own, so that it tends to the undelayed one as the delay vanishes.
-    """
-    position = node - arena[row.DELAY + j, i] / h  # in steps from t
-    offset = 0.0
-    weight = 1.0
-    rate_offset = 0.0
-    rate_weight = 1.0
-    if position > 0.0:
-        here = slot * 4
-        u = position / node
-        value = history[here + j, i]
-        rate = history[here + 2 + j, i]
-        weight = u * u
-        offset = value * (1.0 - u * u) + rate * h * (position - position * u)
-        rate_weight = u
-        rate_offset = rate * (1.0 - u)
-    elif node > 0.0 or position < 0.0:
-        offset, rate_offset = past_reading(history, slots, slot, i, j, h, -position)
-        weight = 0.0
-        rate_weight = 0.0
-    arena[row.OFFSET + j, i] = offset
-    arena[row.WEIGHT + j, i] = weight
-    late = arena[row.RATE_LATE, i] > 0.0
-    arena[row.RATE_OFFSET + j, i] = rate_offset if late else 0.0
-    arena[row.RATE_WEIGHT + j, i] = rate_weight if late else 1.0
-
-
-def slot_after(clock: Clock, history: History, steps: int) -> int:
-    """Slot of a block's delay line that so many integration steps from now on will be the newest one."""
-    return (clock[clock_row.HEAD, 0] + steps) % (history.shape[0] // 4)
-
-
-def count_steps(clock: Clock, history: History, steps: int) -> None:
-    """Count integration steps of every lane of a block, and move on in its delay line."""
-    head = slot_after(clock, history, steps)
-    for i in range(variant.lanes):
-        clock[clock_row.STEPS, i] += steps
-        clock[clock_row.HEAD, i] = head
-
-
-def store_reading(arena: Arena, history: History, slot: int) -> None:
-    """Enter the current readings into a slot of the delay line."""
-    reading_kernel(arena, history[slot * 4 : (slot + 1) * 4])
-
-
 def evaluate_law(arena: Arena, history: History, clock: Clock, paths: Paths, h: float) -> None:
     """The law's torque at the present instant with the present gain; mechanical acceleration as well."""
     prepare_commands(arena, clock, paths, h)
@@ -229,29 +119,6 @@ def loop_step(arena: Arena, history: History, clock: Clock, paths: Paths, h: flo
     store_reading(arena, history, clock[clock_row.HEAD, 0])
 
 
-def state_status(arena: Arena) -> None:
-    """Status of every lane: 0 for a valid state; -1 if it is not finite; n if its entry n - 1 is beyond its limit."""
-    for i in range(variant.lanes):
-        status = 0.0
-        for r in range(2 * variant.size - 1, -1, -1):
-            beyond = not abs(arena[row.STATE + r, i]) <= arena[row.LIMITS + r, i]
-            status = r + 1.0 if beyond else status
-        for r in range(2 * variant.size):
-            value = arena[row.STATE + r, i]
-            status = status if value - value == 0.0 else -1.0
-        arena[row.STATUS, i] = status
-
-
-def failures(size: int) -> dict[float, str | None]:
-    """What a state's status means (`state_status`): why it is not valid; 0 is that of a valid one.
-
-    Args:
-        size: number of internal coordinates.
-    """
-    entries = ("angle", "angle", *["deflection"] * (size - 2), *["rate"] * size)
-    return {0.0: None, -1.0: "diverged"} | {1.0 + n: reason for n, reason in enumerate(entries)}
-
-
 def write_outputs(arena: Arena, history: History, clock: Clock, paths: Paths, h: float) -> None:
     """Observation, state, tips, reward and status of every lane of a block at the present instant."""
     prepare_readings(arena, history, clock, h, 0.0)
@@ -273,7 +140,7 @@ def run_loop(
 
     Args:
         arenas: Shape (blocks, rows, lanes).
-        histories: Shape (blocks, slots * 4, lanes).
+        histories: Shape (blocks, slots * slot_rows, lanes).
         clocks: Shape (blocks, 5, lanes).
         paths: of all lanes, see `reference_at`. Shape (paths, n, 5).
         h: step [s].

@@ -6,16 +6,17 @@ which rows its arenas have:
 - "law": the paper's law acts (`closed_loop`),
 - "tracking": the joint-space law tracks the reference (`tracking`),
 - "loop": the paper's closed loop (`simulation`),
-- "environment": an environment (`periods`).
+- "environment": an environment (`periods`),
+- "second sensor": the environment has one (`Shape.groups`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from flexarm_env.codegen.declarations import Entry, Names, Program
+from flexarm_env.codegen.declarations import Entry, Names
 from flexarm_env.control.jacobian_transpose import Law
-from flexarm_env.kernels.entries import CONSTANTS_UNIT, QUANTITIES, STATE_UNIT, Shape
+from flexarm_env.kernels.entries import CONSTANTS_UNIT, QUANTITIES, SECOND_SENSOR, STATE_UNIT, Shape
 from flexarm_env.kernels.path_cache import SIDE_ROWS
 from flexarm_env.kernels.tableau import STAGES
 from flexarm_env.physics import linear_algebra
@@ -31,6 +32,10 @@ def elimination_count(modes: int, foreshortened: bool) -> int:
 
 def _size(shape: Shape) -> int:
     return shape.size
+
+
+def _elimination(shape: Shape) -> int:
+    return elimination_count(shape.modes, shape.foreshortened)
 
 
 def _slots(shape: Shape) -> int:
@@ -54,6 +59,7 @@ _LAW = ("law",)
 _LOOP = ("loop",)
 _TRACKING = ("tracking",)
 _ENVIRONMENT = ("environment",)
+_SECOND = tuple(SECOND_SENSOR)
 
 
 class Row(Names):
@@ -62,9 +68,7 @@ class Row(Names):
     Y = Entry("internal coordinates (`dynamics`)", "rad, m", _size)
     V = Entry("their rates; they follow the coordinates", "rad/s, m/s", _size)
     CONSTANTS = Entry("what the equations know of the arm (`Constants`)", CONSTANTS_UNIT, lambda s: s.constants)
-    ELIMINATION = Entry(
-        "what follows from them (`Elimination`)", "as in `Elimination`", lambda s: elimination_count(*s[1:])
-    )
+    ELIMINATION = Entry("what follows from them (`Elimination`)", "as in `Elimination`", _elimination)
 
     GAIN = Entry("gain lambda of the paper's law", "1", _law("gain"), _LAW)
     PROPORTIONAL_GAIN = Entry("Kp", "N/m", _law("proportional_gain"), _LAW)
@@ -152,6 +156,14 @@ class Row(Names):
     F_SENSED = Entry("latest reading, in the frame", "m", 2, _ENVIRONMENT)
     F_SENSOR_ERROR = Entry("SENSOR_ERROR, in the frame", "m", 2, _ENVIRONMENT)
     F_SENSOR_ERROR_RATE = Entry("SENSOR_ERROR_RATE, in the frame", "m/s", 2, _ENVIRONMENT)
+    SECOND_DISTANCE = Entry("of the second sensor from its link's root", "m", 1, _SECOND)
+    SECOND_VALUES = Entry("its link's mode shapes there", "1", _modes, _SECOND)
+    SECOND_FORESHORTENING = Entry("foreshortening there", "1/m", _pairs, _SECOND)
+    SECOND_DELAY = Entry("of the second sensor's reading", "s", 1, _SECOND)
+    SECOND_NOISE = Entry("standard deviation of its noise", "m", 1, _SECOND)
+    SECOND_ERROR = Entry("its point of the rigid arm on the reference, then, minus the reading", "m", 2, _SECOND)
+    F_SECOND_SENSED = Entry("its latest reading, in the frame", "m", 2, _SECOND)
+    F_SECOND_ERROR = Entry("SECOND_ERROR, in the frame", "m", 2, _SECOND)
     F_PHASE = Entry("cosine and sine of the lap's phase", "1", 2, _ENVIRONMENT)
     FRAME_AXIS = Entry("cosine and sine of the frame's angle", "1", 2, _ENVIRONMENT)
 
@@ -169,6 +181,7 @@ class Row(Names):
     RIGID_TIP = Entry("tip by rigid kinematics", "m", 2, _REPORTED)
     REFERENCE = Entry("reference position and velocity", "m, m/s", 4, _REPORTED)
     SENSED = Entry("latest reading of the sensor", "m", 2, _ENVIRONMENT)
+    SECOND_SENSED = Entry("latest reading of the second sensor", "m", 2, _SECOND)
     REWARD_TERMS = Entry("terms of the reward, weighted", "1", lambda s: s.program.reward_terms, _ENVIRONMENT)
     TIME = Entry("since the episode's start", "s", 1, _ENVIRONMENT)
     EFFECTIVE_GAIN = Entry("gain at the start of the period", "1", 1, _ENVIRONMENT)
@@ -188,11 +201,6 @@ class Row(Names):
 
 
 row = Row()
-
-
-def layout(program: Program, modes: int, foreshortened: bool = False) -> dict[str, tuple[int, int]]:
-    """First row and number of rows of each part of an arena."""
-    return Row.layout(Shape(program, modes, foreshortened))
 
 
 def sizes_between(rows: dict[str, tuple[int, int]], first: str, last: str) -> dict[str, int]:
@@ -223,7 +231,7 @@ def arm_rows(k: Constants) -> dict[str, Sequence[float]]:
 
 
 def place_rows(name: str, place: Place) -> dict[str, Sequence[float]]:
-    """What a point of link 2 takes of an arena, under the point's name."""
+    """What a point of a link takes of an arena, under the point's name."""
     return {
         f"{name}_DISTANCE": [place.distance],
         f"{name}_VALUES": place.values,

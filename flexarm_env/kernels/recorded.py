@@ -83,7 +83,7 @@ class Recorder:
         return jacobian_transpose.Law(**fields)
 
     def place(self, name: str) -> Place:
-        """A point of link 2, by its name."""
+        """A point of a link, by its name."""
         return Place(self.one(f"{name}_DISTANCE"), self.read(f"{name}_VALUES"), self.read(f"{name}_FORESHORTENING"))
 
     def sensor(self) -> Place:
@@ -276,6 +276,19 @@ def reading_source(variant: Variant) -> str:
 @recorded(reading_source, SHARED)
 def reading_kernel(arena: Arena, readings: LaneRows) -> None:
     """What the sensor would measure now, without delay, on every lane: two readings, two rates. Shape (4, lanes)."""
+
+
+def second_reading_source(variant: Variant) -> str:
+    """What the second sensor measures now."""
+    r = Recorder(variant)
+    place, link = r.place("SECOND"), variant.second_sensor
+    r.store("readings", sensing.point_reading(r.constants(), place, r.read("Y"), r.read("V"), link))
+    return r.source("second_reading_kernel(arena, readings)")
+
+
+@recorded(second_reading_source, SHARED)
+def second_reading_kernel(arena: Arena, readings: LaneRows) -> None:
+    """What the second sensor would measure now, as `reading_kernel` has it of the first. Shape (4, lanes)."""
 
 
 def outputs_source(variant: Variant) -> str:

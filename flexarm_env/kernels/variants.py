@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import cast
 
 from flexarm_env.codegen.declarations import PresentVariant, Program
-from flexarm_env.kernels.entries import Shape
-from flexarm_env.kernels.layout import layout
+from flexarm_env.kernels.entries import READING_ROWS, Shape
+from flexarm_env.kernels.layout import Row
 from flexarm_env.parameters import SENSOR_MODELS, SensorModel
 
 
@@ -27,6 +27,7 @@ class Variant:
         foreshortened: kinematics (`links`).
         disturbed: noise, jitter, dropouts, a sensor with a clock of its own, or late torques can occur (environments
             only); they take time to compile.
+        second_sensor: link that a second sensor is on; 0 where there is none (environments only).
     """
 
     program: Program
@@ -39,6 +40,7 @@ class Variant:
     own_paths: bool = False
     foreshortened: bool = False
     disturbed: bool = False
+    second_sensor: int = 0
 
     @property
     def kind(self) -> str:
@@ -48,12 +50,12 @@ class Variant:
     @property
     def shape(self) -> Shape:
         """What the layouts depend on."""
-        return Shape(self.program, self.modes, self.foreshortened)
+        return Shape(self.program, self.modes, self.foreshortened, self.second_sensor > 0)
 
     @property
     def rows(self) -> dict[str, tuple[int, int]]:
         """Layout of its arenas."""
-        return layout(self.program, self.modes, self.foreshortened)
+        return Row.layout(self.shape)
 
     @property
     def size(self) -> int:
@@ -64,6 +66,11 @@ class Variant:
     def constants(self) -> int:
         """How many numbers the constants of an arm are."""
         return self.shape.constants
+
+    @property
+    def slot_rows(self) -> int:
+        """Rows of a slot of the delay line: what is kept of each sensor (`entries.ReadingRow`)."""
+        return READING_ROWS * (2 if self.second_sensor else 1)
 
     @property
     def batch(self) -> bool:
@@ -108,6 +115,8 @@ class Variant:
             parts.append("drawn paths")
         if self.disturbed:
             parts.append("disturbances")
+        if self.second_sensor:
+            parts.append(f"a second sensor on link {self.second_sensor}")
         return ", ".join(parts)
 
 

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 from flexarm_env.codegen.elementary import sincos
 from flexarm_env.parameters import SENSOR_MODELS, SensorModel
-from flexarm_env.physics.bent_link import Place, bent
+from flexarm_env.physics.bent_link import Bent, Place, bent
 from flexarm_env.physics.constants import Constants
 from flexarm_env.physics.dynamics import joint_angles
 from flexarm_env.physics.linear_algebra import dot
@@ -40,11 +40,21 @@ def true_jacobian(k: Constants, at: Place, y: Sequence[Any], one: Pair, two: Pai
     """Rows of d(true point)/dy."""
     m = len(k.elbow_values)
     row_x, row_y = [], []
-    for part, (sin, cos) in ((bent(k.elbow, y[1 : m + 1]), one), (bent(at, y[m + 2 :]), two)):
-        modes = list(zip(part.values, part.slack, strict=True))
-        row_x += [-(part.along * sin + part.across * cos), *(-(value * sin + slack * cos) for value, slack in modes)]
-        row_y += [part.along * cos - part.across * sin, *(value * cos - slack * sin for value, slack in modes)]
+    for part, turn in ((bent(k.elbow, y[1 : m + 1]), one), (bent(at, y[m + 2 :]), two)):
+        of_part = _turned_jacobian(part, turn)
+        row_x += of_part[0]
+        row_y += of_part[1]
     return row_x, row_y
+
+
+def _turned_jacobian(part: Bent, turn: Pair) -> tuple[list[Any], list[Any]]:
+    """Rows of the derivatives of a bent link's point by the link's angle and modal coordinates."""
+    sin, cos = turn
+    modes = list(zip(part.values, part.slack, strict=True))
+    return (
+        [-(part.along * sin + part.across * cos), *(-(value * sin + slack * cos) for value, slack in modes)],
+        [part.along * cos - part.across * sin, *(value * cos - slack * sin for value, slack in modes)],
+    )
 
 
 def angles_reading(k: Constants, at: Place, y: Sequence[Any], v: Sequence[Any]) -> list[Any]:
@@ -52,9 +62,16 @@ def angles_reading(k: Constants, at: Place, y: Sequence[Any], v: Sequence[Any]) 
     return [*joint_angles(k, y), *joint_angles(k, v)]
 
 
-def point_reading(k: Constants, at: Place, y: Sequence[Any], v: Sequence[Any]) -> list[Any]:
-    """The sensor's point with deflection, and its velocity."""
-    one, two = sincos(y[0]), sincos(y[len(k.elbow_values) + 1])
+def point_reading(k: Constants, at: Place, y: Sequence[Any], v: Sequence[Any], link: int = 2) -> list[Any]:
+    """Position and velocity of a point of a link, 1 or 2, with deflection."""
+    m = len(k.elbow_values)
+    one = sincos(y[0])
+    if link == 1:
+        (sin, cos), point = one, bent(at, y[1 : m + 1])
+        rows = _turned_jacobian(point, one)
+        position = (point.along * cos - point.across * sin, point.along * sin + point.across * cos)
+        return [*position, dot(rows[0], v[: m + 1]), dot(rows[1], v[: m + 1])]
+    two = sincos(y[m + 1])
     rows = true_jacobian(k, at, y, one, two)
     return [*true_point(k, at, y, one, two), dot(rows[0], v), dot(rows[1], v)]
 

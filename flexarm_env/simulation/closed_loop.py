@@ -13,9 +13,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexarm_env.codegen import assembly, cache
-from flexarm_env.kernels.entries import CLOCK_ROWS, clock_row, extent
-from flexarm_env.kernels.imex import LOOP, failures
+from flexarm_env.kernels.entries import CLOCK_ROWS, clock_row, extent, reading_row
+from flexarm_env.kernels.imex import LOOP
 from flexarm_env.kernels.layout import arm_rows
+from flexarm_env.kernels.status import failures
 from flexarm_env.kernels.variants import Variant
 from flexarm_env.physics.paths import ReferencePath
 from flexarm_env.simulation.arm import FlexibleArm
@@ -116,7 +117,7 @@ class ClosedLoop:
         self._arenas = np.zeros((blocks, extent(self._rows), lanes))
         latest = max(max(delays(case, self.arm)) for case in self._cases)
         readings = count_readings(latest / self.physics_step, self.physics_step, f"delay = {latest} s")
-        self._histories = np.zeros((blocks, 3 + readings, 4, lanes))
+        self._histories = np.zeros((blocks, 3 + readings, self._variant.slot_rows, lanes))
         self._clocks = np.zeros((blocks, CLOCK_ROWS, lanes), dtype=np.int64)
 
     def _link(self) -> None:
@@ -177,7 +178,7 @@ class ClosedLoop:
         for arena, history in zip(self._flat_arenas, self._flat_histories, strict=True):
             cache.call(module.store_reading, arena, history, 0)
         self._histories[:, 1:] = self._histories[:, :1]
-        self._histories[:, 1:, 2:] = 0.0  # before the start nothing moves
+        self._histories[:, 1:, reading_row.RATE :] = 0.0  # before the start nothing moves
         self._run(0, initialise=True)
         self._ready = True
 

@@ -20,7 +20,7 @@ from flexarm_env.envs.batch import Fleet
 from flexarm_env.envs.settings import Settings
 from flexarm_env.episode import draws, reset, sensor, step, write_observation
 from flexarm_env.episode.step import TORQUE, TRACKING
-from flexarm_env.kernels import entries, imex, layout
+from flexarm_env.kernels import delay_line, entries, imex, layout
 from flexarm_env.kernels.entries import drawn, header, setting
 from flexarm_env.kernels.imex import LOOP
 from flexarm_env.kernels.layout import row
@@ -67,12 +67,12 @@ def test_a_cubic_comes_back_from_the_delay_line() -> None:
         arena = arena_of(Variant(LOOP, 1, True, LANES), DELAY=late, RATE_LATE=1.0)
         clock = np.zeros((entries.CLOCK_ROWS, LANES), dtype=np.int64)
         history = np.zeros((4 * SLOTS, LANES))
-        imex.count_steps(clock, history, 61)
+        delay_line.count_steps(clock, history, 61)
         for step in range(62 - SLOTS, 62):
             for j, curve in enumerate(curves):
                 history[4 * (step % SLOTS) + j] = curve(step * STEP)
                 history[4 * (step % SLOTS) + 2 + j] = curve.deriv()(step * STEP)
-        imex.prepare_readings(arena, history, clock, STEP, 0.0)
+        delay_line.prepare_readings(arena, history, clock, STEP, 0.0)
         for j, curve in enumerate(curves):
             seen = arena[row.OFFSET + j] + arena[row.WEIGHT + j] * curve(61 * STEP)
             rate = arena[row.RATE_OFFSET + j] + arena[row.RATE_WEIGHT + j] * curve.deriv()(61 * STEP)
@@ -88,7 +88,7 @@ def test_a_recorded_reading_enters_the_delay_line() -> None:
     history = np.zeros((4 * SLOTS, LANES))
     of = Variant(LOOP, 1, True, LANES)
     with plain_python(of):
-        imex.store_reading(arena_of(of, Y=y, V=v), history, 2)
+        delay_line.store_reading(arena_of(of, Y=y, V=v), history, 2)
     np.testing.assert_allclose(history[8:12], state[:, [0, 1, 4, 5]].T, rtol=1e-13)
     assert not history[:8].any()
     assert not history[12:].any()
@@ -108,7 +108,7 @@ def test_the_sensor_says_where_it_was() -> None:
         arena[row.SENSED] = 9.0
         clock = np.zeros((entries.CLOCK_ROWS, LANES), dtype=np.int64)
         history = np.zeros((4 * SLOTS, LANES))
-        imex.count_steps(clock, history, now)
+        delay_line.count_steps(clock, history, now)
         for step in range(now + 1 - SLOTS, now + 1):
             slot = 4 * (step % SLOTS)
             history[slot : slot + 4] = np.array([[3.0 * step * STEP], [1.0], [3.0], [0.0]])
@@ -272,7 +272,9 @@ def test_drivers_need_a_variant() -> None:
 
 
 @pytest.mark.parametrize(
-    "module", [imex, sensor, draws, reset, write_observation, step], ids=lambda module: module.__name__
+    "module",
+    [delay_line, imex, sensor, draws, reset, write_observation, step],
+    ids=lambda module: module.__name__,
 )
 def test_drivers_have_types(module: Any) -> None:
     """No parameter of a driver is anything."""

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexarm_env.actions import MODES
+from flexarm_env.envs.choices import SECOND_SENSOR_BLOCKS
 from flexarm_env.envs.info import TERM
 from flexarm_env.envs.observation import BLOCKS
 from flexarm_env.envs.single import FlexArmEnv
@@ -20,7 +21,8 @@ from flexarm_env.envs.vector import FlexArmVectorEnv
 from flexarm_env.episode.reward import TERMS
 
 Array = NDArray[np.float64]
-EVERYWHERE = [name for name, one in BLOCKS.items() if one.modes == tuple(MODES)]  # blocks of all action modes
+# Blocks that every environment may have, whatever its action mode, and without a second sensor.
+EVERYWHERE = [name for name, one in BLOCKS.items() if one.modes == tuple(MODES) and name not in SECOND_SENSOR_BLOCKS]
 IDS = sorted(name for name in gym.registry if name.startswith("FlexArm/"))
 SQUARE, RESIDUAL, GAIN, PAPER = (f"FlexArm/{name}-v0" for name in ("Square", "SquareResidual", "SquareGain", "Paper"))
 WAYPOINTS = [(-4.0, 1.0), (0.0, 5.0), (4.0, 1.0)]

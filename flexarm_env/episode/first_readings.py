@@ -1,0 +1,73 @@
+"""Drivers of what sensors have read before an episode begins: the delay line's past, and the reading before the first.
+
+`imex` explains lanes, blocks and arenas.
+"""
+
+from __future__ import annotations
+
+from numpy import floor
+
+from flexarm_env.codegen.arrays import Arena, Clock, Four, History, Paths, Plan, Table
+from flexarm_env.episode.second_sensor import second_reference
+from flexarm_env.episode.sensor import joint_motion, point_on_reference, sensed_point
+from flexarm_env.kernels.entries import READING_ROWS, clock_row, header, reading_row, setting
+from flexarm_env.kernels.layout import row
+from flexarm_env.kernels.variants import variant
+from flexarm_env.physics.polyline import reference_at
+
+
+def fill_history(
+    arena: Arena, history: History, clock: Clock, paths: Paths, plan: Plan, settings: Table, i: int, moving: bool
+) -> None:
+    """The delay line of lane i: its newest readings, moved back with the reference if the arm starts on the move."""
+    h = settings[setting.STEP]
+    slots = history.shape[0] // variant.slot_rows
+    newest = clock[clock_row.HEAD, 0]
+    now = reference_slot(arena, clock, paths, settings, i, 0.0)
+    for back in range(slots):
+        if not (plan[header.READINGS] >> (-back % plan[header.SUBSTEPS] & 63)) & 1:
+            continue  # nobody will ask for it
+        slot = (newest - back) % slots
+        moved = reference_slot(arena, clock, paths, settings, i, back * h) if moving and back > 0 else now
+        for r in range(variant.slot_rows):
+            value = history[variant.slot_rows * newest + r, i]
+            if moving:
+                value += moved[r] - now[r]
+            elif r % READING_ROWS >= reading_row.RATE and back > 0:
+                value = 0.0  # before the start nothing moved
+            history[variant.slot_rows * slot + r, i] = value
+
+
+def reference_slot(arena: Arena, clock: Clock, paths: Paths, settings: Table, i: int, back: float) -> tuple[float, ...]:
+    """What all sensors would read on the rigid arm that is on lane i's reference, some seconds ago; with rates."""
+    first = reference_reading(arena, clock, paths, settings, i, back)
+    if variant.second_sensor:
+        return first + second_reference(arena, clock, paths, settings, i, back)
+    return first
+
+
+def reference_reading(arena: Arena, clock: Clock, paths: Paths, settings: Table, i: int, back: float) -> Four:
+    """What the sensor would read on the rigid arm that is on lane i's reference, some seconds ago; with rates."""
+    time = clock[clock_row.STEPS, i] * settings[setting.STEP] - back
+    reference = reference_at(paths, clock[clock_row.PATH, i], time, time + 1e-9 * settings[setting.STEP], -1e18)
+    if variant.true_sensor:
+        return point_on_reference(settings, arena[row.BRANCH, i], 2, arena[row.PLACE_DISTANCE, i], reference)
+    theta1, theta2, rate_1, rate_2 = joint_motion(settings, arena[row.BRANCH, i], reference)
+    near = arena[row.JOINT, i]
+    return theta1 + 6.283185307179586 * floor((near - theta1) / 6.283185307179586 + 0.5), theta2, rate_1, rate_2
+
+
+def first_sample(arena: Arena, history: History, clock: Clock, paths: Paths, settings: Table, i: int) -> None:
+    """A reading from before the start of lane i, so that the first one has a change per second."""
+    h = settings[setting.STEP]
+    late = arena[row.SENSOR_DELAY, i]
+    later = arena[row.SENSOR_DELAY + 1, i] - late
+    late += max(settings[setting.PERIOD], arena[row.HOLD, i])
+    taken = clock[clock_row.STEPS, i] * h - late
+    point = sensed_point(arena, history, clock, settings, i, late, late + later)
+    reference = reference_at(paths, clock[clock_row.PATH, i], taken, taken + 1e-9 * h, clock[clock_row.SINCE, i] * h)
+    for r in range(2):
+        arena[row.SENSED + r, i] = point[r]
+        arena[row.SENSOR_ERROR + r, i] = reference[r] - point[r]
+        arena[row.SENSOR_ERROR_RATE + r, i] = 0.0
+    arena[row.SAMPLE_TIME, i] = taken

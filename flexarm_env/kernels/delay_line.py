@@ -1,0 +1,138 @@
+"""Drivers of the delay line: readings at past steps, a ring of slots for each block (`imex` explains blocks and lanes).
+
+A slot has `Variant.slot_rows` rows: of each sensor two readings and their rates (`entries.ReadingRow`).
+"""
+
+from __future__ import annotations
+
+from flexarm_env.codegen.arrays import Arena, Clock, History
+from flexarm_env.codegen.declarations import per_lane
+from flexarm_env.kernels.entries import READING_ROWS, clock_row, reading_row
+from flexarm_env.kernels.layout import row
+from flexarm_env.kernels.recorded import reading_kernel, second_reading_kernel
+from flexarm_env.kernels.variants import variant
+
+
+def slot_after(clock: Clock, history: History, steps: int) -> int:
+    """Slot of a block's delay line that so many integration steps from now on will be the newest one."""
+    return (clock[clock_row.HEAD, 0] + steps) % (history.shape[0] // variant.slot_rows)
+
+
+def count_steps(clock: Clock, history: History, steps: int) -> None:
+    """Count integration steps of every lane of a block, and move on in its delay line."""
+    head = slot_after(clock, history, steps)
+    for i in range(variant.lanes):
+        clock[clock_row.STEPS, i] += steps
+        clock[clock_row.HEAD, i] = head
+
+
+def store_reading(arena: Arena, history: History, slot: int) -> None:
+    """Enter the current readings of all sensors into a slot of the delay line."""
+    reading_kernel(arena, history[slot * variant.slot_rows : (slot + 1) * variant.slot_rows])
+    if variant.second_sensor:
+        second = slot * variant.slot_rows + READING_ROWS
+        second_reading_kernel(arena, history[second : second + READING_ROWS])
+
+
+@per_lane
+def past_reading(history: History, slots: int, slot: int, i: int, j: int, h: float, back: float) -> tuple[float, float]:
+    """A reading of lane i and its rate, `back` steps before the present one; see `prepare_reading`.
+
+    Args:
+        history: readings at past steps.
+        slots: of the delay line.
+        slot: the newest one.
+        i: the lane.
+        j: row of the reading in a slot.
+        h: step [s].
+        back: the moment, in steps before the newest one.
+    """
+    if back == 0.0:
+        return history[variant.slot_rows * slot + j, i], history[variant.slot_rows * slot + reading_row.RATE + j, i]
+    first, last, u = around(slots, slot, back)
+    return between(
+        history[first + j, i],
+        history[last + j, i],
+        history[first + reading_row.RATE + j, i],
+        history[last + reading_row.RATE + j, i],
+        h,
+        u,
+    )
+
+
+@per_lane
+def around(slots: int, slot: int, back: float) -> tuple[int, int, float]:
+    """Rows of the delay line at which the readings before and after a moment begin, and where it lies between.
+
+    Args:
+        slots: of the delay line.
+        slot: the newest one.
+        back: the moment, in steps before the newest one.
+    """
+    whole = int(back)  # rounded towards the present
+    last = slot - whole  # the ring is longer than any delay, so one turn back is enough
+    first = last - 1
+    first, last = (first if first >= 0 else first + slots), (last if last >= 0 else last + slots)
+    return variant.slot_rows * first, variant.slot_rows * last, 1.0 - (back - whole)
+
+
+@per_lane
+def between(a: float, b: float, a_rate: float, b_rate: float, h: float, u: float) -> tuple[float, float]:
+    """Value and rate a share u of a step h after a, by the cubic with these values and rates at its ends."""
+    a_rise, b_rise = h * a_rate, h * b_rate
+    difference = b - a
+    curve = 3.0 * difference - 2.0 * a_rise - b_rise
+    twist = a_rise + b_rise - 2.0 * difference
+    return a + u * (a_rise + u * (curve + u * twist)), (a_rise + u * (2.0 * curve + u * 3.0 * twist)) / h
+
+
+def prepare_readings(arena: Arena, history: History, clock: Clock, h: float, node: float) -> None:
+    """Write the late readings for a stage at t + node h.
+
+    Args:
+        arena: of one block.
+        history: readings at past steps, a ring. Shape (slots * slot_rows, lanes).
+        clock: of each lane, see `entries.ClockRow`. Shape (5, lanes).
+        h: step [s].
+        node: of the stage, 0 to 1.
+    """
+    slots = history.shape[0] // variant.slot_rows
+    slot = clock[clock_row.HEAD, 0]
+    if variant.late:
+        for i in range(variant.lanes):
+            for j in range(2):
+                prepare_reading(arena, history, slots, slot, i, j, h, node)
+
+
+def prepare_reading(
+    arena: Arena, history: History, slots: int, slot: int, i: int, j: int, h: float, node: float
+) -> None:
+    """Write offset and weight of reading j of lane i at t + node h (see `closed_loop.Law`).
+
+    Readings at past steps are interpolated by cubic Hermite polynomials, whose error is of fourth order. A delay
+    shorter than node h falls into the step at hand: the reading is then a parabola through the one at t, with its
+    rate, and the stage's own, so that it tends to the undelayed one as the delay vanishes.
+    """
+    position = node - arena[row.DELAY + j, i] / h  # in steps from t
+    offset = 0.0
+    weight = 1.0
+    rate_offset = 0.0
+    rate_weight = 1.0
+    if position > 0.0:
+        here = slot * variant.slot_rows
+        u = position / node
+        value = history[here + j, i]
+        rate = history[here + reading_row.RATE + j, i]
+        weight = u * u
+        offset = value * (1.0 - u * u) + rate * h * (position - position * u)
+        rate_weight = u
+        rate_offset = rate * (1.0 - u)
+    elif node > 0.0 or position < 0.0:
+        offset, rate_offset = past_reading(history, slots, slot, i, j, h, -position)
+        weight = 0.0
+        rate_weight = 0.0
+    arena[row.OFFSET + j, i] = offset
+    arena[row.WEIGHT + j, i] = weight
+    late = arena[row.RATE_LATE, i] > 0.0
+    arena[row.RATE_OFFSET + j, i] = rate_offset if late else 0.0
+    arena[row.RATE_WEIGHT + j, i] = rate_weight if late else 1.0

@@ -1,0 +1,230 @@
+"""The second sensor's drivers in plain Python: a delay line of eight rows a slot, readings, and starts."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from flexarm_env import ArmParameters, FlexibleArm, SquareParameters, inverse_kinematics, square
+from flexarm_env.codegen.declarations import plain_python
+from flexarm_env.envs.batch import Fleet
+from flexarm_env.envs.settings import Settings
+from flexarm_env.episode import second_sensor, step
+from flexarm_env.episode.step import TORQUE
+from flexarm_env.kernels import delay_line, entries, layout
+from flexarm_env.kernels.entries import header, setting
+from flexarm_env.kernels.layout import row
+from flexarm_env.kernels.variants import Variant
+from tests.support.envs import SQUARE
+
+Array = NDArray[np.float64]
+ARM = FlexibleArm(ArmParameters(modes_per_link=1, kinematics="foreshortened"))
+SLOTS = 16
+POINT = {1: 3.1, 2: 2.3}  # [m] from the link's root
+
+
+@pytest.fixture(autouse=True)
+def _quiet() -> Iterator[None]:
+    """Lanes without a reading divide by zero, and keys overflow: as compiled."""
+    with np.errstate(all="ignore"):
+        yield
+
+
+# --- the delay line ---------------------------------------------------------------------------------------------------
+
+
+def state_at(time: float) -> Array:
+    """A smooth motion of all coordinates, with its rates. Shape (8,)."""
+    size, omega = np.array([0.6, 0.9, 0.4, 0.3]), np.array([20.0, 15.0, 25.0, 30.0])
+    phase = omega * time + np.arange(4.0)
+    return np.concatenate([size * np.sin(phase), size * omega * np.cos(phase)])
+
+
+def variant_with(link: int) -> Variant:
+    """One lane of the foreshortened arm with a second sensor."""
+    return Variant(TORQUE, 1, True, 1, sensor="true", foreshortened=True, second_sensor=link)
+
+
+def arena_of(of: Variant, **parts: Any) -> Array:
+    """An arena with some parts filled. Shape (rows, 1)."""
+    arena = np.zeros((entries.extent(of.rows), 1))
+    points = layout.place_rows("PLACE", ARM.place(2, 4.5))
+    if of.second_sensor:
+        points |= layout.place_rows("SECOND", ARM.place(of.second_sensor, POINT[of.second_sensor]))
+    for name, values in {**layout.arm_rows(ARM.constants), **points, **parts}.items():
+        first, count = of.rows[name]
+        arena[first : first + count, 0] = values
+    return arena
+
+
+def put_state(of: Variant, arena: Array, time: float) -> None:
+    """Write the motion's state at a time [s]."""
+    internal = ARM.internal_state(state_at(time)[None])[0]
+    for name, values in zip(("Y", "V"), np.split(internal, 2), strict=True):
+        first, count = of.rows[name]
+        arena[first : first + count, 0] = values
+
+
+def seen(link: int, h: float, back: float) -> tuple[Array, Array]:
+    """Reading at 0.08 s of what was `back` steps before, and where the point was. Shape (2,) each."""
+    of, now = variant_with(link), round(0.08 / h)
+    arena = arena_of(of, SECOND_DELAY=back * h)
+    history = np.zeros((SLOTS * of.slot_rows, 1))
+    clock = np.zeros((entries.CLOCK_ROWS, 1), dtype=np.int64)
+    keys, who, path = np.zeros(1, dtype=np.uint64), np.ones(1, dtype=bool), np.array([[[0.0, 5.0, 5.0, 0.0, 0.0]] * 2])
+    path[0, 1, 0] = 1.0
+    plan = np.zeros(header.PLACES, dtype=np.int64)
+    settings = np.zeros(entries.extent(entries.Setting.layout(of.shape)))
+    with plain_python(of):
+        settings[setting.STEP], settings[setting.BRANCH] = h, 1.0
+        settings[setting.LENGTHS : setting.LENGTHS + 2] = ARM.parameters.link_lengths
+        delay_line.count_steps(clock, history, now)
+        for n in range(now + 1 - SLOTS, now + 1):
+            put_state(of, arena, n * h)
+            delay_line.store_reading(arena, history, n % SLOTS)
+        second_sensor.sense_second(arena, history, clock, keys, path, plan, settings, who)
+        found = arena[row.SECOND_SENSED : row.SECOND_SENSED + 2, 0].copy()
+    return found, ARM.position(state_at((now - back) * h)[:4], link, POINT[link])
+
+
+@pytest.mark.parametrize("link", [1, 2])
+def test_it_reads_where_its_point_was(link: int) -> None:
+    """Exactly where a reading was kept; between two steps the cubic's error is of fourth order in the step."""
+    for back in (0.0, 5.0, 11.0):
+        found, expected = seen(link, 1e-3, back)
+        np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-13)
+    errors = []
+    for h in (2e-3, 1e-3):
+        found, expected = seen(link, h, 5.5)
+        errors.append(np.abs(found - expected).max())
+    # h^4 / 384 of the fourth derivative: up to 30^4 /s^4 times 5 m, so 1e-8 m at 1 ms
+    assert 1e-11 < errors[1] < 1e-8
+    assert errors[0] / errors[1] == pytest.approx(16.0, rel=0.25)
+
+
+def test_a_slot_holds_both_sensors() -> None:
+    """The first sensor's rows are those of a delay line without the second."""
+    narrow, wide = Variant(TORQUE, 1, True, 1, sensor="true", foreshortened=True), variant_with(1)
+    assert (narrow.slot_rows, wide.slot_rows) == (4, 8)
+    slots = []
+    for of in (narrow, wide):
+        arena, history = arena_of(of), np.full((3 * of.slot_rows, 1), 7.0)
+        put_state(of, arena, 0.03)
+        with plain_python(of):
+            delay_line.store_reading(arena, history, 1)
+        slots.append(history.reshape(3, -1))
+        assert (slots[-1][[0, 2]] == 7.0).all()
+    np.testing.assert_array_equal(slots[1][1, :4], slots[0][1])
+    state = state_at(0.03)
+    np.testing.assert_allclose(slots[1][1, 4:6], ARM.position(state[:4], 1, POINT[1]), rtol=1e-13)
+    np.testing.assert_allclose(slots[1][1, 6:], ARM.velocity(state, 1, POINT[1]), rtol=1e-12)
+
+
+def test_one_sensor_has_no_rows_of_a_second() -> None:
+    of = Variant(TORQUE, 1, True, 1)
+    assert not [name for name in of.rows if "SECOND" in name]
+    with plain_python(of), pytest.raises(LookupError, match=r"Row\.SECOND_DELAY"):
+        _ = row.SECOND_DELAY
+
+
+# --- episodes ---------------------------------------------------------------------------------------------------------
+
+
+class Plain:
+    """Environments whose kernels run in plain Python."""
+
+    def __init__(self, keys: list[int], **options: Any) -> None:
+        settings = Settings.of({**gym.spec(SQUARE).kwargs, "arm": {"modes_per_link": 1}, **options})
+        self.fleet = Fleet(settings, len(keys))
+        everyone = np.arange(len(keys))
+        self.fleet.order_starts(np.array(keys, dtype=np.uint64), everyone, self.fleet.usual_orders)
+        self.fleet._plan[header.DRIVING] = 0
+        self.run()
+        self.fleet._plan[header.DRIVING] = 1
+
+    def run(self) -> None:
+        with plain_python(self.fleet._variant):
+            if len(self.fleet) == 1:
+                assert step.step_only(self.fleet._memory)
+            else:
+                step.step_blocks(self.fleet._memory, 0, 1, np.empty((1, self.fleet._variant.lanes)))
+
+    def step(self, actions: Array) -> None:
+        self.fleet.actions[: len(self.fleet)] = actions
+        self.run()
+
+    def known(self, name: str) -> Array:
+        """Part of the arena of each environment. Shape (N, count)."""
+        first, count = self.fleet._rows[name]
+        return self.fleet._arenas[0, first : first + count, : len(self.fleet)].T.copy()
+
+
+@pytest.mark.parametrize("start", ["corners", "moving"])
+def test_at_the_tip_it_reads_what_the_first_one_does(start: str) -> None:
+    """Where both are equally late, to the last bit; the errors differ by the search for the reference only."""
+    options = {"observation": ["second_sensor_error"], "second_sensor_link": 2}
+    plain = Plain([5, 6], start=start, delay=0.0237, second_sensor_delay=0.0237, **options)
+    for period in range(4):
+        assert plain.known("SECOND_SENSED").tobytes() == plain.known("SENSED").tobytes(), period
+        assert plain.known("F_SECOND_SENSED").tobytes() == plain.known("F_SENSED").tobytes(), period  # link's frame
+        np.testing.assert_allclose(plain.known("SECOND_ERROR"), plain.known("SENSOR_ERROR"), rtol=0.0, atol=1e-14)
+        plain.step(np.full((2, 2), 0.3))
+    assert np.abs(plain.known("SENSED") - plain.known("TRUE_TIP")).max() > 1e-3
+
+
+@pytest.mark.parametrize(("link", "place"), [(1, 4.5), (1, 2.0), (2, 3.0)])
+def test_a_start_on_the_move_has_a_past(link: int, place: float) -> None:
+    """The reading is where the reference's motion puts the point, moved by what the arm is off it; so is the error."""
+    delay = 0.037
+    plain = Plain(
+        [5],
+        start="moving",
+        observation=["second_sensor_error"],
+        second_sensor_link=link,
+        second_sensor_position=place,
+        second_sensor_delay=delay,
+    )
+    time, path = plain.known("START_TIME").item(), square(SquareParameters())
+
+    def on_reference(moment: float) -> Array:
+        theta1, theta2 = inverse_kinematics(ARM.parameters, path.position(np.array([moment]))[0], "positive")
+        point = np.array([np.cos(theta1), np.sin(theta1)]) * (place if link == 1 else 4.5)
+        return point + (link == 2) * place * np.array([np.cos(theta1 + theta2), np.sin(theta1 + theta2)])
+
+    arm = plain.fleet.settings.flexible_arm
+    present = arm.position(plain.known("STATE")[0, : arm.size], link, place)
+    past = on_reference(time - delay)
+    # whole steps back, so nothing is interpolated
+    np.testing.assert_allclose(plain.known("SECOND_SENSED")[0], present + past - on_reference(time), atol=1e-9)
+    np.testing.assert_allclose(plain.known("SECOND_ERROR")[0], on_reference(time) - present, atol=1e-9)
+
+
+def test_an_arm_at_rest_on_the_reference_has_no_error() -> None:
+    options = {"observation": ["second_sensed_position"], "second_sensor_link": 1, "second_sensor_delay": 0.2}
+    plain = Plain([5], start="corner", **options)
+    state = plain.known("STATE")[0]
+    np.testing.assert_allclose(plain.known("SECOND_SENSED")[0], ARM.position(state[:4], 1, 4.5), rtol=1e-13)
+    assert np.abs(plain.known("SECOND_ERROR")).max() < 1e-13
+
+
+def test_an_environment_reads_the_same_alone_and_in_a_batch() -> None:
+    """Noise included, to the last bit."""
+    options = {
+        "observation": ["second_sensed_position", "second_sensor_error", "sensed_position"],
+        "second_sensor_link": 1,
+        "second_sensor_delay": 0.0123,
+        "second_sensor_noise": 0.02,
+        "noise": 0.01,
+        "randomisation": {"delay": (0.0, 0.05)},
+    }
+    together, alone = Plain([5, 6, 7], **options), [Plain([key], **options) for key in (5, 6, 7)]
+    for _ in range(3):
+        for n, one in enumerate(alone):
+            assert one.fleet.observations[0].tobytes() == together.fleet.observations[n].tobytes()
+            one.step(np.full((1, 2), 0.2))
+        together.step(np.full((3, 2), 0.2))
