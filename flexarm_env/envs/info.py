@@ -178,6 +178,10 @@ class InfoMaker:
             status: np.float64(END_CODES[reason or NOT_TERMINATED]) for status, reason in fleet.failures.items()
         }
 
+    def __reduce__(self) -> tuple[type[InfoMaker], tuple[Fleet]]:
+        """Copies and pickles are made anew from their fleet: a function made from a text cannot be pickled."""
+        return InfoMaker, (self._fleet,)
+
     def after_reset(self) -> dict[str, Any]:
         """The info of the only environment at the beginning of an episode, whose state ends nothing yet."""
         info, _, _ = self.after_step()

@@ -14,7 +14,7 @@ from flexarm_env.envs.observation import refuse_fast_starts
 from flexarm_env.kernels.entries import DRAWN, column
 from flexarm_env.parameters import HEAVIEST_PAYLOAD
 from flexarm_env.simulation.limits import state_limits
-from flexarm_env.validation import choice, entries, real_array, shown
+from flexarm_env.validation import choice, entries, mapping, real_array, shown
 
 Array = NDArray[np.float64]
 OPTIONS = {
@@ -40,27 +40,24 @@ def orders_of(options: Mapping[str, Any] | None, fleet: Fleet) -> Array:
     Raises:
         TypeError, ValueError: for an unknown key or a bad value, naming it and what is allowed.
     """
-    if options is None:
+    asked = mapping("options", {} if options is None else options)
+    if not asked:
         return fleet.usual_orders
-    if not isinstance(options, Mapping):
-        raise TypeError(f"options = {shown(options)}: must be a mapping or None")
-    if not options:
-        return fleet.usual_orders
-    for name in options:
+    for name in asked:
         if name not in OPTIONS:
             raise ValueError(f"options[{shown(name)}]: no such option; the options are {', '.join(OPTIONS)}")
     orders = fleet.usual_orders.copy()
-    if "start" in options:
-        names = [choice("options['start']", name, STARTS) for name in _each("start", options["start"], fleet)]
+    if "start" in asked:
+        names = [choice("options['start']", name, STARTS) for name in _each("start", asked["start"], fleet)]
         for name in set(names):
             refuse_fast_starts(fleet.settings, name)
         orders[:, column.START] = [START_CODES[name] for name in names]
-    if "time" in options:
+    if "time" in asked:
         lap = fleet.settings.lap_time
-        orders[:, column.PHASE] = _numbers("options['time']", options["time"], fleet, 0.0, np.nextafter(lap, 0.0))
-    if "path" in options:
-        orders[:, column.PATH] = _path_indices(options["path"], fleet)
-    for name, value in _mapping("parameters", options.get("parameters", {})).items():
+        orders[:, column.PHASE] = _numbers("options['time']", asked["time"], fleet, 0.0, np.nextafter(lap, 0.0))
+    if "path" in asked:
+        orders[:, column.PATH] = _path_indices(asked["path"], fleet)
+    for name, value in mapping("options['parameters']", asked.get("parameters", {})).items():
         if name not in DRAWN:
             raise ValueError(
                 f"options['parameters'][{shown(name)}]: no such quantity; there are {', '.join(map(repr, DRAWN))}"
@@ -70,8 +67,8 @@ def orders_of(options: Mapping[str, Any] | None, fleet: Fleet) -> Array:
         orders[:, column.DRAWN + list(DRAWN).index(name)] = _numbers(
             f"options['parameters'][{name!r}]", value, fleet, least, most, hint
         )
-    if "state" in options:
-        orders[:, column.STATE :] = _states(options["state"], fleet)
+    if "state" in asked:
+        orders[:, column.STATE :] = _states(asked["state"], fleet)
     return orders
 
 
@@ -124,12 +121,6 @@ def _path_indices(value: Any, fleet: Fleet) -> list[int]:
     if not fleet.settings.paths:
         raise ValueError(f"options['path'] = {shown(value)}: each episode draws its own moves; it has no names")
     return [names.index(choice("options['path']", name, names)) for name in _each("path", value, fleet)]
-
-
-def _mapping(name: str, value: Any) -> Mapping[str, Any]:
-    if not isinstance(value, Mapping):
-        raise TypeError(f"options[{name!r}] = {shown(value)}: must be a mapping")
-    return value
 
 
 def _states(value: Any, fleet: Fleet) -> Array:
