@@ -7,12 +7,12 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from flexarm_agents.config import TrainingConfig
-from flexarm_agents.extras import needs_extra
 from flexarm_agents.load import Trained, load_policy, shipped_policies
 from flexarm_agents.network import NetworkPolicy
 from flexarm_agents.score import Score, evaluate, score
 from flexarm_agents.spread import Spread
 from flexarm_agents.stopping import TrainingStopped
+from flexarm_env.extras import needs_extra
 
 if TYPE_CHECKING:
     from flexarm_agents.export import network_policy

@@ -10,7 +10,7 @@ from typing import Any, Literal
 
 from flexarm_agents.environments import check_id, check_options
 from flexarm_agents.network import ACTIVATIONS
-from flexarm_env.validation import choice, integer, known_names, number
+from flexarm_env.validation import choice, integer, known_names, number, shown
 
 Activation = Literal["elu", "tanh", "relu"]
 LARGEST_SEED = 2**32 - 1
@@ -86,7 +86,7 @@ class TrainingConfig:
         least = {"rollout": 1, "envs": 1, "batch": 2, "epochs": 1, "episode_steps": 1, "steps": 1}
         least |= {"evaluate_every": 1, "evaluation_laps": 1, "checkpoint_every": 1}
         if not isinstance(self.hidden, list | tuple) or not self.hidden:
-            raise TypeError(f"hidden = {self.hidden!r}: must be a list of sizes, one at least")
+            raise TypeError(f"hidden = {shown(self.hidden)}: must be a list of sizes, one at least")
         return {name: integer(name, getattr(self, name), bound) for name, bound in least.items()} | {
             "environment": environment,
             "options": check_options(environment, self.options),

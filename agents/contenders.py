@@ -11,8 +11,9 @@ from typing import Any, NamedTuple
 import gymnasium
 
 from flexarm_agents.environments import check_id, make_one
-from flexarm_agents.extras import needs_extra
 from flexarm_agents.load import check_fits, load_policy
+from flexarm_env.extras import needs_extra
+from flexarm_env.validation import shown
 
 Options = Mapping[str, Any]
 
@@ -110,7 +111,7 @@ def from_model(source: str, algorithm: str, environment: str, options: Options) 
         importlib.import_module("stable_baselines3")
     kind = imported(algorithm if ":" in algorithm else f"stable_baselines3:{algorithm}")
     if not hasattr(kind, "load"):
-        raise TypeError(f"algorithm = {algorithm!r}: must be a class of stable-baselines3's models")
+        raise TypeError(f"algorithm = {shown(algorithm)}: must be a class of stable-baselines3's models")
     env = make_one(environment, options)
     try:
         model = kind.load(source, device="cpu")
@@ -129,13 +130,13 @@ def imported(source: str) -> Any:
     """
     module, _, attribute = source.partition(":")
     if not module or not attribute:
-        raise ValueError(f"{source!r}: must be 'module:attribute'")
+        raise ValueError(f"{shown(source)}: must be 'module:attribute'")
     here = str(Path.cwd())
     if here not in sys.path:
         sys.path.insert(0, here)
     found: Any = importlib.import_module(module)
     for name in attribute.split("."):
         if not hasattr(found, name):
-            raise ValueError(f"{source!r}: {module} has no attribute {attribute}")
+            raise ValueError(f"{shown(source)}: {module} has no attribute {attribute}")
         found = getattr(found, name)
     return found

@@ -14,6 +14,7 @@ from flexarm_env.envs.registration import NAMESPACE
 from flexarm_env.envs.settings import Settings
 from flexarm_env.envs.single import FlexArmEnv
 from flexarm_env.envs.vector import FlexArmVectorEnv
+from flexarm_env.validation import mapping, shown
 
 _ENTRY_POINT = "flexarm_env.envs.vector:FlexArmVectorEnv"
 
@@ -36,7 +37,7 @@ def check_id(environment: object) -> str:
     if "/" not in name:
         name = f"{NAMESPACE}/{name}"
     if name not in known:
-        raise ValueError(f"environment = {environment!r}: must be one of {', '.join(map(repr, known))}")
+        raise ValueError(f"environment = {shown(environment)}: must be one of {', '.join(map(repr, known))}")
     return name
 
 
@@ -53,12 +54,11 @@ def check_options(environment: str, options: object) -> dict[str, Any]:
     Raises:
         TypeError, ValueError: if they are no mapping, not plain, unknown, or bad.
     """
-    if not isinstance(options, Mapping):
-        raise TypeError(f"options = {options!r}: must be a mapping of the environment's options")
+    given = mapping("options", options)
     try:
-        plain: dict[str, Any] = json.loads(json.dumps(dict(options), allow_nan=False))
+        plain: dict[str, Any] = json.loads(json.dumps(given, allow_nan=False))
     except (TypeError, ValueError) as error:
-        raise TypeError(f"options = {options!r}: must be plain values (JSON): {error}") from None
+        raise TypeError(f"options = {shown(options)}: must be plain values (JSON): {error}") from None
     Settings.of(gymnasium.registry[environment].kwargs | plain)
     return plain
 

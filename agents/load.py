@@ -114,8 +114,8 @@ def load_policy(source: str | Path, last: bool = False) -> Trained:
         if not _STABLE_BASELINES.issubset(archive.names(file)):
             raise
         raise ValueError(
-            f"{file}: a stable-baselines3 model, which executes code of its maker's when it is loaded; if you trust "
-            "it, `flexarm evaluate` scores it: pass it with its explicit flag, --allow-pickle"
+            f"{file}: a stable-baselines3 model, and reading one can execute code; if you trust it, "
+            "`flexarm evaluate --stable-baselines3 CLASS` scores it"
         ) from error
     try:
         config = mapping("config", policy.notes["config"])

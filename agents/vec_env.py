@@ -19,7 +19,7 @@ from flexarm_agents.environments import make_batch
 from flexarm_agents.infos import info_of
 from flexarm_env.envs.info import Episode
 from flexarm_env.envs.vector import FlexArmVectorEnv
-from flexarm_env.validation import choice
+from flexarm_env.validation import choice, shown
 
 Observations = NDArray[np.float32]
 Infos = Literal["final", "all"]
@@ -51,7 +51,7 @@ class FlexArmVecEnv(VecEnv):
             ValueError: for another way of beginning episodes, or a bad `infos`.
         """
         if not isinstance(env, FlexArmVectorEnv):
-            raise TypeError(f"env = {env!r}: must be a FlexArmVectorEnv, not wrapped")
+            raise TypeError(f"env = {shown(env)}: must be a FlexArmVectorEnv, not wrapped")
         if env.autoreset_mode is not AutoresetMode.SAME_STEP:
             raise ValueError(f"env.autoreset_mode = {env.autoreset_mode.value!r}: must be 'SameStep'")
         self.env = env
@@ -162,7 +162,9 @@ class FlexArmVecEnv(VecEnv):
         """
         chosen = sorted(set(self._get_indices(indices)))
         if chosen != list(range(self.num_envs)):
-            raise ValueError(f"indices = {indices!r}: must be None; the environments share the attribute {attr_name!r}")
+            raise ValueError(
+                f"indices = {shown(indices)}: must be None; the environments share the attribute {shown(attr_name)}"
+            )
         setattr(self.env, attr_name, value)
 
     def env_method(
@@ -191,7 +193,8 @@ class FlexArmVecEnv(VecEnv):
         if method_name == "reset":
             return [self._restart(i, *method_args, **method_kwargs) for i in chosen]
         raise AttributeError(
-            f"method_name = {method_name!r}: must be one of 'render', 'reset', 'get_wrapper_attr', 'has_wrapper_attr'"
+            f"method_name = {shown(method_name)}: "
+            "must be one of 'render', 'reset', 'get_wrapper_attr', 'has_wrapper_attr'"
         )
 
     def env_is_wrapped(

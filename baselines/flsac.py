@@ -18,7 +18,7 @@ import numpy as np
 from flexarm_baselines.arrays import Floats
 from flexarm_baselines.fuzzy import PAPER_GAIN_RANGE, MamdaniSystem, paper_system
 from flexarm_baselines.policy import GainPolicy, env_attribute, env_gain_limit
-from flexarm_env.validation import choice, finite_array, number
+from flexarm_env.validation import choice, finite_array, number, shown
 
 REFERENCE_DEFLECTION = 0.2
 """Tip deflection [m] that counts as delta = 1: the tip value 2 A of the paper's mode shape (4)."""
@@ -129,12 +129,12 @@ class FLSAC(GainPolicy):
 def _check_modal_slice(modal_slice: object, coordinates: int) -> None:
     """Refuse anything but slice(start, stop) over ``coordinates`` entries, of which there must be some."""
     if not isinstance(modal_slice, slice):
-        raise TypeError(f"modal_slice = {modal_slice!r}: must be a slice")
+        raise TypeError(f"modal_slice = {shown(modal_slice)}: must be a slice")
     start, stop, step = modal_slice.start, modal_slice.stop, modal_slice.step
     integers = isinstance(start, Integral) and isinstance(stop, Integral)
     plain = integers and start >= 0 and step in (None, 1)
     if not plain or coordinates == 0 or stop - start != coordinates:
         raise ValueError(
-            f"modal_slice = {modal_slice!r}: must be slice(start, stop) with start >= 0 and stop - start = "
+            f"modal_slice = {shown(modal_slice)}: must be slice(start, stop) with start >= 0 and stop - start = "
             f"{coordinates}, the number of tip_weights of both links, which must be > 0"
         )

@@ -14,6 +14,7 @@ import numpy as np
 
 from flexarm_baselines.arrays import Array, Float32s, Floats
 from flexarm_env.actions import action_from_gain
+from flexarm_env.validation import shown
 
 Observation = Array | dict[str, Array]
 State = tuple[Array, ...] | None
@@ -96,7 +97,7 @@ def env_attribute(env: Any, name: str) -> Any:
     """
     base = env.unwrapped
     if not hasattr(base, name):
-        raise TypeError(f"env must be a FlexArm environment, but {base!r} has no attribute {name!r}")
+        raise TypeError(f"env must be a FlexArm environment, but {shown(base)} has no attribute {name!r}")
     return getattr(base, name)
 
 

@@ -11,6 +11,7 @@ from scipy.spatial import cKDTree
 from flexarm_env.physics.inverse_kinematics import elbow_side
 from flexarm_env.simulation.arm import FlexibleArm
 from flexarm_env.simulation.trajectory import Trajectory
+from flexarm_env.validation import shown
 
 Array = NDArray[np.float64]
 
@@ -51,7 +52,7 @@ def tracking_error(run: Trajectory, tip: str = "true", since: float = 0.0) -> Tr
         since: from this time on [s].
     """
     if tip not in ("true", "rigid"):
-        raise ValueError(f"tip = {tip!r}: must be 'true' or 'rigid'")
+        raise ValueError(f"tip = {shown(tip)}: must be 'true' or 'rigid'")
     points = run.tip if tip == "true" else run.rigid_tip
     distance = np.linalg.norm(points - _reference(run), axis=1)[_window(run.time, since, np.inf)]
     return TrackingError(float(np.sqrt(np.mean(distance**2))), float(distance.max()))
@@ -75,7 +76,7 @@ def overshoot(path: Array, time: Array, corner: Array, incoming: Array, window: 
     """
     length = float(np.linalg.norm(incoming))
     if not length > 0.0:
-        raise ValueError(f"incoming = {incoming!r}: must be a direction, not 0")
+        raise ValueError(f"incoming = {shown(incoming)}: must be a direction, not 0")
     inside = _window(time, *window)
     return float(((path[inside] - corner) @ incoming).max() / length)
 

@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from flexarm_env.validation import shown
+
 Predictor = Callable[[Any, Any, NDArray[np.bool_]], tuple[Any, Any]]
 _FORMS = (
     "must have predict(observation) or predict(observation, state, episode_start, deterministic), "
@@ -32,22 +34,22 @@ def predictor(policy: Any, deterministic: bool) -> Predictor:
         TypeError: if the policy has none of these forms.
     """
     if inspect.isclass(policy):
-        raise TypeError(f"policy = {policy!r}: is a class; make a policy of it first")
+        raise TypeError(f"policy = {shown(policy)}: is a class; make a policy of it first")
     method = getattr(policy, "predict", None)
     call = policy if method is None else method
     if not callable(call):
-        raise TypeError(f"policy = {policy!r}: {_FORMS}")
+        raise TypeError(f"policy = {shown(policy)}: {_FORMS}")
     if method is None:
         signature = _signature(call)
         if signature is not None and not _binds(signature, 1):
-            raise TypeError(f"policy = {policy!r}: {_FORMS}, its parameters are {signature}")
+            raise TypeError(f"policy = {shown(policy)}: {_FORMS}, its parameters are {signature}")
         return lambda observation, state, start: _pair(call(observation), state)
     signature = _signature(method)
     if signature is None or _binds(signature, 4):
         return lambda observation, state, start: _pair(method(observation, state, start, deterministic), state)
     named = _named(signature)
     if not _binds(signature, 1, named):
-        raise TypeError(f"policy = {policy!r}: {_FORMS}; the parameters of its predict are {signature}")
+        raise TypeError(f"policy = {shown(policy)}: {_FORMS}; the parameters of its predict are {signature}")
 
     def predict(observation: Any, state: Any, start: NDArray[np.bool_]) -> tuple[Any, Any]:
         values = {"state": state, "episode_start": start, "deterministic": deterministic}

@@ -19,7 +19,7 @@ from flexarm_env.predictor import predictor
 from flexarm_env.simulation.arm import FlexibleArm
 from flexarm_env.simulation.closed_loop import ClosedLoop, Results, observation_blocks
 from flexarm_env.simulation.trajectory import Trajectory
-from flexarm_env.validation import integer
+from flexarm_env.validation import integer, shown
 
 Array = NDArray[np.float64]
 Observations = NDArray[np.float32]
@@ -52,9 +52,9 @@ def run_policy(
         TypeError: if the environment is not a `FlexArmEnv` underneath, or the policy cannot be called so.
         ValueError: if the policy's action 1 means another gain than the environment's.
     """
-    inner = env.unwrapped
+    inner = getattr(env, "unwrapped", env)
     if not isinstance(inner, FlexArmEnv):
-        raise TypeError(f"env = {env!r}: must be a FlexArmEnv, wrapped or not")
+        raise TypeError(f"env = {shown(env)}: must be a FlexArmEnv, wrapped or not")
     predict = predictor(policy, deterministic)
     _check_gain_limit(inner, policy)
     if max_steps is None and (env.spec is None or env.spec.max_episode_steps is None):

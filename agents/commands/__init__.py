@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from importlib import import_module
 from typing import NoReturn
 
-from flexarm_agents.extras import needs_extra
+from flexarm_env.extras import needs_extra
 
 INTERRUPTED = 130  # as a shell reports SIGINT
 VERBS = {

@@ -140,7 +140,7 @@ def _contenders(given: argparse.Namespace) -> Iterator[Contender]:
     for source in given.policies:
         if _is_model(source):
             if given.stable_baselines3 is None:
-                raise ValueError(f"{source}: needs --stable-baselines3 CLASS, since reading it can run code")
+                raise ValueError(f"{source}: needs --stable-baselines3 CLASS, since reading it can execute code")
             yield from_model(source, given.stable_baselines3, environment, options)
         elif _is_attribute(source):
             yield from_attribute(source, environment, options)

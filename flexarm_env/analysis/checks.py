@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from flexarm_env.validation import shown
+
 
 def instance(name: str, value: object, allowed: type[Any]) -> None:
     """Refuse a value of another class.
@@ -18,4 +20,4 @@ def instance(name: str, value: object, allowed: type[Any]) -> None:
     """
     if not isinstance(value, allowed):
         article = "an" if allowed.__name__[0] in "AEIOU" else "a"
-        raise TypeError(f"{name} = {value!r}: must be {article} {allowed.__name__}")
+        raise TypeError(f"{name} = {shown(value)}: must be {article} {allowed.__name__}")

@@ -23,7 +23,7 @@ from flexarm_env.analysis.checks import instance
 from flexarm_env.analysis.operating_point import OperatingPoint
 from flexarm_env.analysis.plant import Plant, linear_plant
 from flexarm_env.analysis.sensor import Sensor, rigid_jacobian
-from flexarm_env.validation import finite_array, number
+from flexarm_env.validation import finite_array, number, shown
 
 Array = NDArray[np.float64]
 
@@ -103,7 +103,7 @@ def force_to_rate(point: OperatingPoint, sensor: Sensor) -> Plant:
     instance("point", point, OperatingPoint)
     instance("sensor", sensor, Sensor)
     if sensor.kind not in ("rigid point", "true point") or sensor.link != 2:
-        raise ValueError(f"sensor = {sensor!r}: must be a rigid or true point of link 2")
+        raise ValueError(f"sensor = {shown(sensor)}: must be a rigid or true point of link 2")
     lengths = point.arm.parameters.link_lengths
     distance = lengths[1] if sensor.position is None else sensor.position
     transposed = rigid_jacobian(lengths[0], distance, point.q).T

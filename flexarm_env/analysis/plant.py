@@ -19,7 +19,7 @@ from flexarm_env.analysis.checks import instance
 from flexarm_env.analysis.operating_point import OperatingPoint
 from flexarm_env.analysis.sensor import Sensor
 from flexarm_env.extras import install_hint
-from flexarm_env.validation import finite_array, integer
+from flexarm_env.validation import finite_array, integer, shown
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -104,16 +104,16 @@ class Plant:
             ValueError: for a frequency that is not finite, or that of a pole.
         """
         if isinstance(s, bool) or not isinstance(s, Number):
-            raise TypeError(f"s = {s!r}: must be a finite complex number [rad/s]")
+            raise TypeError(f"s = {shown(s)}: must be a finite complex number [rad/s]")
         if not np.isfinite(complex(s)):
-            raise ValueError(f"s = {s!r}: must be a finite complex number [rad/s]")
+            raise ValueError(f"s = {shown(s)}: must be a finite complex number [rad/s]")
         try:
             solution = np.linalg.solve(s * np.eye(len(self.A)) - self.A, self.B)
         except np.linalg.LinAlgError:
             solution = np.full_like(self.B, np.inf)
         if not np.all(np.isfinite(solution)):
             raise ValueError(
-                f"s = {s!r} rad/s: is a pole of the arm at {self.point}, where the response is infinite; the "
+                f"s = {shown(s)} rad/s: is a pole of the arm at {self.point}, where the response is infinite; the "
                 "resting arm has four at 0"
             )
         return np.asarray(np.exp(-s * self.delays)[:, None] * (self.C @ solution + self.D))

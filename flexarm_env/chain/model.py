@@ -37,6 +37,7 @@ from numpy.typing import NDArray
 from scipy.linalg import eigh
 
 from flexarm_env.parameters import ArmParameters
+from flexarm_env.validation import shown
 
 Damping = Literal["stiffness", "modal", "two modes"]
 TIME_STEPS = (5e-3, 2e-3, 1e-3, 5e-4, 2e-4, 1e-4, 5e-5, 2e-5)  # [s]; `largest_stable_step` tries these
@@ -75,7 +76,7 @@ def chain_xml(
     if segments < 2:
         raise ValueError(f"segments = {segments}: must be an integer >= 2")
     if damping not in get_args(Damping):
-        raise ValueError(f"damping = {damping!r}: must be one of {get_args(Damping)}")
+        raise ValueError(f"damping = {shown(damping)}: must be one of {get_args(Damping)}")
     arm = arm or ArmParameters()
     in_hinges = damping == "stiffness"
     first, mount = _link(arm, 0, segments, 0.0, in_hinges)

@@ -1,6 +1,6 @@
 """The environments' documentation in Markdown, made from the declarations that the code itself reads.
 
-Pure functions. Tables come from `settings`, `observation`, `reward`, `reset_options`, `fleet`, `info` and
+Pure functions. Tables come from `settings`, `observation`, `reward`, `reset_options`, `info` and
 `registration`; what concerns all environments alike is told here once, for `FlexArmEnv`'s docstring and for the pages
 under docs/environments (scripts/docs/environments.py).
 """
@@ -72,7 +72,8 @@ early never pays."""
 SCORE = """\
 A lap from rest is scored mostly by its start. The reference leaves at full speed at once, which no motor can follow,
 so the RMS error of a controller that tracks well is made in the first second or two. Give both figures: of the whole
-lap, and since 2 s (`flexarm_env.metrics.tracking_error(run, "true", since=2.0)`)."""
+lap, and since 2 s (`flexarm_env.metrics.tracking_error(run, "true", since=2.0)`). A run that ended early has no lap
+score; `run.notes["ended"]` says why."""
 ENDING = """\
 An episode terminates for one of the reasons below. `error_limit` and `deflection_limit` are part of the task: a
 learner that has lost the path does not spend the rest of the lap far off it, and links bent so far are beyond what

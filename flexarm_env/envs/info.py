@@ -6,7 +6,7 @@ after a step; each value is a number or an array of float64. What describes an e
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from operator import itemgetter
 from typing import Any, NamedTuple
 
@@ -148,6 +148,20 @@ def episodes(fleet: Fleet) -> Episode:
     )
 
 
+def _literal(keys: Sequence[str], given: Sequence[str]) -> Callable[..., dict[str, Any]]:
+    """A function that makes an info from values: `lambda time, gain: {"time": time, "gain": gain}`.
+
+    Its text is written here because the keys depend on the options, and a loop over them would slow each step down.
+
+    Args:
+        keys: of the info, in their order; those without a value, `end_code`, are `GOES_ON`.
+        given: keys of the values, in the order in which the function takes them.
+    """
+    items = ", ".join(f"{name!r}: {name if name in given else 'GOES_ON'}" for name in keys)
+    made: Callable[..., dict[str, Any]] = eval(f"lambda {', '.join(given)}: {{{items}}}", {"GOES_ON": GOES_ON})
+    return made
+
+
 class InfoMaker:
     """Turns results into infos, of one environment or of a batch."""
 
@@ -169,11 +183,15 @@ class InfoMaker:
         places |= {TERM + name: parts["REWARD_TERMS"].start + n for n, name in enumerate(TERMS)}
         known = slices | places
         self._items = tuple((name, f"_{name}", known[name]) for name in keys if name in known)
-        self._fixed = itemgetter(*(known[name] for name in keys if name in known and not KEYS[name].where))
-        self._optional = tuple((name, known[name]) for name in keys if KEYS[name].where)
+        self._values = itemgetter(*(place for _, _, place in self._items))
+        self._named = _literal(keys, [name for name, _, _ in self._items])
         self._codes = {
             status: np.float64(END_CODES[reason or NOT_TERMINATED]) for status, reason in fleet.failures.items()
         }
+
+    def __reduce__(self) -> tuple[type[InfoMaker], tuple[Fleet]]:
+        """Copies and pickles are made anew from their fleet: a function made from a text cannot be pickled."""
+        return InfoMaker, (self._fleet,)
 
     def after_reset(self) -> dict[str, Any]:
         """The info of the only environment at the beginning of an episode, whose state ends nothing yet."""
@@ -182,29 +200,10 @@ class InfoMaker:
         return info
 
     def after_step(self) -> tuple[dict[str, Any], float, bool]:
-        """The info of the only environment, its reward, and whether its episode terminated.
-
-        Written out: a mapping made from names and values takes a fifth of a step longer.
-        """
+        """The info of the only environment, its reward, and whether its episode terminated."""
         fleet = self._fleet
-        known = fleet.only_result.copy()
-        torque, true_tip, rigid_tip, reference, sensed, state, time, tip_error, side, changes = self._fixed(known)
+        info = self._named(*self._values(fleet.only_result.copy()))
         reward, status = fleet.only_end.tolist()
-        info: dict[str, Any] = {
-            "torque": torque,
-            "true_tip": true_tip,
-            "rigid_tip": rigid_tip,
-            "reference": reference,
-            "sensed": sensed,
-            "state": state,
-            "time": time,
-            "tip_error": tip_error,
-            "elbow_side": side,
-            "elbow_changes": changes,
-            "end_code": GOES_ON,
-        }
-        for name, place in self._optional:
-            info[name] = known[place]
         if status == 0.0:
             return info, reward, False
         info["end_code"] = self._codes[status]

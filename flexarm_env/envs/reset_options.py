@@ -16,7 +16,7 @@ from flexarm_env.envs.quantities import orderable
 from flexarm_env.kernels.entries import DRAWN, column
 from flexarm_env.physics.paths import PATHS
 from flexarm_env.simulation.limits import state_limits
-from flexarm_env.validation import choice, entries, real_array, shown
+from flexarm_env.validation import choice, entries, mapping, real_array, shown
 
 Array = NDArray[np.float64]
 OPTIONS = {
@@ -44,31 +44,28 @@ def orders_of(options: Mapping[str, Any] | None, fleet: Fleet) -> Array:
     Raises:
         TypeError, ValueError: for an unknown key or a bad value, naming it and what is allowed.
     """
-    if options is None:
+    asked = mapping("options", {} if options is None else options)
+    if not asked:
         return fleet.usual_orders
-    if not isinstance(options, Mapping):
-        raise TypeError(f"options = {shown(options)}: must be a mapping or None")
-    if not options:
-        return fleet.usual_orders
-    for name in options:
+    for name in asked:
         if name not in OPTIONS:
             raise ValueError(f"options[{shown(name)}]: no such option; the options are {', '.join(OPTIONS)}")
     orders = fleet.usual_orders.copy()
-    if "start" in options:
-        names = [choice("options['start']", name, STARTS) for name in _each("start", options["start"], fleet)]
+    if "start" in asked:
+        names = [choice("options['start']", name, STARTS) for name in _each("start", asked["start"], fleet)]
         for name in set(names):
             refuse_fast_starts(fleet.settings, name)
         orders[:, column.START] = [START_CODES[name] for name in names]
-    if "time" in options:
+    if "time" in asked:
         lap = fleet.settings.lap_time
-        orders[:, column.PHASE] = _numbers("options['time']", options["time"], fleet, 0.0, np.nextafter(lap, 0.0))
-    if "path" in options:
-        orders[:, column.PATH] = _path_indices(options["path"], fleet)
-    if "direction" in options:
-        orders[:, column.DIRECTION] = _directions(options["direction"], fleet)
-    if "elbow_branch" in options:
-        orders[:, column.BRANCH] = _codes("elbow_branch", options["elbow_branch"], BRANCH_CODES, fleet)
-    for name, value in _mapping("parameters", options.get("parameters", {})).items():
+        orders[:, column.PHASE] = _numbers("options['time']", asked["time"], fleet, 0.0, np.nextafter(lap, 0.0))
+    if "path" in asked:
+        orders[:, column.PATH] = _path_indices(asked["path"], fleet)
+    if "direction" in asked:
+        orders[:, column.DIRECTION] = _directions(asked["direction"], fleet)
+    if "elbow_branch" in asked:
+        orders[:, column.BRANCH] = _codes("elbow_branch", asked["elbow_branch"], BRANCH_CODES, fleet)
+    for name, value in mapping("options['parameters']", asked.get("parameters", {})).items():
         if name not in DRAWN:
             raise ValueError(
                 f"options['parameters'][{shown(name)}]: no such quantity; there are {', '.join(map(repr, DRAWN))}"
@@ -78,8 +75,8 @@ def orders_of(options: Mapping[str, Any] | None, fleet: Fleet) -> Array:
         orders[:, column.DRAWN + list(DRAWN).index(name)] = _numbers(
             f"options['parameters'][{name!r}]", value, fleet, least, most, hint
         )
-    if "state" in options:
-        orders[:, column.STATE :] = _states(options["state"], fleet)
+    if "state" in asked:
+        orders[:, column.STATE :] = _states(asked["state"], fleet)
     return orders
 
 
@@ -125,12 +122,6 @@ def _directions(value: Any, fleet: Fleet) -> list[float]:
 
 def _codes(name: str, value: Any, codes: Mapping[str, float], fleet: Fleet) -> list[float]:
     return [codes[choice(f"options[{name!r}]", one, codes)] for one in _each(name, value, fleet)]
-
-
-def _mapping(name: str, value: Any) -> Mapping[str, Any]:
-    if not isinstance(value, Mapping):
-        raise TypeError(f"options[{name!r}] = {shown(value)}: must be a mapping")
-    return value
 
 
 def _states(value: Any, fleet: Fleet) -> Array:

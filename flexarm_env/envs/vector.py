@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from math import isfinite
 from typing import Any
 
@@ -21,7 +21,7 @@ from flexarm_env.envs.reset_options import orders_of
 from flexarm_env.envs.scene import Scene
 from flexarm_env.envs.seeding import EpisodeKeys
 from flexarm_env.envs.single import FASTEST_VIDEO, RENDER_MODES, FleetView, rounded
-from flexarm_env.validation import choice, finite_array, integer, real_array
+from flexarm_env.validation import choice, finite_array, integer, mapping, real_array, shown
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -135,9 +135,7 @@ class FlexArmVectorEnv(FleetView, gymnasium.vector.VectorEnv[NDArray[np.float32]
         Raises:
             TypeError, ValueError: for an unknown option or a bad value.
         """
-        if options is not None and not isinstance(options, Mapping):
-            raise TypeError(f"options = {options!r}: must be a mapping or None")
-        wanted = dict(options or {})
+        wanted = mapping("options", {} if options is None else options)
         mask = self._mask(wanted.pop("reset_mask", None))
         orders = orders_of(wanted, self.fleet)
         self._seed(seed, mask)  # refuses a bad seed before it changes anything
@@ -208,7 +206,8 @@ class FlexArmVectorEnv(FleetView, gymnasium.vector.VectorEnv[NDArray[np.float32]
         flags = np.asarray(mask)
         if flags.shape != (self.num_envs,) or flags.dtype != np.bool_ or not flags.any():
             raise ValueError(
-                f"options['reset_mask'] = {mask!r}: must be a bool array of shape ({self.num_envs},), one True at least"
+                f"options['reset_mask'] = {shown(mask)}: "
+                f"must be a bool array of shape ({self.num_envs},), one True at least"
             )
         if not self._started and not flags.all():
             raise ValueError("options['reset_mask']: the first reset must begin an episode in every environment")

@@ -11,7 +11,7 @@ from flexarm_env.codegen import cache
 from flexarm_env.codegen.cache_folder import find_folder
 from flexarm_env.envs.batch import Fleet
 from flexarm_env.envs.single import FleetView
-from flexarm_env.validation import integer, listed, names
+from flexarm_env.validation import integer, listed, mapping, names, shown
 
 
 def warm_up(
@@ -39,12 +39,11 @@ def warm_up(
         OSError: what was compiled could not be kept.
     """
     sizes = [integer(f"num_envs[{n}]", size, 1) for n, size in enumerate(listed("num_envs", num_envs))]
-    if options is not None and not isinstance(options, Mapping):
-        raise TypeError(f"options = {options!r}: must be a mapping or None")
+    chosen = mapping("options", {} if options is None else options)
     lines = []
     for env_id in names("ids", ids):
         for size in sizes:
-            fleet = _fleet(env_id, dict(options or {}), size, integer("threads", threads, 1))
+            fleet = _fleet(env_id, chosen, size, integer("threads", threads, 1))
             kernel = fleet.dispatcher()
             before = _compilations(kernel)
             fleet.compile()
@@ -66,7 +65,7 @@ def _fleet(env_id: str, options: dict[str, Any], size: int, threads: int) -> Fle
     found = env.unwrapped
     if not isinstance(found, FleetView):
         env.close()
-        raise ValueError(f"ids: {env_id!r} is no environment of FlexArm")
+        raise ValueError(f"ids: {shown(env_id)} is no environment of FlexArm")
     return found.fleet
 
 

@@ -12,6 +12,7 @@ from flexarm_env.kernels.layout import place_rows
 from flexarm_env.kernels.variants import shared_model
 from flexarm_env.parameters import LawParameters, SensorModel, SensorParameters
 from flexarm_env.simulation.arm import FlexibleArm
+from flexarm_env.validation import shown
 
 Array = NDArray[np.float64]
 
@@ -42,7 +43,7 @@ def checked_cases(cases: Sequence[LoopCase], arm: FlexibleArm) -> list[LoopCase]
     length2 = arm.parameters.link_lengths[1]
     for case in listed:
         if not isinstance(case, LoopCase):
-            raise TypeError(f"cases hold {case!r}: must be LoopCase objects")
+            raise TypeError(f"cases hold {shown(case)}: must be LoopCase objects")
         if case.sensor.position > length2:
             raise ValueError(f"sensor_position = {case.sensor.position} m: must be on link 2, > 0 and <= {length2} m")
         if case.law.compensation != "none" and not case.sensor.traits.late:

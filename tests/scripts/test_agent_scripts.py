@@ -230,7 +230,7 @@ def test_models_of_stable_baselines_are_read_only_when_asked_for(flexarm: Shell)
     model.save("model.zip")
     result = flexarm("evaluate", "model.zip", *ALONE)
     assert result.returncode == 1
-    assert result.stderr == "error: model.zip: needs --stable-baselines3 CLASS, since reading it can run code\n"
+    assert result.stderr == "error: model.zip: needs --stable-baselines3 CLASS, since reading it can execute code\n"
     result = flexarm("evaluate", "model.zip", *ALONE, "--stable-baselines3", "PPO")
     assert result.returncode == 0, result.stderr
     assert "model.zip" in result.stdout
