@@ -29,7 +29,7 @@ class Options:
     """Regenerate the tables and pictures under docs/."""
 
     results: Path = Path("results/paper")
-    """A complete result folder of reproduce_paper.py with default options."""
+    """A complete result folder of `python -m scripts.paper` with default options."""
     docs: Path = DOCS
     """The folder to bring up to date."""
     pictures: bool = True
