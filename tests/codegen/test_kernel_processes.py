@@ -8,23 +8,24 @@ from pathlib import Path
 
 import pytest
 
-from flexarm_env.codegen import cache
+import flexarm_env
 
-PACKAGE = Path(cache.__file__).parent
+PACKAGE = Path(flexarm_env.__file__).parent
 
 # Prints a hash of the kernel's text, whether its code was on disk, and a state that it computes.
 PROGRAM = """
 import hashlib, sys, numpy as np, flexarm_env
-from flexarm_env import ArmParameters, FlexibleArm, kernels
+from flexarm_env import ArmParameters, FlexibleArm
+from flexarm_env.codegen import assembly
 from flexarm_env.kernels.rk4 import OPEN
 from flexarm_env.kernels.variants import Variant
 assert flexarm_env.__file__.startswith(sys.argv[1]), flexarm_env.__file__
 variant = Variant(OPEN, 1, True, 1)
-print(hashlib.sha256(kernels.render(variant).encode()).hexdigest())
+print(hashlib.sha256(assembly.render(variant).encode()).hexdigest())
 if sys.argv[2:] != ["text"]:
     arm = FlexibleArm(ArmParameters(modes_per_link=1))
     run = arm.simulate([0.1, 0.2, 0.3, -0.2, 1.0, -1.0, 0.5, 0.4], np.ones((10, 2)), 0.01)
-    print(sum(kernels.load(variant).run_open.stats.cache_hits.values()), *(x.hex() for x in run.state[-1]))
+    print(sum(assembly.load(variant).run_open.stats.cache_hits.values()), *(x.hex() for x in run.state[-1]))
 """
 LINE = "compiling kernels, once: an arm driven by torques, one environment, 1 mode a link\n"
 
@@ -68,9 +69,9 @@ def test_of_processes_that_start_together_one_compiles(copy: Path, together: lis
 
 
 EDITS = [
-    ("dynamics.py", "elbow_n = elbow.across * (w1 * w1)", "elbow_n = elbow.across * (w1 * w2)"),
-    ("elementary.py", "p = p * z - 1.66666666666666307295e-1", "p = p * z - 1.5e-1"),
-    ("torque_stepping.py", "= torques[step, block, r, i]", "= 2.0 * torques[step, block, r, i]"),
+    ("physics/dynamics.py", "elbow_n = elbow.across * (w1 * w1)", "elbow_n = elbow.across * (w1 * w2)"),
+    ("codegen/elementary.py", "p = p * z - 1.66666666666666307295e-1", "p = p * z - 1.5e-1"),
+    ("kernels/rk4.py", "= torques[step, block, r, i]", "= 2.0 * torques[step, block, r, i]"),
 ]
 
 
@@ -86,7 +87,7 @@ def test_an_edited_formula_comes_through(copy: Path, together: list[tuple[str, i
         edited, _ = start(copy, "text").communicate(timeout=60)
         assert edited.strip() not in texts
         texts.add(edited.strip())
-        if name == "torque_stepping.py":
+        if name == "kernels/rk4.py":
             _, hits, state = finish(start(copy))
             assert hits == 0
             assert state != together[0][2]
@@ -98,7 +99,7 @@ def test_an_edited_formula_comes_through(copy: Path, together: list[tuple[str, i
 
 FORK_WHILE_COMPILING = '''
 import os, signal, threading, time
-from flexarm_env import kernel_cache
+from flexarm_env.codegen import cache
 
 TEXT = """from numba import njit
 @njit(cache=True, nogil=True)
@@ -106,15 +107,15 @@ def successor(x):
     return x + 1.0
 """
 inside = threading.Event()
-save = kernel_cache._KernelCache.save_overload
+save = cache._KernelCache.save_overload
 
 def slow(self, signature, compiled):
     inside.set()
     time.sleep(0.5)
     save(self, signature, compiled)
 
-kernel_cache._KernelCache.save_overload = slow
-compile_one = lambda name: kernel_cache.call(kernel_cache.load_module(name, TEXT, "").successor, 1.0)
+cache._KernelCache.save_overload = slow
+compile_one = lambda name: cache.call(cache.load_module(name, TEXT, "").successor, 1.0)
 thread = threading.Thread(target=compile_one, args=["flexarm_tiny_1_1_0123456789abcdef"])
 thread.start()
 inside.wait()
@@ -128,7 +129,7 @@ thread.join()
 
 FORK_WHILE_MAKING = """
 import os, signal, threading
-from flexarm_env import settings
+from flexarm_env.envs import settings
 
 inside, resume = threading.Event(), threading.Event()
 arm_parameters = settings.arm_parameters
