@@ -38,7 +38,7 @@ class Options:
 
 def main() -> None:
     """Command line."""
-    options = tyro.cli(Options)
+    options = tyro.cli(Options, prog="python -m scripts.docs.paper")
     if not (options.results / "claims.json").exists():
         sys.exit(f"error: results = {options.results}: no complete results there; run `make reproduce` first")
     study = json.loads((options.results / "summary.json").read_text())["study"]

@@ -77,7 +77,7 @@ def read_parameters(path: Path | None) -> dict[str, Any]:
 
 def main() -> None:
     """Command line."""
-    options = tyro.cli(Options)
+    options = tyro.cli(Options, prog="python -m scripts.paper")
     start = time.perf_counter()
     study = Study(options.K_s, options.K_n, options.lap_time, read_parameters(options.parameters))
     cases = all_cases(options.controllers, options.sensings, options.places)
