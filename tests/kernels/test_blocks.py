@@ -13,7 +13,7 @@ from tests.support.envs import GAIN, SQUARE, actions_for, assert_same, make, vec
 
 REACH = "FlexArm/Reach-v0"
 # Equally late readings without anything random, which a block takes from its delay line together (`sampling`).
-ALIKE: list[Any] = [
+ALIKE: list[tuple[str, dict[str, Any]]] = [
     (SQUARE, {}),
     (SQUARE, {"delay": 0.0}),
     (SQUARE, {"delay": 0.02}),
@@ -24,9 +24,8 @@ ALIKE: list[Any] = [
     (SQUARE, {"frame": "world", "lap_time": 4.0, "error_limit": None}),
     ("FlexArm/Track-v0", {"reference": ["square", "line", "circle"]}),
     (REACH, {}),
-    # The paper's law in the sensor's loop: a kernel that no other test of batches needs.
-    pytest.param(GAIN, {"law_sensor": "sensor", "compensation": "shared", "delay": 0.0372}, marks=pytest.mark.slow),
-    pytest.param(GAIN, {"law_sensor": "sensor", "compensation": "per_joint"}, marks=pytest.mark.slow),
+    (GAIN, {"law_sensor": "sensor", "compensation": "shared", "delay": 0.0372}),
+    (GAIN, {"law_sensor": "sensor", "compensation": "per_joint"}),
     (GAIN, {"lap_time": 8.0}),
 ]
 
