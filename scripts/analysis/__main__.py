@@ -106,7 +106,7 @@ def update_docs(results: Path) -> None:
 
 def main() -> None:
     """Command line."""
-    options = tyro.cli(Options)
+    options = tyro.cli(Options, prog="python -m scripts.analysis")
     if options.docs and options.quick:
         raise ValueError("docs = True: the page shows a full run, not a quick one")
     start = time.perf_counter()

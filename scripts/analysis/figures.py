@@ -5,11 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 
 from scripts.analysis.margins import GAINS, SENSORS
-from scripts.common.plotting import COLOURS, plt, save
+from scripts.common.plotting import COLOURS, save
 
 COLORS = {"IFDC": "#111111", "FLSAC, largest": "#D55E00", "FLSAC, smallest": "#0072B2"}
 EXACT = "0.6"
@@ -142,7 +143,8 @@ def margins(folder: Path, profile: dict[str, Any], simulated: list[dict[str, Any
 def _diverging(axis: Axes, rows: list[dict[str, Any]], side: float) -> None:
     """Circles where the held arm diverges; squares, behind the lap's end, for whole laps."""
     for r in rows:
-        look = {"color": COLORS[r["controller"]], "mfc": "white", "markersize": 7, "linestyle": "none", "zorder": 4}
+        look: dict[str, Any] = {"color": COLORS[r["controller"]], "mfc": "white", "markersize": 7, "zorder": 4}
+        look["linestyle"] = "none"
         for place, at in (("corner", side), ("mid-side", 1.5 * side)):
             if r[place][1] is not None and np.isfinite(r[place][1]):
                 axis.plot(at, 1e3 * r[place][1], marker="o", label="simulated: held there, diverges", **look)

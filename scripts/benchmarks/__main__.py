@@ -159,7 +159,7 @@ def write(results: dict[str, Any], path: Path) -> None:
 
 def main() -> None:
     """Command line."""
-    options = tyro.cli(Options)
+    options = tyro.cli(Options, prog="python -m scripts.benchmarks")
     for name in ("repeats", "cold"):
         if getattr(options, name) < 1:
             raise ValueError(f"{name} = {getattr(options, name)}: must be an integer >= 1")

@@ -71,14 +71,20 @@ def equal_step(segments: int, modes: int) -> EqualStep:
     """
     ours, found = our_error(modes), []
     for integrator, stages in STAGES.items():
-        counts = _counts(segments, integrator)
-        place = bisect_left(counts, -ours, key=lambda n, name=integrator: -chain_error(segments, name, n))
-        if place < len(counts):
-            error = chain_error(segments, integrator, counts[place])
-            found.append((stages * counts[place], EqualStep(integrator, HELD / counts[place], error, ours)))
+        count = _fewest(segments, integrator, ours)
+        if count is not None:
+            error = chain_error(segments, integrator, count)
+            found.append((stages * count, EqualStep(integrator, HELD / count, error, ours)))
     if not found:
         raise ValueError(f"segments = {segments}: with no step tried is the tip within {ours} m")
     return min(found, key=lambda each: each[0])[1]
+
+
+def _fewest(segments: int, integrator: str, error: float) -> int | None:
+    """The least of `COUNTS` with which the chain's error is at most this [m]."""
+    counts = _counts(segments, integrator)
+    place = bisect_left(counts, -error, key=lambda count: -chain_error(segments, integrator, count))
+    return counts[place] if place < len(counts) else None
 
 
 def _counts(segments: int, integrator: str) -> tuple[int, ...]:

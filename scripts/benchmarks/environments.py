@@ -44,7 +44,7 @@ def steps(effort: float) -> Group:
         effort: factor on the work of a timed call.
     """
     if EMPTY not in gymnasium.registry:
-        gymnasium.register(EMPTY, entry_point=EmptyEnv, max_episode_steps=16_000)
+        gymnasium.register(EMPTY, entry_point=f"{__name__}:{EmptyEnv.__name__}", max_episode_steps=16_000)
     counts = {SQUARE: 8000, PAPER: 2000, ACROBOT: 3000, EMPTY: 50_000}
     subjects = [stepped(name, name, round(effort * count)) for name, count in counts.items()]
     ratios = [

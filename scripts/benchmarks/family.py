@@ -8,6 +8,7 @@ from typing import Any
 
 import gymnasium
 import numpy as np
+from gymnasium.spaces.utils import flatdim
 
 from flexarm_env.envs.batch import COSTS, Fleet
 from flexarm_env.envs.settings import Settings
@@ -64,7 +65,8 @@ def batch(modes: Sequence[int], effort: float, many: int = MANY) -> Group:
 def _batch(name: str, env_id: str, num_envs: int, calls: int, **options: Any) -> Subject:
     env = gymnasium.make_vec(f"flexarm_env:{env_id}", num_envs=num_envs, **options)
     calls = max(1, calls)
-    actions = np.random.default_rng(0).uniform(-1.0, 1.0, (calls, *env.action_space.shape)).astype(np.float32)
+    shape = (calls, num_envs, flatdim(env.single_action_space))
+    actions = np.random.default_rng(0).uniform(-1.0, 1.0, shape).astype(np.float32)
     env.reset(seed=0)
 
     def work() -> None:
@@ -136,7 +138,7 @@ def learning(effort: float) -> Group:
 
     frames = max(2 * peers.ROLLOUT, round(effort * LEARNING_FRAMES))
     env = gymnasium.make(f"flexarm_env:{SQUARE}")
-    sizes = (env.observation_space.shape[0], env.action_space.shape[0])
+    sizes = (flatdim(env.observation_space), flatdim(env.action_space))
     ours = Subject(
         f"PPO on {SQUARE}",
         lambda: _learn(lambda n: FlexArmVecEnv.make(SQUARE, n), frames),

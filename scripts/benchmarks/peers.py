@@ -69,14 +69,14 @@ def envpool_acrobot(num_envs: int, effort: float) -> Subject:
 def mujoco_chain(segments: int, effort: float, damping_ratio: float = 0.01, step: float | None = None) -> Subject:
     """The arm as a chain of rigid segments in MuJoCo under random torques; amount: simulated seconds.
 
-    The largest stable step depends much on the damping, as `mujoco_chain` tells: show 0.01 (FlexArm's default) and 0
-    (the paper's arm).
+    The largest stable step depends much on the damping, as `flexarm_env.chain` says: show 0.01 (FlexArm's default) and
+    0 (the paper's arm).
 
     Args:
         segments: rigid segments a link; as many degrees of freedom a link.
         effort: factor on the work of a timed call.
         damping_ratio: of the first clamped mode of a link; the higher ones get more.
-        step: [s]; None: the largest stable one of `mujoco_chain.TIME_STEPS`.
+        step: [s]; None: the largest stable one of `flexarm_env.chain.model.TIME_STEPS`.
     """
     from flexarm_env.chain import model as chain
 
@@ -211,7 +211,7 @@ def empty_vec_env(num_envs: int, observation_size: int, action_size: int) -> Vec
             pass
 
         def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
-            return [getattr(self, attr_name)] * len(self._get_indices(indices))
+            return [getattr(self, attr_name) for _ in self._get_indices(indices)]
 
         def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
             raise NotImplementedError("there are no single environments")
@@ -220,7 +220,7 @@ def empty_vec_env(num_envs: int, observation_size: int, action_size: int) -> Vec
             raise NotImplementedError("there are no single environments")
 
         def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:
-            return [False] * len(self._get_indices(indices))
+            return [False for _ in self._get_indices(indices)]
 
     return EmptyVecEnv()
 
@@ -244,8 +244,8 @@ def ppo_rate(make_vec_env: Callable[[int], VecEnv], num_envs: int, steps: int) -
     env = make_vec_env(num_envs)
     n_steps = max(2, ROLLOUT // num_envs)
     try:
-        options = {"n_steps": n_steps, "batch_size": min(BATCH, n_steps * num_envs)}
-        learner = PPO("MlpPolicy", env, device="cpu", seed=0, **options)
+        batch = min(BATCH, n_steps * num_envs)
+        learner = PPO("MlpPolicy", env, device="cpu", seed=0, n_steps=n_steps, batch_size=batch)
         learner.learn(n_steps * num_envs)
         start = time.process_time()
         learner.learn(steps)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import matplotlib as mpl
 
@@ -11,7 +12,7 @@ import matplotlib.pyplot as plt
 from matplotlib.figure import Figure
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")  # Okabe and Ito
-THRESHOLD = {"color": "0.35", "linestyle": ":", "linewidth": 1.4}
+THRESHOLD: dict[str, Any] = {"color": "0.35", "linestyle": ":", "linewidth": 1.4}
 
 plt.rcParams.update(
     {

@@ -60,4 +60,4 @@ def main(output: Path = PICTURE) -> None:
 
 
 if __name__ == "__main__":
-    tyro.cli(main)
+    tyro.cli(main, prog="python -m scripts.docs.corner_picture")

@@ -217,7 +217,7 @@ def _assembled(title: str, top: list[str], sections: dict[str, list[str]]) -> st
 
 def main() -> None:
     """Command line."""
-    options = tyro.cli(Options)
+    options = tyro.cli(Options, prog="python -m scripts.docs.environments")
     options.docs.mkdir(parents=True, exist_ok=True)
     for name, text in pages().items():
         (options.docs / name).write_text(text, encoding="utf-8")

@@ -29,7 +29,7 @@ class Options:
     """Regenerate the tables and pictures under docs/."""
 
     results: Path = Path("results/paper")
-    """A complete result folder of reproduce_paper.py with default options."""
+    """A complete result folder of `python -m scripts.paper` with default options."""
     docs: Path = DOCS
     """The folder to bring up to date."""
     pictures: bool = True
@@ -38,7 +38,7 @@ class Options:
 
 def main() -> None:
     """Command line."""
-    options = tyro.cli(Options)
+    options = tyro.cli(Options, prog="python -m scripts.docs.paper")
     if not (options.results / "claims.json").exists():
         sys.exit(f"error: results = {options.results}: no complete results there; run `make reproduce` first")
     study = json.loads((options.results / "summary.json").read_text())["study"]

@@ -31,7 +31,7 @@ class Options:
 
 def main() -> None:
     """Command line."""
-    options = tyro.cli(Options)
+    options = tyro.cli(Options, prog="python -m scripts.docs.validation")
     summary = options.results / "summary.json"
     if not summary.exists():
         sys.exit(f"error: results = {options.results}: no complete results there; run `make validate` first")

@@ -12,14 +12,14 @@ import time
 import tomllib
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import tyro
 
 from flexarm_env import ArmParameters
 from scripts.common.command_line import run
 from scripts.common.result_files import replacing
-from scripts.paper.cases import CONTROLLERS, PLACES, SENSINGS, Study, all_cases
+from scripts.paper.cases import CONTROLLERS, PLACES, SENSINGS, Controller, Place, Sensing, Study, all_cases
 from scripts.paper.pipeline import reproduce
 
 MARKER = "summary.json"  # a complete result folder has it
@@ -31,11 +31,11 @@ class Options:
 
     output: Path = Path("results/paper")
     """Folder for the results; an existing one is replaced when the new one is complete."""
-    controllers: tuple[Literal["ifdc", "flsac"], ...] = CONTROLLERS
+    controllers: tuple[Controller, ...] = CONTROLLERS
     """Which controllers. Claims are decided only when all cases are run."""
-    sensings: tuple[Literal["collocated", "nmp", "corrected"], ...] = SENSINGS
+    sensings: tuple[Sensing, ...] = SENSINGS
     """Which sensings."""
-    places: tuple[Literal["tip", "elbow"], ...] = PLACES
+    places: tuple[Place, ...] = PLACES
     """Sensor at the end effector (tip) or 0.5 m past the elbow (elbow)."""
     K_s: float = 1.0
     """Output scale of FLSAC."""
@@ -77,7 +77,7 @@ def read_parameters(path: Path | None) -> dict[str, Any]:
 
 def main() -> None:
     """Command line."""
-    options = tyro.cli(Options)
+    options = tyro.cli(Options, prog="python -m scripts.paper")
     start = time.perf_counter()
     study = Study(options.K_s, options.K_n, options.lap_time, read_parameters(options.parameters))
     cases = all_cases(options.controllers, options.sensings, options.places)

@@ -7,7 +7,7 @@ import time
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, get_args
 
 import numpy as np
 
@@ -23,13 +23,17 @@ from flexarm_env import (
     run_batch,
     square_loop,
 )
+from flexarm_env.parameters import Compensation
 from flexarm_env.simulation.closed_loop import observation_blocks
 from flexarm_env.simulation.square import CONTROL_PERIOD
 from flexarm_env.validation import number
 
-CONTROLLERS = ("ifdc", "flsac")
-SENSINGS = ("collocated", "nmp", "corrected")
-PLACES = ("tip", "elbow")
+Controller = Literal["ifdc", "flsac"]
+Sensing = Literal["collocated", "nmp", "corrected"]
+Place = Literal["tip", "elbow"]
+CONTROLLERS: tuple[Controller, ...] = get_args(Controller)
+SENSINGS: tuple[Sensing, ...] = get_args(Sensing)
+PLACES: tuple[Place, ...] = get_args(Place)
 SENSOR_POSITION = {"tip": 4.5, "elbow": 0.5}  # distance from the elbow [m]
 
 
@@ -56,7 +60,7 @@ class Case:
         """Sensor and law of the case; `sensor` changes fields of its `SensorParameters`."""
         model = "collocated" if self.sensing == "collocated" else "rigid"
         values: dict[str, Any] = {"model": model, "position": SENSOR_POSITION[self.place]} | sensor
-        compensation = "shared" if self.sensing == "corrected" else "none"
+        compensation: Compensation = "shared" if self.sensing == "corrected" else "none"
         return LoopCase(SensorParameters(**values), LawParameters(compensation=compensation))
 
 

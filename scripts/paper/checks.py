@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from operator import itemgetter
 from typing import Any
 
 from scripts.paper.cases import CONTROLLERS, SENSINGS
@@ -48,7 +49,7 @@ Check = Callable[[Measures, Differences, str], Finding]
 
 def _by_sensing(m: Measures, controller: str, place: str, pick: Callable[[dict[str, Any]], Any]) -> dict[str, Any]:
     """One figure of each of a controller's runs that are there."""
-    names = {s: f"{controller}_{s}_{place}" for s in SENSINGS}
+    names: dict[str, str] = {s: f"{controller}_{s}_{place}" for s in SENSINGS}
     return {s: pick(m[name]) for s, name in names.items() if name in m}
 
 
@@ -110,7 +111,7 @@ def rest(m: Measures, d: Differences, controller: str) -> Finding:
 def _apart(m: Measures, d: Differences, controller: str, place: str) -> dict[str, dict[str, float]]:
     """Path differences between two runs that are both there: NMP from collocated, corrected from NMP."""
     pairs = {"nmp": "collocated", "corrected": "nmp"}
-    names = {s: f"{controller}_{s}_{place}" for s in SENSINGS}
+    names: dict[str, str] = {s: f"{controller}_{s}_{place}" for s in SENSINGS}
     return {s: d[f"{controller}_{place}_{s}"] for s, other in pairs.items() if names[s] in m and names[other] in m}
 
 
@@ -160,7 +161,7 @@ def smooth(m: Measures, d: Differences, controller: str) -> Finding:
     """Vibration is at most half of IFDC's."""
     figures = ("vibration", "tip_acceleration", "circle_deviation")
     found = {
-        figure: {c: _by_sensing(m, c, "elbow", lambda row, f=figure: row[f]) for c in ("ifdc", controller)}
+        figure: {c: _by_sensing(m, c, "elbow", itemgetter(figure)) for c in ("ifdc", controller)}
         for figure in figures
     }
     ratio = _ratio(found["vibration"], controller)
@@ -171,7 +172,7 @@ def smooth(m: Measures, d: Differences, controller: str) -> Finding:
 def same_circle(m: Measures, d: Differences, controller: str) -> Finding:
     """Both late sensings make the same path."""
     apart = {c: _apart(m, d, c, "elbow") for c in CONTROLLERS}
-    found = {c: pairs["corrected"]["all"] for c, pairs in apart.items() if "corrected" in pairs}
+    found: dict[str, float] = {c: pairs["corrected"]["all"] for c, pairs in apart.items() if "corrected" in pairs}
     return Finding(max(_some(found)) <= VISIBLE, {"path_difference": found})
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -17,15 +18,15 @@ from scripts.common.plotting import save
 from scripts.paper.cases import SENSINGS
 
 Array = NDArray[np.float64]
-STYLE = {
+STYLE: dict[str, dict[str, Any]] = {
     "collocated": {"color": "#0072B2", "linestyle": "-", "label": "collocated"},
     "nmp": {"color": "#D55E00", "linestyle": "-", "label": "noncollocated (NMP)"},
     "corrected": {"color": "#111111", "linestyle": (0, (2, 2.5)), "label": "NMP corrected"},
 }
-REFERENCE = {"color": "0.35", "linestyle": ":", "linewidth": 1.4, "label": "reference"}
+REFERENCE: dict[str, Any] = {"color": "0.35", "linestyle": ":", "linewidth": 1.4, "label": "reference"}
 CONTROLLER = {"ifdc": "IFDC", "flsac": "FLSAC"}
 LINKS = ("#0072B2", "#D55E00")
-CHANGE = {"color": "#CC79A7", "linewidth": 1.6, "label": "elbow changes sides"}
+CHANGE: dict[str, Any] = {"color": "#CC79A7", "linewidth": 1.6, "label": "elbow changes sides"}
 THIN = 5  # every fifth ms is drawn: more points than an A4 page has dots
 
 
@@ -62,7 +63,9 @@ def paths(
         zoom: half width of the view around the first direction switch [m]; None for the whole square.
         title: of the figure.
     """
-    chosen = {s: runs[f"{controller}_{s}_{place}"] for s in SENSINGS if f"{controller}_{s}_{place}" in runs}
+    chosen: dict[str, Trajectory] = {
+        s: runs[f"{controller}_{s}_{place}"] for s in SENSINGS if f"{controller}_{s}_{place}" in runs
+    }
     if not chosen:
         return
     figure, axes = plt.subplots(1, 2, figsize=(12.5, 6.4), sharex=True, sharey=True)

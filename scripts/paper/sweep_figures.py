@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,7 @@ from scripts.paper.figures import CONTROLLER, LINKS, STYLE
 
 TIP_SWEEPS = ("true_tip_feedback", "late_true_tip_feedback")
 TIP_COLORS = {"zeta 0": "#111111", "zeta 0.01": LINKS[0], "zeta 0.03": LINKS[1]}
-_PANELS = (
+_PANELS: tuple[tuple[str, Callable[[dict[str, Any]], float], str], ...] = (
     ("overshoot, top left corner [m]", lambda row: row["rigid_overshoot"][0], "tip"),
     ("true tip, r.m.s. error [m]", lambda row: row["true_tip_rms"], "tip"),
     ("vibration, sensor at the tip [m/s]", lambda row: row["vibration"], "tip"),

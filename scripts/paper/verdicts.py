@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
@@ -47,8 +48,8 @@ def verdict(claim: Claim, findings: dict[str, Finding], titles: dict[str, str]) 
 
 
 def decide(
-    table: dict[str, Measures],
-    differences: dict[str, Differences],
+    table: Mapping[str, Measures],
+    differences: Mapping[str, Differences],
     sweep: list[dict[str, Any]],
     titles: dict[str, str],
 ) -> list[Row]:
@@ -82,7 +83,7 @@ def decide(
 
 
 def _on_one_side(
-    claim: Claim, table: dict[str, Measures], differences: dict[str, Differences], titles: dict[str, str]
+    claim: Claim, table: Mapping[str, Measures], differences: Mapping[str, Differences], titles: dict[str, str]
 ) -> dict[str, Any]:
     """The claim decided without the runs whose elbow changes sides in the part of the lap that it looks at."""
     found = {name: claim.find_on_one_side(table[name], differences[name], "flsac") for name in table}
@@ -106,7 +107,7 @@ def _on_one_side(
 
 
 def _constant_gains(
-    claim: Claim, table: dict[str, Measures], differences: dict[str, Differences], sweep: list[dict[str, Any]]
+    claim: Claim, table: Mapping[str, Measures], differences: Mapping[str, Differences], sweep: list[dict[str, Any]]
 ) -> dict[str, Any]:
     """The same sentence put to constant gains: FLSAC's mean in each column, and the best of the sweep's."""
     mean = {name: claim.find(table[name], differences[name], "constant") for name in table}
@@ -116,7 +117,7 @@ def _constant_gains(
         }
     }
     own = claim.find(table["paper"], differences["paper"], "flsac")
-    by_gain: dict[float, Measures] = {}
+    by_gain: dict[float, dict[str, dict[str, Any]]] = {}
     for row in sweep:
         by_gain.setdefault(row["value"], {})[f"constant_{row['sensing']}_{row['place']}"] = row
     found = {

@@ -43,7 +43,7 @@ def main() -> None:
     Raises:
         ValueError: for a group that there is not, or an output that is no folder.
     """
-    options = tyro.cli(Options)
+    options = tyro.cli(Options, prog="python -m scripts.validation")
     unknown = sorted(set(options.only) - set(NAMES))
     if unknown or not options.only:
         raise ValueError(f"only = {options.only}: must be one or more of {NAMES}")

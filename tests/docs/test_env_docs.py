@@ -79,7 +79,7 @@ def test_the_committed_pages_are_what_the_code_says() -> None:
     pages = environments.pages()
     assert set(pages) == {path.name for path in DOCS.glob("*.md")}
     for file, text in pages.items():
-        assert text == (DOCS / file).read_text(encoding="utf-8"), f"{file}: run scripts/docs/environments.py"
+        assert text == (DOCS / file).read_text(encoding="utf-8"), f"{file}: run python -m scripts.docs.environments"
 
 
 def test_every_id_has_its_picture() -> None:
@@ -89,7 +89,7 @@ def test_every_id_has_its_picture() -> None:
 
 
 def test_the_script_writes_where_it_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sys, "argv", ["build_env_docs.py", "--docs", str(tmp_path), "--no-pictures"])
+    monkeypatch.setattr(sys, "argv", ["environments", "--docs", str(tmp_path), "--no-pictures"])
     environments.main()
     assert {path.name for path in tmp_path.iterdir()} == set(environments.pages())
 

@@ -334,7 +334,13 @@ LATE = {"law_sensor": "sensor", "delay": 0.004}
             SensorParameters("true", delay=0.004),
             LawParameters(compensation="shared", torque_limit=(300.0, 90.0)),
         ),
-        (GAIN, FORESHORTENED | LATE, SensorParameters("true", delay=0.004), LawParameters()),
+        pytest.param(  # two kernels of their own
+            GAIN,
+            FORESHORTENED | LATE,
+            SensorParameters("true", delay=0.004),
+            LawParameters(),
+            marks=pytest.mark.slow,
+        ),
     ],
 )
 def test_the_gain_scales_the_papers_law(

@@ -81,7 +81,11 @@ def test_an_invalid_state_resets_alike() -> None:
     assert ended >= 5
 
 
-@pytest.mark.parametrize(("env_id", "most"), [(SQUARE, 11), (RESIDUAL, 11), (PAPER, 11), (SQUARE, 250), (SQUARE, 1024)])
+# Each width of a block is a kernel of its own; that of 32 lanes runs with threads below.
+WIDE = [pytest.param(SQUARE, count, marks=pytest.mark.slow) for count in (250, 1024)]
+
+
+@pytest.mark.parametrize(("env_id", "most"), [(SQUARE, 11), (RESIDUAL, 11), (PAPER, 11), *WIDE])
 def test_an_environment_does_not_depend_on_how_many_there_are(env_id: str, most: int) -> None:
     """In one lane, in blocks of 8, the last of them nearly empty, or in two and three large ones."""
     assert [block_lanes(count, 1) for count in (1, 3, 8, 11, 250, 1024)] == [1, 8, 8, 8, 128, 344]
@@ -227,12 +231,14 @@ needs_proc = pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="
 
 
 @needs_proc
-@pytest.mark.parametrize("steps", [3200, pytest.param(160_000, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("steps", [3200, 160_000])
 def test_memory_stays_flat(steps: int) -> None:
     """Steps of 64 environments, with a reset every 50: a leak of 8 bytes a step and environment would show."""
     assert float(in_fresh_process(GROWTH, str(steps))) < (1.5 if steps < 10_000 else 8.0)
 
 
 @needs_proc
+@pytest.mark.slow
 def test_many_environments_are_small() -> None:
     assert float(in_fresh_process(SIZE)) < 200.0

@@ -1,6 +1,5 @@
 """What the benchmark compares with: the chain against beam theory, and that each peer does the work it is timed for."""
 
-import importlib
 import subprocess
 from collections.abc import Iterator
 from pathlib import Path
@@ -21,19 +20,19 @@ PINNED = np.array([3.926602, 7.068583])  # roots of tan x = tanh x; the other en
 ERRORS = {10: np.array([0.0042, 0.015]), 20: np.array([0.0010, 0.0034])}
 
 
-def part(name: str) -> Any:
-    return importlib.import_module(name)
-
-
 @pytest.fixture(scope="module")
 def peers() -> Any:
-    return part("bench_parts.peers")
+    from scripts.benchmarks import peers
+
+    return peers
 
 
 @pytest.fixture(scope="module")
 def chain() -> Any:
     pytest.importorskip("mujoco", reason="MuJoCo is in the extra `bench`")
-    return part("mujoco_chain")
+    from flexarm_env.chain import model
+
+    return model
 
 
 @pytest.fixture(autouse=True)
@@ -191,7 +190,8 @@ def test_chain_simulates_the_seconds_it_is_timed_for(peers: Any, chain: Any, mon
 
 
 def test_accurate_chain_errs_no_more_than_the_arm(peers: Any, chain: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    accuracy = part("bench_parts.accuracy")
+    from scripts.benchmarks import accuracy
+
     monkeypatch.setattr(accuracy, "SECONDS", 0.1)
     for cached in (accuracy.chain_error, accuracy.chain_tips):
         cached.cache_clear()

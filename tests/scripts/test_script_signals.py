@@ -11,18 +11,17 @@ from pathlib import Path
 import pytest
 
 from scripts.common.result_files import OLD, PARTIAL, replacing, write_json
+from tests.support.programs import ROOT
 
-SCRIPTS = Path(__file__).resolve().parent.parent / "scripts"
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="POSIX signals")
 
 # A script as ours are, with jobs that only sleep; each worker leaves a file named after its process.
-SCRIPT = f"""
+SCRIPT = """
 import os, sys, time
 from pathlib import Path
-sys.path.insert(0, {str(SCRIPTS)!r})
-from command_line import run
-from result_files import replacing
-from worker_pool import worker_pool
+from scripts.common.command_line import run
+from scripts.common.result_files import replacing
+from scripts.common.worker_pool import worker_pool
 
 def job(folder, seconds):
     (folder / str(os.getpid())).touch()
@@ -67,7 +66,10 @@ class Running:
         self.pids.mkdir(exist_ok=True)
         (folder / "script.py").write_text(SCRIPT)
         command = [sys.executable, "script.py", str(seconds)]
-        self.process = subprocess.Popen(command, cwd=folder, stderr=subprocess.PIPE, text=True, start_new_session=True)
+        environment = os.environ | {"PYTHONPATH": str(ROOT)}
+        self.process = subprocess.Popen(
+            command, cwd=folder, env=environment, stderr=subprocess.PIPE, text=True, start_new_session=True
+        )
         wait_for(lambda: len(list(self.pids.iterdir())) == 2 and list(folder.glob(".results-*/half")))
         self.workers = [int(path.name) for path in self.pids.iterdir()]
 

@@ -17,7 +17,7 @@ import pytest
 
 from flexarm_env import ArmParameters
 from scripts.validation import __main__ as validate
-from tests.support.programs import ROOT, run_study
+from tests.support.programs import ROOT, refusal, run_study
 
 DOCS = ROOT / "docs"
 NAMES = ("links", "arm", "engine", "drift", "orders", "coriolis")
@@ -27,9 +27,18 @@ run_script = partial(run_study, "validation")
 
 @pytest.fixture(scope="module")
 def short(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
-    """One short run of everything: its folder and what it printed."""
-    output = tmp_path_factory.mktemp("validation") / "results"
-    done = run_script("--quick", "--output", str(output))
+    """One short run of everything, which takes minutes: its folder and what it printed."""
+    return short_run(tmp_path_factory.mktemp("validation") / "results")
+
+
+@pytest.fixture(scope="module")
+def links(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
+    """The same of one group, for the tests that are not slow."""
+    return short_run(tmp_path_factory.mktemp("links") / "results", "--only", "links")
+
+
+def short_run(output: Path, *options: str) -> tuple[Path, str]:
+    done = run_script("--quick", "--output", output, *options)
     assert done.returncode == 0, done.stdout + done.stderr
     return output, done.stdout
 
@@ -42,25 +51,22 @@ def record() -> dict[str, Any]:
 # --- end to end -----------------------------------------------------------------------------------------------
 
 
-def test_the_short_version_passes(short: tuple[Path, str]) -> None:
-    output, printed = short
+def assert_passed(run: tuple[Path, str], names: tuple[str, ...]) -> None:
+    """All checks of some groups, each told with its reason; and their pictures, tables and data."""
+    from scripts.validation.groups import GROUPS
+
+    output, printed = run
     summary = json.loads((output / "summary.json").read_text())
     assert summary["passed"]
     assert summary["quick"]
-    assert tuple(summary["groups"]) == NAMES
-    assert {check["group"] for check in summary["checks"]} == set(NAMES)
+    assert tuple(summary["groups"]) == names
+    assert {check["group"] for check in summary["checks"]} == set(names)
     for check in summary["checks"]:
         assert check["passed"]
         assert check["name"] in printed
         assert f"because {check['reason']}" in printed
     assert "NOT RUN" not in printed
-
-
-def test_every_group_has_its_pictures_tables_and_data(short: tuple[Path, str]) -> None:
-    from scripts.validation.groups import GROUPS
-
-    output, _ = short
-    for group in GROUPS:
+    for group in (group for group in GROUPS if group.name in names):
         assert group.drawings
         for name in group.drawings:
             for suffix in ("png", "svg"):
@@ -69,12 +75,20 @@ def test_every_group_has_its_pictures_tables_and_data(short: tuple[Path, str]) -
         assert (output / group.name / "result.json").exists()
 
 
-def test_what_is_up_to_date_is_not_run_again(short: tuple[Path, str], tmp_path: Path) -> None:
+def test_a_group_passes(links: tuple[Path, str]) -> None:
+    assert_passed(links, ("links",))
+
+
+@pytest.mark.slow
+def test_the_short_version_passes(short: tuple[Path, str]) -> None:
+    assert_passed(short, NAMES)
+
+
+def test_what_is_up_to_date_is_not_run_again(links: tuple[Path, str], tmp_path: Path) -> None:
     output = tmp_path / "copy"
-    shutil.copytree(short[0], output)
-    links = ("--quick", "--only", "links", "--output", str(output))
-    assert "from an earlier run" in run_script(*links).stdout
-    assert "from an earlier run" not in run_script(*links, "--fresh").stdout
+    shutil.copytree(links[0], output)
+    assert "from an earlier run" in short_run(output, "--only", "links")[1]
+    assert "from an earlier run" not in short_run(output, "--only", "links", "--fresh")[1]
 
 
 # --- the machinery --------------------------------------------------------------------------------------------
@@ -125,7 +139,7 @@ class StubBase:
     figure: float = 0.0
     needs: tuple[str, ...] = ()
     title: str = "A stub"
-    module: str = "checks"
+    module: str = "scripts.validation.checks"
     drawings: tuple[str, ...] = ()
 
     def run(self, settings: Any) -> Any:
@@ -204,15 +218,22 @@ def test_the_key_knows_files_in_subfolders(where: str, tmp_path: Path, monkeypat
     assert runner.key(GROUPS[0], True) != before
 
 
-def test_a_run_of_some_groups_keeps_the_others_in_the_summary(short: tuple[Path, str], tmp_path: Path) -> None:
-    output = tmp_path / "copy"
-    shutil.copytree(short[0], output)
-    run_script("--quick", "--only", "links", "--output", str(output))
-    assert tuple(json.loads((output / "summary.json").read_text())["groups"]) == NAMES
-    (output / "arm" / "result.json").unlink()
-    done = run_script("--quick", "--only", "links", "--output", str(output))
-    assert "left out: arm" in done.stdout
-    assert "arm" not in json.loads((output / "summary.json").read_text())["groups"]
+def test_a_run_of_some_groups_keeps_the_others_in_the_summary(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(validate, "GROUPS", [StubBase("a"), StubBase("b")])
+    monkeypatch.setattr(validate, "NAMES", ("a", "b"))
+
+    def groups_after(*options: str) -> tuple[str, ...]:
+        monkeypatch.setattr(sys, "argv", ["validation", "--quick", "--output", str(tmp_path), *options])
+        with pytest.raises(SystemExit):
+            validate.main()
+        return tuple(json.loads((tmp_path / "summary.json").read_text())["groups"])
+
+    assert groups_after("--only", "a", "b") == groups_after("--only", "a") == ("a", "b")
+    (tmp_path / "b" / "result.json").unlink()
+    assert groups_after("--only", "a") == ("a",)
+    assert "left out: b" in capsys.readouterr().out
 
 
 def test_the_short_version_has_a_folder_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -220,22 +241,20 @@ def test_the_short_version_has_a_folder_of_its_own(tmp_path: Path, monkeypatch: 
     monkeypatch.setattr(validate, "NAMES", ("a",))
     monkeypatch.chdir(tmp_path)
     for options, folder in (([], "validation"), (["--quick"], "validation-quick")):
-        monkeypatch.setattr(sys, "argv", ["validate.py", "--only", "a", *options])
+        monkeypatch.setattr(sys, "argv", ["validation", "--only", "a", *options])
         with pytest.raises(SystemExit):
             validate.main()
         assert json.loads((tmp_path / "results" / folder / "summary.json").read_text())["quick"] == bool(options)
 
 
 def test_bad_options_are_refused(tmp_path: Path) -> None:
-    done = run_script("--only", "nothing", "--output", str(tmp_path / "x"))
-    assert done.returncode == 1
-    assert "only = ('nothing',): must be one or more of" in done.stderr
+    said = refusal("validation", "--only", "nothing", "--output", tmp_path / "x")
+    assert "only = ('nothing',): must be one or more of" in said
     assert not (tmp_path / "x").exists()
     file = tmp_path / "file"
     file.write_text("kept")
-    done = run_script("--only", "links", "--output", str(file / "folder"))
-    assert done.returncode == 1
-    assert f"output = {file / 'folder'}: {file} is a file; must be a folder" in done.stderr
+    said = refusal("validation", "--only", "links", "--output", file / "folder")
+    assert f"output = {file / 'folder'}: {file} is a file; must be a folder" in said
     assert file.read_text() == "kept"
 
 
@@ -270,11 +289,11 @@ def test_the_page_shows_the_record() -> None:
         assert all(f"(figures/validation/{name}.png)" in page for name in group.drawings)
 
 
-def test_the_record_agrees_with_a_new_run(short: tuple[Path, str]) -> None:
+def assert_agrees_with_the_record(run: tuple[Path, str], names: tuple[str, ...]) -> None:
     """Where the short version does the same work: names, thresholds, and figures."""
     fresh, committed = (
         {(c["group"], c["name"]): c for c in summary["checks"]}
-        for summary in (json.loads((short[0] / "summary.json").read_text()), record())
+        for summary in (json.loads((run[0] / "summary.json").read_text()), record())
     )
     for key, check in fresh.items():
         if key[0] in UNCHANGED:
@@ -283,8 +302,17 @@ def test_the_record_agrees_with_a_new_run(short: tuple[Path, str]) -> None:
             for bound in ("least", "most"):  # one that is computed has its last digits from the machine's LAPACK
                 assert check[bound] == (None if old[bound] is None else pytest.approx(old[bound], rel=1e-9)), key
             assert check["figure"] == pytest.approx(old["figure"], rel=0.02, abs=1e-10), key
-    for group in NAMES:
+    for group in names:
         assert {key for key in fresh if key[0] == group} & {key for key in committed if key[0] == group}
+
+
+def test_the_record_of_a_group_agrees_with_a_new_run(links: tuple[Path, str]) -> None:
+    assert_agrees_with_the_record(links, ("links",))
+
+
+@pytest.mark.slow
+def test_the_record_agrees_with_a_new_run(short: tuple[Path, str]) -> None:
+    assert_agrees_with_the_record(short, NAMES)
 
 
 def test_figures_in_the_text_match_the_record() -> None:

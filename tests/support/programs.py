@@ -1,9 +1,17 @@
 """The programs of this repository, run as a user runs them."""
 
+import importlib
+import io
 import os
 import subprocess
 import sys
+from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
+from unittest.mock import patch
+
+import pytest
+
+from scripts.common.command_line import run
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -13,3 +21,18 @@ def run_study(module: str, *arguments: str | Path, **options: object) -> subproc
     command = [sys.executable, "-m", f"scripts.{module}", *map(str, arguments)]
     environment = os.environ | {"PYTHONPATH": str(ROOT)}
     return subprocess.run(command, env=environment, capture_output=True, text=True, check=False, **options)  # type: ignore[call-overload, no-any-return]
+
+
+def refusal(module: str, *arguments: object) -> str:
+    """What a study says of bad input before it ends; in this process, since one of its own takes seconds to start."""
+    main = importlib.import_module(f"scripts.{module}.__main__").main
+    said = io.StringIO()
+    with (
+        patch.object(sys, "argv", [module, *map(str, arguments)]),
+        redirect_stdout(said),
+        redirect_stderr(said),
+        pytest.raises(SystemExit) as ended,
+    ):
+        run(main)
+    assert ended.value.code not in (0, None)
+    return f"{said.getvalue()}{ended.value.code}"

@@ -1,4 +1,4 @@
-"""A chain of another engine (`mujoco_chain`) and a model of ours, moved and looked at in the same way.
+"""A chain of another engine (`flexarm_env.chain`) and a model of ours, moved and looked at in the same way.
 
 **Shapes.** A link's deflection is read in the same way off a model and off a chain: w(x) is the integral over arc
 length of the angle between tangent and root tangent, which is what strain gauges know (w'' is the curvature), and what
@@ -95,7 +95,7 @@ class Chain:
             elements: bending elements a link, one less than segments.
             arm: the arm.
             angle: largest product of step and fastest rate.
-            damping: see `mujoco_chain`.
+            damping: see `flexarm_env.chain`.
         """
         self.parameters = arm
         self.model = chain.chain_model(elements + 1, arm, damping=damping)

@@ -2,13 +2,13 @@
 
 Encoders and the late sensor read the arm itself. The strain gauges' modal coordinates are read off the deflection: that
 part of it which the environment's own modes can express (`engine_chain.Gauges`). The parts and their scales are the
-environment's; on its own arm this gives its own observations (tests/test_validation_engine.py).
+environment's; on its own arm this gives its own observations (tests/scripts/test_validation_engine.py).
 """
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from flexarm_env.envs.single import FlexArmEnv
 from flexarm_env.episode.features import Known, features, joint_aim
@@ -34,12 +34,14 @@ class Observer:
         s = self.settings = env.settings
         if (s.sensor, s.action_mode) != ("true", "torque") or s.noise or s.jitter or s.hold or s.dropout:
             raise ValueError("env: must be driven by torques and have a late 'true' sensor without noise or losses")
+        if isinstance(s.delay, tuple):
+            raise ValueError(f"env: delay = {s.delay}: must be one number; a 'true' sensor has one reading")
         self.periods = round(s.control_period / HELD)
         self._blocks, self._scale = env.observation_blocks, env.observation_scale
         self._path, self._gauges = s.paths[0], Gauges(env.arm)
         self._lengths = env.arm.parameters.link_lengths
         self._branch = 1.0 if s.elbow_branch == "positive" else -1.0
-        self._delay = (sum(self._lengths) / s.wave_speed) if s.delay is None else float(s.delay)
+        self._delay = (sum(self._lengths) / s.wave_speed) if s.delay is None else s.delay
         self._tips: list[Array] = []
         self._error = np.zeros(2)
 
@@ -58,7 +60,7 @@ class Observer:
         known = self._known(plant.look(), time)
         seen = features(known)
         modal, modal_rates = self._gauges.modal(plant.bend())
-        parts = {
+        parts: dict[str, ArrayLike] = {
             "elbow_direction": seen.directions[:2],
             "joint_rates": known.measured[2:],
             "joint_error": seen.joint_error,
@@ -75,7 +77,7 @@ class Observer:
         }
         observation = np.empty(len(self._scale))
         for name, place in self._blocks.items():
-            observation[place] = parts[name]
+            observation[place] = np.asarray(parts[name])
         return (observation / self._scale).astype(np.float32)
 
     def _known(self, sight: Sight, time: float) -> Known:
@@ -90,9 +92,9 @@ class Observer:
             measured=[*sight.joints, *sight.rates],
             reference=reference,
             joint=joint_aim(self._lengths, self._branch, reference, sight.joints[0]),
-            sensed=reading,
-            sensor_error=error,
-            sensor_error_rate=error_rate,
+            sensed=reading.tolist(),
+            sensor_error=error.tolist(),
+            sensor_error_rate=error_rate.tolist(),
             lengths=self._lengths,
             phase=time / self.settings.lap_time % 1.0,
             frame=1.0 if self.settings.frame == "link" else 0.0,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -30,7 +31,7 @@ def draw(result: Result, folder: Path) -> None:
     on_the_square(records, arrays, folder)
 
 
-def convergence(records: dict[str, Any], folder: Path) -> None:
+def convergence(records: Mapping[str, Any], folder: Path) -> None:
     """Tip error of chains by elements; of models by modes, at the smallest and at full amplitude."""
     rows = records["convergence"]
     figure, axes = plt.subplots(1, 3, figsize=(15, 5.0))
@@ -111,7 +112,7 @@ def _visible(error: Array) -> Array:
     return np.where(error > 0.0, 1e3 * error, np.nan)
 
 
-def validity(records: dict[str, Any], arrays: dict[str, Array], folder: Path) -> None:
+def validity(records: Mapping[str, Any], arrays: dict[str, Array], folder: Path) -> None:
     """Error by deflection in the programmes; and by deflection and spin."""
     maps = [key.removeprefix("map ") for key in arrays if key.startswith(("map linear", "map foreshortened"))]
     figure, axes = plt.subplots(2, max(2, len(maps)), figsize=(17, 9.2))
@@ -126,11 +127,11 @@ def validity(records: dict[str, Any], arrays: dict[str, Array], folder: Path) ->
         axis.minorticks_off()
     for axis, label in zip(axes[1], maps, strict=False):
         spins = np.broadcast_to(arrays["map spins"][:, None], arrays["map bends"].shape)
-        errors = np.minimum(1e3 * arrays[f"map {label}"], 1e6)
+        mapped = np.minimum(1e3 * arrays[f"map {label}"], 1e6)
         colours = axis.scatter(
-            spins, 100.0 * arrays["map bends"], c=errors, s=190, marker="s", cmap="viridis", norm=LogNorm(1e-2, 1e3)
+            spins, 100.0 * arrays["map bends"], c=mapped, s=190, marker="s", cmap="viridis", norm=LogNorm(1e-2, 1e3)
         )
-        outside = errors > LIMIT
+        outside = mapped > LIMIT
         axis.plot(spins[outside], 100.0 * arrays["map bends"][outside], "x", color="#D55E00", markersize=7)
         axis.set(title=label, yscale="log", xlabel="spin / first clamped frequency", ylim=(0.2, 25.0))
         axis.set_yticks(PERCENT, [f"{x:g}" for x in PERCENT])
@@ -142,7 +143,7 @@ def validity(records: dict[str, Any], arrays: dict[str, Array], folder: Path) ->
     save(figure, folder, "engine_validity")
 
 
-def on_the_square(records: dict[str, Any], arrays: dict[str, Array], folder: Path) -> None:
+def on_the_square(records: Mapping[str, Any], arrays: dict[str, Array], folder: Path) -> None:
     """The chain's lap, and every model's distance from it over time."""
     labels = list(dict.fromkeys(row["model"] for row in records["square"] if not row["model"].startswith("chain")))
     colours = {label: plt.get_cmap("tab10")(i) for i, label in enumerate(labels)}

@@ -47,7 +47,7 @@ class Programme:
 
     def torques(self) -> Array:
         """Held torques [N m]. Shape (steps, 2)."""
-        time = HELD * np.arange(round(self.duration / HELD))
+        time = HELD * np.arange(round(self.duration / HELD), dtype=float)
         return self.amplitude * self.shape(time)
 
     def parameters(self, **model: Any) -> ArmParameters:

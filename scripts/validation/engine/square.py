@@ -6,8 +6,8 @@ off half a second after it was set on the chain's state, under the agent's torqu
 
 Under the laws nothing is damped. The agent was trained with 1 % of modal damping, on two modes a link, and drives
 modes that it does not know and that are damped by no more unstable. So under it the chain is damped in three ways
-(`mujoco_chain`): in proportion to the springs, which is the reference; by 1 % of every mode that it has; and by 1 % of
-the first two modes alone, the others more.
+(`flexarm_env.chain`): in proportion to the springs, which is the reference; by 1 % of every mode that it has; and by
+1 % of the first two modes alone, the others more.
 """
 
 from __future__ import annotations
@@ -34,6 +34,7 @@ from flexarm_env import (
     square_loop,
 )
 from flexarm_env.chain.model import Damping
+from flexarm_env.envs.single import FlexArmEnv
 from flexarm_env.rollout import run_batch
 from flexarm_env.simulation.closed_loop import observation_blocks
 from scripts.validation.engine.chain import HELD, Chain, Gauges, Modal, Plant
@@ -111,9 +112,11 @@ def agent_lap(trained: Trained, plant: Plant, seconds: float, models: Sequence[F
         models: whose states are read off the arm.
     """
     env = trained.make_env().unwrapped
+    assert isinstance(env, FlexArmEnv)
     observer, limit = Observer(env), np.array(env.settings.action_limit)
     gauges, action = [Gauges(arm) for arm in models], np.zeros(2)
-    tips, torques, deflections, states = [plant.look().tip[None]], [], [], [[] for _ in models]
+    tips, torques, deflections = [plant.look().tip[None]], [], []
+    states: list[list[Array]] = [[] for _ in models]
     for _ in range(round(seconds / env.settings.control_period)):
         observer.note(tips[-1])
         for gauge, rows in zip(gauges, states, strict=True):
@@ -196,7 +199,9 @@ def agent(
     rows.append(_lap_row("agent", f"chain, {elements[1]} elements", fine.tip, truth) | _torque_change(fine))
     arrays = {"agent chain": truth}
     others: dict[str, Lap] = {}
-    for damping, n in (("two modes", elements[1]), ("modal", elements[0]), ("modal", elements[1])):
+    coarse_count, fine_count = elements
+    damped: list[tuple[Damping, int]] = [("two modes", fine_count), ("modal", coarse_count), ("modal", fine_count)]
+    for damping, n in damped:
         progress(f"the agent on the chain, damped by {damping}, {n} elements")
         label = f"chain, {DAMPINGS[damping]}, {n} elements"
         others[label] = lap = agent_lap(trained, on_corner(ArmParameters(), n, damping), seconds)

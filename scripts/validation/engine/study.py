@@ -166,7 +166,7 @@ def part_rows(programme: Programme, cases: dict[float, Case]) -> list[dict[str, 
 def drawn(programme: Programme, found: Case) -> dict[str, Array]:
     """What the pictures need of a programme at amplitude 1."""
     name = programme.name
-    arrays = {f"{name} time": HELD * np.arange(len(found.reference.tip))}
+    arrays = {f"{name} time": HELD * np.arange(len(found.reference.tip), dtype=float)}
     arrays |= {f"{name} chain {n}": apart(chain, found.reference) for n, chain in found.chains.items()}
     for m in SHOWN:
         error = found.errors.get(m)

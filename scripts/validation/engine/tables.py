@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 from scripts.common.markdown import table
@@ -21,7 +22,7 @@ def tables(findings: Findings) -> dict[str, str]:
     }
 
 
-def _labels(records: dict[str, Any]) -> list[str]:
+def _labels(records: Mapping[str, Any]) -> list[str]:
     return list(dict.fromkeys(row["model"] for row in records["errors"]))
 
 
@@ -33,7 +34,7 @@ def _both(row: dict[str, Any]) -> str:
     return f"{_mm(row['rms'])} / {_mm(row['maximum'])}"
 
 
-def _error_table(records: dict[str, Any]) -> str:
+def _error_table(records: Mapping[str, Any]) -> str:
     rows = records["convergence"]
     programmes = [row["programme"] for row in rows]
     header = ["tip [mm]: r.m.s. / largest; angles [mrad]", *(name.replace("_", " ") for name in programmes)]
@@ -54,7 +55,7 @@ def _error_table(records: dict[str, Any]) -> str:
     return table(header, lines)
 
 
-def _part_table(records: dict[str, Any]) -> str:
+def _part_table(records: Mapping[str, Any]) -> str:
     programmes = [row["programme"] for row in records["convergence"]]
     header = ["truncation + rest [mm], order", *(name.replace("_", " ") for name in programmes)]
     by_key = {(row["programme"], row["model"]): row for row in records["parts"]}
@@ -66,7 +67,7 @@ def _part_table(records: dict[str, Any]) -> str:
     return table(header, rows)
 
 
-def _limit_table(records: dict[str, Any]) -> str:
+def _limit_table(records: Mapping[str, Any]) -> str:
     names = [name for name in records["limits"][0] if name != "model"]
 
     def cell(limit: float | None, name: str) -> str:
@@ -82,7 +83,7 @@ def floored(value: float) -> str:
     return f"{int(10.0 * value) / 10.0:.1f}"
 
 
-def _spin_table(records: dict[str, Any]) -> str:
+def _spin_table(records: Mapping[str, Any]) -> str:
     names = [name for name in records["spins"][0] if name != "model"]
     rows = [
         [row["model"], *(f"> {FASTEST:g}" if row[n] is None else f"{row[n]:.2g}" for n in names)]
@@ -91,7 +92,7 @@ def _spin_table(records: dict[str, Any]) -> str:
     return table([f"spin / {FIRST_CLAMPED:.2f} rad/s", *names], rows)
 
 
-def _square_table(records: dict[str, Any]) -> str:
+def _square_table(records: Mapping[str, Any]) -> str:
     header = (
         "tip on the square [mm]",
         "who drives",
@@ -117,7 +118,7 @@ def _square_table(records: dict[str, Any]) -> str:
     return table(header, rows)
 
 
-def error_of(records: dict[str, Any], programme: str, label: str, amplitude: float = 1.0) -> dict[str, Any]:
+def error_of(records: Mapping[str, Any], programme: str, label: str, amplitude: float = 1.0) -> dict[str, Any]:
     """The row of a programme, a model's label, and an amplitude."""
     return next(
         row
