@@ -1,4 +1,4 @@
-"""Checkpoints: all that a training goes on from, so that one that was interrupted ends in the same bits."""
+"""Checkpoints: all that a training goes on from, so that an interrupted training ends bitwise identical to an uninterrupted one."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from stable_baselines3.common.vec_env import VecMonitor
 
 from flexarm_agents.run_folder import put
 from flexarm_agents.vec_env import FlexArmVecEnv
+from flexarm_env.kernels.stamp import LayoutError
 
 _MODEL, _REST = "model.zip", "rest.pickle"
 WORST = (2**31, 0.0)  # a rank that every evaluation beats
@@ -83,13 +84,18 @@ def load_checkpoint(path: Path) -> tuple[PPO, Progress]:
         set to what they were.
 
     Raises:
-        ValueError: if the file is not a checkpoint.
+        ValueError: if the file is not a checkpoint, or one of a version whose batches this one cannot continue.
     """
     try:
         with zipfile.ZipFile(path) as file:
             model_bytes, rest = file.read(_MODEL), pickle.loads(file.read(_REST))
     except (zipfile.BadZipFile, KeyError, pickle.UnpicklingError, EOFError) as error:
         raise ValueError(f"{path}: not a checkpoint ({error})") from error
+    except (LayoutError, AttributeError, ImportError) as error:  # the last two: a name of another version
+        raise ValueError(
+            f"{path}: a checkpoint of another version ({error}); resume it with the version that wrote it, or train "
+            "anew in another folder"
+        ) from error
     monitor = VecMonitor(FlexArmVecEnv(rest["env"]))
     monitor.episode_returns, monitor.episode_lengths = rest["episodes"]
     model = PPO.load(io.BytesIO(model_bytes), env=monitor, device="cpu", force_reset=False)

@@ -26,6 +26,7 @@ from flexarm_env.episode.step import GAIN, TORQUE, TRACKING
 from flexarm_env.kernels.entries import CLOCK_ROWS, clock_row, column, drawn, extent, header
 from flexarm_env.kernels.imex import failures
 from flexarm_env.kernels.layout import beginning_sizes, episode_sizes
+from flexarm_env.kernels.stamp import check_stamp, layout_stamp
 from flexarm_env.kernels.variants import Variant
 
 Array = NDArray[np.float64]
@@ -242,16 +243,28 @@ class Fleet:
     def __getstate__(self) -> dict[str, Any]:
         """Without views, which would come back as copies, and without what cannot be pickled or written to."""
         left_out = (*VIEWS, "everyone", "_pool", "_step_kernel", "only_step")
-        return {name: value for name, value in self.__dict__.items() if name not in left_out}
+        kept = {name: value for name, value in self.__dict__.items() if name not in left_out}
+        return {"layout_stamp": self._stamp(), **kept}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        """Link the views again."""
-        self.__dict__.update(state)
-        self._memory = blank(len(state["_memory"]))
-        self._memory[:] = state["_memory"]
+        """Link the views again.
+
+        Raises:
+            LayoutError: if the memory has another layout than a new batch with these settings.
+        """
+        found, kept = state.get("layout_stamp"), {**state}
+        kept.pop("layout_stamp", None)
+        anew = Fleet(kept["settings"], kept["count"], kept["_threads"])
+        check_stamp("the batch", found, anew._stamp())
+        self.__dict__.update(kept)
+        self._memory = blank(len(kept["_memory"]))
+        self._memory[:] = kept["_memory"]
         self._link()
         if self._keys.any():  # an episode has begun
             self._use(self.compile())
+
+    def _stamp(self) -> str:
+        return layout_stamp(self._variant, self._parts)
 
 
 def _variant(settings: Settings, program: Program, lanes: int) -> Variant:

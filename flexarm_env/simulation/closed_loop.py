@@ -16,6 +16,7 @@ from flexarm_env.codegen import assembly, cache
 from flexarm_env.kernels.entries import CLOCK_ROWS, clock_row, extent
 from flexarm_env.kernels.imex import LOOP, failures
 from flexarm_env.kernels.layout import arm_rows
+from flexarm_env.kernels.stamp import check_stamp, layout_stamp
 from flexarm_env.kernels.variants import Variant
 from flexarm_env.physics.paths import ReferencePath
 from flexarm_env.simulation.arm import FlexibleArm
@@ -131,12 +132,26 @@ class ClosedLoop:
     def __getstate__(self) -> dict[str, Any]:
         """Without the views, which would come back as copies."""
         views = ("_flat_arenas", "_flat_histories", "_gain_rows")
-        return {name: value for name, value in self.__dict__.items() if name not in views}
+        kept = {name: value for name, value in self.__dict__.items() if name not in views}
+        return {"layout_stamp": self._stamp(), **kept}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        """Link the views again."""
-        self.__dict__.update(state)
+        """Link the views again.
+
+        Raises:
+            LayoutError: if the memory has another layout than a new batch of these cases.
+        """
+        found, kept = state.get("layout_stamp"), {**state}
+        kept.pop("layout_stamp", None)
+        self.__dict__.update(kept)
+        self._allocate()
+        check_stamp("the closed loop", found, self._stamp())
+        self.__dict__.update(kept)
         self._link()
+
+    def _stamp(self) -> str:
+        arrays = {"ARENAS": self._arenas, "HISTORIES": self._histories, "CLOCKS": self._clocks}
+        return layout_stamp(self._variant, arrays)
 
     def __len__(self) -> int:
         """Number of arms."""
