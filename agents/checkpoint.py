@@ -1,4 +1,4 @@
-"""Checkpoints: all that a training goes on from, so that an interrupted training ends bitwise identical to an uninterrupted one."""
+"""Checkpoints: all that a training needs to go on; interrupted or not, its results are bitwise identical."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """The map between an action in [-1, 1] and what it stands for: a torque, a shift, a gain.
 
 Symbols: ``lambda`` the gain that multiplies the control law's torque (14), dimensionless. The baselines
-write actions with it; the kernels read them by the same formula (`drives`), as tests hold them to.
+write actions with it; the kernels read them by the same formula (`actuation`), as tests hold them to.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""Assembles the kernels: one module per variant, made when first used; `kernel_cache` compiles and keeps them.
+"""Assembles the kernels: one module per variant, made when first used; `cache` compiles and keeps them.
 
 A variant fixes what the compiler should know: program, number of modes, velocity forces, sensor model, lanes of a block
 (`variants`). Its module is one text: the program's entry points and all that they call, drivers as they are lowered for
-the variant (`lowering`), recorded kernels (`recorded`), intrinsics of the processor (`machine`).
+the variant (`lowering`), recorded kernels (`recorded`), intrinsics of the processor (`intrinsics`).
 The module's name carries a hash of its text.
 """
 
@@ -60,7 +60,7 @@ class _Assembly:
             text = function.formula(self.variant)
             calls = called_in(text, function.calls)
         elif not isinstance(function, FunctionType | Intrinsic):
-            raise TypeError(f"{name} of a library: kernel modules do not import it (`kernels._IMPORTS`)")
+            raise TypeError(f"{name} of a library: kernel modules do not import it (`assembly._IMPORTS`)")
         else:
             lowered = Lowered(function)
             text, calls = str(lowered), lowered.calls

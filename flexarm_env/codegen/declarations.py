@@ -1,4 +1,4 @@
-"""What drivers declare for the assembler (`kernels`): places in tables, recorded kernels, intrinsics, programs.
+"""What drivers declare for the assembler (`assembly`): places in tables, recorded kernels, intrinsics, programs.
 
 A driver is a plain function of numpy arrays. Where its numbers lie, and what its recorded kernels compute, depends on
 the variant of the kernels. The assembler writes that into the text that it compiles; in plain Python drivers look it

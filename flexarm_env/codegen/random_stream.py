@@ -2,7 +2,7 @@
 
 An episode's key is drawn from the environment's `np_random` at its reset; everything random after that comes from
 here, in the kernel, so that an environment sees the same episode alone, in a batch, and whatever its neighbours do.
-Compiled into the kernels as it stands (`kernels`).
+Compiled into the kernels as it stands (`assembly`).
 """
 
 from __future__ import annotations

@@ -1,10 +1,10 @@
 """Records what a function of numbers does and writes it down as straight-line code.
 
-The physics is written once, as plain functions with loops over modes and matrices (`dynamics`, `closed_loop`).
+The physics is written once, as plain functions with loops over modes and matrices (`dynamics`, `jacobian_transpose`).
 Called with floats or numpy arrays these functions compute. Called with `Expression` objects they are recorded,
 and the record is compiled: loops over modes are gone, shared subexpressions are computed once, and the compiler
 can vectorise the result over the environments of a batch. No operation is reordered, but a product that one sum alone
-uses is fused with it (`machine.fused`): rounded once, in one instruction, wherever the code runs.
+uses is fused with it (`intrinsics.fused`): rounded once, in one instruction, wherever the code runs.
 """
 
 from __future__ import annotations
@@ -221,7 +221,7 @@ def floor(x: Any) -> Any:
 def quarter_turns(k: Any, sine: Any, cosine: Any) -> tuple[Any, Any]:
     """Sine and cosine of an angle k quarter turns on; k is a whole number, as a float.
 
-    Kernels have an intrinsic for it (`machine.quarter_turns`), which spares the processor's multipliers.
+    Kernels have an intrinsic for it (`intrinsics.quarter_turns`), which spares the processor's multipliers.
     """
     if isinstance(k, Expression):
         turned = k.trace.call("quarter_turns", (k, sine, cosine), 2)

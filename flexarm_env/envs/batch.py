@@ -35,7 +35,7 @@ Array = NDArray[np.float64]
 COSTS = {8: 1.0, 32: 2.9, 128: 10.8, 344: 27.5}
 assert all(lanes % TILE == 0 for lanes in COSTS)  # so observations are written
 PROGRAMS = {"torque": TORQUE, "residual": TRACKING, "reference": TRACKING, "gain": GAIN}
-REASONS: dict[float, str | None] = {-2.0: "deflection", -3.0: "error"}  # beside those of a state (`episodes.judge`)
+REASONS: dict[float, str | None] = {-2.0: "deflection", -3.0: "error"}  # beside those of a state (`observe.judge`)
 # Attributes that are views of the memory.
 VIEWS = (
     *("_plan", "_arenas", "_clocks", "_keys", "_starts", "_orders", "_paths"),
@@ -203,7 +203,7 @@ class Fleet:
             self._pool = None
 
     def beginnings(self) -> Array:
-        """What describes the present episodes (`rows.beginning_sizes`), in a new array. Shape (N, k)."""
+        """What describes the present episodes (`layout.beginning_sizes`), in a new array. Shape (N, k)."""
         first = self._rows["EPISODE"][0]
         rows = self._arenas[:, first : first + sum(beginning_sizes(self._rows).values())]
         return np.moveaxis(rows, 1, 2).reshape(-1, rows.shape[1])[: self.count].copy()

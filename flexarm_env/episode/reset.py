@@ -1,6 +1,6 @@
 """Drivers that begin episodes: what is drawn for them, where the arm starts, and what its delay line holds.
 
-`stepping` explains lanes, blocks and arenas.
+`imex` explains lanes, blocks and arenas.
 """
 
 from __future__ import annotations
@@ -111,7 +111,7 @@ def draw_moves(path: Path, key: np.uint64, settings: Table) -> None:
     `Setting.MOVES` sets, theta1's way is the shorter one.
 
     Args:
-        path: to be filled; evenly timed, see `sides.reference_at`. Shape (n, 5).
+        path: to be filled; evenly timed, see `polyline.reference_at`. Shape (n, 5).
         key: of the episode.
         settings: see `entries.Setting`.
     """

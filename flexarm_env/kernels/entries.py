@@ -1,4 +1,4 @@
-"""The places of the tables that kernels read beside their arenas (`rows`), each declared once."""
+"""The places of the tables that kernels read beside their arenas (`layout`), each declared once."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class Shape(NamedTuple):
     Attributes:
         program: of the kernels.
         modes: per link.
-        foreshortened: kinematics (`links`).
+        foreshortened: kinematics (`bent_link`).
     """
 
     program: Program
@@ -161,7 +161,7 @@ class ClockRow(FixedNames):
 class Column(FixedNames):
     """Columns of an order for a new episode; NaN where the environment decides."""
 
-    START = Entry("how it starts (`starts.CORNER`)", "1")
+    START = Entry("how it starts (`reset.CORNER`)", "1")
     PHASE = Entry("moment of the lap", "s")
     PATH = Entry("which path", "1")
     DRAWN = Entry("quantities of the episode (`Drawn`)", "as in `Drawn`", QUANTITIES)

@@ -1,8 +1,8 @@
 """Drivers of the closed loop's kernels: loops over lanes, stages, steps and blocks.
 
 A *block* holds some environments, its lanes. All that is known of them is in its *arena*, one row of lanes for each
-quantity (`rows.Row`); their late readings are in its *delay line*, a ring of slots of four rows: two readings, two
-rates. `kernels` assembles these functions with recorded formulas into one module per variant and compiles that; here
+quantity (`layout.Row`); their late readings are in its *delay line*, a ring of slots of four rows: two readings, two
+rates. `assembly` joins these functions with recorded formulas into one module per variant and compiles that; here
 they are plain Python for reading, checking and testing (`declarations.plain_python`).
 """
 
@@ -130,7 +130,7 @@ def between(a: float, b: float, a_rate: float, b_rate: float, h: float, u: float
 def prepare_reading(
     arena: Arena, history: History, slots: int, slot: int, i: int, j: int, h: float, node: float
 ) -> None:
-    """Write offset and weight of reading j of lane i at t + node h (see `closed_loop.Law`).
+    """Write offset and weight of reading j of lane i at t + node h (see `jacobian_transpose.Law`).
 
     Readings at past steps are interpolated by cubic Hermite polynomials, whose error is of fourth order. A delay
     shorter than node h falls into the step at hand: the reading is then a parabola through the one at t, with its

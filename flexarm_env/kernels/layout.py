@@ -3,10 +3,10 @@
 An arena holds some environments, its lanes: one row of numbers for each quantity (`arrays`). A program's groups say
 which rows its arenas have:
 
-- "law": the paper's law acts (`closed_loop`),
-- "tracking": the joint-space law tracks the reference (`tracking`),
-- "loop": the paper's closed loop (`simulation`),
-- "environment": an environment (`periods`).
+- "law": the paper's law acts (`jacobian_transpose`),
+- "tracking": the joint-space law tracks the reference (`joint_tracking`),
+- "loop": the paper's closed loop (`simulation.closed_loop`),
+- "environment": an environment (`step`).
 """
 
 from __future__ import annotations
@@ -82,7 +82,7 @@ class Row(Names):
     RATE_WEIGHT = Entry("share of the current rates", "1", _law("rate_weight"), _LAW)
     DELAY = Entry("of the two readings in the law", "s", 2, _LAW)
     COMMAND_DELAY = Entry("of the commands of shoulder and elbow", "s", 2, _LAW)
-    COMMAND_SIDE = Entry("side of the path that the commands are on (`sides.Segment`)", "s, m, m/s", SIDE_ROWS, _LAW)
+    COMMAND_SIDE = Entry("segment of the path for the commands (`path_cache.Segment`)", "s, m, m/s", SIDE_ROWS, _LAW)
     RATE_LATE = Entry("whether the rates are as late as the readings", "1", 1, _LAW)
     Y_STAGE = Entry("coordinates of the stage", "rad, m", _size, _LAW)
     V_STAGE = Entry("rates of the stage", "rad/s, m/s", _size, _LAW)
@@ -114,7 +114,7 @@ class Row(Names):
     FRAME = Entry("1 for the link's frame, 0 for the world's", "1", 1, _ENVIRONMENT)
     PHASE = Entry("of the lap, 0 to 1", "1", 1, _ENVIRONMENT)
     PRESENT_SIDE = Entry(
-        "side of the path that the reference is on (`sides.Segment`)", "s, m, m/s", SIDE_ROWS, _ENVIRONMENT
+        "side of the path that the reference is on (`path_cache.Segment`)", "s, m, m/s", SIDE_ROWS, _ENVIRONMENT
     )
     NEXT_TIME = Entry("how long the next side takes", "s", 1, _ENVIRONMENT)
     NEXT_VELOCITY = Entry("of the reference on the next side", "m/s", 2, _ENVIRONMENT)
@@ -147,7 +147,7 @@ class Row(Names):
     START_TIME = Entry("path time at which the episode started", "s", 1, _ENVIRONMENT)
     # what the paper's closed loop reports begins here
     OBSERVATION = Entry(
-        "what a controller may know (`closed_loop.observation`)", STATE_UNIT, lambda s: 10 + 2 * s.modes, _LOOP
+        "what a controller may know (`jacobian_transpose.observation`)", STATE_UNIT, lambda s: 10 + 2 * s.modes, _LOOP
     )
     STATE = Entry("public state", STATE_UNIT, lambda s: 2 * s.size, _REPORTED)
     TORQUE = Entry("torques at the start of the period", "N m", 2, _REPORTED)
@@ -163,7 +163,7 @@ class Row(Names):
     ELBOW_CHANGES = Entry("how often ELBOW_SIDE has changed since the episode began", "1", 1, _ENVIRONMENT)
     SUCCESS = Entry("whether the tip was near the reference through the final rest", "1", 1, _ENVIRONMENT)
     REWARD = Entry("sum of the reward's terms", "1", 1, _ENVIRONMENT)
-    STATUS = Entry("0 for a valid state (`stepping.state_status`, `episodes.judge`)", "1", 1, _REPORTED)
+    STATUS = Entry("0 for a valid state (`imex.state_status`, `observe.judge`)", "1", 1, _REPORTED)
 
     TAIL = Entry("previews of the reference, then kept actions, the newest first", "m, 1", 0, _ENVIRONMENT)
 

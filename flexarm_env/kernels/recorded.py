@@ -136,7 +136,7 @@ SHARED = (*INTRINSICS, *ELEMENTARY)  # what recorded kernels may call
 
 
 def slope_source(variant: Variant) -> str:
-    """v' of one arm from what kernels know of it (`rows.arm_rows`), y, v, torques, S and C, in this order."""
+    """v' of one arm from what kernels know of it (`layout.arm_rows`), y, v, torques, S and C, in this order."""
     trace, size = Trace(), variant.size
     counts = {
         "k": variant.constants,
@@ -207,7 +207,7 @@ def step_kernel(arena: Arena, h: float, bases: tuple[Sequence[float], ...] = ())
     Args:
         arena: of one block.
         h: step [s].
-        bases: see `drives.hermite`, at the step's start, middle and end; under the joint-space law only.
+        bases: see `actuation.hermite`, at the step's start, middle and end; under the joint-space law only.
     """
 
 
@@ -238,7 +238,7 @@ def law_source(variant: Variant) -> str:
 
 @recorded(law_source, SHARED)
 def law_kernel(arena: Arena, h: float, ahead: float, explicit: Four, implicit: Four) -> None:
-    """One stage of the closed loop on every lane: combine earlier stages, then `closed_loop.law_stage`.
+    """One stage of the closed loop on every lane: combine earlier stages, then `jacobian_transpose.law_stage`.
 
     Args:
         arena: of one block; results in Y_STAGE, V_STAGE, MECHANICAL, FEEDBACK, TAU.
@@ -252,7 +252,7 @@ def law_kernel(arena: Arena, h: float, ahead: float, explicit: Four, implicit: F
 def elimination_source(variant: Variant) -> str:
     """What elimination knows of an arm, from its constants.
 
-    Rounded as Python rounds it for the kernels whose arms never change (`rows.arm_rows`).
+    Rounded as Python rounds it for the kernels whose arms never change (`layout.arm_rows`).
     """
     r = Recorder(variant)
     e = elimination(r.constants())

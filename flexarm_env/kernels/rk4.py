@@ -1,6 +1,6 @@
 """Drivers of the torque-driven arm's kernel: the classical Runge-Kutta method over lanes, steps and blocks.
 
-`stepping` explains lanes, blocks and arenas.
+`imex` explains lanes, blocks and arenas.
 """
 
 from __future__ import annotations

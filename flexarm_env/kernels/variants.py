@@ -23,7 +23,7 @@ class Variant:
         rate_jacobian: "delayed" or "current" (where the law acts).
         late: the law acts on the sensor's late readings; False: on the joints' own, whatever the sensor.
         own_paths: each episode draws a path of its own (environments only).
-        foreshortened: kinematics (`links`).
+        foreshortened: kinematics (`bent_link`).
         disturbed: noise, jitter, dropouts, a sensor with a clock of its own, or late torques can occur (environments
             only); they take time to compile.
     """

@@ -23,7 +23,7 @@ class Constants(NamedTuple):
     its tip; link 2 carries the elbow hub's inertia and the payload. ``translation_2`` is ``mass_2`` without the
     payload's rotary inertia, which has no centrifugal effect.
 
-    The last eight are empty with linear kinematics (`links`): S at the elbow, the moments of S, and of link 2 the
+    The last eight are empty with linear kinematics (`bent_link`): S at the elbow, the moments of S, and of link 2 the
     integral of S over mass.
     """
 

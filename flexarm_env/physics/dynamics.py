@@ -6,7 +6,7 @@ hold no branches on data and take sines and cosines as arguments.
 Symbols:
     a1, a2: absolute angles of the root tangents of link 1 and link 2 from the x axis [rad].
     q1, q2: modal coordinates of the links; a point of a link lies at (X, Y) along and across its root tangent: with
-        linear kinematics at (x, w), ``w(x) = sum_i phi_i(x) q_i`` [m] (3), or foreshortened (see `links`).
+        linear kinematics at (x, w), ``w(x) = sum_i phi_i(x) q_i`` [m] (3), or foreshortened (see `bent_link`).
     y = (a1, q1, a2, q2): the internal coordinates; v = dy/dt.
     theta1 = a1, theta2 = a2 - a1 - w1'(L1): the joint angles [rad], what encoders read.
     e_i, n_i: unit vectors along and across link i's root tangent; C, S: cosine and sine of a2 - a1.

@@ -9,7 +9,7 @@ the multiplications of a factorisation.
 
 The price is digits with a heavy payload: A holds all that link 1 carries, and the correction takes most of it away
 again. Without payload a solution is as good as a factorisation's, with 20 kg good to about 1e-10, with 1000 kg and four
-modes to 1e-6 (`tests/test_elimination.py`).
+modes to 1e-6 (`tests/physics/test_modal_elimination.py`).
 
 c1 and c2 are the `coupling` of the links: moments of inertia between root rotation and modes.
 """

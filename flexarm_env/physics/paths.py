@@ -1,7 +1,7 @@
 """Reference paths as pure functions of time: the square and others, corners abrupt, laps following each other.
 
 A path is a closed polyline travelled at constant speed on each side. The one rule that evaluates it
-(`sides.reference_at`) is compiled into the closed loop and used here as plain Python.
+(`polyline.reference_at`) is compiled into the closed loop and used here as plain Python.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ class ReferencePath:
 
     @property
     def rows(self) -> Array:
-        """The table with the velocity from each way-point on, as `sides.reference_at` reads it. Shape (n, 5)."""
+        """The table with the velocity from each way-point on, as `polyline.reference_at` reads it. Shape (n, 5)."""
         return with_velocities(self.table)
 
     @property

@@ -76,7 +76,7 @@ def command_delays(case: LoopCase, arm: FlexibleArm) -> tuple[float, float]:
 
 
 def case_rows(cases: Sequence[LoopCase], arm: FlexibleArm) -> dict[str, Array]:
-    """Rows of the arena that the cases set and no step changes, by name (`rows`). Shape (N, k) each."""
+    """Rows of the arena that the cases set and no step changes, by name (`layout`). Shape (N, k) each."""
     each = [_rows_of(case, arm) for case in cases]
     return {name: np.array([list(values[name]) for values in each]) for name in each[0]}
 

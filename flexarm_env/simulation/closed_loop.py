@@ -1,7 +1,7 @@
 """`ClosedLoop`: a batch of arms under the inner law, each with its own sensor and command delays.
 
 The gain lambda is held over a control period; the law itself acts in continuous time inside the integrator
-(`closed_loop`). One environment or many, the same compiled functions run.
+(`jacobian_transpose`). One environment or many, the same compiled functions run.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class Results(NamedTuple):
     """What a batch of N arms gives out at an instant.
 
     Attributes:
-        observation: what a controller may know (`closed_loop.Outputs`). Shape (N, 10 + 2 m).
+        observation: what a controller may know (`jacobian_transpose.observation`). Shape (N, 10 + 2 m).
         state: public states. Shape (N, 4 + 4 m).
         torque: the law's at the start of the period that ends now, with its gain [N m]; at the reset that of gain 0,
             none. Shape (N, 2).

@@ -13,10 +13,10 @@ import flexarm_agents
 from flexarm_agents import shipped_policies
 from flexarm_agents.commands import VERBS, main, show
 from flexarm_agents.commands.text import columns, from_markdown
-from flexarm_env.envs.termination import ENDS
 from flexarm_env.envs.documentation import table
 from flexarm_env.envs.registration import IDS
 from flexarm_env.envs.settings import Settings
+from flexarm_env.envs.termination import ENDS
 
 Captured = pytest.CaptureFixture[str]
 

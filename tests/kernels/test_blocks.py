@@ -12,7 +12,7 @@ from flexarm_env.envs.vector import FlexArmVectorEnv
 from tests.support.envs import GAIN, SQUARE, actions_for, assert_same, make, vector
 
 REACH = "FlexArm/Reach-v0"
-# Equally late readings without anything random, which a block takes from its delay line together (`sampling`).
+# Equally late readings without anything random, which a block takes from its delay line together (`sensor`).
 ALIKE: list[tuple[str, dict[str, Any]]] = [
     (SQUARE, {}),
     (SQUARE, {"delay": 0.0}),

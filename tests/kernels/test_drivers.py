@@ -205,6 +205,7 @@ def test_a_fleet_runs_in_plain_python_as_compiled(env_id: str, options: dict[str
 
 # --- declarations -----------------------------------------------------------------------------------------------------
 
+
 @pytest.mark.parametrize("table", TABLES, ids=lambda table: table.__name__)
 def test_each_place_says_what_it_is_and_in_which_unit(table: type[Names]) -> None:
     assert table.entries

@@ -1,6 +1,6 @@
 """The arm under its law, solved independently: material points, quadrature and a stiff scipy solver.
 
-The oracle knows nothing of `dynamics`, `closed_loop` or `stepping`. It sums inertia over material points in joint
+The oracle knows nothing of `dynamics`, `jacobian_transpose` or `imex`. It sums inertia over material points in joint
 coordinates, takes the law from the paper (docs/reproduction.md) line by line, and integrates by scipy's LSODA with
 relative tolerance 1e-9 by the method of steps: never a step longer than the shortest delay, the past read from the
 solver's own dense output, a fresh start wherever the right-hand side jumps.
@@ -155,7 +155,7 @@ def state_rate(x: Array, late: Array, command: Array, noise: complex, gain: floa
 
 
 def oracle_arm(arm: FlexibleArm) -> tuple[Any, ...]:
-    """What the oracle takes from the package: mode shapes, modal stiffness and frequencies (tests/test_modes.py)."""
+    """What the oracle takes from the package: mode shapes, modal stiffness and frequencies (see test_link_modes.py)."""
     p, (one, two) = arm.parameters, arm.modes
     nodes, weights = np.polynomial.legendre.leggauss(20)  # 4 modes: products oscillate over 3.5 waves a link
     points = [0.5 * length * (nodes + 1.0) for length in p.link_lengths]
