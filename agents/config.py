@@ -104,7 +104,7 @@ class TrainingConfig:
 
     @property
     def folder(self) -> Path:
-        """Where a run goes unless told otherwise."""
+        """The default folder of a run."""
         return Path("runs") / f"{self.environment.partition('/')[2]}-{self.seed}"
 
     def plain(self) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""Policies that look at nothing: they show what no control is worth."""
+"""Policies that ignore the observation: they show the score without control."""
 
 from __future__ import annotations
 

@@ -53,7 +53,7 @@ def changed(own: Options, options: Options, kinematics: str | None) -> dict[str,
 
 
 def from_training(source: str, options: Options, kinematics: str | None) -> Contender:
-    """A policy that was trained, on its own environment.
+    """Load a trained policy, with its own environment.
 
     Args:
         source: see `load_policy`.
@@ -70,7 +70,7 @@ def from_training(source: str, options: Options, kinematics: str | None) -> Cont
 
 
 def from_attribute(source: str, environment: str, options: Options) -> Contender:
-    """A policy out of a module: a class with `for_env` or without arguments, an object, or a function.
+    """Make a policy from a module: a class with `for_env` or without arguments, an object, or a function.
 
     Args:
         source: "module:attribute"; the module is looked for in the working directory, too.
@@ -94,7 +94,7 @@ def from_attribute(source: str, environment: str, options: Options) -> Contender
 
 
 def from_model(source: str, algorithm: str, environment: str, options: Options) -> Contender:
-    """A stable-baselines3 model, which must be from a source that you trust: reading it can execute code.
+    """Load a stable-baselines3 model, which must be from a source that you trust: reading it can execute code.
 
     Args:
         source: its zip file.
@@ -121,7 +121,7 @@ def from_model(source: str, algorithm: str, environment: str, options: Options) 
 
 
 def imported(source: str) -> Any:
-    """What "module:attribute" names.
+    """Import what "module:attribute" names.
 
     Raises:
         ImportError: if there is no such module.

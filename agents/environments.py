@@ -79,7 +79,7 @@ def make_one(environment: str, options: Mapping[str, Any] | None = None) -> gymn
 
 
 def make_batch(environment: str, num_envs: int, options: Mapping[str, Any] | None = None) -> FlexArmVectorEnv:
-    """A batch whose episodes begin in the step that ends the one before.
+    """Make a batch whose episodes begin in the step that ends the one before.
 
     Args:
         environment: their id.

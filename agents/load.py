@@ -38,7 +38,7 @@ class Trained:
     notes: dict[str, Any]
 
     def make_env(self, **options: Any) -> gymnasium.Env[Any, Any]:
-        """The environment it was trained on.
+        """Make the environment that it was trained on.
 
         Args:
             **options: changed ones, or `render_mode`; those that change observation or action do not fit the policy.

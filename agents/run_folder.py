@@ -54,7 +54,7 @@ class RunFolder:
         write_json(self.config, {"format": _FORMAT, **config.plain()})
 
     def read_config(self) -> TrainingConfig:
-        """The configuration of the training in the folder.
+        """Read the configuration of the training in the folder.
 
         Raises:
             FileNotFoundError: if there is no training.

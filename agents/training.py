@@ -85,7 +85,7 @@ def train(
 
 
 def new_model(config: TrainingConfig) -> PPO:
-    """An untrained model with its environments.
+    """Make an untrained model with its environments.
 
     Args:
         config: the configuration.

@@ -136,13 +136,13 @@ class FlexArmVecEnv(VecEnv):
         self.env.close()
 
     def get_images(self) -> Sequence[NDArray[np.uint8] | None]:
-        """A picture of each environment, Shape (size, size, 3); None without render mode."""
+        """Draw a picture of each environment, shape (size, size, 3); None without render mode."""
         return self.env.render() or [None] * self.num_envs
 
-    # --- what an environment is asked through a VecEnv -------------------------------------------------------------
+    # --- attributes and methods through a VecEnv -------------------------------------------------------------------
 
     def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
-        """An attribute of each environment; all share their attributes but `episode`.
+        """Return an attribute of each environment; all share their attributes but `episode`.
 
         Args:
             attr_name: of the vector environment; `observation_space` and `action_space` mean those of one.

@@ -72,7 +72,7 @@ class FLSAC(GainPolicy):
 
     @classmethod
     def for_env(cls, env: Any, **options: Any) -> FLSAC:
-        """The fuzzy gain for an environment, single or vector: takes over its modes, scales and gain limit.
+        """Make the fuzzy gain for an environment, single or vector, with its modes, scales and gain limit.
 
         Args:
             env: a FlexArm environment whose action is the gain and whose observation holds the modal

@@ -89,7 +89,7 @@ class GainPolicy(ABC):
 
 
 def env_attribute(env: Any, name: str) -> Any:
-    """An attribute of the environment below all wrappers.
+    """Return an attribute of the environment below all wrappers.
 
     Raises:
         TypeError: it has none of this name, so it is no FlexArm environment.

@@ -15,7 +15,7 @@ ACTION_MODES = ("torque", "residual", "reference", "gain")
 
 
 def physical_from_action(mode: str, action: ArrayLike, limit: ArrayLike) -> NDArray[np.float64]:
-    """What an action in [-1, 1] stands for, in the action mode's unit.
+    """Convert an action in [-1, 1] to the physical value that it stands for, in the action mode's unit.
 
     Args:
         mode: "torque" and "residual": torques [N m]; "reference": shifts of the joints' reference [rad]; "gain":
@@ -35,7 +35,7 @@ def physical_from_action(mode: str, action: ArrayLike, limit: ArrayLike) -> NDAr
 
 
 def action_from_physical(mode: str, value: ArrayLike, limit: ArrayLike) -> NDArray[np.float64]:
-    """The action in [-1, 1] that stands for a physical value; the inverse of `physical_from_action`.
+    """Convert a physical value to the action in [-1, 1] that stands for it; the inverse of `physical_from_action`.
 
     Args:
         mode: see there.
@@ -72,7 +72,7 @@ def gain_from_action(action: ArrayLike, gain_limit: ArrayLike) -> NDArray[np.flo
 
 
 def action_from_gain(gain: ArrayLike, gain_limit: ArrayLike) -> NDArray[np.float64]:
-    """Action that stands for a gain: ``2 gain / gain_limit - 1``.
+    """Return the action that stands for a gain: ``2 gain / gain_limit - 1``.
 
     Args:
         gain: values in [0, gain_limit], dimensionless, any shape.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 
 def install_hint(package: str, extra: str) -> str:
-    """What to tell a user who lacks a package.
+    """Write the message for a missing package.
 
     Args:
         package: its name.

@@ -65,7 +65,7 @@ def overshoot(path: Array, time: Array, corner: Array, incoming: Array, window: 
         time: Shape (n,) [s].
         corner: x, y [m]. Shape (2,).
         incoming: direction of the side that ends at the corner, any length but 0. Shape (2,).
-        window: times between which to look [s].
+        window: first and last time that count [s].
 
     Returns:
         The largest advance past the corner [m]; negative if the path stays short of it.
@@ -184,7 +184,7 @@ def ended_early(run: Trajectory) -> bool:
 
 
 def summary(run: Trajectory) -> dict[str, object]:
-    """The figures that every run is reported with; plain numbers, lengths in m, torques in N m.
+    """Return the figures that every run is reported with; plain numbers, lengths in m, torques in N m.
 
     A run that ended early is a result of its own. All its figures of merit are None: means and maxima over the part
     that it survived would compare well with those of a whole run. Those after 2 s, the start's transient, are None for
@@ -202,7 +202,7 @@ def summary(run: Trajectory) -> dict[str, object]:
 
 
 def _merits(run: Trajectory) -> dict[str, object]:
-    """The part of `summary` that compares controllers."""
+    """Return the part of `summary` that compares controllers."""
     true, rigid = tracking_error(run), tracking_error(run, "rigid")
     later = tracking_error(run, since=2.0) if run.time[-1] >= 2.0 else None
     figures: dict[str, object] = {

@@ -91,13 +91,13 @@ class ArmParameters:
         check_fields(self)
         if self.kinematics == "foreshortened" and self.velocity_forces == "rigid":
             raise ValueError(
-                "kinematics = 'foreshortened': the paper's C_r (velocity_forces = 'rigid') knows no foreshortening; "
+                "kinematics = 'foreshortened': the paper's C_r (velocity_forces = 'rigid') has no foreshortening; "
                 "velocity_forces must be 'complete'"
             )
 
     @classmethod
     def paper(cls, **changes: object) -> ArmParameters:
-        """The paper's arm: one mode a link, rigid velocity forces C_r (7), A = 0.1 (4), no damping.
+        """Return the paper's arm: one mode a link, rigid velocity forces C_r (7), A = 0.1 (4), no damping.
 
         Args:
             **changes: fields to set otherwise.
@@ -236,7 +236,7 @@ class SquareParameters:
 
 
 def arm_parameters(arm: str | Mapping[str, Any] | ArmParameters) -> ArmParameters:
-    """The arm that an environment's `arm` argument stands for.
+    """Return the arm that an environment's `arm` argument stands for.
 
     Raises:
         TypeError: for anything but a name or a mapping.

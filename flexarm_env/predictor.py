@@ -57,7 +57,7 @@ def predictor(policy: Any, deterministic: bool) -> Predictor:
 
 
 def _signature(call: Callable[..., Any]) -> inspect.Signature | None:
-    """Parameters of a callable; None for one of another language that does not tell."""
+    """Parameters of a callable; None for one that has no signature, as of another language."""
     try:
         return inspect.signature(call)
     except ValueError:
@@ -81,7 +81,7 @@ def _binds(signature: inspect.Signature, count: int, named: tuple[str, ...] = ()
 
 
 def _pair(result: Any, state: Any) -> tuple[Any, Any]:
-    """Action and state. A pair of numbers is an action; a pair that begins with an array is action and state."""
+    """Split into action and state: a pair of numbers is an action; a pair that begins with an array is both."""
     if isinstance(result, tuple) and len(result) == 2 and np.ndim(result[0]) > 0:
         return result
     return result, state

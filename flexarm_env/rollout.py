@@ -33,7 +33,7 @@ def run_policy(
     max_steps: int | None = None,
     options: dict[str, Any] | None = None,
 ) -> Trajectory:
-    """One episode of a FlexArm environment; unless told otherwise from the standard start, at rest on the first corner.
+    """One episode of a FlexArm environment, by default from the standard start: at rest on the first corner.
 
     Args:
         env: a `FlexArmEnv`, wrapped or not.
@@ -96,7 +96,7 @@ def _check_gain_limit(env: FlexArmEnv, policy: Any) -> None:
 
 
 def _episode_arm(env: FlexArmEnv, drawn: dict[str, float]) -> FlexibleArm:
-    """The arm of an episode, whose payload, stiffness and damping may have been drawn."""
+    """Return the arm of an episode, whose payload, stiffness and damping may have been drawn."""
     own = env.arm.parameters
     changes: dict[str, Any] = {}
     if drawn["payload_mass"] != own.payload_mass:
@@ -146,7 +146,7 @@ def run_batch(
     noise = _noise(loop, seed)
     observed = observation_blocks(loop.arm.parameters.modes_per_link)["reference_velocity"].stop
     ends = np.full(count, steps + 1)
-    live: slice | NDArray[np.int64] = slice(None)  # who goes on; an arm that ended keeps its last valid observation
+    live: slice | NDArray[np.int64] = slice(None)  # arms that go on; one that ended keeps its last valid observation
     loop.reset(states, noise())
     first = loop.packed_results()
     records = np.zeros((steps + 1, *first.shape))

@@ -126,7 +126,7 @@ def _is_attribute(source: str) -> bool:
 
 
 def _contenders(given: argparse.Namespace) -> Iterator[Contender]:
-    """Everything that the command line asks for, each made when it is its turn."""
+    """Everything that the command line names, each made when it is its turn."""
     options = changed({}, given.options, given.kinematics)
     if given.baselines:
         for name, policy in (("IFDC", IFDC), ("FLSAC", FLSAC)):

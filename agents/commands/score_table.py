@@ -27,7 +27,7 @@ Named = tuple[str, str, Sequence[Score]]
 
 
 def lap_table(results: Sequence[Named]) -> str:
-    """A row for each policy, with what its lap gave.
+    """Make a table with a row for each policy.
 
     Args:
         results: name, environment and laps (one lap, or the same number each), in order.
@@ -97,5 +97,5 @@ def _pair(values: tuple[float, float] | None, digits: int) -> str:
 
 
 def _metres(value: float | None) -> str:
-    """A statistic; where it is missing, laps that ended early decide it."""
+    """Return a statistic; where it is missing, laps that ended early decide it."""
     return "ended" if value is None else f"{value:.3f}"

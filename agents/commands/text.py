@@ -47,7 +47,7 @@ def _prose(text: str, width: int) -> str:
 
 
 def _table(text: str, width: int) -> str:
-    """The widest columns are wrapped until the table fits."""
+    """Wrap the widest columns until the table fits."""
     lines = [line for n, line in enumerate(text.splitlines()) if n != 1]  # without the rule under the header
     cells = [re.split(r"(?<!\\) \| ", line.removeprefix("| ").removesuffix(" |")) for line in lines]
     rows = [[cell.replace("\\|", "|").replace("`", "") for cell in row] for row in cells]

@@ -95,14 +95,14 @@ def _cells(loop: LawLoop, longest: float) -> _Cells:
 
 
 def _excess(loop: LawLoop, cells: _Cells, omega: Array) -> tuple[Array, Array]:
-    """What is left to a crossing, and the longer delay's phase [rad]; at one frequency a cell. Shape (k,) each."""
+    """Return the rest to a crossing, and the longer delay's phase [rad], at one frequency a cell. Shape (k,) each."""
     now = _phases(loop, omega)[np.arange(len(omega)), cells.branch]
     now = cells.phases + _wrapped(now - cells.phases)
     return now @ np.array([_share(loop), 1.0]) - cells.wanted, now[:, 0]
 
 
 def _share(loop: LawLoop) -> float:
-    """The shorter of the two delays over the longer."""
+    """Return the shorter of the two delays over the longer."""
     return min(loop.ratio, 1.0 / max(loop.ratio, 1.0))
 
 
@@ -122,7 +122,7 @@ def _phases(loop: LawLoop, omega: Array) -> Array:
 
 
 def _opening(loop: LawLoop, omega: Array) -> tuple[Array, Array]:
-    """The mean of both curves' phases [rad] and the cosine of half their distance; there are none where it is above 1.
+    """Return the mean of both curves' phases [rad] and the cosine of half their distance; none where it exceeds 1.
 
     ``|D0 + D1 z|^2 = |D2 + D12 z|^2`` is ``Re(q z) = c / 2``, with ``z = exp(-j phase)``.
     """
@@ -143,7 +143,7 @@ def _coefficients(loop: LawLoop, omega: Array) -> tuple[Complex, Complex, Comple
 
 
 def _curve_points(loop: LawLoop) -> Array:
-    """Frequencies on which both curves, and the gaps between their pieces, are told apart [rad/s]. Shape (k,)."""
+    """Frequencies that separate both curves, and the gaps between their pieces [rad/s]. Shape (k,)."""
 
     def there(at: Array) -> Bools:
         return np.asarray(np.abs(_opening(loop, at)[1]) <= 1.0)
@@ -163,7 +163,7 @@ def _curve_points(loop: LawLoop) -> Array:
 
 
 def _refined(shape: Callable[[Array], Array], omega: Array) -> Array:
-    """The grid, halved where a curve's values change by more than `_COARSE`: a root near the axis turns them quickly.
+    """Halve the grid where a curve's values change by more than `_COARSE`: a root near the axis turns them quickly.
 
     Args:
         shape: of frequencies: angles and numbers, nan where there is none. Shape (k, values).

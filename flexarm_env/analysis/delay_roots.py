@@ -2,7 +2,7 @@
 
 The delayed loop is a transport of its past: ``u_t = u_x`` on [-T, 0] with the differential equation as the boundary
 condition at 0. On Chebyshev nodes that is a matrix whose eigenvalues converge to the loop's roots faster than any
-power of the number of nodes, those of smallest magnitude first. It is independent of `crossings`, and it tells how fast
+power of the number of nodes, those of smallest magnitude first. It is independent of `crossings`, and it shows how fast
 an unstable loop grows.
 
 Source: Breda, Maset & Vermiglio, *Pseudospectral differencing methods for characteristic roots of delay differential

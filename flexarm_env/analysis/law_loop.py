@@ -79,11 +79,11 @@ class LawLoop:
     elbow: Feedback
 
     def with_gain(self, gain: float) -> LawLoop:
-        """The same loop with another lambda, > 0."""
+        """Return the same loop with another lambda, > 0."""
         return replace(self, gain=number("gain", gain, above=0.0))
 
     def with_delay(self, delay: float) -> LawLoop:
-        """The same loop with another delay T [s] of the shoulder's reading; the elbow's follows."""
+        """Return the same loop with another delay T [s] of the shoulder's reading; the elbow's follows."""
         return replace(self, delay=number("delay", delay, "s", least=0.0))
 
     def undelayed_poles(self) -> Complex:
@@ -253,7 +253,7 @@ def _columns(size: int, model: str) -> tuple[Array, Array]:
 
 
 def _delays(sensor: SensorParameters, length: float) -> tuple[float, float]:
-    """The shoulder's delay [s], and the elbow's over it."""
+    """Return the shoulder's delay [s], and the elbow's over it."""
     shoulder, elbow = sensor.joint_delays(length)
     if abs(shoulder - elbow) <= SAME_DELAY * shoulder:
         return shoulder, 1.0

@@ -48,7 +48,7 @@ class ZeroLimit:
 
 
 def zero_limits(plant: Plant, peak: float = 2.0) -> list[ZeroLimit]:
-    """The limit of each real right-half-plane zero, slowest first.
+    """Return the limit of each real right-half-plane zero, slowest first.
 
     Args:
         plant: see `zeros`.

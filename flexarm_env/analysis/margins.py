@@ -67,7 +67,7 @@ class GainInterval:
 
 
 def delay_margin(loop: LawLoop) -> DelayMargin:
-    """The smallest delay that destabilises the loop; its own delay plays no part, the ratio of its delays does.
+    """Find the smallest delay that destabilises the loop; only the ratio of the loop's own delays matters.
 
     Raises:
         TypeError: for anything but a loop.
@@ -130,7 +130,7 @@ def stable_gains(loop: LawLoop) -> list[GainInterval]:
 
 
 def _inside(interval: GainInterval) -> float:
-    """A gain."""
+    """Check a gain."""
     if not np.isfinite(interval.high):
         return 2.0 * interval.low if interval.low > 0.0 else 1.0
     return 0.5 * (interval.low + interval.high)

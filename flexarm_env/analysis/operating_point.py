@@ -43,7 +43,7 @@ class OperatingPoint:
         rates: ArrayLike | None = None,
         torque: ArrayLike = (0.0, 0.0),
     ) -> OperatingPoint:
-        """The arm at given joint angles, straight and at rest unless told otherwise.
+        """Place the arm at given joint angles, by default straight and at rest.
 
         Args:
             arm: the arm.
@@ -67,7 +67,7 @@ class OperatingPoint:
 
     @classmethod
     def at_point(cls, arm: FlexibleArm, point: ArrayLike, elbow_branch: str = "positive") -> OperatingPoint:
-        """The resting arm with straight links whose tip is at a point.
+        """Place the resting arm with straight links so that its tip is at a point.
 
         Args:
             arm: the arm.

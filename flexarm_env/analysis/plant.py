@@ -67,7 +67,7 @@ class Plant:
         return len(self.A) == 2 * self.point.arm.size
 
     def select(self, inputs: Sequence[str] | None = None, outputs: Sequence[str] | None = None) -> Plant:
-        """Some inputs and outputs, by name.
+        """Select some inputs and outputs by name.
 
         Raises:
             ValueError: for a name that the plant does not have.
@@ -87,7 +87,7 @@ class Plant:
         )
 
     def driven_through(self, matrix: ArrayLike, names: Sequence[str]) -> Plant:
-        """The plant behind an input map ``tau = matrix u``.
+        """Put an input map before the plant: ``tau = matrix u``.
 
         Args:
             matrix: e.g. the transposed Jacobian of the paper's law (10). Shape (inputs, k).
@@ -119,7 +119,7 @@ class Plant:
         return np.asarray(np.exp(-s * self.delays)[:, None] * (self.C @ solution + self.D))
 
     def pade(self, order: int) -> Plant:
-        """The delays replaced by Pade models of an order, diagonal entry (order, order).
+        """Replace the delays by Pade models of an order, diagonal entry (order, order).
 
         Raises:
             ValueError: for an order out of 1 to `MAX_PADE`.
@@ -136,7 +136,7 @@ class Plant:
         return replace(self, A=a, B=b, C=c, D=late[3] @ self.D, delays=np.zeros_like(self.delays))
 
     def to_control(self, pade_order: int | None = None) -> Any:
-        """A `control.StateSpace`, for python-control.
+        """Convert to a `control.StateSpace`, for python-control.
 
         Args:
             pade_order: of the delay's model; needed when there is a delay.
@@ -160,12 +160,12 @@ class Plant:
 
 
 def linear_plant(point: OperatingPoint, *sensors: Sensor) -> Plant:
-    """The arm linearised at a point, from both joints' torques to one sensor or several.
+    """Linearise the arm at a point, from both joints' torques to one sensor or several.
 
     Args:
         point: see `OperatingPoint`; not an equilibrium: the linearisation holds for times in which the state hardly
             moves.
-        *sensors: their outputs, one after the other. Names that two of them share are told apart by the sensor, "x of
+        *sensors: their outputs, one after the other. Names that two of them share are completed by the sensor, "x of
             true point of link 2 at its tip", and by the delay where nothing else differs.
 
     Raises:
@@ -279,8 +279,8 @@ def _names(sensors: Sequence[Sensor]) -> tuple[str, ...]:
     plain = [name for sensor in sensors for name in sensor.names()]
     placed = [f"{name} of {sensor.place()}" for sensor in sensors for name in sensor.names()]
     late = [f"{name}, {sensor.delay:g} s late" for name, sensor in zip(placed, _each(sensors), strict=True)]
-    told = [short if plain.count(short) == 1 else long for short, long in zip(plain, placed, strict=True)]
-    return tuple(name if told.count(name) == 1 else longest for name, longest in zip(told, late, strict=True))
+    named = [short if plain.count(short) == 1 else long for short, long in zip(plain, placed, strict=True)]
+    return tuple(name if named.count(name) == 1 else longest for name, longest in zip(named, late, strict=True))
 
 
 def _each(sensors: Sequence[Sensor]) -> list[Sensor]:

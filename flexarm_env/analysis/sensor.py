@@ -67,11 +67,11 @@ class Sensor:
         return UNITS[self.kind] + ("/s" if self.rate else "")
 
     def late(self, delay: float) -> Sensor:
-        """The same sensor with another delay [s]."""
+        """Return the same sensor with another delay [s]."""
         return replace(self, delay=delay)
 
     def rates(self) -> Sensor:
-        """The same sensor, read by its rate of change."""
+        """Return the same sensor, read by its rate of change."""
         return replace(self, rate=True)
 
     def names(self) -> tuple[str, ...]:
@@ -84,7 +84,7 @@ class Sensor:
         return f"x{dot}", f"y{dot}"
 
     def place(self) -> str:
-        """What it is and where, in words."""
+        """Describe what it is and where."""
         if self.kind == "joint angles":
             return self.kind
         return f"{self.kind} of link {self.link} at " + ("its tip" if self.position is None else f"{self.position:g} m")
@@ -166,12 +166,12 @@ def rigid_jacobian(length_1: float, distance: float, q: Array) -> Array:
 
 
 def joint_angles(*, rate: bool = False, delay: float = 0.0) -> Sensor:
-    """Encoders at both joints: theta1, theta2 [rad]; collocated with the torques."""
+    """Return encoders at both joints: theta1, theta2 [rad]; collocated with the torques."""
     return Sensor("joint angles", rate=rate, delay=delay)
 
 
 def strain(link: int, position: float = 0.0, *, rate: bool = False, delay: float = 0.0) -> Sensor:
-    """A strain gauge: the link's curvature w''(s) [1/m]; strain is curvature times distance from the neutral axis."""
+    """Return a strain gauge: the link's curvature w''(s) [1/m], which is proportional to strain."""
     return Sensor("strain", link, position, rate, delay)
 
 

@@ -24,7 +24,7 @@ BISECTIONS = 52  # to the last bit
 
 
 def frequencies(loop: LawLoop) -> Array:
-    """A grid over all of the loop's frequencies, dense about the arm's own, free and locked, and the undelayed loop's.
+    """Lay a grid over the loop's frequencies, dense about the arm's own, free and locked, and the undelayed loop's.
 
     None is exactly the arm's own, where the loop transfer has its poles.
     """
@@ -59,7 +59,7 @@ def determinant(matrices: Complex) -> Complex:
 
 
 def mixed(a: Complex, b: Complex) -> Complex:
-    """What det(a + b) has beyond det(a) + det(b)."""
+    """Return det(a + b) - det(a) - det(b)."""
     return np.asarray(
         a[..., 0, 0] * b[..., 1, 1]
         + a[..., 1, 1] * b[..., 0, 0]

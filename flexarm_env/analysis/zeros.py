@@ -131,7 +131,7 @@ def check_rank(plant: Plant) -> None:
 
 
 def _singular(plant: Plant) -> str:
-    """What is at fault, and what would help."""
+    """Say what is at fault, and what would help."""
     for sensor in plant.sensors:
         if sensor.kind.endswith("point") and (sensor.link == 1 or sensor.position == 0.0):
             return (

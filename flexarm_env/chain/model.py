@@ -45,7 +45,7 @@ _FIRST_CLAMPED_ROOT = 1.8751040687119611  # cos x cosh x = -1
 _ABOVE_TWO = 17.5  # of zeta, for the third mode and all above with "two modes"
 _RUNAWAY = 1e4  # [rad/s]; random torques bring the lightest segment of 20 to a few hundred
 _ROUNDING = 1e-6  # of an eigenvalue; the rigid motions' is double, which costs half of the digits
-_SLENDER = 1e-6  # a rod's inertia about its own axis as a part of the other two; MuJoCo wants it positive
+_SLENDER = 1e-6  # a rod's inertia about its own axis as a part of the other two; MuJoCo requires it to be positive
 
 
 def chain_model(
@@ -63,7 +63,7 @@ def chain_model(
         damping: of the links, see above.
 
     Raises:
-        ValueError: for less than two segments, or a damping that there is not.
+        ValueError: for less than two segments, or an unknown damping.
     """
     return mujoco.MjModel.from_xml_string(chain_xml(segments, arm, time_step, damping))
 
@@ -71,7 +71,7 @@ def chain_model(
 def chain_xml(
     segments: int, arm: ArmParameters | None = None, time_step: float = 2e-4, damping: Damping = "stiffness"
 ) -> str:
-    """The chain in MuJoCo's own format; arguments as in `chain_model`."""
+    """Write the chain in MuJoCo's own format; arguments as in `chain_model`."""
     if segments < 2:
         raise ValueError(f"segments = {segments}: must be an integer >= 2")
     if damping not in get_args(Damping):
@@ -142,7 +142,7 @@ def _damping_time(arm: ArmParameters, link: int) -> float:
 
 
 def _mode_dampers(arm: ArmParameters, link: int, segments: int, damping: Damping) -> str:
-    """A fixed tendon with a damper for each mode of a clamped bare link."""
+    """Write a fixed tendon with a damper for each mode of a clamped bare link."""
     mass = clamped_mass(arm.link_lengths[link], arm.masses_per_length[link], segments)
     stiffness = arm.flexural_rigidities[link] * (segments - 1) / arm.link_lengths[link]
     squares, shapes = eigh(stiffness * np.eye(segments - 1), mass)  # shapes' M shapes = 1
@@ -173,7 +173,7 @@ def clamped_mass(length: float, rho: float, segments: int) -> NDArray[np.float64
 
 
 def _inertial(rod: float, length: float, mass: float, inertia: float) -> str:
-    """A uniform rod [kg] of some length [m] with a point mass at its end [kg] and a further inertia [kg m^2]."""
+    """Write a uniform rod [kg, m] with a point mass at its end [kg] and a further inertia [kg m^2]."""
     total = rod + mass
     centre = length * (0.5 * rod + mass) / total
     about_root = length**2 * (rod / 3.0 + mass) + inertia
@@ -288,7 +288,7 @@ def _growth(model: mujoco.MjModel) -> float:
 
 
 def largest_stable_step(segments: int, arm: ArmParameters | None = None, steps: Sequence[float] = TIME_STEPS) -> float:
-    """The first of `steps` that `is_stable` over 4 s under torques of up to 20 N m [s].
+    """Find the first of `steps` that `is_stable` over 4 s under torques of up to 20 N m [s].
 
     Args:
         segments: rigid segments a link.

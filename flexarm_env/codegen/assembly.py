@@ -1,6 +1,6 @@
 """Assembles the kernels: one module per variant, made when first used; `cache` compiles and keeps them.
 
-A variant fixes what the compiler should know: program, number of modes, velocity forces, sensor model, lanes of a block
+A variant fixes what is constant for the compiler: program, modes, velocity forces, sensor model, lanes of a block
 (`variants`). Its module is one text: the program's entry points and all that they call, drivers as they are lowered for
 the variant (`lowering`), recorded kernels (`recorded`), intrinsics of the processor (`intrinsics`).
 The module's name carries a hash of its text.

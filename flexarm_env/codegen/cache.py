@@ -63,7 +63,7 @@ def load_module(name: str, text: str, words: str) -> ModuleType:
         text: functions decorated with `@njit(cache=True, ...)` are kept on disk.
         words: description of the module for the user who waits.
     """
-    with _COMPILING:  # another thread may have asked for it as well
+    with _COMPILING:  # another thread may load it as well
         if name in sys.modules:
             return sys.modules[name]
         module = ModuleType(name)

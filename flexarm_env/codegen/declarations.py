@@ -1,8 +1,8 @@
 """What drivers declare for the assembler (`assembly`): places in tables, recorded kernels, intrinsics, programs.
 
 A driver is a plain function of numpy arrays. Where its numbers lie, and what its recorded kernels compute, depends on
-the variant of the kernels. The assembler writes that into the text that it compiles; in plain Python drivers look it
-up in the present variant, which `plain_python` sets.
+the variant of the kernels. The assembler writes it into the text that it compiles. In plain Python it comes from the
+present variant, which `plain_python` sets.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ def plain_python(variant: Any) -> Iterator[None]:
 
 
 def present_variant() -> Any:
-    """The variant that drivers run for.
+    """Return the variant that drivers run for.
 
     Raises:
         RuntimeError: outside `plain_python`.
@@ -52,7 +52,7 @@ class PresentVariant:
     """The variant that drivers run for, as a name that they import; the assembler replaces its attributes."""
 
     def __getattr__(self, name: str) -> Any:
-        """An attribute of the present variant."""
+        """Return an attribute of the present variant."""
         return getattr(present_variant(), name)
 
 
@@ -87,7 +87,7 @@ class Entry:
     @overload
     def __get__(self, instance: Names, owner: type) -> int: ...
     def __get__(self, instance: Names | None, owner: type) -> Self | int:
-        """The number of the first place; the declaration itself where the class is asked."""
+        """Return the number of the first place, or the declaration itself when read from the class."""
         return self if instance is None else instance.first(self.name)
 
     def count(self, shape: Any) -> int | None:
@@ -116,7 +116,7 @@ class Names:
         return _layout(cls.entries, shape)
 
     def shape(self) -> Any:
-        """What the layout depends on."""
+        """Return what the layout depends on."""
         return present_variant().shape
 
     def first(self, name: str) -> int:
@@ -150,7 +150,7 @@ class FixedNames(Names):
     """The parts of a table that is the same for all variants."""
 
     def shape(self) -> None:
-        """It depends on nothing."""
+        """Return None: the layout depends on nothing."""
         return None
 
 
@@ -202,7 +202,7 @@ def recorded(formula: Callable[[Any], str], calls: Iterable[Any] = ()) -> Callab
     """Declare a function by its signature and the formula that is recorded for it; see `Recorded`."""
 
     def declare(signature: Callable[P, R]) -> Recorded[P, R]:
-        """The function."""
+        """Make the function."""
         declared: Recorded[P, R] = Recorded(signature.__name__, formula, calls)
         update_wrapper(declared, signature)
         return declared
@@ -217,7 +217,7 @@ def called_in(text: str, known: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _flat(argument: Any) -> Any:
-    """Recorded texts reach the numbers of a lane over flat arrays."""
+    """Flatten an array of two axes, as recorded texts index it."""
     if isinstance(argument, np.ndarray) and argument.ndim == 2:
         return argument.reshape(-1, copy=False)
     return argument
@@ -315,7 +315,7 @@ class Program:
 
 
 class AnyVariant(Protocol):
-    """What the assembler asks of a variant; it must be hashable."""
+    """What the assembler requires of a variant, which must be hashable."""
 
     @property
     def program(self) -> Program:

@@ -1,7 +1,7 @@
-"""Elementary functions of our own, the same bits in scalar and vector code.
+"""Elementary functions whose results are bitwise identical in scalar and vector code.
 
 A library sine differs between scalar and vector code and between machines; these are sums and products only, so a
-state is bit-identical in a single environment, in a batch of any size and on any thread. Written once, they run
+state is bitwise identical in a single environment, in a batch of any size and on any thread. Written once, they run
 on floats and numpy arrays, are recorded by `tracing` (which fuses sums and products) for all kernels of a module, and
 are compiled as they stand.
 """

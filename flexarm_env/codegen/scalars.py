@@ -32,7 +32,7 @@ def clip(x: float, low: float, high: float) -> float:
 
 
 def at_least(x: float, low: float) -> float:
-    """The larger of x and low; NaN stays NaN."""
+    """Return the larger of x and low; NaN stays NaN."""
     return low if x < low else x
 
 

@@ -37,7 +37,7 @@ class Trace:
         self._arguments: set[str] = set()  # of calls
 
     def input(self, code: str) -> Expression:
-        """A value that the surrounding code provides, e.g. an array element."""
+        """Record a value that the surrounding code provides, e.g. an array element."""
         return self.assign(code)
 
     def inputs(self, codes: Sequence[str]) -> list[Expression]:
@@ -63,7 +63,7 @@ class Trace:
         return [self.assign(f"{{0}}[{n}]", called.name) for n in range(count)]
 
     def lines(self, results: Sequence[Any], fusing: bool = True) -> list[str]:
-        """Assignments that compute the results, each under its own name; what no result needs is left out.
+        """Write assignments that compute the results, each under its own name; what no result needs is left out.
 
         An operation used once is written inside the one that uses it: fewer names, which the compiler's time grows
         with. Results always get a name, so that all inputs are read before the surrounding code writes anything; so do
@@ -88,7 +88,7 @@ class Trace:
         return lines
 
     def _fused(self, results: Sequence[Any], named: set[str]) -> list[_Operation]:
-        """The operations, each sum with a product that nothing else uses as one."""
+        """Merge each sum with a product that nothing else uses."""
         uses = _uses(self._operations, results)
         products = {
             f"x{index}": operands
@@ -175,7 +175,7 @@ class Expression:
 
 
 def recorded_once(count: int) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
-    """Decorates a formula of several numbers that a module's kernels share: a record calls it.
+    """Decorate a formula of several numbers that a module's kernels share: a record calls it.
 
     Compiling takes longer the more there is to read; a sine has fifty operations, and a step of the arm eight sines.
 
@@ -184,7 +184,7 @@ def recorded_once(count: int) -> Callable[[Callable[..., Any]], Callable[..., An
     """
 
     def decorated(formula: Callable[..., Any]) -> Callable[..., Any]:
-        """The formula for numbers and arrays; for expressions, the record of its call."""
+        """Compute for numbers and arrays; record a call for expressions."""
 
         @wraps(formula)
         def called(*arguments: Any) -> Any:
@@ -201,7 +201,7 @@ def recorded_once(count: int) -> Callable[[Callable[..., Any]], Callable[..., An
 
 
 def recorded_name(formula: Callable[..., Any]) -> str:
-    """What a shared formula is called in a module's kernels, sums fused with products."""
+    """Return what a shared formula is called in a module's kernels, sums fused with products."""
     return f"{formula.__name__}_fused"
 
 
@@ -259,7 +259,7 @@ def clip(x: Any, low: Any, high: Any) -> Any:
 
 
 def at_least(x: Any, low: float) -> Any:
-    """The larger of x and low; NaN stays NaN."""
+    """Return the larger of x and low; NaN stays NaN."""
     if isinstance(x, Expression):
         return x._record("({1} if {0} < {1} else {0})", x, low)
     return np.maximum(x, low)

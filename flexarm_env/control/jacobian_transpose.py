@@ -106,7 +106,7 @@ def _late(current: Pair, law: Law) -> list[Any]:
 
 
 class Measurement(NamedTuple):
-    """What the law knows of the sensed point in one stage.
+    """The measured point in one stage of the law.
 
     Attributes:
         point: x, y, late as the sensor is.
@@ -213,7 +213,7 @@ def _torque(
     responses: Sequence[Sequence[Any]],
     h_gamma: Any,
 ) -> list[Any]:
-    """The law's torque (14) at the end of the stage, from the rates' known part.
+    """Compute the law's torque (14) at the end of the stage, from the rates' known part.
 
     Args:
         law: the law's data in this stage.

@@ -34,7 +34,7 @@ def tracking_torque(
     residual: Pair,
     state: tuple[Sequence[Any], Sequence[Any]],
 ) -> list[Any]:
-    """The inner joint-space tracking law: a spring and a damper between each joint and its aim, and a residual.
+    """Compute the joint-space tracking law: a spring and a damper between each joint and its aim, and a residual.
 
     Args:
         k: constants of the arm.

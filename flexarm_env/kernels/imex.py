@@ -87,7 +87,7 @@ def prepare_readings(arena: Arena, history: History, clock: Clock, h: float, nod
 
 @per_lane
 def past_reading(history: History, slots: int, slot: int, i: int, j: int, h: float, back: float) -> tuple[float, float]:
-    """Reading j of lane i and its rate, `back` steps before the slot of the present one; see `prepare_reading`."""
+    """Return reading j of lane i and its rate, `back` steps before the present slot; see `prepare_reading`."""
     if back == 0.0:
         return history[4 * slot + j, i], history[4 * slot + 2 + j, i]
     first, last, u = around(slots, slot, back)
@@ -180,7 +180,7 @@ def store_reading(arena: Arena, history: History, slot: int) -> None:
 
 
 def evaluate_law(arena: Arena, history: History, clock: Clock, paths: Paths, h: float) -> None:
-    """The law's torque at the present instant with the present gain; mechanical acceleration as well."""
+    """Compute the law's torque at the present instant with the present gain, and the mechanical acceleration."""
     prepare_commands(arena, clock, paths, h)
     prepare_readings(arena, history, clock, h, 0.0)
     law_kernel(arena, 0.0, 0.0, (0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0))
@@ -243,7 +243,7 @@ def state_status(arena: Arena) -> None:
 
 
 def failures(size: int) -> dict[float, str | None]:
-    """What a state's status means (`state_status`): why it is not valid; 0 is that of a valid one.
+    """Return what each status of a state means (`state_status`): why it is not valid; 0 stands for a valid one.
 
     Args:
         size: number of internal coordinates.

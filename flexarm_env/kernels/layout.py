@@ -61,7 +61,7 @@ class Row(Names):
 
     Y = Entry("internal coordinates (`dynamics`)", "rad, m", _size)
     V = Entry("their rates; they follow the coordinates", "rad/s, m/s", _size)
-    CONSTANTS = Entry("what the equations know of the arm (`Constants`)", CONSTANTS_UNIT, lambda s: s.constants)
+    CONSTANTS = Entry("of the arm, in the equations (`Constants`)", CONSTANTS_UNIT, lambda s: s.constants)
     ELIMINATION = Entry(
         "what follows from them (`Elimination`)", "as in `Elimination`", lambda s: elimination_count(*s[1:])
     )
@@ -147,7 +147,7 @@ class Row(Names):
     START_TIME = Entry("path time at which the episode started", "s", 1, _ENVIRONMENT)
     # what the paper's closed loop reports begins here
     OBSERVATION = Entry(
-        "what a controller may know (`jacobian_transpose.observation`)", STATE_UNIT, lambda s: 10 + 2 * s.modes, _LOOP
+        "of a controller (`jacobian_transpose.observation`)", STATE_UNIT, lambda s: 10 + 2 * s.modes, _LOOP
     )
     STATE = Entry("public state", STATE_UNIT, lambda s: 2 * s.size, _REPORTED)
     TORQUE = Entry("torques at the start of the period", "N m", 2, _REPORTED)
@@ -177,34 +177,34 @@ def layout(program: Program, modes: int, foreshortened: bool = False) -> dict[st
 
 
 def sizes_between(rows: dict[str, tuple[int, int]], first: str, last: str) -> dict[str, int]:
-    """Number of rows of the parts of an arena from one to another, in their order."""
+    """Return the sizes of the parts of an arena from one to another, in their order."""
     names = list(rows)
     return {name: rows[name][1] for name in names[names.index(first) : names.index(last) + 1]}
 
 
 def episode_sizes(rows: dict[str, tuple[int, int]]) -> dict[str, int]:
-    """What an environment gives out at an instant: parts that follow each other in its arena."""
+    """Return the sizes of an environment's results at an instant, which follow each other in its arena."""
     return sizes_between(rows, "STATE", "STATUS")
 
 
 def beginning_sizes(rows: dict[str, tuple[int, int]]) -> dict[str, int]:
-    """What describes an episode, from its beginning on: parts that follow each other in its arena."""
+    """Return the sizes of the description of an episode, whose parts follow each other in the arena."""
     return sizes_between(rows, "EPISODE", "START_TIME")
 
 
 def result_sizes(rows: dict[str, tuple[int, int]]) -> dict[str, int]:
-    """What a closed loop gives out at an instant: parts that follow each other in its arena."""
+    """Return the sizes of a closed loop's results at an instant, which follow each other in its arena."""
     return sizes_between(rows, "OBSERVATION", "STATUS")
 
 
 def arm_rows(k: Constants) -> dict[str, Sequence[float]]:
-    """What kernels know of an arm, under the names of the arena's parts, which follow each other."""
+    """Return the constants of an arm, under the names of the arena's parts, which follow each other."""
     e = elimination(k)
     return {"CONSTANTS": k.flat(), "ELIMINATION": e.flat() if e else []}
 
 
 def place_rows(name: str, place: Place) -> dict[str, Sequence[float]]:
-    """What a point of link 2 takes of an arena, under the point's name."""
+    """Return the rows of a point of link 2, under the point's name."""
     return {
         f"{name}_DISTANCE": [place.distance],
         f"{name}_VALUES": place.values,

@@ -36,13 +36,13 @@ class Recorder:
         self.shared: list[str] = []
 
     def read(self, name: str) -> list[Any]:
-        """The numbers of a part of the arena."""
+        """Read the numbers of a part of the arena."""
         first, count = self._part(name)
         lanes = self.variant.lanes
         return self.trace.inputs([f"arena[i + {row * lanes}]" for row in range(first, first + count)])
 
     def elements(self, array: str, count: int) -> list[Any]:
-        """The first elements of an array that all lanes share, read before the loop.
+        """Read the first elements of an array that all lanes share, before the loop.
 
         Within it the compiler would have to make sure that no lane's results overwrite them, at a cost that keeps it
         from vectorising short loops.
@@ -51,7 +51,7 @@ class Recorder:
         return self.trace.inputs([f"{array}_{n}" for n in range(count)])
 
     def one(self, name: str) -> Any:
-        """The number of a part of one row."""
+        """Read the number of a part of one row."""
         return self.read(name)[0]
 
     def write(self, name: str, values: Sequence[Any]) -> None:
@@ -66,15 +66,15 @@ class Recorder:
         self.stores += zip(places, values, strict=True)
 
     def constants(self) -> Constants:
-        """What the equations know of the arm."""
+        """Read the constants of the arm."""
         return Constants.unflat(self.read("CONSTANTS"), self.variant.modes, self.variant.foreshortened)
 
     def elimination(self) -> Elimination | None:
-        """What follows from it."""
+        """Read the elimination that follows from the constants."""
         return _elimination(self.variant, self.read("ELIMINATION"))
 
     def law(self) -> jacobian_transpose.Law:
-        """What the law needs."""
+        """Read the numbers of the law."""
         fields = {}
         for name, count in jacobian_transpose.Law.sizes(self.variant.modes, self.variant.foreshortened).items():
             values = self.read(name.upper())
@@ -83,7 +83,7 @@ class Recorder:
         return jacobian_transpose.Law(**fields)
 
     def place(self, name: str) -> Place:
-        """A point of link 2, by its name."""
+        """Read a point of link 2, by its name."""
         return Place(self.one(f"{name}_DISTANCE"), self.read(f"{name}_VALUES"), self.read(f"{name}_FORESHORTENING"))
 
     def sensor(self) -> Place:
@@ -91,7 +91,7 @@ class Recorder:
         return self.place("PLACE" if "PLACE_VALUES" in self.variant.rows else "SENSOR")
 
     def truth(self) -> sensing.Truth:
-        """The arm at the instant."""
+        """Compute the arm's state, tips and deflections."""
         return sensing.truth(self.constants(), self.place("TIP"), self.read("Y"), self.read("V"))
 
     def _part(self, name: str) -> tuple[int, int]:
@@ -116,10 +116,10 @@ def _elimination(variant: Variant, numbers: Sequence[Any]) -> Elimination | None
 
 
 def _elementary(formula: Callable[..., Any]) -> Recorded[..., Any]:
-    """An elementary function with its sums and products fused, which the recorded kernels call."""
+    """Declare an elementary function with its sums and products fused, which the recorded kernels call."""
 
     def text(variant: Variant) -> str:
-        """The same for all variants."""
+        """Return the text, which is the same for all variants."""
         trace = Trace()
         names = list(inspect.signature(formula).parameters)
         found = formula(*trace.inputs(names))
@@ -136,7 +136,7 @@ SHARED = (*INTRINSICS, *ELEMENTARY)  # what recorded kernels may call
 
 
 def slope_source(variant: Variant) -> str:
-    """v' of one arm from what kernels know of it (`layout.arm_rows`), y, v, torques, S and C, in this order."""
+    """Compute v' of one arm from its constants (`layout.arm_rows`), y, v, torques, S and C, in this order."""
     trace, size = Trace(), variant.size
     counts = {
         "k": variant.constants,
@@ -250,7 +250,7 @@ def law_kernel(arena: Arena, h: float, ahead: float, explicit: Four, implicit: F
 
 
 def elimination_source(variant: Variant) -> str:
-    """What elimination knows of an arm, from its constants.
+    """Record the elimination's numbers, from the constants of an arm.
 
     Rounded as Python rounds it for the kernels whose arms never change (`layout.arm_rows`).
     """
@@ -263,11 +263,11 @@ def elimination_source(variant: Variant) -> str:
 
 @recorded(elimination_source, SHARED)
 def elimination_kernel(arena: Arena) -> None:
-    """What `elimination` knows of every lane's arm, with linear kinematics."""
+    """Compute the elimination's numbers of every lane's arm, with linear kinematics."""
 
 
 def reading_source(variant: Variant) -> str:
-    """What the sensor measures now."""
+    """Record what the sensor measures now."""
     r = Recorder(variant)
     r.store("readings", sensing.reading(r.constants(), r.sensor(), variant.sensor, r.read("Y"), r.read("V")))
     return r.source("reading_kernel(arena, readings)")
@@ -275,7 +275,7 @@ def reading_source(variant: Variant) -> str:
 
 @recorded(reading_source, SHARED)
 def reading_kernel(arena: Arena, readings: LaneRows) -> None:
-    """What the sensor would measure now, without delay, on every lane: two readings, two rates. Shape (4, lanes)."""
+    """Measure without delay, on every lane: two readings, two rates. Shape (4, lanes)."""
 
 
 def outputs_source(variant: Variant) -> str:

@@ -23,7 +23,7 @@ def run_open(arenas: Arenas, torques: LaneRecords, states: LaneRecords, h: float
         every: record after so many steps.
 
     Returns:
-        How many steps were done: fewer than asked if a state stopped being finite.
+        How many steps were done: fewer than `steps` if a state stopped being finite.
     """
     for step in range(torques.shape[0]):
         total = 0.0

@@ -1,4 +1,4 @@
-"""What the equations know of an arm: modal integrals and lumped masses, folded into constants (see `dynamics`)."""
+"""The constants of an arm in the equations: modal integrals and lumped masses, combined (see `dynamics`)."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from flexarm_env.physics.link_modes import LinkModes, foreshortening_moments, li
 
 
 class Constants(NamedTuple):
-    """Everything the equations know of an arm; each field a number or a tuple over modes.
+    """The constants of an arm in the equations; each field is a number or a tuple over modes.
 
     Link i with what is fixed to it: ``inertia`` about its root [kg m^2]; ``coupling``, moment of inertia between
     root rotation and mode; ``mass``, modal mass matrix (lower triangle, row by row); ``static_moment`` [kg m];
@@ -141,13 +141,13 @@ def arm_constants(parameters: ArmParameters, modes: tuple[LinkModes, LinkModes])
 
 
 def link_place(modes: LinkModes, foreshortened: bool, s: float) -> Place:
-    """A point of a link at the distance s [m] from its root; floats only."""
+    """Return a point of a link at the distance s [m] from its root; floats only."""
     sums = _lower(modes.foreshortening(s)) if foreshortened else ()
     return Place(float(s), _floats(modes.shape(s)), sums)
 
 
 def _foreshortening(modes: tuple[LinkModes, LinkModes], carried: tuple[float, float]) -> dict[str, tuple[float, ...]]:
-    """The fields of `Constants` that linear kinematics leave empty; `carried`: masses at the links' tips [kg]."""
+    """Return the fields of foreshortened kinematics; `carried`: masses at the links' tips [kg]."""
     one, two = (foreshortening_moments(link, mass) for link, mass in zip(modes, carried, strict=True))
     return {
         "elbow_foreshortening": _lower(modes[0].foreshortening(modes[0].length)),

@@ -24,7 +24,7 @@ def stack(values: Sequence[Any]) -> Array:
 
 
 def stack_matrix(rows: Sequence[Sequence[Any]]) -> Array:
-    """A square matrix of numbers or arrays that broadcast, along two new last axes."""
+    """Stack a square matrix of numbers, or of arrays that broadcast, along two new last axes."""
     size = len(rows)
     flat = stack([value for row in rows for value in row])
     return flat.reshape(*flat.shape[:-1], size, size)
@@ -51,7 +51,7 @@ def internal_state(k: Constants, state: Array) -> Array:
 
 
 def public_state(k: Constants, internal: Array) -> Array:
-    """Inverse of `internal_state`; sums in a fixed order, the same bits for one state and for many."""
+    """Invert `internal_state`; sums have a fixed order, so that one state and many are bitwise identical."""
     halves = []
     m = len(k.elbow_slopes)
     for half in np.split(internal, 2, axis=-1):

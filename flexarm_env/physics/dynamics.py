@@ -142,7 +142,7 @@ def velocity_forces(k: Constants, y: Vector, v: Vector, cos: Any, sin: Any) -> l
 
 
 def rigid_velocity_forces(k: Constants, v: Vector, sin_theta2: Any) -> list[Any]:
-    """The paper's C_r(theta, theta') (7), mapped from the joint rows to the order of y.
+    """Return the paper's C_r(theta, theta') (7), mapped from the joint rows to the order of y.
 
     In joint coordinates only the two joint rows are not zero; the virtual work of the elbow's row gives link 1's
     modal rows -phi'(L1) times it.

@@ -10,7 +10,7 @@ from typing import Any
 from flexarm_env.codegen.elementary import arctan2, sincos
 from flexarm_env.codegen.tracing import at_least, magnitude, root, where_less
 
-# Near the straight and the folded arm a tip velocity asks for unbounded joint rates; the sine of theta2 that divides
+# Near the straight and the folded arm a tip velocity requires unbounded joint rates; the sine of theta2 that divides
 # them is kept at least so large. On the default square it is 0.28 at the corners.
 LEAST_SINE = 0.05
 

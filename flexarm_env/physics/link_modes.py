@@ -60,7 +60,7 @@ class CantileverShapes:
     wavenumbers: Array
 
     def __call__(self, x: Array, order: int) -> Array:
-        """Derivative of an order at the distances x [m]. Shape (..., m)."""
+        """Return the derivative of an order at the distances x [m]. Shape (..., m)."""
         z = self.wavenumbers * self.length
         k = (np.cos(z) + np.cosh(z)) / (np.sin(z) + np.sinh(z))
         u = x[..., None] * self.wavenumbers
@@ -86,7 +86,7 @@ class PolynomialShapes:
     coefficients: Array
 
     def __call__(self, x: Array, order: int) -> Array:
-        """Derivative of an order at the distances x [m]. Shape (..., m)."""
+        """Return the derivative of an order at the distances x [m]. Shape (..., m)."""
         derived = polynomial.polyder(self.coefficients, order) / self.length**order
         return np.moveaxis(polynomial.polyval(x / self.length, derived), 0, -1)
 

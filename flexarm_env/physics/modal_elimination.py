@@ -26,7 +26,7 @@ from flexarm_env.physics.linear_algebra import Vector, dot, inverse, symmetric_t
 
 
 class Elimination(NamedTuple):
-    """What the elimination knows of an arm; each field a number or a tuple.
+    """The constants of the elimination; each field is a number or a tuple.
 
     Attributes:
         inverse_1: A^-1, lower triangle.

@@ -58,11 +58,11 @@ class ReferencePath:
         return float(self.table[-1, 0])
 
     def position(self, time: ArrayLike) -> Array:
-        """Reference position [m]; before time 0 it rests at the start. Shape (..., 2)."""
+        """Return the reference position [m]; before time 0 it rests at the start. Shape (..., 2)."""
         return self._evaluate(time)[..., :2]
 
     def velocity(self, time: ArrayLike) -> Array:
-        """Reference velocity [m/s]; at a corner that of the side that begins there. Shape (..., 2)."""
+        """Return the reference velocity [m/s]; at a corner that of the side that begins there. Shape (..., 2)."""
         return self._evaluate(time)[..., 2:]
 
     def _evaluate(self, time: ArrayLike) -> Array:
@@ -108,7 +108,7 @@ def _distance_to_origin(a: Array, b: Array) -> float:
 
 
 def square(parameters: SquareParameters) -> ReferencePath:
-    """The square centred on the shoulder, a quarter of the lap time for each side."""
+    """Return the square centred on the shoulder, a quarter of the lap time for each side."""
     first = _CORNERS.index(parameters.start_corner)
     turn = 1 if parameters.direction == "clockwise" else -1
     order = [(first + turn * i) % 4 for i in range(5)]
@@ -118,7 +118,7 @@ def square(parameters: SquareParameters) -> ReferencePath:
 
 
 def circle(parameters: SquareParameters) -> ReferencePath:
-    """The circle inscribed in the square, from its point nearest the start corner, at constant speed."""
+    """Return the circle inscribed in the square, from its point nearest the start corner, at constant speed."""
     start = _SIGNS[_CORNERS.index(parameters.start_corner)]
     turn = -1.0 if parameters.direction == "clockwise" else 1.0
     angle = np.arctan2(start[1], start[0]) + turn * 2.0 * np.pi * _shares()
@@ -126,13 +126,13 @@ def circle(parameters: SquareParameters) -> ReferencePath:
 
 
 def line(parameters: SquareParameters) -> ReferencePath:
-    """The square's first side and back; the velocity reverses at both ends."""
+    """Return the square's first side and back; the velocity reverses at both ends."""
     corners = square(parameters).table[:2, 1:]
     return ReferencePath(np.column_stack([0.5 * parameters.lap_time * np.arange(3.0), corners[[0, 1, 0]]]))
 
 
 def figure_eight(parameters: SquareParameters) -> ReferencePath:
-    """A lying eight above the shoulder: 0.9 of the square's side wide, 0.3 high, centred 0.35 of it up."""
+    """Return a lying eight above the shoulder: 0.9 of the square's side wide, 0.3 high, centred 0.35 of it up."""
     turn = -1.0 if parameters.direction == "clockwise" else 1.0
     angle = turn * 2.0 * np.pi * _shares()
     x, y = 0.45 * np.sin(angle), 0.35 + 0.15 * np.sin(2.0 * angle)
@@ -140,7 +140,7 @@ def figure_eight(parameters: SquareParameters) -> ReferencePath:
 
 
 def way_points(parameters: SquareParameters, points: ArrayLike) -> ReferencePath:
-    """A closed polyline through points of the user's, at constant speed.
+    """Return a closed polyline through points of the user's, at constant speed.
 
     Args:
         parameters: its lap time.

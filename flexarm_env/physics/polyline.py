@@ -29,7 +29,7 @@ def side_of(paths: Paths, p: int, time: float) -> tuple[float, int]:
 
 @per_lane
 def reference_at(paths: Paths, p: int, time: float, side: float, since: float) -> Four:
-    """Reference position and velocity on a closed polyline.
+    """Return the reference position and velocity on a closed polyline.
 
     Args:
         paths: way-points (time [s], x, y [m], velocity from there on x', y' [m/s]), the last one closing the lap.

@@ -26,7 +26,7 @@ def rigid_jacobian(distance_1: Any, distance_2: Any, one: Pair, both: Pair) -> t
 
 
 def true_point(k: Constants, at: Place, y: Sequence[Any], one: Pair, two: Pair) -> tuple[Any, Any]:
-    """A point of link 2 with deflection; `one`, `two`: sine and cosine of a1 and of a2."""
+    """Return a point of link 2 with deflection; `one`, `two`: sine and cosine of a1 and of a2."""
     m = len(k.elbow_values)
     elbow, point = bent(k.elbow, y[1 : m + 1]), bent(at, y[m + 2 :])
     return (
@@ -47,7 +47,7 @@ def true_jacobian(k: Constants, at: Place, y: Sequence[Any], one: Pair, two: Pai
 
 
 def reading(k: Constants, at: Place, sensor: str, y: Sequence[Any], v: Sequence[Any]) -> list[Any]:
-    """What a sensor measures at this instant: two readings and their rates."""
+    """Return the two readings of a sensor at this instant and their rates."""
     if sensor != "true":
         return [*joint_angles(k, y), *joint_angles(k, v)]
     one, two = sincos(y[0]), sincos(y[len(k.elbow_values) + 1])

@@ -136,7 +136,7 @@ def _members(file: ZipFile) -> dict[str, ZipInfo]:
 
 
 def _head(file: ZipFile, members: dict[str, ZipInfo]) -> dict[str, Any]:
-    """What is plain; taken out of the members."""
+    """Take the plain values out of the members."""
     info = members.pop("head")
     entry = _entry(file, info)
     if entry.dtype.kind != "U" or entry.shape or entry.dtype.itemsize > 4 * LARGEST_HEAD:

@@ -46,7 +46,7 @@ class FlexibleArm:
     Attributes:
         parameters: the arm's parameters.
         modes: `LinkModes` of the two bare links.
-        constants: what the equations know of the arm.
+        constants: of the arm, in the equations.
     """
 
     def __init__(self, parameters: ArmParameters | None = None) -> None:
@@ -115,7 +115,7 @@ class FlexibleArm:
     # --- kinematics ------------------------------------------------------------------------------------------------
 
     def position(self, q: ArrayLike, link: int, s: ArrayLike) -> Array:
-        """A material point, with deflection.
+        """Return the position of a material point, with deflection.
 
         Args:
             q: coordinates. Shape (..., 2 + 2 m).
@@ -142,7 +142,7 @@ class FlexibleArm:
         return self._point(self._coordinates("q", q), link, s)[1]
 
     def place(self, link: int, s: float) -> Place:
-        """A material point as the equations know it; arguments as in `position`, s a number."""
+        """Return a material point as the equations know it; arguments as in `position`, s a number."""
         link = integer("link", link, 1, 2)
         length = self.parameters.link_lengths[link - 1]
         distance = number("s", s, "m", least=0.0, most=length)

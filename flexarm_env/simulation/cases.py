@@ -29,7 +29,7 @@ class LoopCase:
 
 
 def checked_cases(cases: Sequence[LoopCase], arm: FlexibleArm) -> list[LoopCase]:
-    """The cases of a batch, each of which fits the arm.
+    """Check the cases of a batch, each of which must fit the arm.
 
     Raises:
         TypeError: for something else than a case.

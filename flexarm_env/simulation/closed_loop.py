@@ -33,7 +33,7 @@ class Results(NamedTuple):
     """What a batch of N arms gives out at an instant.
 
     Attributes:
-        observation: what a controller may know (`jacobian_transpose.observation`). Shape (N, 10 + 2 m).
+        observation: what a controller may use (`jacobian_transpose.observation`). Shape (N, 10 + 2 m).
         state: public states. Shape (N, 4 + 4 m).
         torque: the law's at the start of the period that ends now, with its gain [N m]; at the reset that of gain 0,
             none. Shape (N, 2).
@@ -121,7 +121,7 @@ class ClosedLoop:
         self._clocks = np.zeros((blocks, CLOCK_ROWS, lanes), dtype=np.int64)
 
     def _link(self) -> None:
-        """Views for the hot path: whole blocks as the kernels take them, the gains' rows, the parts of results."""
+        """Make views for the hot path: whole blocks as the kernels take them, the gains' rows, the parts of results."""
         self._flat_arenas = self._arenas.reshape(len(self._arenas), -1)
         self._flat_histories = self._histories.reshape(len(self._histories), -1)
         self._gain_rows = self._arenas[:, self._rows["GAIN"][0]]
@@ -154,7 +154,7 @@ class ClosedLoop:
         return layout_stamp(self._variant, arrays)
 
     def __len__(self) -> int:
-        """Number of arms."""
+        """Return the number of arms."""
         return len(self._cases)
 
     @property
@@ -164,7 +164,7 @@ class ClosedLoop:
 
     @property
     def noise(self) -> Array:
-        """Standard deviation of each sensor's noise [m], for whoever draws it. Shape (N,)."""
+        """Standard deviation of each sensor's noise [m], for the caller who draws it. Shape (N,)."""
         return np.array([case.sensor.noise for case in self._cases])
 
     @property
@@ -228,12 +228,12 @@ class ClosedLoop:
         return rows.reshape(-1, rows.shape[2])[: len(self._cases)]
 
     def unpack(self, packed: Array) -> Results:
-        """Views of packed results. Shape (..., k)."""
+        """Return views of packed results. Shape (..., k)."""
         *parts, status = (packed[..., part] for part in self._parts)
         return Results._make([*parts, status[..., 0]])
 
     def failure(self, status: float) -> str | None:
-        """What a `Results.status` means: None, "diverged", "angle", "deflection" or "rate"."""
+        """Return what a `Results.status` means: None, "diverged", "angle", "deflection" or "rate"."""
         return failures(self.arm.size)[float(status)]
 
     # --- inside ----------------------------------------------------------------------------------------------------

@@ -39,7 +39,7 @@ class OpenLoop:
         """Load the kernel (compiled when first run) and put the arm at its start.
 
         Args:
-            constants: what the equations know of the arm.
+            constants: of the arm, in the equations.
             complete: complete velocity forces, or the paper's C_r.
             start: public state. Shape (4 + 4 m,).
         """
@@ -118,7 +118,7 @@ class OpenLoop:
 
 
 def count_instants(duration: float, step: float, substeps: int) -> int:
-    """Steps of a run.
+    """Count the steps of a run.
 
     Args:
         duration: of the run [s].
@@ -145,7 +145,7 @@ def count_substeps(step: float, substeps: int | Literal["auto"], longest: float,
 
     Args:
         step: between two instants of the trajectory [s].
-        substeps: what the user wants.
+        substeps: as the user gives it.
         longest: integration step that the arm's fastest mode allows [s].
         fastest: that mode's rate [rad/s].
 
@@ -169,5 +169,5 @@ def count_substeps(step: float, substeps: int | Literal["auto"], longest: float,
 
 
 def _evaluate(torque: TorqueFunction, time: float, state: Array) -> Array:
-    """The user's torque, checked; the function gets a copy, which it may change."""
+    """Check the user's torque; the function gets a copy, which it may change."""
     return finite_array(f"torque(time={time:.6g}, state)", torque(time, state.copy()), (2,))

@@ -25,7 +25,7 @@ def square_loop(
     task: SquareParameters | None = None,
     physics_step: float | None = None,
 ) -> tuple[ClosedLoop, Array]:
-    """A batch of arms that track the square, and where they start.
+    """Make a batch of arms that track the square, and their initial states.
 
     Args:
         arm: the arm.

@@ -20,7 +20,7 @@ ELBOWS = np.linspace(0.0, np.pi, 7)  # [rad]
 STEP_LIMIT = 1.2
 DEFAULT_ANGLE = 0.15
 DEFAULT_STEP = 2.5e-4
-# What a control period may ask of one arm. An integration step takes about a microsecond, so that the longest period
+# Limits of a control period of one arm. An integration step takes microseconds, so that the longest period
 # takes a few hundredths of a second; a reading takes 32 bytes, so that the longest delay line takes 64 MB.
 MOST_STEPS = 20_000
 MOST_READINGS = 2_000_000
@@ -82,7 +82,7 @@ def count_steps(period: float, step: float, cause: str) -> int:
 
 
 def count_readings(count: float, step: float, cause: str) -> int:
-    """Readings that a delay line holds for one arm.
+    """Count the readings that a delay line holds for one arm.
 
     Args:
         count: how many are wanted.

@@ -76,7 +76,7 @@ class Trajectory:
         _check_shapes(self.parameters, {name: array.shape for name, array in self.arrays().items()})
 
     def __len__(self) -> int:
-        """Number of instants."""
+        """Return the number of instants."""
         return len(self.time)
 
     def arrays(self) -> dict[str, Array]:
