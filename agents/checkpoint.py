@@ -28,12 +28,12 @@ class Progress:
     """What a training has found out so far.
 
     Attributes:
-        rows: of the evaluations.
+        rows: rows of the evaluations.
         best: index of the best row, None before the first.
-        best_rank: of that row, see `score.rank`.
+        best_rank: rank of that row, see `score.rank`.
         next_evaluation: steps at which the next one is due.
         next_checkpoint: steps.
-        seconds: of wall time that the training took, compiling and evaluations included, in this process and those
+        seconds: wall time of the training, compiling and evaluations included, in this process and those
             before [s].
     """
 
@@ -49,9 +49,9 @@ def save_checkpoint(path: Path, model: PPO, progress: Progress) -> None:
     """Write a checkpoint between two rollouts.
 
     Args:
-        path: of the file; complete or as before.
+        path: path of the file; complete or as before.
         model: whose environment is a `VecMonitor` over a `FlexArmVecEnv`.
-        progress: of the training.
+        progress: progress of the training.
     """
     monitor = model.get_env()
     assert isinstance(monitor, VecMonitor)
@@ -77,7 +77,7 @@ def load_checkpoint(path: Path) -> tuple[PPO, Progress]:
     """Read a checkpoint, which must be from a source that you trust: reading it can execute code.
 
     Args:
-        path: of the file.
+        path: path of the file.
 
     Returns:
         The model with its environments as they were, and the training's progress; the global random generators are

@@ -25,7 +25,7 @@ class TrainingConfig:
     options: dict[str, Any] = field(default_factory=dict)
     """Options of the environment that differ from the id's own."""
     seed: int = 0
-    """Of everything random."""
+    """Seed of everything random."""
     steps: int = 1_000_000
     """Environment steps of the training, rounded up to whole rollouts."""
     envs: int = 64

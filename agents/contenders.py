@@ -25,8 +25,8 @@ class Contender(NamedTuple):
         policy: as `run_policy` takes it.
         env: its environment.
         environment: id of that.
-        options: of that, where they differ from the id's own.
-        config: of the training that it comes from, None for others.
+        options: options of the environment, where they differ from the id's own.
+        config: configuration of the training that it comes from, None for others.
     """
 
     name: str
@@ -43,7 +43,7 @@ def changed(own: Options, options: Options, kinematics: str | None) -> dict[str,
     Args:
         own: before.
         options: replace those of the same name.
-        kinematics: of the arm; None: as it is.
+        kinematics: kinematics of the arm; None: as it is.
     """
     merged = {**own, **options}
     if kinematics is not None:
@@ -75,7 +75,7 @@ def from_attribute(source: str, environment: str, options: Options) -> Contender
     Args:
         source: "module:attribute"; the module is looked for in the working directory, too.
         environment: id.
-        options: of the environment.
+        options: options of the environment.
 
     Raises:
         ImportError: if there is no such module.
@@ -100,7 +100,7 @@ def from_model(source: str, algorithm: str, environment: str, options: Options) 
         source: its zip file.
         algorithm: its class, a name in stable-baselines3, "PPO", or "module:Class", "sb3_contrib:TQC".
         environment: id.
-        options: of the environment.
+        options: options of the environment.
 
     Raises:
         ImportError: without the package.

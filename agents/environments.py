@@ -68,7 +68,7 @@ def make_one(environment: str, options: Mapping[str, Any] | None = None) -> gymn
 
     Args:
         environment: its id.
-        options: of the environment.
+        options: options of the environment.
 
     Raises:
         TypeError, ValueError: for an unknown id or a bad option.
@@ -84,7 +84,7 @@ def make_batch(environment: str, num_envs: int, options: Mapping[str, Any] | Non
     Args:
         environment: their id.
         num_envs: how many.
-        options: of the environment, or `max_episode_steps`, `render_mode`, `threads`.
+        options: options of the environment, or `max_episode_steps`, `render_mode`, `threads`.
 
     Raises:
         TypeError, ValueError: for an unknown id or a bad option.

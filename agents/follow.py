@@ -35,7 +35,7 @@ class Follow(BaseCallback):
         """Prepare.
 
         Args:
-            config: of the training.
+            config: configuration of the training.
             run: its folder.
             found: its progress so far, kept up to date here.
             stop: signals that stop the training between two rollouts.

@@ -11,8 +11,8 @@ def info_of(infos: dict[str, Any], index: int) -> dict[str, Any]:
     """Extract the info of one environment, as the single environment would give it.
 
     Args:
-        infos: of a batch.
-        index: of the environment.
+        infos: info of a batch.
+        index: index of the environment.
 
     Returns:
         A new mapping; its arrays are copies.

@@ -16,7 +16,7 @@ class Spread(NamedTuple):
     Attributes:
         total: laps or trainings.
         complete: those that have the figure.
-        median: of all.
+        median: median of all.
         interquartile_mean: mean of the middle half; a quarter of them, rounded down, is cut off at each end.
         best: the least one.
         worst: the largest one.

@@ -69,7 +69,7 @@ class FlexArmVecEnv(VecEnv):
             environment: e.g. "FlexArm/Square-v0".
             num_envs: how many.
             infos: see the class.
-            **options: of the environment, or `max_episode_steps`, `render_mode`, `threads`.
+            **options: options of the environment, or `max_episode_steps`, `render_mode`, `threads`.
 
         Raises:
             TypeError, ValueError: for an unknown id or a bad option.
@@ -173,9 +173,9 @@ class FlexArmVecEnv(VecEnv):
         Args:
             method_name: `render` (returns pictures), `reset` (of these environments, each with the same arguments;
                 returns observation and info), or `get_wrapper_attr` and `has_wrapper_attr` with a name.
-            *method_args: of the method.
+            *method_args: arguments of the method.
             indices: which environments; None: all.
-            **method_kwargs: of the method.
+            **method_kwargs: keyword arguments of the method.
 
         Raises:
             AttributeError: for another method.

@@ -178,7 +178,7 @@ def declared(default: Any, allowed: Allowed, name: str | None = None, **metadata
     Args:
         default: its value unless given; a dict is copied.
         allowed: what it may be.
-        name: of the field in messages, where users give it by another name.
+        name: name of the field in messages, where users give it by another name.
         **metadata: further entries of the field's metadata.
     """
     entries = {"allowed": allowed, "name": name, **metadata}

@@ -8,7 +8,7 @@ def install_hint(package: str, extra: str) -> str:
 
     Args:
         package: its name.
-        extra: of FlexArm, which brings it.
+        extra: extra of FlexArm, which brings it.
     """
     return (
         f'{package} is not installed; run `pip install "flexarm[{extra}]"`, '

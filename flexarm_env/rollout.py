@@ -43,7 +43,7 @@ def run_policy(
         deterministic: passed to a ``predict`` that takes it.
         max_steps: stop after so many; None: at the end of the episode, or of a lap where the environment has no
             time limit.
-        options: of the environment's reset; default ``{"start": "corner"}``.
+        options: options of the environment's reset; default ``{"start": "corner"}``.
 
     Returns:
         The episode; `notes["ended"]` says why: "truncated" or a termination reason.
@@ -133,7 +133,7 @@ def run_batch(
         gain_limits: lambda at action 1. Shape (N,).
         steps: control periods.
         progress: called with the number of control periods done since the last call.
-        seed: of the sensors' noise, where they have any.
+        seed: seed of the sensors' noise, where they have any.
 
     Returns:
         A `Trajectory` for each arm, `notes["ended"]` as in `run_policy`; an arm whose state stops being valid ends

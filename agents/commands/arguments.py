@@ -54,5 +54,5 @@ def add_options(parser: argparse.ArgumentParser, what: str) -> None:
 
 
 def width() -> int:
-    """Of a line of the terminal; 100 where there is none."""
+    """Return the width of a line of the terminal; 100 where there is none."""
     return shutil.get_terminal_size((100, 24)).columns

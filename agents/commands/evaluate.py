@@ -149,7 +149,7 @@ def _contenders(given: argparse.Namespace) -> Iterator[Contender]:
 
 
 def _groups(results: Sequence[Result]) -> list[Group]:
-    """Of each setting that was trained with several seeds."""
+    """Group the results of each setting that was trained with several seeds."""
     members: dict[str, list[Result]] = {}
     for each in results:
         if each.contender.config is not None:

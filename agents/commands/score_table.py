@@ -59,7 +59,7 @@ def spreads_of(laps: Sequence[Score]) -> tuple[Spread, Spread]:
 
 
 def _figures(score: Score) -> tuple[str, ...]:
-    """Of one lap; what a run that ended early does not have is a dash."""
+    """Write the row of one lap, with a dash for what a run that ended early does not have."""
     errors = (score.rms, score.maximum, score.rms_after_2s)
     return (
         *("-" if value is None else f"{value:.3f}" for value in errors),
@@ -71,7 +71,7 @@ def _figures(score: Score) -> tuple[str, ...]:
 
 
 def _spreads(laps: Sequence[Score]) -> tuple[str, ...]:
-    """Of several laps."""
+    """Write the row of several laps."""
     early = Counter(lap.ended for lap in laps if not lap.complete)
     reasons = ", ".join(f"{reason} {count}" for reason, count in early.most_common())
     return (
@@ -92,7 +92,7 @@ def _largest(pairs: Sequence[tuple[float, float]]) -> tuple[float, float]:
 
 
 def _pair(values: tuple[float, float] | None, digits: int) -> str:
-    """Of shoulder and elbow, or of the links."""
+    """Write two numbers, of shoulder and elbow or of the links."""
     return "-" if values is None else " / ".join(f"{value:.{digits}f}" for value in values)
 
 

@@ -35,7 +35,7 @@ def from_markdown(text: str, width: int) -> str:
 
     Args:
         text: paragraphs and tables, with code in backticks.
-        width: of a line.
+        width: width of a line.
     """
     blocks = [block for block in text.split("\n\n") if block.strip()]
     return "\n\n".join(_table(block, width) if block.startswith("|") else _prose(block, width) for block in blocks)

@@ -42,7 +42,7 @@ class _Cells(NamedTuple):
         low: lower frequency [rad/s]. Shape (k,).
         high: upper frequency [rad/s]. Shape (k,).
         branch: which of the two curves. Shape (k,).
-        phases: of the longer and the shorter delay at the lower frequency [rad], whole turns included. Shape (k, 2).
+        phases: phases of the longer and the shorter delay at the lower frequency, with whole turns [rad]. Shape (k, 2).
         wanted: multiple of 2 pi that `_excess` passes [rad]. Shape (k,).
     """
 
@@ -58,7 +58,7 @@ def curve_crossings(loop: LawLoop, longest: float) -> tuple[Array, Array]:
 
     Args:
         loop: its ratio is not 1.
-        longest: of the shoulder's delay [s].
+        longest: largest value of the shoulder's delay [s].
 
     Returns:
         The shoulder's delays [s], some of them negative or above the longest, and frequencies [rad/s]. Shape (k,) each.
@@ -166,7 +166,7 @@ def _refined(shape: Callable[[Array], Array], omega: Array) -> Array:
     """Halve the grid where a curve's values change by more than `_COARSE`: a root near the axis turns them quickly.
 
     Args:
-        shape: of frequencies: angles and numbers, nan where there is none. Shape (k, values).
+        shape: function of frequencies: angles and numbers, nan where there is none. Shape (k, values).
         omega: Shape (k,).
     """
     values = shape(omega)

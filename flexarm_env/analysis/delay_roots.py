@@ -46,7 +46,7 @@ def delay_roots(loop: LawLoop, nodes: int = 40) -> DelayRoots:
 
     Args:
         loop: the loop.
-        nodes: of the history; a root s is resolved when ``|s|`` times the longer delay is well below it.
+        nodes: number of nodes of the history; it resolves a root s if ``|s|`` times the longer delay is well below it.
 
     Raises:
         TypeError: for anything but a loop and an integer.

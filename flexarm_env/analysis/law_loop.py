@@ -213,7 +213,7 @@ def rest_angles(arm: FlexibleArm, reference: ArrayLike, distance: float, elbow_b
     Args:
         arm: the arm.
         reference: x, y [m]. Shape (2,).
-        distance: of the sensed point from the elbow [m].
+        distance: distance of the sensed point from the elbow [m].
         elbow_branch: "positive" or "negative" theta2.
 
     Returns:

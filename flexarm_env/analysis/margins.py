@@ -25,7 +25,7 @@ class DelayMargin:
     """The smallest delay at which the loop is no longer stable.
 
     Attributes:
-        delay: of the shoulder's reading, the elbow's in proportion [s]; inf: stable up to the longest delay that a
+        delay: delay of the shoulder, the elbow's in proportion [s]; inf: stable up to the longest delay that a
             sensor may have, 10 s; 0: not stable even without delay, as with Kp = 0, which holds the arm nowhere.
         omega: frequency of the root that crosses there [rad/s]; nan where none does.
     """

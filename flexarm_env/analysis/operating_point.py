@@ -27,7 +27,7 @@ class OperatingPoint:
     Attributes:
         arm: the arm.
         state: public coordinates and their rates, see `flexarm_env.simulation.arm`. Shape (4 + 4 m,).
-        torque: of shoulder and elbow [N m]. Shape (2,).
+        torque: torque of shoulder and elbow [N m]. Shape (2,).
     """
 
     arm: FlexibleArm
@@ -49,7 +49,7 @@ class OperatingPoint:
             arm: the arm.
             angles: theta1, theta2 [rad]. Shape (2,).
             modal: modal coordinates of link 1, then of link 2; None: straight links. Shape (2 m,).
-            rates: of all coordinates (a spinning arm); None: at rest. Shape (2 + 2 m,).
+            rates: rates of all coordinates (a spinning arm); None: at rest. Shape (2 + 2 m,).
             torque: [N m]. Shape (2,).
 
         Raises:

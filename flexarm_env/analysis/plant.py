@@ -37,11 +37,11 @@ class Plant:
         B: Shape (n, inputs).
         C: Shape (outputs, n).
         D: Shape (outputs, inputs); not zero for Pade models only.
-        delays: of the outputs [s]. Shape (outputs,).
+        delays: delays of the outputs [s]. Shape (outputs,).
         inputs: names; torques [N m].
         outputs: names.
-        units: of the outputs.
-        sensors: of the outputs, one for each.
+        units: units of the outputs.
+        sensors: sensors of the outputs, one for each.
         point: where the arm was linearised.
     """
 
@@ -91,7 +91,7 @@ class Plant:
 
         Args:
             matrix: e.g. the transposed Jacobian of the paper's law (10). Shape (inputs, k).
-            names: of the new inputs, k.
+            names: names of the new inputs, k.
         """
         through = finite_array("matrix", matrix, (self.B.shape[1], len(names)))
         return replace(self, B=self.B @ through, D=self.D @ through, inputs=tuple(names))
@@ -139,7 +139,7 @@ class Plant:
         """Convert to a `control.StateSpace`, for python-control.
 
         Args:
-            pade_order: of the delay's model; needed when there is a delay.
+            pade_order: order of the delay's model; needed when there is a delay.
 
         Raises:
             ImportError: if python-control is not installed, naming the extra that brings it.
@@ -272,7 +272,7 @@ def frequency_response(plant: Plant, omega: ArrayLike) -> FrequencyResponse:
 
 
 def _names(sensors: Sequence[Sensor]) -> tuple[str, ...]:
-    """Of the outputs, each different."""
+    """Return names of the outputs, each different."""
     for i, sensor in enumerate(sensors):
         if sensor in sensors[:i]:
             raise ValueError(f"sensors: there are two of {sensor!r}; they must differ")

@@ -75,7 +75,7 @@ class Sensor:
         return replace(self, rate=True)
 
     def names(self) -> tuple[str, ...]:
-        """Of the outputs."""
+        """Return the names of the outputs."""
         dot = "'" if self.rate else ""
         if self.kind == "joint angles":
             return f"theta1{dot}", f"theta2{dot}"
@@ -154,7 +154,7 @@ def rigid_jacobian(length_1: float, distance: float, q: Array) -> Array:
 
     Args:
         length_1: L1 [m].
-        distance: of the point from the elbow, L2 for the tip [m].
+        distance: distance of the point from the elbow, L2 for the tip [m].
         q: coordinates, theta1 and theta2 first.
 
     Returns:

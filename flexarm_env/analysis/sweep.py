@@ -42,7 +42,7 @@ def bisected(before: Callable[[Array], Bools], low: Array, high: Array) -> Array
     """Where conditions change, all at once: the roots come in batches.
 
     Args:
-        before: of frequencies, one in each interval: whether the change is still ahead.
+        before: function of frequencies, one in each interval: whether the change is still ahead.
         low: Shape (k,).
         high: Shape (k,).
     """
@@ -54,7 +54,7 @@ def bisected(before: Callable[[Array], Bools], low: Array, high: Array) -> Array
 
 
 def determinant(matrices: Complex) -> Complex:
-    """Of 2 x 2 matrices. Shape (..., 2, 2) to (...,)."""
+    """Return the determinants of 2 x 2 matrices. Shape (..., 2, 2) to (...,)."""
     return np.asarray(matrices[..., 0, 0] * matrices[..., 1, 1] - matrices[..., 0, 1] * matrices[..., 1, 0])
 
 

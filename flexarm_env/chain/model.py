@@ -60,7 +60,7 @@ def chain_model(
         segments: rigid segments a link, at least 2.
         arm: the arm; None for the default one.
         time_step: [s].
-        damping: of the links, see above.
+        damping: damping of the links, see above.
 
     Raises:
         ValueError: for less than two segments, or an unknown damping.
@@ -159,7 +159,7 @@ def clamped_mass(length: float, rho: float, segments: int) -> NDArray[np.float64
     """Mass matrix of a clamped bare link in its bend angles [kg m^2]. Shape (segments - 1, segments - 1).
 
     Args:
-        length: of the link [m].
+        length: length of the link [m].
         rho: mass per length [kg/m].
         segments: number of rigid segments; the first is the clamp's.
     """

@@ -86,7 +86,7 @@ class _Assembly:
             options["_nrt"] = False
             if function not in program.entries(lanes):  # a wrapper, and a place of its own in the cache, would as well
                 return _njit(no_cpython_wrapper=True, **options)
-            if lanes == 1:  # a step of microseconds: to let go of the interpreter's lock takes a part of it
+            if lanes == 1:  # a step is so short that releasing the interpreter's lock would count
                 del options["nogil"]
         return _njit(cache=True, **options)
 

@@ -65,7 +65,7 @@ class Entry:
     Attributes:
         name: that it is declared under.
         meaning: what lies there.
-        unit: of the numbers.
+        unit: unit of the numbers.
         size: how many places, a number or a function of the table's shape.
         groups: programs that have one of these groups have the part; none: all programs have it.
     """
@@ -286,10 +286,10 @@ class Program:
     """What a kind of kernels does; the assembler collects what the entry points call.
 
     Attributes:
-        name: of the kind.
+        name: name of the kind.
         entry_points: functions that Python calls.
         alone: those of a block of one lane; none: the same.
-        groups: of parts that its tables have (`Entry`).
+        groups: groups of parts that its tables have (`Entry`).
         parts: functions that it chooses (`chosen_by_program`), by name.
         reward_terms: how many.
         closed: Python calls the entry points only, and nothing allocates memory.

@@ -233,7 +233,7 @@ def _flat_shape(argument: ast.expr) -> ast.expr:
 
 
 def _local_names(code: CodeType) -> set[str]:
-    """Of a function and those within it."""
+    """Collect the local names of a function and those within it."""
     inner = [constant for constant in code.co_consts if isinstance(constant, CodeType)]
     return set(code.co_varnames).union(*map(_local_names, inner))
 

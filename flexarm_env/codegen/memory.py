@@ -21,8 +21,8 @@ class Part(NamedTuple):
 
     Attributes:
         first: its first word.
-        shape: of the array.
-        dtype: of its numbers.
+        shape: shape of the array.
+        dtype: type of its numbers.
     """
 
     first: int

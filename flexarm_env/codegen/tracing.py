@@ -180,7 +180,7 @@ def recorded_once(count: int) -> Callable[[Callable[..., Any]], Callable[..., An
     Compiling takes longer the more there is to read; a sine has fifty operations, and a step of the arm eight sines.
 
     Args:
-        count: of the formula's results.
+        count: number of the formula's results.
     """
 
     def decorated(formula: Callable[..., Any]) -> Callable[..., Any]:

@@ -47,8 +47,8 @@ class Law(NamedTuple):
         gain: lambda (14).
         proportional_gain: Kp (11).
         derivative_gain: Kd (12).
-        torque_limit: of shoulder and elbow [N m].
-        sensor_distance: of the sensor from the elbow [m].
+        torque_limit: torque limits of shoulder and elbow [N m].
+        sensor_distance: distance of the sensor from the elbow [m].
         sensor_values: phi_i at the sensor (link 2), used by "true" only.
         sensor_foreshortening: S there, lower triangle; empty with linear kinematics.
         noise: added to the reading's Cartesian position [m].
@@ -120,7 +120,7 @@ class Measurement(NamedTuple):
 
 
 def _true_measurement(k: Constants, law: Law, y: Sequence[Any]) -> Measurement:
-    """Of the physical point, one delay for the whole reading."""
+    """Measure the physical point, with one delay for the whole reading."""
     one, two = sincos(y[0]), sincos(y[len(k.elbow_values) + 1])
     rows = true_jacobian(k, law.place, y, one, two)
     weighted = [[law.rate_weight[r] * value for value in rows[r]] for r in (0, 1)]

@@ -16,7 +16,7 @@ class Shape(NamedTuple):
     """What the layouts depend on.
 
     Attributes:
-        program: of the kernels.
+        program: program of the kernels.
         modes: per link.
         foreshortened: kinematics (`bent_link`).
     """

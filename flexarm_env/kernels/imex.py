@@ -26,9 +26,9 @@ def prepare_commands(arena: Arena, clock: Clock, paths: Paths, h: float) -> None
     the step, so that the jump acts on the arm at the right time, to second order in the step.
 
     Args:
-        arena: of one block.
-        clock: of each lane, see `entries.ClockRow`. Shape (5, lanes).
-        paths: of all lanes, see `reference_at`. Shape (paths, n, 5).
+        arena: arena of one block.
+        clock: clock of each lane, see `entries.ClockRow`. Shape (5, lanes).
+        paths: paths of all lanes, see `reference_at`. Shape (paths, n, 5).
         h: step [s].
     """
     others = 0
@@ -71,11 +71,11 @@ def prepare_readings(arena: Arena, history: History, clock: Clock, h: float, nod
     """Write the late readings for a stage at t + node h.
 
     Args:
-        arena: of one block.
+        arena: arena of one block.
         history: readings at past steps, a ring. Shape (slots * 4, lanes).
-        clock: of each lane, see `entries.ClockRow`. Shape (5, lanes).
+        clock: clock of each lane, see `entries.ClockRow`. Shape (5, lanes).
         h: step [s].
-        node: of the stage, 0 to 1.
+        node: time of the stage, 0 to 1.
     """
     slots = history.shape[0] // 4
     slot = clock[clock_row.HEAD, 0]
@@ -106,7 +106,7 @@ def around(slots: int, slot: int, back: float) -> tuple[int, int, float]:
     """Rows of the delay line at which the readings before and after a moment begin, and where it lies between.
 
     Args:
-        slots: of the delay line.
+        slots: number of slots of the delay line.
         slot: the newest one.
         back: the moment, in steps before the newest one.
     """
@@ -275,7 +275,7 @@ def run_loop(
         arenas: Shape (blocks, rows, lanes).
         histories: Shape (blocks, slots * 4, lanes).
         clocks: Shape (blocks, 5, lanes).
-        paths: of all lanes, see `reference_at`. Shape (paths, n, 5).
+        paths: paths of all lanes, see `reference_at`. Shape (paths, n, 5).
         h: step [s].
         steps: how many; 0 after a reset.
         initialise: complete the states first (after a reset).

@@ -205,7 +205,7 @@ def step_kernel(arena: Arena, h: float, bases: tuple[Sequence[float], ...] = ())
     """One step of the torque-driven arm on every lane, torques held.
 
     Args:
-        arena: of one block.
+        arena: arena of one block.
         h: step [s].
         bases: see `actuation.hermite`, at the step's start, middle and end; under the joint-space law only.
     """
@@ -241,7 +241,7 @@ def law_kernel(arena: Arena, h: float, ahead: float, explicit: Four, implicit: F
     """One stage of the closed loop on every lane: combine earlier stages, then `jacobian_transpose.law_stage`.
 
     Args:
-        arena: of one block; results in Y_STAGE, V_STAGE, MECHANICAL, FEEDBACK, TAU.
+        arena: arena of one block; results in Y_STAGE, V_STAGE, MECHANICAL, FEEDBACK, TAU.
         h: step [s].
         ahead: time of the stage after the step's start [s].
         explicit: coefficients of the stages before, explicit part.

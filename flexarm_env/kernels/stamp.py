@@ -26,7 +26,7 @@ def layout_stamp(variant: Variant, arrays: Mapping[str, NDArray[Any] | Part]) ->
     """Hash all that says where a number lies: the declared parts of each table, and the shapes of the arrays.
 
     Args:
-        variant: of the kernels.
+        variant: variant of the kernels.
         arrays: that the kernels work on, by name.
     """
     tables = [(table.__name__, list(table.layout(variant.shape).items())) for table in TABLES]

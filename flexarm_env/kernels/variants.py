@@ -15,7 +15,7 @@ class Variant:
     """What a kernel module is compiled for.
 
     Attributes:
-        program: of the kernels.
+        program: program of the kernels.
         modes: per link.
         complete: complete velocity forces, or C_r.
         lanes: environments in a block.

@@ -130,7 +130,7 @@ def shortening_forces(link: Link, q: Vector, rates: Vector, turn: Any) -> tuple[
     Args:
         link: the link.
         q: modal coordinates.
-        rates: of them.
+        rates: rates of the coordinates.
         turn: angular velocity of the root tangent.
     """
     n = len(q)

@@ -66,7 +66,7 @@ def material_point(
     """Position of a material point and its Jacobian with respect to the internal coordinates.
 
     Args:
-        modes: of both links.
+        modes: modes of both links.
         foreshortened: kinematics.
         y: internal coordinates. Shape (..., 2 + 2 m).
         link: 1 or 2.

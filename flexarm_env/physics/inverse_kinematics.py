@@ -24,8 +24,8 @@ def joint_angles_for(length_1: Any, length_2: Any, branch: Any, x: Any, y: Any) 
         length_1: L1 [m].
         length_2: L2 [m].
         branch: 1 for a positive theta2, -1 for a negative one.
-        x: of the tip [m].
-        y: of the tip [m].
+        x: x coordinate of the tip [m].
+        y: y coordinate of the tip [m].
 
     Returns:
         theta1, theta2 [rad].
@@ -48,8 +48,8 @@ def joint_rates_for(length_1: Any, length_2: Any, theta1: Any, theta2: Any, vx: 
         length_2: L2 [m].
         theta1: [rad].
         theta2: [rad].
-        vx: of the tip [m/s].
-        vy: of the tip [m/s].
+        vx: x velocity of the tip [m/s].
+        vy: y velocity of the tip [m/s].
 
     Returns:
         The rates of theta1 and theta2 [rad/s].

@@ -79,7 +79,7 @@ class PolynomialShapes:
 
     Attributes:
         length: L [m].
-        coefficients: of the powers, from the constant up; a column for each shape. Shape (m + 2, m).
+        coefficients: coefficients of the powers, from the constant up; a column for each shape. Shape (m + 2, m).
     """
 
     length: float
@@ -131,7 +131,7 @@ class LinkModes:
         mass_per_length: rho [kg/m].
         shapes: phi_i and their derivatives.
         wavenumbers: lambda_i [1/m]. Shape (m,).
-        frequencies: of the clamped-free link [rad/s] (5). Shape (m,).
+        frequencies: frequencies of the clamped-free link [rad/s] (5). Shape (m,).
         tip_values: phi_i(L) [m per unit modal coordinate]. Shape (m,).
         tip_slopes: phi_i'(L) [rad per unit modal coordinate]. Shape (m,).
         first_moment: integral of rho phi_i. Shape (m,).
@@ -218,10 +218,10 @@ class ForeshorteningMoments:
     """Integrals of a link's foreshortening S over its mass and a point mass at its tip.
 
     Attributes:
-        mean: of S. Shape (m, m).
-        shortened: of x S. Shape (m, m).
-        cubic: of phi_k S. Shape (m, m, m).
-        quartic: of S_ij S_kl, over pairs of modes i >= j, k >= l in the order of a lower triangle. Shape (p, p).
+        mean: integral of S. Shape (m, m).
+        shortened: integral of x S. Shape (m, m).
+        cubic: integral of phi_k S. Shape (m, m, m).
+        quartic: integral of S_ij S_kl, over pairs of modes i >= j, k >= l in lower-triangle order. Shape (p, p).
     """
 
     mean: Array

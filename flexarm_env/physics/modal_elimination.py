@@ -128,7 +128,7 @@ def inertia(k: Constants, e: Elimination, y: Vector, cos: Any, sin: Any) -> Iner
 
     Args:
         k: constants.
-        e: of the same arm.
+        e: elimination of the same arm.
         y: internal coordinates.
         cos: C, cosine of a2 - a1.
         sin: S, sine of a2 - a1.

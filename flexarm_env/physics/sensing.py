@@ -62,7 +62,7 @@ class Truth(NamedTuple):
         state: public state.
         true_tip: with deflection [m].
         rigid_tip: by rigid kinematics (8), (9) [m].
-        deflection: of each link's tip [m].
+        deflection: deflection of each link's tip [m].
         deflection_rate: [m/s].
     """
 
@@ -78,7 +78,7 @@ def truth(k: Constants, tip: Place, y: Sequence[Any], v: Sequence[Any]) -> Truth
 
     Args:
         k: constants of the arm.
-        tip: of link 2.
+        tip: tip of link 2.
         y: internal coordinates.
         v: internal rates.
     """

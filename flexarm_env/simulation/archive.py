@@ -44,8 +44,8 @@ def write(path: str | Path, version: int, head: Mapping[str, Any], arrays: Mappi
     """Write a file; not compressed, which would take most of a run.
 
     Args:
-        path: of the file.
-        version: of the format.
+        path: path of the file.
+        version: version of the format.
         head: plain values (JSON).
         arrays: by name; "head" is taken.
 
@@ -69,8 +69,8 @@ def read(
     """Read a file that `write` has written; nothing in it is executed.
 
     Args:
-        path: of the file.
-        version: of the format.
+        path: path of the file.
+        version: version of the format.
         what: is in the file, for the message, e.g. "Trajectory".
         check: refuses, by any error, a head and arrays that do not fit it; called before the arrays are read.
         make: that from the head and the arrays.

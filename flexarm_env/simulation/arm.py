@@ -46,7 +46,7 @@ class FlexibleArm:
     Attributes:
         parameters: the arm's parameters.
         modes: `LinkModes` of the two bare links.
-        constants: of the arm, in the equations.
+        constants: constants of the arm, in the equations.
     """
 
     def __init__(self, parameters: ArmParameters | None = None) -> None:

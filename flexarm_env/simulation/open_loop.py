@@ -39,7 +39,7 @@ class OpenLoop:
         """Load the kernel (compiled when first run) and put the arm at its start.
 
         Args:
-            constants: of the arm, in the equations.
+            constants: constants of the arm, in the equations.
             complete: complete velocity forces, or the paper's C_r.
             start: public state. Shape (4 + 4 m,).
         """
@@ -121,7 +121,7 @@ def count_instants(duration: float, step: float, substeps: int) -> int:
     """Count the steps of a run.
 
     Args:
-        duration: of the run [s].
+        duration: length of the run [s].
         step: between two instants of the trajectory [s].
         substeps: integration steps in each.
 

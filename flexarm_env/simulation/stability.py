@@ -20,8 +20,8 @@ ELBOWS = np.linspace(0.0, np.pi, 7)  # [rad]
 STEP_LIMIT = 1.2
 DEFAULT_ANGLE = 0.15
 DEFAULT_STEP = 2.5e-4
-# Limits of a control period of one arm. An integration step takes microseconds, so that the longest period
-# takes a few hundredths of a second; a reading takes 32 bytes, so that the longest delay line takes 64 MB.
+# Limits of a control period of one arm. The longest period must not
+# block the caller for long; a reading takes 32 bytes, so that the longest delay line takes 64 MB.
 MOST_STEPS = 20_000
 MOST_READINGS = 2_000_000
 
@@ -45,7 +45,9 @@ def default_step(fastest: float) -> float:
 
 
 def fastest_rates(settings: Any) -> list[float]:
-    """Of the stiffest and lightest arm that an episode may draw; under the inner law, of the closed loop [rad/s].
+    """Return the fastest rates of the stiffest and lightest arm that an episode may draw [rad/s].
+
+    Under the joint-space law they are those of the closed loop.
 
     Args:
         settings: `Settings`.
@@ -68,7 +70,7 @@ def count_steps(period: float, step: float, cause: str) -> int:
     Args:
         period: the control period [s].
         step: the longest integration step [s].
-        cause: of the step, for the message.
+        cause: cause of the step, for the message.
 
     Raises:
         ValueError: for more than `MOST_STEPS`.
@@ -87,7 +89,7 @@ def count_readings(count: float, step: float, cause: str) -> int:
     Args:
         count: how many are wanted.
         step: time between two [s].
-        cause: of the count, for the message.
+        cause: cause of the count, for the message.
 
     Raises:
         ValueError: for more than `MOST_READINGS`.

@@ -34,7 +34,7 @@ class Trajectory:
         tip: true tip, with deflection [m]. Shape (n, 2).
         elbow: tip of link 1 [m]. Shape (n, 2).
         rigid_tip: tip by rigid kinematics of the joint angles (8), (9) [m]. Shape (n, 2).
-        tip_deflection: of each link's tip off its own root tangent [m]. Shape (n, 2).
+        tip_deflection: deflection of each link's tip off its own root tangent [m]. Shape (n, 2).
         kinetic_energy: [J]. Shape (n,).
         strain_energy: [J]. Shape (n,).
         reference: where the tip should be [m]; policies only. Shape (n, 2).
@@ -140,7 +140,7 @@ class DivergenceError(RuntimeError):
     """A simulation whose state stopped being finite.
 
     Attributes:
-        time: of the last finite state [s].
+        time: time of the last finite state [s].
         trajectory: what was computed until then.
     """
 
