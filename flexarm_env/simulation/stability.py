@@ -20,8 +20,8 @@ ELBOWS = np.linspace(0.0, np.pi, 7)  # [rad]
 STEP_LIMIT = 1.2
 DEFAULT_ANGLE = 0.15
 DEFAULT_STEP = 2.5e-4
-# Limits of a control period of one arm. The longest period must not
-# block the caller for long; a reading takes 32 bytes, so that the longest delay line takes 64 MB.
+# Limits of a control period of one arm. The longest period must not block the caller for long; a reading takes 32
+# bytes, so that the longest delay line takes 64 MB.
 MOST_STEPS = 20_000
 MOST_READINGS = 2_000_000
 
