@@ -108,13 +108,13 @@ class TrainingConfig:
         return Path("runs") / f"{self.environment.partition('/')[2]}-{self.seed}"
 
     def plain(self) -> dict[str, Any]:
-        """As a file keeps it (JSON)."""
+        """Return plain values, as a JSON file keeps them."""
         values: dict[str, Any] = json.loads(json.dumps(asdict(self)))
         return values
 
     @classmethod
     def of(cls, values: Mapping[str, Any]) -> TrainingConfig:
-        """From what `plain` gave.
+        """Read what `plain` gave.
 
         Raises:
             TypeError: for an unknown name, with the nearest known one.
@@ -124,6 +124,6 @@ class TrainingConfig:
         return cls(**values)
 
     def differences(self, other: TrainingConfig) -> list[str]:
-        """Names of the parameters in which two differ."""
+        """Return the names of the parameters in which two differ."""
         mine, theirs = self.plain(), other.plain()
         return [name for name in mine if mine[name] != theirs[name]]

@@ -38,7 +38,7 @@ class Contender(NamedTuple):
 
 
 def changed(own: Options, options: Options, kinematics: str | None) -> dict[str, Any]:
-    """Options of an environment after changes.
+    """Return the options of an environment after changes.
 
     Args:
         own: before.

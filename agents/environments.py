@@ -64,7 +64,7 @@ def check_options(environment: str, options: object) -> dict[str, Any]:
 
 
 def make_one(environment: str, options: Mapping[str, Any] | None = None) -> gymnasium.Env[Any, Any]:
-    """One environment.
+    """Make one environment.
 
     Args:
         environment: its id.

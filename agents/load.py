@@ -77,7 +77,7 @@ def check_fits(
 
 
 def shipped_policies() -> list[str]:
-    """Names of the policies that come with the package."""
+    """Return the names of the policies that come with the package."""
     return sorted(path.stem for path in POLICIES.glob("*.npz"))
 
 

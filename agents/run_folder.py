@@ -118,7 +118,7 @@ def write_json(path: Path, values: Any) -> None:
 
 
 def _flat(row: dict[str, Any]) -> dict[str, Any]:
-    """Pairs become two columns, of shoulder and elbow or of the links."""
+    """Split pairs into two columns, of shoulder and elbow or of the links."""
     flat: dict[str, Any] = {}
     for name, value in row.items():
         if name in ("torque_change", "peak_deflection", "peak_torque"):

@@ -57,13 +57,13 @@ class Score(NamedTuple):
         return (True, -self.duration) if self.rms is None else (False, self.rms)
 
     def plain(self) -> dict[str, Any]:
-        """For a file: a mapping of plain values."""
+        """Return a mapping of plain values for a file."""
         values = {**self._asdict(), "complete": self.complete}
         return {name: list(value) if isinstance(value, tuple) else value for name, value in values.items()}
 
     @classmethod
     def of(cls, values: Mapping[str, Any]) -> Score:
-        """From what `plain` gave, with or without more."""
+        """Read what `plain` gave, with or without more."""
         figures: dict[str, Any] = {
             name: tuple(value) if isinstance(value := values[name], list) else value for name in cls._fields
         }
@@ -88,7 +88,7 @@ def rank(laps: Sequence[Score]) -> tuple[int, float]:
 
 
 def score(run: Trajectory) -> Score:
-    """Figures of a policy's run.
+    """Compute the figures of a policy's run.
 
     Args:
         run: result of `flexarm_env.rollout.run_policy`.

@@ -63,7 +63,7 @@ class FlexArmVecEnv(VecEnv):
 
     @classmethod
     def make(cls, environment: str, num_envs: int, infos: Infos = "final", **options: Any) -> FlexArmVecEnv:
-        """From a registered id, with its time limit.
+        """Make the batch of a registered id, with its time limit.
 
         Args:
             environment: e.g. "FlexArm/Square-v0".
@@ -197,7 +197,7 @@ class FlexArmVecEnv(VecEnv):
     def env_is_wrapped(
         self, wrapper_class: type[gymnasium.Wrapper[Any, Any, Any, Any]], indices: VecEnvIndices = None
     ) -> list[bool]:
-        """Whether a Gymnasium wrapper stands around each environment: there is none, the time limit is built in."""
+        """Return whether a Gymnasium wrapper is around each environment: none is, the time limit is built in."""
         return [False for _ in self._get_indices(indices)]
 
     def _restart(

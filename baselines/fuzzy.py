@@ -97,7 +97,7 @@ def _checked_rules(rules: npt.ArrayLike, shape: tuple[int, ...], outputs: int) -
 
 
 def _crossing_levels(output: FuzzyVariable) -> Floats:
-    """Level 0 and every level in (0, 1) at which two edges, or an edge and an end of the universe, cross."""
+    """Return level 0 and every level in (0, 1) at which two edges, or an edge and an end of the universe, cross."""
     left, peak, right = output.corners.T
     at_zero = np.concatenate([left, right, output.universe])  # z = at_zero + slope * y on each of these lines
     slope = np.concatenate([peak - left, peak - right, [0.0, 0.0]])

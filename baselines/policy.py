@@ -53,7 +53,7 @@ class GainPolicy(ABC):
 
     @abstractmethod
     def gains(self, observations: Floats) -> Floats:
-        """Gains lambda for a batch of observations.
+        """Return the gains lambda for a batch of observations.
 
         Args:
             observations: shape ``(n, k)``.
@@ -101,7 +101,7 @@ def env_attribute(env: Any, name: str) -> Any:
 
 
 def env_gain_limit(env: Any) -> float:
-    """Gain limit of a single or vector environment whose action is the gain.
+    """Return the gain limit of a single or vector environment whose action is the gain.
 
     Raises:
         TypeError: it is no FlexArm environment.

@@ -54,7 +54,7 @@ def action_from_physical(mode: str, value: ArrayLike, limit: ArrayLike) -> NDArr
 
 
 def gain_from_action(action: ArrayLike, gain_limit: ArrayLike) -> NDArray[np.float64]:
-    """Gain that an action stands for: ``gain_limit (action + 1) / 2``.
+    """Return the gain that an action stands for: ``gain_limit (action + 1) / 2``.
 
     Args:
         action: values in [-1, 1], any shape.

@@ -43,7 +43,7 @@ def _reference(run: Trajectory) -> Array:
 
 
 def tracking_error(run: Trajectory, tip: str = "true", since: float = 0.0) -> TrackingError:
-    """Distance of the tip from the (undelayed) reference.
+    """Return the distance of the tip from the (undelayed) reference.
 
     Args:
         run: a policy's run.
@@ -58,7 +58,7 @@ def tracking_error(run: Trajectory, tip: str = "true", since: float = 0.0) -> Tr
 
 
 def overshoot(path: Array, time: Array, corner: Array, incoming: Array, window: tuple[float, float]) -> float:
-    """How far a path goes past a corner, in the direction in which the reference came.
+    """Return how far a path goes past a corner, in the direction in which the reference came.
 
     Args:
         path: Shape (n, 2) [m].
@@ -81,7 +81,7 @@ def overshoot(path: Array, time: Array, corner: Array, incoming: Array, window: 
 
 
 def path_difference(one: Array, other: Array) -> Array:
-    """Distance of each point of a path from another path, whatever the time [m].
+    """Return the distance of each point of a path from another path, whatever the time [m].
 
     The nearest sample of the other path is found first; the distance is then that to the two segments that meet there.
 
@@ -112,7 +112,7 @@ def _window(time: Array, since: float, until: float) -> NDArray[np.bool_]:
 
 
 def vibration(run: Trajectory, since: float = 0.0, until: float = np.inf) -> float:
-    """R.m.s. rate of the links' tip deflections, both links together [m/s].
+    """Return the r.m.s. rate of the links' tip deflections, both links together [m/s].
 
     Args:
         run: any run.
@@ -125,7 +125,7 @@ def vibration(run: Trajectory, since: float = 0.0, until: float = np.inf) -> flo
 
 
 def tip_acceleration(run: Trajectory, since: float = 0.0, until: float = np.inf) -> float:
-    """R.m.s. acceleration of the rigid-kinematics tip, by second differences [m/s^2]: how smooth its motion is.
+    """Return the r.m.s. acceleration of the rigid-kinematics tip, by second differences [m/s^2].
 
     Args:
         run: a run of at least 3 instants, evenly spaced.
@@ -139,7 +139,7 @@ def tip_acceleration(run: Trajectory, since: float = 0.0, until: float = np.inf)
 
 
 def circle_fit(path: Array) -> CircleFit:
-    """Least-squares circle (Kasa's linear fit) and how far the path is from it.
+    """Fit a least-squares circle (Kasa's linear fit) and how far the path is from it.
 
     Args:
         path: Shape (n, 2) [m].
@@ -153,7 +153,7 @@ def circle_fit(path: Array) -> CircleFit:
 
 
 def elbow_changes(run: Trajectory) -> Array:
-    """When the elbow changed sides: the times at which the sign of sin(theta2) changed.
+    """Return when the elbow changed sides: the times at which the sign of sin(theta2) changed.
 
     The elbow is on a side only where it is bent by more than 0.05 rad, off the straight and off the folded arm. A
     motion within that band, and one that comes back to the side that it left, is no change. The time of a change is
@@ -179,7 +179,7 @@ def elbow_changes(run: Trajectory) -> Array:
 
 
 def ended_early(run: Trajectory) -> bool:
-    """Whether the run ended by anything but its full time, e.g. at a limit of the state (`notes["ended"]`)."""
+    """Return whether the run ended by anything but its full time, e.g. at a limit of the state (`notes["ended"]`)."""
     return run.notes.get("ended") not in (None, "truncated")
 
 

@@ -165,7 +165,7 @@ class SensorParameters:
             )
 
     def joint_delays(self, shoulder_to_elbow: float) -> tuple[float, float]:
-        """Delay of the shoulder's and of the elbow's measurement [s] (16), (18).
+        """Return the delay of the shoulder's and of the elbow's measurement [s] (16), (18).
 
         Args:
             shoulder_to_elbow: L1 [m].

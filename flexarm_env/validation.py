@@ -283,7 +283,7 @@ def known_names(owner: str, given: Iterable[str], known: Sequence[str]) -> None:
 
 
 def nearest_names(name: str, known: Sequence[str]) -> list[str]:
-    """Names that a user may have meant: the likest of those that end with the same word, and the likest of all."""
+    """Return names that a user may have meant: the likest with the same last word, and the likest of all."""
     last = name.rpartition("_")[2]
     same = [other for other in known if other.rpartition("_")[2] == last]
     near = [*difflib.get_close_matches(name, same, 1, 0.0), *difflib.get_close_matches(name, known, 1)]

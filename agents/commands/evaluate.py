@@ -41,7 +41,7 @@ class Result(NamedTuple):
     laps: list[Score]
 
     def plain(self, seed: int) -> dict[str, Any]:
-        """For a file."""
+        """Return plain values for a file."""
         one = self.contender
         about = {"name": one.name, "environment": one.environment, "options": one.options, "config": one.config}
         laps = [{"seed": seed + n, **lap.plain()} for n, lap in enumerate(self.laps)]
@@ -126,7 +126,7 @@ def _is_attribute(source: str) -> bool:
 
 
 def _contenders(given: argparse.Namespace) -> Iterator[Contender]:
-    """Everything that the command line names, each made when it is its turn."""
+    """Yield everything that the command line names, each made when it is its turn."""
     options = changed({}, given.options, given.kinematics)
     if given.baselines:
         for name, policy in (("IFDC", IFDC), ("FLSAC", FLSAC)):

@@ -40,7 +40,7 @@ def lap_table(results: Sequence[Named]) -> str:
 
 
 def group_table(groups: Sequence[tuple[str, tuple[Spread, Spread]]]) -> str:
-    """Two rows for each setting that was trained with several seeds.
+    """Write two rows for each setting that was trained with several seeds.
 
     Args:
         groups: names of the trainings, and the r.m.s. errors of the lap and after 2 s.
@@ -54,7 +54,7 @@ def group_table(groups: Sequence[tuple[str, tuple[Spread, Spread]]]) -> str:
 
 
 def spreads_of(laps: Sequence[Score]) -> tuple[Spread, Spread]:
-    """R.m.s. errors over the lap, and after 2 s."""
+    """Return the r.m.s. errors over the lap, and after 2 s."""
     return Spread.of(lap.rms for lap in laps), Spread.of(lap.rms_after_2s for lap in laps)
 
 

@@ -12,7 +12,7 @@ _NARROWEST = 24  # of a column that is wrapped, however narrow the terminal is
 
 
 def columns(rows: Sequence[Sequence[str]], right: bool = False) -> str:
-    """Rows with their columns in line.
+    """Write rows with their columns in line.
 
     Args:
         rows: all of one length; headers are rows like others.
@@ -31,7 +31,7 @@ def columns(rows: Sequence[Sequence[str]], right: bool = False) -> str:
 
 
 def from_markdown(text: str, width: int) -> str:
-    """Markdown's prose and tables as a terminal shows them.
+    """Convert Markdown's prose and tables for a terminal.
 
     Args:
         text: paragraphs and tables, with code in backticks.

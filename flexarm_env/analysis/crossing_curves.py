@@ -54,7 +54,7 @@ class _Cells(NamedTuple):
 
 
 def curve_crossings(loop: LawLoop, longest: float) -> tuple[Array, Array]:
-    """Crossings of a loop with two delays, unsorted.
+    """Find the crossings of a loop with two delays, unsorted.
 
     Args:
         loop: its ratio is not 1.
@@ -72,7 +72,7 @@ def curve_crossings(loop: LawLoop, longest: float) -> tuple[Array, Array]:
 
 
 def _cells(loop: LawLoop, longest: float) -> _Cells:
-    """Where the shorter delay's phase passes `_share` times that of the longer one, which is at most `longest` [s]."""
+    """Find where the shorter delay's phase passes `_share` times the longer one's; that delay is at most `longest` [s]."""
     omega = _curve_points(loop)
     phases = _phases(loop, omega)
     steps = _wrapped(np.diff(phases, axis=0))
@@ -107,7 +107,7 @@ def _share(loop: LawLoop) -> float:
 
 
 def _phases(loop: LawLoop, omega: Array) -> Array:
-    """Both crossing curves: the phase ``omega T`` of the longer delay and the angle of the shorter one's unit number.
+    """Return both crossing curves: the longer delay's phase ``omega T`` and the angle of the shorter one's number.
 
     Returns:
         [rad]; nan where there is none. Shape (k, 2 curves, 2).
@@ -134,7 +134,7 @@ def _opening(loop: LawLoop, omega: Array) -> tuple[Array, Array]:
 
 
 def _coefficients(loop: LawLoop, omega: Array) -> tuple[Complex, Complex, Complex, Complex]:
-    """D0, D1 (of the longer delay), D2, D12. Shape (k,) each."""
+    """Return D0, D1 (of the longer delay), D2, D12. Shape (k,) each."""
     terms = loop.loop_terms(omega)
     now, late, soon = np.eye(2) + terms[:, 0], terms[:, 1], terms[:, 2]
     if loop.ratio > 1.0:
@@ -143,7 +143,7 @@ def _coefficients(loop: LawLoop, omega: Array) -> tuple[Complex, Complex, Comple
 
 
 def _curve_points(loop: LawLoop) -> Array:
-    """Frequencies that separate both curves, and the gaps between their pieces [rad/s]. Shape (k,)."""
+    """Return the frequencies that separate both curves, and the gaps between their pieces [rad/s]. Shape (k,)."""
 
     def there(at: Array) -> Bools:
         return np.asarray(np.abs(_opening(loop, at)[1]) <= 1.0)
@@ -183,7 +183,7 @@ def _refined(shape: Callable[[Array], Array], omega: Array) -> Array:
 
 
 def _turning(loop: LawLoop, omega: Array) -> Array:
-    """Where the cosine turns between points of the grid: there a pair of curves, or a gap in one, may hide."""
+    """Return where the cosine turns between points of the grid: there a pair of curves, or a gap in one, may hide."""
 
     def above(at: Array) -> Array:
         return np.asarray(np.abs(_opening(loop, at)[1]) - 1.0)
@@ -201,5 +201,5 @@ def _turning(loop: LawLoop, omega: Array) -> Array:
 
 
 def _wrapped(angle: Array) -> Array:
-    """To -pi ... pi."""
+    """Wrap an angle to -pi ... pi."""
     return np.asarray((angle + np.pi) % TURN - np.pi)

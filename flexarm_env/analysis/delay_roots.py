@@ -42,7 +42,7 @@ class DelayRoots:
 
 
 def delay_roots(loop: LawLoop, nodes: int = 40) -> DelayRoots:
-    """Approximate roots of the loop with its delay.
+    """Approximate the roots of the loop with its delay.
 
     Args:
         loop: the loop.
@@ -73,7 +73,7 @@ def _rightmost(values: Complex) -> Complex:
 
 
 def _chebyshev(count: int) -> tuple[Array, Array]:
-    """Nodes on [-1, 1], 1 first, and the differentiation matrix on them."""
+    """Return the nodes on [-1, 1], 1 first, and the differentiation matrix on them."""
     x = np.cos(np.pi * np.arange(count + 1) / count)
     weight = np.ones(count + 1)
     weight[[0, -1]] = 2.0
@@ -84,7 +84,7 @@ def _chebyshev(count: int) -> tuple[Array, Array]:
 
 
 def _interpolation(x: Array, at: float) -> Array:
-    """Row that interpolates values on the nodes, barycentric. Shape (1, nodes)."""
+    """Return the row that interpolates values on the nodes, barycentric. Shape (1, nodes)."""
     difference = at - x
     if np.any(np.abs(difference) < 1e-14):
         return np.eye(1, len(x), int(np.argmin(np.abs(difference))))

@@ -64,7 +64,7 @@ def zero_limits(plant: Plant, peak: float = 2.0) -> list[ZeroLimit]:
 
 
 def sensitivity_peak(zero: float, bandwidth: float, tolerance: float) -> float:
-    """Smallest possible peak of the sensitivity.
+    """Return the smallest possible peak of the sensitivity.
 
     Args:
         zero: z > 0 [rad/s].

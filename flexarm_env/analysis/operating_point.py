@@ -102,7 +102,7 @@ class OperatingPoint:
         return self.arm.linearise(self.state, self.torque)
 
     def is_equilibrium(self) -> bool:
-        """Whether the arm would stay: without gravity, at rest with straight links and no torque."""
+        """Return whether the arm would stay: without gravity, at rest with straight links and no torque."""
         return not np.any(self.linearisation.rate)
 
     def __str__(self) -> str:

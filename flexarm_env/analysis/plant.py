@@ -97,7 +97,7 @@ class Plant:
         return replace(self, B=self.B @ through, D=self.D @ through, inputs=tuple(names))
 
     def at(self, s: complex) -> Complex:
-        """Transfer matrix at a complex frequency [rad/s], delay included. Shape (outputs, inputs).
+        """Return the transfer matrix at a complex frequency [rad/s], delay included. Shape (outputs, inputs).
 
         Raises:
             TypeError: for anything but a number.
@@ -217,7 +217,7 @@ class Poles:
 
 
 def poles(plant: Plant) -> Poles:
-    """Poles; a delay has none, its Pade model has.
+    """Return the poles; a delay has none, its Pade model has.
 
     Raises:
         TypeError: for anything but a plant.
@@ -256,7 +256,7 @@ class FrequencyResponse:
 
 
 def frequency_response(plant: Plant, omega: ArrayLike) -> FrequencyResponse:
-    """G(j omega), delay exact.
+    """Return G(j omega), delay exact.
 
     Args:
         plant: see `linear_plant`.
@@ -284,7 +284,7 @@ def _names(sensors: Sequence[Sensor]) -> tuple[str, ...]:
 
 
 def _each(sensors: Sequence[Sensor]) -> list[Sensor]:
-    """One for each output."""
+    """Return one delay for each output."""
     return [sensor for sensor in sensors for _ in sensor.names()]
 
 
@@ -298,7 +298,7 @@ def _indices(name: str, known: tuple[str, ...], wanted: Sequence[str] | None) ->
 
 
 def _pade(delay: float, order: int) -> tuple[Array, Array, Array, Array]:
-    """State-space form of the (order, order) Pade model of exp(-s delay), in the time unit of the delay."""
+    """Return the state-space form of the (order, order) Pade model of exp(-s delay), in the time unit of the delay."""
     if delay == 0.0:
         return np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.ones((1, 1))
     k = np.arange(order + 1)
@@ -315,7 +315,7 @@ def _pade(delay: float, order: int) -> tuple[Array, Array, Array, Array]:
 
 
 def _stacked(blocks: Sequence[tuple[Array, Array, Array, Array]]) -> tuple[Array, Array, Array, Array]:
-    """Single-input systems side by side."""
+    """Join single-input systems side by side."""
     sizes = [len(block[0]) for block in blocks]
     n, p = sum(sizes), len(blocks)
     a, b, c, d = np.zeros((n, n)), np.zeros((n, p)), np.zeros((p, n)), np.zeros((p, p))

@@ -90,7 +90,7 @@ class Sensor:
         return f"{self.kind} of link {self.link} at " + ("its tip" if self.position is None else f"{self.position:g} m")
 
     def matrix(self, point: OperatingPoint) -> Array:
-        """Output matrix C: deviations of the state to deviations of the reading. Shape (outputs, 4 + 4 m).
+        """Return the output matrix C: deviations of the state to deviations of the reading. Shape (outputs, 4 + 4 m).
 
         Raises:
             ValueError: if the sensor is off its link.
@@ -102,7 +102,7 @@ class Sensor:
         return np.hstack([self._jacobian_rate(point), jacobian])
 
     def jacobian(self, point: OperatingPoint, q: Array) -> Array:
-        """d(reading)/dq at some coordinates of the point's arm. Shape (outputs, 2 + 2 m)."""
+        """Return d(reading)/dq at some coordinates of the point's arm. Shape (outputs, 2 + 2 m)."""
         readings: dict[str, Callable[[OperatingPoint, Array], Array]] = {
             "joint angles": _joint_angles,
             "strain": self._curvature,
@@ -150,7 +150,7 @@ def _joint_angles(_: OperatingPoint, q: Array) -> Array:
 
 
 def rigid_jacobian(length_1: float, distance: float, q: Array) -> Array:
-    """J of (13), with the cosine that the paper misprints.
+    """Return J of (13), with the cosine that the paper misprints.
 
     Args:
         length_1: L1 [m].
@@ -176,15 +176,15 @@ def strain(link: int, position: float = 0.0, *, rate: bool = False, delay: float
 
 
 def rigid_point(position: float | None = None, *, rate: bool = False, delay: float = 0.0) -> Sensor:
-    """x, y of a point of link 2 by rigid kinematics of the joint angles [m] (8), (9): the paper's sensor."""
+    """Return x, y of a point of link 2 by rigid kinematics of the joint angles [m] (8), (9): the paper's sensor."""
     return Sensor("rigid point", 2, position, rate, delay)
 
 
 def true_point(position: float | None = None, link: int = 2, *, rate: bool = False, delay: float = 0.0) -> Sensor:
-    """x, y of a material point with deflection [m]."""
+    """Return x, y of a material point with deflection [m]."""
     return Sensor("true point", link, position, rate, delay)
 
 
 def tip(*, rate: bool = False, delay: float = 0.0) -> Sensor:
-    """x, y of the true tip of link 2 [m]."""
+    """Return x, y of the true tip of link 2 [m]."""
     return Sensor("true point", rate=rate, delay=delay)

@@ -39,7 +39,7 @@ def frequencies(loop: LawLoop) -> Array:
 
 
 def bisected(before: Callable[[Array], Bools], low: Array, high: Array) -> Array:
-    """Where conditions change, all at once: the roots come in batches.
+    """Return where conditions change, all at once: the roots come in batches.
 
     Args:
         before: function of frequencies, one in each interval: whether the change is still ahead.

@@ -102,7 +102,7 @@ def chain_xml(
 
 
 def _link(arm: ArmParameters, link: int, segments: int, mount: float, in_hinges: bool) -> tuple[str, float]:
-    """Bodies of one link, left open for what comes after.
+    """Write the bodies of one link, left open for what comes after.
 
     Args:
         arm: the arm.
@@ -135,7 +135,7 @@ def _link(arm: ArmParameters, link: int, segments: int, mount: float, in_hinges:
 
 
 def _damping_time(arm: ArmParameters, link: int) -> float:
-    """beta = 2 zeta / omega_1 of the clamped link [s]."""
+    """Return beta = 2 zeta / omega_1 of the clamped link [s]."""
     stretch = _FIRST_CLAMPED_ROOT / arm.link_lengths[link]
     omega = stretch**2 * math.sqrt(arm.flexural_rigidities[link] / arm.masses_per_length[link])
     return 2.0 * arm.modal_damping_ratio / omega
@@ -156,7 +156,7 @@ def _mode_dampers(arm: ArmParameters, link: int, segments: int, damping: Damping
 
 
 def clamped_mass(length: float, rho: float, segments: int) -> NDArray[np.float64]:
-    """Mass matrix of a clamped bare link in its bend angles [kg m^2]. Shape (segments - 1, segments - 1).
+    """Return the mass matrix of a clamped bare link in its bend angles [kg m^2]. Shape (segments - 1, segments - 1).
 
     Args:
         length: length of the link [m].
@@ -186,17 +186,17 @@ def _inertial(rod: float, length: float, mass: float, inertia: float) -> str:
 
 
 def joint_angles(data: mujoco.MjData) -> tuple[float, float]:
-    """theta1, theta2 [rad]."""
+    """Return theta1, theta2 [rad]."""
     return float(data.joint(SHOULDER).qpos[0]), float(data.joint(ELBOW).qpos[0])
 
 
 def joint_rates(data: mujoco.MjData) -> tuple[float, float]:
-    """Rates of theta1 and theta2 [rad/s]."""
+    """Return the rates of theta1 and theta2 [rad/s]."""
     return float(data.joint(SHOULDER).qvel[0]), float(data.joint(ELBOW).qvel[0])
 
 
 def tip_position(model: mujoco.MjModel, data: mujoco.MjData) -> NDArray[np.float64]:
-    """Where the end of link 2 is now [m]. Shape (2,).
+    """Return where the end of link 2 is now [m]. Shape (2,).
 
     `mj_step` leaves the positions of the step's beginning, so they are computed anew.
     """
@@ -205,7 +205,7 @@ def tip_position(model: mujoco.MjModel, data: mujoco.MjData) -> NDArray[np.float
 
 
 def frequencies(model: mujoco.MjModel, locked: Collection[str] = (), elbow: float = 0.0) -> NDArray[np.float64]:
-    """Undamped angular frequencies about rest with unbent links, lowest first [rad/s].
+    """Return the undamped angular frequencies about rest with unbent links, lowest first [rad/s].
 
     Args:
         model: the chain.
@@ -219,7 +219,7 @@ def frequencies(model: mujoco.MjModel, locked: Collection[str] = (), elbow: floa
 
 
 def fastest_rate(model: mujoco.MjModel) -> float:
-    """Largest magnitude of an eigenvalue of the straight chain, dampers included [1/s]."""
+    """Return the largest magnitude of an eigenvalue of the straight chain, dampers included [1/s]."""
     omega = float(frequencies(model)[-1])
     springs = model.joint("bend1_1")  # modal dampers are too weak to count
     drag = springs.damping[0] / springs.stiffness[0] * omega**2  # s^2 + drag s + omega^2 = 0
@@ -227,7 +227,7 @@ def fastest_rate(model: mujoco.MjModel) -> float:
 
 
 def mass_matrix(model: mujoco.MjModel, elbow: float = 0.0) -> NDArray[np.float64]:
-    """Mass matrix of the unbent chain in its joint angles [kg m^2]. Shape (2 segments, 2 segments).
+    """Return the mass matrix of the unbent chain in its joint angles [kg m^2]. Shape (2 segments, 2 segments).
 
     Args:
         model: the chain.
@@ -242,7 +242,7 @@ def mass_matrix(model: mujoco.MjModel, elbow: float = 0.0) -> NDArray[np.float64
 
 
 def dampers(model: mujoco.MjModel) -> NDArray[np.float64]:
-    """Damping matrix of the unbent chain in its joint angles [N m s]. Shape (2 segments, 2 segments)."""
+    """Return the damping matrix of the unbent chain in its joint angles [N m s]. Shape (2 segments, 2 segments)."""
     data, columns = mujoco.MjData(model), []
     for rates in np.eye(model.nv):
         data.qvel[:] = rates
@@ -259,7 +259,7 @@ def _springs(model: mujoco.MjModel) -> NDArray[np.float64]:
 
 
 def is_stable(model: mujoco.MjModel, seconds: float = 4.0, torque: float = 20.0) -> bool:
-    """Whether the linear chain does not grow by itself, and a run under random torques stays bounded.
+    """Return whether the linear chain does not grow by itself, and a run under random torques stays bounded.
 
     Args:
         model: the chain.
@@ -280,7 +280,7 @@ def is_stable(model: mujoco.MjModel, seconds: float = 4.0, torque: float = 20.0)
 
 
 def _growth(model: mujoco.MjModel) -> float:
-    """Largest factor by which one step multiplies a small motion of the straight chain; 1 for its rigid motions."""
+    """Return the factor by which one step multiplies a small motion of the straight chain; 1 for its rigid motions."""
     step, mass = model.opt.timestep, mass_matrix(model)
     rates = np.linalg.solve(mass + step * dampers(model), np.hstack((-step * _springs(model), mass)))
     angles = np.eye(model.nv, 2 * model.nv) + step * rates

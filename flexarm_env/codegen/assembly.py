@@ -72,7 +72,7 @@ class _Assembly:
         self.texts.append(f"{self._decorator(function)}\n{text}")
 
     def _decorator(self, function: Any) -> str:
-        """How a function is compiled."""
+        """Return the decorator that compiles a function."""
         if isinstance(function, Intrinsic):
             return "@intrinsic"
         program, lanes, marks = self.variant.program, self.variant.lanes, vars(function)
@@ -96,7 +96,7 @@ def _njit(**options: Any) -> str:
 
 
 def render(variant: AnyVariant) -> str:
-    """Source text of a variant's module."""
+    """Return the source text of a variant's module."""
     with plain_python(variant):
         assembly = _Assembly(variant)
     head = f'"""Assembled by flexarm_env.codegen.assembly for {variant}; do not edit."""\n\n{_IMPORTS}\n'

@@ -91,7 +91,7 @@ class Entry:
         return self if instance is None else instance.first(self.name)
 
     def count(self, shape: Any) -> int | None:
-        """How many places it takes in a table of this shape; None if the table does not have it."""
+        """Return how many places it takes in a table of this shape; None if the table does not have it."""
         if self.groups and not self.groups & shape.program.groups:
             return None
         return self.size if isinstance(self.size, int) else self.size(shape)
@@ -112,7 +112,7 @@ class Names:
 
     @classmethod
     def layout(cls, shape: Any) -> dict[str, tuple[int, int]]:
-        """First place and number of places of each part that a table of this shape has."""
+        """Return the first place and number of places of each part that a table of this shape has."""
         return _layout(cls.entries, shape)
 
     def shape(self) -> Any:
@@ -120,7 +120,7 @@ class Names:
         return present_variant().shape
 
     def first(self, name: str) -> int:
-        """First place of a part.
+        """Return the first place of a part.
 
         Raises:
             LookupError: where the table does not have the part.
@@ -138,7 +138,7 @@ def _layout(parts: tuple[Entry, ...], shape: Any) -> dict[str, tuple[int, int]]:
 
 
 def in_a_row(sizes: Mapping[str, int]) -> dict[str, tuple[int, int]]:
-    """First place and number of places of parts of these sizes that follow each other."""
+    """Return the first place and number of places of parts of these sizes that follow each other."""
     places, first = {}, 0
     for name, count in sizes.items():
         places[name] = (first, count)
@@ -211,7 +211,7 @@ def recorded(formula: Callable[[Any], str], calls: Iterable[Any] = ()) -> Callab
 
 
 def called_in(text: str, known: Mapping[str, Any]) -> dict[str, Any]:
-    """Those of some functions that a text calls, by name."""
+    """Return those of some functions that a text calls, by name."""
     names = set(re.findall(r"\b(\w+)\(", text))
     return {name: function for name, function in known.items() if name in names}
 
@@ -310,7 +310,7 @@ class Program:
         return self.name
 
     def entries(self, lanes: int) -> tuple[Any, ...]:
-        """Entry points of a variant."""
+        """Return the entry points of a variant."""
         return self.alone if lanes == 1 and self.alone else self.entry_points
 
 

@@ -19,7 +19,7 @@ TILE = 8  # lanes that are transposed at once
 
 
 def _fused(typing_context: Any, a: Any, b: Any, c: Any) -> Any:
-    """Code of `fused`."""
+    """Emit the code of `fused`."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         """Emit it."""
@@ -39,7 +39,7 @@ def fused(a: float, b: float, c: float) -> float:
 
 
 def _quarter_turns(typing_context: Any, k: Any, sine: Any, cosine: Any) -> Any:
-    """Code of `quarter_turns`."""
+    """Emit the code of `quarter_turns`."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         """Adding 1.5 * 2^52 moves a whole number to the last bits of its sum; a sign is the first bit."""
@@ -61,7 +61,7 @@ def _quarter_turns(typing_context: Any, k: Any, sine: Any, cosine: Any) -> Any:
 
 @intrinsic(_quarter_turns)
 def quarter_turns(k: float, sine: float, cosine: float) -> tuple[float, float]:
-    """Sine and cosine of an angle k quarter turns on (`tracing.quarter_turns`), by the last two bits of k.
+    """Return the sine and cosine of an angle k quarter turns on (`tracing.quarter_turns`), by the last two bits of k.
 
     Choices and signs are made by integer operations, which leave the floating-point units free. The result is bitwise
     identical for |k| < 2^51.
@@ -70,7 +70,7 @@ def quarter_turns(k: float, sine: float, cosine: float) -> tuple[float, float]:
 
 
 def _aligned_stack(typing_context: Any) -> Any:
-    """Code of `aligned_stack`."""
+    """Emit the code of `aligned_stack`."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         """Set the alignment on the function being built."""
@@ -91,7 +91,7 @@ def aligned_stack() -> None:
 
 
 def _array_at(typing_context: Any, memory: Any, first: Any, shape: Any, dtype: Any) -> Any:
-    """Code of `array_at`."""
+    """Emit the code of `array_at`."""
     kind = types.Array(dtype.dtype, len(shape), "C")
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
@@ -121,7 +121,7 @@ def array_at(memory: Memory, first: int, shape: tuple[int, ...], dtype: type[Any
 
 
 def _write_tile(typing_context: Any, rows: Any, distance: Any, places: Any, factors: Any, n: Any, lanes: Any) -> Any:
-    """Code of `write_tile`."""
+    """Emit the code of `write_tile`."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         """Eight loads, three rounds of exchanges between two vectors each, eight stores."""

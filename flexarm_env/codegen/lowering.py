@@ -65,7 +65,7 @@ class Lowered(ast.NodeTransformer):
     # --- statements ------------------------------------------------------------------------------------------------
 
     def visit_FunctionDef(self, node: ast.FunctionDef) -> ast.FunctionDef:
-        """Without decorators, annotations and documentation."""
+        """Lower a function, without decorators, annotations and documentation."""
         arguments = [ast.arg(argument.arg) for argument in node.args.args]
         defaults = [self.visit(default) for default in node.args.defaults]
         body = node.body[1:] if ast.get_docstring(node, clean=False) is not None else node.body
@@ -73,7 +73,7 @@ class Lowered(ast.NodeTransformer):
         return ast.FunctionDef(name=node.name, args=plain, body=self._statements(body), decorator_list=[], lineno=0)
 
     def visit_AnnAssign(self, node: ast.AnnAssign) -> ast.stmt | list[ast.stmt]:
-        """Without the annotation; the shape of an array with a row of lanes at its end becomes flat."""
+        """Drop the annotation, and flatten the shape of an array with a row of lanes at its end."""
         if node.value is None:
             return []
         target, value = self.visit(node.target), self.visit(node.value)
@@ -84,7 +84,7 @@ class Lowered(ast.NodeTransformer):
         return ast.Assign(targets=[target], value=value, lineno=0)
 
     def visit_If(self, node: ast.If) -> ast.stmt | list[ast.stmt]:
-        """Only the branch that the variant leaves."""
+        """Keep only the branch that the variant leaves."""
         known = self._known(node.test)
         if known is not _UNKNOWN:
             return self._statements(node.body if known else node.orelse, empty=False)
@@ -104,14 +104,14 @@ class Lowered(ast.NodeTransformer):
     # --- expressions -----------------------------------------------------------------------------------------------
 
     def visit_IfExp(self, node: ast.IfExp) -> ast.expr:
-        """Only what the variant leaves."""
+        """Keep only what the variant leaves."""
         known = self._known(node.test)
         if known is not _UNKNOWN:
             return self.visit(node.body if known else node.orelse)
         return self.generic_visit(node)  # type: ignore[return-value]
 
     def visit_BoolOp(self, node: ast.BoolOp) -> ast.expr:
-        """Without operands that the variant settles."""
+        """Drop the operands that the variant settles."""
         settled = isinstance(node.op, ast.Or)  # the value that decides alone
         kept = []
         for operand in node.values:
@@ -205,11 +205,11 @@ class Lowered(ast.NodeTransformer):
         return self._constant(LANES, present_variant().lanes)
 
     def _leading(self, node: ast.expr) -> int | None:
-        """Axes before a row of lanes and its number, of an array that has them."""
+        """Return the axes before a row of lanes and its number, of an array that has them."""
         return self._laned.get(node.id) if isinstance(node, ast.Name) else None
 
     def _flat(self, indices: list[ast.expr]) -> ast.expr:
-        """One index in place of a row and a lane; a row alone, or rows, or rows from a lane on, are a slice."""
+        """Make one index of a row and a lane; a row alone, rows, and rows from a lane on become a slice."""
         rows, lane = indices[0], indices[1] if len(indices) > 1 else None
         if isinstance(rows, ast.Slice):
             if isinstance(lane, ast.Slice):  # all rows from a lane on
@@ -244,7 +244,7 @@ def _text(module: ModuleType) -> str:
 
 
 def _definition(function: FunctionType) -> ast.FunctionDef:
-    """Syntax tree of a function of a module, without its decorators.
+    """Return the syntax tree of a function of a module, without its decorators.
 
     Parsing the function alone is much faster than finding it in the module's tree. The function ends before the
     next line that is neither indented nor the end of its signature.

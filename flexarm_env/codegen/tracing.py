@@ -41,7 +41,7 @@ class Trace:
         return self.assign(code)
 
     def inputs(self, codes: Sequence[str]) -> list[Expression]:
-        """Several inputs at once."""
+        """Record several inputs at once."""
         return [self.input(code) for code in codes]
 
     def assign(self, template: str, *operands: str) -> Expression:
@@ -106,7 +106,7 @@ class Trace:
 
 
 def _uses(operations: Sequence[_Operation], results: Sequence[Any]) -> dict[str, int]:
-    """How often each needed operation is used; the results count once more."""
+    """Return how often each needed operation is used; the results count once more."""
     uses: dict[str, int] = {}
     for result in results:
         if isinstance(result, Expression):
@@ -214,12 +214,12 @@ def _is(operand: Any, value: float) -> bool:
 
 
 def floor(x: Any) -> Any:
-    """Largest integer not above x, as a float."""
+    """Return the largest integer not above x, as a float."""
     return x._record("floor({0})", x) if isinstance(x, Expression) else np.floor(x)
 
 
 def quarter_turns(k: Any, sine: Any, cosine: Any) -> tuple[Any, Any]:
-    """Sine and cosine of an angle k quarter turns on; k is a whole number, as a float.
+    """Return the sine and cosine of an angle k quarter turns on; k is a whole number, as a float.
 
     Kernels have an intrinsic for it (`intrinsics.quarter_turns`), which spares the processor's multipliers.
     """
@@ -235,24 +235,24 @@ def quarter_turns(k: Any, sine: Any, cosine: Any) -> tuple[Any, Any]:
 
 
 def root(x: Any) -> Any:
-    """Square root."""
+    """Return the square root."""
     return x._record("sqrt({0})", x) if isinstance(x, Expression) else np.sqrt(x)
 
 
 def magnitude(x: Any) -> Any:
-    """Absolute value."""
+    """Return the absolute value."""
     return x._record("abs({0})", x) if isinstance(x, Expression) else np.abs(x)
 
 
 def where_less(x: Any, bound: Any, then: Any, otherwise: Any) -> Any:
-    """`then` where x < bound, else `otherwise`; NaN is not less."""
+    """Return `then` where x < bound, else `otherwise`; NaN is not less."""
     if isinstance(x, Expression):
         return x._record("({2} if {0} < {1} else {3})", x, bound, then, otherwise)
     return np.where(np.asarray(x) < bound, then, otherwise)[()]
 
 
 def clip(x: Any, low: Any, high: Any) -> Any:
-    """x limited to [low, high]; NaN stays NaN."""
+    """Return x limited to [low, high]; NaN stays NaN."""
     if isinstance(x, Expression):
         return x._record("({1} if {0} < {1} else ({2} if {0} > {2} else {0}))", x, low, high)
     return np.clip(x, low, high)

@@ -82,7 +82,7 @@ class Law(NamedTuple):
 
     @staticmethod
     def sizes(modes: int, foreshortened: bool = False) -> dict[str, int]:
-        """How many numbers each field holds."""
+        """Return how many numbers each field holds."""
         return {
             "gain": 1,
             "proportional_gain": 1,
@@ -130,7 +130,7 @@ def _true_measurement(k: Constants, law: Law, y: Sequence[Any]) -> Measurement:
 def _rigid_measurement(
     k: Constants, law: Law, y: Sequence[Any], current_jacobian: tuple[Pair, Pair] | None
 ) -> Measurement:
-    """By rigid kinematics of the joint angles, each with its own delay.
+    """Measure by rigid kinematics of the joint angles, each with its own delay.
 
     Args:
         k: constants of the arm.
@@ -240,7 +240,7 @@ def _torque(
 
 
 def _limited_solution(wanted: Pair, feedback: Sequence[Pair], limit: Pair) -> list[Any]:
-    """tau = clip(wanted - feedback tau), limited joint by joint.
+    """Return tau = clip(wanted - feedback tau), limited joint by joint.
 
     The free solution, then one Gauss-Seidel sweep over the limited problem. While the diagonal of 1 + feedback and
     its determinant are positive, that is the one solution. (Gains near 17 with a torque limit can make a diagonal
@@ -257,7 +257,7 @@ def _limited_solution(wanted: Pair, feedback: Sequence[Pair], limit: Pair) -> li
 
 
 def observation(k: Constants, law: Law, sensor: str, state: tuple[Sequence[Any], Sequence[Any]]) -> list[Any]:
-    """Joint angles, joint rates, sensed position (late, noisy), modal coordinates.
+    """Return joint angles, joint rates, sensed position (late, noisy), modal coordinates.
 
     Args:
         k: constants of the arm.

@@ -12,7 +12,7 @@ Pair = Sequence[Any]
 
 
 def interpolated(start: Sequence[Any], end: Sequence[Any], basis: Sequence[Any]) -> list[Any]:
-    """Two coordinates and their rates between two instants, by cubic Hermite polynomials.
+    """Interpolate two coordinates and their rates between two instants, by cubic Hermite polynomials.
 
     Args:
         start: coordinates, then rates, at the first instant.

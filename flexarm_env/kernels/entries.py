@@ -42,7 +42,7 @@ class Shape(NamedTuple):
 
 
 def constant_count(modes: int, foreshortened: bool) -> int:
-    """How many numbers the constants of an arm are."""
+    """Return how many numbers the constants of an arm are."""
     return linear_algebra.extent(Constants.sizes(modes, foreshortened))
 
 
@@ -99,7 +99,7 @@ class Constant(Names):
 
     @classmethod
     def layout(cls, shape: Shape) -> dict[str, tuple[int, int]]:
-        """Where each field of `Constants` lies."""
+        """Return where each field of `Constants` lies."""
         sizes = zip(Constants._fields, Constants.sizes(shape.modes, shape.foreshortened), strict=True)
         return in_a_row({name.upper(): 1 if n is None else n for name, n in sizes})
 
@@ -175,11 +175,11 @@ CLOCK_ROWS = len(ClockRow.entries)
 
 
 def settings_layout(program: Program, modes: int, foreshortened: bool = False) -> dict[str, tuple[int, int]]:
-    """First place and number of places of each part of `settings`; previews' horizons and factors come after."""
+    """Return first place and number of places of each part of `settings`; horizons and factors come after."""
     return Setting.layout(Shape(program, modes, foreshortened))
 
 
 def extent(places: dict[str, tuple[int, int]]) -> int:
-    """How many places a layout takes."""
+    """Return how many places a layout takes."""
     first, count = list(places.values())[-1]
     return first + count

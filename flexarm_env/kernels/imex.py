@@ -57,7 +57,7 @@ def prepare_commands(arena: Arena, clock: Clock, paths: Paths, h: float) -> None
 
 @per_lane
 def chord_known(arena: Arena, clock: Clock, i: int, time: float, h: float) -> bool:
-    """Whether lane i's commands run along the noted side in the whole step that begins at a time [s].
+    """Return whether lane i's commands run along the noted side in the whole step that begins at a time [s].
 
     One side is noted for both joints: commands that are late by different times are searched for in each step.
     """
@@ -103,7 +103,7 @@ def past_reading(history: History, slots: int, slot: int, i: int, j: int, h: flo
 
 @per_lane
 def around(slots: int, slot: int, back: float) -> tuple[int, int, float]:
-    """Rows of the delay line at which the readings before and after a moment begin, and where it lies between.
+    """Return the first rows of the readings before and after a moment, and where it lies between.
 
     Args:
         slots: number of slots of the delay line.
@@ -119,7 +119,7 @@ def around(slots: int, slot: int, back: float) -> tuple[int, int, float]:
 
 @per_lane
 def between(a: float, b: float, a_rate: float, b_rate: float, h: float, u: float) -> tuple[float, float]:
-    """Value and rate a share u of a step h after a, by the cubic with these values and rates at its ends."""
+    """Return the value and rate a share u of a step h after a, by the cubic with these values and rates at its ends."""
     a_rise, b_rise = h * a_rate, h * b_rate
     difference = b - a
     curve = 3.0 * difference - 2.0 * a_rise - b_rise
@@ -162,7 +162,7 @@ def prepare_reading(
 
 
 def slot_after(clock: Clock, history: History, steps: int) -> int:
-    """Slot of a block's delay line that so many integration steps from now on will be the newest one."""
+    """Return the slot of a block's delay line that so many integration steps from now on will be the newest one."""
     return (clock[clock_row.HEAD, 0] + steps) % (history.shape[0] // 4)
 
 
@@ -213,7 +213,7 @@ def store_stage(arena: Arena, slot: int) -> None:
 
 
 def loop_step(arena: Arena, history: History, clock: Clock, paths: Paths, h: float) -> None:
-    """One step of the closed loop on every lane of a block."""
+    """Advance the closed loop of every lane of a block by one step."""
     prepare_commands(arena, clock, paths, h)
     for stage in range(STAGES):
         prepare_readings(arena, history, clock, h, NODES[stage])
@@ -230,7 +230,7 @@ def loop_step(arena: Arena, history: History, clock: Clock, paths: Paths, h: flo
 
 
 def state_status(arena: Arena) -> None:
-    """Status of every lane: 0 for a valid state; -1 if it is not finite; n if its entry n - 1 is beyond its limit."""
+    """Enter the status of every lane: 0 if valid; -1 if not finite; n if entry n - 1 of the state is beyond its limit."""
     for i in range(variant.lanes):
         status = 0.0
         for r in range(2 * variant.size - 1, -1, -1):

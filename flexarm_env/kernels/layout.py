@@ -25,7 +25,7 @@ from flexarm_env.physics.modal_elimination import Elimination, elimination
 
 
 def elimination_count(modes: int, foreshortened: bool) -> int:
-    """How many numbers its elimination is; none where it does not apply."""
+    """Return how many numbers its elimination is; none where it does not apply."""
     return 0 if foreshortened else linear_algebra.extent(Elimination.sizes(modes))
 
 
@@ -172,7 +172,7 @@ row = Row()
 
 
 def layout(program: Program, modes: int, foreshortened: bool = False) -> dict[str, tuple[int, int]]:
-    """First row and number of rows of each part of an arena."""
+    """Return the first row and number of rows of each part of an arena."""
     return Row.layout(Shape(program, modes, foreshortened))
 
 

@@ -61,7 +61,7 @@ class Recorder:
         self.store("arena", values, first)
 
     def store(self, array: str, values: Sequence[Any], first: int = 0) -> None:
-        """Into rows of an array, from the first on."""
+        """Store into rows of an array, from the first on."""
         places = (f"{array}[i + {row * self.variant.lanes}]" for row in range(first, first + len(values)))
         self.stores += zip(places, values, strict=True)
 
@@ -87,7 +87,7 @@ class Recorder:
         return Place(self.one(f"{name}_DISTANCE"), self.read(f"{name}_VALUES"), self.read(f"{name}_FORESHORTENING"))
 
     def sensor(self) -> Place:
-        """Where the sensor is."""
+        """Return where the sensor is."""
         return self.place("PLACE" if "PLACE_VALUES" in self.variant.rows else "SENSOR")
 
     def truth(self) -> sensing.Truth:
@@ -100,7 +100,7 @@ class Recorder:
         return self.variant.rows[name]
 
     def source(self, header: str, fusing: bool = True) -> str:
-        """Text of the kernel: for each lane, what was recorded, then the stores; `fusing` as in `Trace.lines`."""
+        """Write the kernel: for each lane, what was recorded, then the stores; `fusing` as in `Trace.lines`."""
         body = self.trace.lines([value for _, value in self.stores], fusing)
         for place, value in self.stores:
             code = value.name if isinstance(value, Expression) else repr(float(value))
@@ -160,7 +160,7 @@ slope: Recorded[..., Any] = always_inlined(Recorded("slope", slope_source, SHARE
 
 
 def step_source(variant: Variant) -> str:
-    """One step of the classical Runge-Kutta method; under the inner law where the kind is "tracking".
+    """Record one step of the classical Runge-Kutta method; with the joint-space law for the kind "tracking".
 
     All four stages in one pass over the lanes, so that slopes and their sum stay in registers. A stage's positions need
     the velocities of the stage before, but not its slope, so its sine is at hand early: the two are worked out side by
@@ -202,7 +202,7 @@ def _tracking_torque(r: Recorder, k: Constants, basis_of: int, state: tuple[Sequ
 
 @recorded(step_source, (slope, *SHARED))
 def step_kernel(arena: Arena, h: float, bases: tuple[Sequence[float], ...] = ()) -> None:
-    """One step of the torque-driven arm on every lane, torques held.
+    """Advance the torque-driven arm of every lane by one step with held torques.
 
     Args:
         arena: arena of one block.
@@ -212,7 +212,7 @@ def step_kernel(arena: Arena, h: float, bases: tuple[Sequence[float], ...] = ())
 
 
 def law_source(variant: Variant) -> str:
-    """One stage of the closed loop."""
+    """Record one stage of the closed loop."""
     r = Recorder(variant)
     h, ahead = r.trace.input("h"), r.trace.input("ahead")
     y, v_known = r.read("Y"), r.read("V")
@@ -238,7 +238,7 @@ def law_source(variant: Variant) -> str:
 
 @recorded(law_source, SHARED)
 def law_kernel(arena: Arena, h: float, ahead: float, explicit: Four, implicit: Four) -> None:
-    """One stage of the closed loop on every lane: combine earlier stages, then `jacobian_transpose.law_stage`.
+    """Compute one stage of the closed loop of every lane: earlier stages, then `jacobian_transpose.law_stage`.
 
     Args:
         arena: arena of one block; results in Y_STAGE, V_STAGE, MECHANICAL, FEEDBACK, TAU.
@@ -279,7 +279,7 @@ def reading_kernel(arena: Arena, readings: LaneRows) -> None:
 
 
 def outputs_source(variant: Variant) -> str:
-    """Observation, state and tips of a closed loop."""
+    """Record observation, state and tips of a closed loop."""
     r = Recorder(variant)
     truth, reference = r.truth(), r.read("REFERENCE")
     observed = jacobian_transpose.observation(r.constants(), r.law(), variant.sensor, (r.read("Y"), r.read("V")))
@@ -292,4 +292,4 @@ def outputs_source(variant: Variant) -> str:
 
 @recorded(outputs_source, SHARED)
 def outputs_kernel(arena: Arena) -> None:
-    """Sensed position and tips on every lane."""
+    """Compute sensed position and tips of every lane."""

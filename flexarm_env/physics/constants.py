@@ -56,7 +56,7 @@ class Constants(NamedTuple):
 
     @staticmethod
     def sizes(modes: int, foreshortened: bool = False) -> list[int | None]:
-        """Length of each field for a number of modes; None for a number."""
+        """Return the length of each field for a number of modes; None for a number."""
         pairs = modes * (modes + 1) // 2
         further = [pairs] * 4 + [modes * pairs] * 2 + [pairs * (pairs + 1) // 2] * 2
         return [None] * 6 + [modes] * 9 + [pairs] * 3 + [count * foreshortened for count in further]
@@ -86,17 +86,17 @@ class Constants(NamedTuple):
         )
 
     def flat(self) -> list[Any]:
-        """All numbers in order, as a kernel reads them."""
+        """Return all numbers in order, as a kernel reads them."""
         return linear_algebra.flat(self)
 
     @classmethod
     def unflat(cls, numbers: Sequence[Any], modes: int, foreshortened: bool = False) -> Constants:
-        """Inverse of `flat`."""
+        """Return the inverse of `flat`."""
         return cls(*linear_algebra.unflat(numbers, cls.sizes(modes, foreshortened)))
 
 
 def arm_modes(parameters: ArmParameters) -> tuple[LinkModes, LinkModes]:
-    """Modes of the two bare links."""
+    """Return the modes of the two bare links."""
     p = parameters
     first, second = (
         link_modes(length, rigidity, density, p.modes_per_link, p.mode_scale, p.mode_shapes)

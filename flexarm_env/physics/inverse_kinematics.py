@@ -16,7 +16,7 @@ LEAST_SINE = 0.05
 
 
 def joint_angles_for(length_1: Any, length_2: Any, branch: Any, x: Any, y: Any) -> tuple[Any, Any]:
-    """Joint angles that put the rigid arm's tip at a point, or the nearest the straight or folded arm can do.
+    """Return the joint angles that put the rigid arm's tip at a point, or as near as the straight or folded arm can.
 
     By the half angle, which keeps its digits where the arm is straight or folded.
 
@@ -41,7 +41,7 @@ def joint_angles_for(length_1: Any, length_2: Any, branch: Any, x: Any, y: Any) 
 
 
 def joint_rates_for(length_1: Any, length_2: Any, theta1: Any, theta2: Any, vx: Any, vy: Any) -> tuple[Any, Any]:
-    """Joint rates that move the rigid arm's tip: J^-1 v, J of (13), bounded by `LEAST_SINE`.
+    """Return the joint rates that move the rigid arm's tip: J^-1 v, J of (13), bounded by `LEAST_SINE`.
 
     Args:
         length_1: L1 [m].

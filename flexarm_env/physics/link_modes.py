@@ -36,7 +36,7 @@ _NODES, _WEIGHTS = 0.5 * (_NODES + 1.0), 0.5 * _WEIGHTS
 
 @lru_cache
 def clamped_free_roots(count: int) -> tuple[float, ...]:
-    """First roots of ``cos(z) cosh(z) + 1 = 0``, z = lambda L [rad] (text below (4))."""
+    """Return the first roots of ``cos(z) cosh(z) + 1 = 0``, z = lambda L [rad] (text below (4))."""
 
     def scaled(z: float) -> float:
         return float(np.cos(z) + 1.0 / np.cosh(z))  # the characteristic equation over cosh: no overflow
@@ -95,13 +95,13 @@ Shapes = Callable[[Array, int], Array]
 
 
 def _cantilever(length: float, count: int, scale: float) -> tuple[Shapes, Array]:
-    """Shapes and wavenumbers of the clamped-free beam (4)."""
+    """Return the shapes and wavenumbers of the clamped-free beam (4)."""
     wavenumbers = np.array(clamped_free_roots(count)) / length
     return CantileverShapes(length, scale, wavenumbers), wavenumbers
 
 
 def _polynomial(length: float, count: int, scale: float) -> tuple[Shapes, Array]:
-    """Shapes and wavenumbers of the Rayleigh-Ritz modes in the space of x^2 to x^(m+1).
+    """Return the shapes and wavenumbers of the Rayleigh-Ritz modes in the space of x^2 to x^(m+1).
 
     With xi = x / L, xi^2 times the Jacobi polynomials P_j^(0,4)(2 xi - 1), whose weight is xi^4, are orthogonal.
     """
@@ -153,19 +153,19 @@ class LinkModes:
     stiffness: Array
 
     def shape(self, x: ArrayLike) -> Array:
-        """phi_i at the distances x [m] (4). Shape (..., m)."""
+        """Return phi_i at the distances x [m] (4). Shape (..., m)."""
         return self.shapes(np.asarray(x, dtype=float), 0)
 
     def slope(self, x: ArrayLike) -> Array:
-        """phi_i' at the distances x [m]. Shape (..., m)."""
+        """Return phi_i' at the distances x [m]. Shape (..., m)."""
         return self.shapes(np.asarray(x, dtype=float), 1)
 
     def curvature(self, x: ArrayLike) -> Array:
-        """phi_i'' at the distances x [m]. Shape (..., m)."""
+        """Return phi_i'' at the distances x [m]. Shape (..., m)."""
         return self.shapes(np.asarray(x, dtype=float), 2)
 
     def foreshortening(self, x: ArrayLike) -> Array:
-        """S_ij, integral of phi_i' phi_j' from the root to the distances x [m]. Shape (..., m, m)."""
+        """Return S_ij, integral of phi_i' phi_j' from the root to the distances x [m]. Shape (..., m, m)."""
         x = np.asarray(x, dtype=float)
         slopes = self.slope(x[..., None] * _NODES)
         return x[..., None, None] * np.einsum("n,...ni,...nj->...ij", _WEIGHTS, slopes, slopes)
@@ -179,7 +179,7 @@ def link_modes(
     scale: float,
     mode_shapes: str = "cantilever",
 ) -> LinkModes:
-    """Modes and integrals of a uniform link.
+    """Return the modes and integrals of a uniform link.
 
     Args:
         length: L [m].

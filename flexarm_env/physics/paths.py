@@ -95,7 +95,7 @@ class ReferencePath:
 
 
 def with_velocities(table: Array) -> Array:
-    """Way-points (time, x, y) with the velocity from each on; the last one's is that of the first. Shape (n, 5)."""
+    """Add the velocity from each way-point (time, x, y) on; the last one's is that of the first. Shape (n, 5)."""
     steps = np.diff(table, axis=0)
     velocities = steps[:, 1:] * (1.0 / steps[:, :1])
     return np.column_stack([table, np.concatenate([velocities, velocities[:1]])])
@@ -175,7 +175,7 @@ def _curve(parameters: SquareParameters, points: Array) -> ReferencePath:
 
 
 def same_length(paths: Sequence[ReferencePath]) -> Array:
-    """Tables of several paths with equally many way-points; sides of the shorter ones are divided evenly.
+    """Return the tables of several paths with equally many way-points; sides of the shorter ones are divided evenly.
 
     Returns:
         Shape (paths, n, 5), see `ReferencePath.rows`.
@@ -196,7 +196,7 @@ def _subdivided(table: Array, sides: int) -> Array:
 
 
 def inverse_kinematics(arm: ArmParameters, point: ArrayLike, elbow_branch: str) -> Array:
-    """Joint angles that put the rigid arm's tip at a point.
+    """Return the joint angles that put the rigid arm's tip at a point.
 
     Args:
         arm: link lengths.

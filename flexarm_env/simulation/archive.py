@@ -107,7 +107,7 @@ def read(
 
 
 def names(path: str | Path) -> list[str]:
-    """Names of what a zip file holds, whatever that is; none of another file."""
+    """Return the names of what a zip file holds, whatever that is; none of another file."""
     try:
         with ZipFile(path) as file:
             return file.namelist()
@@ -120,7 +120,7 @@ class _FormatError(Exception):
 
 
 def _members(file: ZipFile) -> dict[str, ZipInfo]:
-    """Arrays in a file, by name, none of which is read."""
+    """List the arrays in a file, by name, none of which is read."""
     members = {info.filename.removesuffix(".npy"): info for info in file.infolist()}
     if len(members) < len(file.infolist()):
         raise ValueError("an entry is there twice")
@@ -148,7 +148,7 @@ def _head(file: ZipFile, members: dict[str, ZipInfo]) -> dict[str, Any]:
 
 
 def _entry(file: ZipFile, info: ZipInfo) -> Entry:
-    """Type and shape of an array, which must fill its entry."""
+    """Read the type and shape of an array, which must fill its entry."""
     with file.open(info) as stream:
         version = np.lib.format.read_magic(stream)
         if version not in _READERS:

@@ -109,7 +109,7 @@ class ClosedLoop:
         self._link()
 
     def _allocate(self) -> None:
-        """Blocks of arenas, delay lines and clocks, and where the results lie in an arena."""
+        """Allocate blocks of arenas, delay lines and clocks, and note where the results lie in an arena."""
         lanes = self._variant.lanes
         self._rows = self._variant.rows
         self._results = slice(self._rows["OBSERVATION"][0], extent(self._rows))
@@ -197,7 +197,7 @@ class ClosedLoop:
         self._ready = True
 
     def advance(self, gain: ArrayLike, noise: ArrayLike | None = None) -> None:
-        """One control period.
+        """Advance by one control period.
 
         Args:
             gain: lambda of each arm. Shape (N,).
@@ -219,11 +219,11 @@ class ClosedLoop:
         self._run(self.substeps, initialise=False)
 
     def results(self) -> Results:
-        """All that is known at the present instant; new arrays on every call."""
+        """Return all that is known at the present instant; new arrays on every call."""
         return self.unpack(self.packed_results())
 
     def packed_results(self) -> Array:
-        """`results` in one new array, for records. Shape (N, k)."""
+        """Return `results` in one new array, for records. Shape (N, k)."""
         rows = self._arenas[:, self._results].transpose(0, 2, 1).copy()
         return rows.reshape(-1, rows.shape[2])[: len(self._cases)]
 
@@ -278,7 +278,7 @@ class ClosedLoop:
 
 
 def observation_blocks(modes: int) -> dict[str, slice]:
-    """Where each named block lies in `Results.observation`: that of `FlexArm/Paper-v0`."""
+    """Return where each named block lies in `Results.observation`: that of `FlexArm/Paper-v0`."""
     sizes = {
         "joint_angles": 2,
         "joint_rates": 2,

@@ -94,7 +94,7 @@ class OpenLoop:
         return np.array(states), np.array(torques)
 
     def _step(self, torque: TorqueFunction, k: int, h: float) -> bool:
-        """Integration step k; False if a stage is not finite."""
+        """Do integration step k; return False if a stage is not finite."""
         start = self._arena[self._state].copy()
         slope = total = np.zeros_like(start)
         for node, weight in zip(RK4_NODES, RK4_WEIGHTS, strict=True):
@@ -141,7 +141,7 @@ def count_instants(duration: float, step: float, substeps: int) -> int:
 
 
 def count_substeps(step: float, substeps: int | Literal["auto"], longest: float, fastest: float) -> int:
-    """Integration steps in a step.
+    """Count the integration steps in a step.
 
     Args:
         step: between two instants of the trajectory [s].

@@ -29,7 +29,7 @@ MOST_READINGS = 2_000_000
 def fastest_pole(
     arm: FlexibleArm, theta2: float, stiffness: tuple[float, float], resistance: tuple[float, float]
 ) -> float:
-    """Largest magnitude of a pole of the arm under the inner law, at rest with the elbow at an angle [rad/s]."""
+    """Return the largest magnitude of a pole of the arm under the joint-space law, at rest [rad/s]."""
     state = np.zeros(2 * arm.size)
     state[1] = theta2
     linear = arm.linearise(state)
@@ -40,7 +40,7 @@ def fastest_pole(
 
 
 def default_step(fastest: float) -> float:
-    """Integration step [s] for an arm whose fastest mode has this rate [rad/s]."""
+    """Return the integration step [s] for an arm whose fastest mode has this rate [rad/s]."""
     return min(DEFAULT_STEP, DEFAULT_ANGLE / fastest)
 
 
@@ -65,7 +65,7 @@ def fastest_rates(settings: Any) -> list[float]:
 
 
 def count_steps(period: float, step: float, cause: str) -> int:
-    """Integration steps in a control period.
+    """Count the integration steps in a control period.
 
     Args:
         period: the control period [s].

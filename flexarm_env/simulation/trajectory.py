@@ -80,7 +80,7 @@ class Trajectory:
         return len(self.time)
 
     def arrays(self) -> dict[str, Array]:
-        """All arrays that the run has, by name."""
+        """Return all arrays that the run has, by name."""
         values = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("parameters", "notes")}
         return {name: value for name, value in values.items() if value is not None}
 
@@ -112,7 +112,7 @@ class Trajectory:
 
 
 def _plain_parts(head: dict[str, Any]) -> tuple[ArmParameters, dict[str, Any]]:
-    """Parameters and notes of a file."""
+    """Read the parameters and notes of a file."""
     return ArmParameters(**mapping("parameters", head["parameters"])), mapping("notes", head["notes"])
 
 
