@@ -72,7 +72,7 @@ def curve_crossings(loop: LawLoop, longest: float) -> tuple[Array, Array]:
 
 
 def _cells(loop: LawLoop, longest: float) -> _Cells:
-    """Find where the shorter delay's phase passes `_share` times the longer one's; that delay is at most `longest` [s]."""
+    """Find where the shorter delay's phase passes `_share` times the longer one's, up to the delay `longest` [s]."""
     omega = _curve_points(loop)
     phases = _phases(loop, omega)
     steps = _wrapped(np.diff(phases, axis=0))

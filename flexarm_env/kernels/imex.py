@@ -230,7 +230,7 @@ def loop_step(arena: Arena, history: History, clock: Clock, paths: Paths, h: flo
 
 
 def state_status(arena: Arena) -> None:
-    """Enter the status of every lane: 0 if valid; -1 if not finite; n if entry n - 1 of the state is beyond its limit."""
+    """Enter the status of every lane: 0 if valid; -1 if not finite; n if entry n - 1 of the state exceeds its limit."""
     for i in range(variant.lanes):
         status = 0.0
         for r in range(2 * variant.size - 1, -1, -1):

@@ -208,6 +208,6 @@ def strain_energy(k: Constants, y: Vector) -> Any:
 
 
 def angular_momentum(matrix: Matrix, v: Vector) -> Any:
-    """Return it about the shoulder [kg m^2/s]: the momenta of a1 and a2 are rotated together by a turn of the whole arm."""
+    """Return the angular momentum about the shoulder [kg m^2/s]: a turn of the whole arm changes a1 and a2 equally."""
     m = len(v) // 2 - 1
     return dot(matrix[0], v) + dot(matrix[m + 1], v)
