@@ -246,7 +246,7 @@ def _turned(length: float, distance: float, angles: Array, error: Array) -> Arra
 
 
 def _columns(size: int, model: str) -> tuple[Array, Array]:
-    """Return which coordinates are late by the shoulder's delay, and which by the elbow's. Shape (size,) each."""
+    """Which coordinates are late by the shoulder's delay, and which by the elbow's. Shape (size,) each."""
     shoulder = np.ones(size) if model == "true" else np.eye(1, size)[0]
     elbow = np.zeros(size) if model == "true" else np.eye(1, size, 1)[0]
     return shoulder, elbow

@@ -91,7 +91,7 @@ class Entry:
         return self if instance is None else instance.first(self.name)
 
     def count(self, shape: Any) -> int | None:
-        """Return how many places it takes in a table of this shape; None if the table does not have it."""
+        """How many places it takes in a table of this shape; None if the table does not have it."""
         if self.groups and not self.groups & shape.program.groups:
             return None
         return self.size if isinstance(self.size, int) else self.size(shape)

@@ -31,6 +31,6 @@ def uniform(key: Any, place: int) -> float:
 
 
 def normal(key: Any, place: int) -> float:
-    """Draw a standard normal deviate of magnitude below 8.6 (Box & Muller 1958); it uses up `place` and the next."""
+    """A standard normal deviate of magnitude below 8.6 (Box & Muller 1958); uses up `place` and the next."""
     radius = sqrt(-2.0 * log(1.0 - uniform(key, place)))
     return radius * sincos(6.283185307179586 * uniform(key, place + 1))[1]

@@ -47,8 +47,8 @@ class Law(NamedTuple):
         gain: lambda (14).
         proportional_gain: Kp (11).
         derivative_gain: Kd (12).
-        torque_limit: torque limits of shoulder and elbow [N m].
-        sensor_distance: distance of the sensor from the elbow [m].
+        torque_limit: of shoulder and elbow [N m].
+        sensor_distance: of the sensor from the elbow [m].
         sensor_values: phi_i at the sensor (link 2), used by "true" only.
         sensor_foreshortening: S there, lower triangle; empty with linear kinematics.
         noise: added to the reading's Cartesian position [m].
@@ -120,7 +120,7 @@ class Measurement(NamedTuple):
 
 
 def _true_measurement(k: Constants, law: Law, y: Sequence[Any]) -> Measurement:
-    """Measure the physical point, with one delay for the whole reading."""
+    """Of the physical point, one delay for the whole reading."""
     one, two = sincos(y[0]), sincos(y[len(k.elbow_values) + 1])
     rows = true_jacobian(k, law.place, y, one, two)
     weighted = [[law.rate_weight[r] * value for value in rows[r]] for r in (0, 1)]
@@ -257,7 +257,7 @@ def _limited_solution(wanted: Pair, feedback: Sequence[Pair], limit: Pair) -> li
 
 
 def observation(k: Constants, law: Law, sensor: str, state: tuple[Sequence[Any], Sequence[Any]]) -> list[Any]:
-    """Return joint angles, joint rates, sensed position (late, noisy), modal coordinates.
+    """Joint angles, joint rates, sensed position (late, noisy), modal coordinates.
 
     Args:
         k: constants of the arm.

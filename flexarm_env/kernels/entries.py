@@ -175,11 +175,11 @@ CLOCK_ROWS = len(ClockRow.entries)
 
 
 def settings_layout(program: Program, modes: int, foreshortened: bool = False) -> dict[str, tuple[int, int]]:
-    """Return first place and number of places of each part of `settings`; horizons and factors come after."""
+    """First place and number of places of each part of `settings`; previews' horizons and factors come after."""
     return Setting.layout(Shape(program, modes, foreshortened))
 
 
 def extent(places: dict[str, tuple[int, int]]) -> int:
-    """Return how many places a layout takes."""
+    """How many places a layout takes."""
     first, count = list(places.values())[-1]
     return first + count

@@ -71,11 +71,11 @@ def prepare_readings(arena: Arena, history: History, clock: Clock, h: float, nod
     """Write the late readings for a stage at t + node h.
 
     Args:
-        arena: arena of one block.
+        arena: of one block.
         history: readings at past steps, a ring. Shape (slots * 4, lanes).
-        clock: clock of each lane, see `entries.ClockRow`. Shape (5, lanes).
+        clock: of each lane, see `entries.ClockRow`. Shape (5, lanes).
         h: step [s].
-        node: time of the stage, 0 to 1.
+        node: of the stage, 0 to 1.
     """
     slots = history.shape[0] // 4
     slot = clock[clock_row.HEAD, 0]
@@ -87,7 +87,7 @@ def prepare_readings(arena: Arena, history: History, clock: Clock, h: float, nod
 
 @per_lane
 def past_reading(history: History, slots: int, slot: int, i: int, j: int, h: float, back: float) -> tuple[float, float]:
-    """Return reading j of lane i and its rate, `back` steps before the present slot; see `prepare_reading`."""
+    """Reading j of lane i and its rate, `back` steps before the slot of the present one; see `prepare_reading`."""
     if back == 0.0:
         return history[4 * slot + j, i], history[4 * slot + 2 + j, i]
     first, last, u = around(slots, slot, back)
@@ -103,10 +103,10 @@ def past_reading(history: History, slots: int, slot: int, i: int, j: int, h: flo
 
 @per_lane
 def around(slots: int, slot: int, back: float) -> tuple[int, int, float]:
-    """Return the first rows of the readings before and after a moment, and where it lies between.
+    """Rows of the delay line at which the readings before and after a moment begin, and where it lies between.
 
     Args:
-        slots: number of slots of the delay line.
+        slots: of the delay line.
         slot: the newest one.
         back: the moment, in steps before the newest one.
     """
@@ -119,7 +119,7 @@ def around(slots: int, slot: int, back: float) -> tuple[int, int, float]:
 
 @per_lane
 def between(a: float, b: float, a_rate: float, b_rate: float, h: float, u: float) -> tuple[float, float]:
-    """Return the value and rate a share u of a step h after a, by the cubic with these values and rates at its ends."""
+    """Value and rate a share u of a step h after a, by the cubic with these values and rates at its ends."""
     a_rise, b_rise = h * a_rate, h * b_rate
     difference = b - a
     curve = 3.0 * difference - 2.0 * a_rise - b_rise
@@ -162,7 +162,7 @@ def prepare_reading(
 
 
 def slot_after(clock: Clock, history: History, steps: int) -> int:
-    """Return the slot of a block's delay line that so many integration steps from now on will be the newest one."""
+    """Slot of a block's delay line that so many integration steps from now on will be the newest one."""
     return (clock[clock_row.HEAD, 0] + steps) % (history.shape[0] // 4)
 
 
@@ -230,7 +230,7 @@ def loop_step(arena: Arena, history: History, clock: Clock, paths: Paths, h: flo
 
 
 def state_status(arena: Arena) -> None:
-    """Enter the status of every lane: 0 if valid; -1 if not finite; n if entry n - 1 of the state exceeds its limit."""
+    """Status of every lane: 0 for a valid state; -1 if it is not finite; n if its entry n - 1 is beyond its limit."""
     for i in range(variant.lanes):
         status = 0.0
         for r in range(2 * variant.size - 1, -1, -1):
@@ -243,7 +243,7 @@ def state_status(arena: Arena) -> None:
 
 
 def failures(size: int) -> dict[float, str | None]:
-    """Return what each status of a state means (`state_status`): why it is not valid; 0 stands for a valid one.
+    """What a state's status means (`state_status`): why it is not valid; 0 is that of a valid one.
 
     Args:
         size: number of internal coordinates.

@@ -61,7 +61,7 @@ class Row(Names):
 
     Y = Entry("internal coordinates (`dynamics`)", "rad, m", _size)
     V = Entry("their rates; they follow the coordinates", "rad/s, m/s", _size)
-    CONSTANTS = Entry("of the arm, in the equations (`Constants`)", CONSTANTS_UNIT, lambda s: s.constants)
+    CONSTANTS = Entry("what the equations know of the arm (`Constants`)", CONSTANTS_UNIT, lambda s: s.constants)
     ELIMINATION = Entry(
         "what follows from them (`Elimination`)", "as in `Elimination`", lambda s: elimination_count(*s[1:])
     )
@@ -172,7 +172,7 @@ row = Row()
 
 
 def layout(program: Program, modes: int, foreshortened: bool = False) -> dict[str, tuple[int, int]]:
-    """Return the first row and number of rows of each part of an arena."""
+    """First row and number of rows of each part of an arena."""
     return Row.layout(Shape(program, modes, foreshortened))
 
 
@@ -188,7 +188,7 @@ def episode_sizes(rows: dict[str, tuple[int, int]]) -> dict[str, int]:
 
 
 def beginning_sizes(rows: dict[str, tuple[int, int]]) -> dict[str, int]:
-    """Return the sizes of the description of an episode, whose parts follow each other in the arena."""
+    """What describes an episode, from its beginning on: parts that follow each other in its arena."""
     return sizes_between(rows, "EPISODE", "START_TIME")
 
 
@@ -204,7 +204,7 @@ def arm_rows(k: Constants) -> dict[str, Sequence[float]]:
 
 
 def place_rows(name: str, place: Place) -> dict[str, Sequence[float]]:
-    """Return the rows of a point of link 2, under the point's name."""
+    """What a point of link 2 takes of an arena, under the point's name."""
     return {
         f"{name}_DISTANCE": [place.distance],
         f"{name}_VALUES": place.values,

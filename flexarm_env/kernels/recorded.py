@@ -83,7 +83,7 @@ class Recorder:
         return jacobian_transpose.Law(**fields)
 
     def place(self, name: str) -> Place:
-        """Read a point of link 2, by its name."""
+        """A point of link 2, by its name."""
         return Place(self.one(f"{name}_DISTANCE"), self.read(f"{name}_VALUES"), self.read(f"{name}_FORESHORTENING"))
 
     def sensor(self) -> Place:

@@ -47,7 +47,7 @@ def true_jacobian(k: Constants, at: Place, y: Sequence[Any], one: Pair, two: Pai
 
 
 def reading(k: Constants, at: Place, sensor: str, y: Sequence[Any], v: Sequence[Any]) -> list[Any]:
-    """Return the two readings of a sensor at this instant and their rates."""
+    """What a sensor measures at this instant: two readings and their rates."""
     if sensor != "true":
         return [*joint_angles(k, y), *joint_angles(k, v)]
     one, two = sincos(y[0]), sincos(y[len(k.elbow_values) + 1])

@@ -45,9 +45,7 @@ def default_step(fastest: float) -> float:
 
 
 def fastest_rates(settings: Any) -> list[float]:
-    """Return the fastest rates of the stiffest and lightest arm that an episode may draw [rad/s].
-
-    Under the joint-space law they are those of the closed loop.
+    """Of the stiffest and lightest arm that an episode may draw; under the inner law, of the closed loop [rad/s].
 
     Args:
         settings: `Settings`.
