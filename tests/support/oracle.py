@@ -155,7 +155,7 @@ def state_rate(x: Array, late: Array, command: Array, noise: complex, gain: floa
 
 
 def oracle_arm(arm: FlexibleArm) -> tuple[Any, ...]:
-    """What the oracle takes from the package: mode shapes, modal stiffness and frequencies (see test_link_modes.py)."""
+    """Shapes, stiffness and frequencies of the modes: the package's (checked in tests/physics/test_link_modes.py)."""
     p, (one, two) = arm.parameters, arm.modes
     nodes, weights = np.polynomial.legendre.leggauss(20)  # 4 modes: products oscillate over 3.5 waves a link
     points = [0.5 * length * (nodes + 1.0) for length in p.link_lengths]
