@@ -1,6 +1,6 @@
 """Agents that learn: an adapter for stable-baselines3, training, and policies that were trained.
 
-What needs torch is imported when it is first asked for: trained policies run without it.
+What needs torch is imported at its first use: trained policies run without it.
 """
 
 from importlib import import_module

@@ -1,4 +1,4 @@
-"""Checkpoints: all that a training goes on from, so that one that was interrupted ends in the same bits."""
+"""Checkpoints: all that a training needs to go on; interrupted or not, its results are bitwise identical."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from stable_baselines3.common.vec_env import VecMonitor
 
 from flexarm_agents.run_folder import put
 from flexarm_agents.vec_env import FlexArmVecEnv
+from flexarm_env.kernels.stamp import LayoutError
 
 _MODEL, _REST = "model.zip", "rest.pickle"
 WORST = (2**31, 0.0)  # a rank that every evaluation beats
@@ -27,12 +28,12 @@ class Progress:
     """What a training has found out so far.
 
     Attributes:
-        rows: of the evaluations.
+        rows: rows of the evaluations.
         best: index of the best row, None before the first.
-        best_rank: of that row, see `score.rank`.
+        best_rank: rank of that row, see `score.rank`.
         next_evaluation: steps at which the next one is due.
         next_checkpoint: steps.
-        seconds: of wall time that the training took, compiling and evaluations included, in this process and those
+        seconds: wall time of the training, compiling and evaluations included, in this process and those
             before [s].
     """
 
@@ -48,9 +49,9 @@ def save_checkpoint(path: Path, model: PPO, progress: Progress) -> None:
     """Write a checkpoint between two rollouts.
 
     Args:
-        path: of the file; complete or as before.
+        path: path of the file; complete or as before.
         model: whose environment is a `VecMonitor` over a `FlexArmVecEnv`.
-        progress: of the training.
+        progress: progress of the training.
     """
     monitor = model.get_env()
     assert isinstance(monitor, VecMonitor)
@@ -76,20 +77,25 @@ def load_checkpoint(path: Path) -> tuple[PPO, Progress]:
     """Read a checkpoint, which must be from a source that you trust: reading it can execute code.
 
     Args:
-        path: of the file.
+        path: path of the file.
 
     Returns:
         The model with its environments as they were, and the training's progress; the global random generators are
         set to what they were.
 
     Raises:
-        ValueError: if the file is not a checkpoint.
+        ValueError: if the file is not a checkpoint, or one of a version whose batches this one cannot continue.
     """
     try:
         with zipfile.ZipFile(path) as file:
             model_bytes, rest = file.read(_MODEL), pickle.loads(file.read(_REST))
     except (zipfile.BadZipFile, KeyError, pickle.UnpicklingError, EOFError) as error:
         raise ValueError(f"{path}: not a checkpoint ({error})") from error
+    except (LayoutError, AttributeError, ImportError) as error:  # the last two: a name of another version
+        raise ValueError(
+            f"{path}: a checkpoint of another version ({error}); resume it with the version that wrote it, or train "
+            "anew in another folder"
+        ) from error
     monitor = VecMonitor(FlexArmVecEnv(rest["env"]))
     monitor.episode_returns, monitor.episode_lengths = rest["episodes"]
     model = PPO.load(io.BytesIO(model_bytes), env=monitor, device="cpu", force_reset=False)

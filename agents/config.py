@@ -25,7 +25,7 @@ class TrainingConfig:
     options: dict[str, Any] = field(default_factory=dict)
     """Options of the environment that differ from the id's own."""
     seed: int = 0
-    """Of everything random."""
+    """Seed of everything random."""
     steps: int = 1_000_000
     """Environment steps of the training, rounded up to whole rollouts."""
     envs: int = 64
@@ -104,17 +104,17 @@ class TrainingConfig:
 
     @property
     def folder(self) -> Path:
-        """Where a run goes unless told otherwise."""
+        """The default folder of a run."""
         return Path("runs") / f"{self.environment.partition('/')[2]}-{self.seed}"
 
     def plain(self) -> dict[str, Any]:
-        """As a file keeps it (JSON)."""
+        """Return plain values, as a JSON file keeps them."""
         values: dict[str, Any] = json.loads(json.dumps(asdict(self)))
         return values
 
     @classmethod
     def of(cls, values: Mapping[str, Any]) -> TrainingConfig:
-        """From what `plain` gave.
+        """Read what `plain` gave.
 
         Raises:
             TypeError: for an unknown name, with the nearest known one.
@@ -124,6 +124,6 @@ class TrainingConfig:
         return cls(**values)
 
     def differences(self, other: TrainingConfig) -> list[str]:
-        """Names of the parameters in which two differ."""
+        """Return the names of the parameters in which two differ."""
         mine, theirs = self.plain(), other.plain()
         return [name for name in mine if mine[name] != theirs[name]]

@@ -1,4 +1,4 @@
-"""Policies that look at nothing: they show what no control is worth."""
+"""Policies that ignore the observation: they show the score without control."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class ConstantPolicy:
         Args:
             actions: how many numbers an action has.
             spread: 0 for the action 0; else actions are drawn evenly from [-spread, spread].
-            seed: of the draws.
+            seed: seed of the draws.
         """
         self._size, self._spread = integer("actions", actions, 1), spread
         self._generator = np.random.default_rng(seed)

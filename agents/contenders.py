@@ -26,8 +26,8 @@ class Contender(NamedTuple):
         policy: as `run_policy` takes it.
         env: its environment.
         environment: id of that.
-        options: of that, where they differ from the id's own.
-        config: of the training that it comes from, None for others.
+        options: options of the environment, where they differ from the id's own.
+        config: configuration of the training that it comes from, None for others.
     """
 
     name: str
@@ -39,12 +39,12 @@ class Contender(NamedTuple):
 
 
 def changed(own: Options, options: Options, kinematics: str | None) -> dict[str, Any]:
-    """Options of an environment after changes.
+    """Return the options of an environment after changes.
 
     Args:
         own: before.
         options: replace those of the same name.
-        kinematics: of the arm; None: as it is.
+        kinematics: kinematics of the arm; None: as it is.
     """
     merged = {**own, **options}
     if kinematics is not None:
@@ -54,7 +54,7 @@ def changed(own: Options, options: Options, kinematics: str | None) -> dict[str,
 
 
 def from_training(source: str, options: Options, kinematics: str | None) -> Contender:
-    """A policy that was trained, on its own environment.
+    """Load a trained policy, with its own environment.
 
     Args:
         source: see `load_policy`.
@@ -71,12 +71,12 @@ def from_training(source: str, options: Options, kinematics: str | None) -> Cont
 
 
 def from_attribute(source: str, environment: str, options: Options) -> Contender:
-    """A policy out of a module: a class with `for_env` or without arguments, an object, or a function.
+    """Make a policy from a module: a class with `for_env` or without arguments, an object, or a function.
 
     Args:
         source: "module:attribute"; the module is looked for in the working directory, too.
         environment: id.
-        options: of the environment.
+        options: options of the environment.
 
     Raises:
         ImportError: if there is no such module.
@@ -95,13 +95,13 @@ def from_attribute(source: str, environment: str, options: Options) -> Contender
 
 
 def from_model(source: str, algorithm: str, environment: str, options: Options) -> Contender:
-    """A stable-baselines3 model, which must be from a source that you trust: reading it can execute code.
+    """Load a stable-baselines3 model, which must be from a source that you trust: reading it can execute code.
 
     Args:
         source: its zip file.
         algorithm: its class, a name in stable-baselines3, "PPO", or "module:Class", "sb3_contrib:TQC".
         environment: id.
-        options: of the environment.
+        options: options of the environment.
 
     Raises:
         ImportError: without the package.
@@ -122,7 +122,7 @@ def from_model(source: str, algorithm: str, environment: str, options: Options) 
 
 
 def imported(source: str) -> Any:
-    """What "module:attribute" names.
+    """Import what "module:attribute" names.
 
     Raises:
         ImportError: if there is no such module.

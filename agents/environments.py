@@ -64,11 +64,11 @@ def check_options(environment: str, options: object) -> dict[str, Any]:
 
 
 def make_one(environment: str, options: Mapping[str, Any] | None = None) -> gymnasium.Env[Any, Any]:
-    """One environment.
+    """Make one environment.
 
     Args:
         environment: its id.
-        options: of the environment.
+        options: options of the environment.
 
     Raises:
         TypeError, ValueError: for an unknown id or a bad option.
@@ -79,12 +79,12 @@ def make_one(environment: str, options: Mapping[str, Any] | None = None) -> gymn
 
 
 def make_batch(environment: str, num_envs: int, options: Mapping[str, Any] | None = None) -> FlexArmVectorEnv:
-    """A batch whose episodes begin in the step that ends the one before.
+    """Make a batch whose episodes begin in the step that ends the one before.
 
     Args:
         environment: their id.
         num_envs: how many.
-        options: of the environment, or `max_episode_steps`, `render_mode`, `threads`.
+        options: options of the environment, or `max_episode_steps`, `render_mode`, `threads`.
 
     Raises:
         TypeError, ValueError: for an unknown id or a bad option.

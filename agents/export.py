@@ -15,7 +15,7 @@ assert set(MODULES) == set(ACTIVATIONS)
 
 
 def network_policy(model: PPO, notes: dict[str, Any] | None = None) -> NetworkPolicy:
-    """The policy of a model, as numbers.
+    """Extract the policy of a model, as numbers.
 
     Args:
         model: with stable-baselines3's "MlpPolicy" on vectors.

@@ -1,4 +1,4 @@
-"""`Follow`: looks after a training between its rollouts: evaluation laps, the best policy, checkpoints, progress."""
+"""`Follow`: the work between the rollouts of a training: evaluation laps, the best policy, checkpoints, progress."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class Follow(BaseCallback):
         """Prepare.
 
         Args:
-            config: of the training.
+            config: configuration of the training.
             run: its folder.
             found: its progress so far, kept up to date here.
             stop: signals that stop the training between two rollouts.
@@ -87,7 +87,7 @@ class Follow(BaseCallback):
     def _evaluate(self) -> None:
         found, policy = self._found, network_policy(self.model)
         laps = [evaluate(self._env, policy, EVALUATION_SEED + n) for n in range(self._config.evaluation_laps)]
-        worst = max(laps, key=lambda each: each.rank)  # is what the files tell
+        worst = max(laps, key=lambda each: each.rank)  # is what the files hold
         row = {"steps": self.num_timesteps, "seconds": round(found.seconds, 2), **worst.plain()}
         found.rows.append(row)
         for name in ("rms", "maximum", "rms_after_2s", "duration"):
@@ -111,5 +111,5 @@ class Follow(BaseCallback):
 
 
 def _after(steps: int, every: int) -> int:
-    """The next multiple."""
+    """Return the next multiple."""
     return (steps // every + 1) * every

@@ -1,4 +1,4 @@
-"""One environment's info out of Gymnasium's form for a batch: arrays, and for each a mask of who has it."""
+"""One environment's info, extracted from that of a batch: arrays, each with a mask of the environments that have it."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ _OF_BATCHES = ("final_obs", "final_info")
 
 
 def info_of(infos: dict[str, Any], index: int) -> dict[str, Any]:
-    """The info of one environment, as the single environment would give it.
+    """Extract the info of one environment, as the single environment would give it.
 
     Args:
-        infos: of a batch.
-        index: of the environment.
+        infos: info of a batch.
+        index: index of the environment.
 
     Returns:
         A new mapping; its arrays are copies.

@@ -24,10 +24,10 @@ class Trained:
     """A trained policy.
 
     Attributes:
-        name: of the policy, or of its run's folder.
+        name: name of the policy, or of its run's folder.
         policy: has stable-baselines3's ``predict``.
         environment: id of the environment it was trained on.
-        options: of that environment.
+        options: options of that environment.
         notes: how it was made.
     """
 
@@ -38,7 +38,7 @@ class Trained:
     notes: dict[str, Any]
 
     def make_env(self, **options: Any) -> gymnasium.Env[Any, Any]:
-        """The environment it was trained on.
+        """Make the environment that it was trained on.
 
         Args:
             **options: changed ones, or `render_mode`; those that change observation or action do not fit the policy.
@@ -61,7 +61,7 @@ def check_fits(
     """Check that a policy was trained with observations and actions of an environment's sizes; close it if not.
 
     Args:
-        name: of the policy, for the message.
+        name: name of the policy, for the message.
         observation: shape.
         action: shape.
         env: environment.
@@ -77,7 +77,7 @@ def check_fits(
 
 
 def shipped_policies() -> list[str]:
-    """Names of the policies that come with the package."""
+    """Return the names of the policies that come with the package."""
     return sorted(path.stem for path in POLICIES.glob("*.npz"))
 
 
@@ -86,7 +86,7 @@ def load_policy(source: str | Path, last: bool = False) -> Trained:
 
     Args:
         source: the folder of a training, a policy's npz file, or the name of a shipped policy.
-        last: of a folder, the policy at the end instead of the best one.
+        last: load the policy at the end of the training instead of the best one.
 
     Raises:
         FileNotFoundError: if there is none, naming those that are shipped.

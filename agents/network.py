@@ -37,8 +37,8 @@ class NetworkPolicy:
     """A Gaussian policy whose mean is a fully connected network; has stable-baselines3's ``predict``.
 
     Attributes:
-        weights: of each layer. Shape (outputs, inputs) each.
-        biases: of each layer. Shape (outputs,) each.
+        weights: weights of each layer. Shape (outputs, inputs) each.
+        biases: biases of each layer. Shape (outputs,) each.
         log_std: logarithm of the standard deviation of each action. Shape (actions,).
         activation: between the layers: "elu", "tanh" or "relu".
         notes: anything plain (JSON) worth keeping with it: environment, options, how it was made.

@@ -18,7 +18,7 @@ class RunFolder:
     """A training's folder.
 
     Attributes:
-        path: of the folder.
+        path: path of the folder.
         config: `config.json`, the configuration.
         evaluations: `evaluations.csv`, a row for each evaluation lap; `evaluations.json` holds the same.
         best: `best_policy.npz`, the policy of the best lap, for `load_policy`.
@@ -32,7 +32,7 @@ class RunFolder:
         """Name the files; nothing is read or written.
 
         Args:
-            path: of the folder.
+            path: path of the folder.
         """
         self.path = Path(path)
         self.config, self.evaluations = self.path / "config.json", self.path / "evaluations.csv"
@@ -54,7 +54,7 @@ class RunFolder:
         write_json(self.config, {"format": _FORMAT, **config.plain()})
 
     def read_config(self) -> TrainingConfig:
-        """The configuration of the training in the folder.
+        """Read the configuration of the training in the folder.
 
         Raises:
             FileNotFoundError: if there is no training.
@@ -104,7 +104,7 @@ def put(path: Path, write: Callable[[Path], Any]) -> None:
     """Have a file written beside its place and put it there when it is complete.
 
     Args:
-        path: of the file; it keeps its ending while it is written.
+        path: path of the file; it keeps its ending while it is written.
         write: writes to the path it is given.
     """
     aside = path.with_name(f".new-{path.name}")
@@ -118,7 +118,7 @@ def write_json(path: Path, values: Any) -> None:
 
 
 def _flat(row: dict[str, Any]) -> dict[str, Any]:
-    """Pairs become two columns, of shoulder and elbow or of the links."""
+    """Split pairs into two columns, of shoulder and elbow or of the links."""
     flat: dict[str, Any] = {}
     for name, value in row.items():
         if name in ("torque_change", "peak_deflection", "peak_torque"):

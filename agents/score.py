@@ -29,9 +29,9 @@ class Score(NamedTuple):
         maximum: largest such distance [m].
         rms_after_2s: the same from 2 s on [m].
         maximum_after_2s: [m].
-        torque_change: of shoulder and elbow from one control period to the next, r.m.s. after 2 s [N m].
-        peak_deflection: of the links' tips [m].
-        peak_torque: of shoulder and elbow [N m].
+        torque_change: change of both torques from one control period to the next, r.m.s. after 2 s [N m].
+        peak_deflection: largest deflections of the links' tips [m].
+        peak_torque: largest torques of shoulder and elbow [N m].
         episode_return: sum of the rewards.
     """
 
@@ -57,13 +57,13 @@ class Score(NamedTuple):
         return (True, -self.duration) if self.rms is None else (False, self.rms)
 
     def plain(self) -> dict[str, Any]:
-        """For a file: a mapping of plain values."""
+        """Return a mapping of plain values for a file."""
         values = {**self._asdict(), "complete": self.complete}
         return {name: list(value) if isinstance(value, tuple) else value for name, value in values.items()}
 
     @classmethod
     def of(cls, values: Mapping[str, Any]) -> Score:
-        """From what `plain` gave, with or without more."""
+        """Read what `plain` gave, with or without more."""
         figures: dict[str, Any] = {
             name: tuple(value) if isinstance(value := values[name], list) else value for name in cls._fields
         }
@@ -78,7 +78,7 @@ class Score(NamedTuple):
 
 
 def rank(laps: Sequence[Score]) -> tuple[int, float]:
-    """Of several episodes, smaller is better: how many ended early, then the mean rank of those that decide.
+    """Rank several episodes, smaller is better: how many ended early, then the mean rank of those that decide.
 
     Args:
         laps: one at least. Where some ended early, these decide.
@@ -88,10 +88,10 @@ def rank(laps: Sequence[Score]) -> tuple[int, float]:
 
 
 def score(run: Trajectory) -> Score:
-    """Figures of a policy's run.
+    """Compute the figures of a policy's run.
 
     Args:
-        run: of `flexarm_env.rollout.run_policy`.
+        run: result of `flexarm_env.rollout.run_policy`.
     """
     ended = str(run.notes.get("ended"))
     settled = run.time >= SETTLED
@@ -119,7 +119,7 @@ def evaluate(env: gymnasium.Env[Any, Any], policy: Any, seed: int = 0) -> Score:
     Args:
         env: a `FlexArmEnv`, wrapped or not.
         policy: as `run_policy` takes it.
-        seed: of what is random in the environment.
+        seed: seed of what is random in the environment.
     """
     return score(run_policy(env, policy, seed=seed))
 

@@ -16,7 +16,7 @@ class Spread(NamedTuple):
     Attributes:
         total: laps or trainings.
         complete: those that have the figure.
-        median: of all.
+        median: median of all.
         interquartile_mean: mean of the middle half; a quarter of them, rounded down, is cut off at each end.
         best: the least one.
         worst: the largest one.
@@ -31,7 +31,7 @@ class Spread(NamedTuple):
 
     @classmethod
     def of(cls, figures: Iterable[float | None]) -> Spread:
-        """Over figures, None for those that are missing; one at least."""
+        """Compute the spread of at least one figure; None stands for a missing one."""
         values = np.sort([np.inf if figure is None else figure for figure in figures])
         cut = len(values) // 4
         statistics = (np.median(values), values[cut : len(values) - cut].mean(), values[0], values[-1])

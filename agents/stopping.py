@@ -1,4 +1,4 @@
-"""`StopSignals`: a training that is told to stop does so at the next moment from which it can go on."""
+"""`StopSignals`: a training that gets a signal stops at the next moment from which it can be resumed."""
 
 from __future__ import annotations
 

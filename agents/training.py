@@ -85,7 +85,7 @@ def train(
 
 
 def new_model(config: TrainingConfig) -> PPO:
-    """An untrained model with its environments.
+    """Make an untrained model with its environments.
 
     Args:
         config: the configuration.
@@ -115,7 +115,7 @@ def new_model(config: TrainingConfig) -> PPO:
 
 @contextmanager
 def _one_thread() -> Iterator[None]:
-    """On small networks more threads only wait for each other."""
+    """Limit torch to one thread: on small networks more of them only wait for each other."""
     before = torch.get_num_threads()
     torch.set_num_threads(1)
     try:

@@ -63,13 +63,13 @@ class FlexArmVecEnv(VecEnv):
 
     @classmethod
     def make(cls, environment: str, num_envs: int, infos: Infos = "final", **options: Any) -> FlexArmVecEnv:
-        """From a registered id, with its time limit.
+        """Make the batch of a registered id, with its time limit.
 
         Args:
             environment: e.g. "FlexArm/Square-v0".
             num_envs: how many.
             infos: see the class.
-            **options: of the environment, or `max_episode_steps`, `render_mode`, `threads`.
+            **options: options of the environment, or `max_episode_steps`, `render_mode`, `threads`.
 
         Raises:
             TypeError, ValueError: for an unknown id or a bad option.
@@ -136,13 +136,13 @@ class FlexArmVecEnv(VecEnv):
         self.env.close()
 
     def get_images(self) -> Sequence[NDArray[np.uint8] | None]:
-        """A picture of each environment, Shape (size, size, 3); None without render mode."""
+        """Draw a picture of each environment, shape (size, size, 3); None without render mode."""
         return self.env.render() or [None] * self.num_envs
 
-    # --- what an environment is asked through a VecEnv -------------------------------------------------------------
+    # --- attributes and methods through a VecEnv -------------------------------------------------------------------
 
     def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
-        """An attribute of each environment; all share their attributes but `episode`.
+        """Return an attribute of each environment; all share their attributes but `episode`.
 
         Args:
             attr_name: of the vector environment; `observation_space` and `action_space` mean those of one.
@@ -175,9 +175,9 @@ class FlexArmVecEnv(VecEnv):
         Args:
             method_name: `render` (returns pictures), `reset` (of these environments, each with the same arguments;
                 returns observation and info), or `get_wrapper_attr` and `has_wrapper_attr` with a name.
-            *method_args: of the method.
+            *method_args: arguments of the method.
             indices: which environments; None: all.
-            **method_kwargs: of the method.
+            **method_kwargs: keyword arguments of the method.
 
         Raises:
             AttributeError: for another method.
@@ -200,7 +200,7 @@ class FlexArmVecEnv(VecEnv):
     def env_is_wrapped(
         self, wrapper_class: type[gymnasium.Wrapper[Any, Any, Any, Any]], indices: VecEnvIndices = None
     ) -> list[bool]:
-        """Whether a Gymnasium wrapper stands around each environment: there is none, the time limit is built in."""
+        """Return whether a Gymnasium wrapper is around each environment: none is, the time limit is built in."""
         return [False for _ in self._get_indices(indices)]
 
     def _restart(

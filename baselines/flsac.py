@@ -72,7 +72,7 @@ class FLSAC(GainPolicy):
 
     @classmethod
     def for_env(cls, env: Any, **options: Any) -> FLSAC:
-        """The fuzzy gain for an environment, single or vector: takes over its modes, scales and gain limit.
+        """Make the fuzzy gain for an environment, single or vector, with its modes, scales and gain limit.
 
         Args:
             env: a FlexArm environment whose action is the gain and whose observation holds the modal
@@ -93,7 +93,7 @@ class FLSAC(GainPolicy):
         return cls(modal_slice=blocks["modal_coordinates"], tip_weights=weights, gain_limit=limit, **options)
 
     def deflections(self, observations: Floats) -> Floats:
-        """Normalised tip deflections delta, before K_n.
+        """Return the normalised tip deflections delta, before K_n.
 
         Args:
             observations: shape ``(n, k)``.
@@ -112,7 +112,7 @@ class FLSAC(GainPolicy):
         return np.asarray((modal * self.tip_weights).sum(axis=2) / REFERENCE_DEFLECTION)
 
     def gains(self, observations: Floats) -> Floats:
-        """Inferred gains; see `GainPolicy.gains`.
+        """Infer the gains; see `GainPolicy.gains`.
 
         Raises:
             ValueError: a modal coordinate is not finite, or there are too few.

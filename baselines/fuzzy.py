@@ -84,7 +84,7 @@ class MamdaniSystem:
 
 
 def _checked_rules(rules: npt.ArrayLike, shape: tuple[int, ...], outputs: int) -> Integers:
-    """The rule table as an array of its own, refused unless it fits the sets."""
+    """Copy the rule table into an array; refuse it unless it fits the sets."""
     table = np.asarray(rules)
     if not np.issubdtype(table.dtype, np.integer):
         raise TypeError(f"rules: must hold integers, got dtype {table.dtype}")
@@ -97,7 +97,7 @@ def _checked_rules(rules: npt.ArrayLike, shape: tuple[int, ...], outputs: int) -
 
 
 def _crossing_levels(output: FuzzyVariable) -> Floats:
-    """Level 0 and every level in (0, 1) at which two edges, or an edge and an end of the universe, cross."""
+    """Return level 0 and every level in (0, 1) at which two edges, or an edge and an end of the universe, cross."""
     left, peak, right = output.corners.T
     at_zero = np.concatenate([left, right, output.universe])  # z = at_zero + slope * y on each of these lines
     slope = np.concatenate([peak - left, peak - right, [0.0, 0.0]])
@@ -107,7 +107,7 @@ def _crossing_levels(output: FuzzyVariable) -> Floats:
 
 
 def paper_system(width_scale: float = 1.0) -> MamdaniSystem:
-    """The paper's 9 rules (Fig. 2 and Table 1): two normalised link deflections in, the gain lambda out.
+    """Make the paper's 9 rules (Fig. 2 and Table 1): two normalised link deflections in, the gain lambda out.
 
     Args:
         width_scale: factor on the base widths of the input sets, the paper's "MF base widths are adjusted by

@@ -26,7 +26,7 @@ GAUSS_POINTS = (0.5 - 0.5 / math.sqrt(3.0), 0.5 + 0.5 / math.sqrt(3.0))
 
 @njit(cache=True)
 def membership(x: float, left: float, peak: float, right: float) -> float:
-    """Degree of membership in [0, 1] of ``x`` in a triangle; a vertical edge belongs to its set."""
+    """Return the degree of membership in [0, 1] of ``x`` in a triangle; a vertical edge belongs to its set."""
     if x < left or x > right:
         return 0.0
     if x < peak:
@@ -38,7 +38,7 @@ def membership(x: float, left: float, peak: float, right: float) -> float:
 
 @njit(cache=True)
 def centroid(heights: Floats, corners: Floats, low: float, high: float, levels: Floats) -> float:
-    """Abscissa of the centroid of the union of clipped triangles.
+    """Return the abscissa of the centroid of the union of clipped triangles.
 
     Args:
         heights: height at which each set is clipped, shape ``(m,)``, at least one positive.
@@ -82,7 +82,7 @@ def infer(
     output_universe: Floats,
     crossing_levels: Floats,
 ) -> Floats:
-    """Crisp output of every row of inputs.
+    """Return the crisp output of every row of inputs.
 
     Args:
         inputs: shape ``(n, k)``, clipped to the universes.

@@ -44,7 +44,7 @@ class TriangularSet:
             raise ValueError(f"{self}: must have left <= peak <= right and left < right")
 
     def membership(self, x: ArrayLike) -> Floats:
-        """mu at the values x, in [0, 1]; shape of ``x``."""
+        """Return mu at the values x, in [0, 1]; shape of ``x``."""
         values = np.asarray(x, dtype=np.float64)
         degrees = [membership(value, self.left, self.peak, self.right) for value in values.ravel().tolist()]
         return np.array(degrees).reshape(values.shape)

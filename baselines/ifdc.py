@@ -38,7 +38,7 @@ class IFDC(GainPolicy):
 
     @classmethod
     def for_env(cls, env: Any, gain: float = 1.0) -> IFDC:
-        """The constant gain for an environment, single or vector, whose gain limit it takes over.
+        """Make the constant gain for an environment, single or vector, with its gain limit.
 
         Args:
             env: a FlexArm environment whose action is the gain.
@@ -51,5 +51,5 @@ class IFDC(GainPolicy):
         return cls(gain=gain, gain_limit=env_gain_limit(env))
 
     def gains(self, observations: Floats) -> Floats:
-        """The constant, once per observation; see `GainPolicy.gains`."""
+        """Return the constant, once per observation; see `GainPolicy.gains`."""
         return np.full(len(observations), self.gain, dtype=np.float64)

@@ -54,7 +54,7 @@ class GainPolicy(ABC):
 
     @abstractmethod
     def gains(self, observations: Floats) -> Floats:
-        """Gains lambda for a batch of observations.
+        """Return the gains lambda for a batch of observations.
 
         Args:
             observations: shape ``(n, k)``.
@@ -90,7 +90,7 @@ class GainPolicy(ABC):
 
 
 def env_attribute(env: Any, name: str) -> Any:
-    """An attribute of the environment below all wrappers.
+    """Return an attribute of the environment below all wrappers.
 
     Raises:
         TypeError: it has none of this name, so it is no FlexArm environment.
@@ -102,7 +102,7 @@ def env_attribute(env: Any, name: str) -> Any:
 
 
 def env_gain_limit(env: Any) -> float:
-    """Gain limit of a single or vector environment whose action is the gain.
+    """Return the gain limit of a single or vector environment whose action is the gain.
 
     Raises:
         TypeError: it is no FlexArm environment.

@@ -139,7 +139,7 @@ def modes_reading(option: str) -> tuple[str, ...]:
 
 
 def physical_from_action(mode: str, action: ArrayLike, limit: ArrayLike) -> NDArray[np.float64]:
-    """What an action in [-1, 1] stands for, in the action mode's unit.
+    """Convert an action in [-1, 1] to the physical value that it stands for, in the action mode's unit.
 
     Args:
         mode: a name in `MODES`, which has the unit.
@@ -158,7 +158,7 @@ def physical_from_action(mode: str, action: ArrayLike, limit: ArrayLike) -> NDAr
 
 
 def action_from_physical(mode: str, value: ArrayLike, limit: ArrayLike) -> NDArray[np.float64]:
-    """The action in [-1, 1] that stands for a physical value; the inverse of `physical_from_action`.
+    """Convert a physical value to the action in [-1, 1] that stands for it; the inverse of `physical_from_action`.
 
     Args:
         mode: see there.
@@ -177,7 +177,7 @@ def action_from_physical(mode: str, value: ArrayLike, limit: ArrayLike) -> NDArr
 
 
 def gain_from_action(action: ArrayLike, gain_limit: ArrayLike) -> NDArray[np.float64]:
-    """Gain that an action stands for: ``gain_limit (action + 1) / 2``.
+    """Return the gain that an action stands for: ``gain_limit (action + 1) / 2``.
 
     Args:
         action: values in [-1, 1], any shape.
@@ -195,7 +195,7 @@ def gain_from_action(action: ArrayLike, gain_limit: ArrayLike) -> NDArray[np.flo
 
 
 def action_from_gain(gain: ArrayLike, gain_limit: ArrayLike) -> NDArray[np.float64]:
-    """Action that stands for a gain: ``2 gain / gain_limit - 1``.
+    """Return the action that stands for a gain: ``2 gain / gain_limit - 1``.
 
     Args:
         gain: values in [0, gain_limit], dimensionless, any shape.

@@ -25,7 +25,7 @@ class Allowed(Protocol):
         """The allowed values in words, for the documentation."""
 
     def check(self, name: str, value: Any) -> Any:
-        """The value in its canonical type.
+        """Return the value in its canonical type.
 
         Raises:
             TypeError, ValueError: naming the field, its value and what is allowed.
@@ -173,12 +173,12 @@ class Optional:
 
 
 def declared(default: Any, allowed: Allowed, name: str | None = None, **metadata: Any) -> Any:
-    """A dataclass's field.
+    """Declare a dataclass's field.
 
     Args:
         default: its value unless given; a dict is copied.
         allowed: what it may be.
-        name: of the field in messages, where users give it by another name.
+        name: name of the field in messages, where users give it by another name.
         **metadata: further entries of the field's metadata.
     """
     entries = {"allowed": allowed, "name": name, **metadata}
@@ -188,7 +188,7 @@ def declared(default: Any, allowed: Allowed, name: str | None = None, **metadata
 
 
 def allowed_of(kind: type, name: str) -> Allowed:
-    """What a field of a dataclass may be."""
+    """Return what a field of a dataclass may be."""
     found: Allowed = kind.__dataclass_fields__[name].metadata["allowed"]  # type: ignore[attr-defined]
     return found
 

@@ -7,11 +7,11 @@ from contextlib import contextmanager
 
 
 def install_hint(package: str, extra: str) -> str:
-    """What to tell a user who lacks a package.
+    """Write the message for a missing package.
 
     Args:
         package: its name.
-        extra: of FlexArm, which brings it.
+        extra: extra of FlexArm, which brings it.
     """
     return (
         f'{package} is not installed; run `pip install "flexarm[{extra}]"`, '

@@ -44,7 +44,7 @@ def _reference(run: Trajectory) -> Array:
 
 
 def tracking_error(run: Trajectory, tip: str = "true", since: float = 0.0) -> TrackingError:
-    """Distance of the tip from the (undelayed) reference.
+    """Return the distance of the tip from the (undelayed) reference.
 
     Args:
         run: a policy's run.
@@ -59,14 +59,14 @@ def tracking_error(run: Trajectory, tip: str = "true", since: float = 0.0) -> Tr
 
 
 def overshoot(path: Array, time: Array, corner: Array, incoming: Array, window: tuple[float, float]) -> float:
-    """How far a path goes past a corner, in the direction in which the reference came.
+    """Return how far a path goes past a corner, in the direction in which the reference came.
 
     Args:
         path: Shape (n, 2) [m].
         time: Shape (n,) [s].
         corner: x, y [m]. Shape (2,).
         incoming: direction of the side that ends at the corner, any length but 0. Shape (2,).
-        window: times between which to look [s].
+        window: first and last time that count [s].
 
     Returns:
         The largest advance past the corner [m]; negative if the path stays short of it.
@@ -82,7 +82,7 @@ def overshoot(path: Array, time: Array, corner: Array, incoming: Array, window: 
 
 
 def path_difference(one: Array, other: Array) -> Array:
-    """Distance of each point of a path from another path, whatever the time [m].
+    """Return the distance of each point of a path from another path, whatever the time [m].
 
     The nearest sample of the other path is found first; the distance is then that to the two segments that meet there.
 
@@ -113,7 +113,7 @@ def _window(time: Array, since: float, until: float) -> NDArray[np.bool_]:
 
 
 def vibration(run: Trajectory, since: float = 0.0, until: float = np.inf) -> float:
-    """R.m.s. rate of the links' tip deflections, both links together [m/s].
+    """Return the r.m.s. rate of the links' tip deflections, both links together [m/s].
 
     Args:
         run: any run.
@@ -126,7 +126,7 @@ def vibration(run: Trajectory, since: float = 0.0, until: float = np.inf) -> flo
 
 
 def tip_acceleration(run: Trajectory, since: float = 0.0, until: float = np.inf) -> float:
-    """R.m.s. acceleration of the rigid-kinematics tip, by second differences [m/s^2]: how smooth its motion is.
+    """Return the r.m.s. acceleration of the rigid-kinematics tip, by second differences [m/s^2].
 
     Args:
         run: a run of at least 3 instants, evenly spaced.
@@ -140,7 +140,7 @@ def tip_acceleration(run: Trajectory, since: float = 0.0, until: float = np.inf)
 
 
 def circle_fit(path: Array) -> CircleFit:
-    """Least-squares circle (Kasa's linear fit) and how far the path is from it.
+    """Fit a least-squares circle (Kasa's linear fit) and how far the path is from it.
 
     Args:
         path: Shape (n, 2) [m].
@@ -154,7 +154,7 @@ def circle_fit(path: Array) -> CircleFit:
 
 
 def elbow_changes(run: Trajectory) -> Array:
-    """When the elbow changed sides: the times at which the sign of sin(theta2) changed.
+    """Return when the elbow changed sides: the times at which the sign of sin(theta2) changed.
 
     The elbow is on a side only where it is bent by more than `STRAIGHT`, 0.05 rad, off the straight and off the folded
     arm (`elbow_side`; the environments' infos count by the same rule). A
@@ -181,12 +181,12 @@ def elbow_changes(run: Trajectory) -> Array:
 
 
 def ended_early(run: Trajectory) -> bool:
-    """Whether the run ended by anything but its full time, e.g. at a limit of the state (`notes["ended"]`)."""
+    """Return whether the run ended by anything but its full time, e.g. at a limit of the state (`notes["ended"]`)."""
     return run.notes.get("ended") not in (None, "truncated")
 
 
 def summary(run: Trajectory) -> dict[str, object]:
-    """The figures that every run is reported with; plain numbers, lengths in m, torques in N m.
+    """Return the figures that every run is reported with; plain numbers, lengths in m, torques in N m.
 
     A run that ended early is a result of its own. All its figures of merit are None: means and maxima over the part
     that it survived would compare well with those of a whole run. Those after 2 s, the start's transient, are None for
@@ -204,7 +204,7 @@ def summary(run: Trajectory) -> dict[str, object]:
 
 
 def _merits(run: Trajectory) -> dict[str, object]:
-    """The part of `summary` that compares controllers."""
+    """Return the part of `summary` that compares controllers."""
     true, rigid = tracking_error(run), tracking_error(run, "rigid")
     later = tracking_error(run, since=2.0) if run.time[-1] >= 2.0 else None
     figures: dict[str, object] = {

@@ -2,7 +2,7 @@
 
 All classes are frozen: a changed set is a new one (`dataclasses.replace`). The range of each number stands beside its
 field, wide enough for arms from millimetres to kilometres, and such that all that is computed from it stays finite;
-combinations are checked where they matter (`conditioning`, `simulation.count_steps`). "(n)" is equation n of Green &
+combinations are checked where they matter (`conditioning`, `stability.count_steps`). "(n)" is equation n of Green &
 Sasiadek, *Control of a flexible robot using fuzzy logic and a noncollocated sensor*, IFAC 2008.
 """
 
@@ -130,13 +130,13 @@ class ArmParameters:
         check_fields(self)
         if self.kinematics == "foreshortened" and self.velocity_forces == "rigid":
             raise ValueError(
-                "kinematics = 'foreshortened': the paper's C_r (velocity_forces = 'rigid') knows no foreshortening; "
+                "kinematics = 'foreshortened': the paper's C_r (velocity_forces = 'rigid') has no foreshortening; "
                 "velocity_forces must be 'complete'"
             )
 
     @classmethod
     def paper(cls, **changes: object) -> ArmParameters:
-        """The paper's arm: one mode a link, rigid velocity forces C_r (7), A = 0.1 (4), no damping.
+        """Return the paper's arm: one mode a link, rigid velocity forces C_r (7), A = 0.1 (4), no damping.
 
         Args:
             **changes: fields to set otherwise.
@@ -207,7 +207,7 @@ class SensorParameters:
         return SENSOR_MODELS[self.model]
 
     def joint_delays(self, shoulder_to_elbow: float) -> tuple[float, float]:
-        """Delay of the shoulder's and of the elbow's measurement [s] (16), (18).
+        """Return the delay of the shoulder's and of the elbow's measurement [s] (16), (18).
 
         Args:
             shoulder_to_elbow: L1 [m].
@@ -278,7 +278,7 @@ class SquareParameters:
 
 
 def arm_parameters(arm: str | Mapping[str, Any] | ArmParameters) -> ArmParameters:
-    """The arm that an environment's `arm` argument stands for.
+    """Return the arm that an environment's `arm` argument stands for.
 
     Raises:
         TypeError: for anything but a name or a mapping.

@@ -59,7 +59,7 @@ def predictor(policy: Any, deterministic: bool) -> Predictor:
 
 
 def _signature(call: Callable[..., Any]) -> inspect.Signature | None:
-    """Parameters of a callable; None for one of another language that does not tell."""
+    """Return the parameters of a callable; None for one that has no signature, as of another language."""
     try:
         return inspect.signature(call)
     except ValueError:
@@ -67,14 +67,14 @@ def _signature(call: Callable[..., Any]) -> inspect.Signature | None:
 
 
 def _named(signature: inspect.Signature) -> tuple[str, ...]:
-    """Parameters after the first, the observation, that go by the names of stable-baselines3."""
+    """Return the parameters after the first, the observation, that go by the names of stable-baselines3."""
     by_name = (inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY)
     others = [one.name for one in list(signature.parameters.values())[1:] if one.kind in by_name]
     return tuple(name for name in ("state", "episode_start", "deterministic") if name in others)
 
 
 def _binds(signature: inspect.Signature, count: int, named: tuple[str, ...] = ()) -> bool:
-    """Whether a call with so many positional arguments, and these by name, is possible."""
+    """Return whether a call with so many positional arguments, and these by name, is possible."""
     try:
         signature.bind(*range(count), **dict.fromkeys(named))
     except TypeError:
@@ -83,7 +83,7 @@ def _binds(signature: inspect.Signature, count: int, named: tuple[str, ...] = ()
 
 
 def _pair(result: Any, state: Any) -> tuple[Any, Any]:
-    """Action and state. A pair of numbers is an action; a pair that begins with an array is action and state."""
+    """Split into action and state: a pair of numbers is an action; a pair that begins with an array is both."""
     if isinstance(result, tuple) and len(result) == 2 and np.ndim(result[0]) > 0:
         return result
     return result, state

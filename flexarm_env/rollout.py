@@ -33,7 +33,7 @@ def run_policy(
     max_steps: int | None = None,
     options: dict[str, Any] | None = None,
 ) -> Trajectory:
-    """One episode of a FlexArm environment; unless told otherwise from the standard start, at rest on the first corner.
+    """Run one episode of a FlexArm environment, by default from the standard start: at rest on the first corner.
 
     Args:
         env: a `FlexArmEnv`, wrapped or not.
@@ -43,7 +43,7 @@ def run_policy(
         deterministic: passed to a ``predict`` that takes it.
         max_steps: stop after so many; None: at the end of the episode, or of a lap where the environment has no
             time limit.
-        options: of the environment's reset; default ``{"start": "corner"}``.
+        options: options of the environment's reset; default ``{"start": "corner"}``.
 
     Returns:
         The episode; `notes["ended"]` says why: "truncated" or a termination reason.
@@ -96,7 +96,7 @@ def _check_gain_limit(env: FlexArmEnv, policy: Any) -> None:
 
 
 def _episode_arm(env: FlexArmEnv, drawn: dict[str, float]) -> FlexibleArm:
-    """The arm of an episode, whose payload, stiffness and damping may have been drawn."""
+    """Return the arm of an episode, whose payload, stiffness and damping may have been drawn."""
     own = env.arm.parameters
     changes: dict[str, Any] = {}
     if drawn["payload_mass"] != own.payload_mass:
@@ -133,7 +133,7 @@ def run_batch(
         gain_limits: lambda at action 1. Shape (N,).
         steps: control periods.
         progress: called with the number of control periods done since the last call.
-        seed: of the sensors' noise, where they have any.
+        seed: seed of the sensors' noise, where they have any.
 
     Returns:
         A `Trajectory` for each arm, `notes["ended"]` as in `run_policy`; an arm whose state stops being valid ends
@@ -146,7 +146,7 @@ def run_batch(
     noise = _noise(loop, seed)
     observed = observation_blocks(loop.arm.parameters.modes_per_link)["reference_velocity"].stop
     ends = np.full(count, steps + 1)
-    live: slice | NDArray[np.int64] = slice(None)  # who goes on; an arm that ended keeps its last valid observation
+    live: slice | NDArray[np.int64] = slice(None)  # arms that go on; one that ended keeps its last valid observation
     loop.reset(states, noise())
     first = loop.packed_results()
     records = np.zeros((steps + 1, *first.shape))
@@ -169,14 +169,14 @@ def run_batch(
 
 
 def _gain_limits(given: ArrayLike, count: int) -> Array:
-    """Lambda at action 1, of each arm. Shape (N,)."""
+    """Return lambda at action 1, of each arm. Shape (N,)."""
     if np.shape(given) not in ((), (count,)):
         raise ValueError(f"gain_limits: must be one number or {count}, got shape {np.shape(given)}")
     return np.broadcast_to(np.asarray(given, dtype=float), (count,))
 
 
 def _chooser(policies: Sequence[Any], count: int) -> Callable[[Observations], Observations]:
-    """Has each policy choose for its arms, with a memory: actions, Shape (N,), from observations, Shape (N, k)."""
+    """Let each policy choose for its arms, with a memory: actions, Shape (N,), from observations, Shape (N, k)."""
     if len(policies) != count:
         raise ValueError(f"policies: must be {count}, one for each arm, got {len(policies)}")
     groups = [(predictor(policy, deterministic=True), members) for policy, members in _groups(policies)]
@@ -195,7 +195,7 @@ def _chooser(policies: Sequence[Any], count: int) -> Callable[[Observations], Ob
 
 
 def _noise(loop: ClosedLoop, seed: int | None) -> Callable[[], Array | None]:
-    """Draws the sensors' noise of one period; draws nothing where no sensor has any."""
+    """Draw the sensors' noise of one period; draw nothing where no sensor has any."""
     deviations = loop.noise
     if not deviations.any():
         return lambda: None
@@ -204,7 +204,7 @@ def _noise(loop: ClosedLoop, seed: int | None) -> Callable[[], Array | None]:
 
 
 def _groups(policies: Sequence[Any]) -> list[tuple[Any, slice | NDArray[np.int64]]]:
-    """Policies and the arms that share each; a slice where these are neighbours, which is cheaper to index with."""
+    """Return the policies and the arms of each; neighbours are a slice, which is cheaper to index with."""
     members: dict[int, list[int]] = {}
     for index, policy in enumerate(policies):
         members.setdefault(id(policy), []).append(index)
@@ -244,7 +244,7 @@ def _trajectories(loop: ClosedLoop, results: Results, gains: Array, ends: NDArra
 
 
 def _paper_reward(tips: Array, references: Array) -> Array:
-    """Reward of `FlexArm/Paper-v0` at each instant; none at the first. Shape (n,)."""
+    """Return the reward of `FlexArm/Paper-v0` at each instant; none at the first. Shape (n,)."""
     wide, middle, _ = reward.tracking_terms(reward.squared_distance([*tips.T], [*references.T]))
     earned: Array = 0.5 * wide + 0.5 * middle
     earned[0] = 0.0

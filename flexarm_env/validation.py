@@ -35,27 +35,27 @@ class _Short(reprlib.Repr):
 
 
 def shown(value: object) -> str:
-    """A user's value as a message shows it: its repr, shortened where it is long."""
+    """Return a user's value for a message: its repr, shortened where it is long."""
     try:
         text = _Short().repr(value)
-    except Exception:  # a repr of the user's may raise anything, and the refusal must be told all the same
+    except Exception:  # a repr of the user's may raise anything, and the refusal must still be shown
         text = f"<{type(value).__name__}>"
     return short(text)
 
 
 def short(text: str) -> str:
-    """A text as a message shows it: its middle left out where it is long."""
+    """Return a text for a message, without its middle where it is long."""
     half = _LONGEST // 2
     return text if len(text) <= _LONGEST else f"{text[:half]}...{text[-half:]}"
 
 
 def _scalar(value: object) -> object:
-    """A numpy array without axes is the number or name that it holds."""
+    """Unpack a numpy array without axes to the number or name that it holds."""
     return value[()] if isinstance(value, np.ndarray) and value.ndim == 0 else value
 
 
 def entries(value: object) -> list[Any] | None:
-    """What a list, a tuple, another sequence or an array holds; None for all else, text and bytes among it."""
+    """Return the items of a list, a tuple, another sequence or an array; None for all else, also text and bytes."""
     if isinstance(value, np.ndarray):
         return list(value) if value.ndim else None
     return list(value) if isinstance(value, Sequence) and not isinstance(value, _TEXTS) else None
@@ -228,7 +228,7 @@ def real_array(name: str, value: ArrayLike) -> NDArray[np.float64]:
     """
     try:
         array = np.asarray(value)
-    except Exception as error:  # numpy asks the value itself, which may raise anything
+    except Exception as error:  # numpy calls methods of the value, which may raise anything
         raise ValueError(f"{name}: must be an array of real numbers ({short(str(error))})") from None
     if array.dtype.kind not in "iuf" or isinstance(value, _TEXTS):
         raise ValueError(f"{name} = {shown(value)}: must be an array of real numbers")
@@ -283,7 +283,7 @@ def known_names(owner: str, given: Iterable[str], known: Sequence[str]) -> None:
 
 
 def nearest_names(name: str, known: Sequence[str]) -> list[str]:
-    """Names that a user may have meant: the likest of those that end with the same word, and the likest of all."""
+    """Return names that a user may have meant: the likest with the same last word, and the likest of all."""
     last = name.rpartition("_")[2]
     same = [other for other in known if other.rpartition("_")[2] == last]
     near = [*difflib.get_close_matches(name, same, 1, 0.0), *difflib.get_close_matches(name, known, 1)]

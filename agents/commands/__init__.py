@@ -29,7 +29,7 @@ examples:
   flexarm evaluate my_module:MyPolicy --laps 10 --options '{"noise": 0.005}'
   flexarm warm-up Square-v0 --num-envs 64
 
-exit status: 0 done; 1 error, told in one line; 2 wrong usage; 130 interrupted"""
+exit status: 0 done; 1 error, with a message of one line; 2 wrong usage; 130 interrupted"""
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -43,7 +43,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         prog="flexarm",
         usage="flexarm VERB [ARGUMENTS]",
         description=f"Environments of a flexible two-link arm, by the command line.\n\nverbs:\n{verbs}",
-        epilog=f"`flexarm VERB --help` tells more.\n\n{EXAMPLES}",
+        epilog=f"`flexarm VERB --help` shows more.\n\n{EXAMPLES}",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("verb", choices=VERBS, metavar="VERB", help=argparse.SUPPRESS)
@@ -55,7 +55,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
             verb = import_module(f"{__name__}.{VERBS[given.verb][0]}")
         verb.run(given.arguments)
         sys.stdout.flush()
-    except BrokenPipeError:  # who read the output has closed it, as `head` does
+    except BrokenPipeError:  # the reader of the output has closed it, as `head` does
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(1)
     except KeyboardInterrupt:

@@ -9,7 +9,7 @@ from typing import Any
 
 
 def reader(verb: str, description: str) -> argparse.ArgumentParser:
-    """A parser of a verb's arguments; options cannot be shortened, so that a new one never changes what another means.
+    """Make a parser of a verb's arguments; options cannot be abbreviated: a new one never changes another.
 
     Args:
         verb: e.g. "list".
@@ -22,7 +22,7 @@ def reader(verb: str, description: str) -> argparse.ArgumentParser:
 
 
 def json_object(text: str) -> dict[str, Any]:
-    """A JSON object.
+    """Read a JSON object.
 
     Raises:
         ValueError: if the text is something else.
@@ -37,7 +37,7 @@ def json_object(text: str) -> dict[str, Any]:
 
 
 def add_options(parser: argparse.ArgumentParser, what: str) -> None:
-    """The argument `--options`, environment options as JSON.
+    """Add the argument `--options`, environment options as JSON.
 
     Args:
         parser: gets the argument.
@@ -54,5 +54,5 @@ def add_options(parser: argparse.ArgumentParser, what: str) -> None:
 
 
 def width() -> int:
-    """Of a line of the terminal; 100 where there is none."""
+    """Return the width of a line of the terminal; 100 where there is none."""
     return shutil.get_terminal_size((100, 24)).columns

@@ -41,7 +41,7 @@ class Result(NamedTuple):
     laps: list[Score]
 
     def plain(self, seed: int) -> dict[str, Any]:
-        """For a file."""
+        """Return plain values for a file."""
         one = self.contender
         about = {"name": one.name, "environment": one.environment, "options": one.options, "config": one.config}
         laps = [{"seed": seed + n, **lap.plain()} for n, lap in enumerate(self.laps)]
@@ -126,7 +126,7 @@ def _is_attribute(source: str) -> bool:
 
 
 def _contenders(given: argparse.Namespace) -> Iterator[Contender]:
-    """Everything that the command line asks for, each made when it is its turn."""
+    """Yield everything that the command line names, each made when it is its turn."""
     options = changed({}, given.options, given.kinematics)
     if given.baselines:
         for name, policy in (("IFDC", IFDC), ("FLSAC", FLSAC)):
@@ -149,7 +149,7 @@ def _contenders(given: argparse.Namespace) -> Iterator[Contender]:
 
 
 def _groups(results: Sequence[Result]) -> list[Group]:
-    """Of each setting that was trained with several seeds."""
+    """Group the results of each setting that was trained with several seeds."""
     members: dict[str, list[Result]] = {}
     for each in results:
         if each.contender.config is not None:

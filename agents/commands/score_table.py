@@ -27,7 +27,7 @@ Named = tuple[str, str, Sequence[Score]]
 
 
 def lap_table(results: Sequence[Named]) -> str:
-    """A row for each policy, with what its lap gave.
+    """Make a table with a row for each policy.
 
     Args:
         results: name, environment and laps (one lap, or the same number each), in order.
@@ -40,7 +40,7 @@ def lap_table(results: Sequence[Named]) -> str:
 
 
 def group_table(groups: Sequence[tuple[str, tuple[Spread, Spread]]]) -> str:
-    """Two rows for each setting that was trained with several seeds.
+    """Write two rows for each setting that was trained with several seeds.
 
     Args:
         groups: names of the trainings, and the r.m.s. errors of the lap and after 2 s.
@@ -54,12 +54,12 @@ def group_table(groups: Sequence[tuple[str, tuple[Spread, Spread]]]) -> str:
 
 
 def spreads_of(laps: Sequence[Score]) -> tuple[Spread, Spread]:
-    """R.m.s. errors over the lap, and after 2 s."""
+    """Return the r.m.s. errors over the lap, and after 2 s."""
     return Spread.of(lap.rms for lap in laps), Spread.of(lap.rms_after_2s for lap in laps)
 
 
 def _figures(score: Score) -> tuple[str, ...]:
-    """Of one lap; what a run that ended early does not have is a dash."""
+    """Write the row of one lap, with a dash for what a run that ended early does not have."""
     errors = (score.rms, score.maximum, score.rms_after_2s)
     return (
         *("-" if value is None else f"{value:.3f}" for value in errors),
@@ -71,7 +71,7 @@ def _figures(score: Score) -> tuple[str, ...]:
 
 
 def _spreads(laps: Sequence[Score]) -> tuple[str, ...]:
-    """Of several laps."""
+    """Write the row of several laps."""
     early = Counter(lap.ended for lap in laps if not lap.complete)
     reasons = ", ".join(f"{reason} {count}" for reason, count in early.most_common())
     return (
@@ -92,10 +92,10 @@ def _largest(pairs: Sequence[tuple[float, float]]) -> tuple[float, float]:
 
 
 def _pair(values: tuple[float, float] | None, digits: int) -> str:
-    """Of shoulder and elbow, or of the links."""
+    """Write two numbers, of shoulder and elbow or of the links."""
     return "-" if values is None else " / ".join(f"{value:.{digits}f}" for value in values)
 
 
 def _metres(value: float | None) -> str:
-    """A statistic; where it is missing, laps that ended early decide it."""
+    """Return a statistic; where it is missing, laps that ended early decide it."""
     return "ended" if value is None else f"{value:.3f}"

@@ -21,7 +21,7 @@ def run(arguments: Sequence[str]) -> None:
 
 
 def specification(environment: str, columns: int) -> str:
-    """What there is to know of an id.
+    """Write the specification of an id.
 
     Args:
         environment: its id, checked.

@@ -12,7 +12,7 @@ _NARROWEST = 24  # of a column that is wrapped, however narrow the terminal is
 
 
 def columns(rows: Sequence[Sequence[str]], right: bool = False) -> str:
-    """Rows with their columns in line.
+    """Write rows with their columns in line.
 
     Args:
         rows: all of one length; headers are rows like others.
@@ -31,11 +31,11 @@ def columns(rows: Sequence[Sequence[str]], right: bool = False) -> str:
 
 
 def from_markdown(text: str, width: int) -> str:
-    """Markdown's prose and tables as a terminal shows them.
+    """Convert Markdown's prose and tables for a terminal.
 
     Args:
         text: paragraphs and tables, with code in backticks.
-        width: of a line.
+        width: width of a line.
     """
     blocks = [block for block in text.split("\n\n") if block.strip()]
     return "\n\n".join(_table(block, width) if block.startswith("|") else _prose(block, width) for block in blocks)
@@ -47,7 +47,7 @@ def _prose(text: str, width: int) -> str:
 
 
 def _table(text: str, width: int) -> str:
-    """The widest columns are wrapped until the table fits."""
+    """Wrap the widest columns until the table fits."""
     lines = [line for n, line in enumerate(text.splitlines()) if n != 1]  # without the rule under the header
     cells = [re.split(r"(?<!\\) \| ", line.removeprefix("| ").removesuffix(" |")) for line in lines]
     rows = [[cell.replace("\\|", "|").replace("`", "") for cell in row] for row in cells]

@@ -28,7 +28,7 @@ class Options:
     resume: bool = False
     """Go on with the interrupted training in the folder; it must be one of the same configuration."""
     progress: bool = True
-    """Show a bar where there is a terminal; without a bar, each evaluation is told in a line."""
+    """Show a bar where there is a terminal; without a bar, print a line for each evaluation."""
 
 
 def run(arguments: Sequence[str]) -> None:

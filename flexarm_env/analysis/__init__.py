@@ -5,7 +5,7 @@ An `OperatingPoint` says where, a `Sensor` what is measured; `linear_plant` puts
     point = OperatingPoint.at_point(FlexibleArm(), (-6.3, 6.3))
     zeros(linear_plant(point, tip())).right_half_plane
 
-docs/analysis.md tells what comes out.
+docs/analysis.md shows the results.
 """
 
 from flexarm_env.analysis.beam import LinkZeros, link_zeros

@@ -52,7 +52,7 @@ class LinkZeros:
 
 
 def link_zeros(arm: FlexibleArm, link: int, position: float, count: int = 3) -> LinkZeros:
-    """First zeros of root torque -> transverse position of a point, of the exact beam.
+    """Return the first zeros of root torque -> transverse position of a point, of the exact beam.
 
     Args:
         arm: its uniform link, hinged; lumped masses play no part.
@@ -79,7 +79,7 @@ def link_zeros(arm: FlexibleArm, link: int, position: float, count: int = 3) -> 
 
 
 def _decaying(z: Array, share: float) -> Array:
-    """w(s) for a real sigma, up to a positive factor.
+    """Return w(s) for a real sigma, up to a positive factor.
 
     ``w = (a cos + b sin)(kappa x) exp(-kappa x) + (c cos + d sin)(kappa (L - x)) exp(-kappa (2 L - x))``: the free end
     gives c and d from a and b, the hinge a from b.
@@ -99,7 +99,7 @@ def _decaying(z: Array, share: float) -> Array:
 
 
 def _swinging(z: Array, share: float) -> Array:
-    """w(s) for an imaginary sigma, up to a positive factor.
+    """Return w(s) for an imaginary sigma, up to a positive factor.
 
     ``w = a cos kx + b sin kx + c exp(-kx) + d exp(-k (L - x))`` with ``a = -c - d exp(-kL)`` (hinge); the free end's
     two conditions leave (b, c, d) as their vector product.
@@ -119,7 +119,7 @@ def _swinging(z: Array, share: float) -> Array:
 
 
 def _roots(function: Callable[[Array], Array], count: int) -> Array:
-    """First roots from 0.3 to `_LARGEST`, by sign changes."""
+    """Return the first roots from 0.3 to `_LARGEST`, by sign changes."""
     z = np.arange(0.3, _LARGEST, 1.0 / _POINTS_PER_UNIT)
     values = function(z)
     turns = np.nonzero(values[:-1] * values[1:] < 0.0)[0][:count]

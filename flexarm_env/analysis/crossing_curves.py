@@ -42,7 +42,7 @@ class _Cells(NamedTuple):
         low: lower frequency [rad/s]. Shape (k,).
         high: upper frequency [rad/s]. Shape (k,).
         branch: which of the two curves. Shape (k,).
-        phases: of the longer and the shorter delay at the lower frequency [rad], whole turns included. Shape (k, 2).
+        phases: phases of the longer and the shorter delay at the lower frequency, with whole turns [rad]. Shape (k, 2).
         wanted: multiple of 2 pi that `_excess` passes [rad]. Shape (k,).
     """
 
@@ -54,11 +54,11 @@ class _Cells(NamedTuple):
 
 
 def curve_crossings(loop: LawLoop, longest: float) -> tuple[Array, Array]:
-    """Crossings of a loop with two delays, unsorted.
+    """Find the crossings of a loop with two delays, unsorted.
 
     Args:
         loop: its ratio is not 1.
-        longest: of the shoulder's delay [s].
+        longest: largest value of the shoulder's delay [s].
 
     Returns:
         The shoulder's delays [s], some of them negative or above the longest, and frequencies [rad/s]. Shape (k,) each.
@@ -72,7 +72,7 @@ def curve_crossings(loop: LawLoop, longest: float) -> tuple[Array, Array]:
 
 
 def _cells(loop: LawLoop, longest: float) -> _Cells:
-    """Where the shorter delay's phase passes `_share` times that of the longer one, which is at most `longest` [s]."""
+    """Find where the shorter delay's phase passes `_share` times the longer one's, up to the delay `longest` [s]."""
     omega = _curve_points(loop)
     phases = _phases(loop, omega)
     steps = _wrapped(np.diff(phases, axis=0))
@@ -95,19 +95,19 @@ def _cells(loop: LawLoop, longest: float) -> _Cells:
 
 
 def _excess(loop: LawLoop, cells: _Cells, omega: Array) -> tuple[Array, Array]:
-    """What is left to a crossing, and the longer delay's phase [rad]; at one frequency a cell. Shape (k,) each."""
+    """Return the rest to a crossing, and the longer delay's phase [rad], at one frequency a cell. Shape (k,) each."""
     now = _phases(loop, omega)[np.arange(len(omega)), cells.branch]
     now = cells.phases + _wrapped(now - cells.phases)
     return now @ np.array([_share(loop), 1.0]) - cells.wanted, now[:, 0]
 
 
 def _share(loop: LawLoop) -> float:
-    """The shorter of the two delays over the longer."""
+    """Return the shorter of the two delays over the longer."""
     return min(loop.ratio, 1.0 / max(loop.ratio, 1.0))
 
 
 def _phases(loop: LawLoop, omega: Array) -> Array:
-    """Both crossing curves: the phase ``omega T`` of the longer delay and the angle of the shorter one's unit number.
+    """Return both crossing curves: the longer delay's phase ``omega T`` and the angle of the shorter one's number.
 
     Returns:
         [rad]; nan where there is none. Shape (k, 2 curves, 2).
@@ -122,7 +122,7 @@ def _phases(loop: LawLoop, omega: Array) -> Array:
 
 
 def _opening(loop: LawLoop, omega: Array) -> tuple[Array, Array]:
-    """The mean of both curves' phases [rad] and the cosine of half their distance; there are none where it is above 1.
+    """Return the mean of both curves' phases [rad] and the cosine of half their distance; none where it exceeds 1.
 
     ``|D0 + D1 z|^2 = |D2 + D12 z|^2`` is ``Re(q z) = c / 2``, with ``z = exp(-j phase)``.
     """
@@ -134,7 +134,7 @@ def _opening(loop: LawLoop, omega: Array) -> tuple[Array, Array]:
 
 
 def _coefficients(loop: LawLoop, omega: Array) -> tuple[Complex, Complex, Complex, Complex]:
-    """D0, D1 (of the longer delay), D2, D12. Shape (k,) each."""
+    """Return D0, D1 (of the longer delay), D2, D12. Shape (k,) each."""
     terms = loop.loop_terms(omega)
     now, late, soon = np.eye(2) + terms[:, 0], terms[:, 1], terms[:, 2]
     if loop.ratio > 1.0:
@@ -143,7 +143,7 @@ def _coefficients(loop: LawLoop, omega: Array) -> tuple[Complex, Complex, Comple
 
 
 def _curve_points(loop: LawLoop) -> Array:
-    """Frequencies on which both curves, and the gaps between their pieces, are told apart [rad/s]. Shape (k,)."""
+    """Return the frequencies that separate both curves, and the gaps between their pieces [rad/s]. Shape (k,)."""
 
     def there(at: Array) -> Bools:
         return np.asarray(np.abs(_opening(loop, at)[1]) <= 1.0)
@@ -163,10 +163,10 @@ def _curve_points(loop: LawLoop) -> Array:
 
 
 def _refined(shape: Callable[[Array], Array], omega: Array) -> Array:
-    """The grid, halved where a curve's values change by more than `_COARSE`: a root near the axis turns them quickly.
+    """Halve the grid where a curve's values change by more than `_COARSE`: a root near the axis turns them quickly.
 
     Args:
-        shape: of frequencies: angles and numbers, nan where there is none. Shape (k, values).
+        shape: function of frequencies: angles and numbers, nan where there is none. Shape (k, values).
         omega: Shape (k,).
     """
     values = shape(omega)
@@ -183,7 +183,7 @@ def _refined(shape: Callable[[Array], Array], omega: Array) -> Array:
 
 
 def _turning(loop: LawLoop, omega: Array) -> Array:
-    """Where the cosine turns between points of the grid: there a pair of curves, or a gap in one, may hide."""
+    """Return where the cosine turns between points of the grid: there a pair of curves, or a gap in one, may hide."""
 
     def above(at: Array) -> Array:
         return np.asarray(np.abs(_opening(loop, at)[1]) - 1.0)
@@ -201,5 +201,5 @@ def _turning(loop: LawLoop, omega: Array) -> Array:
 
 
 def _wrapped(angle: Array) -> Array:
-    """To -pi ... pi."""
+    """Wrap an angle to -pi ... pi."""
     return np.asarray((angle + np.pi) % TURN - np.pi)

@@ -61,7 +61,7 @@ class GainCrossing:
 
 
 def crossing_delays(loop: LawLoop, longest: float = 0.2) -> list[DelayCrossing]:
-    """Every delay up to a longest at which a root is on the imaginary axis, by delay.
+    """Find every delay up to a longest at which a root is on the imaginary axis, by delay.
 
     Args:
         loop: the loop; its own delay plays no part, the ratio of its delays does.
@@ -80,7 +80,7 @@ def crossing_delays(loop: LawLoop, longest: float = 0.2) -> list[DelayCrossing]:
 
 
 def crossing_gains(loop: LawLoop) -> list[GainCrossing]:
-    """Every factor on lambda at which a root is on the imaginary axis at the loop's delay, by factor.
+    """Find every factor on lambda at which a root is on the imaginary axis at the loop's delay, by factor.
 
     Raises:
         TypeError: for anything but a loop.
@@ -109,7 +109,7 @@ def crossing_gains(loop: LawLoop) -> list[GainCrossing]:
 
 
 def _of_one_delay(loop: LawLoop, longest: float) -> tuple[Array, Array]:
-    """Delays and frequencies of the crossings, unsorted. Shape (k,) each."""
+    """Return the delays and frequencies of the crossings, unsorted. Shape (k,) each."""
     omega = frequencies(loop)
     sizes = np.abs(_late_roots(loop, omega)) - 1.0
     index, branch = np.nonzero(sizes[:-1] * sizes[1:] < 0.0)
@@ -130,7 +130,7 @@ def _of_one_delay(loop: LawLoop, longest: float) -> tuple[Array, Array]:
 
 
 def _late_roots(loop: LawLoop, omega: Array) -> Complex:
-    """Roots z of det(1 + L0 + z (L1 + L2)), by size. Shape (k, 2)."""
+    """Return the roots z of det(1 + L0 + z (L1 + L2)), by size. Shape (k, 2)."""
     terms = loop.loop_terms(omega)
     now, late = np.eye(2) + terms[:, 0], terms[:, 1] + terms[:, 2]
     roots = _roots(np.stack([determinant(now), mixed(now, late), determinant(late)], axis=1))
@@ -138,14 +138,14 @@ def _late_roots(loop: LawLoop, omega: Array) -> Complex:
 
 
 def _gain_roots(loop: LawLoop, omega: Array) -> Complex:
-    """Roots g of det(1 + g L). Shape (k, 2)."""
+    """Return the roots g of det(1 + g L). Shape (k, 2)."""
     matrices = loop.loop_transfer(omega)
     trace = matrices[:, 0, 0] + matrices[:, 1, 1]
     return _roots(np.stack([np.ones_like(trace), trace, determinant(matrices)], axis=1))
 
 
 def _roots(coefficients: Complex) -> Complex:
-    """Roots of many polynomials, as reciprocals of the eigenvalues of the reversed ones' companion matrices.
+    """Return the roots of many polynomials, as reciprocals of the eigenvalues of the reversed ones' companion matrices.
 
     Args:
         coefficients: lowest power first, which is not 0. Shape (k, degree + 1).
@@ -163,7 +163,7 @@ def _roots(coefficients: Complex) -> Complex:
 
 
 def _paired(roots: Complex) -> Complex:
-    """Two roots at each frequency, in the order that changes least from one to the next."""
+    """Return two roots at each frequency, in the order that changes least from one to the next."""
     ordered = roots.copy()
     for i in range(1, len(ordered)):
         before, now = ordered[i - 1], ordered[i]
@@ -176,7 +176,7 @@ def _paired(roots: Complex) -> Complex:
 
 
 def _crossing(function: Callable[[float], float], low: float, high: float) -> float | None:
-    """Where a function changes sign; None if it does not, or jumps."""
+    """Return where a function changes sign; None if it does not, or jumps."""
     ends = function(low), function(high)
     if not np.all(np.isfinite(ends)) or ends[0] * ends[1] >= 0.0:
         return None

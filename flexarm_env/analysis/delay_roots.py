@@ -2,7 +2,7 @@
 
 The delayed loop is a transport of its past: ``u_t = u_x`` on [-T, 0] with the differential equation as the boundary
 condition at 0. On Chebyshev nodes that is a matrix whose eigenvalues converge to the loop's roots faster than any
-power of the number of nodes, those of smallest magnitude first. It is independent of `crossings`, and it tells how fast
+power of the number of nodes, those of smallest magnitude first. It is independent of `crossings`, and it shows how fast
 an unstable loop grows.
 
 Source: Breda, Maset & Vermiglio, *Pseudospectral differencing methods for characteristic roots of delay differential
@@ -42,11 +42,11 @@ class DelayRoots:
 
 
 def delay_roots(loop: LawLoop, nodes: int = 40) -> DelayRoots:
-    """Approximate roots of the loop with its delay.
+    """Approximate the roots of the loop with its delay.
 
     Args:
         loop: the loop.
-        nodes: of the history; a root s is resolved when ``|s|`` times the longer delay is well below it.
+        nodes: number of nodes of the history; it resolves a root s if ``|s|`` times the longer delay is well below it.
 
     Raises:
         TypeError: for anything but a loop and an integer.
@@ -73,7 +73,7 @@ def _rightmost(values: Complex) -> Complex:
 
 
 def _chebyshev(count: int) -> tuple[Array, Array]:
-    """Nodes on [-1, 1], 1 first, and the differentiation matrix on them."""
+    """Return the nodes on [-1, 1], 1 first, and the differentiation matrix on them."""
     x = np.cos(np.pi * np.arange(count + 1) / count)
     weight = np.ones(count + 1)
     weight[[0, -1]] = 2.0
@@ -84,7 +84,7 @@ def _chebyshev(count: int) -> tuple[Array, Array]:
 
 
 def _interpolation(x: Array, at: float) -> Array:
-    """Row that interpolates values on the nodes, barycentric. Shape (1, nodes)."""
+    """Return the row that interpolates values on the nodes, barycentric. Shape (1, nodes)."""
     difference = at - x
     if np.any(np.abs(difference) < 1e-14):
         return np.eye(1, len(x), int(np.argmin(np.abs(difference))))

@@ -79,15 +79,15 @@ class LawLoop:
     elbow: Feedback
 
     def with_gain(self, gain: float) -> LawLoop:
-        """The same loop with another lambda, > 0."""
+        """Return the same loop with another lambda, > 0."""
         return replace(self, gain=number("gain", gain, above=0.0))
 
     def with_delay(self, delay: float) -> LawLoop:
-        """The same loop with another delay T [s] of the shoulder's reading; the elbow's follows."""
+        """Return the same loop with another delay T [s] of the shoulder's reading; the elbow's follows."""
         return replace(self, delay=number("delay", delay, "s", least=0.0))
 
     def undelayed_poles(self) -> Complex:
-        """Poles of the loop without any delay [rad/s]."""
+        """Return the poles of the loop without any delay [rad/s]."""
         linear = self._linear
         total = sum((np.hstack([t.P, t.V]) for t in self.terms), start=np.zeros((2, len(linear.A))))
         return np.linalg.eigvals(linear.A - self.gain * linear.B @ total).astype(complex)
@@ -98,7 +98,7 @@ class LawLoop:
         return self.current, self.shoulder, self.elbow
 
     def loop_terms(self, omega: Array) -> Complex:
-        """Loop transfer ``lambda (P_k + s V_k) Q(s)`` of each term without its delay, s = j omega.
+        """Return the loop transfer ``lambda (P_k + s V_k) Q(s)`` of each term without its delay, s = j omega.
 
         Args:
             omega: [rad/s]. Shape (k,).
@@ -112,12 +112,12 @@ class LawLoop:
         return np.stack([self.gain * (t.P + s * t.V) @ response for t in self.terms], axis=1)
 
     def loop_transfer(self, omega: Array) -> Complex:
-        """L(j omega) with the delays, exact; the loop closes as ``1 + L``. Shape (k, 2, 2)."""
+        """Return L(j omega) with the delays, exact; the loop closes as ``1 + L``. Shape (k, 2, 2)."""
         late = np.exp(-1j * np.asarray(omega)[:, None] * self._delays)
         return np.asarray(np.einsum("kt,ktij->kij", late, self.loop_terms(omega)), dtype=complex)
 
     def loop_slope(self, omega: Array) -> Complex:
-        """dL/ds at s = j omega. Shape (k, 2, 2)."""
+        """Return dL/ds at s = j omega. Shape (k, 2, 2)."""
         s, dynamic, dynamic_slope = self._dynamics(omega)
         half = self.point.arm.size
         response = np.linalg.solve(dynamic, np.broadcast_to(self._action, (len(s), half, 2)))
@@ -141,7 +141,7 @@ class LawLoop:
         return self._linear.B[self.point.arm.size :]
 
     def _dynamics(self, omega: Array) -> tuple[Complex, Complex, Complex]:
-        """s, and ``s^2 - s A22 - A21`` with its derivative. Shape (k, 1, 1), (k, n, n), (k, n, n)."""
+        """Return s, and ``s^2 - s A22 - A21`` with its derivative. Shape (k, 1, 1), (k, n, n), (k, n, n)."""
         half = self.point.arm.size
         s = np.asarray(1j * np.asarray(omega)[:, None, None], dtype=complex)
         damping, eye = self._linear.A[half:, half:], np.eye(half)
@@ -208,12 +208,12 @@ def law_loop(
 
 
 def rest_angles(arm: FlexibleArm, reference: ArrayLike, distance: float, elbow_branch: str) -> tuple[Array, Array]:
-    """Where the law brings the arm to rest: on the reference, or stretched towards it.
+    """Return where the law brings the arm to rest: on the reference, or stretched towards it.
 
     Args:
         arm: the arm.
         reference: x, y [m]. Shape (2,).
-        distance: of the sensed point from the elbow [m].
+        distance: distance of the sensed point from the elbow [m].
         elbow_branch: "positive" or "negative" theta2.
 
     Returns:
@@ -238,7 +238,7 @@ def rest_angles(arm: FlexibleArm, reference: ArrayLike, distance: float, elbow_b
 
 
 def _turned(length: float, distance: float, angles: Array, error: Array) -> Array:
-    """d(J^T e)/d(theta) at constant e: second derivatives of the point's position along e [m^2]. Shape (2, 2)."""
+    """Return d(J^T e)/d(theta) at constant e, of the point's position along e [m^2]. Shape (2, 2)."""
     one, both = angles[0], angles[0] + angles[1]
     second = -distance * (error @ np.array([np.cos(both), np.sin(both)]))
     first = second - length * (error @ np.array([np.cos(one), np.sin(one)]))
@@ -253,7 +253,7 @@ def _columns(size: int, traits: SensorTraits) -> tuple[Array, Array]:
 
 
 def _delays(sensor: SensorParameters, length: float) -> tuple[float, float]:
-    """The shoulder's delay [s], and the elbow's over it."""
+    """Return the shoulder's delay [s], and the elbow's over it."""
     shoulder, elbow = sensor.joint_delays(length)
     if abs(shoulder - elbow) <= SAME_DELAY * shoulder:
         return shoulder, 1.0

@@ -48,7 +48,7 @@ class ZeroLimit:
 
 
 def zero_limits(plant: Plant, peak: float = 2.0) -> list[ZeroLimit]:
-    """The limit of each real right-half-plane zero, slowest first.
+    """Return the limit of each real right-half-plane zero, slowest first.
 
     Args:
         plant: see `zeros`.
@@ -64,7 +64,7 @@ def zero_limits(plant: Plant, peak: float = 2.0) -> list[ZeroLimit]:
 
 
 def sensitivity_peak(zero: float, bandwidth: float, tolerance: float) -> float:
-    """Smallest possible peak of the sensitivity.
+    """Return the smallest possible peak of the sensitivity.
 
     Args:
         zero: z > 0 [rad/s].

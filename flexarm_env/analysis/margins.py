@@ -25,7 +25,7 @@ class DelayMargin:
     """The smallest delay at which the loop is no longer stable.
 
     Attributes:
-        delay: of the shoulder's reading, the elbow's in proportion [s]; inf: stable up to the longest delay that a
+        delay: delay of the shoulder, the elbow's in proportion [s]; inf: stable up to the longest delay that a
             sensor may have, 10 s; 0: not stable even without delay, as with Kp = 0, which holds the arm nowhere.
         omega: frequency of the root that crosses there [rad/s]; nan where none does.
     """
@@ -67,7 +67,7 @@ class GainInterval:
 
 
 def delay_margin(loop: LawLoop) -> DelayMargin:
-    """The smallest delay that destabilises the loop; its own delay plays no part, the ratio of its delays does.
+    """Find the smallest delay that destabilises the loop; only the ratio of the loop's own delays matters.
 
     Raises:
         TypeError: for anything but a loop.
@@ -83,7 +83,7 @@ def delay_margin(loop: LawLoop) -> DelayMargin:
 
 
 def is_stable(loop: LawLoop) -> bool:
-    """Whether the loop is stable with its delay; a loop that needs a delay to be stable counts as unstable.
+    """Return whether the loop is stable with its delay; a loop that needs a delay to be stable counts as unstable.
 
     Sufficient, and necessary up to stable islands at longer delays.
     """
@@ -92,7 +92,7 @@ def is_stable(loop: LawLoop) -> bool:
 
 
 def gain_margin(loop: LawLoop, known: DelayMargin | None = None) -> GainMargin:
-    """How far lambda may grow and shrink at the loop's delay before a root crosses the axis.
+    """Return how far lambda may grow and shrink at the loop's delay before a root crosses the axis.
 
     Args:
         loop: the loop.
@@ -108,7 +108,7 @@ def gain_margin(loop: LawLoop, known: DelayMargin | None = None) -> GainMargin:
 
 
 def stable_gains(loop: LawLoop) -> list[GainInterval]:
-    """Intervals of lambda in which the loop is stable at its delay.
+    """Return the intervals of lambda in which the loop is stable at its delay.
 
     Roots that cross to the right count +1, to the left -1; only the intervals with the smallest count can be stable,
     and one of them speaks for all.
@@ -130,14 +130,14 @@ def stable_gains(loop: LawLoop) -> list[GainInterval]:
 
 
 def _inside(interval: GainInterval) -> float:
-    """A gain."""
+    """Check a gain."""
     if not np.isfinite(interval.high):
         return 2.0 * interval.low if interval.low > 0.0 else 1.0
     return 0.5 * (interval.low + interval.high)
 
 
 def _direction(loop: LawLoop, crossing: GainCrossing) -> int:
-    """Whether the root on the axis moves right (+1) or left (-1) as lambda grows."""
+    """Return whether the root on the axis moves right (+1) or left (-1) as lambda grows."""
     at = np.array([crossing.omega])
     transfer, slope = crossing.factor * loop.loop_transfer(at)[0], crossing.factor * loop.loop_slope(at)[0]
     matrix = np.eye(2) + transfer

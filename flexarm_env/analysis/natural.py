@@ -38,7 +38,7 @@ class NaturalModes:
 
 
 def natural_modes(point: OperatingPoint, joints: Joints = "free") -> NaturalModes:
-    """Natural frequencies, damping ratios and shapes about an equilibrium.
+    """Return the natural frequencies, damping ratios and shapes about an equilibrium.
 
     The frequencies with locked joints are the magnitudes of the joint angles' zeros.
 

@@ -27,7 +27,7 @@ class OperatingPoint:
     Attributes:
         arm: the arm.
         state: public coordinates and their rates, see `flexarm_env.simulation.arm`. Shape (4 + 4 m,).
-        torque: of shoulder and elbow [N m]. Shape (2,).
+        torque: torque of shoulder and elbow [N m]. Shape (2,).
     """
 
     arm: FlexibleArm
@@ -43,13 +43,13 @@ class OperatingPoint:
         rates: ArrayLike | None = None,
         torque: ArrayLike = (0.0, 0.0),
     ) -> OperatingPoint:
-        """The arm at given joint angles, straight and at rest unless told otherwise.
+        """Place the arm at given joint angles, by default straight and at rest.
 
         Args:
             arm: the arm.
             angles: theta1, theta2 [rad]. Shape (2,).
             modal: modal coordinates of link 1, then of link 2; None: straight links. Shape (2 m,).
-            rates: of all coordinates (a spinning arm); None: at rest. Shape (2 + 2 m,).
+            rates: rates of all coordinates (a spinning arm); None: at rest. Shape (2 + 2 m,).
             torque: [N m]. Shape (2,).
 
         Raises:
@@ -67,7 +67,7 @@ class OperatingPoint:
 
     @classmethod
     def at_point(cls, arm: FlexibleArm, point: ArrayLike, elbow_branch: str = "positive") -> OperatingPoint:
-        """The resting arm with straight links whose tip is at a point.
+        """Place the resting arm with straight links so that its tip is at a point.
 
         Args:
             arm: the arm.
@@ -102,7 +102,7 @@ class OperatingPoint:
         return self.arm.linearise(self.state, self.torque)
 
     def is_equilibrium(self) -> bool:
-        """Whether the arm would stay: without gravity, at rest with straight links and no torque."""
+        """Return whether the arm would stay: without gravity, at rest with straight links and no torque."""
         return not np.any(self.linearisation.rate)
 
     def __str__(self) -> str:

@@ -87,7 +87,7 @@ def passivity(plant: Plant, omega: ArrayLike, growth: float = 0.0) -> Passivity:
 
 
 def force_to_rate(point: OperatingPoint, sensor: Sensor) -> Plant:
-    """From the Cartesian force of the paper's law to the rate of the point it senses.
+    """Return the plant from the Cartesian force of the paper's law to the rate of the sensed point.
 
     The law (10) turns a force f at the sensed point into torques ``J^T f``. The power that f does on the *sensed* rate
     is power done on the arm only if that rate is ``J`` times the joint rates: for the rigid point without delay.

@@ -37,11 +37,11 @@ class Plant:
         B: Shape (n, inputs).
         C: Shape (outputs, n).
         D: Shape (outputs, inputs); not zero for Pade models only.
-        delays: of the outputs [s]. Shape (outputs,).
+        delays: delays of the outputs [s]. Shape (outputs,).
         inputs: names; torques [N m].
         outputs: names.
-        units: of the outputs.
-        sensors: of the outputs, one for each.
+        units: units of the outputs.
+        sensors: sensors of the outputs, one for each.
         point: where the arm was linearised.
     """
 
@@ -67,7 +67,7 @@ class Plant:
         return len(self.A) == 2 * self.point.arm.size
 
     def select(self, inputs: Sequence[str] | None = None, outputs: Sequence[str] | None = None) -> Plant:
-        """Some inputs and outputs, by name.
+        """Select some inputs and outputs by name.
 
         Raises:
             ValueError: for a name that the plant does not have.
@@ -87,17 +87,17 @@ class Plant:
         )
 
     def driven_through(self, matrix: ArrayLike, names: Sequence[str]) -> Plant:
-        """The plant behind an input map ``tau = matrix u``.
+        """Put an input map before the plant: ``tau = matrix u``.
 
         Args:
             matrix: e.g. the transposed Jacobian of the paper's law (10). Shape (inputs, k).
-            names: of the new inputs, k.
+            names: names of the new inputs, k.
         """
         through = finite_array("matrix", matrix, (self.B.shape[1], len(names)))
         return replace(self, B=self.B @ through, D=self.D @ through, inputs=tuple(names))
 
     def at(self, s: complex) -> Complex:
-        """Transfer matrix at a complex frequency [rad/s], delay included. Shape (outputs, inputs).
+        """Return the transfer matrix at a complex frequency [rad/s], delay included. Shape (outputs, inputs).
 
         Raises:
             TypeError: for anything but a number.
@@ -119,7 +119,7 @@ class Plant:
         return np.asarray(np.exp(-s * self.delays)[:, None] * (self.C @ solution + self.D))
 
     def pade(self, order: int) -> Plant:
-        """The delays replaced by Pade models of an order, diagonal entry (order, order).
+        """Replace the delays by Pade models of an order, diagonal entry (order, order).
 
         Raises:
             ValueError: for an order out of 1 to `MAX_PADE`.
@@ -136,10 +136,10 @@ class Plant:
         return replace(self, A=a, B=b, C=c, D=late[3] @ self.D, delays=np.zeros_like(self.delays))
 
     def to_control(self, pade_order: int | None = None) -> Any:
-        """A `control.StateSpace`, for python-control.
+        """Convert to a `control.StateSpace`, for python-control.
 
         Args:
-            pade_order: of the delay's model; needed when there is a delay.
+            pade_order: order of the delay's model; needed when there is a delay.
 
         Raises:
             ImportError: if python-control is not installed, naming the extra that brings it.
@@ -160,12 +160,12 @@ class Plant:
 
 
 def linear_plant(point: OperatingPoint, *sensors: Sensor) -> Plant:
-    """The arm linearised at a point, from both joints' torques to one sensor or several.
+    """Linearise the arm at a point, from both joints' torques to one sensor or several.
 
     Args:
         point: see `OperatingPoint`; not an equilibrium: the linearisation holds for times in which the state hardly
             moves.
-        *sensors: their outputs, one after the other. Names that two of them share are told apart by the sensor, "x of
+        *sensors: their outputs, one after the other. Names that two of them share are completed by the sensor, "x of
             true point of link 2 at its tip", and by the delay where nothing else differs.
 
     Raises:
@@ -217,7 +217,7 @@ class Poles:
 
 
 def poles(plant: Plant) -> Poles:
-    """Poles; a delay has none, its Pade model has.
+    """Return the poles; a delay has none, its Pade model has.
 
     Raises:
         TypeError: for anything but a plant.
@@ -256,7 +256,7 @@ class FrequencyResponse:
 
 
 def frequency_response(plant: Plant, omega: ArrayLike) -> FrequencyResponse:
-    """G(j omega), delay exact.
+    """Return G(j omega), delay exact.
 
     Args:
         plant: see `linear_plant`.
@@ -272,19 +272,19 @@ def frequency_response(plant: Plant, omega: ArrayLike) -> FrequencyResponse:
 
 
 def _names(sensors: Sequence[Sensor]) -> tuple[str, ...]:
-    """Of the outputs, each different."""
+    """Return names of the outputs, each different."""
     for i, sensor in enumerate(sensors):
         if sensor in sensors[:i]:
             raise ValueError(f"sensors: there are two of {sensor!r}; they must differ")
     plain = [name for sensor in sensors for name in sensor.names()]
     placed = [f"{name} of {sensor.place()}" for sensor in sensors for name in sensor.names()]
     late = [f"{name}, {sensor.delay:g} s late" for name, sensor in zip(placed, _each(sensors), strict=True)]
-    told = [short if plain.count(short) == 1 else long for short, long in zip(plain, placed, strict=True)]
-    return tuple(name if told.count(name) == 1 else longest for name, longest in zip(told, late, strict=True))
+    named = [short if plain.count(short) == 1 else long for short, long in zip(plain, placed, strict=True)]
+    return tuple(name if named.count(name) == 1 else longest for name, longest in zip(named, late, strict=True))
 
 
 def _each(sensors: Sequence[Sensor]) -> list[Sensor]:
-    """One for each output."""
+    """Return one delay for each output."""
     return [sensor for sensor in sensors for _ in sensor.names()]
 
 
@@ -298,7 +298,7 @@ def _indices(name: str, known: tuple[str, ...], wanted: Sequence[str] | None) ->
 
 
 def _pade(delay: float, order: int) -> tuple[Array, Array, Array, Array]:
-    """State-space form of the (order, order) Pade model of exp(-s delay), in the time unit of the delay."""
+    """Return the state-space form of the (order, order) Pade model of exp(-s delay), in the time unit of the delay."""
     if delay == 0.0:
         return np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.ones((1, 1))
     k = np.arange(order + 1)
@@ -315,7 +315,7 @@ def _pade(delay: float, order: int) -> tuple[Array, Array, Array, Array]:
 
 
 def _stacked(blocks: Sequence[tuple[Array, Array, Array, Array]]) -> tuple[Array, Array, Array, Array]:
-    """Single-input systems side by side."""
+    """Join single-input systems side by side."""
     sizes = [len(block[0]) for block in blocks]
     n, p = sum(sizes), len(blocks)
     a, b, c, d = np.zeros((n, n)), np.zeros((n, p)), np.zeros((p, n)), np.zeros((p, p))

@@ -67,15 +67,15 @@ class Sensor:
         return UNITS[self.kind] + ("/s" if self.rate else "")
 
     def late(self, delay: float) -> Sensor:
-        """The same sensor with another delay [s]."""
+        """Return the same sensor with another delay [s]."""
         return replace(self, delay=delay)
 
     def rates(self) -> Sensor:
-        """The same sensor, read by its rate of change."""
+        """Return the same sensor, read by its rate of change."""
         return replace(self, rate=True)
 
     def names(self) -> tuple[str, ...]:
-        """Of the outputs."""
+        """Return the names of the outputs."""
         dot = "'" if self.rate else ""
         if self.kind == "joint angles":
             return f"theta1{dot}", f"theta2{dot}"
@@ -84,13 +84,13 @@ class Sensor:
         return f"x{dot}", f"y{dot}"
 
     def place(self) -> str:
-        """What it is and where, in words."""
+        """Describe what it is and where."""
         if self.kind == "joint angles":
             return self.kind
         return f"{self.kind} of link {self.link} at " + ("its tip" if self.position is None else f"{self.position:g} m")
 
     def matrix(self, point: OperatingPoint) -> Array:
-        """Output matrix C: deviations of the state to deviations of the reading. Shape (outputs, 4 + 4 m).
+        """Return the output matrix C: deviations of the state to deviations of the reading. Shape (outputs, 4 + 4 m).
 
         Raises:
             ValueError: if the sensor is off its link.
@@ -102,7 +102,7 @@ class Sensor:
         return np.hstack([self._jacobian_rate(point), jacobian])
 
     def jacobian(self, point: OperatingPoint, q: Array) -> Array:
-        """d(reading)/dq at some coordinates of the point's arm. Shape (outputs, 2 + 2 m)."""
+        """Return d(reading)/dq at some coordinates of the point's arm. Shape (outputs, 2 + 2 m)."""
         readings: dict[str, Callable[[OperatingPoint, Array], Array]] = {
             "joint angles": _joint_angles,
             "strain": self._curvature,
@@ -150,11 +150,11 @@ def _joint_angles(_: OperatingPoint, q: Array) -> Array:
 
 
 def rigid_jacobian(length_1: float, distance: float, q: Array) -> Array:
-    """J of (13), with the cosine that the paper misprints.
+    """Return J of (13), with the cosine that the paper misprints.
 
     Args:
         length_1: L1 [m].
-        distance: of the point from the elbow, L2 for the tip [m].
+        distance: distance of the point from the elbow, L2 for the tip [m].
         q: coordinates, theta1 and theta2 first.
 
     Returns:
@@ -166,25 +166,25 @@ def rigid_jacobian(length_1: float, distance: float, q: Array) -> Array:
 
 
 def joint_angles(*, rate: bool = False, delay: float = 0.0) -> Sensor:
-    """Encoders at both joints: theta1, theta2 [rad]; collocated with the torques."""
+    """Return encoders at both joints: theta1, theta2 [rad]; collocated with the torques."""
     return Sensor("joint angles", rate=rate, delay=delay)
 
 
 def strain(link: int, position: float = 0.0, *, rate: bool = False, delay: float = 0.0) -> Sensor:
-    """A strain gauge: the link's curvature w''(s) [1/m]; strain is curvature times distance from the neutral axis."""
+    """Return a strain gauge: the link's curvature w''(s) [1/m], which is proportional to strain."""
     return Sensor("strain", link, position, rate, delay)
 
 
 def rigid_point(position: float | None = None, *, rate: bool = False, delay: float = 0.0) -> Sensor:
-    """x, y of a point of link 2 by rigid kinematics of the joint angles [m] (8), (9): the paper's sensor."""
+    """Return x, y of a point of link 2 by rigid kinematics of the joint angles [m] (8), (9): the paper's sensor."""
     return Sensor("rigid point", 2, position, rate, delay)
 
 
 def true_point(position: float | None = None, link: int = 2, *, rate: bool = False, delay: float = 0.0) -> Sensor:
-    """x, y of a material point with deflection [m]."""
+    """Return x, y of a material point with deflection [m]."""
     return Sensor("true point", link, position, rate, delay)
 
 
 def tip(*, rate: bool = False, delay: float = 0.0) -> Sensor:
-    """x, y of the true tip of link 2 [m]."""
+    """Return x, y of the true tip of link 2 [m]."""
     return Sensor("true point", rate=rate, delay=delay)

@@ -24,7 +24,7 @@ BISECTIONS = 52  # to the last bit
 
 
 def frequencies(loop: LawLoop) -> Array:
-    """A grid over all of the loop's frequencies, dense about the arm's own, free and locked, and the undelayed loop's.
+    """Lay a grid over the loop's frequencies, dense about the arm's own, free and locked, and the undelayed loop's.
 
     None is exactly the arm's own, where the loop transfer has its poles.
     """
@@ -39,10 +39,10 @@ def frequencies(loop: LawLoop) -> Array:
 
 
 def bisected(before: Callable[[Array], Bools], low: Array, high: Array) -> Array:
-    """Where conditions change, all at once: the roots come in batches.
+    """Return where conditions change, all at once: the roots come in batches.
 
     Args:
-        before: of frequencies, one in each interval: whether the change is still ahead.
+        before: function of frequencies, one in each interval: whether the change is still ahead.
         low: Shape (k,).
         high: Shape (k,).
     """
@@ -54,12 +54,12 @@ def bisected(before: Callable[[Array], Bools], low: Array, high: Array) -> Array
 
 
 def determinant(matrices: Complex) -> Complex:
-    """Of 2 x 2 matrices. Shape (..., 2, 2) to (...,)."""
+    """Return the determinants of 2 x 2 matrices. Shape (..., 2, 2) to (...,)."""
     return np.asarray(matrices[..., 0, 0] * matrices[..., 1, 1] - matrices[..., 0, 1] * matrices[..., 1, 0])
 
 
 def mixed(a: Complex, b: Complex) -> Complex:
-    """What det(a + b) has beyond det(a) + det(b)."""
+    """Return det(a + b) - det(a) - det(b)."""
     return np.asarray(
         a[..., 0, 0] * b[..., 1, 1]
         + a[..., 1, 1] * b[..., 0, 0]

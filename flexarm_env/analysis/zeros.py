@@ -67,7 +67,7 @@ class Zeros:
         return self.values[np.abs(self.values.real) <= SAME * np.abs(self.values)]
 
     def distinct(self) -> list[tuple[complex, int]]:
-        """Each value once, with its algebraic multiplicity."""
+        """Return each value once, with its algebraic multiplicity."""
         found: list[tuple[complex, int]] = []
         for value in self.values:
             if found and abs(found[-1][0] - value) <= 1e-12 * abs(value):
@@ -78,7 +78,7 @@ class Zeros:
 
 
 def zeros(plant: Plant) -> Zeros:
-    """Invariant zeros of a square plant; an exact delay adds none, its Pade model its own.
+    """Return the invariant zeros of a square plant; an exact delay adds none, its Pade model its own.
 
     Args:
         plant: as many outputs as inputs.
@@ -131,7 +131,7 @@ def check_rank(plant: Plant) -> None:
 
 
 def _singular(plant: Plant) -> str:
-    """What is at fault, and what would help."""
+    """Say what is at fault, and what would help."""
     for sensor in plant.sensors:
         if sensor.kind.endswith("point") and (sensor.link == 1 or sensor.position == 0.0):
             return (
@@ -161,7 +161,7 @@ class ZeroDirections:
 
 
 def zero_directions(plant: Plant, zero: complex) -> ZeroDirections:
-    """Input and output direction of a zero; real for a real zero.
+    """Return the input and output direction of a zero; real for a real zero.
 
     Args:
         plant: the plant.
@@ -179,7 +179,7 @@ def zero_directions(plant: Plant, zero: complex) -> ZeroDirections:
 
 
 def _held_output(plant: Plant) -> Complex:
-    """Poles of the arm with its output held; see the module's text."""
+    """Return the poles of the arm with its output held; see the module's text."""
     half = plant.point.arm.size
     root = np.linalg.cholesky(plant.point.arm.mass_matrix(plant.point.q))
     unit = np.linalg.inv(root.T)  # q = unit x makes the mass matrix 1
@@ -204,7 +204,7 @@ def _held_output(plant: Plant) -> Complex:
 
 
 def _rosenbrock(plant: Plant) -> Complex:
-    """Generalised eigenvalues of [[A - s, B], [C, D]], balanced, inputs and outputs scaled, time in fastest poles."""
+    """Return the generalised eigenvalues of [[A - s, B], [C, D]], balanced and scaled, time in fastest poles."""
     rate = _scale(plant.A)
     balanced, change = scipy.linalg.matrix_balance(plant.A / rate, permute=False)
     b, c = np.linalg.solve(change, plant.B) / rate, plant.C @ change
@@ -218,7 +218,7 @@ def _rosenbrock(plant: Plant) -> Complex:
 
 
 def _finite(a: Array, b: Array, infinite: float) -> Complex:
-    """Finite generalised eigenvalues of a - s b.
+    """Return the finite generalised eigenvalues of a - s b.
 
     Args:
         a: Shape (n, n).
@@ -234,7 +234,7 @@ def _finite(a: Array, b: Array, infinite: float) -> Complex:
 
 
 def _merge(values: Complex, origin: float) -> Complex:
-    """Sorted by magnitude, clusters replaced by their means.
+    """Sort by magnitude, and replace clusters by their means.
 
     Args:
         values: computed eigenvalues.
@@ -254,5 +254,5 @@ def _merge(values: Complex, origin: float) -> Complex:
 
 
 def _scale(a: Array) -> float:
-    """Magnitude of the fastest pole [rad/s]."""
+    """Return the magnitude of the fastest pole [rad/s]."""
     return float(max(np.abs(np.linalg.eigvals(a)).max(), 1.0))

@@ -46,7 +46,7 @@ _FIRST_CLAMPED_ROOT = 1.8751040687119611  # cos x cosh x = -1
 _ABOVE_TWO = 17.5  # of zeta, for the third mode and all above with "two modes"
 _RUNAWAY = 1e4  # [rad/s]; random torques bring the lightest segment of 20 to a few hundred
 _ROUNDING = 1e-6  # of an eigenvalue; the rigid motions' is double, which costs half of the digits
-_SLENDER = 1e-6  # a rod's inertia about its own axis as a part of the other two; MuJoCo wants it positive
+_SLENDER = 1e-6  # a rod's inertia about its own axis as a part of the other two; MuJoCo requires it to be positive
 
 
 def chain_model(
@@ -61,10 +61,10 @@ def chain_model(
         segments: rigid segments a link, at least 2.
         arm: the arm; None for the default one.
         time_step: [s].
-        damping: of the links, see above.
+        damping: damping of the links, see above.
 
     Raises:
-        ValueError: for less than two segments, or a damping that there is not.
+        ValueError: for less than two segments, or an unknown damping.
     """
     return mujoco.MjModel.from_xml_string(chain_xml(segments, arm, time_step, damping))
 
@@ -72,7 +72,7 @@ def chain_model(
 def chain_xml(
     segments: int, arm: ArmParameters | None = None, time_step: float = 2e-4, damping: Damping = "stiffness"
 ) -> str:
-    """The chain in MuJoCo's own format; arguments as in `chain_model`."""
+    """Write the chain in MuJoCo's own format; arguments as in `chain_model`."""
     if segments < 2:
         raise ValueError(f"segments = {segments}: must be an integer >= 2")
     if damping not in get_args(Damping):
@@ -103,7 +103,7 @@ def chain_xml(
 
 
 def _link(arm: ArmParameters, link: int, segments: int, mount: float, in_hinges: bool) -> tuple[str, float]:
-    """Bodies of one link, left open for what comes after.
+    """Write the bodies of one link, left open for what comes after.
 
     Args:
         arm: the arm.
@@ -136,14 +136,14 @@ def _link(arm: ArmParameters, link: int, segments: int, mount: float, in_hinges:
 
 
 def _damping_time(arm: ArmParameters, link: int) -> float:
-    """beta = 2 zeta / omega_1 of the clamped link [s]."""
+    """Return beta = 2 zeta / omega_1 of the clamped link [s]."""
     stretch = _FIRST_CLAMPED_ROOT / arm.link_lengths[link]
     omega = stretch**2 * math.sqrt(arm.flexural_rigidities[link] / arm.masses_per_length[link])
     return 2.0 * arm.modal_damping_ratio / omega
 
 
 def _mode_dampers(arm: ArmParameters, link: int, segments: int, damping: Damping) -> str:
-    """A fixed tendon with a damper for each mode of a clamped bare link."""
+    """Write a fixed tendon with a damper for each mode of a clamped bare link."""
     mass = clamped_mass(arm.link_lengths[link], arm.masses_per_length[link], segments)
     stiffness = arm.flexural_rigidities[link] * (segments - 1) / arm.link_lengths[link]
     squares, shapes = eigh(stiffness * np.eye(segments - 1), mass)  # shapes' M shapes = 1
@@ -157,10 +157,10 @@ def _mode_dampers(arm: ArmParameters, link: int, segments: int, damping: Damping
 
 
 def clamped_mass(length: float, rho: float, segments: int) -> NDArray[np.float64]:
-    """Mass matrix of a clamped bare link in its bend angles [kg m^2]. Shape (segments - 1, segments - 1).
+    """Return the mass matrix of a clamped bare link in its bend angles [kg m^2]. Shape (segments - 1, segments - 1).
 
     Args:
-        length: of the link [m].
+        length: length of the link [m].
         rho: mass per length [kg/m].
         segments: number of rigid segments; the first is the clamp's.
     """
@@ -174,7 +174,7 @@ def clamped_mass(length: float, rho: float, segments: int) -> NDArray[np.float64
 
 
 def _inertial(rod: float, length: float, mass: float, inertia: float) -> str:
-    """A uniform rod [kg] of some length [m] with a point mass at its end [kg] and a further inertia [kg m^2]."""
+    """Write a uniform rod [kg, m] with a point mass at its end [kg] and a further inertia [kg m^2]."""
     total = rod + mass
     centre = length * (0.5 * rod + mass) / total
     about_root = length**2 * (rod / 3.0 + mass) + inertia
@@ -187,17 +187,17 @@ def _inertial(rod: float, length: float, mass: float, inertia: float) -> str:
 
 
 def joint_angles(data: mujoco.MjData) -> tuple[float, float]:
-    """theta1, theta2 [rad]."""
+    """Return theta1, theta2 [rad]."""
     return float(data.joint(SHOULDER).qpos[0]), float(data.joint(ELBOW).qpos[0])
 
 
 def joint_rates(data: mujoco.MjData) -> tuple[float, float]:
-    """Rates of theta1 and theta2 [rad/s]."""
+    """Return the rates of theta1 and theta2 [rad/s]."""
     return float(data.joint(SHOULDER).qvel[0]), float(data.joint(ELBOW).qvel[0])
 
 
 def tip_position(model: mujoco.MjModel, data: mujoco.MjData) -> NDArray[np.float64]:
-    """Where the end of link 2 is now [m]. Shape (2,).
+    """Return where the end of link 2 is now [m]. Shape (2,).
 
     `mj_step` leaves the positions of the step's beginning, so they are computed anew.
     """
@@ -206,7 +206,7 @@ def tip_position(model: mujoco.MjModel, data: mujoco.MjData) -> NDArray[np.float
 
 
 def frequencies(model: mujoco.MjModel, locked: Collection[str] = (), elbow: float = 0.0) -> NDArray[np.float64]:
-    """Undamped angular frequencies about rest with unbent links, lowest first [rad/s].
+    """Return the undamped angular frequencies about rest with unbent links, lowest first [rad/s].
 
     Args:
         model: the chain.
@@ -220,7 +220,7 @@ def frequencies(model: mujoco.MjModel, locked: Collection[str] = (), elbow: floa
 
 
 def fastest_rate(model: mujoco.MjModel) -> float:
-    """Largest magnitude of an eigenvalue of the straight chain, dampers included [1/s]."""
+    """Return the largest magnitude of an eigenvalue of the straight chain, dampers included [1/s]."""
     omega = float(frequencies(model)[-1])
     springs = model.joint("bend1_1")  # modal dampers are too weak to count
     drag = springs.damping[0] / springs.stiffness[0] * omega**2  # s^2 + drag s + omega^2 = 0
@@ -228,7 +228,7 @@ def fastest_rate(model: mujoco.MjModel) -> float:
 
 
 def mass_matrix(model: mujoco.MjModel, elbow: float = 0.0) -> NDArray[np.float64]:
-    """Mass matrix of the unbent chain in its joint angles [kg m^2]. Shape (2 segments, 2 segments).
+    """Return the mass matrix of the unbent chain in its joint angles [kg m^2]. Shape (2 segments, 2 segments).
 
     Args:
         model: the chain.
@@ -243,7 +243,7 @@ def mass_matrix(model: mujoco.MjModel, elbow: float = 0.0) -> NDArray[np.float64
 
 
 def dampers(model: mujoco.MjModel) -> NDArray[np.float64]:
-    """Damping matrix of the unbent chain in its joint angles [N m s]. Shape (2 segments, 2 segments)."""
+    """Return the damping matrix of the unbent chain in its joint angles [N m s]. Shape (2 segments, 2 segments)."""
     data, columns = mujoco.MjData(model), []
     for rates in np.eye(model.nv):
         data.qvel[:] = rates
@@ -260,7 +260,7 @@ def _springs(model: mujoco.MjModel) -> NDArray[np.float64]:
 
 
 def is_stable(model: mujoco.MjModel, seconds: float = 4.0, torque: float = 20.0) -> bool:
-    """Whether the linear chain does not grow by itself, and a run under random torques stays bounded.
+    """Return whether the linear chain does not grow by itself, and a run under random torques stays bounded.
 
     Args:
         model: the chain.
@@ -281,7 +281,7 @@ def is_stable(model: mujoco.MjModel, seconds: float = 4.0, torque: float = 20.0)
 
 
 def _growth(model: mujoco.MjModel) -> float:
-    """Largest factor by which one step multiplies a small motion of the straight chain; 1 for its rigid motions."""
+    """Return the factor by which one step multiplies a small motion of the straight chain; 1 for its rigid motions."""
     step, mass = model.opt.timestep, mass_matrix(model)
     rates = np.linalg.solve(mass + step * dampers(model), np.hstack((-step * _springs(model), mass)))
     angles = np.eye(model.nv, 2 * model.nv) + step * rates
@@ -289,7 +289,7 @@ def _growth(model: mujoco.MjModel) -> float:
 
 
 def largest_stable_step(segments: int, arm: ArmParameters | None = None, steps: Sequence[float] = TIME_STEPS) -> float:
-    """The first of `steps` that `is_stable` over 4 s under torques of up to 20 N m [s].
+    """Find the first of `steps` that `is_stable` over 4 s under torques of up to 20 N m [s].
 
     Args:
         segments: rigid segments a link.

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-Arena = NDArray[np.float64]  # all that is known of a block's environments (`rows.Row`). Shape (rows, lanes)
+Arena = NDArray[np.float64]  # all that is known of a block's environments (`layout.Row`). Shape (rows, lanes)
 LaneRows = NDArray[np.float64]  # some rows of lanes. Shape (n, lanes)
 History = NDArray[
     np.float64
@@ -27,7 +27,7 @@ Clock = NDArray[np.int64]  # what a lane counts and points to (`entries.ClockRow
 Clocks = NDArray[np.int64]  # of all blocks. Shape (blocks, 5, lanes)
 Keys = NDArray[np.uint64]  # of the lanes' episodes (`random_stream`). Shape (lanes,)
 Mask = NDArray[np.bool_]  # some of the lanes. Shape (lanes,)
-Paths = NDArray[np.float64]  # see `sides.reference_at`. Shape (paths, n, 5)
+Paths = NDArray[np.float64]  # see `polyline.reference_at`. Shape (paths, n, 5)
 Path = NDArray[np.float64]  # one of them. Shape (n, 5)
 Plan = NDArray[np.int64]  # whole numbers (`entries.Header`). Shape (n,)
 Table = NDArray[np.float64]  # settings (`entries.Setting`). Shape (n,)

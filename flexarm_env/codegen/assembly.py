@@ -1,8 +1,8 @@
-"""Assembles the kernels: one module per variant, made when first used; `kernel_cache` compiles and keeps them.
+"""Assembles the kernels: one module per variant, made when first used; `cache` compiles and keeps them.
 
-A variant fixes what the compiler should know: program, number of modes, velocity forces, sensor model, lanes of a block
+A variant fixes what is constant for the compiler: program, modes, velocity forces, sensor model, lanes of a block
 (`variants`). Its module is one text: the program's entry points and all that they call, drivers as they are lowered for
-the variant (`lowering`), recorded kernels (`recorded`), intrinsics of the processor (`machine`).
+the variant (`lowering`), recorded kernels (`recorded`), intrinsics of the processor (`intrinsics`).
 The module's name carries a hash of its text.
 """
 
@@ -60,7 +60,7 @@ class _Assembly:
             text = function.formula(self.variant)
             calls = called_in(text, function.calls)
         elif not isinstance(function, FunctionType | Intrinsic):
-            raise TypeError(f"{name} of a library: kernel modules do not import it (`kernels._IMPORTS`)")
+            raise TypeError(f"{name} of a library: kernel modules do not import it (`assembly._IMPORTS`)")
         else:
             lowered = Lowered(function)
             text, calls = str(lowered), lowered.calls
@@ -72,7 +72,7 @@ class _Assembly:
         self.texts.append(f"{self._decorator(function)}\n{text}")
 
     def _decorator(self, function: Any) -> str:
-        """How a function is compiled."""
+        """Return the decorator that compiles a function."""
         if isinstance(function, Intrinsic):
             return "@intrinsic"
         program, lanes, marks = self.variant.program, self.variant.lanes, vars(function)
@@ -86,7 +86,7 @@ class _Assembly:
             options["_nrt"] = False
             if function not in program.entries(lanes):  # a wrapper, and a place of its own in the cache, would as well
                 return _njit(no_cpython_wrapper=True, **options)
-            if lanes == 1:  # a step of microseconds: to let go of the interpreter's lock takes a part of it
+            if lanes == 1:  # a step is so short that releasing the interpreter's lock would count
                 del options["nogil"]
         return _njit(cache=True, **options)
 
@@ -96,7 +96,7 @@ def _njit(**options: Any) -> str:
 
 
 def render(variant: AnyVariant) -> str:
-    """Source text of a variant's module."""
+    """Return the source text of a variant's module."""
     with plain_python(variant):
         assembly = _Assembly(variant)
     head = f'"""Assembled by flexarm_env.codegen.assembly for {variant}; do not edit."""\n\n{_IMPORTS}\n'

@@ -63,7 +63,7 @@ def load_module(name: str, text: str, words: str) -> ModuleType:
         text: functions decorated with `@njit(cache=True, ...)` are kept on disk.
         words: description of the module for the user who waits.
     """
-    with _COMPILING:  # another thread may have asked for it as well
+    with _COMPILING:  # another thread may load it as well
         if name in sys.modules:
             return sys.modules[name]
         module = ModuleType(name)
@@ -74,7 +74,7 @@ def load_module(name: str, text: str, words: str) -> ModuleType:
         exec(compile(plain, filename, "exec", dont_inherit=True), module.__dict__)
         for function in _KEPT_FUNCTIONS.findall(text):
             kernel = getattr(module, function)
-            kernel._cache = _KernelCache(kept, function, kernel.targetctx)  # as numba's `enable_caching` does
+            kernel._cache = _KernelCache(kept, function, kernel.targetctx)  # as numba does for files
         sys.modules[name] = module
         return module
 

@@ -1,8 +1,8 @@
-"""What drivers declare for the assembler (`kernels`): places in tables, recorded kernels, intrinsics, programs.
+"""What drivers declare for the assembler (`assembly`): places in tables, recorded kernels, intrinsics, programs.
 
 A driver is a plain function of numpy arrays. Where its numbers lie, and what its recorded kernels compute, depends on
-the variant of the kernels. The assembler writes that into the text that it compiles; in plain Python drivers look it
-up in the present variant, which `plain_python` sets.
+the variant of the kernels. The assembler writes it into the text that it compiles. In plain Python it comes from the
+present variant, which `plain_python` sets.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ def plain_python(variant: Any) -> Iterator[None]:
 
 
 def present_variant() -> Any:
-    """The variant that drivers run for.
+    """Return the variant that drivers run for.
 
     Raises:
         RuntimeError: outside `plain_python`.
@@ -52,7 +52,7 @@ class PresentVariant:
     """The variant that drivers run for, as a name that they import; the assembler replaces its attributes."""
 
     def __getattr__(self, name: str) -> Any:
-        """An attribute of the present variant."""
+        """Return an attribute of the present variant."""
         return getattr(present_variant(), name)
 
 
@@ -65,7 +65,7 @@ class Entry:
     Attributes:
         name: that it is declared under.
         meaning: what lies there.
-        unit: of the numbers.
+        unit: unit of the numbers.
         size: how many places, a number or a function of the table's shape.
         groups: tables whose shape has one of these groups have the part; none: all have it.
     """
@@ -87,7 +87,7 @@ class Entry:
     @overload
     def __get__(self, instance: Names, owner: type) -> int: ...
     def __get__(self, instance: Names | None, owner: type) -> Self | int:
-        """The number of the first place; the declaration itself where the class is asked."""
+        """Return the number of the first place, or the declaration itself when read from the class."""
         return self if instance is None else instance.first(self.name)
 
     def count(self, shape: Any) -> int | None:
@@ -112,15 +112,15 @@ class Names:
 
     @classmethod
     def layout(cls, shape: Any) -> dict[str, tuple[int, int]]:
-        """First place and number of places of each part that a table of this shape has."""
+        """Return the first place and number of places of each part that a table of this shape has."""
         return _layout(cls.entries, shape)
 
     def shape(self) -> Any:
-        """What the layout depends on."""
+        """Return what the layout depends on."""
         return present_variant().shape
 
     def first(self, name: str) -> int:
-        """First place of a part.
+        """Return the first place of a part.
 
         Raises:
             LookupError: where the table does not have the part.
@@ -138,7 +138,7 @@ def _layout(parts: tuple[Entry, ...], shape: Any) -> dict[str, tuple[int, int]]:
 
 
 def in_a_row(sizes: Mapping[str, int]) -> dict[str, tuple[int, int]]:
-    """First place and number of places of parts of these sizes that follow each other."""
+    """Return the first place and number of places of parts of these sizes that follow each other."""
     places, first = {}, 0
     for name, count in sizes.items():
         places[name] = (first, count)
@@ -150,7 +150,7 @@ class FixedNames(Names):
     """The parts of a table that is the same for all variants."""
 
     def shape(self) -> None:
-        """It depends on nothing."""
+        """Return None: the layout depends on nothing."""
         return None
 
 
@@ -202,7 +202,7 @@ def recorded(formula: Callable[[Any], str], calls: Iterable[Any] = ()) -> Callab
     """Declare a function by its signature and the formula that is recorded for it; see `Recorded`."""
 
     def declare(signature: Callable[P, R]) -> Recorded[P, R]:
-        """The function."""
+        """Make the function."""
         declared: Recorded[P, R] = Recorded(signature.__name__, formula, calls)
         update_wrapper(declared, signature)
         return declared
@@ -211,13 +211,13 @@ def recorded(formula: Callable[[Any], str], calls: Iterable[Any] = ()) -> Callab
 
 
 def called_in(text: str, known: Mapping[str, Any]) -> dict[str, Any]:
-    """Those of some functions that a text calls, by name."""
+    """Return those of some functions that a text calls, by name."""
     names = set(re.findall(r"\b(\w+)\(", text))
     return {name: function for name, function in known.items() if name in names}
 
 
 def _flat(argument: Any) -> Any:
-    """Recorded texts reach the numbers of a lane over flat arrays."""
+    """Flatten an array of two axes, as recorded texts index it."""
     if isinstance(argument, np.ndarray) and argument.ndim == 2:
         return argument.reshape(-1, copy=False)
     return argument
@@ -286,10 +286,10 @@ class Program:
     """What a kind of kernels does; the assembler collects what the entry points call.
 
     Attributes:
-        name: of the kind.
+        name: name of the kind.
         entry_points: functions that Python calls.
         alone: those of a block of one lane; none: the same.
-        groups: of parts that its tables have (`Entry`).
+        groups: groups of parts that its tables have (`Entry`).
         parts: functions that it chooses (`chosen_by_program`), by name.
         reward_terms: how many.
         closed: Python calls the entry points only, and nothing allocates memory.
@@ -310,12 +310,12 @@ class Program:
         return self.name
 
     def entries(self, lanes: int) -> tuple[Any, ...]:
-        """Entry points of a variant."""
+        """Return the entry points of a variant."""
         return self.alone if lanes == 1 and self.alone else self.entry_points
 
 
 class AnyVariant(Protocol):
-    """What the assembler asks of a variant; it must be hashable."""
+    """What the assembler requires of a variant, which must be hashable."""
 
     @property
     def program(self) -> Program:

@@ -1,7 +1,7 @@
-"""Elementary functions of our own, the same bits in scalar and vector code.
+"""Elementary functions whose results are bitwise identical in scalar and vector code.
 
 A library sine differs between scalar and vector code and between machines; these are sums and products only, so a
-state is bit-identical in a single environment, in a batch of any size and on any thread. Written once, they run
+state is bitwise identical in a single environment, in a batch of any size and on any thread. Written once, they run
 on floats and numpy arrays, are recorded by `tracing` (which fuses sums and products) for all kernels of a module, and
 are compiled as they stand.
 """
@@ -15,7 +15,7 @@ from flexarm_env.codegen.tracing import at_least, clip, floor, magnitude, quarte
 
 @recorded_once(2)
 def sincos(x: Any) -> tuple[Any, Any]:
-    """Sine and cosine, branch-free; within 2 units in the last place for |x| < 1e5 rad.
+    """Return the sine and cosine, branch-free; within 2 units in the last place for |x| < 1e5 rad.
 
     pi/2 is subtracted in three parts (Cody & Waite 1980), the first two of 33 bits: k times them is exact for
     |k| < 2^20. Minimax polynomials on [-pi/4, pi/4] from the Cephes library (Moshier 1989).
@@ -48,7 +48,7 @@ def sincos(x: Any) -> tuple[Any, Any]:
 
 @recorded_once(1)
 def exp_minus(x: Any) -> Any:
-    """exp(-x) for x >= 0, relative error below 1e-12; 0 to within 1e-300 beyond x = 700.
+    """Return exp(-x) for x >= 0, relative error below 1e-12; 0 to within 1e-300 beyond x = 700.
 
     The Taylor polynomial of exp(-x / 1024), squared ten times.
     """
@@ -63,7 +63,7 @@ def exp_minus(x: Any) -> Any:
 
 @recorded_once(1)
 def arctan2(y: Any, x: Any) -> Any:
-    """Angle of the point (x, y) in [-pi, pi], branch-free; within 4 units in the last place.
+    """Return the angle of the point (x, y) in [-pi, pi], branch-free; within 4 units in the last place.
 
     The smaller coordinate over the larger, reduced to [-tan(pi/8), tan(pi/8)], and the rational approximation of the
     Cephes library (Moshier 1989). At the origin 0; NaN where a coordinate is NaN.

@@ -1,4 +1,4 @@
-"""What kernels ask of the processor and numba has no word for: intrinsics, with their meaning in plain Python."""
+"""Intrinsics: instructions of the processor that numba cannot express, with their meaning in plain Python."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ TILE = 8  # lanes that are transposed at once
 
 
 def _fused(typing_context: Any, a: Any, b: Any, c: Any) -> Any:
-    """Code of `fused`."""
+    """Emit the code of `fused`."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         """Emit it."""
@@ -30,15 +30,16 @@ def _fused(typing_context: Any, a: Any, b: Any, c: Any) -> Any:
 
 @intrinsic(_fused)
 def fused(a: float, b: float, c: float) -> float:
-    """a * b + c, rounded once: one instruction on ARM64 and on x86-64 with FMA (Intel Core since 2013, AMD since 2012).
+    """Return a * b + c, rounded once.
 
-    Elsewhere it is a call into the C library, with the same bits, and slow.
+    It is one instruction on ARM64 and on x86-64 with FMA (Intel Core since 2013, AMD since 2012). Elsewhere it is a
+    slow call into the C library, with a bitwise identical result.
     """
     return a * b + c  # rounded twice
 
 
 def _quarter_turns(typing_context: Any, k: Any, sine: Any, cosine: Any) -> Any:
-    """Code of `quarter_turns`."""
+    """Emit the code of `quarter_turns`."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         """Adding 1.5 * 2^52 moves a whole number to the last bits of its sum; a sign is the first bit."""
@@ -60,15 +61,16 @@ def _quarter_turns(typing_context: Any, k: Any, sine: Any, cosine: Any) -> Any:
 
 @intrinsic(_quarter_turns)
 def quarter_turns(k: float, sine: float, cosine: float) -> tuple[float, float]:
-    """Sine and cosine of an angle k quarter turns on (`tracing.quarter_turns`), by the last two bits of k.
+    """Return the sine and cosine of an angle k quarter turns on (`tracing.quarter_turns`), by the last two bits of k.
 
-    Choices and signs that are bits leave the units that add and multiply to others; where |k| < 2^51, the same bits.
+    Choices and signs are made by integer operations, which leave the floating-point units free. The result is bitwise
+    identical for |k| < 2^51.
     """
     return tracing.quarter_turns(k, sine, cosine)
 
 
 def _aligned_stack(typing_context: Any) -> Any:
-    """Code of `aligned_stack`."""
+    """Emit the code of `aligned_stack`."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         """Set the alignment on the function being built."""
@@ -83,14 +85,13 @@ def _aligned_stack(typing_context: Any) -> Any:
 def aligned_stack() -> None:
     """Begin the stack frame of the function that calls this where a line of the processor's cache begins.
 
-    Vectors that do not fit into registers are kept on the stack. LLVM settles its alignment before it knows of them,
-    and where the callers happen to leave it unaligned each such vector lies across two lines: a step of a batch then
-    takes a tenth longer.
+    Vectors that do not fit into registers are kept on the stack. LLVM settles the alignment of the stack before it
+    creates them. Where the callers leave it unaligned, each such vector lies across two lines, which is slow.
     """
 
 
 def _array_at(typing_context: Any, memory: Any, first: Any, shape: Any, dtype: Any) -> Any:
-    """Code of `array_at`."""
+    """Emit the code of `array_at`."""
     kind = types.Array(dtype.dtype, len(shape), "C")
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
@@ -111,16 +112,16 @@ def _array_at(typing_context: Any, memory: Any, first: Any, shape: Any, dtype: A
 
 @intrinsic(_array_at)
 def array_at(memory: Memory, first: int, shape: tuple[int, ...], dtype: type[Any]) -> NDArray[Any]:
-    """The array that begins at a word of a piece of memory, as ``array_at(memory, first, shape, dtype)``.
+    """Return the array that begins at a word of a piece of memory.
 
-    Nothing is checked, counted or copied. A reshaped slice would take a call into numba's library, a view of another
-    type two atomic operations, and each a tenth of a second to compile.
+    Nothing is checked, counted or copied. A reshaped slice would call numba's library, and a view of another type would
+    take two atomic operations; both take longer to compile.
     """
     return np.ndarray(shape, dtype, memory.data, memory.itemsize * first)
 
 
 def _write_tile(typing_context: Any, rows: Any, distance: Any, places: Any, factors: Any, n: Any, lanes: Any) -> Any:
-    """Code of `write_tile`."""
+    """Emit the code of `write_tile`."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         """Eight loads, three rounds of exchanges between two vectors each, eight stores."""

@@ -59,13 +59,13 @@ class Lowered(ast.NodeTransformer):
         self.tree.name = function.__name__
 
     def __str__(self) -> str:
-        """The text."""
+        """Return the text."""
         return ast.unparse(self.tree) + "\n"
 
     # --- statements ------------------------------------------------------------------------------------------------
 
     def visit_FunctionDef(self, node: ast.FunctionDef) -> ast.FunctionDef:
-        """Without decorators, annotations and documentation."""
+        """Lower a function, without decorators, annotations and documentation."""
         arguments = [ast.arg(argument.arg) for argument in node.args.args]
         defaults = [self.visit(default) for default in node.args.defaults]
         body = node.body[1:] if ast.get_docstring(node, clean=False) is not None else node.body
@@ -73,7 +73,7 @@ class Lowered(ast.NodeTransformer):
         return ast.FunctionDef(name=node.name, args=plain, body=self._statements(body), decorator_list=[], lineno=0)
 
     def visit_AnnAssign(self, node: ast.AnnAssign) -> ast.stmt | list[ast.stmt]:
-        """Without the annotation; the shape of an array with a row of lanes at its end becomes flat."""
+        """Drop the annotation, and flatten the shape of an array with a row of lanes at its end."""
         if node.value is None:
             return []
         target, value = self.visit(node.target), self.visit(node.value)
@@ -84,14 +84,14 @@ class Lowered(ast.NodeTransformer):
         return ast.Assign(targets=[target], value=value, lineno=0)
 
     def visit_If(self, node: ast.If) -> ast.stmt | list[ast.stmt]:
-        """Only the branch that the variant leaves."""
+        """Keep only the branch that the variant leaves."""
         known = self._known(node.test)
         if known is not _UNKNOWN:
             return self._statements(node.body if known else node.orelse, empty=False)
         return ast.If(self.visit(node.test), self._statements(node.body), self._statements(node.orelse, empty=False))
 
     def visit_For(self, node: ast.For) -> ast.For:
-        """A loop."""
+        """Lower a loop."""
         return ast.For(self.visit(node.target), self.visit(node.iter), self._statements(node.body), [], None, lineno=0)
 
     def _statements(self, body: list[ast.stmt], empty: bool = True) -> list[ast.stmt]:
@@ -104,14 +104,14 @@ class Lowered(ast.NodeTransformer):
     # --- expressions -----------------------------------------------------------------------------------------------
 
     def visit_IfExp(self, node: ast.IfExp) -> ast.expr:
-        """Only what the variant leaves."""
+        """Keep only what the variant leaves."""
         known = self._known(node.test)
         if known is not _UNKNOWN:
             return self.visit(node.body if known else node.orelse)
         return self.generic_visit(node)  # type: ignore[return-value]
 
     def visit_BoolOp(self, node: ast.BoolOp) -> ast.expr:
-        """Without operands that the variant settles."""
+        """Drop the operands that the variant settles."""
         settled = isinstance(node.op, ast.Or)  # the value that decides alone
         kept = []
         for operand in node.values:
@@ -125,7 +125,7 @@ class Lowered(ast.NodeTransformer):
         return ast.BoolOp(node.op, [self.visit(operand) for operand in kept])
 
     def visit_Attribute(self, node: ast.Attribute) -> ast.expr:
-        """A named place, or what the variant says, is a constant."""
+        """Replace a named place, or an attribute of the variant, by a constant."""
         value = self._attribute(node)
         if value is _UNKNOWN:
             return self.generic_visit(node)  # type: ignore[return-value]
@@ -133,7 +133,7 @@ class Lowered(ast.NodeTransformer):
         return self._constant(f"{node.value.id}_{node.attr}".upper(), value)
 
     def visit_Subscript(self, node: ast.Subscript) -> ast.expr:
-        """The last two axes of arrays with a row of lanes at the end are one."""
+        """Make one index of the last two, of arrays with a row of lanes at the end."""
         shape = node.value
         if isinstance(shape, ast.Attribute) and shape.attr == "shape" and self._leading(shape.value) == 0:
             return ast.BinOp(self.generic_visit(node), ast.FloorDiv(), self._lanes())  # type: ignore[arg-type]
@@ -146,7 +146,7 @@ class Lowered(ast.NodeTransformer):
         return ast.Subscript(self.visit(node.value), place, node.ctx)
 
     def visit_Name(self, node: ast.Name) -> ast.expr:
-        """A constant, or a function, of the module that the driver stands in."""
+        """Collect a constant, or a function, of the driver's module."""
         if node.id in self._locals or node.id not in self._globals:
             return node
         value = self._globals[node.id]
@@ -165,7 +165,7 @@ class Lowered(ast.NodeTransformer):
     # --- inside ----------------------------------------------------------------------------------------------------
 
     def _attribute(self, node: ast.expr) -> Any:
-        """The value of a named place or of what the variant says, or `_UNKNOWN`."""
+        """Return the value of a named place or of what the variant says, or `_UNKNOWN`."""
         if not isinstance(node, ast.Attribute) or not isinstance(node.value, ast.Name):
             return _UNKNOWN
         names = self._globals.get(node.value.id) if node.value.id not in self._locals else None
@@ -177,7 +177,7 @@ class Lowered(ast.NodeTransformer):
             raise LookupError(f"{self._name}: {error.args[0]}") from None
 
     def _known(self, node: ast.expr) -> Any:
-        """The value of an expression where the variant settles it, or `_UNKNOWN`."""
+        """Return the value of an expression where the variant settles it, or `_UNKNOWN`."""
         if isinstance(node, ast.Constant):
             return node.value
         if isinstance(node, ast.Attribute):
@@ -205,11 +205,11 @@ class Lowered(ast.NodeTransformer):
         return self._constant(LANES, present_variant().lanes)
 
     def _leading(self, node: ast.expr) -> int | None:
-        """Axes before a row of lanes and its number, of an array that has them."""
+        """Return the axes before a row of lanes and its number, of an array that has them."""
         return self._laned.get(node.id) if isinstance(node, ast.Name) else None
 
     def _flat(self, indices: list[ast.expr]) -> ast.expr:
-        """One index in place of a row and a lane; a row alone, or rows, or rows from a lane on, are a slice."""
+        """Make one index of a row and a lane; a row alone, rows, and rows from a lane on become a slice."""
         rows, lane = indices[0], indices[1] if len(indices) > 1 else None
         if isinstance(rows, ast.Slice):
             if isinstance(lane, ast.Slice):  # all rows from a lane on
@@ -226,14 +226,14 @@ class Lowered(ast.NodeTransformer):
 
 
 def _flat_shape(argument: ast.expr) -> ast.expr:
-    """A shape whose last two lengths are one."""
+    """Merge the last two lengths of a shape."""
     if isinstance(argument, ast.Tuple) and len(argument.elts) == 2:
         return ast.Tuple([ast.BinOp(argument.elts[0], ast.Mult(), argument.elts[1])], ast.Load())
     return argument
 
 
 def _local_names(code: CodeType) -> set[str]:
-    """Of a function and those within it."""
+    """Collect the local names of a function and those within it."""
     inner = [constant for constant in code.co_consts if isinstance(constant, CodeType)]
     return set(code.co_varnames).union(*map(_local_names, inner))
 
@@ -244,9 +244,9 @@ def _text(module: ModuleType) -> str:
 
 
 def _definition(function: FunctionType) -> ast.FunctionDef:
-    """Syntax tree of a function of a module, without its decorators.
+    """Return the syntax tree of a function of a module, without its decorators.
 
-    To have Python read the function alone is much faster than to look for it in the module's tree: it ends before the
+    Parsing the function alone is much faster than finding it in the module's tree. The function ends before the
     next line that is neither indented nor the end of its signature.
     """
     module = inspect.getmodule(function)

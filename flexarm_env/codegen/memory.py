@@ -1,6 +1,6 @@
-"""One piece of memory for all that a fleet's kernels work on.
+"""One piece of memory for all arrays of a batch's kernels.
 
-Python hands its kernels one array, because each takes about 0.05 us of a call: a dozen took a tenth of a step.
+Python passes one array to the kernels, because each argument of a call takes time.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from flexarm_env.codegen.intrinsics import CACHE_LINE
 
-WORD = 8  # [bytes]; of which all is counted
+WORD = 8  # [bytes]; the unit of all places
 
 
 class Part(NamedTuple):
@@ -21,8 +21,8 @@ class Part(NamedTuple):
 
     Attributes:
         first: its first word.
-        shape: of the array.
-        dtype: of its numbers.
+        shape: shape of the array.
+        dtype: type of its numbers.
     """
 
     first: int
@@ -30,19 +30,19 @@ class Part(NamedTuple):
     dtype: np.dtype[Any]
 
     def view(self, memory: NDArray[np.float64]) -> NDArray[Any]:
-        """The array itself, in a piece of memory."""
+        """Return the array itself, in a piece of memory."""
         return np.ndarray(self.shape, self.dtype, memory.data, WORD * self.first)
 
 
 def blank(words: int) -> NDArray[np.float64]:
-    """Zeros that begin where a line of the processor's cache does: a vector across two lines costs a tenth more."""
+    """Allocate zeros that begin where a line of the processor's cache does: vectors across two lines are slow."""
     raw = np.zeros(WORD * words + CACHE_LINE, dtype=np.uint8)
     first = -raw.ctypes.data % CACHE_LINE
     return raw[first : first + WORD * words].view(np.float64)
 
 
 def packed(arrays: Mapping[str, NDArray[Any]]) -> tuple[NDArray[np.float64], dict[str, Part]]:
-    """One piece of memory with the contents of some arrays, one after the other, and where each lies."""
+    """Copy some arrays into one piece of memory, one after the other; return it and where each lies."""
     parts, words = {}, 0
     for name, array in arrays.items():
         parts[name] = Part(words, array.shape, array.dtype)

@@ -12,27 +12,27 @@ from flexarm_env.codegen import intrinsics, tracing
 
 
 def root(x: float) -> float:
-    """Square root."""
+    """Return the square root."""
     return sqrt(x)
 
 
 def magnitude(x: float) -> float:
-    """Absolute value."""
+    """Return the absolute value."""
     return abs(x)
 
 
 def where_less(x: float, bound: float, then: float, otherwise: float) -> float:
-    """`then` where x < bound, else `otherwise`."""
+    """Return `then` where x < bound, else `otherwise`."""
     return then if x < bound else otherwise
 
 
 def clip(x: float, low: float, high: float) -> float:
-    """x limited to [low, high]; NaN stays NaN."""
+    """Return x limited to [low, high]; NaN stays NaN."""
     return low if x < low else (high if x > high else x)
 
 
 def at_least(x: float, low: float) -> float:
-    """The larger of x and low; NaN stays NaN."""
+    """Return the larger of x and low; NaN stays NaN."""
     return low if x < low else x
 
 

@@ -1,10 +1,10 @@
 """Records what a function of numbers does and writes it down as straight-line code.
 
-The physics is written once, as plain functions with loops over modes and matrices (`dynamics`, `closed_loop`).
+The physics is written once, as plain functions with loops over modes and matrices (`dynamics`, `jacobian_transpose`).
 Called with floats or numpy arrays these functions compute. Called with `Expression` objects they are recorded,
 and the record is compiled: loops over modes are gone, shared subexpressions are computed once, and the compiler
 can vectorise the result over the environments of a batch. No operation is reordered, but a product that one sum alone
-uses is fused with it (`machine.fused`): rounded once, in one instruction, wherever the code runs.
+uses is fused with it (`intrinsics.fused`): rounded once, in one instruction, wherever the code runs.
 """
 
 from __future__ import annotations
@@ -37,11 +37,11 @@ class Trace:
         self._arguments: set[str] = set()  # of calls
 
     def input(self, code: str) -> Expression:
-        """A value that the surrounding code provides, e.g. an array element."""
+        """Record a value that the surrounding code provides, e.g. an array element."""
         return self.assign(code)
 
     def inputs(self, codes: Sequence[str]) -> list[Expression]:
-        """Several inputs at once."""
+        """Record several inputs at once."""
         return [self.input(code) for code in codes]
 
     def assign(self, template: str, *operands: str) -> Expression:
@@ -63,7 +63,7 @@ class Trace:
         return [self.assign(f"{{0}}[{n}]", called.name) for n in range(count)]
 
     def lines(self, results: Sequence[Any], fusing: bool = True) -> list[str]:
-        """Assignments that compute the results, each under its own name; what no result needs is left out.
+        """Write assignments that compute the results, each under its own name; what no result needs is left out.
 
         An operation used once is written inside the one that uses it: fewer names, which the compiler's time grows
         with. Results always get a name, so that all inputs are read before the surrounding code writes anything; so do
@@ -88,7 +88,7 @@ class Trace:
         return lines
 
     def _fused(self, results: Sequence[Any], named: set[str]) -> list[_Operation]:
-        """The operations, each sum with a product that nothing else uses as one."""
+        """Merge each sum with a product that nothing else uses."""
         uses = _uses(self._operations, results)
         products = {
             f"x{index}": operands
@@ -106,7 +106,7 @@ class Trace:
 
 
 def _uses(operations: Sequence[_Operation], results: Sequence[Any]) -> dict[str, int]:
-    """How often each needed operation is used; the results count once more."""
+    """Return how often each needed operation is used; the results count once more."""
     uses: dict[str, int] = {}
     for result in results:
         if isinstance(result, Expression):
@@ -175,16 +175,16 @@ class Expression:
 
 
 def recorded_once(count: int) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
-    """Decorates a formula of several numbers that a module's kernels share: a record calls it.
+    """Decorate a formula of several numbers that a module's kernels share: a record calls it.
 
     Compiling takes longer the more there is to read; a sine has fifty operations, and a step of the arm eight sines.
 
     Args:
-        count: of the formula's results.
+        count: number of the formula's results.
     """
 
     def decorated(formula: Callable[..., Any]) -> Callable[..., Any]:
-        """The formula for numbers and arrays; for expressions, the record of its call."""
+        """Compute for numbers and arrays; record a call for expressions."""
 
         @wraps(formula)
         def called(*arguments: Any) -> Any:
@@ -201,7 +201,7 @@ def recorded_once(count: int) -> Callable[[Callable[..., Any]], Callable[..., An
 
 
 def recorded_name(formula: Callable[..., Any]) -> str:
-    """What a shared formula is called in a module's kernels, sums fused with products."""
+    """Return what a shared formula is called in a module's kernels, sums fused with products."""
     return f"{formula.__name__}_fused"
 
 
@@ -214,14 +214,14 @@ def _is(operand: Any, value: float) -> bool:
 
 
 def floor(x: Any) -> Any:
-    """Largest integer not above x, as a float."""
+    """Return the largest integer not above x, as a float."""
     return x._record("floor({0})", x) if isinstance(x, Expression) else np.floor(x)
 
 
 def quarter_turns(k: Any, sine: Any, cosine: Any) -> tuple[Any, Any]:
-    """Sine and cosine of an angle k quarter turns on; k is a whole number, as a float.
+    """Return the sine and cosine of an angle k quarter turns on; k is a whole number, as a float.
 
-    Kernels have an intrinsic for it (`machine.quarter_turns`), which spares the processor's multipliers.
+    Kernels have an intrinsic for it (`intrinsics.quarter_turns`), which spares the processor's multipliers.
     """
     if isinstance(k, Expression):
         turned = k.trace.call("quarter_turns", (k, sine, cosine), 2)
@@ -235,31 +235,31 @@ def quarter_turns(k: Any, sine: Any, cosine: Any) -> tuple[Any, Any]:
 
 
 def root(x: Any) -> Any:
-    """Square root."""
+    """Return the square root."""
     return x._record("sqrt({0})", x) if isinstance(x, Expression) else np.sqrt(x)
 
 
 def magnitude(x: Any) -> Any:
-    """Absolute value."""
+    """Return the absolute value."""
     return x._record("abs({0})", x) if isinstance(x, Expression) else np.abs(x)
 
 
 def where_less(x: Any, bound: Any, then: Any, otherwise: Any) -> Any:
-    """`then` where x < bound, else `otherwise`; NaN is not less."""
+    """Return `then` where x < bound, else `otherwise`; NaN is not less."""
     if isinstance(x, Expression):
         return x._record("({2} if {0} < {1} else {3})", x, bound, then, otherwise)
     return np.where(np.asarray(x) < bound, then, otherwise)[()]
 
 
 def clip(x: Any, low: Any, high: Any) -> Any:
-    """x limited to [low, high]; NaN stays NaN."""
+    """Return x limited to [low, high]; NaN stays NaN."""
     if isinstance(x, Expression):
         return x._record("({1} if {0} < {1} else ({2} if {0} > {2} else {0}))", x, low, high)
     return np.clip(x, low, high)
 
 
 def at_least(x: Any, low: float) -> Any:
-    """The larger of x and low; NaN stays NaN."""
+    """Return the larger of x and low; NaN stays NaN."""
     if isinstance(x, Expression):
         return x._record("({1} if {0} < {1} else {0})", x, low)
     return np.maximum(x, low)

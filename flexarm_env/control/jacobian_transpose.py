@@ -83,7 +83,7 @@ class Law(NamedTuple):
 
     @staticmethod
     def sizes(modes: int, foreshortened: bool = False) -> dict[str, int]:
-        """How many numbers each field holds."""
+        """Return how many numbers each field holds."""
         return {
             "gain": 1,
             "proportional_gain": 1,
@@ -107,7 +107,7 @@ def _late(current: Pair, law: Law) -> list[Any]:
 
 
 class Measurement(NamedTuple):
-    """What the law knows of the sensed point in one stage.
+    """The measured point in one stage of the law.
 
     Attributes:
         point: x, y, late as the sensor is.
@@ -133,7 +133,7 @@ def _point_measurement(
 def _angles_measurement(
     k: Constants, law: Law, y: Sequence[Any], current_jacobian: tuple[Pair, Pair] | None
 ) -> Measurement:
-    """By rigid kinematics of the joint angles, each with its own delay.
+    """Measure by rigid kinematics of the joint angles, each with its own delay.
 
     Args:
         k: constants of the arm.
@@ -217,7 +217,7 @@ def _torque(
     responses: Sequence[Sequence[Any]],
     h_gamma: Any,
 ) -> list[Any]:
-    """The law's torque (14) at the end of the stage, from the rates' known part.
+    """Compute the law's torque (14) at the end of the stage, from the rates' known part.
 
     Args:
         law: the law's data in this stage.
@@ -244,7 +244,7 @@ def _torque(
 
 
 def _limited_solution(wanted: Pair, feedback: Sequence[Pair], limit: Pair) -> list[Any]:
-    """tau = clip(wanted - feedback tau), limited joint by joint.
+    """Return tau = clip(wanted - feedback tau), limited joint by joint.
 
     The free solution, then one Gauss-Seidel sweep over the limited problem. While the diagonal of 1 + feedback and
     its determinant are positive, that is the one solution. (Gains near 17 with a torque limit can make a diagonal

@@ -12,7 +12,7 @@ Pair = Sequence[Any]
 
 
 def interpolated(start: Sequence[Any], end: Sequence[Any], basis: Sequence[Any]) -> list[Any]:
-    """Two coordinates and their rates between two instants, by cubic Hermite polynomials.
+    """Interpolate two coordinates and their rates between two instants, by cubic Hermite polynomials.
 
     Args:
         start: coordinates, then rates, at the first instant.
@@ -34,7 +34,7 @@ def tracking_torque(
     residual: Pair,
     state: tuple[Sequence[Any], Sequence[Any]],
 ) -> list[Any]:
-    """The inner joint-space tracking law: a spring and a damper between each joint and its aim, and a residual.
+    """Compute the joint-space tracking law: a spring and a damper between each joint and its aim, and a residual.
 
     Args:
         k: constants of the arm.

@@ -34,6 +34,7 @@ from flexarm_env.envs.settings import Settings
 from flexarm_env.episode import draws
 from flexarm_env.kernels.entries import CLOCK_ROWS, clock_row, column, drawn, extent, header
 from flexarm_env.kernels.layout import beginning_sizes, episode_sizes
+from flexarm_env.kernels.stamp import check_stamp, layout_stamp
 from flexarm_env.kernels.status import failures
 from flexarm_env.kernels.variants import Variant, shared_model
 from flexarm_env.parameters import DIRECTIONS
@@ -43,7 +44,7 @@ Array = NDArray[np.float64]
 # Three of the largest make 1024; its rows' distance is no power of two, at which they push each other out of a cache.
 COSTS = {8: 1.0, 32: 2.9, 128: 10.8, 344: 27.5}
 assert all(lanes % TILE == 0 for lanes in COSTS)  # so observations are written
-REASONS: dict[float, str | None] = {-2.0: "deflection", -3.0: "error"}  # beside those of a state (`episodes.judge`)
+REASONS: dict[float, str | None] = {-2.0: "deflection", -3.0: "error"}  # beside those of a state (`observe.judge`)
 # Attributes that are views of the memory.
 VIEWS = (
     *("_plan", "_arenas", "_clocks", "_keys", "_starts", "_orders", "_paths"),
@@ -220,7 +221,7 @@ class Fleet:
             self._pool = None
 
     def beginnings(self) -> Array:
-        """What describes the present episodes (`rows.beginning_sizes`), in a new array. Shape (N, k)."""
+        """What describes the present episodes (`layout.beginning_sizes`), in a new array. Shape (N, k)."""
         first = self._rows["EPISODE"][0]
         rows = self._arenas[:, first : first + sum(beginning_sizes(self._rows).values())]
         return np.moveaxis(rows, 1, 2).reshape(-1, rows.shape[1])[: self.count].copy()
@@ -278,16 +279,28 @@ class Fleet:
     def __getstate__(self) -> dict[str, Any]:
         """Without views, which would come back as copies, and without what cannot be pickled or written to."""
         left_out = (*VIEWS, "everyone", "_pool", "_step_kernel", "only_step")
-        return {name: value for name, value in self.__dict__.items() if name not in left_out}
+        kept = {name: value for name, value in self.__dict__.items() if name not in left_out}
+        return {"layout_stamp": self._stamp(), **kept}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        """Link the views again."""
-        self.__dict__.update(state)
-        self._memory = blank(len(state["_memory"]))
-        self._memory[:] = state["_memory"]
+        """Link the views again.
+
+        Raises:
+            LayoutError: if the memory has another layout than a new batch with these settings.
+        """
+        found, kept = state.get("layout_stamp"), {**state}
+        kept.pop("layout_stamp", None)
+        anew = Fleet(kept["settings"], kept["count"], kept["_threads"])
+        check_stamp("the batch", found, anew._stamp())
+        self.__dict__.update(kept)
+        self._memory = blank(len(kept["_memory"]))
+        self._memory[:] = kept["_memory"]
         self._link()
         if self._keys.any():  # an episode has begun
             self._use(self.compile())
+
+    def _stamp(self) -> str:
+        return layout_stamp(self._variant, self._parts)
 
 
 def _variant(settings: Settings, program: Program, lanes: int, disturbed: bool) -> Variant:

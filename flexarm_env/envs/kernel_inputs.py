@@ -235,7 +235,7 @@ def _per_damping(arm: FlexibleArm) -> Array:
 
 
 def fixed_rows(settings: Settings) -> dict[str, Any]:
-    """Parts of the arena that no episode changes, by name (`rows`)."""
+    """Parts of the arena that no episode changes, by name (`layout`)."""
     s = settings
     arm = s.flexible_arm
     length = arm.parameters.link_lengths[1]

@@ -1,6 +1,6 @@
 """Drivers of the ways in which an action moves the arm over a control period; a program has one of them, as `drive`.
 
-`stepping` explains lanes, blocks and arenas. Torques and gains are held over the period, each from its
+`imex` explains lanes, blocks and arenas. Torques and gains are held over the period, each from its
 `actuation_delay` after the action on. `DRIVES` names the drivers.
 """
 
@@ -170,7 +170,7 @@ def drive_torque_rate(arena: Arena, history: History, clock: Clock, paths: Paths
 
 
 def hermite(u: float, period: float) -> Factors:
-    """Factors of `tracking.interpolated` a share u of a period [s] after its start."""
+    """Factors of `joint_tracking.interpolated` a share u of a period [s] after its start."""
     v = 1.0 - u
     return (
         v * v * (1.0 + 2.0 * u),

@@ -1,6 +1,6 @@
 """Drivers of an environment's kernels: actions, sensing, observation, termination.
 
-`stepping` explains lanes, blocks and arenas.
+`imex` explains lanes, blocks and arenas.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ from flexarm_env.physics.inverse_kinematics import elbow_side, joint_angles_for,
 from flexarm_env.physics.polyline import AHEAD
 
 NEAR = 0.02  # [m]; a tip that is not farther from the reference has arrived
-FINAL_REST = 0.25  # of the lap; the rest after the move back (`starts.draw_moves`)
+FINAL_REST = 0.25  # of the lap; the rest after the move back (`reset.draw_moves`)
 
 
 def take_actions(arena: Arena, actions: Actions, first: int, plan: Plan) -> None:
@@ -72,7 +72,7 @@ def observe(
 ) -> None:
     """Sense, judge and report the present instant.
 
-    Args: as `sampling.sense`, and
+    Args: as `sensor.sense`, and
         observations: to be filled, of all lanes.
         first: lane of the block among all.
     """
@@ -87,7 +87,7 @@ def look(
 ) -> None:
     """Sense, and judge the present instant, on a block; doing it again changes nothing.
 
-    Args: as `sampling.sense`.
+    Args: as `sensor.sense`.
     """
     truth_kernel(arena)
     follow_reference(arena, clock, paths, settings)

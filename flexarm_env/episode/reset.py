@@ -1,6 +1,6 @@
 """Drivers that begin episodes: where the arm starts; `draws` has what is drawn, `first_readings` the delay line's past.
 
-`stepping` explains lanes, blocks and arenas.
+`imex` explains lanes, blocks and arenas.
 """
 
 from __future__ import annotations

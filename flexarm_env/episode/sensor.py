@@ -1,6 +1,6 @@
 """Drivers of the sensor on link 2: which reading has arrived, where it says the arm is, and its error.
 
-`stepping` explains lanes, blocks and arenas.
+`imex` explains lanes, blocks and arenas.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """The drivers that Python calls: episodes begun, and one control period of one environment or of a batch.
 
-`stepping` explains lanes, blocks and arenas.
+`imex` explains lanes, blocks and arenas.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ def step_blocks(memory: Memory, begin: int, end: int, results: NDArray[np.float6
         memory: of the fleet.
         begin: first block.
         end: block after the last.
-        results: to be filled; the parts of `rows.episode_sizes`. Shape (parts, lanes).
+        results: to be filled; the parts of `layout.episode_sizes`. Shape (parts, lanes).
     """
     plan = array_at(memory, 0, (header.PLACES,), np.int64)
     for block in range(begin, end):

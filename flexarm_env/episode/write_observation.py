@@ -1,6 +1,6 @@
 """Drivers that put observations together: previews of the reference, then the numbers that are asked for.
 
-`stepping` explains lanes, blocks and arenas.
+`imex` explains lanes, blocks and arenas.
 """
 
 from __future__ import annotations

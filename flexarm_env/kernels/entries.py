@@ -1,4 +1,4 @@
-"""The places of the tables that kernels read beside their arenas (`rows`), each declared once."""
+"""The places of the tables that kernels read beside their arenas (`layout`), each declared once."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ class Shape(NamedTuple):
     """What the layouts depend on.
 
     Attributes:
-        program: of the kernels.
+        program: program of the kernels.
         modes: per link.
-        foreshortened: kinematics (`links`).
+        foreshortened: kinematics (`bent_link`).
         second_sensor: whether there is one.
     """
 
@@ -50,7 +50,7 @@ class Shape(NamedTuple):
 
 
 def constant_count(modes: int, foreshortened: bool) -> int:
-    """How many numbers the constants of an arm are."""
+    """Return how many numbers the constants of an arm are."""
     return linear_algebra.extent(Constants.sizes(modes, foreshortened))
 
 
@@ -119,7 +119,7 @@ class Constant(Names):
 
     @classmethod
     def layout(cls, shape: Shape) -> dict[str, tuple[int, int]]:
-        """Where each field of `Constants` lies."""
+        """Return where each field of `Constants` lies."""
         sizes = zip(Constants._fields, Constants.sizes(shape.modes, shape.foreshortened), strict=True)
         return in_a_row({name.upper(): 1 if n is None else n for name, n in sizes})
 
@@ -192,7 +192,7 @@ class ReadingRow(FixedNames):
 class Column(FixedNames):
     """Columns of an order for a new episode; NaN where the environment decides."""
 
-    START = Entry("how it starts (`starts.CORNER`)", "1")
+    START = Entry("how it starts (`reset.CORNER`)", "1")
     PHASE = Entry("moment of the lap", "s")
     PATH = Entry("which of the named paths", "1")
     BRANCH = Entry("see `LaneSetting`", "1")

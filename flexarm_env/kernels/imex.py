@@ -28,9 +28,9 @@ def prepare_commands(arena: Arena, clock: Clock, paths: Paths, h: float) -> None
     the step, so that the jump acts on the arm at the right time, to second order in the step.
 
     Args:
-        arena: of one block.
-        clock: of each lane, see `entries.ClockRow`. Shape (5, lanes).
-        paths: of all lanes, see `reference_at`. Shape (paths, n, 5).
+        arena: arena of one block.
+        clock: clock of each lane, see `entries.ClockRow`. Shape (5, lanes).
+        paths: paths of all lanes, see `reference_at`. Shape (paths, n, 5).
         h: step [s].
     """
     others = 0
@@ -59,7 +59,7 @@ def prepare_commands(arena: Arena, clock: Clock, paths: Paths, h: float) -> None
 
 @per_lane
 def chord_known(arena: Arena, clock: Clock, i: int, time: float, h: float) -> bool:
-    """Whether lane i's commands run along the noted side in the whole step that begins at a time [s].
+    """Return whether lane i's commands run along the noted side in the whole step that begins at a time [s].
 
     One side is noted for both joints: commands that are late by different times are searched for in each step.
     """
@@ -70,7 +70,7 @@ def chord_known(arena: Arena, clock: Clock, i: int, time: float, h: float) -> bo
 
 
 def evaluate_law(arena: Arena, history: History, clock: Clock, paths: Paths, h: float) -> None:
-    """The law's torque at the present instant with the present gain; mechanical acceleration as well."""
+    """Compute the law's torque at the present instant with the present gain, and the mechanical acceleration."""
     prepare_commands(arena, clock, paths, h)
     prepare_readings(arena, history, clock, h, 0.0)
     law_kernel(arena, 0.0, 0.0, (0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0))
@@ -103,7 +103,7 @@ def store_stage(arena: Arena, slot: int) -> None:
 
 
 def loop_step(arena: Arena, history: History, clock: Clock, paths: Paths, h: float) -> None:
-    """One step of the closed loop on every lane of a block."""
+    """Advance the closed loop of every lane of a block by one step."""
     prepare_commands(arena, clock, paths, h)
     for stage in range(STAGES):
         prepare_readings(arena, history, clock, h, NODES[stage])
@@ -142,7 +142,7 @@ def run_loop(
         arenas: Shape (blocks, rows, lanes).
         histories: Shape (blocks, slots * slot_rows, lanes).
         clocks: Shape (blocks, 5, lanes).
-        paths: of all lanes, see `reference_at`. Shape (paths, n, 5).
+        paths: paths of all lanes, see `reference_at`. Shape (paths, n, 5).
         h: step [s].
         steps: how many; 0 after a reset.
         initialise: complete the states first (after a reset).

@@ -26,7 +26,7 @@ from flexarm_env.physics.modal_elimination import Elimination, elimination
 
 
 def elimination_count(modes: int, foreshortened: bool) -> int:
-    """How many numbers its elimination is; none where it does not apply."""
+    """Return how many numbers its elimination is; none where it does not apply."""
     return 0 if foreshortened else linear_algebra.extent(Elimination.sizes(modes))
 
 
@@ -86,7 +86,7 @@ class Row(Names):
     RATE_WEIGHT = Entry("share of the current rates", "1", _law("rate_weight"), _LAW)
     DELAY = Entry("of the two readings in the law", "s", 2, _LAW)
     COMMAND_DELAY = Entry("of the commands of shoulder and elbow", "s", 2, _LAW)
-    COMMAND_SIDE = Entry("side of the path that the commands are on (`sides.Segment`)", "s, m, m/s", SIDE_ROWS, _LAW)
+    COMMAND_SIDE = Entry("segment of the path for the commands (`path_cache.Segment`)", "s, m, m/s", SIDE_ROWS, _LAW)
     RATE_LATE = Entry("whether the rates are as late as the readings", "1", 1, _LAW)
     Y_STAGE = Entry("coordinates of the stage", "rad, m", _size, _LAW)
     V_STAGE = Entry("rates of the stage", "rad/s, m/s", _size, _LAW)
@@ -129,7 +129,7 @@ class Row(Names):
     FRAME = Entry("1 for the link's frame, 0 for the world's", "1", 1, _ENVIRONMENT)
     PHASE = Entry("of the lap, 0 to 1", "1", 1, _ENVIRONMENT)
     PRESENT_SIDE = Entry(
-        "side of the path that the reference is on (`sides.Segment`)", "s, m, m/s", SIDE_ROWS, _ENVIRONMENT
+        "side of the path that the reference is on (`path_cache.Segment`)", "s, m, m/s", SIDE_ROWS, _ENVIRONMENT
     )
     NEXT_TIME = Entry("how long the next side takes", "s", 1, _ENVIRONMENT)
     NEXT_VELOCITY = Entry("of the reference on the next side", "m/s", 2, _ENVIRONMENT)
@@ -173,7 +173,7 @@ class Row(Names):
     BRANCH = Entry("sign of theta2 in inverse kinematics", "1", 1, _ENVIRONMENT)
     # what the paper's closed loop reports begins here
     OBSERVATION = Entry(
-        "what a controller may know (`closed_loop.observation`)", STATE_UNIT, lambda s: 10 + 2 * s.modes, _LOOP
+        "of a controller (`jacobian_transpose.observation`)", STATE_UNIT, lambda s: 10 + 2 * s.modes, _LOOP
     )
     STATE = Entry("public state", STATE_UNIT, lambda s: 2 * s.size, _REPORTED)
     TORQUE = Entry("torques at the start of the period", "N m", 2, _REPORTED)
@@ -190,7 +190,7 @@ class Row(Names):
     ELBOW_CHANGES = Entry("how often ELBOW_SIDE has changed since the episode began", "1", 1, _ENVIRONMENT)
     SUCCESS = Entry("whether the tip was near the reference through the final rest", "1", 1, _ENVIRONMENT)
     REWARD = Entry("sum of the reward's terms", "1", 1, _ENVIRONMENT)
-    STATUS = Entry("0 for a valid state (`stepping.state_status`, `episodes.judge`)", "1", 1, _REPORTED)
+    STATUS = Entry("0 for a valid state (`imex.state_status`, `observe.judge`)", "1", 1, _REPORTED)
 
     TAIL = Entry(
         "previews of the reference, then kept actions, then kept commands unless they are the actions; newest first",
@@ -204,13 +204,13 @@ row = Row()
 
 
 def sizes_between(rows: dict[str, tuple[int, int]], first: str, last: str) -> dict[str, int]:
-    """Number of rows of the parts of an arena from one to another, in their order."""
+    """Return the sizes of the parts of an arena from one to another, in their order."""
     names = list(rows)
     return {name: rows[name][1] for name in names[names.index(first) : names.index(last) + 1]}
 
 
 def episode_sizes(rows: dict[str, tuple[int, int]]) -> dict[str, int]:
-    """What an environment gives out at an instant: parts that follow each other in its arena."""
+    """Return the sizes of an environment's results at an instant, which follow each other in its arena."""
     return sizes_between(rows, "STATE", "STATUS")
 
 
@@ -220,12 +220,12 @@ def beginning_sizes(rows: dict[str, tuple[int, int]]) -> dict[str, int]:
 
 
 def result_sizes(rows: dict[str, tuple[int, int]]) -> dict[str, int]:
-    """What a closed loop gives out at an instant: parts that follow each other in its arena."""
+    """Return the sizes of a closed loop's results at an instant, which follow each other in its arena."""
     return sizes_between(rows, "OBSERVATION", "STATUS")
 
 
 def arm_rows(k: Constants) -> dict[str, Sequence[float]]:
-    """What kernels know of an arm, under the names of the arena's parts, which follow each other."""
+    """Return the constants of an arm, under the names of the arena's parts, which follow each other."""
     e = elimination(k)
     return {"CONSTANTS": k.flat(), "ELIMINATION": e.flat() if e else []}
 

@@ -41,6 +41,6 @@ def forget_side(arena: Arena, first: int, i: int) -> None:
 
 @per_lane
 def on_side(arena: Arena, first: int, i: int, r: int, time: float) -> float:
-    """Coordinate r of lane i's reference at a time [s] on the side that is noted from a row on, as `reference_at`."""
+    """Return coordinate r of lane i's reference at a time [s] on the noted side, as `reference_at` gives it."""
     passed = time - arena[first + segment.LAP, i] - arena[first + segment.BEGIN, i]
     return arena[first + segment.START + r, i] + arena[first + segment.VELOCITY + r, i] * passed

@@ -36,13 +36,13 @@ class Recorder:
         self.shared: list[str] = []
 
     def read(self, name: str) -> list[Any]:
-        """The numbers of a part of the arena."""
+        """Read the numbers of a part of the arena."""
         first, count = self._part(name)
         lanes = self.variant.lanes
         return self.trace.inputs([f"arena[i + {row * lanes}]" for row in range(first, first + count)])
 
     def elements(self, array: str, count: int) -> list[Any]:
-        """The first elements of an array that all lanes share, read before the loop.
+        """Read the first elements of an array that all lanes share, before the loop.
 
         Within it the compiler would have to make sure that no lane's results overwrite them, at a cost that keeps it
         from vectorising short loops.
@@ -51,7 +51,7 @@ class Recorder:
         return self.trace.inputs([f"{array}_{n}" for n in range(count)])
 
     def one(self, name: str) -> Any:
-        """The number of a part of one row."""
+        """Read the number of a part of one row."""
         return self.read(name)[0]
 
     def write(self, name: str, values: Sequence[Any]) -> None:
@@ -61,20 +61,20 @@ class Recorder:
         self.store("arena", values, first)
 
     def store(self, array: str, values: Sequence[Any], first: int = 0) -> None:
-        """Into rows of an array, from the first on."""
+        """Store into rows of an array, from the first on."""
         places = (f"{array}[i + {row * self.variant.lanes}]" for row in range(first, first + len(values)))
         self.stores += zip(places, values, strict=True)
 
     def constants(self) -> Constants:
-        """What the equations know of the arm."""
+        """Read the constants of the arm."""
         return Constants.unflat(self.read("CONSTANTS"), self.variant.modes, self.variant.foreshortened)
 
     def elimination(self) -> Elimination | None:
-        """What follows from it."""
+        """Read the elimination that follows from the constants."""
         return _elimination(self.variant, self.read("ELIMINATION"))
 
     def law(self) -> jacobian_transpose.Law:
-        """What the law needs."""
+        """Read the numbers of the law."""
         fields = {}
         for name, count in jacobian_transpose.Law.sizes(self.variant.modes, self.variant.foreshortened).items():
             values = self.read(name.upper())
@@ -87,11 +87,11 @@ class Recorder:
         return Place(self.one(f"{name}_DISTANCE"), self.read(f"{name}_VALUES"), self.read(f"{name}_FORESHORTENING"))
 
     def sensor(self) -> Place:
-        """Where the sensor is."""
+        """Return where the sensor is."""
         return self.place("PLACE" if "PLACE_VALUES" in self.variant.rows else "SENSOR")
 
     def truth(self) -> sensing.Truth:
-        """The arm at the instant."""
+        """Compute the arm's state, tips and deflections."""
         return sensing.truth(self.constants(), self.place("TIP"), self.read("Y"), self.read("V"))
 
     def _part(self, name: str) -> tuple[int, int]:
@@ -100,7 +100,7 @@ class Recorder:
         return self.variant.rows[name]
 
     def source(self, header: str, fusing: bool = True) -> str:
-        """Text of the kernel: for each lane, what was recorded, then the stores; `fusing` as in `Trace.lines`."""
+        """Write the kernel: for each lane, what was recorded, then the stores; `fusing` as in `Trace.lines`."""
         body = self.trace.lines([value for _, value in self.stores], fusing)
         for place, value in self.stores:
             code = value.name if isinstance(value, Expression) else repr(float(value))
@@ -116,10 +116,10 @@ def _elimination(variant: Variant, numbers: Sequence[Any]) -> Elimination | None
 
 
 def _elementary(formula: Callable[..., Any]) -> Recorded[..., Any]:
-    """An elementary function with its sums and products fused, which the recorded kernels call."""
+    """Declare an elementary function with its sums and products fused, which the recorded kernels call."""
 
     def text(variant: Variant) -> str:
-        """The same for all variants."""
+        """Return the text, which is the same for all variants."""
         trace = Trace()
         names = list(inspect.signature(formula).parameters)
         found = formula(*trace.inputs(names))
@@ -136,7 +136,7 @@ SHARED = (*INTRINSICS, *ELEMENTARY)  # what recorded kernels may call
 
 
 def slope_source(variant: Variant) -> str:
-    """v' of one arm from what kernels know of it (`rows.arm_rows`), y, v, torques, S and C, in this order."""
+    """Compute v' of one arm from its constants (`layout.arm_rows`), y, v, torques, S and C, in this order."""
     trace, size = Trace(), variant.size
     counts = {
         "k": variant.constants,
@@ -160,7 +160,7 @@ slope: Recorded[..., Any] = always_inlined(Recorded("slope", slope_source, SHARE
 
 
 def step_source(variant: Variant) -> str:
-    """One step of the classical Runge-Kutta method; under the inner law where the kind is "tracking".
+    """Record one step of the classical Runge-Kutta method; with the joint-space law for the kind "tracking".
 
     All four stages in one pass over the lanes, so that slopes and their sum stay in registers. A stage's positions need
     the velocities of the stage before, but not its slope, so its sine is at hand early: the two are worked out side by
@@ -202,17 +202,17 @@ def _tracking_torque(r: Recorder, k: Constants, basis_of: int, state: tuple[Sequ
 
 @recorded(step_source, (slope, *SHARED))
 def step_kernel(arena: Arena, h: float, bases: tuple[Sequence[float], ...] = ()) -> None:
-    """One step of the torque-driven arm on every lane, torques held.
+    """Advance the torque-driven arm of every lane by one step with held torques.
 
     Args:
-        arena: of one block.
+        arena: arena of one block.
         h: step [s].
-        bases: see `drives.hermite`, at the step's start, middle and end; under the joint-space law only.
+        bases: see `actuation.hermite`, at the step's start, middle and end; under the joint-space law only.
     """
 
 
 def law_source(variant: Variant) -> str:
-    """One stage of the closed loop."""
+    """Record one stage of the closed loop."""
     r = Recorder(variant)
     h, ahead = r.trace.input("h"), r.trace.input("ahead")
     y, v_known = r.read("Y"), r.read("V")
@@ -238,10 +238,10 @@ def law_source(variant: Variant) -> str:
 
 @recorded(law_source, SHARED)
 def law_kernel(arena: Arena, h: float, ahead: float, explicit: Four, implicit: Four) -> None:
-    """One stage of the closed loop on every lane: combine earlier stages, then `closed_loop.law_stage`.
+    """Compute one stage of the closed loop of every lane: earlier stages, then `jacobian_transpose.law_stage`.
 
     Args:
-        arena: of one block; results in Y_STAGE, V_STAGE, MECHANICAL, FEEDBACK, TAU.
+        arena: arena of one block; results in Y_STAGE, V_STAGE, MECHANICAL, FEEDBACK, TAU.
         h: step [s].
         ahead: time of the stage after the step's start [s].
         explicit: coefficients of the stages before, explicit part.
@@ -250,9 +250,9 @@ def law_kernel(arena: Arena, h: float, ahead: float, explicit: Four, implicit: F
 
 
 def elimination_source(variant: Variant) -> str:
-    """What elimination knows of an arm, from its constants.
+    """Record the elimination's numbers, from the constants of an arm.
 
-    Rounded as Python rounds it for the kernels whose arms never change (`rows.arm_rows`).
+    Rounded as Python rounds it for the kernels whose arms never change (`layout.arm_rows`).
     """
     r = Recorder(variant)
     e = elimination(r.constants())
@@ -263,11 +263,11 @@ def elimination_source(variant: Variant) -> str:
 
 @recorded(elimination_source, SHARED)
 def elimination_kernel(arena: Arena) -> None:
-    """What `elimination` knows of every lane's arm, with linear kinematics."""
+    """Compute the elimination's numbers of every lane's arm, with linear kinematics."""
 
 
 def reading_source(variant: Variant) -> str:
-    """What the sensor measures now."""
+    """Record what the sensor measures now."""
     r = Recorder(variant)
     r.store("readings", sensing.reading(r.constants(), r.sensor(), variant.sensor, r.read("Y"), r.read("V")))
     return r.source("reading_kernel(arena, readings)")
@@ -275,7 +275,7 @@ def reading_source(variant: Variant) -> str:
 
 @recorded(reading_source, SHARED)
 def reading_kernel(arena: Arena, readings: LaneRows) -> None:
-    """What the sensor would measure now, without delay, on every lane: two readings, two rates. Shape (4, lanes)."""
+    """Measure without delay, on every lane: two readings, two rates. Shape (4, lanes)."""
 
 
 def second_reading_source(variant: Variant) -> str:
@@ -292,7 +292,7 @@ def second_reading_kernel(arena: Arena, readings: LaneRows) -> None:
 
 
 def outputs_source(variant: Variant) -> str:
-    """Observation, state and tips of a closed loop."""
+    """Record observation, state and tips of a closed loop."""
     r = Recorder(variant)
     truth, reference = r.truth(), r.read("REFERENCE")
     observed = jacobian_transpose.observation(r.constants(), r.law(), variant.sensor, (r.read("Y"), r.read("V")))
@@ -305,4 +305,4 @@ def outputs_source(variant: Variant) -> str:
 
 @recorded(outputs_source, SHARED)
 def outputs_kernel(arena: Arena) -> None:
-    """Sensed position and tips on every lane."""
+    """Compute sensed position and tips of every lane."""

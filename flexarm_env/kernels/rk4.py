@@ -1,6 +1,6 @@
 """Drivers of the torque-driven arm's kernel: the classical Runge-Kutta method over lanes, steps and blocks.
 
-`stepping` explains lanes, blocks and arenas.
+`imex` explains lanes, blocks and arenas.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ def run_open(arenas: Arenas, torques: LaneRecords, states: LaneRecords, h: float
         every: record after so many steps.
 
     Returns:
-        How many steps were done: fewer than asked if a state stopped being finite.
+        How many steps were done: fewer than `steps` if a state stopped being finite.
     """
     for step in range(torques.shape[0]):
         total = 0.0

@@ -16,7 +16,7 @@ class Variant:
     """What a kernel module is compiled for.
 
     Attributes:
-        program: of the kernels.
+        program: program of the kernels.
         modes: per link.
         complete: complete velocity forces, or C_r.
         lanes: environments in a block.
@@ -24,7 +24,7 @@ class Variant:
         rate_jacobian: "delayed" or "current" (where the law acts).
         late: the law acts on the sensor's late readings; False: on the joints' own, whatever the sensor.
         own_paths: each episode draws a path of its own (environments only).
-        foreshortened: kinematics (`links`).
+        foreshortened: kinematics (`bent_link`).
         disturbed: noise, jitter, dropouts, a sensor with a clock of its own, or late torques can occur (environments
             only); they take time to compile.
         second_sensor: link that a second sensor is on; 0 where there is none (environments only).

@@ -50,7 +50,7 @@ class Bent(NamedTuple):
 
 
 def bent(at: Place, q: Vector) -> Bent:
-    """Where a place of a link is at the modal coordinates q."""
+    """Return where a place of a link is at the modal coordinates q."""
     across = dot(at.values, q)
     if not at.foreshortening:
         return Bent(at.distance, across, [0.0] * len(q), at.values)
@@ -59,7 +59,7 @@ def bent(at: Place, q: Vector) -> Bent:
 
 
 def drawn_in(at: Place, rates: Vector) -> Any:
-    """Acceleration of a place towards the root that the modal rates alone cause, q'^T S q'."""
+    """Return the acceleration of a place towards the root that the modal rates alone cause, q'^T S q'."""
     return dot(at.foreshortening, products(rates)) if at.foreshortening else 0.0
 
 
@@ -86,17 +86,17 @@ class Link(NamedTuple):
 
 
 def root_inertia(link: Link, q: Vector) -> Any:
-    """Moment of inertia of the bent link about its root."""
+    """Return the moment of inertia of the bent link about its root."""
     return link.inertia + dot(q, symmetric_times(_spread(link, q, 0.25), q))
 
 
 def outward(link: Link, q: Vector) -> list[Any]:
-    """Half the gradient of `root_inertia`: the modal forces of a unit centrifugal field."""
+    """Return half the gradient of `root_inertia`: the modal forces of a unit centrifugal field."""
     return symmetric_times(_spread(link, q, 0.5), q)
 
 
 def _spread(link: Link, q: Vector, share: float) -> Vector:
-    """Mass matrix, less what foreshortening takes away, and a share of what it squared adds."""
+    """Return the mass matrix, less what foreshortening takes away, and a share of what it squared adds."""
     if not link.quartic:
         return link.translation
     squared = symmetric_times(link.quartic, products(q))
@@ -105,7 +105,7 @@ def _spread(link: Link, q: Vector, share: float) -> Vector:
 
 
 def root_coupling(link: Link, q: Vector) -> Vector:
-    """Moment of inertia between root rotation and each mode of the bent link."""
+    """Return the moment of inertia between root rotation and each mode of the bent link."""
     if not link.cubic:
         return link.coupling
     pulled, pairs = symmetric_times(_weighted(link, q), q), products(q)
@@ -113,7 +113,7 @@ def root_coupling(link: Link, q: Vector) -> Vector:
 
 
 def modal_mass(link: Link, q: Vector) -> Vector:
-    """Modal mass matrix of the bent link, lower triangle."""
+    """Return the modal mass matrix of the bent link, lower triangle."""
     if not link.quartic:
         return link.mass
     modes, result = range(len(q)), []
@@ -125,12 +125,12 @@ def modal_mass(link: Link, q: Vector) -> Vector:
 
 
 def shortening_forces(link: Link, q: Vector, rates: Vector, turn: Any) -> tuple[Any, Vector]:
-    """Velocity forces that foreshortening adds, on the root and on each mode, at v' = 0.
+    """Return the velocity forces that foreshortening adds, on the root and on each mode, at v' = 0.
 
     Args:
         link: the link.
         q: modal coordinates.
-        rates: of them.
+        rates: rates of the coordinates.
         turn: angular velocity of the root tangent.
     """
     n = len(q)
@@ -147,11 +147,11 @@ def shortening_forces(link: Link, q: Vector, rates: Vector, turn: Any) -> tuple[
 
 
 def _cubic(link: Link, mode: int, modes: int) -> Vector:
-    """T_k of one mode, lower triangle."""
+    """Return T_k of one mode, lower triangle."""
     count = modes * (modes + 1) // 2
     return link.cubic[mode * count : (mode + 1) * count]
 
 
 def _weighted(link: Link, b: Vector) -> list[Any]:
-    """sum_k b_k T_k, lower triangle."""
+    """Return sum_k b_k T_k, lower triangle."""
     return [dot(b, column) for column in zip(*(_cubic(link, k, len(b)) for k in range(len(b))), strict=True)]

@@ -1,4 +1,4 @@
-"""What the equations know of an arm: modal integrals and lumped masses, folded into constants (see `dynamics`)."""
+"""The constants of an arm in the equations: modal integrals and lumped masses, combined (see `dynamics`)."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from flexarm_env.physics.link_modes import LinkModes, foreshortening_moments, li
 
 
 class Constants(NamedTuple):
-    """Everything the equations know of an arm; each field a number or a tuple over modes.
+    """The constants of an arm in the equations; each field is a number or a tuple over modes.
 
     Link i with what is fixed to it: ``inertia`` about its root [kg m^2]; ``coupling``, moment of inertia between
     root rotation and mode; ``mass``, modal mass matrix (lower triangle, row by row); ``static_moment`` [kg m];
@@ -23,7 +23,7 @@ class Constants(NamedTuple):
     its tip; link 2 carries the elbow hub's inertia and the payload. ``translation_2`` is ``mass_2`` without the
     payload's rotary inertia, which has no centrifugal effect.
 
-    The last eight are empty with linear kinematics (`links`): S at the elbow, the moments of S, and of link 2 the
+    The last eight are empty with linear kinematics (`bent_link`): S at the elbow, the moments of S, and of link 2 the
     integral of S over mass.
     """
 
@@ -56,7 +56,7 @@ class Constants(NamedTuple):
 
     @staticmethod
     def sizes(modes: int, foreshortened: bool = False) -> list[int | None]:
-        """Length of each field for a number of modes; None for a number."""
+        """Return the length of each field for a number of modes; None for a number."""
         pairs = modes * (modes + 1) // 2
         further = [pairs] * 4 + [modes * pairs] * 2 + [pairs * (pairs + 1) // 2] * 2
         return [None] * 6 + [modes] * 9 + [pairs] * 3 + [count * foreshortened for count in further]
@@ -86,17 +86,17 @@ class Constants(NamedTuple):
         )
 
     def flat(self) -> list[Any]:
-        """All numbers in order, as a kernel reads them."""
+        """Return all numbers in order, as a kernel reads them."""
         return linear_algebra.flat(self)
 
     @classmethod
     def unflat(cls, numbers: Sequence[Any], modes: int, foreshortened: bool = False) -> Constants:
-        """Inverse of `flat`."""
+        """Return the inverse of `flat`."""
         return cls(*linear_algebra.unflat(numbers, cls.sizes(modes, foreshortened)))
 
 
 def arm_modes(parameters: ArmParameters) -> tuple[LinkModes, LinkModes]:
-    """Modes of the two bare links."""
+    """Return the modes of the two bare links."""
     p = parameters
     first, second = (
         link_modes(length, rigidity, density, p.modes_per_link, p.mode_scale, p.mode_shapes)
@@ -141,13 +141,13 @@ def arm_constants(parameters: ArmParameters, modes: tuple[LinkModes, LinkModes])
 
 
 def link_place(modes: LinkModes, foreshortened: bool, s: float) -> Place:
-    """A point of a link at the distance s [m] from its root; floats only."""
+    """Return a point of a link at the distance s [m] from its root; floats only."""
     sums = _lower(modes.foreshortening(s)) if foreshortened else ()
     return Place(float(s), _floats(modes.shape(s)), sums)
 
 
 def _foreshortening(modes: tuple[LinkModes, LinkModes], carried: tuple[float, float]) -> dict[str, tuple[float, ...]]:
-    """The fields of `Constants` that linear kinematics leave empty; `carried`: masses at the links' tips [kg]."""
+    """Return the fields of foreshortened kinematics; `carried`: masses at the links' tips [kg]."""
     one, two = (foreshortening_moments(link, mass) for link, mass in zip(modes, carried, strict=True))
     return {
         "elbow_foreshortening": _lower(modes[0].foreshortening(modes[0].length)),

@@ -19,25 +19,25 @@ Array = NDArray[np.float64]
 
 
 def stack(values: Sequence[Any]) -> Array:
-    """Numbers or arrays that broadcast, along a new last axis."""
+    """Stack numbers, or arrays that broadcast, along a new last axis."""
     return np.stack(np.broadcast_arrays(*values), axis=-1)
 
 
 def stack_matrix(rows: Sequence[Sequence[Any]]) -> Array:
-    """A square matrix of numbers or arrays that broadcast, along two new last axes."""
+    """Stack a square matrix of numbers, or of arrays that broadcast, along two new last axes."""
     size = len(rows)
     flat = stack([value for row in rows for value in row])
     return flat.reshape(*flat.shape[:-1], size, size)
 
 
 def to_internal(k: Constants) -> Array:
-    """dy/dq, constant. Shape (2 + 2 m, 2 + 2 m)."""
+    """Return dy/dq, constant. Shape (2 + 2 m, 2 + 2 m)."""
     size = 2 * len(k.elbow_slopes) + 2
     return np.array(internal_coordinates(k, list(np.eye(size))), dtype=np.float64)
 
 
 def to_public(k: Constants) -> Array:
-    """dq/dy, constant. Shape (2 + 2 m, 2 + 2 m)."""
+    """Return dq/dy, constant. Shape (2 + 2 m, 2 + 2 m)."""
     size = 2 * len(k.elbow_slopes) + 2
     y = list(np.eye(size))
     m = len(k.elbow_slopes)
@@ -45,13 +45,13 @@ def to_public(k: Constants) -> Array:
 
 
 def internal_state(k: Constants, state: Array) -> Array:
-    """(y, v) of public states. Shape (..., 4 + 4 m)."""
+    """Return (y, v) of public states. Shape (..., 4 + 4 m)."""
     halves = np.split(state, 2, axis=-1)
     return np.concatenate([stack(internal_coordinates(k, list(np.moveaxis(half, -1, 0)))) for half in halves], axis=-1)
 
 
 def public_state(k: Constants, internal: Array) -> Array:
-    """Inverse of `internal_state`; sums in a fixed order, the same bits for one state and for many."""
+    """Invert `internal_state`; sums have a fixed order, so that one state and many are bitwise identical."""
     halves = []
     m = len(k.elbow_slopes)
     for half in np.split(internal, 2, axis=-1):
@@ -63,10 +63,10 @@ def public_state(k: Constants, internal: Array) -> Array:
 def material_point(
     modes: tuple[LinkModes, LinkModes], foreshortened: bool, y: Array, link: int, s: Array
 ) -> tuple[Array, Array]:
-    """Position of a material point and its Jacobian with respect to the internal coordinates.
+    """Return the position of a material point and its Jacobian with respect to the internal coordinates.
 
     Args:
-        modes: of both links.
+        modes: modes of both links.
         foreshortened: kinematics.
         y: internal coordinates. Shape (..., 2 + 2 m).
         link: 1 or 2.
@@ -90,7 +90,7 @@ def material_point(
 
 
 def rigid_tip(lengths: tuple[float, float], q: Array) -> Array:
-    """Tip by rigid kinematics of the joint angles (8), (9) [m]. Shape (..., 2)."""
+    """Return the tip by rigid kinematics of the joint angles (8), (9) [m]. Shape (..., 2)."""
     first, both = q[..., 0], q[..., 0] + q[..., 1]
     x = lengths[0] * np.cos(first) + lengths[1] * np.cos(both)
     y = lengths[0] * np.sin(first) + lengths[1] * np.sin(both)
@@ -98,7 +98,7 @@ def rigid_tip(lengths: tuple[float, float], q: Array) -> Array:
 
 
 def _link_point(link: LinkModes, foreshortened: bool, y: Array, s: Array) -> tuple[Array, Array]:
-    """Point X e + Y n of one link relative to its root, and its Jacobian in (a, q)."""
+    """Return the point X e + Y n of one link relative to its root, and its Jacobian in (a, q)."""
     angle, coordinates = y[..., 0], y[..., 1:]
     shape = link.shape(s)
     w = np.sum(shape * coordinates, axis=-1)

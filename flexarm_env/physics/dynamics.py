@@ -6,7 +6,7 @@ hold no branches on data and take sines and cosines as arguments.
 Symbols:
     a1, a2: absolute angles of the root tangents of link 1 and link 2 from the x axis [rad].
     q1, q2: modal coordinates of the links; a point of a link lies at (X, Y) along and across its root tangent: with
-        linear kinematics at (x, w), ``w(x) = sum_i phi_i(x) q_i`` [m] (3), or foreshortened (see `links`).
+        linear kinematics at (x, w), ``w(x) = sum_i phi_i(x) q_i`` [m] (3), or foreshortened (see `bent_link`).
     y = (a1, q1, a2, q2): the internal coordinates; v = dy/dt.
     theta1 = a1, theta2 = a2 - a1 - w1'(L1): the joint angles [rad], what encoders read.
     e_i, n_i: unit vectors along and across link i's root tangent; C, S: cosine and sine of a2 - a1.
@@ -37,31 +37,31 @@ from flexarm_env.physics.modal_elimination import Elimination, Inertia
 
 
 def joint_angles(k: Constants, y: Vector) -> tuple[Any, Any]:
-    """(theta1, theta2) from the internal coordinates; applies to rates as well."""
+    """Return (theta1, theta2) from the internal coordinates; applies to rates as well."""
     m = len(k.elbow_slopes)
     return y[0], y[m + 1] - y[0] - dot(k.elbow_slopes, y[1 : m + 1])
 
 
 def internal_coordinates(k: Constants, q: Vector) -> list[Any]:
-    """y = (a1, q1, a2, q2) from the public order (theta1, theta2, q1, q2); applies to rates as well."""
+    """Return y = (a1, q1, a2, q2) from the public order (theta1, theta2, q1, q2); applies to rates as well."""
     m = len(k.elbow_slopes)
     q1 = list(q[2 : m + 2])
     return [q[0], *q1, q[0] + dot(k.elbow_slopes, q1) + q[1], *q[m + 2 :]]
 
 
 def elbow_turn(y: Vector) -> Any:
-    """a2 - a1 [rad], from internal coordinates y: with as many modes on each link, a2 is half way."""
+    """Return a2 - a1 [rad], from internal coordinates y: with as many modes on each link, a2 is half way."""
     return y[len(y) // 2] - y[0]
 
 
 def generalised_torque(k: Constants, tau: Vector) -> list[Any]:
-    """B tau: the elbow's torque reacts on link 1's tip slope."""
+    """Return B tau: the elbow's torque reacts on link 1's tip slope."""
     m = len(k.elbow_slopes)
     return [tau[0] - tau[1], *(-slope * tau[1] for slope in k.elbow_slopes), tau[1], *([0.0] * m)]
 
 
 def mass_matrix(k: Constants, y: Vector, cos: Any, sin: Any) -> list[list[Any]]:
-    """M(y), full and symmetric, in the order of y.
+    """Return M(y), full and symmetric, in the order of y.
 
     Args:
         k: constants.
@@ -100,14 +100,14 @@ def mass_matrix(k: Constants, y: Vector, cos: Any, sin: Any) -> list[list[Any]]:
 
 
 def inertia(k: Constants, e: Elimination | None, y: Vector, cos: Any, sin: Any) -> Inertia | Factors:
-    """M(y) ready for `solve`: by elimination with linear kinematics, else (e is None) by a factorisation."""
+    """Return M(y) ready for `solve`: by elimination with linear kinematics, else (e is None) by a factorisation."""
     if e is not None:
         return modal_elimination.inertia(k, e, y, cos, sin)
     return factor(mass_matrix(k, y, cos, sin))
 
 
 def solve(k: Constants, e: Elimination | None, at: Inertia | Factors, right: Vector) -> list[Any]:
-    """x with ``M(y) x = right``, from `inertia`."""
+    """Return x with ``M(y) x = right``, from `inertia`."""
     if isinstance(at, Factors):
         return linear_algebra.solve(at, right)
     assert e is not None
@@ -115,7 +115,7 @@ def solve(k: Constants, e: Elimination | None, at: Inertia | Factors, right: Vec
 
 
 def velocity_forces(k: Constants, y: Vector, v: Vector, cos: Any, sin: Any) -> list[Any]:
-    """h(y, v): complete Coriolis and centrifugal forces, in the order of y."""
+    """Return h(y, v): complete Coriolis and centrifugal forces, in the order of y."""
     m = len(k.elbow_slopes)
     w1, w2 = v[0], v[m + 1]  # angular velocities
     q1, q1_dot, q2, q2_dot = y[1 : m + 1], v[1 : m + 1], y[m + 2 :], v[m + 2 :]
@@ -142,7 +142,7 @@ def velocity_forces(k: Constants, y: Vector, v: Vector, cos: Any, sin: Any) -> l
 
 
 def rigid_velocity_forces(k: Constants, v: Vector, sin_theta2: Any) -> list[Any]:
-    """The paper's C_r(theta, theta') (7), mapped from the joint rows to the order of y.
+    """Return the paper's C_r(theta, theta') (7), mapped from the joint rows to the order of y.
 
     In joint coordinates only the two joint rows are not zero; the virtual work of the elbow's row gives link 1's
     modal rows -phi'(L1) times it.
@@ -160,7 +160,7 @@ def rigid_velocity_forces(k: Constants, v: Vector, sin_theta2: Any) -> list[Any]
 
 
 def applied_forces(k: Constants, y: Vector, v: Vector, h: Vector, tau: Vector = (0.0, 0.0)) -> list[Any]:
-    """Right-hand side: B (tau - friction) - h - K y - D v; tau: of the motors [N m]."""
+    """Return the right-hand side: B (tau - friction) - h - K y - D v; tau: of the motors [N m]."""
     m = len(k.elbow_slopes)
     rate1, rate2 = joint_angles(k, v)
     joints = generalised_torque(k, (tau[0] - k.friction_1 * rate1, tau[1] - k.friction_2 * rate2))
@@ -178,7 +178,7 @@ def acceleration(
     tau: Vector,
     angles: tuple[Any, Any, Any],
 ) -> list[Any]:
-    """v' of the torque-driven arm (6).
+    """Return v' of the torque-driven arm (6).
 
     Args:
         k: constants.
@@ -196,18 +196,18 @@ def acceleration(
 
 
 def kinetic_energy(matrix: Matrix, v: Vector) -> Any:
-    """v^T M v / 2 [J]."""
+    """Return v^T M v / 2 [J]."""
     return 0.5 * dot(v, [dot(row, v) for row in matrix])
 
 
 def strain_energy(k: Constants, y: Vector) -> Any:
-    """Bending energy of both links [J]."""
+    """Return the bending energy of both links [J]."""
     m = len(k.elbow_slopes)
     q = [*y[1 : m + 1], *y[m + 2 :]]
     return 0.5 * dot([*k.stiffness_1, *k.stiffness_2], [x * x for x in q])
 
 
 def angular_momentum(matrix: Matrix, v: Vector) -> Any:
-    """About the shoulder [kg m^2/s]: the momenta of a1 and a2 are rotated together by a turn of the whole arm."""
+    """Return the angular momentum about the shoulder [kg m^2/s]: a turn of the whole arm changes a1 and a2 equally."""
     m = len(v) // 2 - 1
     return dot(matrix[0], v) + dot(matrix[m + 1], v)

@@ -10,7 +10,7 @@ from typing import Any
 from flexarm_env.codegen.elementary import arctan2, sincos
 from flexarm_env.codegen.tracing import at_least, floor, magnitude, root, where_less
 
-# Near the straight and the folded arm a tip velocity asks for unbounded joint rates; the sine of theta2 that divides
+# Near the straight and the folded arm a tip velocity requires unbounded joint rates; the sine of theta2 that divides
 # them is kept at least so large. On the default square it is 0.28 at the corners.
 LEAST_SINE = 0.05
 STRAIGHT = 0.05  # [rad]; an elbow bent by less is on neither side. Two equal links then reach to 0.03 % of their length
@@ -18,7 +18,7 @@ TURN = 6.283185307179586
 
 
 def joint_angles_for(length_1: Any, length_2: Any, branch: Any, x: Any, y: Any) -> tuple[Any, Any]:
-    """Joint angles that put the rigid arm's tip at a point, or the nearest the straight or folded arm can do.
+    """Return the joint angles that put the rigid arm's tip at a point, or as near as the straight or folded arm can.
 
     By the half angle, which keeps its digits where the arm is straight or folded.
 
@@ -26,8 +26,8 @@ def joint_angles_for(length_1: Any, length_2: Any, branch: Any, x: Any, y: Any) 
         length_1: L1 [m].
         length_2: L2 [m].
         branch: 1 for a positive theta2, -1 for a negative one.
-        x: of the tip [m].
-        y: of the tip [m].
+        x: x coordinate of the tip [m].
+        y: y coordinate of the tip [m].
 
     Returns:
         theta1, theta2 [rad].
@@ -43,15 +43,15 @@ def joint_angles_for(length_1: Any, length_2: Any, branch: Any, x: Any, y: Any) 
 
 
 def joint_rates_for(length_1: Any, length_2: Any, theta1: Any, theta2: Any, vx: Any, vy: Any) -> tuple[Any, Any]:
-    """Joint rates that move the rigid arm's tip: J^-1 v, J of (13), bounded by `LEAST_SINE`.
+    """Return the joint rates that move the rigid arm's tip: J^-1 v, J of (13), bounded by `LEAST_SINE`.
 
     Args:
         length_1: L1 [m].
         length_2: L2 [m].
         theta1: [rad].
         theta2: [rad].
-        vx: of the tip [m/s].
-        vy: of the tip [m/s].
+        vx: x velocity of the tip [m/s].
+        vy: y velocity of the tip [m/s].
 
     Returns:
         The rates of theta1 and theta2 [rad/s].

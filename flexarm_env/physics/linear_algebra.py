@@ -21,23 +21,23 @@ def dot(a: Vector, b: Vector) -> Any:
 
 
 def place(i: int, j: int) -> int:
-    """Where entry (i, j) of a symmetric matrix lies in its lower triangle."""
+    """Return where entry (i, j) of a symmetric matrix lies in its lower triangle."""
     return max(i, j) * (max(i, j) + 1) // 2 + min(i, j)
 
 
 def symmetric_times(lower: Vector, b: Vector) -> list[Any]:
-    """Product of a symmetric matrix and a vector."""
+    """Return the product of a symmetric matrix and a vector."""
     n = len(b)
     return [dot([lower[place(i, j)] for j in range(n)], b) for i in range(n)]
 
 
 def products(b: Vector) -> list[Any]:
-    """b_i b_j for each entry of a lower triangle, those off the diagonal twice: ``b^T A b`` is their dot with A."""
+    """Return b_i b_j for a lower triangle, those off the diagonal twice: ``b^T A b`` is their dot with A."""
     return [b[i] * b[i] if i == j else 2.0 * (b[i] * b[j]) for i in range(len(b)) for j in range(i + 1)]
 
 
 def inverse(lower: Vector, n: int) -> list[Any]:
-    """Inverse of a positive definite n x n matrix; both by their lower triangles."""
+    """Return the inverse of a positive definite n x n matrix; both by their lower triangles."""
     factors = factor([[lower[place(i, j)] for j in range(n)] for i in range(n)])
     columns = [solve(factors, [float(i == j) for i in range(n)]) for j in range(n)]
     return [columns[j][i] for i in range(n) for j in range(i + 1)]
@@ -56,7 +56,7 @@ class Factors(NamedTuple):
 
 
 def factor(matrix: Matrix) -> Factors:
-    """Factors of a positive definite matrix, without pivoting."""
+    """Factorise a positive definite matrix, without pivoting."""
     n = len(matrix)
     lower: list[list[Any]] = [[0.0] * n for _ in range(n)]
     scaled: list[list[Any]] = [[0.0] * n for _ in range(n)]  # L diag(d)
@@ -70,7 +70,7 @@ def factor(matrix: Matrix) -> Factors:
 
 
 def solve(factors: Factors, right: Vector) -> list[Any]:
-    """x with M x = right."""
+    """Return x with M x = right."""
     n = len(right)
     lower = [factors.lower[i * (i - 1) // 2 :][:i] for i in range(n)]
     x: list[Any] = []
@@ -83,17 +83,17 @@ def solve(factors: Factors, right: Vector) -> list[Any]:
 
 
 def flat(fields: Iterable[Any]) -> list[Any]:
-    """All numbers of fields that are numbers or sequences, in order."""
+    """Return all numbers of fields that are numbers or sequences, in order."""
     return [x for field in fields for x in (field if isinstance(field, tuple | list) else [field])]
 
 
 def unflat(numbers: Sequence[Any], sizes: Sequence[int | None]) -> Iterator[Any]:
-    """Inverse of `flat`: fields of given lengths; None for a number."""
+    """Return the inverse of `flat`: fields of given lengths; None for a number."""
     source = iter(numbers)
     for size in sizes:
         yield next(source) if size is None else tuple(next(source) for _ in range(size))
 
 
 def extent(sizes: Sequence[int | None]) -> int:
-    """How many numbers fields of these lengths hold; see `unflat`."""
+    """Return how many numbers fields of these lengths hold; see `unflat`."""
     return sum(1 if size is None else size for size in sizes)

@@ -36,7 +36,7 @@ _NODES, _WEIGHTS = 0.5 * (_NODES + 1.0), 0.5 * _WEIGHTS
 
 @lru_cache
 def clamped_free_roots(count: int) -> tuple[float, ...]:
-    """First roots of ``cos(z) cosh(z) + 1 = 0``, z = lambda L [rad] (text below (4))."""
+    """Return the first roots of ``cos(z) cosh(z) + 1 = 0``, z = lambda L [rad] (text below (4))."""
 
     def scaled(z: float) -> float:
         return float(np.cos(z) + 1.0 / np.cosh(z))  # the characteristic equation over cosh: no overflow
@@ -60,7 +60,7 @@ class CantileverShapes:
     wavenumbers: Array
 
     def __call__(self, x: Array, order: int) -> Array:
-        """Derivative of an order at the distances x [m]. Shape (..., m)."""
+        """Return the derivative of an order at the distances x [m]. Shape (..., m)."""
         z = self.wavenumbers * self.length
         k = (np.cos(z) + np.cosh(z)) / (np.sin(z) + np.sinh(z))
         u = x[..., None] * self.wavenumbers
@@ -79,14 +79,14 @@ class PolynomialShapes:
 
     Attributes:
         length: L [m].
-        coefficients: of the powers, from the constant up; a column for each shape. Shape (m + 2, m).
+        coefficients: coefficients of the powers, from the constant up; a column for each shape. Shape (m + 2, m).
     """
 
     length: float
     coefficients: Array
 
     def __call__(self, x: Array, order: int) -> Array:
-        """Derivative of an order at the distances x [m]. Shape (..., m)."""
+        """Return the derivative of an order at the distances x [m]. Shape (..., m)."""
         derived = polynomial.polyder(self.coefficients, order) / self.length**order
         return np.moveaxis(polynomial.polyval(x / self.length, derived), 0, -1)
 
@@ -95,13 +95,13 @@ Shapes = Callable[[Array, int], Array]
 
 
 def _cantilever(length: float, count: int, scale: float) -> tuple[Shapes, Array]:
-    """Shapes and wavenumbers of the clamped-free beam (4)."""
+    """Return the shapes and wavenumbers of the clamped-free beam (4)."""
     wavenumbers = np.array(clamped_free_roots(count)) / length
     return CantileverShapes(length, scale, wavenumbers), wavenumbers
 
 
 def _polynomial(length: float, count: int, scale: float) -> tuple[Shapes, Array]:
-    """Shapes and wavenumbers of the Rayleigh-Ritz modes in the space of x^2 to x^(m+1).
+    """Return the shapes and wavenumbers of the Rayleigh-Ritz modes in the space of x^2 to x^(m+1).
 
     With xi = x / L, xi^2 times the Jacobi polynomials P_j^(0,4)(2 xi - 1), whose weight is xi^4, are orthogonal.
     """
@@ -131,7 +131,7 @@ class LinkModes:
         mass_per_length: rho [kg/m].
         shapes: phi_i and their derivatives.
         wavenumbers: lambda_i [1/m]. Shape (m,).
-        frequencies: of the clamped-free link [rad/s] (5). Shape (m,).
+        frequencies: frequencies of the clamped-free link [rad/s] (5). Shape (m,).
         tip_values: phi_i(L) [m per unit modal coordinate]. Shape (m,).
         tip_slopes: phi_i'(L) [rad per unit modal coordinate]. Shape (m,).
         first_moment: integral of rho phi_i. Shape (m,).
@@ -153,19 +153,19 @@ class LinkModes:
     stiffness: Array
 
     def shape(self, x: ArrayLike) -> Array:
-        """phi_i at the distances x [m] (4). Shape (..., m)."""
+        """Return phi_i at the distances x [m] (4). Shape (..., m)."""
         return self.shapes(np.asarray(x, dtype=float), 0)
 
     def slope(self, x: ArrayLike) -> Array:
-        """phi_i' at the distances x [m]. Shape (..., m)."""
+        """Return phi_i' at the distances x [m]. Shape (..., m)."""
         return self.shapes(np.asarray(x, dtype=float), 1)
 
     def curvature(self, x: ArrayLike) -> Array:
-        """phi_i'' at the distances x [m]. Shape (..., m)."""
+        """Return phi_i'' at the distances x [m]. Shape (..., m)."""
         return self.shapes(np.asarray(x, dtype=float), 2)
 
     def foreshortening(self, x: ArrayLike) -> Array:
-        """S_ij, integral of phi_i' phi_j' from the root to the distances x [m]. Shape (..., m, m)."""
+        """Return S_ij, integral of phi_i' phi_j' from the root to the distances x [m]. Shape (..., m, m)."""
         x = np.asarray(x, dtype=float)
         slopes = self.slope(x[..., None] * _NODES)
         return x[..., None, None] * np.einsum("n,...ni,...nj->...ij", _WEIGHTS, slopes, slopes)
@@ -179,7 +179,7 @@ def link_modes(
     scale: float,
     mode_shapes: str = "cantilever",
 ) -> LinkModes:
-    """Modes and integrals of a uniform link.
+    """Return the modes and integrals of a uniform link.
 
     Args:
         length: L [m].
@@ -218,10 +218,10 @@ class ForeshorteningMoments:
     """Integrals of a link's foreshortening S over its mass and a point mass at its tip.
 
     Attributes:
-        mean: of S. Shape (m, m).
-        shortened: of x S. Shape (m, m).
-        cubic: of phi_k S. Shape (m, m, m).
-        quartic: of S_ij S_kl, over pairs of modes i >= j, k >= l in the order of a lower triangle. Shape (p, p).
+        mean: integral of S. Shape (m, m).
+        shortened: integral of x S. Shape (m, m).
+        cubic: integral of phi_k S. Shape (m, m, m).
+        quartic: integral of S_ij S_kl, over pairs of modes i >= j, k >= l in lower-triangle order. Shape (p, p).
     """
 
     mean: Array

@@ -26,7 +26,7 @@ from flexarm_env.physics.linear_algebra import Vector, dot, inverse, symmetric_t
 
 
 class Elimination(NamedTuple):
-    """What the elimination knows of an arm; each field a number or a tuple.
+    """The constants of the elimination; each field is a number or a tuple.
 
     Attributes:
         inv_A: A^-1, lower triangle.
@@ -58,16 +58,16 @@ class Elimination(NamedTuple):
 
     @staticmethod
     def sizes(modes: int) -> list[int | None]:
-        """Length of each field for a number of modes; None for a number."""
+        """Return the length of each field for a number of modes; None for a number."""
         return [modes * (modes + 1) // 2] * 2 + [modes] * 4 + [None] * 6
 
     def flat(self) -> list[Any]:
-        """All numbers in order, as a kernel reads them."""
+        """Return all numbers in order, as a kernel reads them."""
         return linear_algebra.flat(self)
 
     @classmethod
     def unflat(cls, numbers: Sequence[Any], modes: int) -> Elimination:
-        """Inverse of `flat`."""
+        """Return the inverse of `flat`."""
         return cls(*linear_algebra.unflat(numbers, cls.sizes(modes)))
 
 
@@ -129,7 +129,7 @@ def inertia(k: Constants, e: Elimination, y: Vector, cos: Any, sin: Any) -> Iner
 
     Args:
         k: constants.
-        e: of the same arm.
+        e: elimination of the same arm.
         y: internal coordinates.
         cos: C, cosine of a2 - a1.
         sin: S, sine of a2 - a1.
@@ -170,7 +170,7 @@ def inertia(k: Constants, e: Elimination, y: Vector, cos: Any, sin: Any) -> Iner
 
 
 def solve(k: Constants, e: Elimination, at: Inertia, right: Vector) -> list[Any]:
-    """x with ``M x = right``; arguments as in `inertia`, and its result."""
+    """Return x with ``M x = right``; arguments as in `inertia`, and its result."""
     m = len(k.elbow_slopes)
     free_1, free_2 = symmetric_times(e.inv_A, right[1 : m + 1]), symmetric_times(e.inv_B, right[m + 2 :])
     carried = dot(k.momentum_2, free_2)  # link 2's force on the elbow, across link 2

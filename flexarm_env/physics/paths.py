@@ -1,7 +1,7 @@
 """Reference paths as pure functions of time: the square and others, corners abrupt, laps following each other.
 
 A path is a closed polyline travelled at constant speed on each side. The one rule that evaluates it
-(`sides.reference_at`) is compiled into the closed loop and used here as plain Python.
+(`polyline.reference_at`) is compiled into the closed loop and used here as plain Python.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ class ReferencePath:
 
     @property
     def rows(self) -> Array:
-        """The table with the velocity from each way-point on, as `sides.reference_at` reads it. Shape (n, 5)."""
+        """The table with the velocity from each way-point on, as `polyline.reference_at` reads it. Shape (n, 5)."""
         return with_velocities(self.table)
 
     @property
@@ -58,11 +58,11 @@ class ReferencePath:
         return float(self.table[-1, 0])
 
     def position(self, time: ArrayLike) -> Array:
-        """Reference position [m]; before time 0 it rests at the start. Shape (..., 2)."""
+        """Return the reference position [m]; before time 0 it rests at the start. Shape (..., 2)."""
         return self._evaluate(time)[..., :2]
 
     def velocity(self, time: ArrayLike) -> Array:
-        """Reference velocity [m/s]; at a corner that of the side that begins there. Shape (..., 2)."""
+        """Return the reference velocity [m/s]; at a corner that of the side that begins there. Shape (..., 2)."""
         return self._evaluate(time)[..., 2:]
 
     def _evaluate(self, time: ArrayLike) -> Array:
@@ -95,7 +95,7 @@ class ReferencePath:
 
 
 def with_velocities(table: Array) -> Array:
-    """Way-points (time, x, y) with the velocity from each on; the last one's is that of the first. Shape (n, 5)."""
+    """Add the velocity from each way-point (time, x, y) on; the last one's is that of the first. Shape (n, 5)."""
     steps = np.diff(table, axis=0)
     velocities = steps[:, 1:] * (1.0 / steps[:, :1])
     return np.column_stack([table, np.concatenate([velocities, velocities[:1]])])
@@ -108,7 +108,7 @@ def _distance_to_origin(a: Array, b: Array) -> float:
 
 
 def square(parameters: SquareParameters) -> ReferencePath:
-    """The square centred on the shoulder, a quarter of the lap time for each side."""
+    """Return the square centred on the shoulder, a quarter of the lap time for each side."""
     first = _CORNERS.index(parameters.start_corner)
     turn = 1 if parameters.direction == "clockwise" else -1
     order = [(first + turn * i) % 4 for i in range(5)]
@@ -118,7 +118,7 @@ def square(parameters: SquareParameters) -> ReferencePath:
 
 
 def circle(parameters: SquareParameters) -> ReferencePath:
-    """The circle inscribed in the square, from its point nearest the start corner, at constant speed."""
+    """Return the circle inscribed in the square, from its point nearest the start corner, at constant speed."""
     start = _SIGNS[_CORNERS.index(parameters.start_corner)]
     turn = -1.0 if parameters.direction == "clockwise" else 1.0
     angle = np.arctan2(start[1], start[0]) + turn * 2.0 * np.pi * _shares()
@@ -126,13 +126,13 @@ def circle(parameters: SquareParameters) -> ReferencePath:
 
 
 def line(parameters: SquareParameters) -> ReferencePath:
-    """The square's first side and back; the velocity reverses at both ends."""
+    """Return the square's first side and back; the velocity reverses at both ends."""
     corners = square(parameters).table[:2, 1:]
     return ReferencePath(np.column_stack([0.5 * parameters.lap_time * np.arange(3.0), corners[[0, 1, 0]]]))
 
 
 def figure_eight(parameters: SquareParameters) -> ReferencePath:
-    """A lying eight above the shoulder: 0.9 of the square's side wide, 0.3 high, centred 0.35 of it up."""
+    """Return a lying eight above the shoulder: 0.9 of the square's side wide, 0.3 high, centred 0.35 of it up."""
     turn = -1.0 if parameters.direction == "clockwise" else 1.0
     angle = turn * 2.0 * np.pi * _shares()
     x, y = 0.45 * np.sin(angle), 0.35 + 0.15 * np.sin(2.0 * angle)
@@ -140,7 +140,7 @@ def figure_eight(parameters: SquareParameters) -> ReferencePath:
 
 
 def way_points(parameters: SquareParameters, points: ArrayLike) -> ReferencePath:
-    """A closed polyline through points of the user's, at constant speed.
+    """Return a closed polyline through points of the user's, at constant speed.
 
     Args:
         parameters: its lap time.
@@ -175,7 +175,7 @@ def _curve(parameters: SquareParameters, points: Array) -> ReferencePath:
 
 
 def same_length(paths: Sequence[ReferencePath]) -> Array:
-    """Tables of several paths with equally many way-points; sides of the shorter ones are divided evenly.
+    """Return the tables of several paths with equally many way-points; sides of the shorter ones are divided evenly.
 
     Returns:
         Shape (paths, n, 5), see `ReferencePath.rows`.
@@ -196,7 +196,7 @@ def _subdivided(table: Array, sides: int) -> Array:
 
 
 def inverse_kinematics(arm: ArmParameters, point: ArrayLike, elbow_branch: str) -> Array:
-    """Joint angles that put the rigid arm's tip at a point.
+    """Return the joint angles that put the rigid arm's tip at a point.
 
     Args:
         arm: link lengths.

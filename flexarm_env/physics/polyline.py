@@ -13,7 +13,7 @@ AHEAD = 1e-9
 
 @per_lane
 def side_of(paths: Paths, p: int, time: float) -> tuple[float, int]:
-    """Time at which the present lap of path p began, and the number of its side, at a time [s]."""
+    """Return the time at which the present lap of path p began, and the number of its side, at a time [s]."""
     last = paths.shape[1] - 1
     lap = paths[p, last, 0]
     before = floor(time / lap) * lap  # laps done
@@ -29,7 +29,7 @@ def side_of(paths: Paths, p: int, time: float) -> tuple[float, int]:
 
 @per_lane
 def reference_at(paths: Paths, p: int, time: float, side: float, since: float) -> Four:
-    """Reference position and velocity on a closed polyline.
+    """Return the reference position and velocity on a closed polyline.
 
     Args:
         paths: way-points (time [s], x, y [m], velocity from there on x', y' [m/s]), the last one closing the lap.
@@ -55,7 +55,7 @@ def reference_at(paths: Paths, p: int, time: float, side: float, since: float) -
 
 
 def chord_at(paths: Paths, p: int, time: float, h: float, since: float) -> Four:
-    """Position [m] at a time [s], and mean velocity [m/s] over the step h [s] that begins there, on path p."""
+    """Return position [m] at a time [s], and mean velocity [m/s] over the step h [s] that begins there, on path p."""
     start = reference_at(paths, p, time, time, since)
     end = reference_at(paths, p, time + h, time + h, since)
     return start[0], start[1], (end[0] - start[0]) / h, (end[1] - start[1]) / h

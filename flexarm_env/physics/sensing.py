@@ -16,18 +16,18 @@ Pair = Sequence[Any]
 
 
 def rigid_point(distance_1: Any, distance_2: Any, one: Pair, both: Pair) -> tuple[Any, Any]:
-    """Rigid kinematics (8), (9); `one`, `both`: sine and cosine of theta1 and of theta1 + theta2."""
+    """Apply rigid kinematics (8), (9); `one`, `both`: sine and cosine of theta1 and of theta1 + theta2."""
     return distance_1 * one[1] + distance_2 * both[1], distance_1 * one[0] + distance_2 * both[0]
 
 
 def rigid_jacobian(distance_1: Any, distance_2: Any, one: Pair, both: Pair) -> tuple[Pair, Pair]:
-    """J (13), by columns: of the shoulder and of the elbow. Row 2, column 1 has the cosine that (13) misprints."""
+    """Return J (13), by columns: shoulder and elbow. Row 2, column 1 has the cosine that (13) misprints."""
     x, y = rigid_point(distance_1, distance_2, one, both)
     return (-y, x), (-(distance_2 * both[0]), distance_2 * both[1])
 
 
 def true_point(k: Constants, at: Place, y: Sequence[Any], one: Pair, two: Pair) -> tuple[Any, Any]:
-    """A point of link 2 with deflection; `one`, `two`: sine and cosine of a1 and of a2."""
+    """Return a point of link 2 with deflection; `one`, `two`: sine and cosine of a1 and of a2."""
     m = len(k.elbow_values)
     elbow, point = bent(k.elbow, y[1 : m + 1]), bent(at, y[m + 2 :])
     return (
@@ -37,7 +37,7 @@ def true_point(k: Constants, at: Place, y: Sequence[Any], one: Pair, two: Pair) 
 
 
 def true_jacobian(k: Constants, at: Place, y: Sequence[Any], one: Pair, two: Pair) -> tuple[list[Any], list[Any]]:
-    """Rows of d(true point)/dy."""
+    """Return the rows of d(true point)/dy."""
     m = len(k.elbow_values)
     row_x, row_y = [], []
     for part, turn in ((bent(k.elbow, y[1 : m + 1]), one), (bent(at, y[m + 2 :]), two)):
@@ -91,7 +91,7 @@ class Truth(NamedTuple):
         state: public state.
         true_tip: with deflection [m].
         rigid_tip: by rigid kinematics (8), (9) [m].
-        deflection: of each link's tip [m].
+        deflection: deflection of each link's tip [m].
         deflection_rate: [m/s].
     """
 
@@ -103,11 +103,11 @@ class Truth(NamedTuple):
 
 
 def truth(k: Constants, tip: Place, y: Sequence[Any], v: Sequence[Any]) -> Truth:
-    """Public state, tips and deflections.
+    """Return public state, tips and deflections.
 
     Args:
         k: constants of the arm.
-        tip: of link 2.
+        tip: tip of link 2.
         y: internal coordinates.
         v: internal rates.
     """

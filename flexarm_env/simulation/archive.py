@@ -44,8 +44,8 @@ def write(path: str | Path, version: int, head: Mapping[str, Any], arrays: Mappi
     """Write a file; not compressed, which would take most of a run.
 
     Args:
-        path: of the file.
-        version: of the format.
+        path: path of the file.
+        version: version of the format.
         head: plain values (JSON).
         arrays: by name; "head" is taken.
 
@@ -69,8 +69,8 @@ def read(
     """Read a file that `write` has written; nothing in it is executed.
 
     Args:
-        path: of the file.
-        version: of the format.
+        path: path of the file.
+        version: version of the format.
         what: is in the file, for the message, e.g. "Trajectory".
         check: refuses, by any error, a head and arrays that do not fit it; called before the arrays are read.
         make: that from the head and the arrays.
@@ -107,7 +107,7 @@ def read(
 
 
 def names(path: str | Path) -> list[str]:
-    """Names of what a zip file holds, whatever that is; none of another file."""
+    """Return the names of what a zip file holds, whatever that is; none of another file."""
     try:
         with ZipFile(path) as file:
             return file.namelist()
@@ -120,7 +120,7 @@ class _FormatError(Exception):
 
 
 def _members(file: ZipFile) -> dict[str, ZipInfo]:
-    """Arrays in a file, by name, none of which is read."""
+    """List the arrays in a file, by name, none of which is read."""
     members = {info.filename.removesuffix(".npy"): info for info in file.infolist()}
     if len(members) < len(file.infolist()):
         raise ValueError("an entry is there twice")
@@ -136,7 +136,7 @@ def _members(file: ZipFile) -> dict[str, ZipInfo]:
 
 
 def _head(file: ZipFile, members: dict[str, ZipInfo]) -> dict[str, Any]:
-    """What is plain; taken out of the members."""
+    """Take the plain values out of the members."""
     info = members.pop("head")
     entry = _entry(file, info)
     if entry.dtype.kind != "U" or entry.shape or entry.dtype.itemsize > 4 * LARGEST_HEAD:
@@ -148,7 +148,7 @@ def _head(file: ZipFile, members: dict[str, ZipInfo]) -> dict[str, Any]:
 
 
 def _entry(file: ZipFile, info: ZipInfo) -> Entry:
-    """Type and shape of an array, which must fill its entry."""
+    """Read the type and shape of an array, which must fill its entry."""
     with file.open(info) as stream:
         version = np.lib.format.read_magic(stream)
         if version not in _READERS:

@@ -46,7 +46,7 @@ class FlexibleArm:
     Attributes:
         parameters: the arm's parameters.
         modes: `LinkModes` of the two bare links.
-        constants: what the equations know of the arm.
+        constants: constants of the arm, in the equations.
     """
 
     def __init__(self, parameters: ArmParameters | None = None) -> None:
@@ -78,25 +78,25 @@ class FlexibleArm:
     # --- equations -------------------------------------------------------------------------------------------------
 
     def mass_matrix(self, q: ArrayLike) -> Array:
-        """Mass matrix in public coordinates. Shape (..., 2 + 2 m, 2 + 2 m)."""
+        """Return the mass matrix in public coordinates. Shape (..., 2 + 2 m, 2 + 2 m)."""
         y, cos, sin, _ = self._geometry(self._coordinates("q", q))
         internal = stack_matrix(dyn.mass_matrix(self.constants, y, cos, sin))
         return self._to_internal.T @ internal @ self._to_internal
 
     def velocity_forces(self, q: ArrayLike, rates: ArrayLike) -> Array:
-        """Coriolis and centrifugal forces C in ``tau = M q'' + C + D q' + K q`` (6). Shape (..., 2 + 2 m)."""
+        """Return the velocity forces C in ``tau = M q'' + C + D q' + K q`` (6). Shape (..., 2 + 2 m)."""
         q, rates = np.broadcast_arrays(self._coordinates("q", q), self._coordinates("rates", rates))
         h = self._velocity_forces(self._geometry(q), self._internal(rates))
         return stack(h) @ self._to_internal
 
     def acceleration(self, state: ArrayLike, torque: ArrayLike = (0.0, 0.0)) -> Array:
-        """q'' under a torque [N m]. Shape (..., 2 + 2 m)."""
+        """Return q'' under a torque [N m]. Shape (..., 2 + 2 m)."""
         q, rates = self._split(state)
         tau = list(np.moveaxis(finite_rows("torque", torque, 2, LARGEST), -1, 0))
         return self._public_acceleration(q, rates, tau)
 
     def energy(self, state: ArrayLike) -> Energy:
-        """Kinetic and strain energy [J]. Shape (...) each."""
+        """Return the kinetic and strain energy [J]. Shape (...) each."""
         return self._energy(*self._split(state))
 
     def _energy(self, q: Array, rates: Array) -> Energy:
@@ -106,7 +106,7 @@ class FlexibleArm:
         return Energy(np.asarray(kinetic), np.asarray(dyn.strain_energy(self.constants, y)))
 
     def angular_momentum(self, state: ArrayLike) -> Array:
-        """About the shoulder [kg m^2/s]. Shape (...)."""
+        """Return the angular momentum about the shoulder [kg m^2/s]. Shape (...)."""
         q, rates = self._split(state)
         y, cos, sin, _ = self._geometry(q)
         matrix = dyn.mass_matrix(self.constants, y, cos, sin)
@@ -115,7 +115,7 @@ class FlexibleArm:
     # --- kinematics ------------------------------------------------------------------------------------------------
 
     def position(self, q: ArrayLike, link: int, s: ArrayLike) -> Array:
-        """A material point, with deflection.
+        """Return the position of a material point, with deflection.
 
         Args:
             q: coordinates. Shape (..., 2 + 2 m).
@@ -132,36 +132,36 @@ class FlexibleArm:
         return self._point(self._coordinates("q", q), link, s)[0]
 
     def velocity(self, state: ArrayLike, link: int, s: ArrayLike) -> Array:
-        """Velocity of a material point [m/s]; arguments as in `position`. Shape (..., 2)."""
+        """Return the velocity of a material point [m/s]; arguments as in `position`. Shape (..., 2)."""
         q, rates = self._split(state)
         jacobian = self._point(q, link, s)[1]
         return np.einsum("...ij,...j->...i", jacobian, rates)
 
     def point_jacobian(self, q: ArrayLike, link: int, s: ArrayLike) -> Array:
-        """d(position)/dq; arguments as in `position`. Shape (..., 2, 2 + 2 m)."""
+        """Return d(position)/dq; arguments as in `position`. Shape (..., 2, 2 + 2 m)."""
         return self._point(self._coordinates("q", q), link, s)[1]
 
     def place(self, link: int, s: float) -> Place:
-        """A material point as the equations know it; arguments as in `position`, s a number."""
+        """Return a material point as the equations know it; arguments as in `position`, s a number."""
         link = integer("link", link, 1, 2)
         length = self.parameters.link_lengths[link - 1]
         distance = number("s", s, "m", least=0.0, most=length)
         return constants.link_place(self.modes[link - 1], self.constants.foreshortened, distance)
 
     def elbow(self, q: ArrayLike) -> Array:
-        """Tip of link 1 [m]. Shape (..., 2)."""
+        """Return the tip of link 1 [m]. Shape (..., 2)."""
         return self.position(q, 1, self.parameters.link_lengths[0])
 
     def tip(self, q: ArrayLike) -> Array:
-        """Tip of link 2 [m]. Shape (..., 2)."""
+        """Return the tip of link 2 [m]. Shape (..., 2)."""
         return self.position(q, 2, self.parameters.link_lengths[1])
 
     def rigid_tip(self, q: ArrayLike) -> Array:
-        """Tip by rigid kinematics of the joint angles (8), (9) [m]. Shape (..., 2)."""
+        """Return the tip by rigid kinematics of the joint angles (8), (9) [m]. Shape (..., 2)."""
         return coordinates.rigid_tip(self.parameters.link_lengths, self._coordinates("q", q))
 
     def tip_deflection(self, q: ArrayLike) -> Array:
-        """Each link's tip off its own root tangent [m]. Shape (..., 2)."""
+        """Return each link's tip off its own root tangent [m]. Shape (..., 2)."""
         return self._tip_deflection(self._coordinates("q", q))
 
     def _tip_deflection(self, q: Array) -> Array:
@@ -187,11 +187,11 @@ class FlexibleArm:
         return linearise(self._state_rate, point, tau0)
 
     def fastest_rate(self) -> float:
-        """Largest eigenvalue magnitude of the free arm at rest over the elbow's angles [rad/s]."""
+        """Return the largest eigenvalue magnitude of the free arm at rest over the elbow's angles [rad/s]."""
         return self._fastest_rate
 
     def longest_step(self) -> float:
-        """Longest step of the explicit integrator that the arm's fastest mode allows [s]."""
+        """Return the longest step of the explicit integrator that the arm's fastest mode allows [s]."""
         return STEP_LIMIT / self.fastest_rate()
 
     # --- simulation ------------------------------------------------------------------------------------------------
@@ -269,11 +269,11 @@ class FlexibleArm:
             )
 
     def internal_state(self, state: Array) -> Array:
-        """(y, v) of public states, see `flexarm_env.physics.dynamics`. Shape (..., 4 + 4 m)."""
+        """Return (y, v) of public states, see `flexarm_env.physics.dynamics`. Shape (..., 4 + 4 m)."""
         return coordinates.internal_state(self.constants, state)
 
     def public_state(self, internal: Array) -> Array:
-        """Inverse of `internal_state`. Shape (..., 4 + 4 m)."""
+        """Return the inverse of `internal_state`. Shape (..., 4 + 4 m)."""
         return coordinates.public_state(self.constants, internal)
 
     # --- inside ----------------------------------------------------------------------------------------------------
@@ -299,7 +299,7 @@ class FlexibleArm:
         return dyn.internal_coordinates(self.constants, list(np.moveaxis(q, -1, 0)))
 
     def _geometry(self, q: Array) -> tuple[list[Any], Any, Any, Any]:
-        """y, cosine and sine of a2 - a1, sine of theta2; real or complex."""
+        """Return y, cosine and sine of a2 - a1, sine of theta2; real or complex."""
         y = self._internal(q)
         between = y[self.parameters.modes_per_link + 1] - y[0]
         return y, np.cos(between), np.sin(between), np.sin(q[..., 1])
@@ -322,7 +322,7 @@ class FlexibleArm:
         return np.concatenate([rates, self._public_acceleration(q, rates, list(tau))])
 
     def _point(self, q: Array, link: int, s: ArrayLike) -> tuple[Array, Array]:
-        """Position of a material point and its Jacobian with respect to q."""
+        """Return the position of a material point and its Jacobian with respect to q."""
         link = integer("link", link, 1, 2)
         length = self.parameters.link_lengths[link - 1]
         distance = real_array("s", s)

@@ -31,7 +31,7 @@ class LoopCase:
 
 
 def checked_cases(cases: Sequence[LoopCase], arm: FlexibleArm) -> list[LoopCase]:
-    """The cases of a batch, each of which fits the arm.
+    """Check the cases of a batch, each of which must fit the arm.
 
     Raises:
         TypeError: for something else than a case.
@@ -78,7 +78,7 @@ def command_delays(case: LoopCase, arm: FlexibleArm) -> tuple[float, float]:
 
 
 def case_rows(cases: Sequence[LoopCase], arm: FlexibleArm) -> dict[str, Array]:
-    """Rows of the arena that the cases set and no step changes, by name (`rows`). Shape (N, k) each."""
+    """Rows of the arena that the cases set and no step changes, by name (`layout`). Shape (N, k) each."""
     each = [_rows_of(case, arm) for case in cases]
     return {name: np.array([list(values[name]) for values in each]) for name in each[0]}
 

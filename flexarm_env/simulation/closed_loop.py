@@ -1,7 +1,7 @@
 """`ClosedLoop`: a batch of arms under the inner law, each with its own sensor and command delays.
 
 The gain lambda is held over a control period; the law itself acts in continuous time inside the integrator
-(`closed_loop`). One environment or many, the same compiled functions run.
+(`jacobian_transpose`). One environment or many, the same compiled functions run.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from flexarm_env.codegen import assembly, cache
 from flexarm_env.kernels.entries import CLOCK_ROWS, clock_row, extent, reading_row
 from flexarm_env.kernels.imex import LOOP
 from flexarm_env.kernels.layout import arm_rows
+from flexarm_env.kernels.stamp import check_stamp, layout_stamp
 from flexarm_env.kernels.status import failures
 from flexarm_env.kernels.variants import Variant
 from flexarm_env.physics.paths import ReferencePath
@@ -33,7 +34,7 @@ class Results(NamedTuple):
     """What a batch of N arms gives out at an instant.
 
     Attributes:
-        observation: what a controller may know (`closed_loop.Outputs`). Shape (N, 10 + 2 m).
+        observation: what a controller may use (`jacobian_transpose.observation`). Shape (N, 10 + 2 m).
         state: public states. Shape (N, 4 + 4 m).
         torque: the law's at the start of the period that ends now, with its gain [N m]; at the reset that of gain 0,
             none. Shape (N, 2).
@@ -109,7 +110,7 @@ class ClosedLoop:
         self._link()
 
     def _allocate(self) -> None:
-        """Blocks of arenas, delay lines and clocks, and where the results lie in an arena."""
+        """Allocate blocks of arenas, delay lines and clocks, and note where the results lie in an arena."""
         lanes = self._variant.lanes
         self._rows = self._variant.rows
         self._results = slice(self._rows["OBSERVATION"][0], extent(self._rows))
@@ -121,7 +122,7 @@ class ClosedLoop:
         self._clocks = np.zeros((blocks, CLOCK_ROWS, lanes), dtype=np.int64)
 
     def _link(self) -> None:
-        """Views for the hot path: whole blocks as the kernels take them, the gains' rows, the parts of results."""
+        """Make views for the hot path: whole blocks as the kernels take them, the gains' rows, the parts of results."""
         self._flat_arenas = self._arenas.reshape(len(self._arenas), -1)
         self._flat_histories = self._histories.reshape(len(self._histories), -1)
         self._gain_rows = self._arenas[:, self._rows["GAIN"][0]]
@@ -132,15 +133,29 @@ class ClosedLoop:
     def __getstate__(self) -> dict[str, Any]:
         """Without the views, which would come back as copies."""
         views = ("_flat_arenas", "_flat_histories", "_gain_rows")
-        return {name: value for name, value in self.__dict__.items() if name not in views}
+        kept = {name: value for name, value in self.__dict__.items() if name not in views}
+        return {"layout_stamp": self._stamp(), **kept}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        """Link the views again."""
-        self.__dict__.update(state)
+        """Link the views again.
+
+        Raises:
+            LayoutError: if the memory has another layout than a new batch of these cases.
+        """
+        found, kept = state.get("layout_stamp"), {**state}
+        kept.pop("layout_stamp", None)
+        self.__dict__.update(kept)
+        self._allocate()
+        check_stamp("the closed loop", found, self._stamp())
+        self.__dict__.update(kept)
         self._link()
 
+    def _stamp(self) -> str:
+        arrays = {"ARENAS": self._arenas, "HISTORIES": self._histories, "CLOCKS": self._clocks}
+        return layout_stamp(self._variant, arrays)
+
     def __len__(self) -> int:
-        """Number of arms."""
+        """Return the number of arms."""
         return len(self._cases)
 
     @property
@@ -150,7 +165,7 @@ class ClosedLoop:
 
     @property
     def noise(self) -> Array:
-        """Standard deviation of each sensor's noise [m], for whoever draws it. Shape (N,)."""
+        """Standard deviation of each sensor's noise [m], for the caller who draws it. Shape (N,)."""
         return np.array([case.sensor.noise for case in self._cases])
 
     @property
@@ -183,7 +198,7 @@ class ClosedLoop:
         self._ready = True
 
     def advance(self, gain: ArrayLike, noise: ArrayLike | None = None) -> None:
-        """One control period.
+        """Advance by one control period.
 
         Args:
             gain: lambda of each arm. Shape (N,).
@@ -205,21 +220,21 @@ class ClosedLoop:
         self._run(self.substeps, initialise=False)
 
     def results(self) -> Results:
-        """All that is known at the present instant; new arrays on every call."""
+        """Return all that is known at the present instant; new arrays on every call."""
         return self.unpack(self.packed_results())
 
     def packed_results(self) -> Array:
-        """`results` in one new array, for records. Shape (N, k)."""
+        """Return `results` in one new array, for records. Shape (N, k)."""
         rows = self._arenas[:, self._results].transpose(0, 2, 1).copy()
         return rows.reshape(-1, rows.shape[2])[: len(self._cases)]
 
     def unpack(self, packed: Array) -> Results:
-        """Views of packed results. Shape (..., k)."""
+        """Return views of packed results. Shape (..., k)."""
         *parts, status = (packed[..., part] for part in self._parts)
         return Results._make([*parts, status[..., 0]])
 
     def failure(self, status: float) -> str | None:
-        """What a `Results.status` means: None, "diverged", "angle", "deflection" or "rate"."""
+        """Return what a `Results.status` means: None, "diverged", "angle", "deflection" or "rate"."""
         return failures(self.arm.size)[float(status)]
 
     # --- inside ----------------------------------------------------------------------------------------------------
@@ -264,7 +279,7 @@ class ClosedLoop:
 
 
 def observation_blocks(modes: int) -> dict[str, slice]:
-    """Where each named block lies in `Results.observation`: that of `FlexArm/Paper-v0`."""
+    """Return where each named block lies in `Results.observation`: that of `FlexArm/Paper-v0`."""
     sizes = {
         "joint_angles": 2,
         "joint_rates": 2,

@@ -9,8 +9,8 @@ from flexarm_env.physics import dynamics as dyn
 from flexarm_env.physics.constants import Constants
 from flexarm_env.physics.coordinates import stack_matrix
 
-# Of the mass matrix with a diagonal of ones, which the scales of the coordinates do not change. Accelerations lose as
-# many of double precision's 16 digits as this has; three must be left.
+# The largest condition number of the mass matrix, scaled to a diagonal of ones. Accelerations lose as many of double
+# precision's 16 digits as it has; three must be left.
 WORST_CONDITION = 1e13
 _MASSES = (
     "link_lengths",

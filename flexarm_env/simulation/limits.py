@@ -16,7 +16,7 @@ TIP_RATE_LIMIT = 1e3  # [m/s], of a link's tip by one mode
 
 
 def state_limits(arm: FlexibleArm) -> Array:
-    """Magnitudes of a valid state: angles, modal coordinates, joint rates, modal rates. Shape (4 + 4 m,).
+    """Return the magnitudes of a valid state: angles, modal coordinates, joint rates, modal rates. Shape (4 + 4 m,).
 
     A modal coordinate's limit is the one that alone bends its link's tip by the link's length; a modal rate's the one
     that alone moves it at 1000 m/s.

@@ -39,7 +39,7 @@ class OpenLoop:
         """Load the kernel (compiled when first run) and put the arm at its start.
 
         Args:
-            constants: what the equations know of the arm.
+            constants: constants of the arm, in the equations.
             complete: complete velocity forces, or the paper's C_r.
             start: public state. Shape (4 + 4 m,).
         """
@@ -94,7 +94,7 @@ class OpenLoop:
         return np.array(states), np.array(torques)
 
     def _step(self, torque: TorqueFunction, k: int, h: float) -> bool:
-        """Integration step k; False if a stage is not finite."""
+        """Do integration step k; return False if a stage is not finite."""
         start = self._arena[self._state].copy()
         slope = total = np.zeros_like(start)
         for node, weight in zip(RK4_NODES, RK4_WEIGHTS, strict=True):
@@ -118,10 +118,10 @@ class OpenLoop:
 
 
 def count_instants(duration: float, step: float, substeps: int) -> int:
-    """Steps of a run.
+    """Count the steps of a run.
 
     Args:
-        duration: of the run [s].
+        duration: length of the run [s].
         step: between two instants of the trajectory [s].
         substeps: integration steps in each.
 
@@ -141,11 +141,11 @@ def count_instants(duration: float, step: float, substeps: int) -> int:
 
 
 def count_substeps(step: float, substeps: int | Literal["auto"], longest: float, fastest: float) -> int:
-    """Integration steps in a step.
+    """Count the integration steps in a step.
 
     Args:
         step: between two instants of the trajectory [s].
-        substeps: what the user wants.
+        substeps: as the user gives it.
         longest: integration step that the arm's fastest mode allows [s].
         fastest: that mode's rate [rad/s].
 
@@ -169,5 +169,5 @@ def count_substeps(step: float, substeps: int | Literal["auto"], longest: float,
 
 
 def _evaluate(torque: TorqueFunction, time: float, state: Array) -> Array:
-    """The user's torque, checked; the function gets a copy, which it may change."""
+    """Check the user's torque; the function gets a copy, which it may change."""
     return finite_array(f"torque(time={time:.6g}, state)", torque(time, state.copy()), (2,))

@@ -25,7 +25,7 @@ def square_loop(
     task: SquareParameters | None = None,
     physics_step: float | None = None,
 ) -> tuple[ClosedLoop, Array]:
-    """A batch of arms that track the square, and where they start.
+    """Make a batch of arms that track the square, and their initial states.
 
     Args:
         arm: the arm.
@@ -47,7 +47,7 @@ def square_loop(
 
 
 def rest_state(arm: FlexibleArm, point: ArrayLike, elbow_branch: str = "positive") -> Array:
-    """At rest with straight links, the tip at a point [m]. Shape (4 + 4 m,)."""
+    """Return the state at rest with straight links and the tip at a point [m]. Shape (4 + 4 m,)."""
     state = np.zeros(2 * arm.size)
     state[:2] = inverse_kinematics(arm.parameters, point, elbow_branch)
     return state

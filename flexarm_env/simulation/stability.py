@@ -23,8 +23,8 @@ ELBOWS = np.linspace(0.0, np.pi, 7)  # [rad]
 STEP_LIMIT = 1.2
 DEFAULT_ANGLE = 0.15
 DEFAULT_STEP = 2.5e-4
-# What a control period may ask of one arm. An integration step takes about a microsecond, so that the longest period
-# takes a few hundredths of a second; a reading takes 32 bytes, so that the longest delay line takes 64 MB.
+# Limits of a control period of one arm. The longest period must not block the caller for long; a reading takes 32
+# bytes, so that the longest delay line takes 64 MB.
 MOST_STEPS = 20_000
 MOST_READINGS = 2_000_000
 
@@ -32,7 +32,7 @@ MOST_READINGS = 2_000_000
 def fastest_pole(
     arm: FlexibleArm, theta2: float, stiffness: tuple[float, float], resistance: tuple[float, float]
 ) -> float:
-    """Largest magnitude of a pole of the arm under the inner law, at rest with the elbow at an angle [rad/s]."""
+    """Return the largest magnitude of a pole of the arm under the joint-space law, at rest [rad/s]."""
     state = np.zeros(2 * arm.size)
     state[1] = theta2
     linear = arm.linearise(state)
@@ -43,7 +43,7 @@ def fastest_pole(
 
 
 def default_step(fastest: float) -> float:
-    """Integration step [s] for an arm whose fastest mode has this rate [rad/s]."""
+    """Return the integration step [s] for an arm whose fastest mode has this rate [rad/s]."""
     return min(DEFAULT_STEP, DEFAULT_ANGLE / fastest)
 
 
@@ -70,12 +70,12 @@ def _rates_of(parameters: ArmParameters, gains: tuple[Gains, Gains] | None) -> t
 
 
 def count_steps(period: float, step: float, cause: str) -> int:
-    """Integration steps in a control period.
+    """Count the integration steps in a control period.
 
     Args:
         period: the control period [s].
         step: the longest integration step [s].
-        cause: of the step, for the message.
+        cause: cause of the step, for the message.
 
     Raises:
         ValueError: for more than `MOST_STEPS`.
@@ -89,12 +89,12 @@ def count_steps(period: float, step: float, cause: str) -> int:
 
 
 def count_readings(count: float, step: float, cause: str) -> int:
-    """Readings that a delay line holds for one arm.
+    """Count the readings that a delay line holds for one arm.
 
     Args:
         count: how many are wanted.
         step: time between two [s].
-        cause: of the count, for the message.
+        cause: cause of the count, for the message.
 
     Raises:
         ValueError: for more than `MOST_READINGS`.

@@ -34,7 +34,7 @@ class Trajectory:
         tip: true tip, with deflection [m]. Shape (n, 2).
         elbow: tip of link 1 [m]. Shape (n, 2).
         rigid_tip: tip by rigid kinematics of the joint angles (8), (9) [m]. Shape (n, 2).
-        tip_deflection: of each link's tip off its own root tangent [m]. Shape (n, 2).
+        tip_deflection: deflection of each link's tip off its own root tangent [m]. Shape (n, 2).
         kinetic_energy: [J]. Shape (n,).
         strain_energy: [J]. Shape (n,).
         reference: where the tip should be [m]; policies only. Shape (n, 2).
@@ -76,11 +76,11 @@ class Trajectory:
         _check_shapes(self.parameters, {name: array.shape for name, array in self.arrays().items()})
 
     def __len__(self) -> int:
-        """Number of instants."""
+        """Return the number of instants."""
         return len(self.time)
 
     def arrays(self) -> dict[str, Array]:
-        """All arrays that the run has, by name."""
+        """Return all arrays that the run has, by name."""
         values = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("parameters", "notes")}
         return {name: value for name, value in values.items() if value is not None}
 
@@ -112,7 +112,7 @@ class Trajectory:
 
 
 def _plain_parts(head: dict[str, Any]) -> tuple[ArmParameters, dict[str, Any]]:
-    """Parameters and notes of a file."""
+    """Read the parameters and notes of a file."""
     return ArmParameters(**mapping("parameters", head["parameters"])), mapping("notes", head["notes"])
 
 
@@ -140,7 +140,7 @@ class DivergenceError(RuntimeError):
     """A simulation whose state stopped being finite.
 
     Attributes:
-        time: of the last finite state [s].
+        time: time of the last finite state [s].
         trajectory: what was computed until then.
     """
 

@@ -1,1 +1,1 @@
-"""The parts of `bench.py`: how time is taken, what is timed, and the same lap with scipy."""
+"""The benchmark (`make bench`): how time is taken, what is timed, and the same lap with scipy."""

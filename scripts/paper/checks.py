@@ -161,8 +161,7 @@ def smooth(m: Measures, d: Differences, controller: str) -> Finding:
     """Vibration is at most half of IFDC's."""
     figures = ("vibration", "tip_acceleration", "circle_deviation")
     found = {
-        figure: {c: _by_sensing(m, c, "elbow", itemgetter(figure)) for c in ("ifdc", controller)}
-        for figure in figures
+        figure: {c: _by_sensing(m, c, "elbow", itemgetter(figure)) for c in ("ifdc", controller)} for figure in figures
     }
     ratio = _ratio(found["vibration"], controller)
     values = {"vibration": found["vibration"], "largest_ratio": ratio} | {f: found[f] for f in figures[1:]}

@@ -1,1 +1,1 @@
-"""What `validate.py` does: checks of the physics against theory, other methods, and an engine of other hands."""
+"""The validation (`make validate`): checks of the physics against theory, other methods and an independent engine."""

@@ -33,6 +33,7 @@ from flexarm_agents.environments import make_batch
 from flexarm_agents.follow import Follow
 from flexarm_agents.stopping import StopSignals
 from flexarm_agents.training import new_model
+from flexarm_env.kernels.layout import Row
 from tests.support.trainings import ID, TINY, finished
 
 
@@ -219,6 +220,22 @@ def test_a_spoilt_checkpoint(run: Path, tmp_path: Path) -> None:
     (tmp_path / "run" / "checkpoint.zip").write_bytes(b"no zip")
     with pytest.raises(ValueError, match=r"checkpoint.zip: not a checkpoint"):
         train(TrainingConfig(**TINY), tmp_path / "run", resume=True)
+
+
+@pytest.mark.parametrize("changed", ["layout", "name"])
+def test_a_checkpoint_of_another_version_is_refused(
+    run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, changed: str
+) -> None:
+    """Its memory has another layout, or it needs a class that this version does not have."""
+    shutil.copytree(run, tmp_path / "run")
+    if changed == "layout":
+        monkeypatch.setattr(Row, "entries", (*Row.entries[1:], Row.entries[0]))
+    else:
+        monkeypatch.delattr("flexarm_env.envs.batch.Fleet")
+    before = files(tmp_path / "run")
+    with pytest.raises(ValueError, match=r"checkpoint.zip: a checkpoint of another version \(.*\); resume it with"):
+        train(TrainingConfig(**TINY), tmp_path / "run", resume=True)
+    assert files(tmp_path / "run") == before
 
 
 def test_threads_are_left_as_they_were(tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ from flexarm_env.envs.settings import Settings
 from tests.support.envs import GAIN, SQUARE, actions_for, same_as_alone, vector
 
 REACH = "FlexArm/Reach-v0"
-# Equally late readings without anything random, which a block takes from its delay line together (`sampling`).
+# Equally late readings without anything random, which a block takes from its delay line together (`sensor`).
 ALIKE: list[tuple[str, dict[str, Any]]] = [
     (SQUARE, {}),
     (SQUARE, {"delay": 0.0}),

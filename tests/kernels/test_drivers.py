@@ -26,6 +26,7 @@ from flexarm_env.kernels.imex import LOOP
 from flexarm_env.kernels.layout import row
 from flexarm_env.kernels.path_cache import Segment
 from flexarm_env.kernels.rk4 import OPEN
+from flexarm_env.kernels.stamp import TABLES
 from flexarm_env.kernels.variants import Variant, variant
 from tests.support.envs import GAIN, RESIDUAL, SQUARE
 
@@ -203,17 +204,6 @@ def test_a_fleet_runs_in_plain_python_as_compiled(env_id: str, options: dict[str
 
 
 # --- declarations -----------------------------------------------------------------------------------------------------
-
-TABLES = [
-    layout.Row,
-    entries.Setting,
-    entries.Constant,
-    entries.Header,
-    entries.ClockRow,
-    entries.Column,
-    entries.Drawn,
-    Segment,
-]
 
 
 @pytest.mark.parametrize("table", TABLES, ids=lambda table: table.__name__)

@@ -36,7 +36,7 @@ def limits(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
     Between amplitudes a power law is assumed. None: not within the amplitudes tried.
 
     Args:
-        rows: of `engine_study.error_rows`.
+        rows: of `study.error_rows`.
 
     Returns:
         A row for each model: its label and, for each kind and tolerance, the limit.
@@ -136,7 +136,7 @@ def largest_bends(rows: Sequence[dict[str, Any]]) -> dict[str, float]:
     """How far links were bent at most in each kind of programme: in that of its programmes which bent them least.
 
     Args:
-        rows: of `engine_study.error_rows`.
+        rows: of `study.error_rows`.
     """
     most = {name: max(row["bend"] for row in rows if row["programme"] == name) for name in _tried(rows)}
     return {

@@ -1,0 +1,179 @@
+"""What README, docs, docstrings and comments name in backquotes is in this tree: files, modules, functions."""
+
+from __future__ import annotations
+
+import ast
+import builtins
+import importlib.util
+import io
+import keyword
+import re
+import tokenize
+from collections import defaultdict
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+FOLDERS = ("flexarm_env", "baselines", "agents", "scripts", "tests")
+IMPORTED = {"flexarm_baselines": "baselines", "flexarm_agents": "agents"}  # names of installed folders
+SOURCES = sorted(path for folder in FOLDERS for path in (ROOT / folder).rglob("*.py"))
+PAGES = [ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
+OTHERS = {"env", "envs", "run", "gym", "np", "gymnasium", "vector_kwargs"}  # what users and Gymnasium call things
+WRITTEN = {"json", "csv", "zip", "npz", "md"}  # files that our scripts write
+OUR_PATHS = rf"\b(?:{'|'.join(FOLDERS)}|docs)/[\w/]+\.(?:py|md)\b"  # also outside backquotes
+MADE = {"flexarm_env/unplaced/__init__.py"}  # by a test
+
+
+@cache
+def tree(path: Path) -> ast.Module:
+    return ast.parse(path.read_text())
+
+
+def names_in(path: Path) -> set[str]:
+    """All words of a module: names, attributes, arguments, what it imports, and strings that are one word."""
+    found = {path.stem, path.parent.name}
+    for node in ast.walk(tree(path)):
+        match node:
+            case ast.Name(id=name) | ast.Attribute(attr=name) | ast.arg(arg=name) | ast.keyword(arg=str(name)):
+                found.add(name)
+            case ast.FunctionDef(name=name) | ast.ClassDef(name=name) | ast.AsyncFunctionDef(name=name):
+                found.add(name)
+            case ast.alias(name=name, asname=other):
+                found.update(re.split(r"\W", name), {other or name})
+            case ast.Constant(value=str(text)) if re.fullmatch(r"[\w. ,]+", text):
+                found.update(re.findall(r"\w+", text))
+    return found
+
+
+def top_level(path: Path) -> set[str]:
+    """Names that a module defines or imports at its top level, and below its classes."""
+    found: set[str] = set()
+    for node in ast.walk(tree(path)):
+        match node:
+            case ast.FunctionDef(name=name) | ast.ClassDef(name=name):
+                found.add(name)
+            case ast.Assign(targets=targets):
+                found.update(each.id for target in targets for each in ast.walk(target) if isinstance(each, ast.Name))
+            case ast.AnnAssign(target=ast.Name(id=name)):
+                found.add(name)
+            case ast.Import(names=names) | ast.ImportFrom(names=names):
+                found.update(each.asname or each.name for each in names)
+    if path.name == "__init__.py":
+        found.update(each.stem for each in path.parent.iterdir())
+    return found
+
+
+@cache
+def modules() -> dict[str, set[str]]:
+    """What the modules and packages of a name contain, all of them together."""
+    found: dict[str, set[str]] = defaultdict(set)
+    for path in SOURCES:
+        name = path.parent.name if path.name == "__init__.py" else path.stem
+        found[name] |= top_level(path)
+    return dict(found)
+
+
+@cache
+def vocabulary() -> set[str]:
+    return set().union(*map(names_in, SOURCES), dir(builtins), keyword.kwlist, OTHERS)
+
+
+@cache
+def files() -> set[str]:
+    """Paths of our files, and their ends."""
+    paths = [path.relative_to(ROOT).parts for folder in (*FOLDERS, "docs") for path in (ROOT / folder).rglob("*.*")]
+    paths += [(path.name,) for path in ROOT.iterdir()]
+    return {"/".join(parts[first:]) for parts in paths for first in range(len(parts))}
+
+
+def wrong(reference: str, local: set[str]) -> bool:
+    """Whether a reference looks like one of ours and leads nowhere.
+
+    Args:
+        reference: without its quotes.
+        local: words that the source file itself uses; none in a page.
+    """
+    if re.fullmatch(r"[\w/]+\.(py|toml)|[\w/]+/\w+\.md", reference):
+        return reference not in files()
+    if re.fullmatch(r"[a-z_]\w*", reference):
+        return bool(local) and reference not in vocabulary()  # in a page it may be a symbol, or a name of others
+    if not re.fullmatch(r"[a-z_]\w*(\.\w+)+", reference) or reference.rpartition(".")[2] in WRITTEN:
+        return False
+    head, *tail = reference.split(".")
+    if head in ("flexarm_env", "scripts", "tests", *IMPORTED):
+        return not leads_somewhere(ROOT / IMPORTED.get(head, head), tail)
+    if head in modules() and tail[0] in modules()[head]:
+        return False
+    ours = head in local and head not in modules()
+    return not (ours or head in OTHERS or _is_library(head))
+
+
+def _is_library(name: str) -> bool:
+    try:
+        return importlib.util.find_spec(name) is not None
+    except ValueError:  # it is being run
+        return True
+
+
+def leads_somewhere(folder: Path, tail: list[str]) -> bool:
+    """Whether a package's folder holds a module, and that a name."""
+    for at, name in enumerate(tail):
+        if (folder / name).is_dir():
+            folder /= name
+            continue
+        module = folder / f"{name}.py" if (folder / f"{name}.py").exists() else folder / "__init__.py"
+        rest = tail[at + 1 :] if module.stem == name else tail[at:]
+        return module.exists() and (not rest or rest[0] in top_level(module))
+    return folder.is_dir()
+
+
+def texts(path: Path) -> Iterator[tuple[int, str]]:
+    """Comments and docstrings of a module, or the lines of a page, with their line numbers."""
+    if path.suffix == ".md":
+        fenced = False
+        for number, line in enumerate(path.read_text().splitlines(), 1):
+            fenced ^= line.startswith("```")
+            if not fenced:
+                yield number, line
+        return
+    for token in tokenize.generate_tokens(io.StringIO(path.read_text()).readline):
+        if token.type in (tokenize.COMMENT, tokenize.STRING):
+            for offset, line in enumerate(token.string.splitlines()):
+                yield token.start[0] + offset, line
+
+
+@pytest.mark.parametrize("kind", ["sources", "pages"])
+def test_references_lead_somewhere(kind: str) -> None:
+    found = []
+    for path in SOURCES if kind == "sources" else PAGES:
+        local = names_in(path) if path.suffix == ".py" else set()
+        for number, text in texts(path):
+            quoted = re.findall(r"(?<![`\w])`([\w./]+)(?:\(\))?`(?!`)", text)
+            for reference in {*quoted, *re.findall(OUR_PATHS, text)} - MADE:
+                if wrong(reference, local):
+                    found.append(f"{path.relative_to(ROOT)}:{number}: `{reference}`")
+    assert not found, "\n".join(found)
+
+
+@pytest.mark.parametrize(
+    ("reference", "is_wrong"),
+    [
+        ("dynamics.py", False),
+        ("physics/dynamics.py", False),
+        ("stepping.py", True),
+        ("flexarm_env.envs.batch", False),
+        ("flexarm_env.fleet", True),
+        ("flexarm_env.metrics.no_such_function", True),
+        ("layout.Row", False),
+        ("layout.Column", True),
+        ("no_such_module.f", True),
+        ("numpy.float64", False),
+        ("no_such_word_anywhere"[3:], True),
+        ("sensor_delay", False),
+    ],
+)
+def test_what_is_wrong(reference: str, is_wrong: bool) -> None:
+    assert wrong(reference, {"self"}) is is_wrong
