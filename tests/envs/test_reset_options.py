@@ -40,7 +40,8 @@ def test_an_episode_starts_how_and_where_it_is_told_to() -> None:
 def test_quantities_of_an_episode() -> None:
     env = bare(**DRAWING)
     given = {"stiffness": 0.7, "payload_mass": 3.0, "damping": 0.3, "delay": 0.05, "noise": 0.1, "actuation_delay": 0.0}
-    assert env.reset(options={"parameters": given})[1]["parameters"] == given
+    env.reset(options={"parameters": given})
+    assert env.episode.parameters == given
 
 
 @pytest.mark.parametrize(
