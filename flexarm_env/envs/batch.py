@@ -114,10 +114,7 @@ class Fleet:
         places = {id(one): n for n, one in enumerate(kinds)}
         kind_of = np.array([places[id(one)] for one in self.each])[np.minimum(np.arange(blocks * lanes), count - 1)]
         owns = np.array([lane_numbers(one, program) for one in kinds])
-        usual = np.full((blocks * lanes, column.STATE + 2 * arm.size), NAN)
-        usual[:, column.START] = START_CODES[settings.start]
-        usual[count:, column.START] = START_CODES["corner"]  # lanes of no environment rest
-        usual.setflags(write=False)
+        usual = _usual_orders(settings, count, blocks * lanes)
         self._memory, self._parts = lay_out(
             {
                 "PLAN": plan,
@@ -319,6 +316,15 @@ def _variant(settings: Settings, program: Program, lanes: int, disturbed: bool) 
         disturbed=disturbed,
         second_sensor=settings.second_sensor_link or 0,
     )
+
+
+def _usual_orders(settings: Settings, count: int, lanes: int) -> Array:
+    """Orders of episodes that begin as the settings say; read-only. Shape (lanes, columns)."""
+    usual = np.full((lanes, column.STATE + 2 * settings.flexible_arm.size), NAN)
+    usual[:, column.START] = START_CODES[settings.start]
+    usual[count:, column.START] = START_CODES["corner"]  # lanes of no environment rest
+    usual.setflags(write=False)
+    return usual
 
 
 def block_lanes(count: int, threads: int) -> int:
