@@ -10,7 +10,7 @@ from flexarm_env.extras import install_hint
 
 @contextmanager
 def needs_extra(what: str, extra: str) -> Iterator[None]:
-    """Add what to install to an import error within `with`.
+    """Within `with`, an import that fails says what to install.
 
     Args:
         what: needs the packages that are imported.
