@@ -287,7 +287,7 @@ class Fleet:
         """
         found, kept = state.get("layout_stamp"), {**state}
         kept.pop("layout_stamp", None)
-        anew = Fleet(kept["settings"], kept["count"], kept["_threads"])
+        anew = Fleet(kept["each"], kept["count"], kept["_threads"])
         check_stamp("the batch", found, anew._stamp())
         self.__dict__.update(kept)
         self._memory = blank(len(kept["_memory"]))
