@@ -63,7 +63,7 @@ def test_readings_in_an_environment() -> None:
     [
         (SQUARE, {"second_sensor_link": 2, "second_sensor_position": 2.0, **FORESHORTENED}),
         (RESIDUAL, {"randomisation": {"delay": (0.0, 0.05)}}),
-        (GAIN, {"law_sensor": "sensor", "delay": 0.002, "noise": 0.01, "second_sensor_noise": 0.01}),
+        (GAIN, {"law_sensor": "sensor", "delay": 0.002, "gain_limit": 0.1, "noise": 0.01, "second_sensor_noise": 0.01}),
         (GAIN, {"sensor": "rigid"}),
     ],
     ids=str,
@@ -72,7 +72,9 @@ def test_alone_and_in_a_batch_to_the_last_bit(env_id: str, options: dict[str, An
     options = ON_LINK_1 | {"second_sensor_delay": 0.0137, "start": "mix"} | options
     envs = vector(env_id, num_envs=3, **options)
     actions = (0.3 * actions_for(envs, 40)).astype(np.float32)
-    together = [envs.reset(seed=7), *(envs.step(action)[::4] for action in actions)]
+    together, steps = [envs.reset(seed=7)], [envs.step(action) for action in actions]
+    assert not any(ended.any() for _, _, ended, _, _ in steps)
+    together += [step[::4] for step in steps]
     for n in range(3):
         env = bare(env_id, **options)
         alone = [env.reset(seed=7 + n), *(env.step(action[n])[::4] for action in actions)]
