@@ -21,7 +21,7 @@ from flexarm_env.envs.observation import BLOCKS
 from flexarm_env.envs.settings import Settings
 from flexarm_env.envs.single import FlexArmEnv
 from flexarm_env.episode.reward import TERMS
-from flexarm_env.kernels.layout import DRAWN
+from flexarm_env.kernels.entries import DRAWN
 from flexarm_env.physics.paths import ReferencePath, inverse_kinematics, square, way_points
 
 LONGEST = 5.0  # [s], for what an environment does below on a busy machine, nothing to be compiled
