@@ -15,6 +15,7 @@ from tests.support.envs import GAIN, PAPER, RESIDUAL, SQUARE, WAYPOINTS, assert_
 from tests.support.refusals import label, refuses
 
 MISMATCHED = {"masses_per_length": (1e-9, 1e-9), "payload_inertia": 1e9}
+ON_LINK_1 = {"observation": ["second_sensor_error"], "second_sensor_link": 1}
 MESSAGES: list[tuple[str, dict[str, Any], type[Exception], str]] = [
     (SQUARE, {"arm": "papers"}, ValueError, r"arm = 'papers': must be one of 'paper', 'default'"),
     (SQUARE, {"arm": 2}, TypeError, r"arm = 2: must be 'paper', 'default' or a mapping of ArmParameters fields"),
@@ -222,6 +223,30 @@ MESSAGES: list[tuple[str, dict[str, Any], type[Exception], str]] = [
         {"delay": 10.0, "physics_step": 1e-6},
         ValueError,
         r"delay = 10\.0 s, .* readings to keep, .*at most 2000000",
+    ),
+    (SQUARE, {"second_sensor_link": 3}, ValueError, r"second_sensor_link = 3: must be .*1.*2"),
+    (SQUARE, {"second_sensor_link": 1}, ValueError, r"second_sensor_link = 1: has no effect here; .*'second_sensed_po"),
+    (
+        SQUARE,
+        {"second_sensor_position": 1.0},
+        ValueError,
+        r"second_sensor_position = 1\.0: has no .*second_sensor_link",
+    ),
+    (SQUARE, {"second_sensor_delay": 0.1}, ValueError, r"second_sensor_delay = 0\.1: has no .*second_sensor_link"),
+    (SQUARE, {"second_sensor_noise": 0.1}, ValueError, r"second_sensor_noise = 0\.1: has no .*second_sensor_link"),
+    (
+        SQUARE,
+        ON_LINK_1 | {"second_sensor_position": 4.6},
+        ValueError,
+        r"second_sensor_position = 4\.6 m: .*link 1, .*4\.5",
+    ),
+    (SQUARE, ON_LINK_1 | {"second_sensor_delay": 10.1}, ValueError, r"second_sensor_delay = 10\.1: must be .* <= 10"),
+    (SQUARE, ON_LINK_1 | {"second_sensor_noise": -1.0}, ValueError, r"second_sensor_noise = -1\.0: must be .* >= 0"),
+    (
+        SQUARE,
+        {"observation": ["second_sensor_error"]},
+        ValueError,
+        r"observation block 'second_sensor_error': there is no second sensor; give second_sensor_link",
     ),
     (
         SQUARE,

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexarm_env.actions import MODES
-from flexarm_env.envs.choices import SECOND_SENSOR_BLOCKS
+from flexarm_env.envs.choices import DEFAULT_OBSERVATION, SECOND_SENSOR_BLOCKS
 from flexarm_env.envs.info import TERM
 from flexarm_env.envs.observation import BLOCKS
 from flexarm_env.envs.single import FlexArmEnv
@@ -81,6 +81,13 @@ _BY_ID: dict[str, list[dict[str, Any]]] = {
         *_PATHS,
         {"arm": "paper", "sensor": "rigid", "wave_speed": 100.0},
         {"torque_limit": (100.0, 40.0), "control_period": 0.02, "physics_step": 5e-4},
+        {
+            "observation": [*DEFAULT_OBSERVATION, *SECOND_SENSOR_BLOCKS],
+            "second_sensor_link": 1,
+            "second_sensor_position": 4.0,
+            "second_sensor_delay": 0.0237,
+            "second_sensor_noise": 0.01,
+        },
         FORESHORTENED | {"randomisation": {"payload_mass": (0.0, 0.5), "stiffness": (0.9, 1.1)}},
     ],
     "SquareResidual": [
