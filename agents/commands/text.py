@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from itertools import zip_longest
 
 _GAP = "  "
-_NARROWEST = 24  # of a column that is wrapped, however narrow the terminal is
+_NARROWEST = 20  # of a column that is wrapped, however narrow the terminal is
 
 
 def columns(rows: Sequence[Sequence[str]], right: bool = False) -> str:
