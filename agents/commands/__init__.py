@@ -7,11 +7,10 @@ import os
 import sys
 from collections.abc import Sequence
 from importlib import import_module
-from typing import NoReturn
 
+from flexarm_env.command_line import run
 from flexarm_env.extras import needs_extra
 
-INTERRUPTED = 130  # as a shell reports SIGINT
 VERBS = {
     "list": ("listing", "the environments and the policies that come with the package"),
     "show": ("show", "the specification of an environment: spaces, reward, ends, options"),
@@ -29,7 +28,7 @@ examples:
   flexarm evaluate my_module:MyPolicy --laps 10 --options '{"noise": 0.005}'
   flexarm warm-up Square-v0 --num-envs 64
 
-exit status: 0 done; 1 error, with a message of one line; 2 wrong usage; 130 interrupted"""
+exit status: 0 done; 1 error, with a message of one line; 2 wrong usage; 128 + its number after a signal"""
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -50,20 +49,15 @@ def main(arguments: Sequence[str] | None = None) -> None:
     rest = parser.add_argument("arguments", nargs=argparse.REMAINDER, help=argparse.SUPPRESS)
     rest.required = False  # which changes the message about a missing verb alone
     given = parser.parse_args(arguments)
-    try:
+
+    def verb() -> None:
         with needs_extra(f"flexarm {given.verb}", "train"):
-            verb = import_module(f"{__name__}.{VERBS[given.verb][0]}")
-        verb.run(given.arguments)
-        sys.stdout.flush()
-    except BrokenPipeError:  # the reader of the output has closed it, as `head` does
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        sys.exit(1)
-    except KeyboardInterrupt:
-        _end(INTERRUPTED, "interrupted")
-    except (ValueError, TypeError, OSError, ImportError) as error:
-        _end(1, f"error: {' '.join(str(error).split())}")
+            module = import_module(f"{__name__}.{VERBS[given.verb][0]}")
+        try:
+            module.run(given.arguments)
+            sys.stdout.flush()
+        except BrokenPipeError:  # the reader of the output has closed it, as `head` does
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            sys.exit(1)
 
-
-def _end(status: int, line: str) -> NoReturn:
-    print(line, file=sys.stderr)
-    sys.exit(status)
+    run(verb)

@@ -195,7 +195,7 @@ def _subdivided(table: Array, sides: int) -> Array:
     return np.concatenate(rows)
 
 
-def inverse_kinematics(arm: ArmParameters, point: ArrayLike, elbow_branch: str) -> Array:
+def inverse_kinematics(arm: ArmParameters, point: ArrayLike, elbow_branch: str = "positive") -> Array:
     """Return the joint angles that put the rigid arm's tip at a point.
 
     Args:

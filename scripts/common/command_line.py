@@ -1,54 +1,20 @@
-"""How a script ends before its time: with one line and a status that says why, not with a traceback.
-
-Bad input ends it with status 1. A signal that asks it to stop (Ctrl-C, SIGTERM, SIGHUP) unwinds it like an exception,
-so that its workers end and its unfinished results go; the status is then 128 plus the signal's number, as in a shell.
-"""
+"""How a study ends before its time: as the command `flexarm` does, and with a line where a worker has died."""
 
 from __future__ import annotations
 
-import signal
-import sys
 from collections.abc import Callable
 from concurrent.futures.process import BrokenProcessPool
-from types import FrameType
-from typing import NoReturn
 
-# those that ask a process to stop; not every system has every one
-STOPPING = tuple(signal.Signals[name] for name in ("SIGINT", "SIGTERM", "SIGHUP") if name in signal.Signals.__members__)
-
-
-class Stopped(KeyboardInterrupt):
-    """A signal asked the script to stop. What handles Ctrl-C handles this."""
-
-    def __init__(self, number: int) -> None:
-        """Keep the signal."""
-        self.signal = signal.Signals(number)
-        super().__init__(f"stopped by {self.signal.name}")
+from flexarm_env import command_line
 
 
 def run(main: Callable[[], None]) -> None:
-    """Run a script's `main`; its last line says what was wrong with the input, or which signal stopped it."""
-    before = {number: signal.signal(number, _stop) for number in STOPPING if _is_free(number)}
-    try:
-        main()
-    except (ValueError, TypeError, OSError) as error:
-        sys.exit(f"error: {error}")
-    except BrokenProcessPool:
-        sys.exit("error: a worker process died (killed, or out of memory?)")
-    except Stopped as stopped:
-        print(f"\n{stopped}", file=sys.stderr)
-        sys.exit(128 + stopped.signal)
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
+    """Run a study's `main`; see `flexarm_env.command_line.run`."""
 
+    def study() -> None:
+        try:
+            main()
+        except BrokenProcessPool as error:
+            raise OSError("a worker process died (killed, or out of memory?)") from error
 
-def _is_free(number: int) -> bool:
-    """Whether the caller left a signal to us: nohup and a shell's & have some of them ignored."""
-    return signal.getsignal(number) not in (signal.SIG_IGN, None)
-
-
-def _stop(number: int, frame: FrameType | None) -> NoReturn:
-    for other in STOPPING:  # a second signal must not interrupt the clearing up
-        signal.signal(other, signal.SIG_IGN)
-    raise Stopped(number)
+    command_line.run(study)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import sys
-from types import ModuleType
 from typing import Any
 
 import pytest
@@ -124,14 +123,12 @@ def test_show_takes_an_id_without_namespace(capsys: Captured) -> None:
 
 def test_warm_up_passes_on_what_it_is_given(monkeypatch: pytest.MonkeyPatch, capsys: Captured) -> None:
     calls: list[Any] = []
-    module = ModuleType("flexarm_env.envs.warm_up")
 
     def warm_up(ids: list[str], options: dict[str, Any], num_envs: list[int]) -> list[str]:
         calls.append((ids, options, num_envs))
         return [f"{one}, num_envs = {size}: compiled" for one in ids for size in num_envs]
 
-    module.warm_up = warm_up  # type: ignore[attr-defined]
-    monkeypatch.setitem(sys.modules, "flexarm_env.envs.warm_up", module)
+    monkeypatch.setattr("flexarm_agents.commands.warm_up.warm_up", warm_up)
     given = ("warm-up", "Square-v0", "FlexArm/Reach-v0", "--options", '{"noise": 0.1}', "--num-envs", "1", "64")
     assert status(*given) == 0
     assert calls == [([f"FlexArm/{name}"], {"noise": 0.1}, [1, 64]) for name in ("Square-v0", "Reach-v0")]

@@ -216,7 +216,7 @@ def test_pictures() -> None:
 def test_what_is_refused(env: FlexArmVecEnv) -> None:
     with pytest.raises(TypeError, match=r"env = .*: must be a FlexArmVectorEnv"):
         FlexArmVecEnv(gymnasium.make(ID))  # type: ignore[arg-type]
-    with pytest.raises(ValueError, match=r"autoreset_mode'\] = 'NextStep': must be 'SameStep'"):
+    with pytest.raises(ValueError, match=r"autoreset_mode = 'NextStep': must be 'SameStep'"):
         FlexArmVecEnv(FlexArmVectorEnv(2))
     with pytest.raises(ValueError, match=r"infos = 'some': must be one of 'final', 'all'"):
         FlexArmVecEnv(FlexArmVectorEnv(2, autoreset_mode=AutoresetMode.SAME_STEP), infos="some")  # type: ignore[arg-type]
