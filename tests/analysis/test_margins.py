@@ -96,18 +96,11 @@ def test_every_corner_and_both_branches_have_the_same_margins() -> None:
 
 @pytest.mark.parametrize("position", [4.5, 0.5])
 @pytest.mark.parametrize("delayed", DELAYED)
-def test_delay_margin_is_where_the_spectral_method_puts_a_root_on_the_axis(position: float, delayed: str) -> None:
-    assert_margin_is_where_a_root_meets_the_axis(loop(delayed, position, PAPER))
-
-
-@pytest.mark.slow  # eigenvalues of matrices twice as large
-@pytest.mark.parametrize("position", [4.5, 0.5])
-@pytest.mark.parametrize("delayed", DELAYED)
-def test_so_it_is_with_two_modes(position: float, delayed: str) -> None:
-    assert_margin_is_where_a_root_meets_the_axis(loop(delayed, position, FlexibleArm()))
-
-
-def assert_margin_is_where_a_root_meets_the_axis(case: LawLoop) -> None:
+@pytest.mark.parametrize("arm", [PAPER, FlexibleArm()], ids=["paper", "default"])
+def test_delay_margin_is_where_the_spectral_method_puts_a_root_on_the_axis(
+    arm: FlexibleArm, position: float, delayed: str
+) -> None:
+    case = loop(delayed, position, arm)
     margin = delay_margin(case)
     root = delay_roots(case.with_delay(margin.delay), 50).rightmost
     assert abs(root.real) < 1e-6 * abs(root)
