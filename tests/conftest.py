@@ -3,7 +3,7 @@
 import os
 
 # One thread for linear algebra: matrices here have a few hundred rows at most, and threads that wait for each other in
-# every process multiply the time of a test as soon as the processes are more than the cores. Libraries read this when
+# every process cost far more than they save. Libraries read this when
 # numpy is imported, which is after this file.
 for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(variable, "1")

@@ -41,7 +41,8 @@ POOR_SENSOR: dict[str, Any] = {"jitter": 0.01, "hold": 0.015, "dropout": 0.1}
 FORESHORTENED = {"arm": {"kinematics": "foreshortened", "mode_shapes": "polynomial"}}
 
 # Each combination of sensor model, kinematics, velocity forces, law and disturbances is a kernel that a fresh clone
-# compiles for half a minute: the cases below share them where what they test does not depend on it.
+# compiles: the cases below share them where what they test does not depend on it.
+
 # What every id takes.
 _COMMON: list[dict[str, Any]] = [
     {},
