@@ -236,9 +236,7 @@ def test_models_of_stable_baselines_are_recognised(tmp_path: Path) -> None:
     with zipfile.ZipFile(path, "w") as file:
         for name in ("data", "policy.pth", "_stable_baselines3_version"):
             file.writestr(name, b"never read")
-    with refuses(
-        ValueError, f"{path}: a stable-baselines3 model", "evaluate --stable-baselines3 CLASS` scores it"
-    ):
+    with refuses(ValueError, f"{path}: a stable-baselines3 model", "evaluate --stable-baselines3 CLASS` scores it"):
         load_policy(path)
 
 
