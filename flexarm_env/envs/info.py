@@ -7,7 +7,6 @@ after a step; each value is a number or an array of float64. What describes an e
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from operator import itemgetter
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -148,17 +147,19 @@ def episodes(fleet: Fleet) -> Episode:
     )
 
 
-def _literal(keys: Sequence[str], given: Sequence[str]) -> Callable[..., dict[str, Any]]:
-    """A function that makes an info from values: `lambda time, gain: {"time": time, "gain": gain}`.
+def _literal(keys: Sequence[str], places: Mapping[str, Any]) -> Callable[[Array], dict[str, Any]]:
+    """A function that makes an info from results: `lambda known, time=3: {"time": known[time]}`.
 
     Its text is written here because the keys depend on the options, and a loop over them would slow each step down.
 
     Args:
-        keys: of the info, in their order; those without a value, `end_code`, are `GOES_ON`.
-        given: keys of the values, in the order in which the function takes them.
+        keys: of the info, in their order; those without a place, `end_code`, are `GOES_ON`.
+        places: of the others in the results.
     """
-    items = ", ".join(f"{name!r}: {name if name in given else 'GOES_ON'}" for name in keys)
-    made: Callable[..., dict[str, Any]] = eval(f"lambda {', '.join(given)}: {{{items}}}", {"GOES_ON": GOES_ON})
+    items = ", ".join(f"{name!r}: {f'known[{name}]' if name in places else 'GOES_ON'}" for name in keys)
+    bound = ", ".join(f"{name}=places[{name!r}]" for name in places)
+    names = {"places": places, "GOES_ON": GOES_ON}
+    made: Callable[[Array], dict[str, Any]] = eval(f"lambda known, {bound}, GOES_ON=GOES_ON: {{{items}}}", names)
     return made
 
 
@@ -183,8 +184,7 @@ class InfoMaker:
         places |= {TERM + name: parts["REWARD_TERMS"].start + n for n, name in enumerate(TERMS)}
         known = slices | places
         self._items = tuple((name, f"_{name}", known[name]) for name in keys if name in known)
-        self._values = itemgetter(*(place for _, _, place in self._items))
-        self._named = _literal(keys, [name for name, _, _ in self._items])
+        self._named = _literal(keys, {name: place for name, _, place in self._items})
         self._codes = {
             status: np.float64(END_CODES[reason or NOT_TERMINATED]) for status, reason in fleet.failures.items()
         }
@@ -202,7 +202,7 @@ class InfoMaker:
     def after_step(self) -> tuple[dict[str, Any], float, bool]:
         """The info of the only environment, its reward, and whether its episode terminated."""
         fleet = self._fleet
-        info = self._named(*self._values(fleet.only_result.copy()))
+        info = self._named(fleet.only_result.copy())
         reward, status = fleet.only_end.tolist()
         if status == 0.0:
             return info, reward, False
