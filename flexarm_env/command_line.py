@@ -61,7 +61,7 @@ def _end(status: int, line: str) -> NoReturn:
 
 
 def _is_free(number: int) -> bool:
-    """Whether the caller left a signal to us: `nohup` and a shell's `&` have some of them ignored."""
+    """Whether the caller left a signal to us: nohup and a shell's & have some of them ignored."""
     return signal.getsignal(number) not in (signal.SIG_IGN, None)
 
 

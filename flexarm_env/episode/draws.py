@@ -134,7 +134,7 @@ def draw_moves(path: Path, key: np.uint64, settings: Table, branch: float) -> No
     `Setting.MOVES` sets, theta1's way is the shorter one.
 
     Args:
-        path: to be filled; evenly timed, see `sides.reference_at`. Shape (n, 5).
+        path: to be filled; evenly timed, see `polyline.reference_at`. Shape (n, 5).
         key: of the episode.
         settings: see `entries.Setting`.
         branch: sign of theta2.

@@ -37,7 +37,7 @@ from flexarm_env.physics.inverse_kinematics import elbow_side, joint_angles_for,
 from flexarm_env.physics.polyline import AHEAD
 
 NEAR = 0.02  # [m]; a tip that is not farther from the reference has arrived
-FINAL_REST = 0.25  # of the lap; the rest after the move back (`reset.draw_moves`)
+FINAL_REST = 0.25  # of the lap; the rest after the move back (`draws.draw_moves`)
 
 
 def take_actions(arena: Arena, actions: Actions, first: int, plan: Plan) -> None:

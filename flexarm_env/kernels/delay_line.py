@@ -107,7 +107,7 @@ def prepare_readings(arena: Arena, history: History, clock: Clock, h: float, nod
 def prepare_reading(
     arena: Arena, history: History, slots: int, slot: int, i: int, j: int, h: float, node: float
 ) -> None:
-    """Write offset and weight of reading j of lane i at t + node h (see `closed_loop.Law`).
+    """Write offset and weight of reading j of lane i at t + node h (see `jacobian_transpose.Law`).
 
     Readings at past steps are interpolated by cubic Hermite polynomials, whose error is of fourth order. A delay
     shorter than node h falls into the step at hand: the reading is then a parabola through the one at t, with its

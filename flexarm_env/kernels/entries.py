@@ -192,7 +192,7 @@ class ReadingRow(FixedNames):
 class Column(FixedNames):
     """Columns of an order for a new episode; NaN where the environment decides."""
 
-    START = Entry("how it starts (`reset.CORNER`)", "1")
+    START = Entry("how it starts (`draws.CORNER`)", "1")
     PHASE = Entry("moment of the lap", "s")
     PATH = Entry("which of the named paths", "1")
     BRANCH = Entry("see `LaneSetting`", "1")

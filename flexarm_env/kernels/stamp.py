@@ -10,12 +10,15 @@ from numpy.typing import NDArray
 
 from flexarm_env.codegen.declarations import Names
 from flexarm_env.codegen.memory import Part
-from flexarm_env.kernels.entries import ClockRow, Column, Constant, Drawn, Header, Setting
+from flexarm_env.kernels.entries import ClockRow, Column, Constant, Drawn, Header, LaneSetting, ReadingRow, Setting
 from flexarm_env.kernels.layout import Row
 from flexarm_env.kernels.path_cache import Segment
 from flexarm_env.kernels.variants import Variant
 
-TABLES: tuple[type[Names], ...] = (Row, Setting, Constant, Header, ClockRow, Column, Drawn, Segment)
+TABLES: tuple[type[Names], ...] = (
+    *(Row, Setting, LaneSetting, Constant, Header, ClockRow, ReadingRow, Column, Drawn),
+    Segment,
+)
 
 
 class LayoutError(ValueError):

@@ -1,7 +1,7 @@
 """What an agent of `FlexArm/Square-v0` would see of any arm: of MuJoCo's chain, or of a model with other modes.
 
 Encoders and the late sensor read the arm itself. The strain gauges' modal coordinates are read off the deflection: that
-part of it which the environment's own modes can express (`engine_chain.Gauges`). The parts and their scales are the
+part of it which the environment's own modes can express (`chain.Gauges`). The parts and their scales are the
 environment's; on its own arm this gives its own observations (tests/scripts/test_validation_engine.py).
 """
 
