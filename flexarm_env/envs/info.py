@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from flexarm_env.envs.batch import Fleet
+from flexarm_env.envs.batch import BatchSimulator
 from flexarm_env.envs.settings import Settings
 from flexarm_env.envs.termination import END_CODES, NOT_TERMINATED
 from flexarm_env.episode.reward import TERMS
@@ -79,7 +79,7 @@ _VECTORS = {
     "true_tip": ("TRUE_TIP", 2),
     "rigid_tip": ("RIGID_TIP", 2),
     "reference": ("REFERENCE", 2),
-    "sensed": ("SENSED", 2),
+    "sensed": ("LINK_SENSOR", 2),
     "state": ("STATE", None),
     "second_sensed": ("SECOND_SENSED", 2),
 }
@@ -135,15 +135,15 @@ class Episode(NamedTuple):
         return Episode(drawn, *(each[index].item() for each in others))
 
 
-def episodes(fleet: Fleet) -> Episode:
+def episodes(simulator: BatchSimulator) -> Episode:
     """The present episodes of a batch."""
-    numbers = fleet.beginnings()
+    numbers = simulator.beginnings()
     return Episode(
         parameters={name: numbers[:, n].copy() for n, name in enumerate(DRAWN)},
-        path=fleet.path_names(),
+        path=simulator.path_names(),
         start_time=numbers[:, len(DRAWN)].copy(),
         elbow_branch=np.where(numbers[:, len(DRAWN) + 1] > 0.0, "positive", "negative"),
-        direction=fleet.directions(),
+        direction=simulator.directions(),
     )
 
 
@@ -166,14 +166,14 @@ def _literal(keys: Sequence[str], places: Mapping[str, Any]) -> Callable[[Array]
 class InfoMaker:
     """Turns results into infos, of one environment or of a batch."""
 
-    def __init__(self, fleet: Fleet) -> None:
+    def __init__(self, simulator: BatchSimulator) -> None:
         """Note where everything lies.
 
         Args:
-            fleet: the environments.
+            simulator: the environments.
         """
-        self._fleet = fleet
-        parts, keys = fleet.parts, info_keys(fleet.settings)
+        self._simulator = simulator
+        parts, keys = simulator.parts, info_keys(simulator.settings)
         slices: dict[str, slice] = {}
         for name, (part, count) in _VECTORS.items():
             if name not in keys:
@@ -186,12 +186,12 @@ class InfoMaker:
         self._items = tuple((name, f"_{name}", known[name]) for name in keys if name in known)
         self._named = _literal(keys, {name: place for name, _, place in self._items})
         self._codes = {
-            status: np.float64(END_CODES[reason or NOT_TERMINATED]) for status, reason in fleet.failures.items()
+            status: np.float64(END_CODES[reason or NOT_TERMINATED]) for status, reason in simulator.failures.items()
         }
 
-    def __reduce__(self) -> tuple[type[InfoMaker], tuple[Fleet]]:
+    def __reduce__(self) -> tuple[type[InfoMaker], tuple[BatchSimulator]]:
         """Copies and pickles are made anew from their fleet: a function made from a text cannot be pickled."""
-        return InfoMaker, (self._fleet,)
+        return InfoMaker, (self._simulator,)
 
     def after_reset(self) -> dict[str, Any]:
         """The info of the only environment at the beginning of an episode, whose state ends nothing yet."""
@@ -201,9 +201,9 @@ class InfoMaker:
 
     def after_step(self) -> tuple[dict[str, Any], float, bool]:
         """The info of the only environment, its reward, and whether its episode terminated."""
-        fleet = self._fleet
-        info = self._named(fleet.only_result.copy())
-        reward, status = fleet.only_end.tolist()
+        simulator = self._simulator
+        info = self._named(simulator.single_result.copy())
+        reward, status = simulator.single_end.tolist()
         if status == 0.0:
             return info, reward, False
         info["end_code"] = self._codes[status]
@@ -214,7 +214,7 @@ class InfoMaker:
 
         All have each key, and the keys share a mask, which therefore cannot be written to. No episode has ended.
         """
-        known, everyone = self._fleet.results, self._fleet.everyone
+        known, everyone = self._simulator.results, self._simulator.everyone
         infos: dict[str, Any] = {"end_code": np.zeros(len(known)), "_end_code": everyone}
         for name, flag, place in self._items:
             infos[name], infos[flag] = known[:, place], everyone

@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexarm_env.codegen.declarations import Program
-from flexarm_env.codegen.memory import Part, packed
+from flexarm_env.codegen.memory import ArraySpec, pack
 from flexarm_env.envs.choices import EITHER, MOVE_POINTS, MOVE_RING
 from flexarm_env.envs.observation import ObservationLayout, shape_of
 from flexarm_env.envs.settings import Settings
 from flexarm_env.episode.reward import TERMS
-from flexarm_env.kernels.entries import DRAWN, MEMORY, LaneSetting, Setting, Shape, header
+from flexarm_env.kernels.entries import DRAWN, MEMORY, LaneSetting, Setting, Shape, word
 from flexarm_env.kernels.layout import Row, place_rows
 from flexarm_env.parameters import DIRECTIONS
 from flexarm_env.physics.constants import arm_constants
@@ -26,7 +26,7 @@ from flexarm_env.simulation.limits import state_limits
 Array = NDArray[np.float64]
 ALL_READINGS = -1  # as bits
 NAN = float("nan")
-# In the tables `LANE_SETTINGS` and `ORDERS`.
+# In the tables `LANE_SETTINGS` and `RESET_REQUESTS`.
 BRANCH_CODES = {"positive": 1.0, "negative": -1.0, EITHER: 0.0}
 DIRECTION_CODES = {name: float(n) for n, name in enumerate(DIRECTIONS)} | {EITHER: -1.0}
 
@@ -67,10 +67,10 @@ def path_tables(settings: Settings, lanes: int) -> Array:
     return room
 
 
-def lay_out(arrays: Mapping[str, NDArray[Any]]) -> tuple[Array, dict[str, Part]]:
+def lay_out(arrays: Mapping[str, NDArray[Any]]) -> tuple[Array, dict[str, ArraySpec]]:
     """Memory with the plan and the arrays of `entries.MEMORY`, and where each lies; the plan says it to the kernels."""
-    assert tuple(arrays) == ("PLAN", *MEMORY)  # kernels find the plan at the beginning
-    memory, parts = packed(arrays)
+    assert tuple(arrays) == ("HEADER", *MEMORY)  # kernels find the plan at the beginning
+    memory, parts = pack(arrays)
     lanes = arrays["ARENAS"].shape[-1]
     rows, columns = arrays["LANE_SETTINGS"].shape
     sizes = {
@@ -80,11 +80,11 @@ def lay_out(arrays: Mapping[str, NDArray[Any]]) -> tuple[Array, dict[str, Part]]
         "HISTORY_ROWS": arrays["HISTORIES"][0].size // lanes,
         "PATH_COUNT": arrays["PATHS"].shape[0],
         "PATH_POINTS": arrays["PATHS"].shape[1],
-        "ORDER_COLUMNS": arrays["ORDERS"].shape[1],
+        "ORDER_COLUMNS": arrays["RESET_REQUESTS"].shape[1],
     }
-    plan = parts["PLAN"].view(memory)
+    header = parts["HEADER"].view(memory)
     for name, value in {**sizes, **{name: parts[name].first for name in MEMORY}}.items():
-        plan[getattr(header, name)] = value
+        header[getattr(word, name)] = value
     return memory, parts
 
 
@@ -93,10 +93,10 @@ def kept_actions(kinds: Sequence[Settings]) -> int:
     return max(one.kept_actions for one in kinds)
 
 
-def plan_and_table(
+def header_and_settings(
     kinds: Sequence[Settings], program: Program, observed: ObservationLayout
 ) -> tuple[NDArray[np.int64], Array]:
-    """`plan` and `settings` of the kernels; where arrays lie is left open.
+    """`header` and `settings` of the kernels; where arrays lie is left open.
 
     Args:
         kinds: settings of the environments, each once.
@@ -116,12 +116,12 @@ def plan_and_table(
         "READINGS": kept_readings(kinds),
         **_whole_numbers(settings),
     }
-    plan = np.zeros(header.PLACES + len(observed.rows), dtype=np.int64)  # `lay_out` fills in the others
+    header = np.zeros(word.PLACES + len(observed.rows), dtype=np.int64)  # `lay_out` fills in the others
     for name, value in whole.items():
-        plan[getattr(header, name)] = value
-    plan[header.OBSERVED] = len(observed.rows)
-    plan[header.PLACES :] = _observed_rows(settings, program, observed)
-    return plan, np.concatenate([_numbers(settings, program), horizons, 1.0 / observed.scale])
+        header[getattr(word, name)] = value
+    header[word.OBSERVED] = len(observed.rows)
+    header[word.PLACES :] = _observed_rows(settings, program, observed)
+    return header, np.concatenate([_numbers(settings, program), horizons, 1.0 / observed.scale])
 
 
 def tail_rows(kinds: Sequence[Settings]) -> int:
@@ -251,13 +251,13 @@ def fixed_rows(settings: Settings) -> dict[str, Any]:
         **second,
         "LIMITS": state_limits(arm),
         **place_rows("TIP", arm.place(2, length)),
-        **place_rows("PLACE", arm.place(2, s.sensor_position)),
+        **place_rows("SENSOR_POINT", arm.place(2, s.sensor_position)),
         **place_rows("SENSOR", arm.place(2, law_point)),
         "JITTER": [s.jitter],
         "HOLD": [s.hold],
         "DROPOUT": [s.dropout],
         "ENCODER_NOISE": s.encoder_noise,
-        "FRAME": [float(s.frame == "link")],
+        "LINK_FRAME": [float(s.frame == "link")],
         "TORQUE_LIMIT": s.motor_limit,
         "STIFFNESS": s.inner_stiffness,
         "RESISTANCE": s.inner_resistance,

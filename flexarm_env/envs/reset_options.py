@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexarm_env.envs.batch import START_CODES, Fleet
+from flexarm_env.envs.batch import START_CODES, BatchSimulator
 from flexarm_env.envs.choices import STARTS
 from flexarm_env.envs.kernel_inputs import BRANCH_CODES, DIRECTION_CODES
-from flexarm_env.envs.observation import refuse_fast_starts
+from flexarm_env.envs.observation import check_moving_start
 from flexarm_env.envs.quantities import orderable
 from flexarm_env.kernels.entries import DRAWN, column
 from flexarm_env.physics.paths import PATHS
@@ -31,12 +31,12 @@ OPTIONS = {
 }
 
 
-def orders_of(options: Mapping[str, Any] | None, fleet: Fleet) -> Array:
+def reset_requests_of(options: Mapping[str, Any] | None, simulator: BatchSimulator) -> Array:
     """Orders for a fleet's episodes.
 
     Args:
         options: keys of `OPTIONS`; each value one for all environments, or one for each.
-        fleet: the environments.
+        simulator: the environments.
 
     Returns:
         Shape (N, columns), see `entries.Column`.
@@ -46,57 +46,61 @@ def orders_of(options: Mapping[str, Any] | None, fleet: Fleet) -> Array:
     """
     asked = mapping("options", {} if options is None else options)
     if not asked:
-        return fleet.usual_orders
+        return simulator.usual_requests
     for name in asked:
         if name not in OPTIONS:
             raise ValueError(f"options[{shown(name)}]: no such option; the options are {', '.join(OPTIONS)}")
-    orders = fleet.usual_orders.copy()
+    reset_requests = simulator.usual_requests.copy()
     if "start" in asked:
-        names = [choice("options['start']", name, STARTS) for name in _each("start", asked["start"], fleet)]
+        names = [choice("options['start']", name, STARTS) for name in _each("start", asked["start"], simulator)]
         for name in set(names):
-            refuse_fast_starts(fleet.settings, name)
-        orders[:, column.START] = [START_CODES[name] for name in names]
+            check_moving_start(simulator.settings, name)
+        reset_requests[:, column.START] = [START_CODES[name] for name in names]
     if "time" in asked:
-        lap = fleet.settings.lap_time
-        orders[:, column.PHASE] = _numbers("options['time']", asked["time"], fleet, 0.0, np.nextafter(lap, 0.0))
+        lap = simulator.settings.lap_time
+        reset_requests[:, column.PHASE] = _numbers(
+            "options['time']", asked["time"], simulator, 0.0, np.nextafter(lap, 0.0)
+        )
     if "path" in asked:
-        orders[:, column.PATH] = _path_indices(asked["path"], fleet)
+        reset_requests[:, column.PATH] = _path_indices(asked["path"], simulator)
     if "direction" in asked:
-        orders[:, column.DIRECTION] = _directions(asked["direction"], fleet)
+        reset_requests[:, column.DIRECTION] = _directions(asked["direction"], simulator)
     if "elbow_branch" in asked:
-        orders[:, column.BRANCH] = _codes("elbow_branch", asked["elbow_branch"], BRANCH_CODES, fleet)
+        reset_requests[:, column.BRANCH] = _codes("elbow_branch", asked["elbow_branch"], BRANCH_CODES, simulator)
     for name, value in mapping("options['parameters']", asked.get("parameters", {})).items():
         if name not in DRAWN:
             raise ValueError(
                 f"options['parameters'][{shown(name)}]: no such quantity; there are {', '.join(map(repr, DRAWN))}"
             )
-        least, most = np.array([orderable(settings, name) for settings in fleet.each]).T
+        least, most = np.array([orderable(settings, name) for settings in simulator.each]).T
         hint = f" (`randomisation` at make can allow more: {{{name!r}: (least, most)}})"
-        orders[:, column.DRAWN + list(DRAWN).index(name)] = _numbers(
-            f"options['parameters'][{name!r}]", value, fleet, least, most, hint
+        reset_requests[:, column.DRAWN + list(DRAWN).index(name)] = _numbers(
+            f"options['parameters'][{name!r}]", value, simulator, least, most, hint
         )
     if "state" in asked:
-        orders[:, column.STATE :] = _states(asked["state"], fleet)
-    return orders
+        reset_requests[:, column.STATE :] = _states(asked["state"], simulator)
+    return reset_requests
 
 
-def _each(name: str, value: Any, fleet: Fleet) -> list[Any]:
+def _each(name: str, value: Any, simulator: BatchSimulator) -> list[Any]:
     """One value for each environment."""
     found = entries(value)
     if found is None:
-        return [value] * len(fleet)
-    if len(found) != len(fleet):
+        return [value] * len(simulator)
+    if len(found) != len(simulator):
         raise ValueError(
-            f"options[{name!r}] = {shown(value)}: must be one value or {len(fleet)}, one for each environment"
+            f"options[{name!r}] = {shown(value)}: must be one value or {len(simulator)}, one for each environment"
         )
     return found
 
 
-def _numbers(label: str, value: Any, fleet: Fleet, least: float | Array, most: float | Array, hint: str = "") -> Array:
+def _numbers(
+    label: str, value: Any, simulator: BatchSimulator, least: float | Array, most: float | Array, hint: str = ""
+) -> Array:
     array = real_array(label, value)
-    if array.shape not in ((), (len(fleet),)):
-        raise ValueError(f"{label}: must be one number or {len(fleet)}, got shape {array.shape}")
-    numbers, lowest, highest = np.broadcast_arrays(array, least, most, np.empty(len(fleet)))[:3]
+    if array.shape not in ((), (len(simulator),)):
+        raise ValueError(f"{label}: must be one number or {len(simulator)}, got shape {array.shape}")
+    numbers, lowest, highest = np.broadcast_arrays(array, least, most, np.empty(len(simulator)))[:3]
     inside = (numbers >= lowest) & (numbers <= highest) & np.isfinite(numbers)
     if not inside.all():
         i = int(np.argmin(inside))
@@ -104,32 +108,32 @@ def _numbers(label: str, value: Any, fleet: Fleet, least: float | Array, most: f
     return numbers
 
 
-def _path_indices(value: Any, fleet: Fleet) -> list[int]:
-    names = fleet.settings.reference
-    if not fleet.settings.paths:
+def _path_indices(value: Any, simulator: BatchSimulator) -> list[int]:
+    names = simulator.settings.reference
+    if not simulator.settings.paths:
         raise ValueError(f"options['path'] = {shown(value)}: each episode draws its own moves; it has no names")
-    return [names.index(choice("options['path']", name, names)) for name in _each("path", value, fleet)]
+    return [names.index(choice("options['path']", name, names)) for name in _each("path", value, simulator)]
 
 
-def _directions(value: Any, fleet: Fleet) -> list[float]:
-    if set(fleet.settings.reference).isdisjoint(PATHS):
+def _directions(value: Any, simulator: BatchSimulator) -> list[float]:
+    if set(simulator.settings.reference).isdisjoint(PATHS):
         raise ValueError(
             f"options['direction'] = {shown(value)}: has no effect here; only with a reference among "
             f"{', '.join(map(repr, PATHS))}"
         )
-    return _codes("direction", value, DIRECTION_CODES, fleet)
+    return _codes("direction", value, DIRECTION_CODES, simulator)
 
 
-def _codes(name: str, value: Any, codes: Mapping[str, float], fleet: Fleet) -> list[float]:
-    return [codes[choice(f"options[{name!r}]", one, codes)] for one in _each(name, value, fleet)]
+def _codes(name: str, value: Any, codes: Mapping[str, float], simulator: BatchSimulator) -> list[float]:
+    return [codes[choice(f"options[{name!r}]", one, codes)] for one in _each(name, value, simulator)]
 
 
-def _states(value: Any, fleet: Fleet) -> Array:
-    limits = state_limits(fleet.settings.flexible_arm)
+def _states(value: Any, simulator: BatchSimulator) -> Array:
+    limits = state_limits(simulator.settings.flexible_arm)
     states = real_array("options['state']", value)
-    if states.shape not in ((len(limits),), (len(fleet), len(limits))):
+    if states.shape not in ((len(limits),), (len(simulator), len(limits))):
         raise ValueError(f"options['state']: must have shape ({len(limits)},) for each arm, got {states.shape}")
-    rows = np.broadcast_to(states, (len(fleet), len(limits)))
+    rows = np.broadcast_to(states, (len(simulator), len(limits)))
     if not np.all(np.abs(rows) <= limits):
         arm, entry = np.argwhere(~(np.abs(rows) <= limits))[0]
         raise ValueError(

@@ -10,11 +10,11 @@ from math import sqrt
 import numpy as np
 from numpy import floor
 
-from flexarm_env.codegen.arrays import Arena, Clock, Order, Path, Paths, Plan, Table
+from flexarm_env.codegen.arrays import Arena, Clock, Path, Paths, ResetRequest, Table, Words
 from flexarm_env.codegen.declarations import inlined_in_its_caller
 from flexarm_env.codegen.elementary import sincos
 from flexarm_env.codegen.random_stream import uniform
-from flexarm_env.kernels.entries import QUANTITIES, clock_row, column, constant, drawn, header, lane_setting, setting
+from flexarm_env.kernels.entries import QUANTITIES, clock_row, column, constant, drawn, lane_setting, setting, word
 from flexarm_env.kernels.layout import row
 from flexarm_env.kernels.variants import variant
 from flexarm_env.physics.inverse_kinematics import joint_angles_for
@@ -27,15 +27,15 @@ PLACE_PATH, PLACE_MIX, PLACE_PHASE, PLACE_BRANCH, PLACE_DIRECTION = 0, 1, 2, 3, 
 PLACE_SPREAD, PLACE_DRAWN, PLACE_MOVE = 8, 16, 32
 
 
-def draw_quantities(arena: Arena, key: np.uint64, own: Table, order: Order, i: int) -> None:
+def draw_quantities(arena: Arena, key: np.uint64, own: Table, request: ResetRequest, i: int) -> None:
     """What is drawn for lane i's episode, unless the order names it, and the arm that follows from it."""
     for n in range(QUANTITIES):
         value = own[lane_setting.BASE + n]
         low = own[lane_setting.LOWEST + n]
         if low == low:
             value = low + (own[lane_setting.HIGHEST + n] - low) * uniform(key, PLACE_DRAWN + n)
-        if order[column.DRAWN + n] == order[column.DRAWN + n]:
-            value = order[column.DRAWN + n]
+        if request[column.DRAWN + n] == request[column.DRAWN + n]:
+            value = request[column.DRAWN + n]
         arena[row.EPISODE + n, i] = value
     payload = arena[row.EPISODE + drawn.PAYLOAD_MASS, i] - own[lane_setting.BASE + drawn.PAYLOAD_MASS]
     stiffness = arena[row.EPISODE + drawn.STIFFNESS, i]
@@ -58,25 +58,25 @@ def draw_quantities(arena: Arena, key: np.uint64, own: Table, order: Order, i: i
     arena[row.EPISODE + drawn.DELAY, i] = arena[row.SENSOR_DELAY, i]
 
 
-def draw_branch(arena: Arena, key: np.uint64, own: Table, order: Order, i: int) -> None:
+def draw_branch(arena: Arena, key: np.uint64, own: Table, request: ResetRequest, i: int) -> None:
     """On which side of 0 theta2 is for lane i's rigid arm on the reference, unless the order says it."""
-    branch = order[column.BRANCH] if order[column.BRANCH] == order[column.BRANCH] else own[lane_setting.BRANCH]
+    branch = request[column.BRANCH] if request[column.BRANCH] == request[column.BRANCH] else own[lane_setting.BRANCH]
     if branch == 0.0:
         branch = 1.0 if uniform(key, PLACE_BRANCH) < 0.5 else -1.0
     arena[row.BRANCH, i] = branch
 
 
-def draw_path(key: np.uint64, plan: Plan, own: Table, order: Order) -> int:
+def draw_path(key: np.uint64, header: Words, own: Table, request: ResetRequest) -> int:
     """Which of the named paths an episode follows, and in which direction, unless the order says it."""
-    index = int(uniform(key, PLACE_PATH) * plan[header.PATH_NAMES])
-    if order[column.PATH] == order[column.PATH]:
-        index = int(order[column.PATH])
+    index = int(uniform(key, PLACE_PATH) * header[word.PATH_NAMES])
+    if request[column.PATH] == request[column.PATH]:
+        index = int(request[column.PATH])
     direction = own[lane_setting.DIRECTION]
-    if order[column.DIRECTION] == order[column.DIRECTION]:
-        direction = order[column.DIRECTION]
+    if request[column.DIRECTION] == request[column.DIRECTION]:
+        direction = request[column.DIRECTION]
     if direction < 0.0:
         direction = floor(2.0 * uniform(key, PLACE_DIRECTION))
-    return index + int(direction) * plan[header.PATH_NAMES]
+    return index + int(direction) * header[word.PATH_NAMES]
 
 
 @inlined_in_its_caller
@@ -85,10 +85,10 @@ def draw_start(
     clock: Clock,
     key: np.uint64,
     paths: Paths,
-    plan: Plan,
+    header: Words,
     settings: Table,
     own: Table,
-    order: Order,
+    request: ResetRequest,
     lane: int,
     i: int,
 ) -> bool:
@@ -97,9 +97,9 @@ def draw_start(
     if variant.own_paths:  # a constant: where it is false, the compiler never sees what follows
         draw_moves(paths[lane], key, settings, arena[row.BRANCH, i])
     else:
-        index = draw_path(key, plan, own, order)
+        index = draw_path(key, header, own, request)
     lap = paths[index, paths.shape[1] - 1, 0]
-    kind = order[column.START]
+    kind = request[column.START]
     if kind == MIX:
         kind = CORNERS if uniform(key, PLACE_MIX) < SHARE_AT_REST else MOVING
     phase = 0.0
@@ -107,8 +107,8 @@ def draw_start(
         phase = 0.25 * lap * floor(4.0 * uniform(key, PLACE_PHASE))
     elif kind == MOVING:
         phase = settings[setting.PERIOD] * floor(uniform(key, PLACE_PHASE) * lap / settings[setting.PERIOD])
-    if order[column.PHASE] == order[column.PHASE]:
-        phase = order[column.PHASE]
+    if request[column.PHASE] == request[column.PHASE]:
+        phase = request[column.PHASE]
     clock[clock_row.PATH, i] = index
     clock[clock_row.STEPS, i] = int(phase / settings[setting.STEP] + 0.5)
     clock[clock_row.BEGAN, i] = clock[clock_row.STEPS, i]

@@ -7,17 +7,17 @@ from __future__ import annotations
 
 from numpy import floor
 
-from flexarm_env.codegen.arrays import Arena, Clock, Four, History, Paths, Plan, Table
+from flexarm_env.codegen.arrays import Arena, Clock, Four, History, Paths, Table, Words
 from flexarm_env.episode.second_sensor import second_reference
 from flexarm_env.episode.sensor import joint_motion, point_on_reference, sensed_point
-from flexarm_env.kernels.entries import READING_ROWS, clock_row, header, reading_row, setting
+from flexarm_env.kernels.entries import READING_ROWS, clock_row, reading_row, setting, word
 from flexarm_env.kernels.layout import row
 from flexarm_env.kernels.variants import variant
 from flexarm_env.physics.polyline import reference_at
 
 
 def fill_history(
-    arena: Arena, history: History, clock: Clock, paths: Paths, plan: Plan, settings: Table, i: int, moving: bool
+    arena: Arena, history: History, clock: Clock, paths: Paths, header: Words, settings: Table, i: int, moving: bool
 ) -> None:
     """The delay line of lane i: its newest readings, moved back with the reference if the arm starts on the move."""
     h = settings[setting.STEP]
@@ -25,7 +25,7 @@ def fill_history(
     newest = clock[clock_row.HEAD, 0]
     now = reference_slot(arena, clock, paths, settings, i, 0.0)
     for back in range(slots):
-        if not (plan[header.READINGS] >> (-back % plan[header.SUBSTEPS] & 63)) & 1:
+        if not (header[word.READINGS] >> (-back % header[word.SUBSTEPS] & 63)) & 1:
             continue  # nobody will ask for it
         slot = (newest - back) % slots
         moved = reference_slot(arena, clock, paths, settings, i, back * h) if moving and back > 0 else now
@@ -51,13 +51,13 @@ def reference_reading(arena: Arena, clock: Clock, paths: Paths, settings: Table,
     time = clock[clock_row.STEPS, i] * settings[setting.STEP] - back
     reference = reference_at(paths, clock[clock_row.PATH, i], time, time + 1e-9 * settings[setting.STEP], -1e18)
     if variant.true_sensor:
-        return point_on_reference(settings, arena[row.BRANCH, i], 2, arena[row.PLACE_DISTANCE, i], reference)
+        return point_on_reference(settings, arena[row.BRANCH, i], 2, arena[row.SENSOR_POINT_DISTANCE, i], reference)
     theta1, theta2, rate_1, rate_2 = joint_motion(settings, arena[row.BRANCH, i], reference)
-    near = arena[row.JOINT, i]
+    near = arena[row.REFERENCE_JOINTS, i]
     return theta1 + 6.283185307179586 * floor((near - theta1) / 6.283185307179586 + 0.5), theta2, rate_1, rate_2
 
 
-def first_sample(arena: Arena, history: History, clock: Clock, paths: Paths, settings: Table, i: int) -> None:
+def seed_sensor(arena: Arena, history: History, clock: Clock, paths: Paths, settings: Table, i: int) -> None:
     """A reading from before the start of lane i, so that the first one has a change per second."""
     h = settings[setting.STEP]
     late = arena[row.SENSOR_DELAY, i]
@@ -67,7 +67,7 @@ def first_sample(arena: Arena, history: History, clock: Clock, paths: Paths, set
     point = sensed_point(arena, history, clock, settings, i, late, late + later)
     reference = reference_at(paths, clock[clock_row.PATH, i], taken, taken + 1e-9 * h, clock[clock_row.SINCE, i] * h)
     for r in range(2):
-        arena[row.SENSED + r, i] = point[r]
+        arena[row.LINK_SENSOR + r, i] = point[r]
         arena[row.SENSOR_ERROR + r, i] = reference[r] - point[r]
         arena[row.SENSOR_ERROR_RATE + r, i] = 0.0
     arena[row.SAMPLE_TIME, i] = taken

@@ -27,17 +27,17 @@ def truth_kernel(arena: Arena) -> None:
 def features_source(variant: Variant) -> str:
     """What observations are made of, and the reward's terms."""
     r = Recorder(variant)
-    names = ("measured", "reference", "joint", "sensed", "sensor_error", "sensor_error_rate")
-    known = features.Known(
+    names = ("encoders", "reference", "reference_joints", "link_sensor", "sensor_error", "sensor_error_rate")
+    known = features.Measurements(
         **{name: r.read(name.upper()) for name in names},
         lengths=(r.trace.input("length_1"), r.trace.input("length_2")),
         phase=r.one("PHASE"),
-        frame=r.one("FRAME"),
+        frame=r.one("LINK_FRAME"),
     )
     found = features.features(known)
     for name, values in found._asdict().items():
         r.write(("" if name == "frame_axis" else "F_") + name.upper(), values)
-    errors, error_rates = features.joint_errors(r.read("PRESENT_JOINT"), known.measured)
+    errors, error_rates = features.joint_errors(r.read("PRESENT_JOINT"), known.encoders)
     r.write("F_PRESENT_JOINT_ERROR", errors)
     r.write("F_PRESENT_JOINT_ERROR_RATE", error_rates)
     for name in ("SECOND_SENSED", "SECOND_ERROR") if variant.second_sensor else ():
@@ -64,7 +64,10 @@ def joint_source(variant: Variant) -> str:
     """Joint angles and rates of the rigid arm whose tip is on the reference."""
     r = Recorder(variant)
     lengths = (r.trace.input("length_1"), r.trace.input("length_2"))
-    r.write("JOINT", features.joint_aim(lengths, r.one("BRANCH"), r.read("REFERENCE"), r.read("JOINT")[0]))
+    r.write(
+        "REFERENCE_JOINTS",
+        features.joint_aim(lengths, r.one("BRANCH"), r.read("REFERENCE"), r.read("REFERENCE_JOINTS")[0]),
+    )
     return r.source("joint_kernel(arena, length_1, length_2)")
 
 

@@ -14,21 +14,21 @@ from flexarm_env.codegen.arrays import (
     Keys,
     LaneSettings,
     Mask,
-    Order,
-    Orders,
     Paths,
-    Plan,
+    ResetRequest,
+    ResetRequests,
     Table,
+    Words,
 )
 from flexarm_env.codegen.declarations import inlined_in_its_caller
 from flexarm_env.codegen.random_stream import uniform
 from flexarm_env.episode.draws import LONG_AGO, PLACE_SPREAD, draw_branch, draw_quantities, draw_start
-from flexarm_env.episode.first_readings import fill_history, first_sample
+from flexarm_env.episode.first_readings import fill_history, seed_sensor
 from flexarm_env.kernels.delay_line import prepare_readings, store_reading
-from flexarm_env.kernels.entries import clock_row, column, constant, header, lane_setting, setting
+from flexarm_env.kernels.entries import clock_row, column, constant, lane_setting, setting, word
 from flexarm_env.kernels.imex import prepare_commands
 from flexarm_env.kernels.layout import row
-from flexarm_env.kernels.path_cache import forget_side
+from flexarm_env.kernels.path_cache import invalidate_segment
 from flexarm_env.kernels.recorded import elimination_kernel, law_kernel
 from flexarm_env.kernels.tableau import STAGES
 from flexarm_env.kernels.variants import variant
@@ -36,8 +36,15 @@ from flexarm_env.physics.inverse_kinematics import joint_angles_for, joint_rates
 from flexarm_env.physics.polyline import reference_at
 
 
-def place_arm(
-    arena: Arena, clock: Clock, key: np.uint64, paths: Paths, settings: Table, order: Order, i: int, moving: bool
+def initial_state(
+    arena: Arena,
+    clock: Clock,
+    key: np.uint64,
+    paths: Paths,
+    settings: Table,
+    request: ResetRequest,
+    i: int,
+    moving: bool,
 ) -> None:
     """State of lane i: as ordered, or the rigid arm on the reference, on the move a little off it."""
     now = clock[clock_row.STEPS, i] * settings[setting.STEP]
@@ -49,11 +56,11 @@ def place_arm(
         rate_1, rate_2 = joint_rates_for(length_1, length_2, theta1, theta2, reference[2], reference[3])
         theta1 += settings[setting.START_SPREAD] * (2.0 * uniform(key, PLACE_SPREAD) - 1.0)
         theta2 += settings[setting.START_SPREAD] * (2.0 * uniform(key, PLACE_SPREAD + 1) - 1.0)
-    given = order[column.STATE] == order[column.STATE]
+    given = request[column.STATE] == request[column.STATE]
     for r in range(2 * variant.size):
         part = row.V if r >= variant.size else row.Y
         entry = r % variant.size
-        value = order[column.STATE + r] if given else 0.0
+        value = request[column.STATE + r] if given else 0.0
         if not given and entry < 2:
             value = (theta1, theta2, rate_1, rate_2)[2 * (r // variant.size) + entry]
         if (
@@ -71,13 +78,13 @@ def place_arm(
             slope += arena[row.CONSTANTS + constant.ELBOW_SLOPES + n, i] * arena[part + 1 + n, i]
         turn = arena[part, i] + slope + arena[part + variant.size // 2, i]
         arena[part + variant.size // 2, i] = turn
-    arena[row.JOINT, i] = arena[row.Y, i]  # the joint aim stays within half a turn of it
+    arena[row.REFERENCE_JOINTS, i] = arena[row.Y, i]  # the joint aim stays within half a turn of it
 
 
 def prepare_law(arena: Arena, own: Table, i: int) -> None:
     """Delays of lane i in the paper's law."""
     for r in range(2):
-        late = arena[row.SENSOR_DELAY + r, i] if variant.late else 0.0
+        late = arena[row.SENSOR_DELAY + r, i] if variant.law_on_sensor else 0.0
         shared = arena[row.SENSOR_DELAY, i]
         compensation = own[lane_setting.COMPENSATION]
         command = 0.0 if compensation == 0.0 else shared if compensation == 1.0 else late
@@ -87,7 +94,7 @@ def prepare_law(arena: Arena, own: Table, i: int) -> None:
         arena[row.RATE_WEIGHT + r, i] = 1.0
         arena[row.NOISE + r, i] = 0.0
     arena[row.GAIN, i] = 0.0
-    forget_side(arena, row.COMMAND_SIDE, i)
+    invalidate_segment(arena, row.COMMAND_SEGMENT, i)
 
 
 def start_law(arena: Arena, history: History, clock: Clock, paths: Paths, settings: Table, started: Mask) -> None:
@@ -110,28 +117,28 @@ def start_law(arena: Arena, history: History, clock: Clock, paths: Paths, settin
                 arena[row.FEEDBACK_SLOTS + r, i] = arena[row.FEEDBACK + r, i]
 
 
-def start_lane(
+def reset_lane(
     arena: Arena,
     clock: Clock,
     key: np.uint64,
     paths: Paths,
-    plan: Plan,
+    header: Words,
     settings: Table,
     own: Table,
-    order: Order,
+    request: ResetRequest,
     lane: int,
     i: int,
 ) -> None:
     """Everything of lane i but its delay line."""
-    draw_quantities(arena, key, own, order, i)
-    draw_branch(arena, key, own, order, i)
-    moving = draw_start(arena, clock, key, paths, plan, settings, own, order, lane, i)
-    place_arm(arena, clock, key, paths, settings, order, i, moving)
-    newest = row.TAIL + 2 * plan[header.PREVIEWS]
-    for at in range(plan[header.KEPT_ACTIONS] * plan[header.CHANNELS]):
-        arena[row.TAIL + plan[header.COMMANDS] + at, i] = 0.0
+    draw_quantities(arena, key, own, request, i)
+    draw_branch(arena, key, own, request, i)
+    moving = draw_start(arena, clock, key, paths, header, settings, own, request, lane, i)
+    initial_state(arena, clock, key, paths, settings, request, i, moving)
+    newest = row.TAIL + 2 * header[word.PREVIEWS]
+    for at in range(header[word.KEPT_ACTIONS] * header[word.CHANNELS]):
+        arena[row.TAIL + header[word.COMMANDS] + at, i] = 0.0
         arena[newest + at, i] = settings[setting.IDLE_ACTION]
-    forget_side(arena, row.PRESENT_SIDE, i)
+    invalidate_segment(arena, row.PRESENT_SEGMENT, i)
     arena[row.ACTION_CHANGE, i] = 0.0
     arena[row.EFFECTIVE_GAIN, i] = 0.0
     arena[row.ELBOW_SIDE, i] = 0.0
@@ -148,16 +155,16 @@ def start_lane(
 
 
 @inlined_in_its_caller
-def begin_lanes(
+def reset_lanes(
     arena: Arena,
     history: History,
     clock: Clock,
     keys: Keys,
     paths: Paths,
-    plan: Plan,
+    header: Words,
     settings: Table,
     owns: LaneSettings,
-    orders: Orders,
+    reset_requests: ResetRequests,
     first: int,
     started: Mask,
 ) -> None:
@@ -169,10 +176,10 @@ def begin_lanes(
         clock: of each lane.
         keys: of the episodes, new ones where one begins. Shape (lanes,).
         paths: of all lanes. Shape (paths, n, 5).
-        plan: see `entries.Header`.
+        header: see `entries.Header`.
         settings: see `entries.Setting`.
         owns: see `entries.LaneSetting`. Shape (blocks * lanes or 1, columns).
-        orders: see `entries.Column`. Shape (blocks * lanes, columns).
+        reset_requests: see `entries.Column`. Shape (blocks * lanes, columns).
         first: lane of the block among all.
         started: which lanes begin an episode. Shape (lanes,).
     """
@@ -180,7 +187,7 @@ def begin_lanes(
         if started[i]:
             lane = first + i
             own = owns[lane % owns.shape[0]]
-            start_lane(arena, clock, keys[i], paths, plan, settings, own, orders[lane], lane, i)
+            reset_lane(arena, clock, keys[i], paths, header, settings, own, reset_requests[lane], lane, i)
             if variant.law:
                 prepare_law(arena, own, i)
     if not variant.foreshortened:
@@ -189,5 +196,5 @@ def begin_lanes(
     for i in range(variant.lanes):
         if started[i]:
             moving = clock[clock_row.SINCE, i] == LONG_AGO
-            fill_history(arena, history, clock, paths, plan, settings, i, moving)
-            first_sample(arena, history, clock, paths, settings, i)
+            fill_history(arena, history, clock, paths, header, settings, i, moving)
+            seed_sensor(arena, history, clock, paths, settings, i)

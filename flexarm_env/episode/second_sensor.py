@@ -6,10 +6,10 @@ It gives a reading for each control instant, late by a delay of its own, with no
 
 from __future__ import annotations
 
-from flexarm_env.codegen.arrays import Arena, Clock, Four, History, Keys, Mask, Paths, Plan, Table
+from flexarm_env.codegen.arrays import Arena, Clock, Four, History, Keys, Mask, Paths, Table, Words
 from flexarm_env.codegen.random_stream import normal_pair
 from flexarm_env.episode.sensor import noise_place, point_on_reference
-from flexarm_env.kernels.delay_line import past_reading
+from flexarm_env.kernels.delay_line import delayed_reading
 from flexarm_env.kernels.entries import READING_ROWS, clock_row, setting
 from flexarm_env.kernels.layout import row
 from flexarm_env.kernels.variants import variant
@@ -19,7 +19,7 @@ SECOND_NOISE = 6  # place of its random numbers among those of a control period
 
 
 def sense_second(
-    arena: Arena, history: History, clock: Clock, keys: Keys, paths: Paths, plan: Plan, settings: Table, who: Mask
+    arena: Arena, history: History, clock: Clock, keys: Keys, paths: Paths, header: Words, settings: Table, active: Mask
 ) -> None:
     """Take over the readings that arrive at a block's lanes now, and their errors.
 
@@ -31,14 +31,14 @@ def sense_second(
     slots = history.shape[0] // variant.slot_rows
     slot = clock[clock_row.HEAD, 0]
     for i in range(variant.lanes):
-        if who[i]:
+        if active[i]:
             late = arena[row.SECOND_DELAY, i]
-            x, _ = past_reading(history, slots, slot, i, READING_ROWS, h, late / h)
-            y, _ = past_reading(history, slots, slot, i, READING_ROWS + 1, h, late / h)
+            x, _ = delayed_reading(history, slots, slot, i, READING_ROWS, h, late / h)
+            y, _ = delayed_reading(history, slots, slot, i, READING_ROWS + 1, h, late / h)
             if variant.disturbed:
                 deviation = arena[row.SECOND_NOISE, i]
                 if deviation > 0.0:
-                    noise_x, noise_y = normal_pair(keys[i], noise_place(clock, plan, i) + SECOND_NOISE)
+                    noise_x, noise_y = normal_pair(keys[i], noise_place(clock, header, i) + SECOND_NOISE)
                     x += deviation * noise_x
                     y += deviation * noise_y
             there = second_reference(arena, clock, paths, settings, i, late)

@@ -35,7 +35,9 @@ def store_reading(arena: Arena, history: History, slot: int) -> None:
 
 
 @per_lane
-def past_reading(history: History, slots: int, slot: int, i: int, j: int, h: float, back: float) -> tuple[float, float]:
+def delayed_reading(
+    history: History, slots: int, slot: int, i: int, j: int, h: float, back: float
+) -> tuple[float, float]:
     """A reading of lane i and its rate, `back` steps before the present one; see `prepare_reading`.
 
     Args:
@@ -49,8 +51,8 @@ def past_reading(history: History, slots: int, slot: int, i: int, j: int, h: flo
     """
     if back == 0.0:
         return history[variant.slot_rows * slot + j, i], history[variant.slot_rows * slot + reading_row.RATE + j, i]
-    first, last, u = around(slots, slot, back)
-    return between(
+    first, last, u = bracket(slots, slot, back)
+    return hermite(
         history[first + j, i],
         history[last + j, i],
         history[first + reading_row.RATE + j, i],
@@ -61,7 +63,7 @@ def past_reading(history: History, slots: int, slot: int, i: int, j: int, h: flo
 
 
 @per_lane
-def around(slots: int, slot: int, back: float) -> tuple[int, int, float]:
+def bracket(slots: int, slot: int, back: float) -> tuple[int, int, float]:
     """Rows of the delay line at which the readings before and after a moment begin, and where it lies between.
 
     Args:
@@ -77,7 +79,7 @@ def around(slots: int, slot: int, back: float) -> tuple[int, int, float]:
 
 
 @per_lane
-def between(a: float, b: float, a_rate: float, b_rate: float, h: float, u: float) -> tuple[float, float]:
+def hermite(a: float, b: float, a_rate: float, b_rate: float, h: float, u: float) -> tuple[float, float]:
     """Value and rate a share u of a step h after a, by the cubic with these values and rates at its ends."""
     a_rise, b_rise = h * a_rate, h * b_rate
     difference = b - a
@@ -98,7 +100,7 @@ def prepare_readings(arena: Arena, history: History, clock: Clock, h: float, nod
     """
     slots = history.shape[0] // variant.slot_rows
     slot = clock[clock_row.HEAD, 0]
-    if variant.late:
+    if variant.law_on_sensor:
         for i in range(variant.lanes):
             for j in range(2):
                 prepare_reading(arena, history, slots, slot, i, j, h, node)
@@ -128,7 +130,7 @@ def prepare_reading(
         rate_weight = u
         rate_offset = rate * (1.0 - u)
     elif node > 0.0 or position < 0.0:
-        offset, rate_offset = past_reading(history, slots, slot, i, j, h, -position)
+        offset, rate_offset = delayed_reading(history, slots, slot, i, j, h, -position)
         weight = 0.0
         rate_weight = 0.0
     arena[row.OFFSET + j, i] = offset

@@ -138,7 +138,7 @@ class Word(Entry):
 
 
 class Header(FixedNames):
-    """Whole numbers of the table `plan`: what is to be done; how large arrays are, and where they lie."""
+    """Whole numbers of the table `header`: what is to be done; how large arrays are, and where they lie."""
 
     SUBSTEPS = Entry("integration steps in a control period", "1")
     CHANNELS = Entry("of an action", "1")
@@ -162,13 +162,13 @@ class Header(FixedNames):
     CLOCKS = Word("the clocks")
     KEYS = Word("the episodes' keys")
     STARTS = Word("the mask of lanes that begin an episode")
-    LOOKING = Word("the mask of lanes that observe")
+    ACTIVE = Word("the mask of lanes that observe")
     ACTIONS = Word("the actions")
     OBSERVATIONS = Word("the observations")
     SETTINGS = Word("the settings")
     LANE_SETTINGS = Word("the lanes' own settings")
     PATHS = Word("the paths")
-    ORDERS = Word("the orders")
+    RESET_REQUESTS = Word("the orders")
     PLACES = Entry("rows of the observation's numbers", "1", 0)
 
 
@@ -202,7 +202,7 @@ class Column(FixedNames):
 
 
 setting, lane_setting, constant = Setting(), LaneSetting(), Constant()
-header, clock_row, reading_row, column = Header(), ClockRow(), ReadingRow(), Column()
+word, clock_row, reading_row, column = Header(), ClockRow(), ReadingRow(), Column()
 MEMORY = tuple(part.name for part in Header.entries if isinstance(part, Word))  # arrays after the plan
 CLOCK_ROWS = len(ClockRow.entries)
 READING_ROWS = extent(ReadingRow.layout(None))  # of one sensor in a slot of the delay line

@@ -13,7 +13,7 @@ from flexarm_env.codegen.declarations import Program, per_lane
 from flexarm_env.kernels.delay_line import count_steps, prepare_readings, store_reading
 from flexarm_env.kernels.entries import clock_row
 from flexarm_env.kernels.layout import row
-from flexarm_env.kernels.path_cache import forget_side, note_side, on_side, segment
+from flexarm_env.kernels.path_cache import cache_segment, invalidate_segment, on_segment, segment
 from flexarm_env.kernels.recorded import law_kernel, outputs_kernel
 from flexarm_env.kernels.status import state_status
 from flexarm_env.kernels.tableau import EXPLICIT, IMPLICIT, NODES, STAGES
@@ -37,17 +37,20 @@ def prepare_commands(arena: Arena, clock: Clock, paths: Paths, h: float) -> None
     for i in range(variant.lanes):
         time = clock[clock_row.STEPS, i] * h - arena[row.COMMAND_DELAY, i]
         for r in range(2):
-            here, there = on_side(arena, row.COMMAND_SIDE, i, r, time), on_side(arena, row.COMMAND_SIDE, i, r, time + h)
+            here, there = (
+                on_segment(arena, row.COMMAND_SEGMENT, i, r, time),
+                on_segment(arena, row.COMMAND_SEGMENT, i, r, time + h),
+            )
             velocity = (there - here) / h
             for joint in (row.COMMAND_1, row.COMMAND_2):
                 arena[joint + r, i] = here
                 arena[joint + 2 + r, i] = velocity
-        others += not chord_known(arena, clock, i, time, h)
+        others += not step_within_segment(arena, clock, i, time, h)
     for i in range(variant.lanes if others > 0 else 0):
         p, now, since = clock[clock_row.PATH, i], clock[clock_row.STEPS, i] * h, clock[clock_row.SINCE, i] * h
         late_1, late_2 = arena[row.COMMAND_DELAY, i], arena[row.COMMAND_DELAY + 1, i]
-        if not chord_known(arena, clock, i, now - late_1, h):
-            note_side(arena, row.COMMAND_SIDE, paths, p, now - late_1 + h, i)  # where the next step begins
+        if not step_within_segment(arena, clock, i, now - late_1, h):
+            cache_segment(arena, row.COMMAND_SEGMENT, paths, p, now - late_1 + h, i)  # where the next step begins
             command_1 = chord_at(paths, p, now - late_1, h, since)
             command_2 = command_1
             if late_2 != late_1:
@@ -58,15 +61,15 @@ def prepare_commands(arena: Arena, clock: Clock, paths: Paths, h: float) -> None
 
 
 @per_lane
-def chord_known(arena: Arena, clock: Clock, i: int, time: float, h: float) -> bool:
+def step_within_segment(arena: Arena, clock: Clock, i: int, time: float, h: float) -> bool:
     """Return whether lane i's commands run along the noted side in the whole step that begins at a time [s].
 
     One side is noted for both joints: commands that are late by different times are searched for in each step.
     """
-    within = time - arena[row.COMMAND_SIDE + segment.LAP, i]
-    begun = (within >= arena[row.COMMAND_SIDE + segment.BEGIN, i]) & (time >= clock[clock_row.SINCE, i] * h)
+    within = time - arena[row.COMMAND_SEGMENT + segment.LAP, i]
+    begun = (within >= arena[row.COMMAND_SEGMENT + segment.BEGIN, i]) & (time >= clock[clock_row.SINCE, i] * h)
     together = arena[row.COMMAND_DELAY, i] == arena[row.COMMAND_DELAY + 1, i]
-    return begun & together & (within + h < arena[row.COMMAND_SIDE + segment.END, i])
+    return begun & together & (within + h < arena[row.COMMAND_SEGMENT + segment.END, i])
 
 
 def evaluate_law(arena: Arena, history: History, clock: Clock, paths: Paths, h: float) -> None:
@@ -82,7 +85,7 @@ def evaluate_law(arena: Arena, history: History, clock: Clock, paths: Paths, h: 
 def start(arena: Arena, history: History, clock: Clock, paths: Paths, h: float) -> None:
     """Complete every lane of a block from its state."""
     for i in range(variant.lanes):
-        forget_side(arena, row.COMMAND_SIDE, i)
+        invalidate_segment(arena, row.COMMAND_SEGMENT, i)
     for at in range(STAGES * variant.size):  # what an earlier episode left, at worst not finite
         for i in range(variant.lanes):
             arena[row.V_SLOTS + at, i] = 0.0

@@ -17,10 +17,10 @@ from collections.abc import Callable, Sequence
 from flexarm_env.codegen.declarations import Entry, Names
 from flexarm_env.control.jacobian_transpose import Law
 from flexarm_env.kernels.entries import CONSTANTS_UNIT, QUANTITIES, SECOND_SENSOR, STATE_UNIT, Shape
-from flexarm_env.kernels.path_cache import SIDE_ROWS
+from flexarm_env.kernels.path_cache import SEGMENT_ROWS
 from flexarm_env.kernels.tableau import STAGES
 from flexarm_env.physics import linear_algebra
-from flexarm_env.physics.bent_link import Place
+from flexarm_env.physics.bent_link import PointShape
 from flexarm_env.physics.constants import Constants
 from flexarm_env.physics.modal_elimination import Elimination, elimination
 
@@ -86,7 +86,9 @@ class Row(Names):
     RATE_WEIGHT = Entry("share of the current rates", "1", _law("rate_weight"), _LAW)
     DELAY = Entry("of the two readings in the law", "s", 2, _LAW)
     COMMAND_DELAY = Entry("of the commands of shoulder and elbow", "s", 2, _LAW)
-    COMMAND_SIDE = Entry("segment of the path for the commands (`path_cache.Segment`)", "s, m, m/s", SIDE_ROWS, _LAW)
+    COMMAND_SEGMENT = Entry(
+        "segment of the path for the commands (`path_cache.Segment`)", "s, m, m/s", SEGMENT_ROWS, _LAW
+    )
     RATE_LATE = Entry("whether the rates are as late as the readings", "1", 1, _LAW)
     Y_STAGE = Entry("coordinates of the stage", "rad, m", _size, _LAW)
     V_STAGE = Entry("rates of the stage", "rad/s, m/s", _size, _LAW)
@@ -109,16 +111,16 @@ class Row(Names):
     TIP_DISTANCE = Entry("of the tip from the elbow", "m", 1, _REPORTED)
     TIP_FORESHORTENING = Entry("foreshortening at the tip", "1/m", _pairs, _REPORTED)
 
-    PLACE_DISTANCE = Entry("of the sensor from the elbow", "m", 1, _ENVIRONMENT)
-    PLACE_VALUES = Entry("link 2's mode shapes at the sensor", "1", _modes, _ENVIRONMENT)
-    PLACE_FORESHORTENING = Entry("foreshortening at the sensor", "1/m", _pairs, _ENVIRONMENT)
+    SENSOR_POINT_DISTANCE = Entry("of the sensor from the elbow", "m", 1, _ENVIRONMENT)
+    SENSOR_POINT_VALUES = Entry("link 2's mode shapes at the sensor", "1", _modes, _ENVIRONMENT)
+    SENSOR_POINT_FORESHORTENING = Entry("foreshortening at the sensor", "1/m", _pairs, _ENVIRONMENT)
     JITTER = Entry("largest further delay of a reading", "s", 1, _ENVIRONMENT)
     HOLD = Entry("period of the sensor's own clock; 0: it is continuous", "s", 1, _ENVIRONMENT)
     DROPOUT = Entry("share of the readings that are lost", "1", 1, _ENVIRONMENT)
     ENCODER_NOISE = Entry("standard deviation of encoder angles and rates", "rad, rad/s", 2, _ENVIRONMENT)
     SENSOR_DELAY = Entry("of the shoulder's and the elbow's reading", "s", 2, _ENVIRONMENT)
-    MEASURED = Entry("joint angles and rates by the encoders", "rad, rad/s", 4, _ENVIRONMENT)
-    JOINT = Entry(
+    ENCODERS = Entry("joint angles and rates by the encoders", "rad, rad/s", 4, _ENVIRONMENT)
+    REFERENCE_JOINTS = Entry(
         "joint angles and rates of the rigid arm on the reference, on the branch of inverse kinematics",
         "rad, rad/s",
         4,
@@ -126,15 +128,15 @@ class Row(Names):
     )
     MEASURED_SIDE = Entry("side of the elbow by the encoders, as ELBOW_SIDE", "1", 1, _ENVIRONMENT)
     PRESENT_JOINT = Entry("as JOINT, with the elbow on MEASURED_SIDE", "rad, rad/s", 4, _ENVIRONMENT)
-    FRAME = Entry("1 for the link's frame, 0 for the world's", "1", 1, _ENVIRONMENT)
+    LINK_FRAME = Entry("1 for the link's frame, 0 for the world's", "1", 1, _ENVIRONMENT)
     PHASE = Entry("of the lap, 0 to 1", "1", 1, _ENVIRONMENT)
-    PRESENT_SIDE = Entry(
-        "side of the path that the reference is on (`path_cache.Segment`)", "s, m, m/s", SIDE_ROWS, _ENVIRONMENT
+    PRESENT_SEGMENT = Entry(
+        "side of the path that the reference is on (`path_cache.Segment`)", "s, m, m/s", SEGMENT_ROWS, _ENVIRONMENT
     )
     NEXT_TIME = Entry("how long the next side takes", "s", 1, _ENVIRONMENT)
     NEXT_VELOCITY = Entry("of the reference on the next side", "m/s", 2, _ENVIRONMENT)
-    SIDE_PASSED = Entry("time since the reference came onto its side, or began to move", "s", 1, _ENVIRONMENT)
-    SIDE_LEFT = Entry("time until the reference leaves its side", "s", 1, _ENVIRONMENT)
+    SEGMENT_PASSED = Entry("time since the reference came onto its side, or began to move", "s", 1, _ENVIRONMENT)
+    SEGMENT_LEFT = Entry("time until the reference leaves its side", "s", 1, _ENVIRONMENT)
     DEFLECTION = Entry("of each link's tip", "m", 2, _ENVIRONMENT)
     DEFLECTION_RATE = Entry("its change", "m/s", 2, _ENVIRONMENT)
     ACTION_CHANGE = Entry("squared change of the action", "1", 1, _ENVIRONMENT)
@@ -153,7 +155,7 @@ class Row(Names):
     F_ENCODER_ERROR = Entry("reference minus the tip by rigid kinematics, in the frame", "m", 2, _ENVIRONMENT)
     F_REFERENCE = Entry("reference, in the frame", "m", 2, _ENVIRONMENT)
     F_REFERENCE_VELOCITY = Entry("its velocity, in the frame", "m/s", 2, _ENVIRONMENT)
-    F_SENSED = Entry("latest reading, in the frame", "m", 2, _ENVIRONMENT)
+    F_LINK_SENSOR = Entry("latest reading, in the frame", "m", 2, _ENVIRONMENT)
     F_SENSOR_ERROR = Entry("SENSOR_ERROR, in the frame", "m", 2, _ENVIRONMENT)
     F_SENSOR_ERROR_RATE = Entry("SENSOR_ERROR_RATE, in the frame", "m/s", 2, _ENVIRONMENT)
     SECOND_DISTANCE = Entry("of the second sensor from its link's root", "m", 1, _SECOND)
@@ -180,7 +182,7 @@ class Row(Names):
     TRUE_TIP = Entry("tip with deflection", "m", 2, _REPORTED)
     RIGID_TIP = Entry("tip by rigid kinematics", "m", 2, _REPORTED)
     REFERENCE = Entry("reference position and velocity", "m, m/s", 4, _REPORTED)
-    SENSED = Entry("latest reading of the sensor", "m", 2, _ENVIRONMENT)
+    LINK_SENSOR = Entry("latest reading of the sensor", "m", 2, _ENVIRONMENT)
     SECOND_SENSED = Entry("latest reading of the second sensor", "m", 2, _SECOND)
     REWARD_TERMS = Entry("terms of the reward, weighted", "1", lambda s: s.program.reward_terms, _ENVIRONMENT)
     TIME = Entry("since the episode's start", "s", 1, _ENVIRONMENT)
@@ -190,7 +192,7 @@ class Row(Names):
     ELBOW_CHANGES = Entry("how often ELBOW_SIDE has changed since the episode began", "1", 1, _ENVIRONMENT)
     SUCCESS = Entry("whether the tip was near the reference through the final rest", "1", 1, _ENVIRONMENT)
     REWARD = Entry("sum of the reward's terms", "1", 1, _ENVIRONMENT)
-    STATUS = Entry("0 for a valid state (`imex.state_status`, `observe.judge`)", "1", 1, _REPORTED)
+    STATUS = Entry("0 for a valid state (`imex.state_status`, `observe.termination_status`)", "1", 1, _REPORTED)
 
     TAIL = Entry(
         "previews of the reference, then kept actions, then kept commands unless they are the actions; newest first",
@@ -230,7 +232,7 @@ def arm_rows(k: Constants) -> dict[str, Sequence[float]]:
     return {"CONSTANTS": k.flat(), "ELIMINATION": e.flat() if e else []}
 
 
-def place_rows(name: str, place: Place) -> dict[str, Sequence[float]]:
+def place_rows(name: str, place: PointShape) -> dict[str, Sequence[float]]:
     """What a point of a link takes of an arena, under the point's name."""
     return {
         f"{name}_DISTANCE": [place.distance],

@@ -9,7 +9,7 @@ from typing import Any
 from numpy.typing import NDArray
 
 from flexarm_env.codegen.declarations import Names
-from flexarm_env.codegen.memory import Part
+from flexarm_env.codegen.memory import ArraySpec
 from flexarm_env.kernels.entries import ClockRow, Column, Constant, Drawn, Header, LaneSetting, ReadingRow, Setting
 from flexarm_env.kernels.layout import Row
 from flexarm_env.kernels.path_cache import Segment
@@ -25,7 +25,7 @@ class LayoutError(ValueError):
     """Saved memory has another layout than the kernels of this version."""
 
 
-def layout_stamp(variant: Variant, arrays: Mapping[str, NDArray[Any] | Part]) -> str:
+def layout_stamp(variant: Variant, arrays: Mapping[str, NDArray[Any] | ArraySpec]) -> str:
     """Hash all that says where a number lies: the declared parts of each table, and the shapes of the arrays.
 
     Args:

@@ -22,7 +22,7 @@ class Variant:
         lanes: environments in a block.
         sensor: model of the sensor; those that read the same share kernels (`shared_model`).
         rate_jacobian: "delayed" or "current" (where the law acts).
-        late: the law acts on the sensor's late readings; False: on the joints' own, whatever the sensor.
+        law_on_sensor: the law acts on the sensor's late readings; False: on the joints' own, whatever the sensor.
         own_paths: each episode draws a path of its own (environments only).
         foreshortened: kinematics (`bent_link`).
         disturbed: noise, jitter, dropouts, a sensor with a clock of its own, or late torques can occur (environments
@@ -36,7 +36,7 @@ class Variant:
     lanes: int
     sensor: SensorModel = "rigid"
     rate_jacobian: str = "delayed"
-    late: bool = True
+    law_on_sensor: bool = True
     own_paths: bool = False
     foreshortened: bool = False
     disturbed: bool = False
@@ -109,7 +109,7 @@ class Variant:
             parts.append("foreshortened links")
         if self.true_sensor:
             parts.append("true tip sensed")
-        if self.law and self.late:
+        if self.law and self.law_on_sensor:
             parts.append("law on the late sensor")
         if self.own_paths:
             parts.append("drawn paths")

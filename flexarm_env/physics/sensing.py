@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 from flexarm_env.codegen.elementary import sincos
 from flexarm_env.parameters import SENSOR_MODELS, SensorModel
-from flexarm_env.physics.bent_link import Bent, Place, bent
+from flexarm_env.physics.bent_link import DeformedPoint, PointShape, bent
 from flexarm_env.physics.constants import Constants
 from flexarm_env.physics.dynamics import joint_angles
 from flexarm_env.physics.linear_algebra import dot
@@ -26,7 +26,7 @@ def rigid_jacobian(distance_1: Any, distance_2: Any, one: Pair, both: Pair) -> t
     return (-y, x), (-(distance_2 * both[0]), distance_2 * both[1])
 
 
-def true_point(k: Constants, at: Place, y: Sequence[Any], one: Pair, two: Pair) -> tuple[Any, Any]:
+def true_point(k: Constants, at: PointShape, y: Sequence[Any], one: Pair, two: Pair) -> tuple[Any, Any]:
     """Return a point of link 2 with deflection; `one`, `two`: sine and cosine of a1 and of a2."""
     m = len(k.elbow_values)
     elbow, point = bent(k.elbow, y[1 : m + 1]), bent(at, y[m + 2 :])
@@ -36,7 +36,7 @@ def true_point(k: Constants, at: Place, y: Sequence[Any], one: Pair, two: Pair) 
     )
 
 
-def true_jacobian(k: Constants, at: Place, y: Sequence[Any], one: Pair, two: Pair) -> tuple[list[Any], list[Any]]:
+def true_jacobian(k: Constants, at: PointShape, y: Sequence[Any], one: Pair, two: Pair) -> tuple[list[Any], list[Any]]:
     """Return the rows of d(true point)/dy."""
     m = len(k.elbow_values)
     row_x, row_y = [], []
@@ -47,22 +47,28 @@ def true_jacobian(k: Constants, at: Place, y: Sequence[Any], one: Pair, two: Pai
     return row_x, row_y
 
 
-def _turned_jacobian(part: Bent, turn: Pair) -> tuple[list[Any], list[Any]]:
+def _turned_jacobian(part: DeformedPoint, turn: Pair) -> tuple[list[Any], list[Any]]:
     """Rows of the derivatives of a bent link's point by the link's angle and modal coordinates."""
     sin, cos = turn
-    modes = list(zip(part.values, part.slack, strict=True))
+    modes = list(zip(part.values, part.foreshortening_gradient, strict=True))
     return (
-        [-(part.along * sin + part.across * cos), *(-(value * sin + slack * cos) for value, slack in modes)],
-        [part.along * cos - part.across * sin, *(value * cos - slack * sin for value, slack in modes)],
+        [
+            -(part.along * sin + part.across * cos),
+            *(-(value * sin + foreshortening_gradient * cos) for value, foreshortening_gradient in modes),
+        ],
+        [
+            part.along * cos - part.across * sin,
+            *(value * cos - foreshortening_gradient * sin for value, foreshortening_gradient in modes),
+        ],
     )
 
 
-def angles_reading(k: Constants, at: Place, y: Sequence[Any], v: Sequence[Any]) -> list[Any]:
+def angles_reading(k: Constants, at: PointShape, y: Sequence[Any], v: Sequence[Any]) -> list[Any]:
     """The joint angles and their rates, wherever the sensor is."""
     return [*joint_angles(k, y), *joint_angles(k, v)]
 
 
-def point_reading(k: Constants, at: Place, y: Sequence[Any], v: Sequence[Any], link: int = 2) -> list[Any]:
+def point_reading(k: Constants, at: PointShape, y: Sequence[Any], v: Sequence[Any], link: int = 2) -> list[Any]:
     """Position and velocity of a point of a link, 1 or 2, with deflection."""
     m = len(k.elbow_values)
     one = sincos(y[0])
@@ -79,7 +85,7 @@ def point_reading(k: Constants, at: Place, y: Sequence[Any], v: Sequence[Any], l
 READINGS = {"angles": angles_reading, "point": point_reading}  # of sensors (`parameters.SensorTraits`)
 
 
-def reading(k: Constants, at: Place, sensor: SensorModel, y: Sequence[Any], v: Sequence[Any]) -> list[Any]:
+def reading(k: Constants, at: PointShape, sensor: SensorModel, y: Sequence[Any], v: Sequence[Any]) -> list[Any]:
     """What a sensor measures at this instant: two readings and their rates."""
     return READINGS[SENSOR_MODELS[sensor].reading](k, at, y, v)
 
@@ -102,7 +108,7 @@ class Truth(NamedTuple):
     deflection_rate: list[Any]
 
 
-def truth(k: Constants, tip: Place, y: Sequence[Any], v: Sequence[Any]) -> Truth:
+def truth(k: Constants, tip: PointShape, y: Sequence[Any], v: Sequence[Any]) -> Truth:
     """Return public state, tips and deflections.
 
     Args:

@@ -24,14 +24,14 @@ from flexarm_env import (
 )
 from flexarm_env.actions import action_from_physical, physical_from_action
 from flexarm_env.codegen.declarations import plain_python
-from flexarm_env.envs.batch import Fleet
+from flexarm_env.envs.batch import BatchSimulator
 from flexarm_env.envs.choices import DEFAULT_OBSERVATION
-from flexarm_env.envs.kernel_inputs import plan_and_table, tail_rows
+from flexarm_env.envs.kernel_inputs import header_and_settings, tail_rows
 from flexarm_env.envs.observation import observation_layout
 from flexarm_env.envs.settings import Settings
 from flexarm_env.envs.single import FlexArmEnv
 from flexarm_env.episode import actuation, step
-from flexarm_env.kernels.entries import drawn, extent, header
+from flexarm_env.kernels.entries import drawn, extent, word
 from flexarm_env.kernels.layout import row
 from flexarm_env.kernels.variants import Variant
 from tests.support.envs import FORESHORTENED, GAIN, PAPER, RESIDUAL, SQUARE, bare, block, make
@@ -147,20 +147,20 @@ def test_environments_of_torque_rates_are_environments() -> None:
     np.testing.assert_array_equal(adapter.reset().shape, (1, *made.observation_space.shape))
     adapter.close()
     env = bare(**RATE, **FREE)
-    fleet = Fleet(env.settings, 2)
+    simulator = BatchSimulator(env.settings, 2)
     keys = np.arange(2, dtype=np.uint64) + 3
-    fleet.order_starts(keys, np.arange(2), fleet.usual_orders)
-    env.fleet.start(keys[:1], np.zeros(1, dtype=np.int64), env.fleet.usual_orders)
-    fleet._plan[header.DRIVING] = 0
+    simulator.request_resets(keys, np.arange(2), simulator.usual_requests)
+    env.simulator.start(keys[:1], np.zeros(1, dtype=np.int64), env.simulator.usual_requests)
+    simulator._header[word.DRIVING] = 0
     for action in actions_for(4):
-        with plain_python(fleet._variant), np.errstate(all="ignore"):
-            results = np.empty((len(env.fleet.result(0)), fleet._arenas.shape[2]))
-            step.step_blocks(fleet._memory, 0, 1, results)
-        np.testing.assert_allclose(results[:, 0], env.fleet.result(0), rtol=1e-8, atol=1e-9)
-        np.testing.assert_allclose(fleet.observations[0], env.fleet.observations[0], rtol=1e-5, atol=1e-6)
-        fleet._plan[header.DRIVING] = 1
-        fleet.actions[:] = env.fleet.actions[:] = action
-        env.fleet.step()
+        with plain_python(simulator._variant), np.errstate(all="ignore"):
+            results = np.empty((len(env.simulator.result(0)), simulator._arenas.shape[2]))
+            step.step_blocks(simulator._memory, 0, 1, results)
+        np.testing.assert_allclose(results[:, 0], env.simulator.result(0), rtol=1e-8, atol=1e-9)
+        np.testing.assert_allclose(simulator.observations[0], env.simulator.observations[0], rtol=1e-5, atol=1e-6)
+        simulator._header[word.DRIVING] = 1
+        simulator.actions[:] = env.simulator.actions[:] = action
+        env.simulator.step()
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.0003, 0.01, 0.0137])
@@ -168,7 +168,7 @@ def test_late_torque_rates_act_as_late_as_late_torques(delay: float) -> None:
     """The commanded torques, not their sum, are late: as torques that are commanded so; in plain Python."""
     options = {"torque_rate_limit": (500.0, 1e4), "torque_limit": (12.0, 40.0), "actuation_delay": delay}
     settings = Settings.of({**RATE, **options, "last_actions": 5})
-    plan, table = plan_and_table(settings, settings.program, observation_layout(settings, settings.program))
+    header, table = header_and_settings(settings, settings.program, observation_layout(settings, settings.program))
     variant = Variant(settings.program, 2, True, 2, sensor="true", disturbed=True)
     arena = np.zeros((extent(variant.rows) + tail_rows(settings), 2))
     actions, held = actions_for(12), delay == 0.0
@@ -177,9 +177,9 @@ def test_late_torque_rates_act_as_late_as_late_torques(delay: float) -> None:
         arena[row.EPISODE + drawn.ACTUATION_DELAY] = delay
         for period, action in enumerate(actions):
             arena[row.TAIL + 14 : row.TAIL + 16] = action[:, None]  # after seven previews
-            actuation.add_up_torques(arena, plan, table)
+            actuation.add_up_torques(arena, header, table)
             for part in range(10):
-                actuation.write_commands(arena, plan, table, part, held)
+                actuation.write_commands(arena, header, table, part, held)
                 moments = (np.arange(100) + 0.5) / 100 * 1e-3 + part * 1e-3 - delay  # of command, by microseconds
                 expected = torques[period + 3 + np.floor(moments / 0.01).astype(int)].mean(axis=0)
                 np.testing.assert_allclose(arena[row.TAU : row.TAU + 2, 0], expected, rtol=1e-6, atol=1e-6)

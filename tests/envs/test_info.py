@@ -161,7 +161,7 @@ def test_the_present_side_is_aimed_at(branch: float) -> None:
         arena[row.MEASURED_SIDE] = branch, -branch, 0.0
         recorded.joint_kernel(arena, *lengths, branch)
         observe.aim_on_present_side(arena, settings)
-        joint, present = (arena[first : first + 4] for first in (row.JOINT, row.PRESENT_JOINT))
+        joint, present = (arena[first : first + 4] for first in (row.REFERENCE_JOINTS, row.PRESENT_JOINT))
     np.testing.assert_array_equal(present[:, [0, 2]], joint[:, [0, 2]])
     theta1, theta2, rate_1, rate_2 = present[:, 1]
     assert theta2 == pytest.approx(-joint[1, 1], rel=1e-14)

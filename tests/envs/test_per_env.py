@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flexarm_env.envs.batch import Fleet
+from flexarm_env.envs.batch import BatchSimulator
 from flexarm_env.envs.per_env import OPTIONS, settings_of_each
 from flexarm_env.envs.vector import FlexArmVectorEnv
 from tests.support.envs import GAIN, RESIDUAL, SQUARE, assert_same, bare, same_as_alone, vector
@@ -83,8 +83,8 @@ def test_gains_of_the_joint_space_law() -> None:
         vector(RESIDUAL, 3, per_env=gains)
     batch = vector(RESIDUAL, 3, per_env=gains, physics_step=5e-4)
     for name, values in (("STIFFNESS", stiffness), ("RESISTANCE", resistance)):
-        first, _ = batch.fleet._rows[name]
-        np.testing.assert_array_equal(batch.fleet._arenas[0, first : first + 2, :3].T, values)
+        first, _ = batch.simulator._rows[name]
+        np.testing.assert_array_equal(batch.simulator._arenas[0, first : first + 2, :3].T, values)
 
 
 def test_environments_with_the_same_options_share_their_settings() -> None:
@@ -94,7 +94,7 @@ def test_environments_with_the_same_options_share_their_settings() -> None:
     assert each[0] is not each[1]
     arms = settings_of_each({}, {"arm": ["default", {}, {"preset": "default", "payload_mass": 0.0}]}, 3, "Batch")
     assert arms[0] is arms[1] is arms[2]
-    assert Fleet(settings_of_each({}, {}, 3, "Batch"), 3)._parts["LANE_SETTINGS"].shape[0] == 1
+    assert BatchSimulator(settings_of_each({}, {}, 3, "Batch"), 3)._parts["LANE_SETTINGS"].shape[0] == 1
 
 
 def test_a_batch_bounds_what_its_widest_environment_observes() -> None:
@@ -152,7 +152,7 @@ def test_one_physics_step_serves_arms_of_different_stiffness() -> None:
     arms = {"arm": [{}, {"flexural_rigidities": (1e5, 1e5)}]}
     with refuses(ValueError, "environment 1", "physics_step = None", "0.0007692 s", "0.001 s"):
         vector(SQUARE, 2, per_env=arms)
-    assert {one.substeps for one in vector(SQUARE, 2, per_env=arms, physics_step=2e-4).fleet.each} == {50}
+    assert {one.substeps for one in vector(SQUARE, 2, per_env=arms, physics_step=2e-4).simulator.each} == {50}
 
 
 # --- elbow branch and direction of an episode -------------------------------------------------------------------------

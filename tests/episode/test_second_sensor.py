@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 
 from flexarm_env import ArmParameters, FlexibleArm, SquareParameters, inverse_kinematics, square
 from flexarm_env.codegen.declarations import plain_python
-from flexarm_env.envs.batch import Fleet
+from flexarm_env.envs.batch import BatchSimulator
 from flexarm_env.envs.settings import Settings
 from flexarm_env.episode import second_sensor, step
 from flexarm_env.episode.step import TORQUE
 from flexarm_env.kernels import delay_line, entries, layout
-from flexarm_env.kernels.entries import header, setting
+from flexarm_env.kernels.entries import setting, word
 from flexarm_env.kernels.layout import row
 from flexarm_env.kernels.variants import Variant
 from tests.support.envs import SQUARE
@@ -53,7 +53,7 @@ def variant_with(link: int) -> Variant:
 def arena_of(of: Variant, **parts: Any) -> Array:
     """An arena with some parts filled. Shape (rows, 1)."""
     arena = np.zeros((entries.extent(of.rows), 1))
-    points = layout.place_rows("PLACE", ARM.place(2, 4.5))
+    points = layout.place_rows("SENSOR_POINT", ARM.place(2, 4.5))
     if of.second_sensor:
         points |= layout.place_rows("SECOND", ARM.place(of.second_sensor, POINT[of.second_sensor]))
     for name, values in {**layout.arm_rows(ARM.constants), **points, **parts}.items():
@@ -78,7 +78,7 @@ def seen(link: int, h: float, back: float) -> tuple[Array, Array]:
     clock = np.zeros((entries.CLOCK_ROWS, 1), dtype=np.int64)
     keys, who, path = np.zeros(1, dtype=np.uint64), np.ones(1, dtype=bool), np.array([[[0.0, 5.0, 5.0, 0.0, 0.0]] * 2])
     path[0, 1, 0] = 1.0
-    plan = np.zeros(header.PLACES, dtype=np.int64)
+    header = np.zeros(word.PLACES, dtype=np.int64)
     settings = np.zeros(entries.extent(entries.Setting.layout(of.shape)))
     with plain_python(of):
         settings[setting.STEP], settings[setting.BRANCH] = h, 1.0
@@ -87,7 +87,7 @@ def seen(link: int, h: float, back: float) -> tuple[Array, Array]:
         for n in range(now + 1 - SLOTS, now + 1):
             put_state(of, arena, n * h)
             delay_line.store_reading(arena, history, n % SLOTS)
-        second_sensor.sense_second(arena, history, clock, keys, path, plan, settings, who)
+        second_sensor.sense_second(arena, history, clock, keys, path, header, settings, who)
         found = arena[row.SECOND_SENSED : row.SECOND_SENSED + 2, 0].copy()
     return found, ARM.position(state_at((now - back) * h)[:4], link, POINT[link])
 
@@ -140,28 +140,28 @@ class Plain:
 
     def __init__(self, keys: list[int], **options: Any) -> None:
         settings = Settings.of({**gym.spec(SQUARE).kwargs, "arm": {"modes_per_link": 1}, **options})
-        self.fleet = Fleet(settings, len(keys))
+        self.simulator = BatchSimulator(settings, len(keys))
         everyone = np.arange(len(keys))
-        self.fleet.order_starts(np.array(keys, dtype=np.uint64), everyone, self.fleet.usual_orders)
-        self.fleet._plan[header.DRIVING] = 0
+        self.simulator.request_resets(np.array(keys, dtype=np.uint64), everyone, self.simulator.usual_requests)
+        self.simulator._header[word.DRIVING] = 0
         self.run()
-        self.fleet._plan[header.DRIVING] = 1
+        self.simulator._header[word.DRIVING] = 1
 
     def run(self) -> None:
-        with plain_python(self.fleet._variant):
-            if len(self.fleet) == 1:
-                assert step.step_only(self.fleet._memory)
+        with plain_python(self.simulator._variant):
+            if len(self.simulator) == 1:
+                assert step.step_only(self.simulator._memory)
             else:
-                step.step_blocks(self.fleet._memory, 0, 1, np.empty((1, self.fleet._variant.lanes)))
+                step.step_blocks(self.simulator._memory, 0, 1, np.empty((1, self.simulator._variant.lanes)))
 
     def step(self, actions: Array) -> None:
-        self.fleet.actions[: len(self.fleet)] = actions
+        self.simulator.actions[: len(self.simulator)] = actions
         self.run()
 
     def known(self, name: str) -> Array:
         """Part of the arena of each environment. Shape (N, count)."""
-        first, count = self.fleet._rows[name]
-        return self.fleet._arenas[0, first : first + count, : len(self.fleet)].T.copy()
+        first, count = self.simulator._rows[name]
+        return self.simulator._arenas[0, first : first + count, : len(self.simulator)].T.copy()
 
 
 @pytest.mark.parametrize("start", ["corners", "moving"])
@@ -170,11 +170,13 @@ def test_at_the_tip_it_reads_what_the_first_one_does(start: str) -> None:
     options = {"observation": ["second_sensor_error"], "second_sensor_link": 2}
     plain = Plain([5, 6], start=start, delay=0.0237, second_sensor_delay=0.0237, **options)
     for period in range(4):
-        assert plain.known("SECOND_SENSED").tobytes() == plain.known("SENSED").tobytes(), period
-        assert plain.known("F_SECOND_SENSED").tobytes() == plain.known("F_SENSED").tobytes(), period  # link's frame
+        assert plain.known("SECOND_SENSED").tobytes() == plain.known("LINK_SENSOR").tobytes(), period
+        assert plain.known("F_SECOND_SENSED").tobytes() == plain.known("F_LINK_SENSOR").tobytes(), (
+            period
+        )  # link's frame
         np.testing.assert_allclose(plain.known("SECOND_ERROR"), plain.known("SENSOR_ERROR"), rtol=0.0, atol=1e-14)
         plain.step(np.full((2, 2), 0.3))
-    assert np.abs(plain.known("SENSED") - plain.known("TRUE_TIP")).max() > 1e-3
+    assert np.abs(plain.known("LINK_SENSOR") - plain.known("TRUE_TIP")).max() > 1e-3
 
 
 @pytest.mark.parametrize(("link", "place"), [(1, 4.5), (1, 2.0), (2, 3.0)])
@@ -196,7 +198,7 @@ def test_a_start_on_the_move_has_a_past(link: int, place: float) -> None:
         point = np.array([np.cos(theta1), np.sin(theta1)]) * (place if link == 1 else 4.5)
         return point + (link == 2) * place * np.array([np.cos(theta1 + theta2), np.sin(theta1 + theta2)])
 
-    arm = plain.fleet.settings.flexible_arm
+    arm = plain.simulator.settings.flexible_arm
     present = arm.position(plain.known("STATE")[0, : arm.size], link, place)
     past = on_reference(time - delay)
     # whole steps back, so nothing is interpolated
@@ -225,6 +227,6 @@ def test_an_environment_reads_the_same_alone_and_in_a_batch() -> None:
     together, alone = Plain([5, 6, 7], **options), [Plain([key], **options) for key in (5, 6, 7)]
     for _ in range(3):
         for n, one in enumerate(alone):
-            assert one.fleet.observations[0].tobytes() == together.fleet.observations[n].tobytes()
+            assert one.simulator.observations[0].tobytes() == together.simulator.observations[n].tobytes()
             one.step(np.full((1, 2), 0.2))
         together.step(np.full((3, 2), 0.2))

@@ -13,7 +13,7 @@ import pytest
 import flexarm_env.kernels
 from flexarm_env import FlexibleArm, LawParameters, SensorParameters, SquareParameters
 from flexarm_env.codegen.declarations import Entry, Names
-from flexarm_env.envs.batch import Fleet
+from flexarm_env.envs.batch import BatchSimulator
 from flexarm_env.envs.settings import Settings
 from flexarm_env.envs.single import FlexArmEnv
 from flexarm_env.kernels.entries import CLOCK_ROWS, Setting
@@ -24,7 +24,7 @@ from flexarm_env.simulation.cases import LoopCase
 from flexarm_env.simulation.closed_loop import ClosedLoop
 
 MAKERS: dict[str, Callable[[], Any]] = {
-    "batch": lambda: Fleet(Settings(), 3),
+    "batch": lambda: BatchSimulator(Settings(), 3),
     "environment": lambda: FlexArmEnv(),
     "closed loop": lambda: ClosedLoop(
         FlexibleArm(), [LoopCase(SensorParameters(), LawParameters())], square(SquareParameters())
@@ -54,7 +54,7 @@ def test_a_pickle_of_another_layout_is_refused(
 
 
 def test_a_pickle_of_other_array_shapes_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    saved = pickle.dumps(Fleet(Settings(), 3))
+    saved = pickle.dumps(BatchSimulator(Settings(), 3))
     monkeypatch.setattr("flexarm_env.envs.batch.CLOCK_ROWS", CLOCK_ROWS + 1)
     with pytest.raises(LayoutError, match="the batch was saved with the layout"):
         pickle.loads(saved)
@@ -78,7 +78,7 @@ def test_copies_of_the_same_layout_are_taken() -> None:
 def test_the_stamp_covers_every_table_of_the_kernels(monkeypatch: pytest.MonkeyPatch) -> None:
     ours = [table for table in _all_below(Names) if table.__module__.startswith(flexarm_env.kernels.__name__)]
     assert {table for table in ours if table.entries} == set(TABLES)
-    variant = Fleet(Settings(), 3)._variant
+    variant = BatchSimulator(Settings(), 3)._variant
     stamp = layout_stamp(variant, {})
     for table in TABLES:
         if "layout" in vars(table):  # it follows from another declaration, as `Constant` does from `Constants`
