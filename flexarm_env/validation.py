@@ -283,11 +283,11 @@ def known_names(owner: str, given: Iterable[str], known: Sequence[str]) -> None:
 
 
 def nearest_names(name: str, known: Sequence[str]) -> list[str]:
-    """Return names that a user may have meant: the likest with the same last word, and the likest of all."""
-    last = name.rpartition("_")[2]
-    same = [other for other in known if other.rpartition("_")[2] == last]
-    near = [*difflib.get_close_matches(name, same, 1, 0.0), *difflib.get_close_matches(name, known, 1)]
-    return list(dict.fromkeys(near))
+    """Return names that a user may have meant: those made of words of this one, and the one spelt most alike."""
+    words = name.split("_")
+    within = [other for other in known if set(other.split("_")) <= set(words)]
+    within.sort(key=lambda other: not other.endswith(words[-1]))  # `delay` before `sensor` for `sensor_delay`
+    return list(dict.fromkeys([*within, *difflib.get_close_matches(name, known, 1)]))
 
 
 def mapping(name: str, value: object) -> dict[str, Any]:

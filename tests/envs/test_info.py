@@ -156,10 +156,10 @@ def test_the_present_side_is_aimed_at(branch: float) -> None:
     lengths, point, velocity = (4.5, 4.0), (-3.0, 5.0), (1.0, -0.5)
     with plain_python(of):
         settings = np.zeros(extent(Setting.layout(of.shape)))
-        settings[setting.LENGTHS : setting.LENGTHS + 2], settings[setting.BRANCH] = lengths, branch
+        settings[setting.LENGTHS : setting.LENGTHS + 2], arena[row.BRANCH] = lengths, branch
         arena[row.REFERENCE : row.REFERENCE + 4] = np.array([*point, *velocity])[:, None]
         arena[row.MEASURED_SIDE] = branch, -branch, 0.0
-        recorded.joint_kernel(arena, *lengths, branch)
+        recorded.joint_kernel(arena, *lengths)
         observe.aim_on_present_side(arena, settings)
         joint, present = (arena[first : first + 4] for first in (row.REFERENCE_JOINTS, row.PRESENT_JOINT))
     np.testing.assert_array_equal(present[:, [0, 2]], joint[:, [0, 2]])
@@ -371,7 +371,7 @@ def test_a_batch_says_when_its_episodes_begin() -> None:
 
 @pytest.mark.parametrize(
     ("option", "near"),
-    [("frameskip", "'frame'"), ("sensor_delay", "'delay' or 'sensor'"), ("gan_limit", "'gain_limit'")],
+    [("frameskip", "'frame'"), ("sensor_delay", "'delay' or 'sensor' or 'second_sensor_delay'"), ("gan_limit", "'gain_limit'")],
 )
 def test_an_unknown_option_is_refused_in_pythons_words(option: str, near: str) -> None:
     """TorchRL looks for these."""

@@ -81,7 +81,7 @@ def seen(link: int, h: float, back: float) -> tuple[Array, Array]:
     header = np.zeros(word.PLACES, dtype=np.int64)
     settings = np.zeros(entries.extent(entries.Setting.layout(of.shape)))
     with plain_python(of):
-        settings[setting.STEP], settings[setting.BRANCH] = h, 1.0
+        settings[setting.STEP], arena[row.BRANCH] = h, 1.0
         settings[setting.LENGTHS : setting.LENGTHS + 2] = ARM.parameters.link_lengths
         delay_line.count_steps(clock, history, now)
         for n in range(now + 1 - SLOTS, now + 1):
