@@ -371,7 +371,11 @@ def test_a_batch_says_when_its_episodes_begin() -> None:
 
 @pytest.mark.parametrize(
     ("option", "near"),
-    [("frameskip", "'frame'"), ("sensor_delay", "'delay' or 'sensor' or 'second_sensor_delay'"), ("gan_limit", "'gain_limit'")],
+    [
+        ("frameskip", "'frame'"),
+        ("sensor_delay", "'delay' or 'sensor' or 'second_sensor_delay'"),
+        ("gan_limit", "'gain_limit'"),
+    ],
 )
 def test_an_unknown_option_is_refused_in_pythons_words(option: str, near: str) -> None:
     """TorchRL looks for these."""

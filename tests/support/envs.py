@@ -90,6 +90,7 @@ _BY_ID: dict[str, list[dict[str, Any]]] = {
             "second_sensor_noise": 0.01,
         },
         FORESHORTENED | {"randomisation": {"payload_mass": (0.0, 0.5), "stiffness": (0.9, 1.1)}},
+        {"action_mode": "torque_rate", "torque_rate_limit": (1000.0, 400.0)},
     ],
     "SquareResidual": [
         *_SENSING[:1],
