@@ -11,7 +11,7 @@ from numba.np.arrayobj import populate_array
 from numpy.typing import NDArray
 
 from flexarm_env.codegen import tracing
-from flexarm_env.codegen.arrays import LaneRows, Memory, Observations, Plan, Table
+from flexarm_env.codegen.arrays import LaneRows, Memory, Observations, Table, Words
 from flexarm_env.codegen.declarations import intrinsic
 
 CACHE_LINE = 64  # [bytes], and the widest vector
@@ -157,7 +157,7 @@ def _write_tile(typing_context: Any, rows: Any, distance: Any, places: Any, fact
 
 
 @intrinsic(_write_tile)
-def write_tile(rows: LaneRows, distance: int, places: Plan, factors: Table, n: int, lanes: Observations) -> None:
+def write_tile(rows: LaneRows, distance: int, places: Words, factors: Table, n: int, lanes: Observations) -> None:
     """Enter eight numbers of each of eight lanes: ``lanes[i, n] = rows[i + places[n] * distance] * factors[n]``.
 
     For the first eight i, and n and the seven that follow; nothing is checked. Where a lane's numbers lie side by side,

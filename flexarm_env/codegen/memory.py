@@ -16,7 +16,7 @@ from flexarm_env.codegen.intrinsics import CACHE_LINE
 WORD = 8  # [bytes]; of which all is counted
 
 
-class Part(NamedTuple):
+class ArraySpec(NamedTuple):
     """Where an array lies.
 
     Attributes:
@@ -34,20 +34,20 @@ class Part(NamedTuple):
         return np.ndarray(self.shape, self.dtype, memory.data, WORD * self.first)
 
 
-def blank(words: int) -> NDArray[np.float64]:
+def aligned_zeros(words: int) -> NDArray[np.float64]:
     """Zeros that begin where a line of the processor's cache does: a vector across two lines costs a tenth more."""
     raw = np.zeros(WORD * words + CACHE_LINE, dtype=np.uint8)
     first = -raw.ctypes.data % CACHE_LINE
     return raw[first : first + WORD * words].view(np.float64)
 
 
-def packed(arrays: Mapping[str, NDArray[Any]]) -> tuple[NDArray[np.float64], dict[str, Part]]:
+def pack(arrays: Mapping[str, NDArray[Any]]) -> tuple[NDArray[np.float64], dict[str, ArraySpec]]:
     """One piece of memory with the contents of some arrays, one after the other, and where each lies."""
     parts, words = {}, 0
     for name, array in arrays.items():
-        parts[name] = Part(words, array.shape, array.dtype)
+        parts[name] = ArraySpec(words, array.shape, array.dtype)
         words += -(-array.nbytes // CACHE_LINE) * (CACHE_LINE // WORD)
-    memory = blank(words)
+    memory = aligned_zeros(words)
     for name, array in arrays.items():
         parts[name].view(memory)[:] = array
     return memory, parts

@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 
 from flexarm_env.codegen.elementary import sincos
 from flexarm_env.codegen.tracing import at_least, clip
-from flexarm_env.physics.bent_link import Place
+from flexarm_env.physics.bent_link import PointShape
 from flexarm_env.physics.constants import Constants
 from flexarm_env.physics.dynamics import (
     applied_forces,
@@ -76,9 +76,9 @@ class Law(NamedTuple):
     rate_weight: Pair
 
     @property
-    def place(self) -> Place:
+    def place(self) -> PointShape:
         """Where the sensor is."""
-        return Place(self.sensor_distance, self.sensor_values, self.sensor_foreshortening)
+        return PointShape(self.sensor_distance, self.sensor_values, self.sensor_foreshortening)
 
     @staticmethod
     def sizes(modes: int, foreshortened: bool = False) -> dict[str, int]:

@@ -1,4 +1,4 @@
-"""`Fleet`: N environments side by side, their episodes begun and stepped by compiled kernels.
+"""`BatchSimulator`: N environments side by side, their episodes begun and stepped by compiled kernels.
 
 Single and vector environments both stand on it: one arm is a fleet of one, with the same bits.
 """
@@ -16,14 +16,14 @@ from numpy.typing import NDArray
 from flexarm_env.codegen import assembly, cache
 from flexarm_env.codegen.declarations import Program
 from flexarm_env.codegen.intrinsics import TILE
-from flexarm_env.codegen.memory import blank
+from flexarm_env.codegen.memory import aligned_zeros
 from flexarm_env.envs.choices import STARTS
-from flexarm_env.envs.kernel_inputs import ALL_READINGS, NAN, fixed_rows, lay_out, path_tables, plan_and_table
-from flexarm_env.envs.observation import observation_layout, refuse_fast_starts
+from flexarm_env.envs.kernel_inputs import ALL_READINGS, NAN, fixed_rows, header_and_settings, lay_out, path_tables
+from flexarm_env.envs.observation import check_moving_start, observation_layout
 from flexarm_env.envs.settings import Settings
 from flexarm_env.episode import reset
 from flexarm_env.episode.step import GAIN, TORQUE, TRACKING
-from flexarm_env.kernels.entries import CLOCK_ROWS, clock_row, column, drawn, extent, header
+from flexarm_env.kernels.entries import CLOCK_ROWS, clock_row, column, drawn, extent, word
 from flexarm_env.kernels.imex import failures
 from flexarm_env.kernels.layout import beginning_sizes, episode_sizes
 from flexarm_env.kernels.variants import Variant
@@ -34,15 +34,18 @@ Array = NDArray[np.float64]
 COSTS = {8: 1.0, 32: 2.9, 128: 10.8, 344: 27.5}
 assert all(lanes % TILE == 0 for lanes in COSTS)  # so observations are written
 PROGRAMS = {"torque": TORQUE, "residual": TRACKING, "reference": TRACKING, "gain": GAIN}
-REASONS: dict[float, str | None] = {-2.0: "deflection", -3.0: "error"}  # beside those of a state (`episodes.judge`)
+REASONS: dict[float, str | None] = {
+    -2.0: "deflection",
+    -3.0: "error",
+}  # beside those of a state (`episodes.termination_status`)
 # Attributes that are views of the memory.
 VIEWS = (
-    *("_plan", "_arenas", "_clocks", "_keys", "_starts", "_orders", "_paths"),
-    *("actions", "observations", "only_action", "only_observation", "only_result", "only_end"),
+    *("_header", "_arenas", "_clocks", "_keys", "_starts", "_reset_requests", "_paths"),
+    *("actions", "observations", "single_action", "single_observation", "single_result", "single_end"),
 )
 
 
-class Fleet:
+class BatchSimulator:
     """N environments with the same settings.
 
     Attributes:
@@ -50,23 +53,23 @@ class Fleet:
         layout: of the observations.
         failures: why an episode ended, by its status; 0 is that of a valid state.
         everyone: the mask of all environments; read-only. Shape (N,).
-        usual_orders: for new episodes, as the settings say; read-only. Shape (N, columns).
+        usual_requests: for new episodes, as the settings say; read-only. Shape (N, columns).
         observations: present ones; the kernels write into it. Shape (lanes, k), float32.
-        results: what is known since the latest `start` or `step` (not `only_step`), in an array of its own; `parts`
+        results: what is known since the latest `start` or `step` (not `single_step`), in an array of its own; `parts`
             says what lies where. Shape (N, k).
         parts: places of the parts of `results`, by name.
-        only_step: for one environment without others, as all that follows: a control period; False if it refused an
+        single_step: for one environment without others, as all that follows: a control period; False if it refused an
             action that is not finite.
-        only_action: of the first environment: a `memoryview`, which takes float32 arrays of its shape only.
-        only_observation: of the first environment: a view.
-        only_result: the same, of what `results` would hold of it, at any instant.
-        only_end: a part of that: reward and status.
+        single_action: of the first environment: a `memoryview`, which takes float32 arrays of its shape only.
+        single_observation: of the first environment: a view.
+        single_result: the same, of what `results` would hold of it, at any instant.
+        single_end: a part of that: reward and status.
     """
 
     results: Array
     _pool: ThreadPoolExecutor | None
     _step_kernel: Callable[..., Any]
-    only_step: Callable[[], bool]
+    single_step: Callable[[], bool]
 
     def __init__(self, settings: Settings, count: int, threads: int = 1) -> None:
         """Lay out the fleet; kernels are compiled, or found in the cache, at the first start.
@@ -77,7 +80,7 @@ class Fleet:
             threads: that step the blocks; more than one pays for large fleets on idle cores only.
         """
         self.settings, self.count, self._threads = settings, count, threads
-        refuse_fast_starts(settings, settings.start)
+        check_moving_start(settings, settings.start)
         arm = settings.flexible_arm
         program = PROGRAMS[settings.action_mode]
         self.layout = observation_layout(settings, program)
@@ -94,29 +97,29 @@ class Fleet:
         self._kept = max(2, settings.last_actions, int(np.ceil(longest / settings.control_period)) + 1)
         blocks = -(-count // lanes)
         rows = extent(self._rows) + 2 * len(settings.previews) + self._kept * channels
-        plan, table = plan_and_table(settings, program, self.layout, self._kept)
+        header, table = header_and_settings(settings, program, self.layout, self._kept)
         usual = np.full((blocks * lanes, column.STATE + 2 * arm.size), NAN)
         usual[:, column.START] = START_CODES[settings.start]
         usual[count:, column.START] = START_CODES["corner"]  # lanes of no environment rest
         usual.setflags(write=False)
         self._memory, self._parts = lay_out(
             {
-                "PLAN": plan,
+                "HEADER": header,
                 "ARENAS": np.zeros((blocks, rows, lanes)),
                 "HISTORIES": np.zeros((blocks, settings.history_slots, 4, lanes)),
                 "CLOCKS": np.zeros((blocks, CLOCK_ROWS, lanes), dtype=np.int64),
                 "KEYS": np.zeros(blocks * lanes, dtype=np.uint64),
                 "STARTS": np.zeros(blocks * lanes, dtype=bool),
-                "LOOKING": np.zeros(blocks * lanes, dtype=bool),
+                "ACTIVE": np.zeros(blocks * lanes, dtype=bool),
                 "ACTIONS": np.zeros((blocks * lanes, channels), dtype=np.float32),
                 "OBSERVATIONS": np.zeros((blocks * lanes, len(self.layout.rows)), dtype=np.float32),
                 "SETTINGS": table,
                 "PATHS": path_tables(settings, blocks * lanes),
-                "ORDERS": usual,
+                "RESET_REQUESTS": usual,
             }
         )
         self.failures = failures(arm.size) | REASONS
-        self.usual_orders = usual[:count]
+        self.usual_requests = usual[:count]
         self._usual = True
         self._link()
         for name, value in fixed_rows(settings).items():
@@ -130,40 +133,40 @@ class Fleet:
 
     # --- running ---------------------------------------------------------------------------------------------------
 
-    def start(self, keys: NDArray[np.uint64], which: NDArray[np.int64], orders: Array) -> None:
+    def start(self, keys: NDArray[np.uint64], which: NDArray[np.int64], reset_requests: Array) -> None:
         """Begin episodes.
 
         Args:
             keys: of the episodes that begin. Shape (n,).
             which: environments that begin one; the others stay as they are. Shape (n,).
-            orders: see `entries.Column`; rows of the others are not read. Shape (N, columns).
+            reset_requests: see `entries.Column`; rows of the others are not read. Shape (N, columns).
         """
-        self.order_starts(keys, which, orders)
+        self.request_resets(keys, which, reset_requests)
         if self._step_kernel is _not_started:
             self._use(self.compile())
             self._starts[self.count :] = True  # what all lanes of a block share is worked out together
             self.actions[self.count :] = -1.0 if self.settings.action_mode == "gain" else 0.0
-        self._plan[header.DRIVING] = 0
+        self._header[word.DRIVING] = 0
         try:
             self.step()
         finally:
-            self._plan[header.DRIVING] = 1
+            self._header[word.DRIVING] = 1
 
-    def order_starts(self, keys: NDArray[np.uint64], which: NDArray[np.int64], orders: Array) -> None:
+    def request_resets(self, keys: NDArray[np.uint64], which: NDArray[np.int64], reset_requests: Array) -> None:
         """Have the next step begin episodes at its end; see `start`."""
         self._starts[which] = True
         self._keys[which] = keys
-        usual = orders is self.usual_orders
+        usual = reset_requests is self.usual_requests
         if not (usual and self._usual):  # until others come, the usual ones lie there
             self._usual = False
-            self._orders[which] = orders[which]
-        if not usual and np.isfinite(orders[which, column.DRAWN + drawn.DELAY]).any():
-            self._plan[header.READINGS] = ALL_READINGS
+            self._reset_requests[which] = reset_requests[which]
+        if not usual and np.isfinite(reset_requests[which, column.DRAWN + drawn.DELAY]).any():
+            self._header[word.READINGS] = ALL_READINGS
 
     def step(self) -> None:
         """One control period with `actions`, unless the plan says that none drives; see `results`."""
         if self.count == 1:
-            if not self.only_step():
+            if not self.single_step():
                 raise ValueError(f"actions = {self.actions!r}: must be finite")
             self.results = self.result(0)[None]
             return
@@ -223,12 +226,12 @@ class Fleet:
     def _link(self) -> None:
         """Views and functions of the hot path."""
         views = {name: part.view(self._memory) for name, part in self._parts.items()}
-        self._plan, self._arenas, self._clocks = views["PLAN"], views["ARENAS"], views["CLOCKS"]
-        self._keys, self._starts, self._orders = views["KEYS"], views["STARTS"], views["ORDERS"]
+        self._header, self._arenas, self._clocks = views["HEADER"], views["ARENAS"], views["CLOCKS"]
+        self._keys, self._starts, self._reset_requests = views["KEYS"], views["STARTS"], views["RESET_REQUESTS"]
         self._paths, self.actions, self.observations = views["PATHS"], views["ACTIONS"], views["OBSERVATIONS"]
-        self.only_result = self._arenas[0, self._results, 0]
-        self.only_end = self.only_result[self.parts["REWARD"].start : self.parts["STATUS"].stop]
-        self.only_action, self.only_observation = memoryview(self.actions[0]), self.observations[0]
+        self.single_result = self._arenas[0, self._results, 0]
+        self.single_end = self.single_result[self.parts["REWARD"].start : self.parts["STATUS"].stop]
+        self.single_action, self.single_observation = memoryview(self.actions[0]), self.observations[0]
         self.everyone = np.ones(self.count, dtype=np.bool_)
         self.everyone.setflags(write=False)
         self._blocks = len(self._arenas)
@@ -237,17 +240,17 @@ class Fleet:
         self._pool = None
 
     def _use(self, kernel: Callable[..., Any]) -> None:
-        self._step_kernel, self.only_step = kernel, partial(kernel, self._memory)
+        self._step_kernel, self.single_step = kernel, partial(kernel, self._memory)
 
     def __getstate__(self) -> dict[str, Any]:
         """Without views, which would come back as copies, and without what cannot be pickled or written to."""
-        left_out = (*VIEWS, "everyone", "_pool", "_step_kernel", "only_step")
+        left_out = (*VIEWS, "everyone", "_pool", "_step_kernel", "single_step")
         return {name: value for name, value in self.__dict__.items() if name not in left_out}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Link the views again."""
         self.__dict__.update(state)
-        self._memory = blank(len(state["_memory"]))
+        self._memory = aligned_zeros(len(state["_memory"]))
         self._memory[:] = state["_memory"]
         self._link()
         if self._keys.any():  # an episode has begun
@@ -264,7 +267,7 @@ def _variant(settings: Settings, program: Program, lanes: int) -> Variant:
         lanes,
         sensor="true" if settings.sensor == "true" else "rigid",
         rate_jacobian=settings.rate_jacobian,
-        late=settings.law_sensor == "sensor",
+        law_on_sensor=settings.law_sensor == "sensor",
         own_paths=not settings.paths,
         foreshortened=arm.constants.foreshortened,
         disturbed=settings.disturbed,

@@ -1,6 +1,6 @@
 """The environments' documentation in Markdown, made from the declarations that the code itself reads.
 
-Pure functions. Tables come from `settings`, `observation`, `reward`, `reset_options`, `fleet`, `info` and
+Pure functions. Tables come from `settings`, `observation`, `reward`, `reset_options`, `simulator`, `info` and
 `registration`; what concerns all environments alike is told here once, for `FlexArmEnv`'s docstring and for the pages
 under docs/environments (scripts/docs/environments.py).
 """

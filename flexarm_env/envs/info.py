@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from flexarm_env.envs.batch import Fleet
+from flexarm_env.envs.batch import BatchSimulator
 from flexarm_env.envs.settings import Settings
 from flexarm_env.envs.termination import END_CODES, NOT_TERMINATED
 from flexarm_env.episode.reward import TERMS
@@ -74,7 +74,7 @@ _VECTORS = {
     "true_tip": ("TRUE_TIP", 2),
     "rigid_tip": ("RIGID_TIP", 2),
     "reference": ("REFERENCE", 2),
-    "sensed": ("SENSED", 2),
+    "sensed": ("LINK_SENSOR", 2),
     "state": ("STATE", None),
 }
 # Those with one.
@@ -127,29 +127,29 @@ class Episode(NamedTuple):
         return Episode(drawn, *(each[index].item() for each in others))
 
 
-def episodes(fleet: Fleet) -> Episode:
+def episodes(simulator: BatchSimulator) -> Episode:
     """The present episodes of a batch."""
-    numbers, settings = fleet.beginnings(), fleet.settings
+    numbers, settings = simulator.beginnings(), simulator.settings
     return Episode(
         parameters={name: numbers[:, n].copy() for n, name in enumerate(DRAWN)},
-        path=fleet.path_names(),
+        path=simulator.path_names(),
         start_time=numbers[:, len(DRAWN)].copy(),
-        elbow_branch=np.full(len(fleet), settings.elbow_branch),
-        direction=np.full(len(fleet), settings.direction),
+        elbow_branch=np.full(len(simulator), settings.elbow_branch),
+        direction=np.full(len(simulator), settings.direction),
     )
 
 
 class InfoMaker:
     """Turns results into infos, of one environment or of a batch."""
 
-    def __init__(self, fleet: Fleet) -> None:
+    def __init__(self, simulator: BatchSimulator) -> None:
         """Note where everything lies.
 
         Args:
-            fleet: the environments.
+            simulator: the environments.
         """
-        self._fleet = fleet
-        parts, keys = fleet.parts, info_keys(fleet.settings)
+        self._simulator = simulator
+        parts, keys = simulator.parts, info_keys(simulator.settings)
         slices: dict[str, slice] = {}
         for name, (part, count) in _VECTORS.items():
             start, stop = parts[part].start, parts[part].stop
@@ -161,7 +161,7 @@ class InfoMaker:
         self._fixed = itemgetter(*(known[name] for name in keys if name in known and not KEYS[name].where))
         self._optional = tuple((name, known[name]) for name in keys if KEYS[name].where)
         self._codes = {
-            status: np.float64(END_CODES[reason or NOT_TERMINATED]) for status, reason in fleet.failures.items()
+            status: np.float64(END_CODES[reason or NOT_TERMINATED]) for status, reason in simulator.failures.items()
         }
 
     def after_reset(self) -> dict[str, Any]:
@@ -175,10 +175,10 @@ class InfoMaker:
 
         Written out: a mapping made from names and values takes a fifth of a step longer.
         """
-        fleet = self._fleet
-        known = fleet.only_result.copy()
+        simulator = self._simulator
+        known = simulator.single_result.copy()
         torque, true_tip, rigid_tip, reference, sensed, state, time, tip_error, side, changes = self._fixed(known)
-        reward, status = fleet.only_end.tolist()
+        reward, status = simulator.single_end.tolist()
         info: dict[str, Any] = {
             "torque": torque,
             "true_tip": true_tip,
@@ -204,7 +204,7 @@ class InfoMaker:
 
         All have each key, and the keys share a mask, which therefore cannot be written to. No episode has ended.
         """
-        known, everyone = self._fleet.results, self._fleet.everyone
+        known, everyone = self._simulator.results, self._simulator.everyone
         infos: dict[str, Any] = {"end_code": np.zeros(len(known)), "_end_code": everyone}
         for name, flag, place in self._items:
             infos[name], infos[flag] = known[:, place], everyone

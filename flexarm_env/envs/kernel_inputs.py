@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexarm_env.codegen.declarations import Program
-from flexarm_env.codegen.memory import Part, packed
+from flexarm_env.codegen.memory import ArraySpec, pack
 from flexarm_env.envs.choices import MOVE_POINTS, MOVE_RING
 from flexarm_env.envs.observation import ObservationLayout
 from flexarm_env.envs.settings import Settings
 from flexarm_env.episode.reward import TERMS
-from flexarm_env.kernels.entries import DRAWN, MEMORY, header, settings_layout
+from flexarm_env.kernels.entries import DRAWN, MEMORY, settings_layout, word
 from flexarm_env.kernels.layout import layout, place_rows
 from flexarm_env.physics.constants import arm_constants
 from flexarm_env.physics.paths import same_length
@@ -55,28 +55,28 @@ def path_tables(settings: Settings, lanes: int) -> Array:
     return room
 
 
-def lay_out(arrays: Mapping[str, NDArray[Any]]) -> tuple[Array, dict[str, Part]]:
+def lay_out(arrays: Mapping[str, NDArray[Any]]) -> tuple[Array, dict[str, ArraySpec]]:
     """Memory with the plan and the arrays of `entries.MEMORY`, and where each lies; the plan says it to the kernels."""
-    assert tuple(arrays) == ("PLAN", *MEMORY)  # kernels find the plan at the beginning
-    memory, parts = packed(arrays)
+    assert tuple(arrays) == ("HEADER", *MEMORY)  # kernels find the plan at the beginning
+    memory, parts = pack(arrays)
     lanes = arrays["ARENAS"].shape[-1]
     sizes = {
         "ARENA_ROWS": arrays["ARENAS"][0].size // lanes,
         "HISTORY_ROWS": arrays["HISTORIES"][0].size // lanes,
         "PATH_COUNT": arrays["PATHS"].shape[0],
         "PATH_POINTS": arrays["PATHS"].shape[1],
-        "ORDER_COLUMNS": arrays["ORDERS"].shape[1],
+        "ORDER_COLUMNS": arrays["RESET_REQUESTS"].shape[1],
     }
-    plan = parts["PLAN"].view(memory)
+    header = parts["HEADER"].view(memory)
     for name, value in {**sizes, **{name: parts[name].first for name in MEMORY}}.items():
-        plan[getattr(header, name)] = value
+        header[getattr(word, name)] = value
     return memory, parts
 
 
-def plan_and_table(
+def header_and_settings(
     settings: Settings, program: Program, observed: ObservationLayout, kept: int
 ) -> tuple[NDArray[np.int64], Array]:
-    """`plan` and `settings` of the kernels; where arrays lie is left open.
+    """`header` and `settings` of the kernels; where arrays lie is left open.
 
     Args:
         settings: of the environments.
@@ -89,8 +89,8 @@ def plan_and_table(
         factors.
     """
     horizons = settings.previews if _previews(settings) else ()
-    plan = np.concatenate([_whole_numbers(settings, observed, kept), _observed_rows(settings, program, observed)])
-    return plan, np.concatenate([_numbers(settings, program), horizons, 1.0 / observed.scale])
+    header = np.concatenate([_whole_numbers(settings, observed, kept), _observed_rows(settings, program, observed)])
+    return header, np.concatenate([_numbers(settings, program), horizons, 1.0 / observed.scale])
 
 
 def _previews(settings: Settings) -> int:
@@ -112,9 +112,9 @@ def _whole_numbers(settings: Settings, observed: ObservationLayout, kept: int) -
         "READINGS": kept_readings(s),
         "DRIVING": 1,
     }
-    numbers = np.zeros(header.PLACES, dtype=np.int64)  # the others are for `lay_out` to fill in
+    numbers = np.zeros(word.PLACES, dtype=np.int64)  # the others are for `lay_out` to fill in
     for name, value in whole.items():
-        numbers[getattr(header, name)] = value
+        numbers[getattr(word, name)] = value
     return numbers
 
 
@@ -199,9 +199,9 @@ def fixed_rows(settings: Settings) -> dict[str, Any]:
     return {
         "LIMITS": state_limits(arm),
         **place_rows("TIP", arm.place(2, length)),
-        **place_rows("PLACE", arm.place(2, s.sensor_position)),
+        **place_rows("SENSOR_POINT", arm.place(2, s.sensor_position)),
         **place_rows("SENSOR", arm.place(2, law_point)),
-        "FRAME": [float(s.frame == "link")],
+        "LINK_FRAME": [float(s.frame == "link")],
         "TORQUE_LIMIT": s.motor_limit,
         "STIFFNESS": s.inner_stiffness,
         "RESISTANCE": s.inner_resistance,

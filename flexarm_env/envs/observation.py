@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 LARGEST_DEVIATE = 8.6  # of `random_stream.normal`
 
 
-class Reach(NamedTuple):
+class Workspace(NamedTuple):
     """How far things can get before an episode ends [m], [m/s].
 
     Attributes:
@@ -41,7 +41,7 @@ class Reach(NamedTuple):
     error: float
 
 
-class Limits(NamedTuple):
+class Range(NamedTuple):
     """Scales and bounds of a block's numbers; lengths as the block's.
 
     Attributes:
@@ -69,11 +69,11 @@ class Block:
     unit: str
     count: str
     rows: Callable[[Settings], tuple[str, int, int]]
-    limits: Callable[[Settings, Reach], Limits]
+    limits: Callable[[Settings, Workspace], Range]
 
 
-def reach_of(settings: Settings) -> Reach:
-    """See `Reach`."""
+def reach_of(settings: Settings) -> Workspace:
+    """See `Workspace`."""
     arm = settings.flexible_arm
     length_1, length_2 = arm.parameters.link_lengths
     if settings.paths:
@@ -87,7 +87,7 @@ def reach_of(settings: Settings) -> Reach:
     bend = _bend(arm) if settings.sensor == "true" else 0.0
     deviation = settings.randomisation.get("noise", (0.0, settings.noise))[1]
     sensed = length_1 + settings.sensor_position + bend + LARGEST_DEVIATE * deviation
-    return Reach(radius, speed, sensed, sensed + radius)
+    return Workspace(radius, speed, sensed, sensed + radius)
 
 
 def _bend(arm: FlexibleArm) -> float:
@@ -101,7 +101,7 @@ def _bend(arm: FlexibleArm) -> float:
     return across + float(sum(0.5 * q @ s @ q for q, s in zip(largest, sums, strict=True)))
 
 
-def refuse_fast_starts(settings: Settings, start: str) -> None:
+def check_moving_start(settings: Settings, start: str) -> None:
     """Refuse a start on the move where the reference asks for joint rates that end an episode at once.
 
     Raises:
@@ -118,11 +118,11 @@ def refuse_fast_starts(settings: Settings, start: str) -> None:
         )
 
 
-def _even(count: int, scale: float, bound: float) -> Limits:
-    return Limits([scale] * count, [bound] * count)
+def _even(count: int, scale: float, bound: float) -> Range:
+    return Range([scale] * count, [bound] * count)
 
 
-def _modal(settings: Settings, rates: bool) -> Limits:
+def _modal(settings: Settings, rates: bool) -> Range:
     """Scales: a first mode that bends its link's tip by 0.5 m, moving at 2 m/s; higher ones by a tenth, at half."""
     arm = settings.flexible_arm
     tips = np.concatenate([np.abs(link.tip_values) for link in arm.modes])
@@ -130,10 +130,10 @@ def _modal(settings: Settings, rates: bool) -> Limits:
     scale = np.where(order == 0, 2.0, 1.0) if rates else np.where(order == 0, 0.5, 0.05)
     bound = state_limits(arm)
     part = bound[arm.size + 2 :] if rates else bound[2 : arm.size]
-    return Limits((scale / tips).tolist(), part.tolist())
+    return Range((scale / tips).tolist(), part.tolist())
 
 
-def _joint_rate_bound(settings: Settings, reach: Reach) -> float:
+def _joint_rate_bound(settings: Settings, reach: Workspace) -> float:
     length_1, length_2 = settings.flexible_arm.parameters.link_lengths
     wanted = reach.speed * (length_1 + length_2) / (length_1 * length_2 * LEAST_SINE)
     return RATE_LIMIT + wanted + LARGEST_DEVIATE * settings.encoder_noise[1]
@@ -152,8 +152,8 @@ BLOCKS: dict[str, Block] = {
         "theta1, theta2 by the encoders",
         "rad",
         "2",
-        _rows("MEASURED"),
-        lambda s, r: Limits([np.pi] * 2, [limit + LARGEST_DEVIATE * s.encoder_noise[0] for limit in ANGLE_LIMITS]),
+        _rows("ENCODERS"),
+        lambda s, r: Range([np.pi] * 2, [limit + LARGEST_DEVIATE * s.encoder_noise[0] for limit in ANGLE_LIMITS]),
     ),
     "elbow_direction": Block(
         "cosine and sine of theta2", "1", "2", _rows("F_DIRECTIONS"), lambda s, r: _even(2, 1.0, 1.0 + 1e-9)
@@ -165,7 +165,7 @@ BLOCKS: dict[str, Block] = {
         "rates of theta1, theta2 by the encoders",
         "rad/s",
         "2",
-        _rows("MEASURED", 2),
+        _rows("ENCODERS", 2),
         lambda s, r: _even(2, 3.0, RATE_LIMIT + LARGEST_DEVIATE * s.encoder_noise[1]),
     ),
     "joint_error": Block(
@@ -193,7 +193,7 @@ BLOCKS: dict[str, Block] = {
         "latest reading of the sensor on link 2: late, noisy",
         "m",
         "2",
-        _rows("F_SENSED"),
+        _rows("F_LINK_SENSOR"),
         lambda s, r: _even(2, 6.3, r.sensed * 2**0.5),
     ),
     "sensor_error": Block(

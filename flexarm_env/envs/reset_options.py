@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexarm_env.envs.batch import START_CODES, Fleet
+from flexarm_env.envs.batch import START_CODES, BatchSimulator
 from flexarm_env.envs.choices import STARTS
-from flexarm_env.envs.observation import refuse_fast_starts
+from flexarm_env.envs.observation import check_moving_start
 from flexarm_env.kernels.entries import DRAWN, column
 from flexarm_env.parameters import HEAVIEST_PAYLOAD
 from flexarm_env.simulation.limits import state_limits
@@ -27,12 +27,12 @@ OPTIONS = {
 LEAST_STIFFNESS = 1e-3
 
 
-def orders_of(options: Mapping[str, Any] | None, fleet: Fleet) -> Array:
+def reset_requests_of(options: Mapping[str, Any] | None, simulator: BatchSimulator) -> Array:
     """Orders for a fleet's episodes.
 
     Args:
         options: keys of `OPTIONS`; each value one for all environments, or one for each.
-        fleet: the environments.
+        simulator: the environments.
 
     Returns:
         Shape (N, columns), see `entries.Column`.
@@ -41,43 +41,45 @@ def orders_of(options: Mapping[str, Any] | None, fleet: Fleet) -> Array:
         TypeError, ValueError: for an unknown key or a bad value, naming it and what is allowed.
     """
     if options is None:
-        return fleet.usual_orders
+        return simulator.usual_requests
     if not isinstance(options, Mapping):
         raise TypeError(f"options = {shown(options)}: must be a mapping or None")
     if not options:
-        return fleet.usual_orders
+        return simulator.usual_requests
     for name in options:
         if name not in OPTIONS:
             raise ValueError(f"options[{shown(name)}]: no such option; the options are {', '.join(OPTIONS)}")
-    orders = fleet.usual_orders.copy()
+    reset_requests = simulator.usual_requests.copy()
     if "start" in options:
-        names = [choice("options['start']", name, STARTS) for name in _each("start", options["start"], fleet)]
+        names = [choice("options['start']", name, STARTS) for name in _each("start", options["start"], simulator)]
         for name in set(names):
-            refuse_fast_starts(fleet.settings, name)
-        orders[:, column.START] = [START_CODES[name] for name in names]
+            check_moving_start(simulator.settings, name)
+        reset_requests[:, column.START] = [START_CODES[name] for name in names]
     if "time" in options:
-        lap = fleet.settings.lap_time
-        orders[:, column.PHASE] = _numbers("options['time']", options["time"], fleet, 0.0, np.nextafter(lap, 0.0))
+        lap = simulator.settings.lap_time
+        reset_requests[:, column.PHASE] = _numbers(
+            "options['time']", options["time"], simulator, 0.0, np.nextafter(lap, 0.0)
+        )
     if "path" in options:
-        orders[:, column.PATH] = _path_indices(options["path"], fleet)
+        reset_requests[:, column.PATH] = _path_indices(options["path"], simulator)
     for name, value in _mapping("parameters", options.get("parameters", {})).items():
         if name not in DRAWN:
             raise ValueError(
                 f"options['parameters'][{shown(name)}]: no such quantity; there are {', '.join(map(repr, DRAWN))}"
             )
-        least, most = _range(name, fleet)
+        least, most = _range(name, simulator)
         hint = f" (`randomisation` at make can allow more: {{{name!r}: (least, most)}})"
-        orders[:, column.DRAWN + list(DRAWN).index(name)] = _numbers(
-            f"options['parameters'][{name!r}]", value, fleet, least, most, hint
+        reset_requests[:, column.DRAWN + list(DRAWN).index(name)] = _numbers(
+            f"options['parameters'][{name!r}]", value, simulator, least, most, hint
         )
     if "state" in options:
-        orders[:, column.STATE :] = _states(options["state"], fleet)
-    return orders
+        reset_requests[:, column.STATE :] = _states(options["state"], simulator)
+    return reset_requests
 
 
-def _range(name: str, fleet: Fleet) -> tuple[float, float]:
+def _range(name: str, simulator: BatchSimulator) -> tuple[float, float]:
     """What memory, integration step and bounds were laid out for: the environment's own value and its range."""
-    settings = fleet.settings
+    settings = simulator.settings
     arm = settings.flexible_arm.parameters
     own = {
         "delay": max(settings.sensor_delays),
@@ -97,33 +99,33 @@ def _range(name: str, fleet: Fleet) -> tuple[float, float]:
     return 0.0, max(high, own)
 
 
-def _each(name: str, value: Any, fleet: Fleet) -> list[Any]:
+def _each(name: str, value: Any, simulator: BatchSimulator) -> list[Any]:
     """One value for each environment."""
     found = entries(value)
     if found is None:
-        return [value] * len(fleet)
-    if len(found) != len(fleet):
+        return [value] * len(simulator)
+    if len(found) != len(simulator):
         raise ValueError(
-            f"options[{name!r}] = {shown(value)}: must be one value or {len(fleet)}, one for each environment"
+            f"options[{name!r}] = {shown(value)}: must be one value or {len(simulator)}, one for each environment"
         )
     return found
 
 
-def _numbers(label: str, value: Any, fleet: Fleet, least: float, most: float, hint: str = "") -> Array:
+def _numbers(label: str, value: Any, simulator: BatchSimulator, least: float, most: float, hint: str = "") -> Array:
     array = real_array(label, value)
-    if array.shape not in ((), (len(fleet),)):
-        raise ValueError(f"{label}: must be one number or {len(fleet)}, got shape {array.shape}")
+    if array.shape not in ((), (len(simulator),)):
+        raise ValueError(f"{label}: must be one number or {len(simulator)}, got shape {array.shape}")
     inside = (array >= least) & (array <= most) & np.isfinite(array)
     if not inside.all():
         raise ValueError(f"{label} = {float(array[~inside].flat[0])!r}: must be from {least:.6g} to {most:.6g}{hint}")
-    return np.broadcast_to(array, len(fleet))
+    return np.broadcast_to(array, len(simulator))
 
 
-def _path_indices(value: Any, fleet: Fleet) -> list[int]:
-    names = fleet.settings.reference
-    if not fleet.settings.paths:
+def _path_indices(value: Any, simulator: BatchSimulator) -> list[int]:
+    names = simulator.settings.reference
+    if not simulator.settings.paths:
         raise ValueError(f"options['path'] = {shown(value)}: each episode draws its own moves; it has no names")
-    return [names.index(choice("options['path']", name, names)) for name in _each("path", value, fleet)]
+    return [names.index(choice("options['path']", name, names)) for name in _each("path", value, simulator)]
 
 
 def _mapping(name: str, value: Any) -> Mapping[str, Any]:
@@ -132,12 +134,12 @@ def _mapping(name: str, value: Any) -> Mapping[str, Any]:
     return value
 
 
-def _states(value: Any, fleet: Fleet) -> Array:
-    limits = state_limits(fleet.settings.flexible_arm)
+def _states(value: Any, simulator: BatchSimulator) -> Array:
+    limits = state_limits(simulator.settings.flexible_arm)
     states = real_array("options['state']", value)
-    if states.shape not in ((len(limits),), (len(fleet), len(limits))):
+    if states.shape not in ((len(limits),), (len(simulator), len(limits))):
         raise ValueError(f"options['state']: must have shape ({len(limits)},) for each arm, got {states.shape}")
-    rows = np.broadcast_to(states, (len(fleet), len(limits)))
+    rows = np.broadcast_to(states, (len(simulator), len(limits)))
     if not np.all(np.abs(rows) <= limits):
         arm, entry = np.argwhere(~(np.abs(rows) <= limits))[0]
         raise ValueError(

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexarm_env.envs.batch import Fleet
+from flexarm_env.envs.batch import BatchSimulator
 from flexarm_env.envs.choices import TORQUE_LIMIT
 from flexarm_env.envs.rendering import Renderer, Snapshot
 
@@ -20,16 +20,16 @@ MARGIN = 1.05  # of the reach, so that a bent arm fits
 class Scene:
     """Draws one arm of a fleet, with the trace of its tip."""
 
-    def __init__(self, fleet: Fleet, index: int, render_mode: str, fps: int) -> None:
+    def __init__(self, simulator: BatchSimulator, index: int, render_mode: str, fps: int) -> None:
         """Nothing is imported or opened before the first picture.
 
         Args:
-            fleet: the environments.
+            simulator: the environments.
             index: which one.
             render_mode: "rgb_array" or "human".
             fps: pictures a second that a window shows at most.
         """
-        self._fleet, self._index = fleet, index
+        self._simulator, self._index = simulator, index
         self._renderer = Renderer(render_mode, fps=fps)
         self._trace: list[Array] = []
         self._stride, self._skipped = 1, 0
@@ -46,7 +46,7 @@ class Scene:
         if self._skipped < self._stride and self._trace:
             return
         self._skipped = 0
-        self._trace.append(result[self._fleet.parts["TRUE_TIP"]].copy())
+        self._trace.append(result[self._simulator.parts["TRUE_TIP"]].copy())
         if len(self._trace) > LONGEST_TRACE:
             del self._trace[1::2]
             self._stride *= 2
@@ -60,9 +60,9 @@ class Scene:
         self._renderer.close()
 
     def _snapshot(self, result: Array) -> Snapshot:
-        settings = self._fleet.settings
+        settings = self._simulator.settings
         arm = settings.flexible_arm
-        values: dict[str, Any] = {name: result[part] for name, part in self._fleet.parts.items()}
+        values: dict[str, Any] = {name: result[part] for name, part in self._simulator.parts.items()}
         q = np.nan_to_num(values["STATE"][: arm.size], posinf=0.0, neginf=0.0)
         lengths = arm.parameters.link_lengths
         lines = [
@@ -73,11 +73,11 @@ class Scene:
         return Snapshot(
             time=float(values["TIME"][0]),
             links=(lines[0], lines[1]),
-            path=self._fleet.path(self._index),
+            path=self._simulator.path(self._index),
             trace=np.array([*self._trace, values["TRUE_TIP"]]),
             reference=values["REFERENCE"][:2],
             sensor=arm.position(q, 2, settings.sensor_position),
-            sensed=values["SENSED"],
+            sensed=values["LINK_SENSOR"],
             torque=values["TORQUE"],
             torque_scale=TORQUE_LIMIT if np.inf in settings.motor_limit else settings.motor_limit,
             gain=float(values["EFFECTIVE_GAIN"][0]) if gain else None,

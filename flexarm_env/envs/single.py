@@ -8,11 +8,11 @@ import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
-from flexarm_env.envs.batch import Fleet
+from flexarm_env.envs.batch import BatchSimulator
 from flexarm_env.envs.documentation import specification
 from flexarm_env.envs.info import Episode, InfoMaker, episodes
 from flexarm_env.envs.registration import warn_of_short_limit
-from flexarm_env.envs.reset_options import orders_of
+from flexarm_env.envs.reset_options import reset_requests_of
 from flexarm_env.envs.scene import Scene
 from flexarm_env.envs.seeding import new_keys
 from flexarm_env.envs.settings import Settings
@@ -23,10 +23,10 @@ RENDER_MODES = ("rgb_array", "human")
 FASTEST_VIDEO = 100  # [1/s]; a picture is drawn for each step, and slower control plays in real time
 
 
-class FleetView:
+class SimulatorView:
     """What single and vector environments tell of themselves alike."""
 
-    fleet: Fleet
+    simulator: BatchSimulator
     _started: bool
 
     def _check_begun(self) -> None:
@@ -35,7 +35,7 @@ class FleetView:
 
     def _spaces(self) -> tuple[Any, Any]:
         """Of one environment's observation and action."""
-        bound = self.fleet.layout.bound
+        bound = self.simulator.layout.bound
         observation = gymnasium.spaces.Box(-bound, bound, dtype=np.float32)
         return observation, gymnasium.spaces.Box(-1.0, 1.0, (len(self.settings.action_limit),), np.float32)
 
@@ -46,7 +46,7 @@ class FleetView:
     @property
     def settings(self) -> Settings:
         """All options, validated."""
-        return self.fleet.settings
+        return self.simulator.settings
 
     @property
     def arm(self) -> FlexibleArm:
@@ -56,12 +56,12 @@ class FleetView:
     @property
     def observation_blocks(self) -> dict[str, slice]:
         """Where each named block lies in an observation."""
-        return dict(self.fleet.layout.blocks)
+        return dict(self.simulator.layout.blocks)
 
     @property
     def observation_scale(self) -> NDArray[np.float64]:
         """What each number of an observation was divided by; its unit is the block's. Shape (k,)."""
-        return self.fleet.layout.scale.copy()
+        return self.simulator.layout.scale.copy()
 
     @property
     def gain_limit(self) -> float:
@@ -85,7 +85,7 @@ class FleetView:
         return max(1, round(self.settings.lap_time / self.settings.control_period))
 
 
-class FlexArmEnv(FleetView, gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
+class FlexArmEnv(SimulatorView, gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     """A very flexible two-link arm whose tip tracks a path; see docs/environments for each id.
 
     The set-up is that of Green & Sasiadek, *Control of a flexible robot using fuzzy logic and a noncollocated sensor*
@@ -112,11 +112,11 @@ class FlexArmEnv(FleetView, gymnasium.Env[NDArray[np.float32], NDArray[np.float3
         if render_mode is not None:
             choice("render_mode", render_mode, RENDER_MODES)
         self.render_mode = render_mode
-        self.fleet = Fleet(Settings.of(options, type(self).__name__), 1)
+        self.simulator = BatchSimulator(Settings.of(options, type(self).__name__), 1)
         self.metadata = self.metadata | {"render_fps": self._fps()}
         self.observation_space, self.action_space = self._spaces()
-        self._infos = InfoMaker(self.fleet)
-        self._scene = None if render_mode is None else Scene(self.fleet, 0, render_mode, self._fps())
+        self._infos = InfoMaker(self.simulator)
+        self._scene = None if render_mode is None else Scene(self.simulator, 0, render_mode, self._fps())
         self._begin = np.zeros(1, dtype=np.int64)
         self._shape: tuple[int, ...] = self.action_space.shape or ()
         self._started = False
@@ -130,7 +130,7 @@ class FlexArmEnv(FleetView, gymnasium.Env[NDArray[np.float32], NDArray[np.float3
             AttributeError: before the first reset.
         """
         self._check_begun()
-        return episodes(self.fleet).one(0)
+        return episodes(self.simulator).one(0)
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -141,16 +141,16 @@ class FlexArmEnv(FleetView, gymnasium.Env[NDArray[np.float32], NDArray[np.float3
             seed: of everything random.
             options: see `flexarm_env.envs.reset_options.OPTIONS`; an unknown key raises `ValueError`.
         """
-        orders = orders_of(options, self.fleet)
+        reset_requests = reset_requests_of(options, self.simulator)
         super().reset(seed=seed)  # refuses a bad seed before it changes anything
         self._check_time_limit()
-        self.fleet.start(new_keys(self.np_random, 1), self._begin, orders)
+        self.simulator.start(new_keys(self.np_random, 1), self._begin, reset_requests)
         self._started = True
         if self._scene is not None:
-            result = self.fleet.result(0)
+            result = self.simulator.result(0)
             self._scene.begin(result)
             self._show(result)
-        return self.fleet.only_observation.copy(), self._infos.after_reset()
+        return self.simulator.single_observation.copy(), self._infos.after_reset()
 
     def step(self, action: NDArray[np.float32]) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
         """Hold the action for one control period.
@@ -165,22 +165,22 @@ class FlexArmEnv(FleetView, gymnasium.Env[NDArray[np.float32], NDArray[np.float3
         """
         if not self._started:
             raise RuntimeError("step() before reset(): there is no state to advance")
-        fleet = self.fleet
+        simulator = self.simulator
         try:
-            fleet.only_action[:] = action  # type: ignore[call-overload]
+            simulator.single_action[:] = action  # type: ignore[call-overload]
             taken = True
         except (TypeError, ValueError, BufferError, NotImplementedError):  # not float32, or not of this shape
             taken = False
         if not taken:
-            fleet.only_action[:] = rounded(finite_array("action", action, self._shape))  # type: ignore[call-overload]
-        if not fleet.only_step():
+            simulator.single_action[:] = rounded(finite_array("action", action, self._shape))  # type: ignore[call-overload]
+        if not simulator.single_step():
             finite_array("action", action, self._shape)  # says what is wrong
         info, reward, terminated = self._infos.after_step()
         if self._scene is not None:
-            result = fleet.result(0)
+            result = simulator.result(0)
             self._scene.add(result)
             self._show(result)
-        return fleet.only_observation.copy(), reward, terminated, False, info
+        return simulator.single_observation.copy(), reward, terminated, False, info
 
     def render(self) -> NDArray[np.uint8] | None:
         """The present instant as a picture, Shape (size, size, 3), or None where a window shows it.
@@ -195,7 +195,7 @@ class FlexArmEnv(FleetView, gymnasium.Env[NDArray[np.float32], NDArray[np.float3
             return None
         if not self._started:
             raise RuntimeError("render() before reset(): there is nothing to show")
-        return self._scene.draw(self.fleet.result(0))
+        return self._scene.draw(self.simulator.result(0))
 
     def close(self) -> None:
         """Close the window, if there is one."""
@@ -210,7 +210,7 @@ class FlexArmEnv(FleetView, gymnasium.Env[NDArray[np.float32], NDArray[np.float3
         if self._limit_checked or not self._started:
             return
         self._limit_checked = True
-        result, parts = self.fleet.result(0), self.fleet.parts
+        result, parts = self.simulator.result(0), self.simulator.parts
         if result[parts["STATUS"]] == 0.0:
             steps = round(result[parts["TIME"]].item() / self.control_period)
             warn_of_short_limit(self.spec, steps, self.lap_steps)

@@ -13,14 +13,14 @@ from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from flexarm_env.envs.batch import Fleet
+from flexarm_env.envs.batch import BatchSimulator
 from flexarm_env.envs.info import Episode, InfoMaker, episodes, masked
 from flexarm_env.envs.registration import warn_of_short_limit
-from flexarm_env.envs.reset_options import orders_of
+from flexarm_env.envs.reset_options import reset_requests_of
 from flexarm_env.envs.scene import Scene
 from flexarm_env.envs.seeding import EpisodeKeys
 from flexarm_env.envs.settings import Settings
-from flexarm_env.envs.single import FASTEST_VIDEO, RENDER_MODES, FleetView, rounded
+from flexarm_env.envs.single import FASTEST_VIDEO, RENDER_MODES, SimulatorView, rounded
 from flexarm_env.validation import choice, finite_array, integer, real_array
 
 Array = NDArray[np.float64]
@@ -32,11 +32,13 @@ NOBODY.setflags(write=False)
 Step = tuple[NDArray[np.float32], Array, Flags, Flags, dict[str, Any]]
 
 
-class FlexArmVectorEnv(FleetView, gymnasium.vector.VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[Any]]):
+class FlexArmVectorEnv(
+    SimulatorView, gymnasium.vector.VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[Any]]
+):
     """N environments in one; environment i of a batch seeded s is the single one seeded s + i, to the last bit.
 
     Attributes:
-        fleet: the arms, their kernels and their data.
+        simulator: the arms, their kernels and their data.
         autoreset_mode: when a finished environment begins its next episode.
     """
 
@@ -76,22 +78,24 @@ class FlexArmVectorEnv(FleetView, gymnasium.vector.VectorEnv[NDArray[np.float32]
         self.render_mode = render_mode
         mode = autoreset_mode.value if isinstance(autoreset_mode, AutoresetMode) else autoreset_mode
         self.autoreset_mode = AutoresetMode(choice("autoreset_mode", mode, [each.value for each in AutoresetMode]))
-        self.fleet = Fleet(Settings.of(options, type(self).__name__), self.num_envs, integer("threads", threads, 1))
+        self.simulator = BatchSimulator(
+            Settings.of(options, type(self).__name__), self.num_envs, integer("threads", threads, 1)
+        )
         self.metadata = self.metadata | {"autoreset_mode": self.autoreset_mode, "render_fps": self._fps()}
         self.single_observation_space, self.single_action_space = self._spaces()
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
         self.action_space = batch_space(self.single_action_space, self.num_envs)
-        self._infos = InfoMaker(self.fleet)
+        self._infos = InfoMaker(self.simulator)
         self._scenes = (
-            [Scene(self.fleet, i, render_mode, self._fps()) for i in range(self.num_envs)] if render_mode else []
+            [Scene(self.simulator, i, render_mode, self._fps()) for i in range(self.num_envs)] if render_mode else []
         )
         self._keys = EpisodeKeys(self.num_envs)
         self._limit = limit
         self._longest = np.inf if limit is None else (limit - 0.5) * self.control_period  # [s], whatever the rounding
         self._ended = NOBODY  # environments whose episode is over
-        self._orders = orders_of(None, self.fleet)
+        self._reset_requests = reset_requests_of(None, self.simulator)
         self._started = False
-        parts = self.fleet.parts
+        parts = self.simulator.parts
         self._reward, self._status, self._time = (parts[name].start for name in ("REWARD", "STATUS", "TIME"))
 
     @property
@@ -112,7 +116,7 @@ class FlexArmVectorEnv(FleetView, gymnasium.vector.VectorEnv[NDArray[np.float32]
             AttributeError: before the first reset.
         """
         self._check_begun()
-        return episodes(self.fleet)
+        return episodes(self.simulator)
 
     # --- Gymnasium's interface -------------------------------------------------------------------------------------
 
@@ -133,10 +137,10 @@ class FlexArmVectorEnv(FleetView, gymnasium.vector.VectorEnv[NDArray[np.float32]
             raise TypeError(f"options = {options!r}: must be a mapping or None")
         wanted = dict(options or {})
         mask = self._mask(wanted.pop("reset_mask", None))
-        orders = orders_of(wanted, self.fleet)
+        reset_requests = reset_requests_of(wanted, self.simulator)
         self._seed(seed, mask)  # refuses a bad seed before it changes anything
         begun = np.flatnonzero(mask)
-        self.fleet.start(self._keys.take(begun), begun, orders)
+        self.simulator.start(self._keys.take(begun), begun, reset_requests)
         self._started, self._ended = True, self._ended[~mask[self._ended]]
         self._remember(begun)
         infos = self._infos.batch()
@@ -163,9 +167,9 @@ class FlexArmVectorEnv(FleetView, gymnasium.vector.VectorEnv[NDArray[np.float32]
             )
         begun = self._ended  # there are such with next-step reset only
         if len(begun):
-            self.fleet.order_starts(self._keys.take(begun), begun, self._orders)
-        self.fleet.step()
-        results = self.fleet.results
+            self.simulator.request_resets(self._keys.take(begun), begun, self._reset_requests)
+        self.simulator.step()
+        results = self.simulator.results
         status = results[:, self._status]
         terminated = status != 0.0
         truncated = results[:, self._time] > self._longest
@@ -186,13 +190,13 @@ class FlexArmVectorEnv(FleetView, gymnasium.vector.VectorEnv[NDArray[np.float32]
         """A picture of each environment. Shape (size, size, 3) each."""
         if not self._scenes or not self._started:
             return None
-        return tuple(scene.draw(self.fleet.result(i)) for i, scene in enumerate(self._scenes))  # type: ignore[misc]
+        return tuple(scene.draw(self.simulator.result(i)) for i, scene in enumerate(self._scenes))  # type: ignore[misc]
 
     def close_extras(self, **kwargs: Any) -> None:
         """Let go of threads and windows."""
         for scene in self._scenes:
             scene.close()
-        self.fleet.close()
+        self.simulator.close()
 
     # --- inside ----------------------------------------------------------------------------------------------------
 
@@ -226,14 +230,14 @@ class FlexArmVectorEnv(FleetView, gymnasium.vector.VectorEnv[NDArray[np.float32]
             read = np.ones(len(values), dtype=bool)
             read[self._ended] = False
             finite_array("actions", np.where(read[:, None], values, 0.0), self.action_space.shape or ())
-        self.fleet.actions[: self.num_envs] = values if values.dtype == np.float32 else rounded(values)
+        self.simulator.actions[: self.num_envs] = values if values.dtype == np.float32 else rounded(values)
 
     def _restart(self, ended: Indices, infos: dict[str, Any]) -> dict[str, Any]:
         """Begin new episodes where one ended in this step; what ended goes into `final_obs` and `final_info`."""
         final_obs = np.empty(self.num_envs, dtype=object)
         for i in ended.tolist():
-            final_obs[i] = self.fleet.observations[i].copy()
-        self.fleet.start(self._keys.take(ended), ended, self._orders)
+            final_obs[i] = self.simulator.observations[i].copy()
+        self.simulator.start(self._keys.take(ended), ended, self._reset_requests)
         merged = self._infos.batch()
         done = np.zeros(self.num_envs, dtype=bool)
         done[ended] = True
@@ -242,9 +246,9 @@ class FlexArmVectorEnv(FleetView, gymnasium.vector.VectorEnv[NDArray[np.float32]
         return merged
 
     def _observations(self) -> NDArray[np.float32]:
-        return self.fleet.observations[: self.num_envs].copy()
+        return self.simulator.observations[: self.num_envs].copy()
 
     def _remember(self, begun: Indices) -> None:
         """Traces for the pictures."""
         for i, scene in enumerate(self._scenes):
-            (scene.begin if i in begun else scene.add)(self.fleet.result(i))
+            (scene.begin if i in begun else scene.add)(self.simulator.result(i))

@@ -9,8 +9,8 @@ import gymnasium
 
 from flexarm_env.codegen import cache
 from flexarm_env.codegen.cache_folder import find_folder
-from flexarm_env.envs.batch import Fleet
-from flexarm_env.envs.single import FleetView
+from flexarm_env.envs.batch import BatchSimulator
+from flexarm_env.envs.single import SimulatorView
 from flexarm_env.validation import integer, listed, names
 
 
@@ -44,10 +44,10 @@ def warm_up(
     lines = []
     for env_id in names("ids", ids):
         for size in sizes:
-            fleet = _fleet(env_id, dict(options or {}), size, integer("threads", threads, 1))
-            kernel = fleet.dispatcher()
+            simulator = _simulator(env_id, dict(options or {}), size, integer("threads", threads, 1))
+            kernel = simulator.dispatcher()
             before = _compilations(kernel)
-            fleet.compile()
+            simulator.compile()
             what = f"{env_id}, num_envs = {size}"
             if not cache.is_kept(kernel):
                 raise OSError(f"{what}: compiled, but not kept: {find_folder()} cannot be written to")
@@ -55,7 +55,7 @@ def warm_up(
     return lines
 
 
-def _fleet(env_id: str, options: dict[str, Any], size: int, threads: int) -> Fleet:
+def _simulator(env_id: str, options: dict[str, Any], size: int, threads: int) -> BatchSimulator:
     """Make an environment, or a batch, and return its arms."""
     env: Any
     if size == 1:
@@ -64,10 +64,10 @@ def _fleet(env_id: str, options: dict[str, Any], size: int, threads: int) -> Fle
         way = gymnasium.VectorizeMode.VECTOR_ENTRY_POINT
         env = gymnasium.make_vec(env_id, num_envs=size, vectorization_mode=way, threads=threads, **options)
     found = env.unwrapped
-    if not isinstance(found, FleetView):
+    if not isinstance(found, SimulatorView):
         env.close()
         raise ValueError(f"ids: {env_id!r} is no environment of FlexArm")
-    return found.fleet
+    return found.simulator
 
 
 def _compilations(kernel: Any) -> int:

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from numpy import floor
 
-from flexarm_env.codegen.arrays import Arena, Clock, History, LaneRow, Paths, Plan, Table
+from flexarm_env.codegen.arrays import Arena, Clock, History, LaneRow, Paths, Table, Words
 from flexarm_env.codegen.declarations import chosen_by_program, inlined_in_its_caller
 from flexarm_env.episode.recorded import joint_kernel
-from flexarm_env.kernels.entries import clock_row, drawn, header, setting
+from flexarm_env.kernels.entries import clock_row, drawn, setting, word
 from flexarm_env.kernels.imex import count_steps, evaluate_law, loop_step, slot_after, store_reading
 from flexarm_env.kernels.layout import row
 from flexarm_env.kernels.recorded import step_kernel
@@ -22,22 +22,22 @@ Factors = tuple[float, float, float, float, float, float, float, float]
 
 
 @chosen_by_program
-def drive(arena: Arena, history: History, clock: Clock, paths: Paths, plan: Plan, settings: Table) -> None:
+def drive(arena: Arena, history: History, clock: Clock, paths: Paths, header: Words, settings: Table) -> None:
     """Move the arm over a control period: one of the three below, as the program says."""
 
 
-def command(arena: Arena, plan: Plan, settings: Table, i: int, r: int, begin: float) -> float:
+def command(arena: Arena, header: Words, settings: Table, i: int, r: int, begin: float) -> float:
     """Mean of the acting command in [-1, 1] of channel r of lane i over an integration step.
 
     Args:
         arena: of one block.
-        plan: see `entries.Header`.
+        header: see `entries.Header`.
         settings: see `entries.Setting`.
         i: the lane.
         r: the channel.
         begin: of the integration step after the start of the period [s].
     """
-    newest = row.TAIL + 2 * plan[header.PREVIEWS] + r
+    newest = row.TAIL + 2 * header[word.PREVIEWS] + r
     late = arena[row.EPISODE + drawn.ACTUATION_DELAY, i]
     if late == 0.0:
         return arena[newest, i]
@@ -45,15 +45,15 @@ def command(arena: Arena, plan: Plan, settings: Table, i: int, r: int, begin: fl
     length = settings[setting.STEP] / settings[setting.PERIOD]
     whole = floor(start)
     back = -int(whole)  # 0: the present action acts, 1: the one before, ...
-    value = arena[newest + back * plan[header.CHANNELS], i]
+    value = arena[newest + back * header[word.CHANNELS], i]
     before_switch = (whole + 1.0 - start) / length
     if back == 0 or before_switch >= 1.0 - 1e-6:
         return value
-    next_value = arena[newest + (back - 1) * plan[header.CHANNELS], i]
+    next_value = arena[newest + (back - 1) * header[word.CHANNELS], i]
     return before_switch * value + (1.0 - before_switch) * next_value
 
 
-def prompt(arena: Arena) -> bool:
+def undelayed(arena: Arena) -> bool:
     """Whether no lane has an actuation delay, so that commands do not change within a control period."""
     delayed = 0
     for i in range(variant.lanes):
@@ -61,10 +61,10 @@ def prompt(arena: Arena) -> bool:
     return delayed == 0
 
 
-def write_commands(arena: Arena, plan: Plan, settings: Table, step: int, held: bool) -> None:
+def write_commands(arena: Arena, header: Words, settings: Table, step: int, held: bool) -> None:
     """Enter the commanded torques of an integration step, the mean over it where a command changes within."""
     begin = step * settings[setting.STEP]
-    newest = row.TAIL + 2 * plan[header.PREVIEWS]
+    newest = row.TAIL + 2 * header[word.PREVIEWS]
     for r in range(2):
         scale = settings[setting.ACTION_SCALE + r]
         torques: LaneRow = arena[row.TAU + r]
@@ -73,17 +73,17 @@ def write_commands(arena: Arena, plan: Plan, settings: Table, step: int, held: b
             torques[i] = scale * actions[i]
         if variant.disturbed:
             for i in range(0 if held else variant.lanes):
-                torques[i] = scale * command(arena, plan, settings, i, r, begin)
+                torques[i] = scale * command(arena, header, settings, i, r, begin)
 
 
-def keep_reading(arena: Arena, history: History, clock: Clock, plan: Plan, done: int) -> None:
+def keep_reading(arena: Arena, history: History, clock: Clock, header: Words, done: int) -> None:
     """Enter the reading after so many steps of a period into the delay line, if `Header.READINGS` asks for it."""
-    if (plan[header.READINGS] >> ((done if done < plan[header.SUBSTEPS] else 0) & 63)) & 1:
+    if (header[word.READINGS] >> ((done if done < header[word.SUBSTEPS] else 0) & 63)) & 1:
         store_reading(arena, history, slot_after(clock, history, done))
 
 
 @inlined_in_its_caller
-def drive_torque(arena: Arena, history: History, clock: Clock, paths: Paths, plan: Plan, settings: Table) -> None:
+def drive_torque(arena: Arena, history: History, clock: Clock, paths: Paths, header: Words, settings: Table) -> None:
     """The action is the motors' torque.
 
     Args:
@@ -91,19 +91,19 @@ def drive_torque(arena: Arena, history: History, clock: Clock, paths: Paths, pla
         history: readings at past steps.
         clock: of each lane.
         paths: not used.
-        plan: see `entries.Header`.
+        header: see `entries.Header`.
         settings: see `entries.Setting`.
     """
-    held = prompt(arena)
-    for step in range(plan[header.SUBSTEPS]):
+    held = undelayed(arena)
+    for step in range(header[word.SUBSTEPS]):
         if step == 0 or not held:
-            write_commands(arena, plan, settings, step, held)
+            write_commands(arena, header, settings, step, held)
         for r in range(2 if step == 0 else 0):
             for i in range(variant.lanes):
                 arena[row.TORQUE + r, i] = arena[row.TAU + r, i]
         step_kernel(arena, settings[setting.STEP])
-        keep_reading(arena, history, clock, plan, step + 1)
-    count_steps(clock, history, plan[header.SUBSTEPS])
+        keep_reading(arena, history, clock, header, step + 1)
+    count_steps(clock, history, header[word.SUBSTEPS])
 
 
 def hermite(u: float, period: float) -> Factors:
@@ -121,7 +121,7 @@ def hermite(u: float, period: float) -> Factors:
     )
 
 
-def aim(arena: Arena, clock: Clock, paths: Paths, plan: Plan, settings: Table) -> None:
+def plan_joint_spline(arena: Arena, clock: Clock, paths: Paths, header: Words, settings: Table) -> None:
     """Where the inner law's reference runs in the coming period: from the present aim to that at its end.
 
     A shift runs linearly from the last one to the commanded one. The end's rates are those of the side that ends there.
@@ -129,21 +129,21 @@ def aim(arena: Arena, clock: Clock, paths: Paths, plan: Plan, settings: Table) -
     h, period = settings[setting.STEP], settings[setting.PERIOD]
     for r in range(4):
         for i in range(variant.lanes):
-            arena[row.INNER_FROM + r, i] = arena[row.JOINT + r, i]
+            arena[row.INNER_FROM + r, i] = arena[row.REFERENCE_JOINTS + r, i]
     for i in range(variant.lanes):
-        time = (clock[clock_row.STEPS, i] + plan[header.SUBSTEPS]) * h
+        time = (clock[clock_row.STEPS, i] + header[word.SUBSTEPS]) * h
         there = reference_at(paths, clock[clock_row.PATH, i], time, time - 1e-3 * h, clock[clock_row.SINCE, i] * h)
         for r in range(4):
             arena[row.REFERENCE + r, i] = there[r]
     joint_kernel(arena, settings[setting.LENGTHS], settings[setting.LENGTHS + 1], settings[setting.BRANCH])
     for r in range(4):
         for i in range(variant.lanes):
-            arena[row.INNER_TO + r, i] = arena[row.JOINT + r, i]
-    if plan[header.SHIFTING] > 0:
+            arena[row.INNER_TO + r, i] = arena[row.REFERENCE_JOINTS + r, i]
+    if header[word.SHIFTING] > 0:
         for r in range(2):
             for i in range(variant.lanes):
                 before = arena[row.SHIFT + r, i]
-                shift = settings[setting.ACTION_SCALE + r] * command(arena, plan, settings, i, r, period - h)
+                shift = settings[setting.ACTION_SCALE + r] * command(arena, header, settings, i, r, period - h)
                 rate = (shift - before) / period
                 arena[row.INNER_FROM + r, i] += before
                 arena[row.INNER_TO + r, i] += shift
@@ -153,7 +153,7 @@ def aim(arena: Arena, clock: Clock, paths: Paths, plan: Plan, settings: Table) -
 
 
 @inlined_in_its_caller
-def drive_tracking(arena: Arena, history: History, clock: Clock, paths: Paths, plan: Plan, settings: Table) -> None:
+def drive_tracking(arena: Arena, history: History, clock: Clock, paths: Paths, header: Words, settings: Table) -> None:
     """The inner joint-space law tracks the rigid arm's way along the reference; the action adds to it.
 
     Args:
@@ -161,29 +161,29 @@ def drive_tracking(arena: Arena, history: History, clock: Clock, paths: Paths, p
         history: readings at past steps.
         clock: of each lane.
         paths: of all lanes.
-        plan: see `entries.Header`.
+        header: see `entries.Header`.
         settings: see `entries.Setting`.
     """
     h, period = settings[setting.STEP], settings[setting.PERIOD]
-    aim(arena, clock, paths, plan, settings)
-    held = prompt(arena)
+    plan_joint_spline(arena, clock, paths, header, settings)
+    held = undelayed(arena)
     for r in range(2):
         for i in range(variant.lanes):
             arena[row.TAU + r, i] = 0.0
-    for step in range(plan[header.SUBSTEPS]):
-        if plan[header.SHIFTING] == 0 and (step == 0 or not held):
-            write_commands(arena, plan, settings, step, held)
+    for step in range(header[word.SUBSTEPS]):
+        if header[word.SHIFTING] == 0 and (step == 0 or not held):
+            write_commands(arena, header, settings, step, held)
         begin, middle, end = step * h / period, (step + 0.5) * h / period, (step + 1.0) * h / period
         step_kernel(arena, h, (hermite(begin, period), hermite(middle, period), hermite(end, period)))
         for r in range(2 if step == 0 else 0):
             for i in range(variant.lanes):
                 arena[row.TORQUE + r, i] = arena[row.STAGE_TORQUE + r, i]
-        keep_reading(arena, history, clock, plan, step + 1)
-    count_steps(clock, history, plan[header.SUBSTEPS])
+        keep_reading(arena, history, clock, header, step + 1)
+    count_steps(clock, history, header[word.SUBSTEPS])
 
 
 @inlined_in_its_caller
-def drive_gain(arena: Arena, history: History, clock: Clock, paths: Paths, plan: Plan, settings: Table) -> None:
+def drive_gain(arena: Arena, history: History, clock: Clock, paths: Paths, header: Words, settings: Table) -> None:
     """The action is the gain lambda of the paper's law, which acts in continuous time.
 
     Args:
@@ -191,15 +191,15 @@ def drive_gain(arena: Arena, history: History, clock: Clock, paths: Paths, plan:
         history: readings at past steps.
         clock: of each lane.
         paths: of all lanes.
-        plan: see `entries.Header`.
+        header: see `entries.Header`.
         settings: see `entries.Setting`.
     """
     h = settings[setting.STEP]
-    held = prompt(arena)
-    for step in range(plan[header.SUBSTEPS]):
+    held = undelayed(arena)
+    for step in range(header[word.SUBSTEPS]):
         for i in range(variant.lanes if step == 0 or not held else 0):
             arena[row.GAIN, i] = settings[setting.ACTION_SCALE] * (
-                0.5 * (command(arena, plan, settings, i, 0, step * h) + 1.0)
+                0.5 * (command(arena, header, settings, i, 0, step * h) + 1.0)
             )
         if step == 0:
             evaluate_law(arena, history, clock, paths, h)

@@ -16,14 +16,14 @@ from flexarm_env.physics.inverse_kinematics import joint_angles_for, joint_rates
 TURN = 6.283185307179586
 
 
-class Known(NamedTuple):
+class Measurements(NamedTuple):
     """What sensors and the task say at an instant; lists of numbers.
 
     Attributes:
-        measured: joint angles [rad] and rates [rad/s] by the encoders.
+        encoders: joint angles [rad] and rates [rad/s] by the encoders.
         reference: position [m] and velocity [m/s].
-        joint: joint angles and rates of the rigid arm on the reference.
-        sensed: latest reading of the sensor [m].
+        reference_joints: joint angles and rates of the rigid arm on the reference.
+        link_sensor: latest reading of the sensor [m].
         sensor_error: reference at the time of that reading minus the reading [m].
         sensor_error_rate: its change since the reading before, per second [m/s].
         lengths: of the links [m].
@@ -31,10 +31,10 @@ class Known(NamedTuple):
         frame: 1 for the link's frame, 0 for the world's.
     """
 
-    measured: Sequence[Any]
+    encoders: Sequence[Any]
     reference: Sequence[Any]
-    joint: Sequence[Any]
-    sensed: Sequence[Any]
+    reference_joints: Sequence[Any]
+    link_sensor: Sequence[Any]
     sensor_error: Sequence[Any]
     sensor_error_rate: Sequence[Any]
     lengths: Sequence[Any]
@@ -51,30 +51,30 @@ class Features(NamedTuple):
     encoder_error: list[Any]
     reference: list[Any]
     reference_velocity: list[Any]
-    sensed: list[Any]
+    link_sensor: list[Any]
     sensor_error: list[Any]
     sensor_error_rate: list[Any]
     phase: list[Any]
     frame_axis: list[Any]
 
 
-def features(known: Known) -> Features:
+def features(known: Measurements) -> Features:
     """All parts."""
-    theta1, theta2 = known.measured[:2]
+    theta1, theta2 = known.encoders[:2]
     one, two = sincos(theta1), sincos(theta2)
     both = (one[0] * two[1] + one[1] * two[0], one[1] * two[1] - one[0] * two[0])
     axis = [known.frame * one[1] + (1.0 - known.frame), known.frame * one[0]]
     tip = [known.lengths[0] * one[n] + known.lengths[1] * both[n] for n in (1, 0)]
-    error = [_turned_back(a - b) for a, b in zip(known.joint[:2], known.measured[:2], strict=True)]
+    error = [_turned_back(a - b) for a, b in zip(known.reference_joints[:2], known.encoders[:2], strict=True)]
     lap = sincos(TURN * known.phase)
     return Features(
         directions=[two[1], two[0], one[1], one[0]],
         joint_error=error,
-        joint_error_rate=[a - b for a, b in zip(known.joint[2:], known.measured[2:], strict=True)],
+        joint_error_rate=[a - b for a, b in zip(known.reference_joints[2:], known.encoders[2:], strict=True)],
         encoder_error=in_frame(axis, [known.reference[r] - tip[r] for r in (0, 1)]),
         reference=in_frame(axis, known.reference[:2]),
         reference_velocity=in_frame(axis, known.reference[2:]),
-        sensed=in_frame(axis, known.sensed),
+        link_sensor=in_frame(axis, known.link_sensor),
         sensor_error=in_frame(axis, known.sensor_error),
         sensor_error_rate=in_frame(axis, known.sensor_error_rate),
         phase=[lap[1], lap[0]],

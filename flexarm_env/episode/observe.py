@@ -17,8 +17,8 @@ from flexarm_env.codegen.arrays import (
     Mask,
     Observations,
     Paths,
-    Plan,
     Table,
+    Words,
 )
 from flexarm_env.codegen.declarations import inlined_in_its_caller, per_lane
 from flexarm_env.codegen.random_stream import normal
@@ -26,10 +26,10 @@ from flexarm_env.codegen.scalars import clip
 from flexarm_env.episode.recorded import features_kernel, joint_kernel, truth_kernel
 from flexarm_env.episode.sensor import CHANNELS_OF_NOISE, noise_place, sense
 from flexarm_env.episode.write_observation import write_observations, write_previews
-from flexarm_env.kernels.entries import clock_row, header, setting
+from flexarm_env.kernels.entries import clock_row, setting, word
 from flexarm_env.kernels.imex import state_status
 from flexarm_env.kernels.layout import row
-from flexarm_env.kernels.path_cache import note_side, on_side, segment
+from flexarm_env.kernels.path_cache import cache_segment, on_segment, segment
 from flexarm_env.kernels.variants import variant
 from flexarm_env.physics.polyline import AHEAD
 
@@ -37,11 +37,11 @@ NEAR = 0.02  # [m]; a tip that is not farther from the reference has arrived
 FINAL_REST = 0.25  # of the lap; the rest after the move back (`starts.draw_moves`)
 
 
-def take_actions(arena: Arena, actions: Actions, first: int, plan: Plan) -> None:
+def take_actions(arena: Arena, actions: Actions, first: int, header: Words) -> None:
     """Enter the actions of a block, limited to [-1, 1], before the earlier ones, and note their squared change."""
-    channels = plan[header.CHANNELS]
-    newest = row.TAIL + 2 * plan[header.PREVIEWS]
-    for at in range(newest + plan[header.KEPT_ACTIONS] * channels - 1, newest + channels - 1, -1):
+    channels = header[word.CHANNELS]
+    newest = row.TAIL + 2 * header[word.PREVIEWS]
+    for at in range(newest + header[word.KEPT_ACTIONS] * channels - 1, newest + channels - 1, -1):
         kept: LaneRow = arena[at]
         later: LaneRow = arena[at - channels]
         for i in range(variant.lanes):
@@ -66,11 +66,11 @@ def observe(
     clock: Clock,
     keys: Keys,
     paths: Paths,
-    plan: Plan,
+    header: Words,
     settings: Table,
     observations: Observations,
     first: int,
-    who: Mask,
+    active: Mask,
 ) -> None:
     """Sense, judge and report the present instant.
 
@@ -78,14 +78,14 @@ def observe(
         observations: to be filled, of all lanes.
         first: lane of the block among all.
     """
-    look(arena, history, clock, keys, paths, plan, settings, who)
-    write_previews(arena, clock, paths, plan, settings)
-    write_observations(arena, observations, first, plan, settings, who)
+    update_measurements(arena, history, clock, keys, paths, header, settings, active)
+    write_previews(arena, clock, paths, header, settings)
+    write_observations(arena, observations, first, header, settings, active)
 
 
 @inlined_in_its_caller
-def look(
-    arena: Arena, history: History, clock: Clock, keys: Keys, paths: Paths, plan: Plan, settings: Table, who: Mask
+def update_measurements(
+    arena: Arena, history: History, clock: Clock, keys: Keys, paths: Paths, header: Words, settings: Table, active: Mask
 ) -> None:
     """Sense, and judge the present instant, on a block; doing it again changes nothing.
 
@@ -93,16 +93,16 @@ def look(
     """
     truth_kernel(arena)
     follow_reference(arena, clock, paths, settings)
-    sense(arena, history, clock, keys, paths, plan, settings, who)
+    sense(arena, history, clock, keys, paths, header, settings, active)
     for r in range(4):
         at = r if r < 2 else variant.size + r - 2
         for i in range(variant.lanes):
-            arena[row.MEASURED + r, i] = arena[row.STATE + at, i]
+            arena[row.ENCODERS + r, i] = arena[row.STATE + at, i]
         if variant.disturbed:
             deviation = settings[setting.ENCODER_NOISE + r // 2]
             for i in range(variant.lanes if deviation > 0.0 else 0):
-                noise = normal(keys[i], noise_place(clock, plan, i) + CHANNELS_OF_NOISE + 2 * r)
-                arena[row.MEASURED + r, i] += deviation * noise
+                noise = normal(keys[i], noise_place(clock, header, i) + CHANNELS_OF_NOISE + 2 * r)
+                arena[row.ENCODERS + r, i] += deviation * noise
     joint_kernel(arena, settings[setting.LENGTHS], settings[setting.LENGTHS + 1], settings[setting.BRANCH])
     features_kernel(
         arena,
@@ -113,7 +113,7 @@ def look(
     note_elbow(arena)
     if variant.own_paths:
         note_rest(arena, clock, settings)
-    judge(arena, settings)
+    termination_status(arena, settings)
 
 
 def follow_reference(arena: Arena, clock: Clock, paths: Paths, settings: Table) -> None:
@@ -124,11 +124,11 @@ def follow_reference(arena: Arena, clock: Clock, paths: Paths, settings: Table) 
     h = settings[setting.STEP]
     turning = 0
     for i in range(variant.lanes):
-        turning += side_time(arena, clock, h, i) >= arena[row.PRESENT_SIDE + segment.END, i]
+        turning += segment_time(arena, clock, h, i) >= arena[row.PRESENT_SEGMENT + segment.END, i]
     for i in range(variant.lanes if turning > 0 else 0):
-        if side_time(arena, clock, h, i) >= arena[row.PRESENT_SIDE + segment.END, i]:
+        if segment_time(arena, clock, h, i) >= arena[row.PRESENT_SEGMENT + segment.END, i]:
             p = clock[clock_row.PATH, i]
-            k = note_side(arena, row.PRESENT_SIDE, paths, p, (clock[clock_row.STEPS, i] + AHEAD) * h, i)
+            k = cache_segment(arena, row.PRESENT_SEGMENT, paths, p, (clock[clock_row.STEPS, i] + AHEAD) * h, i)
             following = k + 1 if k + 2 < paths.shape[1] else 0
             arena[row.NEXT_TIME, i] = paths[p, following + 1, 0] - paths[p, following, 0]
             for r in range(2):
@@ -136,22 +136,22 @@ def follow_reference(arena: Arena, clock: Clock, paths: Paths, settings: Table) 
     lap = settings[setting.LAP]
     for i in range(variant.lanes):
         now = clock[clock_row.STEPS, i] * h
-        within = now - arena[row.PRESENT_SIDE + segment.LAP, i]
-        passed = within - arena[row.PRESENT_SIDE + segment.BEGIN, i]
+        within = now - arena[row.PRESENT_SEGMENT + segment.LAP, i]
+        passed = within - arena[row.PRESENT_SEGMENT + segment.BEGIN, i]
         for r in range(2):
-            arena[row.REFERENCE + r, i] = on_side(arena, row.PRESENT_SIDE, i, r, now)
-            arena[row.REFERENCE + 2 + r, i] = arena[row.PRESENT_SIDE + segment.VELOCITY + r, i]
-        arena[row.SIDE_PASSED, i] = min(passed, (clock[clock_row.STEPS, i] - clock[clock_row.SINCE, i]) * h)
-        arena[row.SIDE_LEFT, i] = arena[row.PRESENT_SIDE + segment.END, i] - within
+            arena[row.REFERENCE + r, i] = on_segment(arena, row.PRESENT_SEGMENT, i, r, now)
+            arena[row.REFERENCE + 2 + r, i] = arena[row.PRESENT_SEGMENT + segment.VELOCITY + r, i]
+        arena[row.SEGMENT_PASSED, i] = min(passed, (clock[clock_row.STEPS, i] - clock[clock_row.SINCE, i]) * h)
+        arena[row.SEGMENT_LEFT, i] = arena[row.PRESENT_SEGMENT + segment.END, i] - within
         laps = now / lap
         arena[row.PHASE, i] = laps - floor(laps)
         arena[row.TIME, i] = (clock[clock_row.STEPS, i] - clock[clock_row.BEGAN, i]) * h
 
 
 @per_lane
-def side_time(arena: Arena, clock: Clock, h: float, i: int) -> float:
+def segment_time(arena: Arena, clock: Clock, h: float, i: int) -> float:
     """Time of the lap that says whether lane i's reference is still on its side [s]."""
-    return (clock[clock_row.STEPS, i] + AHEAD) * h - arena[row.PRESENT_SIDE + segment.LAP, i]
+    return (clock[clock_row.STEPS, i] + AHEAD) * h - arena[row.PRESENT_SEGMENT + segment.LAP, i]
 
 
 def note_elbow(arena: Arena) -> None:
@@ -183,7 +183,7 @@ def note_rest(arena: Arena, clock: Clock, settings: Table) -> None:
             arena[row.SUCCESS, i] = 1.0 if arena[row.AWAY, i] < end - FINAL_REST * lap else 0.0
 
 
-def judge(arena: Arena, settings: Table) -> None:
+def termination_status(arena: Arena, settings: Table) -> None:
     """Status of every lane: the state's (`state_status`), -2 for a link bent too far, -3 for too large an error."""
     state_status(arena)
     for i in range(variant.lanes):

@@ -27,12 +27,12 @@ def truth_kernel(arena: Arena) -> None:
 def features_source(variant: Variant) -> str:
     """What observations are made of, and the reward's terms."""
     r = Recorder(variant)
-    names = ("measured", "reference", "joint", "sensed", "sensor_error", "sensor_error_rate")
-    known = features.Known(
+    names = ("encoders", "reference", "reference_joints", "link_sensor", "sensor_error", "sensor_error_rate")
+    known = features.Measurements(
         **{name: r.read(name.upper()) for name in names},
         lengths=(r.trace.input("length_1"), r.trace.input("length_2")),
         phase=r.one("PHASE"),
-        frame=r.one("FRAME"),
+        frame=r.one("LINK_FRAME"),
     )
     for name, values in features.features(known)._asdict().items():
         r.write(("" if name == "frame_axis" else "F_") + name.upper(), values)
@@ -58,7 +58,10 @@ def joint_source(variant: Variant) -> str:
     """Joint angles and rates of the rigid arm whose tip is on the reference."""
     r = Recorder(variant)
     lengths = (r.trace.input("length_1"), r.trace.input("length_2"))
-    r.write("JOINT", features.joint_aim(lengths, r.trace.input("branch"), r.read("REFERENCE"), r.read("JOINT")[0]))
+    r.write(
+        "REFERENCE_JOINTS",
+        features.joint_aim(lengths, r.trace.input("branch"), r.read("REFERENCE"), r.read("REFERENCE_JOINTS")[0]),
+    )
     return r.source("joint_kernel(arena, length_1, length_2, branch)")
 
 

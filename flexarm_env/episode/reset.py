@@ -10,15 +10,28 @@ from math import sqrt
 import numpy as np
 from numpy import floor
 
-from flexarm_env.codegen.arrays import Arena, Clock, Four, History, Keys, Mask, Order, Orders, Path, Paths, Plan, Table
+from flexarm_env.codegen.arrays import (
+    Arena,
+    Clock,
+    Four,
+    History,
+    Keys,
+    Mask,
+    Path,
+    Paths,
+    ResetRequest,
+    ResetRequests,
+    Table,
+    Words,
+)
 from flexarm_env.codegen.declarations import inlined_in_its_caller
 from flexarm_env.codegen.elementary import sincos
 from flexarm_env.codegen.random_stream import uniform
 from flexarm_env.episode.sensor import sensed_point
-from flexarm_env.kernels.entries import QUANTITIES, clock_row, column, constant, drawn, header, setting
+from flexarm_env.kernels.entries import QUANTITIES, clock_row, column, constant, drawn, setting, word
 from flexarm_env.kernels.imex import prepare_commands, prepare_readings, store_reading
 from flexarm_env.kernels.layout import row
-from flexarm_env.kernels.path_cache import forget_side
+from flexarm_env.kernels.path_cache import invalidate_segment
 from flexarm_env.kernels.recorded import elimination_kernel, law_kernel
 from flexarm_env.kernels.tableau import STAGES
 from flexarm_env.kernels.variants import variant
@@ -33,15 +46,15 @@ PLACE_PATH, PLACE_MIX, PLACE_PHASE = 0, 1, 2
 PLACE_SPREAD, PLACE_DRAWN, PLACE_MOVE = 8, 16, 32
 
 
-def draw_quantities(arena: Arena, key: np.uint64, settings: Table, order: Order, i: int) -> None:
+def draw_quantities(arena: Arena, key: np.uint64, settings: Table, request: ResetRequest, i: int) -> None:
     """What is drawn for lane i's episode, unless the order names it, and the arm that follows from it."""
     for n in range(QUANTITIES):
         value = settings[setting.BASE + n]
         low = settings[setting.LOWEST + n]
         if low == low:
             value = low + (settings[setting.HIGHEST + n] - low) * uniform(key, PLACE_DRAWN + n)
-        if order[column.DRAWN + n] == order[column.DRAWN + n]:
-            value = order[column.DRAWN + n]
+        if request[column.DRAWN + n] == request[column.DRAWN + n]:
+            value = request[column.DRAWN + n]
         arena[row.EPISODE + n, i] = value
     payload = arena[row.EPISODE + drawn.PAYLOAD_MASS, i] - settings[setting.BASE + drawn.PAYLOAD_MASS]
     stiffness = arena[row.EPISODE + drawn.STIFFNESS, i]
@@ -66,17 +79,17 @@ def draw_quantities(arena: Arena, key: np.uint64, settings: Table, order: Order,
 
 @inlined_in_its_caller
 def draw_start(
-    arena: Arena, clock: Clock, key: np.uint64, paths: Paths, settings: Table, order: Order, lane: int, i: int
+    arena: Arena, clock: Clock, key: np.uint64, paths: Paths, settings: Table, request: ResetRequest, lane: int, i: int
 ) -> bool:
     """Path and moment at which lane i starts; whether the arm starts on the move."""
     index = int(uniform(key, PLACE_PATH) * paths.shape[0])
     if variant.own_paths:  # a constant: where it is false, the compiler never sees what follows
         index = lane
         draw_moves(paths[lane], key, settings)
-    elif order[column.PATH] == order[column.PATH]:
-        index = int(order[column.PATH])
+    elif request[column.PATH] == request[column.PATH]:
+        index = int(request[column.PATH])
     lap = paths[index, paths.shape[1] - 1, 0]
-    kind = order[column.START]
+    kind = request[column.START]
     if kind == MIX:
         kind = CORNERS if uniform(key, PLACE_MIX) < SHARE_AT_REST else MOVING
     phase = 0.0
@@ -84,8 +97,8 @@ def draw_start(
         phase = 0.25 * lap * floor(4.0 * uniform(key, PLACE_PHASE))
     elif kind == MOVING:
         phase = settings[setting.PERIOD] * floor(uniform(key, PLACE_PHASE) * lap / settings[setting.PERIOD])
-    if order[column.PHASE] == order[column.PHASE]:
-        phase = order[column.PHASE]
+    if request[column.PHASE] == request[column.PHASE]:
+        phase = request[column.PHASE]
     clock[clock_row.PATH, i] = index
     clock[clock_row.STEPS, i] = int(phase / settings[setting.STEP] + 0.5)
     clock[clock_row.BEGAN, i] = clock[clock_row.STEPS, i]
@@ -137,8 +150,15 @@ def draw_moves(path: Path, key: np.uint64, settings: Table) -> None:
         path[n, 4] = (path[n + 1, 2] - path[n, 2]) * per_second
 
 
-def place_arm(
-    arena: Arena, clock: Clock, key: np.uint64, paths: Paths, settings: Table, order: Order, i: int, moving: bool
+def initial_state(
+    arena: Arena,
+    clock: Clock,
+    key: np.uint64,
+    paths: Paths,
+    settings: Table,
+    request: ResetRequest,
+    i: int,
+    moving: bool,
 ) -> None:
     """State of lane i: as ordered, or the rigid arm on the reference, on the move a little off it."""
     now = clock[clock_row.STEPS, i] * settings[setting.STEP]
@@ -150,11 +170,11 @@ def place_arm(
         rate_1, rate_2 = joint_rates_for(length_1, length_2, theta1, theta2, reference[2], reference[3])
         theta1 += settings[setting.START_SPREAD] * (2.0 * uniform(key, PLACE_SPREAD) - 1.0)
         theta2 += settings[setting.START_SPREAD] * (2.0 * uniform(key, PLACE_SPREAD + 1) - 1.0)
-    given = order[column.STATE] == order[column.STATE]
+    given = request[column.STATE] == request[column.STATE]
     for r in range(2 * variant.size):
         part = row.V if r >= variant.size else row.Y
         entry = r % variant.size
-        value = order[column.STATE + r] if given else 0.0
+        value = request[column.STATE + r] if given else 0.0
         if not given and entry < 2:
             value = (theta1, theta2, rate_1, rate_2)[2 * (r // variant.size) + entry]
         if (
@@ -172,11 +192,11 @@ def place_arm(
             slope += arena[row.CONSTANTS + constant.ELBOW_SLOPES + n, i] * arena[part + 1 + n, i]
         turn = arena[part, i] + slope + arena[part + variant.size // 2, i]
         arena[part + variant.size // 2, i] = turn
-    arena[row.JOINT, i] = arena[row.Y, i]  # the joint aim stays within half a turn of it
+    arena[row.REFERENCE_JOINTS, i] = arena[row.Y, i]  # the joint aim stays within half a turn of it
 
 
 def fill_history(
-    arena: Arena, history: History, clock: Clock, paths: Paths, plan: Plan, settings: Table, i: int, moving: bool
+    arena: Arena, history: History, clock: Clock, paths: Paths, header: Words, settings: Table, i: int, moving: bool
 ) -> None:
     """The delay line of lane i: its newest reading, moved back with the reference if the arm starts on the move."""
     h = settings[setting.STEP]
@@ -184,7 +204,7 @@ def fill_history(
     newest = clock[clock_row.HEAD, 0]
     now = reference_reading(arena, clock, paths, settings, i, 0.0)
     for back in range(slots):
-        if not (plan[header.READINGS] >> (-back % plan[header.SUBSTEPS] & 63)) & 1:
+        if not (header[word.READINGS] >> (-back % header[word.SUBSTEPS] & 63)) & 1:
             continue  # nobody will ask for it
         slot = (newest - back) % slots
         moved = reference_reading(arena, clock, paths, settings, i, back * h) if moving and back > 0 else now
@@ -202,14 +222,16 @@ def reference_reading(arena: Arena, clock: Clock, paths: Paths, settings: Table,
     time = clock[clock_row.STEPS, i] * settings[setting.STEP] - back
     x, y, vx, vy = reference_at(paths, clock[clock_row.PATH, i], time, time + 1e-9 * settings[setting.STEP], -1e18)
     length_1, length_2 = settings[setting.LENGTHS], settings[setting.LENGTHS + 1]
-    if variant.true_sensor and arena[row.PLACE_DISTANCE, i] == length_2:  # it is the tip that is on the reference
+    if (
+        variant.true_sensor and arena[row.SENSOR_POINT_DISTANCE, i] == length_2
+    ):  # it is the tip that is on the reference
         return x, y, vx, vy
     theta1, theta2 = joint_angles_for(length_1, length_2, settings[setting.BRANCH], x, y)
     rate_1, rate_2 = joint_rates_for(length_1, length_2, theta1, theta2, vx, vy)
     if not variant.true_sensor:
-        near = arena[row.JOINT, i]
+        near = arena[row.REFERENCE_JOINTS, i]
         return theta1 + 6.283185307179586 * floor((near - theta1) / 6.283185307179586 + 0.5), theta2, rate_1, rate_2
-    distance = arena[row.PLACE_DISTANCE, i]
+    distance = arena[row.SENSOR_POINT_DISTANCE, i]
     one, both = sincos(theta1), sincos(theta1 + theta2)
     rate_12 = rate_1 + rate_2
     return (
@@ -220,19 +242,19 @@ def reference_reading(arena: Arena, clock: Clock, paths: Paths, settings: Table,
     )
 
 
-def prepare_law(arena: Arena, clock: Clock, plan: Plan, i: int) -> None:
+def prepare_law(arena: Arena, clock: Clock, header: Words, i: int) -> None:
     """Delays of lane i in the paper's law."""
     for r in range(2):
-        late = arena[row.SENSOR_DELAY + r, i] if variant.late else 0.0
+        late = arena[row.SENSOR_DELAY + r, i] if variant.law_on_sensor else 0.0
         shared = arena[row.SENSOR_DELAY, i]
-        command = 0.0 if plan[header.COMPENSATION] == 0 else shared if plan[header.COMPENSATION] == 1 else late
+        command = 0.0 if header[word.COMPENSATION] == 0 else shared if header[word.COMPENSATION] == 1 else late
         arena[row.DELAY + r, i] = late
         arena[row.COMMAND_DELAY + r, i] = command
         arena[row.WEIGHT + r, i] = 1.0
         arena[row.RATE_WEIGHT + r, i] = 1.0
         arena[row.NOISE + r, i] = 0.0
     arena[row.GAIN, i] = 0.0
-    forget_side(arena, row.COMMAND_SIDE, i)
+    invalidate_segment(arena, row.COMMAND_SEGMENT, i)
 
 
 def start_law(arena: Arena, history: History, clock: Clock, paths: Paths, settings: Table, started: Mask) -> None:
@@ -255,25 +277,25 @@ def start_law(arena: Arena, history: History, clock: Clock, paths: Paths, settin
                 arena[row.FEEDBACK_SLOTS + r, i] = arena[row.FEEDBACK + r, i]
 
 
-def start_lane(
+def reset_lane(
     arena: Arena,
     clock: Clock,
     key: np.uint64,
     paths: Paths,
-    plan: Plan,
+    header: Words,
     settings: Table,
-    order: Order,
+    request: ResetRequest,
     lane: int,
     i: int,
 ) -> None:
     """Everything of lane i but its delay line."""
-    draw_quantities(arena, key, settings, order, i)
-    moving = draw_start(arena, clock, key, paths, settings, order, lane, i)
-    place_arm(arena, clock, key, paths, settings, order, i, moving)
-    newest = row.TAIL + 2 * plan[header.PREVIEWS]
-    for at in range(plan[header.KEPT_ACTIONS] * plan[header.CHANNELS]):
+    draw_quantities(arena, key, settings, request, i)
+    moving = draw_start(arena, clock, key, paths, settings, request, lane, i)
+    initial_state(arena, clock, key, paths, settings, request, i, moving)
+    newest = row.TAIL + 2 * header[word.PREVIEWS]
+    for at in range(header[word.KEPT_ACTIONS] * header[word.CHANNELS]):
         arena[newest + at, i] = -1.0 if variant.law else 0.0  # no torque, no gain
-    forget_side(arena, row.PRESENT_SIDE, i)
+    invalidate_segment(arena, row.PRESENT_SEGMENT, i)
     arena[row.ACTION_CHANGE, i] = 0.0
     arena[row.EFFECTIVE_GAIN, i] = 0.0
     arena[row.ELBOW_SIDE, i] = 0.0
@@ -288,7 +310,7 @@ def start_lane(
         arena[row.SHIFT + 1, i] = 0.0
 
 
-def first_sample(arena: Arena, history: History, clock: Clock, paths: Paths, settings: Table, i: int) -> None:
+def seed_sensor(arena: Arena, history: History, clock: Clock, paths: Paths, settings: Table, i: int) -> None:
     """A reading from before the start of lane i, so that the first one has a change per second."""
     h = settings[setting.STEP]
     late = arena[row.SENSOR_DELAY, i]
@@ -298,22 +320,22 @@ def first_sample(arena: Arena, history: History, clock: Clock, paths: Paths, set
     point = sensed_point(arena, history, clock, settings, i, late, late + later)
     reference = reference_at(paths, clock[clock_row.PATH, i], taken, taken + 1e-9 * h, clock[clock_row.SINCE, i] * h)
     for r in range(2):
-        arena[row.SENSED + r, i] = point[r]
+        arena[row.LINK_SENSOR + r, i] = point[r]
         arena[row.SENSOR_ERROR + r, i] = reference[r] - point[r]
         arena[row.SENSOR_ERROR_RATE + r, i] = 0.0
     arena[row.SAMPLE_TIME, i] = taken
 
 
 @inlined_in_its_caller
-def begin_lanes(
+def reset_lanes(
     arena: Arena,
     history: History,
     clock: Clock,
     keys: Keys,
     paths: Paths,
-    plan: Plan,
+    header: Words,
     settings: Table,
-    orders: Orders,
+    reset_requests: ResetRequests,
     first: int,
     started: Mask,
 ) -> None:
@@ -325,23 +347,23 @@ def begin_lanes(
         clock: of each lane.
         keys: of the episodes, new ones where one begins. Shape (lanes,).
         paths: of all lanes. Shape (paths, n, 5).
-        plan: see `entries.Header`.
+        header: see `entries.Header`.
         settings: see `entries.Setting`.
-        orders: see `entries.Column`. Shape (blocks * lanes, columns).
+        reset_requests: see `entries.Column`. Shape (blocks * lanes, columns).
         first: lane of the block among all.
         started: which lanes begin an episode. Shape (lanes,).
     """
     for i in range(variant.lanes):
         if started[i]:
             lane = first + i
-            start_lane(arena, clock, keys[i], paths, plan, settings, orders[lane], lane, i)
+            reset_lane(arena, clock, keys[i], paths, header, settings, reset_requests[lane], lane, i)
             if variant.law:
-                prepare_law(arena, clock, plan, i)
+                prepare_law(arena, clock, header, i)
     if not variant.foreshortened:
         elimination_kernel(arena)
     store_reading(arena, history, clock[clock_row.HEAD, 0])  # where none begins it was there, or nobody asks for it
     for i in range(variant.lanes):
         if started[i]:
             moving = clock[clock_row.SINCE, i] == LONG_AGO
-            fill_history(arena, history, clock, paths, plan, settings, i, moving)
-            first_sample(arena, history, clock, paths, settings, i)
+            fill_history(arena, history, clock, paths, header, settings, i, moving)
+            seed_sensor(arena, history, clock, paths, settings, i)

@@ -7,12 +7,12 @@ from __future__ import annotations
 
 from numpy import floor
 
-from flexarm_env.codegen.arrays import Arena, Clock, History, Keys, LaneRow, Mask, Paths, Plan, Table
+from flexarm_env.codegen.arrays import Arena, Clock, History, Keys, LaneRow, Mask, Paths, Table, Words
 from flexarm_env.codegen.declarations import per_lane
 from flexarm_env.codegen.elementary import sincos
 from flexarm_env.codegen.random_stream import normal, uniform
-from flexarm_env.kernels.entries import clock_row, drawn, header, setting
-from flexarm_env.kernels.imex import around, between, past_reading
+from flexarm_env.kernels.entries import clock_row, drawn, setting, word
+from flexarm_env.kernels.imex import bracket, delayed_reading, hermite
 from flexarm_env.kernels.layout import row
 from flexarm_env.kernels.variants import variant
 from flexarm_env.physics.polyline import reference_at
@@ -22,7 +22,7 @@ FIRST_NOISE = 64  # random numbers set aside for the start of an episode
 
 
 def sense(
-    arena: Arena, history: History, clock: Clock, keys: Keys, paths: Paths, plan: Plan, settings: Table, who: Mask
+    arena: Arena, history: History, clock: Clock, keys: Keys, paths: Paths, header: Words, settings: Table, active: Mask
 ) -> None:
     """Take over the latest readings that have arrived at a block's lanes: positions, errors, and the errors' change.
 
@@ -35,21 +35,21 @@ def sense(
         clock: of each lane.
         keys: of each lane's episode.
         paths: of all lanes.
-        plan: see `entries.Header`.
+        header: see `entries.Header`.
         settings: see `entries.Setting`.
-        who: lanes that sense; the others have done so already. Shape (lanes,).
+        active: lanes that sense; the others have done so already. Shape (lanes,).
     """
-    if variant.batch and alike(arena, settings):
-        sample_alike(arena, history, clock, settings, who)
+    if variant.batch and uniform_delay(arena, settings):
+        sample_uniform(arena, history, clock, settings, active)
     else:
         for i in range(variant.lanes):
             arena[row.SAMPLE_AGE, i] = -1.0
-            if who[i]:
-                sample(arena, history, clock, keys, plan, settings, i)
-    compare(arena, clock, paths, settings)
+            if active[i]:
+                sample(arena, history, clock, keys, header, settings, i)
+    update_sensor_error(arena, clock, paths, settings)
 
 
-def alike(arena: Arena, settings: Table) -> bool:
+def uniform_delay(arena: Arena, settings: Table) -> bool:
     """Whether readings are equally late in all lanes of a block, and nothing random is about them."""
     if settings[setting.HOLD] > 0.0 or settings[setting.JITTER] > 0.0 or settings[setting.DROPOUT] > 0.0:
         return False
@@ -62,8 +62,8 @@ def alike(arena: Arena, settings: Table) -> bool:
     return others == 0
 
 
-def sample_alike(arena: Arena, history: History, clock: Clock, settings: Table, who: Mask) -> None:
-    """What `sample` does for one lane, where all are `alike`: their readings lie side by side in the delay line."""
+def sample_uniform(arena: Arena, history: History, clock: Clock, settings: Table, active: Mask) -> None:
+    """Do for all lanes what `sample` does for one, where all have a `uniform_delay`: readings lie side by side."""
     h = settings[setting.STEP]
     late = arena[row.SENSOR_DELAY, 0]
     later = arena[row.SENSOR_DELAY + 1, 0] - late
@@ -71,7 +71,7 @@ def sample_alike(arena: Arena, history: History, clock: Clock, settings: Table, 
     copy_readings(arena, history, clock, h, 1, late + later)
     for i in range(variant.lanes):
         taken = clock[clock_row.STEPS, i] * h - late
-        fresh = who[i] and taken >= arena[row.SAMPLE_TIME, i] + 0.5 * settings[setting.PERIOD]
+        fresh = active[i] and taken >= arena[row.SAMPLE_TIME, i] + 0.5 * settings[setting.PERIOD]
         arena[row.SAMPLE_AGE, i] = late if fresh else -1.0
     if not variant.true_sensor:
         for i in range(variant.lanes):
@@ -90,22 +90,22 @@ def copy_readings(arena: Arena, history: History, clock: Clock, h: float, j: int
         for i in range(variant.lanes):
             readings[i] = now[i]
         return
-    first, last, u = around(slots, slot, late / h)
+    first, last, u = bracket(slots, slot, late / h)
     a: LaneRow = history[first + j]
     b: LaneRow = history[last + j]
     a_rate: LaneRow = history[first + 2 + j]
     b_rate: LaneRow = history[last + 2 + j]
     for i in range(variant.lanes):
-        readings[i] = between(a[i], b[i], a_rate[i], b_rate[i], h, u)[0]
+        readings[i] = hermite(a[i], b[i], a_rate[i], b_rate[i], h, u)[0]
 
 
 @per_lane
-def sample(arena: Arena, history: History, clock: Clock, keys: Keys, plan: Plan, settings: Table, i: int) -> None:
+def sample(arena: Arena, history: History, clock: Clock, keys: Keys, header: Words, settings: Table, i: int) -> None:
     """Age and position of the newest reading that has arrived at lane i; a negative age if there is none."""
     h = settings[setting.STEP]
     now = clock[clock_row.STEPS, i] * h
     later = arena[row.SENSOR_DELAY + 1, i] - arena[row.SENSOR_DELAY, i]
-    late, place = newest_reading(arena, clock, keys, plan, settings, i, now, arena[row.SAMPLE_TIME, i])
+    late, place = latest_reading(arena, clock, keys, header, settings, i, now, arena[row.SAMPLE_TIME, i])
     arena[row.SAMPLE_AGE, i] = late
     if late < 0.0:
         return
@@ -117,7 +117,7 @@ def sample(arena: Arena, history: History, clock: Clock, keys: Keys, plan: Plan,
             noise_y = deviation * normal(keys[i], place + 4)
             x += noise_x
             y += noise_y
-            if variant.law and variant.late:  # the law sees the same noise until the next reading
+            if variant.law and variant.law_on_sensor:  # the law sees the same noise until the next reading
                 arena[row.NOISE, i] = noise_x
                 arena[row.NOISE + 1, i] = noise_y
     arena[row.SAMPLE_POINT, i] = x
@@ -125,8 +125,8 @@ def sample(arena: Arena, history: History, clock: Clock, keys: Keys, plan: Plan,
 
 
 @per_lane
-def newest_reading(
-    arena: Arena, clock: Clock, keys: Keys, plan: Plan, settings: Table, i: int, now: float, before: float
+def latest_reading(
+    arena: Arena, clock: Clock, keys: Keys, header: Words, settings: Table, i: int, now: float, before: float
 ) -> tuple[float, int]:
     """Age of the newest reading that has arrived at lane i [s], negative if there is none to take over.
 
@@ -137,7 +137,7 @@ def newest_reading(
         arena: of one block.
         clock: of each lane.
         keys: of each lane's episode.
-        plan: see `entries.Header`.
+        header: see `entries.Header`.
         settings: see `entries.Setting`.
         i: the lane.
         now: [s].
@@ -149,21 +149,21 @@ def newest_reading(
     delay = arena[row.SENSOR_DELAY, i]
     if not variant.disturbed:
         return (delay if now - delay >= before + 0.5 * settings[setting.PERIOD] else -1.0), 0
-    return disturbed_reading(clock, keys, plan, settings, i, now, before + 0.5 * settings[setting.PERIOD], delay)
+    return disturbed_reading(clock, keys, header, settings, i, now, before + 0.5 * settings[setting.PERIOD], delay)
 
 
 @per_lane
 def disturbed_reading(
-    clock: Clock, keys: Keys, plan: Plan, settings: Table, i: int, now: float, least: float, delay: float
+    clock: Clock, keys: Keys, header: Words, settings: Table, i: int, now: float, least: float, delay: float
 ) -> tuple[float, int]:
-    """As `newest_reading`, with draws and a clock of the sensor's own.
+    """As `latest_reading`, with draws and a clock of the sensor's own.
 
     Args: as there, and
         least: when a reading must have been taken to be new enough [s].
         delay: without jitter [s].
     """
     if settings[setting.HOLD] == 0.0:
-        place = noise_place(clock, plan, i)
+        place = noise_place(clock, header, i)
         if settings[setting.DROPOUT] > 0.0 and uniform(keys[i], place) < settings[setting.DROPOUT]:
             return -1.0, place
         late = delay
@@ -186,10 +186,10 @@ def disturbed_reading(
     return -1.0, place
 
 
-def noise_place(clock: Clock, plan: Plan, i: int) -> int:
+def noise_place(clock: Clock, header: Words, i: int) -> int:
     """First of the random numbers set aside for the control period that lane i has reached."""
     return FIRST_NOISE + CHANNELS_OF_NOISE * 2 * (
-        (clock[clock_row.STEPS, i] - clock[clock_row.BEGAN, i]) // plan[header.SUBSTEPS]
+        (clock[clock_row.STEPS, i] - clock[clock_row.BEGAN, i]) // header[word.SUBSTEPS]
     )
 
 
@@ -201,8 +201,8 @@ def sensed_point(
     h = settings[setting.STEP]
     slots = history.shape[0] // 4
     slot = clock[clock_row.HEAD, 0]
-    first, _ = past_reading(history, slots, slot, i, 0, h, late / h)
-    second, _ = past_reading(history, slots, slot, i, 1, h, later / h)
+    first, _ = delayed_reading(history, slots, slot, i, 0, h, late / h)
+    second, _ = delayed_reading(history, slots, slot, i, 1, h, later / h)
     if variant.true_sensor:
         return first, second
     return point_at(arena, settings, i, first, second)
@@ -212,12 +212,12 @@ def sensed_point(
 def point_at(arena: Arena, settings: Table, i: int, theta1: float, theta2: float) -> tuple[float, float]:
     """Where the sensor of lane i is on the rigid arm with these joint angles [m]."""
     one, both = sincos(theta1), sincos(theta1 + theta2)
-    distance = arena[row.PLACE_DISTANCE, i]
+    distance = arena[row.SENSOR_POINT_DISTANCE, i]
     length_1 = settings[setting.LENGTHS]
     return length_1 * one[1] + distance * both[1], length_1 * one[0] + distance * both[0]
 
 
-def compare(arena: Arena, clock: Clock, paths: Paths, settings: Table) -> None:
+def update_sensor_error(arena: Arena, clock: Clock, paths: Paths, settings: Table) -> None:
     """Take over the readings that there are: their error from where the reference was, and its change per second."""
     h = settings[setting.STEP]
     searched = 0
@@ -226,10 +226,10 @@ def compare(arena: Arena, clock: Clock, paths: Paths, settings: Table) -> None:
         for r in range(2):
             then = arena[row.REFERENCE + r, i] - late * arena[row.REFERENCE + 2 + r, i]
             arena[row.SAMPLE_REFERENCE + r, i] = then
-        searched += late > arena[row.SIDE_PASSED, i]
+        searched += late > arena[row.SEGMENT_PASSED, i]
     for i in range(variant.lanes if searched > 0 else 0):
         late = arena[row.SAMPLE_AGE, i]
-        if late > arena[row.SIDE_PASSED, i]:
+        if late > arena[row.SEGMENT_PASSED, i]:
             taken = clock[clock_row.STEPS, i] * h - late
             there = reference_at(
                 paths, clock[clock_row.PATH, i], taken, taken + 1e-9 * h, clock[clock_row.SINCE, i] * h
@@ -248,4 +248,4 @@ def compare(arena: Arena, clock: Clock, paths: Paths, settings: Table) -> None:
             rate = arena[row.SENSOR_ERROR_RATE + r, i]
             arena[row.SENSOR_ERROR_RATE + r, i] = (error - known) * per_second if fresh else rate
             arena[row.SENSOR_ERROR + r, i] = error if fresh else known
-            arena[row.SENSED + r, i] = point if fresh else arena[row.SENSED + r, i]
+            arena[row.LINK_SENSOR + r, i] = point if fresh else arena[row.LINK_SENSOR + r, i]

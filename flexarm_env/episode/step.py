@@ -14,8 +14,8 @@ from flexarm_env.codegen.intrinsics import array_at
 from flexarm_env.episode import reward
 from flexarm_env.episode.actuation import drive, drive_gain, drive_torque, drive_tracking
 from flexarm_env.episode.observe import observe, take_actions
-from flexarm_env.episode.reset import begin_lanes, start_law
-from flexarm_env.kernels.entries import CLOCK_ROWS, header, setting
+from flexarm_env.episode.reset import reset_lanes, start_law
+from flexarm_env.kernels.entries import CLOCK_ROWS, setting, word
 from flexarm_env.kernels.layout import row
 from flexarm_env.kernels.variants import variant
 
@@ -29,15 +29,15 @@ def step_only(memory: Memory) -> bool:
     Returns:
         Whether it was done: an action that is not finite is refused, unless an episode begins.
     """
-    plan = array_at(memory, 0, (header.PLACES,), np.int64)
-    channels = plan[header.CHANNELS]
-    actions = array_at(memory, plan[header.ACTIONS], (channels,), np.float32)
-    starting = array_at(memory, plan[header.STARTS], (1,), np.bool_)[0]
-    for r in range(channels if plan[header.DRIVING] != 0 and not starting else 0):
+    header = array_at(memory, 0, (word.PLACES,), np.int64)
+    channels = header[word.CHANNELS]
+    actions = array_at(memory, header[word.ACTIONS], (channels,), np.float32)
+    starting = array_at(memory, header[word.STARTS], (1,), np.bool_)[0]
+    for r in range(channels if header[word.DRIVING] != 0 and not starting else 0):
         if actions[r] - actions[r] != 0.0:
             return False
     step_block(memory, 0)
-    array_at(memory, plan[header.STARTS], (1,), np.bool_)[0] = False
+    array_at(memory, header[word.STARTS], (1,), np.bool_)[0] = False
     return True
 
 
@@ -50,12 +50,12 @@ def step_blocks(memory: Memory, begin: int, end: int, results: NDArray[np.float6
         end: block after the last.
         results: to be filled; the parts of `rows.episode_sizes`. Shape (parts, lanes).
     """
-    plan = array_at(memory, 0, (header.PLACES,), np.int64)
+    header = array_at(memory, 0, (word.PLACES,), np.int64)
     for block in range(begin, end):
         step_block(memory, block)
-        rows, first = plan[header.ARENA_ROWS], block * variant.lanes
-        arena: Arena = array_at(memory, plan[header.ARENAS] + first * rows, (rows, variant.lanes), np.float64)
-        started = array_at(memory, plan[header.STARTS], (first + variant.lanes,), np.bool_)[first:]
+        rows, first = header[word.ARENA_ROWS], block * variant.lanes
+        arena: Arena = array_at(memory, header[word.ARENAS] + first * rows, (rows, variant.lanes), np.float64)
+        started = array_at(memory, header[word.STARTS], (first + variant.lanes,), np.bool_)[first:]
         for at in range(results.shape[0]):
             known: LaneRow = arena[row.STATE + at]
             told = results[at, first : first + variant.lanes]
@@ -75,38 +75,38 @@ def step_block(memory: Memory, block: int) -> None:
         memory: of the fleet; the plan lies at its beginning, and says where the arrays of `entries.Word` are.
         block: which.
     """
-    observed = array_at(memory, header.OBSERVED, (1,), np.int64)[0]
-    plan = array_at(memory, 0, (header.PLACES + observed,), np.int64)
-    numbers = setting.HORIZONS + plan[header.PREVIEWS] + observed
-    settings = array_at(memory, plan[header.SETTINGS], (numbers,), np.float64)
-    paths = array_at(memory, plan[header.PATHS], (plan[header.PATH_COUNT], plan[header.PATH_POINTS], 5), np.float64)
+    observed = array_at(memory, word.OBSERVED, (1,), np.int64)[0]
+    header = array_at(memory, 0, (word.PLACES + observed,), np.int64)
+    numbers = setting.HORIZONS + header[word.PREVIEWS] + observed
+    settings = array_at(memory, header[word.SETTINGS], (numbers,), np.float64)
+    paths = array_at(memory, header[word.PATHS], (header[word.PATH_COUNT], header[word.PATH_POINTS], 5), np.float64)
     first = block * variant.lanes
-    rows, readings = plan[header.ARENA_ROWS], plan[header.HISTORY_ROWS]
-    arena: Arena = array_at(memory, plan[header.ARENAS] + first * rows, (rows, variant.lanes), np.float64)
+    rows, readings = header[word.ARENA_ROWS], header[word.HISTORY_ROWS]
+    arena: Arena = array_at(memory, header[word.ARENAS] + first * rows, (rows, variant.lanes), np.float64)
     history: History = array_at(
-        memory, plan[header.HISTORIES] + first * readings, (readings, variant.lanes), np.float64
+        memory, header[word.HISTORIES] + first * readings, (readings, variant.lanes), np.float64
     )
-    clock = array_at(memory, plan[header.CLOCKS] + first * CLOCK_ROWS, (CLOCK_ROWS, variant.lanes), np.int64)
+    clock = array_at(memory, header[word.CLOCKS] + first * CLOCK_ROWS, (CLOCK_ROWS, variant.lanes), np.int64)
     lanes = first + variant.lanes  # the arrays of all lanes, up to these
-    key = array_at(memory, plan[header.KEYS], (lanes,), np.uint64)[first:]
-    started = array_at(memory, plan[header.STARTS], (lanes,), np.bool_)[first:]
-    who = array_at(memory, plan[header.LOOKING], (lanes,), np.bool_)[first:]
-    orders = array_at(memory, plan[header.ORDERS], (lanes, plan[header.ORDER_COLUMNS]), np.float64)
-    observations = array_at(memory, plan[header.OBSERVATIONS], (lanes, observed), np.float32)
-    driving, starting = plan[header.DRIVING] != 0, False
+    key = array_at(memory, header[word.KEYS], (lanes,), np.uint64)[first:]
+    started = array_at(memory, header[word.STARTS], (lanes,), np.bool_)[first:]
+    active = array_at(memory, header[word.ACTIVE], (lanes,), np.bool_)[first:]
+    reset_requests = array_at(memory, header[word.RESET_REQUESTS], (lanes, header[word.ORDER_COLUMNS]), np.float64)
+    observations = array_at(memory, header[word.OBSERVATIONS], (lanes, observed), np.float32)
+    driving, starting = header[word.DRIVING] != 0, False
     for i in range(variant.lanes):
         starting = starting or started[i]
     if not (driving or starting):
         return
     if driving:
-        actions = array_at(memory, plan[header.ACTIONS], (lanes, plan[header.CHANNELS]), np.float32)
-        take_actions(arena, actions, first, plan)
-        drive(arena, history, clock, paths, plan, settings)
+        actions = array_at(memory, header[word.ACTIONS], (lanes, header[word.CHANNELS]), np.float32)
+        take_actions(arena, actions, first, header)
+        drive(arena, history, clock, paths, header, settings)
     if starting:
-        begin_lanes(arena, history, clock, key, paths, plan, settings, orders, first, started)
+        reset_lanes(arena, history, clock, key, paths, header, settings, reset_requests, first, started)
     for i in range(variant.lanes):
-        who[i] = driving or started[i]
-    observe(arena, history, clock, key, paths, plan, settings, observations, first, who)
+        active[i] = driving or started[i]
+    observe(arena, history, clock, key, paths, header, settings, observations, first, active)
     if starting:
         if variant.law:
             start_law(arena, history, clock, paths, settings, started)

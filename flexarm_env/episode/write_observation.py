@@ -5,36 +5,36 @@
 
 from __future__ import annotations
 
-from flexarm_env.codegen.arrays import Arena, Clock, LaneRows, Mask, Observations, Paths, Plan, Table
+from flexarm_env.codegen.arrays import Arena, Clock, LaneRows, Mask, Observations, Paths, Table, Words
 from flexarm_env.codegen.declarations import per_lane
 from flexarm_env.codegen.intrinsics import TILE, write_tile
-from flexarm_env.kernels.entries import clock_row, header, setting
+from flexarm_env.kernels.entries import clock_row, setting, word
 from flexarm_env.kernels.layout import row
 from flexarm_env.kernels.path_cache import segment
 from flexarm_env.kernels.variants import variant
 from flexarm_env.physics.polyline import reference_at
 
 
-def write_previews(arena: Arena, clock: Clock, paths: Paths, plan: Plan, settings: Table) -> None:
+def write_previews(arena: Arena, clock: Clock, paths: Paths, header: Words, settings: Table) -> None:
     """Where the reference will have moved at each horizon, seen from where it is, in the frame.
 
     On its present side and the next it moves at known velocities, which the compiler works out for several lanes at
     once; only what lies beyond is searched for.
     """
-    for n in range(plan[header.PREVIEWS]):
+    for n in range(header[word.PREVIEWS]):
         horizon = settings[setting.HORIZONS + n]
         at = row.TAIL + 2 * n
         preview: LaneRows = arena[at : at + 2]
         beyond = 0
         for i in range(variant.lanes):
-            along = min(horizon, arena[row.SIDE_LEFT, i])
+            along = min(horizon, arena[row.SEGMENT_LEFT, i])
             after = horizon - along
-            x = along * arena[row.PRESENT_SIDE + segment.VELOCITY, i] + after * arena[row.NEXT_VELOCITY, i]
-            y = along * arena[row.PRESENT_SIDE + segment.VELOCITY + 1, i] + after * arena[row.NEXT_VELOCITY + 1, i]
+            x = along * arena[row.PRESENT_SEGMENT + segment.VELOCITY, i] + after * arena[row.NEXT_VELOCITY, i]
+            y = along * arena[row.PRESENT_SEGMENT + segment.VELOCITY + 1, i] + after * arena[row.NEXT_VELOCITY + 1, i]
             write_preview(arena, preview, i, x, y)
             beyond += after > arena[row.NEXT_TIME, i]
         for i in range(variant.lanes if beyond > 0 else 0):
-            if horizon - arena[row.SIDE_LEFT, i] > arena[row.NEXT_TIME, i]:
+            if horizon - arena[row.SEGMENT_LEFT, i] > arena[row.NEXT_TIME, i]:
                 time = clock[clock_row.STEPS, i] * settings[setting.STEP] + horizon
                 there = reference_at(paths, clock[clock_row.PATH, i], time, time, -1e18)
                 x, y = there[0] - arena[row.REFERENCE, i], there[1] - arena[row.REFERENCE + 1, i]
@@ -50,28 +50,28 @@ def write_preview(arena: Arena, preview: LaneRows, i: int, x: float, y: float) -
 
 
 def write_observations(
-    arena: Arena, observations: Observations, first: int, plan: Plan, settings: Table, who: Mask
+    arena: Arena, observations: Observations, first: int, header: Words, settings: Table, active: Mask
 ) -> None:
     """Gather the observations of some lanes of a block; one whose state is not valid keeps its last one."""
-    factors = setting.HORIZONS + plan[header.PREVIEWS]
+    factors = setting.HORIZONS + header[word.PREVIEWS]
     ours = observations[first : first + variant.lanes]
     count = 0
     for i in range(variant.lanes):
-        count += shown(arena, who, i)
-    observed = plan[header.OBSERVED]
+        count += is_written(arena, active, i)
+    observed = header[word.OBSERVED]
     if variant.batch and count == variant.lanes and observed >= TILE:
         for i in range(0, variant.lanes, TILE):
             for n in range(0, observed, TILE):
                 begin = min(n, observed - TILE)  # the last tile repeats a part of the one before
-                write_tile(arena[:, i:], variant.lanes, plan[header.PLACES :], settings[factors:], begin, ours[i:])
+                write_tile(arena[:, i:], variant.lanes, header[word.PLACES :], settings[factors:], begin, ours[i:])
         return
     for i in range(variant.lanes):
-        for n in range(plan[header.OBSERVED] if shown(arena, who, i) else 0):
-            ours[i, n] = arena[plan[header.PLACES + n], i] * settings[factors + n]
+        for n in range(header[word.OBSERVED] if is_written(arena, active, i) else 0):
+            ours[i, n] = arena[header[word.PLACES + n], i] * settings[factors + n]
 
 
 @per_lane
-def shown(arena: Arena, who: Mask, i: int) -> bool:
+def is_written(arena: Arena, active: Mask, i: int) -> bool:
     """Whether lane i is one of those observed, and its state is valid."""
     status = arena[row.STATUS, i]
-    return who[i] and (status == 0.0 or status < -1.5)
+    return active[i] and (status == 0.0 or status < -1.5)

@@ -118,7 +118,7 @@ class Word(Entry):
 
 
 class Header(FixedNames):
-    """Whole numbers of the table `plan`: what is to be done; how large arrays are, and where they lie."""
+    """Whole numbers of the table `header`: what is to be done; how large arrays are, and where they lie."""
 
     SUBSTEPS = Entry("integration steps in a control period", "1")
     CHANNELS = Entry("of an action", "1")
@@ -139,12 +139,12 @@ class Header(FixedNames):
     CLOCKS = Word("the clocks")
     KEYS = Word("the episodes' keys")
     STARTS = Word("the mask of lanes that begin an episode")
-    LOOKING = Word("the mask of lanes that observe")
+    ACTIVE = Word("the mask of lanes that observe")
     ACTIONS = Word("the actions")
     OBSERVATIONS = Word("the observations")
     SETTINGS = Word("the settings")
     PATHS = Word("the paths")
-    ORDERS = Word("the orders")
+    RESET_REQUESTS = Word("the orders")
     PLACES = Entry("rows of the observation's numbers", "1", 0)
 
 
@@ -169,7 +169,7 @@ class Column(FixedNames):
 
 
 setting, constant = Setting(), Constant()
-header, clock_row, column = Header(), ClockRow(), Column()
+word, clock_row, column = Header(), ClockRow(), Column()
 MEMORY = tuple(part.name for part in Header.entries if isinstance(part, Word))  # arrays after the plan
 CLOCK_ROWS = len(ClockRow.entries)
 

@@ -12,7 +12,7 @@ from flexarm_env.codegen.arrays import Arena, Arenas, Clock, Clocks, Histories, 
 from flexarm_env.codegen.declarations import Program, per_lane
 from flexarm_env.kernels.entries import clock_row
 from flexarm_env.kernels.layout import row
-from flexarm_env.kernels.path_cache import forget_side, note_side, on_side, segment
+from flexarm_env.kernels.path_cache import cache_segment, invalidate_segment, on_segment, segment
 from flexarm_env.kernels.recorded import law_kernel, outputs_kernel, reading_kernel
 from flexarm_env.kernels.tableau import EXPLICIT, IMPLICIT, NODES, STAGES
 from flexarm_env.kernels.variants import variant
@@ -35,17 +35,20 @@ def prepare_commands(arena: Arena, clock: Clock, paths: Paths, h: float) -> None
     for i in range(variant.lanes):
         time = clock[clock_row.STEPS, i] * h - arena[row.COMMAND_DELAY, i]
         for r in range(2):
-            here, there = on_side(arena, row.COMMAND_SIDE, i, r, time), on_side(arena, row.COMMAND_SIDE, i, r, time + h)
+            here, there = (
+                on_segment(arena, row.COMMAND_SEGMENT, i, r, time),
+                on_segment(arena, row.COMMAND_SEGMENT, i, r, time + h),
+            )
             velocity = (there - here) / h
             for joint in (row.COMMAND_1, row.COMMAND_2):
                 arena[joint + r, i] = here
                 arena[joint + 2 + r, i] = velocity
-        others += not chord_known(arena, clock, i, time, h)
+        others += not step_within_segment(arena, clock, i, time, h)
     for i in range(variant.lanes if others > 0 else 0):
         p, now, since = clock[clock_row.PATH, i], clock[clock_row.STEPS, i] * h, clock[clock_row.SINCE, i] * h
         late_1, late_2 = arena[row.COMMAND_DELAY, i], arena[row.COMMAND_DELAY + 1, i]
-        if not chord_known(arena, clock, i, now - late_1, h):
-            note_side(arena, row.COMMAND_SIDE, paths, p, now - late_1 + h, i)  # where the next step begins
+        if not step_within_segment(arena, clock, i, now - late_1, h):
+            cache_segment(arena, row.COMMAND_SEGMENT, paths, p, now - late_1 + h, i)  # where the next step begins
             command_1 = chord_at(paths, p, now - late_1, h, since)
             command_2 = command_1
             if late_2 != late_1:
@@ -56,15 +59,15 @@ def prepare_commands(arena: Arena, clock: Clock, paths: Paths, h: float) -> None
 
 
 @per_lane
-def chord_known(arena: Arena, clock: Clock, i: int, time: float, h: float) -> bool:
+def step_within_segment(arena: Arena, clock: Clock, i: int, time: float, h: float) -> bool:
     """Whether lane i's commands run along the noted side in the whole step that begins at a time [s].
 
     One side is noted for both joints: commands that are late by different times are searched for in each step.
     """
-    within = time - arena[row.COMMAND_SIDE + segment.LAP, i]
-    begun = (within >= arena[row.COMMAND_SIDE + segment.BEGIN, i]) & (time >= clock[clock_row.SINCE, i] * h)
+    within = time - arena[row.COMMAND_SEGMENT + segment.LAP, i]
+    begun = (within >= arena[row.COMMAND_SEGMENT + segment.BEGIN, i]) & (time >= clock[clock_row.SINCE, i] * h)
     together = arena[row.COMMAND_DELAY, i] == arena[row.COMMAND_DELAY + 1, i]
-    return begun & together & (within + h < arena[row.COMMAND_SIDE + segment.END, i])
+    return begun & together & (within + h < arena[row.COMMAND_SEGMENT + segment.END, i])
 
 
 def prepare_readings(arena: Arena, history: History, clock: Clock, h: float, node: float) -> None:
@@ -79,19 +82,21 @@ def prepare_readings(arena: Arena, history: History, clock: Clock, h: float, nod
     """
     slots = history.shape[0] // 4
     slot = clock[clock_row.HEAD, 0]
-    if variant.late:
+    if variant.law_on_sensor:
         for i in range(variant.lanes):
             for j in range(2):
                 prepare_reading(arena, history, slots, slot, i, j, h, node)
 
 
 @per_lane
-def past_reading(history: History, slots: int, slot: int, i: int, j: int, h: float, back: float) -> tuple[float, float]:
+def delayed_reading(
+    history: History, slots: int, slot: int, i: int, j: int, h: float, back: float
+) -> tuple[float, float]:
     """Reading j of lane i and its rate, `back` steps before the slot of the present one; see `prepare_reading`."""
     if back == 0.0:
         return history[4 * slot + j, i], history[4 * slot + 2 + j, i]
-    first, last, u = around(slots, slot, back)
-    return between(
+    first, last, u = bracket(slots, slot, back)
+    return hermite(
         history[first + j, i],
         history[last + j, i],
         history[first + 2 + j, i],
@@ -102,7 +107,7 @@ def past_reading(history: History, slots: int, slot: int, i: int, j: int, h: flo
 
 
 @per_lane
-def around(slots: int, slot: int, back: float) -> tuple[int, int, float]:
+def bracket(slots: int, slot: int, back: float) -> tuple[int, int, float]:
     """Rows of the delay line at which the readings before and after a moment begin, and where it lies between.
 
     Args:
@@ -118,7 +123,7 @@ def around(slots: int, slot: int, back: float) -> tuple[int, int, float]:
 
 
 @per_lane
-def between(a: float, b: float, a_rate: float, b_rate: float, h: float, u: float) -> tuple[float, float]:
+def hermite(a: float, b: float, a_rate: float, b_rate: float, h: float, u: float) -> tuple[float, float]:
     """Value and rate a share u of a step h after a, by the cubic with these values and rates at its ends."""
     a_rise, b_rise = h * a_rate, h * b_rate
     difference = b - a
@@ -151,7 +156,7 @@ def prepare_reading(
         rate_weight = u
         rate_offset = rate * (1.0 - u)
     elif node > 0.0 or position < 0.0:
-        offset, rate_offset = past_reading(history, slots, slot, i, j, h, -position)
+        offset, rate_offset = delayed_reading(history, slots, slot, i, j, h, -position)
         weight = 0.0
         rate_weight = 0.0
     arena[row.OFFSET + j, i] = offset
@@ -192,7 +197,7 @@ def evaluate_law(arena: Arena, history: History, clock: Clock, paths: Paths, h: 
 def start(arena: Arena, history: History, clock: Clock, paths: Paths, h: float) -> None:
     """Complete every lane of a block from its state."""
     for i in range(variant.lanes):
-        forget_side(arena, row.COMMAND_SIDE, i)
+        invalidate_segment(arena, row.COMMAND_SEGMENT, i)
     for at in range(STAGES * variant.size):  # what an earlier episode left, at worst not finite
         for i in range(variant.lanes):
             arena[row.V_SLOTS + at, i] = 0.0

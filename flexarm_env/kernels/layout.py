@@ -16,10 +16,10 @@ from collections.abc import Callable, Sequence
 from flexarm_env.codegen.declarations import Entry, Names, Program
 from flexarm_env.control.jacobian_transpose import Law
 from flexarm_env.kernels.entries import CONSTANTS_UNIT, QUANTITIES, STATE_UNIT, Shape
-from flexarm_env.kernels.path_cache import SIDE_ROWS
+from flexarm_env.kernels.path_cache import SEGMENT_ROWS
 from flexarm_env.kernels.tableau import STAGES
 from flexarm_env.physics import linear_algebra
-from flexarm_env.physics.bent_link import Place
+from flexarm_env.physics.bent_link import PointShape
 from flexarm_env.physics.constants import Constants
 from flexarm_env.physics.modal_elimination import Elimination, elimination
 
@@ -82,7 +82,9 @@ class Row(Names):
     RATE_WEIGHT = Entry("share of the current rates", "1", _law("rate_weight"), _LAW)
     DELAY = Entry("of the two readings in the law", "s", 2, _LAW)
     COMMAND_DELAY = Entry("of the commands of shoulder and elbow", "s", 2, _LAW)
-    COMMAND_SIDE = Entry("side of the path that the commands are on (`sides.Segment`)", "s, m, m/s", SIDE_ROWS, _LAW)
+    COMMAND_SEGMENT = Entry(
+        "side of the path that the commands are on (`sides.Segment`)", "s, m, m/s", SEGMENT_ROWS, _LAW
+    )
     RATE_LATE = Entry("whether the rates are as late as the readings", "1", 1, _LAW)
     Y_STAGE = Entry("coordinates of the stage", "rad, m", _size, _LAW)
     V_STAGE = Entry("rates of the stage", "rad/s, m/s", _size, _LAW)
@@ -105,21 +107,21 @@ class Row(Names):
     TIP_DISTANCE = Entry("of the tip from the elbow", "m", 1, _REPORTED)
     TIP_FORESHORTENING = Entry("foreshortening at the tip", "1/m", _pairs, _REPORTED)
 
-    PLACE_DISTANCE = Entry("of the sensor from the elbow", "m", 1, _ENVIRONMENT)
-    PLACE_VALUES = Entry("link 2's mode shapes at the sensor", "1", _modes, _ENVIRONMENT)
-    PLACE_FORESHORTENING = Entry("foreshortening at the sensor", "1/m", _pairs, _ENVIRONMENT)
+    SENSOR_POINT_DISTANCE = Entry("of the sensor from the elbow", "m", 1, _ENVIRONMENT)
+    SENSOR_POINT_VALUES = Entry("link 2's mode shapes at the sensor", "1", _modes, _ENVIRONMENT)
+    SENSOR_POINT_FORESHORTENING = Entry("foreshortening at the sensor", "1/m", _pairs, _ENVIRONMENT)
     SENSOR_DELAY = Entry("of the shoulder's and the elbow's reading", "s", 2, _ENVIRONMENT)
-    MEASURED = Entry("joint angles and rates by the encoders", "rad, rad/s", 4, _ENVIRONMENT)
-    JOINT = Entry("joint angles and rates of the rigid arm on the reference", "rad, rad/s", 4, _ENVIRONMENT)
-    FRAME = Entry("1 for the link's frame, 0 for the world's", "1", 1, _ENVIRONMENT)
+    ENCODERS = Entry("joint angles and rates by the encoders", "rad, rad/s", 4, _ENVIRONMENT)
+    REFERENCE_JOINTS = Entry("joint angles and rates of the rigid arm on the reference", "rad, rad/s", 4, _ENVIRONMENT)
+    LINK_FRAME = Entry("1 for the link's frame, 0 for the world's", "1", 1, _ENVIRONMENT)
     PHASE = Entry("of the lap, 0 to 1", "1", 1, _ENVIRONMENT)
-    PRESENT_SIDE = Entry(
-        "side of the path that the reference is on (`sides.Segment`)", "s, m, m/s", SIDE_ROWS, _ENVIRONMENT
+    PRESENT_SEGMENT = Entry(
+        "side of the path that the reference is on (`sides.Segment`)", "s, m, m/s", SEGMENT_ROWS, _ENVIRONMENT
     )
     NEXT_TIME = Entry("how long the next side takes", "s", 1, _ENVIRONMENT)
     NEXT_VELOCITY = Entry("of the reference on the next side", "m/s", 2, _ENVIRONMENT)
-    SIDE_PASSED = Entry("time since the reference came onto its side, or began to move", "s", 1, _ENVIRONMENT)
-    SIDE_LEFT = Entry("time until the reference leaves its side", "s", 1, _ENVIRONMENT)
+    SEGMENT_PASSED = Entry("time since the reference came onto its side, or began to move", "s", 1, _ENVIRONMENT)
+    SEGMENT_LEFT = Entry("time until the reference leaves its side", "s", 1, _ENVIRONMENT)
     DEFLECTION = Entry("of each link's tip", "m", 2, _ENVIRONMENT)
     DEFLECTION_RATE = Entry("its change", "m/s", 2, _ENVIRONMENT)
     ACTION_CHANGE = Entry("squared change of the action", "1", 1, _ENVIRONMENT)
@@ -136,7 +138,7 @@ class Row(Names):
     F_ENCODER_ERROR = Entry("reference minus the tip by rigid kinematics, in the frame", "m", 2, _ENVIRONMENT)
     F_REFERENCE = Entry("reference, in the frame", "m", 2, _ENVIRONMENT)
     F_REFERENCE_VELOCITY = Entry("its velocity, in the frame", "m/s", 2, _ENVIRONMENT)
-    F_SENSED = Entry("latest reading, in the frame", "m", 2, _ENVIRONMENT)
+    F_LINK_SENSOR = Entry("latest reading, in the frame", "m", 2, _ENVIRONMENT)
     F_SENSOR_ERROR = Entry("SENSOR_ERROR, in the frame", "m", 2, _ENVIRONMENT)
     F_SENSOR_ERROR_RATE = Entry("SENSOR_ERROR_RATE, in the frame", "m/s", 2, _ENVIRONMENT)
     F_PHASE = Entry("cosine and sine of the lap's phase", "1", 2, _ENVIRONMENT)
@@ -154,7 +156,7 @@ class Row(Names):
     TRUE_TIP = Entry("tip with deflection", "m", 2, _REPORTED)
     RIGID_TIP = Entry("tip by rigid kinematics", "m", 2, _REPORTED)
     REFERENCE = Entry("reference position and velocity", "m, m/s", 4, _REPORTED)
-    SENSED = Entry("latest reading of the sensor", "m", 2, _ENVIRONMENT)
+    LINK_SENSOR = Entry("latest reading of the sensor", "m", 2, _ENVIRONMENT)
     REWARD_TERMS = Entry("terms of the reward, weighted", "1", lambda s: s.program.reward_terms, _ENVIRONMENT)
     TIME = Entry("since the episode's start", "s", 1, _ENVIRONMENT)
     EFFECTIVE_GAIN = Entry("gain at the start of the period", "1", 1, _ENVIRONMENT)
@@ -163,7 +165,7 @@ class Row(Names):
     ELBOW_CHANGES = Entry("how often ELBOW_SIDE has changed since the episode began", "1", 1, _ENVIRONMENT)
     SUCCESS = Entry("whether the tip was near the reference through the final rest", "1", 1, _ENVIRONMENT)
     REWARD = Entry("sum of the reward's terms", "1", 1, _ENVIRONMENT)
-    STATUS = Entry("0 for a valid state (`stepping.state_status`, `episodes.judge`)", "1", 1, _REPORTED)
+    STATUS = Entry("0 for a valid state (`stepping.state_status`, `episodes.termination_status`)", "1", 1, _REPORTED)
 
     TAIL = Entry("previews of the reference, then kept actions, the newest first", "m, 1", 0, _ENVIRONMENT)
 
@@ -203,7 +205,7 @@ def arm_rows(k: Constants) -> dict[str, Sequence[float]]:
     return {"CONSTANTS": k.flat(), "ELIMINATION": e.flat() if e else []}
 
 
-def place_rows(name: str, place: Place) -> dict[str, Sequence[float]]:
+def place_rows(name: str, place: PointShape) -> dict[str, Sequence[float]]:
     """What a point of link 2 takes of an arena, under the point's name."""
     return {
         f"{name}_DISTANCE": [place.distance],

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from flexarm_env.codegen.arrays import Arena, Paths
 from flexarm_env.codegen.declarations import Entry, FixedNames, per_lane
-from flexarm_env.physics.polyline import side_of
+from flexarm_env.physics.polyline import segment_of
 
 
 class Segment(FixedNames):
@@ -18,13 +18,13 @@ class Segment(FixedNames):
 
 
 segment = Segment()
-SIDE_ROWS = sum(count for _, count in Segment.layout(None).values())
+SEGMENT_ROWS = sum(count for _, count in Segment.layout(None).values())
 
 
 @per_lane
-def note_side(arena: Arena, first: int, paths: Paths, p: int, time: float, i: int) -> int:
+def cache_segment(arena: Arena, first: int, paths: Paths, p: int, time: float, i: int) -> int:
     """Note for lane i, from a row on, the side that path p is on at a time [s] (see `Segment`); which it is."""
-    lap, k = side_of(paths, p, time)
+    lap, k = segment_of(paths, p, time)
     arena[first + segment.LAP, i] = lap
     arena[first + segment.BEGIN, i] = paths[p, k, 0]
     arena[first + segment.END, i] = paths[p, k + 1, 0]
@@ -34,13 +34,13 @@ def note_side(arena: Arena, first: int, paths: Paths, p: int, time: float, i: in
     return k
 
 
-def forget_side(arena: Arena, first: int, i: int) -> None:
+def invalidate_segment(arena: Arena, first: int, i: int) -> None:
     """Have lane i search for its side anew."""
     arena[first + segment.END, i] = -1e300
 
 
 @per_lane
-def on_side(arena: Arena, first: int, i: int, r: int, time: float) -> float:
+def on_segment(arena: Arena, first: int, i: int, r: int, time: float) -> float:
     """Coordinate r of lane i's reference at a time [s] on the side that is noted from a row on, as `reference_at`."""
     passed = time - arena[first + segment.LAP, i] - arena[first + segment.BEGIN, i]
     return arena[first + segment.START + r, i] + arena[first + segment.VELOCITY + r, i] * passed

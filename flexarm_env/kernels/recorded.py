@@ -20,7 +20,7 @@ from flexarm_env.kernels.tableau import GAMMA, RK4_NODES, RK4_WEIGHTS, STAGES
 from flexarm_env.kernels.variants import Variant
 from flexarm_env.physics import dynamics as dyn
 from flexarm_env.physics import sensing
-from flexarm_env.physics.bent_link import Place
+from flexarm_env.physics.bent_link import PointShape
 from flexarm_env.physics.constants import Constants
 from flexarm_env.physics.modal_elimination import Elimination, elimination
 
@@ -82,13 +82,15 @@ class Recorder:
             fields[name] = values[0] if scalar else values
         return jacobian_transpose.Law(**fields)
 
-    def place(self, name: str) -> Place:
+    def place(self, name: str) -> PointShape:
         """A point of link 2, by its name."""
-        return Place(self.one(f"{name}_DISTANCE"), self.read(f"{name}_VALUES"), self.read(f"{name}_FORESHORTENING"))
+        return PointShape(
+            self.one(f"{name}_DISTANCE"), self.read(f"{name}_VALUES"), self.read(f"{name}_FORESHORTENING")
+        )
 
-    def sensor(self) -> Place:
+    def sensor(self) -> PointShape:
         """Where the sensor is."""
-        return self.place("PLACE" if "PLACE_VALUES" in self.variant.rows else "SENSOR")
+        return self.place("SENSOR_POINT" if "SENSOR_POINT_VALUES" in self.variant.rows else "SENSOR")
 
     def truth(self) -> sensing.Truth:
         """The arm at the instant."""
@@ -99,7 +101,7 @@ class Recorder:
             raise LookupError(f"a formula needs Row.{name}: programs of kind {self.variant.kind!r} do not have it")
         return self.variant.rows[name]
 
-    def source(self, header: str, fusing: bool = True) -> str:
+    def source(self, word: str, fusing: bool = True) -> str:
         """Text of the kernel: for each lane, what was recorded, then the stores; `fusing` as in `Trace.lines`."""
         body = self.trace.lines([value for _, value in self.stores], fusing)
         for place, value in self.stores:
@@ -108,7 +110,7 @@ class Recorder:
         lines = "".join(f"        {line}\n" for line in body)
         before = ["aligned_stack()"] * (self.variant.lanes > 1) + self.shared
         head = "".join(f"    {line}\n" for line in before)
-        return f"def {header}:\n{head}    for i in range({self.variant.lanes}):\n{lines}"
+        return f"def {word}:\n{head}    for i in range({self.variant.lanes}):\n{lines}"
 
 
 def _elimination(variant: Variant, numbers: Sequence[Any]) -> Elimination | None:
@@ -226,7 +228,7 @@ def law_source(variant: Variant) -> str:
     law = r.law()
     here = [[x + vx * ahead, y + vy * ahead, vx, vy] for x, y, vx, vy in (law.command_1, law.command_2)]
     law = law._replace(command_1=here[0], command_2=here[1])
-    options = (variant.complete, variant.sensor if variant.late else "rigid", variant.rate_jacobian)
+    options = (variant.complete, variant.sensor if variant.law_on_sensor else "rigid", variant.rate_jacobian)
     stage = jacobian_transpose.law_stage(r.constants(), r.elimination(), law, options, y, v_known, h * GAMMA)
     r.write("Y_STAGE", y)
     r.write("V_STAGE", stage.v)

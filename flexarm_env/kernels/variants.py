@@ -21,7 +21,7 @@ class Variant:
         lanes: environments in a block.
         sensor: "rigid" or "true" ("collocated" is "rigid" without delay).
         rate_jacobian: "delayed" or "current" (where the law acts).
-        late: the law acts on the sensor's late readings; False: on the joints' own, whatever the sensor.
+        law_on_sensor: the law acts on the sensor's late readings; False: on the joints' own, whatever the sensor.
         own_paths: each episode draws a path of its own (environments only).
         foreshortened: kinematics (`links`).
         disturbed: noise, jitter, dropouts, a sensor with a clock of its own, or late torques can occur (environments
@@ -34,7 +34,7 @@ class Variant:
     lanes: int
     sensor: str = "rigid"
     rate_jacobian: str = "delayed"
-    late: bool = True
+    law_on_sensor: bool = True
     own_paths: bool = False
     foreshortened: bool = False
     disturbed: bool = False
@@ -101,7 +101,7 @@ class Variant:
             parts.append("foreshortened links")
         if self.true_sensor:
             parts.append("true tip sensed")
-        if self.law and self.late:
+        if self.law and self.law_on_sensor:
             parts.append("law on the late sensor")
         if self.own_paths:
             parts.append("drawn paths")

@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 from flexarm_env.physics.linear_algebra import Vector, dot, place, products, symmetric_times
 
 
-class Place(NamedTuple):
+class PointShape(NamedTuple):
     """A point of a link, or the sum of its mass over points (then with a moment for each distance).
 
     Attributes:
@@ -33,32 +33,34 @@ class Place(NamedTuple):
     foreshortening: Vector
 
 
-class Bent(NamedTuple):
+class DeformedPoint(NamedTuple):
     """A place of a link at its modal coordinates.
 
     Attributes:
         along: X [m].
         across: Y [m].
-        slack: S q, which is -dX/dq.
+        foreshortening_gradient: S q, which is -dX/dq.
         values: phi_i, which is dY/dq.
     """
 
     along: Any
     across: Any
-    slack: Vector
+    foreshortening_gradient: Vector
     values: Vector
 
 
-def bent(at: Place, q: Vector) -> Bent:
+def bent(at: PointShape, q: Vector) -> DeformedPoint:
     """Where a place of a link is at the modal coordinates q."""
     across = dot(at.values, q)
     if not at.foreshortening:
-        return Bent(at.distance, across, [0.0] * len(q), at.values)
-    slack = symmetric_times(at.foreshortening, q)
-    return Bent(at.distance - 0.5 * dot(q, slack), across, slack, at.values)
+        return DeformedPoint(at.distance, across, [0.0] * len(q), at.values)
+    foreshortening_gradient = symmetric_times(at.foreshortening, q)
+    return DeformedPoint(
+        at.distance - 0.5 * dot(q, foreshortening_gradient), across, foreshortening_gradient, at.values
+    )
 
 
-def drawn_in(at: Place, rates: Vector) -> Any:
+def foreshortening_acceleration(at: PointShape, rates: Vector) -> Any:
     """Acceleration of a place towards the root that the modal rates alone cause, q'^T S q'."""
     return dot(at.foreshortening, products(rates)) if at.foreshortening else 0.0
 
@@ -90,7 +92,7 @@ def root_inertia(link: Link, q: Vector) -> Any:
     return link.inertia + dot(q, symmetric_times(_spread(link, q, 0.25), q))
 
 
-def outward(link: Link, q: Vector) -> list[Any]:
+def centrifugal_forces(link: Link, q: Vector) -> list[Any]:
     """Half the gradient of `root_inertia`: the modal forces of a unit centrifugal field."""
     return symmetric_times(_spread(link, q, 0.5), q)
 

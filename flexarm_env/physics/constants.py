@@ -9,7 +9,7 @@ import numpy as np
 
 from flexarm_env.parameters import ArmParameters
 from flexarm_env.physics import linear_algebra
-from flexarm_env.physics.bent_link import Link, Place
+from flexarm_env.physics.bent_link import Link, PointShape
 from flexarm_env.physics.linear_algebra import Vector
 from flexarm_env.physics.link_modes import LinkModes, foreshortening_moments, link_modes
 
@@ -67,14 +67,14 @@ class Constants(NamedTuple):
         return bool(self.elbow_foreshortening)
 
     @property
-    def elbow(self) -> Place:
+    def elbow(self) -> PointShape:
         """Link 1's tip."""
-        return Place(self.elbow_distance, self.elbow_values, self.elbow_foreshortening)
+        return PointShape(self.elbow_distance, self.elbow_values, self.elbow_foreshortening)
 
     @property
-    def moment_2(self) -> Place:
+    def moment_2(self) -> PointShape:
         """First moment of link 2's mass and the payload's."""
-        return Place(self.static_moment_2, self.momentum_2, self.mean_foreshortening_2)
+        return PointShape(self.static_moment_2, self.momentum_2, self.mean_foreshortening_2)
 
     @property
     def links(self) -> tuple[Link, Link]:
@@ -140,10 +140,10 @@ def arm_constants(parameters: ArmParameters, modes: tuple[LinkModes, LinkModes])
     )
 
 
-def link_place(modes: LinkModes, foreshortened: bool, s: float) -> Place:
+def link_place(modes: LinkModes, foreshortened: bool, s: float) -> PointShape:
     """A point of a link at the distance s [m] from its root; floats only."""
     sums = _lower(modes.foreshortening(s)) if foreshortened else ()
-    return Place(float(s), _floats(modes.shape(s)), sums)
+    return PointShape(float(s), _floats(modes.shape(s)), sums)
 
 
 def _foreshortening(modes: tuple[LinkModes, LinkModes], carried: tuple[float, float]) -> dict[str, tuple[float, ...]]:

@@ -106,10 +106,10 @@ def _link_point(link: LinkModes, foreshortened: bool, y: Array, s: Array) -> tup
     normal = np.stack([-np.sin(angle), np.cos(angle)], axis=-1)
     bend = normal[..., :, None] * np.broadcast_to(shape, (*w.shape, shape.shape[-1]))[..., None, :]
     if foreshortened:
-        slack = np.sum(link.foreshortening(s) * coordinates[..., None, :], axis=-1)
-        along = s - 0.5 * np.sum(slack * coordinates, axis=-1)
+        foreshortening_gradient = np.sum(link.foreshortening(s) * coordinates[..., None, :], axis=-1)
+        along = s - 0.5 * np.sum(foreshortening_gradient * coordinates, axis=-1)
         tangent = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
-        bend = bend - tangent[..., :, None] * slack[..., None, :]
+        bend = bend - tangent[..., :, None] * foreshortening_gradient[..., None, :]
     cos, sin = np.cos(angle), np.sin(angle)
     at = np.stack([along * cos - w * sin, along * sin + w * cos], axis=-1)
     turn = np.stack([-at[..., 1], at[..., 0]], axis=-1)

@@ -24,9 +24,9 @@ from typing import Any
 from flexarm_env.physics import linear_algebra, modal_elimination
 from flexarm_env.physics.bent_link import (
     bent,
-    drawn_in,
+    centrifugal_forces,
+    foreshortening_acceleration,
     modal_mass,
-    outward,
     root_coupling,
     root_inertia,
     shortening_forces,
@@ -84,11 +84,14 @@ def mass_matrix(k: Constants, y: Vector, cos: Any, sin: Any) -> list[list[Any]]:
     for i in range(m):
         rows[1 + i][0] = coupling[0][i]
         rows[m + 2 + i][m + 1] = coupling[1][i]
-        rows[m + 1][1 + i] = elbow.values[i] * bending + elbow.slack[i] * turning
-        rows[m + 2 + i][0] = moment.values[i] * along - moment.slack[i] * across
+        rows[m + 1][1 + i] = elbow.values[i] * bending + elbow.foreshortening_gradient[i] * turning
+        rows[m + 2 + i][0] = moment.values[i] * along - moment.foreshortening_gradient[i] * across
         for j in range(m):
-            on_n1 = moment.values[i] * elbow.values[j] * cos - moment.slack[i] * elbow.values[j] * sin
-            on_e1 = moment.values[i] * elbow.slack[j] * sin + moment.slack[i] * elbow.slack[j] * cos
+            on_n1 = moment.values[i] * elbow.values[j] * cos - moment.foreshortening_gradient[i] * elbow.values[j] * sin
+            on_e1 = (
+                moment.values[i] * elbow.foreshortening_gradient[j] * sin
+                + moment.foreshortening_gradient[i] * elbow.foreshortening_gradient[j] * cos
+            )
             rows[m + 2 + i][1 + j] = on_n1 + on_e1
             if j <= i:
                 rows[1 + i][1 + j] = mass[0][place(i, j)]
@@ -121,21 +124,29 @@ def velocity_forces(k: Constants, y: Vector, v: Vector, cos: Any, sin: Any) -> l
     q1, q1_dot, q2, q2_dot = y[1 : m + 1], v[1 : m + 1], y[m + 2 :], v[m + 2 :]
     (one, two), elbow, moment = k.links, bent(k.elbow, q1), bent(k.moment_2, q2)
     # elbow's acceleration at v' = 0 on -n1 and on -e1; and link 2's inertial force relative to the elbow
-    elbow_n = elbow.across * (w1 * w1) + 2.0 * dot(elbow.slack, q1_dot) * w1
-    elbow_e = (2.0 * dot(elbow.values, q1_dot) + elbow.along * w1) * w1 + drawn_in(k.elbow, q1_dot)
-    link_n = moment.across * (w2 * w2) + 2.0 * dot(moment.slack, q2_dot) * w2
-    link_e = (2.0 * dot(moment.values, q2_dot) + moment.along * w2) * w2 + drawn_in(k.moment_2, q2_dot)
+    elbow_n = elbow.across * (w1 * w1) + 2.0 * dot(elbow.foreshortening_gradient, q1_dot) * w1
+    elbow_e = (2.0 * dot(elbow.values, q1_dot) + elbow.along * w1) * w1 + foreshortening_acceleration(k.elbow, q1_dot)
+    link_n = moment.across * (w2 * w2) + 2.0 * dot(moment.foreshortening_gradient, q2_dot) * w2
+    link_e = (2.0 * dot(moment.values, q2_dot) + moment.along * w2) * w2 + foreshortening_acceleration(
+        k.moment_2, q2_dot
+    )
     elbow_on_n2, elbow_on_e2 = elbow_e * sin - elbow_n * cos, -(elbow_n * sin + elbow_e * cos)
     link_on_n1, link_on_e1 = -(link_n * cos + link_e * sin), link_n * sin - link_e * cos
-    out1, out2 = outward(one, q1), outward(two, q2)
+    out1, out2 = centrifugal_forces(one, q1), centrifugal_forces(two, q2)
     root1, modal1 = shortening_forces(one, q1, q1_dot, w1)
     root2, modal2 = shortening_forces(two, q2, q2_dot, w2)
     return [
         2.0 * w1 * dot(out1, q1_dot) + root1 + elbow.along * link_on_n1 - elbow.across * link_on_e1,
-        *(elbow.values[i] * link_on_n1 - elbow.slack[i] * link_on_e1 - w1 * w1 * out1[i] + modal1[i] for i in range(m)),
+        *(
+            elbow.values[i] * link_on_n1 - elbow.foreshortening_gradient[i] * link_on_e1 - w1 * w1 * out1[i] + modal1[i]
+            for i in range(m)
+        ),
         2.0 * w2 * dot(out2, q2_dot) + root2 + moment.along * elbow_on_n2 - moment.across * elbow_on_e2,
         *(
-            moment.values[i] * elbow_on_n2 - moment.slack[i] * elbow_on_e2 - w2 * w2 * out2[i] + modal2[i]
+            moment.values[i] * elbow_on_n2
+            - moment.foreshortening_gradient[i] * elbow_on_e2
+            - w2 * w2 * out2[i]
+            + modal2[i]
             for i in range(m)
         ),
     ]

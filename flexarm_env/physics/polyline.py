@@ -12,7 +12,7 @@ AHEAD = 1e-9
 
 
 @per_lane
-def side_of(paths: Paths, p: int, time: float) -> tuple[float, int]:
+def segment_of(paths: Paths, p: int, time: float) -> tuple[float, int]:
     """Time at which the present lap of path p began, and the number of its side, at a time [s]."""
     last = paths.shape[1] - 1
     lap = paths[p, last, 0]
@@ -47,7 +47,7 @@ def reference_at(paths: Paths, p: int, time: float, side: float, since: float) -
         time = since
         side = since
         moving = 0.0
-    before, k = side_of(paths, p, side)
+    before, k = segment_of(paths, p, side)
     vx = paths[p, k, 3]
     vy = paths[p, k, 4]
     passed = time - before - paths[p, k, 0]

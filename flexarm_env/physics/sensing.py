@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 from flexarm_env.codegen.elementary import sincos
-from flexarm_env.physics.bent_link import Place, bent
+from flexarm_env.physics.bent_link import PointShape, bent
 from flexarm_env.physics.constants import Constants
 from flexarm_env.physics.dynamics import joint_angles
 from flexarm_env.physics.linear_algebra import dot
@@ -25,7 +25,7 @@ def rigid_jacobian(distance_1: Any, distance_2: Any, one: Pair, both: Pair) -> t
     return (-y, x), (-(distance_2 * both[0]), distance_2 * both[1])
 
 
-def true_point(k: Constants, at: Place, y: Sequence[Any], one: Pair, two: Pair) -> tuple[Any, Any]:
+def true_point(k: Constants, at: PointShape, y: Sequence[Any], one: Pair, two: Pair) -> tuple[Any, Any]:
     """A point of link 2 with deflection; `one`, `two`: sine and cosine of a1 and of a2."""
     m = len(k.elbow_values)
     elbow, point = bent(k.elbow, y[1 : m + 1]), bent(at, y[m + 2 :])
@@ -35,18 +35,24 @@ def true_point(k: Constants, at: Place, y: Sequence[Any], one: Pair, two: Pair) 
     )
 
 
-def true_jacobian(k: Constants, at: Place, y: Sequence[Any], one: Pair, two: Pair) -> tuple[list[Any], list[Any]]:
+def true_jacobian(k: Constants, at: PointShape, y: Sequence[Any], one: Pair, two: Pair) -> tuple[list[Any], list[Any]]:
     """Rows of d(true point)/dy."""
     m = len(k.elbow_values)
     row_x, row_y = [], []
     for part, (sin, cos) in ((bent(k.elbow, y[1 : m + 1]), one), (bent(at, y[m + 2 :]), two)):
-        modes = list(zip(part.values, part.slack, strict=True))
-        row_x += [-(part.along * sin + part.across * cos), *(-(value * sin + slack * cos) for value, slack in modes)]
-        row_y += [part.along * cos - part.across * sin, *(value * cos - slack * sin for value, slack in modes)]
+        modes = list(zip(part.values, part.foreshortening_gradient, strict=True))
+        row_x += [
+            -(part.along * sin + part.across * cos),
+            *(-(value * sin + foreshortening_gradient * cos) for value, foreshortening_gradient in modes),
+        ]
+        row_y += [
+            part.along * cos - part.across * sin,
+            *(value * cos - foreshortening_gradient * sin for value, foreshortening_gradient in modes),
+        ]
     return row_x, row_y
 
 
-def reading(k: Constants, at: Place, sensor: str, y: Sequence[Any], v: Sequence[Any]) -> list[Any]:
+def reading(k: Constants, at: PointShape, sensor: str, y: Sequence[Any], v: Sequence[Any]) -> list[Any]:
     """What a sensor measures at this instant: two readings and their rates."""
     if sensor != "true":
         return [*joint_angles(k, y), *joint_angles(k, v)]
@@ -73,7 +79,7 @@ class Truth(NamedTuple):
     deflection_rate: list[Any]
 
 
-def truth(k: Constants, tip: Place, y: Sequence[Any], v: Sequence[Any]) -> Truth:
+def truth(k: Constants, tip: PointShape, y: Sequence[Any], v: Sequence[Any]) -> Truth:
     """Public state, tips and deflections.
 
     Args:

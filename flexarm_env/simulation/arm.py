@@ -17,7 +17,7 @@ from flexarm_env.lazy import cached_property
 from flexarm_env.parameters import ArmParameters
 from flexarm_env.physics import constants, coordinates
 from flexarm_env.physics import dynamics as dyn
-from flexarm_env.physics.bent_link import Place
+from flexarm_env.physics.bent_link import PointShape
 from flexarm_env.physics.coordinates import stack, stack_matrix
 from flexarm_env.physics.linearisation import Linearisation, linearise
 from flexarm_env.physics.modal_elimination import elimination
@@ -141,7 +141,7 @@ class FlexibleArm:
         """d(position)/dq; arguments as in `position`. Shape (..., 2, 2 + 2 m)."""
         return self._point(self._coordinates("q", q), link, s)[1]
 
-    def place(self, link: int, s: float) -> Place:
+    def place(self, link: int, s: float) -> PointShape:
         """A material point as the equations know it; arguments as in `position`, s a number."""
         link = integer("link", link, 1, 2)
         length = self.parameters.link_lengths[link - 1]

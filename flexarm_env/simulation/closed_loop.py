@@ -212,9 +212,9 @@ class ClosedLoop:
         rows = self._arenas[:, self._results].transpose(0, 2, 1).copy()
         return rows.reshape(-1, rows.shape[2])[: len(self._cases)]
 
-    def unpack(self, packed: Array) -> Results:
+    def unpack(self, pack: Array) -> Results:
         """Views of packed results. Shape (..., k)."""
-        *parts, status = (packed[..., part] for part in self._parts)
+        *parts, status = (pack[..., part] for part in self._parts)
         return Results._make([*parts, status[..., 0]])
 
     def failure(self, status: float) -> str | None:

@@ -9,7 +9,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 
-from flexarm_env.envs.batch import COSTS, Fleet
+from flexarm_env.envs.batch import COSTS, BatchSimulator
 from flexarm_env.envs.settings import Settings
 from scripts.benchmarks import accuracy, peers
 from scripts.benchmarks.environments import SQUARE, stepped
@@ -76,13 +76,13 @@ def _batch(name: str, env_id: str, num_envs: int, calls: int, **options: Any) ->
 
 def _block(lanes: int, calls: int) -> Subject:
     """One full block's step in its kernel alone: what `flexarm_env.envs.batch.COSTS` says, for each environment."""
-    fleet = Fleet(Settings.of({}), lanes)
-    fleet.start(np.arange(lanes, dtype=np.uint64), np.arange(lanes), fleet.usual_orders)
+    simulator = BatchSimulator(Settings.of({}), lanes)
+    simulator.start(np.arange(lanes, dtype=np.uint64), np.arange(lanes), simulator.usual_requests)
     calls = max(1, calls // lanes)
 
     def work() -> None:
         for _ in range(calls):
-            fleet.step()
+            simulator.step()
 
     return Subject(f"block of {lanes} lanes", work, calls * lanes)
 

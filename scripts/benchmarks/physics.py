@@ -19,7 +19,7 @@ from flexarm_env import (
     square,
 )
 from flexarm_env.codegen import assembly
-from flexarm_env.codegen.memory import blank
+from flexarm_env.codegen.memory import aligned_zeros
 from flexarm_env.kernels.entries import extent
 from flexarm_env.kernels.layout import arm_rows
 from flexarm_env.kernels.rk4 import OPEN
@@ -98,7 +98,7 @@ def bare_kernel(name: str, modes: int, lanes: int, arms: int, steps: int, kinema
     variant = Variant(OPEN, modes, True, lanes, foreshortened=arm.constants.foreshortened)
     rows = variant.rows
     blocks = arms // lanes
-    arenas = blank(blocks * extent(rows) * lanes).reshape(blocks, extent(rows), lanes)
+    arenas = aligned_zeros(blocks * extent(rows) * lanes).reshape(blocks, extent(rows), lanes)
     state = np.zeros((arms, 2 * arm.size))
     state[:, 1] = np.linspace(0.5, 2.5, arms)  # theta2, and rates: every arm swings in its own way
     state[:, arm.size : arm.size + 2] = 0.3, -0.5

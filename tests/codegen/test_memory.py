@@ -6,8 +6,8 @@ import pickle
 import numpy as np
 
 from flexarm_env.codegen.intrinsics import CACHE_LINE
-from flexarm_env.codegen.memory import WORD, packed
-from flexarm_env.envs.batch import VIEWS, Fleet
+from flexarm_env.codegen.memory import WORD, pack
+from flexarm_env.envs.batch import VIEWS, BatchSimulator
 from flexarm_env.envs.settings import Settings
 
 ARRAYS = {
@@ -20,7 +20,7 @@ ARRAYS = {
 
 
 def test_arrays_come_back_and_begin_on_cache_lines() -> None:
-    memory, parts = packed(ARRAYS)
+    memory, parts = pack(ARRAYS)
     assert list(parts) == list(ARRAYS)
     for name, array in ARRAYS.items():
         view = parts[name].view(memory)
@@ -31,7 +31,7 @@ def test_arrays_come_back_and_begin_on_cache_lines() -> None:
 
 
 def test_arrays_do_not_overlap() -> None:
-    memory, parts = packed(ARRAYS)
+    memory, parts = pack(ARRAYS)
     for name, part in parts.items():
         part.view(memory)[:] = 0
         for other in ARRAYS.keys() - {name}:
@@ -40,9 +40,9 @@ def test_arrays_do_not_overlap() -> None:
 
 
 def test_a_copied_fleets_views_are_of_its_own_memory() -> None:
-    fleet = Fleet(Settings.of({}), 3)
-    for copied in (copy.deepcopy(fleet), pickle.loads(pickle.dumps(fleet))):
+    simulator = BatchSimulator(Settings.of({}), 3)
+    for copied in (copy.deepcopy(simulator), pickle.loads(pickle.dumps(simulator))):
         for name in VIEWS:
             view = getattr(copied, name)
             assert np.may_share_memory(view, copied._memory), name
-            assert not np.may_share_memory(view, fleet._memory), name
+            assert not np.may_share_memory(view, simulator._memory), name

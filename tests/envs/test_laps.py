@@ -139,6 +139,8 @@ def test_a_batch_of_moves_fits_into_memory() -> None:
     """Each arm has a path of its own: 4096 of them stay below 200 MB."""
     from flexarm_env.envs.vector import FlexArmVectorEnv
 
-    fleet = FlexArmVectorEnv(num_envs=256, reference="moves", start="corner").fleet
-    size = sum(array.nbytes for array in vars(fleet).values() if isinstance(array, np.ndarray) and array.base is None)
+    simulator = FlexArmVectorEnv(num_envs=256, reference="moves", start="corner").simulator
+    size = sum(
+        array.nbytes for array in vars(simulator).values() if isinstance(array, np.ndarray) and array.base is None
+    )
     assert 16 * size < 200e6

@@ -25,11 +25,11 @@ def test_what_was_warmed_up_needs_no_compiler(monkeypatch: pytest.MonkeyPatch) -
 def test_each_id_and_size_is_asked_for_with_the_options(monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[tuple[Settings, int, int]] = []
 
-    def compile_nothing(self: batch.Fleet) -> None:
+    def compile_nothing(self: batch.BatchSimulator) -> None:
         asked.append((self.settings, self.count, self._threads))
 
-    monkeypatch.setattr(batch.Fleet, "compile", compile_nothing)
-    monkeypatch.setattr(batch.Fleet, "dispatcher", lambda self: None)
+    monkeypatch.setattr(batch.BatchSimulator, "compile", compile_nothing)
+    monkeypatch.setattr(batch.BatchSimulator, "dispatcher", lambda self: None)
     monkeypatch.setattr(warm_up, "_compilations", lambda kernel: len(asked))
     monkeypatch.setattr(cache, "is_kept", lambda kernel: True)
     ids = [SQUARE, "FlexArm/SquareGain-v0"]

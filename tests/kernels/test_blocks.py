@@ -62,14 +62,14 @@ def test_lanes_that_are_alike(count: int, env_id: str, options: dict[str, Any]) 
 def test_lanes_of_no_environment_rest_and_are_like_the_others() -> None:
     batch = vector(SQUARE, 11)
     batch.reset(seed=0)
-    fleet = batch.fleet
+    simulator = batch.simulator
     for actions in actions_for(batch, 300):
         batch.step(actions)
-    first, count = fleet._rows["SENSOR_DELAY"]
-    delays = fleet._arenas[:, first : first + count]
+    first, count = simulator._rows["SENSOR_DELAY"]
+    delays = simulator._arenas[:, first : first + count]
     np.testing.assert_array_equal(delays, np.broadcast_to(delays[:1, :, :1], delays.shape))
-    first, count = fleet._rows["V"]
-    idle = fleet._arenas[1, first : first + count, 3:]
+    first, count = simulator._rows["V"]
+    idle = simulator._arenas[1, first : first + count, 3:]
     assert idle.size > 0
     assert not idle.any()
 

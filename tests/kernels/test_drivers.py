@@ -16,12 +16,12 @@ from flexarm_env import ArmParameters, FlexibleArm
 from flexarm_env.codegen import assembly
 from flexarm_env.codegen.arrays import Arena
 from flexarm_env.codegen.declarations import Names, Program, plain_python
-from flexarm_env.envs.batch import Fleet
+from flexarm_env.envs.batch import BatchSimulator
 from flexarm_env.envs.settings import Settings
 from flexarm_env.episode import reset, sensor, step, write_observation
 from flexarm_env.episode.step import TORQUE, TRACKING
 from flexarm_env.kernels import entries, imex, layout
-from flexarm_env.kernels.entries import drawn, header, setting
+from flexarm_env.kernels.entries import drawn, setting, word
 from flexarm_env.kernels.imex import LOOP
 from flexarm_env.kernels.layout import row
 from flexarm_env.kernels.path_cache import Segment
@@ -97,15 +97,15 @@ def test_a_recorded_reading_enters_the_delay_line() -> None:
 def test_the_sensor_says_where_it_was() -> None:
     """A rigid arm turning evenly: one lane has a new reading, one has none yet, one is not asked."""
     of = Variant(TORQUE, 1, True, LANES)
-    plan = np.zeros(header.PLACES, dtype=np.int64)
+    header = np.zeros(word.PLACES, dtype=np.int64)
     settings = np.zeros(entries.extent(entries.Setting.layout(of.shape)))
     delay, distance, now = 2.5 * STEP, 2.0, 20
     with plain_python(of):
         settings[setting.STEP], settings[setting.PERIOD] = STEP, 5 * STEP
         settings[setting.LENGTHS : setting.LENGTHS + 2] = ARM.parameters.link_lengths
-        arena = arena_of(of, SENSOR_DELAY=[delay, delay], PLACE_DISTANCE=distance)
+        arena = arena_of(of, SENSOR_DELAY=[delay, delay], SENSOR_POINT_DISTANCE=distance)
         arena[row.SAMPLE_TIME] = (now - 7.5) * STEP, (now - 4) * STEP, 0.0
-        arena[row.SENSED] = 9.0
+        arena[row.LINK_SENSOR] = 9.0
         clock = np.zeros((entries.CLOCK_ROWS, LANES), dtype=np.int64)
         history = np.zeros((4 * SLOTS, LANES))
         imex.count_steps(clock, history, now)
@@ -114,30 +114,30 @@ def test_the_sensor_says_where_it_was() -> None:
             history[slot : slot + 4] = np.array([[3.0 * step * STEP], [1.0], [3.0], [0.0]])
         square = np.array([[[0.0, 1.0, 2.0, 0.0, 0.0], [1.0, 1.0, 2.0, 0.0, 0.0]]])
         arena[row.REFERENCE : row.REFERENCE + 2] = [[1.0], [2.0]]
-        keys, who = np.zeros(LANES, dtype=np.uint64), np.array([True, True, False])
-        sensor.sense(arena, history, clock, keys, square, plan, settings, who)
+        keys, active = np.zeros(LANES, dtype=np.uint64), np.array([True, True, False])
+        sensor.sense(arena, history, clock, keys, square, header, settings, active)
         np.testing.assert_array_equal(arena[row.SAMPLE_AGE] >= 0.0, [True, False, False])
         theta1, length = 3.0 * (now * STEP - delay), ARM.parameters.link_lengths[0]
         x = length * np.cos(theta1) + distance * np.cos(theta1 + 1.0)
-        np.testing.assert_allclose(arena[row.SENSED], [x, 9.0, 9.0], rtol=1e-12)
+        np.testing.assert_allclose(arena[row.LINK_SENSOR], [x, 9.0, 9.0], rtol=1e-12)
         assert arena[row.SENSOR_ERROR, 0] == pytest.approx(1.0 - x, rel=1e-12)
 
 
 def test_an_order_names_what_an_episode_draws() -> None:
     """The payload and the stiffness of one lane; the others keep what they have."""
-    fleet = Fleet(settings_of(SQUARE, arm={"modes_per_link": 1, "payload_mass": 0.5}), LANES)
-    memory = {name: part.view(fleet._memory) for name, part in fleet._parts.items()}
-    order = memory["ORDERS"][1].copy()
+    simulator = BatchSimulator(settings_of(SQUARE, arm={"modes_per_link": 1, "payload_mass": 0.5}), LANES)
+    memory = {name: part.view(simulator._memory) for name, part in simulator._parts.items()}
+    order = memory["RESET_REQUESTS"][1].copy()
     order[entries.column.DRAWN + drawn.PAYLOAD_MASS], order[entries.column.DRAWN + drawn.STIFFNESS] = 0.75, 2.0
     arena = memory["ARENAS"][0]
-    with plain_python(fleet._variant):
+    with plain_python(simulator._variant):
         reset.draw_quantities(arena, np.uint64(7), memory["SETTINGS"], order, 1)
         found = arena[row.CONSTANTS : row.CONSTANTS + variant.constants, 1]
         stiff = slice(entries.constant.STIFFNESS_1, entries.constant.DAMPING_1)
     parameters = ArmParameters(modes_per_link=1, payload_mass=0.75)
     expected = np.array(FlexibleArm(parameters).constants.flat())
     expected[stiff] *= 2.0
-    first, _ = fleet._rows["CONSTANTS"]
+    first, _ = simulator._rows["CONSTANTS"]
     np.testing.assert_allclose(found[: stiff.stop], expected[: stiff.stop], rtol=1e-12)
     assert not arena[first : first + len(expected), 0].any()
 
@@ -146,27 +146,27 @@ def test_an_observation_shows_where_the_reference_goes() -> None:
     """On its side and beyond the corner, turned into the frame; then scaled, unless the state is invalid."""
     of = Variant(TORQUE, 1, True, 2)
     tail = of.rows["TAIL"][0]
-    plan = np.zeros(header.PLACES + 2, dtype=np.int64)
-    plan[[header.PREVIEWS, header.OBSERVED]] = 1, 2
-    plan[header.PLACES :] = tail, tail + 1
+    header = np.zeros(word.PLACES + 2, dtype=np.int64)
+    header[[word.PREVIEWS, word.OBSERVED]] = 1, 2
+    header[word.PLACES :] = tail, tail + 1
     with plain_python(of):
         settings = np.zeros(setting.HORIZONS + 3)
         settings[setting.HORIZONS :] = 0.5, 10.0, 10.0
         arena = np.vstack(
-            [arena_of(of, SIDE_LEFT=[[1.0, 0.2]], NEXT_TIME=1.0, FRAME_AXIS=[0.0, 1.0]), np.zeros((2, 2))]
+            [arena_of(of, SEGMENT_LEFT=[[1.0, 0.2]], NEXT_TIME=1.0, FRAME_AXIS=[0.0, 1.0]), np.zeros((2, 2))]
         )
-        velocity = row.PRESENT_SIDE + Segment.layout(None)["VELOCITY"][0]
+        velocity = row.PRESENT_SEGMENT + Segment.layout(None)["VELOCITY"][0]
         arena[velocity : velocity + 2], arena[row.NEXT_VELOCITY : row.NEXT_VELOCITY + 2] = (
             [[2.0], [0.0]],
             [[0.0], [2.0]],
         )
         clock, paths = np.zeros((entries.CLOCK_ROWS, 2), dtype=np.int64), np.zeros((1, 2, 5))
-        write_observation.write_previews(arena, clock, paths, plan, settings)
+        write_observation.write_previews(arena, clock, paths, header, settings)
         # the frame is turned by a quarter: x there is y here
         np.testing.assert_allclose(arena[tail : tail + 2], [[0.0, 0.6], [-1.0, -0.4]], atol=1e-15)
         arena[row.STATUS] = 0.0, 1.0
         observations = np.full((2, 2), 7.0, dtype=np.float32)
-        write_observation.write_observations(arena, observations, 0, plan, settings, np.array([True, True]))
+        write_observation.write_observations(arena, observations, 0, header, settings, np.array([True, True]))
     np.testing.assert_allclose(observations, [[0.0, -10.0], [7.0, 7.0]])
 
 
@@ -185,11 +185,11 @@ def test_an_observation_shows_where_the_reference_goes() -> None:
 def test_a_fleet_runs_in_plain_python_as_compiled(env_id: str, options: dict[str, Any]) -> None:
     """Episodes begin, and some periods pass; recorded kernels round their sums with products twice here."""
     settings = settings_of(env_id, **options)
-    compiled, plain = Fleet(settings, 8), Fleet(settings, 8)
+    compiled, plain = BatchSimulator(settings, 8), BatchSimulator(settings, 8)
     keys, everyone = np.arange(8, dtype=np.uint64) + 5, np.arange(8)
-    compiled.start(keys, everyone, compiled.usual_orders)
-    plain.order_starts(keys, everyone, plain.usual_orders)
-    plain._plan[header.DRIVING] = 0
+    compiled.start(keys, everyone, compiled.usual_requests)
+    plain.request_resets(keys, everyone, plain.usual_requests)
+    plain._header[word.DRIVING] = 0
     rng = np.random.default_rng(0)
     for period in range(4):
         results = np.empty(compiled.results.T.shape)
@@ -197,7 +197,7 @@ def test_a_fleet_runs_in_plain_python_as_compiled(env_id: str, options: dict[str
             step.step_blocks(plain._memory, 0, 1, results)
         np.testing.assert_allclose(results.T, compiled.results, rtol=1e-8, atol=1e-9, err_msg=f"period {period}")
         np.testing.assert_allclose(plain.observations, compiled.observations, rtol=1e-5, atol=1e-6)
-        plain._plan[header.DRIVING] = 1
+        plain._header[word.DRIVING] = 1
         compiled.actions[:] = plain.actions[:] = rng.uniform(-0.5, 0.5, plain.actions.shape)
         compiled.step()
 

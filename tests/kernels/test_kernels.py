@@ -336,10 +336,10 @@ def test_batch_kernels_work_on_several_lanes_at_once(variant: Variant, kernel: s
     fresh = njit(**options)(dispatcher.py_func)  # what comes from a cache has no assembly to show
     fresh(np.zeros(extent(variant.rows) * LANES), *arguments)
     (machine_code,) = fresh.inspect_asm().values()
-    packed, scalar, _ = (len(re.findall(pattern, machine_code)) for pattern in MACHINES[machine])
+    pack, scalar, _ = (len(re.findall(pattern, machine_code)) for pattern in MACHINES[machine])
     # hundreds of operations; scalar ones are left to the wrapper and to a loop's remainder, of which there is none
-    assert packed > 200
-    assert scalar < 0.05 * packed
+    assert pack > 200
+    assert scalar < 0.05 * pack
     assert not re.search(rf"(?:{MACHINES[machine][2]}).*\b_*(?:sin|cos|sincos|fma)", machine_code)
     if machine == "x86_64":
         assert re.search(r"\$-64, %rsp", assembly)  # the stack is aligned

@@ -176,11 +176,11 @@ def oracle_law(problem: Problem, arm: FlexibleArm) -> tuple[Any, ...]:
     return (law.proportional_gain, law.derivative_gain, limit, s.position, arm.modes[1].shape(s.position), *flags)
 
 
-def square_at(time: float, side_of: float, clockwise: bool) -> tuple[complex, complex]:
-    """The paper's square from its lower left corner; `side_of` picks the side where `time` is a corner's."""
-    if side_of < 0.0:
+def square_at(time: float, segment_of: float, clockwise: bool) -> tuple[complex, complex]:
+    """The paper's square from its lower left corner; `segment_of` picks the side where `time` is a corner's."""
+    if segment_of < 0.0:
         return -6.3 - 6.3j, 0.0
-    side = int(side_of // CORNER)  # each side is the one before, turned by 90 degrees
+    side = int(segment_of // CORNER)  # each side is the one before, turned by 90 degrees
     turn = (-1j if clockwise else 1j) ** side
     along = 1j if clockwise else 1.0
     return turn * (-6.3 - 6.3j + along * 3.15 * (time - CORNER * side)), turn * along * 3.15
@@ -232,8 +232,8 @@ class Problem:
         theta1 = np.arctan2(-6.3, -6.3) - np.arctan2(length2 * np.sin(theta2), length1 + length2 * np.cos(theta2))
         return np.concatenate([[theta1, theta2], np.zeros(4 * self.arm.modes_per_link + 2)])
 
-    def reference(self, time: float, side_of: float) -> tuple[complex, complex]:
-        return square_at(time, side_of, self.clockwise) if self.rest_at is None else (self.rest_at, 0.0)
+    def reference(self, time: float, segment_of: float) -> tuple[complex, complex]:
+        return square_at(time, segment_of, self.clockwise) if self.rest_at is None else (self.rest_at, 0.0)
 
     def breaks(self) -> list[float]:
         """Instants where the right-hand side jumps, and those where a delayed jump arrives."""

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexarm_env.envs.single import FlexArmEnv
-from flexarm_env.episode.features import Known, features, joint_aim
+from flexarm_env.episode.features import Measurements, features, joint_aim
 from scripts.validation.engine.chain import HELD, Gauges, Plant, Sight
 
 Array = NDArray[np.float64]
@@ -60,7 +60,7 @@ class Observer:
         modal, modal_rates = self._gauges.modal(plant.bend())
         parts = {
             "elbow_direction": seen.directions[:2],
-            "joint_rates": known.measured[2:],
+            "joint_rates": known.encoders[2:],
             "joint_error": seen.joint_error,
             "joint_error_rate": seen.joint_error_rate,
             "encoder_error": seen.encoder_error,
@@ -78,7 +78,7 @@ class Observer:
             observation[place] = parts[name]
         return (observation / self._scale).astype(np.float32)
 
-    def _known(self, sight: Sight, time: float) -> Known:
+    def _known(self, sight: Sight, time: float) -> Measurements:
         reference = [*self._path.position(time), *self._path.velocity(time)]
         taken = time - self._delay
         reading = self._reading(taken)
@@ -86,11 +86,11 @@ class Observer:
         first = len(self._tips) == 1
         error_rate = np.zeros(2) if first else (error - self._error) / self.settings.control_period
         self._error = error
-        return Known(
-            measured=[*sight.joints, *sight.rates],
+        return Measurements(
+            encoders=[*sight.joints, *sight.rates],
             reference=reference,
-            joint=joint_aim(self._lengths, self._branch, reference, sight.joints[0]),
-            sensed=reading,
+            reference_joints=joint_aim(self._lengths, self._branch, reference, sight.joints[0]),
+            link_sensor=reading,
             sensor_error=error,
             sensor_error_rate=error_rate,
             lengths=self._lengths,
