@@ -7,7 +7,7 @@ from typing import cast
 
 from flexarm_env.codegen.declarations import PresentVariant, Program
 from flexarm_env.kernels.entries import Shape
-from flexarm_env.kernels.layout import layout
+from flexarm_env.kernels.layout import layout, slope_ways
 
 
 @dataclass(frozen=True)
@@ -63,6 +63,11 @@ class Variant:
     def constants(self) -> int:
         """How many numbers the constants of an arm are."""
         return self.shape.constants
+
+    @property
+    def ways(self) -> int:
+        """How many inputs Jacobians are derivatives by."""
+        return len(slope_ways(self.modes))
 
     @property
     def batch(self) -> bool:
