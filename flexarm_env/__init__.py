@@ -14,7 +14,9 @@ from flexarm_env.rollout import run_batch, run_policy
 from flexarm_env.simulation.arm import Energy, FlexibleArm
 from flexarm_env.simulation.cases import LoopCase
 from flexarm_env.simulation.closed_loop import ClosedLoop
+from flexarm_env.simulation.held_torque import StepJacobians
 from flexarm_env.simulation.limits import state_limits
+from flexarm_env.simulation.outputs import Outputs
 from flexarm_env.simulation.square import rest_state, square_loop
 from flexarm_env.simulation.trajectory import DivergenceError, Trajectory
 
@@ -29,9 +31,11 @@ __all__ = [
     "LawParameters",
     "Linearisation",
     "LoopCase",
+    "Outputs",
     "ReferencePath",
     "SensorParameters",
     "SquareParameters",
+    "StepJacobians",
     "Trajectory",
     "end_reason",
     "inverse_kinematics",

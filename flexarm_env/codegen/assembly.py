@@ -15,7 +15,7 @@ from typing import Any
 
 from flexarm_env.codegen import cache
 from flexarm_env.codegen.declarations import AnyVariant, Intrinsic, Recorded, called_in, plain_python
-from flexarm_env.codegen.lowering import Lowered
+from flexarm_env.codegen.lowering import Lowered, class_text
 
 # Strict IEEE arithmetic: no fast-math, and nothing is fused but what the recorder writes so (`tracing`); "numpy" only
 # drops the checks for division by zero, which would keep the compiler from vectorising.
@@ -57,8 +57,10 @@ class _Assembly:
         if function is _LIBRARY.get(name):
             return
         if isinstance(function, Recorded):
-            text = function.formula(self.variant)
+            text = function.compiled_text(self.variant)
             calls = called_in(text, function.calls)
+        elif isinstance(function, type):
+            text, calls = class_text(function), {}
         elif not isinstance(function, FunctionType | Intrinsic):
             raise TypeError(f"{name} of a library: kernel modules do not import it (`assembly._IMPORTS`)")
         else:
@@ -72,8 +74,10 @@ class _Assembly:
         self.texts.append(f"{self._decorator(function)}\n{text}")
 
     def _decorator(self, function: Any) -> str:
-        """Return the decorator that compiles a function."""
-        if isinstance(function, Intrinsic):
+        """Return the decorator that compiles a function; a class, which code of intrinsics uses, has none."""
+        if isinstance(function, type):
+            return ""
+        if isinstance(function, Intrinsic) or (isinstance(function, Recorded) and function.code):
             return "@intrinsic"
         program, lanes, marks = self.variant.program, self.variant.lanes, vars(function)
         if marks.get("inlined_in_its_caller"):

@@ -182,15 +182,23 @@ class Recorded(Generic[P, R]):
 
     Attributes:
         formula: the text of its definition for a variant.
-        calls: what such texts may call.
+        calls: what such texts may call; of an intrinsic's code, classes too.
+        code: the text of an intrinsic's code, which is compiled instead; None: the definition is.
     """
 
     __name__: str
 
-    def __init__(self, name: str, formula: Callable[[Any], str], calls: Iterable[Any]) -> None:
+    def __init__(
+        self, name: str, formula: Callable[[Any], str], calls: Iterable[Any], code: Callable[[Any], str] | None = None
+    ) -> None:
         """Declare a function of any numbers; see `recorded`."""
         self.__name__ = name
-        self.formula, self.calls = formula, {called.__name__: called for called in calls}
+        self.formula, self.calls, self.code = formula, {called.__name__: called for called in calls}, code
+
+    @property
+    def compiled_text(self) -> Callable[[Any], str]:
+        """The text that is compiled for a variant."""
+        return self.code or self.formula
 
     def __call__(self, *arguments: P.args, **named: P.kwargs) -> R:
         """Run the text of the present variant in plain Python."""
@@ -198,12 +206,14 @@ class Recorded(Generic[P, R]):
         return function(*map(_flat, arguments), **named)
 
 
-def recorded(formula: Callable[[Any], str], calls: Iterable[Any] = ()) -> Callable[[Callable[P, R]], Recorded[P, R]]:
+def recorded(
+    formula: Callable[[Any], str], calls: Iterable[Any] = (), code: Callable[[Any], str] | None = None
+) -> Callable[[Callable[P, R]], Recorded[P, R]]:
     """Declare a function by its signature and the formula that is recorded for it; see `Recorded`."""
 
     def declare(signature: Callable[P, R]) -> Recorded[P, R]:
         """Make the function."""
-        declared: Recorded[P, R] = Recorded(signature.__name__, formula, calls)
+        declared: Recorded[P, R] = Recorded(signature.__name__, formula, calls, code)
         update_wrapper(declared, signature)
         return declared
 

@@ -68,7 +68,7 @@ class Lowered(ast.NodeTransformer):
         """Lower a function, without decorators, annotations and documentation."""
         arguments = [ast.arg(argument.arg) for argument in node.args.args]
         defaults = [self.visit(default) for default in node.args.defaults]
-        body = node.body[1:] if ast.get_docstring(node, clean=False) is not None else node.body
+        body = _undocumented(node)
         plain = ast.arguments([], arguments, None, [], [], None, defaults)
         return ast.FunctionDef(name=node.name, args=plain, body=self._statements(body), decorator_list=[], lineno=0)
 
@@ -154,7 +154,7 @@ class Lowered(ast.NodeTransformer):
             return self._constant(node.id, value)
         if isinstance(value, ModuleType | type):
             return node
-        called = COMPILED.get(inspect.unwrap(value), value)
+        called = COMPILED.get(value, value)
         if isinstance(called, Chosen):
             called = present_variant().program.parts[called.__name__]
         if not isinstance(called, FunctionType | BuiltinFunctionType | np.ufunc | Recorded | Intrinsic):
@@ -230,6 +230,37 @@ def _flat_shape(argument: ast.expr) -> ast.expr:
     if isinstance(argument, ast.Tuple) and len(argument.elts) == 2:
         return ast.Tuple([ast.BinOp(argument.elts[0], ast.Mult(), argument.elts[1])], ast.Load())
     return argument
+
+
+class _Plain(ast.NodeTransformer):
+    """Leaves out annotations and documentation."""
+
+    def visit_ClassDef(self, node: ast.ClassDef) -> ast.AST:
+        """A class."""
+        node.body = _undocumented(node)
+        return self.generic_visit(node)
+
+    def visit_FunctionDef(self, node: ast.FunctionDef) -> ast.AST:
+        """A method."""
+        node.body, node.returns = _undocumented(node), None
+        return self.generic_visit(node)
+
+    def visit_arg(self, node: ast.arg) -> ast.arg:
+        """An argument."""
+        return ast.arg(node.arg)
+
+    def visit_AnnAssign(self, node: ast.AnnAssign) -> ast.Assign | None:
+        """An assignment."""
+        return ast.Assign([node.target], self.visit(node.value), lineno=0) if node.value else None
+
+
+def class_text(kind: type) -> str:
+    """Text of a class that the code of intrinsics uses, as it stands."""
+    return ast.unparse(_Plain().visit(ast.parse(inspect.getsource(kind)))) + "\n"
+
+
+def _undocumented(node: ast.FunctionDef | ast.ClassDef) -> list[ast.stmt]:
+    return node.body[1:] if ast.get_docstring(node, clean=False) is not None else node.body
 
 
 def _local_names(code: CodeType) -> set[str]:

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import wraps
+from inspect import unwrap
 from typing import Any
 
 import numpy as np
@@ -30,8 +31,13 @@ _Operation = tuple[str, tuple[str, ...]]
 class Trace:
     """A growing list of operations, each on inputs, literals and earlier operations."""
 
-    def __init__(self) -> None:
-        """Start empty."""
+    def __init__(self, inlining: bool = False) -> None:
+        """Start empty.
+
+        Args:
+            inlining: formulas that are recorded once elsewhere (`recorded_once`) become part of this record.
+        """
+        self.inlining = inlining
         self._operations: list[_Operation] = []
         self._known: dict[_Operation, Expression] = {}
         self._arguments: set[str] = set()  # of calls
@@ -87,6 +93,12 @@ class Trace:
                 lines.append(f"{name} = {code}")
         return lines
 
+    def needed(self, results: Sequence[Any]) -> list[tuple[str, str, tuple[str, ...]]]:
+        """The operations that the results need, with sums fused: name, template, operands."""
+        operations = self._fused(results, self._arguments | {result.name for result in results})
+        uses = _uses(operations, results)
+        return [(f"x{n}", *operation) for n, operation in enumerate(operations) if f"x{n}" in uses]
+
     def _fused(self, results: Sequence[Any], named: set[str]) -> list[_Operation]:
         """Merge each sum with a product that nothing else uses."""
         uses = _uses(self._operations, results)
@@ -119,19 +131,54 @@ def _uses(operations: Sequence[_Operation], results: Sequence[Any]) -> dict[str,
     return uses
 
 
-class Expression:
+class Symbol:
+    """A number of another kind than floats and arrays; the functions of this module ask it what they give.
+
+    Attributes:
+        rank: of symbols of two kinds in one call, that of the higher rank is asked.
+    """
+
+    __slots__ = ()
+    __array_ufunc__ = None  # numpy numbers defer to the reflected operators
+    rank = 0
+
+    def apply(self, function: Callable[..., Any], arguments: Sequence[Any]) -> Any:
+        """What a function of this module, or one recorded once, gives for arguments of which this is one."""
+        raise NotImplementedError
+
+
+def _asked(arguments: Sequence[Any]) -> Symbol | None:
+    """The symbol of the highest rank among the arguments, if there is one."""
+    symbols = [argument for argument in arguments if isinstance(argument, Symbol)]
+    return max(symbols, key=lambda symbol: symbol.rank) if symbols else None
+
+
+class Expression(Symbol):
     """A number that is not known yet; arithmetic on it is recorded."""
 
     __slots__ = ("name", "trace")
-    __array_ufunc__ = None  # numpy numbers defer to the reflected operators below
 
     def __init__(self, trace: Trace, name: str) -> None:
         """Made by `Trace` only."""
         self.trace = trace
         self.name = name
 
-    def _record(self, template: str, *operands: Any) -> Expression:
+    def _record(self, template: str, *operands: Any) -> Any:
+        """The operation; an operand of a higher rank is left to carry it out."""
+        if any(isinstance(operand, Symbol) and operand.rank > self.rank for operand in operands):
+            return NotImplemented
         return self.trace.assign(template, *(_code(operand) for operand in operands))
+
+    def apply(self, function: Callable[..., Any], arguments: Sequence[Any]) -> Any:
+        """The record of a primitive, or of a call."""
+        template = _PRIMITIVES.get(function)
+        if template is not None:
+            return self._record(template, *arguments)
+        name, count = _CALLED[function]
+        if self.trace.inlining and name == recorded_name(function):
+            return unwrap(function)(*arguments)
+        results = self.trace.call(name, arguments, count)
+        return tuple(results) if count > 1 else results[0]
 
     def __add__(self, other: Any) -> Any:
         """Sum; adding a literal zero records nothing."""
@@ -174,6 +221,10 @@ class Expression:
         return self._record("-{0}", self)
 
 
+_PRIMITIVES: dict[Callable[..., Any], str] = {}  # how they are written
+_CALLED: dict[Callable[..., Any], tuple[str, int]] = {}  # their names in kernels, and how many results they have
+
+
 def recorded_once(count: int) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     """Decorate a formula of several numbers that a module's kernels share: a record calls it.
 
@@ -182,20 +233,17 @@ def recorded_once(count: int) -> Callable[[Callable[..., Any]], Callable[..., An
     Args:
         count: number of the formula's results.
     """
+    return lambda formula: _called(recorded_name(formula), count)(formula)
+
+
+def _called(name: str, count: int) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Decorate a function of numbers and arrays that a record calls by a name."""
 
     def decorated(formula: Callable[..., Any]) -> Callable[..., Any]:
-        """Compute for numbers and arrays; record a call for expressions."""
-
-        @wraps(formula)
-        def called(*arguments: Any) -> Any:
-            """Compute, or record."""
-            for argument in arguments:
-                if isinstance(argument, Expression):
-                    results = argument.trace.call(recorded_name(formula), arguments, count)
-                    return tuple(results) if count > 1 else results[0]
-            return formula(*arguments)
-
-        return called
+        """Make the function for symbols too."""
+        function = _asking(formula)
+        _CALLED[function] = name, count
+        return function
 
     return decorated
 
@@ -203,6 +251,30 @@ def recorded_once(count: int) -> Callable[[Callable[..., Any]], Callable[..., An
 def recorded_name(formula: Callable[..., Any]) -> str:
     """Return what a shared formula is called in a module's kernels, sums fused with products."""
     return f"{formula.__name__}_fused"
+
+
+def _primitive(template: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Decorate a function of numbers and arrays that a record writes as `template`."""
+
+    def decorated(formula: Callable[..., Any]) -> Callable[..., Any]:
+        """Make the function for symbols too."""
+        function = _asking(formula)
+        _PRIMITIVES[function] = template
+        return function
+
+    return decorated
+
+
+def _asking(formula: Callable[..., Any]) -> Callable[..., Any]:
+    """The formula, which leaves symbols to `Symbol.apply`."""
+
+    @wraps(formula)
+    def function(*arguments: Any) -> Any:
+        """Compute, or ask the symbol."""
+        symbol = _asked(arguments)
+        return formula(*arguments) if symbol is None else symbol.apply(function, arguments)
+
+    return function
 
 
 def _code(operand: Any) -> str:
@@ -213,19 +285,18 @@ def _is(operand: Any, value: float) -> bool:
     return isinstance(operand, int | float) and float(operand) == value
 
 
+@_primitive("floor({0})")
 def floor(x: Any) -> Any:
     """Return the largest integer not above x, as a float."""
-    return x._record("floor({0})", x) if isinstance(x, Expression) else np.floor(x)
+    return np.floor(x)
 
 
+@_called("quarter_turns", 2)
 def quarter_turns(k: Any, sine: Any, cosine: Any) -> tuple[Any, Any]:
     """Return the sine and cosine of an angle k quarter turns on; k is a whole number, as a float.
 
     Kernels have an intrinsic for it (`intrinsics.quarter_turns`), which spares the processor's multipliers.
     """
-    if isinstance(k, Expression):
-        turned = k.trace.call("quarter_turns", (k, sine, cosine), 2)
-        return turned[0], turned[1]
     quarter = k - 4.0 * np.floor(k * 0.25)  # 0, 1, 2, 3
     half = np.floor(quarter * 0.5)  # 1 in the lower half plane
     swap = quarter - 2.0 * half  # 1 where sine and cosine change roles
@@ -234,32 +305,31 @@ def quarter_turns(k: Any, sine: Any, cosine: Any) -> tuple[Any, Any]:
     return sign * np.where(odd, cosine, sine)[()], sign * (1.0 - 2.0 * swap) * np.where(odd, sine, cosine)[()]
 
 
+@_primitive("sqrt({0})")
 def root(x: Any) -> Any:
     """Return the square root."""
-    return x._record("sqrt({0})", x) if isinstance(x, Expression) else np.sqrt(x)
+    return np.sqrt(x)
 
 
+@_primitive("abs({0})")
 def magnitude(x: Any) -> Any:
     """Return the absolute value."""
-    return x._record("abs({0})", x) if isinstance(x, Expression) else np.abs(x)
+    return np.abs(x)
 
 
+@_primitive("({2} if {0} < {1} else {3})")
 def where_less(x: Any, bound: Any, then: Any, otherwise: Any) -> Any:
     """Return `then` where x < bound, else `otherwise`; NaN is not less."""
-    if isinstance(x, Expression):
-        return x._record("({2} if {0} < {1} else {3})", x, bound, then, otherwise)
     return np.where(np.asarray(x) < bound, then, otherwise)[()]
 
 
+@_primitive("({1} if {0} < {1} else ({2} if {0} > {2} else {0}))")
 def clip(x: Any, low: Any, high: Any) -> Any:
     """Return x limited to [low, high]; NaN stays NaN."""
-    if isinstance(x, Expression):
-        return x._record("({1} if {0} < {1} else ({2} if {0} > {2} else {0}))", x, low, high)
     return np.clip(x, low, high)
 
 
+@_primitive("({1} if {0} < {1} else {0})")
 def at_least(x: Any, low: float) -> Any:
-    """Return the larger of x and low; NaN stays NaN."""
-    if isinstance(x, Expression):
-        return x._record("({1} if {0} < {1} else {0})", x, low)
+    """The larger of x and low; NaN stays NaN."""
     return np.maximum(x, low)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -18,9 +17,7 @@ from flexarm_env.episode.reward import TERMS
 from flexarm_env.kernels.entries import DRAWN, MEMORY, LaneSetting, Setting, Shape, word
 from flexarm_env.kernels.layout import Row, place_rows
 from flexarm_env.parameters import DIRECTIONS
-from flexarm_env.physics.constants import arm_constants
 from flexarm_env.physics.paths import same_length
-from flexarm_env.simulation.arm import FlexibleArm
 from flexarm_env.simulation.limits import state_limits
 
 Array = NDArray[np.float64]
@@ -185,8 +182,8 @@ def lane_numbers(settings: Settings, program: Program) -> Array:
         "SENSOR_DELAYS": s.sensor_delays,
         **_drawn(s),
         "ARM": arm.constants.flat(),
-        "PER_PAYLOAD": _per_payload(arm),
-        "PER_DAMPING": _per_damping(arm),
+        "PER_PAYLOAD": arm.changes.payload_mass,
+        "PER_DAMPING": arm.changes.damping,
     }
     return _in_order(LaneSetting.layout(_shape(s, program)), values)
 
@@ -218,20 +215,6 @@ def _observed_rows(settings: Settings, program: Program, observed: ObservationLa
     if "previews" in settings.observation:
         return observed.rows
     return np.where(observed.rows >= tail, observed.rows - 2 * len(settings.previews), observed.rows)
-
-
-def _per_payload(arm: FlexibleArm) -> Array:
-    """Change of the arm's constants with the payload, in which they are linear [1/kg]."""
-    p, modes = arm.parameters, arm.modes
-    heavy, light = (arm_constants(replace(p, payload_mass=mass), modes) for mass in (1.0, 0.0))
-    return np.array(heavy.flat()) - np.array(light.flat())
-
-
-def _per_damping(arm: FlexibleArm) -> Array:
-    """Change of the arm's constants with the modal damping ratio."""
-    p, modes = arm.parameters, arm.modes
-    damped, free = (arm_constants(replace(p, modal_damping_ratio=ratio), modes) for ratio in (1.0, 0.0))
-    return np.array(damped.flat()) - np.array(free.flat())
 
 
 def fixed_rows(settings: Settings) -> dict[str, Any]:

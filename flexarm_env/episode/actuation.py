@@ -239,7 +239,9 @@ def drive_tracking(arena: Arena, history: History, clock: Clock, paths: Paths, h
         if header[word.SHIFTING] == 0 and (step == 0 or not held):
             write_commands(arena, header, settings, step, held)
         begin, middle, end = step * h / period, (step + 0.5) * h / period, (step + 1.0) * h / period
-        step_kernel(arena, h, (spline_factors(begin, period), spline_factors(middle, period), spline_factors(end, period)))
+        step_kernel(
+            arena, h, (spline_factors(begin, period), spline_factors(middle, period), spline_factors(end, period))
+        )
         for r in range(2 if step == 0 else 0):
             for i in range(variant.lanes):
                 arena[row.TORQUE + r, i] = arena[row.STAGE_TORQUE + r, i]

@@ -7,7 +7,8 @@ which rows its arenas have:
 - "tracking": the joint-space law tracks the reference (`tracking`),
 - "loop": the paper's closed loop (`simulation`),
 - "environment": an environment (`periods`),
-- "second sensor": the environment has one (`Shape.groups`).
+- "second sensor": the environment has one (`Shape.groups`),
+- "tangents": Jacobians are carried along (`step_jacobians`).
 """
 
 from __future__ import annotations
@@ -18,16 +19,23 @@ from flexarm_env.codegen.declarations import Entry, Names
 from flexarm_env.control.jacobian_transpose import Law
 from flexarm_env.kernels.entries import CONSTANTS_UNIT, QUANTITIES, SECOND_SENSOR, STATE_UNIT, Shape
 from flexarm_env.kernels.path_cache import SEGMENT_ROWS
-from flexarm_env.kernels.tableau import STAGES
+from flexarm_env.kernels.tableau import RK4_NODES, STAGES
 from flexarm_env.physics import linear_algebra
 from flexarm_env.physics.bent_link import PointShape
-from flexarm_env.physics.constants import Constants
+from flexarm_env.physics.constants import ARM_QUANTITIES, Constants
 from flexarm_env.physics.modal_elimination import Elimination, elimination
 
 
 def elimination_count(modes: int, foreshortened: bool) -> int:
     """Return how many numbers its elimination is; none where it does not apply."""
     return 0 if foreshortened else linear_algebra.extent(Elimination.sizes(modes))
+
+
+def slope_ways(modes: int) -> list[tuple[str, int]]:
+    """Inputs that the slopes of `step_jacobians` are derivatives by, in their order: kind and place of each."""
+    size = 2 * modes + 2
+    counts = {"y": range(1, size), "v": range(size), "tau": range(2), "quantity": range(len(ARM_QUANTITIES))}
+    return [(name, n) for name, places in counts.items() for n in places]
 
 
 def _size(shape: Shape) -> int:
@@ -50,6 +58,18 @@ def _modes(shape: Shape) -> int:
     return shape.modes
 
 
+def _changes(shape: Shape) -> int:
+    return len(ARM_QUANTITIES) * shape.constants
+
+
+def _slopes(shape: Shape) -> int:
+    return len(RK4_NODES) * len(slope_ways(shape.modes)) * shape.size
+
+
+def _columns(shape: Shape) -> int:
+    return len(slope_ways(shape.modes)) * 2 * shape.size
+
+
 def _law(field: str) -> Callable[[Shape], int]:
     return lambda shape: Law.sizes(shape.modes, shape.foreshortened)[field]
 
@@ -60,6 +80,7 @@ _LOOP = ("loop",)
 _TRACKING = ("tracking",)
 _ENVIRONMENT = ("environment",)
 _SECOND = tuple(SECOND_SENSOR)
+_TANGENTS = ("tangents",)
 
 
 class Row(Names):
@@ -90,14 +111,19 @@ class Row(Names):
         "segment of the path for the commands (`path_cache.Segment`)", "s, m, m/s", SEGMENT_ROWS, _LAW
     )
     RATE_LATE = Entry("whether the rates are as late as the readings", "1", 1, _LAW)
-    Y_STAGE = Entry("coordinates of the stage", "rad, m", _size, _LAW)
-    V_STAGE = Entry("rates of the stage", "rad/s, m/s", _size, _LAW)
+    Y_STAGE = Entry("coordinates of the stage", "rad, m", _size, ("law", "tangents"))
+    V_STAGE = Entry("rates of the stage", "rad/s, m/s", _size, ("law", "tangents"))
     MECHANICAL = Entry("acceleration of the stage without the law", "rad/s^2, m/s^2", _size, _LAW)
     FEEDBACK = Entry("acceleration of the stage by the law", "rad/s^2, m/s^2", _size, _LAW)
     TAU = Entry("torques of shoulder and elbow at the present step", "N m", 2)
     V_SLOTS = Entry("V_STAGE of the earlier stages", "rad/s, m/s", _slots, _LAW)
     MECHANICAL_SLOTS = Entry("MECHANICAL of the earlier stages", "rad/s^2, m/s^2", _slots, _LAW)
     FEEDBACK_SLOTS = Entry("FEEDBACK of the earlier stages", "rad/s^2, m/s^2", _slots, _LAW)
+
+    CHANGES = Entry("derivatives of CONSTANTS by each quantity", CONSTANTS_UNIT + ", per unit", _changes, _TANGENTS)
+    RATE_STAGE = Entry("acceleration of the stage", "rad/s^2, m/s^2", _size, _TANGENTS)
+    SLOPES = Entry("its derivatives by each input (`slope_ways`), of all stages", "per unit", _slopes, _TANGENTS)
+    COLUMNS = Entry("derivatives of Y and V by each input at the start", "per unit", _columns, _TANGENTS)
 
     STIFFNESS = Entry("of the joint-space law", "N m/rad", 2, _TRACKING)
     RESISTANCE = Entry("damping of the joint-space law", "N m s/rad", 2, _TRACKING)

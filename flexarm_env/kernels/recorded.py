@@ -7,13 +7,14 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, ParamSpec, TypeVar
 
 from flexarm_env.codegen.arrays import Arena, Four, LaneRows
 from flexarm_env.codegen.declarations import Recorded, always_inlined, recorded
 from flexarm_env.codegen.elementary import arctan2, exp_minus, sincos
 from flexarm_env.codegen.intrinsics import aligned_stack, fused, quarter_turns
 from flexarm_env.codegen.tracing import Expression, Trace, clip, recorded_name
+from flexarm_env.codegen.vectors import VectorWriter, kernel_text
 from flexarm_env.control import jacobian_transpose, joint_tracking
 from flexarm_env.kernels.layout import elimination_count
 from flexarm_env.kernels.tableau import GAMMA, RK4_NODES, RK4_WEIGHTS, STAGES
@@ -21,17 +22,20 @@ from flexarm_env.kernels.variants import Variant
 from flexarm_env.physics import dynamics as dyn
 from flexarm_env.physics import sensing
 from flexarm_env.physics.bent_link import PointShape
-from flexarm_env.physics.constants import Constants
+from flexarm_env.physics.constants import ARM_QUANTITIES, Constants
 from flexarm_env.physics.modal_elimination import Elimination, elimination
+
+P = ParamSpec("P")
+R = TypeVar("R")
 
 
 class Recorder:
     """Records one kernel over the lanes of an arena."""
 
-    def __init__(self, variant: Variant) -> None:
-        """Begin one for a variant."""
+    def __init__(self, variant: Variant, inlining: bool = False) -> None:
+        """Begin one for a variant; `inlining` as in `Trace`."""
         self.variant = variant
-        self.trace = Trace()
+        self.trace = Trace(inlining)
         self.stores: list[tuple[str, Any]] = []
         self.shared: list[str] = []
 
@@ -49,6 +53,11 @@ class Recorder:
         """
         self.shared += [f"{array}_{n} = {array}[{n}]" for n in range(count)]
         return self.trace.inputs([f"{array}_{n}" for n in range(count)])
+
+    def rows_of(self, array: str, count: int, first: int = 0) -> list[Any]:
+        """Rows of another array than the arena, from the first on."""
+        rows = range(first, first + count)
+        return self.trace.inputs([f"{array}[i + {row * self.variant.lanes}]" for row in rows])
 
     def one(self, name: str) -> Any:
         """Read the number of a part of one row."""
@@ -68,6 +77,13 @@ class Recorder:
     def constants(self) -> Constants:
         """Read the constants of the arm."""
         return Constants.unflat(self.read("CONSTANTS"), self.variant.modes, self.variant.foreshortened)
+
+    def constant_derivatives(self) -> list[Constants]:
+        """Of the constants, by each quantity."""
+        changes = self.read("CHANGES")
+        each = len(changes) // len(ARM_QUANTITIES)
+        parts = [changes[n : n + each] for n in range(0, len(changes), each)]
+        return [Constants.unflat(part, self.variant.modes, self.variant.foreshortened) for part in parts]
 
     def elimination(self) -> Elimination | None:
         """Read the elimination that follows from the constants."""
@@ -112,6 +128,10 @@ class Recorder:
         head = "".join(f"    {line}\n" for line in before)
         return f"def {word}:\n{head}    for i in range({self.variant.lanes}):\n{lines}"
 
+    def vectors(self, name: str, arguments: Sequence[str]) -> str:
+        """Text of the kernel as an intrinsic in vectors of lanes, for a record without calls (`vectors`)."""
+        return kernel_text(self.trace, self.stores, name, arguments, self.variant.lanes)
+
 
 def _elimination(variant: Variant, numbers: Sequence[Any]) -> Elimination | None:
     return None if variant.foreshortened else Elimination.unflat(numbers, variant.modes)
@@ -135,6 +155,22 @@ def _elementary(formula: Callable[..., Any]) -> Recorded[..., Any]:
 INTRINSICS = (fused, quarter_turns, aligned_stack)
 ELEMENTARY = tuple(_elementary(inspect.unwrap(function)) for function in (sincos, exp_minus, arctan2))
 SHARED = (*INTRINSICS, *ELEMENTARY)  # what recorded kernels may call
+
+
+def recorded_in_vectors(record: Callable[[Variant], Recorder]) -> Callable[[Callable[P, R]], Recorded[P, R]]:
+    """Declare a kernel by its signature and its record without calls; it is compiled in vectors of lanes."""
+
+    def declare(signature: Callable[P, R]) -> Recorded[P, R]:
+        """The kernel."""
+        name, arguments = signature.__name__, list(inspect.signature(signature).parameters)
+        word = f"{name}({', '.join(arguments)})"
+        return recorded(
+            lambda variant: record(variant).source(word),
+            (*INTRINSICS, VectorWriter),
+            lambda variant: record(variant).vectors(name, arguments),
+        )(signature)
+
+    return declare
 
 
 def slope_source(variant: Variant) -> str:
@@ -209,7 +245,7 @@ def step_kernel(arena: Arena, h: float, bases: tuple[Sequence[float], ...] = ())
     Args:
         arena: arena of one block.
         h: step [s].
-        bases: see `actuation.hermite`, at the step's start, middle and end; under the joint-space law only.
+        bases: see `actuation.spline_factors`, at the step's start, middle and end; under the joint-space law only.
     """
 
 

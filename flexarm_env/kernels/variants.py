@@ -7,7 +7,7 @@ from typing import cast
 
 from flexarm_env.codegen.declarations import PresentVariant, Program
 from flexarm_env.kernels.entries import READING_ROWS, Shape
-from flexarm_env.kernels.layout import Row
+from flexarm_env.kernels.layout import Row, slope_ways
 from flexarm_env.parameters import SENSOR_MODELS, SensorModel
 
 
@@ -71,6 +71,11 @@ class Variant:
     def slot_rows(self) -> int:
         """Rows of a slot of the delay line: what is kept of each sensor (`entries.ReadingRow`)."""
         return READING_ROWS * (2 if self.second_sensor else 1)
+
+    @property
+    def ways(self) -> int:
+        """How many inputs Jacobians are derivatives by."""
+        return len(slope_ways(self.modes))
 
     @property
     def batch(self) -> bool:

@@ -2,16 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from flexarm_env.codegen.tangents import Dual
 from flexarm_env.parameters import ArmParameters
 from flexarm_env.physics import linear_algebra
 from flexarm_env.physics.bent_link import Link, PointShape
 from flexarm_env.physics.linear_algebra import Vector
 from flexarm_env.physics.link_modes import LinkModes, foreshortening_moments, link_modes
+
+# What may differ between arms of one kind, with its unit: mass at the tip, factor on the links' stiffness, and modal
+# damping ratio at that stiffness.
+ARM_QUANTITIES = {"payload_mass": "kg", "stiffness": "1", "damping": "1"}
+_ELASTIC = ("stiffness_1", "stiffness_2")
+_DAMPED = ("damping_1", "damping_2")
+_WITHOUT_PAYLOAD = (
+    *("elbow_distance", "friction_1", "friction_2", "elbow_values", "elbow_slopes", "elbow_foreshortening"),
+    *(*_ELASTIC, *_DAMPED),
+)
 
 
 class Constants(NamedTuple):
@@ -138,6 +150,99 @@ def arm_constants(parameters: ArmParameters, modes: tuple[LinkModes, LinkModes])
         translation_2=_lower(translation_2),
         **(_foreshortening(modes, (at_elbow, p.payload_mass)) if p.kinematics == "foreshortened" else {}),
     )
+
+
+class ConstantChanges(NamedTuple):
+    """How an arm's constants change with `ARM_QUANTITIES`; flat as `Constants.flat`.
+
+    They are linear in the payload, and modal damping is in its ratio: 2 zeta omega m, with omega growing with the root
+    of the stiffness.
+
+    Attributes:
+        base: constants of the arm itself.
+        own: its payload [kg], 1, its damping ratio.
+        payload_mass: change per payload [1/kg].
+        damping: change per damping ratio.
+        elastic: 1 for the links' stiffness, else 0.
+    """
+
+    base: np.ndarray
+    own: np.ndarray
+    payload_mass: np.ndarray
+    damping: np.ndarray
+    elastic: np.ndarray
+
+    def constants(self, quantities: np.ndarray) -> np.ndarray:
+        """Constants of arms with these quantities.
+
+        Args:
+            quantities: in the order of `ARM_QUANTITIES`. Shape (n, 3).
+
+        Returns:
+            Shape (n, numbers).
+        """
+        payload, factor, ratio = np.moveaxis(quantities, -1, 0)[..., None]
+        damping = ratio * np.sqrt(factor) - self.own[2]
+        moved = self.base + (payload - self.own[0]) * self.payload_mass + damping * self.damping
+        return np.where(self.elastic, moved * factor, moved)
+
+    def derivatives(self, quantities: np.ndarray) -> np.ndarray:
+        """Derivatives of `constants` by each quantity. Shape (n, 3, numbers)."""
+        _, factor, ratio = np.moveaxis(quantities, -1, 0)[..., None]
+        by_payload = np.broadcast_to(self.payload_mass, (len(quantities), len(self.base)))
+        by_damping = np.sqrt(factor) * self.damping
+        by_stiffness = self.elastic * self.base + 0.5 * ratio / np.sqrt(factor) * self.damping
+        return np.stack([by_payload, by_stiffness, by_damping], axis=1)
+
+
+def constant_changes(parameters: ArmParameters, modes: tuple[LinkModes, LinkModes]) -> ConstantChanges:
+    """How the constants of an arm change with what may differ between arms of its kind."""
+
+    def flat(**changes: Any) -> np.ndarray:
+        return np.array(arm_constants(replace(parameters, **changes), modes).flat())
+
+    foreshortened = parameters.kinematics == "foreshortened"
+    sizes = dict(zip(Constants._fields, Constants.sizes(parameters.modes_per_link, foreshortened), strict=True))
+    return ConstantChanges(
+        base=flat(),
+        own=np.array([parameters.payload_mass, 1.0, parameters.modal_damping_ratio]),
+        payload_mass=flat(payload_mass=1.0) - flat(payload_mass=0.0),
+        damping=flat(modal_damping_ratio=1.0) - flat(modal_damping_ratio=0.0),
+        elastic=np.concatenate([np.full(1 if n is None else n, float(name in _ELASTIC)) for name, n in sizes.items()]),
+    )
+
+
+def varied_constants(k: Constants, derivatives: Sequence[Constants], directions: Sequence[Any]) -> Constants:
+    """Constants that vary with each quantity, as dual numbers.
+
+    Args:
+        k: constants.
+        derivatives: of them by each of `ARM_QUANTITIES`.
+        directions: under which the tangents are kept.
+    """
+    fields: dict[str, Any] = {}
+    for name, own in k._asdict().items():
+        parts = {
+            way: getattr(change, name)
+            for way, change, quantity in zip(directions, derivatives, ARM_QUANTITIES, strict=True)
+            if _varies(name, quantity)
+        }
+        if isinstance(own, tuple):
+            fields[name] = tuple(_dual(x, {way: part[n] for way, part in parts.items()}) for n, x in enumerate(own))
+        else:
+            fields[name] = _dual(own, parts)
+    return Constants(**fields)
+
+
+def _dual(number: Any, tangents: Mapping[Any, Any]) -> Any:
+    return Dual(number, tangents) if tangents else number
+
+
+def _varies(field: str, quantity: str) -> bool:
+    """Whether a field of `Constants` depends on a quantity."""
+    if quantity == "payload_mass":
+        return field not in _WITHOUT_PAYLOAD
+    return field in _DAMPED or (quantity == "stiffness" and field in _ELASTIC)
 
 
 def link_place(modes: LinkModes, foreshortened: bool, s: float) -> PointShape:

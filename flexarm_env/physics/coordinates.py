@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexarm_env.physics.constants import Constants
-from flexarm_env.physics.dynamics import internal_coordinates, joint_angles
+from flexarm_env.physics.dynamics import internal_coordinates, joint_angles, public_coordinates
 from flexarm_env.physics.link_modes import LinkModes
 
 Array = NDArray[np.float64]
@@ -39,9 +39,7 @@ def to_internal(k: Constants) -> Array:
 def to_public(k: Constants) -> Array:
     """Return dq/dy, constant. Shape (2 + 2 m, 2 + 2 m)."""
     size = 2 * len(k.elbow_slopes) + 2
-    y = list(np.eye(size))
-    m = len(k.elbow_slopes)
-    return np.array([*joint_angles(k, y), *y[1 : m + 1], *y[m + 2 :]], dtype=np.float64)
+    return np.array(public_coordinates(k, list(np.eye(size))), dtype=np.float64)
 
 
 def internal_state(k: Constants, state: Array) -> Array:

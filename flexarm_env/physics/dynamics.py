@@ -49,6 +49,12 @@ def internal_coordinates(k: Constants, q: Vector) -> list[Any]:
     return [q[0], *q1, q[0] + dot(k.elbow_slopes, q1) + q[1], *q[m + 2 :]]
 
 
+def public_coordinates(k: Constants, y: Vector) -> list[Any]:
+    """Inverse of `internal_coordinates`."""
+    m = len(k.elbow_slopes)
+    return [*joint_angles(k, y), *y[1 : m + 1], *y[m + 2 :]]
+
+
 def elbow_turn(y: Vector) -> Any:
     """Return a2 - a1 [rad], from internal coordinates y: with as many modes on each link, a2 is half way."""
     return y[len(y) // 2] - y[0]
@@ -200,10 +206,38 @@ def acceleration(
         tau: torques of shoulder and elbow [N m].
         angles: C and S of a2 - a1, and the sine of theta2 (used by C_r only).
     """
+    cos, sin, _ = angles
+    right = _right(k, complete, y, v, tau, angles)
+    return solve(k, e, inertia(k, e, y, cos, sin), right)
+
+
+def imbalance(
+    k: Constants, complete: bool, y: Vector, v: Vector, rates: Vector, tau: Vector, angles: tuple[Any, Any, Any]
+) -> list[Any]:
+    """The right-hand side of (6) less M(y) v': zero where v' is the acceleration.
+
+    Its derivatives need no derivative of a factorisation: those of the acceleration follow by one more solution each
+    (implicit functions; `linearisation`).
+
+    Args:
+        k: constants.
+        complete: see `acceleration`.
+        y: internal coordinates.
+        v: internal rates.
+        rates: v'.
+        tau: see `acceleration`.
+        angles: see `acceleration`.
+    """
+    cos, sin, _ = angles
+    right = _right(k, complete, y, v, tau, angles)
+    return [force - dot(row, rates) for row, force in zip(mass_matrix(k, y, cos, sin), right, strict=True)]
+
+
+def _right(k: Constants, complete: bool, y: Vector, v: Vector, tau: Vector, angles: tuple[Any, Any, Any]) -> list[Any]:
+    """Right-hand side of (6); arguments as in `acceleration`."""
     cos, sin, sin_theta2 = angles
     h = velocity_forces(k, y, v, cos, sin) if complete else rigid_velocity_forces(k, v, sin_theta2)
-    right = applied_forces(k, y, v, h, tau)
-    return solve(k, e, inertia(k, e, y, cos, sin), right)
+    return applied_forces(k, y, v, h, tau)
 
 
 def kinetic_energy(matrix: Matrix, v: Vector) -> Any:

@@ -1,20 +1,20 @@
-"""First-order expansion of a state's rate, by complex-step derivatives: exact to rounding error.
-
-Source: Squire & Trapp, *Using complex variables to estimate derivatives of real functions*, SIAM Review 40 (1998).
-"""
+"""First-order expansion of a state's rate: the equations evaluated on dual numbers, exact to rounding error."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from flexarm_env.codegen.elementary import sincos
+from flexarm_env.codegen.tangents import Dual, tangents, value
+from flexarm_env.physics import dynamics as dyn
+from flexarm_env.physics.constants import Constants
+from flexarm_env.physics.coordinates import to_internal, to_public
+from flexarm_env.physics.modal_elimination import Elimination
 
-# The derivative of an analytic f is Im f(x + i STEP) / STEP, and no digits are lost to cancellation.
-STEP = 1e-30
+Array = NDArray[np.float64]
 
 
 class Linearisation(NamedTuple):
@@ -35,23 +35,44 @@ class Linearisation(NamedTuple):
     rate: Array
 
 
-def linearise(rate: Callable[[Any, Any], Any], state: Array, torque: Array) -> Linearisation:
-    """Linearise ``d(state)/dt = rate(state, torque)``.
+def linearise(k: Constants, e: Elimination | None, complete: bool, state: Array, torque: Array) -> Linearisation:
+    """Linearise the torque-driven arm.
 
     Args:
-        rate: an analytic function that takes complex arrays.
-        state: operating point. Shape (n,).
+        k: constants.
+        e: see `dynamics.inertia`.
+        complete: see `dynamics.acceleration`.
+        state: public operating point. Shape (2 n,).
         torque: [N m]. Shape (2,).
 
     Returns:
         A, B and the rate at the point.
     """
-    n = len(state)
-    inputs = np.concatenate([state, torque])
-    columns = []
-    for i in range(len(inputs)):
-        moved = inputs.astype(complex)
-        moved[i] += 1j * STEP
-        columns.append(rate(moved[:n], moved[n:]).imag / STEP)
-    jacobian = np.stack(columns, axis=1)
-    return Linearisation(jacobian[:, :n], jacobian[:, n:], rate(state, torque))
+    n, inward, centrifugal_forces = len(state) // 2, to_internal(k), to_public(k)
+    ways = np.zeros((2 * n + 2, 2 * n + 2))  # each internal coordinate, rate and torque by each public one
+    ways[:n, :n] = ways[n : 2 * n, n : 2 * n] = inward
+    ways[2 * n :, 2 * n :] = np.eye(2)
+    point = [
+        Dual(x, {None: way}) for x, way in zip((*inward @ state[:n], *inward @ state[n:], *torque), ways, strict=True)
+    ]
+    rates, slopes = _acceleration(k, e, complete, point[:n], point[n : 2 * n], point[2 * n :])
+    jacobian = np.zeros((2 * n, 2 * n + 2))
+    jacobian[:n, n : 2 * n] = np.eye(n)
+    jacobian[n:] = centrifugal_forces @ slopes
+    return Linearisation(
+        jacobian[:, : 2 * n], jacobian[:, 2 * n :], np.concatenate([state[n:], centrifugal_forces @ rates])
+    )
+
+
+def _acceleration(
+    k: Constants, e: Elimination | None, complete: bool, y: list[Dual], v: list[Dual], tau: list[Dual]
+) -> tuple[Array, Array]:
+    """v', and its tangents by the rule of implicit functions: M dv' = d(imbalance). Shapes (n,), (n, directions)."""
+    sin, cos = sincos(dyn.elbow_turn(y))
+    angles = (cos, sin, sincos(dyn.joint_angles(k, y)[1])[0])
+    at_y, at_v, at_tau = ([value(x) for x in part] for part in (y, v, tau))
+    at = value(cos), value(sin), value(angles[2])
+    rates = dyn.acceleration(k, e, complete, at_y, at_v, at_tau, at)
+    off = dyn.imbalance(k, complete, y, v, rates, tau, angles)
+    inertia = dyn.inertia(k, e, at_y, *at[:2])
+    return np.array(rates), np.array(dyn.solve(k, e, inertia, [tangents(force)[None] for force in off]))

@@ -9,7 +9,7 @@ from flexarm_env.codegen.elementary import sincos
 from flexarm_env.parameters import SENSOR_MODELS, SensorModel
 from flexarm_env.physics.bent_link import DeformedPoint, PointShape, bent
 from flexarm_env.physics.constants import Constants
-from flexarm_env.physics.dynamics import joint_angles
+from flexarm_env.physics.dynamics import joint_angles, public_coordinates
 from flexarm_env.physics.linear_algebra import dot
 
 Pair = Sequence[Any]
@@ -120,7 +120,7 @@ def truth(k: Constants, tip: PointShape, y: Sequence[Any], v: Sequence[Any]) -> 
     m = len(k.elbow_values)
     theta1, theta2 = joint_angles(k, y)
     one, two = sincos(y[0]), sincos(y[m + 1])
-    state = [theta1, theta2, *y[1 : m + 1], *y[m + 2 :], *joint_angles(k, v), *v[1 : m + 1], *v[m + 2 :]]
+    state = [*public_coordinates(k, y), *public_coordinates(k, v)]
     rigid_tip = rigid_point(k.elbow_distance, tip.distance, one, sincos(theta1 + theta2))
     bends = [[dot(k.elbow_values, x[1 : m + 1]), dot(tip.values, x[m + 2 :])] for x in (y, v)]
     return Truth(state, true_point(k, tip, y, one, two), rigid_tip, *bends)

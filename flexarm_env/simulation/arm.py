@@ -22,7 +22,9 @@ from flexarm_env.physics.coordinates import stack, stack_matrix
 from flexarm_env.physics.linearisation import Linearisation, linearise
 from flexarm_env.physics.modal_elimination import elimination
 from flexarm_env.simulation.conditioning import refuse_singular
+from flexarm_env.simulation.held_torque import HeldTorque
 from flexarm_env.simulation.open_loop import LARGEST, OpenLoop, TorqueFunction, count_instants, count_substeps
+from flexarm_env.simulation.outputs import Outputs, output_jacobians
 from flexarm_env.simulation.trajectory import DivergenceError, Trajectory
 from flexarm_env.validation import finite_array, finite_rows, integer, number, real_array, shown
 
@@ -40,7 +42,7 @@ class Energy(NamedTuple):
     strain: Array
 
 
-class FlexibleArm:
+class FlexibleArm(HeldTorque):
     """A planar arm of two flexible links: its equations, kinematics, and torque-driven simulation.
 
     Attributes:
@@ -50,7 +52,7 @@ class FlexibleArm:
     """
 
     def __init__(self, parameters: ArmParameters | None = None) -> None:
-        """Compute modes and constants; nothing is compiled before `simulate`.
+        """Compute modes and constants; nothing is compiled before it is simulated.
 
         Args:
             parameters: default `ArmParameters()`.
@@ -173,7 +175,7 @@ class FlexibleArm:
     # --- linearisation ---------------------------------------------------------------------------------------------
 
     def linearise(self, state: ArrayLike, torque: ArrayLike = (0.0, 0.0)) -> Linearisation:
-        """Linearise about any state and torque, exact to rounding error (complex-step derivatives).
+        """Linearise about any state and torque, exact to rounding error.
 
         Args:
             state: operating point. Shape (4 + 4 m,).
@@ -184,7 +186,18 @@ class FlexibleArm:
         """
         point = finite_array("state", state, (2 * self.size,), LARGEST)
         tau0 = finite_array("torque", torque, (2,), LARGEST)
-        return linearise(self._state_rate, point, tau0)
+        return linearise(self.constants, self._elimination, self._complete, point, tau0)
+
+    def output_jacobians(self, state: ArrayLike, sensor_position: float | None = None) -> tuple[Outputs, Outputs]:
+        """Joint angles, sensor, tips and deflections, and their derivatives by the state along a new last axis.
+
+        Args:
+            state: Shape (..., 4 + 4 m).
+            sensor_position: distance of the sensor from the elbow along link 2 [m]; None: at the tip.
+        """
+        tip = self.place(2, self.parameters.link_lengths[1])
+        sensor = tip if sensor_position is None else self.place(2, sensor_position)
+        return output_jacobians(self.constants, tip, sensor, finite_rows("state", state, 2 * self.size, LARGEST))
 
     def fastest_rate(self) -> float:
         """Return the largest eigenvalue magnitude of the free arm at rest over the elbow's angles [rad/s]."""
@@ -316,10 +329,6 @@ class FlexibleArm:
         angles = (cos, sin, sin_theta2)
         internal = stack(dyn.acceleration(self.constants, self._elimination, self._complete, y, v, tau, angles))
         return internal @ self._to_public.T
-
-    def _state_rate(self, state: Array, tau: Array) -> Array:
-        q, rates = state[: self.size], state[self.size :]
-        return np.concatenate([rates, self._public_acceleration(q, rates, list(tau))])
 
     def _point(self, q: Array, link: int, s: ArrayLike) -> tuple[Array, Array]:
         """Return the position of a material point and its Jacobian with respect to q."""

@@ -117,13 +117,14 @@ class OpenLoop:
         return slice(first, first + count)
 
 
-def count_instants(duration: float, step: float, substeps: int) -> int:
+def count_instants(duration: float, step: float, substeps: int, name: str = "duration") -> int:
     """Count the steps of a run.
 
     Args:
         duration: length of the run [s].
         step: between two instants of the trajectory [s].
         substeps: integration steps in each.
+        name: of the duration, for messages.
 
     Raises:
         ValueError: if the duration is not a whole number of steps, or too long.
@@ -131,12 +132,12 @@ def count_instants(duration: float, step: float, substeps: int) -> int:
     wanted = duration / step
     if not (wanted <= MOST_INSTANTS and wanted * substeps <= MOST_STEPS):
         raise ValueError(
-            f"duration = {duration!r}: {wanted:.4g} steps of {step} s in {substeps} substep(s); at most "
+            f"{name} = {duration!r}: {wanted:.4g} steps of {step} s in {substeps} substep(s); at most "
             f"{MOST_INSTANTS} steps and {MOST_STEPS} substeps are allowed"
         )
     steps = round(wanted)
     if steps < 1 or abs(steps * step - duration) > 1e-9 * duration:
-        raise ValueError(f"duration = {duration!r}: must be a whole number of steps of {step} s")
+        raise ValueError(f"{name} = {duration!r}: must be a whole number of steps of {step} s")
     return steps
 
 

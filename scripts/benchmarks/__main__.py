@@ -22,7 +22,7 @@ import tyro
 from tqdm import tqdm
 
 from flexarm_env.parameters import MAX_MODES
-from scripts.benchmarks import environments, family, lap, peers, physics
+from scripts.benchmarks import derivatives, environments, family, lap, peers, physics
 from scripts.benchmarks.timing import Group, measure
 
 
@@ -81,6 +81,7 @@ def run(options: Options, cache: Path) -> dict[str, Any]:
     makers: list[tuple[str, Callable[[], Group]]] = [
         ("torque-driven arm", lambda: physics.torque_driven(modes, effort)),
         ("closed loop", lambda: physics.closed_loop(effort)),
+        ("Jacobians", lambda: derivatives.jacobians(effort, everything=not options.quick)),
         ("environments", lambda: environments.steps(effort)),
         ("first step", lambda: environments.first_step(1 if options.quick else options.cold, cache)),
         ("lap", lambda: lap.lap(seconds)),

@@ -2,6 +2,7 @@
 
 import re
 from pathlib import Path
+from typing import Any
 
 import pytest
 from sybil import Sybil
@@ -10,9 +11,16 @@ from sybil.parsers.markdown import PythonCodeBlockParser
 ROOT = Path(__file__).resolve().parents[2]
 README = ROOT / "README.md"
 PAGES = [README, *sorted((ROOT / "docs").glob("*.md")), *sorted((ROOT / "docs/environments").glob("*.md"))]
+LONG = {ROOT / "docs/derivatives.md"}  # whose kernels no other test compiles
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def page_case(page: Path) -> Any:
+    """The page as a test's parameter."""
+    marks = [pytest.mark.slow] if page in LONG else []
+    return pytest.param(page, marks=marks, id=str(page.relative_to(ROOT)))
+
+
+@pytest.mark.parametrize("page", [page_case(page) for page in PAGES])
 def test_snippets_run(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)  # snippets may write files
     document = Sybil(parsers=[PythonCodeBlockParser()]).parse(page)

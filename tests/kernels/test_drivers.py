@@ -20,7 +20,7 @@ from flexarm_env.envs.batch import BatchSimulator
 from flexarm_env.envs.settings import Settings
 from flexarm_env.episode import draws, reset, sensor, step, write_observation
 from flexarm_env.episode.step import TORQUE, TRACKING
-from flexarm_env.kernels import delay_line, entries, imex, layout
+from flexarm_env.kernels import delay_line, entries, imex, layout, step_jacobians
 from flexarm_env.kernels.entries import drawn, setting, word
 from flexarm_env.kernels.imex import LOOP
 from flexarm_env.kernels.layout import row
@@ -261,11 +261,10 @@ def test_drivers_need_a_variant() -> None:
         driver_of_the_aim(np.zeros((50, 1)))
 
 
-@pytest.mark.parametrize(
-    "module",
-    [delay_line, imex, sensor, draws, reset, write_observation, step],
-    ids=lambda module: module.__name__,
-)
+DRIVERS = [delay_line, imex, step_jacobians, sensor, draws, reset, write_observation, step]
+
+
+@pytest.mark.parametrize("module", DRIVERS, ids=lambda module: module.__name__)
 def test_drivers_have_types(module: Any) -> None:
     """No parameter of a driver is anything."""
     for function in (node for node in ast.parse(inspect.getsource(module)).body if isinstance(node, ast.FunctionDef)):

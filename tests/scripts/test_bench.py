@@ -9,7 +9,7 @@ import pytest
 
 from tests.support.programs import refusal, run_study
 
-GROUPS = {"torque_driven", "closed_loop", "environment", "first_step", "lap", "batch", "learning"}
+GROUPS = {"torque_driven", "closed_loop", "jacobians", "environment", "first_step", "lap", "batch", "learning"}
 GROUPS |= {"chain"} if find_spec("mujoco") else set()
 
 

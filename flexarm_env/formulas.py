@@ -1,0 +1,75 @@
+"""The arm's equations for other engines: plain formulas of whatever numbers they are given.
+
+The functions below only add, multiply and divide; sine and cosine are handed over. So they evaluate on numpy arrays,
+torch tensors, JAX arrays and CasADi symbols alike, and each engine differentiates and compiles them in its own way:
+
+    rate = formulas.state_rate(arm, state, torque, jnp.sin, jnp.cos)
+
+`state` and `torque` are sequences of numbers (or of arrays, for many states at once), and so are results.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from flexarm_env.physics import dynamics as dyn
+from flexarm_env.physics import sensing
+from flexarm_env.physics.modal_elimination import elimination
+from flexarm_env.simulation.arm import FlexibleArm
+
+Function = Callable[[Any], Any]
+
+
+def state_rate(
+    arm: FlexibleArm, state: Sequence[Any], torque: Sequence[Any], sin: Function, cos: Function
+) -> list[Any]:
+    """d(state)/dt of the torque-driven arm.
+
+    Args:
+        arm: the arm.
+        state: 4 + 4 m numbers, see `FlexibleArm`.
+        torque: of shoulder and elbow [N m].
+        sin: sine of the engine.
+        cos: cosine of the engine.
+
+    Returns:
+        4 + 4 m numbers.
+    """
+    k, n = arm.constants, arm.size
+    y, v = (dyn.internal_coordinates(k, [half[i] for i in range(n)]) for half in (state[:n], state[n:]))
+    turn = dyn.elbow_turn(y)
+    angles = (cos(turn), sin(turn), sin(state[1]))
+    complete = arm.parameters.velocity_forces == "complete"
+    rates = dyn.acceleration(k, elimination(k), complete, y, v, [torque[0], torque[1]], angles)
+    return [*(state[n + i] for i in range(n)), *dyn.public_coordinates(k, rates)]
+
+
+def step(
+    arm: FlexibleArm, state: Sequence[Any], torque: Sequence[Any], h: float, sin: Function, cos: Function
+) -> list[Any]:
+    """State after one step of the classical Runge-Kutta method, the torque held; arguments as in `state_rate`.
+
+    Args:
+        arm: the arm.
+        state: 4 + 4 m numbers.
+        torque: [N m].
+        h: step [s].
+        sin: sine of the engine.
+        cos: cosine of the engine.
+    """
+    start = [state[i] for i in range(2 * arm.size)]
+    stage, total = start, [0.0] * len(start)
+    for ahead, weight in ((0.5 * h, 1.0), (0.5 * h, 2.0), (h, 2.0), (0.0, 1.0)):
+        slope = state_rate(arm, stage, torque, sin, cos)
+        total = [a + weight * b for a, b in zip(total, slope, strict=True)]
+        stage = [a + ahead * b for a, b in zip(start, slope, strict=True)]
+    return [a + h / 6.0 * b for a, b in zip(start, total, strict=True)]
+
+
+def tip(arm: FlexibleArm, state: Sequence[Any], sin: Function, cos: Function) -> list[Any]:
+    """Tip of link 2 with deflection, x and y [m]; arguments as in `state_rate`."""
+    k = arm.constants
+    y = dyn.internal_coordinates(k, [state[i] for i in range(arm.size)])
+    one, two = ((sin(angle), cos(angle)) for angle in (y[0], y[len(y) // 2]))
+    return list(sensing.true_point(k, arm.place(2, arm.parameters.link_lengths[1]), y, one, two))

@@ -1,0 +1,346 @@
+"""Jacobians of the torque-driven arm's state after some Runge-Kutta steps: recorded formulas and drivers.
+
+`imex` explains lanes, blocks and arenas.
+
+A step of the discrete method is differentiated, not the continuous motion. At each of its stages the derivatives of the
+acceleration a with respect to positions, rates, torques and quantities solve
+
+    M da = d(imbalance),
+
+with one factorisation of M(y) for all of them (`dynamics.imbalance`); they are the stage's *slopes*. A *column* is the
+derivative of the state, internal coordinates y and rates v, with respect to one input: a public coordinate or rate at
+the start, a held torque, a quantity. Each is carried through the four stages of a step by products with the slopes.
+
+The arm has no preferred direction: its acceleration depends on a1 and a2 through a2 - a1 alone, so there are slopes for
+the positions a2, q1, q2 only, and the column of theta1 is a unit vector.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexarm_env.codegen.arrays import Arena, LaneRows
+from flexarm_env.codegen.declarations import Program
+from flexarm_env.codegen.elementary import sincos
+from flexarm_env.codegen.intrinsics import aligned_stack
+from flexarm_env.codegen.tangents import tangents, varied
+from flexarm_env.kernels.entries import constant
+from flexarm_env.kernels.layout import row, slope_ways
+from flexarm_env.kernels.recorded import Recorder, recorded_in_vectors, step_kernel
+from flexarm_env.kernels.tableau import RK4_NODES, RK4_WEIGHTS
+from flexarm_env.kernels.variants import Variant, variant
+from flexarm_env.physics import dynamics as dyn
+from flexarm_env.physics import linear_algebra
+from flexarm_env.physics.constants import ARM_QUANTITIES, Constants, varied_constants
+
+ArmTable = NDArray[np.float64]  # numbers of each arm, or of all in one row. Shape (arms or 1, n)
+States = NDArray[np.float64]  # public. Shape (arms, 2 * size)
+Jacobians = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
+STAGES = len(RK4_NODES)
+QUANTITIES = len(ARM_QUANTITIES)
+
+
+# --- recorded ---------------------------------------------------------------------------------------------------------
+
+
+def stage_record(variant: Variant) -> Recorder:
+    """The acceleration at one stage, and its slopes."""
+    r = Recorder(variant, inlining=True)
+    k, y, v, tau = r.constants(), r.read("Y_STAGE"), r.read("V_STAGE"), r.read("TAU")
+    rates = dyn.acceleration(k, None, variant.complete, y, v, tau, _angles(variant, k, y))
+    factors = linear_algebra.factor(dyn.mass_matrix(k, y, *_angles(variant, k, y)[:2]))
+    ways = slope_ways(variant.modes)
+    dual_y = [y[0], *varied(y[1:], [way for way in ways if way[0] == "y"])]
+    dual_v, dual_tau = (varied(x, [way for way in ways if way[0] == name]) for x, name in ((v, "v"), (tau, "tau")))
+    dual_k = varied_constants(k, r.constant_derivatives(), [way for way in ways if way[0] == "quantity"])
+    angles = _angles(variant, dual_k, dual_y)
+    off = dyn.imbalance(dual_k, variant.complete, dual_y, dual_v, rates, dual_tau, angles)
+    r.write("RATE_STAGE", rates)
+    right = [[tangents(force).get(way, 0.0) for force in off] for way in ways]
+    r.store("slopes", [change for force in right for change in linear_algebra.solve(factors, force)])
+    return r
+
+
+def _angles(variant: Variant, k: Constants, y: Sequence[Any]) -> tuple[Any, Any, Any]:
+    """Cosine and sine of a2 - a1, and the sine of theta2 where it is used."""
+    sin, cos = sincos(dyn.elbow_turn(y))
+    return cos, sin, None if variant.complete else sincos(dyn.joint_angles(k, y)[1])[0]
+
+
+def column_record(variant: Variant, with_input: bool = False) -> Recorder:
+    """The classical Runge-Kutta method of the linear system of one column.
+
+    Args:
+        variant: of the kernels.
+        with_input: the column is of an input that acts all the time: its own slopes are added at each stage.
+    """
+    r = Recorder(variant, inlining=True)
+    m, size, ways = variant.modes, variant.size, variant.ways
+    h, column = r.trace.input("h"), r.rows_of("column", 2 * size)
+    y, v = column[:size], column[size:]
+    stage_y, stage_v = y, v
+    total: list[Any] = []
+    for stage, (ahead, weight) in enumerate(zip((*RK4_NODES[1:], 0.0), RK4_WEIGHTS, strict=True)):
+        first = stage * ways * size
+        slopes = r.rows_of("slopes", (2 * size - 1) * size, first)
+        moved = [*stage_y[1 : m + 1], stage_y[m + 1] - stage_y[0], *stage_y[m + 2 :], *stage_v]
+        acceleration = r.rows_of("input", size, first) if with_input else [0.0] * size
+        for n, change in enumerate(moved):
+            acceleration = [a + slopes[n * size + i] * change for i, a in enumerate(acceleration)]
+        each = [*stage_v, *acceleration] if weight == 1.0 else [a + a for a in (*stage_v, *acceleration)]
+        total = [a + b for a, b in zip(total, each, strict=True)] if total else each
+        ahead = h * ahead
+        stage_y = [a + ahead * b for a, b in zip(y, stage_v, strict=True)]
+        stage_v = [a + ahead * b for a, b in zip(v, acceleration, strict=True)]
+    sixth = h / 6.0
+    r.store("column", [a + sixth * b for a, b in zip(column, total, strict=True)])
+    return r
+
+
+def input_column_record(variant: Variant) -> Recorder:
+    """`column_record` of an input that acts all the time."""
+    return column_record(variant, with_input=True)
+
+
+@recorded_in_vectors(stage_record)
+def stage_kernel(arena: Arena, slopes: LaneRows) -> None:
+    """Acceleration of every lane at a stage, and its slopes.
+
+    Args:
+        arena: of one block; the stage in Y_STAGE, V_STAGE, its acceleration in RATE_STAGE.
+        slopes: receives the derivatives of the acceleration by each input (`slope_ways`). Shape (ways * size, lanes).
+    """
+
+
+@recorded_in_vectors(column_record)
+def column_kernel(column: LaneRows, slopes: LaneRows, h: float) -> None:
+    """One column of every lane over a step.
+
+    Args:
+        column: before and after. Shape (2 * size, lanes).
+        slopes: of all stages. Shape (stages * ways * size, lanes).
+        h: step [s].
+    """
+
+
+@recorded_in_vectors(input_column_record)
+def input_column_kernel(column: LaneRows, slopes: LaneRows, input: LaneRows, h: float) -> None:
+    """One column of every lane over a step, of an input that acts all the time.
+
+    Args:
+        column: see `column_kernel`.
+        slopes: see `column_kernel`.
+        input: `slopes` from the first of this input on.
+        h: step [s].
+    """
+
+
+# --- drivers ----------------------------------------------------------------------------------------------------------
+
+
+def load_rows(arena: Arena, first_row: int, table: ArmTable, first: int) -> None:
+    """Copy numbers of some arms into a block; the lanes after the last arm repeat it.
+
+    Args:
+        arena: of one block.
+        first_row: of the arena, to begin with.
+        table: of all arms.
+        first: arm of lane 0.
+    """
+    for i in range(variant.lanes):
+        arm = min(first + i, table.shape[0] - 1)
+        for n in range(table.shape[1]):
+            arena[first_row + n, i] = table[arm, n]
+
+
+def load_arms(arena: Arena, first_row: int, table: ArmTable, first: int) -> None:
+    """As `load_rows`, of what no step changes; a table of one row serves all blocks."""
+    if first == 0 or table.shape[0] > 1:
+        load_rows(arena, first_row, table, first)
+
+
+def elbow_slope(arena: Arena, i: int, first_row: int) -> float:
+    """Angle of link 1's tip against its root in lane i.
+
+    Args:
+        arena: of one block.
+        i: the lane.
+        first_row: of link 1's modal coordinates.
+    """
+    slope = 0.0
+    for n in range(variant.modes):
+        slope += arena[row.CONSTANTS + constant.ELBOW_SLOPES + n, i] * arena[first_row + n, i]
+    return slope
+
+
+def load_states(arena: Arena, states: States, first: int) -> None:
+    """Copy public states into a block, as internal ones (`dynamics.internal_coordinates`)."""
+    for i in range(variant.lanes):
+        state = states[min(first + i, states.shape[0] - 1)]
+        for part in range(2):
+            begin = row.Y + part * variant.size
+            entry = part * variant.size
+            for n in range(variant.modes):
+                arena[begin + 1 + n, i] = state[entry + 2 + n]
+                arena[begin + variant.modes + 2 + n, i] = state[entry + 2 + variant.modes + n]
+            arena[begin, i] = state[entry]
+            arena[begin + variant.modes + 1, i] = state[entry] + elbow_slope(arena, i, begin + 1) + state[entry + 1]
+
+
+def store_state(arena: Arena, i: int, first_row: int, state: NDArray[np.float64]) -> None:
+    """Copy an internal state of lane i out, as a public one (`dynamics.public_coordinates`).
+
+    Args:
+        arena: of one block.
+        i: the lane.
+        first_row: of the internal state.
+        state: receives it. Shape (2 * size,).
+    """
+    for part in range(2):
+        begin = first_row + part * variant.size
+        entry = part * variant.size
+        state[entry] = arena[begin, i]
+        state[entry + 1] = arena[begin + variant.modes + 1, i] - arena[begin, i] - elbow_slope(arena, i, begin + 1)
+        for n in range(variant.modes):
+            state[entry + 2 + n] = arena[begin + 1 + n, i]
+            state[entry + 2 + variant.modes + n] = arena[begin + variant.modes + 2 + n, i]
+
+
+def store_states(arena: Arena, states: States, first: int) -> None:
+    """Copy the states of a block out."""
+    for i in range(min(variant.lanes, states.shape[0] - first)):
+        store_state(arena, i, row.Y, states[first + i])
+
+
+def run_steps(arena: Arena, arms: ArmTable, torques: ArmTable, h: float, steps: int, states: States) -> None:
+    """Advance many arms by the same number of steps, torques held.
+
+    Args:
+        arena: to work in.
+        arms: what kernels know of each (`layout.arm_rows`), or of all. Shape (arms or 1, numbers).
+        torques: Shape (arms, 2) [N m].
+        h: step [s].
+        steps: how many.
+        states: before and after.
+    """
+    for first in range(0, states.shape[0], variant.lanes):
+        load_arms(arena, row.CONSTANTS, arms, first)
+        load_rows(arena, row.TAU, torques, first)
+        load_states(arena, states, first)
+        for _ in range(steps):
+            step_kernel(arena, h)
+        store_states(arena, states, first)
+
+
+def run_tangents(
+    arena: Arena,
+    arms: ArmTable,
+    changes: ArmTable,
+    torques: ArmTable,
+    h: float,
+    steps: int,
+    states: States,
+    jacobians: Jacobians,
+) -> None:
+    """Advance many arms like `run_steps`, and give the Jacobians of their public states.
+
+    Args:
+        arena: to work in.
+        arms: see `run_steps`.
+        changes: derivatives of the constants by each quantity. Shape (arms or 1, quantities * constants).
+        torques: see `run_steps`.
+        h: step [s].
+        steps: how many.
+        states: see `run_steps`.
+        jacobians: by states, by torques, by quantities. Shapes (arms, 2 * size, columns).
+    """
+    for first in range(0, states.shape[0], variant.lanes):
+        load_arms(arena, row.CONSTANTS, arms, first)
+        load_arms(arena, row.CHANGES, changes, first)
+        load_rows(arena, row.TAU, torques, first)
+        load_states(arena, states, first)
+        start_columns(arena)
+        for _ in range(steps):
+            find_slopes(arena, h)
+            carry_columns(arena, h)
+            step_kernel(arena, h)
+        store_states(arena, states, first)
+        store_columns(arena, jacobians, first)
+
+
+def find_slopes(arena: Arena, h: float) -> None:
+    """The slopes of all stages of the coming step."""
+    if variant.batch:
+        aligned_stack()
+    for stage in range(STAGES):
+        ahead = h * RK4_NODES[stage]
+        for r in range(variant.size):
+            for i in range(variant.lanes):
+                rate = arena[row.V_STAGE + r, i] if stage > 0 else 0.0
+                slope = arena[row.RATE_STAGE + r, i] if stage > 0 else 0.0
+                arena[row.Y_STAGE + r, i] = arena[row.Y + r, i] + ahead * rate
+                arena[row.V_STAGE + r, i] = arena[row.V + r, i] + ahead * slope
+        begin = row.SLOPES + stage * variant.ways * variant.size
+        stage_kernel(arena, arena[begin : begin + variant.ways * variant.size])
+
+
+def carry_columns(arena: Arena, h: float) -> None:
+    """All columns over the coming step."""
+    if variant.batch:
+        aligned_stack()
+    slopes: LaneRows = arena[row.SLOPES : row.SLOPES + STAGES * variant.ways * variant.size]
+    for n in range(variant.ways):
+        begin = row.COLUMNS + 2 * variant.size * n
+        column: LaneRows = arena[begin : begin + 2 * variant.size]
+        if n < 2 * variant.size - 1:
+            column_kernel(column, slopes, h)
+        else:
+            acting: LaneRows = slopes[n * variant.size : STAGES * variant.ways * variant.size]
+            input_column_kernel(column, slopes, acting, h)
+
+
+def start_columns(arena: Arena) -> None:
+    """The columns at the start: derivatives of the internal state by the public one; theta1's is left out."""
+    for r in range(2 * variant.size * variant.ways):
+        for i in range(variant.lanes):
+            arena[row.COLUMNS + r, i] = 0.0
+    for n in range(2 * variant.size - 1):
+        part = (n + 1) // variant.size  # coordinates, rates
+        entry = (n + 1) % variant.size  # theta1, theta2, q1, q2
+        column = row.COLUMNS + 2 * variant.size * n + part * variant.size
+        turned = variant.modes + 1  # link 2's angle
+        moved = 0 if entry == 0 else turned if entry == 1 else entry - 1 if entry < variant.modes + 2 else entry
+        for i in range(variant.lanes):
+            arena[column + moved, i] = 1.0
+            if entry == 0:  # what turns link 1 turns link 2 with it
+                arena[column + turned, i] = 1.0
+            elif 1 < entry < variant.modes + 2:
+                arena[column + turned, i] = arena[row.CONSTANTS + constant.ELBOW_SLOPES + entry - 2, i]
+
+
+def store_columns(arena: Arena, jacobians: Jacobians, first: int) -> None:
+    """Copy the columns of a block out as derivatives of public states."""
+    by_state, by_torque, by_quantity = jacobians
+    length = 2 * variant.size  # of a state, and of a column
+    for i in range(min(variant.lanes, by_state.shape[0] - first)):
+        for r in range(length):
+            by_state[first + i, r, 0] = 1.0 if r == 0 else 0.0
+        for n in range(length - 1):
+            store_state(arena, i, row.COLUMNS + length * n, by_state[first + i, :, n + 1])
+        for n in range(2):
+            store_state(arena, i, row.COLUMNS + length * (length - 1 + n), by_torque[first + i, :, n])
+        for n in range(QUANTITIES):
+            store_state(arena, i, row.COLUMNS + length * (length + 1 + n), by_quantity[first + i, :, n])
+
+
+TANGENTS = Program(
+    "tangents",
+    entry_points=(run_steps, run_tangents),
+    groups=frozenset({"tangents"}),
+    closed=True,
+    words="an arm driven by torques, and its Jacobians",
+)

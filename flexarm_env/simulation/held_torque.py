@@ -1,0 +1,229 @@
+"""Many arms over one control period with torques held: states, and their exact Jacobians.
+
+The classical Runge-Kutta method of fourth order, as in `FlexibleArm.simulate`; the Jacobians are those of its steps
+(`step_jacobians`), not of the continuous motion.
+"""
+
+from __future__ import annotations
+
+from types import ModuleType
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from flexarm_env.codegen import assembly, cache
+from flexarm_env.codegen.memory import aligned_zeros
+from flexarm_env.kernels.entries import extent
+from flexarm_env.kernels.step_jacobians import TANGENTS
+from flexarm_env.kernels.variants import Variant
+from flexarm_env.lazy import cached_property
+from flexarm_env.parameters import HEAVIEST_PAYLOAD, ArmParameters
+from flexarm_env.physics.constants import ARM_QUANTITIES, ConstantChanges, Constants, constant_changes
+from flexarm_env.physics.link_modes import LinkModes
+from flexarm_env.physics.modal_elimination import elimination
+from flexarm_env.simulation.open_loop import LARGEST, count_instants
+from flexarm_env.validation import finite_rows, number, real_array
+
+Array = NDArray[np.float64]
+LANES = 8  # of a block, where there is more than one arm
+# Least and largest value of each quantity.
+RANGES = {"payload_mass": (0.0, HEAVIEST_PAYLOAD), "stiffness": (1e-3, 1e3), "damping": (0.0, 1.0)}
+
+
+class StepJacobians(NamedTuple):
+    """A state after a control period, and its derivatives; [x] stands for the unit of each entry of a state.
+
+    Attributes:
+        state: after the period, as `FlexibleArm.step` gives it, to the last bit. Shape (..., 4 + 4 m).
+        by_state: by each entry of the state before [x_i/x_j]. Shape (..., 4 + 4 m, 4 + 4 m).
+        by_torque: by the held torques of shoulder and elbow [x_i per N m]. Shape (..., 4 + 4 m, 2).
+        by_quantity: by payload [x_i/kg], the factor on the links' stiffness [x_i], and the modal damping ratio [x_i];
+            of these each alone changes, the others and all else of the arm stay. Shape (..., 4 + 4 m, 3).
+    """
+
+    state: Array
+    by_state: Array
+    by_torque: Array
+    by_quantity: Array
+
+
+class HeldTorque:
+    """What an arm does over a control period with its torques held."""
+
+    parameters: ArmParameters
+    modes: tuple[LinkModes, LinkModes]
+    constants: Constants
+
+    def longest_step(self) -> float:
+        """Longest step of the explicit integrator that the arm's fastest mode allows [s]."""
+        raise NotImplementedError
+
+    def step(
+        self,
+        state: ArrayLike,
+        torque: ArrayLike,
+        period: float = 0.01,
+        *,
+        step: float = 1e-3,
+        payload_mass: ArrayLike | None = None,
+        stiffness: ArrayLike | None = None,
+        damping: ArrayLike | None = None,
+    ) -> Array:
+        """The state a control period later, of one arm or of many at once.
+
+        Leading axes of all arguments broadcast. A state that stops being finite comes back as NaN or infinite.
+
+        Args:
+            state: Shape (..., 4 + 4 m).
+            torque: held over the period, of shoulder and elbow [N m]. Shape (..., 2).
+            period: [s]; a whole number of steps.
+            step: of the Runge-Kutta method [s].
+            payload_mass: [kg], 0 to 1000; None: the arm's own. Shape (...).
+            stiffness: factor on the stiffness of both links, 0.001 to 1000; None: 1. Shape (...).
+            damping: modal damping ratio at that stiffness, 0 to 1; None: the arm's own. Shape (...).
+
+        Returns:
+            States, new. Shape (..., 4 + 4 m).
+
+        Raises:
+            ValueError: for bad input; a step too long is refused with the longest that is allowed.
+        """
+        batch = self._batch(state, torque, (payload_mass, stiffness, damping))
+        return batch.advance(*self._steps(period, step, stiffness))
+
+    def step_jacobians(
+        self,
+        state: ArrayLike,
+        torque: ArrayLike,
+        period: float = 0.01,
+        *,
+        step: float = 1e-3,
+        payload_mass: ArrayLike | None = None,
+        stiffness: ArrayLike | None = None,
+        damping: ArrayLike | None = None,
+    ) -> StepJacobians:
+        """`step` and its derivatives, exact to rounding error; arguments and errors as there."""
+        batch = self._batch(state, torque, (payload_mass, stiffness, damping))
+        return batch.differentiate(*self._steps(period, step, stiffness))
+
+    @cached_property
+    def changes(self) -> ConstantChanges:
+        """How the constants change with `constants.ARM_QUANTITIES`."""
+        return constant_changes(self.parameters, self.modes)
+
+    def _steps(self, period: float, step: float, stiffness: ArrayLike | None) -> tuple[float, int]:
+        """Length and number of the steps of a period; frequencies grow with the root of the stiffness."""
+        period, step = number("period", period, "s", above=0.0), number("step", step, "s", above=0.0)
+        count = count_instants(period, step, 1, name="period")
+        longest = self.longest_step() / float(np.sqrt(np.max(1.0 if stiffness is None else stiffness, initial=1.0)))
+        if step > longest:
+            raise ValueError(
+                f"step = {step!r}: too long for the arm's fastest mode; at most {longest:.4g} s is allowed"
+            )
+        return period / count, count
+
+    @cached_property
+    def _own(self) -> tuple[Array, Array]:
+        return self._kernel_inputs(self.changes.own[None])
+
+    def _kernel_inputs(self, quantities: Array) -> tuple[Array, Array]:
+        """Constants of arms with these quantities for the kernels (`layout.arm_rows`), and their derivatives.
+
+        Args:
+            quantities: Shape (n, 3).
+
+        Returns:
+            Shape (n, numbers), and (n, 3 * constants).
+        """
+        flat = self.changes.constants(quantities)
+        e = elimination(Constants.unflat(list(flat.T), self.parameters.modes_per_link, self.constants.foreshortened))
+        known = flat if e is None else np.concatenate([flat, np.stack(e.flat(), axis=-1)], axis=1)
+        return known, self.changes.derivatives(quantities).reshape(len(quantities), -1)
+
+    def _batch(self, state: ArrayLike, torque: ArrayLike, quantities: tuple[ArrayLike | None, ...]) -> _Batch:
+        """Check the arguments, broadcast their leading axes, and bring all to the kernels' form."""
+        size = 4 * self.parameters.modes_per_link + 4
+        states, torques = finite_rows("state", state, size, LARGEST), finite_rows("torque", torque, 2, LARGEST)
+        given = {
+            name: _quantity(name, unit, value)
+            for (name, unit), value in zip(ARM_QUANTITIES.items(), quantities, strict=True)
+            if value is not None
+        }
+        shapes = {"state": states.shape[:-1], "torque": torques.shape[:-1]}
+        shapes |= {name: value.shape for name, value in given.items()}
+        try:
+            leading = np.broadcast_shapes(*shapes.values())
+        except ValueError:
+            listed = ", ".join(f"{name} {shape}" for name, shape in shapes.items())
+            raise ValueError(f"leading axes must broadcast, got {listed}") from None
+        inputs = self._own
+        if given:
+            drawn = [given.get(name, own) for name, own in zip(ARM_QUANTITIES, self.changes.own, strict=True)]
+            quantities_of = np.stack([np.broadcast_to(value, leading).ravel() for value in drawn], axis=-1)
+            inputs = self._kernel_inputs(quantities_of)
+        return _Batch(self, leading, _rows(states, leading), _rows(torques, leading), inputs)
+
+    def _kernels(self, lanes: int) -> tuple[ModuleType, Array]:
+        """The kernels and memory for them to work in."""
+        complete, foreshortened = self.parameters.velocity_forces == "complete", self.constants.foreshortened
+        variant = Variant(TANGENTS, self.parameters.modes_per_link, complete, lanes, foreshortened=foreshortened)
+        return assembly.load(variant), aligned_zeros(lanes * extent(variant.rows))
+
+
+def _rows(array: Array, leading: tuple[int, ...]) -> Array:
+    """One row for each arm, new; kernels are compiled for arrays of this kind. Shape (n, entries)."""
+    whole = np.broadcast_to(array, (*leading, array.shape[-1]))
+    return np.array(whole, order="C").reshape(-1, array.shape[-1])
+
+
+def _quantity(name: str, unit: str, value: ArrayLike) -> Array:
+    """Check values of a quantity.
+
+    Raises:
+        ValueError: naming the first that is out of its range.
+    """
+    array, (least, most) = real_array(name, value), RANGES[name]
+    inside = (array >= least) & (array <= most)
+    if not np.all(inside):
+        bad = float(array[~inside].ravel()[0])
+        raise ValueError(f"{name} = {bad!r}: must be a number from {least:g} to {most:g} [{unit}]")
+    return array
+
+
+class _Batch(NamedTuple):
+    """Arms in one call, one after the other.
+
+    Attributes:
+        arm: the kind of arm.
+        leading: axes of the results.
+        states: public. Shape (n, 4 + 4 m).
+        torques: [N m]. Shape (n, 2).
+        inputs: constants of each arm or of all for the kernels, and their derivatives (`HeldTorque._kernel_inputs`).
+    """
+
+    arm: HeldTorque
+    leading: tuple[int, ...]
+    states: Array
+    torques: Array
+    inputs: tuple[Array, Array]
+
+    def advance(self, h: float, steps: int) -> Array:
+        """See `FlexibleArm.step`."""
+        states = self.states.copy()
+        module, arena = self.arm._kernels(self._lanes)
+        cache.call(module.run_steps, arena, self.inputs[0], self.torques, h, steps, states)
+        return states.reshape(*self.leading, states.shape[1])
+
+    def differentiate(self, h: float, steps: int) -> StepJacobians:
+        """See `FlexibleArm.step_jacobians`."""
+        states, size = self.states.copy(), self.states.shape[1]
+        jacobians = tuple(np.empty((len(states), size, columns)) for columns in (size, 2, len(ARM_QUANTITIES)))
+        module, arena = self.arm._kernels(self._lanes)
+        cache.call(module.run_tangents, arena, *self.inputs, self.torques, h, steps, states, jacobians)
+        shaped = (jacobian.reshape(*self.leading, *jacobian.shape[1:]) for jacobian in jacobians)
+        return StepJacobians(states.reshape(*self.leading, size), *shaped)
+
+    @property
+    def _lanes(self) -> int:
+        return 1 if len(self.states) == 1 else LANES

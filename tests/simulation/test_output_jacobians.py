@@ -1,0 +1,78 @@
+"""Derivatives of what sensors read, of the tips and of the features that observations are made of."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from flexarm_env import FlexibleArm
+from flexarm_env.codegen.tangents import jacobian
+from flexarm_env.episode.features import Measurements, features
+from tests.support.lagrange import loaded_arm, random_state
+
+POSITION = 2.5
+
+
+@pytest.fixture(scope="module", params=[(1, "linear"), (2, "linear"), (3, "foreshortened")], ids=str)
+def arm(request: pytest.FixtureRequest) -> FlexibleArm:
+    modes, kinematics = request.param
+    return FlexibleArm(loaded_arm(modes, kinematics=kinematics))
+
+
+def test_outputs_are_the_arms(arm: FlexibleArm) -> None:
+    states = np.array([random_state(arm.parameters, seed) for seed in range(6)]).reshape(2, 3, -1)
+    q, n = states[..., : arm.size], arm.size
+    found, _ = arm.output_jacobians(states, POSITION)
+    close: dict[str, Any] = {"rtol": 1e-12, "atol": 1e-13}
+    np.testing.assert_allclose(found.joints, states[..., [0, 1, n, n + 1]], **close)
+    np.testing.assert_allclose(found.sensed[..., :2], arm.position(q, 2, POSITION), **close)
+    np.testing.assert_allclose(found.sensed[..., 2:], arm.velocity(states, 2, POSITION), **close)
+    np.testing.assert_allclose(found.true_tip, arm.tip(q), **close)
+    np.testing.assert_allclose(found.rigid_tip, arm.rigid_tip(q), **close)
+    np.testing.assert_allclose(found.deflection, arm.tip_deflection(q), **close)
+    np.testing.assert_allclose(found.deflection_rate, arm.tip_deflection(states[..., n:]), **close)
+
+
+def test_their_derivatives_are_limits_of_differences(arm: FlexibleArm) -> None:
+    state, h = random_state(arm.parameters, 3), 1e-6
+    _, found = arm.output_jacobians(state, POSITION)
+    for n, direction in enumerate(np.eye(len(state))):
+        ends, _ = arm.output_jacobians(state + h * direction * np.array([[1.0], [-1.0]]), POSITION)
+        for name, values in ends._asdict().items():
+            expected = (values[0] - values[1]) / (2.0 * h)
+            np.testing.assert_allclose(getattr(found, name)[:, n], expected, rtol=1e-7, atol=1e-7, err_msg=name)
+
+
+def test_tips_turn_with_the_point_jacobian(arm: FlexibleArm) -> None:
+    states = np.array([random_state(arm.parameters, seed) for seed in range(4)])
+    _, found = arm.output_jacobians(states)
+    expected = arm.point_jacobian(states[:, : arm.size], 2, arm.parameters.link_lengths[1])
+    np.testing.assert_allclose(found.true_tip[..., : arm.size], expected, rtol=1e-12, atol=1e-13)
+    np.testing.assert_array_equal(found.sensed[:, :2], found.true_tip)
+    np.testing.assert_array_equal(found.true_tip[..., arm.size :], 0.0)
+
+
+def parts(numbers: Any) -> list[Any]:
+    """Features of 18 numbers that a controller can know."""
+    groups = [numbers[n : n + size] for n, size in ((0, 4), (4, 4), (8, 4), (12, 2), (14, 2), (16, 2))]
+    known = Measurements(*groups, lengths=(4.5, 4.5), phase=numbers[18], frame=1.0)
+    return [x for group in features(known) for x in group]
+
+
+@settings(deadline=None, max_examples=50)
+@given(seed=st.integers(0, 10_000))
+def test_features_have_derivatives(seed: int) -> None:
+    point, h = np.random.default_rng(seed).uniform(-1.0, 1.0, 19), 1e-6
+    values, found = jacobian(parts, point)
+    np.testing.assert_allclose(values, parts(point), rtol=1e-14, atol=1e-15)
+    differences = [np.subtract(parts(point + h * way), parts(point - h * way)) / (2.0 * h) for way in np.eye(19)]
+    np.testing.assert_allclose(found, np.stack(differences, axis=1), atol=1e-7)
+
+
+@pytest.mark.parametrize(("state", "position", "part"), [(np.zeros(7), None, "(..., 8)"), (np.zeros(8), 5.0, "<= 3.7")])
+def test_bad_input_is_refused(state: np.ndarray, position: float | None, part: str) -> None:
+    with pytest.raises(ValueError, match=r"state|s = ") as caught:
+        FlexibleArm(loaded_arm(1)).output_jacobians(state, position)
+    assert part in str(caught.value)
