@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from itertools import zip_longest
 
 _GAP = "  "
-_NARROWEST = 20  # of a column that is wrapped, however narrow the terminal is
 
 
 def columns(rows: Sequence[Sequence[str]], right: bool = False) -> str:
@@ -47,14 +46,17 @@ def _prose(text: str, width: int) -> str:
 
 
 def _table(text: str, width: int) -> str:
-    """Wrap the widest columns until the table fits."""
+    """Wrap the widest columns until the table fits; no column gets narrower than its longest word."""
     lines = [line for n, line in enumerate(text.splitlines()) if n != 1]  # without the rule under the header
     cells = [re.split(r"(?<!\\) \| ", line.removeprefix("| ").removesuffix(" |")) for line in lines]
     rows = [[cell.replace("\\|", "|").replace("`", "") for cell in row] for row in cells]
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     room = width - len(_GAP) * (len(widths) - 1)
-    while sum(widths) > room and (widest := max(widths)) > _NARROWEST:
-        widths[widths.index(widest)] -= 1
+    longest = [
+        max((len(word) for cell in column for word in cell.split()), default=1) for column in zip(*rows, strict=True)
+    ]
+    while sum(widths) > room and (wide := [n for n, width in enumerate(widths) if width > longest[n]]):
+        widths[max(wide, key=widths.__getitem__)] -= 1
     wrapped: list[tuple[str, ...]] = []
     for row in rows:
         pieces = [

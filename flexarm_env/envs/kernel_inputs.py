@@ -1,4 +1,4 @@
-"""What the kernels of a fleet are told once: whole numbers, settings, paths, and the rows that no episode changes."""
+"""The inputs of the kernels of a batch: whole numbers, settings, paths, and the rows that no episode changes."""
 
 from __future__ import annotations
 

@@ -231,7 +231,7 @@ def test_a_checkpoint_of_another_version_is_refused(
     if changed == "layout":
         monkeypatch.setattr(Row, "entries", (*Row.entries[1:], Row.entries[0]))
     else:
-        monkeypatch.delattr("flexarm_env.envs.batch.Fleet")
+        monkeypatch.delattr("flexarm_env.envs.batch.BatchSimulator")
     before = files(tmp_path / "run")
     with pytest.raises(ValueError, match=r"checkpoint.zip: a checkpoint of another version \(.*\); resume it with"):
         train(TrainingConfig(**TINY), tmp_path / "run", resume=True)

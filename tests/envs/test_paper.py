@@ -172,7 +172,7 @@ def test_the_reward_is_of_the_true_tip_after_the_step() -> None:
 
 def test_noise_has_the_size_it_says() -> None:
     """On the sensed position alone, fresh every period; 400 draws: the estimate's own deviation is 3.5 %."""
-    noisy, clean = paper(noise=0.02, gain_limit=1e-9), paper(gain_limit=1e-9)  # too weak to move the arm
+    noisy, clean = paper(noise=0.02, gain_limit=1e-6), paper(gain_limit=1e-6)  # too weak to move the arm
     rows = np.array([[e.step(np.ones(1, np.float32))[0] for e in (noisy, clean)] for _ in range(200)])
     difference = rows[:, 0] - rows[:, 1]
     sensed = difference[:, noisy.observation_blocks["sensed_position"]]
@@ -181,7 +181,7 @@ def test_noise_has_the_size_it_says() -> None:
     assert abs(np.corrcoef(sensed[1:, 0], sensed[:-1, 0])[0, 1]) < 0.3
     assert abs(np.corrcoef(sensed[:, 0], sensed[:, 1])[0, 1]) < 0.3
     others = np.delete(difference, np.r_[noisy.observation_blocks["sensed_position"]], axis=1)
-    assert np.abs(others).max() < 1e-6
+    assert np.abs(others).max() < 1e-5  # what the weak law makes of the noise
 
 
 # --- the end of an episode ----------------------------------------------------------------------------------
@@ -194,10 +194,10 @@ STIFF = {"preset": "paper", "flexural_rigidities": (1e6, 1e6), "modal_damping_ra
     [
         ({"delayed": "position+rate"}, "deflection"),
         ({"delayed": "position+rate", "delay": 2e-3, "arm": STIFF}, "rate"),
-        ({"gain_limit": 1e300}, "diverged"),
+        ({"gain_limit": 1e6, "proportional_gain": 1e9}, "angle"),
         ({"error_limit": 0.05}, "error"),
     ],
-    ids=["deflection", "rate", "diverged", "error"],
+    ids=["deflection", "rate", "angle", "error"],
 )
 def test_termination(options: dict[str, Any], reason: str) -> None:
     env = make(PAPER, **options)

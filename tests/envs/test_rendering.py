@@ -13,6 +13,7 @@ from gymnasium.error import DependencyNotInstalled
 from numpy.typing import NDArray
 
 from flexarm_env.envs.rendering import BLUE, FAR, ORANGE, Renderer, Snapshot
+from tests.support.programs import ROOT
 from tests.support.refusals import refuses
 
 Picture = NDArray[np.uint8]
@@ -204,13 +205,13 @@ def test_a_long_trace_is_thinned(renderer: Renderer, monkeypatch: pytest.MonkeyP
 def test_needs_no_display_and_no_environment_variable(tmp_path: Path) -> None:
     pytest.importorskip("pygame")
     code = (
-        "import sys; from test_rendering import SCENE, Renderer; renderer = Renderer('rgb_array', 100); "
+        "import sys; from tests.envs.test_rendering import SCENE, Renderer; renderer = Renderer('rgb_array', 100); "
         "assert 'pygame' not in sys.modules; assert renderer.draw(SCENE).shape == (100, 100, 3); "
         "import pygame; assert not pygame.display.get_init(); renderer.close()"
     )
     unwanted = ("SDL_", "PYGAME_", "DISPLAY", "WAYLAND_DISPLAY")
     environment = {name: value for name, value in os.environ.items() if not name.startswith(unwanted)}
-    environment["PYTHONPATH"] = os.pathsep.join(sys.path)
+    environment["PYTHONPATH"] = os.pathsep.join([str(ROOT), *sys.path])
     command = [sys.executable, "-W", "error", "-c", code]
     result = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=120)
     assert result.returncode == 0, result.stderr

@@ -170,7 +170,7 @@ def test_the_text_of_a_step_is_the_formulas_on_arrays_to_the_last_bit(batch: Bat
 def test_functions_that_are_inlined_in_their_callers_have_one_caller(program: Program) -> None:
     text = assembly.render(Variant(program, 2, True, 1))
     inlined = re.findall(r"^@njit\(inline='always'[^\n]*\ndef (\w+)\(", text, re.MULTILINE)
-    assert {program.parts["drive"].__name__, "look", "observe", "step_block"} <= set(inlined)
+    assert {program.parts["drive"].__name__, "update_measurements", "observe", "step_block"} <= set(inlined)
     for name in inlined:
         assert len(re.findall(rf"\b{name}\(", text)) == 2, name  # its definition, and one call
 
