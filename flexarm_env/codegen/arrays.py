@@ -36,5 +36,5 @@ ResetRequests = NDArray[np.float64]  # for new episodes (`entries.Column`). Shap
 ResetRequest = NDArray[np.float64]  # for one of them. Shape (columns,)
 Actions = NDArray[np.float32]  # Shape (lanes, channels)
 Observations = NDArray[np.float32]  # Shape (lanes, k)
-Memory = NDArray[np.float64]  # of a fleet (`memory`). Shape (words,)
+Memory = NDArray[np.float64]  # of a batch (`memory`). Shape (words,)
 Four = tuple[float, float, float, float]

@@ -1,6 +1,6 @@
 """`BatchSimulator`: N environments side by side, their episodes begun and stepped by compiled kernels.
 
-Single and vector environments both stand on it: one arm is a fleet of one, with the same bits.
+Single and vector environments both stand on it: one arm is a batch of one, bitwise identical.
 """
 
 from __future__ import annotations
@@ -83,12 +83,12 @@ class BatchSimulator:
     single_step: Callable[[], bool]
 
     def __init__(self, settings: Settings | Sequence[Settings], count: int, threads: int = 1) -> None:
-        """Lay out the fleet; kernels are compiled, or found in the cache, at the first start.
+        """Lay out the batch; kernels are compiled, or found in the cache, at the first start.
 
         Args:
             settings: of all environments, or of each.
             count: how many.
-            threads: that step the blocks; more than one pays for large fleets on idle cores only.
+            threads: that step the blocks; more than one pays for large batches on idle cores only.
 
         Raises:
             ValueError: for settings that differ in what a batch shares.
@@ -331,7 +331,7 @@ def _usual_orders(settings: Settings, count: int, lanes: int) -> Array:
 
 
 def block_lanes(count: int, threads: int) -> int:
-    """Lanes with which the blocks of a fleet are stepped soonest: well filled, and enough of them for the threads."""
+    """Lanes with which the blocks of a batch are stepped soonest: well filled, and enough of them for the threads."""
     if count == 1:
         return 1
 

@@ -1,4 +1,4 @@
-"""What environments report beside observations: named parts of a fleet's results.
+"""What environments report beside observations: named parts of a batch's results.
 
 Truth that no sensor knows is here, never in an observation. An info is flat, and has the same keys after a reset and
 after a step; each value is a number or an array of float64. What describes an episode as a whole is `Episode`.
@@ -190,7 +190,7 @@ class InfoMaker:
         }
 
     def __reduce__(self) -> tuple[type[InfoMaker], tuple[BatchSimulator]]:
-        """Copies and pickles are made anew from their fleet: a function made from a text cannot be pickled."""
+        """Copies and pickles are made anew from their simulator: a function made from a text cannot be pickled."""
         return InfoMaker, (self._simulator,)
 
     def after_reset(self) -> dict[str, Any]:

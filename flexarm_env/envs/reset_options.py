@@ -32,7 +32,7 @@ OPTIONS = {
 
 
 def reset_requests_of(options: Mapping[str, Any] | None, simulator: BatchSimulator) -> Array:
-    """Orders for a fleet's episodes.
+    """Requests for the resets of a batch.
 
     Args:
         options: keys of `OPTIONS`; each value one for all environments, or one for each.

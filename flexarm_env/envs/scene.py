@@ -18,7 +18,7 @@ MARGIN = 1.05  # of the reach, so that a bent arm fits
 
 
 class Scene:
-    """Draws one arm of a fleet, with the trace of its tip."""
+    """Draws one arm of a batch, with the trace of its tip."""
 
     def __init__(self, simulator: BatchSimulator, index: int, render_mode: str, fps: int) -> None:
         """Nothing is imported or opened before the first picture.

@@ -24,7 +24,7 @@ def step_only(memory: Memory) -> bool:
     """One control period of the only environment, or the beginning of its episode (`step_block`).
 
     Args:
-        memory: of the fleet.
+        memory: of the batch.
 
     Returns:
         Whether it was done: an action that is not finite is refused, unless an episode begins.
@@ -45,7 +45,7 @@ def step_blocks(memory: Memory, begin: int, end: int, results: NDArray[np.float6
     """One control period of some blocks (`step_block`), and what is known at its end.
 
     Args:
-        memory: of the fleet.
+        memory: of the batch.
         begin: first block.
         end: block after the last.
         results: to be filled; the parts of `layout.episode_sizes`. Shape (parts, lanes).
@@ -72,7 +72,7 @@ def step_block(memory: Memory, block: int) -> None:
     So a lane that begins costs its block no second look. The caller forgets then which lanes began.
 
     Args:
-        memory: of the fleet; the plan lies at its beginning, and says where the arrays of `entries.Word` are.
+        memory: of the batch; the header lies at its beginning, and says where the arrays of `entries.Word` are.
         block: which.
     """
     observed = array_at(memory, word.OBSERVED, (1,), np.int64)[0]

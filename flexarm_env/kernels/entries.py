@@ -130,7 +130,7 @@ class Constant(Names):
 
 
 class Word(Entry):
-    """A whole number of the plan that says where an array begins in a fleet's memory (`memory`)."""
+    """A whole number of the plan that says where an array begins in a batch's memory (`memory`)."""
 
     def __init__(self, meaning: str) -> None:
         """Declare it; `meaning`: of the array."""
