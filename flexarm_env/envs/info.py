@@ -173,6 +173,8 @@ class InfoMaker:
             simulator: the environments.
         """
         self._simulator = simulator
+        # The views stay the same as long as the simulator lives; copies have an `InfoMaker` of their own.
+        self._copy_result, self._list_end = simulator.single_result.copy, simulator.single_end.tolist
         parts, keys = simulator.parts, info_keys(simulator.settings)
         slices: dict[str, slice] = {}
         for name, (part, count) in _VECTORS.items():
@@ -201,9 +203,8 @@ class InfoMaker:
 
     def after_step(self) -> tuple[dict[str, Any], float, bool]:
         """The info of the only environment, its reward, and whether its episode terminated."""
-        simulator = self._simulator
-        info = self._named(simulator.single_result.copy())
-        reward, status = simulator.single_end.tolist()
+        info = self._named(self._copy_result())
+        reward, status = self._list_end()
         if status == 0.0:
             return info, reward, False
         info["end_code"] = self._codes[status]
