@@ -51,6 +51,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     given = parser.parse_args(arguments)
 
     def verb() -> None:
+        """Run the verb that was given."""
         with needs_extra(f"flexarm {given.verb}", "train"):
             module = import_module(f"{__name__}.{VERBS[given.verb][0]}")
         try:

@@ -6,6 +6,7 @@ The classical Runge-Kutta method of fourth order, as in `FlexibleArm.simulate`; 
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from types import ModuleType
 from typing import NamedTuple
 
@@ -48,16 +49,16 @@ class StepJacobians(NamedTuple):
     by_quantity: Array
 
 
-class HeldTorque:
+class HeldTorque(ABC):
     """What an arm does over a control period with its torques held."""
 
     parameters: ArmParameters
     modes: tuple[LinkModes, LinkModes]
     constants: Constants
 
+    @abstractmethod
     def longest_step(self) -> float:
-        """Longest step of the explicit integrator that the arm's fastest mode allows [s]."""
-        raise NotImplementedError
+        """Return the longest step of the explicit integrator that the arm's fastest mode allows [s]."""
 
     def step(
         self,
