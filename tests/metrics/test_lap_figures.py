@@ -24,7 +24,7 @@ PERIOD = 0.01
 
 
 def drawn_run(seed: int, instants: int = 400) -> Trajectory:
-    """A smooth motion of the arm, which follows no equation, beside a square of 4 s."""
+    """Draw a smooth motion of the arm, which follows no equation, beside a square of 4 s."""
     random = np.random.default_rng(seed)
     time = PERIOD * np.arange(instants)
     sizes = np.repeat([1.0, 1.0, 0.3, 0.3], 2).reshape(4, 2)[:, 0]
@@ -38,7 +38,7 @@ def drawn_run(seed: int, instants: int = 400) -> Trajectory:
 
 
 def still_run(tip_error: np.ndarray, time: np.ndarray, reference: np.ndarray) -> RunningFigures:
-    """A run whose tip is off the reference by what is given."""
+    """Make a run whose tip is off the reference by what is given."""
     zeros = np.zeros((len(time), 1, 2))
     figures = RunningFigures(1, corners(time, reference), (150.0, 50.0))
     figures.update(
