@@ -74,7 +74,7 @@ class BatchSimulator:
         single_action: of the first environment: a `memoryview`, which takes float32 arrays of its shape only.
         single_observation: of the first environment: a view.
         single_result: the same, of what `results` would hold of it, at any instant.
-        single_end: a part of that: reward and status.
+        single_end: a `memoryview` of a part of that: reward and status.
     """
 
     results: Array
@@ -264,7 +264,7 @@ class BatchSimulator:
         self._keys, self._starts, self._reset_requests = views["KEYS"], views["STARTS"], views["RESET_REQUESTS"]
         self._paths, self.actions, self.observations = views["PATHS"], views["ACTIONS"], views["OBSERVATIONS"]
         self.single_result = self._arenas[0, self._results, 0]
-        self.single_end = self.single_result[self.parts["REWARD"].start : self.parts["STATUS"].stop]
+        self.single_end = memoryview(self.single_result[self.parts["REWARD"].start : self.parts["STATUS"].stop])
         self.single_action, self.single_observation = memoryview(self.actions[0]), self.observations[0]
         self.everyone = np.ones(self.count, dtype=np.bool_)
         self.everyone.setflags(write=False)

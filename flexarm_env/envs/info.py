@@ -147,24 +147,33 @@ def episodes(simulator: BatchSimulator) -> Episode:
     )
 
 
-def _literal(keys: Sequence[str], places: Mapping[str, Any]) -> Callable[[Array], dict[str, Any]]:
-    """A function that makes an info from results: `lambda known, time=3: {"time": known[time]}`.
+def _reader(keys: Sequence[str], places: Mapping[str, Any], results: Array) -> Callable[[], dict[str, Any]]:
+    """A function that makes an info from what present results are: `known = copy(); return {"time": known[time]}`.
 
-    Its text is written here because the keys depend on the options, and a loop over them would slow each step down.
+    Its text is written here because the keys depend on the options, and a loop over them would slow each step down;
+    hence its defaults too, which are found sooner than attributes. It copies the results once: an info's arrays are
+    parts of that copy.
 
     Args:
         keys: of the info, in their order; those without a place, `end_code`, are `GOES_ON`.
         places: of the others in the results.
+        results: of one environment, overwritten by each step. Shape (k,).
     """
     items = ", ".join(f"{name!r}: {f'known[{name}]' if name in places else 'GOES_ON'}" for name in keys)
-    bound = ", ".join(f"{name}=places[{name!r}]" for name in places)
-    names = {"places": places, "GOES_ON": GOES_ON}
-    made: Callable[[Array], dict[str, Any]] = eval(f"lambda known, {bound}, GOES_ON=GOES_ON: {{{items}}}", names)
-    return made
+    defaults = ", ".join(f"{name}={name}" for name in (*places, "GOES_ON", "copy"))
+    names = {**places, "GOES_ON": GOES_ON, "copy": results.copy}
+    exec(f"def read({defaults}):\n known = copy()\n return {{{items}}}", names)
+    read: Callable[[], dict[str, Any]] = names["read"]
+    return read
 
 
 class InfoMaker:
-    """Turns results into infos, of one environment or of a batch."""
+    """Turns results into infos, of one environment or of a batch.
+
+    Attributes:
+        read: makes the info of the only environment; `end_code` is that of an episode that goes on.
+        codes: the `end_code` of each status.
+    """
 
     def __init__(self, simulator: BatchSimulator) -> None:
         """Note where everything lies.
@@ -174,7 +183,6 @@ class InfoMaker:
         """
         self._simulator = simulator
         # The views stay the same as long as the simulator lives; copies have an `InfoMaker` of their own.
-        self._copy_result, self._list_end = simulator.single_result.copy, simulator.single_end.tolist
         parts, keys = simulator.parts, info_keys(simulator.settings)
         slices: dict[str, slice] = {}
         for name, (part, count) in _VECTORS.items():
@@ -186,29 +194,14 @@ class InfoMaker:
         places |= {TERM + name: parts["REWARD_TERMS"].start + n for n, name in enumerate(TERMS)}
         known = slices | places
         self._items = tuple((name, f"_{name}", known[name]) for name in keys if name in known)
-        self._named = _literal(keys, {name: place for name, _, place in self._items})
-        self._codes = {
+        self.read = _reader(keys, {name: place for name, _, place in self._items}, simulator.single_result)
+        self.codes = {
             status: np.float64(END_CODES[reason or NOT_TERMINATED]) for status, reason in simulator.failures.items()
         }
 
     def __reduce__(self) -> tuple[type[InfoMaker], tuple[BatchSimulator]]:
         """Copies and pickles are made anew from their simulator: a function made from a text cannot be pickled."""
         return InfoMaker, (self._simulator,)
-
-    def after_reset(self) -> dict[str, Any]:
-        """The info of the only environment at the beginning of an episode, whose state ends nothing yet."""
-        info, _, _ = self.after_step()
-        info["end_code"] = GOES_ON
-        return info
-
-    def after_step(self) -> tuple[dict[str, Any], float, bool]:
-        """The info of the only environment, its reward, and whether its episode terminated."""
-        info = self._named(self._copy_result())
-        reward, status = self._list_end()
-        if status == 0.0:
-            return info, reward, False
-        info["end_code"] = self._codes[status]
-        return info, reward, True
 
     def batch(self) -> dict[str, Any]:
         """The infos of a batch in Gymnasium's form: arrays, and for each a mask of the environments that have it.
@@ -220,10 +213,6 @@ class InfoMaker:
         for name, flag, place in self._items:
             infos[name], infos[flag] = known[:, place], everyone
         return infos
-
-    def end_codes(self, statuses: Array) -> list[np.float64]:
-        """Codes of some statuses."""
-        return [self._codes[status] for status in statuses.tolist()]
 
 
 def masked(infos: Mapping[str, Any], mask: Flags) -> dict[str, Any]:
