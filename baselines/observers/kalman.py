@@ -15,7 +15,7 @@ All arrays have a leading axis over n arms.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -49,16 +49,16 @@ class Innovation(NamedTuple):
     Attributes:
         residual: readings minus prediction, 0 where a reading is missing. Shape (n, r).
         covariance: that the filter expects; the unit matrix where readings are missing. Shape (n, r, r).
-        count: readings that were there. Shape (n,).
+        degrees: how many readings were there. Shape (n,).
     """
 
     residual: Floats
     covariance: Floats
-    count: Floats
+    degrees: Floats
 
     @property
     def normalised(self) -> Floats:
-        """Normalised innovation squared (NIS): chi-square of `count` degrees if the model is right. Shape (n,)."""
+        """Normalised innovation squared (NIS): chi-square of `degrees` degrees if the model is right. Shape (n,)."""
         return np.einsum("ni,ni->n", self.residual, np.linalg.solve(self.covariance, self.residual[..., None])[..., 0])
 
 
@@ -128,7 +128,7 @@ class KalmanFilter:
         """Return the estimated states of the arms. Shape (n, 4 + 4 m)."""
         return estimate.mean[:, : self._states]
 
-    def values(self, estimate: Estimate) -> dict[str, Floats]:
+    def values(self, estimate: Estimate) -> dict[str, Any]:
         """Return the estimated quantities by name, as `FlexibleArm.step` takes them. Shape (n,) each."""
         columns = estimate.mean[:, self._states : self._known].T
         return dict(zip(self.quantities, columns, strict=True))

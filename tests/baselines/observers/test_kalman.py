@@ -129,7 +129,7 @@ def test_missing_readings_correct_nothing() -> None:
     readings.tip[1] = np.nan
     readings.joints[2], readings.tip[2] = np.nan, np.nan
     found, innovation = kalman.correct(estimate, readings)
-    assert innovation.count.tolist() == [6.0, 4.0, 0.0]
+    assert innovation.degrees.tolist() == [6.0, 4.0, 0.0]
     assert np.array_equal(found.mean[0], whole.mean[0])
     assert not np.allclose(found.mean[1], whole.mean[1])
     assert np.array_equal(found.mean[2], estimate.mean[2])
