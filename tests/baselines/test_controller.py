@@ -107,7 +107,7 @@ def test_refusals() -> None:
         controller.predict({"joint_angles": np.zeros(2)})
     with pytest.raises(ValueError, match=r"shape \(4,\) or \(n, 4\), got \(3,\)"):
         controller.predict(np.zeros(3, dtype=np.float32))
-    with pytest.raises(ValueError, match="has no attribute|must have the block 'gauges'"):
+    with pytest.raises(ValueError, match="must have the block 'gauges'"):
         Seen(TASK, observed([0.0]))["gauges"]
     with pytest.raises(TypeError, match="FlexArm"):
         Integrator.for_env(gymnasium.make("CartPole-v1"))
