@@ -65,7 +65,7 @@ def state_model(
     qz: Floats,
     qzz: Floats,
 ) -> None:
-    """Derivatives of a period's cost and what follows by the arm's state x, whatever the torque.
+    """Differentiate a period's cost and what follows by the arm's state x, whatever the torque.
 
     Args:
         a: A. Shape (n, n).
@@ -101,7 +101,7 @@ def state_model(
 def torque_model(
     a: Floats, b: Floats, vx: Floats, vxx: Floats, va: Floats, qu: Floats, quu: Floats, quz: Floats
 ) -> None:
-    """Derivatives of what follows a period by its torque, without the torque's own cost.
+    """Differentiate what follows a period by its torque, without the torque's own cost.
 
     Args:
         a: see `state_model`.
@@ -171,7 +171,7 @@ def minimise(
     step: Floats,
     gains: Floats,
 ) -> None:
-    """The best change of a period's torque within its limits, and its gains on z.
+    """Find the best change of a period's torque within its limits, and its gains on z.
 
     Args:
         torque: at present. Shape (2,).
@@ -315,7 +315,9 @@ def torque_gradient(
     gains: Floats,
     result: Floats,
 ) -> None:
-    """Derivative of the cost by the feed-forward torques of a trajectory that follows the dynamics, by its adjoint.
+    """Differentiate the cost of a trajectory by its feed-forward torques, by the adjoint.
+
+    The trajectory follows the dynamics.
 
     Feedback acts on what a changed torque leads to. Without it a small change early in a lap grows too large for its
     derivative to say much. Where the derivative vanishes, it does so with any feedback.

@@ -56,7 +56,7 @@ def lap_problem(arm: FlexibleArm, lap: str | SquareParameters, period: float = 0
 
 
 def usual_starts(lap: str | SquareParameters) -> tuple[tuple[Branch, ...], ...]:
-    """The sequences of elbow branches that `plan_lap` tries: the start's throughout, and the other one at once."""
+    """Return the sequences of branches that `plan_lap` tries: the start's throughout, and the other one at once."""
     task = lap if isinstance(lap, SquareParameters) else LAPS[choice("lap", lap, tuple(LAPS))]
     own = task.elbow_branch
     other = "negative" if own == "positive" else "positive"

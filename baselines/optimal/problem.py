@@ -115,7 +115,7 @@ class TrackingProblem:
         return self.period * np.arange(self.periods + 1.0)
 
     def cost(self, run: Rollout) -> Floats:
-        """The cost of one run or of many; infinite where a state is not finite. Shape (...)."""
+        """Return the cost of one run or of many; infinite where a state is not finite. Shape (...)."""
         with np.errstate(over="ignore", invalid="ignore"):
             errors = self.residual_values(run.states)
             torques = self.with_torque_before(run.torques)
@@ -126,12 +126,12 @@ class TrackingProblem:
         return np.where(np.isfinite(total), total, np.inf)
 
     def residual_values(self, states: Floats) -> Floats:
-        """Numbers whose squares add up to the states' part of the cost. Shape (..., n + 1, residuals)."""
+        """Return numbers whose squares add up to the states' part of the cost. Shape (..., n + 1, residuals)."""
         found = self._residuals(list(np.moveaxis(states, -1, 0)))
         return np.stack([np.broadcast_to(x, states.shape[:-1]) for x in found], axis=-1)
 
     def expand(self, states: Floats) -> Expansion:
-        """The cost of states about a trajectory.
+        """Expand the cost of states about a trajectory.
 
         Args:
             states: Shape (n + 1, 4 + 4 m).
@@ -142,7 +142,7 @@ class TrackingProblem:
         return Expansion(gradient, hessian, self.weights)
 
     def with_torque_before(self, torques: Floats) -> Floats:
-        """Torques of each period, with that before the first in front. Shape (..., n + 1, 2)."""
+        """Return torques of each period, with that before the first in front. Shape (..., n + 1, 2)."""
         before = np.broadcast_to(self.torque_before, (*torques.shape[:-2], 1, 2))
         return np.concatenate([before, torques], axis=-2)
 

@@ -176,7 +176,7 @@ class _Sweep:
             self.regularisation = max(REGULARISATION[0], self.regularisation) * self.growth
 
     def backward(self, regularisation: float) -> tuple[float, float]:
-        """Steps and gains about the run; the change of cost that they promise, by order."""
+        """Find steps and gains about the run; return the change of cost that they promise, by order."""
         problem, (gradient, hessian, weights) = self.problem, self.expansion
         return kernels.backward(
             *self.slopes,
@@ -192,7 +192,7 @@ class _Sweep:
         )
 
     def forward_pass(self) -> tuple[Rollout, Floats]:
-        """The arm under all step lengths, and the costs."""
+        """Run the arm under all step lengths, and compute the costs."""
         states, torques = self.run
         before = self.problem.with_torque_before(torques)[:-1]
         size = states.shape[1]
@@ -210,7 +210,7 @@ class _Sweep:
 
 
 def rollout(problem: TrackingProblem, torques: ArrayLike, **feedback: Floats) -> Rollout:
-    """The problem's arm from its start under feed-forward torques and feedback; see `FlexibleArm.rollout`."""
+    """Run the problem's arm from its start under torques and feedback; see `FlexibleArm.rollout`."""
     return problem.arm.rollout(
         problem.initial_state,
         torques,
@@ -225,7 +225,7 @@ def rollout(problem: TrackingProblem, torques: ArrayLike, **feedback: Floats) ->
 def optimality(
     problem: TrackingProblem, run: Rollout, slopes: tuple[Floats, Floats], expansion: Expansion, gains: Floats
 ) -> float:
-    """Norm of the projected gradient of the cost by the feed-forward torques; see `Iteration.residual`.
+    """Return the norm of the projected gradient of the cost by the feed-forward torques; see `Iteration.residual`.
 
     A torque at its limit counts only where the cost falls inward.
 

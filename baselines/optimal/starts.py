@@ -39,7 +39,7 @@ class Branch(NamedTuple):
 
 
 def joint_path(problem: TrackingProblem, branches: Sequence[Branch]) -> Floats:
-    """Joint angles that follow the reference by rigid inverse kinematics [rad]. Shape (n + 1, 2).
+    """Return joint angles that follow the reference by rigid inverse kinematics [rad]. Shape (n + 1, 2).
 
     Args:
         problem: with the reference.
@@ -75,7 +75,7 @@ def _inverse_kinematics(problem: TrackingProblem, sign: float) -> Floats:
 
 
 def follow(problem: TrackingProblem, joints: Floats, damping: float = 0.1) -> Rollout:
-    """The arm under a preview controller about a motion of its joints, links straight.
+    """Run the arm under a preview controller about a motion of its joints with straight links.
 
     Args:
         problem: what is tracked.

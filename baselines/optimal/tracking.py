@@ -32,8 +32,8 @@ class RegulatorWeights:
     """
 
     tip: float = 0.01
-    speed: float = 0.1
-    torque: tuple[float, float] = (15.0, 5.0)
+    speed: float = 0.3
+    torque: tuple[float, float] = (6.0, 2.0)
 
     def __post_init__(self) -> None:
         """Check the numbers."""
@@ -43,7 +43,7 @@ class RegulatorWeights:
 
 
 GOOD = RegulatorWeights()
-AGGRESSIVE = RegulatorWeights(torque=(150.0, 50.0))
+AGGRESSIVE = RegulatorWeights(speed=0.1, torque=(60.0, 20.0))
 
 
 class PlanRegulator:
@@ -75,7 +75,7 @@ class PlanRegulator:
         self.gains = self._gains(plan.arm if model is None else _fitting(plan, model))
 
     def torque(self, time: float, state: ArrayLike) -> Floats:
-        """The torque at a time, of one arm or of many: that of the control period which it falls into.
+        """Return the torque at a time, of one arm or of many: that of the control period which it falls into.
 
         Before the plan's start its first period counts, after its end the last.
 

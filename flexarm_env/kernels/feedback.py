@@ -29,7 +29,9 @@ def feedback_torque(
     before: NDArray[np.float64],
     torque: NDArray[np.float64],
 ) -> None:
-    """The torque of one arm over a period: ``clip(feedforward + gains (state - reference) + torque_gains before)``.
+    """Compute the torque of one arm over a period.
+
+    It is ``clip(feedforward + gains (state - reference) + torque_gains before)``.
 
     Args:
         feedforward: [N m]. Shape (2,).

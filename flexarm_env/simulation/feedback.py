@@ -125,7 +125,7 @@ class FeedbackTorque(HeldTorque):
         return tables
 
     def _feedback_kernels(self) -> tuple[ModuleType, Array]:
-        """The kernels, and memory for them to work in."""
+        """Return the kernels, and memory for them to work in."""
         complete, foreshortened = self.parameters.velocity_forces == "complete", self.constants.foreshortened
         variant = Variant(FEEDBACK, self.parameters.modes_per_link, complete, LANES, foreshortened=foreshortened)
         return assembly.load(variant), aligned_zeros(LANES * extent(variant.rows))

@@ -37,7 +37,7 @@ IDLE = Rollout(np.zeros((PERIODS + 1, SIZE)), np.zeros((PERIODS, 2)))
 
 
 def problem(**changes: Any) -> TrackingProblem:
-    """The tip is to leave for a point that it cannot reach in time; torques come to their limits."""
+    """Make the tip leave for a point that it cannot reach in time: torques come to their limits."""
     share = np.linspace(0.0, 1.0, PERIODS + 1)[:, None]
     reference = ARM.tip(START[:4]) + share * (-0.6, 0.5)
     options: dict[str, Any] = {"limits": (40.0, 12.0), "torque_weight": 1e-4, "change_weight": 1e-3}

@@ -39,7 +39,7 @@ class Linear(NamedTuple):
         )
 
     def cost(self, changes: np.ndarray) -> Any:
-        """The model's cost of changed torques."""
+        """Return the model's cost of changed torques."""
         x, total = np.zeros(SIZE), 0.0
         torques = self.torques.copy()
         torques[1:] += changes
@@ -52,7 +52,7 @@ class Linear(NamedTuple):
         return total
 
     def dense(self) -> tuple[np.ndarray, np.ndarray]:
-        """Gradient and Hessian of the cost by all changes; the cost is quadratic, so differences are exact."""
+        """Return gradient and Hessian of the cost by all changes; the cost is quadratic, so differences are exact."""
         unit = np.eye(2 * N).reshape(2 * N, N, 2)
         at = self.cost(np.zeros((N, 2)))
         plus, minus = (np.array([self.cost(sign * e) for e in unit]) for sign in (1.0, -1.0))
@@ -67,7 +67,7 @@ def swept(problem: Linear, limits: np.ndarray = FREE) -> tuple[np.ndarray, np.nd
 
 
 def applied(problem: Linear, forward: np.ndarray, gains: np.ndarray) -> np.ndarray:
-    """Changes of the torques when steps and gains act on the linear system."""
+    """Return changes of the torques when steps and gains act on the linear system."""
     x, before, changes = np.zeros(SIZE), np.zeros(2), []
     for t in range(N):
         before = forward[t] + gains[t] @ np.concatenate([x, before])

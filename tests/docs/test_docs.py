@@ -11,11 +11,11 @@ from sybil.parsers.markdown import PythonCodeBlockParser
 ROOT = Path(__file__).resolve().parents[2]
 README = ROOT / "README.md"
 PAGES = [README, *sorted((ROOT / "docs").glob("*.md")), *sorted((ROOT / "docs/environments").glob("*.md"))]
-LONG = {ROOT / "docs/derivatives.md"}  # whose kernels no other test compiles
+LONG = {ROOT / f"docs/{name}.md" for name in ("derivatives", "optimal")}  # whose kernels other tests do not compile
 
 
 def page_case(page: Path) -> Any:
-    """The page as a test's parameter."""
+    """Make the page a test's parameter."""
     marks = [pytest.mark.slow] if page in LONG else []
     return pytest.param(page, marks=marks, id=str(page.relative_to(ROOT)))
 
