@@ -102,8 +102,7 @@ def _unit_damping(
         densities[1] * lengths[1] * _WEIGHTS,
         [shoulder_hub_inertia, elbow_hub_inertia, elbow_mass],
     ])  # fmt: skip
-    upper: Array = np.linalg.qr(np.sqrt(masses)[:, None] * motion, mode="r")
-    elastic = upper[2:, 2:]
+    elastic = np.linalg.qr(np.sqrt(masses)[:, None] * motion).R[2:, 2:]
     root = np.sqrt(np.concatenate([one.stiffness, two.stiffness]))
     _, singular, right = np.linalg.svd(elastic / root)
     frequency = float(1.0 / singular[0])
