@@ -17,6 +17,7 @@ from flexarm_env.codegen import assembly, cache
 from flexarm_env.codegen.declarations import Program
 from flexarm_env.codegen.intrinsics import TILE
 from flexarm_env.codegen.memory import aligned_zeros
+from flexarm_env.envs.bounds import check_moving_start
 from flexarm_env.envs.choices import STARTS
 from flexarm_env.envs.kernel_inputs import (
     ALL_READINGS,
@@ -28,7 +29,7 @@ from flexarm_env.envs.kernel_inputs import (
     path_tables,
     tail_rows,
 )
-from flexarm_env.envs.observation import check_moving_start, common_layout
+from flexarm_env.envs.observation import common_layout
 from flexarm_env.envs.per_env import refuse_unlike
 from flexarm_env.envs.settings import Settings
 from flexarm_env.episode import draws
