@@ -114,19 +114,19 @@ class ArmParameters:
     link_lengths: tuple[float, float] = declared((4.5, 4.5), Pair(1e-3, 1e3, "m"))
     flexural_rigidities: tuple[float, float] = declared((1676.0, 1676.0), Pair(1e-9, 1e12, "N m^2"))
     masses_per_length: tuple[float, float] = declared((0.335, 0.335), Pair(1e-9, 1e6, "kg/m"))
-    modes_per_link: int = declared(2, Integer(1, MAX_MODES))
+    modes_per_link: int = declared(3, Integer(1, MAX_MODES))
     shoulder_hub_inertia: float = declared(0.0, Number(0.0, 1e9, "kg m^2"))
     elbow_hub_inertia: float = declared(0.0, Number(0.0, 1e9, "kg m^2"))
     elbow_mass: float = declared(0.0, Number(0.0, 1e9, "kg"))
     payload_mass: float = declared(0.0, Number(0.0, HEAVIEST_PAYLOAD, "kg"))
     payload_inertia: float = declared(0.0, Number(0.0, 1e9, "kg m^2"))
-    damping_ratio: float = declared(CLAMPED_ONE_PERCENT, Number(0.0, 1.0))
-    damping_model: DampingModel = declared("modal", OneOf(get_args(DampingModel)))
+    damping_ratio: float = declared(0.01, Number(0.0, 1.0))
+    damping_model: DampingModel = declared("material", OneOf(get_args(DampingModel)))
     joint_friction: tuple[float, float] = declared((0.0, 0.0), Pair(0.0, 1e9, "N m s/rad"))
     velocity_forces: VelocityForces = declared("complete", OneOf(get_args(VelocityForces)))
     mode_scale: float = declared(0.1, Number(1e-6, 1e6))
-    kinematics: Kinematics = declared("linear", OneOf(get_args(Kinematics)))
-    mode_shapes: ModeShapes = declared("cantilever", OneOf(get_args(ModeShapes)))
+    kinematics: Kinematics = declared("foreshortened", OneOf(get_args(Kinematics)))
+    mode_shapes: ModeShapes = declared("polynomial", OneOf(get_args(ModeShapes)))
 
     def __post_init__(self) -> None:
         """Validate and bring to canonical types.
@@ -185,7 +185,9 @@ class Preset(NamedTuple):
 
 
 PRESETS: dict[str, Preset] = {
-    "default": Preset("two clamped-free modes a link, linear kinematics, 1 % modal damping", {}),
+    "default": Preset(
+        "three polynomials a link, foreshortened kinematics, material damping with 1 % of the first elastic mode", {}
+    ),
     "linear": Preset(
         "two clamped-free modes a link, linear kinematics, complete velocity forces, each clamped mode damped by 1 %",
         {

@@ -11,7 +11,7 @@ import pytest
 from flexarm_agents import TrainingConfig, load_policy
 from flexarm_agents.contenders import imported
 from flexarm_agents.environments import check_id, check_options
-from flexarm_env import Trajectory, end_reason, run_policy, warm_up
+from flexarm_env import ArmParameters, Trajectory, end_reason, run_policy, warm_up
 from flexarm_env.envs.single import FlexArmEnv
 from flexarm_env.envs.vector import FlexArmVectorEnv
 from flexarm_env.metrics import overshoot, tracking_error
@@ -19,7 +19,7 @@ from flexarm_env.predictor import predictor
 from flexarm_env.simulation.arm import FlexibleArm
 
 LONGEST = 1500  # characters of a message: what is allowed takes some, too
-STILL = FlexibleArm().simulate(np.zeros(12), None, duration=0.01)
+STILL = FlexibleArm(ArmParameters.linear()).simulate(np.zeros(12), None, duration=0.01)
 
 
 class Unshowable:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from flexarm_env import FlexibleArm, LawParameters, SensorParameters
+from flexarm_env import ArmParameters, FlexibleArm, LawParameters, SensorParameters
 from flexarm_env.analysis import (
     OperatingPoint,
     Plant,
@@ -56,7 +56,7 @@ def random_poses(arm: FlexibleArm, count: int) -> list[OperatingPoint]:
 
 def study(quick: bool) -> dict[str, Any]:
     """Smallest relative eigenvalue of the Hermitian part over frequency and poses, for each path."""
-    arm = FlexibleArm()
+    arm = FlexibleArm(ArmParameters.linear())
     omega = np.geomspace(0.1, 1000.0, 100 if quick else 400)
     poses = random_poses(arm, 3 if quick else 60)
     curves: dict[str, list[float]] = {}
@@ -87,7 +87,9 @@ def law() -> dict[str, Any]:
     omega = np.linspace(0.5, 250.0, 1000)
     spring = gains.proportional_gain * np.sin(omega * delay) / omega
     modes = {
-        joints: natural_modes(OperatingPoint.at_angles(FlexibleArm(), (0.0, 1.5)), joints).frequencies.tolist()
+        joints: natural_modes(
+            OperatingPoint.at_angles(FlexibleArm(ArmParameters.linear()), (0.0, 1.5)), joints
+        ).frequencies.tolist()
         for joints in ("free", "locked")
     }
     turns = gains.derivative_gain * np.cos(omega * delay) - spring

@@ -53,7 +53,7 @@ def our_error(modes: int) -> float:
     Args:
         modes: per link.
     """
-    arm = FlexibleArm(ArmParameters(modes_per_link=modes))
+    arm = FlexibleArm(ArmParameters.linear(modes_per_link=modes))
     held = np.repeat(torques(), round(HELD / OUR_STEP), axis=0)
     tips = [arm.simulate(np.zeros(2 * arm.size), held, SECONDS, OUR_STEP, count).tip for count in (1, CONVERGED)]
     return _farthest(*tips)
@@ -116,7 +116,7 @@ def chain_tips(segments: int, integrator: str, count: int) -> Array:
 
     from flexarm_env.chain import model as chain
 
-    model = chain.chain_model(segments, ArmParameters(), HELD / count)
+    model = chain.chain_model(segments, ArmParameters.linear(), HELD / count)
     model.opt.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{integrator.upper()}")
     data, held = mujoco.MjData(model), torques()
     tips = []

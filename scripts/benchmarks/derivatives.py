@@ -13,8 +13,8 @@ from scripts.benchmarks.timing import Group, Ratio, Subject
 
 ARMS = 1024
 PERIOD = 0.01  # [s]
-LINEAR = {"2 modes": ArmParameters()}
-BENT = ArmParameters(modes_per_link=3, kinematics="foreshortened", mode_shapes="polynomial")
+LINEAR = {"2 modes": ArmParameters.linear()}
+BENT = ArmParameters.linear(modes_per_link=3, kinematics="foreshortened", mode_shapes="polynomial")
 
 
 def jacobians(effort: float, everything: bool) -> Group:

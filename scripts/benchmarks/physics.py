@@ -94,7 +94,7 @@ def bare_kernel(name: str, modes: int, lanes: int, arms: int, steps: int, kinema
         steps: in a timed call.
         kinematics: of the arm.
     """
-    arm = FlexibleArm(ArmParameters(modes_per_link=modes, kinematics=kinematics))
+    arm = FlexibleArm(ArmParameters.linear(modes_per_link=modes, kinematics=kinematics))
     variant = Variant(OPEN, modes, True, lanes, foreshortened=arm.constants.foreshortened)
     rows = variant.rows
     blocks = arms // lanes

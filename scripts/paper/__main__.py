@@ -71,7 +71,7 @@ def read_parameters(path: Path | None) -> dict[str, Any]:
     unknown = sorted(set(data) - set(known))
     if unknown:
         raise ValueError(f"parameters = {path}: unknown field(s) {unknown}; ArmParameters has {known}")
-    ArmParameters(**data)  # bad values are refused here, before any work
+    ArmParameters.linear(**data)  # bad values are refused here, before any work
     return data
 
 

@@ -65,7 +65,7 @@ def cases(quick: bool) -> list[Case]:
         for step in STEPS[2:]
     ]
     short += [] if quick else [Case(3, STARTS[2], step, *others[0]) for step in FAST[3]]
-    return [*undamped, *fast, *short, Case(2, STARTS[2], 1e-3, damping=ArmParameters().damping_ratio)]
+    return [*undamped, *fast, *short, Case(2, STARTS[2], 1e-3, damping=ArmParameters.linear().damping_ratio)]
 
 
 def run(settings: Settings) -> Findings:
@@ -114,7 +114,7 @@ def simulated(case: Case, duration: float) -> tuple[Array, Array, Array, dict[st
         stiffly with all its energy; and a row of figures.
     """
     arm = FlexibleArm(
-        ArmParameters(
+        ArmParameters.linear(
             modes_per_link=case.modes,
             damping_ratio=case.damping,
             kinematics=case.kinematics,

@@ -40,7 +40,7 @@ def bent(arm: FlexibleArm, elbow: float = 1.5) -> OperatingPoint:
 
 @pytest.mark.parametrize("elbow", [0.0, np.pi, -np.pi])
 def test_straight_and_folded_arms_are_refused_with_the_configuration(elbow: float) -> None:
-    point = OperatingPoint.at_angles(FlexibleArm(), (0.7, elbow))
+    point = OperatingPoint.at_angles(FlexibleArm(ArmParameters.linear()), (0.7, elbow))
     for sensor in (tip(), rigid_point(), true_point(2.0)):
         with pytest.raises(ValueError, match=r"singular configuration, theta = \(0\.7, "):
             zeros(linear_plant(point, sensor))
@@ -51,24 +51,26 @@ def test_straight_and_folded_arms_are_refused_with_the_configuration(elbow: floa
 def test_points_on_link_1_are_refused_by_name(sensor: Sensor) -> None:
     for elbow in (0.0, 1.0):
         with pytest.raises(ValueError, match=r"^sensor (true|rigid) point of link \d at .*take a point of link 2 past"):
-            zeros(linear_plant(bent(FlexibleArm(), elbow), sensor))
-    part = linear_plant(bent(FlexibleArm()), sensor).select(["shoulder"], ["x"])
+            zeros(linear_plant(bent(FlexibleArm(ArmParameters.linear()), elbow), sensor))
+    part = linear_plant(bent(FlexibleArm(ArmParameters.linear())), sensor).select(["shoulder"], ["x"])
     assert len(zeros(part).values) > 0
 
 
 def test_readings_that_depend_on_one_another_are_refused() -> None:
-    plant = linear_plant(bent(FlexibleArm()), tip(), rigid_point(0.0)).select(
+    plant = linear_plant(bent(FlexibleArm(ArmParameters.linear())), tip(), rigid_point(0.0)).select(
         None, ["x of rigid point of link 2 at 0 m", "y of rigid point of link 2 at 0 m"]
     )
     with pytest.raises(ValueError, match="sensor rigid point of link 2 at 0 m: it moves across link 1 only"):
         zeros(plant)
-    twin = linear_plant(bent(FlexibleArm()), strain(1, 1.0), strain(1, 1.0, delay=0.01))
+    twin = linear_plant(bent(FlexibleArm(ArmParameters.linear())), strain(1, 1.0), strain(1, 1.0, delay=0.01))
     with pytest.raises(ValueError, match="their readings depend on one another"):
         zeros(twin)
 
 
 @pytest.mark.parametrize(
-    "arm", [FlexibleArm(), PAPER, FlexibleArm(ArmParameters(modes_per_link=4))], ids=["default", "1 mode", "4 modes"]
+    "arm",
+    [FlexibleArm(ArmParameters.linear()), PAPER, FlexibleArm(ArmParameters.linear(modes_per_link=4))],
+    ids=["default", "1 mode", "4 modes"],
 )
 @pytest.mark.parametrize("elbow", [1e-3, 1e-5, 1e-6, 1e-7, 3e-8, 1e-9, 1e-12])
 def test_nearly_straight_arms_have_their_double_zero_or_are_refused(arm: FlexibleArm, elbow: float) -> None:
@@ -84,7 +86,7 @@ def test_nearly_straight_arms_have_their_double_zero_or_are_refused(arm: Flexibl
 
 
 def test_plants_and_frequencies_are_checked() -> None:
-    plant = linear_plant(bent(FlexibleArm()), tip())
+    plant = linear_plant(bent(FlexibleArm(ArmParameters.linear())), tip())
     for call in (zeros, poles, zero_limits, lambda x: zero_directions(x, 1.0)):
         with pytest.raises(TypeError, match="plant = 'x': must be a Plant"):
             call("x")

@@ -96,7 +96,7 @@ def test_every_corner_and_both_branches_have_the_same_margins() -> None:
 
 @pytest.mark.parametrize("position", [4.5, 0.5])
 @pytest.mark.parametrize("delayed", DELAYED)
-@pytest.mark.parametrize("arm", [PAPER, FlexibleArm()], ids=["paper", "default"])
+@pytest.mark.parametrize("arm", [PAPER, FlexibleArm(ArmParameters.linear())], ids=["paper", "default"])
 def test_delay_margin_is_where_the_spectral_method_puts_a_root_on_the_axis(
     arm: FlexibleArm, position: float, delayed: str
 ) -> None:
@@ -198,7 +198,7 @@ def test_one_joint_has_the_textbook_margin() -> None:
     With ``a = Kp |J|^2 / M`` and ``b = Kd |J|^2 / M`` for the slow rigid motion, position and rate late: crossing at
     ``omega^4 = a^2 + b^2 omega^2``, margin ``arctan(b omega / a) / omega``.
     """
-    stiff = FlexibleArm(ArmParameters(flexural_rigidities=(1e9, 1e9), modes_per_link=1))
+    stiff = FlexibleArm(ArmParameters.linear(flexural_rigidities=(1e9, 1e9), modes_per_link=1))
     case = law_loop(stiff, SIDE, SensorParameters(delay=0.01, delayed="position+rate"), gain=1e-2)
     inertia = np.linalg.inv(stiff.mass_matrix(case.point.q)[:2, :2])  # inverse, of the unbent arm
     values = np.linalg.eigvals(1e-2 * inertia @ (case.shoulder.V + case.elbow.V)[:, :2])
@@ -224,7 +224,7 @@ def test_the_papers_cases_are_stable_with_late_positions_and_unstable_with_late_
 @pytest.mark.parametrize("delay", [0.03, 0.11])
 def test_a_shared_late_position_is_stable_at_every_gain(modes: int, delay: float) -> None:
     """T < Kd / Kp = 115 ms: the law stays dissipative, whatever the gain and the number of modes."""
-    arm = FlexibleArm(ArmParameters(modes_per_link=modes, damping_ratio=0.0))
+    arm = FlexibleArm(ArmParameters.linear(modes_per_link=modes, damping_ratio=0.0))
     margin = gain_margin(loop(arm=arm, delay=delay))
     assert margin.stable
     assert margin.up == np.inf
@@ -254,7 +254,7 @@ def test_gain_margin_is_where_the_spectral_method_puts_a_root_on_the_axis() -> N
 @pytest.mark.parametrize("damping", [0.01, 0.03])
 def test_true_tip_feedback_is_stable_at_small_gains_only(damping: float) -> None:
     """Without delay, by eigenvalues: the right-half-plane zeros draw the poles across."""
-    arm = FlexibleArm(ArmParameters(modes_per_link=1, damping_ratio=damping))
+    arm = FlexibleArm(ArmParameters.linear(modes_per_link=1, damping_ratio=damping))
     case = law_loop(arm, CORNER, SensorParameters(model="true", delay=0.0))
     (interval,) = stable_gains(case)
     high = interval.high
@@ -271,11 +271,11 @@ def test_true_tip_feedback_is_stable_at_small_gains_only(damping: float) -> None
 
 def test_late_rates_leave_a_damped_arm_a_trace_of_gain_and_an_undamped_one_none() -> None:
     assert stable_gains(loop("position+rate")) == []
-    (interval,) = stable_gains(loop("position+rate", arm=FlexibleArm()))
+    (interval,) = stable_gains(loop("position+rate", arm=FlexibleArm(ArmParameters.linear())))
     high = interval.high
     assert interval.low == 0.0
     assert high == pytest.approx(0.00295, rel=0.01)
-    case = loop("position+rate", arm=FlexibleArm())
+    case = loop("position+rate", arm=FlexibleArm(ArmParameters.linear()))
     assert (
         delay_roots(case.with_gain(0.98 * high), 60).rightmost.real
         < 0.0
@@ -307,7 +307,7 @@ def test_slope_of_the_loop_is_its_derivative() -> None:
 
 def test_a_collocated_loop_is_stable_at_every_gain() -> None:
     """Hyperstability: a passive arm under a dissipative law."""
-    for arm in (PAPER, FlexibleArm(ArmParameters(modes_per_link=4, damping_ratio=0.0))):
+    for arm in (PAPER, FlexibleArm(ArmParameters.linear(modes_per_link=4, damping_ratio=0.0))):
         case = law_loop(arm, CORNER, SensorParameters(model="collocated"))
         assert stable_gains(case) == [GainInterval(0.0, np.inf)]
         for gain in (1e-3, 1.0, 1e2):

@@ -28,7 +28,7 @@ def poses(arm: FlexibleArm, count: int = 8) -> list[OperatingPoint]:
 
 @pytest.mark.parametrize("modes", [1, 2, 4])
 def test_collocated_rates_are_positive_real_at_every_pose(modes: int) -> None:
-    arm = FlexibleArm(ArmParameters(modes_per_link=modes, payload_mass=0.3, joint_friction=(0.1, 0.2)))
+    arm = FlexibleArm(ArmParameters.linear(modes_per_link=modes, payload_mass=0.3, joint_friction=(0.1, 0.2)))
     for pose in poses(arm):
         assert passivity(linear_plant(pose, joint_angles(rate=True)), OMEGA).is_positive_real
         assert passivity(force_to_rate(pose, rigid_point(2.0)), OMEGA).is_positive_real
@@ -44,7 +44,7 @@ def test_an_undamped_arm_is_lossless() -> None:
 
 def test_it_equals_the_power_that_stays_in_the_arm() -> None:
     """tau^H (G + G^H) tau / 2 = v^H (Re(s) M + D + Re(s) / |s|^2 K) v."""
-    arm = FlexibleArm()
+    arm = FlexibleArm(ArmParameters.linear())
     pose = OperatingPoint.at_angles(arm, (0.4, 1.3))
     linear, mass = pose.linearisation, arm.mass_matrix(pose.q)
     stiffness, damping = (-mass @ linear.A[6:, part] for part in (slice(0, 6), slice(6, None)))
@@ -57,20 +57,20 @@ def test_it_equals_the_power_that_stays_in_the_arm() -> None:
 
 @pytest.mark.parametrize("s", [0.05, 0.5, 2.25, 4.5])
 def test_a_sensor_off_the_joint_is_not_positive_real(s: float) -> None:
-    for pose in poses(FlexibleArm()):
+    for pose in poses(FlexibleArm(ArmParameters.linear())):
         assert passivity(force_to_rate(pose, true_point(s)), OMEGA).worst[0] < -0.1
 
 
 @pytest.mark.parametrize("delay", [1e-3, 0.0312])
 def test_a_late_sensor_is_not_positive_real(delay: float) -> None:
-    for pose in poses(FlexibleArm()):
+    for pose in poses(FlexibleArm(ArmParameters.linear())):
         assert not passivity(linear_plant(pose, joint_angles(rate=True, delay=delay)), OMEGA).is_positive_real
         assert passivity(force_to_rate(pose, rigid_point(delay=delay)), OMEGA).worst[0] < -0.01
 
 
 def test_a_late_position_leaves_the_law_dissipative_and_a_late_rate_does_not() -> None:
     """The law's impedance J^T J (Kp exp(-j w T) / (j w) + Kd [exp(-j w T)]): positive up to T = Kd / Kp = 115 ms."""
-    arm, law = FlexibleArm(), LawParameters()
+    arm, law = FlexibleArm(ArmParameters.linear()), LawParameters()
     omega = np.linspace(0.2, 400.0, 500)
 
     def least(delayed: str, delay: float) -> float:
@@ -96,7 +96,7 @@ def test_a_late_position_leaves_the_law_dissipative_and_a_late_rate_does_not() -
 
 
 def test_bad_input_is_refused() -> None:
-    pose = poses(FlexibleArm())[0]
+    pose = poses(FlexibleArm(ArmParameters.linear()))[0]
     with pytest.raises(ValueError, match="2 inputs and 1 outputs"):
         passivity(linear_plant(pose, strain(1)), OMEGA)
     with pytest.raises(ValueError, match=r"its outputs \['theta1', 'theta2'\] must be rates"):

@@ -24,7 +24,7 @@ from flexarm_env.analysis import (
     true_point,
 )
 
-ARM = FlexibleArm()
+ARM = FlexibleArm(ArmParameters.linear())
 RNG = np.random.default_rng(3)
 
 
@@ -119,7 +119,7 @@ def test_poles_and_natural_modes_agree() -> None:
 
 def test_locked_and_folded_arm_vibrates_like_a_cantilever() -> None:
     """With locked joints and an infinitely heavy elbow, link 2 is the clamped-free beam."""
-    arm = FlexibleArm(ArmParameters(elbow_mass=1e9, elbow_hub_inertia=1e9))
+    arm = FlexibleArm(ArmParameters.linear(elbow_mass=1e9, elbow_hub_inertia=1e9))
     modes = natural_modes(OperatingPoint.at_angles(arm, (0.0, 1.0)), "locked")
     cantilever = arm.modes[1].frequencies
     for frequency in cantilever:
@@ -132,7 +132,7 @@ def test_locked_and_folded_arm_vibrates_like_a_cantilever() -> None:
 
 def test_free_modes_move_no_torque() -> None:
     """A shape released at rest swings at its frequency: simulated."""
-    arm = FlexibleArm(ArmParameters(damping_ratio=0.0))
+    arm = FlexibleArm(ArmParameters.linear(damping_ratio=0.0))
     point = OperatingPoint.at_angles(arm, (0.0, 1.2))
     modes = natural_modes(point)
     state = point.state.copy()
@@ -261,7 +261,8 @@ def test_wrong_kinds_are_refused() -> None:
 def test_at_rest_and_straight_the_foreshortened_arm_is_the_linear_one_and_spinning_it_is_not(mode_shapes: str) -> None:
     """Foreshortening is of second order in the deflections; in a spin the centrifugal field makes it a stiffness."""
     twins = [
-        FlexibleArm(ArmParameters(kinematics=name, mode_shapes=mode_shapes)) for name in ("linear", "foreshortened")
+        FlexibleArm(ArmParameters.linear(kinematics=name, mode_shapes=mode_shapes))
+        for name in ("linear", "foreshortened")
     ]
     spin = np.array([3.0, *np.zeros(5)])  # [rad/s] of theta1: the whole arm, straight
     systems = {

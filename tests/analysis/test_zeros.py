@@ -30,7 +30,7 @@ ANGLES = (0.3, 1.5)
 
 
 def arm_with(modes: int, damping: float = 0.0) -> FlexibleArm:
-    return FlexibleArm(ArmParameters(modes_per_link=modes, damping_ratio=damping))
+    return FlexibleArm(ArmParameters.linear(modes_per_link=modes, damping_ratio=damping))
 
 
 def bent(arm: FlexibleArm, elbow: float = 1.5) -> OperatingPoint:
@@ -128,7 +128,7 @@ def test_a_second_real_zero_comes_in_from_infinity_and_falls_to_the_first_at_the
 
 
 def test_unequal_links_separate_the_double_zero() -> None:
-    arm = FlexibleArm(ArmParameters(modes_per_link=4, damping_ratio=0.0, link_lengths=(4.5, 3.0)))
+    arm = FlexibleArm(ArmParameters.linear(modes_per_link=4, damping_ratio=0.0, link_lengths=(4.5, 3.0)))
     found = np.sort(right(bent(arm), 3.0).real)[:2]
     exact = sorted(float(link_zeros(arm, link, length, 1).real[0]) for link, length in ((1, 4.5), (2, 3.0)))
     np.testing.assert_allclose(found, exact, rtol=2e-3)
@@ -242,7 +242,7 @@ def test_strain_does_not_see_the_rigid_arm() -> None:
 
 def test_damping_moves_the_zeros_a_little() -> None:
     """1 %: the pair +-39.65 becomes -37.93 and 41.56; the joint angles' zeros go left."""
-    point = bent(FlexibleArm())
+    point = bent(FlexibleArm(ArmParameters.linear()))
     values = zeros(linear_plant(point, true_point(1.0))).values
     assert np.abs(values - 41.565).min() < 1e-2
     assert np.abs(values + 37.926).min() < 1e-2
@@ -253,7 +253,7 @@ def test_damping_moves_the_zeros_a_little() -> None:
 
 def test_zeros_do_not_depend_on_the_scale_of_the_modal_coordinates() -> None:
     for scale in (0.1, 1.0, 7.0):
-        arm = FlexibleArm(ArmParameters(modes_per_link=2, damping_ratio=0.0, mode_scale=scale))
+        arm = FlexibleArm(ArmParameters.linear(modes_per_link=2, damping_ratio=0.0, mode_scale=scale))
         assert right(bent(arm), 1.0).real.min() == pytest.approx(39.65424, abs=1e-4)
 
 
@@ -279,15 +279,15 @@ def test_bent_and_spinning_arms_have_zeros_too() -> None:
 
 def test_unreachable_points_are_refused_with_the_point() -> None:
     with pytest.raises(ValueError, match=r"point = \(8\.0, 6\.0\) m.*reach by 1 m"):
-        OperatingPoint.at_point(FlexibleArm(), (8.0, 6.0))
-    short = FlexibleArm(ArmParameters(link_lengths=(4.5, 3.0)))
+        OperatingPoint.at_point(FlexibleArm(ArmParameters.linear()), (8.0, 6.0))
+    short = FlexibleArm(ArmParameters.linear(link_lengths=(4.5, 3.0)))
     with pytest.raises(ValueError, match=r"point = \(0\.5, 0\.0\) m.*reach by 1 m"):
         OperatingPoint.at_point(short, (0.5, 0.0))
 
 
 def test_zeros_need_a_square_plant() -> None:
     with pytest.raises(ValueError, match=r"2 inputs.* and 1 outputs"):
-        zeros(linear_plant(bent(FlexibleArm()), strain(1)))
+        zeros(linear_plant(bent(FlexibleArm(ArmParameters.linear())), strain(1)))
 
 
 def test_directions_block_the_torque() -> None:

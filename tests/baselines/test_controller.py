@@ -31,7 +31,7 @@ class Integrator(TorqueController):
 
 
 BLOCKS = {"joint_angles": slice(0, 2), "lap_phase": slice(2, 4)}
-TASK = Task(ArmParameters(), square(SquareParameters()), blocks=BLOCKS, scale=np.array([2.0, 2.0, 1.0, 1.0]))
+TASK = Task(ArmParameters.linear(), square(SquareParameters()), blocks=BLOCKS, scale=np.array([2.0, 2.0, 1.0, 1.0]))
 
 
 def observed(angles: list[float]) -> np.ndarray:

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from flexarm_baselines.joint_reference import joint_motion, nearest_turn
 from flexarm_env import ArmParameters, FlexibleArm
 
-ARM = ArmParameters()
+ARM = ArmParameters.linear()
 
 
 def along(time: np.ndarray, side: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -25,7 +25,7 @@ def test_the_tip_is_at_the_point_with_its_elbow_on_the_side(moment: float, side:
     q = np.zeros((1, 6))
     q[:, :2] = angles
     expected = [[3.0 + 2.0 * np.cos(moment), 3.5 * np.sin(moment)]]
-    assert FlexibleArm().rigid_tip(q) == pytest.approx(np.array(expected), abs=1e-12)
+    assert FlexibleArm(ArmParameters.linear()).rigid_tip(q) == pytest.approx(np.array(expected), abs=1e-12)
     assert np.sign(angles[0, 1]) == side
 
 

@@ -30,7 +30,7 @@ from flexarm_baselines.optimal.solver import rollout
 from flexarm_env import ArmParameters, FlexibleArm, SquareParameters
 from flexarm_env.simulation.feedback import Rollout
 
-ARM = FlexibleArm(ArmParameters(modes_per_link=1))
+ARM = FlexibleArm(ArmParameters.linear(modes_per_link=1))
 PERIODS, SIZE = 25, 8
 START = np.array([0.3, 0.9, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
 IDLE = Rollout(np.zeros((PERIODS + 1, SIZE)), np.zeros((PERIODS, 2)))
@@ -243,7 +243,7 @@ def test_feedback_brings_the_tip_back_and_more_of_it_sooner() -> None:
 
 def test_another_arm_and_drawn_quantities_are_run() -> None:
     regulator = PlanRegulator(plan())
-    heavy = FlexibleArm(ArmParameters(modes_per_link=1, payload_mass=0.3))
+    heavy = FlexibleArm(ArmParameters.linear(modes_per_link=1, payload_mass=0.3))
     one, other = regulator.rollout(arm=heavy), regulator.rollout(payload_mass=[0.0, 0.3])
     assert other.states.shape == (2, PERIODS + 1, SIZE)
     np.testing.assert_allclose(other.states[1], one.states, atol=1e-9)
@@ -255,7 +255,7 @@ def test_another_arm_and_drawn_quantities_are_run() -> None:
 @pytest.mark.parametrize(
     ("changes", "error", "words"),
     [
-        ({"arm": ArmParameters()}, TypeError, "must be a FlexibleArm"),
+        ({"arm": ArmParameters.linear()}, TypeError, "must be a FlexibleArm"),
         ({"initial_state": np.zeros(7)}, ValueError, r"initial_state: must have shape \(8,\)"),
         ({"reference": np.zeros((5, 3))}, ValueError, r"reference: must have shape \(n, 2\)"),
         ({"reference": np.zeros((1, 2))}, ValueError, "two instants"),
@@ -290,7 +290,7 @@ def test_other_bad_input_is_refused() -> None:
     with pytest.raises(ValueError, match="whole number of periods"):
         lap_problem(ARM, "plain", period=0.3)
     with pytest.raises(TypeError, match="arm = "):
-        plan_lap(ArmParameters(), "plain")
+        plan_lap(ArmParameters.linear(), "plain")
     with pytest.raises(ValueError, match="starts: must hold one"):
         plan_lap(ARM, "plain", starts=[])
     for branches, words in (
@@ -315,7 +315,7 @@ def test_bad_input_along_a_plan_is_refused() -> None:
     with pytest.raises(ValueError, match="torque"):
         RegulatorWeights(torque=(0.0, 1.0))
     with pytest.raises(ValueError, match="2 modes a link, the plan's 1"):
-        PlanRegulator(plan(), model=FlexibleArm())
+        PlanRegulator(plan(), model=FlexibleArm(ArmParameters.linear()))
     regulator = PlanRegulator(plan())
     with pytest.raises(ValueError, match=r"state: must have shape \(..., 8\)"):
         regulator.torque(0.0, np.zeros(4))

@@ -23,7 +23,7 @@ assert flexarm_env.__file__.startswith(sys.argv[1]), flexarm_env.__file__
 variant = Variant(OPEN, 1, True, 1)
 print(hashlib.sha256(assembly.render(variant).encode()).hexdigest())
 if sys.argv[2:] != ["text"]:
-    arm = FlexibleArm(ArmParameters(modes_per_link=1))
+    arm = FlexibleArm(ArmParameters.linear(modes_per_link=1))
     run = arm.simulate([0.1, 0.2, 0.3, -0.2, 1.0, -1.0, 0.5, 0.4], np.ones((10, 2)), 0.01)
     print(sum(assembly.load(variant).run_open.stats.cache_hits.values()), *(x.hex() for x in run.state[-1]))
 """

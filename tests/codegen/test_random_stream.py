@@ -182,7 +182,7 @@ def test_joint_angles_put_the_tip_there(compiled: SimpleNamespace, branch: float
     np.testing.assert_allclose(np.stack([x, y], axis=1), points, rtol=0.0, atol=2e-14)
     assert np.all(np.sign(theta[:, 1]) == branch)
     name = "positive" if branch > 0.0 else "negative"
-    arm = ArmParameters(link_lengths=LENGTHS)
+    arm = ArmParameters.linear(link_lengths=LENGTHS)
     np.testing.assert_array_equal([inverse_kinematics(arm, point, name) for point in points], theta)
 
 

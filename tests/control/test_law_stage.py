@@ -39,7 +39,7 @@ def law_data(problem: Problem, arm: FlexibleArm, command: Array, late: tuple[Any
 
 
 @pytest.mark.parametrize("model", ["rigid", "true"])
-@pytest.mark.parametrize("arm", [PAPER, ArmParameters(modes_per_link=3)], ids=["paper", "3 modes"])
+@pytest.mark.parametrize("arm", [PAPER, ArmParameters.linear(modes_per_link=3)], ids=["paper", "3 modes"])
 @pytest.mark.parametrize("limit", [None, (40.0, 60.0)], ids=["unlimited", "limited"])
 def test_a_stage_solves_its_equation(arm: ArmParameters, model: Any, limit: tuple[float, float] | None) -> None:
     """v = v_known + h gamma M^-1 B tau(v), with the oracle's torque and inertia; in plain Python, uncompiled."""

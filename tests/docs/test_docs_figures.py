@@ -76,7 +76,7 @@ def test_the_law_sampled_and_held_at_1_khz_is_unstable() -> None:
 
 # --- the formulas of docs/model.md, evaluated as they stand there -------------------------------------------------
 
-FULL = ArmParameters(
+FULL = ArmParameters.linear(
     velocity_forces="complete",
     payload_mass=0.7,
     payload_inertia=0.3,

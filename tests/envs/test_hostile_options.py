@@ -236,7 +236,7 @@ def test_what_is_taken_runs(options: dict[str, Any], seed: int) -> None:
 def finite_arm(parameters: dict[str, Any], seed: int) -> None:
     """All that an arm computes is finite, at ordinary states and at the largest that are accepted."""
     try:
-        arm = FlexibleArm(ArmParameters(**parameters))
+        arm = FlexibleArm(ArmParameters.linear(**parameters))
     except (TypeError, ValueError) as error:
         refusal_names_it(error, parameters)
         return
@@ -277,7 +277,7 @@ def test_garbage_among_parameters_is_refused_by_name(kind: type) -> None:
                 refusal_names_it(error, {one.metadata["name"] or one.name: value})
 
 
-ARM = FlexibleArm()
+ARM = FlexibleArm(ArmParameters.linear())
 ZEROS = np.zeros((2, ARM.size))
 RUN: dict[str, Any] = {"time": np.zeros(2), "state": np.zeros((2, 2 * ARM.size)), "torque": np.zeros((2, 2))}
 CALLS: dict[str, Callable[[Any], Any]] = {

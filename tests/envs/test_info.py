@@ -154,7 +154,7 @@ def test_infos_and_metrics_count_the_elbows_sides_alike(angles: list[float]) -> 
     state = np.zeros((len(finite), 8))
     state[:, 1] = finite
     none, time = np.zeros((len(finite), 2)), np.arange(float(len(finite)))
-    arm = FlexibleArm(ArmParameters(modes_per_link=1))
+    arm = FlexibleArm(ArmParameters.linear(modes_per_link=1))
     counted = len(elbow_changes(arm.record(time, state, none, reference=none))) if len(finite) > 1 else 0
     np.testing.assert_array_equal(changes, [counted, counted])
     told = [np.sign(np.sin(angle)) for angle in finite if abs(np.sin(angle)) > np.sin(STRAIGHT)]

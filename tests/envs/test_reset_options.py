@@ -32,7 +32,7 @@ def test_an_episode_starts_how_and_where_it_is_told_to() -> None:
     np.testing.assert_allclose(env.step(np.zeros(2))[4]["reference"], (-6.3, -6.3 + 12.6 / 8.0 * 0.01), atol=1e-12)
     state = np.linspace(-0.5, 0.6, 12)
     np.testing.assert_allclose(env.reset(options={"state": state})[1]["state"], state, rtol=1e-12)
-    rigid = FlexibleArm(ArmParameters()).tip(state[:6])
+    rigid = FlexibleArm(ArmParameters.linear()).tip(state[:6])
     np.testing.assert_allclose(env.reset(options={"state": state})[1]["true_tip"], rigid, rtol=1e-12)
     assert abs(env.reset(seed=0)[1]["state"][6:]).max() > 0.1  # options are of one episode
 

@@ -239,7 +239,7 @@ def test_the_arm_is_the_one_that_was_drawn(env_id: str, ordered: dict[str, float
         "flexural_rigidities": (1676.0 * drawn["stiffness"],) * 2,
         "damping_ratio": drawn["damping"],
     }
-    twin = bare(env_id, arm=made, start="corner", physics_step=5e-4, **FREE)
+    twin = bare(env_id, arm={"preset": "linear"} | made, start="corner", physics_step=5e-4, **FREE)
     assert env.settings.substeps == twin.settings.substeps
     states = []
     for action in np.random.default_rng(1).uniform(-0.3, 0.3, (50, *env.action_space.shape)):
@@ -247,9 +247,9 @@ def test_the_arm_is_the_one_that_was_drawn(env_id: str, ordered: dict[str, float
     found, expected = np.array(states).transpose(1, 0, 2)
     scale = np.abs(expected).max(axis=0)
     np.testing.assert_allclose(found / scale, expected / scale, rtol=0.0, atol=1e-9)
-    plain = FlexibleArm(ArmParameters()).acceleration(expected[-1]) - FlexibleArm(ArmParameters(**made)).acceleration(
-        expected[-1]
-    )
+    plain = FlexibleArm(ArmParameters.linear()).acceleration(expected[-1]) - FlexibleArm(
+        ArmParameters.linear(**made)
+    ).acceleration(expected[-1])
     assert np.abs(plain).max() > 1.0  # it matters
 
 

@@ -23,7 +23,7 @@ from flexarm_env.kernels.variants import Variant
 from tests.support.envs import SQUARE
 
 Array = NDArray[np.float64]
-ARM = FlexibleArm(ArmParameters(modes_per_link=1, kinematics="foreshortened"))
+ARM = FlexibleArm(ArmParameters.linear(modes_per_link=1, kinematics="foreshortened"))
 SLOTS = 16
 POINT = {1: 3.1, 2: 2.3}  # [m] from the link's root
 

@@ -31,7 +31,7 @@ from flexarm_env.kernels.variants import Variant, variant
 from tests.support.envs import GAIN, RESIDUAL, SQUARE
 
 LANES = 3
-ARM = FlexibleArm(ArmParameters(modes_per_link=1))
+ARM = FlexibleArm(ArmParameters.linear(modes_per_link=1))
 STEP = 1e-3
 SLOTS = 7
 
@@ -135,7 +135,7 @@ def test_an_order_names_what_an_episode_draws() -> None:
         draws.draw_quantities(arena, np.uint64(7), memory["LANE_SETTINGS"][0], order, 1)
         found = arena[row.CONSTANTS : row.CONSTANTS + variant.constants, 1]
         stiff = slice(entries.constant.STIFFNESS_1, entries.constant.DAMPING_1)
-    parameters = ArmParameters(modes_per_link=1, payload_mass=0.75)
+    parameters = ArmParameters.linear(modes_per_link=1, payload_mass=0.75)
     expected = np.array(FlexibleArm(parameters).constants.flat())
     expected[stiff] *= 2.0
     first, _ = simulator._rows["CONSTANTS"]

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import flexarm_env.kernels
-from flexarm_env import FlexibleArm, LawParameters, SensorParameters, SquareParameters
+from flexarm_env import ArmParameters, FlexibleArm, LawParameters, SensorParameters, SquareParameters
 from flexarm_env.codegen.declarations import Entry, Names
 from flexarm_env.envs.batch import BatchSimulator
 from flexarm_env.envs.settings import Settings
@@ -27,7 +27,7 @@ MAKERS: dict[str, Callable[[], Any]] = {
     "batch": lambda: BatchSimulator(Settings(), 3),
     "environment": lambda: FlexArmEnv(),
     "closed loop": lambda: ClosedLoop(
-        FlexibleArm(), [LoopCase(SensorParameters(), LawParameters())], square(SquareParameters())
+        FlexibleArm(ArmParameters.linear()), [LoopCase(SensorParameters(), LawParameters())], square(SquareParameters())
     ),
 }
 

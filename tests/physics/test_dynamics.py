@@ -276,7 +276,7 @@ def exact_frequencies(p: ArmParameters, count: int) -> np.ndarray:
 
 def free_frequencies(modes: int, theta2: float = 0.0) -> np.ndarray:
     """Elastic frequencies of the undamped free arm about straight links, from the linearisation [rad/s]."""
-    arm = FlexibleArm(ArmParameters(modes_per_link=modes, damping_ratio=0.0))
+    arm = FlexibleArm(ArmParameters.linear(modes_per_link=modes, damping_ratio=0.0))
     state = np.zeros(2 * arm.size)
     state[1] = theta2
     values = np.linalg.eigvals(arm.linearise(state).A)
@@ -287,7 +287,7 @@ def free_frequencies(modes: int, theta2: float = 0.0) -> np.ndarray:
 
 
 def test_free_arms_frequencies_converge_to_beam_theory_from_above() -> None:
-    exact = exact_frequencies(ArmParameters(), 2)
+    exact = exact_frequencies(ArmParameters.linear(), 2)
     errors = np.array([free_frequencies(modes)[:2] / exact - 1.0 for modes in (1, 2, 3, 4)])
     # Ritz: a mode more can only lower a frequency, and none falls below the exact one
     assert np.all(np.diff(errors, axis=0) < 0.0)
@@ -309,7 +309,7 @@ def test_one_mode_is_30_to_45_percent_off_and_two_are_within_one(theta2: float) 
 def test_modal_damping_is_the_same_ratio_for_all_clamped_modes() -> None:
     """Hubs that cannot move clamp both roots; a link 2 without weight leaves link 1's tip free."""
     arm = FlexibleArm(
-        ArmParameters(
+        ArmParameters.linear(
             modes_per_link=3,
             damping_ratio=0.037,
             damping_model="modal",

@@ -67,7 +67,7 @@ def test_elimination_solves_the_mass_matrix(
     subtracts what the payload adds.
     """
     loads = {"payload_mass": payload, "payload_inertia": tip, "elbow_hub_inertia": hubs, "shoulder_hub_inertia": hubs}
-    k = FlexibleArm(ArmParameters(modes_per_link=modes, mode_shapes=shapes, **loads)).constants  # type: ignore[arg-type]
+    k = FlexibleArm(ArmParameters.linear(modes_per_link=modes, mode_shapes=shapes, **loads)).constants  # type: ignore[arg-type]
     e = modal_elimination.elimination(k)
     assert e is not None
     rng = np.random.default_rng(seed)
@@ -86,7 +86,7 @@ def test_elimination_solves_the_mass_matrix(
 @pytest.mark.parametrize(("modes", "payload", "worst"), [(2, 0.0, 1e-12), (2, 20.0, 1e-10), (4, 1000.0, 5e-6)])
 def test_digits_that_a_heavy_payload_costs(modes: int, payload: float, worst: float) -> None:
     """Against a factorisation with 60 digits; the figures of the module's docstring."""
-    k = FlexibleArm(ArmParameters(modes_per_link=modes, payload_mass=payload)).constants
+    k = FlexibleArm(ArmParameters.linear(modes_per_link=modes, payload_mass=payload)).constants
     e, size = modal_elimination.elimination(k), 2 * modes + 2
     assert e is not None
     rng, errors = np.random.default_rng(0), []

@@ -116,7 +116,7 @@ def test_a_step_over_a_corner_takes_the_chord(time: float, step: float) -> None:
 
 
 def test_an_unreachable_corner_says_by_how_much() -> None:
-    arm = ArmParameters(link_lengths=(4.0, 4.0))
+    arm = ArmParameters.linear(link_lengths=(4.0, 4.0))
     miss = math.hypot(6.3, 6.3) - 8.0  # 0.9095 m
     with pytest.raises(ValueError, match=re.escape(f"misses it by {miss:.4g} m")) as caught:
         PAPER.check_reach(arm)
@@ -126,12 +126,12 @@ def test_an_unreachable_corner_says_by_how_much() -> None:
 def test_the_farthest_way_point_is_the_one_named() -> None:
     path = ReferencePath([(0.0, 1.0, 0.0), (1.0, 9.5, 0.0), (2.0, 0.0, 9.2), (3.0, 1.0, 0.0)])
     with pytest.raises(ValueError, match=r"\(9\.5, 0\.0\) m is 9\.5 m .* misses it by 0\.5 m"):
-        path.check_reach(ArmParameters())
+        path.check_reach(ArmParameters.linear())
 
 
 def test_a_side_through_the_hole_of_unequal_links_says_by_how_much() -> None:
     """Its corners are all within reach: only the side's nearest point, 3 m from the shoulder, is not."""
-    arm = ArmParameters(link_lengths=(8.0, 4.5))
+    arm = ArmParameters.linear(link_lengths=(8.0, 4.5))
     path = square(SquareParameters(side=6.0))
     assert all(3.5 < np.linalg.norm(corner) < 12.5 for corner in path.table[:, 1:])
     with pytest.raises(ValueError, match=r"passes the shoulder at 3 m.* 3\.5 m away, which misses it by 0\.5 m"):
@@ -143,9 +143,9 @@ def test_reach_is_decided_at_its_edge() -> None:
     """A quadrilateral that touches the reach is reachable, one that is longer by a part in 10^12 is not."""
     length = 6.3 / math.sqrt(2.0)
     corner = math.hypot(6.3, 6.3)
-    PAPER.check_reach(ArmParameters(link_lengths=(corner / 2 * (1 + 1e-12), corner / 2)))
+    PAPER.check_reach(ArmParameters.linear(link_lengths=(corner / 2 * (1 + 1e-12), corner / 2)))
     with pytest.raises(ValueError, match="misses it"):
-        PAPER.check_reach(ArmParameters(link_lengths=(corner / 2 * (1 - 1e-12), corner / 2)))
+        PAPER.check_reach(ArmParameters.linear(link_lengths=(corner / 2 * (1 - 1e-12), corner / 2)))
     assert length < corner  # guards the figures above
 
 
@@ -161,7 +161,7 @@ def test_reach_is_decided_at_its_edge() -> None:
 def test_inverse_kinematics_round_trip(
     lengths: tuple[float, float], share: float, bearing: float, branch: ElbowBranch
 ) -> None:
-    arm = ArmParameters(link_lengths=lengths, modes_per_link=1)
+    arm = ArmParameters.linear(link_lengths=lengths, modes_per_link=1)
     nearest = abs(lengths[0] - lengths[1])
     distance = nearest + share * (sum(lengths) - nearest)
     target = distance * np.array([math.cos(bearing), math.sin(bearing)])
@@ -176,7 +176,7 @@ def test_inverse_kinematics_round_trip(
 
 
 def test_inverse_kinematics_refuses_what_is_out_of_reach() -> None:
-    arm = ArmParameters(link_lengths=(5.0, 3.0))
+    arm = ArmParameters.linear(link_lengths=(5.0, 3.0))
     with pytest.raises(ValueError, match=r"point = \(9\.0, 0\.0\) m: out of the tip's reach by 1 m"):
         inverse_kinematics(arm, (9.0, 0.0), "positive")
     with pytest.raises(ValueError, match=r"point = \(0\.0, 1\.5\) m: out of the tip's reach by 0\.5 m"):

@@ -91,7 +91,7 @@ def test_frequencies_depend_on_the_elbow(chain: Any) -> None:
 
 
 def test_inertia_of_the_straight_arm(chain: Any) -> None:
-    arm = ArmParameters(
+    arm = ArmParameters.linear(
         shoulder_hub_inertia=0.3, elbow_hub_inertia=0.2, elbow_mass=0.7, payload_mass=0.5, payload_inertia=0.1
     )
     second = RHO * L**3 / 3.0 + 0.2 + 0.5 * L**2 + 0.1
@@ -126,7 +126,7 @@ def test_motors_turn_their_joints(chain: Any) -> None:
 
 
 def test_material_damping_and_friction_are_in_the_hinges(chain: Any) -> None:
-    arm = ArmParameters(damping_ratio=0.02, damping_model="material", joint_friction=(0.5, 0.25))
+    arm = ArmParameters.linear(damping_ratio=0.02, damping_model="material", joint_friction=(0.5, 0.25))
     model = chain.chain_model(10, arm)
     spring, elbow = model.joint("bend2_4"), model.joint("elbow")
     assert spring.stiffness[0] == pytest.approx(EI * 9 / L)
@@ -137,7 +137,7 @@ def test_material_damping_and_friction_are_in_the_hinges(chain: Any) -> None:
 
 def test_energy_is_kept_without_damping(chain: Any) -> None:
     mujoco = pytest.importorskip("mujoco")
-    model = chain.chain_model(4, ArmParameters(damping_ratio=0.0), time_step=1e-4)
+    model = chain.chain_model(4, ArmParameters.linear(damping_ratio=0.0), time_step=1e-4)
     model.opt.enableflags |= mujoco.mjtEnableBit.mjENBL_ENERGY
     data = mujoco.MjData(model)
     data.joint("shoulder").qvel[0], data.joint("bend1_2").qpos[0] = 1.0, 0.1
@@ -153,7 +153,7 @@ def test_energy_is_kept_without_damping(chain: Any) -> None:
 
 @pytest.mark.parametrize(("damping", "step"), [(0.01, 1e-3), (0.0, 5e-4)])
 def test_largest_stable_step(chain: Any, damping: float, step: float) -> None:
-    arm = ArmParameters(damping_ratio=damping, damping_model="material")
+    arm = ArmParameters.linear(damping_ratio=damping, damping_model="material")
     assert chain.largest_stable_step(10, arm) == step
     longer = [s for s in chain.TIME_STEPS if s > step]
     with pytest.raises(ValueError, match="unstable with each step"):
@@ -162,7 +162,7 @@ def test_largest_stable_step(chain: Any, damping: float, step: float) -> None:
 
 @pytest.mark.parametrize("damping", [0.01, 0.0])
 def test_fastest_rate(chain: Any, damping: float) -> None:
-    model = chain.chain_model(5, ArmParameters(damping_ratio=damping, damping_model="material"))
+    model = chain.chain_model(5, ArmParameters.linear(damping_ratio=damping, damping_model="material"))
     mass, n = chain.mass_matrix(model), model.nv
     springs, drag = np.diag(model.jnt_stiffness.ravel()), np.diag(model.dof_damping)
     rates = np.block([[np.zeros((n, n)), np.eye(n)], [-np.linalg.solve(mass, springs), -np.linalg.solve(mass, drag)]])

@@ -16,7 +16,7 @@ mujoco = pytest.importorskip("mujoco", reason="MuJoCo is in the extra `validate`
 
 ROOT = Path(__file__).resolve().parents[2]
 EI, L = 1676.0, 4.5
-UNDAMPED = ArmParameters(damping_ratio=0.0)
+UNDAMPED = ArmParameters.linear(damping_ratio=0.0)
 JOINTS = np.array([0.3, 1.1])
 
 
@@ -35,7 +35,7 @@ def test_both_bend_as_a_cantilever_under_a_force_across_link_2() -> None:
     from scripts.validation.engine.chain import Chain, bent_by
 
     across = 0.1 * np.array([-np.sin(JOINTS.sum()), np.cos(JOINTS.sum())])
-    chain, arm = Chain(20, UNDAMPED), FlexibleArm(ArmParameters(modes_per_link=4, mode_shapes="polynomial"))
+    chain, arm = Chain(20, UNDAMPED), FlexibleArm(ArmParameters.linear(modes_per_link=4, mode_shapes="polynomial"))
     chain.place(JOINTS, across)
     expected = 0.1 * L**3 / (3.0 * EI)
     assert chain.look().deflection[1] == pytest.approx(expected, rel=2e-3)
@@ -73,7 +73,7 @@ def test_a_clamped_link_is_damped_as_told(damping: Any, ratios: list[float]) -> 
 
     from flexarm_env.chain import model as chain
 
-    arm = ArmParameters(damping_ratio=0.02, damping_model=damping)
+    arm = ArmParameters.linear(damping_ratio=0.02, damping_model=damping)
     model = chain.chain_model(21, arm)
     bends = slice(22, 42)
     mass, damper = chain.mass_matrix(model)[bends, bends], chain.dampers(model)[bends, bends]
@@ -89,7 +89,7 @@ def test_dampers_of_a_chain_do_not_turn_it(damping: Any) -> None:
     """An inner force: it takes energy, and leaves angular momentum about the shoulder alone."""
     from scripts.validation.engine.chain import Chain
 
-    chain = Chain(6, ArmParameters(damping_model=damping), angle=0.1)  # implicitfast is of first order
+    chain = Chain(6, ArmParameters.linear(damping_model=damping), angle=0.1)  # implicitfast is of first order
     chain.data.qpos[:], chain.data.qvel[:] = np.random.default_rng(3).normal(scale=(0.05, 1.0), size=(14, 2)).T
 
     def momentum_and_energy() -> tuple[float, float]:
@@ -117,7 +117,7 @@ def test_a_force_that_bends_too_far_is_refused() -> None:
 def test_gauges_read_back_the_state_of_a_model(shapes: Any) -> None:
     from scripts.validation.engine.chain import Gauges, Modal
 
-    arm = FlexibleArm(ArmParameters(modes_per_link=3, mode_shapes=shapes))
+    arm = FlexibleArm(ArmParameters.linear(modes_per_link=3, mode_shapes=shapes))
     model = Modal(arm)
     model.state = np.random.default_rng(1).normal(size=2 * arm.size)
     np.testing.assert_allclose(Gauges(arm).state(model.bend()), model.state, rtol=1e-9, atol=1e-9)
@@ -228,14 +228,16 @@ def test_only_the_linear_model_softens_until_its_spin_is_unstable() -> None:
 
     assert critical_spin(model("foreshortened", 2)) is None
     found = [FIRST_CLAMPED * critical_spin(model("linear", m)) for m in (1, 2, 4)]
-    assert found[0] > found[1] > found[2] > expected(ArmParameters())
-    assert found[2] == pytest.approx(expected(ArmParameters()), rel=5e-4)
+    assert found[0] > found[1] > found[2] > expected(ArmParameters.linear())
+    assert found[2] == pytest.approx(expected(ArmParameters.linear()), rel=5e-4)
 
 
 def test_finite_elements_of_the_spinning_arm_have_converged() -> None:
     from scripts.validation.spinning import critical_spin
 
-    assert critical_spin(ArmParameters(), 5) == pytest.approx(critical_spin(ArmParameters(), 20), rel=1e-6)
+    assert critical_spin(ArmParameters.linear(), 5) == pytest.approx(
+        critical_spin(ArmParameters.linear(), 20), rel=1e-6
+    )
 
 
 def test_the_square_asks_a_rigid_arm_for_these_rates() -> None:
@@ -262,7 +264,7 @@ def test_the_law_on_a_stiff_chain_is_the_law_on_a_stiff_arm() -> None:
     """With links 400 times as stiff only the law, its delays and the arm's inertia are left to compare."""
     from scripts.validation.engine.laws import law_lap
 
-    stiff = ArmParameters(modes_per_link=1, damping_ratio=0.0, flexural_rigidities=(400.0 * EI, 400.0 * EI))
+    stiff = ArmParameters.linear(modes_per_link=1, damping_ratio=0.0, flexural_rigidities=(400.0 * EI, 400.0 * EI))
     loop, starts = square_loop(FlexibleArm(stiff), [LoopCase(SensorParameters(), LawParameters())])
     loop.reset(starts)
     for _ in range(500):

@@ -16,7 +16,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from flexarm_agents import NetworkPolicy, load_policy
-from flexarm_env import FlexibleArm, Trajectory
+from flexarm_env import ArmParameters, FlexibleArm, Trajectory
 from flexarm_env.simulation import archive
 from tests.support.refusals import refuses
 
@@ -38,7 +38,7 @@ def policy_file(path: Path, head: Any = None, **arrays: Any) -> Path:
 
 def run() -> Trajectory:
     """Three instants of the default arm."""
-    return FlexibleArm().record(0.1 * np.arange(3), np.zeros((3, 12)), np.zeros((3, 2)))
+    return FlexibleArm(ArmParameters.linear()).record(0.1 * np.arange(3), np.zeros((3, 12)), np.zeros((3, 2)))
 
 
 def run_file(path: Path, head: Any = None, **arrays: Any) -> Path:

@@ -20,7 +20,7 @@ def arm(request: pytest.FixtureRequest) -> FlexibleArm:
 
 @pytest.fixture(scope="module")
 def default() -> FlexibleArm:
-    return FlexibleArm()
+    return FlexibleArm(ArmParameters.linear())
 
 
 def states(arm: FlexibleArm, *shape: int) -> np.ndarray:
@@ -108,7 +108,7 @@ def test_velocity_and_jacobian_are_derivatives_of_position(arm: FlexibleArm, lin
 
 
 def test_kinetic_energy_and_momentum_are_sums_over_material_points() -> None:
-    arm = FlexibleArm(ArmParameters(modes_per_link=3, elbow_mass=0.6, payload_mass=0.4))
+    arm = FlexibleArm(ArmParameters.linear(modes_per_link=3, elbow_mass=0.6, payload_mass=0.4))
     state = states(arm)
     node, weight = np.polynomial.legendre.leggauss(40)
     energy = momentum = 0.0

@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 # the rates in the millisecond in which a jump of the command arrives: the law's fastest poles need 0.1 ms for it,
 # less than a step.
 RNG = np.random.default_rng(2008)
-UNEQUAL = ArmParameters(
+UNEQUAL = ArmParameters.linear(
     link_lengths=(5.0, 4.2), masses_per_length=(0.4, 0.3), flexural_rigidities=(2000.0, 1500.0), modes_per_link=2
 )
 LAP, ONE_CORNER = 16_000, 4300  # control periods

@@ -167,7 +167,7 @@ def test_time_and_substeps() -> None:
     assert loop.time == pytest.approx(4e-3, rel=1e-15)
     assert ClosedLoop(ARM, CASES[:1], PATH, physics_step=3.4e-4).substeps == 3  # the longest that divides a period
     assert ClosedLoop(ARM, CASES[:1], PATH, physics_step=1e-3 / 3.0).substeps == 3  # rounding makes no fourth
-    four_modes = FlexibleArm(ArmParameters(modes_per_link=4))
+    four_modes = FlexibleArm(ArmParameters.linear(modes_per_link=4))
     assert ClosedLoop(four_modes, CASES[:1], PATH).substeps == 8  # its fastest mode wants shorter steps
 
 

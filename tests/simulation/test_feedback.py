@@ -12,7 +12,7 @@ from flexarm_env.kernels.feedback import FEEDBACK, run_feedback
 from flexarm_env.kernels.variants import Variant
 from flexarm_env.simulation.held_torque import LANES
 
-ARM = FlexibleArm(ArmParameters(modes_per_link=1))
+ARM = FlexibleArm(ArmParameters.linear(modes_per_link=1))
 PERIODS, SIZE = 5, 8
 COUNT = LANES + 3  # a full block and one with lanes to spare
 RNG = np.random.default_rng(0)

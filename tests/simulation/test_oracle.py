@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 @pytest.mark.parametrize("modes", [1, 2, 3, 4])
 def test_the_oracle_and_the_arm_are_the_same_arm(modes: int, complete: bool) -> None:
     """Two derivations that share nothing but mode shapes: material points here, closed forms there."""
-    parameters = ArmParameters(
+    parameters = ArmParameters.linear(
         link_lengths=(5.0, 4.2),
         masses_per_length=(0.4, 0.3),
         flexural_rigidities=(2000.0, 1500.0),
@@ -34,7 +34,7 @@ def test_the_oracle_and_the_arm_are_the_same_arm(modes: int, complete: bool) -> 
         np.testing.assert_allclose(arm.acceleration(state, tau), expected, atol=1e-9 * np.abs(expected).max())
 
 
-@pytest.mark.parametrize("arm", [PAPER, ArmParameters(modes_per_link=4)], ids=["paper", "4 modes"])
+@pytest.mark.parametrize("arm", [PAPER, ArmParameters.linear(modes_per_link=4)], ids=["paper", "4 modes"])
 def test_the_oracle_is_converged(arm: ArmParameters) -> None:
     """Against a hundredth of the tolerance: a hundred times below what it is to decide."""
     problem = Problem(arm, SensorParameters(), periods=300)

@@ -22,7 +22,7 @@ def vibrating_state(arm: FlexibleArm, seed: int, deflection: float) -> np.ndarra
 
 @pytest.mark.parametrize("modes", [1, 2, 4])
 def test_longest_step_is_named_allowed_and_stable(modes: int) -> None:
-    arm = FlexibleArm(ArmParameters(modes_per_link=modes, damping_ratio=0.0))
+    arm = FlexibleArm(ArmParameters.linear(modes_per_link=modes, damping_ratio=0.0))
     longest = arm.longest_step()
     with refuses(ValueError, "step = ", f"at most {longest:.4g} s is allowed", "substeps='auto', here 2)"):
         arm.simulate(np.zeros(2 * arm.size), None, 1.001 * longest, step=1.001 * longest)
@@ -35,7 +35,7 @@ def test_longest_step_is_named_allowed_and_stable(modes: int) -> None:
 
 @pytest.mark.parametrize("modes", [1, 2, 4])
 def test_fastest_rate_holds_for_the_bent_arm(modes: int) -> None:
-    arm = FlexibleArm(ArmParameters(modes_per_link=modes))
+    arm = FlexibleArm(ArmParameters.linear(modes_per_link=modes))
     for seed in range(20):
         matrix = arm.linearise(vibrating_state(arm, seed, deflection=1.0)).A
         # seen: 3 % at most in 100 states; the step's limit leaves 40 %
@@ -53,7 +53,7 @@ def test_fastest_rate_holds_at_any_elbow_angle(parameters: ArmParameters, theta2
 
 
 def test_fastest_rate_is_not_always_the_straight_arms() -> None:
-    parameters = ArmParameters(
+    parameters = ArmParameters.linear(
         link_lengths=(9.0, 4.3),
         flexural_rigidities=(1700.0, 3000.0),
         masses_per_length=(0.26, 0.8),
@@ -68,7 +68,7 @@ def test_fastest_rate_is_not_always_the_straight_arms() -> None:
 
 
 def test_substeps() -> None:
-    default, rest = FlexibleArm(), np.zeros(12)
+    default, rest = FlexibleArm(ArmParameters.linear()), np.zeros(12)
     longest = default.longest_step()
     with refuses(ValueError, "step = 0.02 s in 2", "at most"):
         default.simulate(rest, None, 0.1, step=0.02, substeps=2)

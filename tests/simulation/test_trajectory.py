@@ -6,14 +6,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexarm_env import FlexibleArm, Trajectory
+from flexarm_env import ArmParameters, FlexibleArm, Trajectory
 from tests.support.lagrange import loaded_arm, random_state
 from tests.support.refusals import refuses
 
 
 @pytest.fixture(scope="module")
 def default() -> FlexibleArm:
-    return FlexibleArm()
+    return FlexibleArm(ArmParameters.linear())
 
 
 def test_a_run_survives_saving(tmp_path: Path) -> None:

@@ -194,7 +194,7 @@ def loaded_arm(modes: int, **changes: Any) -> ArmParameters:
         "joint_friction": (0.6, 0.35),
         "mode_scale": 0.17,
     }
-    return ArmParameters(**(values | changes))
+    return ArmParameters.linear(**(values | changes))
 
 
 @st.composite
@@ -207,7 +207,7 @@ def arms(draw: st.DrawFn) -> ArmParameters:
     forces, kinematics = draw(
         st.sampled_from([("complete", "linear"), ("rigid", "linear"), ("complete", "foreshortened")])
     )
-    return ArmParameters(
+    return ArmParameters.linear(
         link_lengths=two(1.0, 9.0),
         flexural_rigidities=two(500.0, 5000.0),
         masses_per_length=two(0.1, 1.0),

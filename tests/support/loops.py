@@ -14,7 +14,7 @@ SHARED, PER_JOINT = LawParameters(compensation="shared"), LawParameters(compensa
 
 
 def arm_of(modes: int) -> ArmParameters:
-    return ArmParameters(modes_per_link=modes)
+    return ArmParameters.linear(modes_per_link=modes)
 
 
 def loop_of(problem: Problem, physics_step: float | None = None) -> ClosedLoop:

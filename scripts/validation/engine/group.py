@@ -42,7 +42,7 @@ def run(settings: Settings) -> Findings:
     records["steps"] = study.step_errors(quick)
     records["limits"] = validity.limits(records["errors"])
     records["tried"] = validity.largest_bends(records["errors"])
-    records["critical"] = critical_spin(ArmParameters()) / validity.FIRST_CLAMPED
+    records["critical"] = critical_spin(ArmParameters.linear()) / validity.FIRST_CLAMPED
     records["spins"], mapped = validity.spin_map(quick, settings.progress)
     arrays |= mapped
     records["reference"] = square.reference_rates(SLOW * validity.FIRST_CLAMPED)

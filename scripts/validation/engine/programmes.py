@@ -56,7 +56,7 @@ class Programme:
         Args:
             **model: further fields of `ArmParameters`.
         """
-        return ArmParameters(**({"damping_ratio": 0.0} | self.arm | model))
+        return ArmParameters.linear(**({"damping_ratio": 0.0} | self.arm | model))
 
     @property
     def joints(self) -> Array:

@@ -95,4 +95,4 @@ def peak_bend(deflection: Array) -> float:
     Args:
         deflection: of the default arm's links [m]. Shape (n, 2).
     """
-    return float((np.abs(deflection) / ArmParameters().link_lengths).max())
+    return float((np.abs(deflection) / ArmParameters.linear().link_lengths).max())

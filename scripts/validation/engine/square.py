@@ -44,7 +44,7 @@ from scripts.validation.engine.runs import peak_bend, rms
 Array = NDArray[np.float64]
 SETTLED = 2.0  # [s]; the start's transient is over
 SAMPLED = 10  # `HELD` in a control period of the agent; the score counts these instants
-OF_THE_MATERIAL = ArmParameters(damping_ratio=0.01, damping_model="material")
+OF_THE_MATERIAL = ArmParameters.linear(damping_ratio=0.01, damping_model="material")
 OF_EVERY_MODE = ArmParameters.linear()
 AHEAD, EVERY = 0.5, 0.25  # a prediction's length, and how often one starts [s]
 
@@ -88,7 +88,7 @@ def laws_on_model(parameters: ArmParameters, seconds: float) -> dict[str, Array]
 
 def laws_on_chain(elements: int, seconds: dict[str, float]) -> dict[str, Array]:
     """Return the tip of a chain under each law, each for its own time [s]."""
-    arm = ArmParameters(damping_ratio=0.0)
+    arm = ArmParameters.linear(damping_ratio=0.0)
     return {
         name: np.array([sight.tip for sight in law_lap(elements, arm, gain, seconds[name])])
         for name, gain in LAWS.items()
@@ -143,7 +143,7 @@ def reference_rates(limit: float) -> dict[str, float]:
     Args:
         limit: [rad/s]; the part of the lap counts during which a link turns faster.
     """
-    path, arm = square(SquareParameters()), ArmParameters()
+    path, arm = square(SquareParameters()), ArmParameters.linear()
     points = path.position(np.arange(0.0, path.lap_time, HELD))
     joints = np.unwrap([inverse_kinematics(arm, point, "positive") for point in points], axis=0)
     rates = np.abs(np.diff(np.cumsum(joints, axis=1), axis=0)).max(axis=1) / HELD
@@ -175,7 +175,7 @@ def laws(
     arrays = {f"{name} chain": truth[name] for name in LAWS}
     for m in models:
         progress(f"the laws on {m.label}")
-        tips = laws_on_model(ArmParameters(damping_ratio=0.0, **m.fields), max(seconds.values()))
+        tips = laws_on_model(ArmParameters.linear(damping_ratio=0.0, **m.fields), max(seconds.values()))
         for name in LAWS:
             rows.append(_lap_row(name, m.label, tips[name], truth[name]))
             arrays[f"{name} {m.label}"] = _distance(tips[name], truth[name])
@@ -187,7 +187,7 @@ def agent(
 ) -> tuple[list[dict[str, Any]], dict[str, Array]]:
     """Laps of the shipped agent; arguments and results as of `laws`, with what has no feedback."""
     trained = load_policy("square")
-    arms = [FlexibleArm(ArmParameters(**m.fields)) for m in models]
+    arms = [FlexibleArm(ArmParameters.linear(**m.fields)) for m in models]
     progress("the agent on the chain")
     coarse, fine = (agent_lap(trained, on_corner(OF_THE_MATERIAL, n), seconds, arms) for n in elements)
     truth = fine.tip + (fine.tip - coarse.tip) / 3.0

@@ -21,7 +21,7 @@ KINDS = {  # of programmes; a limit is the least of its kind
     "torques that jump": ("doublet", "bang_bang", "payload"),
     "release": ("release",),
 }
-FIRST_CLAMPED = float(FlexibleArm(ArmParameters()).modes[0].frequencies[0])  # [rad/s], of a link (5)
+FIRST_CLAMPED = float(FlexibleArm(ArmParameters.linear()).modes[0].frequencies[0])  # [rad/s], of a link (5)
 SPINS = (0.0, 0.1, 0.2, 0.27, 0.33, 0.4, 0.6, 1.0)  # of FIRST_CLAMPED
 KICKS = (2.0, 6.0, 20.0, 60.0)  # amplitudes
 STRONG = 2  # the kick that bends a link by 5 %
@@ -114,7 +114,7 @@ def critical_spin(which: Model) -> float | None:
 
     None if there is none up to `FASTEST`. The true arm's spin is stable: its ends are pulled outwards.
     """
-    arm = FlexibleArm(ArmParameters(damping_ratio=0.0, **which.fields))
+    arm = FlexibleArm(ArmParameters.linear(damping_ratio=0.0, **which.fields))
 
     def grows(spin: float) -> bool:
         state = np.zeros(2 * arm.size)

@@ -9,7 +9,7 @@ from scipy.stats import chi2
 from flexarm_baselines.observers import Estimate, KalmanFilter, NoiseModel, Readings
 from flexarm_env import ArmParameters, FlexibleArm
 
-ARM = FlexibleArm()
+ARM = FlexibleArm(ArmParameters.linear())
 PERIOD, STATES = 0.01, 2 * ARM.size
 TIPS = np.concatenate([np.abs(link.tip_values) for link in ARM.modes])
 JOINTS = [0, 1, ARM.size, ARM.size + 1]
@@ -167,7 +167,7 @@ def test_refusals() -> None:
 
 def test_an_estimate_is_plain_arrays() -> None:
     """It can be kept, copied and indexed by arm, as a policy's state must be."""
-    kalman = KalmanFilter(FlexibleArm(ArmParameters(modes_per_link=1)))
+    kalman = KalmanFilter(FlexibleArm(ArmParameters.linear(modes_per_link=1)))
     whole = kalman.start(np.zeros((3, 8)))
     one = Estimate(*(part[1:2] for part in whole))
     torques = np.array([[1.0, 0.5], [2.0, -1.0], [0.0, 0.0]])
