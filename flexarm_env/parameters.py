@@ -85,7 +85,7 @@ class ArmParameters:
         link_lengths: L1, L2 [m]. Paper: 4.5, 4.5.
         flexural_rigidities: EI of each link [N m^2]. Paper: 1676.
         masses_per_length: rho of each link [kg/m]. Paper: 0.335.
-        modes_per_link: shapes of each link, 1 to 4. The paper has 1, which puts the first elastic
+        modes_per_link: shapes of each link, 1 to 4; 3 by default. The paper has 1, which puts the first elastic
             frequencies of the free arm 33 to 46 % too high (with payload or hubs up to 55 %); with 2 they are
             within 1 % (with payload or hubs 3 %).
         shoulder_hub_inertia: turns at the rate of theta1 [kg m^2].
@@ -104,9 +104,9 @@ class ArmParameters:
         mode_scale: A, the arbitrary constant of the shapes (4). It scales the modal coordinates only.
         kinematics: "linear", the paper's: a point of a link moves across the root tangent only; or "foreshortened":
             a bent link also draws its points in, by half the integral of w'^2, in kinetic energy, kinematics and
-            forces (geometric stiffening follows). The linear arm's tip is right to 10 mm only while links bend by
-            less than 5 % *and* turn at less than 1.2 rad/s (hardly bent: 3.3 rad/s); its straight spin is unstable
-            from 4.6 rad/s. The square leaves both limits (docs/validation.md).
+            forces (geometric stiffening follows). The linear arm's tip is right to 10 mm only while links bend by less
+            than 5 % *and* turn at less than 1.2 rad/s (hardly bent: 3.3 rad/s); its straight spin is unstable from 4.6
+            rad/s. The square leaves both limits (docs/validation.md).
         mode_shapes: "cantilever", the paper's clamped-free modes (4); or "polynomial": as many polynomials from x^2
             up, orthogonal in mass and stiffness, which let the elbow's moment bend link 1's tip.
     """

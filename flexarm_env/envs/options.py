@@ -88,7 +88,7 @@ class Options:
         allowed_of(LawParameters, "torque_limit"),
     )
     torque_rate_limit: tuple[float, float] = _option(
-        # The second modes of the default arm, 36 Hz and more, feel less than a tenth of what a step of the torque does.
+        # The second modes of the free arm, 36 Hz and more, feel less than a tenth of what a step of the torque does.
         (3000.0, 1000.0),
         "change of the torque per second at action 1; the default reverses the default torques in 0.1 s",
         Pair(1e-6, 1e12, "N m/s"),

@@ -83,7 +83,7 @@ def passivity(folder: Path, results: dict[str, Any]) -> None:
         xlabel="frequency [rad/s]",
         ylabel="least eigenvalue of $(G + G^H)/2$\nover the largest singular value of $G$",
     )
-    left.set_title(f"positive real? worst of {results['poses']} poses, default arm")
+    left.set_title(f"positive real? worst of {results['poses']} poses, linear arm")
     left.set_ylim(-1.05, 0.75)  # room for the legend
     left.legend(loc="upper left", fontsize=8.5)
     _law_damping(right, results["law"])

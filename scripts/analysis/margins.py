@@ -19,7 +19,7 @@ SENSORS = {
     "collocated, one delay": {"position": 4.5, "delay": 9.0 / SensorParameters().wave_speed},
 }
 DELAYED = ("position", "position+rate")
-ARMS = {"paper's arm": ArmParameters.paper(), "default arm": ArmParameters.linear()}
+ARMS = {"paper's arm": ArmParameters.paper(), "linear arm": ArmParameters.linear()}
 PLACES = {"corner": (-6.3, -6.3), "mid-side": (-6.3, 0.0)}
 TIP_DAMPING = (0.01, 0.03)
 
@@ -75,7 +75,7 @@ def margins(case: LawLoop) -> dict[str, Any]:
 
 
 def by_modes(modes: Iterable[int]) -> list[dict[str, Any]]:
-    """Delay margins of IFDC with late rates and the sensor at the end effector: the default arm with other modes."""
+    """Delay margins of IFDC with late rates and the sensor at the end effector: the linear arm with other modes."""
     found = []
     for count in modes:
         arm = FlexibleArm(ArmParameters.linear(modes_per_link=count))

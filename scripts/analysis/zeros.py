@@ -27,7 +27,7 @@ CORNER = (-6.3, 6.3)
 
 
 def undamped(modes: int) -> FlexibleArm:
-    """Make the default arm with some number of modes, without damping."""
+    """Make the linear arm with some number of modes, without damping."""
     return FlexibleArm(ArmParameters.linear(modes_per_link=modes, damping_ratio=0.0))
 
 
@@ -141,7 +141,7 @@ def study(quick: bool) -> dict[str, Any]:
     """Everything about zeros."""
     counts = (1, 2) if quick else (1, 2, 3, 4)
     models = {f"{m} mode{'s' if m > 1 else ''}, undamped": undamped(m) for m in counts}
-    damped = {"2 modes, 1 % (default)": FlexibleArm(ArmParameters.linear())}
+    damped = {"2 modes, 1 % (linear arm)": FlexibleArm(ArmParameters.linear())}
     return {
         "by_model": by_model(models | damped),
         "by_position": by_position(models),

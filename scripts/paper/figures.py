@@ -191,8 +191,8 @@ def _change_lines(axes: Sequence[Axes], run: Trajectory) -> None:
 
 
 def rigid_and_true(folder: Path, runs: dict[str, dict[str, Trajectory]]) -> None:
-    """Draw error against time by the joints and at the tip, for the paper's arm and the default arm."""
-    columns = [name for name in ("paper", "default") if name in runs]
+    """Draw error against time by the joints and at the tip, for the paper's arm and the linear arm."""
+    columns = [name for name in ("paper", "linear") if name in runs]
     figure, axes = plt.subplots(
         len(columns), 2, figsize=(12, 3.4 * len(columns)), sharex=True, sharey=True, squeeze=False
     )
@@ -209,7 +209,7 @@ def rigid_and_true(folder: Path, runs: dict[str, dict[str, Trajectory]]) -> None
                 rms = float(np.sqrt(np.mean(error**2)))
                 axis.plot(run.time[::THIN], error[::THIN], color=color, label=f"{label}, r.m.s. {rms:.2f} m")
             _change_lines([axis], run)
-            arm = "paper's arm" if column == "paper" else "default arm"
+            arm = "paper's arm" if column == "paper" else "linear arm"
             axis.set_title(f"{CONTROLLER[controller]}, collocated, {arm}")
             axis.legend(loc="upper left")
     for axis in axes[:, 0]:
@@ -221,10 +221,10 @@ def rigid_and_true(folder: Path, runs: dict[str, dict[str, Trajectory]]) -> None
 
 
 def arm_at_corner(folder: Path, runs: dict[str, dict[str, Trajectory]], lap_time: float) -> None:
-    """Draw the bent arm around the first switch, every 0.12 s, under both controllers (default arm, collocated)."""
+    """Draw the bent arm around the first switch, every 0.12 s, under both controllers (linear arm, collocated)."""
     figure, axes = plt.subplots(1, 2, figsize=(12.5, 6.2), sharex=True, sharey=True)
     for axis, controller in zip(axes, CONTROLLER, strict=True):
-        run = runs.get("default", {}).get(f"{controller}_collocated_tip")
+        run = runs.get("linear", {}).get(f"{controller}_collocated_tip")
         if run is None or run.reference is None:
             plt.close(figure)
             return

@@ -64,7 +64,7 @@ def reproduce(study: Study, cases: Sequence[Case], folder: Path, sweeps: bool, p
             _collect(drawings, "drawing")
 
 
-_FIRST = (("runs", "default"), ("sweep", "constant_gain"), ("runs", "complete"), ("sweep", "true_tip_feedback"))
+_FIRST = (("runs", "linear"), ("sweep", "constant_gain"), ("runs", "complete"), ("sweep", "true_tip_feedback"))
 
 
 def _order(job: tuple[str, str]) -> int:

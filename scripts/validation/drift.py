@@ -175,7 +175,7 @@ def _checks(rows: list[dict[str, Any]]) -> list[Check]:
     checks.append(
         Check(
             "drift",
-            "angular momentum of the default arm (damped, 2 modes, 1 ms), change",
+            "angular momentum of the linear arm (damped, 2 modes, 1 ms), change",
             damped["momentum"],
             "damping of the links is an inner force and must not turn the arm; what the method misses of vibrations "
             "while they last, omega (omega h)^4 / 120 a second",

@@ -135,7 +135,7 @@ def driven(arm: FlexibleArm, torque: Torque) -> Callable[[float, Array], Array]:
 
 
 def held_torques(steps: Array, kinematics: Kinematics) -> list[float]:
-    """Integrate the default arm by the compiled loop, with a torque for every 10 ms."""
+    """Integrate the linear arm by the compiled loop, with a torque for every 10 ms."""
     arm, period = FlexibleArm(ArmParameters.linear(kinematics=kinematics)), 1e-2
     torques = np.random.default_rng(1).uniform(-10.0, 10.0, (round(TIME / period), 2))
     state, expected = bent(arm), [bent(arm)]
@@ -147,7 +147,7 @@ def held_torques(steps: Array, kinematics: Kinematics) -> list[float]:
 
 
 def function_torque(steps: Array) -> list[float]:
-    """Integrate the default arm under a torque of time and state, evaluated at every stage."""
+    """Integrate the linear arm under a torque of time and state, evaluated at every stage."""
     arm = FlexibleArm(ArmParameters.linear())
 
     def torque(t: float, x: Array) -> Array:

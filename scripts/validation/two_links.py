@@ -197,14 +197,14 @@ def _model_checks(rows: list[dict[str, Any]]) -> list[Check]:
             "arm",
             "bare arm, free joints, 2 clamped-free modes: first two elastic frequencies, largest error",
             two,
-            "the claim of docs/model.md, 1 %, which is checked here; the default arm has these",
+            "the claim of docs/model.md, 1 %, which is checked here; the linear arm has these",
             most=0.01,
         ),
         Check(
             "arm",
             "any joints, load and angle, 4 polynomials: first two elastic frequencies, largest error",
             max(errors(r, "polynomial", 4)[:2].max() for r in rows),
-            "a choice, 1 % as for the default arm: polynomials bend under any force and moment at a link's ends",
+            "a choice, 1 % as for the linear arm: polynomials bend under any force and moment at a link's ends",
             most=0.01,
         ),
     ]

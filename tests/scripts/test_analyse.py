@@ -88,7 +88,7 @@ def test_figures_in_the_text_match(full: Path) -> None:
     """Every sentence of docs/analysis.md that quotes a figure, with the figure put in by the results."""
     results, text = read(full), prose()
     models = {row["arm"]: row for row in results["zeros"]["by_model"]}
-    one, default = models["1 mode, undamped"], models["2 modes, 1 % (default)"]
+    one, default = models["1 mode, undamped"], models["2 modes, 1 % (linear arm)"]
     paper = [row for row in results["margins"] if row["arm"] == "paper's arm"]
     margins = {(r["sensor"], r["delayed"], r["controller"]): r for r in paper}
     late = margins["end effector", "position", "IFDC"]
@@ -106,7 +106,7 @@ def test_figures_in_the_text_match(full: Path) -> None:
         f"1/z of the exact beam is {1e3 / models['exact beam']['zero']:.0f} ms",
         f"{100.0 * 3.15 / models['exact beam']['zero']:.0f} cm",
         f"at {one['entries'][0]:.2f} m, {100 * one['entries'][0] / 4.5:.0f} % of the link",
-        f"on the default arm, two modes with 1 % damping, at {default['zero']:.2f} rad/s",
+        f"on the linear arm, two modes with 1 % damping, at {default['zero']:.2f} rad/s",
         f"to {default['zero']:.2f} rad/s",
         f"Kd / Kp = {1e3 * law['longest_passive_delay']:.0f} ms",
         f"from {law['active_from']:.0f} rad/s on",
@@ -137,7 +137,7 @@ def test_the_claim_about_margins_follows_from_the_table_of_margins() -> None:
 def test_the_locus_has_a_panel_for_every_arm_and_the_exact_zeros_of_link_1(quick: Path) -> None:
     found = read(quick)
     locus = found["zeros"]["locus"]
-    assert "2 modes, 1 % (default)" in locus
+    assert "2 modes, 1 % (linear arm)" in locus
     exact = next(row["zero"] for row in found["zeros"]["by_model"] if row["arm"] == "exact beam")
     assert locus["exact link 1"][0] == pytest.approx(exact)
 

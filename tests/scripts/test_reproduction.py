@@ -61,7 +61,7 @@ def test_claims_are_decided(results: Path) -> None:
     assert {claim["verdict"] for claim in claims} <= VERDICTS
     assert {claim["id"][0] for claim in claims} == set("12345678")
     for claim in claims:
-        assert set(claim["values"]) == {"paper", "complete", "default", "branch"}
+        assert set(claim["values"]) == {"paper", "complete", "linear", "branch"}
         if claim["verdict"] == "reproduced":
             assert all(claim["holds"].values())
         if claim["verdict"] == "not reproduced":
@@ -91,7 +91,7 @@ def test_first_overshoot_is_that_of_an_independent_study(
 @pytest.mark.slow
 def test_summary_has_what_every_run_is_reported_with(results: Path) -> None:
     runs = read(results, "summary.json")["runs"]
-    assert set(runs) == {"paper", "complete", "default", "branch"}
+    assert set(runs) == {"paper", "complete", "linear", "branch"}
     wanted = {"rigid_tip_rms", "rigid_tip_max", "true_tip_rms", "true_tip_max", "peak_deflection", "peak_torque"}
     for column in runs.values():
         for name, run in column.items():
@@ -159,8 +159,8 @@ def test_figures_in_the_text_match(results: Path) -> None:
         f"by {three('constant')} m where FLSAC has {three('flsac')} m",
         f"({rms('flsac_collocated_tip')} against {rms('constant_collocated_tip')} m r.m.s.)",
         f"({rms('flsac_nmp_tip')} against {rms('constant_nmp_tip')} m)",
-        f"({over('flsac_collocated_tip', 'default')} against {over('constant_collocated_tip', 'default')} m at the",
-        f"{over('flsac_collocated_tip', 'default', 1)} against {over('constant_collocated_tip', 'default', 1)} m at",
+        f"({over('flsac_collocated_tip', 'linear')} against {over('constant_collocated_tip', 'linear')} m at the",
+        f"{over('flsac_collocated_tip', 'linear', 1)} against {over('constant_collocated_tip', 'linear', 1)} m at",
         f"true-tip error of {swept('constant_gain', 2.0, 'true_tip_rms')} m collocated and "
         f"{swept('constant_gain', 2.0, 'true_tip_rms', 'nmp')} m with the late sensor",
         f"by {swept('constant_gain', 2.0, 'rigid_overshoot')} and "
@@ -168,7 +168,7 @@ def test_figures_in_the_text_match(results: Path) -> None:
         f"({swept('constant_gain', 2.0, 'vibration', 'nmp')} against FLSAC's "
         f"{summary['paper']['flsac_nmp_tip']['vibration']:.2f} m/s)",
         f"within {rms('ifdc_collocated_tip', tip='rigid')} m r.m.s. of the square; the true tip is "
-        f"{rms('ifdc_collocated_tip')} m off, and on the default arm {rms('ifdc_collocated_tip', 'default')} m",
+        f"{rms('ifdc_collocated_tip')} m off, and on the linear arm {rms('ifdc_collocated_tip', 'linear')} m",
         f"bend by {bend[0]:.2f} and {bend[1]:.2f} m",
         f"falls from {swept('constant_gain', 1.5, 'rigid_tip_rms')} to {swept('constant_gain', 5.0, 'rigid_tip_rms')}",
         f"rises from {swept('constant_gain', 1.5, 'true_tip_rms')} to {swept('constant_gain', 5.0, 'true_tip_rms')} m",

@@ -93,6 +93,6 @@ def peak_bend(deflection: Array) -> float:
     """Largest deflection of a link's tip as a part of its length.
 
     Args:
-        deflection: of the default arm's links [m]. Shape (n, 2).
+        deflection: of the linear arm's links [m]. Shape (n, 2).
     """
     return float((np.abs(deflection) / ArmParameters.linear().link_lengths).max())

@@ -1,0 +1,144 @@
+"""The plant of record against the chain: controllers, the paper's laws, damping."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from scripts.common.markdown import table
+from scripts.validation.checks import Check, Findings, Settings
+from scripts.validation.plant import study
+from scripts.validation.plant.drivers import WEIGHTS
+
+GROUP = "plant"
+DEFAULT = "3 polynomials"
+GENTLE, AGGRESSIVE = (f"plan with {name} feedback" for name in WEIGHTS)
+
+
+def run(settings: Settings) -> Findings:
+    """Run all laps."""
+    quick = settings.quick
+    seconds = 0.5 if quick else 16.0
+    rows, arrays = study.under_control(seconds, settings.progress)
+    laws = dict.fromkeys(study.LAW_SECONDS, 0.5) if quick else study.LAW_SECONDS
+    records: dict[str, Any] = {
+        "control": rows,
+        "laws": study.under_the_laws(laws, settings.progress),
+        "damping": study.damping((5, 10) if quick else (5, 10, 20), seconds, settings.progress),
+    }
+    return Findings(_checks(records), arrays, records, _quoted(records))
+
+
+def _checks(records: dict[str, Any]) -> list[Check]:
+    gentle = _row(records["control"], lap="plain", controller=GENTLE, plant=DEFAULT)
+    coarse = _row(records["control"], lap="plain", controller=GENTLE, plant=f"chain, {study.ELEMENTS[0]} elements")
+    laws = [_row(records["laws"], law=law, plant=DEFAULT) for law in study.LAW_SECONDS]
+    return [
+        Check(
+            GROUP,
+            "the plain lap under gentle feedback: the coarser chain from the finer one, r.m.s.",
+            1e3 * coarse["rms"],
+            "a choice: a fifth of the 5 mm that the default arm is to keep",
+            "mm",
+            most=1.0,
+        ),
+        Check(
+            GROUP,
+            "the plain lap under gentle feedback: the default arm from the chain, r.m.s. after 2 s",
+            1e3 * gentle["after_2s"],
+            "the goal of the default arm under a good torque controller",
+            "mm",
+            most=5.0,
+        ),
+        Check(
+            GROUP,
+            "the paper's laws, undamped: the default arm from the chain, r.m.s.",
+            1e3 * max(row["rms"] for row in laws),
+            "the goal of the default arm under the paper's law",
+            "mm",
+            most=30.0,
+        ),
+    ]
+
+
+def _row(rows: list[dict[str, Any]], **wanted: str) -> dict[str, Any]:
+    return next(row for row in rows if all(row[name] == value for name, value in wanted.items()))
+
+
+def _quoted(records: dict[str, Any]) -> dict[str, float]:
+    """Return what the docs quote, lengths in mm."""
+    quoted = {}
+    for row in records["control"]:
+        which = f"{row['lap']}, {row['controller']}, {row['plant']}"
+        for name in ("rms", "maximum", "after_2s", "score", "score_after_2s"):
+            if name in row:
+                quoted[f"{which}, {name}"] = 1e3 * row[name]
+        quoted[f"{which}, torque change"] = row["torque_change"]
+    for row in records["laws"]:
+        quoted |= {f"{row['law']}, {row['plant']}, {name}": 1e3 * row[name] for name in ("rms", "maximum")}
+    for row in records["damping"]:
+        which = f"{row['damping']}, {row['elements']} elements"
+        quoted |= {f"{which}, {name}": 1e3 * row[name] for name in ("score", "from_coarser") if name in row}
+    return quoted
+
+
+# --- tables -----------------------------------------------------------------------------------------------------------
+
+
+def tables(findings: Findings) -> dict[str, str]:
+    """Return the tables of docs/plant.md."""
+    return {
+        "plant_control": _control_table(findings.records),
+        "plant_laws": _laws_table(findings.records),
+        "plant_damping": _damping_table(findings.records),
+    }
+
+
+def _mm(metres: float | None) -> str:
+    return "" if metres is None else f"{1e3 * metres:.3g}"
+
+
+def _control_table(records: Mapping[str, Any]) -> str:
+    header = (
+        "lap",
+        "controller",
+        "plant",
+        "from the chain [mm]: r.m.s. / after 2 s / largest",
+        "0.5 s ahead [mm]: median / r.m.s.",
+        "score [mm]: lap / after 2 s",
+        "torque change [N m]",
+    )
+    rows = []
+    for row in records["control"]:
+        away = " / ".join(_mm(row[name]) for name in ("rms", "after_2s", "maximum")) if "rms" in row else ""
+        ahead = " / ".join(_mm(row["ahead"][name]) for name in ("median", "rms")) if "ahead" in row else ""
+        score = f"{1e3 * row['score']:.1f} / {1e3 * row['score_after_2s']:.1f}"
+        change = f"{row['torque_change']:.3g}"
+        rows.append([row["lap"], row["controller"], row["plant"], away, ahead, score, change])
+    return table(header, rows)
+
+
+def _laws_table(records: Mapping[str, Any]) -> str:
+    laws = list(study.LAW_SECONDS)
+    plants = list(dict.fromkeys(row["plant"] for row in records["laws"]))
+    rows = []
+    for plant in plants:
+        found = [_row(records["laws"], law=law, plant=plant) for law in laws]
+        rows.append([plant, *(f"{_mm(row['rms'])} / {_mm(row['maximum'])}" for row in found)])
+    header = [f"{law.upper()}, {study.LAW_SECONDS[law]:g} s: r.m.s. / largest [mm]" for law in laws]
+    return table(["plant, undamped", *header], rows)
+
+
+def _damping_table(records: Mapping[str, Any]) -> str:
+    rows = [
+        [
+            row["damping"],
+            str(row["elements"]),
+            f"{1e3 * row['score']:.1f} / {1e3 * row['score_after_2s']:.1f}",
+            _mm(row.get("from_coarser")),
+            f"{row['torque_change']:.3g}",
+        ]
+        for row in records["damping"]
+    ]
+    header = ("damping", "elements a link", "score [mm]: lap / after 2 s", "from the coarser one [mm]: r.m.s.")
+    return table([*header, "torque change [N m]"], rows)

@@ -1,0 +1,156 @@
+"""Laps under several controllers on arms of several shapes and on the chain, and how far they are apart."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexarm_agents import load_policy
+from flexarm_env import ArmParameters, FlexibleArm, square
+from flexarm_env.laps import LAPS
+from scripts.validation.engine.chain import HELD, Modal
+from scripts.validation.engine.runs import rms
+from scripts.validation.engine.square import laws_on_chain, laws_on_model
+from scripts.validation.plant.drivers import PERIODS, WEIGHTS, Agent, Controller, Lap, Regulator, on_corner, run_lap
+
+Array = NDArray[np.float64]
+SETTLED = 2.0  # [s]; the start's transient is over
+AHEAD, EVERY = 0.5, 0.25  # a prediction's length, and how often one starts [s]
+ELEMENTS = (10, 20)  # of the chains; their difference is the finer one's error, times three
+LAP_NAMES = ("swing", "plain")
+# From 8 s on, IFDC's undamped arm is through the straight pose, where millimetres decide which way the elbow goes.
+LAW_SECONDS = {"ifdc": 7.9, "flsac": 16.0}
+
+
+class Model(NamedTuple):
+    """An arm of so many polynomials with foreshortened kinematics, or the former default.
+
+    Attributes:
+        label: for tables.
+        parameters: of the arm, damped as the default one.
+    """
+
+    label: str
+    parameters: ArmParameters
+
+
+def polynomials(count: int, **changes: Any) -> Model:
+    """Return the default arm with so many polynomials a link."""
+    return Model(f"{count} polynomials", ArmParameters(modes_per_link=count, **changes))
+
+
+MODELS = tuple(polynomials(count) for count in (2, 3, 4))
+FORMER = Model("linear, 2 modes", ArmParameters.linear())
+
+
+def controllers(lap: str) -> dict[str, Controller]:
+    """Return the controllers of a lap by their names in the tables."""
+    regulators = {
+        f"plan with {name} feedback": Regulator(ArmParameters(), lap, weights) for name, weights in WEIGHTS.items()
+    }
+    return {"shipped agent": Agent(load_policy("square"), lap), **regulators}
+
+
+def under_control(seconds: float, progress: Callable[[str], None]) -> tuple[list[dict[str, Any]], dict[str, Array]]:
+    """Run all controllers on chains and models.
+
+    Returns:
+        Rows of the tables, and tips [m] every control period by their labels.
+    """
+    rows, arrays = [], {}
+    for lap in LAP_NAMES:
+        for name, controller in controllers(lap).items():
+            chains = []
+            for elements in ELEMENTS:
+                progress(f"{lap} lap, {name}, chain of {elements} elements")
+                models = [FlexibleArm(model.parameters) for model in MODELS] if elements == ELEMENTS[-1] else []
+                chains.append(run_lap(controller, on_corner(ArmParameters(), lap, elements), seconds, models))
+            coarse, fine = chains
+            rows.append(_row(lap, name, f"chain, {ELEMENTS[0]} elements", coarse, fine))
+            rows.append(_row(lap, name, f"chain, {ELEMENTS[1]} elements", fine, fine))
+            arrays[f"{lap}, {name}, chain"] = fine.tip[::PERIODS]
+            ahead = dict(zip(MODELS, fine.states, strict=True))
+            for model in (*MODELS, FORMER):
+                progress(f"{lap} lap, {name}, {model.label}")
+                own = run_lap(controller, on_corner(model.parameters, lap), seconds)
+                row = _row(lap, name, model.label, own, fine)
+                if model in ahead:
+                    row["ahead"] = half_a_second_ahead(FlexibleArm(model.parameters), ahead[model], fine)
+                rows.append(row)
+                arrays[f"{lap}, {name}, {model.label}"] = own.tip[::PERIODS]
+    return rows, arrays
+
+
+def under_the_laws(seconds: Mapping[str, float], progress: Callable[[str], None]) -> list[dict[str, Any]]:
+    """Run the paper's laws on undamped chains and models."""
+    progress("the laws on the chain")
+    coarse, fine = (laws_on_chain(n, dict(seconds)) for n in ELEMENTS)
+    rows = []
+    models = [polynomials(count, damping_ratio=0.0) for count in (2, 3, 4)]
+    for model in (*models, Model(FORMER.label, ArmParameters.linear(damping_ratio=0.0))):
+        progress(f"the laws on {model.label}")
+        tips = laws_on_model(model.parameters, max(seconds.values()))
+        rows += [{"law": law, "plant": model.label, **apart(tips[law], fine[law])} for law in seconds]
+    rows += [
+        {"law": law, "plant": f"chain, {ELEMENTS[0]} elements", **apart(coarse[law], fine[law])} for law in seconds
+    ]
+    return rows
+
+
+def damping(elements: Sequence[int], seconds: float, progress: Callable[[str], None]) -> list[dict[str, Any]]:
+    """Run the shipped agent on chains of more and more elements, damped by their material or by 1 % of every mode."""
+    agent, rows = Agent(load_policy("square"), "swing"), []
+    for model, arm in (("material", ArmParameters()), ("modal", ArmParameters.linear())):
+        last: Lap | None = None
+        for count in elements:
+            progress(f"damping of the {model}, chain of {count} elements")
+            lap = run_lap(agent, on_corner(arm, "swing", count), seconds)
+            row = {"damping": model, "elements": count, **_scores("swing", lap)}
+            rows.append(row | ({} if last is None else {"from_coarser": apart(lap.tip, last.tip)["rms"]}))
+            last = lap
+    return rows
+
+
+def _row(lap: str, controller: str, plant: str, own: Lap, truth: Lap) -> dict[str, Any]:
+    away = apart(own.tip, truth.tip) if own is not truth else {}
+    return {"lap": lap, "controller": controller, "plant": plant, **away, **_scores(lap, own)}
+
+
+def _scores(lap: str, own: Lap) -> dict[str, float]:
+    """Return the distances from the reference [m] as the benchmark takes them, and the torque's mean change [N m]."""
+    times = HELD * PERIODS * np.arange(len(own.torque) + 1)
+    miss = np.linalg.norm(own.tip[::PERIODS] - square(LAPS[lap]).position(times), axis=1)
+    later = miss[times >= SETTLED]
+    return {
+        "score": rms(miss),
+        "score_after_2s": rms(later) if len(later) else float("nan"),
+        "torque_change": float(np.abs(np.diff(own.torque[:, 0])).mean()),
+    }
+
+
+def apart(tip: Array, other: Array) -> dict[str, float]:
+    """Return the r.m.s., the largest distance, and the r.m.s. after 2 s of two runs' tips [m]."""
+    count = min(len(tip), len(other))
+    away = np.linalg.norm(tip[:count] - other[:count], axis=1)
+    later = away[round(SETTLED / HELD) :]
+    return {"rms": rms(away), "maximum": float(away.max()), "after_2s": rms(later) if len(later) else float("nan")}
+
+
+def half_a_second_ahead(arm: FlexibleArm, states: Array, lap: Lap) -> dict[str, float]:
+    """Return how far an arm's tip is off half a second after it was set on the chain's state [m].
+
+    Args:
+        arm: the arm.
+        states: of it, read off the chain at each control instant.
+        lap: the chain's; its torques act.
+    """
+    periods, away = round(AHEAD / (HELD * PERIODS)), []
+    for first in range(0, len(lap.torque) - periods + 1, round(EVERY / (HELD * PERIODS))):
+        plant = Modal(arm)
+        plant.state = states[first]
+        tip = plant.follow(np.repeat(lap.torque[first : first + periods], PERIODS, axis=0))[-1]
+        away.append(float(np.linalg.norm(tip - lap.tip[(first + periods) * PERIODS])))
+    return {"median": float(np.median(away)), "rms": rms(np.array(away)), "maximum": max(away)}
