@@ -157,7 +157,6 @@ def reset_lane(
 @inlined_in_its_caller
 def reset_lanes(
     arena: Arena,
-    history: History,
     clock: Clock,
     keys: Keys,
     paths: Paths,
@@ -168,11 +167,10 @@ def reset_lanes(
     first: int,
     started: Mask,
 ) -> None:
-    """Begin episodes in some lanes of a block, up to the first look; the others stay as they are.
+    """Draw episodes for some lanes of a block, and where their arms start; the others stay as they are.
 
     Args:
         arena: of the block.
-        history: readings at past steps.
         clock: of each lane.
         keys: of the episodes, new ones where one begins. Shape (lanes,).
         paths: of all lanes. Shape (paths, n, 5).
@@ -190,9 +188,22 @@ def reset_lanes(
             reset_lane(arena, clock, keys[i], paths, header, settings, own, reset_requests[lane], lane, i)
             if variant.law:
                 prepare_law(arena, own, i)
-    if not variant.foreshortened:
+    if not (variant.foreshortened or variant.hosted):
         elimination_kernel(arena)
-    store_reading(arena, history, clock[clock_row.HEAD, 0])  # where none begins it was there, or nobody asks for it
+
+
+@inlined_in_its_caller
+def begin_sensors(
+    arena: Arena, history: History, clock: Clock, paths: Paths, header: Words, settings: Table, started: Mask
+) -> None:
+    """Fill the delay lines of the lanes that begin an episode, up to the first look.
+
+    Args: as `reset_lanes`, and
+        history: readings at past steps; of another plant, the newest one is there.
+    """
+    if not variant.hosted:
+        # where none begins it was there, or nobody asks for it
+        store_reading(arena, history, clock[clock_row.HEAD, 0])
     for i in range(variant.lanes):
         if started[i]:
             moving = clock[clock_row.SINCE, i] == LONG_AGO
