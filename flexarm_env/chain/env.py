@@ -31,7 +31,9 @@ class ChainEnv(FlexArmEnv):
         Raises:
             TypeError, ValueError: for a bad argument, naming it, its value and what is allowed.
         """
-        known_names(type(self).__name__, options, [one.name for kind in (ChainOptions, Settings) for one in fields(kind)])
+        known_names(
+            type(self).__name__, options, [one.name for kind in (ChainOptions, Settings) for one in fields(kind)]
+        )
         own = {one.name: options.pop(one.name) for one in fields(ChainOptions) if one.name in options}
         self.chain_options = ChainOptions(**own)
         super().__init__(render_mode, **options)

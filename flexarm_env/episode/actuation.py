@@ -44,9 +44,7 @@ DRIVES: dict[str, Drive] = {}  # by the name of the program (`actions.ActionMode
 HOST_DRIVES: dict[str, Drive] = {}  # those that leave the commands to the host of another plant
 
 
-def drives(
-    program: str, words: str, *groups: str, among: dict[str, Drive] = DRIVES
-) -> Callable[[Function], Function]:
+def drives(program: str, words: str, *groups: str, among: dict[str, Drive] = DRIVES) -> Callable[[Function], Function]:
     """Enter a driver as the `drive` of a program; see `Drive`."""
 
     def enter(driver: Function) -> Function:

@@ -162,8 +162,6 @@ def step_block(memory: Memory, block: int, deciding: bool, observing: bool) -> N
                 arena[row.REWARD, i] = 0.0
 
 
-
-
 def _program(name: str, one: Drive, alone: Function, *groups: str) -> Program:
     return Program(
         name,

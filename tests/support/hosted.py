@@ -54,9 +54,7 @@ class ModalPlant:
 
     def readings(self) -> Array:
         settings, (y, v) = self.settings, self._internal()
-        read = sensing.reading(
-            self.arm.constants, self.arm.place(2, settings.sensor_position), settings.sensor, y, v
-        )
+        read = sensing.reading(self.arm.constants, self.arm.place(2, settings.sensor_position), settings.sensor, y, v)
         if settings.second_sensor is not None:
             place = self.arm.place(*settings.second_sensor)
             read = [*read, *sensing.point_reading(self.arm.constants, place, y, v, settings.second_sensor[0])]
