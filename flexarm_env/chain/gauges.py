@@ -78,7 +78,7 @@ class ChainGauges:
 
 
 def _deflections(length: float, segments: int) -> Array:
-    """From a link's bend angles to its deflection at `PLACES` [m]. Shape (PLACES, segments - 1)."""
+    """Return the map from a link's bend angles to its deflection at `PLACES` [m]. Shape (PLACES, segments - 1)."""
     elements = segments - 1
     middles = length * (0.5 + np.arange(elements)) / elements  # a hinge there lifts what comes after it
     places = np.linspace(0.0, length, PLACES)
@@ -86,5 +86,5 @@ def _deflections(length: float, segments: int) -> Array:
 
 
 def _bends(link: LinkModes, segments: int) -> Array:
-    """The angles by which a bent link turns over each element [rad]. Shape (segments - 1, m)."""
+    """Return the angles by which a bent link turns over each element [rad]. Shape (segments - 1, m)."""
     return np.diff(link.slope(np.linspace(0.0, link.length, segments)), axis=0)

@@ -1,8 +1,8 @@
 """`Chain`: a chain of rigid segments (`model`) in motion, how its links lie and bend, and where its points are.
 
 **Deflection.** A link's deflection w(s) is the integral over arc length of the angle between tangent and root tangent.
-This is what strain gauges know (w'' is the curvature), and it makes w'(L) the tip's angle, as the models have it. All of
-it is linear in the bend angles; so are the rates.
+This is what strain gauges know (w'' is the curvature), and it makes w'(L) the tip's angle, as the models have it. All
+of it is linear in the bend angles; so are the rates.
 """
 
 from __future__ import annotations
@@ -126,22 +126,22 @@ class Chain:
     # --- what it is --------------------------------------------------------------------------------------------------
 
     def look(self) -> Sight:
-        """The arm now."""
+        """Return the arm's present outputs."""
         at = self.shoulder_and_elbow
         deflection = (self.lengths * self._turned(self.data.qpos)).sum(1)
         return Sight(self.tip(), self.data.qpos[at], self.data.qvel[at], deflection)
 
     def joints(self) -> tuple[float, float]:
-        """theta1 and theta2 now [rad]."""
+        """Return theta1 and theta2 now [rad]."""
         return float(self.data.qpos[0]), float(self.data.qpos[self.segments])
 
     def tip(self) -> Array:
-        """Where the end of link 2 is now, as MuJoCo has it [m]. Shape (2,)."""
+        """Return where the end of link 2 is now, as MuJoCo has it [m]. Shape (2,)."""
         mujoco.mj_kinematics(self.model, self.data)
         return self.data.site_xpos[self._tip, :2].copy()
 
     def bend(self) -> Bend:
-        """Its links now."""
+        """Return how its links lie and bend now."""
         places = np.linspace(0.0, 1.0, PLACES)
         roots, read = [], []
         for angles in (self.data.qpos, self.data.qvel):
@@ -151,7 +151,7 @@ class Chain:
         return Bend(*roots, *read)
 
     def point_weights(self, link: int, s: float) -> Array:
-        """How much of each segment lies before a point; with their directions, this is where the point is.
+        """Return how much of each segment lies before a point; with their directions, this is where the point is.
 
         Args:
             link: 1 or 2.
@@ -167,7 +167,7 @@ class Chain:
         return weights.ravel()
 
     def point(self, weights: Array) -> Array:
-        """Position and velocity of a point.
+        """Return the position and velocity of a point.
 
         Args:
             weights: `point_weights`. Shape (2 segments,).
@@ -180,20 +180,20 @@ class Chain:
         return np.array([along.sum(), across.sum(), -across @ rates, along @ rates])
 
     def centre_lines(self) -> tuple[Array, Array]:
-        """The joints' places along each link, its root and tip included [m]. Shape (segments + 1, 2) each."""
+        """Return the joints' places along each link, its root and tip included [m]. Shape (segments + 1, 2) each."""
         angles = np.cumsum(self.data.qpos).reshape(2, -1)
         steps = self.lengths[..., None] * np.stack([np.cos(angles), np.sin(angles)], axis=-1)
         points = np.vstack([np.zeros((1, 2)), np.cumsum(steps.reshape(-1, 2), axis=0)])
         return points[: self.segments + 1], points[self.segments :]
 
     def _turned(self, angles: Array) -> Array:
-        """Angles, or rates, of the segments less those of their link's first one. Shape (2, segments)."""
+        """Return angles, or rates, of the segments less those of their link's first one. Shape (2, segments)."""
         absolute = np.cumsum(angles).reshape(2, -1)
         return np.asarray(absolute - absolute[:, :1])
 
 
 def fixed_point(function: Callable[[Array], Array], start: Array) -> Array:
-    """x with function(x) = x, by damped repetition.
+    """Return x with function(x) = x, by damped repetition.
 
     Raises:
         RuntimeError: if it does not settle.

@@ -62,7 +62,7 @@ class ChainPlant:
         parameters = replace(
             own,
             payload_mass=quantities["payload_mass"],
-            modal_damping_ratio=quantities["damping"],
+            damping_ratio=quantities["damping"],
             flexural_rigidities=(factor * first, factor * second),
         )
         if parameters != self.chain.parameters:
@@ -119,7 +119,7 @@ class ChainPlant:
 
     def _build(self, parameters: ArmParameters) -> None:
         options, settings = self._options, self._settings
-        model = chain_model(options.segments, parameters, damping=options.chain_damping)
+        model = chain_model(options.segments, parameters)
         self._substeps = stable_steps(model, self._step, options.chain_step)
         model.opt.timestep = self._step / self._substeps
         self.chain = Chain(model, parameters)

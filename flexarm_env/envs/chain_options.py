@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, get_args
 
-from flexarm_env.allowed import Integer, Number, OneOf, check_fields, declared
-
-Damping = Literal["stiffness", "modal", "two modes"]
+from flexarm_env.allowed import Integer, Number, check_fields, declared
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -15,13 +12,6 @@ class ChainOptions:
     """Options of the chain, beside those of the environment around it (`settings.Settings`)."""
 
     segments: int = declared(20, Integer(3, 100), text="rigid segments a link")
-    chain_damping: Damping = declared(
-        "stiffness",
-        OneOf(get_args(Damping)),
-        text='how the links are damped: "stiffness", in proportion to their springs, so that the ratio grows with the '
-        'frequency; "modal", each mode that the segments have by the arm\'s ratio; "two modes", the first two so, the '
-        "others 17.5 times as much",
-    )
     chain_step: float = declared(
         5e-4,
         Number(1e-6, 1e-2, "s"),

@@ -51,7 +51,7 @@ class Plant(Protocol):
         """
 
     def readings(self) -> Array:
-        """What the sensors would read now without delay and noise.
+        """Return what the sensors would read now without delay and noise.
 
         Returns:
             Two readings and their rates of the sensor on link 2 (`physics.sensing.reading`), then of the second one if
@@ -59,10 +59,10 @@ class Plant(Protocol):
         """
 
     def truth(self) -> Truth:
-        """The arm now; the state as the settings' arm has it, which is what encoders and strain gauges tell."""
+        """Return the arm now; the state as the settings' arm has it, which is what encoders and strain gauges tell."""
 
     def drawing(self) -> Drawing:
-        """Where its lines are now."""
+        """Return where its lines are now."""
 
 
 class HostedSimulator(BatchSimulator):
@@ -152,13 +152,13 @@ class HostedSimulator(BatchSimulator):
         self._slots[int(self._clocks[0, clock_row.HEAD, 0])] = self.plant.readings()
 
     def _chord(self, steps: int) -> Four:
-        """The reference over an integration step that begins some steps after now."""
+        """Return the reference over an integration step that begins some steps after now."""
         clock, h = self._clocks[0, :, 0], self.settings.control_period / self.settings.substeps
         time, since = float(clock[clock_row.STEPS] + steps) * h, float(clock[clock_row.SINCE]) * h
         return chord_at(self._paths, int(clock[clock_row.PATH]), time, h, since)
 
     def _physical(self, commands: Array) -> Array:
-        """Commands from shares of what 1 stands for."""
+        """Return commands from shares of what 1 stands for."""
         settings = self.settings
         if settings.mode.accumulates:
             return commands

@@ -14,19 +14,18 @@ from flexarm_env.envs.chain_options import ChainOptions
 from flexarm_env.envs.choices import DEFAULT_OBSERVATION
 
 NAMESPACE = "FlexArm"
-# Control periods of an episode: a lap of 16 s at 100 Hz, or at the paper's 1 kHz; a move there and back of 8 s. A test
-# ties them to lap time and control period.
+# Control periods of an episode: a lap of 16 s at 100 Hz, or at the paper's 1 kHz. A test checks them.
 _LAP, _PAPER_LAP = 1600, 16_000
 
 
 class Id(NamedTuple):
-    """An environment's id.
+    """Declaration of an environment's id.
 
     Attributes:
-        steps: control periods after which an episode is truncated.
-        options: in which it differs from the defaults of `Settings`.
-        summary: in one line.
-        text: what it is for.
+        steps: number of control periods after which an episode is truncated.
+        options: options that differ from the defaults of `Settings`.
+        summary: description in one line.
+        text: description in a paragraph.
         history: versions, the newest first.
         entry: class of the environment.
         batch_entry: class of the batch; None: Gymnasium's own vector environments make one.
@@ -98,14 +97,15 @@ IDS: dict[str, Id] = {
     ),
     "SquareChain-v0": Id(
         _LAP,
-        {},
+        {"arm": {"damping_model": "material"}},
         "Track the square with another engine's arm: a chain of rigid segments in MuJoCo",
-        "As `FlexArm/Square-v0`, but what the motors move is no sum of a few modes: 20 rigid segments a link in MuJoCo, "
-        "whose springs bend as far as they bend. It is the hardware of this benchmark, an arm that no controller's model "
-        "contains; train and tune elsewhere, then see here what remains. Action, observation, reward, resets and infos "
-        "are the same by the same code; an action is a torque, its rate, or the gain of the paper's law. Encoders, sensors and the true tip are the chain's own; the modal coordinates "
-        "are those whose deflection fits the chain's best in the mean square, as strain gauges would be calibrated, and "
-        'a start "on the move", or in a given `state`, bends the chain so that the gauges read it.',
+        "As `FlexArm/Square-v0`, but what the motors move is no sum of a few modes: 20 rigid segments a link, joined "
+        "by springs and dampers of the material. It is the hardware of this benchmark, an arm that no controller's model "
+        "contains: train and tune elsewhere, then see here what remains. Action, observation, reward, resets and infos "
+        "are the same, by the same code; an action is a torque, its rate, or the gain of the paper's law. Encoders, "
+        "sensors and the true tip are the chain's own. The modal coordinates are those whose deflection fits the "
+        "chain's best in the mean square, as strain gauges would be calibrated; a start on the move, or in a given "
+        "`state`, bends the chain so that the gauges read it.",
         entry="flexarm_env.chain.env:ChainEnv",
         batch_entry=None,
         extra="chain",
@@ -149,12 +149,13 @@ IDS: dict[str, Id] = {
 def warn_of_short_limit(spec: EnvSpec | None, steps: int | None, lap_steps: int) -> None:
     """Warn if the time limit with which an id is registered is shorter than a lap.
 
-    The limit is a number of control periods: other options can make it a part of a lap. A user's own limit is meant.
+    The limit is a number of control periods, and other options can make a lap longer. A limit that differs from the
+    registered one is the user's choice and gives no warning.
 
     Args:
-        spec: of the environment.
-        steps: its time limit.
-        lap_steps: control periods in a lap.
+        spec: spec of the environment.
+        steps: its time limit [control periods].
+        lap_steps: number of control periods in a lap.
     """
     declared = IDS.get(spec.id.removeprefix(f"{NAMESPACE}/")) if spec is not None else None
     if spec is not None and declared is not None and steps == declared.steps < lap_steps:
@@ -165,7 +166,7 @@ def warn_of_short_limit(spec: EnvSpec | None, steps: int | None, lap_steps: int)
 
 
 def register_environments() -> None:
-    """Register all ids with Gymnasium; doing it again changes nothing."""
+    """Register all ids with Gymnasium; repeated calls change nothing."""
     for name, declared in IDS.items():
         if f"{NAMESPACE}/{name}" not in gymnasium.registry:
             gymnasium.register(

@@ -203,7 +203,6 @@ def test_the_law_on_a_stiff_chain_is_the_law_on_a_stiff_arm() -> None:
         ({"segments": 2}, ValueError, "segments = 2: must be"),
         ({"segments": 3}, ValueError, "segments = 3: must be at least 4"),
         ({"chain_step": 0.0}, ValueError, "chain_step = 0.0: must be"),
-        ({"chain_damping": "none"}, ValueError, "chain_damping = 'none': must be one of"),
         ({"segment": 6}, TypeError, "'segment'; did you mean 'segments'"),
         ({"action_mode": "residual"}, ValueError, "its law acts within the compiled arm"),
         ({"action_mode": "gain", "law_sensor": "sensor"}, ValueError, "law_sensor = 'sensor': on a chain"),

@@ -35,7 +35,7 @@ class ModalPlant:
             replace(
                 own,
                 payload_mass=quantities["payload_mass"],
-                modal_damping_ratio=quantities["damping"],
+                damping_ratio=quantities["damping"],
                 flexural_rigidities=rigidities,
             )
         )

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from flexarm_env import ArmParameters, FlexibleArm
 from flexarm_env.chain.links import PLACES, Bend, Chain, Sight, fixed_point
-from flexarm_env.chain.model import Damping, chain_model, frequencies
+from flexarm_env.chain.model import chain_model, frequencies
 
 Array = NDArray[np.float64]
 HELD = 1e-3  # torques are constant for [s]
@@ -31,7 +31,7 @@ class Plant(Protocol):
         """Hold a torque [N m] for some `HELD`; where the tip is after each. Shape (periods, 2)."""
 
     def look(self) -> Sight:
-        """The arm now."""
+        """Return the arm's present outputs."""
 
     def bend(self) -> Bend:
         """Its links now."""
@@ -44,22 +44,19 @@ class EngineChain(Chain):
         substeps: integration steps in `HELD`.
     """
 
-    def __init__(
-        self, elements: int, arm: ArmParameters, angle: float = CHAIN_ANGLE, damping: Damping = "modal"
-    ) -> None:
+    def __init__(self, elements: int, arm: ArmParameters, angle: float = CHAIN_ANGLE) -> None:
         """Build it, at rest and straight, integrated by the classical Runge-Kutta method.
 
-        Damping that grows with the mode makes the fastest ones too fast for that; such a chain is integrated by
-        `implicitfast`, of first order.
+        Damping of the material makes the fastest modes too fast for that; such a chain is integrated by `implicitfast`,
+        of first order.
 
         Args:
             elements: bending elements a link, one less than segments.
             arm: the arm.
             angle: largest product of step and fastest rate.
-            damping: see `flexarm_env.chain`.
         """
-        model = chain_model(elements + 1, arm, damping=damping)
-        if arm.modal_damping_ratio == 0.0 or damping == "modal":
+        model = chain_model(elements + 1, arm)
+        if arm.damping_ratio == 0.0 or arm.damping_model == "modal":
             model.opt.integrator = mujoco.mjtIntegrator.mjINT_RK4
         self.substeps = int(np.ceil(HELD * frequencies(model)[-1] / angle))
         model.opt.timestep = HELD / self.substeps
@@ -101,7 +98,7 @@ class Modal:
         return run.tip[1:]
 
     def look(self) -> Sight:
-        """The arm now."""
+        """Return the arm's present outputs."""
         q, rates = np.split(self.state, 2)
         return Sight(self.arm.tip(q), q[:2], rates[:2], self.arm.tip_deflection(q))
 
