@@ -98,14 +98,14 @@ IDS: dict[str, Id] = {
     "SquareChain-v0": Id(
         _LAP,
         {"arm": {"damping_model": "material"}},
-        "Track the square with another engine's arm: a chain of rigid segments in MuJoCo",
-        "As `FlexArm/Square-v0`, but what the motors move is no sum of a few modes: 20 rigid segments a link, joined "
-        "by springs and dampers of the material. It is the hardware of this benchmark, an arm that no controller's model "
-        "contains: train and tune elsewhere, then see here what remains. Action, observation, reward, resets and infos "
-        "are the same, by the same code; an action is a torque, its rate, or the gain of the paper's law. Encoders, "
-        "sensors and the true tip are the chain's own. The modal coordinates are those whose deflection fits the "
-        "chain's best in the mean square, as strain gauges would be calibrated; a start on the move, or in a given "
-        "`state`, bends the chain so that the gauges read it.",
+        "Track the square with a chain of rigid segments in MuJoCo for an arm",
+        "As `FlexArm/Square-v0`, but what the motors move is no sum of a few modes: 20 rigid segments a link, "
+        "joined by springs and dampers of the material. It is the hardware of this benchmark, an arm that no "
+        "controller's model contains: train and tune elsewhere, then see here what remains. Action, observation, "
+        "reward, resets and infos are the same, by the same code; an action is a torque, its rate, or the gain of "
+        "the paper's law. Encoders, sensors and the true tip are the chain's own. The modal coordinates are those "
+        "whose deflection fits the chain's best in the mean square, as strain gauges would be calibrated; a start "
+        "on the move, or in a given `state`, bends the chain so that the gauges read it.",
         entry="flexarm_env.chain.env:ChainEnv",
         batch_entry=None,
         extra="chain",
