@@ -242,3 +242,10 @@ def test_memory_stays_flat(steps: int) -> None:
 @pytest.mark.slow
 def test_many_environments_are_small() -> None:
     assert float(in_fresh_process(SIZE)) < 200.0
+
+
+def test_a_batch_says_when_its_episodes_begin() -> None:
+    for mode in AutoresetMode:
+        env = vector(SQUARE, 1, autoreset_mode=mode)
+        assert env.autoreset_mode is mode
+        assert env.metadata["autoreset_mode"] is mode
