@@ -91,6 +91,7 @@ def test_a_late_torque_acts_as_late_as_it_is(delay: float) -> None:
 
 
 @pytest.mark.parametrize(("env_id", "mode"), [(SQUARE, "torque"), (RESIDUAL, "residual"), (RESIDUAL, "reference")])
+@pytest.mark.usefixtures("uncompiled")
 def test_a_delay_of_two_periods_is_the_action_before_the_last(env_id: str, mode: str) -> None:
     actions = exact_actions(30, size=0.3)
     shifted = np.vstack([np.zeros((2, 2)), actions[:-2]])
@@ -261,6 +262,7 @@ def test_the_gain_scales_the_papers_law(
         np.testing.assert_array_equal(info["torque"], loop.results().torque[0])
 
 
+@pytest.mark.usefixtures("uncompiled")
 def test_a_late_gain() -> None:
     """None before the first has arrived."""
     late, prompt = (bare(GAIN, actuation_delay=delay, start="corner") for delay in (0.03, 0.0))

@@ -31,6 +31,7 @@ from tests.support.envs import (
     exact_actions,
     make,
 )
+from tests.support.plain import KERNELS
 from tests.support.refusals import refuses
 
 Array = NDArray[np.float64]
@@ -45,7 +46,8 @@ def summed(actions: Array, change: Array, limit: Array = TORQUE_LIMITS) -> Array
     return np.array(torques[1:])
 
 
-def test_torque_rates_add_up() -> None:
+@pytest.mark.parametrize("kernels", KERNELS, indirect=True)
+def test_torque_rates_add_up(kernels: str) -> None:
     """Held over each period, within the motors' limits, observed; and from 0 again after a reset."""
     env = bare(start="moving", **RATE, **FREE)
     actions = np.clip(exact_actions(60) + 0.3125, -1.0, 1.0)
@@ -60,6 +62,7 @@ def test_torque_rates_add_up() -> None:
         np.testing.assert_allclose(states, run.state[::10], rtol=0.0, atol=1e-12 * np.abs(states).max())
 
 
+@pytest.mark.usefixtures("uncompiled")
 def test_environments_of_torque_rates_are_environments() -> None:
     """For Gymnasium and for stable-baselines3; the other environments of a batch, in plain Python, are the same."""
     made = make(**RATE, **FREE)
