@@ -227,14 +227,21 @@ LATE = {"law_sensor": "sensor", "delay": 0.004}
             SensorParameters(delay=(0.01, 0.004)),
             LawParameters(80.0, compensation="per_joint"),
         ),
-        (GAIN, {"sensor_position": 3.0}, SensorParameters("collocated"), LawParameters()),
-        (
+        pytest.param(
+            GAIN,
+            {"sensor_position": 3.0},
+            SensorParameters("collocated"),
+            LawParameters(),
+            marks=pytest.mark.slow,
+        ),
+        pytest.param(  # two kernels of their own each
             GAIN,
             LATE | {"compensation": "shared", "torque_limit": (300.0, 90.0)},
             SensorParameters("true", delay=0.004),
             LawParameters(compensation="shared", torque_limit=(300.0, 90.0)),
+            marks=pytest.mark.slow,
         ),
-        pytest.param(  # two kernels of their own
+        pytest.param(
             GAIN,
             FORESHORTENED | LATE,
             SensorParameters("true", delay=0.004),
