@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from flexarm_env.envs.hosted import HostedSimulator
 from flexarm_env.envs.settings import Settings
-from tests.support.hosted import ModalPlant, PlainHost
+from tests.support.hosted import ModalPlant
 from tests.support.plain import PlainEnvironment
 
 ONE_MODE = {"arm": {"modes_per_link": 1}}
@@ -34,11 +35,14 @@ CASES: dict[str, dict[str, Any]] = {
 }
 
 
+pytestmark = pytest.mark.usefixtures("uncompiled")
+
+
 @pytest.mark.parametrize("name", CASES)
 def test_all_around_the_arm_is_the_same(name: str) -> None:
     options = {**CASES[name], **ONE_MODE}
     settings = Settings.of(options)
-    within, hosted = PlainEnvironment(**options), PlainHost(settings, ModalPlant(settings))
+    within, hosted = PlainEnvironment(**options), HostedSimulator(settings, ModalPlant(settings))
     within.reset(key=5)
     hosted.start(np.array([5], dtype=np.uint64), np.zeros(1, dtype=np.int64), hosted.usual_requests)
     actions = np.random.default_rng(0).uniform(-0.3, 0.3, (6, 2))
@@ -53,7 +57,7 @@ def test_all_around_the_arm_is_the_same(name: str) -> None:
 
 def test_an_action_that_is_not_finite_is_refused_before_anything_moves() -> None:
     settings = Settings.of(ONE_MODE)
-    hosted = PlainHost(settings, ModalPlant(settings))
+    hosted = HostedSimulator(settings, ModalPlant(settings))
     hosted.start(np.array([5], dtype=np.uint64), np.zeros(1, dtype=np.int64), hosted.usual_requests)
     before = hosted.result(0)
     hosted.actions[0] = np.nan
@@ -66,4 +70,4 @@ def test_an_action_that_is_not_finite_is_refused_before_anything_moves() -> None
 def test_a_law_within_the_compiled_arm_is_refused(mode: str) -> None:
     settings = Settings.of({"action_mode": mode})
     with pytest.raises(ValueError, match=f"action_mode = '{mode}': its law acts within the compiled arm"):
-        PlainHost(settings, ModalPlant(settings))
+        HostedSimulator(settings, ModalPlant(settings))

@@ -1,4 +1,4 @@
-"""Our own arm as the plant of a hosted environment, in plain Python: what it gives is known from the compiled one."""
+"""Our own arm as the plant of a hosted environment: what it gives is known from the compiled one."""
 
 from __future__ import annotations
 
@@ -10,11 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexarm_env import FlexibleArm
-from flexarm_env.codegen.declarations import plain_python
 from flexarm_env.envs.drawing import Drawing, drawing_of
-from flexarm_env.envs.hosted import HostedSimulator
 from flexarm_env.envs.settings import Settings
-from flexarm_env.episode.step import step_half
 from flexarm_env.physics import sensing
 
 Array = NDArray[np.float64]
@@ -70,14 +67,3 @@ class ModalPlant:
     def _internal(self) -> tuple[Array, Array]:
         y, v = np.split(self.arm.internal_state(self.state), 2)
         return y, v
-
-
-class PlainHost(HostedSimulator):
-    """A hosted environment whose kernels run in plain Python."""
-
-    def compile(self) -> Any:
-        def step(memory: Array, moved: bool) -> bool:
-            with plain_python(self._variant), np.errstate(all="ignore"):  # keys overflow, as compiled
-                return step_half(memory, moved)
-
-        return step
