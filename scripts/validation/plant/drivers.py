@@ -1,7 +1,7 @@
 """Controllers that close their loop on any arm: the shipped agent, and regulators along an optimal plan.
 
 Each of them sees the arm through the model that it was made with: encoders read the arm itself, and strain gauges that
-part of its bending which the model's own shapes can express (`engine.chain.Gauges`).
+part of its bending which the model's own shapes can express (`flexarm_env.chain.gauges`).
 """
 
 from __future__ import annotations
@@ -16,8 +16,10 @@ from numpy.typing import NDArray
 from flexarm_agents import Trained
 from flexarm_baselines.optimal import GOOD, LAPS, PlanRegulator, RegulatorWeights, plan_lap
 from flexarm_env import ArmParameters, FlexibleArm, inverse_kinematics, square
+from flexarm_env.chain.gauges import Gauges
 from flexarm_env.envs.single import FlexArmEnv
-from scripts.validation.engine.chain import HELD, Chain, Gauges, Modal, Plant
+from flexarm_env.laps import LAPS
+from scripts.validation.engine.chain import HELD, EngineChain, Modal, Plant
 from scripts.validation.engine.observer import Observer
 
 Array = NDArray[np.float64]
@@ -116,7 +118,7 @@ class Regulator:
 
 
 @cache
-def _plan(arm: ArmParameters, lap: str):  # type: ignore[no-untyped-def]
+def _plan(arm: ArmParameters, lap: str) -> Plan:
     return plan_lap(FlexibleArm(arm), lap)
 
 
@@ -128,6 +130,6 @@ def on_corner(parameters: ArmParameters, lap: str, elements: int | None = None) 
         model = Modal(FlexibleArm(parameters))
         model.state[:2] = joints
         return model
-    chain = Chain(elements, parameters)
+    chain = EngineChain(elements, parameters)
     chain.place(joints)
     return chain
