@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexarm_agents import Trained
-from flexarm_baselines.optimal import GOOD, LAPS, PlanRegulator, RegulatorWeights, plan_lap
+from flexarm_baselines.optimal import GOOD, Plan, PlanRegulator, RegulatorWeights, plan_lap
 from flexarm_env import ArmParameters, FlexibleArm, inverse_kinematics, square
 from flexarm_env.chain.gauges import Gauges
 from flexarm_env.envs.single import FlexArmEnv

@@ -94,10 +94,8 @@ def under_the_laws(seconds: Mapping[str, float], progress: Callable[[str], None]
         progress(f"the laws on {model.label}")
         tips = laws_on_model(model.parameters, max(seconds.values()))
         rows += [{"law": law, "plant": model.label, **apart(tips[law], fine[law])} for law in seconds]
-    rows += [
-        {"law": law, "plant": f"chain, {ELEMENTS[0]} elements", **apart(coarse[law], fine[law])} for law in seconds
-    ]
-    return rows
+    coarser = f"chain, {ELEMENTS[0]} elements"
+    return [*rows, *({"law": law, "plant": coarser, **apart(coarse[law], fine[law])} for law in seconds)]
 
 
 def damping(elements: Sequence[int], seconds: float, progress: Callable[[str], None]) -> list[dict[str, Any]]:
