@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from flexarm_agents import Trained
 from flexarm_baselines.optimal import GOOD, Plan, PlanRegulator, RegulatorWeights, plan_lap
-from flexarm_env import ArmParameters, FlexibleArm, inverse_kinematics, square
+from flexarm_env import ArmParameters, FlexibleArm, SquareParameters, inverse_kinematics, square
 from flexarm_env.chain.gauges import Gauges
 from flexarm_env.envs.single import FlexArmEnv
 from flexarm_env.laps import LAPS
@@ -124,8 +124,7 @@ def _plan(arm: ArmParameters, lap: str) -> Plan:
 
 def on_corner(parameters: ArmParameters, lap: str, elements: int | None = None) -> Plant:
     """Set an arm at rest on the first corner of a lap: a chain, or without `elements` the assumed-modes arm."""
-    task = LAPS[lap]
-    joints = inverse_kinematics(parameters, square(task).table[0, 1:], task.elbow_branch)
+    joints = inverse_kinematics(parameters, square(SquareParameters()).table[0, 1:], LAPS[lap].elbow_branch)
     if elements is None:
         model = Modal(FlexibleArm(parameters))
         model.state[:2] = joints

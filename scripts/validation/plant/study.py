@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexarm_agents import load_policy
-from flexarm_env import ArmParameters, FlexibleArm, square
-from flexarm_env.laps import LAPS
+from flexarm_env import ArmParameters, FlexibleArm, SquareParameters, square
 from scripts.validation.engine.chain import HELD, Modal
 from scripts.validation.engine.runs import rms
 from scripts.validation.engine.square import laws_on_chain, laws_on_model
@@ -106,7 +105,7 @@ def damping(elements: Sequence[int], seconds: float, progress: Callable[[str], N
         for count in elements:
             progress(f"damping of the {model}, chain of {count} elements")
             lap = run_lap(agent, on_corner(arm, "swing", count), seconds)
-            row = {"damping": model, "elements": count, **_scores("swing", lap)}
+            row = {"damping": model, "elements": count, **_scores(lap)}
             rows.append(row | ({} if last is None else {"from_coarser": apart(lap.tip, last.tip)["rms"]}))
             last = lap
     return rows
@@ -114,13 +113,13 @@ def damping(elements: Sequence[int], seconds: float, progress: Callable[[str], N
 
 def _row(lap: str, controller: str, plant: str, own: Lap, truth: Lap) -> dict[str, Any]:
     away = apart(own.tip, truth.tip) if own is not truth else {}
-    return {"lap": lap, "controller": controller, "plant": plant, **away, **_scores(lap, own)}
+    return {"lap": lap, "controller": controller, "plant": plant, **away, **_scores(own)}
 
 
-def _scores(lap: str, own: Lap) -> dict[str, float]:
+def _scores(own: Lap) -> dict[str, float]:
     """Return the distances from the reference [m] as the benchmark takes them, and the torque's mean change [N m]."""
     times = HELD * PERIODS * np.arange(len(own.torque) + 1)
-    miss = np.linalg.norm(own.tip[::PERIODS] - square(LAPS[lap]).position(times), axis=1)
+    miss = np.linalg.norm(own.tip[::PERIODS] - square(SquareParameters()).position(times), axis=1)
     later = miss[times >= SETTLED]
     return {
         "score": rms(miss),
