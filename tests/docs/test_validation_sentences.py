@@ -80,42 +80,13 @@ def range_sentences(q: dict[str, float]) -> list[str]:
 
 
 def square_sentences(q: dict[str, float]) -> list[str]:
-    def of(model: str, name: str, driver: str = "agent") -> float:
-        return q[f"square, {driver}, {model}, {name}"]
+    def flsac(model: str) -> float:
+        return q[f"square, flsac, {model}, rms"]
 
-    linear, better, best = "linear, 2 modes", "foreshortened, 2 modes", "foreshortened, 3 polynomials"
-    flips = [of(f"{kinematics}, 3 polynomials", "torque change") for kinematics in ("foreshortened", "linear")]
-    assert min(flips) > 200.0
-    lost = [0.1 * of(f"{kinematics}, 3 polynomials", "rms") for kinematics in ("foreshortened", "linear")]
-    two_modes = "chain, 1 % of two modes, 17.5 % of the others, 20 elements"
-    every = [f"chain, 1 % of every mode, {n} elements" for n in (10, 20)]
-
-    def both(model: str) -> str:
-        return f"{of(model, 'score'):.1f} / {of(model, 'score_after_2s'):.1f} mm"
-
-    scores = [f"{of(m, 'score'):.1f} mm" for m in (linear, "chain", better)]
-    later = [f"{of(m, 'score_after_2s'):.1f} mm" for m in (linear, "chain", better)]
     return [
-        f"the links bend by up to {q['square, bend']:.0f} % under the agent, and already the rigid arm's reference "
         f"turns a link at up to {q['reference, largest']:.1f} rad/s, above {0.1 * q['first clamped']:.1f} rad/s for "
         f"{100.0 * q['reference, share']:.0f} % of the lap",
-        f"off by up to {0.1 * of(linear, 'maximum'):.0f} cm there.** Under the agent the linear model with 2 modes is "
-        f"{of(linear, 'rms'):.0f} mm from the chain (r.m.s.) and {of(linear, 'maximum'):.0f} mm at most",
-        f"its tip is up to {of(linear, 'kinematics, maximum'):.0f} mm off",
-        f"With foreshortening and 2 modes it is {of(better, 'rms'):.1f} mm and {of(better, 'maximum'):.0f} mm",
-        f"scores {scores[0]} over the lap and {later[0]} after 2 s on the linear model with 2 modes, "
-        f"{scores[2]} and {later[2]} with foreshortening, {scores[1]} and {later[1]} on the chain",
-        f"others by 17.5 %, it scores {both(two_modes)}, {of(two_modes, 'rms'):.1f} mm from the reference",
-        f"it scores {both(every[0])} with 10 elements and {both(every[1])} with 20",
-        f"its torque changes by {of(every[0], 'torque change'):.0f} and "
-        f"{of(every[1], 'torque change'):.0f} N m a period, "
-        f"where it changes by {of('chain, 20 elements', 'torque change'):.1f} N m on the reference",
-        f"the two are {of(every[0], 'modal, rms'):.0f} mm apart (r.m.s.)",
-        f"The model with 2 modes is {of(linear, 'modal, rms'):.0f} mm from the finer one, with foreshortening "
-        f"{of(better, 'modal, rms'):.0f} mm",
-        f"FLSAC's tip is {of(linear, 'rms', 'flsac'):.0f} mm from the chain's (r.m.s.) on the linear model "
-        f"with 2 modes and {of(better, 'rms', 'flsac'):.0f} mm with foreshortening, "
-        f"but {of(best, 'rms', 'flsac'):.0f} mm with",
-        f"{lost[0]:.0f} to {lost[1]:.0f} cm from the chain",
-        f"with 2 modes it changes by {of(linear, 'torque change'):.0f} N m",
+        f"FLSAC's tip is {flsac('linear, 2 modes'):.0f} mm from the chain's (r.m.s.) on the linear model with 2 modes "
+        f"and {flsac('foreshortened, 2 modes'):.0f} mm with foreshortening, "
+        f"but {flsac('foreshortened, 3 polynomials'):.0f} mm with foreshortening and 3 polynomials",
     ]

@@ -355,7 +355,6 @@ def test_the_model_s_limits_are_told_as_recorded(where: str) -> None:
         for name in ("bent by 5 %, 10 mm", "hardly bent, 10 mm", "unstable from")
     }
     assert arm[f"bare, {two}, first two"] < 1.0
-    assert engine["square, bend"] > bend
     assert engine["reference, largest"] > spins["bent by 5 %, 10 mm"]
     for words in (
         f"{arm[f'bare, {one}, least']:.0f} to {arm[f'bare, {one}, first two']:.0f} % too high",

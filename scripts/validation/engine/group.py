@@ -28,7 +28,6 @@ ON_THE_SQUARE = (
 )
 # From 8 s on, IFDC's undamped arm is through the straight pose, where millimetres decide which way the elbow goes.
 LAW_SECONDS = {"ifdc": 7.9, "flsac": 16.0}
-BENCHMARKED = (model("linear", 2), model("foreshortened", 2))
 SLOW = 0.1  # of the first clamped frequency: up to there the linear model keeps 10 mm where links bend by 5 %
 QUICK_MODELS = (model("linear", 4), model("foreshortened", 3))
 
@@ -46,23 +45,20 @@ def run(settings: Settings) -> Findings:
     records["spins"], mapped = validity.spin_map(quick, settings.progress)
     arrays |= mapped
     records["reference"] = square.reference_rates(SLOW * validity.FIRST_CLAMPED)
-    on_square = [m for m in ON_THE_SQUARE if m in BENCHMARKED] if quick else ON_THE_SQUARE
+    on_square = [model("linear", 2)] if quick else ON_THE_SQUARE
     elements = study.QUICK_ELEMENTS if quick else (10, 20)
     seconds = dict.fromkeys(LAW_SECONDS, 0.5) if quick else LAW_SECONDS
-    laps, found = square.laws(on_square[:1] if quick else on_square, seconds, elements, settings.progress)
+    laps, found = square.laws(on_square, seconds, elements, settings.progress)
     arrays |= found
-    agent, found = square.agent(on_square, 1.0 if quick else 16.0, elements, settings.progress)
-    arrays |= found
-    records["square"] = [*laps, *agent]
-    return Findings(_checks(records, quick), arrays, records, _quoted(records))
+    records["square"] = laps
+    return Findings(_checks(records), arrays, records, _quoted(records))
 
 
 # --- checks -----------------------------------------------------------------------------------------------------------
 
 
-def _checks(records: dict[str, Any], quick: bool) -> list[Check]:
-    checks = [*_reference_checks(records), *_model_checks(records), *_square_checks(records)]
-    return [*checks, *([] if quick else _lap_checks(records))]
+def _checks(records: dict[str, Any]) -> list[Check]:
+    return [*_reference_checks(records), *_model_checks(records), *_square_checks(records)]
 
 
 def _reference_checks(records: dict[str, Any]) -> list[Check]:
@@ -160,31 +156,6 @@ def _square_checks(records: dict[str, Any]) -> list[Check]:
     ]
 
 
-def _lap_checks(records: dict[str, Any]) -> list[Check]:
-    """Of a whole lap."""
-    linear, better = (
-        next(row for row in records["square"] if (row["driver"], row["model"]) == ("agent", m.label))
-        for m in BENCHMARKED
-    )
-    return [
-        Check(
-            GROUP,
-            "the square under the agent: r.m.s. tip distance of the foreshortened model with 2 modes from the chain",
-            1e3 * better["rms"],
-            "a choice: the 10 mm that the validity range allows a model",
-            "mm",
-            most=1e3 * validity.TOLERANCES[0],
-        ),
-        Check(
-            GROUP,
-            "the same, linear over foreshortened",
-            linear["rms"] / better["rms"],
-            "a choice: foreshortening, which costs up to twice the time, shall halve the error at least",
-            least=2.0,
-        ),
-    ]
-
-
 def _quoted(records: dict[str, Any]) -> dict[str, float]:
     """Collect what the docs quote: lengths in mm, deflections in %, spins as parts of the first frequency."""
     quoted = {}
@@ -197,10 +168,6 @@ def _quoted(records: dict[str, Any]) -> dict[str, float]:
     for row in records["square"]:
         which = f"square, {row['driver']}, {row['model']}"
         quoted |= {f"{which}, {n}": 1e3 * row[n] for n in ("rms", "maximum", "score", "score_after_2s") if row[n]}
-        for part in ("modal", "kinematics", "ahead"):
-            quoted |= {f"{which}, {part}, {name}": 1e3 * value for name, value in row.get(part, {}).items()}
-        quoted |= {"square, bend": 100.0 * row["bend"]} if "bend" in row else {}
-        quoted |= {f"{which}, torque change": row["torque_change"]} if "torque_change" in row else {}
     quoted |= {f"tried, {kind}": 100.0 * bend for kind, bend in records["tried"].items()}
     quoted |= {f"reference, {name}": value for name, value in records["reference"].items()}
     quoted |= {"first clamped": validity.FIRST_CLAMPED, "critical spin": records["critical"]}

@@ -16,7 +16,7 @@ from scripts.validation.checks import Array, Result
 from scripts.validation.engine.programmes import PROGRAMMES
 
 TITLES = {programme.name: programme.title for programme in PROGRAMMES}
-DRIVERS = {"ifdc": "IFDC, undamped", "flsac": "FLSAC, undamped", "agent": "the agent, 1 % of first modes"}
+DRIVERS = {"ifdc": "IFDC, undamped", "flsac": "FLSAC, undamped"}
 CREST = 50  # instants of 1 ms
 PERCENT = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0)
 LIMIT = 10.0  # [mm], drawn as the threshold
@@ -147,22 +147,15 @@ def on_the_square(records: Mapping[str, Any], arrays: dict[str, Array], folder: 
     """Draw the chain's lap, and every model's distance from it over time."""
     labels = list(dict.fromkeys(row["model"] for row in records["square"] if not row["model"].startswith("chain")))
     colours = {label: plt.get_cmap("tab10")(i) for i, label in enumerate(labels)}
-    figure, axes = plt.subplots(2, len(DRIVERS), figsize=(16, 9.0), height_ratios=(1.2, 1.0))
+    figure, axes = plt.subplots(2, len(DRIVERS), figsize=(11, 9.0), height_ratios=(1.2, 1.0))
     for (driver, title), (path, error) in zip(DRIVERS.items(), axes.T, strict=True):
         tip = arrays[f"{driver} chain"]
         path.plot(*tip.T, color="0.2", linewidth=1.0)
         path.plot([-6.3, -6.3, 6.3, 6.3, -6.3], [-6.3, 6.3, 6.3, -6.3, -6.3], **THRESHOLD)
         path.set(title=f"{title}: the chain's tip", aspect="equal", xlabel="x [m]", ylabel="y [m]")
         for label in labels:
-            if (key := f"{driver} {label}") in arrays:  # the quick run has one model under the laws
-                away = _crests(arrays[key])
-                error.semilogy(1e-3 * np.arange(len(away)), away, color=colours[label], linewidth=0.9)
-        for style, label in zip(
-            (":", "--", "-"), [k for k in arrays if k.startswith(f"{driver} chain, ")], strict=False
-        ):
-            away = _crests(arrays[label])
-            error.semilogy(1e-3 * np.arange(len(away)), away, color="0.5", linestyle=style, linewidth=0.9)
-            axes[1, 0].plot([], [], color="0.5", linestyle=style, label=label.removeprefix(f"{driver} "))
+            away = _crests(arrays[f"{driver} {label}"])
+            error.semilogy(1e-3 * np.arange(len(away)), away, color=colours[label], linewidth=0.9)
         error.set(xlabel="time [s]", ylim=(0.1, 2e3))
     axes[1, 0].set_ylabel("the model's tip from the chain's [mm],\nlargest within 50 ms")
     for label in labels:

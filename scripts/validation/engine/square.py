@@ -1,23 +1,17 @@
-"""The square on the chain and on our models: under the paper's laws, and under the shipped agent.
+"""The square on the chain and on our models, undamped, under the paper's laws.
 
-The same law, or the same agent, drives each of them, so that a model's error shows as it does in use: with feedback.
-Two further figures have none: how far a model's tip is off at the *chain's* shape (kinematics alone), and how far it is
-off half a second after it was set on the chain's state, under the agent's torques.
-
-Under the laws nothing is damped. The agent was trained with 1 % of modal damping, on two modes a link, and drives
-modes that it does not know and that are damped by no more unstable. So under it the chain is damped in two ways
-(`physics.damping`): by its material, which is the reference; and by 1 % of every clamped mode that it has.
+The same law drives each of them, so that a model's error shows as it does in use: with feedback. The benchmark's own
+arm under torques is compared in `scripts.validation.plant`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexarm_agents import Trained, load_policy
 from flexarm_baselines import FLSAC, IFDC
 from flexarm_baselines.flsac import REFERENCE_DEFLECTION
 from flexarm_baselines.fuzzy import paper_system
@@ -32,38 +26,16 @@ from flexarm_env import (
     square,
     square_loop,
 )
-from flexarm_env.chain.gauges import Gauges
-from flexarm_env.envs.single import FlexArmEnv
 from flexarm_env.rollout import run_batch
 from flexarm_env.simulation.closed_loop import observation_blocks
-from scripts.validation.engine.chain import HELD, EngineChain, Modal, Plant
+from scripts.validation.engine.chain import HELD
 from scripts.validation.engine.laws import law_lap
 from scripts.validation.engine.models import Model
-from scripts.validation.engine.observer import Observer
-from scripts.validation.engine.runs import peak_bend, rms
+from scripts.validation.engine.runs import rms
 
 Array = NDArray[np.float64]
 SETTLED = 2.0  # [s]; the start's transient is over
-SAMPLED = 10  # `HELD` in a control period of the agent; the score counts these instants
-OF_THE_MATERIAL = ArmParameters.linear(damping_ratio=0.01, damping_model="material")
-OF_EVERY_MODE = ArmParameters.linear()
-AHEAD, EVERY = 0.5, 0.25  # a prediction's length, and how often one starts [s]
-
-
-class Lap(NamedTuple):
-    """An agent's lap.
-
-    Attributes:
-        tip: every `HELD`. Shape (n, 2).
-        torque: every `HELD`. Shape (n - 1, 2).
-        states: of each model asked for, at each control instant.
-        deflection: at each control instant. Shape (k, 2).
-    """
-
-    tip: Array
-    torque: Array
-    states: list[Array]
-    deflection: Array
+SAMPLED = 10  # `HELD` in a control period; the score counts these instants
 
 
 # --- the paper's laws -------------------------------------------------------------------------------------------------
@@ -96,46 +68,7 @@ def laws_on_chain(elements: int, seconds: dict[str, float]) -> dict[str, Array]:
     }
 
 
-# --- the agent --------------------------------------------------------------------------------------------------------
-
-
-def agent_lap(trained: Trained, plant: Plant, seconds: float, models: Sequence[FlexibleArm] = ()) -> Lap:
-    """Run a lap of the shipped agent from rest on the first corner.
-
-    Args:
-        trained: the agent.
-        plant: the arm, at rest on the corner.
-        seconds: length of the lap [s].
-        models: whose states are read off the arm.
-    """
-    env = trained.make_env().unwrapped
-    assert isinstance(env, FlexArmEnv)
-    observer, limit = Observer(env), np.array(env.settings.action_limit)
-    gauges, action = [Gauges(arm) for arm in models], np.zeros(2)
-    tips, torques, deflections = [plant.look().tip[None]], [], []
-    states: list[list[Array]] = [[] for _ in models]
-    for _ in range(round(seconds / env.settings.control_period)):
-        observer.note(tips[-1])
-        for gauge, rows in zip(gauges, states, strict=True):
-            rows.append(gauge.state(plant.bend()))
-        deflections.append(plant.look().deflection)
-        observation = observer.look(plant, action)
-        action = np.clip(trained.policy.predict(observation, None, np.ones(1, dtype=bool), True)[0], -1.0, 1.0)
-        tips.append(plant.advance(action * limit, observer.periods))
-        torques += [action * limit] * observer.periods
-    return Lap(np.concatenate(tips), np.array(torques), [np.array(rows) for rows in states], np.array(deflections))
-
-
-def on_corner(parameters: ArmParameters, elements: int | None = None) -> Plant:
-    """Set an arm at rest on the first corner: a chain, or without `elements` a model."""
-    joints = inverse_kinematics(parameters, square(SquareParameters()).table[0, 1:], "positive")
-    if elements is None:
-        model = Modal(FlexibleArm(parameters))
-        model.state[:2] = joints
-        return model
-    chain = EngineChain(elements, parameters)
-    chain.place(joints)
-    return chain
+# --- the reference --------------------------------------------------------------------------------------------
 
 
 def reference_rates(limit: float) -> dict[str, float]:
@@ -183,46 +116,6 @@ def laws(
     return rows, arrays
 
 
-def agent(
-    models: Sequence[Model], seconds: float, elements: tuple[int, int], progress: Callable[[str], None]
-) -> tuple[list[dict[str, Any]], dict[str, Array]]:
-    """Laps of the shipped agent; arguments and results as of `laws`, with what has no feedback."""
-    trained = load_policy("square")
-    arms = [FlexibleArm(ArmParameters.linear(**m.fields)) for m in models]
-    progress("the agent on the chain")
-    coarse, fine = (agent_lap(trained, on_corner(OF_THE_MATERIAL, n), seconds, arms) for n in elements)
-    truth = fine.tip + (fine.tip - coarse.tip) / 3.0
-    rows = [_lap_row("agent", "chain", truth, truth) | {"bend": peak_bend(fine.deflection)}]
-    rows.append(_lap_row("agent", f"chain, {elements[1]} elements", fine.tip, truth) | _torque_change(fine))
-    arrays = {"agent chain": truth}
-    others: dict[str, Lap] = {}
-    for n in elements:
-        label = f"chain, 1 % of every mode, {n} elements"
-        progress(f"the agent on the {label}")
-        others[label] = lap = agent_lap(trained, on_corner(OF_EVERY_MODE, n), seconds)
-        arrays[f"agent {label}"] = _distance(lap.tip, truth)
-    modal = list(others.values())[-1].tip
-    rows += [
-        _lap_row("agent", label, lap.tip, truth) | _torque_change(lap) | {"modal": _away(lap.tip, modal)}
-        for label, lap in others.items()
-    ]
-    for m, arm, states in zip(models, arms, fine.states, strict=True):
-        progress(f"the agent on {m.label}")
-        lap = agent_lap(trained, on_corner(arm.parameters), seconds)
-        row = _lap_row("agent", m.label, lap.tip, truth)
-        row["kinematics"] = _kinematics(arm, states, fine)
-        row["ahead"] = _ahead(arm, states, fine)
-        row["modal"] = _away(lap.tip, modal)
-        rows.append(row | _torque_change(lap))
-        arrays[f"agent {m.label}"] = _distance(lap.tip, truth)
-    return rows, arrays
-
-
-def _torque_change(lap: Lap) -> dict[str, float]:
-    """Mean change of the shoulder's torque from one control period to the next [N m]."""
-    return {"torque_change": float(np.abs(np.diff(lap.torque[::SAMPLED, 0])).mean())}
-
-
 def _away(tip: Array, other: Array) -> dict[str, float]:
     away = _distance(tip, other)
     return {"rms": rms(away), "maximum": float(away.max())}
@@ -246,19 +139,3 @@ def _lap_row(driver: str, which: str, tip: Array, truth: Array) -> dict[str, Any
         "score": rms(miss),
         "score_after_2s": rms(miss[settled // SAMPLED :]) if len(tip) > settled else None,
     }
-
-
-def _kinematics(arm: FlexibleArm, states: Array, lap: Lap) -> dict[str, float]:
-    """Return a model's tip at the chain's shapes."""
-    return _away(arm.tip(states[:, : arm.size]), lap.tip[::SAMPLED])
-
-
-def _ahead(arm: FlexibleArm, states: Array, lap: Lap) -> dict[str, float]:
-    """Return a model's tip `AHEAD` after it was set on the chain's state."""
-    periods, away = round(AHEAD / HELD), []
-    for first in range(0, len(lap.torque) - periods + 1, round(EVERY / HELD)):
-        plant = Modal(arm)
-        plant.state = states[first // SAMPLED]
-        tip = plant.follow(lap.torque[first : first + periods])
-        away.append(np.linalg.norm(tip[-1] - lap.tip[first + periods]))
-    return {"rms": rms(np.array(away)), "maximum": float(np.max(away)) if away else 0.0}

@@ -93,28 +93,14 @@ def _spin_table(records: Mapping[str, Any]) -> str:
 
 
 def _square_table(records: Mapping[str, Any]) -> str:
-    header = (
-        "tip on the square [mm]",
-        "who drives",
-        "from the chain: r.m.s. / largest",
-        "from the chain with 1 % of every mode",
-        "score: lap / after 2 s",
-        "torque change [N m]",
-        "kinematics alone",
-        "0.5 s ahead",
-    )
+    header = ("tip on the square [mm]", "law", "from the chain: r.m.s. / largest", "score: lap / after 2 s")
     rows = []
     for row in records["square"]:
-        alone = [
-            f"{_mm(row[n]['rms'])} / {_mm(row[n]['maximum'])}" if n in row else "" for n in ("kinematics", "ahead")
-        ]
         score = f"{1e3 * row['score']:.1f} / " + (
             "" if row["score_after_2s"] is None else f"{1e3 * row['score_after_2s']:.1f}"
         )
         away = "" if row["model"] == "chain" else f"{_mm(row['rms'])} / {_mm(row['maximum'])}"
-        modal = f"{_mm(row['modal']['rms'])} / {_mm(row['modal']['maximum'])}" if "modal" in row else ""
-        change = f"{row['torque_change']:.3g}" if "torque_change" in row else ""
-        rows.append([row["model"], row["driver"], away, modal, score, change, *alone])
+        rows.append([row["model"], row["driver"], away, score])
     return table(header, rows)
 
 
