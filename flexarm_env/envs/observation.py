@@ -26,6 +26,8 @@ from flexarm_env.validation import choice
 
 Array = NDArray[np.float64]
 LARGEST_DEVIATE = 8.6  # of `random_stream.normal`
+# Signs of numbers in the mirrored episode, in which the y axis of every frame points the other way.
+SCALAR, ANGLE, VECTOR = (1,), (-1,), (1, -1)
 
 
 class Workspace(NamedTuple):
@@ -70,6 +72,8 @@ class Block:
         count: how many numbers, as text with m modes a link.
         rows: name of the arena's part it is read from, first number there, and how many.
         limits: scales and bounds.
+        mirror: signs of its numbers in the mirrored episode, repeated over the block (`SCALAR`, `ANGLE`, `VECTOR`);
+            None: the action's.
         modes: action modes that have it.
     """
 
@@ -78,6 +82,7 @@ class Block:
     count: str
     rows: Callable[[Settings], tuple[str, int, int]]
     limits: Callable[[Settings, Workspace], Range]
+    mirror: tuple[int, ...] | None
     modes: tuple[str, ...] = tuple(MODES)
 
 
@@ -173,12 +178,13 @@ BLOCKS: dict[str, Block] = {
         "2",
         _rows("ENCODERS"),
         lambda s, r: Range([np.pi] * 2, [limit + LARGEST_DEVIATE * s.encoder_noise[0] for limit in ANGLE_LIMITS]),
+        ANGLE,
     ),
     "elbow_direction": Block(
-        "cosine and sine of theta2", "1", "2", _rows("F_DIRECTIONS"), lambda s, r: _even(2, 1.0, 1.0 + 1e-9)
+        "cosine and sine of theta2", "1", "2", _rows("F_DIRECTIONS"), lambda s, r: _even(2, 1.0, 1.0 + 1e-9), VECTOR
     ),
     "shoulder_direction": Block(
-        "cosine and sine of theta1", "1", "2", _rows("F_DIRECTIONS", 2), lambda s, r: _even(2, 1.0, 1.0 + 1e-9)
+        "cosine and sine of theta1", "1", "2", _rows("F_DIRECTIONS", 2), lambda s, r: _even(2, 1.0, 1.0 + 1e-9), VECTOR
     ),
     "joint_rates": Block(
         "rates of theta1, theta2 by the encoders",
@@ -186,6 +192,7 @@ BLOCKS: dict[str, Block] = {
         "2",
         _rows("ENCODERS", 2),
         lambda s, r: _even(2, 3.0, RATE_LIMIT + LARGEST_DEVIATE * s.encoder_noise[1]),
+        ANGLE,
     ),
     "joint_error": Block(
         "joint angles of the rigid arm on the reference, with its elbow on the side of `elbow_branch`, minus the "
@@ -194,6 +201,7 @@ BLOCKS: dict[str, Block] = {
         "2",
         _rows("F_JOINT_ERROR"),
         lambda s, r: _even(2, 0.3, np.pi + 1e-9),
+        ANGLE,
     ),
     "joint_error_rate": Block(
         "joint rates of that arm minus the measured ones",
@@ -201,6 +209,7 @@ BLOCKS: dict[str, Block] = {
         "2",
         _rows("F_JOINT_ERROR_RATE"),
         lambda s, r: _even(2, 3.0, _joint_rate_bound(s, r)),
+        ANGLE,
     ),
     "present_joint_error": Block(
         "as `joint_error`, with the rigid arm's elbow on the side on which the measured elbow is",
@@ -208,6 +217,7 @@ BLOCKS: dict[str, Block] = {
         "2",
         _rows("F_PRESENT_JOINT_ERROR"),
         lambda s, r: _even(2, 0.3, np.pi + 1e-9),
+        ANGLE,
     ),
     "present_joint_error_rate": Block(
         "as `joint_error_rate`, for that arm",
@@ -215,6 +225,7 @@ BLOCKS: dict[str, Block] = {
         "2",
         _rows("F_PRESENT_JOINT_ERROR_RATE"),
         lambda s, r: _even(2, 3.0, _joint_rate_bound(s, r)),
+        ANGLE,
     ),
     "encoder_error": Block(
         "reference minus the tip by rigid kinematics of the measured angles",
@@ -222,6 +233,7 @@ BLOCKS: dict[str, Block] = {
         "2",
         _rows("F_ENCODER_ERROR"),
         lambda s, r: _even(2, 0.5, r.radius + s.flexible_arm.parameters.reach),
+        VECTOR,
     ),
     "sensed_position": Block(
         "latest reading of the sensor on link 2: late, noisy",
@@ -229,6 +241,7 @@ BLOCKS: dict[str, Block] = {
         "2",
         _rows("F_LINK_SENSOR"),
         lambda s, r: _even(2, 6.3, r.sensed * 2**0.5),
+        VECTOR,
     ),
     "sensor_error": Block(
         "reference at the time of that reading minus the reading",
@@ -236,6 +249,7 @@ BLOCKS: dict[str, Block] = {
         "2",
         _rows("F_SENSOR_ERROR"),
         lambda s, r: _even(2, 0.5, r.error * 2**0.5),
+        VECTOR,
     ),
     "sensor_error_rate": Block(
         "change of `sensor_error` since the reading before, per second",
@@ -243,6 +257,7 @@ BLOCKS: dict[str, Block] = {
         "2",
         _rows("F_SENSOR_ERROR_RATE"),
         lambda s, r: _even(2, 3.0, 2.0 * r.error * 2**0.5 / (0.499 * s.control_period)),
+        VECTOR,
     ),
     "second_sensed_position": Block(
         "latest reading of the second sensor (`second_sensor_link`): late, noisy",
@@ -250,6 +265,7 @@ BLOCKS: dict[str, Block] = {
         "2",
         _rows("F_SECOND_SENSED"),
         lambda s, r: _even(2, 6.3, r.second * 2**0.5),
+        VECTOR,
     ),
     "second_sensor_error": Block(
         "the same point of the rigid arm on the reference at the time of that reading, minus the reading",
@@ -257,6 +273,7 @@ BLOCKS: dict[str, Block] = {
         "2",
         _rows("F_SECOND_ERROR"),
         lambda s, r: _even(2, 0.5, r.second_error * 2**0.5),
+        VECTOR,
     ),
     "modal_coordinates": Block(
         "of link 1, of link 2, from strain gauges",
@@ -264,6 +281,7 @@ BLOCKS: dict[str, Block] = {
         "2 m",
         lambda s: ("STATE", 2, 2 * _modes(s)),
         lambda s, r: _modal(s, rates=False),
+        ANGLE,
     ),
     "modal_rates": Block(
         "rates of the modal coordinates",
@@ -271,9 +289,10 @@ BLOCKS: dict[str, Block] = {
         "2 m",
         lambda s: ("STATE", 4 + 2 * _modes(s), 2 * _modes(s)),
         lambda s, r: _modal(s, rates=True),
+        ANGLE,
     ),
     "reference_position": Block(
-        "where the tip should be", "m", "2", _rows("F_REFERENCE"), lambda s, r: _even(2, 6.3, r.radius + 1e-9)
+        "where the tip should be", "m", "2", _rows("F_REFERENCE"), lambda s, r: _even(2, 6.3, r.radius + 1e-9), VECTOR
     ),
     "reference_velocity": Block(
         "its velocity; at a corner that of the side that begins",
@@ -281,6 +300,7 @@ BLOCKS: dict[str, Block] = {
         "2",
         _rows("F_REFERENCE_VELOCITY"),
         lambda s, r: _even(2, 3.15, r.speed * (1.0 + 1e-9)),
+        VECTOR,
     ),
     "previews": Block(
         "how far the reference will have moved at each horizon: x and y of the first, of the second, ...",
@@ -288,6 +308,7 @@ BLOCKS: dict[str, Block] = {
         "2 per horizon",
         lambda s: ("TAIL", 0, 2 * len(s.previews)),
         lambda s, r: _even(2 * len(s.previews), 2.0, 2.0 * r.radius + 1e-9),
+        VECTOR,
     ),
     "last_actions": Block(
         "the last actions, limited to [-1, 1], the newest first",
@@ -295,6 +316,7 @@ BLOCKS: dict[str, Block] = {
         "action size per action",
         lambda s: ("TAIL", 2 * len(s.previews), s.last_actions * len(s.action_limit)),
         lambda s, r: _even(s.last_actions * len(s.action_limit), 1.0, 1.0),
+        None,
     ),
     "torque": Block(
         "commanded torque of the motors, which `actuation_delay` makes act later; what the next action changes",
@@ -302,6 +324,7 @@ BLOCKS: dict[str, Block] = {
         "2",
         lambda s: ("TAIL", 2 * len(s.previews) + s.kept_actions * len(s.action_limit), 2),
         lambda s, r: Range(list(s.motor_limit), list(s.motor_limit)),
+        ANGLE,
         tuple(name for name, mode in MODES.items() if mode.accumulates),
     ),
     "lap_phase": Block(
@@ -310,6 +333,7 @@ BLOCKS: dict[str, Block] = {
         "2",
         _rows("F_PHASE"),
         lambda s, r: _even(2, 1.0, 1.0 + 1e-9),
+        SCALAR,
     ),
     "inner_gain": Block(
         'lambda of the period that ended (0 unless `action_mode` is "gain")',
@@ -317,6 +341,7 @@ BLOCKS: dict[str, Block] = {
         "1",
         _rows("EFFECTIVE_GAIN", 0, 1),
         lambda s, r: _even(1, s.gain_limit, s.gain_limit),
+        SCALAR,
     ),
 }
 
@@ -335,12 +360,14 @@ class ObservationLayout(NamedTuple):
         rows: of the arena, one for each number. Shape (k,).
         scale: what each number was divided by. Shape (k,).
         bound: magnitude that no observation passes. Shape (k,), float32.
+        mirror: sign of each number in the mirrored episode. Shape (k,), float32.
     """
 
     blocks: dict[str, slice]
     rows: NDArray[np.int64]
     scale: Array
     bound: NDArray[np.float32]
+    mirror: NDArray[np.float32]
 
 
 def common_layout(kinds: Sequence[Settings], program: Program) -> ObservationLayout:
@@ -371,6 +398,7 @@ def observation_layout(settings: Settings, program: Program) -> ObservationLayou
     rows: list[int] = []
     scale: list[float] = []
     bound: list[float] = []
+    mirror: list[int] = []
     for name in settings.observation:
         block = BLOCKS[choice("observation", name, BLOCKS)]
         if settings.action_mode not in block.modes:
@@ -384,7 +412,8 @@ def observation_layout(settings: Settings, program: Program) -> ObservationLayou
         rows += range(places[part][0] + first, places[part][0] + first + count)
         scale += limits.scale if settings.scaled else [1.0] * count
         bound += limits.bound
+        mirror += np.resize(block.mirror or (settings.mode.mirror,), count).tolist()
     scales = np.array(scale)
     # rounded outwards: the float32 of a value at the bound must not pass it
     limit = np.nextafter((np.array(bound) / scales).astype(np.float32), np.float32(np.inf))
-    return ObservationLayout(blocks, np.array(rows, dtype=np.int64), scales, limit)
+    return ObservationLayout(blocks, np.array(rows, dtype=np.int64), scales, limit, np.array(mirror, dtype=np.float32))

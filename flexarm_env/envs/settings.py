@@ -30,7 +30,6 @@ from flexarm_env.codegen.declarations import Program
 from flexarm_env.envs.choices import (
     DEFAULT_OBSERVATION,
     DEFAULT_WEIGHTS,
-    EITHER,
     PHYSICS_STEP,
     STARTS,
     Frame,
@@ -52,6 +51,7 @@ from flexarm_env.episode.step import PROGRAMS
 from flexarm_env.lazy import cached_property
 from flexarm_env.parameters import (
     DIRECTIONS,
+    EITHER,
     LARGEST_NOISE,
     MAX_DELAY,
     SENSOR_MODELS,
@@ -200,7 +200,7 @@ class Settings:
     start_corner: Corner = _option("lower left", "where a lap starts", allowed_of(SquareParameters, "start_corner"))
     direction: str = _option("clockwise", 'of a lap; "either": drawn for each episode', OneOf((*DIRECTIONS, EITHER)))
     elbow_branch: str = _option(
-        "positive",
+        EITHER,
         'sign of theta2 at the start and in the inverse kinematics; "either": drawn for each episode',
         OneOf((*get_args(ElbowBranch), EITHER)),
     )

@@ -100,6 +100,7 @@ def index() -> str:
         "Frames and units": [doc.FRAMES],
         "The side of the elbow": [doc.BRANCHES],
         "The late sensor": [doc.LATENESS],
+        "Mirror images": [doc.MIRROR],
         "Reward and score": [doc.REWARD, doc.SCORE],
         "How an episode starts": [doc.start_table(), _RESET, doc.option_table()],
         "How it ends": [doc.ENDING, doc.end_table()],
