@@ -1,6 +1,6 @@
-"""Observations, declared by named blocks: vector, bounds, tables of the documentation all come from this declaration.
+"""Observations, declared by named blocks: vector, bounds and documentation follow from the declarations.
 
-A block holds only what sensors and the task's clock can know.
+A block holds only what sensors and the task's clock can measure.
 """
 
 from __future__ import annotations
@@ -31,15 +31,15 @@ SCALAR, ANGLE, VECTOR = (1,), (-1,), (1, -1)
 
 
 class Workspace(NamedTuple):
-    """How far things can get before an episode ends [m], [m/s].
+    """Largest magnitudes before an episode ends.
 
     Attributes:
-        radius: of the reference from the shoulder.
-        speed: of the reference.
-        sensed: each coordinate of the sensor's reading.
-        error: each coordinate of the sensor's error.
-        second: each coordinate of the second sensor's reading.
-        second_error: each coordinate of its error.
+        radius: distance of the reference from the shoulder [m].
+        speed: speed of the reference [m/s].
+        sensed: coordinate of the sensor's reading [m].
+        error: coordinate of the sensor's error [m].
+        second: coordinate of the second sensor's reading [m].
+        second_error: coordinate of the second sensor's error [m].
     """
 
     radius: float
@@ -51,11 +51,11 @@ class Workspace(NamedTuple):
 
 
 class Range(NamedTuple):
-    """Scales and bounds of a block's numbers; lengths as the block's.
+    """Scales and bounds of a block's numbers, one for each number.
 
     Attributes:
-        scale: what the numbers are divided by where observations are scaled.
-        bound: magnitudes that they cannot pass before the episode ends.
+        scale: divisors of the numbers where observations are scaled.
+        bound: largest magnitudes of the numbers before the episode ends.
     """
 
     scale: list[float]
@@ -64,16 +64,16 @@ class Range(NamedTuple):
 
 @dataclass(frozen=True)
 class Block:
-    """One block.
+    """Declaration of a block of observations.
 
     Attributes:
         what: description.
-        unit: of its numbers.
-        count: how many numbers, as text with m modes a link.
-        rows: name of the arena's part it is read from, first number there, and how many.
-        limits: scales and bounds.
+        unit: unit of its numbers.
+        count: number of its numbers, as text with m modes a link.
+        rows: function that returns the part of the arena that holds it, the first number there, and their count.
+        limits: function that returns scales and bounds.
         mirror: signs of its numbers in the mirrored episode, repeated over the block (`SCALAR`, `ANGLE`, `VECTOR`);
-            None: the action's.
+            None: the action's signs.
         modes: action modes that have it.
     """
 
@@ -87,7 +87,7 @@ class Block:
 
 
 def reach_of(settings: Settings) -> Workspace:
-    """See `Workspace`."""
+    """Compute the largest magnitudes of reference and readings before an episode ends."""
     arm = settings.flexible_arm
     length_1, length_2 = arm.parameters.link_lengths
     if settings.paths:
@@ -105,7 +105,7 @@ def reach_of(settings: Settings) -> Workspace:
 
 
 def _second_reach(settings: Settings) -> tuple[float, float]:
-    """How far each coordinate of the second sensor's reading can get, and of its error [m]; 0 where there is none."""
+    """Return the largest coordinate of the second sensor's reading and of its error [m]; 0 without such a sensor."""
     if settings.second_sensor is None:
         return 0.0, 0.0
     link, position = settings.second_sensor
@@ -115,7 +115,7 @@ def _second_reach(settings: Settings) -> tuple[float, float]:
 
 
 def _bend(arm: FlexibleArm) -> float:
-    """How far valid deflections may move the tip: each mode by its link's length across, and foreshortening [m]."""
+    """Bound the tip's displacement by valid deflections [m]: a link's length for each mode, and foreshortening."""
     m = arm.parameters.modes_per_link
     across = m * sum(arm.parameters.link_lengths)
     if not arm.constants.foreshortened:
@@ -126,7 +126,7 @@ def _bend(arm: FlexibleArm) -> float:
 
 
 def check_moving_start(settings: Settings, start: str) -> None:
-    """Refuse a start on the move where the reference asks for joint rates that end an episode at once.
+    """Refuse a start on the move if the reference needs joint rates that end an episode at once.
 
     Raises:
         ValueError: naming start and lap time.
@@ -147,7 +147,11 @@ def _even(count: int, scale: float, bound: float) -> Range:
 
 
 def _modal(settings: Settings, rates: bool) -> Range:
-    """Scales: a first mode that bends its link's tip by 0.5 m, moving at 2 m/s; higher ones by a tenth, at half."""
+    """Return scales and bounds of modal coordinates or rates.
+
+    The scale of a first mode corresponds to a tip deflection of 0.5 m or 2 m/s, that of a higher mode to a tenth of
+    the deflection and half of the rate.
+    """
     arm = settings.flexible_arm
     tips = np.concatenate([np.abs(link.tip_values) for link in arm.modes])
     order = np.tile(np.arange(arm.parameters.modes_per_link), 2)
@@ -347,19 +351,19 @@ BLOCKS: dict[str, Block] = {
 
 
 def shape_of(settings: Settings, program: Program) -> Shape:
-    """What the tables of an environment's kernels depend on."""
+    """Return the shape on which the tables of an environment's kernels depend."""
     foreshortened = settings.flexible_arm.constants.foreshortened
     return Shape(program, _modes(settings), foreshortened, settings.second_sensor is not None)
 
 
 class ObservationLayout(NamedTuple):
-    """An observation's make-up.
+    """Layout of an observation.
 
     Attributes:
-        blocks: where each block lies.
-        rows: of the arena, one for each number. Shape (k,).
-        scale: what each number was divided by. Shape (k,).
-        bound: magnitude that no observation passes. Shape (k,), float32.
+        blocks: slice of each block.
+        rows: row of the arena of each number. Shape (k,).
+        scale: divisor of each number. Shape (k,).
+        bound: largest magnitude of each number. Shape (k,), float32.
         mirror: sign of each number in the mirrored episode. Shape (k,), float32.
     """
 
@@ -371,11 +375,11 @@ class ObservationLayout(NamedTuple):
 
 
 def common_layout(kinds: Sequence[Settings], program: Program) -> ObservationLayout:
-    """The layout that environments of a batch share (`observation_layout`), with the widest of their bounds.
+    """Lay out the observations of a batch (`observation_layout`), with the widest bounds of its environments.
 
     Args:
-        kinds: their settings, each once.
-        program: of the kernels.
+        kinds: distinct settings of the environments.
+        program: program of the kernels.
     """
     layouts = [observation_layout(settings, program) for settings in kinds]
     assert all(np.array_equal(one.scale, layouts[0].scale) for one in layouts)
@@ -383,11 +387,11 @@ def common_layout(kinds: Sequence[Settings], program: Program) -> ObservationLay
 
 
 def observation_layout(settings: Settings, program: Program) -> ObservationLayout:
-    """Lay out the observation that an environment's settings ask for.
+    """Lay out the observation that an environment's settings select.
 
     Args:
-        settings: the settings.
-        program: of the kernels.
+        settings: settings of the environment.
+        program: program of the kernels.
 
     Raises:
         ValueError: for an unknown block, or one that the action mode does not have.
@@ -414,6 +418,6 @@ def observation_layout(settings: Settings, program: Program) -> ObservationLayou
         bound += limits.bound
         mirror += np.resize(block.mirror or (settings.mode.mirror,), count).tolist()
     scales = np.array(scale)
-    # rounded outwards: the float32 of a value at the bound must not pass it
+    # rounded outwards, so that the float32 of a value at the bound is inside
     limit = np.nextafter((np.array(bound) / scales).astype(np.float32), np.float32(np.inf))
     return ObservationLayout(blocks, np.array(rows, dtype=np.int64), scales, limit, np.array(mirror, dtype=np.float32))

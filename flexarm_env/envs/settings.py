@@ -1,7 +1,7 @@
-"""`Settings`: every option of the environments, with defaults, validation, and what follows from them.
+"""`Settings`: the options of the environments with defaults, validation, and derived values.
 
-The defaults are those of `FlexArm/Square-v0`; the other ids change some (`registration`). The text beside each option
-is its documentation: the environments' pages are made from it.
+The defaults are those of `FlexArm/Square-v0`; the other ids change some (`registration`). The environments' pages are
+made from the text beside each option.
 """
 
 from __future__ import annotations
@@ -227,11 +227,11 @@ class Settings:
 
     @classmethod
     def of(cls, options: Mapping[str, Any], owner: str = "Settings") -> Settings:
-        """Settings from keyword arguments.
+        """Make settings from keyword arguments.
 
         Args:
             options: the arguments.
-            owner: name of the class that was given them, for messages.
+            owner: name of the class that received them, for messages.
 
         Raises:
             TypeError: for an unknown name, with the nearest known one.
@@ -241,13 +241,13 @@ class Settings:
         return cls(**options)
 
     def __post_init__(self) -> None:
-        """Validate; lists (as JSON has them) become tuples."""
+        """Validate all options; lists (as in JSON) become tuples."""
         check_fields(self)
         refuse_options_without_effect(
             self, {one.name: (default_of(one), modes_reading(one.name)) for one in fields(self)}
         )
         for what in ("law", "sensor_parameters", "flexible_arm", "second_sensor", "paths", "substeps", "history_slots"):
-            getattr(self, what)  # made once, with its own checks
+            getattr(self, what)  # each derived value has its own checks
 
     # --- what follows ----------------------------------------------------------------------------------------------
 
@@ -258,26 +258,26 @@ class Settings:
 
     @property
     def program(self) -> Program:
-        """Of the kernels that step the environments."""
+        """Program of the kernels that step the environments."""
         return PROGRAMS[self.mode.program]
 
     def range_of(self, name: str) -> tuple[float, float]:
-        """Least and largest value of a quantity (`quantities.QUANTITIES`) in any episode; alike where none is drawn."""
+        """Return the least and the largest value of a quantity (`quantities.QUANTITIES`) that any episode may have."""
         own = self.own_value(name)
         return self.randomisation.get(name, (own, own))
 
     def own_value(self, name: str) -> float:
-        """Value of a quantity where it is neither drawn nor ordered."""
+        """Return the value of a quantity if it is neither drawn nor requested."""
         return QUANTITIES[name].own(self)
 
     @cached_property
     def law(self) -> LawParameters:
-        """The paper's law."""
+        """Parameters of the paper's law."""
         return LawParameters(self.proportional_gain, self.derivative_gain, self.compensation, self.torque_limit)
 
     @cached_property
     def sensor_parameters(self) -> SensorParameters:
-        """The sensor on link 2."""
+        """Parameters of the sensor on link 2."""
         return SensorParameters(
             self.sensor,
             self.sensor_position,
@@ -308,7 +308,7 @@ class Settings:
 
     @cached_property
     def paths(self) -> list[ReferencePath]:
-        """All of `reference` in each of `DIRECTIONS`, one after the other; none where each episode draws its own."""
+        """Paths of `reference`, in one of `DIRECTIONS` and then in the other; empty if each episode draws its own."""
         if self.reference == ("moves",):
             return []
         tasks = [SquareParameters(self.side, self.lap_time, self.start_corner, one) for one in DIRECTIONS]
@@ -327,10 +327,7 @@ class Settings:
 
     @property
     def disturbed(self) -> bool:
-        """Whether noise, jitter, dropouts, a sensor with a clock of its own, or late motors can occur.
-
-        No reset may ask for any of these where this is false.
-        """
+        """Whether noise, jitter, dropouts, a sensor with its own clock, or actuation delays can occur."""
         noise = (self.noise, *self.encoder_noise, self.second_sensor_noise)
         own = any((*noise, self.jitter, self.dropout, self.hold, self.actuation_delay))
         return own or not self.randomisation.keys().isdisjoint(("noise", "actuation_delay"))
@@ -371,21 +368,21 @@ class Settings:
 
     @cached_property
     def sensor_delays(self) -> tuple[float, float]:
-        """Delay of the shoulder's and of the elbow's reading unless drawn or ordered otherwise [s]."""
+        """Delay of the shoulder's and of the elbow's reading if it is neither drawn nor requested [s]."""
         return self.sensor_parameters.joint_delays(self.flexible_arm.parameters.link_lengths[0])
 
     @property
     def kept_actions(self) -> int:
-        """How many actions the kernels keep: those observed, and those that are still to act."""
+        """Number of actions that the kernels keep: those observed, and those that have yet to act."""
         periods = int(np.ceil(self.range_of("actuation_delay")[1] / self.control_period))
         return max(2, self.last_actions, periods + 1)
 
     @cached_property
     def history_slots(self) -> int:
-        """Length of the delay line: the latest reading and the period before the first.
+        """Number of slots of the delay line, for the oldest reading and the period before the first one.
 
-        Whole control periods, so that readings at the same moments of a period use the same few slots, which stay
-        cached.
+        It spans whole control periods, so that readings at the same moments of a period use the same few slots, which
+        stay in the processor's cache.
         """
         latest = max(*self.sensor_delays, self.range_of("delay")[1])
         oldest = max(latest + self.jitter + 4.0 * self.hold, self.second_sensor_delay)
@@ -398,5 +395,5 @@ class Settings:
 
 
 def default_of(one: Field[Any]) -> Any:
-    """Default value of a dataclass's field."""
+    """Return the default value of a dataclass's field."""
     return one.default_factory() if one.default_factory is not MISSING else one.default

@@ -1,4 +1,4 @@
-"""Records what is reported of an environment: state and tips, parts of observations, terms of the reward."""
+"""Recorded kernels of an environment: state and tips, parts of observations, terms of the reward."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from flexarm_env.kernels.variants import Variant
 
 
 def truth_source(variant: Variant) -> str:
-    """State, tips and deflections of an environment's arm."""
+    """Record the kernel of state, tips and deflections."""
     r = Recorder(variant)
     truth = r.truth()
     for name, values in truth._asdict().items():
@@ -21,11 +21,11 @@ def truth_source(variant: Variant) -> str:
 
 @recorded(truth_source, SHARED)
 def truth_kernel(arena: Arena) -> None:
-    """State, tips and deflections of every lane."""
+    """Compute state, tips and deflections of each lane."""
 
 
 def features_source(variant: Variant) -> str:
-    """What observations are made of, and the reward's terms."""
+    """Record the kernel of the observations' parts and the reward's terms."""
     r = Recorder(variant)
     names = ("encoders", "reference", "reference_joints", "link_sensor", "sensor_error", "sensor_error_rate")
     known = features.Measurements(
@@ -57,11 +57,18 @@ def features_source(variant: Variant) -> str:
 
 @recorded(features_source, SHARED)
 def features_kernel(arena: Arena, length_1: float, length_2: float, weights: Table) -> None:
-    """Parts of observations and terms of the reward, of every lane; `weights`: of the terms."""
+    """Compute each lane's parts of observations and terms of the reward.
+
+    Args:
+        arena: of one block.
+        length_1: length of link 1 [m].
+        length_2: length of link 2 [m].
+        weights: weight of each term.
+    """
 
 
 def joint_source(variant: Variant) -> str:
-    """Joint angles and rates of the rigid arm whose tip is on the reference."""
+    """Record the kernel of the joint angles and rates of the rigid arm whose tip is on the reference."""
     r = Recorder(variant)
     lengths = (r.trace.input("length_1"), r.trace.input("length_2"))
     r.write(
@@ -73,4 +80,4 @@ def joint_source(variant: Variant) -> str:
 
 @recorded(joint_source, SHARED)
 def joint_kernel(arena: Arena, length_1: float, length_2: float) -> None:
-    """Joint angles and rates of the rigid arm on the reference, of every lane."""
+    """Compute each lane's joint angles and rates of the rigid arm on the reference."""

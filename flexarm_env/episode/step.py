@@ -1,4 +1,4 @@
-"""The drivers that Python calls: episodes begun, and one control period of one environment or of a batch.
+"""Entry points of the environments' kernels: resets, and one control period of one environment or of a batch.
 
 `imex` explains lanes, blocks and arenas.
 """
@@ -21,13 +21,13 @@ from flexarm_env.kernels.variants import variant
 
 
 def step_only(memory: Memory) -> bool:
-    """One control period of the only environment, or the beginning of its episode (`step_block`).
+    """Advance a single environment by one control period, or begin its episode (`step_block`).
 
     Args:
         memory: of the batch.
 
     Returns:
-        Whether it was done: an action that is not finite is refused, unless an episode begins.
+        False if an action is not finite, unless an episode begins; the state is then unchanged.
     """
     header = array_at(memory, 0, (word.PLACES,), np.int64)
     channels = header[word.CHANNELS]
@@ -42,13 +42,13 @@ def step_only(memory: Memory) -> bool:
 
 
 def step_blocks(memory: Memory, begin: int, end: int, results: NDArray[np.float64]) -> None:
-    """One control period of some blocks (`step_block`), and what is known at its end.
+    """Advance some blocks by one control period (`step_block`), and copy their results.
 
     Args:
         memory: of the batch.
         begin: first block.
         end: block after the last.
-        results: to be filled; the parts of `layout.episode_sizes`. Shape (parts, lanes).
+        results: output; the parts of `layout.episode_sizes`. Shape (parts, lanes).
     """
     header = array_at(memory, 0, (word.PLACES,), np.int64)
     for block in range(begin, end):
@@ -67,13 +67,13 @@ def step_blocks(memory: Memory, begin: int, end: int, results: NDArray[np.float6
 
 @inlined_in_its_caller
 def step_block(memory: Memory, block: int) -> None:
-    """One control period of a block, unless `DRIVING` is 0; lanes that begin an episode do so at its end.
+    """Advance a block by one control period, unless `DRIVING` is 0, and then begin the requested episodes.
 
-    So a lane that begins costs its block no second look. The caller forgets then which lanes began.
+    One measurement at the end serves both kinds of lanes. The caller clears the requests afterwards.
 
     Args:
-        memory: of the batch; the header lies at its beginning, and says where the arrays of `entries.Word` are.
-        block: which.
+        memory: of the batch; its header comes first and has the places of the arrays (`entries.Word`).
+        block: index of the block.
     """
     observed = array_at(memory, word.OBSERVED, (1,), np.int64)[0]
     header = array_at(memory, 0, (word.PLACES + observed,), np.int64)
@@ -113,13 +113,13 @@ def step_block(memory: Memory, block: int) -> None:
         if variant.law:
             start_law(arena, history, clock, paths, settings, started)
         for i in range(variant.lanes):
-            if started[i]:  # no reward yet
+            if started[i]:  # a reset has no reward
                 for n in range(variant.reward_terms):
                     arena[row.REWARD_TERMS + n, i] = 0.0
                 arena[row.REWARD, i] = 0.0
 
 
-# The programs of environments, by name; each has one of the ways in which an action moves the arm.
+# The programs of environments, by name: one for each driver of `actuation.DRIVES`.
 PROGRAMS = {
     name: Program(
         name,

@@ -29,7 +29,7 @@ ERRORS = ("r.m.s. [m]", "after 2 s [m]", "maximum [m]")
 
 
 def scores(agent: Trained) -> str:
-    """The README's table: the shipped agent and the paper's controllers on both laps.
+    """Tabulate the scores of the shipped agent and of the paper's controllers, for the README.
 
     Args:
         agent: the shipped one.
@@ -53,7 +53,7 @@ def scores(agent: Trained) -> str:
 
 
 def seeds(card: dict[str, Any]) -> str:
-    """The table of all trainings; the one that is shipped is marked.
+    """Tabulate the scores of all trainings; the shipped one is marked.
 
     Args:
         card: of the shipped agent.
@@ -68,7 +68,7 @@ def seeds(card: dict[str, Any]) -> str:
 
 
 def conditions(agent: Trained) -> str:
-    """The table of the shipped agent's scores under changed conditions.
+    """Tabulate the shipped agent's scores under changed conditions.
 
     Args:
         agent: the shipped one.

@@ -17,7 +17,7 @@ POLICIES = ("random", "bang-bang", "spin", "none")
 
 
 def actions_of(policy: str, shape: tuple[int, ...], steps: int, seed: int) -> np.ndarray:
-    """The worst there are: full torques that change at random, or never, beyond the range now and then."""
+    """Make the worst actions: full torques that change at random, or never, beyond the range now and then."""
     rng = np.random.default_rng(seed)
     if policy == "random":
         return rng.uniform(-1.5, 1.5, (steps, *shape)).astype(np.float32)

@@ -31,7 +31,7 @@ def blocks_of(mode: str) -> list[str]:
 
 
 def pair(**options: Any) -> tuple[PlainEnvironment, PlainEnvironment]:
-    """An environment and its mirror image, with every block that the action mode has."""
+    """Make an environment and its mirror image, with every block that the action mode has."""
     mode = options.get("action_mode", "torque")
     whole: dict[str, Any] = {
         "arm": {"modes_per_link": 1},

@@ -44,12 +44,12 @@ def _quiet() -> Iterator[None]:
 
 
 def settings_of(env_id: str, **options: Any) -> Settings:
-    """What an environment is made of."""
+    """Return what an environment is made of."""
     return Settings.of({**gym.spec(env_id).kwargs, **options})
 
 
 def arena_of(of: Variant, **parts: Any) -> np.ndarray:
-    """An arena with some parts filled, each of shape (count,) or (count, lanes). Shape (rows, lanes)."""
+    """Make an arena with some parts filled, each of shape (count,) or (count, lanes). Shape (rows, lanes)."""
     arena = np.zeros((entries.extent(of.rows), of.lanes))
     for name, values in {**layout.arm_rows(ARM.constants), **parts}.items():
         first, count = of.rows[name]

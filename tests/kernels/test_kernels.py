@@ -91,7 +91,7 @@ class Batch:
         return np.concatenate([block.reshape(-1, lanes)[first : first + n] for block in arenas], axis=1)
 
     def by_numpy(self, y: np.ndarray, v: np.ndarray) -> np.ndarray:
-        """The accelerations that the package's formulas give on arrays."""
+        """Compute the accelerations that the package's formulas give on arrays."""
         k = self.known
         sin, cos = sincos(y[self.modes + 1] - y[0])
         sin_theta2 = sincos(dyn.joint_angles(k, y)[1])[0]

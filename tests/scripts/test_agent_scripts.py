@@ -16,6 +16,7 @@ import pytest
 from flexarm_agents import NetworkPolicy, TrainingConfig
 from flexarm_agents.commands import main
 from flexarm_agents.training import new_model
+from flexarm_env.laps import LAPS
 from tests.support.programs import ROOT
 from tests.support.trainings import TINY as CONFIG
 
@@ -82,7 +83,7 @@ def test_train_and_resume(flexarm: Shell) -> None:
     again = ("train", *TINY, "--steps", "256", "--seed", "3", "--options", '{"noise": 0.001}')
     result = flexarm(*again)
     assert result.returncode == 0, result.stderr
-    assert "best: ended early: error after " in result.stdout
+    assert "best: swing lap: ended early: error after " in result.stdout
     assert "s, compiling included" in result.stdout
     run = flexarm.folder / "runs" / "Square-v0-3"
     assert json.loads((run / "config.json").read_text())["options"] == {"noise": 0.001}
@@ -95,10 +96,12 @@ def test_train_and_resume(flexarm: Shell) -> None:
     assert result.returncode == 1
     assert result.stderr.startswith("error: gamma = 0.9: the training in runs/Square-v0-3 has 0.985")
     result = flexarm("evaluate", "runs/Square-v0-3", *ALONE)
-    (line,) = [line for line in result.stdout.splitlines() if line.startswith("runs/Square-v0-3")]
-    assert "ENDED at " in line
-    assert " Square-v0* " in line  # its options are not the id's
-    assert not re.search(r"\d\.\d{3}", line)  # it has no errors
+    lines = [line for line in result.stdout.splitlines() if line.startswith("runs/Square-v0-3")]
+    assert [line.split()[2] for line in lines] == ["swing", "plain"]
+    for line in lines:
+        assert "ENDED at " in line
+        assert " Square-v0* " in line  # its options are not the id's
+        assert not re.search(r"\d\.\d{3}", line)  # it has no errors
 
 
 @pytest.mark.parametrize(
@@ -125,14 +128,15 @@ def test_evaluate_scores_what_there_is(flexarm: Shell) -> None:
     assert result.returncode == 0, result.stderr
     rows = result.stdout.splitlines()[3:-1]
     names = ["square", "FLSAC", "IFDC", "no torque", "random torque"]
-    assert [name for row in rows for name in names if row.startswith(name)] == names
-    assert all("ENDED at " in row and not re.search(r"\d\.\d{3}", row) for row in rows[3:])
+    found = [(name, lap) for row in rows for name in names for lap in LAPS if re.match(rf"{name} .* {lap} ", row)]
+    assert found == [(name, lap) for name in names for lap in LAPS]
+    assert all("ENDED at " in row and not re.search(r"\d\.\d{3}", row) for row in rows[6:])
     assert [line.partition(":")[0] for line in result.stderr.splitlines()] == [*names[2:0:-1], *names[3:], "square"]
     laps = {one["name"]: one["laps"][0] for one in flexarm.evaluation()["results"]}
-    assert laps["IFDC"]["complete"]
-    assert laps["IFDC"]["rms"] == pytest.approx(0.901, abs=5e-3)
-    assert not laps["no torque"]["complete"]
-    assert laps["no torque"]["rms_after_2s"] is None
+    assert laps["IFDC"]["swing"]["complete"]
+    assert laps["IFDC"]["swing"]["rms"] == pytest.approx(0.901, abs=5e-3)
+    assert not laps["no torque"]["plain"]["complete"]
+    assert laps["no torque"]["plain"]["rms_after_2s"] is None
 
 
 MODULE = """
@@ -162,7 +166,7 @@ def test_evaluate_takes_policies_of_ones_own(flexarm: Shell) -> None:
     result = flexarm("evaluate", "mine_here:Pulls", "mine_here:pulls", "mine_here:one", *ALONE, "--seed", "5")
     assert result.returncode == 0, result.stderr
     found = flexarm.evaluation()["results"]
-    assert len({one["laps"][0]["duration"] for one in found}) == 1
+    assert len({one["laps"][0]["swing"]["duration"] for one in found}) == 1
     assert {one["environment"] for one in found} == {"FlexArm/Square-v0"}
     assert [one["laps"][0]["seed"] for one in found] == [5, 5, 5]
 
@@ -192,11 +196,12 @@ def test_laps_have_a_spread_in_which_an_early_end_counts(flexarm: Shell) -> None
     result = flexarm("evaluate", "square", *ALONE, "--laps", "4", "--seed", "0", "--options", options)
     assert result.returncode == 0, result.stderr
     (found,) = flexarm.evaluation()["results"]
-    ends = [lap["ended"] for lap in found["laps"]]
-    whole = [lap["rms"] for lap in found["laps"] if lap["complete"]]
+    laps = [row["plain"] for row in found["laps"]]
+    ends = [lap["ended"] for lap in laps]
+    whole = [lap["rms"] for lap in laps if lap["complete"]]
     assert [lap["seed"] for lap in found["laps"]] == [0, 1, 2, 3]
     assert 0 < len(whole) < 4
-    assert {name: found["rms"][name] for name in ("total", "complete", "best", "worst")} == {
+    assert {name: found["plain"]["rms"][name] for name in ("total", "complete", "best", "worst")} == {
         "total": 4, "complete": len(whole), "best": min(whole), "worst": None
     }  # fmt: skip
     assert " .. ended]" in result.stdout
@@ -218,7 +223,7 @@ def test_seeds_of_one_setting_are_aggregated(flexarm: Shell) -> None:
     values = flexarm.evaluation()
     (setting,) = values["settings"]
     assert sorted(setting["trainings"]) == ["0.npz", "1.npz", "2.npz"]
-    assert setting["rms"] == {
+    assert setting["swing"]["rms"] == setting["plain"]["maximum"] == {
         "total": 3, "complete": 0, "median": None, "interquartile_mean": None, "best": None, "worst": None
     }  # fmt: skip
     assert "(0 of 3 complete)" in result.stdout

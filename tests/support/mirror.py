@@ -11,7 +11,7 @@ _OTHER |= {second: first for first, second in _OTHER.items()}
 
 
 def mirrored_options(options: dict[str, Any]) -> dict[str, Any]:
-    """Options with which an environment is the mirror image of one made with `options`; nothing of it is drawn."""
+    """Return the options of the mirror image of an environment whose side and direction are not drawn."""
     settings = Settings.of(options)
     height, side = settings.start_corner.split()
     changed: dict[str, Any] = {"elbow_branch": _OTHER[settings.elbow_branch]}

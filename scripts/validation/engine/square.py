@@ -35,6 +35,7 @@ from flexarm_env import (
 )
 from flexarm_env.chain.model import Damping
 from flexarm_env.envs.single import FlexArmEnv
+from flexarm_env.laps import LAPS
 from flexarm_env.rollout import run_batch
 from flexarm_env.simulation.closed_loop import observation_blocks
 from scripts.validation.engine.chain import HELD, Chain, Gauges, Modal, Plant
@@ -50,6 +51,7 @@ DAMPINGS: dict[Damping, str] = {  # beside that in proportion to the springs
     "modal": "1 % of every mode",
     "two modes": "1 % of two modes, 17.5 % of the others",
 }
+BRANCH = LAPS["swing"].elbow_branch  # all laps here are swing laps, on the side that the paper is read to have
 AHEAD, EVERY = 0.5, 0.25  # a prediction's length, and how often one starts [s]
 
 
@@ -81,7 +83,7 @@ LAWS: dict[str, Callable[[Array], float]] = {"ifdc": lambda deflection: 1.0, "fl
 
 
 def laws_on_model(parameters: ArmParameters, seconds: float) -> dict[str, Array]:
-    """The tip under each law, every `HELD`. Shape (n, 2) each."""
+    """Return the tip under each law, every `HELD`. Shape (n, 2) each."""
     arm = FlexibleArm(parameters)
     loop, starts = square_loop(arm, [LoopCase(SensorParameters(), LawParameters())] * len(LAWS))
     blocks = observation_blocks(parameters.modes_per_link)
@@ -91,7 +93,7 @@ def laws_on_model(parameters: ArmParameters, seconds: float) -> dict[str, Array]
 
 
 def laws_on_chain(elements: int, seconds: dict[str, float]) -> dict[str, Array]:
-    """The same on a chain, each law for a time of its own [s]."""
+    """Return the tip of a chain under each law, each for its own time [s]."""
     arm = ArmParameters(modal_damping_ratio=0.0)
     return {
         name: np.array([sight.tip for sight in law_lap(elements, arm, gain, seconds[name])])
@@ -103,7 +105,7 @@ def laws_on_chain(elements: int, seconds: dict[str, float]) -> dict[str, Array]:
 
 
 def agent_lap(trained: Trained, plant: Plant, seconds: float, models: Sequence[FlexibleArm] = ()) -> Lap:
-    """A lap of the shipped agent from rest on the first corner.
+    """Run the swing lap of the shipped agent, from rest on the first corner.
 
     Args:
         trained: the agent.
@@ -111,7 +113,7 @@ def agent_lap(trained: Trained, plant: Plant, seconds: float, models: Sequence[F
         seconds: length of the lap [s].
         models: whose states are read off the arm.
     """
-    env = trained.make_env().unwrapped
+    env = trained.make_env(elbow_branch=BRANCH).unwrapped
     assert isinstance(env, FlexArmEnv)
     observer, limit = Observer(env), np.array(env.settings.action_limit)
     gauges, action = [Gauges(arm) for arm in models], np.zeros(2)
@@ -130,8 +132,8 @@ def agent_lap(trained: Trained, plant: Plant, seconds: float, models: Sequence[F
 
 
 def on_corner(parameters: ArmParameters, elements: int | None = None, damping: Damping = "stiffness") -> Plant:
-    """An arm at rest on the first corner: a chain with some damping, or without `elements` a model."""
-    joints = inverse_kinematics(parameters, square(SquareParameters()).table[0, 1:], "positive")
+    """Set an arm at rest on the first corner: a chain with some damping, or without `elements` a model."""
+    joints = inverse_kinematics(parameters, square(SquareParameters()).table[0, 1:], BRANCH)
     if elements is None:
         model = Modal(FlexibleArm(parameters))
         model.state[:2] = joints
@@ -254,12 +256,12 @@ def _lap_row(driver: str, which: str, tip: Array, truth: Array) -> dict[str, Any
 
 
 def _kinematics(arm: FlexibleArm, states: Array, lap: Lap) -> dict[str, float]:
-    """A model's tip at the chain's shapes."""
+    """Return a model's tip at the chain's shapes."""
     return _away(arm.tip(states[:, : arm.size]), lap.tip[::SAMPLED])
 
 
 def _ahead(arm: FlexibleArm, states: Array, lap: Lap) -> dict[str, float]:
-    """A model's tip `AHEAD` after it was set on the chain's state."""
+    """Return a model's tip `AHEAD` after it was set on the chain's state."""
     periods, away = round(AHEAD / HELD), []
     for first in range(0, len(lap.torque) - periods + 1, round(EVERY / HELD)):
         plant = Modal(arm)
