@@ -66,10 +66,10 @@ def run_policy(
         options = LAPS[choice("lap", lap, LAPS)].reset_options(inner.settings.direction)
     predict = predictor(policy, deterministic)
     _check_gain_limit(inner, policy)
-    if max_steps is None:
-        limit = None if env.spec is None else env.spec.max_episode_steps
-        warn_of_short_limit(env.spec, limit, inner.lap_steps)
-        max_steps = inner.lap_steps if limit is None else limit  # an unwrapped environment does not stop by itself
+    if max_steps is None and (env.spec is None or env.spec.max_episode_steps is None):
+        max_steps = inner.lap_steps
+    if max_steps is None and env.spec is not None:
+        warn_of_short_limit(env.spec, env.spec.max_episode_steps, inner.lap_steps)
     observation, info = env.reset(seed=seed, options={"start": "corner"} if options is None else options)
     arm = _episode_arm(inner, inner.episode.parameters)
     signals = ("gain", "torque") if "gain" in info else ("torque",)

@@ -198,6 +198,7 @@ def _pointers(settings: Settings) -> str:
         shoulder, elbow = (f"{doc.figure(1e3 * delay)} ms" for delay in delays)
         late = shoulder if shoulder == elbow else f"{shoulder} (shoulder's angle) and {elbow} (elbow's)"
         text += f" The sensor on link 2 is {late} late ([the late sensor](README.md#the-late-sensor))."
+    text += " The column `mirrored` has the signs of a [mirror image](README.md#mirror-images)."
     return _wrapped(text)
 
 
