@@ -17,6 +17,7 @@ from flexarm_env.codegen import assembly, cache
 from flexarm_env.codegen.declarations import Program
 from flexarm_env.codegen.intrinsics import TILE
 from flexarm_env.codegen.memory import aligned_zeros
+from flexarm_env.envs.bounds import check_moving_start
 from flexarm_env.envs.choices import STARTS
 from flexarm_env.envs.kernel_inputs import (
     ALL_READINGS,
@@ -28,7 +29,7 @@ from flexarm_env.envs.kernel_inputs import (
     path_tables,
     tail_rows,
 )
-from flexarm_env.envs.observation import check_moving_start, common_layout
+from flexarm_env.envs.observation import common_layout
 from flexarm_env.envs.per_env import refuse_unlike
 from flexarm_env.envs.settings import Settings
 from flexarm_env.episode import draws
@@ -72,7 +73,7 @@ class BatchSimulator:
         single_action: action of the first environment: a `memoryview`, which takes float32 arrays of its shape only.
         single_observation: observation of the first environment: a view.
         single_result: present results of the first environment: a view.
-        single_end: reward and status, a part of `single_result`.
+        single_end: reward and status, a part of `single_result`: a `memoryview`.
     """
 
     results: Array
@@ -262,7 +263,8 @@ class BatchSimulator:
         self._keys, self._starts, self._reset_requests = views["KEYS"], views["STARTS"], views["RESET_REQUESTS"]
         self._paths, self.actions, self.observations = views["PATHS"], views["ACTIONS"], views["OBSERVATIONS"]
         self.single_result = self._arenas[0, self._results, 0]
-        self.single_end = self.single_result[self.parts["REWARD"].start : self.parts["STATUS"].stop]
+        end = self.single_result[self.parts["REWARD"].start : self.parts["STATUS"].stop]
+        self.single_end = memoryview(end)  # type: ignore[arg-type]
         self.single_action, self.single_observation = memoryview(self.actions[0]), self.observations[0]
         self.everyone = np.ones(self.count, dtype=np.bool_)
         self.everyone.setflags(write=False)

@@ -1,6 +1,6 @@
 """The environments' documentation in Markdown, made from the declarations that the code itself reads.
 
-All functions are pure. The tables come from `settings`, `observation`, `reward`, `reset_options`, `info` and
+All functions are pure. The tables come from `options`, `observation`, `reward`, `reset_options`, `info` and
 `registration`. The texts that hold for all environments are here, for `FlexArmEnv`'s docstring and for the pages under
 docs/environments (scripts/docs/environments.py).
 """

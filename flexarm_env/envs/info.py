@@ -146,24 +146,33 @@ def episodes(simulator: BatchSimulator) -> Episode:
     )
 
 
-def _literal(keys: Sequence[str], places: Mapping[str, Any]) -> Callable[[Array], dict[str, Any]]:
-    """Generate a function that makes an info from results: `lambda known, time=3: {"time": known[time]}`.
+def _reader(keys: Sequence[str], places: Mapping[str, Any], results: Array) -> Callable[[], dict[str, Any]]:
+    """Generate a function that makes an info: `known = copy(); return {"time": known[time]}`.
 
     The function is generated from text because the keys depend on the options, and a loop would slow each step down.
+    Its names are defaults of its arguments, which are found faster than attributes. It copies the results once; the
+    arrays of an info are views of that copy.
 
     Args:
         keys: keys of the info, in their order; the value of a key without a place, `end_code`, is `GOES_ON`.
         places: indices or slices of the other keys' values in the results.
+        results: results of one environment, which each step overwrites. Shape (k,).
     """
     items = ", ".join(f"{name!r}: {f'known[{name}]' if name in places else 'GOES_ON'}" for name in keys)
-    bound = ", ".join(f"{name}=places[{name!r}]" for name in places)
-    names = {"places": places, "GOES_ON": GOES_ON}
-    made: Callable[[Array], dict[str, Any]] = eval(f"lambda known, {bound}, GOES_ON=GOES_ON: {{{items}}}", names)
-    return made
+    defaults = ", ".join(f"{name}={name}" for name in (*places, "GOES_ON", "copy"))
+    names = {**places, "GOES_ON": GOES_ON, "copy": results.copy}
+    exec(f"def read({defaults}):\n known = copy()\n return {{{items}}}", names)
+    read: Callable[[], dict[str, Any]] = names["read"]
+    return read
 
 
 class InfoMaker:
-    """Makes infos from the results of one environment or of a batch."""
+    """Makes infos from the results of one environment or of a batch.
+
+    Attributes:
+        read: makes a single environment's info, with the `end_code` of an episode that goes on.
+        codes: `end_code` of each status.
+    """
 
     def __init__(self, simulator: BatchSimulator) -> None:
         """Find the places of all keys in the results.
@@ -172,8 +181,6 @@ class InfoMaker:
             simulator: the environments.
         """
         self._simulator = simulator
-        # A simulator's views never change; a copy of the simulator gets its own `InfoMaker`.
-        self._copy_result, self._list_end = simulator.single_result.copy, simulator.single_end.tolist
         parts, keys = simulator.parts, info_keys(simulator.settings)
         slices: dict[str, slice] = {}
         for name, (part, count) in _VECTORS.items():
@@ -185,29 +192,15 @@ class InfoMaker:
         places |= {TERM + name: parts["REWARD_TERMS"].start + n for n, name in enumerate(TERMS)}
         known = slices | places
         self._items = tuple((name, f"_{name}", known[name]) for name in keys if name in known)
-        self._named = _literal(keys, {name: place for name, _, place in self._items})
-        self._codes = {
+        # A simulator's views never change; a copy of the simulator gets its own `InfoMaker`.
+        self.read = _reader(keys, {name: place for name, _, place in self._items}, simulator.single_result)
+        self.codes = {
             status: np.float64(END_CODES[reason or NOT_TERMINATED]) for status, reason in simulator.failures.items()
         }
 
     def __reduce__(self) -> tuple[type[InfoMaker], tuple[BatchSimulator]]:
         """Make copies and pickles anew from their simulator, since a generated function cannot be pickled."""
         return InfoMaker, (self._simulator,)
-
-    def after_reset(self) -> dict[str, Any]:
-        """Make a single environment's info at the beginning of an episode, whose state never terminates it."""
-        info, _, _ = self.after_step()
-        info["end_code"] = GOES_ON
-        return info
-
-    def after_step(self) -> tuple[dict[str, Any], float, bool]:
-        """Make a single environment's info; return it with the reward and whether the episode terminated."""
-        info = self._named(self._copy_result())
-        reward, status = self._list_end()
-        if status == 0.0:
-            return info, reward, False
-        info["end_code"] = self._codes[status]
-        return info, reward, True
 
     def batch(self) -> dict[str, Any]:
         """Make the infos of a batch in Gymnasium's form: for each key an array and a mask of the environments with it.
@@ -219,10 +212,6 @@ class InfoMaker:
         for name, flag, place in self._items:
             infos[name], infos[flag] = known[:, place], everyone
         return infos
-
-    def end_codes(self, statuses: Array) -> list[np.float64]:
-        """Return the codes of some statuses."""
-        return [self._codes[status] for status in statuses.tolist()]
 
 
 def masked(infos: Mapping[str, Any], mask: Flags) -> dict[str, Any]:

@@ -14,52 +14,24 @@ from numpy.typing import NDArray
 
 from flexarm_env.actions import MODES
 from flexarm_env.codegen.declarations import Program
-from flexarm_env.envs.choices import MOVE_RING
+from flexarm_env.envs.bounds import (
+    LARGEST_DEVIATE,
+    Range,
+    Workspace,
+    even_range,
+    joint_rate_bound,
+    modal_range,
+    reach_of,
+)
 from flexarm_env.envs.settings import Settings
 from flexarm_env.kernels.entries import Shape
 from flexarm_env.kernels.layout import Row
-from flexarm_env.parameters import SENSOR_MODELS
-from flexarm_env.physics.inverse_kinematics import LEAST_SINE
-from flexarm_env.simulation.arm import FlexibleArm
-from flexarm_env.simulation.limits import ANGLE_LIMITS, RATE_LIMIT, state_limits
+from flexarm_env.simulation.limits import ANGLE_LIMITS, RATE_LIMIT
 from flexarm_env.validation import choice
 
 Array = NDArray[np.float64]
-LARGEST_DEVIATE = 8.6  # of `random_stream.normal`
 # Signs of numbers in the mirrored episode, in which the y axis of every frame points the other way.
 SCALAR, ANGLE, VECTOR = (1,), (-1,), (1, -1)
-
-
-class Workspace(NamedTuple):
-    """Largest magnitudes before an episode ends.
-
-    Attributes:
-        radius: distance of the reference from the shoulder [m].
-        speed: speed of the reference [m/s].
-        sensed: coordinate of the sensor's reading [m].
-        error: coordinate of the sensor's error [m].
-        second: coordinate of the second sensor's reading [m].
-        second_error: coordinate of the second sensor's error [m].
-    """
-
-    radius: float
-    speed: float
-    sensed: float
-    error: float
-    second: float
-    second_error: float
-
-
-class Range(NamedTuple):
-    """Scales and bounds of a block's numbers, one for each number.
-
-    Attributes:
-        scale: divisors of the numbers where observations are scaled.
-        bound: largest magnitudes of the numbers before the episode ends.
-    """
-
-    scale: list[float]
-    bound: list[float]
 
 
 @dataclass(frozen=True)
@@ -86,87 +58,6 @@ class Block:
     modes: tuple[str, ...] = tuple(MODES)
 
 
-def reach_of(settings: Settings) -> Workspace:
-    """Compute the largest magnitudes of reference and readings before an episode ends."""
-    arm = settings.flexible_arm
-    length_1, length_2 = arm.parameters.link_lengths
-    if settings.paths:
-        tables = [path.table for path in settings.paths]
-        radius = max(float(np.linalg.norm(table[:, 1:], axis=1).max()) for table in tables)
-        moves = [np.diff(table, axis=0) for table in tables]
-        speed = max(float((np.linalg.norm(move[:, 1:], axis=1) / move[:, 0]).max()) for move in moves)
-    else:  # minimum-jerk moves of at most half a turn of each joint in a quarter of the lap
-        radius = MOVE_RING[1] * arm.parameters.reach
-        speed = 1.875 * np.pi / (0.25 * settings.lap_time) * (length_1 + 2.0 * length_2)
-    bend = _bend(arm) if SENSOR_MODELS[settings.sensor].bends else 0.0
-    deviation = settings.range_of("noise")[1]
-    sensed = length_1 + settings.sensor_position + bend + LARGEST_DEVIATE * deviation
-    return Workspace(radius, speed, sensed, sensed + radius, *_second_reach(settings))
-
-
-def _second_reach(settings: Settings) -> tuple[float, float]:
-    """Return the largest coordinate of the second sensor's reading and of its error [m]; 0 without such a sensor."""
-    if settings.second_sensor is None:
-        return 0.0, 0.0
-    link, position = settings.second_sensor
-    rigid = position + (settings.flexible_arm.parameters.link_lengths[0] if link == 2 else 0.0)
-    sensed = rigid + _bend(settings.flexible_arm) + LARGEST_DEVIATE * settings.second_sensor_noise
-    return sensed, sensed + rigid
-
-
-def _bend(arm: FlexibleArm) -> float:
-    """Bound the tip's displacement by valid deflections [m]: a link's length for each mode, and foreshortening."""
-    m = arm.parameters.modes_per_link
-    across = m * sum(arm.parameters.link_lengths)
-    if not arm.constants.foreshortened:
-        return across
-    largest = state_limits(arm)[2 : arm.size].reshape(2, m)
-    sums = [np.abs(link.foreshortening(link.length)) for link in arm.modes]
-    return across + float(sum(0.5 * q @ s @ q for q, s in zip(largest, sums, strict=True)))
-
-
-def check_moving_start(settings: Settings, start: str) -> None:
-    """Refuse a start on the move if the reference needs joint rates that end an episode at once.
-
-    Raises:
-        ValueError: naming start and lap time.
-    """
-    if start not in ("moving", "mix"):
-        return
-    length_1, length_2 = settings.flexible_arm.parameters.link_lengths
-    asked = reach_of(settings).speed * (length_1 + length_2) / (length_1 * length_2 * LEAST_SINE)
-    if asked > RATE_LIMIT:
-        raise ValueError(
-            f"start = {start!r} with lap_time = {settings.lap_time} s: the reference may ask for {asked:.4g} rad/s "
-            f"of a joint, and {RATE_LIMIT:g} end an episode; give a longer lap_time, or start at rest"
-        )
-
-
-def _even(count: int, scale: float, bound: float) -> Range:
-    return Range([scale] * count, [bound] * count)
-
-
-def _modal(settings: Settings, rates: bool) -> Range:
-    """Return scales and bounds of modal coordinates or rates.
-
-    The scale of a first mode corresponds to a tip deflection of 0.5 m or 2 m/s, that of a higher mode to a tenth of
-    the deflection and half of the rate.
-    """
-    arm = settings.flexible_arm
-    tips = np.concatenate([np.abs(link.tip_values) for link in arm.modes])
-    order = np.tile(np.arange(arm.parameters.modes_per_link), 2)
-    scale = np.where(order == 0, 2.0, 1.0) if rates else np.where(order == 0, 0.5, 0.05)
-    bound = state_limits(arm)
-    part = bound[arm.size + 2 :] if rates else bound[2 : arm.size]
-    return Range((scale / tips).tolist(), part.tolist())
-
-
-def _joint_rate_bound(settings: Settings, reach: Workspace) -> float:
-    length_1, length_2 = settings.flexible_arm.parameters.link_lengths
-    wanted = reach.speed * (length_1 + length_2) / (length_1 * length_2 * LEAST_SINE)
-    return RATE_LIMIT + wanted + LARGEST_DEVIATE * settings.encoder_noise[1]
-
-
 def _rows(name: str, first: int = 0, count: int = 2) -> Callable[[Settings], tuple[str, int, int]]:
     return lambda settings: (name, first, count)
 
@@ -185,17 +76,27 @@ BLOCKS: dict[str, Block] = {
         ANGLE,
     ),
     "elbow_direction": Block(
-        "cosine and sine of theta2", "1", "2", _rows("F_DIRECTIONS"), lambda s, r: _even(2, 1.0, 1.0 + 1e-9), VECTOR
+        "cosine and sine of theta2",
+        "1",
+        "2",
+        _rows("F_DIRECTIONS"),
+        lambda s, r: even_range(2, 1.0, 1.0 + 1e-9),
+        VECTOR,
     ),
     "shoulder_direction": Block(
-        "cosine and sine of theta1", "1", "2", _rows("F_DIRECTIONS", 2), lambda s, r: _even(2, 1.0, 1.0 + 1e-9), VECTOR
+        "cosine and sine of theta1",
+        "1",
+        "2",
+        _rows("F_DIRECTIONS", 2),
+        lambda s, r: even_range(2, 1.0, 1.0 + 1e-9),
+        VECTOR,
     ),
     "joint_rates": Block(
         "rates of theta1, theta2 by the encoders",
         "rad/s",
         "2",
         _rows("ENCODERS", 2),
-        lambda s, r: _even(2, 3.0, RATE_LIMIT + LARGEST_DEVIATE * s.encoder_noise[1]),
+        lambda s, r: even_range(2, 3.0, RATE_LIMIT + LARGEST_DEVIATE * s.encoder_noise[1]),
         ANGLE,
     ),
     "joint_error": Block(
@@ -204,7 +105,7 @@ BLOCKS: dict[str, Block] = {
         "rad",
         "2",
         _rows("F_JOINT_ERROR"),
-        lambda s, r: _even(2, 0.3, np.pi + 1e-9),
+        lambda s, r: even_range(2, 0.3, np.pi + 1e-9),
         ANGLE,
     ),
     "joint_error_rate": Block(
@@ -212,7 +113,7 @@ BLOCKS: dict[str, Block] = {
         "rad/s",
         "2",
         _rows("F_JOINT_ERROR_RATE"),
-        lambda s, r: _even(2, 3.0, _joint_rate_bound(s, r)),
+        lambda s, r: even_range(2, 3.0, joint_rate_bound(s, r)),
         ANGLE,
     ),
     "present_joint_error": Block(
@@ -220,7 +121,7 @@ BLOCKS: dict[str, Block] = {
         "rad",
         "2",
         _rows("F_PRESENT_JOINT_ERROR"),
-        lambda s, r: _even(2, 0.3, np.pi + 1e-9),
+        lambda s, r: even_range(2, 0.3, np.pi + 1e-9),
         ANGLE,
     ),
     "present_joint_error_rate": Block(
@@ -228,7 +129,7 @@ BLOCKS: dict[str, Block] = {
         "rad/s",
         "2",
         _rows("F_PRESENT_JOINT_ERROR_RATE"),
-        lambda s, r: _even(2, 3.0, _joint_rate_bound(s, r)),
+        lambda s, r: even_range(2, 3.0, joint_rate_bound(s, r)),
         ANGLE,
     ),
     "encoder_error": Block(
@@ -236,7 +137,7 @@ BLOCKS: dict[str, Block] = {
         "m",
         "2",
         _rows("F_ENCODER_ERROR"),
-        lambda s, r: _even(2, 0.5, r.radius + s.flexible_arm.parameters.reach),
+        lambda s, r: even_range(2, 0.5, r.radius + s.flexible_arm.parameters.reach),
         VECTOR,
     ),
     "sensed_position": Block(
@@ -244,7 +145,7 @@ BLOCKS: dict[str, Block] = {
         "m",
         "2",
         _rows("F_LINK_SENSOR"),
-        lambda s, r: _even(2, 6.3, r.sensed * 2**0.5),
+        lambda s, r: even_range(2, 6.3, r.sensed * 2**0.5),
         VECTOR,
     ),
     "sensor_error": Block(
@@ -252,7 +153,7 @@ BLOCKS: dict[str, Block] = {
         "m",
         "2",
         _rows("F_SENSOR_ERROR"),
-        lambda s, r: _even(2, 0.5, r.error * 2**0.5),
+        lambda s, r: even_range(2, 0.5, r.error * 2**0.5),
         VECTOR,
     ),
     "sensor_error_rate": Block(
@@ -260,7 +161,7 @@ BLOCKS: dict[str, Block] = {
         "m/s",
         "2",
         _rows("F_SENSOR_ERROR_RATE"),
-        lambda s, r: _even(2, 3.0, 2.0 * r.error * 2**0.5 / (0.499 * s.control_period)),
+        lambda s, r: even_range(2, 3.0, 2.0 * r.error * 2**0.5 / (0.499 * s.control_period)),
         VECTOR,
     ),
     "second_sensed_position": Block(
@@ -268,7 +169,7 @@ BLOCKS: dict[str, Block] = {
         "m",
         "2",
         _rows("F_SECOND_SENSED"),
-        lambda s, r: _even(2, 6.3, r.second * 2**0.5),
+        lambda s, r: even_range(2, 6.3, r.second * 2**0.5),
         VECTOR,
     ),
     "second_sensor_error": Block(
@@ -276,7 +177,7 @@ BLOCKS: dict[str, Block] = {
         "m",
         "2",
         _rows("F_SECOND_ERROR"),
-        lambda s, r: _even(2, 0.5, r.second_error * 2**0.5),
+        lambda s, r: even_range(2, 0.5, r.second_error * 2**0.5),
         VECTOR,
     ),
     "modal_coordinates": Block(
@@ -284,7 +185,7 @@ BLOCKS: dict[str, Block] = {
         "1",
         "2 m",
         lambda s: ("STATE", 2, 2 * _modes(s)),
-        lambda s, r: _modal(s, rates=False),
+        lambda s, r: modal_range(s, rates=False),
         ANGLE,
     ),
     "modal_rates": Block(
@@ -292,18 +193,23 @@ BLOCKS: dict[str, Block] = {
         "1/s",
         "2 m",
         lambda s: ("STATE", 4 + 2 * _modes(s), 2 * _modes(s)),
-        lambda s, r: _modal(s, rates=True),
+        lambda s, r: modal_range(s, rates=True),
         ANGLE,
     ),
     "reference_position": Block(
-        "where the tip should be", "m", "2", _rows("F_REFERENCE"), lambda s, r: _even(2, 6.3, r.radius + 1e-9), VECTOR
+        "where the tip should be",
+        "m",
+        "2",
+        _rows("F_REFERENCE"),
+        lambda s, r: even_range(2, 6.3, r.radius + 1e-9),
+        VECTOR,
     ),
     "reference_velocity": Block(
         "its velocity; at a corner that of the side that begins",
         "m/s",
         "2",
         _rows("F_REFERENCE_VELOCITY"),
-        lambda s, r: _even(2, 3.15, r.speed * (1.0 + 1e-9)),
+        lambda s, r: even_range(2, 3.15, r.speed * (1.0 + 1e-9)),
         VECTOR,
     ),
     "previews": Block(
@@ -311,7 +217,7 @@ BLOCKS: dict[str, Block] = {
         "m",
         "2 per horizon",
         lambda s: ("TAIL", 0, 2 * len(s.previews)),
-        lambda s, r: _even(2 * len(s.previews), 2.0, 2.0 * r.radius + 1e-9),
+        lambda s, r: even_range(2 * len(s.previews), 2.0, 2.0 * r.radius + 1e-9),
         VECTOR,
     ),
     "last_actions": Block(
@@ -319,7 +225,7 @@ BLOCKS: dict[str, Block] = {
         "1",
         "action size per action",
         lambda s: ("TAIL", 2 * len(s.previews), s.last_actions * len(s.action_limit)),
-        lambda s, r: _even(s.last_actions * len(s.action_limit), 1.0, 1.0),
+        lambda s, r: even_range(s.last_actions * len(s.action_limit), 1.0, 1.0),
         None,
     ),
     "torque": Block(
@@ -336,7 +242,7 @@ BLOCKS: dict[str, Block] = {
         "1",
         "2",
         _rows("F_PHASE"),
-        lambda s, r: _even(2, 1.0, 1.0 + 1e-9),
+        lambda s, r: even_range(2, 1.0, 1.0 + 1e-9),
         SCALAR,
     ),
     "inner_gain": Block(
@@ -344,7 +250,7 @@ BLOCKS: dict[str, Block] = {
         "1",
         "1",
         _rows("EFFECTIVE_GAIN", 0, 1),
-        lambda s, r: _even(1, s.gain_limit, s.gain_limit),
+        lambda s, r: even_range(1, s.gain_limit, s.gain_limit),
         SCALAR,
     ),
 }
@@ -420,4 +326,5 @@ def observation_layout(settings: Settings, program: Program) -> ObservationLayou
     scales = np.array(scale)
     # rounded outwards, so that the float32 of a value at the bound is inside
     limit = np.nextafter((np.array(bound) / scales).astype(np.float32), np.float32(np.inf))
-    return ObservationLayout(blocks, np.array(rows, dtype=np.int64), scales, limit, np.array(mirror, dtype=np.float32))
+    signs = np.array(mirror, dtype=np.float32)
+    return ObservationLayout(blocks, np.array(rows, dtype=np.int64), scales, limit, signs)

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexarm_env.envs.batch import START_CODES, BatchSimulator
+from flexarm_env.envs.bounds import check_moving_start
 from flexarm_env.envs.choices import STARTS
 from flexarm_env.envs.kernel_inputs import BRANCH_CODES, DIRECTION_CODES
-from flexarm_env.envs.observation import check_moving_start
 from flexarm_env.envs.quantities import orderable
 from flexarm_env.kernels.entries import DRAWN, column
 from flexarm_env.physics.paths import PATHS

@@ -182,7 +182,7 @@ class FlexArmEnv(SimulatorView, gymnasium.Env[NDArray[np.float32], NDArray[np.fl
             result = self.simulator.result(0)
             self._scene.begin(result)
             self._show(result)
-        return self.simulator.single_observation.copy(), self._infos.after_reset()
+        return self.simulator.single_observation.copy(), self._infos.read()
 
     def step(self, action: NDArray[np.float32]) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
         """Hold the action for one control period.
@@ -205,9 +205,14 @@ class FlexArmEnv(SimulatorView, gymnasium.Env[NDArray[np.float32], NDArray[np.fl
             taken = False
         if not taken:
             simulator.single_action[:] = rounded(finite_array("action", action, self._shape))  # type: ignore[call-overload]
-        if not simulator.single_step():
+        # A local name makes the call of a function that is an instance's attribute faster.
+        advance, infos = simulator.single_step, self._infos
+        if not advance():
             finite_array("action", action, self._shape)  # raises the error that names what is wrong
-        info, reward, terminated = self._infos.after_step()
+        read, (reward, status) = infos.read, simulator.single_end
+        info, terminated = read(), status != 0.0
+        if terminated:
+            info["end_code"] = infos.codes[status]
         if self._scene is not None:
             result = simulator.result(0)
             self._scene.add(result)

@@ -181,7 +181,7 @@ class FlexArmVectorEnv(
         self._ended = (terminated | truncated).nonzero()[0]
         infos = self._infos.batch()
         if len(self._ended):
-            infos["end_code"][self._ended] = self._infos.end_codes(status[self._ended])
+            infos["end_code"][self._ended] = [self._infos.codes[each] for each in status[self._ended].tolist()]
             if self.autoreset_mode is AutoresetMode.SAME_STEP:
                 begun, self._ended = self._ended, NOBODY
                 infos = self._restart(begun, infos)

@@ -16,7 +16,7 @@ from scipy import stats
 
 from flexarm_env import ArmParameters, inverse_kinematics
 from flexarm_env.codegen import assembly, elementary, random_stream
-from flexarm_env.envs.observation import LARGEST_DEVIATE
+from flexarm_env.envs.bounds import LARGEST_DEVIATE
 from flexarm_env.episode.step import TORQUE
 from flexarm_env.kernels.variants import Variant
 from flexarm_env.physics.inverse_kinematics import LEAST_SINE
