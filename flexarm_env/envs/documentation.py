@@ -145,25 +145,23 @@ def action_table(settings: Settings | None = None) -> str:
     """Tabulate what an action means: in each action mode, or with numbers in that of `settings`."""
     if settings is None:
         header = ("`action_mode`", "an action is", "of", "quantity", "action", "unit", "mirrored")
-        rows = [
-            (f"`{name}`", one.text, ", ".join(one.channels), *_formulas(one), _signs([one.mirror]))
-            for name, one in MODES.items()
-        ]
-        return table(header, rows)
+        modes = MODES.items()
+        return table(header, [(f"`{name}`", one.text, ", ".join(one.channels), *_formulas(one)) for name, one in modes])
     mode = settings.mode
     rows = [
-        (str(n), channel, figure(mode.least * limit), figure(limit), *_formulas(mode), _signs([mode.mirror]))
+        (str(n), channel, figure(mode.least * limit), figure(limit), *_formulas(mode))
         for n, (channel, limit) in enumerate(zip(mode.channels, settings.action_limit, strict=True))
     ]
     return table(("number", "of", "at a = -1", "at a = 1", "quantity", "action", "unit", "mirrored"), rows)
 
 
-def _formulas(mode: ActionMode) -> tuple[str, str, str]:
-    return f"`{mode.quantity} = {mode.formula}`", f"`a = {mode.inverse}`", mode.unit
+def _formulas(mode: ActionMode) -> tuple[str, str, str, str]:
+    """Write the map between action and quantity, the unit, and the sign of a mirrored action."""
+    return f"`{mode.quantity} = {mode.formula}`", f"`a = {mode.inverse}`", mode.unit, _signs((mode.mirror,))
 
 
-def _signs(signs: Sequence[int]) -> str:
-    """Signs in the mirrored episode."""
+def _signs(signs: tuple[int, ...]) -> str:
+    """Write the signs of numbers in the mirrored episode."""
     return ", ".join("+" if sign > 0 else "-" for sign in signs)
 
 

@@ -40,10 +40,9 @@ def scores(agent: Trained) -> str:
         ("FLSAC", "SquareGain-v0"): evaluate(env, FLSAC.for_env(env)),
         ("IFDC", "SquareGain-v0"): evaluate(env, IFDC.for_env(env)),
     }
-    head = ("policy", "environment", "lap", *ERRORS, "torque change per step [N m]", "elbow changes")
-    head += ("peak deflection [m]", "peak torque [N m]")
+    details = ("torque change per step [N m]", "elbow changes", "peak deflection [m]", "peak torque [N m]")
     return table(
-        head,
+        ("policy", "environment", "lap", *ERRORS, *details),
         (
             (policy, f"`{environment}`", lap, *errors(one), *_details(one))
             for (policy, environment), score in found.items()
