@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
-from flexarm_agents import NetworkPolicy, TrainingConfig
+from flexarm_agents import NetworkPolicy, Score, StandardScore, TrainingConfig
 from flexarm_agents.commands import main
 from flexarm_agents.training import new_model
 from flexarm_env.laps import LAPS
@@ -127,11 +127,11 @@ def test_evaluate_scores_what_there_is(flexarm: Shell) -> None:
     result = flexarm("evaluate")
     assert result.returncode == 0, result.stderr
     rows = result.stdout.splitlines()[3:-1]
-    names = ["square", "FLSAC", "IFDC", "no torque", "random torque"]
+    names = ["square", "IFDC", "FLSAC", "no torque", "random torque"]
     found = [(name, lap) for row in rows for name in names for lap in LAPS if re.match(rf"{name} .* {lap} ", row)]
     assert found == [(name, lap) for name in names for lap in LAPS]
     assert all("ENDED at " in row and not re.search(r"\d\.\d{3}", row) for row in rows[6:])
-    assert [line.partition(":")[0] for line in result.stderr.splitlines()] == [*names[2:0:-1], *names[3:], "square"]
+    assert [line.partition(":")[0] for line in result.stderr.splitlines()] == [*names[1:], "square"]
     laps = {one["name"]: one["laps"][0] for one in flexarm.evaluation()["results"]}
     assert laps["IFDC"]["swing"]["complete"]
     assert laps["IFDC"]["swing"]["rms"] == pytest.approx(0.901, abs=5e-3)
@@ -190,22 +190,30 @@ def test_evaluate_refuses_in_a_line(flexarm: Shell, source: str, message: str) -
     assert line.startswith(message)
 
 
-def test_laps_have_a_spread_in_which_an_early_end_counts(flexarm: Shell) -> None:
-    """With delays that the agent never met, it loses some laps."""
+def lap(rms: float | None) -> Score:
+    """Make the score of a complete lap, or of one that ended early."""
+    ended = ("error", 4.0) if rms is None else ("truncated", 16.0)
+    return Score(*ended, rms, rms, rms, rms, (1.0, 1.0), 0, (0.1, 0.1), (1.0, 1.0), 0.0)
+
+
+def test_laps_have_a_spread_in_which_an_early_end_counts(flexarm: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A policy that loses one plain lap of four."""
+    plain = (0.1, None, 0.3, 0.2)
+    laps = iter([StandardScore(lap(0.5), lap(rms)) for rms in plain])
+    monkeypatch.setattr("flexarm_agents.commands.evaluate.evaluate", lambda *given: next(laps))
     options = '{"randomisation": {"delay": [0.0, 0.06]}}'
     result = flexarm("evaluate", "square", *ALONE, "--laps", "4", "--seed", "0", "--options", options)
     assert result.returncode == 0, result.stderr
     (found,) = flexarm.evaluation()["results"]
-    laps = [row["plain"] for row in found["laps"]]
-    ends = [lap["ended"] for lap in laps]
-    whole = [lap["rms"] for lap in laps if lap["complete"]]
-    assert [lap["seed"] for lap in found["laps"]] == [0, 1, 2, 3]
-    assert 0 < len(whole) < 4
+    assert [(row["seed"], row["plain"]["rms"]) for row in found["laps"]] == list(enumerate(plain))
     assert {name: found["plain"]["rms"][name] for name in ("total", "complete", "best", "worst")} == {
-        "total": 4, "complete": len(whole), "best": min(whole), "worst": None
+        "total": 4, "complete": 3, "best": 0.1, "worst": None
     }  # fmt: skip
+    assert found["swing"]["maximum"]["complete"] == 4
     assert " .. ended]" in result.stdout
-    assert f"{4 - len(whole)} of 4 ENDED: {next(end for end in ends if end != 'truncated')}" in result.stdout
+    assert "4 complete" in result.stdout
+    assert "1 of 4 ENDED: error" in result.stdout
+    assert "both laps complete with 3 of 4 seeds" in result.stderr
     assert found["options"] == {"randomisation": {"delay": [0.0, 0.06]}}
 
 
