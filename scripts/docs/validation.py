@@ -1,4 +1,4 @@
-"""Bring docs/validation.md, its pictures and its record up to date from a complete `results/validation`."""
+"""Bring docs/validation.md, docs/plant.md, their pictures and their record up to date from `results/validation`."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from scripts.common.markdown import DOCS, filled
 from scripts.common.result_files import write_json
 from scripts.validation.groups import GROUPS
 
-PAGE = "validation.md"
+PAGES = ("validation.md", "plant.md")
 RECORD = "validation.json"  # what the text's figures are tested against
 PICTURES = Path("figures") / "validation"
 
 
 @dataclass
 class Options:
-    """Regenerate the tables and pictures of docs/validation.md."""
+    """Regenerate the tables and pictures of docs/validation.md and docs/plant.md."""
 
     results: Path = Path("results/validation")
     """A complete result folder of validate.py with default options."""
@@ -38,8 +38,9 @@ def main() -> None:
     found = json.loads(summary.read_text())
     if found["quick"] or set(found["groups"]) != {group.name for group in GROUPS}:
         sys.exit(f"error: results = {options.results}: a quick run, or a part; the docs show the whole")
-    page = options.docs / PAGE
-    page.write_text(filled(page.read_text(), options.results))
+    for name in PAGES:
+        page = options.docs / name
+        page.write_text(filled(page.read_text(), options.results))
     for group in found["groups"].values():
         del group["seconds"]  # the record tells what was found, not on which machine
     write_json(options.docs / RECORD, found)
@@ -48,7 +49,7 @@ def main() -> None:
     names = [name for group in GROUPS for name in group.drawings]
     for name in names:
         shutil.copyfile(options.results / "figures" / f"{name}.png", target / f"{name}.png")
-    print(f"{page}: tables, {RECORD} and {len(names)} pictures up to date")
+    print(f"{options.docs}: {', '.join(PAGES)}, {RECORD} and {len(names)} pictures up to date")
 
 
 if __name__ == "__main__":
