@@ -62,7 +62,7 @@ def lowered(
 
 
 def _input(code: str, arguments: Sequence[str]) -> tuple[Any, ...]:
-    """A row of an array among the arguments, or a number."""
+    """Find an input: a row of an array among the arguments, or a number."""
     row = _ROW.fullmatch(code)
     if row is not None:
         return "row", arguments.index(row[1]), int(row[2] or 0)
@@ -74,7 +74,7 @@ def _input(code: str, arguments: Sequence[str]) -> tuple[Any, ...]:
 def kernel_text(
     name: str, arguments: Sequence[str], lanes: int, kernel: Lowered, functions: Mapping[str, Lowered]
 ) -> str:
-    """Text of the intrinsic's code that a record becomes; its module has `VectorWriter` too.
+    """Write the text of the intrinsic's code that a record becomes; its module has `VectorWriter` too.
 
     Args:
         name: of the kernel.
@@ -116,10 +116,10 @@ class VectorWriter:
             functions: that the kernel may call (`Lowered`), by name.
         """
         self.context, self.builder, self.lanes, self.functions = context, builder, lanes, functions
-        features = context.codegen().magic_tuple()[2]
-        self.width = next(
-            width for width in ((8, 4, 2, 1) if "+avx512f" in features else (4, 2, 1)) if lanes % width == 0
-        )
+        _, _, features = context.codegen().magic_tuple()
+        self.width = 8 if "+avx512f" in features else 4
+        while lanes % self.width != 0:
+            self.width //= 2
         double, whole = ir.DoubleType(), ir.IntType(64)
         self.kind = ir.VectorType(double, self.width) if self.width > 1 else double
         self.whole = ir.VectorType(whole, self.width) if self.width > 1 else whole
@@ -153,19 +153,20 @@ class VectorWriter:
         caller.call(function, self.flat(parts))
 
     def parts(self, kind: Any, value: Any) -> Any:
-        """The data of an array, a number as a double, or those of a tuple."""
+        """Return the data of an array, a number as a double, or those of a tuple."""
         if isinstance(kind, types.Array):
             return self.context.make_array(kind)(self.context, self.builder, value).data
         if isinstance(kind, types.BaseTuple):
-            return [self.parts(kind[n], self.builder.extract_value(value, n)) for n in range(len(kind))]
+            tuple_kinds: Any = kind
+            return [self.parts(part, self.builder.extract_value(value, n)) for n, part in enumerate(tuple_kinds)]
         return self.context.cast(self.builder, value, kind, types.float64)
 
     def flat(self, parts: Any) -> list[Any]:
-        """All within nested lists."""
+        """Return all within nested lists."""
         return [one for part in parts for one in (self.flat(part) if isinstance(part, list) else [part])]
 
     def nested(self, parts: Any, flat: Any) -> list[Any]:
-        """The inverse of `flat`: nested as `parts` is."""
+        """Invert `flat`: nest as `parts` is."""
         return [self.nested(part, flat) if isinstance(part, list) else next(flat) for part in parts]
 
     def write_kernel(self, kernel: Any, arguments: Any) -> None:
@@ -194,7 +195,7 @@ class VectorWriter:
         builder.ret_void()
 
     def function(self, name: str) -> Any:
-        """A function that kernels call, written where the module does not have it yet."""
+        """Return a function that kernels call; write it where the module does not have it yet."""
         operations, results, _ = self.functions[name]
         module, caller = self.builder.module, self.builder
         written = module.globals.get(name)
@@ -232,7 +233,7 @@ class VectorWriter:
         return values
 
     def rules(self) -> dict[str, Any]:
-        """What each template of a record becomes."""
+        """Return the function that writes each template of a record."""
         builder, less = self.builder, self.less
         return {
             "{0} + {1}": builder.fadd,
@@ -253,7 +254,7 @@ class VectorWriter:
         }
 
     def number(self, argument: Any, places: Any) -> Any:
-        """A number that all lanes share: an argument, or an element of one."""
+        """Copy a number that all lanes share, an argument or an element of one, into every lane."""
         for place in places:
             if isinstance(argument, list):
                 argument = argument[place]
@@ -262,7 +263,7 @@ class VectorWriter:
         return self.spread(argument)
 
     def row(self, data: Any, first: int) -> Any:
-        """Where the present lanes' numbers of a row lie."""
+        """Return where the present lanes' numbers of a row lie."""
         place = ir.Constant(ir.IntType(64), first)
         if self.first_lane is not None:
             place = self.builder.add(self.first_lane, place)
@@ -270,7 +271,7 @@ class VectorWriter:
         return self.builder.bitcast(pointer, self.kind.as_pointer())
 
     def spread(self, value: Any) -> Any:
-        """A number in every lane."""
+        """Copy a number into every lane."""
         if self.width == 1:
             return value
         short, undefined = ir.IntType(32), ir.Constant(self.kind, ir.Undefined)
@@ -279,11 +280,11 @@ class VectorWriter:
         return self.builder.shuffle_vector(first, undefined, places)
 
     def constant(self, kind: Any, value: Any) -> Any:
-        """A literal in every lane."""
+        """Return a literal in every lane."""
         return ir.Constant(kind, [value] * self.width if self.width > 1 else value)
 
     def operand(self, values: Any, code: Any) -> Any:
-        """An earlier result, or a literal."""
+        """Return an earlier result, or a literal in every lane."""
         return values[code] if isinstance(code, int) else self.constant(self.kind, float(code))
 
     def library(self, name: str, *values: Any) -> Any:
@@ -295,7 +296,7 @@ class VectorWriter:
         return self.builder.call(declared, values)
 
     def less(self, a: Any, b: Any, then: Any, otherwise: Any) -> Any:
-        """A choice by a < b."""
+        """Choose by a < b in each lane."""
         return self.builder.select(self.builder.fcmp_ordered("<", a, b), then, otherwise)
 
     def quarter_turns(self, k: Any, sine: Any, cosine: Any) -> Any:

@@ -1,6 +1,6 @@
-"""`BatchSimulator`: N environments side by side, their episodes begun and stepped by compiled kernels.
+"""`BatchSimulator`: N environments whose episodes are reset and stepped by compiled kernels.
 
-Single and vector environments both stand on it: one arm is a batch of one, bitwise identical.
+Single and vector environments both use it: a single environment is a batch of one, bitwise identical.
 """
 
 from __future__ import annotations
@@ -17,7 +17,9 @@ from flexarm_env.codegen import assembly, cache
 from flexarm_env.codegen.declarations import Program
 from flexarm_env.codegen.intrinsics import TILE
 from flexarm_env.codegen.memory import aligned_zeros
+from flexarm_env.envs.bounds import check_moving_start
 from flexarm_env.envs.choices import STARTS
+from flexarm_env.envs.drawing import Drawing, drawing_of
 from flexarm_env.envs.kernel_inputs import (
     ALL_READINGS,
     NAN,
@@ -28,7 +30,7 @@ from flexarm_env.envs.kernel_inputs import (
     path_tables,
     tail_rows,
 )
-from flexarm_env.envs.observation import check_moving_start, common_layout
+from flexarm_env.envs.observation import common_layout
 from flexarm_env.envs.per_env import refuse_unlike
 from flexarm_env.envs.settings import Settings
 from flexarm_env.episode import draws
@@ -40,10 +42,10 @@ from flexarm_env.kernels.variants import Variant, shared_model
 from flexarm_env.parameters import DIRECTIONS
 
 Array = NDArray[np.float64]
-# Time that a block takes for a step, by its lanes, relative; `Square-v0` with two modes (`make bench`, batches).
-# Three of the largest make 1024; its rows' distance is no power of two, at which they push each other out of a cache.
+# Relative time of a block's step, by its number of lanes; `Square-v0` with two modes (`make bench`, batches).
+# Three of the largest hold 1024 lanes; with a power of two, rows would evict each other from the processor's caches.
 COSTS = {8: 1.0, 32: 2.9, 128: 10.8, 344: 27.5}
-assert all(lanes % TILE == 0 for lanes in COSTS)  # so observations are written
+assert all(lanes % TILE == 0 for lanes in COSTS)  # `write_observations` works by tiles
 REASONS: dict[float, str | None] = {
     -2.0: "deflection",
     -3.0: "error",
@@ -59,22 +61,20 @@ class BatchSimulator:
     """N environments with the same settings, or with some of their own (`per_env`).
 
     Attributes:
-        settings: of environment 0; of all where they have none of their own.
-        each: of each environment.
+        settings: settings of environment 0; those of all environments without `per_env`.
+        each: settings of each environment.
         layout: of the observations.
-        failures: why an episode ended, by its status; 0 is that of a valid state.
-        everyone: the mask of all environments; read-only. Shape (N,).
-        usual_requests: for new episodes, as the settings say; read-only. Shape (N, columns).
-        observations: present ones; the kernels write into it. Shape (lanes, k), float32.
-        results: what is known since the latest `start` or `step` (not `single_step`), in an array of its own; `parts`
-            says what lies where. Shape (N, k).
-        parts: places of the parts of `results`, by name.
-        single_step: for one environment without others, as all that follows: a control period; False if it refused an
-            action that is not finite.
-        single_action: of the first environment: a `memoryview`, which takes float32 arrays of its shape only.
-        single_observation: of the first environment: a view.
-        single_result: the same, of what `results` would hold of it, at any instant.
-        single_end: a part of that: reward and status.
+        failures: reason for the end of an episode, by its status; status 0 is that of a valid state.
+        everyone: mask of all environments; read-only. Shape (N,).
+        usual_requests: requests for new episodes by the settings alone; read-only. Shape (N, columns).
+        observations: present observations; the kernels write into this array. Shape (lanes, k), float32.
+        results: results of the latest `start` or `step` (not `single_step`), a new array each time. Shape (N, k).
+        parts: slices of the columns of `results`, by name.
+        single_step: advances a batch of one by a control period; returns False if the action is not finite.
+        single_action: action of the first environment: a `memoryview`, which takes float32 arrays of its shape only.
+        single_observation: observation of the first environment: a view.
+        single_result: present results of the first environment: a view.
+        single_end: reward and status, a part of `single_result`: a `memoryview`.
     """
 
     results: Array
@@ -83,15 +83,15 @@ class BatchSimulator:
     single_step: Callable[[], bool]
 
     def __init__(self, settings: Settings | Sequence[Settings], count: int, threads: int = 1) -> None:
-        """Lay out the batch; kernels are compiled, or found in the cache, at the first start.
+        """Lay out the memory; kernels are compiled, or loaded from the cache, at the first start.
 
         Args:
-            settings: of all environments, or of each.
-            count: how many.
-            threads: that step the blocks; more than one pays for large batches on idle cores only.
+            settings: settings of all environments, or a sequence with those of each.
+            count: number of environments.
+            threads: number of threads that step the blocks; more than one pays off for large batches on idle cores.
 
         Raises:
-            ValueError: for settings that differ in what a batch shares.
+            ValueError: if settings differ in what all environments of a batch share.
         """
         self.each = [settings] * count if isinstance(settings, Settings) else list(settings)
         self.settings, self.count, self._threads = self.each[0], count, threads
@@ -100,7 +100,7 @@ class BatchSimulator:
         for one in kinds:
             check_moving_start(one, one.start)
         arm = settings.flexible_arm
-        program = settings.program
+        program = self._program_of(settings)
         self.layout = common_layout(kinds, program)
         lanes = block_lanes(count, threads)
         self._variant = _variant(settings, program, lanes, any(one.disturbed for one in kinds))
@@ -113,7 +113,7 @@ class BatchSimulator:
         channels = len(settings.action_limit)
         blocks = -(-count // lanes)
         header, table = header_and_settings(kinds, program, self.layout)
-        rows = extent(self._rows) + tail_rows(kinds)
+        rows = extent(self._rows) + tail_rows(kinds, self._variant.hosted)
         places = {id(one): n for n, one in enumerate(kinds)}
         kind_of = np.array([places[id(one)] for one in self.each])[np.minimum(np.arange(blocks * lanes), count - 1)]
         owns = np.array([lane_numbers(one, program) for one in kinds])
@@ -144,7 +144,7 @@ class BatchSimulator:
         self._fix_rows([fixed_rows(one) for one in kinds], kind_of)
 
     def __len__(self) -> int:
-        """Number of environments."""
+        """Return the number of environments."""
         return self.count
 
     # --- running ---------------------------------------------------------------------------------------------------
@@ -153,14 +153,14 @@ class BatchSimulator:
         """Begin episodes.
 
         Args:
-            keys: of the episodes that begin. Shape (n,).
-            which: environments that begin one; the others stay as they are. Shape (n,).
-            reset_requests: see `entries.Column`; rows of the others are not read. Shape (N, columns).
+            keys: keys of the episodes that begin. Shape (n,).
+            which: indices of the environments that begin one; the others do not change. Shape (n,).
+            reset_requests: see `entries.Column`; only the rows `which` are read. Shape (N, columns).
         """
         self.request_resets(keys, which, reset_requests)
         if self._step_kernel is _not_started:
             self._use(self.compile())
-            self._starts[self.count :] = True  # what all lanes of a block share is worked out together
+            self._starts[self.count :] = True  # lanes without an environment run, too, and need a valid state
             self.actions[self.count :] = self.settings.mode.idle
         self._header[word.DRIVING] = 0
         try:
@@ -169,18 +169,18 @@ class BatchSimulator:
             self._header[word.DRIVING] = 1
 
     def request_resets(self, keys: NDArray[np.uint64], which: NDArray[np.int64], reset_requests: Array) -> None:
-        """Have the next step begin episodes at its end; see `start`."""
+        """Request that the next step begins episodes at its end; see `start`."""
         self._starts[which] = True
         self._keys[which] = keys
         usual = reset_requests is self.usual_requests
-        if not (usual and self._usual):  # until others come, the usual ones lie there
+        if not (usual and self._usual):  # the memory holds the usual requests until others are written
             self._usual = False
             self._reset_requests[which] = reset_requests[which]
         if not usual and np.isfinite(reset_requests[which, column.DRAWN + drawn.DELAY]).any():
             self._header[word.READINGS] = ALL_READINGS
 
     def step(self) -> None:
-        """One control period with `actions`, unless the plan says that none drives; see `results`."""
+        """Advance all environments by one control period with `actions`, and begin the requested episodes."""
         if self.count == 1:
             if not self.single_step():
                 raise ValueError(f"actions = {self.actions!r}: must be finite")
@@ -201,55 +201,70 @@ class BatchSimulator:
 
     def dispatcher(self) -> Any:
         """Return the function, not its machine code, that steps these environments."""
-        module = assembly.load(self._variant)
-        return module.step_only if self.count == 1 else module.step_blocks
+        entry = self._variant.program.entries(self._variant.lanes)[0]
+        return getattr(assembly.load(self._variant), entry.__name__)
 
     def compile(self) -> Callable[..., Any]:
         """Return the machine code that steps these environments; the first call compiles or loads it."""
-        shared = (self._memory,) if self.count == 1 else (self._memory, 0, self._blocks, np.empty((1, 1)))
-        return cache.compiled_entry(self.dispatcher(), *shared)
+        return cache.compiled_entry(self.dispatcher(), *self._example())
 
     def result(self, index: int) -> Array:
-        """What is known of one environment at the present instant, in a new array. Shape (k,)."""
+        """Return one environment's present results (columns: `parts`) in a new array. Shape (k,)."""
         block, lane = divmod(index, self._arenas.shape[2])
         return self._arenas[block, self._results, lane].copy()
 
     def close(self) -> None:
-        """Let go of the threads."""
+        """Shut down the threads."""
         if self._pool is not None:
             self._pool.shutdown()
             self._pool = None
 
     def beginnings(self) -> Array:
-        """What describes the present episodes (`layout.beginning_sizes`), in a new array. Shape (N, k)."""
+        """Return what describes the present episodes (`layout.beginning_sizes`) in a new array. Shape (N, k)."""
         first = self._rows["EPISODE"][0]
         rows = self._arenas[:, first : first + sum(beginning_sizes(self._rows).values())]
         return np.moveaxis(rows, 1, 2).reshape(-1, rows.shape[1])[: self.count].copy()
 
     def path_names(self) -> NDArray[np.str_]:
-        """Names of the paths that the environments follow. Shape (N,)."""
+        """Return the names of the paths that the environments follow. Shape (N,)."""
         names = np.array(self.settings.reference)
         return names[self._chosen_paths() % len(names)]
 
     def directions(self) -> NDArray[np.str_]:
-        """Directions of their laps. Shape (N,)."""
+        """Return the directions of the environments' laps. Shape (N,)."""
         if not self.settings.paths:
             return np.array([one.direction for one in self.each])
         return np.array(DIRECTIONS)[self._chosen_paths() // len(self.settings.reference)]
 
     def _chosen_paths(self) -> NDArray[np.int64]:
-        """Which of the paths the environments follow. Shape (N,)."""
+        """Return the index of the path that each environment follows. Shape (N,)."""
         return self._clocks[:, clock_row.PATH].reshape(-1)[: self.count]
 
     def path(self, index: int) -> Array:
-        """Way-points of the path that an environment follows [m]. Shape (n, 2)."""
+        """Return the way-points of the path that an environment follows [m]. Shape (n, 2)."""
         block, lane = divmod(index, self._arenas.shape[2])
         return np.asarray(self._paths[self._clocks[block, clock_row.PATH, lane], :, 1:3])
 
+    def drawing(self, index: int, result: Array) -> Drawing:
+        """Where the lines of an environment's arm are, from its `result`."""
+        return drawing_of(self.each[index], result[self.parts["STATE"]])
+
     # --- inside ----------------------------------------------------------------------------------------------------
 
+    def _program_of(self, settings: Settings) -> Program:
+        """Program of the kernels."""
+        return settings.program
+
+    def _example(self) -> tuple[Any, ...]:
+        """Arguments of the types that the kernel takes."""
+        return (self._memory,) if self.count == 1 else (self._memory, 0, self._blocks, np.empty((1, 1)))
+
+    def _anew(self) -> BatchSimulator:
+        """Return a new batch with these settings."""
+        return BatchSimulator(self.each, self.count, self._threads)
+
     def _fix_rows(self, kinds: Sequence[Mapping[str, Any]], kind_of: NDArray[np.int64]) -> None:
-        """Enter the rows that no episode changes, of the kind that each lane is."""
+        """Write the rows that no episode changes, by the settings of each lane."""
         for name in kinds[0]:
             if name in self._rows:
                 first, count = self._rows[name]
@@ -258,13 +273,14 @@ class BatchSimulator:
                 self._arenas[:, first : first + count] = np.moveaxis(blocks, 2, 1)
 
     def _link(self) -> None:
-        """Views and functions of the hot path."""
+        """Make the views of the memory, and what else cannot be pickled."""
         views = {name: part.view(self._memory) for name, part in self._parts.items()}
         self._header, self._arenas, self._clocks = views["HEADER"], views["ARENAS"], views["CLOCKS"]
         self._keys, self._starts, self._reset_requests = views["KEYS"], views["STARTS"], views["RESET_REQUESTS"]
         self._paths, self.actions, self.observations = views["PATHS"], views["ACTIONS"], views["OBSERVATIONS"]
         self.single_result = self._arenas[0, self._results, 0]
-        self.single_end = self.single_result[self.parts["REWARD"].start : self.parts["STATUS"].stop]
+        end = self.single_result[self.parts["REWARD"].start : self.parts["STATUS"].stop]
+        self.single_end = memoryview(end)  # type: ignore[arg-type]
         self.single_action, self.single_observation = memoryview(self.actions[0]), self.observations[0]
         self.everyone = np.ones(self.count, dtype=np.bool_)
         self.everyone.setflags(write=False)
@@ -277,22 +293,21 @@ class BatchSimulator:
         self._step_kernel, self.single_step = kernel, partial(kernel, self._memory)
 
     def __getstate__(self) -> dict[str, Any]:
-        """Without views, which would come back as copies, and without what cannot be pickled or written to."""
+        """Leave out views, which would become copies, and what cannot be pickled."""
         left_out = (*VIEWS, "everyone", "_pool", "_step_kernel", "single_step")
         kept = {name: value for name, value in self.__dict__.items() if name not in left_out}
         return {"layout_stamp": self._stamp(), **kept}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        """Link the views again.
+        """Restore the memory and link the views again.
 
         Raises:
-            LayoutError: if the memory has another layout than a new batch with these settings.
+            LayoutError: if a new batch with these settings has another layout.
         """
         found, kept = state.get("layout_stamp"), {**state}
         kept.pop("layout_stamp", None)
-        anew = BatchSimulator(kept["each"], kept["count"], kept["_threads"])
-        check_stamp("the batch", found, anew._stamp())
         self.__dict__.update(kept)
+        check_stamp("the batch", found, self._anew()._stamp())
         self._memory = aligned_zeros(len(kept["_memory"]))
         self._memory[:] = kept["_memory"]
         self._link()
@@ -304,7 +319,7 @@ class BatchSimulator:
 
 
 def _variant(settings: Settings, program: Program, lanes: int, disturbed: bool) -> Variant:
-    """The kernels that these settings need."""
+    """Return the variant of the kernels that these settings need."""
     arm = settings.flexible_arm
     return Variant(
         program,
@@ -322,16 +337,16 @@ def _variant(settings: Settings, program: Program, lanes: int, disturbed: bool) 
 
 
 def _usual_orders(settings: Settings, count: int, lanes: int) -> Array:
-    """Orders of episodes that begin as the settings say; read-only. Shape (lanes, columns)."""
+    """Return requests for episodes by the settings alone; read-only. Shape (lanes, columns)."""
     usual = np.full((lanes, column.STATE + 2 * settings.flexible_arm.size), NAN)
     usual[:, column.START] = START_CODES[settings.start]
-    usual[count:, column.START] = START_CODES["corner"]  # lanes of no environment rest
+    usual[count:, column.START] = START_CODES["corner"]  # lanes without an environment stay at rest
     usual.setflags(write=False)
     return usual
 
 
 def block_lanes(count: int, threads: int) -> int:
-    """Lanes with which the blocks of a batch are stepped soonest: well filled, and enough of them for the threads."""
+    """Return the number of lanes of a block with which a batch is stepped fastest, by `COSTS`."""
     if count == 1:
         return 1
 

@@ -10,23 +10,27 @@ from typing import Any, NamedTuple
 import gymnasium
 from gymnasium.envs.registration import EnvSpec
 
+from flexarm_env.envs.chain_options import ChainOptions
 from flexarm_env.envs.choices import DEFAULT_OBSERVATION
 
 NAMESPACE = "FlexArm"
-# Control periods of an episode: a lap of 16 s at 100 Hz, or at the paper's 1 kHz; a move there and back of 8 s. A test
-# ties them to lap time and control period.
+# Control periods of an episode: a lap of 16 s at 100 Hz, or at the paper's 1 kHz. A test checks them.
 _LAP, _PAPER_LAP = 1600, 16_000
 
 
 class Id(NamedTuple):
-    """An environment's id.
+    """Declaration of an environment's id.
 
     Attributes:
-        steps: control periods after which an episode is truncated.
-        options: in which it differs from the defaults of `Settings`.
-        summary: in one line.
-        text: what it is for.
+        steps: number of control periods after which an episode is truncated.
+        options: options that differ from the defaults of `Settings`.
+        summary: description in one line.
+        text: description in a paragraph.
         history: versions, the newest first.
+        entry: class of the environment.
+        batch_entry: class of the batch; None: Gymnasium's own vector environments make one.
+        extra: what is to be installed for it; "": nothing.
+        options_of: class of the options that it has beside those of `Settings`.
     """
 
     steps: int
@@ -34,6 +38,10 @@ class Id(NamedTuple):
     summary: str
     text: str
     history: tuple[str, ...] = ("v0: first version",)
+    entry: str = "flexarm_env.envs.single:FlexArmEnv"
+    batch_entry: str | None = "flexarm_env.envs.vector:FlexArmVectorEnv"
+    extra: str = ""
+    options_of: type[ChainOptions] | None = None
 
 
 _PAPER: dict[str, Any] = {
@@ -87,6 +95,22 @@ IDS: dict[str, Id] = {
         "second, on joints without delay, with the default arm. The law overshoots corners, so the limits that "
         "end an episode are wide. For the paper's own conditions see `FlexArm/Paper-v0`.",
     ),
+    "SquareChain-v0": Id(
+        _LAP,
+        {"arm": {"damping_model": "material"}},
+        "Track the square with a chain of rigid segments in MuJoCo for an arm",
+        "As `FlexArm/Square-v0`, but what the motors move is no sum of a few modes: 20 rigid segments a link, "
+        "joined by springs and dampers of the material. It is the hardware of this benchmark, an arm that no "
+        "controller's model contains: train and tune elsewhere, then see here what remains. Action, observation, "
+        "reward, resets and infos are the same, by the same code; an action is a torque, its rate, or the gain of "
+        "the paper's law. Encoders, sensors and the true tip are the chain's own. The modal coordinates are those "
+        "whose deflection fits the chain's best in the mean square, as strain gauges would be calibrated; a start "
+        "on the move, or in a given `state`, bends the chain so that the gauges read it.",
+        entry="flexarm_env.chain.env:ChainEnv",
+        batch_entry=None,
+        extra="chain",
+        options_of=ChainOptions,
+    ),
     "SquareEncoders-v0": Id(
         _LAP,
         {"observation": _ENCODERS, "last_actions": 8},
@@ -125,12 +149,13 @@ IDS: dict[str, Id] = {
 def warn_of_short_limit(spec: EnvSpec | None, steps: int | None, lap_steps: int) -> None:
     """Warn if the time limit with which an id is registered is shorter than a lap.
 
-    The limit is a number of control periods: other options can make it a part of a lap. A user's own limit is meant.
+    The limit is a number of control periods, and other options can make a lap longer. A limit that differs from the
+    registered one is the user's choice and gives no warning.
 
     Args:
-        spec: of the environment.
-        steps: its time limit.
-        lap_steps: control periods in a lap.
+        spec: spec of the environment.
+        steps: its time limit [control periods].
+        lap_steps: number of control periods in a lap.
     """
     declared = IDS.get(spec.id.removeprefix(f"{NAMESPACE}/")) if spec is not None else None
     if spec is not None and declared is not None and steps == declared.steps < lap_steps:
@@ -141,13 +166,13 @@ def warn_of_short_limit(spec: EnvSpec | None, steps: int | None, lap_steps: int)
 
 
 def register_environments() -> None:
-    """Register all ids with Gymnasium; doing it again changes nothing."""
+    """Register all ids with Gymnasium; repeated calls change nothing."""
     for name, declared in IDS.items():
         if f"{NAMESPACE}/{name}" not in gymnasium.registry:
             gymnasium.register(
                 id=f"{NAMESPACE}/{name}",
-                entry_point="flexarm_env.envs.single:FlexArmEnv",
-                vector_entry_point="flexarm_env.envs.vector:FlexArmVectorEnv",
+                entry_point=declared.entry,
+                vector_entry_point=declared.batch_entry,
                 max_episode_steps=declared.steps,
                 kwargs=declared.options,
             )

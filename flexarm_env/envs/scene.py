@@ -1,4 +1,4 @@
-"""From an arm to the picture's plain snapshot."""
+"""`Scene`: makes the renderer's snapshots of one arm of a batch."""
 
 from __future__ import annotations
 
@@ -13,7 +13,6 @@ from flexarm_env.envs.rendering import Renderer, Snapshot
 
 Array = NDArray[np.float64]
 LONGEST_TRACE = 4096
-POINTS = 24  # of a link's centre line
 MARGIN = 1.05  # of the reach, so that a bent arm fits
 
 
@@ -21,13 +20,13 @@ class Scene:
     """Draws one arm of a batch, with the trace of its tip."""
 
     def __init__(self, simulator: BatchSimulator, index: int, render_mode: str, fps: int) -> None:
-        """Nothing is imported or opened before the first picture.
+        """Prepare the renderer; it imports and opens nothing before the first picture.
 
         Args:
             simulator: the environments.
-            index: which one.
+            index: index of the environment.
             render_mode: "rgb_array" or "human".
-            fps: pictures a second that a window shows at most.
+            fps: largest number of pictures a second that a window shows [1/s].
         """
         self._simulator, self._index = simulator, index
         self._renderer = Renderer(render_mode, fps=fps)
@@ -35,13 +34,13 @@ class Scene:
         self._stride, self._skipped = 1, 0
 
     def begin(self, result: Array) -> None:
-        """A new episode, whose first result this is."""
+        """Begin the trace of a new episode with its first result."""
         self._trace.clear()
         self._stride, self._skipped = 1, 0
         self.add(result)
 
     def add(self, result: Array) -> None:
-        """A new instant; a long trace is thinned evenly."""
+        """Add an instant to the trace; a long trace is thinned evenly."""
         self._skipped += 1
         if self._skipped < self._stride and self._trace:
             return
@@ -52,7 +51,7 @@ class Scene:
             self._stride *= 2
 
     def draw(self, result: Array) -> NDArray[np.uint8] | None:
-        """Draw an instant; a picture in "rgb_array", None in "human"."""
+        """Draw an instant; return a picture in "rgb_array", None in "human"."""
         return self._renderer.draw(self._snapshot(result))
 
     def close(self) -> None:
@@ -61,26 +60,20 @@ class Scene:
 
     def _snapshot(self, result: Array) -> Snapshot:
         settings = self._simulator.each[self._index]
-        arm = settings.flexible_arm
         values: dict[str, Any] = {name: result[part] for name, part in self._simulator.parts.items()}
-        q = np.nan_to_num(values["STATE"][: arm.size], posinf=0.0, neginf=0.0)
-        lengths = arm.parameters.link_lengths
-        lines = [
-            arm.position(np.tile(q, (POINTS, 1)), link, np.linspace(0.0, length, POINTS))
-            for link, length in enumerate(lengths, 1)
-        ]
+        drawing = self._simulator.drawing(self._index, result)
         gain = settings.mode.law == "tip"
         return Snapshot(
             time=float(values["TIME"][0]),
-            links=(lines[0], lines[1]),
+            links=drawing.links,
             path=self._simulator.path(self._index),
             trace=np.array([*self._trace, values["TRUE_TIP"]]),
             reference=values["REFERENCE"][:2],
-            sensor=arm.position(q, 2, settings.sensor_position),
+            sensor=drawing.sensor,
             sensed=values["LINK_SENSOR"],
             torque=values["TORQUE"],
             torque_scale=TORQUE_LIMIT if np.inf in settings.motor_limit else settings.motor_limit,
             gain=float(values["EFFECTIVE_GAIN"][0]) if gain else None,
             gain_limit=settings.gain_limit,
-            reach=MARGIN * arm.parameters.reach,
+            reach=MARGIN * settings.flexible_arm.parameters.reach,
         )

@@ -1,4 +1,4 @@
-"""Records what is reported of an environment: state and tips, parts of observations, terms of the reward."""
+"""Recorded kernels of an environment: state and tips, parts of observations, terms of the reward."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from flexarm_env.kernels.variants import Variant
 
 
 def truth_record(variant: Variant) -> Recorder:
-    """State, tips and deflections of an environment's arm."""
+    """Record the kernel of state, tips and deflections."""
     r = Recorder(variant)
     truth = r.truth()
     for name, values in truth._asdict().items():
@@ -20,11 +20,11 @@ def truth_record(variant: Variant) -> Recorder:
 
 @recorded_kernel(truth_record)
 def truth_kernel(arena: Arena) -> None:
-    """State, tips and deflections of every lane."""
+    """Compute state, tips and deflections of each lane."""
 
 
 def features_record(variant: Variant) -> Recorder:
-    """What observations are made of, and the reward's terms."""
+    """Record the kernel of the observations' parts and the reward's terms."""
     r = Recorder(variant)
     names = ("encoders", "reference", "reference_joints", "link_sensor", "sensor_error", "sensor_error_rate")
     known = features.Measurements(
@@ -56,11 +56,18 @@ def features_record(variant: Variant) -> Recorder:
 
 @recorded_kernel(features_record)
 def features_kernel(arena: Arena, length_1: float, length_2: float, weights: Table) -> None:
-    """Parts of observations and terms of the reward, of every lane; `weights`: of the terms."""
+    """Compute each lane's parts of observations and terms of the reward.
+
+    Args:
+        arena: of one block.
+        length_1: length of link 1 [m].
+        length_2: length of link 2 [m].
+        weights: weight of each term.
+    """
 
 
 def joint_record(variant: Variant) -> Recorder:
-    """Joint angles and rates of the rigid arm whose tip is on the reference."""
+    """Record the kernel of the joint angles and rates of the rigid arm whose tip is on the reference."""
     r = Recorder(variant)
     lengths = (r.trace.input("length_1"), r.trace.input("length_2"))
     r.write(
@@ -72,4 +79,4 @@ def joint_record(variant: Variant) -> Recorder:
 
 @recorded_kernel(joint_record)
 def joint_kernel(arena: Arena, length_1: float, length_2: float) -> None:
-    """Joint angles and rates of the rigid arm on the reference, of every lane."""
+    """Compute each lane's joint angles and rates of the rigid arm on the reference."""

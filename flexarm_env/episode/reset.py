@@ -1,4 +1,4 @@
-"""Drivers that begin episodes: where the arm starts; `draws` has what is drawn, `first_readings` the delay line's past.
+"""Drivers that begin episodes: `draws` chooses them, this module sets the lanes, `first_readings` the delay line.
 
 `imex` explains lanes, blocks and arenas.
 """
@@ -46,7 +46,7 @@ def initial_state(
     i: int,
     moving: bool,
 ) -> None:
-    """State of lane i: as ordered, or the rigid arm on the reference, on the move a little off it."""
+    """Set the state of lane i: the requested one, or the rigid arm on the reference, with deviations if it moves."""
     now = clock[clock_row.STEPS, i] * settings[setting.STEP]
     reference = reference_at(paths, clock[clock_row.PATH, i], now, now + 1e-9 * settings[setting.STEP], -1e18)
     length_1, length_2 = settings[setting.LENGTHS], settings[setting.LENGTHS + 1]
@@ -78,11 +78,11 @@ def initial_state(
             slope += arena[row.CONSTANTS + constant.ELBOW_SLOPES + n, i] * arena[part + 1 + n, i]
         turn = arena[part, i] + slope + arena[part + variant.size // 2, i]
         arena[part + variant.size // 2, i] = turn
-    arena[row.REFERENCE_JOINTS, i] = arena[row.Y, i]  # the joint aim stays within half a turn of it
+    arena[row.REFERENCE_JOINTS, i] = arena[row.Y, i]  # the reference's theta1 is within half a turn of it
 
 
 def prepare_law(arena: Arena, own: Table, i: int) -> None:
-    """Delays of lane i in the paper's law."""
+    """Set the delays, weights and noise of the tip law in lane i."""
     for r in range(2):
         late = arena[row.SENSOR_DELAY + r, i] if variant.law_on_sensor else 0.0
         shared = arena[row.SENSOR_DELAY, i]
@@ -98,8 +98,8 @@ def prepare_law(arena: Arena, own: Table, i: int) -> None:
 
 
 def start_law(arena: Arena, history: History, clock: Clock, paths: Paths, settings: Table, started: Mask) -> None:
-    """Complete the started lanes for the implicit integrator; the others keep what they had."""
-    for at in range(STAGES * variant.size):  # what an earlier episode left, at worst not finite
+    """Initialise the started lanes for the implicit integrator; the other lanes do not change."""
+    for at in range(STAGES * variant.size):  # an earlier episode may have left numbers that are not finite
         for i in range(variant.lanes):
             if started[i]:
                 arena[row.V_SLOTS + at, i] = 0.0
@@ -129,7 +129,7 @@ def reset_lane(
     lane: int,
     i: int,
 ) -> None:
-    """Everything of lane i but its delay line."""
+    """Begin an episode in lane i, except for its delay line."""
     draw_quantities(arena, key, own, request, i)
     draw_branch(arena, key, own, request, i)
     moving = draw_start(arena, clock, key, paths, header, settings, own, request, lane, i)
@@ -157,7 +157,6 @@ def reset_lane(
 @inlined_in_its_caller
 def reset_lanes(
     arena: Arena,
-    history: History,
     clock: Clock,
     keys: Keys,
     paths: Paths,
@@ -168,19 +167,18 @@ def reset_lanes(
     first: int,
     started: Mask,
 ) -> None:
-    """Begin episodes in some lanes of a block, up to the first look; the others stay as they are.
+    """Begin episodes in some lanes of a block, before the first measurement; the other lanes do not change.
 
     Args:
         arena: of the block.
-        history: readings at past steps.
         clock: of each lane.
-        keys: of the episodes, new ones where one begins. Shape (lanes,).
+        keys: keys of the lanes' episodes. Shape (lanes,).
         paths: of all lanes. Shape (paths, n, 5).
         header: see `entries.Header`.
         settings: see `entries.Setting`.
         owns: see `entries.LaneSetting`. Shape (blocks * lanes or 1, columns).
         reset_requests: see `entries.Column`. Shape (blocks * lanes, columns).
-        first: lane of the block among all.
+        first: index of the block's first lane among all lanes.
         started: which lanes begin an episode. Shape (lanes,).
     """
     for i in range(variant.lanes):
@@ -190,9 +188,22 @@ def reset_lanes(
             reset_lane(arena, clock, keys[i], paths, header, settings, own, reset_requests[lane], lane, i)
             if variant.law:
                 prepare_law(arena, own, i)
-    if not variant.foreshortened:
+    if not (variant.foreshortened or variant.hosted):
         elimination_kernel(arena)
-    store_reading(arena, history, clock[clock_row.HEAD, 0])  # where none begins it was there, or nobody asks for it
+
+
+@inlined_in_its_caller
+def begin_sensors(
+    arena: Arena, history: History, clock: Clock, paths: Paths, header: Words, settings: Table, started: Mask
+) -> None:
+    """Fill the delay lines of the lanes that begin an episode, before the first measurement.
+
+    Args: as `reset_lanes`, and
+        history: readings at past steps; those of another engine's plant have their newest one already.
+    """
+    if not variant.hosted:
+        # for lanes that go on, the reading is already there, or no sensor reads this slot
+        store_reading(arena, history, clock[clock_row.HEAD, 0])
     for i in range(variant.lanes):
         if started[i]:
             moving = clock[clock_row.SINCE, i] == LONG_AGO

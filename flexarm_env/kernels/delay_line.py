@@ -38,7 +38,7 @@ def store_reading(arena: Arena, history: History, slot: int) -> None:
 def delayed_reading(
     history: History, slots: int, slot: int, i: int, j: int, h: float, back: float
 ) -> tuple[float, float]:
-    """A reading of lane i and its rate, `back` steps before the present one; see `prepare_reading`.
+    """Return a reading of lane i and its rate, `back` steps before the present one; see `prepare_reading`.
 
     Args:
         history: readings at past steps.

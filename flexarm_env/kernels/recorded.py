@@ -93,7 +93,7 @@ class Recorder:
         return jacobian_transpose.Law(**fields)
 
     def place(self, name: str) -> PointShape:
-        """A point of a link, by its name."""
+        """Return a point of a link, by its name."""
         return PointShape(
             self.one(f"{name}_DISTANCE"), self.read(f"{name}_VALUES"), self.read(f"{name}_FORESHORTENING")
         )
@@ -179,7 +179,7 @@ def recorded_kernel(record: Callable[[Variant], Recorder]) -> Callable[[Callable
     """Declare a kernel by its signature and its record; an argument with a default is dropped if nothing reads it."""
 
     def declare(signature: Callable[P, R]) -> Recorded[P, R]:
-        """The kernel."""
+        """Declare the kernel of this signature."""
         name, parameters = signature.__name__, inspect.signature(signature).parameters
 
         def written(variant: Variant, write: Callable[[Recorder, str, list[str]], str]) -> str:
@@ -360,7 +360,7 @@ def reading_kernel(arena: Arena, readings: LaneRows) -> None:
 
 
 def second_reading_record(variant: Variant) -> Recorder:
-    """What the second sensor measures now."""
+    """Record the kernel of the second sensor's present reading."""
     r = Recorder(variant)
     place, link = r.place("SECOND"), variant.second_sensor
     r.store("readings", sensing.point_reading(r.constants(), place, r.read("Y"), r.read("V"), link))
@@ -369,7 +369,7 @@ def second_reading_record(variant: Variant) -> Recorder:
 
 @recorded_kernel(second_reading_record)
 def second_reading_kernel(arena: Arena, readings: LaneRows) -> None:
-    """What the second sensor would measure now, as `reading_kernel` has it of the first. Shape (4, lanes)."""
+    """Compute the second sensor's present reading, as `reading_kernel` does for the first. Shape (4, lanes)."""
 
 
 def outputs_record(variant: Variant) -> Recorder:

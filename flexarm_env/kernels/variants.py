@@ -88,6 +88,11 @@ class Variant:
         return SENSOR_MODELS[self.sensor].bends
 
     @property
+    def hosted(self) -> bool:
+        """Whether another engine advances the plant."""
+        return "hosted" in self.program.groups
+
+    @property
     def law(self) -> bool:
         """Whether the paper's law acts."""
         return "law" in self.program.groups
@@ -126,7 +131,7 @@ class Variant:
 
 
 def shared_model(model: SensorModel) -> SensorModel:
-    """The sensor model whose kernels a model uses: of those that read the same, the one with the most delays."""
+    """Return the model whose kernels serve a model: of those that read the same, the one with the most delays."""
     traits = SENSOR_MODELS[model]
     alike: list[SensorModel] = [name for name, other in SENSOR_MODELS.items() if other.reading == traits.reading]
     return max(alike, key=lambda name: SENSOR_MODELS[name].late)

@@ -7,6 +7,7 @@ The classical Runge-Kutta method of fourth order, as in `FlexibleArm.simulate`; 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from types import ModuleType
 from typing import NamedTuple
 
@@ -39,7 +40,7 @@ class StepJacobians(NamedTuple):
         state: after the period, as `FlexibleArm.step` gives it, to the last bit. Shape (..., 4 + 4 m).
         by_state: by each entry of the state before [x_i/x_j]. Shape (..., 4 + 4 m, 4 + 4 m).
         by_torque: by the held torques of shoulder and elbow [x_i per N m]. Shape (..., 4 + 4 m, 2).
-        by_quantity: by payload [x_i/kg], the factor on the links' stiffness [x_i], and the modal damping ratio [x_i];
+        by_quantity: by payload [x_i/kg], the factor on the links' stiffness [x_i], and the damping ratio [x_i];
             of these each alone changes, the others and all else of the arm stay. Shape (..., 4 + 4 m, 3).
     """
 
@@ -47,6 +48,20 @@ class StepJacobians(NamedTuple):
     by_state: Array
     by_torque: Array
     by_quantity: Array
+
+
+class Arms(NamedTuple):
+    """Arms in one call, one after the other.
+
+    Attributes:
+        leading: axes of the results.
+        states: public. Shape (n, 4 + 4 m).
+        inputs: constants of each arm or of all for the kernels, and their derivatives (`HeldTorque._kernel_inputs`).
+    """
+
+    leading: tuple[int, ...]
+    states: Array
+    inputs: tuple[Array, Array]
 
 
 class HeldTorque(ABC):
@@ -57,8 +72,12 @@ class HeldTorque(ABC):
     constants: Constants
 
     @abstractmethod
-    def longest_step(self) -> float:
-        """Return the longest step of the explicit integrator that the arm's fastest mode allows [s]."""
+    def longest_step(self, damping: float | None = None) -> float:
+        """Return the longest step of the explicit integrator that the arm's fastest mode allows [s].
+
+        Args:
+            damping: damping ratio; None: the arm's own.
+        """
 
     def step(
         self,
@@ -71,7 +90,7 @@ class HeldTorque(ABC):
         stiffness: ArrayLike | None = None,
         damping: ArrayLike | None = None,
     ) -> Array:
-        """The state a control period later, of one arm or of many at once.
+        """Compute the state a control period later, of one arm or of many at once.
 
         Leading axes of all arguments broadcast. A state that stops being finite comes back as NaN or infinite.
 
@@ -82,7 +101,7 @@ class HeldTorque(ABC):
             step: of the Runge-Kutta method [s].
             payload_mass: [kg], 0 to 1000; None: the arm's own. Shape (...).
             stiffness: factor on the stiffness of both links, 0.001 to 1000; None: 1. Shape (...).
-            damping: modal damping ratio at that stiffness, 0 to 1; None: the arm's own. Shape (...).
+            damping: damping ratio (`physics.damping`) at that stiffness, 0 to 1; None: the arm's own. Shape (...).
 
         Returns:
             States, new. Shape (..., 4 + 4 m).
@@ -91,7 +110,7 @@ class HeldTorque(ABC):
             ValueError: for bad input; a step too long is refused with the longest that is allowed.
         """
         batch = self._batch(state, torque, (payload_mass, stiffness, damping))
-        return batch.advance(*self._steps(period, step, stiffness))
+        return batch.advance(*self._steps(period, step, stiffness, damping))
 
     def step_jacobians(
         self,
@@ -106,18 +125,22 @@ class HeldTorque(ABC):
     ) -> StepJacobians:
         """`step` and its derivatives, exact to rounding error; arguments and errors as there."""
         batch = self._batch(state, torque, (payload_mass, stiffness, damping))
-        return batch.differentiate(*self._steps(period, step, stiffness))
+        return batch.differentiate(*self._steps(period, step, stiffness, damping))
 
     @cached_property
     def changes(self) -> ConstantChanges:
         """How the constants change with `constants.ARM_QUANTITIES`."""
         return constant_changes(self.parameters, self.modes)
 
-    def _steps(self, period: float, step: float, stiffness: ArrayLike | None) -> tuple[float, int]:
-        """Length and number of the steps of a period; frequencies grow with the root of the stiffness."""
+    def _steps(
+        self, period: float, step: float, stiffness: ArrayLike | None, damping: ArrayLike | None
+    ) -> tuple[float, int]:
+        """Length and number of the steps of a period; rates grow with the root of the stiffness, and with damping."""
         period, step = number("period", period, "s", above=0.0), number("step", step, "s", above=0.0)
         count = count_instants(period, step, 1, name="period")
-        longest = self.longest_step() / float(np.sqrt(np.max(1.0 if stiffness is None else stiffness, initial=1.0)))
+        own = self.parameters.damping_ratio
+        longest = self.longest_step(float(np.max(own if damping is None else damping, initial=own)))
+        longest /= float(np.sqrt(np.max(1.0 if stiffness is None else stiffness, initial=1.0)))
         if step > longest:
             raise ValueError(
                 f"step = {step!r}: too long for the arm's fastest mode; at most {longest:.4g} s is allowed"
@@ -144,15 +167,27 @@ class HeldTorque(ABC):
 
     def _batch(self, state: ArrayLike, torque: ArrayLike, quantities: tuple[ArrayLike | None, ...]) -> _Batch:
         """Check the arguments, broadcast their leading axes, and bring all to the kernels' form."""
-        size = 4 * self.parameters.modes_per_link + 4
-        states, torques = finite_rows("state", state, size, LARGEST), finite_rows("torque", torque, 2, LARGEST)
+        torques = finite_rows("torque", torque, 2, LARGEST)
+        arms = self._arms(state, {"torque": torques.shape[:-1]}, quantities)
+        return _Batch(self, arms.leading, arms.states, _rows(torques, arms.leading), arms.inputs)
+
+    def _arms(
+        self, state: ArrayLike, others: Mapping[str, tuple[int, ...]], quantities: tuple[ArrayLike | None, ...]
+    ) -> Arms:
+        """Check states and quantities, and broadcast all leading axes.
+
+        Args:
+            state: Shape (..., 4 + 4 m).
+            others: leading axes of the other arguments, by name.
+            quantities: as `step` takes them, in the order of `ARM_QUANTITIES`. Shape (...) each.
+        """
+        states = finite_rows("state", state, 4 * self.parameters.modes_per_link + 4, LARGEST)
         given = {
             name: _quantity(name, unit, value)
             for (name, unit), value in zip(ARM_QUANTITIES.items(), quantities, strict=True)
             if value is not None
         }
-        shapes = {"state": states.shape[:-1], "torque": torques.shape[:-1]}
-        shapes |= {name: value.shape for name, value in given.items()}
+        shapes = {"state": states.shape[:-1], **others} | {name: value.shape for name, value in given.items()}
         try:
             leading = np.broadcast_shapes(*shapes.values())
         except ValueError:
@@ -163,10 +198,10 @@ class HeldTorque(ABC):
             drawn = [given.get(name, own) for name, own in zip(ARM_QUANTITIES, self.changes.own, strict=True)]
             quantities_of = np.stack([np.broadcast_to(value, leading).ravel() for value in drawn], axis=-1)
             inputs = self._kernel_inputs(quantities_of)
-        return _Batch(self, leading, _rows(states, leading), _rows(torques, leading), inputs)
+        return Arms(leading, _rows(states, leading), inputs)
 
     def _kernels(self, lanes: int) -> tuple[ModuleType, Array]:
-        """The kernels and memory for them to work in."""
+        """Load the kernels, and allocate their memory."""
         complete, foreshortened = self.parameters.velocity_forces == "complete", self.constants.foreshortened
         variant = Variant(TANGENTS, self.parameters.modes_per_link, complete, lanes, foreshortened=foreshortened)
         return assembly.load(variant), aligned_zeros(lanes * extent(variant.rows))
@@ -193,14 +228,14 @@ def _quantity(name: str, unit: str, value: ArrayLike) -> Array:
 
 
 class _Batch(NamedTuple):
-    """Arms in one call, one after the other.
+    """`Arms` with their torques.
 
     Attributes:
         arm: the kind of arm.
-        leading: axes of the results.
-        states: public. Shape (n, 4 + 4 m).
+        leading: see `Arms`.
+        states: see `Arms`.
         torques: [N m]. Shape (n, 2).
-        inputs: constants of each arm or of all for the kernels, and their derivatives (`HeldTorque._kernel_inputs`).
+        inputs: see `Arms`.
     """
 
     arm: HeldTorque

@@ -58,8 +58,12 @@ The part before the colon imports the package, so that it works in spawned proce
 tables can be given to `make` and `make_vec`. The ids differ in their options only; a version number goes up when an
 id's dynamics, observation or reward changes."""
 
+_ARMS = """\
+An arm has a name, `arm="linear"`, or is a mapping of parameters, which `preset` may name a set for:
+`arm={"preset": "linear", "payload_mass": 0.5}`; without it, the others are those of `"default"`."""
+
 _ARM = """\
-`arm={...}` takes the fields of `flexarm_env.ArmParameters`, whose docstring says what each is. A range ends far from
+A mapping takes the fields of `flexarm_env.ArmParameters`, whose docstring says what each is. A range ends far from
 any arm that is built; what only a combination spoils (masses too far apart for double precision, a mode so fast that
 a control period takes more than 20 000 integration steps) is refused with the numbers that decide it."""
 
@@ -90,13 +94,13 @@ def stem(name: str) -> str:
 
 
 def index() -> str:
-    """The page of what all environments have in common."""
+    """Write the page of what all environments have in common."""
     vector = FlexArmVectorEnv.__init__.__doc__ or ""
     sections = {
         "Make one": [snippet("Square-v0"), _NAMING],
         "Make a batch": [_BATCH, _batch(), doc.parameter_table(vector), _AUTORESET, _batch(autoreset_mode="SameStep")],
         "Environments that differ": [_PER_ENV, _SWEEP, _wrapped(_OWN_OPTIONS)],
-        "Parameters of the arm": [_ARM, doc.arm_table()],
+        "Arms": [_ARMS, doc.preset_table(), _ARM, doc.arm_table()],
         "Frames and units": [doc.FRAMES],
         "The side of the elbow": [doc.BRANCHES],
         "The late sensor": [doc.LATENESS],
@@ -109,7 +113,7 @@ def index() -> str:
 
 
 def page(name: str, one: Id) -> str:
-    """The page of an id."""
+    """Write the page of an id."""
     settings = Settings.of(one.options)
     changed = ", ".join(f"`{option}`" for option in one.options)
     arguments = [_wrapped(f"It differs from `{NAMESPACE}/Square-v0` in {changed}.")] if changed else []
@@ -123,6 +127,7 @@ def page(name: str, one: Id) -> str:
         "Info": [doc.INFO, doc.info_table(settings)],
         "The episode": [doc.EPISODE, doc.episode_table()],
         "Arguments": [*arguments, doc.argument_table(settings, one.options)],
+        **({"Arguments of its own": [doc.own_table(one.options_of)]} if one.options_of else {}),
         "Version history": ["\n".join(f"- {version}" for version in one.history)],
     }
     picture = f"![{NAMESPACE}/{name}]({stem(name)}.png)\n\n*{PICTURES[name].caption}*"
@@ -133,7 +138,7 @@ def page(name: str, one: Id) -> str:
 
 
 def snippet(name: str) -> str:
-    """A first program."""
+    """Write a first program."""
     return f"""\
 ```python
 import gymnasium
@@ -183,6 +188,8 @@ def _facts(name: str, one: Id) -> str:
         ("Import", f'`gymnasium.make("flexarm_env:{NAMESPACE}/{name}")`'),
         ("Batch", f'`gymnasium.make_vec("flexarm_env:{NAMESPACE}/{name}", num_envs=16)`'),
     ]
+    if one.extra:
+        rows.append(("Install", f'`pip install "flexarm[{one.extra}]"`'))
     return doc.table(("Action space", f"`{env.action_space}`"), rows)
 
 

@@ -9,6 +9,7 @@ from typing import Any
 
 from flexarm_baselines import FLSAC, IFDC
 from flexarm_env import FlexibleArm, LoopCase
+from flexarm_env.physics.damping import unit_damping
 from scripts.paper.cases import COLUMNS, PLACES, SENSINGS, Case, Column, Study, simulate
 from scripts.paper.measures import measures
 
@@ -65,7 +66,7 @@ def _width_scale() -> list[Run]:
 
 
 def _alternatives(kind: str) -> list[Run]:
-    """Readings of the law other than the one adopted; the end effector's sensor."""
+    """List the runs with other readings of the law than the one adopted, with the end effector's sensor."""
     runs = []
     for controller in ("ifdc", "flsac"):
         policy: str | dict[str, Any] = "ifdc" if controller == "ifdc" else {}
@@ -85,7 +86,7 @@ def _alternatives(kind: str) -> list[Run]:
 
 
 def _true_tip(delay: str) -> list[Run]:
-    """The physical tip instead of the joint angles; undelayed, or late by the wave's travel."""
+    """List the runs of the law on the physical tip; undelayed, or late by the wave's travel."""
     case = Case("constant", "nmp", "tip")
     loop_case = case.loop_case(model="true", delay=0.0 if delay == "none" else None)
     return [Run(v, case, loop_case, "ifdc", v) for v in TRUE_TIP_GAINS]
@@ -93,8 +94,9 @@ def _true_tip(delay: str) -> list[Run]:
 
 def _columns_for_true_tip(damping: Sequence[float] = TRUE_TIP_DAMPING) -> dict[str, Column]:
     base = COLUMNS["complete"]
+    clamped = unit_damping(base.arm).clamped_ratio  # zeta is that of the clamped modes
     return {
-        f"zeta {zeta:g}": Column(base.title, dataclasses.replace(base.arm, modal_damping_ratio=zeta))
+        f"zeta {zeta:g}": Column(base.title, dataclasses.replace(base.arm, damping_ratio=zeta / clamped))
         for zeta in damping
     }
 

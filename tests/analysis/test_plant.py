@@ -37,7 +37,7 @@ SENSORS = [joint_angles(), strain(1, 0.0), strain(2, 1.3), rigid_point(2.0), tru
 
 
 def reading(sensor: Sensor, q: np.ndarray) -> np.ndarray:
-    """What the sensor reads, by the arm's own kinematics."""
+    """Return what the sensor reads, by the arm's own kinematics."""
     position = 4.5 if sensor.position is None else sensor.position
     if sensor.kind == "joint angles":
         return q[:2]
@@ -132,7 +132,7 @@ def test_locked_and_folded_arm_vibrates_like_a_cantilever() -> None:
 
 def test_free_modes_move_no_torque() -> None:
     """A shape released at rest swings at its frequency: simulated."""
-    arm = FlexibleArm(ArmParameters(modal_damping_ratio=0.0))
+    arm = FlexibleArm(ArmParameters(damping_ratio=0.0))
     point = OperatingPoint.at_angles(arm, (0.0, 1.2))
     modes = natural_modes(point)
     state = point.state.copy()
@@ -170,6 +170,11 @@ def test_select_and_to_control() -> None:
     assert system.input_labels == ["elbow"]
     late = linear_plant(plant.point, tip(delay=0.02))
     np.testing.assert_allclose(late.to_control(8)(2j), late.at(2j), rtol=1e-9)
+    modes = ARM.parameters.modes_per_link
+    coordinates = ["theta1", "theta2", *(f"q{link}_{i}" for link in (1, 2) for i in range(1, modes + 1))]
+    assert plant.states == (*coordinates, *(f"{name}_rate" for name in coordinates))
+    assert system.state_labels == list(plant.states)
+    assert late.to_control(2).state_labels == [*plant.states, *(f"pade_{i}" for i in range(1, 5))]
     with pytest.raises(ValueError, match="pade_order = None"):
         late.to_control()
     with pytest.raises(ValueError, match=r"inputs = \['wrist'\]"):

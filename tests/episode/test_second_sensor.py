@@ -39,7 +39,7 @@ def _quiet() -> Iterator[None]:
 
 
 def state_at(time: float) -> Array:
-    """A smooth motion of all coordinates, with its rates. Shape (8,)."""
+    """Return a smooth motion of all coordinates, with its rates. Shape (8,)."""
     size, omega = np.array([0.6, 0.9, 0.4, 0.3]), np.array([20.0, 15.0, 25.0, 30.0])
     phase = omega * time + np.arange(4.0)
     return np.concatenate([size * np.sin(phase), size * omega * np.cos(phase)])
@@ -51,7 +51,7 @@ def variant_with(link: int) -> Variant:
 
 
 def arena_of(of: Variant, **parts: Any) -> Array:
-    """An arena with some parts filled. Shape (rows, 1)."""
+    """Make an arena with some parts filled. Shape (rows, 1)."""
     arena = np.zeros((entries.extent(of.rows), 1))
     points = layout.place_rows("SENSOR_POINT", ARM.place(2, 4.5))
     if of.second_sensor:
@@ -71,7 +71,7 @@ def put_state(of: Variant, arena: Array, time: float) -> None:
 
 
 def seen(link: int, h: float, back: float) -> tuple[Array, Array]:
-    """Reading at 0.08 s of what was `back` steps before, and where the point was. Shape (2,) each."""
+    """Return the reading at 0.08 s of what was `back` steps before, and where the point was. Shape (2,) each."""
     of, now = variant_with(link), round(0.08 / h)
     arena = arena_of(of, SECOND_DELAY=back * h)
     history = np.zeros((SLOTS * of.slot_rows, 1))

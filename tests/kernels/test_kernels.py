@@ -98,7 +98,7 @@ class Batch:
         return np.concatenate([block.reshape(-1, lanes)[first : first + n] for block in arenas], axis=1)
 
     def by_numpy(self, y: np.ndarray, v: np.ndarray) -> np.ndarray:
-        """The accelerations that the package's formulas give on arrays."""
+        """Compute the accelerations that the package's formulas give on arrays."""
         k = self.known
         sin, cos = sincos(y[self.modes + 1] - y[0])
         sin_theta2 = sincos(dyn.joint_angles(k, y)[1])[0]
@@ -128,7 +128,7 @@ def batch(request: pytest.FixtureRequest) -> Batch:
 def interpreted(
     variant: Variant, kernel: Recorded[..., Any], fused: Callable[[float, float, float], float]
 ) -> Callable[..., Any]:
-    """A kernel as Python runs its text, with a multiplication-and-addition of our choice."""
+    """Return a kernel as Python runs its text, with a multiplication-and-addition of our choice."""
     names: dict[str, Any] = {"floor": np.floor, "fused": fused, "quarter_turns": quarter_turns}
     for function in (*CALLED, kernel):
         if isinstance(function, Recorded):
@@ -137,7 +137,7 @@ def interpreted(
 
 
 def sines_record(variant: Variant) -> Recorder:
-    """Sine and cosine alone."""
+    """Record sine and cosine."""
     r = Recorder(variant)
     r.store("results", sincos(r.rows_of("angles", 1)[0]))
     return r

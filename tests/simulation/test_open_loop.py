@@ -10,7 +10,7 @@ from flexarm_env import ArmParameters, FlexibleArm, Trajectory
 from tests.physics.test_dynamics import rigid_two_link
 from tests.support.lagrange import loaded_arm, random_state
 
-FREE = {"modal_damping_ratio": 0.0, "joint_friction": (0.0, 0.0)}
+FREE = {"damping_ratio": 0.0, "joint_friction": (0.0, 0.0)}
 
 
 def start_of(arm: FlexibleArm, seed: int = 1) -> np.ndarray:
@@ -22,7 +22,7 @@ def energies(run: Trajectory) -> np.ndarray:
 
 
 def swing(time: float, state: np.ndarray) -> tuple[float, float]:
-    """A torque that depends on time and on the joint rates."""
+    """Return a torque that depends on time and on the joint rates."""
     size = len(state) // 2
     return 40.0 * np.sin(9.0 * time) - 5.0 * state[size], 15.0 * np.cos(7.0 * time) - 2.0 * state[size + 1]
 
@@ -99,7 +99,7 @@ def test_energy_gained_is_the_work_of_a_torque_function() -> None:
 
 @pytest.mark.parametrize(("friction", "damping"), [((0.6, 0.3), 0.0), ((0.0, 0.0), 0.02)])
 def test_energy_only_falls_under_friction_or_damping(friction: tuple[float, float], damping: float) -> None:
-    arm = FlexibleArm(loaded_arm(2, joint_friction=friction, modal_damping_ratio=damping))
+    arm = FlexibleArm(loaded_arm(2, joint_friction=friction, damping_ratio=damping))
     energy = energies(arm.simulate(start_of(arm), None, 2.0, step=1e-2, substeps=20))
     # where the loss rate touches zero, the drift of a step, 1e-11, may show
     assert np.all(np.diff(energy) < 1e-9 * energy[0])
@@ -112,7 +112,7 @@ def test_energy_only_falls_under_friction_or_damping(friction: tuple[float, floa
 def reference(
     arm: FlexibleArm, start: np.ndarray, torque: Callable[[float, np.ndarray], object], until: float
 ) -> np.ndarray:
-    """The state at `until` by another method (DOP853) and another evaluation of the equations (no kernel)."""
+    """Find the state at `until` by another method (DOP853) and another evaluation of the equations (no kernel)."""
 
     def rate(time: float, state: np.ndarray) -> np.ndarray:
         return np.concatenate([state[arm.size :], arm.acceleration(state, np.asarray(torque(time, state)))])
@@ -230,9 +230,7 @@ def test_stiff_links_move_like_the_rigid_arm() -> None:
 
     def parameters(rigidity: float) -> ArmParameters:
         # some damping, for what vibration there is
-        return loaded_arm(
-            1, flexural_rigidities=(rigidity, rigidity), joint_friction=(0.0, 0.0), modal_damping_ratio=0.05
-        )
+        return loaded_arm(1, flexural_rigidities=(rigidity, rigidity), joint_friction=(0.0, 0.0), damping_ratio=0.05)
 
     def rigid_rate(time: float, state: np.ndarray) -> np.ndarray:
         mass, forces = rigid_two_link(parameters(1.0), state[1], state[2:])

@@ -23,8 +23,11 @@ from flexarm_env.episode.reward import TERMS
 Array = NDArray[np.float64]
 # Blocks that every environment may have, whatever its action mode, and without a second sensor.
 EVERYWHERE = [name for name, one in BLOCKS.items() if one.modes == tuple(MODES) and name not in SECOND_SENSOR_BLOCKS]
-IDS = sorted(name for name in gym.registry if name.startswith("FlexArm/"))
+# All with the compiled arm; `test_chain_env` has the one with another engine's.
+IDS = sorted(name for name, spec in gym.registry.items() if name.startswith("FlexArm/") and spec.vector_entry_point)
 SQUARE, RESIDUAL, GAIN, PAPER = (f"FlexArm/{name}-v0" for name in ("Square", "SquareResidual", "SquareGain", "Paper"))
+TORQUE_LIMITS = np.array([150.0, 50.0])  # the defaults [N m]
+FREE: dict[str, Any] = {"error_limit": None, "deflection_limit": None}  # only an invalid state ends an episode
 WAYPOINTS = [(-4.0, 1.0), (0.0, 5.0), (4.0, 1.0)]
 
 RANDOMISATION = {
@@ -138,7 +141,7 @@ def kinds_of(info: dict[str, Any]) -> dict[str, tuple[type, Any, tuple[int, ...]
 
 
 def make(env_id: str = SQUARE, **options: Any) -> gym.Env[Any, Any]:
-    """The environment as users get it, wrapped."""
+    """Make the environment as users get it, wrapped."""
     return gym.make(env_id, **options)
 
 
@@ -158,13 +161,18 @@ def vector(env_id: str = SQUARE, num_envs: int = 3, **options: Any) -> FlexArmVe
 
 
 def actions_for(env: Any, steps: int, seed: int = 1) -> np.ndarray:
-    """A little beyond [-1, 1]. Shape (steps, N, channels)."""
+    """Draw actions a little beyond [-1, 1]. Shape (steps, N, channels)."""
     shape = (steps, *env.action_space.shape)
     return np.random.default_rng(seed).uniform(-1.2, 1.2, shape).astype(np.float32)
 
 
+def exact_actions(steps: int, seed: int = 0, size: float = 1.0) -> Array:
+    """Draw actions that float32 and float64 hold alike. Shape (steps, 2)."""
+    return np.random.default_rng(seed).integers(-64, 65, (steps, 2)) / 64.0 * size
+
+
 def block(env: FlexArmEnv, observations: Array, name: str) -> Array:
-    """The numbers of a block in observations, in its units. Shape (..., n)."""
+    """Return the numbers of a block in observations, in its units. Shape (..., n)."""
     part = env.observation_blocks[name]
     return np.asarray(observations[..., part] * env.observation_scale[part])
 
@@ -196,7 +204,7 @@ def same_as_alone(batch: FlexArmVectorEnv, env_id: str, each: Sequence[dict[str,
 
 
 def in_fresh_process(code: str, *arguments: str) -> str:
-    """Standard output of a Python process of its own, elsewhere, that stops at any warning."""
+    """Run Python in another process and folder, which stops at any warning; return its standard output."""
     command = [sys.executable, "-W", "error", "-c", code, *arguments]
     result = subprocess.run(command, capture_output=True, text=True, timeout=600, cwd=Path(__file__).anchor)
     assert result.returncode == 0, result.stderr
@@ -204,7 +212,7 @@ def in_fresh_process(code: str, *arguments: str) -> str:
 
 
 def assert_same(found: Any, expected: Any, place: str = "") -> None:
-    """The same structure, types and bits: tuples, dicts, arrays (of objects too), numbers."""
+    """Check for the same structure, types and bits: tuples, dicts, arrays (of objects too), numbers."""
     if isinstance(expected, tuple | list):
         assert len(found) == len(expected), place
         for n, (a, b) in enumerate(zip(found, expected, strict=True)):

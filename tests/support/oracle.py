@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from scipy.integrate import LSODA
 
 from flexarm_env import ArmParameters, FlexibleArm, LawParameters, SensorParameters
+from flexarm_env.physics.damping import clamped_ratio
 
 Array = NDArray[np.float64]
 PERIOD = 1e-3  # [s] control period
@@ -162,7 +163,7 @@ def oracle_arm(arm: FlexibleArm) -> tuple[Any, ...]:
     masses = [0.5 * length * rho * weights for length, rho in zip(p.link_lengths, p.masses_per_length, strict=True)]
     stiffness = np.concatenate([one.stiffness, two.stiffness])
     omega = np.concatenate([one.frequencies, two.frequencies])
-    damping = 2.0 * p.modal_damping_ratio * stiffness / omega
+    damping = 2.0 * clamped_ratio(p) * stiffness / omega
     complete = p.velocity_forces == "complete"
     shapes = one.shape(points[0]), two.shape(points[1])
     return (*p.link_lengths, *points, *shapes, *masses, one.tip_values, one.tip_slopes, stiffness, damping, complete)
@@ -177,7 +178,7 @@ def oracle_law(problem: Problem, arm: FlexibleArm) -> tuple[Any, ...]:
 
 
 def square_at(time: float, segment_of: float, clockwise: bool) -> tuple[complex, complex]:
-    """The paper's square from its lower left corner; `segment_of` picks the side where `time` is a corner's."""
+    """Return the paper's square from its lower left corner; `segment_of` picks the side where `time` is a corner's."""
     if segment_of < 0.0:
         return -6.3 - 6.3j, 0.0
     side = int(segment_of // CORNER)  # each side is the one before, turned by 90 degrees
