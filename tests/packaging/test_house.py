@@ -1,4 +1,4 @@
-"""The rules of the house: who may import whom, what stays light, what a wheel holds."""
+"""The rules of the house: who may import whom, what stays light and small, what a wheel holds."""
 
 import ast
 import os
@@ -141,6 +141,26 @@ def test_trained_policies_and_light_verbs_need_no_learning_library(tmp_path: Pat
     result = run(sys.executable, "-W", "error", "-c", code, cwd=tmp_path)
     assert result.returncode == 0, result.stderr
     assert result.stdout.splitlines()[-1] == "[]"
+
+
+# --- sizes --------------------------------------------------------------------------------------------------
+
+MOST_LINES, MOST_LINES_OF_A_FUNCTION = 350, 60
+
+
+def test_files_stay_small() -> None:
+    lengths = {path: len(path.read_text(encoding="utf-8").splitlines()) for path in sources("*.py")}
+    assert {str(path): length for path, length in lengths.items() if length > MOST_LINES} == {}
+
+
+def test_functions_stay_small() -> None:
+    """Tests and studies too."""
+    too_long = []
+    for path in sources("*.py"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.FunctionDef) and (node.end_lineno or 0) - node.lineno >= MOST_LINES_OF_A_FUNCTION:
+                too_long.append(f"{path.relative_to(ROOT)}: {node.name}")
+    assert too_long == []
 
 
 # --- the distribution ---------------------------------------------------------------------------------------
