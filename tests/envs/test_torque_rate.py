@@ -94,7 +94,7 @@ def test_late_torque_rates_act_as_late_as_late_torques(delay: float) -> None:
     settings = Settings.of({**RATE, **options, "last_actions": 5})
     header, table = header_and_settings([settings], settings.program, observation_layout(settings, settings.program))
     variant = Variant(settings.program, 2, True, 2, sensor="true", disturbed=True)
-    arena = np.zeros((extent(variant.rows) + tail_rows([settings]), 2))
+    arena = np.zeros((extent(variant.rows) + tail_rows([settings], hosted=False), 2))
     actions, held = exact_actions(12), delay == 0.0
     torques = np.vstack([np.zeros((3, 2)), summed(actions, np.array([5.0, 100.0]), np.array([12.0, 40.0]))])
     with plain_python(variant):

@@ -23,7 +23,8 @@ from flexarm_env.episode.reward import TERMS
 Array = NDArray[np.float64]
 # Blocks that every environment may have, whatever its action mode, and without a second sensor.
 EVERYWHERE = [name for name, one in BLOCKS.items() if one.modes == tuple(MODES) and name not in SECOND_SENSOR_BLOCKS]
-IDS = sorted(name for name in gym.registry if name.startswith("FlexArm/"))
+# All with the compiled arm; `test_chain_env` has the one with another engine's.
+IDS = sorted(name for name, spec in gym.registry.items() if name.startswith("FlexArm/") and spec.vector_entry_point)
 SQUARE, RESIDUAL, GAIN, PAPER = (f"FlexArm/{name}-v0" for name in ("Square", "SquareResidual", "SquareGain", "Paper"))
 TORQUE_LIMITS = np.array([150.0, 50.0])  # the defaults [N m]
 FREE: dict[str, Any] = {"error_limit": None, "deflection_limit": None}  # only an invalid state ends an episode

@@ -17,7 +17,7 @@ from flexarm_env.codegen import assembly, cache
 from flexarm_env.codegen.declarations import AnyVariant, plain_python
 from flexarm_env.envs.batch import BatchSimulator
 from flexarm_env.envs.settings import Settings
-from flexarm_env.episode.step import PROGRAMS, step_only
+from flexarm_env.episode.step import HOST_PROGRAMS, PROGRAMS, step_only
 from flexarm_env.kernels.entries import word
 
 
@@ -26,7 +26,7 @@ def run_plainly(monkeypatch: pytest.MonkeyPatch) -> None:
     load, compiled_entry = assembly.load, cache.compiled_entry
 
     def load_plain(variant: AnyVariant) -> Any:
-        if variant.kind not in PROGRAMS:
+        if variant.program not in (*PROGRAMS.values(), *HOST_PROGRAMS.values()):
             return load(variant)
         entries = variant.program.entries(variant.lanes)
         return SimpleNamespace(**{entry.__name__: _PlainEntry(entry, variant) for entry in entries})
