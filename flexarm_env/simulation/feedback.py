@@ -58,8 +58,7 @@ class FeedbackTorque(HeldTorque):
 
             u_t = clip(torques_t + gains_t (x_t - references_t) + torque_gains_t u_(t-1), -limits, limits).
 
-        The leading axes of all arguments broadcast; what has none is shared by all arms and not copied. A state that
-        stops being finite comes back as NaN or infinite.
+        Leading axes of all arguments broadcast. A state that stops being finite comes back as NaN or infinite.
 
         Args:
             state: at the start. Shape (..., 4 + 4 m).
