@@ -326,10 +326,8 @@ class FlexibleArm(FeedbackTorque):
         y, cos, sin, sin_theta2 = self._geometry(q)
         v = self._internal(rates)
         angles = (cos, sin, sin_theta2)
-        internal = coordinates.stack(
-            dyn.acceleration(self.constants, self._elimination, self._complete, y, v, tau, angles)
-        )
-        return internal @ self._to_public.T
+        internal = dyn.acceleration(self.constants, self._elimination, self._complete, y, v, tau, angles)
+        return coordinates.stack(internal) @ self._to_public.T
 
     def _point(self, q: Array, link: int, s: ArrayLike) -> tuple[Array, Array]:
         """Return the position of a material point and its Jacobian with respect to q."""
