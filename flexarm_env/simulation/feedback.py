@@ -54,7 +54,7 @@ class FeedbackTorque(HeldTorque):
     ) -> Rollout:
         """Drive one arm or many over n control periods by feed-forward torques and linear feedback.
 
-        The torque of shoulder and elbow held over period t is
+        Over period t, shoulder and elbow hold the torque
 
             u_t = clip(torques_t + gains_t (x_t - references_t) + torque_gains_t u_(t-1), -limits, limits).
 
@@ -70,9 +70,7 @@ class FeedbackTorque(HeldTorque):
             limits: largest torques of shoulder and elbow [N m]; None: no limit.
             period: [s]; a whole number of steps.
             step: of the Runge-Kutta method [s].
-            payload_mass: see `step`. Shape (...).
-            stiffness: see `step`. Shape (...).
-            damping: see `step`. Shape (...).
+            payload_mass, stiffness, damping: see `step`. Shape (...) each.
 
         Returns:
             States and torques, new.
