@@ -54,11 +54,12 @@ class FeedbackTorque(HeldTorque):
     ) -> Rollout:
         """Drive one arm or many over n control periods by feed-forward torques and linear feedback.
 
-        Over period t, shoulder and elbow hold the torque
+        The torque of shoulder and elbow held over period t is
 
             u_t = clip(torques_t + gains_t (x_t - references_t) + torque_gains_t u_(t-1), -limits, limits).
 
-        Leading axes of all arguments broadcast. A state that stops being finite comes back as NaN or infinite.
+        The leading axes of all arguments broadcast; what has none is shared by all arms and not copied. A state that
+        stops being finite comes back as NaN or infinite.
 
         Args:
             state: at the start. Shape (..., 4 + 4 m).
@@ -70,7 +71,9 @@ class FeedbackTorque(HeldTorque):
             limits: largest torques of shoulder and elbow [N m]; None: no limit.
             period: [s]; a whole number of steps.
             step: of the Runge-Kutta method [s].
-            payload_mass, stiffness, damping: see `step`. Shape (...) each.
+            payload_mass: see `step`. Shape (...).
+            stiffness: see `step`. Shape (...).
+            damping: see `step`. Shape (...).
 
         Returns:
             States and torques, new.
