@@ -19,6 +19,7 @@ from flexarm_env.codegen.intrinsics import TILE
 from flexarm_env.codegen.memory import aligned_zeros
 from flexarm_env.envs.bounds import check_moving_start
 from flexarm_env.envs.choices import STARTS
+from flexarm_env.envs.drawing import Drawing, drawing_of
 from flexarm_env.envs.kernel_inputs import (
     ALL_READINGS,
     NAN,
@@ -99,7 +100,7 @@ class BatchSimulator:
         for one in kinds:
             check_moving_start(one, one.start)
         arm = settings.flexible_arm
-        program = settings.program
+        program = self._program_of(settings)
         self.layout = common_layout(kinds, program)
         lanes = block_lanes(count, threads)
         self._variant = _variant(settings, program, lanes, any(one.disturbed for one in kinds))
@@ -112,7 +113,7 @@ class BatchSimulator:
         channels = len(settings.action_limit)
         blocks = -(-count // lanes)
         header, table = header_and_settings(kinds, program, self.layout)
-        rows = extent(self._rows) + tail_rows(kinds)
+        rows = extent(self._rows) + tail_rows(kinds, self._variant.hosted)
         places = {id(one): n for n, one in enumerate(kinds)}
         kind_of = np.array([places[id(one)] for one in self.each])[np.minimum(np.arange(blocks * lanes), count - 1)]
         owns = np.array([lane_numbers(one, program) for one in kinds])
@@ -200,13 +201,12 @@ class BatchSimulator:
 
     def dispatcher(self) -> Any:
         """Return the function, not its machine code, that steps these environments."""
-        module = assembly.load(self._variant)
-        return module.step_only if self.count == 1 else module.step_blocks
+        entry = self._variant.program.entries(self._variant.lanes)[0]
+        return getattr(assembly.load(self._variant), entry.__name__)
 
     def compile(self) -> Callable[..., Any]:
         """Return the machine code that steps these environments; the first call compiles or loads it."""
-        shared = (self._memory,) if self.count == 1 else (self._memory, 0, self._blocks, np.empty((1, 1)))
-        return cache.compiled_entry(self.dispatcher(), *shared)
+        return cache.compiled_entry(self.dispatcher(), *self._example())
 
     def result(self, index: int) -> Array:
         """Return one environment's present results (columns: `parts`) in a new array. Shape (k,)."""
@@ -245,7 +245,23 @@ class BatchSimulator:
         block, lane = divmod(index, self._arenas.shape[2])
         return np.asarray(self._paths[self._clocks[block, clock_row.PATH, lane], :, 1:3])
 
+    def drawing(self, index: int, result: Array) -> Drawing:
+        """Where the lines of an environment's arm are, from its `result`."""
+        return drawing_of(self.each[index], result[self.parts["STATE"]])
+
     # --- inside ----------------------------------------------------------------------------------------------------
+
+    def _program_of(self, settings: Settings) -> Program:
+        """Program of the kernels."""
+        return settings.program
+
+    def _example(self) -> tuple[Any, ...]:
+        """Arguments of the types that the kernel takes."""
+        return (self._memory,) if self.count == 1 else (self._memory, 0, self._blocks, np.empty((1, 1)))
+
+    def _anew(self) -> BatchSimulator:
+        """Return a new batch with these settings."""
+        return BatchSimulator(self.each, self.count, self._threads)
 
     def _fix_rows(self, kinds: Sequence[Mapping[str, Any]], kind_of: NDArray[np.int64]) -> None:
         """Write the rows that no episode changes, by the settings of each lane."""
@@ -290,9 +306,8 @@ class BatchSimulator:
         """
         found, kept = state.get("layout_stamp"), {**state}
         kept.pop("layout_stamp", None)
-        anew = BatchSimulator(kept["each"], kept["count"], kept["_threads"])
-        check_stamp("the batch", found, anew._stamp())
         self.__dict__.update(kept)
+        check_stamp("the batch", found, self._anew()._stamp())
         self._memory = aligned_zeros(len(kept["_memory"]))
         self._memory[:] = kept["_memory"]
         self._link()

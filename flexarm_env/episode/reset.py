@@ -157,7 +157,6 @@ def reset_lane(
 @inlined_in_its_caller
 def reset_lanes(
     arena: Arena,
-    history: History,
     clock: Clock,
     keys: Keys,
     paths: Paths,
@@ -172,7 +171,6 @@ def reset_lanes(
 
     Args:
         arena: of the block.
-        history: readings at past steps.
         clock: of each lane.
         keys: keys of the lanes' episodes. Shape (lanes,).
         paths: of all lanes. Shape (paths, n, 5).
@@ -190,10 +188,22 @@ def reset_lanes(
             reset_lane(arena, clock, keys[i], paths, header, settings, own, reset_requests[lane], lane, i)
             if variant.law:
                 prepare_law(arena, own, i)
-    if not variant.foreshortened:
+    if not (variant.foreshortened or variant.hosted):
         elimination_kernel(arena)
-    # for lanes that go on, the reading is already there, or no sensor reads this slot
-    store_reading(arena, history, clock[clock_row.HEAD, 0])
+
+
+@inlined_in_its_caller
+def begin_sensors(
+    arena: Arena, history: History, clock: Clock, paths: Paths, header: Words, settings: Table, started: Mask
+) -> None:
+    """Fill the delay lines of the lanes that begin an episode, before the first measurement.
+
+    Args: as `reset_lanes`, and
+        history: readings at past steps; those of another engine's plant have their newest one already.
+    """
+    if not variant.hosted:
+        # for lanes that go on, the reading is already there, or no sensor reads this slot
+        store_reading(arena, history, clock[clock_row.HEAD, 0])
     for i in range(variant.lanes):
         if started[i]:
             moving = clock[clock_row.SINCE, i] == LONG_AGO

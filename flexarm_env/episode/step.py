@@ -1,6 +1,8 @@
 """Entry points of the environments' kernels: resets, and one control period of one environment or of a batch.
 
-`imex` explains lanes, blocks and arenas.
+`imex` explains lanes, blocks and arenas. A control period has two halves: what is decided (actions, what they command,
+where an episode starts), and what is observed. In between the arm moves: our own within the first half, by `drive`;
+another plant by its host, which calls the halves one by one (`step_half`).
 """
 
 from __future__ import annotations
@@ -9,12 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexarm_env.codegen.arrays import Arena, History, LaneRow, Memory
-from flexarm_env.codegen.declarations import Program, inlined_in_its_caller
+from flexarm_env.codegen.declarations import Function, Program, inlined_in_its_caller
 from flexarm_env.codegen.intrinsics import array_at
 from flexarm_env.episode import reward
-from flexarm_env.episode.actuation import DRIVES, drive
+from flexarm_env.episode.actuation import DRIVES, HOST_DRIVES, Drive, drive
 from flexarm_env.episode.observe import observe, take_actions
-from flexarm_env.episode.reset import reset_lanes, start_law
+from flexarm_env.episode.reset import begin_sensors, reset_lanes, start_law
 from flexarm_env.kernels.entries import CLOCK_ROWS, setting, word
 from flexarm_env.kernels.layout import row
 from flexarm_env.kernels.variants import variant
@@ -29,6 +31,37 @@ def step_only(memory: Memory) -> bool:
     Returns:
         False if an action is not finite, unless an episode begins; the state is then unchanged.
     """
+    if not is_acceptable(memory):
+        return False
+    step_block(memory, 0, True, True)
+    forget_start(memory)
+    return True
+
+
+def step_half(memory: Memory, moved: bool) -> bool:
+    """One half of `step_only`, of the only environment whose plant another engine advances.
+
+    After the first half the commands of each integration step lie in the arena's tail (`actuation.host_commands`), or
+    the state in which the plant begins in Y and V. Before the second half the host enters what the plant reads and is:
+    the delay line's slots, and the rows that `truth_kernel` computes of our own arm.
+
+    Args:
+        memory: of the batch.
+        moved: whether the plant is where the period ends; the second half.
+
+    Returns:
+        Whether it was done: an action that is not finite is refused, unless an episode begins.
+    """
+    if not (moved or is_acceptable(memory)):
+        return False
+    step_block(memory, 0, not moved, moved)
+    if moved:
+        forget_start(memory)
+    return True
+
+
+def is_acceptable(memory: Memory) -> bool:
+    """Return whether the only environment's action is finite, or an episode begins, which does not read it."""
     header = array_at(memory, 0, (word.PLACES,), np.int64)
     channels = header[word.CHANNELS]
     actions = array_at(memory, header[word.ACTIONS], (channels,), np.float32)
@@ -36,9 +69,13 @@ def step_only(memory: Memory) -> bool:
     for r in range(channels if header[word.DRIVING] != 0 and not starting else 0):
         if actions[r] - actions[r] != 0.0:
             return False
-    step_block(memory, 0)
-    array_at(memory, header[word.STARTS], (1,), np.bool_)[0] = False
     return True
+
+
+def forget_start(memory: Memory) -> None:
+    """Note that the only environment's episode has begun."""
+    header = array_at(memory, 0, (word.PLACES,), np.int64)
+    array_at(memory, header[word.STARTS], (1,), np.bool_)[0] = False
 
 
 def step_blocks(memory: Memory, begin: int, end: int, results: NDArray[np.float64]) -> None:
@@ -52,7 +89,7 @@ def step_blocks(memory: Memory, begin: int, end: int, results: NDArray[np.float6
     """
     header = array_at(memory, 0, (word.PLACES,), np.int64)
     for block in range(begin, end):
-        step_block(memory, block)
+        step_block(memory, block, True, True)
         rows, first = header[word.ARENA_ROWS], block * variant.lanes
         arena: Arena = array_at(memory, header[word.ARENAS] + first * rows, (rows, variant.lanes), np.float64)
         started = array_at(memory, header[word.STARTS], (first + variant.lanes,), np.bool_)[first:]
@@ -66,7 +103,7 @@ def step_blocks(memory: Memory, begin: int, end: int, results: NDArray[np.float6
 
 
 @inlined_in_its_caller
-def step_block(memory: Memory, block: int) -> None:
+def step_block(memory: Memory, block: int, deciding: bool, observing: bool) -> None:
     """Advance a block by one control period, unless `DRIVING` is 0, and then begin the requested episodes.
 
     One measurement at the end serves both kinds of lanes. The caller clears the requests afterwards.
@@ -74,6 +111,8 @@ def step_block(memory: Memory, block: int) -> None:
     Args:
         memory: of the batch; its header comes first and has the places of the arrays (`entries.Word`).
         block: index of the block.
+        deciding: whether to do the first half.
+        observing: whether to do the second half.
     """
     observed = array_at(memory, word.OBSERVED, (1,), np.int64)[0]
     header = array_at(memory, 0, (word.PLACES + observed,), np.int64)
@@ -100,12 +139,16 @@ def step_block(memory: Memory, block: int) -> None:
         starting = starting or started[i]
     if not (driving or starting):
         return
-    if driving:
+    if driving and deciding:
         actions = array_at(memory, header[word.ACTIONS], (lanes, header[word.CHANNELS]), np.float32)
         take_actions(arena, actions, first, header)
         drive(arena, history, clock, paths, header, settings)
+    if starting and deciding:
+        reset_lanes(arena, clock, key, paths, header, settings, owns, reset_requests, first, started)
+    if not observing:
+        return
     if starting:
-        reset_lanes(arena, history, clock, key, paths, header, settings, owns, reset_requests, first, started)
+        begin_sensors(arena, history, clock, paths, header, settings, started)
     for i in range(variant.lanes):
         active[i] = driving or started[i]
     observe(arena, history, clock, key, paths, header, settings, observations, first, active)
@@ -119,18 +162,21 @@ def step_block(memory: Memory, block: int) -> None:
                 arena[row.REWARD, i] = 0.0
 
 
-# The programs of environments, by name: one for each driver of `actuation.DRIVES`.
-PROGRAMS = {
-    name: Program(
+def _program(name: str, one: Drive, alone: Function, *groups: str) -> Program:
+    return Program(
         name,
         entry_points=(step_blocks,),
-        alone=(step_only,),
-        groups=frozenset({"environment", *one.groups}),
+        alone=(alone,),
+        groups=frozenset({"environment", *one.groups, *groups}),
         parts={"drive": one.driver},
         reward_terms=len(reward.TERMS),
         closed=True,
         words=one.words,
     )
-    for name, one in DRIVES.items()
-}
+
+
+# The programs of environments, by name; each has one of the ways in which an action moves the arm.
+PROGRAMS = {name: _program(name, one, step_only) for name, one in DRIVES.items()}
+# Those of environments whose plant another engine advances, by the same names (`step_half`).
+HOST_PROGRAMS = {name: _program(f"hosted_{name}", one, step_half, "hosted") for name, one in HOST_DRIVES.items()}
 TORQUE, TRACKING, GAIN = (PROGRAMS[name] for name in ("torque", "tracking", "gain"))

@@ -28,7 +28,8 @@ from flexarm_env.kernels.path_cache import Segment
 from flexarm_env.kernels.rk4 import OPEN
 from flexarm_env.kernels.stamp import TABLES
 from flexarm_env.kernels.variants import Variant, variant
-from tests.support.envs import GAIN, RESIDUAL, SQUARE
+from tests.support.envs import PAPER, RESIDUAL, SQUARE
+from tests.support.plain import run_plainly
 
 LANES = 3
 ARM = FlexibleArm(ArmParameters(modes_per_link=1))
@@ -175,32 +176,35 @@ def test_an_observation_shows_where_the_reference_goes() -> None:
 
 
 @pytest.mark.parametrize(
-    ("env_id", "options"),
+    ("env_id", "count", "options"),
     [
-        (SQUARE, {}),
-        (RESIDUAL, {"action_mode": "reference", "shift_limit": (0.2, 0.1), "reference": ["square", "line", "circle"]}),
-        (GAIN, {"law_sensor": "sensor", "compensation": "per_joint"}),
+        (SQUARE, 8, {}),
+        (
+            RESIDUAL,
+            1,
+            {"action_mode": "reference", "shift_limit": (0.2, 0.1), "reference": ["square", "line", "circle"]},
+        ),
+        (PAPER, 1, {"compensation": "per_joint"}),
     ],
     ids=str,
 )
-def test_a_fleet_runs_in_plain_python_as_compiled(env_id: str, options: dict[str, Any]) -> None:
+def test_environments_run_in_plain_python_as_compiled(
+    env_id: str, count: int, options: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Episodes begin, and some periods pass; recorded kernels round their sums with products twice here."""
     settings = settings_of(env_id, **options)
-    compiled, plain = BatchSimulator(settings, 8), BatchSimulator(settings, 8)
-    keys, everyone = np.arange(8, dtype=np.uint64) + 5, np.arange(8)
+    compiled, plain = BatchSimulator(settings, count), BatchSimulator(settings, count)
+    keys, everyone = np.arange(count, dtype=np.uint64) + 5, np.arange(count)
     compiled.start(keys, everyone, compiled.usual_requests)
-    plain.request_resets(keys, everyone, plain.usual_requests)
-    plain._header[word.DRIVING] = 0
+    run_plainly(monkeypatch)
+    plain.start(keys, everyone, plain.usual_requests)
     rng = np.random.default_rng(0)
     for period in range(4):
-        results = np.empty(compiled.results.T.shape)
-        with plain_python(plain._variant):
-            step.step_blocks(plain._memory, 0, 1, results)
-        np.testing.assert_allclose(results.T, compiled.results, rtol=1e-8, atol=1e-9, err_msg=f"period {period}")
+        np.testing.assert_allclose(plain.results, compiled.results, rtol=1e-8, atol=1e-9, err_msg=f"period {period}")
         np.testing.assert_allclose(plain.observations, compiled.observations, rtol=1e-5, atol=1e-6)
-        plain._header[word.DRIVING] = 1
         compiled.actions[:] = plain.actions[:] = rng.uniform(-0.5, 0.5, plain.actions.shape)
         compiled.step()
+        plain.step()
 
 
 # --- declarations -----------------------------------------------------------------------------------------------------
