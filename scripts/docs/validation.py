@@ -1,4 +1,4 @@
-"""Bring docs/validation.md, docs/plant.md, their pictures and their record up to date from `results/validation`."""
+"""Bring docs/validation.md, docs/plant.md, their pictures and record up to date from a complete `results/validation`."""
 
 from __future__ import annotations
 
@@ -10,8 +10,9 @@ from pathlib import Path
 
 import tyro
 
-from scripts.common.markdown import DOCS, filled
+from scripts.common.markdown import DOCS, filled, quoting
 from scripts.common.result_files import write_json
+from scripts.docs.quoted import of_validation
 from scripts.validation.groups import GROUPS
 
 PAGES = ("validation.md", "plant.md")
@@ -40,7 +41,7 @@ def main() -> None:
         sys.exit(f"error: results = {options.results}: a quick run, or a part; the docs show the whole")
     for name in PAGES:
         page = options.docs / name
-        page.write_text(filled(page.read_text(), options.results))
+        page.write_text(quoting(filled(page.read_text(), options.results), of_validation(found)))
     for group in found["groups"].values():
         del group["seconds"]  # the record tells what was found, not on which machine
     write_json(options.docs / RECORD, found)
