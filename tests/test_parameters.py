@@ -130,8 +130,9 @@ def test_unknown_options_are_refused(kind: Any, field: str, name: str, allowed: 
 @pytest.mark.parametrize(("kind", "field", "name", "allowed"), OPTIONS, ids=called)
 def test_all_options_are_accepted(kind: Any, field: str, name: str, allowed: OneOf) -> None:
     assert len(allowed.names) > 1
+    made = ArmParameters.linear if kind is ArmParameters else kind  # C_r (7) has no foreshortening
     for option in allowed.names:
-        assert getattr(kind(**{field: option}), field) == option
+        assert getattr(made(**{field: option}), field) == option
 
 
 def test_bad_numbers_of_modes_are_refused() -> None:

@@ -116,7 +116,7 @@ def test_other_forms_are_refused(policy: Any, message: str) -> None:
 
 def test_run_policy_takes_every_form() -> None:
     """No torque, said in three ways, ends in the same way."""
-    env = gymnasium.make("flexarm_env:FlexArm/Square-v0")
+    env = gymnasium.make("flexarm_env:FlexArm/Square-v0", arm="linear")
 
     class Still:
         def predict(self, observation: Any) -> Any:

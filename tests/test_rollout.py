@@ -118,13 +118,13 @@ def test_a_bare_environment_runs_one_lap() -> None:
 
 @pytest.mark.parametrize(("lap", "side"), [("swing", 1.0), ("plain", -1.0)])
 def test_a_lap_has_its_side_of_the_elbow(lap: str, side: float) -> None:
-    env = gymnasium.make("flexarm_env:FlexArm/Square-v0", max_episode_steps=2)
+    env = gymnasium.make("flexarm_env:FlexArm/Square-v0", arm="linear", max_episode_steps=2)
     for seed in range(3):
         assert np.sign(run_policy(env, lambda observation: np.zeros(2), seed=seed, lap=lap).state[0, 1]) == side
 
 
 def test_a_bad_lap_is_refused() -> None:
-    env = gymnasium.make("flexarm_env:FlexArm/Square-v0")
+    env = gymnasium.make("flexarm_env:FlexArm/Square-v0", arm="linear")
     with pytest.raises(ValueError, match=r"lap = 'first': must be one of 'swing', 'plain'"):
         run_policy(env, lambda observation: np.zeros(2), lap="first")
     with pytest.raises(ValueError, match=r"lap = 'swing' beside options = \{'time': 1.0\}: give one of them"):

@@ -31,11 +31,11 @@ class Unshowable:
 
 REFUSALS: dict[str, Callable[[Any], Any]] = {
     "an option": lambda value: FlexArmEnv(frame=value),
-    "reset's options": lambda value: FlexArmEnv().reset(options=value),
-    "an option of reset": lambda value: FlexArmEnv().reset(options={"start": value}),
-    "parameters of an episode": lambda value: FlexArmEnv().reset(options={"parameters": value}),
-    "a batch's reset": lambda value: FlexArmVectorEnv(2).reset(options=value),
-    "a mask": lambda value: FlexArmVectorEnv(2).reset(options={"reset_mask": value}),
+    "reset's options": lambda value: FlexArmEnv(arm="linear").reset(options=value),
+    "an option of reset": lambda value: FlexArmEnv(arm="linear").reset(options={"start": value}),
+    "parameters of an episode": lambda value: FlexArmEnv(arm="linear").reset(options={"parameters": value}),
+    "a batch's reset": lambda value: FlexArmVectorEnv(2, arm="linear").reset(options=value),
+    "a mask": lambda value: FlexArmVectorEnv(2, arm="linear").reset(options={"reset_mask": value}),
     "autoreset_mode": lambda value: FlexArmVectorEnv(2, autoreset_mode=value),
     "warm_up": lambda value: warm_up(["FlexArm/Square-v0"], value),
     "end_reason": end_reason,

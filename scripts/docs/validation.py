@@ -1,4 +1,4 @@
-"""Bring docs/validation.md, docs/plant.md, their pictures and record up to date from a complete `results/validation`."""
+"""Bring docs/validation.md, docs/plant.md, their pictures and record up to date from a whole `results/validation`."""
 
 from __future__ import annotations
 

@@ -44,7 +44,7 @@ def test_the_scores_are_those_of_the_laps() -> None:
 
 
 def test_a_lost_arm_has_no_errors() -> None:
-    env = gymnasium.make("flexarm_env:FlexArm/Square-v0")
+    env = gymnasium.make("flexarm_env:FlexArm/Square-v0", arm="linear")
     for name, found in evaluate(env, ConstantPolicy(2)).as_mapping().items():
         assert (found["complete"], found["ended"], found["rms"], found["maximum"]) == (False, "error", None, None)
         run = run_policy(env, ConstantPolicy(2), seed=0, lap=name)

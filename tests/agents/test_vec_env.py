@@ -20,7 +20,12 @@ from tests.support.envs import in_fresh_process
 ID = "flexarm_env:FlexArm/Square-v0"
 COUNT, LIMIT = 5, 23
 # Errors of 0.4 m end an episode soon under random torque: every kind of end comes within some hundred steps.
-OPTIONS: dict[str, Any] = {"error_limit": 0.4, "randomisation": {"payload_mass": (0.0, 0.5)}, "noise": 1e-3}
+OPTIONS: dict[str, Any] = {
+    "arm": "linear",
+    "error_limit": 0.4,
+    "randomisation": {"payload_mass": (0.0, 0.5)},
+    "noise": 1e-3,
+}
 
 
 def pair(infos: Any = "all", **options: Any) -> tuple[FlexArmVecEnv, DummyVecEnv]:

@@ -122,7 +122,7 @@ def test_make_imports_the_package_by_itself() -> None:
 
 def test_the_class_alone_is_the_square() -> None:
     action = np.array([0.3, -0.2], np.float32)
-    alone, registered = FlexArmEnv(), bare()
+    alone, registered = FlexArmEnv(arm="linear"), bare()
     alone.reset(seed=0)
     assert_same(alone.step(action), registered.step(action))
 
@@ -218,7 +218,7 @@ def test_the_lap_goes_on_after_its_end() -> None:
 # --- worker processes ---------------------------------------------------------------------------------------
 
 WORKERS = 2
-OPTIONS = RANDOM | POOR_SENSOR | {"max_episode_steps": 7}
+OPTIONS = RANDOM | POOR_SENSOR | {"max_episode_steps": 7, "arm": "linear"}
 
 
 def played(env: Any, steps: int = 20) -> list[Any]:

@@ -27,7 +27,7 @@ def stepped(env: gymnasium.Env[Any, Any], steps: int) -> np.ndarray:
 
 @pytest.mark.parametrize("env_id", [GAIN, SQUARE])
 def test_a_picture_shows_the_present_instant(env_id: str) -> None:
-    env = gymnasium.make(env_id, render_mode="rgb_array")
+    env = gymnasium.make(env_id, arm="linear", render_mode="rgb_array")
     first, later, again = stepped(env, 0), stepped(env, 20), stepped(env, 20)
     assert first.shape == (600, 600, 3)
     assert first.dtype == np.uint8
@@ -37,7 +37,7 @@ def test_a_picture_shows_the_present_instant(env_id: str) -> None:
 
 @pytest.mark.parametrize("how", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))])
 def test_a_copy_of_an_environment_that_has_drawn_goes_on(how: Any) -> None:
-    env = gymnasium.make(GAIN, render_mode="rgb_array")
+    env = gymnasium.make(GAIN, arm="linear", render_mode="rgb_array")
     stepped(env, 5)
     twin = how(env)
     for each in (env, twin):
@@ -46,13 +46,13 @@ def test_a_copy_of_an_environment_that_has_drawn_goes_on(how: Any) -> None:
 
 
 def test_a_batch_draws_each_of_its_arms() -> None:
-    envs = gymnasium.make_vec(SQUARE, num_envs=3, render_mode="rgb_array")
+    envs = gymnasium.make_vec(SQUARE, num_envs=3, arm="linear", render_mode="rgb_array")
     assert envs.render() is None  # nothing to show yet
     envs.reset(seed=0)
     for _ in range(3):
         envs.step(np.ones((3, 2), np.float32))
     pictures = envs.render()
-    alone = gymnasium.make(SQUARE, render_mode="rgb_array")
+    alone = gymnasium.make(SQUARE, arm="linear", render_mode="rgb_array")
     alone.reset(seed=1)
     for _ in range(3):
         alone.step(np.ones(2, np.float32))
@@ -64,7 +64,9 @@ def test_a_batch_draws_each_of_its_arms() -> None:
 def test_videos_are_recorded(tmp_path: Path) -> None:
     pytest.importorskip("moviepy")
     env = RecordVideo(
-        gymnasium.make(GAIN, render_mode="rgb_array"), str(tmp_path / "videos"), episode_trigger=lambda episode: True
+        gymnasium.make(GAIN, arm="linear", render_mode="rgb_array"),
+        str(tmp_path / "videos"),
+        episode_trigger=lambda episode: True,
     )
     assert env.metadata["render_fps"] == 100  # real time: a picture for each 10 ms
     stepped(env, 10)
@@ -75,7 +77,7 @@ def test_videos_are_recorded(tmp_path: Path) -> None:
 
 def test_a_window_follows_the_steps(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
-    env = gymnasium.make(GAIN, render_mode="human")
+    env = gymnasium.make(GAIN, arm="linear", render_mode="human")
     assert stepped(env, 3) is None
     import pygame
 
@@ -87,18 +89,18 @@ def test_a_window_follows_the_steps(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_nothing_is_drawn_without_a_mode_or_a_start() -> None:
     with pytest.raises(ValueError, match="render_mode = 'ascii': must be one of 'rgb_array', 'human'"):
-        gymnasium.make(GAIN).unwrapped.__class__(render_mode="ascii")
-    env = gymnasium.make(GAIN, render_mode="rgb_array", disable_env_checker=True).unwrapped
+        gymnasium.make(GAIN, arm="linear").unwrapped.__class__(render_mode="ascii")
+    env = gymnasium.make(GAIN, arm="linear", render_mode="rgb_array", disable_env_checker=True).unwrapped
     with pytest.raises(RuntimeError, match="before reset"):
         env.render()
     with pytest.warns(UserWarning, match="render mode"):
-        assert gymnasium.make(GAIN).unwrapped.render() is None
+        assert gymnasium.make(GAIN, arm="linear").unwrapped.render() is None
 
 
 def test_a_missing_library_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     import sys
 
-    env = gymnasium.make(GAIN, render_mode="rgb_array")
+    env = gymnasium.make(GAIN, arm="linear", render_mode="rgb_array")
     env.reset(seed=0)
     monkeypatch.setitem(sys.modules, "pygame", None)
     with pytest.raises(gymnasium.error.DependencyNotInstalled, match=r"flexarm\[render\]"):

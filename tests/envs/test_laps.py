@@ -36,7 +36,7 @@ def test_laps_follow_each_other(lap: str) -> None:
 def test_the_law_on_the_joints_does_not_know_the_sensor() -> None:
     tips = []
     for position in (0.5, 4.5):
-        env = gymnasium.make(GAIN, sensor_position=position)
+        env = gymnasium.make(GAIN, arm="linear", sensor_position=position)
         env.reset(seed=0, options={"start": "corner"})
         for _ in range(50):
             info = env.step(np.ones(1, np.float32))[4]
@@ -47,7 +47,7 @@ def test_the_law_on_the_joints_does_not_know_the_sensor() -> None:
 @pytest.mark.parametrize("lap", LAPS)
 def test_the_inner_law_alone_keeps_within_two_metres(lap: str) -> None:
     """A lap with action 0, as docs/model.md and the id's text tell it; 1.83 m found on the swing lap, at its start."""
-    env = gymnasium.make(RESIDUAL)
+    env = gymnasium.make(RESIDUAL, arm="linear")
     env.reset(seed=0, options=LAPS[lap].reset_options())
     errors = []
     truncated = False
@@ -61,7 +61,9 @@ def test_the_inner_law_alone_keeps_within_two_metres(lap: str) -> None:
 
 def readings(steps: int, **options: Any) -> np.ndarray:
     """Return what the sensor says at each control instant of a moving arm. Shape (steps, 2)."""
-    env = gymnasium.make(SQUARE, max_episode_steps=steps, error_limit=None, deflection_limit=None, **options)
+    env = gymnasium.make(
+        SQUARE, arm="linear", max_episode_steps=steps, error_limit=None, deflection_limit=None, **options
+    )
     env.reset(seed=3, options={"start": "moving", "time": 0.5})
     return np.array([env.step(np.zeros(2, np.float32))[4]["sensed"] for _ in range(steps)])
 
@@ -78,7 +80,7 @@ def test_a_tick_of_a_slow_clock_is_lost_once(dropout: float) -> None:
 def test_jitter_of_a_slow_clock_is_even() -> None:
     """Ticks 50 ms apart arrive 31.2 to 71.2 ms late; a control instant sees them up to 10 ms later."""
     limits = {"error_limit": None, "deflection_limit": None}
-    env = gymnasium.make(SQUARE, max_episode_steps=4000, hold=0.05, jitter=0.04, **limits)
+    env = gymnasium.make(SQUARE, arm="linear", max_episode_steps=4000, hold=0.05, jitter=0.04, **limits)
     env.reset(seed=1, options={"start": "moving"})  # without torque the arm goes on moving
     before, instants = None, []
     for _ in range(4000):
@@ -96,7 +98,7 @@ def test_jitter_of_a_slow_clock_is_even() -> None:
 @pytest.mark.parametrize("env_id", [SQUARE, RESIDUAL, GAIN])
 def test_a_strong_drawn_damping_is_stepped_finely_enough(env_id: str) -> None:
     limits = {"error_limit": None, "deflection_limit": None, "physics_step": None}
-    env = gymnasium.make(env_id, randomisation={"damping": (0.5, 0.5)}, **limits)
+    env = gymnasium.make(env_id, arm="linear", randomisation={"damping": (0.5, 0.5)}, **limits)
     env.reset(seed=0, options={"start": "corner"})
     for _ in range(100):
         assert not env.step(np.zeros(env.action_space.shape, np.float32))[2]
@@ -136,14 +138,14 @@ def test_what_an_episode_drew_is_told() -> None:
 )
 def test_what_does_not_go_together_is_refused(options: dict[str, Any], message: str) -> None:
     with pytest.raises(ValueError, match=message):
-        gymnasium.make(SQUARE, **options)
+        gymnasium.make(SQUARE, arm="linear", **options)
 
 
 def test_a_batch_of_moves_fits_into_memory() -> None:
     """Each arm has a path of its own: 4096 of them stay below 200 MB."""
     from flexarm_env.envs.vector import FlexArmVectorEnv
 
-    simulator = FlexArmVectorEnv(num_envs=256, reference="moves", start="corner").simulator
+    simulator = FlexArmVectorEnv(num_envs=256, arm="linear", reference="moves", start="corner").simulator
     size = sum(
         array.nbytes for array in vars(simulator).values() if isinstance(array, np.ndarray) and array.base is None
     )

@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import gymnasium as gym
 import numpy as np
 import pytest
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
@@ -22,6 +21,7 @@ from tests.support.envs import (
     actions_for,
     assert_same,
     in_fresh_process,
+    make,
     terms_of,
     vector,
 )
@@ -35,7 +35,7 @@ def random_options(env_id: str) -> dict[str, Any]:
 
 
 def several_singles(env_id: str, num_envs: int, mode: AutoresetMode, **options: Any) -> SyncVectorEnv:
-    return SyncVectorEnv([lambda: gym.make(env_id, **options)] * num_envs, autoreset_mode=mode)
+    return SyncVectorEnv([lambda: make(env_id, **options)] * num_envs, autoreset_mode=mode)
 
 
 def first(num_envs: int, value: Any) -> Any:
@@ -155,7 +155,7 @@ def test_the_registered_time_limit_reaches_the_batch() -> None:
 
 
 def test_without_a_limit_nothing_is_truncated() -> None:
-    env = FlexArmVectorEnv(2, start="corner", error_limit=None)
+    env = FlexArmVectorEnv(2, arm="linear", start="corner", error_limit=None)
     env.reset(seed=0)
     assert not any(env.step(np.zeros((2, 2), np.float32))[3].any() for _ in range(1700))
 
@@ -228,11 +228,14 @@ def run(env, steps):
     for _ in range(steps):
         env.step(rng.uniform(-1.0, 1.0, (env.num_envs, 2)).astype(np.float32))
 
-small = FlexArmVectorEnv(64, 50, start="mix", noise=0.01, threads=2)
+small = FlexArmVectorEnv(64, 50, arm="linear", start="mix", noise=0.01, threads=2)
 run(small, 300)
 """
 GROWTH = MEMORY + "before = resident()\nrun(small, int(sys.argv[1]))\nprint(resident() - before)"
-SIZE = MEMORY + "before = resident()\nlarge = FlexArmVectorEnv(4096, 50)\nrun(large, 5)\nprint(resident() - before)"
+SIZE = (
+    MEMORY
+    + "before = resident()\nlarge = FlexArmVectorEnv(4096, 50, arm='linear')\nrun(large, 5)\nprint(resident() - before)"
+)
 needs_proc = pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="reads the process's memory from /proc")
 
 

@@ -45,7 +45,7 @@ def test_each_environment_may_have_its_own_options() -> None:
     actions = actions_for(env, 10)
     found += [env.step(each) for each in actions]
     for i in range(3):
-        single = gym.make(SQUARE, **made)
+        single = make(SQUARE, **made)
         own = {name: options[name][i] for name in ("start", "time", "path", "state")}
         own["parameters"] = {"payload_mass": parameters["payload_mass"][i], "stiffness": 1.3}
         own["parameters"]["delay"] = parameters["delay"][i]
@@ -232,7 +232,7 @@ def test_masks_that_keys_share_cannot_be_written() -> None:
 @pytest.mark.usefixtures("uncompiled")
 def test_spaces_and_metadata(env_id: str) -> None:
     options = {"noise": 0.01}
-    env, single = vector(env_id, 3, autoreset_mode="SameStep", **options), gym.make(env_id, **options)
+    env, single = vector(env_id, 3, autoreset_mode="SameStep", **options), make(env_id, **options)
     assert env.single_observation_space == single.observation_space
     assert env.single_action_space == single.action_space
     assert env.metadata["autoreset_mode"] is SAME_STEP
