@@ -9,8 +9,9 @@ import numpy as np
 
 from scripts.common.plotting import COLOURS, save
 from scripts.validation.checks import Result
-from scripts.validation.plant.drivers import WEIGHTS
-from scripts.validation.plant.study import FORMER, HELD, LAP_NAMES, MODELS, PERIODS
+from scripts.validation.engine.chain import HELD
+from scripts.validation.plant.drivers import PERIODS, WEIGHTS
+from scripts.validation.plant.study import FORMER, LAP_NAMES, MODELS
 
 
 def draw(result: Result, folder: Path) -> None:
