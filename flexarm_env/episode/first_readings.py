@@ -9,33 +9,28 @@ from numpy import floor
 
 from flexarm_env.codegen.arrays import Arena, Clock, Four, History, Paths, Table, Words
 from flexarm_env.episode.second_sensor import second_reference
-from flexarm_env.episode.sensor import joint_motion, point_on_reference, sensed_point
-from flexarm_env.kernels.entries import READING_ROWS, clock_row, reading_row, setting, word
+from flexarm_env.episode.sensor import joint_motion, point_on_reference
+from flexarm_env.kernels.delay_line import sensed_point
+from flexarm_env.kernels.entries import clock_row, setting, word
 from flexarm_env.kernels.layout import row
 from flexarm_env.kernels.variants import variant
 from flexarm_env.physics.polyline import reference_at
 
 
-def fill_history(
-    arena: Arena, history: History, clock: Clock, paths: Paths, header: Words, settings: Table, i: int, moving: bool
+def move_history(
+    arena: Arena, history: History, clock: Clock, paths: Paths, header: Words, settings: Table, i: int
 ) -> None:
-    """The delay line of lane i: its newest readings, moved back with the reference if the arm starts on the move."""
+    """Move the readings in the delay line of lane i, which starts on the move, back with the reference."""
     h = settings[setting.STEP]
     slots = history.shape[0] // variant.slot_rows
-    newest = clock[clock_row.HEAD, 0]
     now = reference_slot(arena, clock, paths, settings, i, 0.0)
-    for back in range(slots):
+    for back in range(1, slots):
         if not (header[word.READINGS] >> (-back % header[word.SUBSTEPS] & 63)) & 1:
             continue  # nobody will ask for it
-        slot = (newest - back) % slots
-        moved = reference_slot(arena, clock, paths, settings, i, back * h) if moving and back > 0 else now
+        slot = (clock[clock_row.HEAD, 0] - back) % slots
+        moved = reference_slot(arena, clock, paths, settings, i, back * h)
         for r in range(variant.slot_rows):
-            value = history[variant.slot_rows * newest + r, i]
-            if moving:
-                value += moved[r] - now[r]
-            elif r % READING_ROWS >= reading_row.RATE and back > 0:
-                value = 0.0  # before the start nothing moved
-            history[variant.slot_rows * slot + r, i] = value
+            history[variant.slot_rows * slot + r, i] += moved[r] - now[r]
 
 
 def reference_slot(arena: Arena, clock: Clock, paths: Paths, settings: Table, i: int, back: float) -> tuple[float, ...]:

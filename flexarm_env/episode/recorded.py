@@ -1,4 +1,4 @@
-"""Records what is reported of an environment: state and tips, parts of observations, terms of the reward."""
+"""Records what is reported of an environment beside `kernels.recorded`: parts of observations, terms of the reward."""
 
 from __future__ import annotations
 
@@ -8,20 +8,6 @@ from flexarm_env.codegen.tracing import root
 from flexarm_env.episode import features, reward
 from flexarm_env.kernels.recorded import SHARED, Recorder
 from flexarm_env.kernels.variants import Variant
-
-
-def truth_source(variant: Variant) -> str:
-    """State, tips and deflections of an environment's arm."""
-    r = Recorder(variant)
-    truth = r.truth()
-    for name, values in truth._asdict().items():
-        r.write(name.upper(), values)
-    return r.source("truth_kernel(arena)")
-
-
-@recorded(truth_source, SHARED)
-def truth_kernel(arena: Arena) -> None:
-    """State, tips and deflections of every lane."""
 
 
 def features_source(variant: Variant) -> str:

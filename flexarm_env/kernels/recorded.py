@@ -104,14 +104,6 @@ class Recorder:
             self.one(f"{name}_DISTANCE"), self.read(f"{name}_VALUES"), self.read(f"{name}_FORESHORTENING")
         )
 
-    def sensor(self) -> PointShape:
-        """Return where the sensor is."""
-        return self.place("SENSOR_POINT" if "SENSOR_POINT_VALUES" in self.variant.rows else "SENSOR")
-
-    def truth(self) -> sensing.Truth:
-        """Compute the arm's state, tips and deflections."""
-        return sensing.truth(self.constants(), self.place("TIP"), self.read("Y"), self.read("V"))
-
     def _part(self, name: str) -> tuple[int, int]:
         if name not in self.variant.rows:
             raise LookupError(f"a formula needs Row.{name}: programs of kind {self.variant.kind!r} do not have it")
@@ -307,7 +299,8 @@ def elimination_kernel(arena: Arena) -> None:
 def reading_source(variant: Variant) -> str:
     """Record what the sensor measures now."""
     r = Recorder(variant)
-    r.store("readings", sensing.reading(r.constants(), r.sensor(), variant.sensor, r.read("Y"), r.read("V")))
+    place = r.place("SENSOR_POINT")
+    r.store("readings", sensing.reading(r.constants(), place, variant.sensor, r.read("Y"), r.read("V")))
     return r.source("reading_kernel(arena, readings)")
 
 
@@ -329,18 +322,15 @@ def second_reading_kernel(arena: Arena, readings: LaneRows) -> None:
     """What the second sensor would measure now, as `reading_kernel` has it of the first. Shape (4, lanes)."""
 
 
-def outputs_source(variant: Variant) -> str:
-    """Record observation, state and tips of a closed loop."""
+def truth_source(variant: Variant) -> str:
+    """Record state, tips and deflections."""
     r = Recorder(variant)
-    truth, reference = r.truth(), r.read("REFERENCE")
-    observed = jacobian_transpose.observation(r.constants(), r.law(), variant.sensor, (r.read("Y"), r.read("V")))
-    r.write("OBSERVATION", [*observed, *reference])
-    r.write("STATE", truth.state)
-    r.write("TRUE_TIP", truth.true_tip)
-    r.write("RIGID_TIP", truth.rigid_tip)
-    return r.source("outputs_kernel(arena)")
+    truth = sensing.truth(r.constants(), r.place("TIP"), r.read("Y"), r.read("V"))
+    for name, values in truth._asdict().items():
+        r.write(name.upper(), values)
+    return r.source("truth_kernel(arena)")
 
 
-@recorded(outputs_source, SHARED)
-def outputs_kernel(arena: Arena) -> None:
-    """Compute sensed position and tips of every lane."""
+@recorded(truth_source, SHARED)
+def truth_kernel(arena: Arena) -> None:
+    """Compute state, tips and deflections of every lane."""
