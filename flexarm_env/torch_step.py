@@ -26,7 +26,7 @@ class _Step(torch.autograd.Function):
         torque: torch.Tensor,
         *quantities: torch.Tensor,
     ) -> torch.Tensor:
-        """The state after the period."""
+        """Compute the state after the period."""
         x, tau, *drawn = (tensor.detach().numpy() for tensor in (state, torque, *quantities))
         named: dict[str, Any] = dict(zip(ARM_QUANTITIES, drawn, strict=True))
         if not any(context.needs_input_grad):
@@ -63,7 +63,7 @@ def step(
     stiffness: torch.Tensor | float | None = None,
     damping: torch.Tensor | float | None = None,
 ) -> torch.Tensor:
-    """The state a control period later, differentiable once by all tensors; see `FlexibleArm.step`.
+    """Compute the state a control period later, differentiable once by all tensors; see `FlexibleArm.step`.
 
     Args:
         arm: the arm.

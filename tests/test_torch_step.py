@@ -27,7 +27,7 @@ def tensors(arm: FlexibleArm, count: int = 3) -> list[torch.Tensor]:
 
 
 def moved(arm: FlexibleArm, state: Any, torque: Any, payload_mass: Any, stiffness: Any, damping: Any) -> torch.Tensor:
-    """The step with its quantities by place."""
+    """Compute the step with its quantities by place."""
     return step(arm, state, torque, **PERIOD, payload_mass=payload_mass, stiffness=stiffness, damping=damping)
 
 

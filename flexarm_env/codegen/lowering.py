@@ -236,21 +236,21 @@ class _Plain(ast.NodeTransformer):
     """Leaves out annotations and documentation."""
 
     def visit_ClassDef(self, node: ast.ClassDef) -> ast.AST:
-        """A class."""
+        """Strip a class."""
         node.body = _undocumented(node)
         return self.generic_visit(node)
 
     def visit_FunctionDef(self, node: ast.FunctionDef) -> ast.AST:
-        """A method."""
+        """Strip a method."""
         node.body, node.returns = _undocumented(node), None
         return self.generic_visit(node)
 
     def visit_arg(self, node: ast.arg) -> ast.arg:
-        """An argument."""
+        """Strip an argument."""
         return ast.arg(node.arg)
 
     def visit_AnnAssign(self, node: ast.AnnAssign) -> ast.Assign | None:
-        """An assignment."""
+        """Strip an assignment."""
         return ast.Assign([node.target], self.visit(node.value), lineno=0) if node.value else None
 
 

@@ -31,7 +31,7 @@ def uniform(key: Any, place: int) -> float:
 
 
 def normal(key: Any, place: int) -> float:
-    """A standard normal deviate of magnitude below 8.6; uses up `place` and the next."""
+    """Draw a standard normal deviate of magnitude below 8.6; it uses `place` and the next number."""
     return normal_pair(key, place)[0]
 
 

@@ -30,7 +30,7 @@ class Dual(Symbol):
     rank = 1
 
     def __init__(self, value: Any, tangents: Tangents) -> None:
-        """A number that varies.
+        """Hold a value with its tangents.
 
         Args:
             value: at the point.
@@ -40,7 +40,7 @@ class Dual(Symbol):
         self.tangents = tangents
 
     def apply(self, function: Callable[..., Any], arguments: Sequence[Any]) -> Any:
-        """A function's value with its tangents by its rule."""
+        """Apply the function's rule of differentiation."""
         return _RULES[function](*arguments)
 
     def __add__(self, other: Any) -> Any:
@@ -88,12 +88,12 @@ class Dual(Symbol):
 
 
 def value(number: Any) -> Any:
-    """The value of a number, dual or not."""
+    """Return the value of a number, dual or not."""
     return number.value if isinstance(number, Dual) else number
 
 
 def tangents(number: Any) -> Tangents:
-    """The tangents of a number; none of one that is not dual."""
+    """Return the tangents of a number; a number that is not dual has none."""
     return number.tangents if isinstance(number, Dual) else {}
 
 
@@ -148,7 +148,7 @@ def _product(tangent: Any, factor: Any) -> Any:
 
 
 def _smooth(result: Any, *terms: tuple[Any, Any]) -> Dual:
-    """A value with the tangents of its arguments, each times a partial derivative; terms: argument, partial."""
+    """Combine a value with its arguments' tangents, each times a partial derivative; terms: argument, partial."""
     total: Tangents = {}
     for argument, partial in terms:
         total = _sum(total, _scaled(tangents(argument), partial))
@@ -156,7 +156,7 @@ def _smooth(result: Any, *terms: tuple[Any, Any]) -> Dual:
 
 
 def _along(function: Callable[..., Any], *arguments: Any) -> dict[Any, Any]:
-    """A function of the arguments' tangents, along each direction in which one of them varies."""
+    """Apply a function to the arguments' tangents, along each direction in which one of them varies."""
     ways = {way: None for argument in arguments for way in tangents(argument)}
     return {way: function(*(tangents(argument).get(way, 0.0) for argument in arguments)) for way in ways}
 
@@ -167,7 +167,7 @@ def _sincos(x: Dual) -> tuple[Dual, Dual]:
 
 
 def _quarter_turns(k: Any, sine: Any, cosine: Any) -> tuple[Dual, Dual]:
-    """A whole number of turns is locally constant, and what turns is linear."""
+    """Turn value and tangents alike: the number of turns is locally constant, and the turn is linear."""
     turned = quarter_turns(value(k), value(sine), value(cosine))
     ways = _along(lambda a, b: quarter_turns(value(k), a, b), sine, cosine)
     first, second = ({way: pair[n] for way, pair in ways.items()} for n in (0, 1))
@@ -201,7 +201,7 @@ def _magnitude(x: Dual) -> Dual:
 
 
 def _where_less(x: Any, bound: Any, then: Any, otherwise: Any) -> Dual:
-    """The tangents of the number that is taken."""
+    """Choose the value, and along each direction the chosen number's tangent."""
     at = value(x), value(bound)
     return Dual(
         where_less(*at, value(then), value(otherwise)), _along(lambda a, b: where_less(*at, a, b), then, otherwise)

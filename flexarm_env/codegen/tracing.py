@@ -94,7 +94,7 @@ class Trace:
         return lines
 
     def needed(self, results: Sequence[Any]) -> list[tuple[str, str, tuple[str, ...]]]:
-        """The operations that the results need, with sums fused: name, template, operands."""
+        """Return the operations that the results need, with sums fused: name, template, operands."""
         operations = self._fused(results, self._arguments | {result.name for result in results})
         uses = _uses(operations, results)
         return [(f"x{n}", *operation) for n, operation in enumerate(operations) if f"x{n}" in uses]
@@ -143,12 +143,12 @@ class Symbol:
     rank = 0
 
     def apply(self, function: Callable[..., Any], arguments: Sequence[Any]) -> Any:
-        """What a function of this module, or one recorded once, gives for arguments of which this is one."""
+        """Apply a function of this module, or one recorded once, to arguments of which this symbol is one."""
         raise NotImplementedError
 
 
 def _asked(arguments: Sequence[Any]) -> Symbol | None:
-    """The symbol of the highest rank among the arguments, if there is one."""
+    """Return the symbol of the highest rank among the arguments, or None."""
     symbols = [argument for argument in arguments if isinstance(argument, Symbol)]
     return max(symbols, key=lambda symbol: symbol.rank) if symbols else None
 
@@ -164,13 +164,13 @@ class Expression(Symbol):
         self.name = name
 
     def _record(self, template: str, *operands: Any) -> Any:
-        """The operation; an operand of a higher rank is left to carry it out."""
+        """Record the operation; return NotImplemented if an operand has a higher rank."""
         if any(isinstance(operand, Symbol) and operand.rank > self.rank for operand in operands):
             return NotImplemented
         return self.trace.assign(template, *(_code(operand) for operand in operands))
 
     def apply(self, function: Callable[..., Any], arguments: Sequence[Any]) -> Any:
-        """The record of a primitive, or of a call."""
+        """Record a primitive, or a call."""
         template = _PRIMITIVES.get(function)
         if template is not None:
             return self._record(template, *arguments)
@@ -266,7 +266,7 @@ def _primitive(template: str) -> Callable[[Callable[..., Any]], Callable[..., An
 
 
 def _asking(formula: Callable[..., Any]) -> Callable[..., Any]:
-    """The formula, which leaves symbols to `Symbol.apply`."""
+    """Extend the formula to symbols, by `Symbol.apply`."""
 
     @wraps(formula)
     def function(*arguments: Any) -> Any:
@@ -331,5 +331,5 @@ def clip(x: Any, low: Any, high: Any) -> Any:
 
 @_primitive("({1} if {0} < {1} else {0})")
 def at_least(x: Any, low: float) -> Any:
-    """The larger of x and low; NaN stays NaN."""
+    """Return the larger of x and low; NaN stays NaN."""
     return np.maximum(x, low)

@@ -121,7 +121,7 @@ class VectorWriter:
             self.builder.store(self.operand(code), self.row(array, first), align=8)
 
     def rules(self) -> dict[str, Any]:
-        """What each template of a record becomes."""
+        """Return the function that writes each template of a record."""
         builder, less = self.builder, self.less
         return {
             "{0} + {1}": builder.fadd,
@@ -151,14 +151,14 @@ class VectorWriter:
         )
 
     def spread(self, value: Any) -> Any:
-        """A number in every lane."""
+        """Copy a number into every lane."""
         short, undefined = ir.IntType(32), ir.Constant(self.kind, ir.Undefined)
         first = self.builder.insert_element(undefined, value, ir.Constant(short, 0))
         places = ir.Constant(ir.VectorType(short, self.lanes), [0] * self.lanes)
         return self.builder.shuffle_vector(first, undefined, places)
 
     def operand(self, code: Any) -> Any:
-        """An earlier result, or a literal."""
+        """Return an earlier result, or a literal in every lane."""
         return self.kept[code] if isinstance(code, int) else ir.Constant(self.kind, [float(code)] * self.lanes)
 
     def library(self, name: str, *values: Any) -> Any:
@@ -170,7 +170,7 @@ class VectorWriter:
         return self.builder.call(declared, values)
 
     def less(self, a: Any, b: Any, then: Any, otherwise: Any) -> Any:
-        """A choice by a < b."""
+        """Choose by a < b in each lane."""
         return self.builder.select(self.builder.fcmp_ordered("<", a, b), then, otherwise)
 
     def quarter_turns(self, k: Any, sine: Any, cosine: Any) -> list[Any]:

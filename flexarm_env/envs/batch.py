@@ -1,6 +1,6 @@
-"""`BatchSimulator`: N environments side by side, their episodes begun and stepped by compiled kernels.
+"""`BatchSimulator`: N environments whose episodes are reset and stepped by compiled kernels.
 
-Single and vector environments both stand on it: one arm is a batch of one, bitwise identical.
+Single and vector environments both use it: a single environment is a batch of one, bitwise identical.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from flexarm_env.codegen import assembly
 from flexarm_env.codegen.declarations import Program
 from flexarm_env.codegen.intrinsics import TILE
+from flexarm_env.envs.bounds import check_moving_start
 from flexarm_env.envs.choices import STARTS
 from flexarm_env.envs.kernel_inputs import (
     NAN,
@@ -24,7 +25,7 @@ from flexarm_env.envs.kernel_inputs import (
     path_tables,
     tail_rows,
 )
-from flexarm_env.envs.observation import check_moving_start, common_layout
+from flexarm_env.envs.observation import common_layout
 from flexarm_env.envs.per_env import refuse_unlike
 from flexarm_env.envs.settings import Settings
 from flexarm_env.episode import draws
@@ -36,10 +37,10 @@ from flexarm_env.parameters import DIRECTIONS
 from flexarm_env.simulation.lanes import ALL_READINGS, LaneBatch, Lanes
 
 Array = NDArray[np.float64]
-# Time that a block takes for a step, by its lanes, relative; `Square-v0` with two modes (`make bench`, batches).
-# Three of the largest make 1024; its rows' distance is no power of two, at which they push each other out of a cache.
+# Relative time of a block's step, by its number of lanes; `Square-v0` with two modes (`make bench`, batches).
+# Three of the largest hold 1024 lanes; with a power of two, rows would evict each other from the processor's caches.
 COSTS = {8: 1.0, 32: 2.9, 128: 10.8, 344: 27.5}
-assert all(lanes % TILE == 0 for lanes in COSTS)  # so observations are written
+assert all(lanes % TILE == 0 for lanes in COSTS)  # `write_observations` works by tiles
 REASONS: dict[float, str | None] = {
     -2.0: "deflection",
     -3.0: "error",
@@ -50,36 +51,34 @@ class BatchSimulator(LaneBatch):
     """N environments with the same settings, or with some of their own (`per_env`).
 
     Attributes:
-        settings: of environment 0; of all where they have none of their own.
-        each: of each environment.
+        settings: settings of environment 0; those of all environments without `per_env`.
+        each: settings of each environment.
         layout: of the observations.
-        failures: why an episode ended, by its status; 0 is that of a valid state.
-        everyone: the mask of all environments; read-only. Shape (N,).
-        usual_requests: for new episodes, as the settings say; read-only. Shape (N, columns).
-        observations: present ones; the kernels write into it. Shape (lanes, k), float32.
-        results: what is known since the latest `start` or `step` (not `single_step`), in an array of its own; `parts`
-            says what lies where. Shape (N, k).
-        single_step: for one environment without others, as all that follows: a control period; False if it refused an
-            action that is not finite.
-        single_action: of the first environment: a `memoryview`, which takes float32 arrays of its shape only.
-        single_observation: of the first environment: a view.
-        single_result: the same, of what `results` would hold of it, at any instant.
-        single_end: a part of that: reward and status.
+        failures: reason for the end of an episode, by its status; status 0 is that of a valid state.
+        everyone: mask of all environments; read-only. Shape (N,).
+        usual_requests: requests for new episodes by the settings alone; read-only. Shape (N, columns).
+        observations: present observations; the kernels write into this array. Shape (lanes, k), float32.
+        results: results of the latest `start` or `step` (not `single_step`), a new array each time. Shape (N, k).
+        single_step: advances a batch of one by a control period; returns False if the action is not finite.
+        single_action: action of the first environment: a `memoryview`, which takes float32 arrays of its shape only.
+        single_observation: observation of the first environment: a view.
+        single_result: present results of the first environment: a view.
+        single_end: reward and status, a part of `single_result`: a `memoryview`.
     """
 
     results: Array
     single_step: Callable[[], bool]
 
     def __init__(self, settings: Settings | Sequence[Settings], count: int, threads: int = 1) -> None:
-        """Lay out the batch; kernels are compiled, or found in the cache, at the first start.
+        """Lay out the memory; kernels are compiled, or loaded from the cache, at the first start.
 
         Args:
-            settings: of all environments, or of each.
-            count: how many.
+            settings: settings of all environments, or a sequence with those of each.
+            count: number of environments.
             threads: see `LaneBatch`.
 
         Raises:
-            ValueError: for settings that differ in what a batch shares.
+            ValueError: if settings differ in what all environments of a batch share.
         """
         self.each = [settings] * count if isinstance(settings, Settings) else list(settings)
         self.settings = settings = self.each[0]
@@ -102,7 +101,7 @@ class BatchSimulator(LaneBatch):
         self.everyone.setflags(write=False)
 
     def _lanes(self, variant: Variant, kinds: Sequence[Settings], kind_of: NDArray[np.int64]) -> Lanes:
-        """What the environments' lanes are made of, and the arrays that only environments have."""
+        """Describe the environments' lanes, with the arrays that only environments have."""
         settings, count = self.settings, len(kind_of)
         width = -(-count // variant.lanes) * variant.lanes
         owns = np.array([lane_numbers(one, settings.program) for one in kinds])
@@ -124,12 +123,13 @@ class BatchSimulator(LaneBatch):
         return Lanes(variant, count, slots, header, table, path_tables(settings, width), tail_rows(kinds), arrays)
 
     def _link(self) -> None:
-        """Views of the hot path."""
+        """Make the views of the memory."""
         super()._link()
         self._keys, self._reset_requests = self._view("KEYS"), self._view("RESET_REQUESTS")
         self.actions, self.observations = self._view("ACTIONS"), self._view("OBSERVATIONS")
         self.single_result = self._arenas[0, self._results, 0]
-        self.single_end = self.single_result[self.parts["REWARD"].start : self.parts["STATUS"].stop]
+        end = self.single_result[self.parts["REWARD"].start : self.parts["STATUS"].stop]
+        self.single_end = memoryview(end)  # type: ignore[arg-type]
         self.single_action, self.single_observation = memoryview(self.actions[0]), self.observations[0]
 
     def _use(self, kernel: Callable[..., Any]) -> None:
@@ -142,29 +142,29 @@ class BatchSimulator(LaneBatch):
         """Begin episodes.
 
         Args:
-            keys: of the episodes that begin. Shape (n,).
-            which: environments that begin one; the others stay as they are. Shape (n,).
-            reset_requests: see `entries.Column`; rows of the others are not read. Shape (N, columns).
+            keys: keys of the episodes that begin. Shape (n,).
+            which: indices of the environments that begin one; the others do not change. Shape (n,).
+            reset_requests: see `entries.Column`; only the rows `which` are read. Shape (N, columns).
         """
         self.request_resets(keys, which, reset_requests)
         if not self._ready:
-            self._starts[self.count :] = True  # what all lanes of a block share is worked out together
+            self._starts[self.count :] = True  # lanes without an environment run, too, and need a valid state
             self.actions[self.count :] = self.settings.mode.idle
         self.results = self._run_starts()
 
     def request_resets(self, keys: NDArray[np.uint64], which: NDArray[np.int64], reset_requests: Array) -> None:
-        """Have the next step begin episodes at its end; see `start`."""
+        """Request that the next step begins episodes at its end; see `start`."""
         self._starts[which] = True
         self._keys[which] = keys
         usual = reset_requests is self.usual_requests
-        if not (usual and self._usual):  # until others come, the usual ones lie there
+        if not (usual and self._usual):  # the memory holds the usual requests until others are written
             self._usual = False
             self._reset_requests[which] = reset_requests[which]
         if not usual and np.isfinite(reset_requests[which, column.DRAWN + drawn.DELAY]).any():
             self._header[word.READINGS] = ALL_READINGS
 
     def step(self) -> None:
-        """One control period with `actions`, unless the header says that none drives; see `results`."""
+        """Advance all environments by one control period with `actions`, and begin the requested episodes."""
         self.results = self._run()
 
     def _run(self) -> Array:
@@ -182,31 +182,31 @@ class BatchSimulator(LaneBatch):
         return (self._memory,) if self.count == 1 else super()._arguments()
 
     def result(self, index: int) -> Array:
-        """What is known of one environment at the present instant, in a new array. Shape (k,)."""
+        """Return one environment's present results (columns: `parts`) in a new array. Shape (k,)."""
         block, lane = divmod(index, self._arenas.shape[2])
         return self._arenas[block, self._results, lane].copy()
 
     def beginnings(self) -> Array:
-        """What describes the present episodes (`layout.beginning_sizes`), in a new array. Shape (N, k)."""
+        """Return what describes the present episodes (`layout.beginning_sizes`) in a new array. Shape (N, k)."""
         return self._get("EPISODE", sum(beginning_sizes(self._rows).values()))
 
     def path_names(self) -> NDArray[np.str_]:
-        """Names of the paths that the environments follow. Shape (N,)."""
+        """Return the names of the paths that the environments follow. Shape (N,)."""
         names = np.array(self.settings.reference)
         return names[self._chosen_paths() % len(names)]
 
     def directions(self) -> NDArray[np.str_]:
-        """Directions of their laps. Shape (N,)."""
+        """Return the directions of the environments' laps. Shape (N,)."""
         if not self.settings.paths:
             return np.array([one.direction for one in self.each])
         return np.array(DIRECTIONS)[self._chosen_paths() // len(self.settings.reference)]
 
     def _chosen_paths(self) -> NDArray[np.int64]:
-        """Which of the paths the environments follow. Shape (N,)."""
+        """Return the index of the path that each environment follows. Shape (N,)."""
         return self._clocks[:, clock_row.PATH].reshape(-1)[: self.count]
 
     def path(self, index: int) -> Array:
-        """Way-points of the path that an environment follows [m]. Shape (n, 2)."""
+        """Return the way-points of the path that an environment follows [m]. Shape (n, 2)."""
         block, lane = divmod(index, self._arenas.shape[2])
         return np.asarray(self._paths[self._clocks[block, clock_row.PATH, lane], :, 1:3])
 
@@ -216,7 +216,7 @@ class BatchSimulator(LaneBatch):
 
 
 def _variant(settings: Settings, program: Program, lanes: int, disturbed: bool) -> Variant:
-    """The kernels that these settings need."""
+    """Return the variant of the kernels that these settings need."""
     arm = settings.flexible_arm
     return Variant(
         program,
@@ -234,15 +234,15 @@ def _variant(settings: Settings, program: Program, lanes: int, disturbed: bool) 
 
 
 def _usual_requests(settings: Settings, count: int, lanes: int) -> Array:
-    """Orders of episodes that begin as the settings say. Shape (lanes, columns)."""
+    """Return requests for episodes by the settings alone. Shape (lanes, columns)."""
     usual = np.full((lanes, column.STATE + 2 * settings.flexible_arm.size), NAN)
     usual[:, column.START] = START_CODES[settings.start]
-    usual[count:, column.START] = START_CODES["corner"]  # lanes of no environment rest
+    usual[count:, column.START] = START_CODES["corner"]  # lanes without an environment stay at rest
     return usual
 
 
 def block_lanes(count: int, threads: int) -> int:
-    """Lanes with which the blocks of a batch are stepped soonest: well filled, and enough of them for the threads."""
+    """Return the number of lanes of a block with which a batch is stepped fastest, by `COSTS`."""
     if count == 1:
         return 1
 

@@ -1,4 +1,4 @@
-"""What the environments' options may be: starts, frames, and the defaults that take more than a word."""
+"""Values of the environments' options: starts, frames, and the longer defaults."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ from flexarm_env.episode.draws import SHARE_AT_REST
 
 Start = Literal["corner", "corners", "moving", "mix"]
 Frame = Literal["link", "world"]
-EITHER = "either"  # of two: drawn for each episode
-PHYSICS_STEP = 1e-3  # [s], of the explicit integrator
+EITHER = "either"  # drawn for each episode
+PHYSICS_STEP = 1e-3  # longest step of the explicit integrator [s]
 STARTS = {
     "corner": "at rest at the start of the lap",
     "corners": "at rest at a quarter of the lap, drawn",
     "moving": "anywhere, drawn to the control period, with the reference's velocity and off it by up to `start_spread`",
     "mix": f'"corners" in {100.0 * SHARE_AT_REST:g} % of the episodes, else "moving"',
 }
-MOVE_POINTS = 800  # sides of the polyline that stands for a move there and back
+MOVE_POINTS = 800  # sides of the polyline that approximates a move there and back
 MOVE_RING = (0.35, 0.95)  # of the reach: where the ends of drawn moves lie
 SECOND_SENSOR_BLOCKS = ("second_sensed_position", "second_sensor_error")
 DEFAULT_WEIGHTS = {"tracking_wide": 0.6, "tracking_middle": 0.15, "tracking_fine": 0.1, "action_change": 0.15}

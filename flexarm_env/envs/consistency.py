@@ -1,4 +1,7 @@
-"""Which options of an environment go together; an option without effect is an error, not ignored."""
+"""Checks of an environment's options: each value, and which options go together.
+
+An option without effect is an error; it is never ignored.
+"""
 
 from __future__ import annotations
 
@@ -55,14 +58,14 @@ _EFFECT: dict[str, tuple[Callable[[Any], bool], str]] = {
 
 
 def refuse_options_without_effect(settings: Any, declared: Mapping[str, tuple[Any, tuple[str, ...]]]) -> None:
-    """An option that nothing reads must be left at its default.
+    """Refuse options that have no effect and differ from their default.
 
     Args:
         settings: `Settings`.
         declared: default of each option, and the action modes that read it.
 
     Raises:
-        ValueError: naming the option, its value, and what it would need.
+        ValueError: naming the option, its value, and what would give it an effect.
     """
     for name, (default, modes) in declared.items():
         value = getattr(settings, name)
@@ -127,7 +130,7 @@ def _refuse_contradictions(settings: Any) -> None:
 
 
 def refuse_off_link(name: str, position: float, link: int, arm: ArmParameters) -> None:
-    """A sensor must be on its link.
+    """Refuse a sensor's position beyond the end of its link.
 
     Raises:
         ValueError: naming the option.
@@ -141,30 +144,30 @@ def refuse_off_link(name: str, position: float, link: int, arm: ArmParameters) -
 
 FEWEST_PERIODS = 40  # of a lap of moves: ten for each
 SHORTEST_HOLD = 1e-6  # [s]
-MOST_TICKS = 20_000  # of a sensor's clock that are searched for the newest reading
+MOST_TICKS = 20_000  # most ticks of a sensor's clock that are searched for the newest reading
 # Learners keep returns and their squares in float32, up to 3.4e38: six such terms over 100 000 steps remain below it.
 LARGEST_WEIGHT = 1e12
 
 
 def checked_arm(name: str, value: Any) -> Any:
-    """The arm as it was given; see `arm_parameters` for the errors."""
+    """Check the option `arm` and return it as it was given; see `arm_parameters` for the errors."""
     arm_parameters(value)
     return dict(value) if isinstance(value, Mapping) else value
 
 
 def checked_hold(name: str, value: Any) -> float:
-    """Period of the sensor's clock [s]: none, or one that can be divided by."""
+    """Check the period of the sensor's clock [s]: 0, or at least `SHORTEST_HOLD`, since it is a divisor."""
     hold = number(name, value, "s", most=MAX_DELAY)
     return number(name, value, "s", least=SHORTEST_HOLD, most=MAX_DELAY) if hold else hold
 
 
 def checked_previews(name: str, value: Any) -> tuple[float, ...]:
-    """Horizons [s]."""
+    """Check the horizons of the previews [s]."""
     return tuple(number(f"{name}[{n}]", x, "s", least=1e-6, most=1e5) for n, x in enumerate(listed(name, value)))
 
 
 def checked_paths(name: str, value: Any) -> tuple[str, ...]:
-    """Names of the paths.
+    """Check the names of the paths.
 
     Raises:
         TypeError, ValueError: for unknown names, or "moves" beside others.
@@ -175,12 +178,12 @@ def checked_paths(name: str, value: Any) -> tuple[str, ...]:
 
 
 def checked_waypoints(name: str, value: Any) -> tuple[tuple[float, float], ...]:
-    """Corners of the user's path [m]."""
+    """Check the corners of the user's path [m]."""
     return tuple((x, y) for x, y in finite_array(name, value, (None, 2), most=FARTHEST).tolist())
 
 
 def checked_weights(label: str, reward_weights: Any) -> dict[str, float]:
-    """Weights of the reward's terms.
+    """Check the weights of the reward's terms.
 
     Raises:
         TypeError, ValueError: for an unknown term or a bad weight.

@@ -1,8 +1,8 @@
 """The environments' documentation in Markdown, made from the declarations that the code itself reads.
 
-Pure functions. Tables come from `settings`, `observation`, `reward`, `reset_options`, `info` and
-`registration`; what concerns all environments alike is told here once, for `FlexArmEnv`'s docstring and for the pages
-under docs/environments (scripts/docs/environments.py).
+All functions are pure. The tables come from `options`, `observation`, `reward`, `reset_options`, `info` and
+`registration`. The texts that hold for all environments are here, for `FlexArmEnv`'s docstring and for the pages under
+docs/environments (scripts/docs/environments.py).
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from flexarm_env.episode.reward import TERMS
 from flexarm_env.parameters import ArmParameters
 from flexarm_env.physics.inverse_kinematics import STRAIGHT
 
-# Told once for all environments.
+# Texts that hold for all environments.
 ACTION = """\
 An action is an array of float32 in [-1, 1], held for one control period (from `actuation_delay` after it is given; an
 inner law itself acts without delay). `flexarm_env.actions.physical_from_action` is the map below, with its inverse.
@@ -98,10 +98,10 @@ environment seeded with s + i, to the last bit."""
 
 
 def specification(introduction: str) -> str:
-    """`FlexArmEnv`'s docstring; nothing is computed for it.
+    """Write `FlexArmEnv`'s docstring from the declarations; it computes no physics, so that imports stay fast.
 
     Args:
-        introduction: text of the class.
+        introduction: the text that precedes the sections.
     """
     first, _, rest = inspect.cleandoc(introduction).partition("\n")
     sections = {
@@ -125,7 +125,7 @@ def specification(introduction: str) -> str:
 
 
 def action_table(settings: Settings | None = None) -> str:
-    """What an action stands for: in every action mode, or where settings are given in theirs, with numbers."""
+    """Tabulate what an action means: in each action mode, or with numbers in that of `settings`."""
     if settings is None:
         header = ("`action_mode`", "an action is", "of", "quantity", "action", "unit")
         modes = MODES.items()
@@ -147,7 +147,7 @@ def _only_in(modes: Sequence[str]) -> str:
 
 
 def block_table(settings: Settings | None = None) -> str:
-    """Blocks of an observation: all that exist, or where settings are given theirs, with places and numbers."""
+    """Tabulate the blocks of observations: all blocks, or with places and numbers those of `settings`."""
     if settings is None:
         rows = [
             (f"`{name}`", block.count, block.what + _only_in(block.modes), block.unit) for name, block in BLOCKS.items()
@@ -170,7 +170,7 @@ def block_table(settings: Settings | None = None) -> str:
 
 
 def reward_table(settings: Settings | None = None) -> str:
-    """Terms of the reward: all with their default weights, or where settings are given those that count there."""
+    """Tabulate the terms of the reward: all with their default weights, or those with a weight in `settings`."""
     weights = DEFAULT_WEIGHTS if settings is None else settings.reward_weights
     named = [(name, weights.get(name, 0.0), text) for name, text in TERMS.items()]
     rows = [(f"`{name}`", figure(weight), text) for name, weight, text in named if weight > 0.0 or settings is None]
@@ -178,12 +178,12 @@ def reward_table(settings: Settings | None = None) -> str:
 
 
 def start_table() -> str:
-    """How episodes start."""
+    """Tabulate how episodes start."""
     return table(("`start`", "the arm"), [(f'`"{name}"`', text) for name, text in STARTS.items()])
 
 
 def end_table(settings: Settings | None = None) -> str:
-    """Why episodes terminate; with the limits of the settings where they are given."""
+    """Tabulate why episodes terminate, with the limits of `settings` if they are given."""
     texts = dict(ENDS)
     if settings is not None:
         for name, limit in (("error", settings.error_limit), ("deflection", settings.deflection_limit)):
@@ -195,23 +195,23 @@ def end_table(settings: Settings | None = None) -> str:
 
 
 def info_table(settings: Settings | None = None) -> str:
-    """Keys of an info: all, or where settings are given those that it has there."""
+    """Tabulate the keys of infos: all, or those that infos have with `settings`."""
     names = tuple(KEYS) if settings is None else info_keys(settings)
     rows = [(f"`{name}`", KEYS[name].what, KEYS[name].unit, "" if settings else KEYS[name].where) for name in names]
     return table(("key", "what", "unit", "only where"), rows)
 
 
 def episode_table() -> str:
-    """Fields of an episode's description."""
+    """Tabulate the fields of `Episode`."""
     return parameter_table(inspect.getdoc(Episode) or "", "Attributes", "field")
 
 
 def argument_table(settings: Settings | None = None, options: Mapping[str, Any] | None = None) -> str:
-    """Arguments of `make`: all, or where settings are given those that have an effect there.
+    """Tabulate the arguments of `make`: all, or those that have an effect with `settings`.
 
     Args:
-        settings: of an id.
-        options: what the id gives; the others have the class's defaults.
+        settings: settings of an id.
+        options: options of the id; for the others the class's defaults are shown.
     """
     rows = []
     for one in fields(Settings):
@@ -225,7 +225,7 @@ def argument_table(settings: Settings | None = None, options: Mapping[str, Any] 
 
 
 def arm_table() -> str:
-    """Parameters of the arm: what `arm` takes as a mapping."""
+    """Tabulate the parameters of the arm, which `arm` takes as a mapping."""
     rows = []
     for one in fields(ArmParameters):
         allowed = one.metadata["allowed"]
@@ -234,12 +234,18 @@ def arm_table() -> str:
 
 
 def option_table() -> str:
-    """Keys of `reset(options=...)`."""
+    """Tabulate the keys of `reset(options=...)`."""
     return table(("option", "what"), [(f"`{name}`", text) for name, text in OPTIONS.items()])
 
 
 def parameter_table(docstring: str, section: str = "Args", kind: str = "argument") -> str:
-    """Arguments, or the names of another kind that a section of a docstring (Google's style) describes."""
+    """Tabulate the arguments, or another section, of a docstring in Google's style.
+
+    Args:
+        docstring: the docstring, without indentation.
+        section: title of the section.
+        kind: header of the column of names.
+    """
     text = docstring.partition(f"{section}:\n")[2]
     indent = re.match(r" *", text)
     assert indent is not None
@@ -252,7 +258,7 @@ def parameter_table(docstring: str, section: str = "Args", kind: str = "argument
 
 
 def table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """A table; columns that are empty throughout are left out."""
+    """Write a table; columns without any text are left out."""
     body = [list(row) for row in rows]
     kept = [n for n in range(len(header)) if any(row[n] for row in body)]
     lines = [[header[n] for n in kept], ["---"] * len(kept)] + [[row[n] for n in kept] for row in body]
@@ -260,14 +266,14 @@ def table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 
 def figure(value: float) -> str:
-    """A number with at most four significant digits; "none" if there is no limit."""
+    """Write a number with at most four significant digits; infinity is "none", no limit."""
     if np.isinf(value):
         return "none"
     return np.format_float_positional(value, precision=4, fractional=False, trim="-")
 
 
 def figures(values: Iterable[float]) -> str:
-    """Numbers as `figure` writes them; one if they are all alike."""
+    """Write numbers as `figure` does; one number if all are equal."""
     texts = [figure(value) for value in values]
     return texts[0] if len(set(texts)) == 1 else ", ".join(texts)
 

@@ -1,7 +1,7 @@
-"""What environments report beside observations: named parts of a batch's results.
+"""Infos of the environments: named parts of a batch's results.
 
-Truth that no sensor knows is here, never in an observation. An info is flat, and has the same keys after a reset and
-after a step; each value is a number or an array of float64. What describes an episode as a whole is `Episode`.
+True values that no sensor measures are in infos, never in observations. An info is flat, and has the same keys after a
+reset and after a step; each value is a number or an array of float64. `Episode` describes an episode as a whole.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ Flags = NDArray[np.bool_]
 
 
 class Key(NamedTuple):
-    """What a key of an info holds.
+    """Description of a key of infos.
 
     Attributes:
-        what: description.
-        unit: of its numbers.
-        where: which environments have it; "" for all.
+        what: meaning of the value.
+        unit: unit of its numbers.
+        where: environments that have it; "" for all.
     """
 
     what: str
@@ -37,7 +37,7 @@ class Key(NamedTuple):
     where: str = ""
 
 
-TERM = "reward_"  # and the name of a term of the reward
+TERM = "reward_"  # prefix of the key of a term of the reward
 KEYS = {
     "torque": Key("of shoulder and elbow at the start of the period that ended; 0 after a reset; shape (2,)", "N m"),
     "true_tip": Key("position of the tip, with deflection; shape (2,)", "m"),
@@ -73,7 +73,7 @@ KEYS = {
     ),
     "second_sensed": Key("latest reading of the second sensor; shape (2,)", "m", "`second_sensor_link` is set"),
 }
-# Parts of the results with several numbers, and how many; None: all.
+# Keys with several numbers: part of the results, and how many of its numbers; None: all.
 _VECTORS = {
     "torque": ("TORQUE", 2),
     "true_tip": ("TRUE_TIP", 2),
@@ -83,7 +83,7 @@ _VECTORS = {
     "state": ("STATE", None),
     "second_sensed": ("SECOND_SENSED", 2),
 }
-# Those with one.
+# Keys with one number.
 _NUMBERS = {
     "time": "TIME",
     "tip_error": "TIP_ERROR",
@@ -96,7 +96,7 @@ GOES_ON = np.float64(END_CODES[NOT_TERMINATED])
 
 
 def info_keys(settings: Settings) -> tuple[str, ...]:
-    """Keys of an environment's infos, in their order."""
+    """Return the keys of an environment's infos, in their order."""
     left_out = {TERM + name for name in TERMS if not settings.reward_weights.get(name, 0.0) > 0.0}
     if settings.mode.law != "tip":
         left_out.add("gain")
@@ -108,10 +108,9 @@ def info_keys(settings: Settings) -> tuple[str, ...]:
 
 
 class Episode(NamedTuple):
-    """What describes an episode as a whole.
+    """Description of an episode as a whole.
 
-    Of a single environment: numbers and names; of a batch: an array of them for each field and each quantity, of
-    shape (N,).
+    For a single environment the values are numbers and names, for a batch arrays of shape (N,).
 
     Attributes:
         parameters: by name `delay` [s], `payload_mass` [kg], `stiffness` [1], `damping` [1], `noise` [m],
@@ -129,14 +128,14 @@ class Episode(NamedTuple):
     direction: Any
 
     def one(self, index: int) -> Episode:
-        """The episode of one environment of a batch."""
+        """Return the episode of one environment of a batch."""
         parameters, *others = self
         drawn = {name: values[index].item() for name, values in parameters.items()}
         return Episode(drawn, *(each[index].item() for each in others))
 
 
 def episodes(simulator: BatchSimulator) -> Episode:
-    """The present episodes of a batch."""
+    """Describe the present episodes of a batch."""
     numbers = simulator.beginnings()
     return Episode(
         parameters={name: numbers[:, n].copy() for n, name in enumerate(DRAWN)},
@@ -147,34 +146,41 @@ def episodes(simulator: BatchSimulator) -> Episode:
     )
 
 
-def _literal(keys: Sequence[str], places: Mapping[str, Any]) -> Callable[[Array], dict[str, Any]]:
-    """A function that makes an info from results: `lambda known, time=3: {"time": known[time]}`.
+def _reader(keys: Sequence[str], places: Mapping[str, Any], results: Array) -> Callable[[], dict[str, Any]]:
+    """Generate a function that makes an info: `known = copy(); return {"time": known[time]}`.
 
-    Its text is written here because the keys depend on the options, and a loop over them would slow each step down.
+    The function is generated from text because the keys depend on the options, and a loop would slow each step down.
+    Its names are defaults of its arguments, which are found faster than attributes. It copies the results once; the
+    arrays of an info are views of that copy.
 
     Args:
-        keys: of the info, in their order; those without a place, `end_code`, are `GOES_ON`.
-        places: of the others in the results.
+        keys: keys of the info, in their order; the value of a key without a place, `end_code`, is `GOES_ON`.
+        places: indices or slices of the other keys' values in the results.
+        results: results of one environment, which each step overwrites. Shape (k,).
     """
     items = ", ".join(f"{name!r}: {f'known[{name}]' if name in places else 'GOES_ON'}" for name in keys)
-    bound = ", ".join(f"{name}=places[{name!r}]" for name in places)
-    names = {"places": places, "GOES_ON": GOES_ON}
-    made: Callable[[Array], dict[str, Any]] = eval(f"lambda known, {bound}, GOES_ON=GOES_ON: {{{items}}}", names)
-    return made
+    defaults = ", ".join(f"{name}={name}" for name in (*places, "GOES_ON", "copy"))
+    names = {**places, "GOES_ON": GOES_ON, "copy": results.copy}
+    exec(f"def read({defaults}):\n known = copy()\n return {{{items}}}", names)
+    read: Callable[[], dict[str, Any]] = names["read"]
+    return read
 
 
 class InfoMaker:
-    """Turns results into infos, of one environment or of a batch."""
+    """Makes infos from the results of one environment or of a batch.
+
+    Attributes:
+        read: makes a single environment's info, with the `end_code` of an episode that goes on.
+        codes: `end_code` of each status.
+    """
 
     def __init__(self, simulator: BatchSimulator) -> None:
-        """Note where everything lies.
+        """Find the places of all keys in the results.
 
         Args:
             simulator: the environments.
         """
         self._simulator = simulator
-        # The views stay the same as long as the simulator lives; copies have an `InfoMaker` of their own.
-        self._copy_result, self._list_end = simulator.single_result.copy, simulator.single_end.tolist
         parts, keys = simulator.parts, info_keys(simulator.settings)
         slices: dict[str, slice] = {}
         for name, (part, count) in _VECTORS.items():
@@ -186,34 +192,20 @@ class InfoMaker:
         places |= {TERM + name: parts["REWARD_TERMS"].start + n for n, name in enumerate(TERMS)}
         known = slices | places
         self._items = tuple((name, f"_{name}", known[name]) for name in keys if name in known)
-        self._named = _literal(keys, {name: place for name, _, place in self._items})
-        self._codes = {
+        # A simulator's views never change; a copy of the simulator gets its own `InfoMaker`.
+        self.read = _reader(keys, {name: place for name, _, place in self._items}, simulator.single_result)
+        self.codes = {
             status: np.float64(END_CODES[reason or NOT_TERMINATED]) for status, reason in simulator.failures.items()
         }
 
     def __reduce__(self) -> tuple[type[InfoMaker], tuple[BatchSimulator]]:
-        """Copies and pickles are made anew from their simulator: a function made from a text cannot be pickled."""
+        """Make copies and pickles anew from their simulator, since a generated function cannot be pickled."""
         return InfoMaker, (self._simulator,)
 
-    def after_reset(self) -> dict[str, Any]:
-        """The info of the only environment at the beginning of an episode, whose state ends nothing yet."""
-        info, _, _ = self.after_step()
-        info["end_code"] = GOES_ON
-        return info
-
-    def after_step(self) -> tuple[dict[str, Any], float, bool]:
-        """The info of the only environment, its reward, and whether its episode terminated."""
-        info = self._named(self._copy_result())
-        reward, status = self._list_end()
-        if status == 0.0:
-            return info, reward, False
-        info["end_code"] = self._codes[status]
-        return info, reward, True
-
     def batch(self) -> dict[str, Any]:
-        """The infos of a batch in Gymnasium's form: arrays, and for each a mask of the environments that have it.
+        """Make the infos of a batch in Gymnasium's form: for each key an array and a mask of the environments with it.
 
-        All have each key, and the keys share a mask, which therefore cannot be written to. No episode has ended.
+        All environments have each key; the keys share one mask, which is therefore read-only. `end_code` is 0.
         """
         known, everyone = self._simulator.results, self._simulator.everyone
         infos: dict[str, Any] = {"end_code": np.zeros(len(known)), "_end_code": everyone}
@@ -221,17 +213,13 @@ class InfoMaker:
             infos[name], infos[flag] = known[:, place], everyone
         return infos
 
-    def end_codes(self, statuses: Array) -> list[np.float64]:
-        """Codes of some statuses."""
-        return [self._codes[status] for status in statuses.tolist()]
-
 
 def masked(infos: Mapping[str, Any], mask: Flags) -> dict[str, Any]:
-    """Infos of a batch for some environments only: the others have zeros.
+    """Restrict the infos of a batch to some environments; the others have zeros.
 
     Args:
-        infos: of all.
-        mask: who keeps them. Shape (N,).
+        infos: infos of all environments.
+        mask: environments that keep their infos. Shape (N,).
     """
     flag = mask.copy()
     flag.setflags(write=False)

@@ -1,4 +1,4 @@
-"""The inputs of the kernels of a batch: whole numbers, settings, paths, and the rows that no episode changes."""
+"""Inputs of the kernels of a batch: header, settings, paths, and the rows of the arena that no episode changes."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ from flexarm_env.simulation.limits import state_limits
 
 Array = NDArray[np.float64]
 NAN = float("nan")
-# In the tables `LANE_SETTINGS` and `RESET_REQUESTS`.
+# Codes in the tables `LANE_SETTINGS` and `RESET_REQUESTS`.
 BRANCH_CODES = {"positive": 1.0, "negative": -1.0, EITHER: 0.0}
 DIRECTION_CODES = {name: float(n) for n, name in enumerate(DIRECTIONS)} | {EITHER: -1.0}
 
 
 def kept_readings(kinds: Sequence[Settings]) -> int:
-    """Integration steps of a control period after which a reading is kept for one of the lanes (`_readings_of`)."""
+    """Return, as bits, the integration steps after which a reading is kept for any of the lanes (`_readings_of`)."""
     bits = 0
     for settings in kinds:
         bits |= _readings_of(settings)
@@ -37,9 +37,9 @@ def kept_readings(kinds: Sequence[Settings]) -> int:
 
 
 def _readings_of(settings: Settings) -> int:
-    """Integration steps of a control period after which a reading is kept, as bits (bit 0: its end).
+    """Return, as bits, the integration steps of a control period after which a reading is kept (bit 0: its end).
 
-    Where each sample is equally late, it lies between the same two steps of a period; the others are not needed.
+    If the delay is constant, each sample lies between the same two steps of a period; other readings are not needed.
     """
     s = settings
     varies = s.jitter > 0.0 or s.hold > 0.0 or "delay" in s.randomisation or s.mode.law == "tip"
@@ -48,40 +48,40 @@ def _readings_of(settings: Settings) -> int:
     bits = 0
     for delay in (*s.sensor_delays, *([s.second_sensor_delay] if s.second_sensor else [])):
         back = delay / (s.control_period / s.substeps)
-        # a hair more on both sides: rounding may see a whole number of steps from either
+        # with a tolerance on both sides: a whole number of steps may be rounded up or down
         for steps in range(int(np.floor(back - 1e-6)), int(np.floor(back + 1e-6)) + 2):
             bits |= 1 << (-steps % s.substeps)
     return bits
 
 
 def path_tables(settings: Settings, lanes: int) -> Array:
-    """Paths of all lanes, or room for one each. Shape (paths, n, 5)."""
+    """Return the table of paths, or memory for one path for each lane. Shape (paths, n, 5)."""
     if settings.paths:
         return same_length(settings.paths)
     points = min(MOVE_POINTS, round(settings.lap_time / settings.control_period)) + 1
     room = np.zeros((lanes, points, 5))
-    room[..., 0] = np.arange(points)  # a path has a lap time before it is drawn, too
+    room[..., 0] = np.arange(points)  # kernels read the lap time before the first path is drawn
     return room
 
 
 def kept_actions(kinds: Sequence[Settings]) -> int:
-    """How many actions are kept for the lanes: as many as any of them needs."""
+    """Return the number of actions to keep for each lane: the largest that any lane needs."""
     return max(one.kept_actions for one in kinds)
 
 
 def header_and_settings(
     kinds: Sequence[Settings], program: Program, observed: ObservationLayout
 ) -> tuple[NDArray[np.int64], Array]:
-    """`header` and `settings` of the kernels; where arrays lie is left open.
+    """Make the header and the settings of the kernels; `lay_out` adds the places of the arrays.
 
     Args:
-        kinds: settings of the environments, each once.
-        program: of the kernels.
-        observed: the observations.
+        kinds: distinct settings of the environments.
+        program: program of the kernels.
+        observed: layout of the observations.
 
     Returns:
-        Whole numbers (`entries.Header`) and the rows of the observation; numbers (`entries.Setting`), horizons and
-        factors.
+        The header (`entries.Header`) with the rows of the observation; the settings (`entries.Setting`) with the
+        horizons and the factors of the observation.
     """
     settings = kinds[0]
     horizons = settings.previews if _previews(settings) else ()
@@ -92,7 +92,7 @@ def header_and_settings(
         "READINGS": kept_readings(kinds),
         **_whole_numbers(settings),
     }
-    header = np.zeros(word.PLACES + len(observed.rows), dtype=np.int64)  # `lay_out` fills in the others
+    header = np.zeros(word.PLACES + len(observed.rows), dtype=np.int64)
     for name, value in whole.items():
         header[getattr(word, name)] = value
     header[word.OBSERVED] = len(observed.rows)
@@ -101,19 +101,19 @@ def header_and_settings(
 
 
 def tail_rows(kinds: Sequence[Settings]) -> int:
-    """Rows of an arena's tail: previews, kept actions, and kept commands where they are not the actions."""
+    """Return the number of rows of the tail: previews, kept actions, and kept commands if they are not the actions."""
     settings = kinds[0]
     kept = kept_actions(kinds) * len(settings.action_limit)
     return 2 * len(settings.previews) + kept * (1 + settings.mode.accumulates)
 
 
 def _previews(settings: Settings) -> int:
-    """How many horizons are observed."""
+    """Return the number of horizons that are observed."""
     return len(settings.previews) if "previews" in settings.observation else 0
 
 
 def _whole_numbers(settings: Settings) -> dict[str, int]:
-    """What is to be done (`entries.Header`), by name."""
+    """Return words of the header (`entries.Header`), by name."""
     s = settings
     return {
         "SUBSTEPS": s.substeps,
@@ -126,7 +126,7 @@ def _whole_numbers(settings: Settings) -> dict[str, int]:
 
 
 def _numbers(settings: Settings, program: Program) -> Array:
-    """In the order of `entries.Setting`, without its last part."""
+    """Return the numbers of `entries.Setting`, without its last part."""
     s = settings
     arm = s.flexible_arm
     p = arm.parameters
@@ -151,7 +151,7 @@ def _numbers(settings: Settings, program: Program) -> Array:
 
 
 def lane_numbers(settings: Settings, program: Program) -> Array:
-    """What a lane has for itself, in the order of `entries.LaneSetting`."""
+    """Return the settings of a lane, in the order of `entries.LaneSetting`."""
     s = settings
     arm = s.flexible_arm
     values: dict[str, Any] = {
@@ -172,7 +172,7 @@ def _shape(settings: Settings, program: Program) -> Shape:
 
 
 def _drawn(settings: Settings) -> dict[str, list[float]]:
-    """Of each quantity that an episode may draw, the arm's own value and the bounds of its range."""
+    """Return, for each quantity that an episode may draw, the own value and the bounds of its range (NaN: none)."""
     base = {name: settings.own_value(name) for name in DRAWN}
     if not isinstance(settings.delay, float):
         base["delay"] = NAN  # each joint has its own, `SENSOR_DELAYS`
@@ -182,7 +182,7 @@ def _drawn(settings: Settings) -> dict[str, list[float]]:
 
 
 def _observed_rows(settings: Settings, program: Program, observed: ObservationLayout) -> NDArray[np.int64]:
-    """Rows of the observation; actions move up where there are no previews before them."""
+    """Return the rows of the observation; without the block of previews, the tail begins with the actions."""
     tail, _ = Row.layout(shape_of(settings, program))["TAIL"]
     if "previews" in settings.observation:
         return observed.rows
@@ -190,7 +190,7 @@ def _observed_rows(settings: Settings, program: Program, observed: ObservationLa
 
 
 def fixed_rows(settings: Settings) -> dict[str, Any]:
-    """Parts of the arena that no episode changes, by name (`layout`)."""
+    """Return the values of the rows that no episode changes, by name (`layout`)."""
     s = settings
     arm = s.flexible_arm
     length = arm.parameters.link_lengths[1]

@@ -1,6 +1,6 @@
-"""`per_env`: options that each environment of a batch may have for itself, their checks, and the settings that follow.
+"""`per_env`: options that may differ between the environments of a batch, their checks, and the resulting settings.
 
-What selects kernels, the shapes, the kinematics and the physics step are the batch's.
+Options that select kernels, shapes, kinematics or the physics step are the same in the whole batch.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ SHARED_BY_ARMS = ("link_lengths", "modes_per_link", "mode_shapes", "mode_scale",
 
 
 def settings_of_each(options: Mapping[str, Any], per_env: Any, count: int, owner: str) -> list[Settings]:
-    """Settings of the environments of a batch; those with the same options share an object.
+    """Make the settings of the environments of a batch; environments with equal options share an object.
 
     Args:
-        options: of all environments.
-        per_env: mapping of names among `OPTIONS` to a value for each environment; None: all are alike.
-        count: how many environments.
-        owner: name of the class that was given the options, for messages.
+        options: options of all environments.
+        per_env: mapping of names among `OPTIONS` to a value for each environment; None: all have the same options.
+        count: number of environments.
+        owner: name of the class that received the options, for messages.
 
     Raises:
         TypeError, ValueError: for a bad argument, naming the option, the environment, the value and what is allowed.
@@ -44,7 +44,7 @@ def settings_of_each(options: Mapping[str, Any], per_env: Any, count: int, owner
     for i in range(count):
         try:
             own = {name: allowed_of(Settings, name).check(name, values[i]) for name, values in columns.items()}
-            # checked values are plain, and an arm's parameters too: equal ones are written alike
+            # checked values and an arm's parameters are plain values: equal ones have the same representation
             key = repr([arm_parameters(value) if name == "arm" else value for name, value in own.items()])
             if key not in made:
                 made[key] = Settings.of({**options, **own}, owner)
@@ -94,7 +94,7 @@ def refuse_unlike(each: Sequence[Settings]) -> None:
 
 
 def _column(name: str, values: Any, options: Mapping[str, Any], count: int) -> list[Any]:
-    """The values of one option, one for each environment."""
+    """Return the values of one option, one for each environment."""
     if name not in OPTIONS:
         raise ValueError(f"per_env[{shown(name)}]: it is the batch's, or no option; there are {', '.join(OPTIONS)}")
     if name in options:

@@ -1,4 +1,4 @@
-"""What may be drawn anew for each episode, each quantity declared once: range, own value, what a reset may order.
+"""Quantities that may be drawn for each episode: allowed ranges, own values, and what a reset may request.
 
 `kernels.entries.Drawn` has their places, meanings and units.
 """
@@ -16,16 +16,16 @@ from flexarm_env.validation import mapping, pair, shown
 
 @dataclass(frozen=True, kw_only=True)
 class Quantity:
-    """A quantity of an episode.
+    """Declaration of a quantity of an episode.
 
     Attributes:
         note: unit or meaning, beside its name in the documentation.
         least: lowest end of a range.
         most: highest end of a range.
-        own: its value where it is neither drawn nor ordered, from `Settings`.
-        least_ordered: lowest value that a reset may order; None: the lower one of own value and range.
-        most_ordered: highest one; None: the higher one of own value and range, for which memory, integration step
-            and bounds are laid out.
+        own: function of `Settings` that returns its value if it is neither drawn nor requested.
+        least_ordered: lowest value that a reset may request; None: the lower one of own value and range.
+        most_ordered: highest value that a reset may request; None: the higher one of own value and range, for which
+            memory, integration step and bounds are laid out.
     """
 
     note: str
@@ -57,11 +57,11 @@ NAMED_QUANTITIES = ", ".join(f"`{name}` {quantity.note}" for name, quantity in Q
 
 
 def orderable(settings: Any, name: str) -> tuple[float, float]:
-    """Least and largest value of a quantity that a reset may order.
+    """Return the least and the largest value of a quantity that a reset may request.
 
     Args:
         settings: `Settings`.
-        name: of the quantity.
+        name: name of the quantity.
     """
     quantity, own = QUANTITIES[name], settings.own_value(name)
     if name == "actuation_delay" and settings.mode.shifts:  # whole periods only
@@ -72,7 +72,7 @@ def orderable(settings: Any, name: str) -> tuple[float, float]:
 
 
 def checked_ranges(label: str, randomisation: Any) -> dict[str, tuple[float, float]]:
-    """Ranges of the quantities that are drawn for each episode.
+    """Check the ranges of the quantities that are drawn for each episode.
 
     Raises:
         TypeError, ValueError: for an unknown quantity or a bad range.

@@ -13,19 +13,18 @@ from gymnasium.envs.registration import EnvSpec
 from flexarm_env.envs.choices import DEFAULT_OBSERVATION
 
 NAMESPACE = "FlexArm"
-# Control periods of an episode: a lap of 16 s at 100 Hz, or at the paper's 1 kHz; a move there and back of 8 s. A test
-# ties them to lap time and control period.
+# Control periods of an episode: a lap of 16 s at 100 Hz, or at the paper's 1 kHz. A test checks them.
 _LAP, _PAPER_LAP = 1600, 16_000
 
 
 class Id(NamedTuple):
-    """An environment's id.
+    """Declaration of an environment's id.
 
     Attributes:
-        steps: control periods after which an episode is truncated.
-        options: in which it differs from the defaults of `Settings`.
-        summary: in one line.
-        text: what it is for.
+        steps: number of control periods after which an episode is truncated.
+        options: options that differ from the defaults of `Settings`.
+        summary: description in one line.
+        text: description in a paragraph.
         history: versions, the newest first.
     """
 
@@ -125,12 +124,13 @@ IDS: dict[str, Id] = {
 def warn_of_short_limit(spec: EnvSpec | None, steps: int | None, lap_steps: int) -> None:
     """Warn if the time limit with which an id is registered is shorter than a lap.
 
-    The limit is a number of control periods: other options can make it a part of a lap. A user's own limit is meant.
+    The limit is a number of control periods, and other options can make a lap longer. A limit that differs from the
+    registered one is the user's choice and gives no warning.
 
     Args:
-        spec: of the environment.
-        steps: its time limit.
-        lap_steps: control periods in a lap.
+        spec: spec of the environment.
+        steps: its time limit [control periods].
+        lap_steps: number of control periods in a lap.
     """
     declared = IDS.get(spec.id.removeprefix(f"{NAMESPACE}/")) if spec is not None else None
     if spec is not None and declared is not None and steps == declared.steps < lap_steps:
@@ -141,7 +141,7 @@ def warn_of_short_limit(spec: EnvSpec | None, steps: int | None, lap_steps: int)
 
 
 def register_environments() -> None:
-    """Register all ids with Gymnasium; doing it again changes nothing."""
+    """Register all ids with Gymnasium; repeated calls change nothing."""
     for name, declared in IDS.items():
         if f"{NAMESPACE}/{name}" not in gymnasium.registry:
             gymnasium.register(

@@ -1,8 +1,8 @@
-"""`Renderer`: draws a plain `Snapshot` of the arm and its task with pygame; knows no physics.
+"""`Renderer`: draws a plain `Snapshot` of the arm and its task with pygame; it contains no physics.
 
-Everything is laid out in *units*, of which a picture of any size has 600 a side, x to the right and y downwards; the
-shoulder is in the middle. Shapes are drawn on a canvas of `SUPERSAMPLING` times the size and averaged down to it, which
-smooths their edges; text is written on the result. pygame is imported when the first picture is drawn.
+Places are given in *units*: a picture of any size has 600 units a side, x to the right and y downwards, with the
+shoulder in the middle. Shapes are drawn on a canvas of `SUPERSAMPLING` times the size and averaged down, which smooths
+their edges; text is written on the result. pygame is imported when the first picture is drawn.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ Point = tuple[float, float]
 
 RENDER_MODES = ("human", "rgb_array")
 SIZE_LIMITS = (64, 2048)  # [px]; the canvas of the largest takes 150 MB
-SUPERSAMPLING = 3  # 4 takes 4 ms more a picture
+SUPERSAMPLING = 3
 SIDE = 600.0  # of the picture [unit]
-MARGIN = 12.0  # around the reachable disc, and between the picture's border and what is written there [unit]
-FAR = 4.0  # coordinates are clipped at so many times the reach: a diverging arm must not overflow pygame's integers
+MARGIN = 12.0  # around the reachable disc, and between the picture's border and text [unit]
+FAR = 4.0  # coordinates are clipped at this multiple of the reach: a diverging arm must not overflow pygame's integers
 
 # Colour-blind-safe, after Okabe & Ito; as in docs/figures, orange is the true tip and blue what the sensor sees
 PAPER: Color = (255, 255, 255)
@@ -41,12 +41,12 @@ GREEN: Color = (0, 158, 115)
 PURPLE: Color = (170, 85, 140)
 
 # Sizes [unit]
-HALO = 1.8  # white rim that sets a shape off from what lies below it
+HALO = 1.8  # white rim around a shape
 PATH_WIDTH, LINK_WIDTH, TRACE_WIDTH, DASHES_WIDTH = 1.6, 8.0, 2.6, 1.4
 HUB_RADIUS, JOINT_RADIUS, PIN_RADIUS = 13.0, 8.0, 3.2
 REFERENCE_RADIUS, REFERENCE_WIDTH, RING_CORNERS = 10.5, 2.0, 48
 TIP_RADIUS, SENSOR_RADIUS = 6.0, 4.5
-CROSS_SIDE, CROSS_WIDTH = 5.5, 2.0  # its arms reach out from under the sensor's diamond
+CROSS_SIDE, CROSS_WIDTH = 5.5, 2.0  # larger than the sensor's diamond, which may cover it
 DASH, GAP = 4.0, 4.0
 TINY = 1e-9
 LEGEND_LEFT, ROW = 461.0, 20.0
@@ -54,14 +54,14 @@ GAUGE_WIDTH, GAUGE_HEIGHT, CAP_WIDTH, ZERO_WIDTH = 72.0, 9.0, 3.0, 1.5
 TORQUE_LEFT, TORQUE_RIGHT, GAIN_LEFT = 80.0, 254.0, 476.0
 TEXT_SIZE, TITLE_SIZE = 19.0, 25.0
 
-TRACE_POINTS = 512  # at most so many are drawn
+TRACE_POINTS = 512  # largest number of points that are drawn
 FADE_TIME = 2.5  # the trace pales by a factor e in this time [s] ...
 FADE_FLOOR = 0.22  # ... down to this share of its colour
 LARGE = 1e5  # numbers beyond are written with an exponent
 
 
 class Snapshot(NamedTuple):
-    """Everything a picture shows: plain numbers and arrays. What is not finite is left out of the picture."""
+    """Contents of a picture: plain numbers and arrays. What is not finite is left out of the picture."""
 
     time: float  # since the episode's start [s]
     links: tuple[Array, Array]  # centre lines of the bent links, root to tip [m]. Shape (k, 2) each
@@ -87,7 +87,7 @@ class Renderer:
     """
 
     def __init__(self, render_mode: str, size: int = 600, fps: int = 50) -> None:
-        """Check the arguments; neither pygame nor a window is touched before `draw`.
+        """Check the arguments; pygame is imported and a window is opened by `draw` only.
 
         Raises:
             TypeError, ValueError: for a bad argument, naming it, its value and what is allowed.
@@ -100,7 +100,7 @@ class Renderer:
         self._clock: Any = None
 
     def __getstate__(self) -> dict[str, Any]:
-        """Without what pygame made, which cannot be copied; a copy makes its own when it draws."""
+        """Leave out pygame's objects, which cannot be copied; a copy makes its own when it draws."""
         return self.__dict__ | {"_canvas": None, "_window": None, "_clock": None}
 
     def draw(self, snapshot: Snapshot) -> NDArray[np.uint8] | None:
@@ -131,7 +131,7 @@ class Renderer:
 
     def _show(self, pygame: Any, picture: Any) -> None:
         """Put a picture into the window, no sooner than 1 / fps after the last."""
-        if self._window is None or pygame.display.get_surface() is None:  # another environment may have shut it
+        if self._window is None or pygame.display.get_surface() is None:  # another environment may have closed it
             pygame.display.init()
             self._window = pygame.display.set_mode((self.size, self.size))
             pygame.display.set_caption("FlexArm")
@@ -203,7 +203,7 @@ class _Canvas:
     def _write(self, text: str, size: float) -> Any:
         try:
             return self._fonts[size].render(text, True, INK)
-        except (KeyError, self.pygame.error):  # no such font yet, or another environment's pygame.quit() spoilt it
+        except (KeyError, self.pygame.error):  # no such font yet, or another environment called pygame.quit()
             self.pygame.font.init()
             self._fonts[size] = self.pygame.font.Font(None, max(1, round(size * self._size / SIDE)))
             return self._fonts[size].render(text, True, INK)
@@ -222,7 +222,7 @@ def _draw_scene(canvas: _Canvas, shot: Snapshot) -> None:
     """Draw the arm and its task, from the bottom to the top."""
 
     def place(points: Array) -> Array:
-        """Metres to units. Shape (..., 2); not finite remains so."""
+        """Convert metres to units; values that are not finite remain so. Shape (..., 2)."""
         clipped = np.clip(points, -FAR * shot.reach, FAR * shot.reach)
         return 0.5 * SIDE + clipped * [1.0, -1.0] * ((0.5 * SIDE - MARGIN) / shot.reach)
 
@@ -242,7 +242,7 @@ def _draw_scene(canvas: _Canvas, shot: Snapshot) -> None:
 
 def _draw_trace(canvas: _Canvas, trace: Array, time: float) -> None:
     """Draw where the tip was, the older the paler."""
-    # a power of two, which keeps the chosen points from one picture to the next
+    # with a power of two, successive pictures show the same points
     stride = 1 << max(0, int(np.ceil(np.log2(len(trace) / TRACE_POINTS))))
     chosen = np.append(np.arange(0, len(trace) - 1, stride), len(trace) - 1)
     ages = max(0.0, time) * (1.0 - chosen / max(len(trace) - 1, 1))
@@ -326,7 +326,7 @@ def _draw_panels(canvas: _Canvas, shot: Snapshot) -> None:
 
 
 def _draw_gauge(canvas: _Canvas, left: float, y: float, ratio: float, signed: bool) -> None:
-    """Draw a bar from its zero (middle if signed, else left) to ratio 1 at most; a dark cap says that it is beyond."""
+    """Draw a bar from its zero (middle if signed, else left) to ratio 1 at most; a dark cap marks larger ratios."""
     top, length = y - 0.5 * GAUGE_HEIGHT, GAUGE_WIDTH * (0.5 if signed else 1.0)
     zero = left + GAUGE_WIDTH - length
     canvas.box(left, top, GAUGE_WIDTH, GAUGE_HEIGHT, TRACK)

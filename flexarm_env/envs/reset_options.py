@@ -1,4 +1,4 @@
-"""`reset(options=...)`: what a user may ask of the episodes that begin, turned into the kernels' orders."""
+"""`reset(options=...)`: checks of the options, and the kernels' reset requests that follow from them."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexarm_env.envs.batch import START_CODES, BatchSimulator
+from flexarm_env.envs.bounds import check_moving_start
 from flexarm_env.envs.choices import STARTS
 from flexarm_env.envs.kernel_inputs import BRANCH_CODES, DIRECTION_CODES
-from flexarm_env.envs.observation import check_moving_start
 from flexarm_env.envs.quantities import orderable
 from flexarm_env.kernels.entries import DRAWN, column
 from flexarm_env.physics.paths import PATHS
@@ -32,14 +32,14 @@ OPTIONS = {
 
 
 def reset_requests_of(options: Mapping[str, Any] | None, simulator: BatchSimulator) -> Array:
-    """Requests for the resets of a batch.
+    """Make the requests for the resets of a batch.
 
     Args:
-        options: keys of `OPTIONS`; each value one for all environments, or one for each.
+        options: mapping of keys of `OPTIONS` to a value for all environments, or one for each.
         simulator: the environments.
 
     Returns:
-        Shape (N, columns), see `entries.Column`.
+        Requests, see `entries.Column`. Shape (N, columns).
 
     Raises:
         TypeError, ValueError: for an unknown key or a bad value, naming it and what is allowed.
@@ -83,7 +83,7 @@ def reset_requests_of(options: Mapping[str, Any] | None, simulator: BatchSimulat
 
 
 def _each(name: str, value: Any, simulator: BatchSimulator) -> list[Any]:
-    """One value for each environment."""
+    """Return one value for each environment."""
     found = entries(value)
     if found is None:
         return [value] * len(simulator)

@@ -1,4 +1,4 @@
-"""From an arm to the picture's plain snapshot."""
+"""`Scene`: makes the renderer's snapshots of one arm of a batch."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ class Scene:
     """Draws one arm of a batch, with the trace of its tip."""
 
     def __init__(self, simulator: BatchSimulator, index: int, render_mode: str, fps: int) -> None:
-        """Nothing is imported or opened before the first picture.
+        """Prepare the renderer; it imports and opens nothing before the first picture.
 
         Args:
             simulator: the environments.
-            index: which one.
+            index: index of the environment.
             render_mode: "rgb_array" or "human".
-            fps: pictures a second that a window shows at most.
+            fps: largest number of pictures a second that a window shows [1/s].
         """
         self._simulator, self._index = simulator, index
         self._renderer = Renderer(render_mode, fps=fps)
@@ -35,13 +35,13 @@ class Scene:
         self._stride, self._skipped = 1, 0
 
     def begin(self, result: Array) -> None:
-        """A new episode, whose first result this is."""
+        """Begin the trace of a new episode with its first result."""
         self._trace.clear()
         self._stride, self._skipped = 1, 0
         self.add(result)
 
     def add(self, result: Array) -> None:
-        """A new instant; a long trace is thinned evenly."""
+        """Add an instant to the trace; a long trace is thinned evenly."""
         self._skipped += 1
         if self._skipped < self._stride and self._trace:
             return
@@ -52,7 +52,7 @@ class Scene:
             self._stride *= 2
 
     def draw(self, result: Array) -> NDArray[np.uint8] | None:
-        """Draw an instant; a picture in "rgb_array", None in "human"."""
+        """Draw an instant; return a picture in "rgb_array", None in "human"."""
         return self._renderer.draw(self._snapshot(result))
 
     def close(self) -> None:

@@ -1,4 +1,4 @@
-"""Keys of episodes, drawn from an environment's generator: all that is random in an episode follows from its key."""
+"""Keys of episodes, drawn from an environment's generator: a key determines all that is random in an episode."""
 
 from __future__ import annotations
 
@@ -12,22 +12,22 @@ AHEAD = 16  # keys drawn at once
 
 
 def new_keys(generator: np.random.Generator, count: int) -> NDArray[np.uint64]:
-    """Keys of an environment's next episodes. Shape (count,)."""
+    """Draw the keys of an environment's next episodes. Shape (count,)."""
     return generator.bit_generator.random_raw(count)
 
 
 class EpisodeKeys:
-    """Keys for the episodes of many environments, each with a generator of its own.
+    """Keys for the episodes of many environments, each with its own generator.
 
-    They are the ones that `new_keys` would draw one by one, drawn ahead: a generator that was not used for a while has
-    left the processor's cache, and to fetch it takes longer than to draw.
+    Each environment has the same keys as with `new_keys` for one episode at a time. They are drawn several at once,
+    since loading a generator into the processor's cache takes longer than drawing a key.
     """
 
     def __init__(self, count: int) -> None:
-        """No generator is seeded yet.
+        """Reserve memory; `seed` makes the generators.
 
         Args:
-            count: of the environments.
+            count: number of environments.
         """
         self._generators: list[np.random.Generator] = []
         self._drawn = np.zeros((count, AHEAD), dtype=np.uint64)
@@ -37,20 +37,20 @@ class EpisodeKeys:
         """Seed generators anew; None leaves one as it is.
 
         Args:
-            seeds: of all environments. Shape (N,).
-            mask: environments whose seed counts, once all have a generator. Shape (N,).
+            seeds: seed of each environment. Shape (N,).
+            mask: environments to seed; the first call seeds all. Shape (N,).
         """
         if not self._generators:
             self._generators = [seeding.np_random(seed)[0] for seed in seeds]
             return
-        # all are made before the first is used: a bad seed changes nothing
+        # all generators are made before any is replaced, so that a bad seed changes nothing
         new = {i: seeding.np_random(seeds[i])[0] for i in np.flatnonzero(mask).tolist() if seeds[i] is not None}
         for i, generator in new.items():
             self._generators[i] = generator
             self._used[i] = AHEAD
 
     def take(self, chosen: NDArray[np.int64]) -> NDArray[np.uint64]:
-        """The next episode's key of some environments, each named once. Shape (n,)."""
+        """Return the next episode's key of some environments, each named once. Shape (n,)."""
         places = self._used[chosen]
         spent = places == AHEAD
         for i in chosen[spent].tolist():

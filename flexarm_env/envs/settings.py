@@ -1,237 +1,40 @@
-"""`Settings`: every option of the environments, with defaults, validation, and what follows from them.
-
-The defaults are those of `FlexArm/Square-v0`; the other ids change some (`registration`). The text beside each option
-is its documentation: the environments' pages are made from it.
-"""
+"""`Settings`: the options of an environment, checked together, and what follows from them."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import MISSING, Field, dataclass, fields
-from typing import Any, Literal, get_args
+from typing import Any
 
 import numpy as np
 
 from flexarm_env.actions import MODES, ActionMode, modes_reading
-from flexarm_env.allowed import (
-    Allowed,
-    Custom,
-    Flag,
-    Integer,
-    Number,
-    OneOf,
-    Optional,
-    Pair,
-    allowed_of,
-    check_fields,
-    declared,
-)
+from flexarm_env.allowed import check_fields
 from flexarm_env.codegen.declarations import Program
-from flexarm_env.envs.choices import (
-    DEFAULT_OBSERVATION,
-    DEFAULT_WEIGHTS,
-    EITHER,
-    PHYSICS_STEP,
-    STARTS,
-    Frame,
-    Start,
-)
-from flexarm_env.envs.consistency import (
-    SHORTEST_HOLD,
-    checked_arm,
-    checked_hold,
-    checked_paths,
-    checked_previews,
-    checked_waypoints,
-    checked_weights,
-    refuse_off_link,
-    refuse_options_without_effect,
-)
-from flexarm_env.envs.quantities import NAMED_QUANTITIES, QUANTITIES, checked_ranges
+from flexarm_env.envs.choices import PHYSICS_STEP
+from flexarm_env.envs.consistency import refuse_off_link, refuse_options_without_effect
+from flexarm_env.envs.options import Options
+from flexarm_env.envs.quantities import QUANTITIES
 from flexarm_env.episode.step import PROGRAMS
 from flexarm_env.lazy import cached_property
-from flexarm_env.parameters import (
-    DIRECTIONS,
-    LARGEST_NOISE,
-    MAX_DELAY,
-    SENSOR_MODELS,
-    WAVE_SPEED,
-    Compensation,
-    Corner,
-    Delayed,
-    ElbowBranch,
-    LawParameters,
-    RateJacobian,
-    SensorModel,
-    SensorParameters,
-    SquareParameters,
-    arm_parameters,
-)
+from flexarm_env.parameters import DIRECTIONS, LawParameters, SensorParameters, SquareParameters, arm_parameters
 from flexarm_env.physics.paths import PATHS, ReferencePath, way_points
 from flexarm_env.simulation.arm import FlexibleArm
 from flexarm_env.simulation.stability import STABLE_ANGLE, count_readings, count_steps, default_step, fastest_rates
-from flexarm_env.validation import known_names, names, shown
-
-
-def _option(default: Any, text: str, allowed: Allowed) -> Any:
-    return declared(default, allowed, text=text)
-
-
-_LATE = Number(0.0, MAX_DELAY, "s")
-_HOLD = Custom(checked_hold, "s", f"0, or {SHORTEST_HOLD:g} to {MAX_DELAY:g}")
-_LIMIT = Optional(Number(1e-9, 1e9, "m"))
+from flexarm_env.validation import known_names, shown
 
 
 @dataclass(frozen=True, kw_only=True)
-class Settings:
-    """All options; `Settings.of` makes one from keyword arguments."""
-
-    arm: str | Mapping[str, Any] = _option(
-        "default",
-        '"default" (2 modes a link, complete dynamics, 1 % modal damping), "paper", or a mapping of `ArmParameters` '
-        'fields, with `preset` ("default" or "paper") for those it does not set; {"kinematics": "foreshortened"} is '
-        "the arm whose bent links keep their length",
-        Custom(checked_arm),
-    )
-    action_mode: str = _option("torque", "what an action is; see Action space", OneOf(tuple(MODES)))
-    control_period: float = _option(0.01, "an action is held so long", Number(1e-5, 1.0, "s"))
-    physics_step: float | None = _option(
-        None,
-        "longest integration step; None: 1 ms, for the gain 0.25 ms, or less if the fastest mode demands it",
-        Optional(Number(1e-9, 1.0, "s")),
-    )
-    torque_limit: tuple[float, float] | None = _option(
-        None,
-        "of shoulder and elbow; None: 150 and 50, for the gain no limit (limited, the law loses the path)",
-        allowed_of(LawParameters, "torque_limit"),
-    )
-    torque_rate_limit: tuple[float, float] = _option(
-        # The second modes of the default arm, 36 Hz and more, feel less than a tenth of what a step of the torque does.
-        (3000.0, 1000.0),
-        "change of the torque per second at action 1; the default reverses the default torques in 0.1 s",
-        Pair(1e-6, 1e12, "N m/s"),
-    )
-    gain_limit: float = _option(1.0, "lambda at action 1", Number(1e-6, 1e6, "1"))
-    shift_limit: tuple[float, float] = _option(
-        (0.3, 0.3), "shift of the joints' reference at action 1", Pair(1e-6, np.pi, "rad")
-    )
-    inner_stiffness: tuple[float, float] = _option(
-        (1000.0, 130.0), "of the inner tracking law", Pair(0.0, 1e9, "N m/rad")
-    )
-    inner_resistance: tuple[float, float] = _option(
-        (40.0, 30.0), "of the inner tracking law", Pair(0.0, 1e9, "N m s/rad")
-    )
-    proportional_gain: float = _option(
-        150.79, "Kp of the paper's law (11)", allowed_of(LawParameters, "proportional_gain")
-    )
-    derivative_gain: float = _option(17.364, "Kd of the paper's law (12)", allowed_of(LawParameters, "derivative_gain"))
-    compensation: Compensation = _option(
-        "none", "delay of the law's command; see `LawParameters`", allowed_of(LawParameters, "compensation")
-    )
-    law_sensor: Literal["joints", "sensor"] = _option(
-        "joints",
-        'what the paper\'s law acts on: "joints" (collocated, not late) or the late "sensor"',
-        OneOf(("joints", "sensor")),
-    )
-    rate_jacobian: RateJacobian = _option(
-        "delayed", "see `SensorParameters`", allowed_of(SensorParameters, "rate_jacobian")
-    )
-    delayed: Delayed = _option("position", "see `SensorParameters`", allowed_of(SensorParameters, "delayed"))
-    sensor: SensorModel = _option(
-        "true",
-        "what the sensor on link 2 reads: " + "; ".join(f'"{name}": {one.text}' for name, one in SENSOR_MODELS.items()),
-        allowed_of(SensorParameters, "model"),
-    )
-    sensor_position: float = _option(4.5, "of the sensor from the elbow", allowed_of(SensorParameters, "position"))
-    delay: float | tuple[float, float] | None = _option(
-        None, "of the sensor's reading; None: by the wave speed", allowed_of(SensorParameters, "delay")
-    )
-    wave_speed: float = _option(WAVE_SPEED, "c (15)", allowed_of(SensorParameters, "wave_speed"))
-    noise: float = _option(
-        0.0, "standard deviation of each coordinate of the sensor's reading", allowed_of(SensorParameters, "noise")
-    )
-    jitter: float = _option(0.0, "largest additional delay, drawn evenly for each reading", _LATE)
-    hold: float = _option(0.0, "period of a slower sensor's clock (sample and hold); 0: none", _HOLD)
-    dropout: float = _option(0.0, "probability that a reading is lost", Number(0.0, 1.0, "1"))
-    encoder_noise: tuple[float, float] = _option(
-        (0.0, 0.0), "standard deviations of joint angles and rates", Pair(0.0, LARGEST_NOISE, "rad, rad/s")
-    )
-    second_sensor_link: int | None = _option(
-        None,
-        "link of a second sensor, which sees the true point; None: there is none",
-        Optional(Integer(1, 2)),
-    )
-    second_sensor_position: float | None = _option(
-        None,
-        "of the second sensor from its link's root; None: at the link's tip",
-        Optional(allowed_of(SensorParameters, "position")),
-    )
-    second_sensor_delay: float = _option(0.0, "of the second sensor's reading", _LATE)
-    second_sensor_noise: float = _option(
-        0.0,
-        "standard deviation of each coordinate of the second sensor's reading",
-        allowed_of(SensorParameters, "noise"),
-    )
-    actuation_delay: float = _option(0.0, "from an action to its effect; an inner law is not delayed", _LATE)
-    observation: tuple[str, ...] = _option(
-        DEFAULT_OBSERVATION, "names of the blocks, in order; see Observation space", Custom(names)
-    )
-    frame: Frame = _option(
-        "link", 'frame of Cartesian blocks: "link" (turned by -theta1) or "world"', OneOf(("link", "world"))
-    )
-    previews: tuple[float, ...] = _option(
-        (0.05, 0.1, 0.2, 0.3, 0.45, 0.6, 1.0), "horizons of the block `previews`", Custom(checked_previews, "s")
-    )
-    last_actions: int = _option(1, "how many the block `last_actions` holds", Integer(1, 100))
-    scaled: bool = _option(True, "divide each block by its scale", Flag())
-    reference: str | Sequence[str] = _option(
-        "square",
-        '"square", "circle", "line", "figure_eight", "waypoints", "moves" (drawn from rest to rest), or several of the '
-        "first five, one of which is drawn for each episode",
-        Custom(checked_paths),
-    )
-    waypoints: Sequence[tuple[float, float]] | None = _option(
-        None, 'corners of the reference "waypoints"', Optional(Custom(checked_waypoints, "m"))
-    )
-    side: float = _option(
-        12.6, "of the square, or the square around the other paths", allowed_of(SquareParameters, "side")
-    )
-    lap_time: float = _option(16.0, "of a lap", allowed_of(SquareParameters, "lap_time"))
-    start_corner: Corner = _option("lower left", "where a lap starts", allowed_of(SquareParameters, "start_corner"))
-    direction: str = _option("clockwise", 'of a lap; "either": drawn for each episode', OneOf((*DIRECTIONS, EITHER)))
-    elbow_branch: str = _option(
-        "positive",
-        'sign of theta2 at the start and in the inverse kinematics; "either": drawn for each episode',
-        OneOf((*get_args(ElbowBranch), EITHER)),
-    )
-    start: Start = _option("mix", "how an episode starts; see Starting state", OneOf(tuple(STARTS)))
-    start_spread: tuple[float, float] = _option(
-        (0.05, 0.05),
-        "largest deviations of a moving start: joint angles, tip deflections of the first modes",
-        Pair(0.0, 0.5, "rad, m"),
-    )
-    randomisation: Mapping[str, tuple[float, float]] = _option(
-        {},
-        f"ranges from which quantities are drawn for each episode: {NAMED_QUANTITIES}",
-        Custom(checked_ranges),
-    )
-    reward_weights: Mapping[str, float] = _option(
-        DEFAULT_WEIGHTS, "of the reward's terms; what is not named is 0", Custom(checked_weights)
-    )
-    deflection_limit: float | None = _option(
-        1.5, "a link's tip deflection that ends an episode; None: any is allowed", _LIMIT
-    )
-    error_limit: float | None = _option(
-        2.5, "distance of the true tip from the reference that ends an episode; None: any is allowed", _LIMIT
-    )
+class Settings(Options):
+    """The options of an environment with what follows from them; `Settings.of` makes it from keyword arguments."""
 
     @classmethod
     def of(cls, options: Mapping[str, Any], owner: str = "Settings") -> Settings:
-        """Settings from keyword arguments.
+        """Make settings from keyword arguments.
 
         Args:
             options: the arguments.
-            owner: name of the class that was given them, for messages.
+            owner: name of the class that received them, for messages.
 
         Raises:
             TypeError: for an unknown name, with the nearest known one.
@@ -241,13 +44,13 @@ class Settings:
         return cls(**options)
 
     def __post_init__(self) -> None:
-        """Validate; lists (as JSON has them) become tuples."""
+        """Validate all options; lists (as in JSON) become tuples."""
         check_fields(self)
         refuse_options_without_effect(
             self, {one.name: (default_of(one), modes_reading(one.name)) for one in fields(self)}
         )
         for what in ("law", "sensor_parameters", "flexible_arm", "second_sensor", "paths", "substeps", "history_slots"):
-            getattr(self, what)  # made once, with its own checks
+            getattr(self, what)  # each derived value has its own checks
 
     # --- what follows ----------------------------------------------------------------------------------------------
 
@@ -258,26 +61,26 @@ class Settings:
 
     @property
     def program(self) -> Program:
-        """Of the kernels that step the environments."""
+        """Program of the kernels that step the environments."""
         return PROGRAMS[self.mode.program]
 
     def range_of(self, name: str) -> tuple[float, float]:
-        """Least and largest value of a quantity (`quantities.QUANTITIES`) in any episode; alike where none is drawn."""
+        """Return the least and the largest value of a quantity (`quantities.QUANTITIES`) that any episode may have."""
         own = self.own_value(name)
         return self.randomisation.get(name, (own, own))
 
     def own_value(self, name: str) -> float:
-        """Value of a quantity where it is neither drawn nor ordered."""
+        """Return the value of a quantity if it is neither drawn nor requested."""
         return QUANTITIES[name].own(self)
 
     @cached_property
     def law(self) -> LawParameters:
-        """The paper's law."""
+        """Parameters of the paper's law."""
         return LawParameters(self.proportional_gain, self.derivative_gain, self.compensation, self.torque_limit)
 
     @cached_property
     def sensor_parameters(self) -> SensorParameters:
-        """The sensor on link 2."""
+        """Parameters of the sensor on link 2."""
         return SensorParameters(
             self.sensor,
             self.sensor_position,
@@ -308,7 +111,7 @@ class Settings:
 
     @cached_property
     def paths(self) -> list[ReferencePath]:
-        """All of `reference` in each of `DIRECTIONS`, one after the other; none where each episode draws its own."""
+        """Paths of `reference`, in one of `DIRECTIONS` and then in the other; empty if each episode draws its own."""
         if self.reference == ("moves",):
             return []
         tasks = [SquareParameters(self.side, self.lap_time, self.start_corner, one) for one in DIRECTIONS]
@@ -327,10 +130,7 @@ class Settings:
 
     @property
     def disturbed(self) -> bool:
-        """Whether noise, jitter, dropouts, a sensor with a clock of its own, or late motors can occur.
-
-        No reset may ask for any of these where this is false.
-        """
+        """Whether noise, jitter, dropouts, a sensor with its own clock, or actuation delays can occur."""
         noise = (self.noise, *self.encoder_noise, self.second_sensor_noise)
         own = any((*noise, self.jitter, self.dropout, self.hold, self.actuation_delay))
         return own or not self.randomisation.keys().isdisjoint(("noise", "actuation_delay"))
@@ -371,21 +171,21 @@ class Settings:
 
     @cached_property
     def sensor_delays(self) -> tuple[float, float]:
-        """Delay of the shoulder's and of the elbow's reading unless drawn or ordered otherwise [s]."""
+        """Delay of the shoulder's and of the elbow's reading if it is neither drawn nor requested [s]."""
         return self.sensor_parameters.joint_delays(self.flexible_arm.parameters.link_lengths[0])
 
     @property
     def kept_actions(self) -> int:
-        """How many actions the kernels keep: those observed, and those that are still to act."""
+        """Number of actions that the kernels keep: those observed, and those that have yet to act."""
         periods = int(np.ceil(self.range_of("actuation_delay")[1] / self.control_period))
         return max(2, self.last_actions, periods + 1)
 
     @cached_property
     def history_slots(self) -> int:
-        """Length of the delay line: the latest reading and the period before the first.
+        """Number of slots of the delay line, for the oldest reading and the period before the first one.
 
-        Whole control periods, so that readings at the same moments of a period use the same few slots, which stay
-        cached.
+        It spans whole control periods, so that readings at the same moments of a period use the same few slots, which
+        stay in the processor's cache.
         """
         latest = max(*self.sensor_delays, self.range_of("delay")[1])
         oldest = max(latest + self.jitter + 4.0 * self.hold, self.second_sensor_delay)
@@ -398,5 +198,5 @@ class Settings:
 
 
 def default_of(one: Field[Any]) -> Any:
-    """Default value of a dataclass's field."""
+    """Return the default value of a dataclass's field."""
     return one.default_factory() if one.default_factory is not MISSING else one.default

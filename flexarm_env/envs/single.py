@@ -1,4 +1,4 @@
-"""`FlexArmEnv`: one arm as a Gymnasium environment. Glue only."""
+"""`FlexArmEnv`: one arm as a Gymnasium environment."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ FASTEST_VIDEO = 100  # [1/s]; a picture is drawn for each step, and slower contr
 
 
 class SimulatorView:
-    """What single and vector environments tell of themselves alike."""
+    """Properties that single and vector environments have in common."""
 
     simulator: BatchSimulator
     _started: bool
@@ -34,18 +34,18 @@ class SimulatorView:
             raise AttributeError("episode: none has begun; call reset() first")
 
     def _spaces(self) -> tuple[Any, Any]:
-        """Of one environment's observation and action."""
+        """Return the spaces of one environment's observation and action."""
         bound = self.simulator.layout.bound
         observation = gymnasium.spaces.Box(-bound, bound, dtype=np.float32)
         return observation, gymnasium.spaces.Box(-1.0, 1.0, (len(self.settings.action_limit),), np.float32)
 
     def _fps(self) -> int:
-        """Pictures a second: one for each control period, in real time up to `FASTEST_VIDEO`."""
+        """Return the pictures a second: one for each control period, at most `FASTEST_VIDEO` [1/s]."""
         return min(FASTEST_VIDEO, max(1, round(1.0 / self.settings.control_period)))
 
     @property
     def settings(self) -> Settings:
-        """All options, validated; those of environment 0 where a batch's environments have some of their own."""
+        """All options, validated; those of environment 0 if the environments of a batch have different ones."""
         return self.simulator.settings
 
     @property
@@ -60,7 +60,7 @@ class SimulatorView:
 
     @property
     def observation_scale(self) -> NDArray[np.float64]:
-        """What each number of an observation was divided by; its unit is the block's. Shape (k,)."""
+        """Divisor of each number of an observation, in the block's unit. Shape (k,)."""
         return self.simulator.layout.scale.copy()
 
     @property
@@ -76,7 +76,7 @@ class SimulatorView:
 
     @property
     def control_period(self) -> float:
-        """An action is held so long [s]."""
+        """Time for which an action is held [s]."""
         return self.settings.control_period
 
     @property
@@ -124,7 +124,7 @@ class FlexArmEnv(SimulatorView, gymnasium.Env[NDArray[np.float32], NDArray[np.fl
 
     @property
     def episode(self) -> Episode:
-        """What describes the present episode.
+        """Description of the present episode.
 
         Raises:
             AttributeError: before the first reset.
@@ -138,7 +138,7 @@ class FlexArmEnv(SimulatorView, gymnasium.Env[NDArray[np.float32], NDArray[np.fl
         """Begin an episode.
 
         Args:
-            seed: of everything random.
+            seed: seed of `np_random`, which determines all that is random in the episodes; None: no new seed.
             options: see `flexarm_env.envs.reset_options.OPTIONS`; an unknown key raises `ValueError`.
         """
         reset_requests = reset_requests_of(options, self.simulator)
@@ -150,7 +150,7 @@ class FlexArmEnv(SimulatorView, gymnasium.Env[NDArray[np.float32], NDArray[np.fl
             result = self.simulator.result(0)
             self._scene.begin(result)
             self._show(result)
-        return self.simulator.single_observation.copy(), self._infos.after_reset()
+        return self.simulator.single_observation.copy(), self._infos.read()
 
     def step(self, action: NDArray[np.float32]) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
         """Hold the action for one control period.
@@ -173,9 +173,14 @@ class FlexArmEnv(SimulatorView, gymnasium.Env[NDArray[np.float32], NDArray[np.fl
             taken = False
         if not taken:
             simulator.single_action[:] = rounded(finite_array("action", action, self._shape))  # type: ignore[call-overload]
-        if not simulator.single_step():
-            finite_array("action", action, self._shape)  # says what is wrong
-        info, reward, terminated = self._infos.after_step()
+        # A local name makes the call of a function that is an instance's attribute faster.
+        advance, infos = simulator.single_step, self._infos
+        if not advance():
+            finite_array("action", action, self._shape)  # raises the error that names what is wrong
+        read, (reward, status) = infos.read, simulator.single_end
+        info, terminated = read(), status != 0.0
+        if terminated:
+            info["end_code"] = infos.codes[status]
         if self._scene is not None:
             result = simulator.result(0)
             self._scene.add(result)
@@ -183,7 +188,7 @@ class FlexArmEnv(SimulatorView, gymnasium.Env[NDArray[np.float32], NDArray[np.fl
         return simulator.single_observation.copy(), reward, terminated, False, info
 
     def render(self) -> NDArray[np.uint8] | None:
-        """The present instant as a picture, Shape (size, size, 3), or None where a window shows it.
+        """Draw the present instant. Shape (size, size, 3); None in "human" mode, where a window shows it.
 
         Raises:
             gymnasium.error.DependencyNotInstalled: without pygame-ce, naming the extra.
@@ -205,7 +210,7 @@ class FlexArmEnv(SimulatorView, gymnasium.Env[NDArray[np.float32], NDArray[np.fl
     def _check_time_limit(self) -> None:
         """Warn once if the registered time limit ended the episode before a lap was complete.
 
-        The limit is that of Gymnasium's wrapper, which `make` does not tell the environment; hence at the next reset.
+        The limit is that of Gymnasium's wrapper. `make` does not pass it on, so that it is seen at the next reset only.
         """
         if self._limit_checked or not self._started:
             return
@@ -221,6 +226,6 @@ class FlexArmEnv(SimulatorView, gymnasium.Env[NDArray[np.float32], NDArray[np.fl
 
 
 def rounded(actions: NDArray[Any]) -> NDArray[np.float32]:
-    """Actions of another type as the action space's, limited first: a float64 may be beyond all of float32."""
-    limited = np.minimum(np.maximum(actions.astype(np.float64), -1.0), 1.0)  # sooner done than `np.clip`
+    """Convert actions to the action space's float32, limited first: a float64 may exceed the range of float32."""
+    limited = np.minimum(np.maximum(actions.astype(np.float64), -1.0), 1.0)  # faster than `np.clip`
     return limited.astype(np.float32)

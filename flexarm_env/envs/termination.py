@@ -1,4 +1,4 @@
-"""Why an episode terminates: the reasons, and the code by which an info names each."""
+"""Reasons for which an episode terminates, and their codes in infos."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import numpy as np
 from flexarm_env.simulation.limits import ANGLE_LIMITS, RATE_LIMIT
 from flexarm_env.validation import integer
 
-# When each reason applies. The codes count from 1 in this order; they are public, so a new reason goes to the end.
+# Each reason with its condition. The codes count from 1 in this order; they are public: a new reason goes to the end.
 ENDS = {
     "error": "the true tip is farther from the reference than `error_limit`",
     "deflection": "a link's tip deflection is beyond `deflection_limit`, or that of one of its modes beyond its length",
@@ -20,16 +20,16 @@ END_CODES = {NOT_TERMINATED: 0} | {reason: code for code, reason in enumerate(EN
 
 
 def end_reason(code: float) -> str:
-    """The reason that an info's `end_code` stands for.
+    """Return the reason of an info's `end_code`.
 
     Args:
-        code: the number.
+        code: the code, a whole number.
 
     Returns:
         A key of `END_CODES`; "none" for 0: the episode goes on, or a time limit truncated it.
 
     Raises:
-        TypeError, ValueError: for anything but one of the codes.
+        TypeError, ValueError: if `code` is none of the codes.
     """
     whole = int(code) if isinstance(code, float | np.floating) and float(code).is_integer() else code
     return list(END_CODES)[integer("code", whole, 0, len(ENDS))]

@@ -1,4 +1,4 @@
-"""`FlexArmVectorEnv`: many arms as one Gymnasium vector environment, stepped by the kernels that step one."""
+"""`FlexArmVectorEnv`: many arms as one Gymnasium vector environment, on the kernels of the single one."""
 
 from __future__ import annotations
 
@@ -37,10 +37,10 @@ class FlexArmVectorEnv(
 ):
     """N environments in one; environment i of a batch seeded s is the single one seeded s + i, to the last bit.
 
-    This holds for environments with options of their own, too: the single one has these options.
+    With `per_env`, this is the single environment with the options of environment i.
 
     Attributes:
-        simulator: the arms, their kernels and their data.
+        simulator: arms, kernels and memory.
         autoreset_mode: when a finished environment begins its next episode.
     """
 
@@ -63,15 +63,15 @@ class FlexArmVectorEnv(
         """Lay out the batch.
 
         Args:
-            num_envs: how many.
-            max_episode_steps: control periods after which an episode is truncated; None or -1: never.
+            num_envs: number of environments.
+            max_episode_steps: number of control periods after which an episode is truncated; None or -1: never.
             render_mode: "rgb_array" or None.
             autoreset_mode: a finished environment begins a new episode at the next step ("NextStep"), in the step that
-                ends it ("SameStep": see `final_obs` and `final_info`), or when it is told to ("Disabled").
-            threads: that share the work; more than one pays for large batches on idle cores.
-            per_env: options that the environments have for themselves: a value for each environment, by the option's
-                name, one of `flexarm_env.envs.per_env.OPTIONS`.
-            **options: fields of `Settings`, of all environments.
+                ends it ("SameStep": see `final_obs` and `final_info`), or at a reset by the caller ("Disabled").
+            threads: number of threads that share the work; more than one pays off for large batches on idle cores.
+            per_env: options that differ between the environments: a sequence with a value for each environment, by the
+                option's name, one of `flexarm_env.envs.per_env.OPTIONS`.
+            **options: fields of `Settings`, for all environments.
 
         Raises:
             TypeError, ValueError: for a bad argument, naming it, its value and what is allowed.
@@ -104,7 +104,7 @@ class FlexArmVectorEnv(
 
     @property
     def spec(self) -> EnvSpec | None:
-        """What the batch was made from; `make_vec` sets it."""
+        """Spec from which `make_vec` made the batch."""
         return self._spec
 
     @spec.setter
@@ -114,7 +114,7 @@ class FlexArmVectorEnv(
 
     @property
     def episode(self) -> Episode:
-        """What describes the present episodes: arrays of shape (N,).
+        """Description of the present episodes: arrays of shape (N,).
 
         Raises:
             AttributeError: before the first reset.
@@ -130,9 +130,9 @@ class FlexArmVectorEnv(
         """Begin episodes.
 
         Args:
-            seed: environment i is seeded with seed + i, or with its own of a sequence.
-            options: see `flexarm_env.envs.reset_options.OPTIONS`, each value one for all or one for each environment;
-                and `reset_mask`, which environments begin an episode. Shape (N,), bool.
+            seed: environment i is seeded with seed + i, or with entry i of a sequence.
+            options: keys of `flexarm_env.envs.reset_options.OPTIONS` with a value for all environments or one for each;
+                and `reset_mask`, the environments that begin an episode. Shape (N,), bool.
 
         Raises:
             TypeError, ValueError: for an unknown option or a bad value.
@@ -152,8 +152,8 @@ class FlexArmVectorEnv(
         """Hold each environment's action for one control period.
 
         Args:
-            actions: in [-1, 1]; beyond that they are limited. Those of environments that begin an episode in this step
-                are not read. Other numbers than float32 are rounded to it. Shape (N, channels).
+            actions: values in [-1, 1]; beyond that they are limited. Actions of environments that begin an episode in
+                this step are not read. Other types than float32 are converted. Shape (N, channels).
 
         Raises:
             ValueError: for another shape, or a value that is not finite.
@@ -167,7 +167,7 @@ class FlexArmVectorEnv(
                 f"step() after the end of episode {self._ended[0]}: with autoreset_mode = 'Disabled' call "
                 "reset(options={'reset_mask': ...}) first"
             )
-        begun = self._ended  # there are such with next-step reset only
+        begun = self._ended  # empty except with next-step reset
         if len(begun):
             self.simulator.request_resets(self._keys.take(begun), begun, self._reset_requests)
         self.simulator.step()
@@ -175,13 +175,13 @@ class FlexArmVectorEnv(
         status = results[:, self._status]
         terminated = status != 0.0
         truncated = results[:, self._time] > self._longest
-        if len(begun):  # whatever comes of an episode's first instant, it ends after a step at the earliest
+        if len(begun):  # an episode ends after a step at the earliest
             terminated[begun] = False
         rewards = results[:, self._reward].copy()  # 0 where an episode begins
         self._ended = (terminated | truncated).nonzero()[0]
         infos = self._infos.batch()
         if len(self._ended):
-            infos["end_code"][self._ended] = self._infos.end_codes(status[self._ended])
+            infos["end_code"][self._ended] = [self._infos.codes[each] for each in status[self._ended].tolist()]
             if self.autoreset_mode is AutoresetMode.SAME_STEP:
                 begun, self._ended = self._ended, NOBODY
                 infos = self._restart(begun, infos)
@@ -189,13 +189,13 @@ class FlexArmVectorEnv(
         return self._observations(), rewards, terminated, truncated, infos
 
     def render(self) -> tuple[NDArray[np.uint8], ...] | None:
-        """A picture of each environment. Shape (size, size, 3) each."""
+        """Draw a picture of each environment. Shape (size, size, 3) each."""
         if not self._scenes or not self._started:
             return None
         return tuple(scene.draw(self.simulator.result(i)) for i, scene in enumerate(self._scenes))  # type: ignore[misc]
 
     def close_extras(self, **kwargs: Any) -> None:
-        """Let go of threads and windows."""
+        """Close threads and windows."""
         for scene in self._scenes:
             scene.close()
         self.simulator.close()
@@ -216,7 +216,7 @@ class FlexArmVectorEnv(
         return flags.copy()
 
     def _seed(self, seed: int | Sequence[int | None] | None, mask: Flags) -> None:
-        """As `SyncVectorEnv` does: one seed for all in a row, or one each; None leaves a generator as it is."""
+        """Seed generators as `SyncVectorEnv` does: seed + i, or one seed each; None leaves a generator as it is."""
         if seed is None or isinstance(seed, int | np.integer):
             seeds = [None if seed is None else int(seed) + i for i in range(self.num_envs)]
         else:
@@ -228,15 +228,15 @@ class FlexArmVectorEnv(
     def _take(self, actions: NDArray[np.float32]) -> None:
         values = actions if isinstance(actions, np.ndarray) else real_array("actions", actions)
         if values.shape != self.action_space.shape or values.dtype.kind not in "fiu":
-            finite_array("actions", actions, self.action_space.shape or ())  # says what is wrong
-        if not isfinite(np.vdot(values, values)):  # one is not, or their squares overflow; then look at each
+            finite_array("actions", actions, self.action_space.shape or ())  # raises the error that names what is wrong
+        if not isfinite(np.vdot(values, values)):  # a value is not finite, or a square overflows; check each value
             read = np.ones(len(values), dtype=bool)
             read[self._ended] = False
             finite_array("actions", np.where(read[:, None], values, 0.0), self.action_space.shape or ())
         self.simulator.actions[: self.num_envs] = values if values.dtype == np.float32 else rounded(values)
 
     def _restart(self, ended: Indices, infos: dict[str, Any]) -> dict[str, Any]:
-        """Begin new episodes where one ended in this step; what ended goes into `final_obs` and `final_info`."""
+        """Begin new episodes where one ended in this step; return infos with `final_obs` and `final_info`."""
         final_obs = np.empty(self.num_envs, dtype=object)
         for i in ended.tolist():
             final_obs[i] = self.simulator.observations[i].copy()
@@ -252,6 +252,6 @@ class FlexArmVectorEnv(
         return self.simulator.observations[: self.num_envs].copy()
 
     def _remember(self, begun: Indices) -> None:
-        """Traces for the pictures."""
+        """Add the present instant to the pictures' traces."""
         for i, scene in enumerate(self._scenes):
             (scene.begin if i in begun else scene.add)(self.simulator.result(i))

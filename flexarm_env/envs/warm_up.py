@@ -1,4 +1,4 @@
-"""`warm_up`: compiles ahead what environments need, for images and clusters."""
+"""`warm_up`: compiles the kernels of environments in advance, for images and clusters."""
 
 from __future__ import annotations
 
@@ -20,23 +20,23 @@ def warm_up(
     num_envs: Sequence[int] = (1,),
     threads: int = 1,
 ) -> list[str]:
-    """Compile the kernels of environments, unless they are on disk, so that no later process has to.
+    """Compile the kernels of environments, unless they are on disk, so that later processes load them.
 
-    Kernels are for one type of processor. Where those that will run differ from the one that compiles, set
-    NUMBA_CPU_NAME to the oldest of them (or to "generic") for both.
+    Kernels are made for one type of processor. If they will run on other processors than the one that compiles, set
+    NUMBA_CPU_NAME to the oldest of them (or to "generic") in both places.
 
     Args:
-        ids: of environments, as `gymnasium.make` takes them.
-        options: of each of them; see `flexarm_env.envs.settings.Settings`.
-        num_envs: sizes of batches. 1 serves single environments, `SyncVectorEnv` and `AsyncVectorEnv` too.
-        threads: of a batch; more of them share it in smaller blocks.
+        ids: ids of environments, as `gymnasium.make` takes them.
+        options: options of all of them; see `flexarm_env.envs.settings.Settings`.
+        num_envs: sizes of batches. 1 is for single environments, `SyncVectorEnv` and `AsyncVectorEnv`.
+        threads: number of threads of a batch; more threads share it in smaller blocks.
 
     Returns:
         A line for each id and size, which says whether its kernel was compiled or was ready.
 
     Raises:
         TypeError, ValueError: for bad input: an id of another project, an unknown option.
-        OSError: what was compiled could not be kept.
+        OSError: if compiled kernels could not be written to the cache.
     """
     sizes = [integer(f"num_envs[{n}]", size, 1) for n, size in enumerate(listed("num_envs", num_envs))]
     chosen = mapping("options", {} if options is None else options)

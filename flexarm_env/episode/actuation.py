@@ -30,9 +30,9 @@ class Drive(NamedTuple):
     """A way in which an action moves the arm.
 
     Attributes:
-        driver: does it for a control period.
-        groups: of rows that it needs (`kernels.layout`).
-        words: what it does, for the user who waits for the compiler.
+        driver: function that moves the arm over a control period.
+        groups: names of the groups of rows that it needs (`kernels.layout`).
+        words: description for the message that is shown while it compiles.
     """
 
     driver: Function
@@ -44,10 +44,10 @@ DRIVES: dict[str, Drive] = {}  # by the name of the program (`actions.ActionMode
 
 
 def drives(program: str, words: str, *groups: str) -> Callable[[Function], Function]:
-    """Enter a driver as the `drive` of a program; see `Drive`."""
+    """Register a driver as the `drive` of a program; see `Drive`."""
 
     def enter(driver: Function) -> Function:
-        """The driver, compiled as a part of its caller."""
+        """Register the driver and mark it for compilation inside its caller."""
         DRIVES[program] = Drive(driver, groups, words)
         return inlined_in_its_caller(driver)
 
@@ -60,7 +60,7 @@ def drive(arena: Arena, history: History, clock: Clock, paths: Paths, header: Wo
 
 
 def make_room(arena: Arena, header: Words, newest: int) -> None:
-    """Move what is kept of a block (actions or commands, from the row `newest` on) back by a control period."""
+    """Shift a block's stored actions (or commands, from the row `newest` on) back by one control period."""
     channels = header[word.CHANNELS]
     for at in range(newest + header[word.KEPT_ACTIONS] * channels - 1, newest + channels - 1, -1):
         kept: LaneRow = arena[at]
@@ -70,7 +70,7 @@ def make_room(arena: Arena, header: Words, newest: int) -> None:
 
 
 def command(arena: Arena, header: Words, settings: Table, i: int, r: int, begin: float) -> float:
-    """Mean of the acting command of channel r of lane i over an integration step, as a share of `COMMAND_SCALE`.
+    """Return the mean command that acts on channel r of lane i in an integration step, as a share of `COMMAND_SCALE`.
 
     Args:
         arena: of one block.
@@ -78,7 +78,7 @@ def command(arena: Arena, header: Words, settings: Table, i: int, r: int, begin:
         settings: see `entries.Setting`.
         i: the lane.
         r: the channel.
-        begin: of the integration step after the start of the period [s].
+        begin: start of the integration step, from the start of the period [s].
     """
     newest = row.TAIL + header[word.COMMANDS] + r
     late = arena[row.EPISODE + drawn.ACTUATION_DELAY, i]
@@ -97,7 +97,7 @@ def command(arena: Arena, header: Words, settings: Table, i: int, r: int, begin:
 
 
 def undelayed(arena: Arena) -> bool:
-    """Whether no lane has an actuation delay, so that commands do not change within a control period."""
+    """Return whether no lane has an actuation delay, so that commands are constant over a control period."""
     delayed = 0
     for i in range(variant.lanes):
         delayed += arena[row.EPISODE + drawn.ACTUATION_DELAY, i] > 0.0
@@ -105,7 +105,7 @@ def undelayed(arena: Arena) -> bool:
 
 
 def write_commands(arena: Arena, header: Words, settings: Table, step: int, held: bool) -> None:
-    """Enter the commanded torques of an integration step, the mean over it where a command changes within."""
+    """Write the commanded torques of an integration step: the mean over the step if a command changes within it."""
     begin = step * settings[setting.STEP]
     newest = row.TAIL + header[word.COMMANDS]
     for r in range(2):
@@ -120,14 +120,14 @@ def write_commands(arena: Arena, header: Words, settings: Table, step: int, held
 
 
 def keep_reading(arena: Arena, history: History, clock: Clock, header: Words, done: int) -> None:
-    """Enter the reading after so many steps of a period into the delay line, if `Header.READINGS` asks for it."""
+    """Write the reading after `done` steps of a period into the delay line, if `Header.READINGS` includes it."""
     if (header[word.READINGS] >> ((done if done < header[word.SUBSTEPS] else 0) & 63)) & 1:
         store_reading(arena, history, slot_after(clock, history, done))
 
 
 @drives("torque", "actions are torques")
 def drive_torque(arena: Arena, history: History, clock: Clock, paths: Paths, header: Words, settings: Table) -> None:
-    """The action is the motors' torque.
+    """Move the arm by torques that are the actions.
 
     Args:
         arena: of one block.
@@ -150,7 +150,7 @@ def drive_torque(arena: Arena, history: History, clock: Clock, paths: Paths, hea
 
 
 def add_up_torques(arena: Arena, header: Words, settings: Table) -> None:
-    """Enter a block's newest commanded torques: the ones before and what the actions add, within the motors' limits."""
+    """Write a block's commanded torques: the previous ones plus the actions' changes, within the motors' limits."""
     actions, torques = row.TAIL + 2 * header[word.PREVIEWS], row.TAIL + header[word.COMMANDS]
     make_room(arena, header, torques)
     for r in range(2):
@@ -163,7 +163,7 @@ def add_up_torques(arena: Arena, header: Words, settings: Table) -> None:
 def drive_torque_rate(
     arena: Arena, history: History, clock: Clock, paths: Paths, header: Words, settings: Table
 ) -> None:
-    """The action is the change of the motors' torque per second.
+    """Move the arm by torques whose change per second is the action.
 
     Args: as `drive_torque`.
     """
@@ -172,7 +172,7 @@ def drive_torque_rate(
 
 
 def spline_factors(u: float, period: float) -> Factors:
-    """Factors of `joint_tracking.interpolated` a share u of a period [s] after its start."""
+    """Return the factors of `joint_tracking.interpolated` at the share u of a period [s]."""
     v = 1.0 - u
     return (
         v * v * (1.0 + 2.0 * u),
@@ -187,9 +187,10 @@ def spline_factors(u: float, period: float) -> Factors:
 
 
 def plan_joint_spline(arena: Arena, clock: Clock, paths: Paths, header: Words, settings: Table) -> None:
-    """Where the inner law's reference runs in the coming period: from the present aim to that at its end.
+    """Plan the joint-space law's reference over the coming period: from the present joint aim to the aim at its end.
 
-    A shift runs linearly from the last one to the commanded one. The end's rates are those of the side that ends there.
+    A shift changes linearly from the last one to the commanded one. If a side of the path ends at the end of the
+    period, the rates there are those of that side.
     """
     h, period = settings[setting.STEP], settings[setting.PERIOD]
     for r in range(4):
@@ -219,7 +220,7 @@ def plan_joint_spline(arena: Arena, clock: Clock, paths: Paths, header: Words, s
 
 @drives("tracking", "actions are added to the joint-space tracking law", "tracking")
 def drive_tracking(arena: Arena, history: History, clock: Clock, paths: Paths, header: Words, settings: Table) -> None:
-    """The inner joint-space law tracks the rigid arm's way along the reference; the action adds to it.
+    """Move the arm by the joint-space tracking law, which follows the rigid arm on the reference, and the action.
 
     Args:
         arena: of one block.
@@ -251,7 +252,7 @@ def drive_tracking(arena: Arena, history: History, clock: Clock, paths: Paths, h
 
 @drives("gain", "actions are the gain of the paper's law", "law")
 def drive_gain(arena: Arena, history: History, clock: Clock, paths: Paths, header: Words, settings: Table) -> None:
-    """The action is the gain lambda of the paper's law, which acts in continuous time.
+    """Move the arm by the tip law, which acts in continuous time with the action as its gain lambda.
 
     Args:
         arena: of one block.

@@ -1,6 +1,6 @@
-"""Drivers that draw what an episode is: its quantities and the arm that follows, its path, where and how it starts.
+"""Drivers that draw an episode: its quantities, the constants of its arm, its path, and where and how it starts.
 
-`stepping` explains lanes, blocks and arenas.
+`imex` explains lanes, blocks and arenas.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ PLACE_SPREAD, PLACE_DRAWN, PLACE_MOVE = 8, 16, 32
 
 
 def draw_quantities(arena: Arena, key: np.uint64, own: Table, request: ResetRequest, i: int) -> None:
-    """What is drawn for lane i's episode, unless the order names it, and the arm that follows from it."""
+    """Draw the quantities of lane i's episode that the request leaves open, and compute the arm's constants."""
     for n in range(QUANTITIES):
         value = own[lane_setting.BASE + n]
         low = own[lane_setting.LOWEST + n]
@@ -59,7 +59,7 @@ def draw_quantities(arena: Arena, key: np.uint64, own: Table, request: ResetRequ
 
 
 def draw_branch(arena: Arena, key: np.uint64, own: Table, request: ResetRequest, i: int) -> None:
-    """On which side of 0 theta2 is for lane i's rigid arm on the reference, unless the order says it."""
+    """Choose the sign of theta2 of lane i's rigid arm on the reference: by the request, the settings or a draw."""
     branch = request[column.BRANCH] if request[column.BRANCH] == request[column.BRANCH] else own[lane_setting.BRANCH]
     if branch == 0.0:
         branch = 1.0 if uniform(key, PLACE_BRANCH) < 0.5 else -1.0
@@ -67,7 +67,7 @@ def draw_branch(arena: Arena, key: np.uint64, own: Table, request: ResetRequest,
 
 
 def draw_path(key: np.uint64, header: Words, own: Table, request: ResetRequest) -> int:
-    """Which of the named paths an episode follows, and in which direction, unless the order says it."""
+    """Return the index of the path that an episode follows: name and direction by the request or a draw."""
     index = int(uniform(key, PLACE_PATH) * header[word.PATH_NAMES])
     if request[column.PATH] == request[column.PATH]:
         index = int(request[column.PATH])
@@ -92,9 +92,9 @@ def draw_start(
     lane: int,
     i: int,
 ) -> bool:
-    """Path and moment at which lane i starts; whether the arm starts on the move."""
+    """Choose the path of lane i and the moment at which it starts; return whether the arm starts on the move."""
     index = lane
-    if variant.own_paths:  # a constant: where it is false, the compiler never sees what follows
+    if variant.own_paths:
         draw_moves(paths[lane], key, settings, arena[row.BRANCH, i])
     else:
         index = draw_path(key, header, own, request)
@@ -119,7 +119,7 @@ def draw_start(
 
 
 def drawn_point(key: np.uint64, settings: Table, branch: float, place: int) -> tuple[float, float]:
-    """Joint angles that put the tip at a point of the ring `Setting.MOVES`, by two random numbers from a place on."""
+    """Draw joint angles that put the tip at a point of the ring `Setting.MOVES`, by random numbers from `place` on."""
     low, high = settings[setting.MOVES], settings[setting.MOVES + 1]
     radius = sqrt(low * low + (high * high - low * low) * uniform(key, place))  # evenly by area
     turn = sincos(6.283185307179586 * uniform(key, place + 1))
@@ -128,14 +128,14 @@ def drawn_point(key: np.uint64, settings: Table, branch: float, place: int) -> t
 
 
 def draw_moves(path: Path, key: np.uint64, settings: Table, branch: float) -> None:
-    """A path of an episode's own: from one point to another and back, each move from rest to rest, then a rest.
+    """Draw an episode's path: from one point to another and back, each move from rest to rest with a rest after it.
 
-    The joint angles run together along a polynomial of fifth degree (minimum jerk); points are drawn in the ring that
-    `Setting.MOVES` sets, theta1's way is the shorter one.
+    Both joint angles follow one polynomial of fifth degree (minimum jerk). The end points lie in the ring
+    `Setting.MOVES`; theta1 turns the shorter way.
 
     Args:
-        path: to be filled; evenly timed, see `polyline.reference_at`. Shape (n, 5).
-        key: of the episode.
+        path: output; evenly timed, see `polyline.reference_at`. Shape (n, 5).
+        key: key of the episode.
         settings: see `entries.Setting`.
         branch: sign of theta2.
     """

@@ -1,7 +1,7 @@
-"""What an observation is made of, as plain functions of numbers that a controller can know (see `dynamics`).
+"""Parts of observations, as plain functions of numbers that a controller can measure (see `dynamics`).
 
-Cartesian quantities come in a *frame*: the world's, or the link's, turned by the measured -theta1. The plant has no
-preferred direction, so in the link's frame the four sides of a square are one task.
+Cartesian quantities are given in a *frame*: the world's, or the link's, turned by the measured -theta1. The plant has
+no preferred direction, so in the link's frame the four sides of a square look alike.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from flexarm_env.physics.inverse_kinematics import TURN, joint_angles_for, joint
 
 
 class Measurements(NamedTuple):
-    """What sensors and the task say at an instant; lists of numbers.
+    """Measurements and reference at an instant; lists of numbers.
 
     Attributes:
         encoders: joint angles [rad] and rates [rad/s] by the encoders.
@@ -57,7 +57,7 @@ class Features(NamedTuple):
 
 
 def features(known: Measurements) -> Features:
-    """All parts."""
+    """Compute all parts of observations from the measurements."""
     theta1, theta2 = known.encoders[:2]
     one, two = sincos(theta1), sincos(theta2)
     both = (one[0] * two[1] + one[1] * two[0], one[1] * two[1] - one[0] * two[0])
@@ -81,24 +81,24 @@ def features(known: Measurements) -> Features:
 
 
 def joint_errors(aim: Sequence[Any], encoders: Sequence[Any]) -> tuple[list[Any], list[Any]]:
-    """Joint angles and rates that are aimed at minus the measured ones; angles within half a turn."""
+    """Subtract the measured joint angles and rates from the desired ones; angles are within half a turn."""
     angles = [_turned_back(a - b) for a, b in zip(aim[:2], encoders[:2], strict=True)]
     return angles, [a - b for a, b in zip(aim[2:], encoders[2:], strict=True)]
 
 
 def in_frame(axis: Sequence[Any], vector: Sequence[Any]) -> list[Any]:
-    """A vector's components along the frame's axes."""
+    """Return a vector's components along the frame's axes."""
     return [axis[0] * vector[0] + axis[1] * vector[1], axis[0] * vector[1] - axis[1] * vector[0]]
 
 
 def joint_aim(lengths: Sequence[Any], branch: Any, reference: Sequence[Any], near: Any) -> list[Any]:
-    """Joint angles and rates of the rigid arm on the reference; theta1 within half a turn of `near` [rad]."""
+    """Return joint angles and rates of the rigid arm on the reference; theta1 within half a turn of `near` [rad]."""
     theta1, theta2 = joint_angles_for(lengths[0], lengths[1], branch, reference[0], reference[1])
     rates = joint_rates_for(lengths[0], lengths[1], theta1, theta2, reference[2], reference[3])
-    whole_turns = floor((near - theta1) * (1.0 / TURN) + 0.5)  # so that finding it again gives the same bits
+    whole_turns = floor((near - theta1) * (1.0 / TURN) + 0.5)  # repeating it with the result gives the same bits
     return [theta1 + TURN * whole_turns, theta2, *rates]
 
 
 def _turned_back(angle: Any) -> Any:
-    """The same direction, within half a turn of 0."""
+    """Return the same direction as an angle within half a turn of 0."""
     return angle - TURN * floor(angle * (1.0 / TURN) + 0.5)

@@ -1,4 +1,4 @@
-"""Drivers of what sensors have read before an episode begins: the delay line's past, and the reading before the first.
+"""Drivers that fill the delay line and the sensor's last reading with values from before an episode begins.
 
 `imex` explains lanes, blocks and arenas.
 """
@@ -20,13 +20,13 @@ from flexarm_env.physics.polyline import reference_at
 def move_history(
     arena: Arena, history: History, clock: Clock, paths: Paths, header: Words, settings: Table, i: int
 ) -> None:
-    """Move the readings in the delay line of lane i, which starts on the move, back with the reference."""
+    """Move the readings in the delay line of lane i, whose arm starts on the move, back with the reference."""
     h = settings[setting.STEP]
     slots = history.shape[0] // variant.slot_rows
     now = reference_slot(arena, clock, paths, settings, i, 0.0)
     for back in range(1, slots):
         if not (header[word.READINGS] >> (-back % header[word.SUBSTEPS] & 63)) & 1:
-            continue  # nobody will ask for it
+            continue  # no sensor reads this slot
         slot = (clock[clock_row.HEAD, 0] - back) % slots
         moved = reference_slot(arena, clock, paths, settings, i, back * h)
         for r in range(variant.slot_rows):
@@ -34,7 +34,7 @@ def move_history(
 
 
 def reference_slot(arena: Arena, clock: Clock, paths: Paths, settings: Table, i: int, back: float) -> tuple[float, ...]:
-    """What all sensors would read on the rigid arm that is on lane i's reference, some seconds ago; with rates."""
+    """Return what all sensors would have read `back` seconds ago on the rigid arm on lane i's reference, with rates."""
     first = reference_reading(arena, clock, paths, settings, i, back)
     if variant.second_sensor:
         return first + second_reference(arena, clock, paths, settings, i, back)
@@ -42,7 +42,7 @@ def reference_slot(arena: Arena, clock: Clock, paths: Paths, settings: Table, i:
 
 
 def reference_reading(arena: Arena, clock: Clock, paths: Paths, settings: Table, i: int, back: float) -> Four:
-    """What the sensor would read on the rigid arm that is on lane i's reference, some seconds ago; with rates."""
+    """Return what the sensor would have read `back` seconds ago on the rigid arm on lane i's reference, with rates."""
     time = clock[clock_row.STEPS, i] * settings[setting.STEP] - back
     reference = reference_at(paths, clock[clock_row.PATH, i], time, time + 1e-9 * settings[setting.STEP], -1e18)
     if variant.true_sensor:
@@ -53,7 +53,7 @@ def reference_reading(arena: Arena, clock: Clock, paths: Paths, settings: Table,
 
 
 def seed_sensor(arena: Arena, history: History, clock: Clock, paths: Paths, settings: Table, i: int) -> None:
-    """A reading from before the start of lane i, so that the first one has a change per second."""
+    """Set a reading from before the start of lane i, so that the change per second of the first one is defined."""
     h = settings[setting.STEP]
     late = arena[row.SENSOR_DELAY, i]
     later = arena[row.SENSOR_DELAY + 1, i] - late

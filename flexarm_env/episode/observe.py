@@ -43,7 +43,7 @@ FINAL_REST = 0.25  # of the lap; the rest after the move back (`draws.draw_moves
 
 
 def take_actions(arena: Arena, actions: Actions, first: int, header: Words) -> None:
-    """Enter the actions of a block, limited to [-1, 1], before the earlier ones, and note their squared change."""
+    """Write the actions of a block, limited to [-1, 1], in front of the earlier ones, and their squared change."""
     newest = row.TAIL + 2 * header[word.PREVIEWS]
     make_room(arena, header, newest)
     changes: LaneRow = arena[row.ACTION_CHANGE]
@@ -72,11 +72,11 @@ def observe(
     first: int,
     active: Mask,
 ) -> None:
-    """Sense, judge and report the present instant.
+    """Measure the present instant, determine the termination status, and write the observations.
 
     Args: as `sensor.sense`, and
-        observations: to be filled, of all lanes.
-        first: lane of the block among all.
+        observations: output, of all lanes.
+        first: index of the block's first lane among all lanes.
     """
     update_measurements(arena, history, clock, keys, paths, header, settings, active)
     write_previews(arena, clock, paths, header, settings)
@@ -87,7 +87,7 @@ def observe(
 def update_measurements(
     arena: Arena, history: History, clock: Clock, keys: Keys, paths: Paths, header: Words, settings: Table, active: Mask
 ) -> None:
-    """Sense, and judge the present instant, on a block; doing it again changes nothing.
+    """Update a block's measurements, reward and termination status; repeating it changes nothing.
 
     Args: as `sensor.sense`.
     """
@@ -125,7 +125,7 @@ def update_measurements(
 
 
 def note_times(arena: Arena, clock: Clock, settings: Table) -> None:
-    """Time of every lane's episode, phase of its lap, and times since and until the reference turns (`previews`)."""
+    """Compute each lane's time of the episode, its phase of the lap, and the times since and until its side changes."""
     h, lap = settings[setting.STEP], settings[setting.LAP]
     for i in range(variant.lanes):
         now = clock[clock_row.STEPS, i] * h
@@ -139,10 +139,10 @@ def note_times(arena: Arena, clock: Clock, settings: Table) -> None:
 
 
 def note_elbow(arena: Arena) -> None:
-    """Side of every lane's elbow, how often it has changed, and the side that the encoders tell.
+    """Update each lane's elbow side, the number of its changes, and the side by the encoders.
 
-    An elbow that is on neither side (`elbow_side`), or whose state is not finite, stays on the side where it was; when
-    an episode begins, that is 0.
+    An elbow that is on neither side (`elbow_side`), or whose state is not finite, keeps its last side; at the start of
+    an episode, that is 0.
     """
     for i in range(variant.lanes):
         side, before = elbow_side(arena[row.STATE + 1, i]), arena[row.ELBOW_SIDE, i]
@@ -153,9 +153,9 @@ def note_elbow(arena: Arena) -> None:
 
 
 def aim_on_present_side(arena: Arena, settings: Table) -> None:
-    """Joint angles and rates of the rigid arm on the reference with the elbow on its present side, of every lane.
+    """Compute each lane's joint angles and rates of the rigid arm on the reference, with the elbow's present side.
 
-    Those of `REFERENCE_JOINTS`, unless the elbow has left the side of inverse kinematics.
+    They equal `REFERENCE_JOINTS`, unless the elbow has left the side that inverse kinematics uses.
     """
     for r in range(4):
         for i in range(variant.lanes):
@@ -178,9 +178,9 @@ def aim_on_present_side(arena: Arena, settings: Table) -> None:
 
 
 def note_rest(arena: Arena, clock: Clock, settings: Table) -> None:
-    """Whether every lane's tip was near the reference through the final rest of a lap of moves.
+    """Determine for each lane whether the tip stayed near the reference during the final rest of a lap of moves.
 
-    This is decided at the first instant after the lap, and stays until the next lap ends; before it is 0.
+    The result is set at the first instant after the lap and kept until the next lap ends; before that it is 0.
     """
     h, lap = settings[setting.STEP], settings[setting.LAP]
     for i in range(variant.lanes):
@@ -193,7 +193,7 @@ def note_rest(arena: Arena, clock: Clock, settings: Table) -> None:
 
 
 def termination_status(arena: Arena, settings: Table) -> None:
-    """Status of every lane: the state's (`state_status`), -2 for a link bent too far, -3 for too large an error."""
+    """Set each lane's status: that of the state (`state_status`), -2 for a link bent too far, -3 for a large error."""
     state_status(arena)
     for i in range(variant.lanes):
         status = arena[row.STATUS, i]
@@ -202,7 +202,7 @@ def termination_status(arena: Arena, settings: Table) -> None:
         outside = -2.0 if bent > settings[setting.DEFLECTION_LIMIT] else (-3.0 if far else 0.0)
         arena[row.STATUS, i] = outside if status == 0.0 else status
         reward = arena[row.REWARD, i]
-        arena[row.REWARD, i] = reward if status == 0.0 else 0.0  # no state, no reward
+        arena[row.REWARD, i] = reward if status == 0.0 else 0.0  # an invalid state has no reward
         for n in range(variant.reward_terms):
             term = arena[row.REWARD_TERMS + n, i]
             arena[row.REWARD_TERMS + n, i] = term if status == 0.0 else 0.0

@@ -1,4 +1,4 @@
-"""Records what is reported of an environment beside `kernels.recorded`: parts of observations, terms of the reward."""
+"""Recorded kernels of an environment: parts of observations, terms of the reward."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from flexarm_env.kernels.variants import Variant
 
 
 def features_source(variant: Variant) -> str:
-    """What observations are made of, and the reward's terms."""
+    """Record the kernel of the observations' parts and the reward's terms."""
     r = Recorder(variant)
     names = ("encoders", "reference", "reference_joints", "link_sensor", "sensor_error", "sensor_error_rate")
     known = features.Measurements(
@@ -43,11 +43,18 @@ def features_source(variant: Variant) -> str:
 
 @recorded(features_source, SHARED)
 def features_kernel(arena: Arena, length_1: float, length_2: float, weights: Table) -> None:
-    """Parts of observations and terms of the reward, of every lane; `weights`: of the terms."""
+    """Compute each lane's parts of observations and terms of the reward.
+
+    Args:
+        arena: of one block.
+        length_1: length of link 1 [m].
+        length_2: length of link 2 [m].
+        weights: weight of each term.
+    """
 
 
 def joint_source(variant: Variant) -> str:
-    """Joint angles and rates of the rigid arm whose tip is on the reference."""
+    """Record the kernel of the joint angles and rates of the rigid arm whose tip is on the reference."""
     r = Recorder(variant)
     lengths = (r.trace.input("length_1"), r.trace.input("length_2"))
     r.write(
@@ -59,4 +66,4 @@ def joint_source(variant: Variant) -> str:
 
 @recorded(joint_source, SHARED)
 def joint_kernel(arena: Arena, length_1: float, length_2: float) -> None:
-    """Joint angles and rates of the rigid arm on the reference, of every lane."""
+    """Compute each lane's joint angles and rates of the rigid arm on the reference."""

@@ -1,4 +1,4 @@
-"""Drivers that begin episodes: where the arm starts; `draws` has what is drawn, `first_readings` the delay line's past.
+"""Drivers that begin episodes: `draws` chooses them, this module sets the lanes, `first_readings` the delay line.
 
 `imex` explains lanes, blocks and arenas.
 """
@@ -35,7 +35,7 @@ def initial_state(
     i: int,
     moving: bool,
 ) -> None:
-    """State of lane i: as ordered, or the rigid arm on the reference, on the move a little off it."""
+    """Set the state of lane i: the requested one, or the rigid arm on the reference, with deviations if it moves."""
     now = clock[clock_row.STEPS, i] * settings[setting.STEP]
     reference = reference_at(paths, clock[clock_row.PATH, i], now, now + 1e-9 * settings[setting.STEP], -1e18)
     length_1, length_2 = settings[setting.LENGTHS], settings[setting.LENGTHS + 1]
@@ -74,7 +74,7 @@ def reset_lane(
     lane: int,
     i: int,
 ) -> None:
-    """Everything of lane i but its delay line."""
+    """Begin an episode in lane i, except for its delay line."""
     draw_quantities(arena, key, own, request, i)
     draw_branch(arena, key, own, request, i)
     moving = draw_start(arena, clock, key, paths, header, settings, own, request, lane, i)
@@ -128,7 +128,8 @@ def reset_lanes(
             reset_lane(arena, clock, keys[i], paths, header, settings, own, reset_requests[lane], lane, i)
     if not variant.foreshortened:
         elimination_kernel(arena)
-    store_reading(arena, history, clock[clock_row.HEAD, 0])  # where none begins it was there, or nobody asks for it
+    # for lanes that go on, the reading is already there, or no sensor reads this slot
+    store_reading(arena, history, clock[clock_row.HEAD, 0])
     for i in range(variant.lanes):
         if started[i]:
             moving = clock[clock_row.SINCE, i] == LONG_AGO

@@ -1,7 +1,7 @@
 """Reward: terms of the state after the step, each in [0, 1], and their weighted sum.
 
-Every term is bounded and none is negative, so that ending an episode early never pays. Plain functions of numbers,
-recorded into the kernels.
+No term is negative, so that ending an episode early never pays. The functions take plain numbers; kernels are recorded
+from them.
 
 Symbols: ``e`` distance of the true tip (with deflection) from the reference [m]; ``a`` action in [-1, 1].
 """
@@ -29,18 +29,18 @@ VIBRATION = 1.0  # [m/s]
 
 
 def squared_distance(tip: Sequence[Any], reference: Sequence[Any]) -> Any:
-    """Squared distance of the true tip from the reference [m^2].
+    """Return the squared distance of the true tip from the reference [m^2].
 
     Args:
         tip: x, y of the true tip [m].
-        reference: where it should be [m].
+        reference: x, y of the reference [m].
     """
     x, y = tip[0] - reference[0], tip[1] - reference[1]
     return x * x + y * y
 
 
 def tracking_terms(square: Any) -> list[Any]:
-    """The three tracking terms.
+    """Compute the three tracking terms.
 
     Args:
         square: squared distance of the true tip from the reference [m^2].
@@ -51,7 +51,7 @@ def tracking_terms(square: Any) -> list[Any]:
 
 
 def regularising_terms(change: Any, torque: Sequence[Any], deflection_rate: Sequence[Any]) -> list[Any]:
-    """The terms for a quiet arm.
+    """Compute the terms for steady actions, small torques and little vibration.
 
     Args:
         change: |a - a_before|^2.

@@ -1,7 +1,6 @@
-"""Drivers of the second sensor: where a point of either link was, as a camera sees it.
+"""Drivers of the second sensor, which measures the true position of a point of either link, as a camera does.
 
-It gives a reading for each control instant, late by a delay of its own, with noise of its own.
-`imex` explains lanes, blocks and arenas.
+It has one reading for each control instant, with its own delay and noise. `imex` explains lanes, blocks and arenas.
 """
 
 from __future__ import annotations
@@ -21,9 +20,9 @@ SECOND_NOISE = 6  # place of its random numbers among those of a control period
 def sense_second(
     arena: Arena, history: History, clock: Clock, keys: Keys, paths: Paths, header: Words, settings: Table, active: Mask
 ) -> None:
-    """Take over the readings that arrive at a block's lanes now, and their errors.
+    """Read the second sensor in a block's lanes, and compute the readings' errors.
 
-    The error is the way from the reading to where the same point of the rigid arm on the reference was at that time.
+    The error is the position of the same point of the rigid arm on the reference at that time, minus the reading.
 
     Args: as `sensor.sense`.
     """
@@ -49,7 +48,7 @@ def sense_second(
 
 
 def second_reference(arena: Arena, clock: Clock, paths: Paths, settings: Table, i: int, back: float) -> Four:
-    """Position and velocity of the sensor's point of the rigid arm that is on lane i's reference, some seconds ago.
+    """Return position and velocity, `back` seconds ago, of the sensor's point of the rigid arm on lane i's reference.
 
     Args:
         arena: of one block.

@@ -1,4 +1,4 @@
-"""Drivers of the sensor on link 2: which reading has arrived, where it says the arm is, and its error.
+"""Drivers of the sensor on link 2: which reading has arrived, its position, and its error.
 
 `imex` explains lanes, blocks and arenas.
 """
@@ -25,10 +25,9 @@ FIRST_NOISE = 64  # random numbers set aside for the start of an episode
 def sense(
     arena: Arena, history: History, clock: Clock, keys: Keys, paths: Paths, header: Words, settings: Table, active: Mask
 ) -> None:
-    """Take over the latest readings that have arrived at a block's lanes: positions, errors, and the errors' change.
+    """Read the sensor in a block's lanes: latest positions that have arrived, their errors, and the errors' change.
 
-    A reading that is not newer than the one before by half a control period is not taken over, so that the change per
-    second stays meaningful.
+    A reading must be newer than the last one by half a control period, so that the change per second is meaningful.
 
     Args:
         arena: of one block.
@@ -38,7 +37,7 @@ def sense(
         paths: of all lanes.
         header: see `entries.Header`.
         settings: see `entries.Setting`.
-        active: lanes that sense; the others have done so already. Shape (lanes,).
+        active: lanes to read; the others already have their reading. Shape (lanes,).
     """
     if variant.batch and uniform_delay(arena):
         sample_uniform(arena, history, clock, settings, active)
@@ -51,7 +50,7 @@ def sense(
 
 
 def uniform_delay(arena: Arena) -> bool:
-    """Whether readings are equally late in all lanes of a block, and nothing random is about them."""
+    """Return whether all lanes of a block have the same sensor delay, and no reading is random."""
     late, later = arena[row.SENSOR_DELAY, 0], arena[row.SENSOR_DELAY + 1, 0]
     others = 0
     for i in range(variant.lanes if variant.disturbed else 0):
@@ -64,7 +63,7 @@ def uniform_delay(arena: Arena) -> bool:
 
 
 def sample_uniform(arena: Arena, history: History, clock: Clock, settings: Table, active: Mask) -> None:
-    """Do for all lanes what `sample` does for one, where all have a `uniform_delay`: readings lie side by side."""
+    """Do for all lanes of a block with a `uniform_delay` what `sample` does for one lane."""
     h = settings[setting.STEP]
     late = arena[row.SENSOR_DELAY, 0]
     later = arena[row.SENSOR_DELAY + 1, 0] - late
@@ -82,7 +81,7 @@ def sample_uniform(arena: Arena, history: History, clock: Clock, settings: Table
 
 
 def copy_readings(arena: Arena, history: History, clock: Clock, h: float, j: int, late: float) -> None:
-    """Enter the reading j of `late` seconds ago, of all lanes."""
+    """Copy reading j of `late` seconds ago, of all lanes."""
     slots = history.shape[0] // variant.slot_rows
     slot = clock[clock_row.HEAD, 0]
     readings: LaneRow = arena[row.SAMPLE_POINT + j]
@@ -102,7 +101,7 @@ def copy_readings(arena: Arena, history: History, clock: Clock, h: float, j: int
 
 @per_lane
 def sample(arena: Arena, history: History, clock: Clock, keys: Keys, header: Words, settings: Table, i: int) -> None:
-    """Age and position of the newest reading that has arrived at lane i; a negative age if there is none."""
+    """Set age and position of the newest reading that has arrived at lane i; the age is negative if there is none."""
     h = settings[setting.STEP]
     now = clock[clock_row.STEPS, i] * h
     later = arena[row.SENSOR_DELAY + 1, i] - arena[row.SENSOR_DELAY, i]
@@ -129,10 +128,10 @@ def sample(arena: Arena, history: History, clock: Clock, keys: Keys, header: Wor
 def latest_reading(
     arena: Arena, clock: Clock, keys: Keys, header: Words, settings: Table, i: int, now: float, before: float
 ) -> tuple[float, int]:
-    """Age of the newest reading that has arrived at lane i [s], negative if there is none to take over.
+    """Find the newest reading that has arrived at lane i.
 
-    A continuous sensor gives one for each control instant. One with a clock of its own gives one for each of its ticks,
-    delayed and lost by the tick's own draws, and a tick may arrive after a later one.
+    A continuous sensor has one reading for each control instant. A sensor with its own clock has one for each tick,
+    whose delay and loss are drawn for the tick, so that a tick may arrive after a later one.
 
     Args:
         arena: of one block.
@@ -141,11 +140,11 @@ def latest_reading(
         header: see `entries.Header`.
         settings: see `entries.Setting`.
         i: the lane.
-        now: [s].
-        before: when the reading that is known was taken [s].
+        now: present time [s].
+        before: time at which the last reading was taken [s].
 
     Returns:
-        The age, and the first random number that belongs to the reading.
+        Its age [s], negative if there is none, and the index of the first random number of the reading.
     """
     delay = arena[row.SENSOR_DELAY, i]
     if not variant.disturbed:
@@ -167,11 +166,11 @@ def disturbed_reading(
     least: float,
     delay: float,
 ) -> tuple[float, int]:
-    """As `latest_reading`, with draws and a clock of the sensor's own.
+    """Find what `latest_reading` finds for a sensor with jitter, dropouts or its own clock.
 
     Args: as there, and
-        least: when a reading must have been taken to be new enough [s].
-        delay: without jitter [s].
+        least: time at which a reading must have been taken at the earliest [s].
+        delay: delay without jitter [s].
     """
     hold, jitter, dropout = arena[row.HOLD, i], arena[row.JITTER, i], arena[row.DROPOUT, i]
     if hold == 0.0:
@@ -198,10 +197,10 @@ def disturbed_reading(
 
 
 def noise_place(clock: Clock, header: Words, i: int) -> int:
-    """First of the random numbers set aside for the control period that lane i has reached.
+    """Return the index of the first random number of lane i's present control period.
 
-    From there on: 6 for the reading that arrives (with a clock of the sensor's own they are the tick's), 2 for the
-    second sensor (`second_sensor`), 8 for the encoders.
+    The period has 6 for the reading that arrives (a sensor with its own clock uses those of the tick), 2 for the second
+    sensor (`second_sensor`), and 8 for the encoders.
     """
     return FIRST_NOISE + CHANNELS_OF_NOISE * 2 * (
         (clock[clock_row.STEPS, i] - clock[clock_row.BEGAN, i]) // header[word.SUBSTEPS]
@@ -209,7 +208,7 @@ def noise_place(clock: Clock, header: Words, i: int) -> int:
 
 
 def joint_motion(settings: Table, branch: float, reference: Four) -> Four:
-    """Joint angles and rates of the rigid arm whose tip moves as the reference does: position and velocity."""
+    """Return joint angles and rates of the rigid arm whose tip has the reference's position and velocity."""
     x, y, vx, vy = reference
     length_1, length_2 = settings[setting.LENGTHS], settings[setting.LENGTHS + 1]
     theta1, theta2 = joint_angles_for(length_1, length_2, branch, x, y)
@@ -218,8 +217,8 @@ def joint_motion(settings: Table, branch: float, reference: Four) -> Four:
 
 
 def point_on_reference(settings: Table, branch: float, link: int, distance: float, reference: Four) -> Four:
-    """Position and velocity of a point of a link of the rigid arm whose tip moves as the reference does."""
-    if link == 2 and distance == settings[setting.LENGTHS + 1]:  # it is the tip that is on the reference
+    """Return position and velocity of a link's point on the rigid arm whose tip moves as the reference does."""
+    if link == 2 and distance == settings[setting.LENGTHS + 1]:  # the point is the tip
         return reference
     theta1, theta2, rate_1, rate_2 = joint_motion(settings, branch, reference)
     along_1 = distance if link == 1 else settings[setting.LENGTHS]
@@ -235,10 +234,10 @@ def point_on_reference(settings: Table, branch: float, link: int, distance: floa
 
 
 def update_sensor_error(arena: Arena, clock: Clock, paths: Paths, settings: Table) -> None:
-    """Take over the readings that there are: their error from where the reference was, and its change per second."""
+    """Update the sensor's position, its error from the reference of that time, and the error's change per second."""
     h = settings[setting.STEP]
     searched = 0
-    for i in range(variant.lanes):  # on the present side where it was follows from where it is, without a search
+    for i in range(variant.lanes):  # within the present side, the earlier reference follows without a search
         late = arena[row.SAMPLE_AGE, i]
         for r in range(2):
             then = arena[row.REFERENCE + r, i] - late * arena[row.REFERENCE + 2 + r, i]

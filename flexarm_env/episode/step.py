@@ -21,13 +21,13 @@ from flexarm_env.kernels.variants import variant
 
 
 def step_only(memory: Memory) -> bool:
-    """One control period of the only environment, or the beginning of its episode (`step_block`).
+    """Advance a single environment by one control period, or begin its episode (`step_block`).
 
     Args:
         memory: of the batch.
 
     Returns:
-        Whether it was done: an action that is not finite is refused, unless an episode begins.
+        False if an action is not finite, unless an episode begins; the state is then unchanged.
     """
     header = array_at(memory, 0, (word.PLACES,), np.int64)
     channels = header[word.CHANNELS]
@@ -80,13 +80,13 @@ def report_episodes(
         active[i] = header[word.DRIVING] != 0 or started[i]
     observe(arena, history, clock, keys, paths, header, settings, observations, first, active)
     for i in range(variant.lanes):
-        if started[i]:  # no reward yet
+        if started[i]:  # a reset has no reward
             for n in range(variant.reward_terms):
                 arena[row.REWARD_TERMS + n, i] = 0.0
             arena[row.REWARD, i] = 0.0
 
 
-# The programs of environments, by name; each has one of the ways in which an action moves the arm.
+# The programs of environments, by name: one for each driver of `actuation.DRIVES`.
 PROGRAMS = {
     name: Program(
         name,

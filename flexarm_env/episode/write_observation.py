@@ -1,4 +1,4 @@
-"""Drivers that put observations together: previews of the reference, then the numbers that are asked for.
+"""Drivers that write observations: previews of the reference, then the numbers of the selected blocks.
 
 `imex` explains lanes, blocks and arenas.
 """
@@ -16,10 +16,10 @@ from flexarm_env.physics.polyline import reference_at
 
 
 def write_previews(arena: Arena, clock: Clock, paths: Paths, header: Words, settings: Table) -> None:
-    """Where the reference will have moved at each horizon, seen from where it is, in the frame.
+    """Write the displacement of the reference until each horizon, in the frame.
 
-    On its present side and the next it moves at known velocities, which the compiler works out for several lanes at
-    once; only what lies beyond is searched for.
+    The velocities of the present side and the next are cached, so that this is vectorised over the lanes; the path is
+    searched only for horizons beyond them.
     """
     for n in range(header[word.PREVIEWS]):
         horizon = settings[setting.HORIZONS + n]
@@ -43,7 +43,7 @@ def write_previews(arena: Arena, clock: Clock, paths: Paths, header: Words, sett
 
 @per_lane
 def write_preview(arena: Arena, preview: LaneRows, i: int, x: float, y: float) -> None:
-    """Enter a way of lane i's reference [m], turned into the frame."""
+    """Write a displacement of lane i's reference [m], turned into the frame."""
     cosine, sine = arena[row.FRAME_AXIS, i], arena[row.FRAME_AXIS + 1, i]
     preview[0, i] = cosine * x + sine * y
     preview[1, i] = cosine * y - sine * x
@@ -52,7 +52,7 @@ def write_preview(arena: Arena, preview: LaneRows, i: int, x: float, y: float) -
 def write_observations(
     arena: Arena, observations: Observations, first: int, header: Words, settings: Table, active: Mask
 ) -> None:
-    """Gather the observations of some lanes of a block; one whose state is not valid keeps its last one."""
+    """Write the observations of a block's active lanes; a lane whose state is not valid keeps its last one."""
     factors = setting.HORIZONS + header[word.PREVIEWS]
     ours = observations[first : first + variant.lanes]
     count = 0
@@ -62,7 +62,7 @@ def write_observations(
     if variant.batch and count == variant.lanes and observed >= TILE:
         for i in range(0, variant.lanes, TILE):
             for n in range(0, observed, TILE):
-                begin = min(n, observed - TILE)  # the last tile repeats a part of the one before
+                begin = min(n, observed - TILE)  # the last tile overlaps the one before
                 write_tile(arena[:, i:], variant.lanes, header[word.PLACES :], settings[factors:], begin, ours[i:])
         return
     for i in range(variant.lanes):
@@ -72,6 +72,6 @@ def write_observations(
 
 @per_lane
 def is_written(arena: Arena, active: Mask, i: int) -> bool:
-    """Whether lane i is one of those observed, and its state is valid."""
+    """Return whether lane i is active and its state is valid."""
     status = arena[row.STATUS, i]
     return active[i] and (status == 0.0 or status < -1.5)

@@ -43,7 +43,7 @@ def fill_history(history: History, clock: Clock, header: Words, i: int, moving: 
     newest = clock[clock_row.HEAD, 0]
     for back in range(1, slots):
         if not (header[word.READINGS] >> (-back % header[word.SUBSTEPS] & 63)) & 1:
-            continue  # nobody will ask for it
+            continue  # no sensor reads this slot
         slot = (newest - back) % slots
         for r in range(variant.slot_rows):
             known = moving or r % READING_ROWS < reading_row.RATE
@@ -54,7 +54,7 @@ def fill_history(history: History, clock: Clock, header: Words, i: int, moving: 
 def sensed_point(
     arena: Arena, history: History, clock: Clock, settings: Table, i: int, late: float, later: float
 ) -> tuple[float, float]:
-    """Position that the sensor of lane i measured `late` (its elbow's angle `later`) seconds ago [m]."""
+    """Return the position that the sensor of lane i measured `late` (its elbow's angle `later`) seconds ago [m]."""
     h = settings[setting.STEP]
     slots = history.shape[0] // variant.slot_rows
     slot = clock[clock_row.HEAD, 0]
@@ -67,7 +67,7 @@ def sensed_point(
 
 @per_lane
 def point_at(arena: Arena, settings: Table, i: int, theta1: float, theta2: float) -> tuple[float, float]:
-    """Where the sensor of lane i is on the rigid arm with these joint angles [m]."""
+    """Return the position of lane i's sensor on the rigid arm with these joint angles [m]."""
     one, both = sincos(theta1), sincos(theta1 + theta2)
     distance = arena[row.SENSOR_POINT_DISTANCE, i]
     length_1 = settings[setting.LENGTHS]
@@ -78,7 +78,7 @@ def point_at(arena: Arena, settings: Table, i: int, theta1: float, theta2: float
 def delayed_reading(
     history: History, slots: int, slot: int, i: int, j: int, h: float, back: float
 ) -> tuple[float, float]:
-    """A reading of lane i and its rate, `back` steps before the present one; see `prepare_reading`.
+    """Return a reading of lane i and its rate, `back` steps before the present one; see `prepare_reading`.
 
     Args:
         history: readings at past steps.

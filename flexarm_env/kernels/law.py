@@ -1,4 +1,4 @@
-"""Drivers that make the paper's law ready for a run: its delays, and the implicit integrator's first stage.
+"""Drivers that start the tip law: its delays, and the implicit integrator's first stage.
 
 `imex` explains lanes, blocks and arenas.
 """
@@ -16,7 +16,7 @@ from flexarm_env.kernels.variants import variant
 
 
 def prepare_law(arena: Arena, i: int) -> None:
-    """Delays of lane i in the paper's law, which begins with gain 0."""
+    """Set the delays and weights of the tip law in lane i, and the gain 0."""
     for r in range(2):
         late = arena[row.SENSOR_DELAY + r, i] if variant.law_on_sensor else 0.0
         shared = arena[row.SENSOR_DELAY, i]
@@ -31,7 +31,7 @@ def prepare_law(arena: Arena, i: int) -> None:
 
 
 def start_law(arena: Arena, history: History, clock: Clock, paths: Paths, h: float, started: Mask) -> None:
-    """Complete the started lanes for the implicit integrator; the others keep what they had.
+    """Initialise the started lanes for the implicit integrator; the other lanes do not change.
 
     Args:
         arena: of one block.
@@ -41,7 +41,7 @@ def start_law(arena: Arena, history: History, clock: Clock, paths: Paths, h: flo
         h: step [s].
         started: which lanes start. Shape (lanes,).
     """
-    for at in range(STAGES * variant.size):  # what an earlier run left, at worst not finite
+    for at in range(STAGES * variant.size):  # an earlier run may have left numbers that are not finite
         for i in range(variant.lanes):
             if started[i]:
                 arena[row.V_SLOTS + at, i] = 0.0

@@ -32,7 +32,7 @@ def elimination_count(modes: int, foreshortened: bool) -> int:
 
 
 def slope_ways(modes: int) -> list[tuple[str, int]]:
-    """Inputs that the slopes of `step_jacobians` are derivatives by, in their order: kind and place of each."""
+    """Return the inputs by which `step_jacobians` differentiates, in their order: kind and place of each."""
     size = 2 * modes + 2
     counts = {"y": range(1, size), "v": range(size), "tau": range(2), "quantity": range(len(ARM_QUANTITIES))}
     return [(name, n) for name, places in counts.items() for n in places]
@@ -235,7 +235,7 @@ def sizes_between(rows: dict[str, tuple[int, int]], first: str, last: str) -> di
 
 
 def beginning_sizes(rows: dict[str, tuple[int, int]]) -> dict[str, int]:
-    """What describes an episode, from its beginning on: parts that follow each other in its arena."""
+    """Return the sizes of what describes an episode from its start; these parts are consecutive in the arena."""
     return sizes_between(rows, "EPISODE", "BRANCH")
 
 
@@ -251,7 +251,7 @@ def arm_rows(k: Constants) -> dict[str, Sequence[float]]:
 
 
 def place_rows(name: str, place: PointShape) -> dict[str, Sequence[float]]:
-    """What a point of a link takes of an arena, under the point's name."""
+    """Return the arena's parts that describe a point of a link, under the point's name."""
     return {
         f"{name}_DISTANCE": [place.distance],
         f"{name}_VALUES": place.values,

@@ -99,7 +99,7 @@ class Recorder:
         return jacobian_transpose.Law(**fields)
 
     def place(self, name: str) -> PointShape:
-        """A point of a link, by its name."""
+        """Return a point of a link, by its name."""
         return PointShape(
             self.one(f"{name}_DISTANCE"), self.read(f"{name}_VALUES"), self.read(f"{name}_FORESHORTENING")
         )
@@ -153,7 +153,7 @@ def recorded_in_vectors(record: Callable[[Variant], Recorder]) -> Callable[[Call
     """Declare a kernel by its signature and its record without calls; it is compiled in vectors of lanes."""
 
     def declare(signature: Callable[P, R]) -> Recorded[P, R]:
-        """The kernel."""
+        """Declare the kernel of this signature."""
         name, arguments = signature.__name__, list(inspect.signature(signature).parameters)
         word = f"{name}({', '.join(arguments)})"
         return recorded(
@@ -310,7 +310,7 @@ def reading_kernel(arena: Arena, readings: LaneRows) -> None:
 
 
 def second_reading_source(variant: Variant) -> str:
-    """What the second sensor measures now."""
+    """Record the kernel of the second sensor's present reading."""
     r = Recorder(variant)
     place, link = r.place("SECOND"), variant.second_sensor
     r.store("readings", sensing.point_reading(r.constants(), place, r.read("Y"), r.read("V"), link))
@@ -319,7 +319,7 @@ def second_reading_source(variant: Variant) -> str:
 
 @recorded(second_reading_source, SHARED)
 def second_reading_kernel(arena: Arena, readings: LaneRows) -> None:
-    """What the second sensor would measure now, as `reading_kernel` has it of the first. Shape (4, lanes)."""
+    """Compute the second sensor's present reading, as `reading_kernel` does for the first. Shape (4, lanes)."""
 
 
 def truth_source(variant: Variant) -> str:

@@ -12,9 +12,9 @@ from flexarm_env.physics.polyline import AHEAD
 
 
 def follow_reference(arena: Arena, clock: Clock, paths: Paths, h: float) -> None:
-    """Write the reference of every lane at the present instant.
+    """Compute each lane's reference at the present instant.
 
-    A lane keeps the side of the path that it is on; only where that ends is the next one searched for.
+    The side of the path is cached for each lane; it is searched for only where the cached side has ended.
 
     Args:
         arena: of one block.
@@ -43,5 +43,5 @@ def follow_reference(arena: Arena, clock: Clock, paths: Paths, h: float) -> None
 
 @per_lane
 def segment_time(arena: Arena, clock: Clock, h: float, i: int) -> float:
-    """Time of the lap that says whether lane i's reference is still on its side [s]."""
+    """Return the time of the lap that decides whether lane i's reference is still on its cached side [s]."""
     return (clock[clock_row.STEPS, i] + AHEAD) * h - arena[row.PRESENT_SEGMENT + segment.LAP, i]

@@ -21,7 +21,7 @@ def state_status(arena: Arena) -> None:
 
 
 def failures(size: int) -> dict[float, str | None]:
-    """What a state's status means (`state_status`): why it is not valid; 0 is that of a valid one.
+    """Return the reason for which a state is not valid, by its status (`state_status`); 0 is that of a valid one.
 
     Args:
         size: number of internal coordinates.

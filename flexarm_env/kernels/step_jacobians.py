@@ -48,7 +48,7 @@ QUANTITIES = len(ARM_QUANTITIES)
 
 
 def stage_record(variant: Variant) -> Recorder:
-    """The acceleration at one stage, and its slopes."""
+    """Record the acceleration at one stage, and its slopes."""
     r = Recorder(variant, inlining=True)
     k, y, v, tau = r.constants(), r.read("Y_STAGE"), r.read("V_STAGE"), r.read("TAU")
     rates = dyn.acceleration(k, None, variant.complete, y, v, tau, _angles(variant, k, y))
@@ -72,7 +72,7 @@ def _angles(variant: Variant, k: Constants, y: Sequence[Any]) -> tuple[Any, Any,
 
 
 def column_record(variant: Variant, with_input: bool = False) -> Recorder:
-    """The classical Runge-Kutta method of the linear system of one column.
+    """Record the classical Runge-Kutta method of the linear system of one column.
 
     Args:
         variant: of the kernels.
@@ -273,7 +273,7 @@ def run_tangents(
 
 
 def find_slopes(arena: Arena, h: float) -> None:
-    """The slopes of all stages of the coming step."""
+    """Compute the slopes of all stages of the coming step."""
     if variant.batch:
         aligned_stack()
     for stage in range(STAGES):
@@ -304,7 +304,7 @@ def carry_columns(arena: Arena, h: float) -> None:
 
 
 def start_columns(arena: Arena) -> None:
-    """The columns at the start: derivatives of the internal state by the public one; theta1's is left out."""
+    """Initialise the columns: derivatives of the internal state by the public one, without theta1's."""
     for r in range(2 * variant.size * variant.ways):
         for i in range(variant.lanes):
             arena[row.COLUMNS + r, i] = 0.0

@@ -131,7 +131,7 @@ class Variant:
 
 
 def shared_model(model: SensorModel) -> SensorModel:
-    """The sensor model whose kernels a model uses: of those that read the same, the one with the most delays."""
+    """Return the model whose kernels serve a model: of those that read the same, the one with the most delays."""
     traits = SENSOR_MODELS[model]
     alike: list[SensorModel] = [name for name, other in SENSOR_MODELS.items() if other.reading == traits.reading]
     return max(alike, key=lambda name: SENSOR_MODELS[name].late)

@@ -187,7 +187,7 @@ class ConstantChanges(NamedTuple):
         return np.where(self.elastic, moved * factor, moved)
 
     def derivatives(self, quantities: np.ndarray) -> np.ndarray:
-        """Derivatives of `constants` by each quantity. Shape (n, 3, numbers)."""
+        """Return the derivatives of `constants` by each quantity. Shape (n, 3, numbers)."""
         _, factor, ratio = np.moveaxis(quantities, -1, 0)[..., None]
         by_payload = np.broadcast_to(self.payload_mass, (len(quantities), len(self.base)))
         by_damping = np.sqrt(factor) * self.damping

@@ -214,7 +214,7 @@ def acceleration(
 def imbalance(
     k: Constants, complete: bool, y: Vector, v: Vector, rates: Vector, tau: Vector, angles: tuple[Any, Any, Any]
 ) -> list[Any]:
-    """The right-hand side of (6) less M(y) v': zero where v' is the acceleration.
+    """Return the right-hand side of (6) less M(y) v': zero where v' is the acceleration.
 
     Its derivatives need no derivative of a factorisation: those of the acceleration follow by one more solution each
     (implicit functions; `linearisation`).

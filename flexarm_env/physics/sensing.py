@@ -64,7 +64,7 @@ def _turned_jacobian(part: DeformedPoint, turn: Pair) -> tuple[list[Any], list[A
 
 
 def angles_reading(k: Constants, at: PointShape, y: Sequence[Any], v: Sequence[Any]) -> list[Any]:
-    """The joint angles and their rates, wherever the sensor is."""
+    """Return the joint angles and their rates, wherever the sensor is."""
     return [*joint_angles(k, y), *joint_angles(k, v)]
 
 
@@ -86,7 +86,7 @@ READINGS = {"angles": angles_reading, "point": point_reading}  # of sensors (`pa
 
 
 def reading(k: Constants, at: PointShape, sensor: SensorModel, y: Sequence[Any], v: Sequence[Any]) -> list[Any]:
-    """What a sensor measures at this instant: two readings and their rates."""
+    """Return what a sensor measures at this instant: two readings and their rates."""
     return READINGS[SENSOR_MODELS[sensor].reading](k, at, y, v)
 
 

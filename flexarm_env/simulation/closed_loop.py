@@ -61,6 +61,8 @@ class ClosedLoop(LaneBatch):
         substeps: integration steps in a control period.
     """
 
+    WHAT = "the closed loop"
+
     def __init__(
         self,
         arm: FlexibleArm,
@@ -88,14 +90,13 @@ class ClosedLoop(LaneBatch):
             raise TypeError(f"arm = {shown(arm)}: must be a FlexibleArm")
         if not isinstance(path, ReferencePath):
             raise TypeError(f"path = {shown(path)}: must be a ReferencePath")
-        made_of = (arm, list(cases), path, control_period, physics_step, state_limits)
         self.arm, self.path, self._cases = arm, path, checked_cases(cases, arm)
         self.control_period = number("control_period", control_period, "s", above=0.0)
         self.substeps = self._count_substeps(physics_step)
         limits = np.full(2 * arm.size, np.inf) if state_limits is None else np.array(state_limits, dtype=float)
         if limits.shape != (2 * arm.size,) or not np.all(limits > 0.0):
             raise ValueError(f"state_limits = {shown(state_limits)}: must be {2 * arm.size} numbers > 0 (inf for none)")
-        super().__init__(made_of, self._lanes())
+        super().__init__((arm, self._cases, path, control_period, physics_step, limits), self._lanes())
         fixed = {
             **arm_rows(arm.constants),
             **place_rows("TIP", arm.place(2, arm.parameters.link_lengths[1])),
@@ -106,7 +107,7 @@ class ClosedLoop(LaneBatch):
         self._observed = self._observed_places()
 
     def _lanes(self) -> Lanes:
-        """What the arms' lanes are made of."""
+        """Describe the arms' lanes."""
         p = self.arm.parameters
         width = 1 if len(self._cases) == 1 else BLOCK
         sensor = sensor_variant(self._cases)

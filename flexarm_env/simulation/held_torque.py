@@ -71,7 +71,7 @@ class HeldTorque(ABC):
         stiffness: ArrayLike | None = None,
         damping: ArrayLike | None = None,
     ) -> Array:
-        """The state a control period later, of one arm or of many at once.
+        """Compute the state a control period later, of one arm or of many at once.
 
         Leading axes of all arguments broadcast. A state that stops being finite comes back as NaN or infinite.
 
@@ -166,7 +166,7 @@ class HeldTorque(ABC):
         return _Batch(self, leading, _rows(states, leading), _rows(torques, leading), inputs)
 
     def _kernels(self, lanes: int) -> tuple[ModuleType, Array]:
-        """The kernels and memory for them to work in."""
+        """Load the kernels, and allocate their memory."""
         complete, foreshortened = self.parameters.velocity_forces == "complete", self.constants.foreshortened
         variant = Variant(TANGENTS, self.parameters.modes_per_link, complete, lanes, foreshortened=foreshortened)
         return assembly.load(variant), aligned_zeros(lanes * extent(variant.rows))

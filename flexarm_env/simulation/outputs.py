@@ -38,7 +38,7 @@ class Outputs(NamedTuple):
 
 
 def output_jacobians(k: Constants, tip: PointShape, sensor: PointShape, state: Array) -> tuple[Outputs, Outputs]:
-    """Outputs, and their derivatives.
+    """Compute the outputs and their derivatives.
 
     Args:
         k: constants of the arm.

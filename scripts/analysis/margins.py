@@ -31,7 +31,7 @@ def fuzzy_extremes() -> tuple[float, float]:
 
 
 def loop(arm: FlexibleArm, place: Any, sensor: str, delayed: str, gain: float) -> LawLoop:
-    """The loop of one case."""
+    """Linearise the loop of one case."""
     return law_loop(arm, place, SensorParameters(delayed=delayed, **SENSORS[sensor]), gain)  # type: ignore[arg-type]
 
 

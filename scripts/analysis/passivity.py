@@ -26,7 +26,7 @@ WAVE_SPEED = SensorParameters().wave_speed
 
 
 def paths() -> dict[str, Callable[[OperatingPoint], Plant]]:
-    """What is checked, by name."""
+    """Return the transfer paths that are checked, by name."""
 
     def late(position: float) -> float:
         return (4.5 + position) / WAVE_SPEED
@@ -78,7 +78,7 @@ def study(quick: bool) -> dict[str, Any]:
 
 
 def law() -> dict[str, Any]:
-    """The law's own damping over frequency, of one shared delay, and the frequencies that it meets.
+    """Return the law's damping over frequency, for one shared delay, and the frequencies that it meets.
 
     Against a rate v the law's force is ``Z v`` with ``Re Z = Kd - Kp sin(omega T) / omega`` (late position) or
     ``Kd cos(omega T) - Kp sin(omega T) / omega`` (late position and rate).

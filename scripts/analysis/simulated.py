@@ -31,7 +31,7 @@ STEPS_PER_RADIAN = 4.0  # of the crossing frequency; at most the default step
 
 
 def bisect(diverges: Callable[[Array], NDArray[np.bool_]], low: float, high: float, rounds: int) -> tuple[float, float]:
-    """The delay from which on runs diverge, to a factor; `LANES` delays a round.
+    """Search the delay from which on runs diverge, to a factor; `LANES` delays a round.
 
     Args:
         diverges: of many delays [s].
@@ -72,7 +72,7 @@ def step(margin: float, omega: float) -> float | None:
 
 
 def held_diverges(sensor: str, delayed: str, gain: float, place: Any, physics_step: float | None) -> Any:
-    """A test of delays: the arm held at one place of the square and pushed a little; does the motion grow?"""
+    """Make a test of delays: does a small push grow, with the arm held at one place of the square?"""
     arm = FlexibleArm(ArmParameters.paper())
     duration = HELD_TIME[delayed]
     path = ReferencePath([[0.0, *place], [2.0 * duration, *place]])
@@ -99,7 +99,7 @@ def held_diverges(sensor: str, delayed: str, gain: float, place: Any, physics_st
 
 
 def lap_diverges(sensor: str, delayed: str, gain: float, physics_step: float | None) -> Any:
-    """A test of delays: does a lap of the square leave the limits of a valid state?"""
+    """Make a test of delays: does a lap of the square leave the limits of a valid state?"""
     arm = FlexibleArm(ArmParameters.paper())
 
     def diverges(delays: Array) -> NDArray[np.bool_]:

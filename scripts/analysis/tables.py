@@ -8,7 +8,7 @@ from scripts.common.markdown import table
 
 
 def _root(value: list[float]) -> str:
-    """A zero: right of the axis plain, on it with a j."""
+    """Write a zero: a plain number on the right of the axis, with a j on it."""
     real, imaginary = value
     if abs(imaginary) < 1e-6 * abs(real):
         return f"{real:.1f}"
@@ -18,7 +18,7 @@ def _root(value: list[float]) -> str:
 
 
 def zeros_by_model(rows: list[dict[str, Any]]) -> str:
-    """The slowest right-half-plane zero and what it forbids."""
+    """Write the slowest right-half-plane zero and the bandwidth limit that follows."""
     head = [
         "arm",
         "right-half-plane zero [rad/s]",
@@ -127,7 +127,7 @@ def room(rows: list[dict[str, Any]]) -> str:
 
 
 def margins_claim(rows: list[dict[str, Any]]) -> str:
-    """The claim about margins, as a paragraph."""
+    """Write the claim about margins as a paragraph."""
     late = {delayed: [r for r in rows if r["delayed"] == delayed] for delayed in ("position", "position+rate")}
     assert all(r["least"] > 1.0 for r in late["position"]), "stable with late positions"
     assert all(r["most"] < 1.0 for r in late["position+rate"]), "unstable with late rates"
@@ -148,7 +148,7 @@ def margins_claim(rows: list[dict[str, Any]]) -> str:
 
 
 def margins_by_modes(rows: list[dict[str, Any]]) -> str:
-    """What late rates leave with more modes."""
+    """Tabulate what late rates leave with more modes."""
     body = [[str(r["modes"]), _time(r["corner"]), _time(r["mid-side"])] for r in rows]
     return table(["modes a link", "delay margin, corner [ms]", "delay margin, mid-side [ms]"], body)
 
@@ -183,7 +183,7 @@ def _late(delayed: str) -> str:
 
 
 def largest_gains(rows: list[dict[str, Any]]) -> str:
-    """The largest stable lambda."""
+    """Tabulate the largest stable lambda."""
 
     def cell(value: float) -> str:
         return f"{value:.2g}" if value else "none"

@@ -27,7 +27,7 @@ CORNER = (-6.3, 6.3)
 
 
 def undamped(modes: int) -> FlexibleArm:
-    """The default arm with some number of modes, without damping."""
+    """Make the default arm with some number of modes, without damping."""
     return FlexibleArm(ArmParameters(modes_per_link=modes, modal_damping_ratio=0.0))
 
 
@@ -57,7 +57,7 @@ def entries(arm: FlexibleArm) -> list[float]:
 
 
 def bent(arm: FlexibleArm, elbow: float = ELBOW) -> OperatingPoint:
-    """The resting arm with an elbow angle [rad]."""
+    """Return the resting arm with an elbow angle [rad]."""
     return OperatingPoint.at_angles(arm, (0.0, elbow))
 
 
@@ -75,7 +75,7 @@ def spread(modes: int) -> dict[str, float]:
 
 
 def by_model(models: dict[str, FlexibleArm]) -> list[dict[str, Any]]:
-    """The slowest right-half-plane zero of each model at the tip, its limit, and where further zeros come in."""
+    """Find each model's slowest right-half-plane zero at the tip, its limit, and where further zeros appear."""
     rows: list[dict[str, Any]] = []
     for name, arm in models.items():
         plant = linear_plant(OperatingPoint.at_point(arm, CORNER), tip())
@@ -120,7 +120,7 @@ def by_position(models: dict[str, FlexibleArm]) -> list[dict[str, Any]]:
 
 
 def exact(position: float, count: int = 3) -> dict[str, list[float]]:
-    """The exact beams' real and imaginary zeros: link 2's at the point."""
+    """Find the exact beams' real and imaginary zeros, with the sensor at the point of link 2."""
     found = link_zeros(undamped(1), 2, position, count)
     return {"real": found.real.tolist(), "imaginary": found.imaginary.tolist()}
 

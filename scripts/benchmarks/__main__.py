@@ -43,7 +43,7 @@ class Options:
 
 
 def machine() -> dict[str, Any]:
-    """What the times depend on."""
+    """Describe the machine and the libraries on which the times depend."""
     names = ("numba", "numpy", "scipy", "gymnasium", "flexarm")
     usable = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
     return {

@@ -43,7 +43,7 @@ class EqualStep:
 
 
 def torques() -> Array:
-    """The motion: random torques from rest, straight. Shape (n, 2)."""
+    """Simulate the motion: random torques from rest, straight. Shape (n, 2)."""
     return np.random.default_rng(0).uniform(-TORQUE, TORQUE, (round(SECONDS / HELD), 2))
 
 
@@ -60,7 +60,7 @@ def our_error(modes: int) -> float:
 
 
 def equal_step(segments: int, modes: int) -> EqualStep:
-    """The cheapest step of the chain that is as accurate in time as ours: that with fewest evaluations a second.
+    """Find the chain's step that is as accurate in time as ours with the fewest evaluations a second.
 
     Args:
         segments: per link, of the chain.
@@ -81,7 +81,7 @@ def equal_step(segments: int, modes: int) -> EqualStep:
 
 
 def _fewest(segments: int, integrator: str, error: float) -> int | None:
-    """The least of `COUNTS` with which the chain's error is at most this [m]."""
+    """Find the least of `COUNTS` with which the chain's error is at most this [m]."""
     counts = _counts(segments, integrator)
     place = bisect_left(counts, -error, key=lambda count: -chain_error(segments, integrator, count))
     return counts[place] if place < len(counts) else None
@@ -105,7 +105,7 @@ def chain_error(segments: int, integrator: str, count: int) -> float:
 
 @cache
 def chain_tips(segments: int, integrator: str, count: int) -> Array:
-    """The chain's tip every `HELD` [m]. Shape (n, 2).
+    """Simulate the chain; return its tip every `HELD` [m]. Shape (n, 2).
 
     Args:
         segments: per link.

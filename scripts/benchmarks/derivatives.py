@@ -53,7 +53,7 @@ def _repeated(calls: int, function: Callable[..., Any], state: Any, step: float)
 
 
 def _jax(arm: FlexibleArm, state: Any, h: float, steps: int) -> Callable[[], None]:
-    """The Jacobians by states and torques in JAX, on the processor."""
+    """Make a function that computes the Jacobians by states and torques in JAX, on the processor."""
     import jax
 
     size = state.shape[1]

@@ -98,7 +98,7 @@ def _memory(many: int) -> float:
 
 
 def chain(modes: Sequence[int], effort: float) -> Group:
-    """The same arm as a chain of segments in MuJoCo, per simulated second.
+    """Declare the group of the same arm as a chain of segments in MuJoCo, per simulated second.
 
     At its largest stable step; at one whose error in time is some tenths of a millimetre; and at the step at which that
     error is no larger than FlexArm's. The chain's shape is better than one mode's in any case; what is equal there is

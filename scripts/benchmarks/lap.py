@@ -52,7 +52,7 @@ class _Job:
         self.start = rest_state(self.arm, self.path.table[0, 1:], task.elbow_branch)
 
     def loop(self, name: str, arms: int, period: float) -> Subject:
-        """A batch of the same arm, driven with gain 1."""
+        """Declare a batch of the same arm with gain 1 as a subject."""
         case = LoopCase(SensorParameters("collocated"), self.law)
         loop = ClosedLoop(self.arm, [case] * arms, self.path, period)
         start, gain = np.tile(self.start, (arms, 1)), np.ones(arms)
@@ -64,7 +64,7 @@ class _Job:
         return Subject(name, work, arms, prepare=lambda: loop.reset(start))
 
     def environment(self) -> Subject:
-        """The same through `gymnasium.make`."""
+        """Declare the same through `gymnasium.make` as a subject."""
         env = gymnasium.make("FlexArm/Paper-v0", sensor="collocated")
         action = np.ones(1, dtype=np.float32)
 
@@ -75,7 +75,7 @@ class _Job:
         return Subject(ENV, work, prepare=lambda: env.reset(seed=0))
 
     def scipy(self, seconds: float | None = None, **options: Any) -> NDArray[np.float64]:
-        """Final state by `solve_ivp`."""
+        """Integrate by `solve_ivp`; return the final state."""
         return scipy_lap.solve(self.arm, self.law, self.path, self.start, seconds or self.seconds, **options)
 
     def errors(self) -> dict[str, float]:
@@ -100,7 +100,7 @@ class _Job:
 
 
 def lap(seconds: float) -> Group:
-    """The job and the twelve runs.
+    """Declare the group of the paper's job and the twelve runs.
 
     Args:
         seconds: of the lap's 16; the paper's times and the goal are scaled with it.
@@ -141,7 +141,7 @@ def lap(seconds: float) -> Group:
 
 
 def _nothing(_: Any) -> None:
-    """A subject's work returns no parts."""
+    """Return no parts."""
 
 
 def _twelve(seconds: float) -> Subject:

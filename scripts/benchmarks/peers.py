@@ -67,7 +67,7 @@ def envpool_acrobot(num_envs: int, effort: float) -> Subject:
 
 
 def mujoco_chain(segments: int, effort: float, damping_ratio: float = 0.01, step: float | None = None) -> Subject:
-    """The arm as a chain of rigid segments in MuJoCo under random torques; amount: simulated seconds.
+    """Declare the arm as a chain of rigid segments in MuJoCo under random torques; amount: simulated seconds.
 
     The largest stable step depends much on the damping, as `flexarm_env.chain` says: show 0.01 (FlexArm's default) and
     0 (the paper's arm).
@@ -88,7 +88,7 @@ def mujoco_chain(segments: int, effort: float, damping_ratio: float = 0.01, step
 
 
 def accurate_chain(segments: int, effort: float, modes: int) -> tuple[Subject, EqualStep]:
-    """The default arm's chain at the cheapest step that is as accurate in time as FlexArm's of 1 ms.
+    """Declare the default arm's chain at the cheapest step that is as accurate in time as FlexArm's of 1 ms.
 
     Args:
         segments: rigid segments a link.
@@ -171,7 +171,7 @@ def _wall(work: Callable[[], Any]) -> float:
 
 
 def empty_vec_env(num_envs: int, observation_size: int, action_size: int) -> VecEnv:
-    """A vector environment of Stable-Baselines3 that does nothing: what the learner costs alone.
+    """Make a vector environment of Stable-Baselines3 that does nothing, to time the learner alone.
 
     Observations and rewards are the same random numbers at each step, and no episode ends.
 

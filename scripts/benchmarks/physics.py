@@ -36,7 +36,7 @@ LONG_PERIOD = 0.1  # [s]
 
 
 def torque_driven(modes: Sequence[int], effort: float) -> Group:
-    """The kernel of the torque-driven arm (complete velocity forces), scalar and batch.
+    """Declare the group of the torque-driven arm's kernel (complete velocity forces), scalar and batch.
 
     Args:
         modes: numbers of modes a link.
@@ -84,7 +84,7 @@ def operations(modes: int) -> int:
 
 
 def bare_kernel(name: str, modes: int, lanes: int, arms: int, steps: int, kinematics: Kinematics = "linear") -> Subject:
-    """The kernel of the torque-driven arm and nothing around it.
+    """Declare the kernel of the torque-driven arm alone as a subject.
 
     Args:
         name: of the subject.
@@ -124,7 +124,7 @@ def bare_kernel(name: str, modes: int, lanes: int, arms: int, steps: int, kinema
 
 
 def closed_loop(effort: float) -> Group:
-    """The paper's arm under the law with a late sensor (the environment's default), one and many.
+    """Declare the group of the paper's arm under the law with a late sensor, one and many.
 
     Args:
         effort: factor on the work of a timed call.

@@ -11,13 +11,13 @@ _BLOCK = re.compile(r"(<!-- generated: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """A Markdown table, one line a row; pipes in cells are escaped."""
+    """Write a Markdown table, one line a row; pipes in cells are escaped."""
     lines = [head, ["---"] * len(head), *rows]
     return "".join("| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |\n" for line in lines)
 
 
 def filled(page: str, results: Path) -> str:
-    """A page's text with every generated block replaced by the results' table of that name.
+    """Replace every generated block of a page's text by the table of that name.
 
     Raises:
         FileNotFoundError: if the results lack a table.

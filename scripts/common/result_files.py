@@ -34,7 +34,7 @@ def write_json(path: Path, data: Any) -> None:
 
 
 def _plain(value: Any) -> Any:
-    """The same as mappings, lists and numbers, with None for what is not finite."""
+    """Convert to mappings, lists and numbers, with None for what is not finite."""
     if isinstance(value, Mapping):
         return {str(k): _plain(v) for k, v in value.items()}
     if isinstance(value, np.ndarray | np.generic):
@@ -60,7 +60,7 @@ def check_replaceable(folder: Path, marker: str) -> None:
 
 @contextmanager
 def replacing(target: Path, marker: str) -> Iterator[Path]:
-    """An empty folder to fill, which takes the target's place at the end; after an error the target stays as it was.
+    """Fill an empty folder that replaces the target at the end; after an error the target stays as it was.
 
     What runs that were killed left beside the target is removed first. A run that is alive holds a lock on its folder.
 

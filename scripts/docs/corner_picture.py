@@ -24,7 +24,7 @@ AGENT = "square"
 
 
 def frame(env: gymnasium.Env[Any, Any], policy: Any) -> tuple[NDArray[np.uint8], str]:
-    """The arm at `TIME`, from rest on the first corner, and what its elbow has done until then."""
+    """Simulate the arm to `TIME`, from rest on the first corner; describe what its elbow has done until then."""
     periods = round(TIME / env.get_wrapper_attr("control_period"))
     run = run_policy(env, policy, seed=0, max_steps=periods)
     assert not ended_early(run), f"{type(policy).__name__}: {run.notes['ended']} after {run.time[-1]} s"

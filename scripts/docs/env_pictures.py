@@ -33,15 +33,15 @@ class Picture(NamedTuple):
 
 
 def constant(value: float) -> Callable[[FlexArmEnv, Any], Any]:
-    """The same action always."""
+    """Make a policy that always returns the same action."""
     return lambda env, observation: np.full(env.action_space.shape or (), value, np.float32)
 
 
 def joint_law(stiffness: tuple[float, float], resistance: tuple[float, float]) -> Callable[[FlexArmEnv, Any], Any]:
-    """A spring and a damper between each joint and the rigid arm's way along the reference, held for each period."""
+    """Make a policy of springs and dampers between the joints and the rigid arm on the reference."""
 
     def policy(env: FlexArmEnv, observation: Any) -> Any:
-        """The law's torques as an action."""
+        """Return the law's torques as an action."""
         values, blocks = observation * env.observation_scale, env.observation_blocks
         torque = stiffness * values[blocks["joint_error"]] + resistance * values[blocks["joint_error_rate"]]
         return np.clip(torque / env.settings.action_limit, -1.0, 1.0).astype(np.float32)
@@ -93,7 +93,7 @@ PICTURES = {
 
 
 def drawn(name: str) -> NDArray[np.uint8]:
-    """The picture of an id. Shape (size, size, 3)."""
+    """Draw the picture of an id. Shape (size, size, 3)."""
     wanted = PICTURES[name]
     made = gymnasium.make(f"{NAMESPACE}/{name}", render_mode="rgb_array", error_limit=None)  # the policies are poor
     env = made.unwrapped

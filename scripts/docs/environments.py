@@ -90,7 +90,7 @@ def stem(name: str) -> str:
 
 
 def index() -> str:
-    """The page of what all environments have in common."""
+    """Write the page of what all environments have in common."""
     vector = FlexArmVectorEnv.__init__.__doc__ or ""
     sections = {
         "Make one": [snippet("Square-v0"), _NAMING],
@@ -109,7 +109,7 @@ def index() -> str:
 
 
 def page(name: str, one: Id) -> str:
-    """The page of an id."""
+    """Write the page of an id."""
     settings = Settings.of(one.options)
     changed = ", ".join(f"`{option}`" for option in one.options)
     arguments = [_wrapped(f"It differs from `{NAMESPACE}/Square-v0` in {changed}.")] if changed else []
@@ -133,7 +133,7 @@ def page(name: str, one: Id) -> str:
 
 
 def snippet(name: str) -> str:
-    """A first program."""
+    """Write a first program."""
     return f"""\
 ```python
 import gymnasium

@@ -116,11 +116,11 @@ class Study:
             raise ValueError(f"lap_time = {lap} s: must be a whole number of periods of {CONTROL_PERIOD} s, 4 at least")
 
     def arm(self, column: Column) -> FlexibleArm:
-        """The column's arm with the study's changes."""
+        """Return the column's arm with the study's changes."""
         return FlexibleArm(dataclasses.replace(column.arm, **self.arm_changes))
 
     def square(self, column: Column) -> SquareParameters:
-        """The task."""
+        """Return the task."""
         return SquareParameters(lap_time=self.lap_time, elbow_branch=column.elbow_branch)  # type: ignore[arg-type]
 
     @property
@@ -129,7 +129,7 @@ class Study:
         return round(self.lap_time / CONTROL_PERIOD)
 
     def fuzzy(self, arm: FlexibleArm, **options: Any) -> FLSAC:
-        """The FLSAC policy of an arm, lambda = fuzzy (scaled by the batch's gain limit)."""
+        """Return the FLSAC policy of an arm, lambda = fuzzy (scaled by the batch's gain limit)."""
         blocks = observation_blocks(arm.parameters.modes_per_link)
         weights = np.array([link.tip_values for link in arm.modes])
         return FLSAC(blocks["modal_coordinates"], weights, **({"K_n": self.K_n} | options))
@@ -138,7 +138,7 @@ class Study:
 def all_cases(
     controllers: Iterable[str] = CONTROLLERS, sensings: Iterable[str] = SENSINGS, places: Iterable[str] = PLACES
 ) -> list[Case]:
-    """The paper's twelve runs, or a part of them."""
+    """Return the paper's twelve runs, or a part of them."""
     places, sensings = list(places), list(sensings)
     return [Case(c, s, p) for c in controllers for p in places for s in sensings]
 

@@ -69,14 +69,14 @@ def _needed(found: dict[str, float], sensing: str) -> float:
 
 
 def _some(values: dict[str, Any]) -> list[Any]:
-    """The values, of which there must be some."""
+    """Return the values; an empty list is an error."""
     if not values:
         raise UndecidedError
     return list(values.values())
 
 
 def _ratio(found: dict[str, dict[str, float]], controller: str) -> float:
-    """The largest ratio of a controller's figure to IFDC's, over the sensings that both have."""
+    """Return the largest ratio of a controller's figure to IFDC's, over the sensings that both have."""
     ours, theirs = found[controller], found["ifdc"]
     return float(max(_some({s: ours[s] / theirs[s] for s in ours if s in theirs})))
 
@@ -96,7 +96,7 @@ def pronounced(m: Measures, d: Differences, controller: str) -> Finding:
 
 
 def shift_right(m: Measures, d: Differences, controller: str) -> Finding:
-    """A late sensor moves IFDC's overshoot at the second corner to the right."""
+    """Check that a late sensor moves IFDC's overshoot at the second corner to the right."""
     found = _by_sensing(m, "ifdc", "tip", lambda row: row["rigid_overshoot"][1])
     shift = _beyond(found)
     return Finding(min(_some(shift)) > VISIBLE, {"overshoot_top_right": found, "shift": shift})
@@ -116,14 +116,14 @@ def _apart(m: Measures, d: Differences, controller: str, place: str) -> dict[str
 
 
 def nmp_greater(m: Measures, d: Differences, controller: str) -> Finding:
-    """A late sensor increases IFDC's overshoot at the first corner."""
+    """Check that a late sensor increases IFDC's overshoot at the first corner."""
     found = _by_sensing(m, "ifdc", "tip", _first)
     more = _needed(found, "nmp") - _needed(found, "collocated")
     return Finding(more > RESOLUTION, {"overshoot_top_left": found})
 
 
 def corrected_greater(m: Measures, d: Differences, controller: str) -> Finding:
-    """A late command increases it further; or, under the condition, IFDC's largest error."""
+    """Check that a late command increases it further; or, under the condition, IFDC's largest error."""
     over = _by_sensing(m, "ifdc", "tip", _first)
     error = _by_sensing(m, "ifdc", "tip", lambda row: row["rigid_tip_max"])
     more = {name: _needed(v, "corrected") - _needed(v, "nmp") for name, v in (("over", over), ("error", error))}
@@ -136,7 +136,7 @@ def corrected_greater(m: Measures, d: Differences, controller: str) -> Finding:
 
 
 def little_and_much(m: Measures, d: Differences, controller: str) -> Finding:
-    """The two late sensings are alike at the first corner, and far from the collocated one."""
+    """Check that the two late sensings agree at the first corner, and differ much from the collocated one."""
     found = _by_sensing(m, controller, "tip", _first)
     little = abs(_needed(found, "nmp") - _needed(found, "corrected"))
     much = min(abs(more) for more in _some(_beyond(found)))
@@ -144,7 +144,7 @@ def little_and_much(m: Measures, d: Differences, controller: str) -> Finding:
 
 
 def amplitude(m: Measures, d: Differences, controller: str) -> Finding:
-    """The overshoot at the first corner is significantly below IFDC's."""
+    """Check that the overshoot at the first corner is significantly below IFDC's."""
     found = {c: _by_sensing(m, c, "tip", _first) for c in ("ifdc", controller)}
     ratio = _ratio(found, controller)
     values = {"overshoot_top_left": found, "largest_ratio": ratio}
@@ -152,7 +152,7 @@ def amplitude(m: Measures, d: Differences, controller: str) -> Finding:
 
 
 def circle(m: Measures, d: Differences, controller: str) -> Finding:
-    """The tips go round on circles."""
+    """Check that the tips go round on circles."""
     found = {name.removesuffix("_elbow"): row["circle_deviation"] / row["circle_radius"] for name, row in m.items()}
     return Finding(max(_some(found)) <= 0.01, {"deviation_over_radius": found})
 
@@ -185,7 +185,7 @@ def suppresses(m: Measures, d: Differences, controller: str) -> Finding:
 
 
 def tracking(tip: str) -> Check:
-    """A check of the r.m.s. error of the "true" or the "rigid" tip."""
+    """Make a check of the r.m.s. error of the "true" or the "rigid" tip."""
 
     def check(m: Measures, d: Differences, controller: str) -> Finding:
         """Whether the errors are significantly below IFDC's."""

@@ -183,7 +183,7 @@ def time_histories(folder: Path, name: str, run: Trajectory, lap_time: float) ->
 
 
 def _change_lines(axes: Sequence[Axes], run: Trajectory) -> None:
-    """A line at each instant at which the elbow changes sides; one label an axis."""
+    """Draw a line at each instant at which the elbow changes sides; one label an axis."""
     for axis in axes:
         for number, change in enumerate(elbow_changes(run)):
             style = CHANGE if number == 0 else CHANGE | {"label": None}
@@ -191,7 +191,7 @@ def _change_lines(axes: Sequence[Axes], run: Trajectory) -> None:
 
 
 def rigid_and_true(folder: Path, runs: dict[str, dict[str, Trajectory]]) -> None:
-    """What the joints say and where the tip is: error against time, paper's arm and default arm."""
+    """Draw error against time by the joints and at the tip, for the paper's arm and the default arm."""
     columns = [name for name in ("paper", "default") if name in runs]
     figure, axes = plt.subplots(
         len(columns), 2, figsize=(12, 3.4 * len(columns)), sharex=True, sharey=True, squeeze=False
@@ -221,7 +221,7 @@ def rigid_and_true(folder: Path, runs: dict[str, dict[str, Trajectory]]) -> None
 
 
 def arm_at_corner(folder: Path, runs: dict[str, dict[str, Trajectory]], lap_time: float) -> None:
-    """The bent arm around the first switch, every 0.12 s, under both controllers (default arm, collocated)."""
+    """Draw the bent arm around the first switch, every 0.12 s, under both controllers (default arm, collocated)."""
     figure, axes = plt.subplots(1, 2, figsize=(12.5, 6.2), sharex=True, sharey=True)
     for axis, controller in zip(axes, CONTROLLER, strict=True):
         run = runs.get("default", {}).get(f"{controller}_collocated_tip")

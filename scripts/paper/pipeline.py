@@ -165,7 +165,7 @@ def draw(folder: Path, name: str) -> None:
     lap_time = json.loads((folder / "summary.json").read_text())["study"]["lap_time"]
 
     def paper_runs(pattern: str = "*") -> dict[str, Trajectory]:
-        """Runs of the paper's column, by case."""
+        """Return the runs of the paper's column, by case."""
         files = (folder / "runs").glob(f"paper__{pattern}.npz")
         return {path.stem.split("__")[1]: Trajectory.load(path) for path in sorted(files)}
 
@@ -200,7 +200,7 @@ def _draw_sweep(folder: Path, target: Path, name: str) -> None:
 
 
 def _levels(found: dict[str, dict[str, Any]]) -> Iterator[dict[str, Any]]:
-    """The paper's own two controllers in the NMP case, as levels to compare a sweep with."""
+    """Yield the paper's two controllers in the NMP case, as levels to compare a sweep with."""
     for controller in CONTROLLERS:
         for place in ("tip", "elbow"):
             run = found.get(f"{controller}_nmp_{place}")

@@ -27,7 +27,7 @@ _PANELS: tuple[tuple[str, Callable[[dict[str, Any]], float], str], ...] = (
 def sweep_lines(
     folder: Path, rows: Sequence[dict[str, Any]], sweep: str, label: str, base: Sequence[dict[str, Any]]
 ) -> None:
-    """A sweep over a number: four figures of merit against it.
+    """Draw a sweep over a number: four figures of merit against it.
 
     Args:
         folder: for the files.
@@ -65,7 +65,7 @@ def _number_axis(axis: Axes, values: Sequence[float]) -> None:
 
 
 def alternatives(folder: Path, rows: Sequence[dict[str, Any]]) -> None:
-    """The law's alternative readings: overshoot, or when the run ended."""
+    """Draw the law's alternative readings: overshoot, or when the run ended."""
     chosen = [r for r in rows if r["sweep"] in ("alternatives", "current_jacobian", "elbow_branch")]
     names = list(dict.fromkeys(r["value"] for r in chosen))
     figure, axis = plt.subplots(figsize=(11, 0.75 * len(names) + 1.6))
@@ -85,7 +85,7 @@ def alternatives(folder: Path, rows: Sequence[dict[str, Any]]) -> None:
 
 
 def true_tip_feedback(folder: Path, rows: Sequence[dict[str, Any]]) -> None:
-    """The same law fed with the true tip: how long runs last, and the error of those that last the whole lap."""
+    """Draw the same law fed with the true tip: how long runs last, and the error of those that last the lap."""
     figure, (left, right) = plt.subplots(1, 2, figsize=(12.5, 4.8), width_ratios=(3, 2))
     for sweep, text, style in (
         ("true_tip_feedback", "not delayed", {"linestyle": "-", "marker": "o"}),

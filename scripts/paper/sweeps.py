@@ -65,7 +65,7 @@ def _width_scale() -> list[Run]:
 
 
 def _alternatives(kind: str) -> list[Run]:
-    """Readings of the law other than the one adopted; the end effector's sensor."""
+    """List the runs with other readings of the law than the one adopted, with the end effector's sensor."""
     runs = []
     for controller in ("ifdc", "flsac"):
         policy: str | dict[str, Any] = "ifdc" if controller == "ifdc" else {}
@@ -85,7 +85,7 @@ def _alternatives(kind: str) -> list[Run]:
 
 
 def _true_tip(delay: str) -> list[Run]:
-    """The physical tip instead of the joint angles; undelayed, or late by the wave's travel."""
+    """List the runs of the law on the physical tip; undelayed, or late by the wave's travel."""
     case = Case("constant", "nmp", "tip")
     loop_case = case.loop_case(model="true", delay=0.0 if delay == "none" else None)
     return [Run(v, case, loop_case, "ifdc", v) for v in TRUE_TIP_GAINS]

@@ -13,7 +13,7 @@ _NAMES = {"ifdc": "IFDC", "flsac": "FLSAC", "constant": "constant", "nmp": "NMP"
 
 
 def brief(value: Any) -> str:
-    """A short text for a number, a list of numbers, or a dict of these."""
+    """Write a short text for a number, a list of numbers, or a dict of these."""
     if isinstance(value, dict):
         separator = "; " if any(isinstance(v, dict | list) for v in value.values()) else ", "
         return separator.join(
@@ -34,7 +34,7 @@ def _shown(values: dict[str, Any]) -> str:
 
 
 def verdicts(rows: Sequence[dict[str, Any]], titles: dict[str, str]) -> str:
-    """The verdicts at a glance."""
+    """Tabulate the verdicts at a glance."""
     return table(
         ["claim", "the paper says", "verdict", *titles.values()],
         [
@@ -50,7 +50,7 @@ def verdicts(rows: Sequence[dict[str, Any]], titles: dict[str, str]) -> str:
 
 
 def one_side(rows: Sequence[dict[str, Any]], titles: dict[str, str]) -> str:
-    """The verdicts from all runs, and from those whose elbow keeps its side."""
+    """Tabulate the verdicts from all runs, and from those whose elbow keeps its side."""
 
     def cell(found: dict[str, Any]) -> str:
         word = {True: "holds", False: "fails", None: "undecided"}[found["holds"]]
@@ -102,7 +102,7 @@ def elbow_claim(found: dict[str, dict[str, dict[str, Any]]], titles: dict[str, s
 
 
 def reach_claim(found: dict[str, dict[str, dict[str, Any]]], workspace: Workspace, threshold: float) -> str:
-    """What the reach of the arm means for the claim about pronounced overshoots, as a paragraph."""
+    """Write what the reach of the arm means for the claim about pronounced overshoots, as a paragraph."""
     least = min(
         (h for named in found.values() for name, row in named.items() if _is_ifdc_lap(name, row)
          for h in row["rigid_overshoot"]),
@@ -184,7 +184,7 @@ def claims(rows: Sequence[dict[str, Any]], titles: dict[str, str]) -> str:
 
 
 def numbers(rows: Sequence[dict[str, Any]]) -> str:
-    """The paper's numbers beside ours."""
+    """Tabulate the paper's numbers beside ours."""
     return table(
         ["quantity", "unit", "source", "paper", "ours", "note"],
         [[r["name"], r["unit"], r["source"], f"{r['paper']:.6g}", f"{r['ours']:.6g}", r["note"]] for r in rows],
@@ -192,7 +192,7 @@ def numbers(rows: Sequence[dict[str, Any]]) -> str:
 
 
 def runs(summary: dict[str, dict[str, dict[str, Any]]], column: str) -> str:
-    """The runs of one column; no clock times, so that the table is the same on every machine."""
+    """Tabulate the runs of one column, without clock times, so that the table is the same on every machine."""
     head = [
         "run",
         "overshoot at the three switches [m]",
@@ -244,7 +244,7 @@ def sweep(rows: Sequence[dict[str, Any]], name: str, label: str) -> str:
     """One sweep over a number, sensor at the end effector and 0.5 m from the elbow; `KEPT` marks unchanged elbows."""
 
     def cell(row: dict[str, Any]) -> str:
-        """What is compared at the run's sensor place."""
+        """Return what is compared at the run's sensor place."""
         if row["ended_early"]:
             return ended_early(row)
         if row["place"] == "elbow":

@@ -85,7 +85,7 @@ def decide(
 def _on_one_side(
     claim: Claim, table: Mapping[str, Measures], differences: Mapping[str, Differences], titles: dict[str, str]
 ) -> dict[str, Any]:
-    """The claim decided without the runs whose elbow changes sides in the part of the lap that it looks at."""
+    """Decide the claim without the runs whose elbow changes sides in the part of the lap that it looks at."""
     found = {name: claim.find_on_one_side(table[name], differences[name], "flsac") for name in table}
     decided = {name: finding for name, (finding, _) in found.items() if finding is not None}
     word, condition = verdict(claim, decided, titles) if "paper" in decided else ("undecided", "")
@@ -109,7 +109,7 @@ def _on_one_side(
 def _constant_gains(
     claim: Claim, table: Mapping[str, Measures], differences: Mapping[str, Differences], sweep: list[dict[str, Any]]
 ) -> dict[str, Any]:
-    """The same sentence put to constant gains: FLSAC's mean in each column, and the best of the sweep's."""
+    """Decide the same sentence for constant gains: FLSAC's mean in each column, and the best of the sweep's."""
     mean = {name: claim.find(table[name], differences[name], "constant") for name in table}
     result: dict[str, Any] = {
         "equal_to_mean_of_flsac": {

@@ -86,7 +86,7 @@ class Check:
 
 
 def shown(value: float | None) -> str:
-    """A number for people: three digits."""
+    """Write a number with three digits."""
     return "none" if value is None else f"{value:.3g}"
 
 
@@ -152,7 +152,7 @@ def write(folder: Path, result: Result) -> None:
 
 
 def read(folder: Path) -> Result | None:
-    """What `write` wrote; None if there is nothing complete, or something of another version."""
+    """Read what `write` wrote; None if it is incomplete or of another version."""
     try:
         data = json.loads((folder / "result.json").read_text())
         with np.load(folder / "data.npz") as file:
@@ -164,5 +164,5 @@ def read(folder: Path) -> Result | None:
 
 
 def check_of(values: Mapping[str, Any]) -> Check:
-    """A check from JSON, where what is not finite is null."""
+    """Read a check from JSON, where what is not finite is null."""
     return Check(**{**values, "figure": math.nan if values["figure"] is None else values["figure"]})

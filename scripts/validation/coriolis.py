@@ -46,7 +46,7 @@ def run(settings: Settings) -> Findings:
 
 
 def tables(findings: Findings) -> dict[str, str]:
-    """What each amplitude does, until the doublet ends."""
+    """Tabulate each amplitude's motion until the doublet ends."""
     header = ("doublet [N m]", "largest deflection [m]", "tip's way [m]", "tip error [m]", "energy error / energy")
     names = ("amplitude", "deflection", "moved", "away")
     lines = [
@@ -57,7 +57,7 @@ def tables(findings: Findings) -> dict[str, str]:
 
 
 def doublet(forces: VelocityForces, amplitude: float) -> Trajectory:
-    """A torque of +amplitude, then -amplitude, on the shoulder of the paper's arm at rest."""
+    """Run a torque of +amplitude, then -amplitude, on the shoulder of the paper's arm at rest."""
     arm = FlexibleArm(ArmParameters.paper(velocity_forces=forces))
     state = np.zeros(2 * arm.size)
     state[1] = ELBOW
@@ -71,7 +71,7 @@ def doublet(forces: VelocityForces, amplitude: float) -> Trajectory:
 
 
 def _while_sensible(run: Trajectory) -> Trajectory:
-    """The run until a link's tip is off its root tangent by more than both links are long."""
+    """Cut the run where a link's tip is off its root tangent by more than both links are long."""
     wild = np.append(np.abs(run.tip_deflection).max(axis=1) > run.parameters.reach, True)
     shorter: dict[str, Any] = {name: array[: int(np.argmax(wild))] for name, array in run.arrays().items()}
     return replace(run, **shorter)

@@ -48,7 +48,7 @@ class Group:
         return function(findings) if function else {}
 
     def missing(self) -> list[str]:
-        """Packages it needs that are not here."""
+        """Return the needed packages that are not installed."""
         return [package for package in self.needs if find_spec(package) is None]
 
 
@@ -56,7 +56,7 @@ HERE = "scripts.validation"
 
 
 def _group(name: str, title: str, module: str, *drawings: str) -> Group:
-    """A group whose pictures are drawn by the module beside its own."""
+    """Declare a group whose pictures are drawn by the module beside its own."""
     return Group(name, title, f"{HERE}.{module}", f"{HERE}.{module}_pictures", drawings)
 
 

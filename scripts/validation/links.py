@@ -50,7 +50,7 @@ def errors(row: dict[str, Any], basis: str, modes: int) -> Any:
 
 
 def _oracle_checks() -> list[Check]:
-    """The closed equations of the textbook against the dynamic stiffness used for what is loaded or joined."""
+    """Compare the textbook's closed equations with the dynamic stiffness used for loaded or joined links."""
     beam = exact.links(OTHER)[1]
     pairs = [
         (exact.clamped_free(beam, COUNT), exact.single_link(beam, False).frequencies(COUNT)),

@@ -70,7 +70,7 @@ def run(settings: Settings) -> Findings:
 
 
 def studies() -> list[Study]:
-    """What is integrated, by what, and the order that theory promises."""
+    """Return what is integrated, by what, and the order that theory promises."""
     four = "the classical Runge-Kutta method has order 4, and the problem is smooth within every step"
     three = "ARS(4,4,3) has order 3 where the step resolves the law's fastest pole"
     halved = 0.5 ** np.arange(4.0)
@@ -107,7 +107,7 @@ def studies() -> list[Study]:
 
 
 def tight(slope: Callable[[float, Array], Array], start: Array, ends: Array) -> Array:
-    """A smooth problem's solution at the times `ends`, the first being the start. Shape (n, states)."""
+    """Solve a smooth problem; return states at the times `ends`, the first being the start. Shape (n, states)."""
     found = solve_ivp(slope, (ends[0], ends[-1]), start, "DOP853", ends, rtol=1e-11, atol=1e-13)
     return found.y.T
 
@@ -135,7 +135,7 @@ def driven(arm: FlexibleArm, torque: Torque) -> Callable[[float, Array], Array]:
 
 
 def held_torques(steps: Array, kinematics: Kinematics) -> list[float]:
-    """A torque for every 10 ms, on the default arm; the compiled loop."""
+    """Integrate the default arm by the compiled loop, with a torque for every 10 ms."""
     arm, period = FlexibleArm(ArmParameters(kinematics=kinematics)), 1e-2
     torques = np.random.default_rng(1).uniform(-10.0, 10.0, (round(TIME / period), 2))
     state, expected = bent(arm), [bent(arm)]
@@ -147,7 +147,7 @@ def held_torques(steps: Array, kinematics: Kinematics) -> list[float]:
 
 
 def function_torque(steps: Array) -> list[float]:
-    """A torque of time and state, on the default arm; evaluated at every stage."""
+    """Integrate the default arm under a torque of time and state, evaluated at every stage."""
     arm = FlexibleArm()
 
     def torque(t: float, x: Array) -> Array:
@@ -186,7 +186,7 @@ def _residual_run(step: float) -> Array:
 
 
 def _residual_expected(start: Array) -> Array:
-    """The same from the law's definition: aims between control instants follow cubic Hermite polynomials."""
+    """Integrate from the law's definition: aims between control instants follow cubic Hermite polynomials."""
     env = _residual_env()
     arm, path, period = env.arm, square(SquareParameters()), env.control_period
     stiffness, resistance, limit = (
@@ -227,7 +227,7 @@ def jacobian(arm: FlexibleArm, theta: Array) -> Array:
 
 
 def paper_law(steps: Array, gain: float, delay: float) -> list[float]:
-    """The paper's arm held on a corner from which it was moved away, by the law in continuous time."""
+    """Hold the paper's arm on a corner from which it was moved away, by the law in continuous time."""
     arm = FlexibleArm(ArmParameters.paper())
     start = rest_state(arm, CORNER)
     start[:2] += 0.1, -0.15
@@ -251,7 +251,7 @@ def law_run(arm: FlexibleArm, start: Array, gain: float, delay: float, step: flo
 
 
 def law_solution(arm: FlexibleArm, start: Array, gain: float, delay: float, time: float) -> Array:
-    """The same by the method of steps: lambda J^T (Kp e + Kd e'), e and e' of late angles and present rates."""
+    """Solve by the method of steps: lambda J^T (Kp e + Kd e'), e and e' of late angles and present rates."""
 
     def torque(x: Array, late: Array) -> Array:
         error = CORNER - arm.rigid_tip(np.concatenate([late, np.zeros(arm.size - 2)]))

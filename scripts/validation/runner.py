@@ -54,7 +54,7 @@ class Outcome:
 
 
 def key(group: Group, quick: bool) -> str:
-    """What a group's result depends on: settings, the sources that it runs, and the libraries below them."""
+    """Collect what a group's result depends on: settings, the sources that it runs, and libraries below them."""
     digest = hashlib.sha256(repr((quick, platform.python_version())).encode())
     for package in ("numpy", "scipy", "numba", *group.needs):
         try:
@@ -74,7 +74,7 @@ def _file(module: str) -> Path:
 
 
 def _imported(path: Path, known: frozenset[Path] = frozenset()) -> frozenset[Path]:
-    """A script's own file and all files of `scripts` that it imports, directly or not."""
+    """List a script's own file and all files of `scripts` that it imports, directly or not."""
     if path in known:
         return known
     known |= {path}
@@ -123,7 +123,7 @@ def run_group(group: Group, quick: bool, folder: Path, fresh: bool, progress: Ca
 
 
 def earlier_outcome(group: Group, quick: bool, folder: Path) -> Outcome | None:
-    """What lies in a folder of results, if it is up to date; nothing is run or drawn."""
+    """Read a folder of results, if it is up to date; nothing is run or drawn."""
     result = read(folder / group.name)
     return _outcome(group, result, reused=True) if result is not None and result.key == key(group, quick) else None
 
@@ -137,7 +137,7 @@ def _outcome(group: Group, result: Result, reused: bool) -> Outcome:
 
 
 def summary(outcomes: Sequence[Outcome], quick: bool) -> dict[str, object]:
-    """What summary.json holds."""
+    """Return the content of summary.json."""
     return {
         "quick": quick,
         "passed": not any(outcome.failed(quick) for outcome in outcomes),

@@ -22,7 +22,7 @@ BASES: tuple[ModeShapes, ...] = ("cantilever", "polynomial")  # the shapes that 
 
 
 def with_modes(parameters: ArmParameters, basis: ModeShapes, modes: int) -> FlexibleArm:
-    """The same arm, undamped, in so many shapes of a basis a link."""
+    """Make the same arm, undamped, in so many shapes of a basis a link."""
     return FlexibleArm(replace(parameters, modes_per_link=modes, modal_damping_ratio=0.0, mode_shapes=basis))
 
 
@@ -52,7 +52,7 @@ def frequencies(arm: FlexibleArm, theta2: float, moving: Sequence[int], zeros: i
 
 
 def unlocked(arm: FlexibleArm, joints: Joints) -> list[int]:
-    """The coordinates that are free when joints are locked."""
+    """Return the coordinates that are free when joints are locked."""
     return [i for i in range(arm.size) if not (i == 0 and joints.shoulder) and not (i == 1 and joints.elbow)]
 
 
@@ -65,7 +65,7 @@ def rate(sizes: ArrayLike, errors: ArrayLike) -> float:
 def ritz_checks(
     group: str, name: str, least: float, rows: Sequence[Mapping[str, Any]], rounding: float
 ) -> tuple[Check, Check]:
-    """What Rayleigh and Ritz say of any model of fewer shapes: too stiff, and less so with one more.
+    """Check what Rayleigh and Ritz imply: fewer shapes are too stiff, and less so with one more.
 
     Args:
         group: that the checks belong to.

@@ -112,7 +112,7 @@ def _row(load: str, parameters: ArmParameters, name: str, theta2: float) -> dict
 
 
 def _motions(arm: FlexibleArm, theta2: float, joints: Joints) -> Array:
-    """The arm's own shapes at the nodes of the mesh."""
+    """Return the arm's own shapes at the nodes of the mesh."""
     at = [np.linspace(0.0, link.length, SHAPES_MESH + 1) for link in arm.modes]
     first, second = ((link.shape(x), link.slope(x)) for link, x in zip(arm.modes, at, strict=True))
     return fe.shape_motions(arm.parameters, theta2, joints, (first, second))
@@ -170,7 +170,7 @@ def _method_checks(rows: list[dict[str, Any]], orders: dict[str, list[float]]) -
 
 
 def _model_checks(rows: list[dict[str, Any]]) -> list[Check]:
-    """The package against both."""
+    """Compare the package with both."""
     cases = [(r, basis, m) for r in rows for basis in BASES for m in MODES]
     held = max(
         np.abs(np.array(r["found"][basis][str(m)]) / r["held"][basis][str(m)] - 1.0).max() for r, basis, m in cases

@@ -74,7 +74,7 @@ def convergence(records: Mapping[str, Any], folder: Path) -> None:
 
 
 def by_angle(rows: list[dict[str, Any]], folder: Path) -> None:
-    """The bare arm's first two elastic frequencies by elbow angle."""
+    """Draw the bare arm's first two elastic frequencies by elbow angle."""
     figure, axes = plt.subplots(1, len(SHOWN), figsize=(12, 5.4))
     for axis, joints in zip(axes, SHOWN, strict=True):
         cases = [r for r in rows if r["load"] == "bare" and r["joints"] == joints]

@@ -39,7 +39,7 @@ from tests.support.trainings import ID, TINY, finished
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A finished tiny training; not to be changed."""
+    """Run the tiny training once; its folder must not be changed."""
     return finished(tmp_path_factory.mktemp("runs"))
 
 

@@ -37,7 +37,7 @@ SENSORS = [joint_angles(), strain(1, 0.0), strain(2, 1.3), rigid_point(2.0), tru
 
 
 def reading(sensor: Sensor, q: np.ndarray) -> np.ndarray:
-    """What the sensor reads, by the arm's own kinematics."""
+    """Return what the sensor reads, by the arm's own kinematics."""
     position = 4.5 if sensor.position is None else sensor.position
     if sensor.kind == "joint angles":
         return q[:2]

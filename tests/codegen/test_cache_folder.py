@@ -80,7 +80,7 @@ def test_a_chosen_folder_that_cannot_be_made_costs_the_cache_only(
 
 @pytest.fixture
 def homes(tmp_path: Path, folder: Path, monkeypatch: pytest.MonkeyPatch) -> tuple[Path, Path]:
-    """The user's cache folder and the temporary folder, where none is chosen."""
+    """Provide the user's cache folder and the temporary folder, where none is chosen."""
     home, temporary = tmp_path / "home", tmp_path / "temporary"
     monkeypatch.delenv(cache_folder.VARIABLE)
     monkeypatch.setattr(cache_folder.platformdirs, "user_cache_dir", lambda name: str(home / name))

@@ -35,7 +35,7 @@ def successor(x):
 
 
 def load(text: str = TEXT, name: str = NAME) -> ModuleType:
-    """The module as a process that has just started loads it."""
+    """Load the module as a process that has just started does."""
     sys.modules.pop(name, None)
     return cache.load_module(name, text, "a tiny kernel")
 

@@ -57,7 +57,7 @@ def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def together(copy: Path) -> list[tuple[str, int, list[str]]]:
-    """What processes find that start together on an empty cache."""
+    """Collect what processes find that start together on an empty cache."""
     return [finish(process) for process in [start(copy) for _ in range(3)]]
 
 

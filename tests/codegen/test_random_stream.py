@@ -16,7 +16,7 @@ from scipy import stats
 
 from flexarm_env import ArmParameters, inverse_kinematics
 from flexarm_env.codegen import assembly, elementary, random_stream
-from flexarm_env.envs.observation import LARGEST_DEVIATE
+from flexarm_env.envs.bounds import LARGEST_DEVIATE
 from flexarm_env.episode.step import TORQUE
 from flexarm_env.kernels.variants import Variant
 from flexarm_env.physics.inverse_kinematics import LEAST_SINE
@@ -27,7 +27,7 @@ BITS = st.integers(0, 2**64 - 1)
 
 @pytest.fixture(scope="module")
 def compiled() -> SimpleNamespace:
-    """The functions as a kernel module has them, each with a loop over arrays around it."""
+    """Compile the functions as a kernel module has them, each with a loop over arrays around it."""
     module = assembly.load(Variant(TORQUE, 2, True, 1, "true", disturbed=True))
     uniform, normal, arctan2, sincos = module.uniform, module.normal, module.arctan2, module.sincos
     angles, rates = module.joint_angles_for, module.joint_rates_for

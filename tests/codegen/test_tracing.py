@@ -21,7 +21,7 @@ def written(formula: Formula) -> tuple[list[str], list[Any]]:
 
 
 def value(formula: Formula, **numbers: float) -> list[float]:
-    """What the written text gives, products and sums rounded together where it says so."""
+    """Evaluate the written text, products and sums rounded together where it says so."""
     lines, results = written(formula)
     names: dict[str, Any] = {**numbers, "fused": lambda a, b, c: float(Fraction(a) * Fraction(b) + Fraction(c))}
     exec("\n".join(lines), names)

@@ -22,7 +22,7 @@ def formula(a: Any, b: Any, h: Any) -> list[Any]:
 
 
 def record(variant: Variant) -> Recorder:
-    """The formula on two rows."""
+    """Record the formula on two rows."""
     r = Recorder(variant, inlining=True)
     r.store("results", formula(*r.rows_of("rows", 2), r.trace.input("h")))
     return r

@@ -15,7 +15,7 @@ LONG = {ROOT / "docs/derivatives.md"}  # whose kernels no other test compiles
 
 
 def page_case(page: Path) -> Any:
-    """The page as a test's parameter."""
+    """Make the page a test's parameter."""
     marks = [pytest.mark.slow] if page in LONG else []
     return pytest.param(page, marks=marks, id=str(page.relative_to(ROOT)))
 

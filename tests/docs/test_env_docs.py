@@ -190,7 +190,7 @@ def right_side(cell: str) -> str:
 
 
 def evaluated(formula: str, value: float, limit: float) -> float:
-    """A formula of an action table, for one channel."""
+    """Evaluate a formula of an action table, for one channel."""
     known = {"a": value} | {mode.quantity: value for mode in MODES.values()}
     known |= {f"{option}_limit": limit for option in ("torque", "torque_rate", "shift", "gain")}
     return float(eval(formula, {"__builtins__": {}}, known))

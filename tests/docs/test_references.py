@@ -68,7 +68,7 @@ def top_level(path: Path) -> set[str]:
 
 @cache
 def modules() -> dict[str, set[str]]:
-    """What the modules and packages of a name contain, all of them together."""
+    """Collect what the modules and packages of a name contain, all of them together."""
     found: dict[str, set[str]] = defaultdict(set)
     for path in SOURCES:
         name = path.parent.name if path.name == "__init__.py" else path.stem

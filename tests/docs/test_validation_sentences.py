@@ -16,7 +16,7 @@ def test_figures_in_the_engine_section_match_the_record() -> None:
 
 
 def sentences(q: dict[str, float]) -> list[str]:
-    """What the text says in figures."""
+    """Find what the text says in figures."""
     return [*programme_sentences(q), *range_sentences(q), *square_sentences(q)]
 
 

@@ -30,7 +30,8 @@ from flexarm_env.envs.kernel_inputs import header_and_settings, tail_rows
 from flexarm_env.envs.observation import observation_layout
 from flexarm_env.envs.settings import Settings
 from flexarm_env.envs.single import FlexArmEnv
-from flexarm_env.episode import actuation, step
+from flexarm_env.episode import actuation
+from flexarm_env.kernels import period
 from flexarm_env.kernels.entries import drawn, extent, word
 from flexarm_env.kernels.layout import row
 from flexarm_env.kernels.variants import Variant
@@ -155,7 +156,7 @@ def test_environments_of_torque_rates_are_environments() -> None:
     for action in actions_for(4):
         with plain_python(simulator._variant), np.errstate(all="ignore"):
             results = np.empty((len(env.simulator.result(0)), simulator._arenas.shape[2]))
-            step.step_blocks(simulator._memory, 0, 1, results)
+            period.step_blocks(simulator._memory, 0, 1, results)
         np.testing.assert_allclose(results[:, 0], env.simulator.result(0), rtol=1e-8, atol=1e-9)
         np.testing.assert_allclose(simulator.observations[0], env.simulator.observations[0], rtol=1e-5, atol=1e-6)
         simulator._header[word.DRIVING] = 1

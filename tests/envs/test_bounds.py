@@ -17,7 +17,7 @@ POLICIES = ("random", "bang-bang", "spin", "none")
 
 
 def actions_of(policy: str, shape: tuple[int, ...], steps: int, seed: int) -> np.ndarray:
-    """The worst there are: full torques that change at random, or never, beyond the range now and then."""
+    """Make the worst actions: full torques that change at random, or never, beyond the range now and then."""
     rng = np.random.default_rng(seed)
     if policy == "random":
         return rng.uniform(-1.5, 1.5, (steps, *shape)).astype(np.float32)
@@ -108,7 +108,7 @@ def options_of_any_kind(draw: st.DrawFn) -> dict[str, Any]:
         return with_effect(options | {"action_mode": "gain", "arm": "paper", "sensor": "rigid", "law_sensor": "sensor"})
     options |= {
         "jitter": draw(times(0.1)),
-        "hold": draw(st.just(0.0) | st.floats(1e-6, 0.2)),
+        "hold": draw(st.just(0.0) | st.floats(1e-5, 0.2)),  # at most `MOST_TICKS` of them are searched for
         "dropout": draw(st.sampled_from([0.0, 0.5, 1.0])),
     }
     return with_effect(options | {"action_mode": mode})

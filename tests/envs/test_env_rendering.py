@@ -18,7 +18,7 @@ GAIN, SQUARE = "flexarm_env:FlexArm/SquareGain-v0", "flexarm_env:FlexArm/Square-
 
 
 def stepped(env: gymnasium.Env[Any, Any], steps: int) -> np.ndarray:
-    """The picture after some steps with gain 1 from the standard start."""
+    """Draw the picture after some steps with gain 1 from the standard start."""
     env.reset(seed=0, options={"start": "corner"})
     for _ in range(steps):
         env.step(np.ones(env.action_space.shape, np.float32))

@@ -100,7 +100,7 @@ GARBAGE: list[Any] = [
 
 
 def numbers(least: float, most: float) -> st.SearchStrategy[float]:
-    """The bounds, what is just beyond them, and magnitudes evenly between them."""
+    """Draw the bounds, what is just beyond them, and magnitudes evenly between them."""
     edges = [least, most, float(np.nextafter(least, -np.inf)), float(np.nextafter(most, np.inf))]
     low = max(least, 1e-9)
     exponents = st.floats(math.log10(low), math.log10(most))
@@ -155,14 +155,14 @@ NAMES = sorted(SENSIBLE)
 
 @st.composite
 def any_options(draw: st.DrawFn, garbage: bool = True) -> dict[str, Any]:
-    """A few options: allowed by themselves, at the edges of it, or none of it."""
+    """Draw a few options: allowed by themselves, at the edges of it, or none of it."""
     chosen = draw(st.lists(st.sampled_from(NAMES), min_size=1, max_size=4, unique=True))
     bad = draw(st.sampled_from([None, *chosen])) if garbage else None
     return {name: draw(st.sampled_from(GARBAGE) if name == bad else SENSIBLE[name]) for name in chosen}
 
 
 def refusal_names_it(error: Exception, names: Iterable[str]) -> None:
-    """The message is short and begins with one of the names, or with that of an option or a field of the arm."""
+    """Check that the message is short and begins with one of the names, or an option's or an arm's field."""
     text = str(error)
     assert type(error) in (TypeError, ValueError), repr(error)
     assert len(text) < 2000

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import math
 import pickle
 from typing import Any
@@ -85,6 +86,18 @@ def test_an_info_holds_numbers_only(env_id: str) -> None:
         for value in info.values():
             assert value.dtype == np.float64  # TorchRL asks each for it
             assert isinstance(value, np.float64 if value.ndim == 0 else np.ndarray)
+
+
+def test_a_later_step_leaves_an_info_as_it_is() -> None:
+    env = bare(REACH)
+    infos = [env.reset(seed=0)[1], env.step(np.ones(2, np.float32))[4]]
+    kept = copy.deepcopy(infos)
+    for _ in range(20):
+        env.step(np.ones(2, np.float32))
+    for info, before in zip(infos, kept, strict=True):
+        for name, value in info.items():
+            np.testing.assert_array_equal(value, before[name], err_msg=name)
+            assert not np.may_share_memory(value, env.simulator.single_result)
 
 
 def test_numbers_are_those_of_their_names() -> None:

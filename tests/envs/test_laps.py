@@ -57,7 +57,7 @@ def test_the_inner_law_alone_keeps_within_two_metres() -> None:
 
 
 def readings(steps: int, **options: Any) -> np.ndarray:
-    """What the sensor says at each control instant of a moving arm. Shape (steps, 2)."""
+    """Return what the sensor says at each control instant of a moving arm. Shape (steps, 2)."""
     env = gymnasium.make(RESIDUAL, max_episode_steps=steps, error_limit=None, **options)
     env.reset(seed=3, options={"start": "moving", "time": 0.5})
     return np.array([env.step(np.zeros(2, np.float32))[4]["sensed"] for _ in range(steps)])

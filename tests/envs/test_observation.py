@@ -36,7 +36,7 @@ class Run(NamedTuple):
 
 
 def recorded(env: FlexArmEnv, time: float = 3.85, size: float = 0.2, **options: Any) -> Run:
-    """An episode with random actions that passes the corner at 4 s."""
+    """Run an episode with random actions that passes the corner at 4 s."""
     actions = np.random.default_rng(2).uniform(-size, size, (STEPS, *env.action_space.shape)).astype(np.float32)
     rows = [env.reset(seed=2, options={"time": time} | options)]
     for action in actions:

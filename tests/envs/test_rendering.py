@@ -53,7 +53,7 @@ def picture(renderer: Renderer, **changes: Any) -> Picture:
 
 
 def near(drawn: Picture, x: float, y: float) -> Picture:
-    """The pixel where a point is [m]. Shape (3,)."""
+    """Return the pixel where a point is [m]. Shape (3,)."""
     scale = 0.48 * drawn.shape[0] / SCENE.reach  # a margin of 2 % of the picture surrounds the reach
     return drawn[round(drawn.shape[0] / 2 - scale * y), round(drawn.shape[0] / 2 + scale * x)]
 

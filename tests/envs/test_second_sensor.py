@@ -17,7 +17,7 @@ ON_LINK_1: dict[str, Any] = {"observation": BOTH, "second_sensor_link": 1}
 
 
 def settings_of(env_id: str = SQUARE, **options: Any) -> Settings:
-    """What an environment is made of."""
+    """Return what an environment is made of."""
     return Settings.of({**gym.spec(env_id).kwargs, **options})
 
 

@@ -39,7 +39,7 @@ def several_singles(env_id: str, num_envs: int, mode: AutoresetMode, **options: 
 
 
 def first(num_envs: int, value: Any) -> Any:
-    """The part of a batch's answer that its first environments make."""
+    """Return the part of a batch's answer that its first environments make."""
     if isinstance(value, dict):
         return {name: first(num_envs, part) for name, part in value.items()}
     return value[:num_envs]

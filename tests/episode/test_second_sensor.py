@@ -16,7 +16,7 @@ from flexarm_env.envs.batch import BatchSimulator
 from flexarm_env.envs.settings import Settings
 from flexarm_env.episode import second_sensor, step
 from flexarm_env.episode.step import TORQUE
-from flexarm_env.kernels import delay_line, entries, layout
+from flexarm_env.kernels import delay_line, entries, layout, period
 from flexarm_env.kernels.entries import setting, word
 from flexarm_env.kernels.layout import row
 from flexarm_env.kernels.variants import Variant
@@ -39,7 +39,7 @@ def _quiet() -> Iterator[None]:
 
 
 def state_at(time: float) -> Array:
-    """A smooth motion of all coordinates, with its rates. Shape (8,)."""
+    """Return a smooth motion of all coordinates, with its rates. Shape (8,)."""
     size, omega = np.array([0.6, 0.9, 0.4, 0.3]), np.array([20.0, 15.0, 25.0, 30.0])
     phase = omega * time + np.arange(4.0)
     return np.concatenate([size * np.sin(phase), size * omega * np.cos(phase)])
@@ -51,7 +51,7 @@ def variant_with(link: int) -> Variant:
 
 
 def arena_of(of: Variant, **parts: Any) -> Array:
-    """An arena with some parts filled. Shape (rows, 1)."""
+    """Make an arena with some parts filled. Shape (rows, 1)."""
     arena = np.zeros((entries.extent(of.rows), 1))
     points = layout.place_rows("SENSOR_POINT", ARM.place(2, 4.5))
     if of.second_sensor:
@@ -71,7 +71,7 @@ def put_state(of: Variant, arena: Array, time: float) -> None:
 
 
 def seen(link: int, h: float, back: float) -> tuple[Array, Array]:
-    """Reading at 0.08 s of what was `back` steps before, and where the point was. Shape (2,) each."""
+    """Return the reading at 0.08 s of what was `back` steps before, and where the point was. Shape (2,) each."""
     of, now = variant_with(link), round(0.08 / h)
     arena = arena_of(of, SECOND_DELAY=back * h)
     history = np.zeros((SLOTS * of.slot_rows, 1))
@@ -152,7 +152,7 @@ class Plain:
             if len(self.simulator) == 1:
                 assert step.step_only(self.simulator._memory)
             else:
-                step.step_blocks(self.simulator._memory, 0, 1, np.empty((1, self.simulator._variant.lanes)))
+                period.step_blocks(self.simulator._memory, 0, 1, np.empty((1, self.simulator._variant.lanes)))
 
     def step(self, actions: Array) -> None:
         self.simulator.actions[: len(self.simulator)] = actions

@@ -22,8 +22,8 @@ from flexarm_env.codegen.tracing import quarter_turns
 from flexarm_env.episode.step import GAIN, TORQUE, TRACKING
 from flexarm_env.kernels import tableau
 from flexarm_env.kernels.entries import extent
-from flexarm_env.kernels.imex import LOOP
 from flexarm_env.kernels.layout import arm_rows
+from flexarm_env.kernels.loop import LOOP
 from flexarm_env.kernels.rk4 import OPEN
 from flexarm_env.kernels.variants import Variant
 from flexarm_env.physics import dynamics as dyn
@@ -91,7 +91,7 @@ class Batch:
         return np.concatenate([block.reshape(-1, lanes)[first : first + n] for block in arenas], axis=1)
 
     def by_numpy(self, y: np.ndarray, v: np.ndarray) -> np.ndarray:
-        """The accelerations that the package's formulas give on arrays."""
+        """Compute the accelerations that the package's formulas give on arrays."""
         k = self.known
         sin, cos = sincos(y[self.modes + 1] - y[0])
         sin_theta2 = sincos(dyn.joint_angles(k, y)[1])[0]

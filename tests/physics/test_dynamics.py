@@ -29,7 +29,7 @@ def close(ours: np.ndarray, theirs: np.ndarray, rtol: float = AGREEMENT) -> None
     scope="module", params=itertools.product(MODES, ("linear", "foreshortened"), ("cantilever", "polynomial")), ids=str
 )
 def pair(request: pytest.FixtureRequest) -> tuple[FlexibleArm, Lagrangian]:
-    """An arm with every parameter in use, and its independent derivation."""
+    """Make an arm with every parameter in use, and its independent derivation."""
     modes, kinematics, shapes = request.param
     p = loaded_arm(modes, kinematics=kinematics, mode_shapes=shapes)
     return FlexibleArm(p), Lagrangian(p)

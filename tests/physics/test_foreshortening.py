@@ -28,7 +28,7 @@ Array = NDArray[np.float64]
 
 
 def both(modes: int = 2, **changes: Any) -> tuple[FlexibleArm, FlexibleArm]:
-    """A linear arm and its foreshortened twin."""
+    """Make a linear arm and its foreshortened twin."""
     linear, foreshortened = (
         FlexibleArm(loaded_arm(modes, kinematics=kinematics, **changes)) for kinematics in ("linear", "foreshortened")
     )

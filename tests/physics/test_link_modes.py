@@ -22,7 +22,7 @@ def link() -> LinkModes:
 
 
 def k(roots: np.ndarray) -> np.ndarray:
-    """The textbook's sigma, in the form that the package does not use."""
+    """Compute the textbook's sigma, in the form that the package does not use."""
     return (np.sinh(roots) - np.sin(roots)) / (np.cosh(roots) + np.cos(roots))
 
 

@@ -18,7 +18,7 @@ run = partial(run_study, "benchmarks")
 
 @pytest.fixture(scope="module")
 def trial(tmp_path_factory):
-    """What `--quick` writes and prints."""
+    """Collect what `--quick` writes and prints."""
     path = tmp_path_factory.mktemp("bench") / "new folder" / "bench.json"
     done = run("--quick", "--output", path)
     assert done.returncode == 0, done.stderr

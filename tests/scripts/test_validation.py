@@ -33,7 +33,7 @@ def short(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
 
 @pytest.fixture(scope="module")
 def links(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
-    """The same of one group, for the tests that are not slow."""
+    """Run one group, for the tests that are not slow."""
     return short_run(tmp_path_factory.mktemp("links") / "results", "--only", "links")
 
 

@@ -30,7 +30,7 @@ POLICY: dict[str, Any] = {
 
 
 def policy_file(path: Path, head: Any = None, **arrays: Any) -> Path:
-    """A policy's file with another head, or other arrays."""
+    """Write a policy's file with another head, or other arrays."""
     text = json.dumps(POLICY_HEAD | (head or {}))
     np.savez(path, head=np.array(text), **(POLICY | arrays))
     return path
@@ -42,7 +42,7 @@ def run() -> Trajectory:
 
 
 def run_file(path: Path, head: Any = None, **arrays: Any) -> Path:
-    """A trajectory's file with another head, or other arrays."""
+    """Write a trajectory's file with another head, or other arrays."""
     run().save(path)
     with np.load(path) as file:
         own = dict(file)
@@ -115,14 +115,14 @@ def test_any_byte_may_be_damaged(files: dict[str, Any], tmp_path: Path, name: st
 
 
 def raw_entry(shape: tuple[int, ...], dtype: str, content: bytes = b"") -> bytes:
-    """An npy file that says it has this shape, and holds these bytes."""
+    """Make an npy file that says it has this shape, and holds these bytes."""
     stream = io.BytesIO()
     np.lib.format.write_array_header_1_0(stream, {"descr": dtype, "fortran_order": False, "shape": shape})
     return stream.getvalue() + content
 
 
 def with_entry(path: Path, name: str, content: bytes, **options: Any) -> Path:
-    """A policy's file with an entry of any bytes in place of its own."""
+    """Write a policy's file with an entry of any bytes in place of its own."""
     policy_file(path)
     with zipfile.ZipFile(path) as file:
         entries = {one: file.read(one) for one in file.namelist()}

@@ -22,7 +22,7 @@ def energies(run: Trajectory) -> np.ndarray:
 
 
 def swing(time: float, state: np.ndarray) -> tuple[float, float]:
-    """A torque that depends on time and on the joint rates."""
+    """Return a torque that depends on time and on the joint rates."""
     size = len(state) // 2
     return 40.0 * np.sin(9.0 * time) - 5.0 * state[size], 15.0 * np.cos(7.0 * time) - 2.0 * state[size + 1]
 
@@ -112,7 +112,7 @@ def test_energy_only_falls_under_friction_or_damping(friction: tuple[float, floa
 def reference(
     arm: FlexibleArm, start: np.ndarray, torque: Callable[[float, np.ndarray], object], until: float
 ) -> np.ndarray:
-    """The state at `until` by another method (DOP853) and another evaluation of the equations (no kernel)."""
+    """Find the state at `until` by another method (DOP853) and another evaluation of the equations (no kernel)."""
 
     def rate(time: float, state: np.ndarray) -> np.ndarray:
         return np.concatenate([state[arm.size :], arm.acceleration(state, np.asarray(torque(time, state)))])

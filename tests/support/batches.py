@@ -43,7 +43,7 @@ PERIODS = 120
 
 
 def start_states(count: int) -> Array:
-    """A different start for each: at a corner, displaced, moving."""
+    """Return a different start for each: at a corner, displaced, moving."""
     states = np.zeros((count, 2 * ARM.size))
     states[:, :2] = inverse_kinematics(ARM.parameters, (-6.3, -6.3), "positive")
     return states + 0.02 * np.random.default_rng(5).normal(size=(len(CASES), 2 * ARM.size))[:count]

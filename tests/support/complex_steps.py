@@ -18,7 +18,7 @@ Numbers = np.ndarray[Any, Any]
 
 
 def jacobian(function: Callable[[Numbers], Numbers], at: Numbers) -> Numbers:
-    """Derivatives of a function of some numbers. Shape (results, numbers)."""
+    """Compute derivatives of a function of some numbers. Shape (results, numbers)."""
     columns = []
     for n in range(len(at)):
         moved = np.array(at, dtype=np.clongdouble)

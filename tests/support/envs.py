@@ -138,7 +138,7 @@ def kinds_of(info: dict[str, Any]) -> dict[str, tuple[type, Any, tuple[int, ...]
 
 
 def make(env_id: str = SQUARE, **options: Any) -> gym.Env[Any, Any]:
-    """The environment as users get it, wrapped."""
+    """Make the environment as users get it, wrapped."""
     return gym.make(env_id, **options)
 
 
@@ -158,13 +158,13 @@ def vector(env_id: str = SQUARE, num_envs: int = 3, **options: Any) -> FlexArmVe
 
 
 def actions_for(env: Any, steps: int, seed: int = 1) -> np.ndarray:
-    """A little beyond [-1, 1]. Shape (steps, N, channels)."""
+    """Draw actions a little beyond [-1, 1]. Shape (steps, N, channels)."""
     shape = (steps, *env.action_space.shape)
     return np.random.default_rng(seed).uniform(-1.2, 1.2, shape).astype(np.float32)
 
 
 def block(env: FlexArmEnv, observations: Array, name: str) -> Array:
-    """The numbers of a block in observations, in its units. Shape (..., n)."""
+    """Return the numbers of a block in observations, in its units. Shape (..., n)."""
     part = env.observation_blocks[name]
     return np.asarray(observations[..., part] * env.observation_scale[part])
 
@@ -196,7 +196,7 @@ def same_as_alone(batch: FlexArmVectorEnv, env_id: str, each: Sequence[dict[str,
 
 
 def in_fresh_process(code: str, *arguments: str) -> str:
-    """Standard output of a Python process of its own, elsewhere, that stops at any warning."""
+    """Run Python in another process and folder, which stops at any warning; return its standard output."""
     command = [sys.executable, "-W", "error", "-c", code, *arguments]
     result = subprocess.run(command, capture_output=True, text=True, timeout=600, cwd=Path(__file__).anchor)
     assert result.returncode == 0, result.stderr
@@ -204,7 +204,7 @@ def in_fresh_process(code: str, *arguments: str) -> str:
 
 
 def assert_same(found: Any, expected: Any, place: str = "") -> None:
-    """The same structure, types and bits: tuples, dicts, arrays (of objects too), numbers."""
+    """Check for the same structure, types and bits: tuples, dicts, arrays (of objects too), numbers."""
     if isinstance(expected, tuple | list):
         assert len(found) == len(expected), place
         for n, (a, b) in enumerate(zip(found, expected, strict=True)):

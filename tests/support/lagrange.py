@@ -37,7 +37,7 @@ def clenshaw_curtis(length: float, count: int = NODES) -> tuple[np.ndarray, np.n
 
 
 def shapes(p: ArmParameters, length: float, x: Any, order: int = 0) -> np.ndarray:
-    """Derivative of the shapes at x."""
+    """Return the derivative of the shapes at x."""
     return (_cantilever if p.mode_shapes == "cantilever" else _polynomial)(p, length, np.asarray(x), order)
 
 
@@ -165,7 +165,7 @@ class Lagrangian:
         return grad(self.strain)(tensor(q)).numpy() + dissipation
 
     def acceleration(self, q: np.ndarray, v: np.ndarray, tau: np.ndarray) -> np.ndarray:
-        """The torques work on the joint angles alone."""
+        """Return the generalised forces: the torques work on the joint angles alone."""
         torque = np.concatenate([tau, np.zeros(2 * self.m)])
         right = torque - self.velocity_forces(q, v) - self.passive_forces(q, v)
         return np.linalg.solve(self.mass_matrix(q), right)

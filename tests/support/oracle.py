@@ -177,7 +177,7 @@ def oracle_law(problem: Problem, arm: FlexibleArm) -> tuple[Any, ...]:
 
 
 def square_at(time: float, segment_of: float, clockwise: bool) -> tuple[complex, complex]:
-    """The paper's square from its lower left corner; `segment_of` picks the side where `time` is a corner's."""
+    """Return the paper's square from its lower left corner; `segment_of` picks the side where `time` is a corner's."""
     if segment_of < 0.0:
         return -6.3 - 6.3j, 0.0
     side = int(segment_of // CORNER)  # each side is the one before, turned by 90 degrees

@@ -38,11 +38,11 @@ class PlainEnvironment:
         self._run()
 
     def block(self, name: str) -> NDArray[np.float32]:
-        """A block of the present observation, in a new array."""
+        """Return a block of the present observation, in a new array."""
         return self.simulator.observations[0, self.simulator.layout.blocks[name]].copy()
 
     def result(self, name: str) -> NDArray[np.float64]:
-        """A part of what is known at the present instant (`episode_sizes`), in a new array."""
+        """Return a part of what is known at the present instant (`episode_sizes`), in a new array."""
         return self.simulator.result(0)[self.simulator.parts[name]]
 
     def _run(self) -> None:

@@ -24,7 +24,7 @@ def run_study(module: str, *arguments: str | Path, **options: object) -> subproc
 
 
 def refusal(module: str, *arguments: object) -> str:
-    """What a study says of bad input before it ends; in this process, since one of its own takes seconds to start."""
+    """Return what a study says of bad input before it ends, in this process, which is faster than another one."""
     main = importlib.import_module(f"scripts.{module}.__main__").main
     said = io.StringIO()
     with (

@@ -9,7 +9,7 @@ import pytest
 
 @contextmanager
 def refuses(kind: type[Exception], *words: str) -> Iterator[None]:
-    """The error is of this kind and says all of this: parameter, value, what is allowed."""
+    """Check that the error is of this kind and says all of this: parameter, value, what is allowed."""
     with pytest.raises(kind) as caught:
         yield
     for word in words:
@@ -17,5 +17,5 @@ def refuses(kind: type[Exception], *words: str) -> Iterator[None]:
 
 
 def label(value: object) -> str:
-    """A short name of a parametrised value, the same in every process."""
+    """Return a short name of a parametrised value, the same in every process."""
     return re.sub(r" at 0x[0-9a-f]+", "", str(value))[:40]

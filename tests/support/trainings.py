@@ -23,7 +23,7 @@ TINY: dict[str, Any] = {
 
 
 def finished(folder: Path) -> Path:
-    """The tiny training, done, in a folder below this one."""
+    """Run the tiny training in a folder below this one."""
     run = folder / "tiny"
     train(TrainingConfig(**TINY), run)
     return run

@@ -66,7 +66,7 @@ class Plant(Protocol):
         """Hold a torque [N m] for some `HELD`; where the tip is after each. Shape (periods, 2)."""
 
     def look(self) -> Sight:
-        """The arm now."""
+        """Return the arm's present outputs."""
 
     def bend(self) -> Bend:
         """Its links now."""
@@ -122,7 +122,7 @@ class Chain:
         return tips
 
     def look(self) -> Sight:
-        """The arm now."""
+        """Return the arm's present outputs."""
         mujoco.mj_kinematics(self.model, self.data)
         at = self.shoulder_and_elbow
         tip = self.data.site_xpos[self._tip, :2].copy()
@@ -194,7 +194,7 @@ class Modal:
         return run.tip[1:]
 
     def look(self) -> Sight:
-        """The arm now."""
+        """Return the arm's present outputs."""
         q, rates = np.split(self.state, 2)
         return Sight(self.arm.tip(q), q[:2], rates[:2], self.arm.tip_deflection(q))
 

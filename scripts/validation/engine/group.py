@@ -186,7 +186,7 @@ def _lap_checks(records: dict[str, Any]) -> list[Check]:
 
 
 def _quoted(records: dict[str, Any]) -> dict[str, float]:
-    """What the docs quote: lengths in mm, deflections in %, spins as parts of the first clamped frequency."""
+    """Collect what the docs quote: lengths in mm, deflections in %, spins as parts of the first frequency."""
     quoted = {}
     for row in records["errors"]:
         for amplitude, prefix in ((1.0, ""), (2.0, "twice ")):

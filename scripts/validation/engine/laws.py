@@ -29,7 +29,7 @@ ANGLE = 1.8  # step times the chain's fastest rate; semi-implicit Euler allows 2
 def law_lap(
     elements: int, arm: ArmParameters, gain_of: Callable[[Array], float], seconds: float, angle: float = ANGLE
 ) -> list[Sight]:
-    """A chain under the paper's law with the paper's late sensor at the end effector, from rest on the first corner.
+    """Run a chain under the paper's law with its late sensor at the end effector, from rest on the first corner.
 
     Args:
         elements: bending elements a link.
@@ -103,7 +103,7 @@ class _Law:
         mujoco.mj_step2(self._model, self._data)
 
     def _delayed(self, joint: int) -> float:
-        """A joint's angle as it was by its own delay ago; between steps on a straight line."""
+        """Interpolate a joint's angle as it was by its own delay ago; between steps on a straight line."""
         place = max(len(self._past) - 1 - self._late[joint], 0.0)
         before = int(place)
         start, end = self._past[before][joint], self._past[min(before + 1, len(self._past) - 1)][joint]

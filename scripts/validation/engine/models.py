@@ -35,5 +35,5 @@ MODELS = tuple(
 
 
 def model(kinematics: Kinematics, modes: int, shapes: ModeShapes = "cantilever") -> Model:
-    """A model by its usual names."""
+    """Make a model by its usual names."""
     return Model(kinematics, shapes, modes)

@@ -50,7 +50,7 @@ class Observer:
         self._tips += list(tips)
 
     def look(self, plant: Plant, last_action: Array) -> NDArray[np.float32]:
-        """The observation at the instant noted last.
+        """Return the observation at the instant noted last.
 
         Args:
             plant: the arm.

@@ -103,7 +103,7 @@ def programmes(arrays: dict[str, Array], folder: Path) -> None:
 
 
 def _crests(error: Array) -> Array:
-    """The largest within 50 ms, in mm: what oscillates fast would fill the picture."""
+    """Return the largest value within each 50 ms, in mm, since fast oscillations would fill the picture."""
     return _visible(maximum_filter1d(error, CREST))
 
 
@@ -144,7 +144,7 @@ def validity(records: Mapping[str, Any], arrays: dict[str, Array], folder: Path)
 
 
 def on_the_square(records: Mapping[str, Any], arrays: dict[str, Array], folder: Path) -> None:
-    """The chain's lap, and every model's distance from it over time."""
+    """Draw the chain's lap, and every model's distance from it over time."""
     labels = list(dict.fromkeys(row["model"] for row in records["square"] if not row["model"].startswith("chain")))
     colours = {label: plt.get_cmap("tab10")(i) for i, label in enumerate(labels)}
     figure, axes = plt.subplots(2, len(DRIVERS), figsize=(16, 9.0), height_ratios=(1.2, 1.0))

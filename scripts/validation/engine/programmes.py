@@ -51,7 +51,7 @@ class Programme:
         return self.amplitude * self.shape(time)
 
     def parameters(self, **model: Any) -> ArmParameters:
-        """The arm, without damping: the engines damp in different ways.
+        """Return the arm without damping, since the engines damp in different ways.
 
         Args:
             **model: further fields of `ArmParameters`.
@@ -69,7 +69,7 @@ class Programme:
         return self.amplitude * np.array(self.force)
 
     def times(self, amplitude: float) -> Programme:
-        """The same at another amplitude."""
+        """Return the programme at another amplitude."""
         return replace(self, amplitude=amplitude)
 
 
@@ -88,7 +88,7 @@ def doublet(time: Array) -> Array:
 
 
 def bang_bang(time: Array) -> Array:
-    """The shoulder changes sign every 0.25 s, the elbow every 0.15 s."""
+    """Return torques that change sign every 0.25 s at the shoulder, every 0.15 s at the elbow."""
     return _columns(4.0 * (-1.0) ** np.floor(time / 0.25 + 1e-9), 1.2 * (-1.0) ** np.floor(time / 0.15 + 1e-9))
 
 
@@ -102,7 +102,7 @@ def multi_sine(time: Array) -> Array:
 
 
 def spin_up(time: Array) -> Array:
-    """A smooth push of the shoulder for 1.5 s, then free."""
+    """Push the shoulder smoothly for 1.5 s; afterwards the arm is free."""
     push = np.sin(np.pi * np.minimum(time / 1.5, 1.0)) ** 2
     return _columns(45.0 * push, 0.0 * push)
 

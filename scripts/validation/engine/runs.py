@@ -35,7 +35,7 @@ class Motion(NamedTuple):
 
 
 def chain_motion(programme: Programme, elements: int, angle: float = CHAIN_ANGLE) -> Motion:
-    """A programme on a chain.
+    """Run a programme on a chain.
 
     Args:
         programme: the programme.
@@ -58,7 +58,7 @@ def extrapolated(coarse: Motion, fine: Motion) -> Motion:
 
 
 def model_motion(programme: Programme, angle: float = MODEL_ANGLE, **model: Any) -> Motion:
-    """A programme on one of our models.
+    """Run a programme on one of our models.
 
     Args:
         programme: the programme.

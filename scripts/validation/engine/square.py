@@ -81,7 +81,7 @@ LAWS: dict[str, Callable[[Array], float]] = {"ifdc": lambda deflection: 1.0, "fl
 
 
 def laws_on_model(parameters: ArmParameters, seconds: float) -> dict[str, Array]:
-    """The tip under each law, every `HELD`. Shape (n, 2) each."""
+    """Return the tip under each law, every `HELD`. Shape (n, 2) each."""
     arm = FlexibleArm(parameters)
     loop, starts = square_loop(arm, [LoopCase(SensorParameters(), LawParameters())] * len(LAWS))
     blocks = observation_blocks(parameters.modes_per_link)
@@ -91,7 +91,7 @@ def laws_on_model(parameters: ArmParameters, seconds: float) -> dict[str, Array]
 
 
 def laws_on_chain(elements: int, seconds: dict[str, float]) -> dict[str, Array]:
-    """The same on a chain, each law for a time of its own [s]."""
+    """Return the tip of a chain under each law, each for its own time [s]."""
     arm = ArmParameters(modal_damping_ratio=0.0)
     return {
         name: np.array([sight.tip for sight in law_lap(elements, arm, gain, seconds[name])])
@@ -103,7 +103,7 @@ def laws_on_chain(elements: int, seconds: dict[str, float]) -> dict[str, Array]:
 
 
 def agent_lap(trained: Trained, plant: Plant, seconds: float, models: Sequence[FlexibleArm] = ()) -> Lap:
-    """A lap of the shipped agent from rest on the first corner.
+    """Run a lap of the shipped agent from rest on the first corner.
 
     Args:
         trained: the agent.
@@ -130,7 +130,7 @@ def agent_lap(trained: Trained, plant: Plant, seconds: float, models: Sequence[F
 
 
 def on_corner(parameters: ArmParameters, elements: int | None = None, damping: Damping = "stiffness") -> Plant:
-    """An arm at rest on the first corner: a chain with some damping, or without `elements` a model."""
+    """Set an arm at rest on the first corner: a chain with some damping, or without `elements` a model."""
     joints = inverse_kinematics(parameters, square(SquareParameters()).table[0, 1:], "positive")
     if elements is None:
         model = Modal(FlexibleArm(parameters))
@@ -254,12 +254,12 @@ def _lap_row(driver: str, which: str, tip: Array, truth: Array) -> dict[str, Any
 
 
 def _kinematics(arm: FlexibleArm, states: Array, lap: Lap) -> dict[str, float]:
-    """A model's tip at the chain's shapes."""
+    """Return a model's tip at the chain's shapes."""
     return _away(arm.tip(states[:, : arm.size]), lap.tip[::SAMPLED])
 
 
 def _ahead(arm: FlexibleArm, states: Array, lap: Lap) -> dict[str, float]:
-    """A model's tip `AHEAD` after it was set on the chain's state."""
+    """Return a model's tip `AHEAD` after it was set on the chain's state."""
     periods, away = round(AHEAD / HELD), []
     for first in range(0, len(lap.torque) - periods + 1, round(EVERY / HELD)):
         plant = Modal(arm)

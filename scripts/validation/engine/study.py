@@ -164,7 +164,7 @@ def part_rows(programme: Programme, cases: dict[float, Case]) -> list[dict[str, 
 
 
 def drawn(programme: Programme, found: Case) -> dict[str, Array]:
-    """What the pictures need of a programme at amplitude 1."""
+    """Collect what the pictures need of a programme at amplitude 1."""
     name = programme.name
     arrays = {f"{name} time": HELD * np.arange(len(found.reference.tip), dtype=float)}
     arrays |= {f"{name} chain {n}": apart(chain, found.reference) for n, chain in found.chains.items()}
@@ -176,7 +176,7 @@ def drawn(programme: Programme, found: Case) -> dict[str, Array]:
 
 
 def step_errors(quick: bool) -> dict[str, float]:
-    """What halving the step changes at the tip under the doublet [m]: of a chain of 20 elements, and of a model."""
+    """Measure what halving the step changes at the tip under the doublet [m], for a chain and a model."""
     programme = replace(PROGRAMMES[0], duration=0.5) if quick else PROGRAMMES[0]
     chains = [chain_motion(programme, FINEST[0], angle) for angle in (CHAIN_ANGLE, 0.5 * CHAIN_ANGLE)]
     fields = model("foreshortened", 3).fields

@@ -119,7 +119,7 @@ def _square_table(records: Mapping[str, Any]) -> str:
 
 
 def error_of(records: Mapping[str, Any], programme: str, label: str, amplitude: float = 1.0) -> dict[str, Any]:
-    """The row of a programme, a model's label, and an amplitude."""
+    """Find the row of a programme, a model's label, and an amplitude."""
     return next(
         row
         for row in records["errors"]

@@ -31,7 +31,7 @@ MAPPED = (model("linear", 2), model("linear", 3), model("foreshortened", 2), mod
 
 
 def limits(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
-    """The deflection, as a part of a link's length, at which a model's r.m.s. tip error passes each tolerance.
+    """Find the deflection, as a part of a link's length, at which a model's r.m.s. error passes each tolerance.
 
     Between amplitudes a power law is assumed. None: not within the amplitudes tried.
 
@@ -76,7 +76,7 @@ def kick(time: Array) -> Array:
 
 
 def spin_map(quick: bool, progress: Callable[[str], None]) -> tuple[list[dict[str, Any]], dict[str, Array]]:
-    """The straight arm turning at a rate, and a kick of some strength: r.m.s. tip error over 1 s.
+    """Measure the r.m.s. tip error over 1 s after a kick of some strength to the straight arm turning at a rate.
 
     Returns:
         Rows with the limits of spin, and arrays: spins, peak deflections (spins, kicks), errors of each model.
@@ -110,7 +110,7 @@ def _spin_limit(which: Model, spins: Array, errors: Array) -> dict[str, Any]:
 
 
 def critical_spin(which: Model) -> float | None:
-    """The lowest spin of the straight arm at which a small motion grows, as a part of the first clamped frequency.
+    """Find the lowest spin of the straight arm at which a small motion grows, as a part of the first frequency.
 
     None if there is none up to `FASTEST`. The true arm's spin is stable: its ends are pulled outwards.
     """

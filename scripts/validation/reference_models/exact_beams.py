@@ -65,7 +65,7 @@ class Beam:
 
 
 def links(parameters: ArmParameters) -> tuple[Beam, Beam]:
-    """The arm's two links."""
+    """Return the arm's two links."""
     p = parameters
     columns = (p.link_lengths, p.flexural_rigidities, p.masses_per_length)
     one, two = (Beam(*values) for values in zip(*columns, strict=True))
@@ -114,7 +114,7 @@ def clamped_free_shapes(count: int, x: Array) -> tuple[Array, Array]:
 
 
 def dynamic_stiffness(beam: Beam, omega: float) -> Array:
-    """Forces and moments at the ends over motions (v0, theta0, vL, thetaL) at a frequency. Shape (4, 4)."""
+    """Return end forces and moments over motions (v0, theta0, vL, thetaL) at a frequency. Shape (4, 4)."""
     b = beam.phase(omega)
     scale = 1.0 / np.cosh(b)  # numerators and denominator over cosh b: no overflow
     sin, cos, sinh = np.sin(b), np.cos(b), np.tanh(b)
@@ -156,7 +156,7 @@ class Structure:
         return negative + sum(held_count(beam, omega) for beam, _ in self.parts)
 
     def frequencies(self, count: int, zeros: int = 0) -> Array:
-        """The lowest natural frequencies above `zeros` at 0 [rad/s]. Shape (count,)."""
+        """Find the lowest natural frequencies above `zeros` at 0 [rad/s]. Shape (count,)."""
         found = []
         for index in range(zeros, zeros + count):
             low, high = 0.0, 1.0
@@ -184,7 +184,7 @@ def single_link(beam: Beam, pinned: bool, hub: float = 0.0, payload: tuple[float
 
 
 def two_links(parameters: ArmParameters, theta2: float, joints: Joints) -> Structure:
-    """The arm about rest, straight links, elbow at theta2 [rad].
+    """Assemble the arm about rest, straight links, elbow at theta2 [rad].
 
     Links keep their length. So the elbow moves across link 1 only, by v, which is v cos theta2 across link 2's root;
     along link 2, v sin theta2 moves its whole mass and the payload.

@@ -45,7 +45,7 @@ class Frame:
     theta2: float
 
     def frequencies(self, count: int, zeros: int) -> Array:
-        """The lowest natural frequencies above `zeros` at 0 [rad/s]. Shape (count,)."""
+        """Find the lowest natural frequencies above `zeros` at 0 [rad/s]. Shape (count,)."""
         return self._frequencies(null_space(self.conditions), count, zeros)
 
     def held_to(self, motions: Array, count: int, zeros: int) -> Array:
@@ -70,7 +70,7 @@ class Frame:
 
 
 def frame(parameters: ArmParameters, theta2: float, joints: Joints, elements: int) -> Frame:
-    """The arm with straight links, link 1 along x, so many elements a link."""
+    """Mesh the arm with straight links, link 1 along x, so many elements a link."""
     p = parameters
     columns = zip(p.link_lengths, p.flexural_rigidities, p.masses_per_length, (0.0, theta2), strict=True)
     matrices = [_link(length / elements, EI, rho, angle, elements) for length, EI, rho, angle in columns]

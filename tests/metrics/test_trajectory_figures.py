@@ -22,7 +22,7 @@ TIME = np.linspace(0.0, 2.0, 2001)
 
 
 def run_with(reference: np.ndarray, q1: np.ndarray | float = 0.0, **signals: np.ndarray) -> Trajectory:
-    """A straight arm lying along x, its first link's mode given, beside a reference."""
+    """Make a straight arm lying along x, its first link's mode given, beside a reference."""
     arm = FlexibleArm(ArmParameters.paper())
     state = np.zeros((len(TIME), 8))
     state[:, 2] = q1

@@ -1,0 +1,231 @@
+"""An extended Kalman filter on what the sensors deliver: encoders, a late tip, and strain gauges where there are any.
+
+The late sensor is handled by augmentation with what it will deliver. A reading that arrives at `t` shows the tip at
+`t - delay`, in general within a control period: the filter predicts that very point, by the plant's own equations over
+a part of the period, and keeps it, correlated with the state, until the reading arrives. Nothing is interpolated, and
+no Pade approximation is needed; the method is fixed-lag augmentation (Anderson and Moore, Optimal Filtering, 1979,
+section 7.3) with a fractional lag.
+
+Quantities of the arm that are not known, its payload or stiffness, may be estimated with the state (joint estimation:
+Ljung, IEEE Trans. Automatic Control 24, 1979).
+
+All arrays have a leading axis over n arms.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from flexarm_baselines.arrays import Floats
+from flexarm_baselines.observers.noise import NoiseModel
+from flexarm_baselines.observers.readings import Readings
+from flexarm_env.simulation.arm import FlexibleArm
+from flexarm_env.validation import choice, number
+
+QUANTITIES = ("payload_mass", "stiffness", "damping")  # columns of `StepJacobians.by_quantity`
+RANGES = {"payload_mass": (0.0, 10.0), "stiffness": (0.3, 3.0), "damping": (0.0, 0.3)}  # an estimate stays within
+SUBSTEP = 1e-3  # [s]; longest integration step over a part of a period
+
+
+class Estimate(NamedTuple):
+    """What the filter believes of n arms.
+
+    Attributes:
+        mean: state; estimated quantities; the tip's points that the late sensor has still to deliver, the newest first.
+            Shape (n, d).
+        covariance: Shape (n, d, d).
+    """
+
+    mean: Floats
+    covariance: Floats
+
+
+class Innovation(NamedTuple):
+    """How the readings differed from the prediction, for tests of consistency.
+
+    Attributes:
+        residual: readings minus prediction, 0 where a reading is missing. Shape (n, r).
+        covariance: that the filter expects; the unit matrix where readings are missing. Shape (n, r, r).
+        degrees: how many readings were there. Shape (n,).
+    """
+
+    residual: Floats
+    covariance: Floats
+    degrees: Floats
+
+    @property
+    def normalised(self) -> Floats:
+        """Normalised innovation squared (NIS): chi-square of `degrees` degrees if the model is right. Shape (n,)."""
+        return np.einsum("ni,ni->n", self.residual, np.linalg.solve(self.covariance, self.residual[..., None])[..., 0])
+
+
+class KalmanFilter:
+    """The extended Kalman filter of an arm whose tip's readings are late.
+
+    Attributes:
+        arm: the filter's own model, which may be another than the plant's.
+        period: control period [s].
+        delay: of the late sensor, any fraction of periods [s].
+        noise: what the filter takes for granted.
+        quantities: names of the quantities that are estimated with the state.
+    """
+
+    def __init__(
+        self,
+        arm: FlexibleArm,
+        period: float = 0.01,
+        delay: float = 0.0,
+        sensor_position: float | None = None,
+        noise: NoiseModel | None = None,
+        quantities: Mapping[str, float] | None = None,
+        drift: float = 0.1,
+    ) -> None:
+        """Prepare the filter.
+
+        Args:
+            arm: the model.
+            period: control period [s].
+            delay: of the late sensor [s].
+            sensor_position: distance of the late sensor from the elbow along link 2 [m]; None: at the tip.
+            noise: standard deviations; None: the defaults of `NoiseModel`.
+            quantities: quantities of the arm to estimate (`payload_mass` [kg], `stiffness`, a factor, `damping`), with
+                the standard deviation of each at the start.
+            drift: how far the estimated quantities may wander in a second, as a share of that deviation. It keeps the
+                filter from settling on what it found while it was far off.
+
+        Raises:
+            ValueError: naming what does not fit.
+        """
+        self.arm, self.noise = arm, noise or NoiseModel()
+        self.period = number("period", period, "s", above=0.0)
+        self.delay = number("delay", delay, "s", least=0.0)
+        self.sensor_position = sensor_position
+        given = dict(quantities or {})
+        for name in given:
+            choice("quantities", name, QUANTITIES)
+        self.quantities = tuple(name for name in QUANTITIES if name in given)
+        self._start_deviations = [number(f"quantities[{name!r}]", given[name], above=0.0) for name in self.quantities]
+        self._drift = number("drift", drift, least=0.0) * np.sqrt(self.period) * np.array(self._start_deviations)
+        whole, part = divmod(self.delay / self.period + 1e-9, 1.0)
+        self._lag = int(whole)  # periods for which a point waits
+        self._until = self.period * (1.0 - max(part - 1e-9, 0.0))  # of a period, when the point is seen
+        self._states = 2 * arm.size
+        self._known = self._states + len(self.quantities)
+        self.size = self._known + 2 * (self._lag + 1)
+        m = arm.parameters.modes_per_link
+        self._tips = np.concatenate([np.abs(link.tip_values) for link in arm.modes])  # [m] a unit of each mode
+        rates = arm.size
+        self._joints = [0, 1, rates, rates + 1]
+        self._gauges = [*range(2, 2 + 2 * m), *range(rates + 2, rates + 2 + 2 * m)]
+        self._reading = [self.size - 2, self.size - 1]
+
+    # --- the parts of an estimate ----------------------------------------------------------------------------------
+
+    def state(self, estimate: Estimate) -> Floats:
+        """Return the estimated states of the arms. Shape (n, 4 + 4 m)."""
+        return estimate.mean[:, : self._states]
+
+    def values(self, estimate: Estimate) -> dict[str, Any]:
+        """Return the estimated quantities by name, as `FlexibleArm.step` takes them. Shape (n,) each."""
+        columns = estimate.mean[:, self._states : self._known].T
+        return dict(zip(self.quantities, columns, strict=True))
+
+    # --- the filter ------------------------------------------------------------------------------------------------
+
+    def start(self, state: Floats) -> Estimate:
+        """Begin with arms at rest, which have been so for the delay at least.
+
+        Args:
+            state: where they are thought to be. Shape (n, 4 + 4 m).
+        """
+        states = np.atleast_2d(np.asarray(state, dtype=np.float64))
+        if states.ndim != 2 or states.shape[1] != self._states:
+            raise ValueError(f"state: must have shape (n, {self._states}), got {np.shape(state)}")
+        runs, noise = len(states), self.noise
+        own = {"payload_mass": self.arm.parameters.payload_mass, "stiffness": 1.0}
+        own["damping"] = float(self.arm.changes.own[2])
+        known = np.tile([own[name] for name in self.quantities], (runs, 1)).reshape(runs, -1)
+        outputs, slopes = self.arm.output_jacobians(states, self.sensor_position)
+        mean = np.concatenate([states, known, np.tile(outputs.sensed[:, :2], (1, self._lag + 1))], axis=1)
+        modes = noise.start_mode / self._tips, noise.start_rate / self._tips
+        deviations = np.concatenate(
+            [[noise.start_joint] * 2, modes[0], [noise.start_rate] * 2, modes[1], self._start_deviations]
+        )
+        spread = np.zeros((runs, self.size, self._known))
+        spread[:, : self._known] = np.diag(deviations)
+        points = slopes.sensed[:, :2] @ np.diag(deviations[: self._states])
+        spread[:, self._known :, : self._states] = np.tile(points, (1, self._lag + 1, 1))
+        return Estimate(mean, spread @ spread.swapaxes(1, 2))
+
+    def predict(self, estimate: Estimate, torque: Floats) -> Estimate:
+        """Carry estimates over a control period with held torques.
+
+        Args:
+            estimate: at its beginning.
+            torque: of shoulder and elbow [N m]. Shape (n, 2).
+        """
+        states, values, known = self.state(estimate), self.values(estimate), self._known
+        columns = [QUANTITIES.index(name) for name in self.quantities]
+        after = self.arm.step_jacobians(states, torque, self.period, **values)
+        seen, part = after, self._until
+        if part < self.period:
+            step = part / np.ceil(part / SUBSTEP)
+            seen = self.arm.step_jacobians(states, torque, part, step=step, **values)
+        outputs, slopes = self.arm.output_jacobians(seen.state, self.sensor_position)
+        sensed = slopes.sensed[:, :2]
+
+        shift = self.size - known - 2
+        mean = np.concatenate(
+            [after.state, estimate.mean[:, self._states : known], outputs.sensed[:, :2], estimate.mean[:, known:-2]],
+            axis=1,
+        )
+        transition = np.zeros((len(mean), self.size, self.size))
+        transition[:, : self._states, : self._states] = after.by_state
+        transition[:, : self._states, self._states : known] = after.by_quantity[..., columns]
+        transition[:, self._states : known, self._states : known] = np.eye(len(columns))
+        transition[:, known : known + 2, : self._states] = sensed @ seen.by_state
+        transition[:, known : known + 2, self._states : known] = sensed @ seen.by_quantity[..., columns]
+        transition[:, known + 2 :, known : known + shift] = np.eye(shift)
+        forced = np.zeros((len(mean), self.size, 2))
+        forced[:, : self._states] = after.by_torque
+        forced[:, known : known + 2] = sensed @ seen.by_torque
+        forced *= np.asarray(self.noise.torque)
+        covariance = transition @ estimate.covariance @ transition.swapaxes(1, 2) + forced @ forced.swapaxes(1, 2)
+        modal_rates = np.arange(self.arm.size + 2, self._states)
+        covariance[:, modal_rates, modal_rates] += (self.noise.modal_force / self._tips) ** 2
+        drifting = np.arange(self._states, known)
+        covariance[:, drifting, drifting] += self._drift**2
+        return Estimate(mean, covariance)
+
+    def correct(self, estimate: Estimate, readings: Readings) -> tuple[Estimate, Innovation]:
+        """Use the readings that have arrived; one that is NaN is missing.
+
+        Args:
+            estimate: predicted for the instant of the readings.
+            readings: of the same arms.
+        """
+        parts, rows = [readings.joints, readings.tip], self._joints + self._reading
+        noise = self.noise
+        deviations = [noise.joint_angle] * 2 + [noise.joint_rate] * 2 + [noise.tip] * 2
+        if readings.gauges is not None:
+            parts.append(readings.gauges)
+            rows = rows + self._gauges
+            deviations += [*(noise.gauge / self._tips), *(noise.gauge_rate / self._tips)]
+        given = np.concatenate([np.asarray(part, dtype=np.float64) for part in parts], axis=1)
+        if given.shape != (len(estimate.mean), len(rows)):
+            raise ValueError(f"readings: must have shape {(len(estimate.mean), len(rows))} in all, got {given.shape}")
+        there = ~np.isnan(given)
+        residual = np.where(there, given - estimate.mean[:, rows], 0.0)
+        correlated = estimate.covariance[:, :, rows] * there[:, None]
+        expected = correlated[:, rows] * there[:, :, None] + np.diag(np.square(deviations)) * there[:, None]
+        expected += np.eye(len(rows)) * ~there[:, None]
+        gain = np.linalg.solve(expected, correlated.swapaxes(1, 2)).swapaxes(1, 2)
+        mean = estimate.mean + (gain @ residual[..., None])[..., 0]
+        for offset, name in enumerate(self.quantities):
+            mean[:, self._states + offset] = mean[:, self._states + offset].clip(*RANGES[name])
+        covariance = estimate.covariance - gain @ correlated.swapaxes(1, 2)
+        covariance = 0.5 * (covariance + covariance.swapaxes(1, 2))
+        return Estimate(mean, covariance), Innovation(residual, expected, there.sum(axis=1).astype(np.float64))

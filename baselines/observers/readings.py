@@ -1,0 +1,22 @@
+"""What the sensors deliver at the end of a control period."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from flexarm_baselines.arrays import Array
+
+
+class Readings(NamedTuple):
+    """Readings of n arms at one instant; a NaN is a reading that is missing.
+
+    Attributes:
+        joints: theta1, theta2 [rad] and their rates [rad/s], from the encoders. Shape (n, 4).
+        tip: the late sensor's x, y in the world's frame [m]. Shape (n, 2).
+        gauges: modal coordinates of link 1 and of link 2, and their rates, from strain gauges; None: there are none.
+            Shape (n, 4 m).
+    """
+
+    joints: Array
+    tip: Array
+    gauges: Array | None = None

@@ -1,0 +1,137 @@
+"""Bounds of observations: how far references, readings and joints get before an episode ends.
+
+Scales, by which observations may be divided, are given with the bounds of a block (`Range`).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from flexarm_env.envs.choices import MOVE_RING
+from flexarm_env.envs.settings import Settings
+from flexarm_env.parameters import SENSOR_MODELS
+from flexarm_env.physics.inverse_kinematics import LEAST_SINE
+from flexarm_env.simulation.arm import FlexibleArm
+from flexarm_env.simulation.limits import RATE_LIMIT, state_limits
+
+LARGEST_DEVIATE = 8.6  # of `random_stream.normal`
+
+
+class Workspace(NamedTuple):
+    """Largest magnitudes before an episode ends.
+
+    Attributes:
+        radius: distance of the reference from the shoulder [m].
+        speed: speed of the reference [m/s].
+        sensed: coordinate of the sensor's reading [m].
+        error: coordinate of the sensor's error [m].
+        second: coordinate of the second sensor's reading [m].
+        second_error: coordinate of the second sensor's error [m].
+    """
+
+    radius: float
+    speed: float
+    sensed: float
+    error: float
+    second: float
+    second_error: float
+
+
+class Range(NamedTuple):
+    """Scales and bounds of a block's numbers, one for each number.
+
+    Attributes:
+        scale: divisors of the numbers where observations are scaled.
+        bound: largest magnitudes of the numbers before the episode ends.
+    """
+
+    scale: list[float]
+    bound: list[float]
+
+
+def reach_of(settings: Settings) -> Workspace:
+    """Compute the largest magnitudes of reference and readings before an episode ends."""
+    arm = settings.flexible_arm
+    length_1, length_2 = arm.parameters.link_lengths
+    if settings.paths:
+        tables = [path.table for path in settings.paths]
+        radius = max(float(np.linalg.norm(table[:, 1:], axis=1).max()) for table in tables)
+        moves = [np.diff(table, axis=0) for table in tables]
+        speed = max(float((np.linalg.norm(move[:, 1:], axis=1) / move[:, 0]).max()) for move in moves)
+    else:  # minimum-jerk moves of at most half a turn of each joint in a quarter of the lap
+        radius = MOVE_RING[1] * arm.parameters.reach
+        speed = 1.875 * np.pi / (0.25 * settings.lap_time) * (length_1 + 2.0 * length_2)
+    bend = _bend(arm) if SENSOR_MODELS[settings.sensor].bends else 0.0
+    deviation = settings.range_of("noise")[1]
+    sensed = length_1 + settings.sensor_position + bend + LARGEST_DEVIATE * deviation
+    return Workspace(radius, speed, sensed, sensed + radius, *_second_reach(settings))
+
+
+def _second_reach(settings: Settings) -> tuple[float, float]:
+    """Return the largest coordinate of the second sensor's reading and of its error [m]; 0 without such a sensor."""
+    if settings.second_sensor is None:
+        return 0.0, 0.0
+    link, position = settings.second_sensor
+    rigid = position + (settings.flexible_arm.parameters.link_lengths[0] if link == 2 else 0.0)
+    sensed = rigid + _bend(settings.flexible_arm) + LARGEST_DEVIATE * settings.second_sensor_noise
+    return sensed, sensed + rigid
+
+
+def _bend(arm: FlexibleArm) -> float:
+    """Bound the tip's displacement by valid deflections [m]: a link's length for each mode, and foreshortening."""
+    m = arm.parameters.modes_per_link
+    across = m * sum(arm.parameters.link_lengths)
+    if not arm.constants.foreshortened:
+        return across
+    largest = state_limits(arm)[2 : arm.size].reshape(2, m)
+    sums = [np.abs(link.foreshortening(link.length)) for link in arm.modes]
+    return across + float(sum(0.5 * q @ s @ q for q, s in zip(largest, sums, strict=True)))
+
+
+def check_moving_start(settings: Settings, start: str) -> None:
+    """Refuse a start on the move if the reference needs joint rates that end an episode at once.
+
+    Raises:
+        ValueError: naming start and lap time.
+    """
+    if start not in ("moving", "mix"):
+        return
+    asked = _reference_joint_rate(settings, reach_of(settings))
+    if asked > RATE_LIMIT:
+        raise ValueError(
+            f"start = {start!r} with lap_time = {settings.lap_time} s: the reference may ask for {asked:.4g} rad/s "
+            f"of a joint, and {RATE_LIMIT:g} end an episode; give a longer lap_time, or start at rest"
+        )
+
+
+def even_range(count: int, scale: float, bound: float) -> Range:
+    """Return the same scale and bound for each of `count` numbers."""
+    return Range([scale] * count, [bound] * count)
+
+
+def modal_range(settings: Settings, rates: bool) -> Range:
+    """Return scales and bounds of modal coordinates or rates.
+
+    The scale of a first mode corresponds to a tip deflection of 0.5 m or 2 m/s, that of a higher mode to a tenth of
+    the deflection and half of the rate.
+    """
+    arm = settings.flexible_arm
+    tips = np.concatenate([np.abs(link.tip_values) for link in arm.modes])
+    order = np.tile(np.arange(arm.parameters.modes_per_link), 2)
+    scale = np.where(order == 0, 2.0, 1.0) if rates else np.where(order == 0, 0.5, 0.05)
+    bound = state_limits(arm)
+    part = bound[arm.size + 2 :] if rates else bound[2 : arm.size]
+    return Range((scale / tips).tolist(), part.tolist())
+
+
+def joint_rate_bound(settings: Settings, reach: Workspace) -> float:
+    """Return the largest difference of a joint's rate on the reference and its measured rate [rad/s]."""
+    return RATE_LIMIT + _reference_joint_rate(settings, reach) + LARGEST_DEVIATE * settings.encoder_noise[1]
+
+
+def _reference_joint_rate(settings: Settings, reach: Workspace) -> float:
+    """Return the largest joint rate of the rigid arm on the reference [rad/s]."""
+    length_1, length_2 = settings.flexible_arm.parameters.link_lengths
+    return reach.speed * (length_1 + length_2) / (length_1 * length_2 * LEAST_SINE)

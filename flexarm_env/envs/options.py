@@ -1,0 +1,208 @@
+"""`Options`: the options of the environments with defaults, units and allowed values.
+
+The defaults are those of `FlexArm/Square-v0`; the other ids change some (`registration`). The environments' pages are
+made from the text beside each option.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal, get_args
+
+import numpy as np
+
+from flexarm_env.actions import MODES
+from flexarm_env.allowed import (
+    Allowed,
+    Custom,
+    Flag,
+    Integer,
+    Number,
+    OneOf,
+    Optional,
+    Pair,
+    allowed_of,
+    declared,
+)
+from flexarm_env.envs.choices import DEFAULT_OBSERVATION, DEFAULT_WEIGHTS, EITHER, STARTS, Frame, Start
+from flexarm_env.envs.consistency import (
+    SHORTEST_HOLD,
+    checked_arm,
+    checked_hold,
+    checked_paths,
+    checked_previews,
+    checked_waypoints,
+    checked_weights,
+)
+from flexarm_env.envs.quantities import NAMED_QUANTITIES, checked_ranges
+from flexarm_env.parameters import (
+    DIRECTIONS,
+    LARGEST_NOISE,
+    MAX_DELAY,
+    SENSOR_MODELS,
+    WAVE_SPEED,
+    Compensation,
+    Corner,
+    Delayed,
+    ElbowBranch,
+    LawParameters,
+    RateJacobian,
+    SensorModel,
+    SensorParameters,
+    SquareParameters,
+)
+from flexarm_env.validation import names
+
+
+def _option(default: Any, text: str, allowed: Allowed) -> Any:
+    return declared(default, allowed, text=text)
+
+
+_LATE = Number(0.0, MAX_DELAY, "s")
+_HOLD = Custom(checked_hold, "s", f"0, or {SHORTEST_HOLD:g} to {MAX_DELAY:g}")
+_LIMIT = Optional(Number(1e-9, 1e9, "m"))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    """All options as declared; `settings.Settings` checks them together."""
+
+    arm: str | Mapping[str, Any] = _option(
+        "default",
+        '"default" (2 modes a link, complete dynamics, 1 % modal damping), "paper", or a mapping of `ArmParameters` '
+        'fields, with `preset` ("default" or "paper") for those it does not set; {"kinematics": "foreshortened"} is '
+        "the arm whose bent links keep their length",
+        Custom(checked_arm),
+    )
+    action_mode: str = _option("torque", "what an action is; see Action space", OneOf(tuple(MODES)))
+    control_period: float = _option(0.01, "an action is held so long", Number(1e-5, 1.0, "s"))
+    physics_step: float | None = _option(
+        None,
+        "longest integration step; None: 1 ms, for the gain 0.25 ms, or less if the fastest mode demands it",
+        Optional(Number(1e-9, 1.0, "s")),
+    )
+    torque_limit: tuple[float, float] | None = _option(
+        None,
+        "of shoulder and elbow; None: 150 and 50, for the gain no limit (limited, the law loses the path)",
+        allowed_of(LawParameters, "torque_limit"),
+    )
+    torque_rate_limit: tuple[float, float] = _option(
+        # The second modes of the default arm, 36 Hz and more, feel less than a tenth of what a step of the torque does.
+        (3000.0, 1000.0),
+        "change of the torque per second at action 1; the default reverses the default torques in 0.1 s",
+        Pair(1e-6, 1e12, "N m/s"),
+    )
+    gain_limit: float = _option(1.0, "lambda at action 1", Number(1e-6, 1e6, "1"))
+    shift_limit: tuple[float, float] = _option(
+        (0.3, 0.3), "shift of the joints' reference at action 1", Pair(1e-6, np.pi, "rad")
+    )
+    inner_stiffness: tuple[float, float] = _option(
+        (1000.0, 130.0), "of the inner tracking law", Pair(0.0, 1e9, "N m/rad")
+    )
+    inner_resistance: tuple[float, float] = _option(
+        (40.0, 30.0), "of the inner tracking law", Pair(0.0, 1e9, "N m s/rad")
+    )
+    proportional_gain: float = _option(
+        150.79, "Kp of the paper's law (11)", allowed_of(LawParameters, "proportional_gain")
+    )
+    derivative_gain: float = _option(17.364, "Kd of the paper's law (12)", allowed_of(LawParameters, "derivative_gain"))
+    compensation: Compensation = _option(
+        "none", "delay of the law's command; see `LawParameters`", allowed_of(LawParameters, "compensation")
+    )
+    law_sensor: Literal["joints", "sensor"] = _option(
+        "joints",
+        'what the paper\'s law acts on: "joints" (collocated, not late) or the late "sensor"',
+        OneOf(("joints", "sensor")),
+    )
+    rate_jacobian: RateJacobian = _option(
+        "delayed", "see `SensorParameters`", allowed_of(SensorParameters, "rate_jacobian")
+    )
+    delayed: Delayed = _option("position", "see `SensorParameters`", allowed_of(SensorParameters, "delayed"))
+    sensor: SensorModel = _option(
+        "true",
+        "what the sensor on link 2 reads: " + "; ".join(f'"{name}": {one.text}' for name, one in SENSOR_MODELS.items()),
+        allowed_of(SensorParameters, "model"),
+    )
+    sensor_position: float = _option(4.5, "of the sensor from the elbow", allowed_of(SensorParameters, "position"))
+    delay: float | tuple[float, float] | None = _option(
+        None, "of the sensor's reading; None: by the wave speed", allowed_of(SensorParameters, "delay")
+    )
+    wave_speed: float = _option(WAVE_SPEED, "c (15)", allowed_of(SensorParameters, "wave_speed"))
+    noise: float = _option(
+        0.0, "standard deviation of each coordinate of the sensor's reading", allowed_of(SensorParameters, "noise")
+    )
+    jitter: float = _option(0.0, "largest additional delay, drawn evenly for each reading", _LATE)
+    hold: float = _option(0.0, "period of a slower sensor's clock (sample and hold); 0: none", _HOLD)
+    dropout: float = _option(0.0, "probability that a reading is lost", Number(0.0, 1.0, "1"))
+    encoder_noise: tuple[float, float] = _option(
+        (0.0, 0.0), "standard deviations of joint angles and rates", Pair(0.0, LARGEST_NOISE, "rad, rad/s")
+    )
+    second_sensor_link: int | None = _option(
+        None,
+        "link of a second sensor, which sees the true point; None: there is none",
+        Optional(Integer(1, 2)),
+    )
+    second_sensor_position: float | None = _option(
+        None,
+        "of the second sensor from its link's root; None: at the link's tip",
+        Optional(allowed_of(SensorParameters, "position")),
+    )
+    second_sensor_delay: float = _option(0.0, "of the second sensor's reading", _LATE)
+    second_sensor_noise: float = _option(
+        0.0,
+        "standard deviation of each coordinate of the second sensor's reading",
+        allowed_of(SensorParameters, "noise"),
+    )
+    actuation_delay: float = _option(0.0, "from an action to its effect; an inner law is not delayed", _LATE)
+    observation: tuple[str, ...] = _option(
+        DEFAULT_OBSERVATION, "names of the blocks, in order; see Observation space", Custom(names)
+    )
+    frame: Frame = _option(
+        "link", 'frame of Cartesian blocks: "link" (turned by -theta1) or "world"', OneOf(("link", "world"))
+    )
+    previews: tuple[float, ...] = _option(
+        (0.05, 0.1, 0.2, 0.3, 0.45, 0.6, 1.0), "horizons of the block `previews`", Custom(checked_previews, "s")
+    )
+    last_actions: int = _option(1, "how many the block `last_actions` holds", Integer(1, 100))
+    scaled: bool = _option(True, "divide each block by its scale", Flag())
+    reference: str | Sequence[str] = _option(
+        "square",
+        '"square", "circle", "line", "figure_eight", "waypoints", "moves" (drawn from rest to rest), or several of the '
+        "first five, one of which is drawn for each episode",
+        Custom(checked_paths),
+    )
+    waypoints: Sequence[tuple[float, float]] | None = _option(
+        None, 'corners of the reference "waypoints"', Optional(Custom(checked_waypoints, "m"))
+    )
+    side: float = _option(
+        12.6, "of the square, or the square around the other paths", allowed_of(SquareParameters, "side")
+    )
+    lap_time: float = _option(16.0, "of a lap", allowed_of(SquareParameters, "lap_time"))
+    start_corner: Corner = _option("lower left", "where a lap starts", allowed_of(SquareParameters, "start_corner"))
+    direction: str = _option("clockwise", 'of a lap; "either": drawn for each episode', OneOf((*DIRECTIONS, EITHER)))
+    elbow_branch: str = _option(
+        "positive",
+        'sign of theta2 at the start and in the inverse kinematics; "either": drawn for each episode',
+        OneOf((*get_args(ElbowBranch), EITHER)),
+    )
+    start: Start = _option("mix", "how an episode starts; see Starting state", OneOf(tuple(STARTS)))
+    start_spread: tuple[float, float] = _option(
+        (0.05, 0.05),
+        "largest deviations of a moving start: joint angles, tip deflections of the first modes",
+        Pair(0.0, 0.5, "rad, m"),
+    )
+    randomisation: Mapping[str, tuple[float, float]] = _option(
+        {},
+        f"ranges from which quantities are drawn for each episode: {NAMED_QUANTITIES}",
+        Custom(checked_ranges),
+    )
+    reward_weights: Mapping[str, float] = _option(
+        DEFAULT_WEIGHTS, "of the reward's terms; what is not named is 0", Custom(checked_weights)
+    )
+    deflection_limit: float | None = _option(
+        1.5, "a link's tip deflection that ends an episode; None: any is allowed", _LIMIT
+    )
+    error_limit: float | None = _option(
+        2.5, "distance of the true tip from the reference that ends an episode; None: any is allowed", _LIMIT
+    )

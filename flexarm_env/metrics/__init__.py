@@ -1,0 +1,40 @@
+"""Figures of merit: pure functions of a `Trajectory`, and `RunningFigures` for runs that go on."""
+
+from flexarm_env.metrics.corners import Corner, corners, directions
+from flexarm_env.metrics.errors import (
+    CircleFit,
+    TrackingError,
+    circle_fit,
+    overshoot,
+    path_difference,
+    tracking_error,
+)
+from flexarm_env.metrics.figures import CornerFigures, LapFigures
+from flexarm_env.metrics.lap import lap_figures, optimality_gap
+from flexarm_env.metrics.motion import elbow_changes, tip_acceleration, vibration
+from flexarm_env.metrics.running import Instants, RunningFigures, contour_and_lag
+from flexarm_env.metrics.summary import ended_early, summary
+
+__all__ = [
+    "CircleFit",
+    "Corner",
+    "CornerFigures",
+    "Instants",
+    "LapFigures",
+    "RunningFigures",
+    "TrackingError",
+    "circle_fit",
+    "contour_and_lag",
+    "corners",
+    "directions",
+    "elbow_changes",
+    "ended_early",
+    "lap_figures",
+    "optimality_gap",
+    "overshoot",
+    "path_difference",
+    "summary",
+    "tip_acceleration",
+    "tracking_error",
+    "vibration",
+]

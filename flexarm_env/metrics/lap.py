@@ -1,0 +1,65 @@
+"""The figures of a whole lap, and how near the best known it is."""
+
+from __future__ import annotations
+
+from numpy.typing import ArrayLike
+
+from flexarm_env.metrics.corners import corners, directions
+from flexarm_env.metrics.errors import reference
+from flexarm_env.metrics.figures import LapFigures
+from flexarm_env.metrics.motion import elbow_changes
+from flexarm_env.metrics.running import BAND, Instants, RunningFigures
+from flexarm_env.metrics.summary import ended_early
+from flexarm_env.simulation.arm import FlexibleArm
+from flexarm_env.simulation.trajectory import Trajectory
+from flexarm_env.validation import shown
+
+
+def lap_figures(run: Trajectory, torque_limit: ArrayLike | None = None, band: float = BAND) -> LapFigures:
+    """Return all figures of a policy's whole run.
+
+    Args:
+        run: a run with a reference.
+        torque_limit: of shoulder and elbow [N m]; None: none, and no share of time at the limit.
+        band: within which the tip has settled after a corner [m].
+
+    Raises:
+        ValueError: if the run has no reference, or ended early: its part would compare well with a whole lap.
+    """
+    if ended_early(run):
+        when = f"{run.notes['ended']}, after {run.time[-1]:.2f} s"
+        raise ValueError(f"run: ended early ({when}); the figures of a part compare with no whole lap's")
+    points = reference(run)
+    arm = FlexibleArm(run.parameters)
+    running = RunningFigures(1, corners(run.time, points), torque_limit, band)
+    pairs = (
+        run.tip,
+        points,
+        directions(points),
+        run.tip_deflection,
+        arm.tip_deflection(run.state[:, arm.size :]),  # linear in the modal coordinates
+        run.state[:, :2],
+        run.torque,
+    )
+    running.update(Instants(run.time, *(values[:, None] for values in pairs)))
+    return running.figures(times_of_changes=elbow_changes(run).tolist())
+
+
+def optimality_gap(score: float, best: float, yardstick: float) -> float:
+    """Return where a score lies between the best one known, 0, and the yardstick, 1.
+
+    Args:
+        score: r.m.s. distance over the lap [m].
+        best: of the best plan known (oracle) [m].
+        yardstick: of IFDC [m]; larger than the best.
+
+    Returns:
+        (score - best) / (yardstick - best); above 1 for a score worse than the yardstick, below 0 for one better than
+        the best known.
+
+    Raises:
+        ValueError: if the yardstick is not above the best.
+    """
+    if not yardstick > best:
+        raise ValueError(f"yardstick = {shown(yardstick)}: must be larger than best = {shown(best)}")
+    return (score - best) / (yardstick - best)
