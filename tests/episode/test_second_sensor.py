@@ -16,9 +16,10 @@ from flexarm_env.envs.batch import BatchSimulator
 from flexarm_env.envs.settings import Settings
 from flexarm_env.episode import second_sensor, step
 from flexarm_env.episode.step import TORQUE
-from flexarm_env.kernels import delay_line, entries, layout, period
+from flexarm_env.kernels import delay_line, entries, layout
 from flexarm_env.kernels.entries import setting, word
 from flexarm_env.kernels.layout import row
+from flexarm_env.kernels.period import step_blocks
 from flexarm_env.kernels.variants import Variant
 from tests.support.envs import SQUARE
 
@@ -152,7 +153,7 @@ class Plain:
             if len(self.simulator) == 1:
                 assert step.step_only(self.simulator._memory)
             else:
-                period.step_blocks(self.simulator._memory, 0, 1, np.empty((1, self.simulator._variant.lanes)))
+                step_blocks(self.simulator._memory, 0, 1, np.empty((1, self.simulator._variant.lanes)))
 
     def step(self, actions: Array) -> None:
         self.simulator.actions[: len(self.simulator)] = actions

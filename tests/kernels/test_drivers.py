@@ -75,7 +75,7 @@ def arena_of(of: Variant, **parts: Any) -> np.ndarray:
 
 @pytest.mark.parametrize("node", [0.0, 0.5, 1.0])
 def test_a_cubic_comes_back_from_the_delay_line(node: float) -> None:
-    """A cubic and its rate come back exactly from past steps, a parabola from the step at hand, for each lane's delay."""
+    """A cubic and its rate come back exactly from past steps; a parabola from the step at hand."""
     late = np.array([[1.0, 1.25, 2.0], [3.75, 0.0, 0.4]]) * STEP
     curves = [np.polynomial.Polynomial([1.0, -30.0, 4e3, 9e5]), np.polynomial.Polynomial([-2.0, 50.0, 7e3])]
     with plain_python(Variant(LOOP, 1, True, LANES)):
@@ -207,11 +207,11 @@ def test_a_fleet_runs_in_plain_python_as_compiled(env_id: str, options: dict[str
     plain.request_resets(keys, everyone, plain.usual_requests)
     plain._header[word.DRIVING] = 0
     rng = np.random.default_rng(0)
-    for period in range(4):
+    for k in range(4):
         results = np.empty(compiled.results.T.shape)
         with plain_python(plain._variant):
             period.step_blocks(plain._memory, 0, 1, results)
-        np.testing.assert_allclose(results.T, compiled.results, rtol=1e-8, atol=1e-9, err_msg=f"period {period}")
+        np.testing.assert_allclose(results.T, compiled.results, rtol=1e-8, atol=1e-9, err_msg=f"period {k}")
         np.testing.assert_allclose(plain.observations, compiled.observations, rtol=1e-5, atol=1e-6)
         plain._header[word.DRIVING] = 1
         compiled.actions[:] = plain.actions[:] = rng.uniform(-0.5, 0.5, plain.actions.shape)
