@@ -1,0 +1,150 @@
+"""The base of controllers that command torques: it turns observations into readings, and torques into actions."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import Any, ClassVar, Self
+
+import numpy as np
+
+from flexarm_baselines.arrays import Array, Float32s, Floats
+from flexarm_baselines.policy import Observation, State
+from flexarm_baselines.task import Task
+
+Memory = tuple[Floats, ...]
+
+
+class Seen:
+    """What n arms observe at one instant, in SI units; blocks by name.
+
+    Attributes:
+        task: that they share.
+        observations: as the environment gave them. Shape (n, k).
+    """
+
+    def __init__(self, task: Task, observations: Array) -> None:
+        """Keep both; blocks are converted when they are read."""
+        self.task, self.observations = task, observations
+
+    def __len__(self) -> int:
+        """Return the number of arms."""
+        return len(self.observations)
+
+    def __getitem__(self, block: str) -> Floats:
+        """Return a block in its unit. Shape (n, numbers)."""
+        return self.task.read(self.observations, block)
+
+    @property
+    def time(self) -> Floats:
+        """Moment of the lap [s]; needs the block `lap_phase`. Shape (n,)."""
+        return self.task.time_of(self.observations)
+
+    def of(self, arms: Array) -> Seen:
+        """Return what some of the arms observe."""
+        return Seen(self.task, self.observations[arms])
+
+
+class TorqueController(ABC):
+    """A controller whose action is the motors' torques, with stable-baselines3's `predict`.
+
+    A subclass names the blocks that it reads, begins a memory for arms whose episode starts, and computes torques. It
+    runs on one arm or a batch; what it remembers of n arms is a tuple of arrays with a leading axis of n, and goes
+    through `state`, so that one controller serves any number of runs at once.
+
+    Attributes:
+        blocks: of the observation that it reads, in order.
+        task: see `Task`.
+    """
+
+    blocks: ClassVar[tuple[str, ...]]
+
+    def __init__(self, task: Task) -> None:
+        """Keep the task.
+
+        Raises:
+            ValueError: if its observation lacks a block.
+        """
+        self.task = task
+        for block in self.blocks:
+            if block not in task.blocks:
+                raise ValueError(
+                    f"env: {type(self).__name__} reads the block {block!r}; make the environment with "
+                    f"**{type(self).__name__}.options()"
+                )
+
+    @classmethod
+    def options(cls) -> dict[str, Any]:
+        """Return the options with which an environment gives the controller what it reads."""
+        return {"action_mode": "torque", "observation": cls.blocks, "frame": "world", "scaled": False}
+
+    @classmethod
+    def for_env(cls, env: Any, **design: Any) -> Self:
+        """Make the controller for an environment, single or vector, that was made with `options()`.
+
+        Args:
+            env: a FlexArm environment.
+            **design: what the controller's constructor takes beside the task.
+
+        Raises:
+            TypeError: if it is no FlexArm environment.
+            ValueError: if it does not give what the controller reads.
+        """
+        return cls(Task.of(env), **design)
+
+    def start(self, seen: Seen) -> Memory:
+        """Return the memory of arms whose episode begins: nothing, unless a subclass remembers something.
+
+        Args:
+            seen: their first observations.
+        """
+        return ()
+
+    @abstractmethod
+    def torque(self, seen: Seen, memory: Memory) -> tuple[Floats, Memory]:
+        """Return the torques for the next control period, and the memory for the instant after it.
+
+        Torques beyond the limits are the motors' limits; a controller that must know what acts limits them itself.
+
+        Args:
+            seen: the observations.
+            memory: of the same arms.
+
+        Returns:
+            Torques of shoulder and elbow [N m], Shape (n, 2), and the memory.
+        """
+
+    def predict(
+        self,
+        observation: Observation,
+        state: State = None,
+        episode_start: Array | None = None,
+        deterministic: bool = False,
+    ) -> tuple[Float32s, State]:
+        """Choose actions; see `Policy.predict`. Without a state, every arm's episode begins.
+
+        Raises:
+            TypeError: if the observation is a dict.
+            ValueError: if it is neither a vector nor a batch of vectors.
+        """
+        if isinstance(observation, dict):
+            raise TypeError(f"observation must be an array, got a dict with keys {sorted(observation)}")
+        rows = np.asarray(observation)
+        size = len(self.task.scale)
+        if rows.ndim not in (1, 2) or rows.shape[-1] != size:
+            raise ValueError(f"observation must have shape ({size},) or (n, {size}), got {rows.shape}")
+        seen = Seen(self.task, np.atleast_2d(rows))
+        torque, memory = self.torque(seen, self._memory(seen, state, episode_start))
+        action = np.clip(torque / np.asarray(self.task.torque_limit), -1.0, 1.0).astype(np.float32)
+        return action.reshape(*rows.shape[:-1], 2), memory
+
+    def _memory(self, seen: Seen, state: State, episode_start: Array | None) -> Memory:
+        """Begin the memory of the arms whose episode starts, and keep that of the others."""
+        if state is None:
+            return self.start(seen)
+        starting = np.zeros(len(seen), dtype=bool) if episode_start is None else np.asarray(episode_start, dtype=bool)
+        if not starting.any():
+            return state
+        memory = tuple(part.copy() for part in state)
+        for part, begun in zip(memory, self.start(seen.of(starting)), strict=True):
+            part[starting] = begun
+        return memory

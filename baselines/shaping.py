@@ -1,0 +1,132 @@
+"""Command shaping: references that excite the links' vibration little.
+
+A shaped reference is the reference convolved with a train of impulses that cancel one vibration, and with a window
+that rounds its corners. ZV and ZVD: Singer and Seering, *Preshaping command inputs to reduce system vibration*, J. Dyn.
+Sys. Meas. Control 112 (1990); EI: Singhose, Seering and Singer, *Residual vibration reduction using vector diagrams*,
+J. Mech. Design 116 (1994).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.interpolate import PPoly
+
+from flexarm_baselines.arrays import Floats
+from flexarm_env.physics.paths import ReferencePath
+from flexarm_env.validation import choice, number
+
+SHAPERS = ("none", "ZV", "ZVD", "EI")
+TOLERATED = 0.05  # of EI: residual vibration at the modelled frequency, as a share of that of an unshaped step
+
+
+class Impulses(NamedTuple):
+    """A train of impulses whose amplitudes add up to 1.
+
+    Attributes:
+        times: [s], from 0 on. Shape (k,).
+        amplitudes: Shape (k,).
+    """
+
+    times: Floats
+    amplitudes: Floats
+
+    @property
+    def delay(self) -> float:
+        """By how much the train delays what it shapes: its centre of gravity [s]."""
+        return float(self.times @ self.amplitudes)
+
+
+def impulses(shaper: str, frequency: float, damping: float = 0.0) -> Impulses:
+    """Return the impulses of a shaper for one vibration.
+
+    Args:
+        shaper: "none", "ZV", "ZVD" or "EI" (whose formula neglects damping).
+        frequency: of the damped vibration [rad/s].
+        damping: its damping ratio, below 1.
+    """
+    choice("shaper", shaper, SHAPERS)
+    half = np.pi / number("frequency", frequency, "rad/s", above=0.0)
+    k = float(np.exp(-np.pi * damping / np.sqrt(1.0 - number("damping", damping, least=0.0, most=0.99) ** 2)))
+    weights = {
+        "none": [1.0],
+        "ZV": [1.0, k],
+        "ZVD": [1.0, 2.0 * k, k * k],
+        "EI": [1.0 + TOLERATED, 2.0 * (1.0 - TOLERATED), 1.0 + TOLERATED],
+    }[shaper]
+    amplitudes = np.array(weights) / np.sum(weights)
+    return Impulses(half * np.arange(float(len(weights))), amplitudes)
+
+
+def residual(train: Impulses, frequency: ArrayLike, damping: float = 0.0) -> Floats:
+    """Return the residual vibration that a shaped step leaves, as a share of an unshaped step's (Singer and Seering).
+
+    Args:
+        train: impulses.
+        frequency: of the damped vibration [rad/s]. Any shape.
+        damping: its damping ratio.
+    """
+    omega = np.asarray(frequency, dtype=np.float64)[..., None]
+    decay = damping / np.sqrt(1.0 - damping**2) * omega
+    phasors = train.amplitudes * np.exp((decay + 1j * omega) * (train.times - train.times[-1]))
+    return np.asarray(np.abs(phasors.sum(axis=-1)))
+
+
+@dataclass(frozen=True)
+class ShapedReference:
+    """A reference convolved with impulses and with a window; the lap's path is known, so that neither need lag.
+
+    Attributes:
+        path: the reference; it rests before time 0 and laps follow each other.
+        train: impulses.
+        window: width of the rectangular window, applied twice so that the acceleration is bounded [s]; 0: none.
+        lead: by how much the shaped reference is ahead of the causal one [s]; the train's delay plus the window centres
+            the shape on the reference, 0 begins from rest with it.
+    """
+
+    path: ReferencePath
+    train: Impulses
+    window: float = 0.0
+    lead: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Refuse a window or a lead that is none."""
+        number("window", self.window, "s", least=0.0)
+        number("lead", self.lead, "s", least=0.0)
+
+    def position(self, time: ArrayLike) -> Floats:
+        """Return the shaped position [m]. Shape (..., 2)."""
+        return self._shaped(time, 0)
+
+    def velocity(self, time: ArrayLike) -> Floats:
+        """Return the shaped velocity [m/s]. Shape (..., 2)."""
+        return self._shaped(time, 1)
+
+    def acceleration(self, time: ArrayLike) -> Floats:
+        """Return the shaped acceleration [m/s^2]; 0 without a window. Shape (..., 2)."""
+        return self._shaped(time, 2)
+
+    def _shaped(self, time: ArrayLike, order: int) -> Floats:
+        moments = np.asarray(time, dtype=np.float64)[..., None] + self.lead - self.train.times
+        return np.einsum("...ki,k->...i", self._windowed(moments, order), self.train.amplitudes)
+
+    def _windowed(self, time: Floats, order: int) -> Floats:
+        """Convolve with the window twice: a triangle of twice its width, by the exact integrals of the polyline."""
+        if self.window == 0.0:
+            return np.asarray(self._integrals[0](time, order))
+        shifted = [self._integrals[2 - order](time - shift * self.window) for shift in (0.0, 1.0, 2.0)]
+        return np.asarray((shifted[0] - 2.0 * shifted[1] + shifted[2]) / self.window**2)
+
+    @cached_property
+    def _integrals(self) -> tuple[PPoly, PPoly, PPoly]:
+        """The polyline, its integral, and the integral of that, over two laps from rest."""
+        table, lap = self.path.table, self.path.lap_time
+        times = np.concatenate([[-lap], table[:-1, 0], lap + table[:, 0]])
+        points = np.concatenate([table[:1, 1:], table[:-1, 1:], table[:, 1:]])
+        slopes = np.diff(points, axis=0) / np.diff(times)[:, None]
+        line = PPoly(np.stack([slopes, points[:-1]]), times)
+        return line, line.antiderivative(), line.antiderivative(2)

@@ -1,0 +1,106 @@
+"""What a controller may know of its task: published numbers, none of which changes within an episode."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from flexarm_baselines.arrays import Array, Floats
+from flexarm_baselines.policy import env_attribute
+from flexarm_env.parameters import DIRECTIONS, ArmParameters
+from flexarm_env.physics.paths import ReferencePath
+
+
+@dataclass(frozen=True)
+class Task:
+    """The task of a torque controller, as the environment publishes it.
+
+    Of what an environment draws for each episode (`randomisation`) it holds the nominal values, and of what its sensors
+    lose or add (jitter, dropout) nothing. This class is the only way by which a controller reads an environment.
+
+    Attributes:
+        arm: the nominal arm.
+        path: the reference of a lap that begins at its first corner; its time is that since the lap began.
+        period: control period [s].
+        torque_limit: of shoulder and elbow [N m]. Shape (2,).
+        sensor_position: of the late sensor from the elbow [m].
+        delay: of the late sensor [s].
+        actuation_delay: from an action to its effect [s].
+        blocks: where each block of an observation lies.
+        scale: what each number of an observation was divided by. Shape (k,).
+    """
+
+    arm: ArmParameters
+    path: ReferencePath
+    period: float = 0.01
+    torque_limit: tuple[float, float] = (150.0, 50.0)
+    sensor_position: float = 4.5
+    delay: float = 0.0
+    actuation_delay: float = 0.0
+    blocks: dict[str, slice] = field(default_factory=dict)
+    scale: Floats = field(default_factory=lambda: np.ones(0))
+
+    @property
+    def lap_time(self) -> float:
+        """Duration of a lap [s]."""
+        return self.path.lap_time
+
+    @property
+    def periods(self) -> int:
+        """Control periods in a lap."""
+        return round(self.lap_time / self.period)
+
+    @classmethod
+    def of(cls, env: Any) -> Task:
+        """Read the task of an environment, single or vector, whose action is the torque.
+
+        Raises:
+            TypeError: if it is no FlexArm environment.
+            ValueError: if its action is something else, it has no single reference, or its Cartesian blocks are not in
+                the world's frame.
+        """
+        settings = env_attribute(env, "settings")
+        if settings.action_mode != "torque":
+            raise ValueError(f"env: its action must be the torque, got action_mode = {settings.action_mode!r}")
+        if settings.frame != "world":
+            raise ValueError(f"env: Cartesian blocks must be in the world's frame, got frame = {settings.frame!r}")
+        paths = dict(zip(DIRECTIONS, settings.paths, strict=False))
+        if len(settings.paths) != len(DIRECTIONS) or settings.direction not in paths:
+            raise ValueError(
+                f"env: must have one reference in one direction, got reference = {settings.reference!r}, "
+                f"direction = {settings.direction!r}"
+            )
+        return cls(
+            arm=settings.flexible_arm.parameters,
+            path=paths[settings.direction],
+            period=settings.control_period,
+            torque_limit=tuple(settings.motor_limit),
+            sensor_position=settings.sensor_position,
+            delay=max(settings.sensor_delays),
+            actuation_delay=settings.actuation_delay,
+            blocks=env_attribute(env, "observation_blocks"),
+            scale=env_attribute(env, "observation_scale"),
+        )
+
+    def read(self, observations: Array, block: str) -> Floats:
+        """Return a block of observations in its unit.
+
+        Args:
+            observations: Shape (n, k).
+            block: its name.
+
+        Raises:
+            ValueError: if the observation has no such block.
+        """
+        if block not in self.blocks:
+            raise ValueError(f"observation: must have the block {block!r}, has {', '.join(self.blocks)}")
+        place = self.blocks[block]
+        return observations[:, place].astype(np.float64) * self.scale[place]
+
+    def time_of(self, observations: Array) -> Floats:
+        """Return the moment of the lap, to the nearest control period, by the block `lap_phase` [s]. Shape (n,)."""
+        cosine, sine = self.read(observations, "lap_phase").T
+        share = np.arctan2(sine, cosine) / (2.0 * np.pi)
+        return self.period * np.mod(np.round(share * self.periods), self.periods)
