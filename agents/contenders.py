@@ -38,34 +38,30 @@ class Contender(NamedTuple):
     config: dict[str, Any] | None = None
 
 
-def changed(own: Options, options: Options, kinematics: str | None) -> dict[str, Any]:
+def changed(own: Options, options: Options, arm: str | None) -> dict[str, Any]:
     """Return the options of an environment after changes.
 
     Args:
         own: before.
         options: replace those of the same name.
-        kinematics: kinematics of the arm; None: as it is.
+        arm: name of the arm (`parameters.PRESETS`), in the place of any in the options; None: as it is.
     """
-    merged = {**own, **options}
-    if kinematics is not None:
-        arm = merged.get("arm", "default")
-        merged["arm"] = {**({"preset": arm} if isinstance(arm, str) else arm), "kinematics": kinematics}
-    return merged
+    return {**own, **options, **({} if arm is None else {"arm": arm})}
 
 
-def from_training(source: str, options: Options, kinematics: str | None) -> Contender:
+def from_training(source: str, options: Options, arm: str | None) -> Contender:
     """Load a trained policy, with its own environment.
 
     Args:
         source: see `load_policy`.
         options: see `changed`.
-        kinematics: see `changed`.
+        arm: see `changed`.
 
     Raises:
         FileNotFoundError, TypeError, ValueError: see `load_policy` and `Trained.make_env`.
     """
     trained = load_policy(source)
-    whole = changed(trained.options, options, kinematics)
+    whole = changed(trained.options, options, arm)
     config = trained.notes["config"]
     return Contender(source, trained.policy, trained.make_env(**whole), trained.environment, whole, config)
 

@@ -20,6 +20,7 @@ from flexarm_env.validation import choice, number, pair, shown
 VelocityForces = Literal["complete", "rigid"]
 Kinematics = Literal["linear", "foreshortened"]
 ModeShapes = Literal["cantilever", "polynomial"]
+DampingModel = Literal["modal", "material"]
 SensorModel = Literal["collocated", "rigid", "true"]
 Delayed = Literal["position", "position+rate"]
 RateJacobian = Literal["delayed", "current"]
@@ -34,6 +35,8 @@ MAX_DELAY = 10.0  # [s]; the delay line holds a reading for every integration st
 WAVE_SPEED = 288.33  # c [m/s] (15)
 HEAVIEST_PAYLOAD = 1e3  # [kg]
 LARGEST_NOISE = 1e3  # [m], [rad], [rad/s]
+# Ratio of the free arm's first elastic mode where each clamped mode of equal links is damped by 1 %.
+CLAMPED_ONE_PERCENT = 0.018684769131347163
 
 
 class SensorTraits(NamedTuple):
@@ -82,7 +85,7 @@ class ArmParameters:
         link_lengths: L1, L2 [m]. Paper: 4.5, 4.5.
         flexural_rigidities: EI of each link [N m^2]. Paper: 1676.
         masses_per_length: rho of each link [kg/m]. Paper: 0.335.
-        modes_per_link: clamped-free modes of each link, 1 to 4. The paper has 1, which puts the first elastic
+        modes_per_link: shapes of each link, 1 to 4. The paper has 1, which puts the first elastic
             frequencies of the free arm 33 to 46 % too high (with payload or hubs up to 55 %); with 2 they are
             within 1 % (with payload or hubs 3 %).
         shoulder_hub_inertia: turns at the rate of theta1 [kg m^2].
@@ -90,7 +93,11 @@ class ArmParameters:
         elbow_mass: point mass at the tip of link 1 [kg].
         payload_mass: point mass at the tip of link 2 [kg].
         payload_inertia: turns with the tip tangent of link 2 [kg m^2].
-        modal_damping_ratio: zeta; each clamped mode is damped by 2 zeta omega_i m_i. The paper has none.
+        damping_ratio: zeta, the ratio of the first elastic mode of the free arm without payload, whatever the model
+            (`physics.damping` has the exact definition). The paper has none.
+        damping_model: how the modes above follow: "modal", one ratio for all clamped modes of the bare links; or
+            "material" (Kelvin-Voigt), a damping matrix in proportion to the stiffness, so that the ratio grows with the
+            frequency. Only with the latter do scores under feedback converge with the number of modes (docs/plant.md).
         joint_friction: viscous friction of shoulder and elbow [N m s/rad].
         velocity_forces: "complete", or "rigid": the paper's C_r (7), the rigid arm's Coriolis and centrifugal
             forces in the joint rows only, while the mass matrix still depends on the deflections.
@@ -113,7 +120,8 @@ class ArmParameters:
     elbow_mass: float = declared(0.0, Number(0.0, 1e9, "kg"))
     payload_mass: float = declared(0.0, Number(0.0, HEAVIEST_PAYLOAD, "kg"))
     payload_inertia: float = declared(0.0, Number(0.0, 1e9, "kg m^2"))
-    modal_damping_ratio: float = declared(0.01, Number(0.0, 1.0))
+    damping_ratio: float = declared(CLAMPED_ONE_PERCENT, Number(0.0, 1.0))
+    damping_model: DampingModel = declared("modal", OneOf(get_args(DampingModel)))
     joint_friction: tuple[float, float] = declared((0.0, 0.0), Pair(0.0, 1e9, "N m s/rad"))
     velocity_forces: VelocityForces = declared("complete", OneOf(get_args(VelocityForces)))
     mode_scale: float = declared(0.1, Number(1e-6, 1e6))
@@ -135,24 +143,71 @@ class ArmParameters:
             )
 
     @classmethod
-    def paper(cls, **changes: object) -> ArmParameters:
-        """Return the paper's arm: one mode a link, rigid velocity forces C_r (7), A = 0.1 (4), no damping.
+    def named(cls, preset: str, **changes: object) -> ArmParameters:
+        """Return an arm of `PRESETS`.
 
         Args:
+            preset: its name.
             **changes: fields to set otherwise.
+
+        Raises:
+            TypeError, ValueError: for another name, or a bad field.
         """
-        values: dict[str, object] = {
-            "modes_per_link": 1,
-            "modal_damping_ratio": 0.0,
-            "velocity_forces": "rigid",
-            "mode_scale": 0.1,
-        }
-        return cls(**(values | changes))  # type: ignore[arg-type]
+        fields = PRESETS[choice("preset", preset, tuple(PRESETS))].fields
+        return cls(**(dict(fields) | changes))  # type: ignore[arg-type]
+
+    @classmethod
+    def linear(cls, **changes: object) -> ArmParameters:
+        """Return the arm "linear" of `PRESETS`; `changes` as in `named`."""
+        return cls.named("linear", **changes)
+
+    @classmethod
+    def paper(cls, **changes: object) -> ArmParameters:
+        """Return the paper's arm, "paper" of `PRESETS`; `changes` as in `named`."""
+        return cls.named("paper", **changes)
 
     @property
     def reach(self) -> float:
         """Distance from the shoulder to the tip of the straight arm [m]."""
         return self.link_lengths[0] + self.link_lengths[1]
+
+
+class Preset(NamedTuple):
+    """An arm by its name.
+
+    Attributes:
+        text: description.
+        fields: fields of `ArmParameters` that differ from their defaults.
+    """
+
+    text: str
+    fields: Mapping[str, object]
+
+
+PRESETS: dict[str, Preset] = {
+    "default": Preset("two clamped-free modes a link, linear kinematics, 1 % modal damping", {}),
+    "linear": Preset(
+        "two clamped-free modes a link, linear kinematics, complete velocity forces, each clamped mode damped by 1 %",
+        {
+            "modes_per_link": 2,
+            "kinematics": "linear",
+            "mode_shapes": "cantilever",
+            "damping_ratio": CLAMPED_ONE_PERCENT,
+            "damping_model": "modal",
+        },
+    ),
+    "paper": Preset(
+        "the paper's: one clamped-free mode a link, linear kinematics, velocity forces C_r (7), no damping",
+        {
+            "modes_per_link": 1,
+            "kinematics": "linear",
+            "mode_shapes": "cantilever",
+            "velocity_forces": "rigid",
+            "damping_ratio": 0.0,
+            "damping_model": "modal",
+        },
+    ),
+}
 
 
 def _one_or_two_delays(name: str, value: Any) -> float | tuple[float, float]:
@@ -289,13 +344,14 @@ def arm_parameters(arm: str | Mapping[str, Any] | ArmParameters) -> ArmParameter
     if isinstance(arm, str):
         arm = {"preset": arm}
     if not isinstance(arm, Mapping):
-        raise TypeError(f"arm = {shown(arm)}: must be 'paper', 'default' or a mapping of ArmParameters fields")
+        known_presets = ", ".join(map(repr, PRESETS))
+        raise TypeError(f"arm = {shown(arm)}: must be one of {known_presets} or a mapping of ArmParameters fields")
     given = dict(arm)
-    preset = choice("arm", given.pop("preset", "default"), ("paper", "default"))
+    preset = choice("arm", given.pop("preset", "default"), tuple(PRESETS))
     known = ArmParameters.__dataclass_fields__
     unknown = [name for name in given if name not in known]
     if unknown:
         raise ValueError(
             f"arm: unknown field(s) {shown(unknown)}; ArmParameters has {list(known)}, and there is 'preset'"
         )
-    return ArmParameters.paper(**given) if preset == "paper" else ArmParameters(**given)
+    return ArmParameters.named(preset, **given)

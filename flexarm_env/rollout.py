@@ -103,8 +103,8 @@ def _episode_arm(env: FlexArmEnv, drawn: dict[str, float]) -> FlexibleArm:
         changes["payload_mass"] = drawn["payload_mass"]
     if drawn["stiffness"] != 1.0:
         changes["flexural_rigidities"] = tuple(drawn["stiffness"] * x for x in own.flexural_rigidities)
-    if drawn["damping"] != own.modal_damping_ratio:
-        changes["modal_damping_ratio"] = drawn["damping"]
+    if drawn["damping"] != own.damping_ratio:
+        changes["damping_ratio"] = drawn["damping"]
     return FlexibleArm(replace(own, **changes)) if changes else env.arm
 
 

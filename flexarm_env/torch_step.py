@@ -73,7 +73,7 @@ def step(
         step: of the Runge-Kutta method [s].
         payload_mass: [kg]; None: the arm's own. Shape (...).
         stiffness: factor on the links' stiffness; None: 1. Shape (...).
-        damping: modal damping ratio; None: the arm's own. Shape (...).
+        damping: damping ratio (`physics.damping`); None: the arm's own. Shape (...).
 
     Returns:
         Shape (..., 4 + 4 m).

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from flexarm_env import ArmParameters, LawParameters, SensorParameters, SquareParameters
 from flexarm_env.allowed import Number, OneOf, Pair
+from flexarm_env.parameters import PRESETS, arm_parameters
 from flexarm_env.validation import choice, finite_array, finite_rows, integer, number, pair
 from tests.support.lagrange import arms
 from tests.support.refusals import refuses
@@ -144,9 +145,9 @@ def test_bad_numbers_of_modes_are_refused() -> None:
 
 
 def test_more_damping_than_critical_is_refused() -> None:
-    with refuses(ValueError, "modal_damping_ratio = 1.01", "<= 1.0"):
-        ArmParameters(modal_damping_ratio=1.01)
-    assert ArmParameters(modal_damping_ratio=1.0).modal_damping_ratio == 1.0
+    with refuses(ValueError, "damping_ratio = 1.01", "<= 1.0"):
+        ArmParameters(damping_ratio=1.01)
+    assert ArmParameters(damping_ratio=1.0).damping_ratio == 1.0
 
 
 def test_unknown_names_are_refused() -> None:
@@ -234,13 +235,30 @@ def test_papers_arm() -> None:
     paper = ArmParameters.paper()
     assert paper.modes_per_link == 1
     assert paper.velocity_forces == "rigid"
-    assert paper.modal_damping_ratio == 0.0
+    assert paper.damping_ratio == 0.0
     assert paper.mode_scale == 0.1
     assert paper.link_lengths == (4.5, 4.5)
     assert paper.flexural_rigidities == (1676.0, 1676.0)
     assert paper.masses_per_length == (0.335, 0.335)
     assert ArmParameters.paper(modes_per_link=2, payload_mass=1.0).payload_mass == 1.0
     assert (LawParameters().proportional_gain, LawParameters().derivative_gain) == (150.79, 17.364)
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_an_arm_has_the_same_parameters_by_its_name_everywhere(name: str) -> None:
+    arm = ArmParameters.named(name, payload_mass=0.5)
+    assert arm_parameters({"preset": name, "payload_mass": 0.5}) == arm
+    assert arm_parameters(name) == replace(arm, payload_mass=0.0)
+    assert ArmParameters.named("default") == ArmParameters()
+    assert ArmParameters.linear() == ArmParameters.named("linear")
+
+
+def test_an_unknown_arm_is_refused_with_all_names() -> None:
+    for make in (ArmParameters.named, arm_parameters):
+        with refuses(ValueError, "'new'", *map(repr, PRESETS)):
+            make("new")
+    with refuses(TypeError, "arm = 3", *map(repr, PRESETS)):
+        arm_parameters(3)  # type: ignore[arg-type]
 
 
 # --- the checks themselves --------------------------------------------------------------------------------------------

@@ -7,7 +7,7 @@ import json
 import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple, get_args
+from typing import Any, NamedTuple
 
 from flexarm_agents.commands.arguments import add_options, reader
 from flexarm_agents.commands.score_table import group_table, lap_table, spreads_of
@@ -19,7 +19,7 @@ from flexarm_agents.run_folder import write_json
 from flexarm_agents.score import Score, evaluate, rank
 from flexarm_agents.spread import Spread
 from flexarm_baselines import FLSAC, IFDC
-from flexarm_env.parameters import Kinematics
+from flexarm_env.parameters import PRESETS
 from flexarm_env.validation import integer
 
 TORQUE, GAIN = "FlexArm/Square-v0", "FlexArm/SquareGain-v0"  # the same plant, sensor and path
@@ -69,7 +69,7 @@ def run(arguments: Sequence[str]) -> None:
         raise ValueError("policies: nothing to score; name one, or leave --baselines or --shipped on")
     results.sort(key=lambda result: rank(result.laps))
     groups = _groups(results)
-    about = {"seed": seed, "laps": laps, "options": given.options, "kinematics": given.kinematics}
+    about = {"seed": seed, "laps": laps, "options": given.options, "arm": given.arm}
     settings = [{"trainings": group.names} | _plain(group.spreads) for group in groups]
     given.output.parent.mkdir(parents=True, exist_ok=True)
     write_json(given.output, about | {"results": [each.plain(seed) for each in results], "settings": settings})
@@ -98,9 +98,7 @@ def _read(arguments: Sequence[str]) -> argparse.Namespace:
     parser.add_argument("--laps", type=int, default=1, metavar="N", help="laps of each, with seeds from --seed on; 1")
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="of what is random in the first lap; 0")
     add_options(parser, "options of the environments, for all")
-    parser.add_argument(
-        "--kinematics", choices=get_args(Kinematics), help="of all arms; without it, as each environment was made"
-    )
+    parser.add_argument("--arm", choices=tuple(PRESETS), help="arm of all environments; without it, as each was made")
     parser.add_argument(
         "--environment",
         metavar="ID",
@@ -127,7 +125,7 @@ def _is_attribute(source: str) -> bool:
 
 def _contenders(given: argparse.Namespace) -> Iterator[Contender]:
     """Yield everything that the command line names, each made when it is its turn."""
-    options = changed({}, given.options, given.kinematics)
+    options = changed({}, given.options, given.arm)
     if given.baselines:
         for name, policy in (("IFDC", IFDC), ("FLSAC", FLSAC)):
             env = make_one(GAIN, options)
@@ -135,7 +133,7 @@ def _contenders(given: argparse.Namespace) -> Iterator[Contender]:
         for name, spread in (("no torque", 0.0), ("random torque", 1.0)):
             yield Contender(name, ConstantPolicy(2, spread, given.seed), make_one(TORQUE, options), TORQUE, options)
     for name in shipped_policies() if given.shipped else ():
-        yield from_training(name, given.options, given.kinematics)
+        yield from_training(name, given.options, given.arm)
     environment = given.environment or TORQUE
     for source in given.policies:
         if _is_model(source):
@@ -145,7 +143,7 @@ def _contenders(given: argparse.Namespace) -> Iterator[Contender]:
         elif _is_attribute(source):
             yield from_attribute(source, environment, options)
         else:
-            yield from_training(source, given.options, given.kinematics)
+            yield from_training(source, given.options, given.arm)
 
 
 def _groups(results: Sequence[Result]) -> list[Group]:

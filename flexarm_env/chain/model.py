@@ -11,25 +11,21 @@ Shoulder and elbow are free hinges with motors; a link has n degrees of freedom,
 the angle of link 1's first segment from the x axis, theta2 that of link 2's first from link 1's last: as in FlexArm,
 from tangent to tangent. No gravity, no contacts.
 
-**Damping.** Three kinds. "stiffness": dampers in the hinges in proportion to the springs, c = beta EI / h, give the
-clamped mode i the ratio beta omega_i / 2: beta = 2 zeta / omega_1 sets the first one to zeta, and the second gets 6.3
-times and the third 17.5 times as much. "modal": every mode that the segments of a clamped bare link have is damped by
-zeta, as FlexArm damps those that it has, C = M Phi diag(2 zeta omega_i) Phi' M with Phi' M Phi = 1. A term of this
-matrix, 2 zeta omega_i (M phi_i) (M phi_i)', is what MuJoCo calls a fixed tendon with a damper. "two modes": the same
-for the first two modes, and 17.5 zeta, what "stiffness" gives the third, for all above. Of `ArmParameters` the chain
-needs neither modes nor their scale, and its velocity forces are complete whatever `velocity_forces` says.
+**Damping.** As `ArmParameters.damping_model` says (`physics.damping`). "material": dampers in the hinges in proportion
+to the springs, c = beta EI / h. "modal": every mode that the segments of a clamped bare link have is damped by the
+ratio r, as FlexArm damps those that it has, C = M Phi diag(2 r omega_i) Phi' M with Phi' M Phi = 1. A term of this
+matrix, 2 r omega_i (M phi_i) (M phi_i)', is what MuJoCo calls a fixed tendon with a damper. Of `ArmParameters` the
+chain needs neither modes nor their scale, and its velocity forces are complete whatever `velocity_forces` says.
 
 **Time step.** `implicitfast` treats dampers implicitly and springs explicitly, semi-implicit Euler: without damping it
 is stable up to 2 / omega_max, that is 0.5 ms for n = 10 and 0.1 ms for n = 20 of `TIME_STEPS`. Dampers with beta >=
-step / 2 ("stiffness") make it stable at any frequency: at zeta = 1 % up to 3.3 ms, 2 ms of the list, whatever n is. A
-step of 2 ms moves the tip by 0.6 mm in 2 s of a motion of 1.3 m, 0.5 ms by 0.1 mm.
+step / 2 ("material") make it stable at any frequency: for the default arm up to 1 ms, whatever n is.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Collection, Sequence
-from typing import Literal, get_args
 
 import mujoco
 import numpy as np
@@ -37,21 +33,16 @@ from numpy.typing import NDArray
 from scipy.linalg import eigh
 
 from flexarm_env.parameters import ArmParameters
-from flexarm_env.validation import shown
+from flexarm_env.physics.damping import clamped_ratio, material_time
 
-Damping = Literal["stiffness", "modal", "two modes"]
 TIME_STEPS = (5e-3, 2e-3, 1e-3, 5e-4, 2e-4, 1e-4, 5e-5, 2e-5)  # [s]; `largest_stable_step` tries these
 SHOULDER, ELBOW, TIP = "shoulder", "elbow", "tip"
-_FIRST_CLAMPED_ROOT = 1.8751040687119611  # cos x cosh x = -1
-_ABOVE_TWO = 17.5  # of zeta, for the third mode and all above with "two modes"
 _RUNAWAY = 1e4  # [rad/s]; random torques bring the lightest segment of 20 to a few hundred
 _ROUNDING = 1e-6  # of an eigenvalue; the rigid motions' is double, which costs half of the digits
 _SLENDER = 1e-6  # a rod's inertia about its own axis as a part of the other two; MuJoCo requires it to be positive
 
 
-def chain_model(
-    segments: int, arm: ArmParameters | None = None, time_step: float = 2e-4, damping: Damping = "stiffness"
-) -> mujoco.MjModel:
+def chain_model(segments: int, arm: ArmParameters | None = None, time_step: float = 2e-4) -> mujoco.MjModel:
     """Build the chain.
 
     Joints are named "shoulder", "elbow" and "bend1_1" ... "bend2_9" (link, then from root to tip); actuators "shoulder"
@@ -61,27 +52,22 @@ def chain_model(
         segments: rigid segments a link, at least 2.
         arm: the arm; None for the default one.
         time_step: [s].
-        damping: damping of the links, see above.
 
     Raises:
-        ValueError: for less than two segments, or an unknown damping.
+        ValueError: for less than two segments.
     """
-    return mujoco.MjModel.from_xml_string(chain_xml(segments, arm, time_step, damping))
+    return mujoco.MjModel.from_xml_string(chain_xml(segments, arm, time_step))
 
 
-def chain_xml(
-    segments: int, arm: ArmParameters | None = None, time_step: float = 2e-4, damping: Damping = "stiffness"
-) -> str:
+def chain_xml(segments: int, arm: ArmParameters | None = None, time_step: float = 2e-4) -> str:
     """Write the chain in MuJoCo's own format; arguments as in `chain_model`."""
     if segments < 2:
         raise ValueError(f"segments = {segments}: must be an integer >= 2")
-    if damping not in get_args(Damping):
-        raise ValueError(f"damping = {shown(damping)}: must be one of {get_args(Damping)}")
     arm = arm or ArmParameters()
-    in_hinges = damping == "stiffness"
-    first, mount = _link(arm, 0, segments, 0.0, in_hinges)
-    second, tip = _link(arm, 1, segments, mount, in_hinges)
-    tendons = "" if in_hinges else "\n".join(_mode_dampers(arm, link, segments, damping) for link in (0, 1))
+    first, mount = _link(arm, 0, segments, 0.0)
+    second, tip = _link(arm, 1, segments, mount)
+    modal = arm.damping_model == "modal"
+    tendons = "\n".join(_mode_dampers(arm, link, segments) for link in (0, 1)) if modal else ""
     return f"""
     <mujoco model="flexible arm of two links">
       <compiler angle="radian"/>
@@ -102,7 +88,7 @@ def chain_xml(
     </mujoco>"""
 
 
-def _link(arm: ArmParameters, link: int, segments: int, mount: float, in_hinges: bool) -> tuple[str, float]:
+def _link(arm: ArmParameters, link: int, segments: int, mount: float) -> tuple[str, float]:
     """Write the bodies of one link, left open for what comes after.
 
     Args:
@@ -110,14 +96,13 @@ def _link(arm: ArmParameters, link: int, segments: int, mount: float, in_hinges:
         link: 0 or 1.
         segments: number of rigid segments.
         mount: distance of the link's root from the hinge before it, along the segment that carries it [m].
-        in_hinges: whether the hinges have dampers.
 
     Returns:
         Text, and the length of the last segment [m].
     """
     element = arm.link_lengths[link] / (segments - 1)
     rho, stiffness = arm.masses_per_length[link], arm.flexural_rigidities[link] / element
-    damping = _damping_time(arm, link) * stiffness if in_hinges else 0.0
+    damping = material_time(arm) * stiffness if arm.damping_model == "material" else 0.0
     hub = (arm.shoulder_hub_inertia, arm.elbow_hub_inertia)[link]
     mass, inertia = ((arm.elbow_mass, 0.0), (arm.payload_mass, arm.payload_inertia))[link]
     lines = []
@@ -135,22 +120,14 @@ def _link(arm: ArmParameters, link: int, segments: int, mount: float, in_hinges:
     return "\n".join(lines), mount
 
 
-def _damping_time(arm: ArmParameters, link: int) -> float:
-    """Return beta = 2 zeta / omega_1 of the clamped link [s]."""
-    stretch = _FIRST_CLAMPED_ROOT / arm.link_lengths[link]
-    omega = stretch**2 * math.sqrt(arm.flexural_rigidities[link] / arm.masses_per_length[link])
-    return 2.0 * arm.modal_damping_ratio / omega
-
-
-def _mode_dampers(arm: ArmParameters, link: int, segments: int, damping: Damping) -> str:
+def _mode_dampers(arm: ArmParameters, link: int, segments: int) -> str:
     """Write a fixed tendon with a damper for each mode of a clamped bare link."""
     mass = clamped_mass(arm.link_lengths[link], arm.masses_per_length[link], segments)
     stiffness = arm.flexural_rigidities[link] * (segments - 1) / arm.link_lengths[link]
     squares, shapes = eigh(stiffness * np.eye(segments - 1), mass)  # shapes' M shapes = 1
-    lines = []
+    lines, ratio = [], clamped_ratio(arm)
     for k, (square, pull) in enumerate(zip(squares, (mass @ shapes).T, strict=True)):
         joints = [f'<joint joint="bend{link + 1}_{j + 1}" coef="{float(c)!r}"/>' for j, c in enumerate(pull)]
-        ratio = arm.modal_damping_ratio * (_ABOVE_TWO if damping == "two modes" and k >= 2 else 1.0)
         damper = 2.0 * ratio * math.sqrt(square)
         lines.append(f'<fixed name="mode{link + 1}_{k + 1}" damping="{damper!r}">{"".join(joints)}</fixed>')
     return "\n".join(lines)

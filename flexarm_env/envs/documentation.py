@@ -24,7 +24,7 @@ from flexarm_env.envs.reset_options import OPTIONS
 from flexarm_env.envs.settings import Settings, default_of
 from flexarm_env.envs.termination import END_CODES, ENDS
 from flexarm_env.episode.reward import TERMS
-from flexarm_env.parameters import ArmParameters
+from flexarm_env.parameters import PRESETS, ArmParameters
 from flexarm_env.physics.inverse_kinematics import STRAIGHT
 
 # Texts that hold for all environments.
@@ -222,6 +222,11 @@ def argument_table(settings: Settings | None = None, options: Mapping[str, Any] 
         text = one.metadata["text"] + (_only_in(modes) if settings is None else "")
         rows.append((f"`{one.name}`", f"`{_python(value)}`", allowed.unit, allowed.text, text))
     return table(("argument", "default", "unit", "allowed", "what"), rows)
+
+
+def preset_table() -> str:
+    """Arms by name: what `arm` takes as a string."""
+    return table(("`arm`", "what"), [(f'`"{name}"`', preset.text) for name, preset in PRESETS.items()])
 
 
 def arm_table() -> str:

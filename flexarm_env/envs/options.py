@@ -40,6 +40,7 @@ from flexarm_env.parameters import (
     DIRECTIONS,
     LARGEST_NOISE,
     MAX_DELAY,
+    PRESETS,
     SENSOR_MODELS,
     WAVE_SPEED,
     Compensation,
@@ -70,9 +71,8 @@ class Options:
 
     arm: str | Mapping[str, Any] = _option(
         "default",
-        '"default" (2 modes a link, complete dynamics, 1 % modal damping), "paper", or a mapping of `ArmParameters` '
-        'fields, with `preset` ("default" or "paper") for those it does not set; {"kinematics": "foreshortened"} is '
-        "the arm whose bent links keep their length",
+        "; ".join(f'"{name}": {preset.text}' for name, preset in PRESETS.items())
+        + "; or a mapping of `ArmParameters` fields, with one of these names as `preset` for those it does not set",
         Custom(checked_arm),
     )
     action_mode: str = _option("torque", "what an action is; see Action space", OneOf(tuple(MODES)))

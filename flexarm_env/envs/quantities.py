@@ -47,7 +47,9 @@ QUANTITIES: dict[str, Quantity] = {
     ),
     "stiffness": Quantity(note="(factor)", least=0.1, most=10.0, own=lambda s: 1.0, least_ordered=1e-3),
     "damping": Quantity(
-        note="(modal damping ratio)", most=1.0, own=lambda s: s.flexible_arm.parameters.modal_damping_ratio
+        note="(ratio of the free arm's first elastic mode)",
+        most=1.0,
+        own=lambda s: s.flexible_arm.parameters.damping_ratio,
     ),
     "noise": Quantity(note="[m]", most=LARGEST_NOISE, own=lambda s: s.noise),
     "actuation_delay": Quantity(note="[s]", most=MAX_DELAY, own=lambda s: s.actuation_delay),

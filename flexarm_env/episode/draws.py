@@ -39,7 +39,7 @@ def draw_quantities(arena: Arena, key: np.uint64, own: Table, request: ResetRequ
         arena[row.EPISODE + n, i] = value
     payload = arena[row.EPISODE + drawn.PAYLOAD_MASS, i] - own[lane_setting.BASE + drawn.PAYLOAD_MASS]
     stiffness = arena[row.EPISODE + drawn.STIFFNESS, i]
-    # modal damping is 2 zeta omega m, and omega grows with the root of the stiffness
+    # damping is linear in its ratio, and grows with the root of the stiffness (`physics.damping`)
     ratio = arena[row.EPISODE + drawn.DAMPING, i]
     damping = ratio * sqrt(stiffness) - own[lane_setting.BASE + drawn.DAMPING]
     for n in range(variant.constants):

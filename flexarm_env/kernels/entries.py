@@ -81,7 +81,7 @@ class Drawn(FixedNames):
     DELAY = Entry("delay of the sensor", "s")
     PAYLOAD_MASS = Entry("payload at the tip", "kg")
     STIFFNESS = Entry("factor on the links' stiffness", "1")
-    DAMPING = Entry("modal damping ratio", "1")
+    DAMPING = Entry("damping ratio of the free arm's first elastic mode", "1")
     NOISE = Entry("standard deviation of the sensor's noise", "m")
     ACTUATION_DELAY = Entry("delay of the action", "s")
 
@@ -121,7 +121,7 @@ class LaneSetting(Names):
     HIGHEST = Entry("largest values that may be drawn", "as in `Drawn`", QUANTITIES)
     ARM = Entry("constants of the arm as set", CONSTANTS_UNIT, _constants)
     PER_PAYLOAD = Entry("their change with the payload", CONSTANTS_UNIT + ", per kg", _constants)
-    PER_DAMPING = Entry("their change with the modal damping ratio", CONSTANTS_UNIT, _constants)
+    PER_DAMPING = Entry("their change with the damping ratio", CONSTANTS_UNIT, _constants)
 
 
 class Constant(Names):
@@ -136,7 +136,7 @@ class Constant(Names):
     ELBOW_VALUES = Entry("link 1's mode shapes at the elbow", "1")
     ELBOW_SLOPES = Entry("their slopes", "1/m")
     STIFFNESS_1 = Entry("first of all modal stiffnesses", "N/m")
-    DAMPING_1 = Entry("first number after them: modal damping", "N s/m")
+    DAMPING_1 = Entry("first number after them: damping of the modes", "N s/m")
 
 
 class Word(Entry):

@@ -12,11 +12,12 @@ from flexarm_env.codegen.tangents import Dual
 from flexarm_env.parameters import ArmParameters
 from flexarm_env.physics import linear_algebra
 from flexarm_env.physics.bent_link import Link, PointShape
+from flexarm_env.physics.damping import link_damping
 from flexarm_env.physics.linear_algebra import Vector
 from flexarm_env.physics.link_modes import LinkModes, foreshortening_moments, link_modes
 
-# What may differ between arms of one kind, with its unit: mass at the tip, factor on the links' stiffness, and modal
-# damping ratio at that stiffness.
+# What may differ between arms of one kind, with its unit: mass at the tip, factor on the links' stiffness, and damping
+# ratio (`damping`) at that stiffness.
 ARM_QUANTITIES = {"payload_mass": "kg", "stiffness": "1", "damping": "1"}
 _ELASTIC = ("stiffness_1", "stiffness_2")
 _DAMPED = ("damping_1", "damping_2")
@@ -128,7 +129,6 @@ def arm_constants(parameters: ArmParameters, modes: tuple[LinkModes, LinkModes])
     mass_2 = translation_2 + p.payload_inertia * np.outer(slope_2, slope_2)
     hub_and_payload = p.elbow_hub_inertia + p.payload_mass * length_2**2 + p.payload_inertia
     coupling_2 = two.second_moment + p.payload_mass * length_2 * two.tip_values + p.payload_inertia * slope_2
-    damping = [2.0 * p.modal_damping_ratio * link.frequencies * np.diag(link.mass) for link in modes]
     return Constants(
         elbow_distance=length_1,
         inertia_1=rho_1 * length_1**3 / 3.0 + p.shoulder_hub_inertia + at_elbow * length_1**2,
@@ -143,8 +143,8 @@ def arm_constants(parameters: ArmParameters, modes: tuple[LinkModes, LinkModes])
         momentum_2=_floats(two.first_moment + p.payload_mass * two.tip_values),
         stiffness_1=_floats(one.stiffness),
         stiffness_2=_floats(two.stiffness),
-        damping_1=_floats(damping[0]),
-        damping_2=_floats(damping[1]),
+        damping_1=_floats(link_damping(p, one)),
+        damping_2=_floats(link_damping(p, two)),
         mass_1=_lower(one.mass + at_elbow * np.outer(one.tip_values, one.tip_values)),
         mass_2=_lower(mass_2),
         translation_2=_lower(translation_2),
@@ -155,8 +155,7 @@ def arm_constants(parameters: ArmParameters, modes: tuple[LinkModes, LinkModes])
 class ConstantChanges(NamedTuple):
     """How an arm's constants change with `ARM_QUANTITIES`; flat as `Constants.flat`.
 
-    They are linear in the payload, and modal damping is in its ratio: 2 zeta omega m, with omega growing with the root
-    of the stiffness.
+    They are linear in the payload; damping is in its ratio, and grows with the root of the stiffness (`damping`).
 
     Attributes:
         base: constants of the arm itself.
@@ -205,9 +204,9 @@ def constant_changes(parameters: ArmParameters, modes: tuple[LinkModes, LinkMode
     sizes = dict(zip(Constants._fields, Constants.sizes(parameters.modes_per_link, foreshortened), strict=True))
     return ConstantChanges(
         base=flat(),
-        own=np.array([parameters.payload_mass, 1.0, parameters.modal_damping_ratio]),
+        own=np.array([parameters.payload_mass, 1.0, parameters.damping_ratio]),
         payload_mass=flat(payload_mass=1.0) - flat(payload_mass=0.0),
-        damping=flat(modal_damping_ratio=1.0) - flat(modal_damping_ratio=0.0),
+        damping=flat(damping_ratio=1.0) - flat(damping_ratio=0.0),
         elastic=np.concatenate([np.full(1 if n is None else n, float(name in _ELASTIC)) for name, n in sizes.items()]),
     )
 

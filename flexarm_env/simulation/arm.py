@@ -8,12 +8,13 @@ theta2 that of link 2's root tangent from the tangent at link 1's tip. Symbols a
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
+from functools import lru_cache
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexarm_env.lazy import cached_property
 from flexarm_env.parameters import ArmParameters
 from flexarm_env.physics import constants, coordinates
 from flexarm_env.physics import dynamics as dyn
@@ -201,11 +202,17 @@ class FlexibleArm(HeldTorque):
 
     def fastest_rate(self) -> float:
         """Return the largest eigenvalue magnitude of the free arm at rest over the elbow's angles [rad/s]."""
-        return self._fastest_rate
+        return _fastest_rate(self.parameters)
 
-    def longest_step(self) -> float:
-        """Return the longest step of the explicit integrator that the arm's fastest mode allows [s]."""
-        return STEP_LIMIT / self.fastest_rate()
+    def longest_step(self, damping: float | None = None) -> float:
+        """Return the longest step of the explicit integrator that the arm's fastest mode allows [s].
+
+        Args:
+            damping: damping ratio; None: the arm's own.
+        """
+        if damping is None or damping == self.parameters.damping_ratio:
+            return STEP_LIMIT / self.fastest_rate()
+        return STEP_LIMIT / _fastest_rate(replace(self.parameters, damping_ratio=damping))
 
     # --- simulation ------------------------------------------------------------------------------------------------
 
@@ -295,12 +302,6 @@ class FlexibleArm(HeldTorque):
     def _complete(self) -> bool:
         return self.parameters.velocity_forces == "complete"
 
-    @cached_property
-    def _fastest_rate(self) -> float:
-        states = np.zeros((9, 2 * self.size))
-        states[:, 1] = np.linspace(0.0, np.pi, 9)
-        return max(float(np.abs(np.linalg.eigvals(self.linearise(state).A)).max()) for state in states)
-
     def _coordinates(self, name: str, q: ArrayLike) -> Array:
         return finite_rows(name, q, self.size, LARGEST)
 
@@ -340,3 +341,12 @@ class FlexibleArm(HeldTorque):
         y = stack(self._internal(q))
         at, jacobian = coordinates.material_point(self.modes, self.constants.foreshortened, y, link, distance)
         return at, jacobian @ self._to_internal
+
+
+@lru_cache(maxsize=256)
+def _fastest_rate(parameters: ArmParameters) -> float:
+    """See `FlexibleArm.fastest_rate`."""
+    arm = FlexibleArm(parameters)
+    states = np.zeros((9, 2 * arm.size))
+    states[:, 1] = np.linspace(0.0, np.pi, 9)
+    return max(float(np.abs(np.linalg.eigvals(arm.linearise(state).A)).max()) for state in states)

@@ -39,7 +39,7 @@ class StepJacobians(NamedTuple):
         state: after the period, as `FlexibleArm.step` gives it, to the last bit. Shape (..., 4 + 4 m).
         by_state: by each entry of the state before [x_i/x_j]. Shape (..., 4 + 4 m, 4 + 4 m).
         by_torque: by the held torques of shoulder and elbow [x_i per N m]. Shape (..., 4 + 4 m, 2).
-        by_quantity: by payload [x_i/kg], the factor on the links' stiffness [x_i], and the modal damping ratio [x_i];
+        by_quantity: by payload [x_i/kg], the factor on the links' stiffness [x_i], and the damping ratio [x_i];
             of these each alone changes, the others and all else of the arm stay. Shape (..., 4 + 4 m, 3).
     """
 
@@ -57,8 +57,12 @@ class HeldTorque(ABC):
     constants: Constants
 
     @abstractmethod
-    def longest_step(self) -> float:
-        """Return the longest step of the explicit integrator that the arm's fastest mode allows [s]."""
+    def longest_step(self, damping: float | None = None) -> float:
+        """Return the longest step of the explicit integrator that the arm's fastest mode allows [s].
+
+        Args:
+            damping: damping ratio; None: the arm's own.
+        """
 
     def step(
         self,
@@ -82,7 +86,7 @@ class HeldTorque(ABC):
             step: of the Runge-Kutta method [s].
             payload_mass: [kg], 0 to 1000; None: the arm's own. Shape (...).
             stiffness: factor on the stiffness of both links, 0.001 to 1000; None: 1. Shape (...).
-            damping: modal damping ratio at that stiffness, 0 to 1; None: the arm's own. Shape (...).
+            damping: damping ratio (`physics.damping`) at that stiffness, 0 to 1; None: the arm's own. Shape (...).
 
         Returns:
             States, new. Shape (..., 4 + 4 m).
@@ -91,7 +95,7 @@ class HeldTorque(ABC):
             ValueError: for bad input; a step too long is refused with the longest that is allowed.
         """
         batch = self._batch(state, torque, (payload_mass, stiffness, damping))
-        return batch.advance(*self._steps(period, step, stiffness))
+        return batch.advance(*self._steps(period, step, stiffness, damping))
 
     def step_jacobians(
         self,
@@ -106,18 +110,22 @@ class HeldTorque(ABC):
     ) -> StepJacobians:
         """`step` and its derivatives, exact to rounding error; arguments and errors as there."""
         batch = self._batch(state, torque, (payload_mass, stiffness, damping))
-        return batch.differentiate(*self._steps(period, step, stiffness))
+        return batch.differentiate(*self._steps(period, step, stiffness, damping))
 
     @cached_property
     def changes(self) -> ConstantChanges:
         """How the constants change with `constants.ARM_QUANTITIES`."""
         return constant_changes(self.parameters, self.modes)
 
-    def _steps(self, period: float, step: float, stiffness: ArrayLike | None) -> tuple[float, int]:
-        """Length and number of the steps of a period; frequencies grow with the root of the stiffness."""
+    def _steps(
+        self, period: float, step: float, stiffness: ArrayLike | None, damping: ArrayLike | None
+    ) -> tuple[float, int]:
+        """Length and number of the steps of a period; rates grow with the root of the stiffness, and with damping."""
         period, step = number("period", period, "s", above=0.0), number("step", step, "s", above=0.0)
         count = count_instants(period, step, 1, name="period")
-        longest = self.longest_step() / float(np.sqrt(np.max(1.0 if stiffness is None else stiffness, initial=1.0)))
+        own = self.parameters.damping_ratio
+        longest = self.longest_step(float(np.max(own if damping is None else damping, initial=own)))
+        longest /= float(np.sqrt(np.max(1.0 if stiffness is None else stiffness, initial=1.0)))
         if step > longest:
             raise ValueError(
                 f"step = {step!r}: too long for the arm's fastest mode; at most {longest:.4g} s is allowed"

@@ -57,7 +57,7 @@ def fastest_rates(settings: Any) -> tuple[float, ...]:
     stiffness, payload = settings.range_of("stiffness")[1], settings.range_of("payload_mass")[0]
     damping = settings.range_of("damping")[1]
     rigidities = (own.flexural_rigidities[0] * stiffness, own.flexural_rigidities[1] * stiffness)
-    arm = replace(own, flexural_rigidities=rigidities, payload_mass=payload, modal_damping_ratio=damping)
+    arm = replace(own, flexural_rigidities=rigidities, payload_mass=payload, damping_ratio=damping)
     gains = (settings.inner_stiffness, settings.inner_resistance) if settings.mode.law == "joints" else None
     return _rates_of(arm, gains)
 

@@ -10,6 +10,7 @@ import numpy as np
 from flexarm_baselines import paper_system
 from flexarm_env import ArmParameters, FlexibleArm, SensorParameters, SquareParameters, square
 from flexarm_env.analysis import LawLoop, delay_margin, gain_margin, law_loop, stable_gains
+from flexarm_env.physics.damping import unit_damping
 
 GAINS = {"FLSAC, smallest": 1.0 / 6.0, "FLSAC, largest": 5.0 / 6.0, "IFDC": 1.0}
 SENSORS = {
@@ -140,7 +141,8 @@ def largest_gains(arms: Iterable[str], modes_per_link: Iterable[int]) -> list[di
     tip = SensorParameters(model="true", delay=0.0)
     for modes in modes_per_link:
         for damping in TIP_DAMPING:
-            arm = FlexibleArm(ArmParameters(modes_per_link=modes, modal_damping_ratio=damping))
+            clamped = unit_damping(ArmParameters.linear()).clamped_ratio
+            arm = FlexibleArm(ArmParameters.linear(modes_per_link=modes, damping_ratio=damping / clamped))
             row = {"what": f"true tip, not late, {modes} mode{'s' if modes > 1 else ''}, {100 * damping:g} %"}
             for place, at in PLACES.items():
                 row[place] = largest(law_loop(arm, at, tip))

@@ -28,7 +28,7 @@ CORNER = (-6.3, 6.3)
 
 def undamped(modes: int) -> FlexibleArm:
     """Make the default arm with some number of modes, without damping."""
-    return FlexibleArm(ArmParameters(modes_per_link=modes, modal_damping_ratio=0.0))
+    return FlexibleArm(ArmParameters(modes_per_link=modes, damping_ratio=0.0))
 
 
 def point_zeros(point: OperatingPoint, position: float) -> list[complex]:

@@ -80,7 +80,7 @@ def mujoco_chain(segments: int, effort: float, damping_ratio: float = 0.01, step
     """
     from flexarm_env.chain import model as chain
 
-    arm = ArmParameters(modal_damping_ratio=damping_ratio)
+    arm = ArmParameters(damping_ratio=damping_ratio)
     step = chain.largest_stable_step(segments, arm) if step is None else step
     damping = f"damping {damping_ratio:.2g}" if damping_ratio else "undamped"
     name = f"MuJoCo chain, {segments} segments a link, {damping}, implicitfast, step {1e3 * step:g} ms"

@@ -58,8 +58,12 @@ The part before the colon imports the package, so that it works in spawned proce
 tables can be given to `make` and `make_vec`. The ids differ in their options only; a version number goes up when an
 id's dynamics, observation or reward changes."""
 
+_ARMS = """\
+An arm has a name, `arm="linear"`, or is a mapping of parameters, which `preset` may name a set for:
+`arm={"preset": "linear", "payload_mass": 0.5}`; without it, the others are those of `"default"`."""
+
 _ARM = """\
-`arm={...}` takes the fields of `flexarm_env.ArmParameters`, whose docstring says what each is. A range ends far from
+A mapping takes the fields of `flexarm_env.ArmParameters`, whose docstring says what each is. A range ends far from
 any arm that is built; what only a combination spoils (masses too far apart for double precision, a mode so fast that
 a control period takes more than 20 000 integration steps) is refused with the numbers that decide it."""
 
@@ -96,7 +100,7 @@ def index() -> str:
         "Make one": [snippet("Square-v0"), _NAMING],
         "Make a batch": [_BATCH, _batch(), doc.parameter_table(vector), _AUTORESET, _batch(autoreset_mode="SameStep")],
         "Environments that differ": [_PER_ENV, _SWEEP, _wrapped(_OWN_OPTIONS)],
-        "Parameters of the arm": [_ARM, doc.arm_table()],
+        "Arms": [_ARMS, doc.preset_table(), _ARM, doc.arm_table()],
         "Frames and units": [doc.FRAMES],
         "The side of the elbow": [doc.BRANCHES],
         "The late sensor": [doc.LATENESS],

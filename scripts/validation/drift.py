@@ -65,7 +65,7 @@ def cases(quick: bool) -> list[Case]:
         for step in STEPS[2:]
     ]
     short += [] if quick else [Case(3, STARTS[2], step, *others[0]) for step in FAST[3]]
-    return [*undamped, *fast, *short, Case(2, STARTS[2], 1e-3, damping=ArmParameters().modal_damping_ratio)]
+    return [*undamped, *fast, *short, Case(2, STARTS[2], 1e-3, damping=ArmParameters().damping_ratio)]
 
 
 def run(settings: Settings) -> Findings:
@@ -116,7 +116,7 @@ def simulated(case: Case, duration: float) -> tuple[Array, Array, Array, dict[st
     arm = FlexibleArm(
         ArmParameters(
             modes_per_link=case.modes,
-            modal_damping_ratio=case.damping,
+            damping_ratio=case.damping,
             kinematics=case.kinematics,
             mode_shapes=case.shapes,
         )
@@ -157,7 +157,7 @@ def momentum_bound(arm: FlexibleArm, state: Array, step: float, duration: float)
         step: [s].
         duration: [s].
     """
-    poles = np.linalg.eigvals(arm.linearise(state).A) if arm.parameters.modal_damping_ratio else np.zeros(0)
+    poles = np.linalg.eigvals(arm.linearise(state).A) if arm.parameters.damping_ratio else np.zeros(0)
     rates, decays = np.abs(poles[poles.imag > 1.0]), -poles.real[poles.imag > 1.0]
     if len(rates):
         return float((rates * (rates * step) ** 4 / 120.0 / (2.0 * decays)).max())

@@ -12,7 +12,7 @@ from scripts.validation.checks import Check, Findings, Settings
 from scripts.validation.reference_models import exact_beams as exact
 from scripts.validation.small_motion import BASES, MODES, frequencies, ritz_checks, with_modes
 
-PAPER = ArmParameters(modal_damping_ratio=0.0)
+PAPER = ArmParameters(damping_ratio=0.0)
 # link 2 differs from the paper's, so that no length, rigidity or density can stand for another
 OTHER = replace(PAPER, link_lengths=(4.5, 3.1), flexural_rigidities=(1676.0, 830.0), masses_per_length=(0.335, 0.21))
 LOADED = replace(OTHER, elbow_hub_inertia=0.2, payload_mass=0.5, payload_inertia=0.1)

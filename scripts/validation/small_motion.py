@@ -23,7 +23,7 @@ BASES: tuple[ModeShapes, ...] = ("cantilever", "polynomial")  # the shapes that 
 
 def with_modes(parameters: ArmParameters, basis: ModeShapes, modes: int) -> FlexibleArm:
     """Make the same arm, undamped, in so many shapes of a basis a link."""
-    return FlexibleArm(replace(parameters, modes_per_link=modes, modal_damping_ratio=0.0, mode_shapes=basis))
+    return FlexibleArm(replace(parameters, modes_per_link=modes, damping_ratio=0.0, mode_shapes=basis))
 
 
 def matrices(arm: FlexibleArm, theta2: float) -> tuple[Array, Array]:

@@ -18,7 +18,7 @@ from scripts.validation.small_motion import BASES, MODES, frequencies, rate, rit
 
 Array = NDArray[np.float64]
 
-BARE = ArmParameters(modal_damping_ratio=0.0)
+BARE = ArmParameters(damping_ratio=0.0)
 PAYLOAD: dict[str, Any] = {"payload_mass": 0.5, "payload_inertia": 0.1}
 HUBS: dict[str, Any] = {"shoulder_hub_inertia": 0.5, "elbow_hub_inertia": 0.2, "elbow_mass": 0.5}
 LOADS = {

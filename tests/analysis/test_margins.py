@@ -224,7 +224,7 @@ def test_the_papers_cases_are_stable_with_late_positions_and_unstable_with_late_
 @pytest.mark.parametrize("delay", [0.03, 0.11])
 def test_a_shared_late_position_is_stable_at_every_gain(modes: int, delay: float) -> None:
     """T < Kd / Kp = 115 ms: the law stays dissipative, whatever the gain and the number of modes."""
-    arm = FlexibleArm(ArmParameters(modes_per_link=modes, modal_damping_ratio=0.0))
+    arm = FlexibleArm(ArmParameters(modes_per_link=modes, damping_ratio=0.0))
     margin = gain_margin(loop(arm=arm, delay=delay))
     assert margin.stable
     assert margin.up == np.inf
@@ -254,7 +254,7 @@ def test_gain_margin_is_where_the_spectral_method_puts_a_root_on_the_axis() -> N
 @pytest.mark.parametrize("damping", [0.01, 0.03])
 def test_true_tip_feedback_is_stable_at_small_gains_only(damping: float) -> None:
     """Without delay, by eigenvalues: the right-half-plane zeros draw the poles across."""
-    arm = FlexibleArm(ArmParameters(modes_per_link=1, modal_damping_ratio=damping))
+    arm = FlexibleArm(ArmParameters(modes_per_link=1, damping_ratio=damping))
     case = law_loop(arm, CORNER, SensorParameters(model="true", delay=0.0))
     (interval,) = stable_gains(case)
     high = interval.high
@@ -307,7 +307,7 @@ def test_slope_of_the_loop_is_its_derivative() -> None:
 
 def test_a_collocated_loop_is_stable_at_every_gain() -> None:
     """Hyperstability: a passive arm under a dissipative law."""
-    for arm in (PAPER, FlexibleArm(ArmParameters(modes_per_link=4, modal_damping_ratio=0.0))):
+    for arm in (PAPER, FlexibleArm(ArmParameters(modes_per_link=4, damping_ratio=0.0))):
         case = law_loop(arm, CORNER, SensorParameters(model="collocated"))
         assert stable_gains(case) == [GainInterval(0.0, np.inf)]
         for gain in (1e-3, 1.0, 1e2):

@@ -132,7 +132,7 @@ def test_locked_and_folded_arm_vibrates_like_a_cantilever() -> None:
 
 def test_free_modes_move_no_torque() -> None:
     """A shape released at rest swings at its frequency: simulated."""
-    arm = FlexibleArm(ArmParameters(modal_damping_ratio=0.0))
+    arm = FlexibleArm(ArmParameters(damping_ratio=0.0))
     point = OperatingPoint.at_angles(arm, (0.0, 1.2))
     modes = natural_modes(point)
     state = point.state.copy()

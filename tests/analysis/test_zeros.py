@@ -30,7 +30,7 @@ ANGLES = (0.3, 1.5)
 
 
 def arm_with(modes: int, damping: float = 0.0) -> FlexibleArm:
-    return FlexibleArm(ArmParameters(modes_per_link=modes, modal_damping_ratio=damping))
+    return FlexibleArm(ArmParameters(modes_per_link=modes, damping_ratio=damping))
 
 
 def bent(arm: FlexibleArm, elbow: float = 1.5) -> OperatingPoint:
@@ -128,7 +128,7 @@ def test_a_second_real_zero_comes_in_from_infinity_and_falls_to_the_first_at_the
 
 
 def test_unequal_links_separate_the_double_zero() -> None:
-    arm = FlexibleArm(ArmParameters(modes_per_link=4, modal_damping_ratio=0.0, link_lengths=(4.5, 3.0)))
+    arm = FlexibleArm(ArmParameters(modes_per_link=4, damping_ratio=0.0, link_lengths=(4.5, 3.0)))
     found = np.sort(right(bent(arm), 3.0).real)[:2]
     exact = sorted(float(link_zeros(arm, link, length, 1).real[0]) for link, length in ((1, 4.5), (2, 3.0)))
     np.testing.assert_allclose(found, exact, rtol=2e-3)
@@ -253,7 +253,7 @@ def test_damping_moves_the_zeros_a_little() -> None:
 
 def test_zeros_do_not_depend_on_the_scale_of_the_modal_coordinates() -> None:
     for scale in (0.1, 1.0, 7.0):
-        arm = FlexibleArm(ArmParameters(modes_per_link=2, modal_damping_ratio=0.0, mode_scale=scale))
+        arm = FlexibleArm(ArmParameters(modes_per_link=2, damping_ratio=0.0, mode_scale=scale))
         assert right(bent(arm), 1.0).real.min() == pytest.approx(39.65424, abs=1e-4)
 
 

@@ -22,6 +22,7 @@ from flexarm_env import (
     square,
     square_loop,
 )
+from flexarm_env.physics.damping import clamped_ratio
 
 LAW = LawParameters()
 CORNER = np.array([-6.3, -6.3])
@@ -175,7 +176,7 @@ def test_formulas_of_stiffness_damping_and_torque() -> None:
 
             stiffness.append(rigidity * integral(2))
             omega = (root / length) ** 2 * np.sqrt(rigidity / density)
-            damping.append(2.0 * FULL.modal_damping_ratio * omega * density * integral(0))
+            damping.append(2.0 * clamped_ratio(FULL) * omega * density * integral(0))
     right = np.append(tau, np.zeros(4)) - arm.velocity_forces(COORDINATES, RATES)
     right -= np.array(damping) * RATES + np.array(stiffness) * COORDINATES
     wanted = np.linalg.solve(arm.mass_matrix(COORDINATES), right)

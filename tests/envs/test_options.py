@@ -17,11 +17,16 @@ from tests.support.refusals import label, refuses
 MISMATCHED = {"masses_per_length": (1e-9, 1e-9), "payload_inertia": 1e9}
 ON_LINK_1 = {"observation": ["second_sensor_error"], "second_sensor_link": 1}
 MESSAGES: list[tuple[str, dict[str, Any], type[Exception], str]] = [
-    (SQUARE, {"arm": "papers"}, ValueError, r"arm = 'papers': must be one of 'paper', 'default'"),
-    (SQUARE, {"arm": 2}, TypeError, r"arm = 2: must be 'paper', 'default' or a mapping of ArmParameters fields"),
+    (SQUARE, {"arm": "papers"}, ValueError, r"arm = 'papers': must be one of 'default', 'linear', 'paper'"),
+    (
+        SQUARE,
+        {"arm": 2},
+        TypeError,
+        r"arm = 2: must be one of 'default', 'linear', 'paper' or a mapping of ArmParameters fields",
+    ),
     (SQUARE, {"arm": {"mass": 1.0}}, ValueError, r"arm: unknown field\(s\) \['mass'\]; ArmParameters has .*'link_le"),
     (SQUARE, {"arm": {"modes_per_link": 5}}, ValueError, r"modes_per_link = 5: must be an integer from 1 to 4"),
-    (SQUARE, {"arm": {"preset": "new"}}, ValueError, r"arm = 'new': must be one of 'paper', 'default'"),
+    (SQUARE, {"arm": {"preset": "new"}}, ValueError, r"arm = 'new': must be one of 'default', 'linear', 'paper'"),
     (
         SQUARE,
         {"action_mode": "torque_rate", "torque_rate_limit": (0.0, 1.0)},

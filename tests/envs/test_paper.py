@@ -186,7 +186,7 @@ def test_noise_has_the_size_it_says() -> None:
 
 # --- the end of an episode ----------------------------------------------------------------------------------
 
-STIFF = {"preset": "paper", "flexural_rigidities": (1e6, 1e6), "modal_damping_ratio": 0.01}
+STIFF = {"preset": "paper", "flexural_rigidities": (1e6, 1e6), "damping_ratio": 0.01}
 
 
 @pytest.mark.parametrize(

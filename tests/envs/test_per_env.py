@@ -20,7 +20,7 @@ ARMS = [
     {"masses_per_length": (0.4, 0.3)},
     {"payload_mass": 0.5},
     {"flexural_rigidities": (1500.0, 1800.0)},
-    {"modal_damping_ratio": 0.03, "joint_friction": (0.1, 0.2)},
+    {"damping_ratio": 0.03, "joint_friction": (0.1, 0.2)},
 ]
 TORQUE_LANES: dict[str, list[Any]] = {
     "arm": [*ARMS, *ARMS[:4]],

@@ -73,7 +73,7 @@ def test_ending_early_never_pays(env_id: str, policy: Any) -> None:
 
 # --- the end of an episode ----------------------------------------------------------------------------------
 
-STIFF = {"preset": "paper", "flexural_rigidities": (1e6, 1e6), "modal_damping_ratio": 0.01}
+STIFF = {"preset": "paper", "flexural_rigidities": (1e6, 1e6), "damping_ratio": 0.01}
 
 
 def ended(env: FlexArmEnv, action: Any, steps: int = 3000, **options: Any) -> tuple[str, float, dict[str, Any]]:
@@ -237,7 +237,7 @@ def test_the_arm_is_the_one_that_was_drawn(env_id: str, ordered: dict[str, float
     made = {
         "payload_mass": drawn["payload_mass"],
         "flexural_rigidities": (1676.0 * drawn["stiffness"],) * 2,
-        "modal_damping_ratio": drawn["damping"],
+        "damping_ratio": drawn["damping"],
     }
     twin = bare(env_id, arm=made, start="corner", physics_step=5e-4, **FREE)
     assert env.settings.substeps == twin.settings.substeps

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from scipy.optimize import brentq
 
 from flexarm_env import ArmParameters, FlexibleArm
+from flexarm_env.physics.damping import clamped_ratio
 from tests.support.lagrange import Lagrangian, arms, loaded_arm, random_state, random_states, tensor
 
 MODES = (1, 2, 3, 4)
@@ -199,7 +200,7 @@ def test_energy_changes_by_torque_friction_and_damping_only(modes: int) -> None:
     for state in random_states(p, 5):
         rates = state[arm.size :]
         modal = [
-            2.0 * p.modal_damping_ratio * link.frequencies * np.diag(link.mass) * part**2
+            2.0 * clamped_ratio(p) * link.frequencies * np.diag(link.mass) * part**2
             for link, part in zip(arm.modes, np.split(rates[2:], 2), strict=True)
         ]
         lost = np.sum(modal) + np.dot(p.joint_friction, rates[:2] ** 2)
@@ -275,7 +276,7 @@ def exact_frequencies(p: ArmParameters, count: int) -> np.ndarray:
 
 def free_frequencies(modes: int, theta2: float = 0.0) -> np.ndarray:
     """Elastic frequencies of the undamped free arm about straight links, from the linearisation [rad/s]."""
-    arm = FlexibleArm(ArmParameters(modes_per_link=modes, modal_damping_ratio=0.0))
+    arm = FlexibleArm(ArmParameters(modes_per_link=modes, damping_ratio=0.0))
     state = np.zeros(2 * arm.size)
     state[1] = theta2
     values = np.linalg.eigvals(arm.linearise(state).A)
@@ -305,13 +306,13 @@ def test_one_mode_is_30_to_45_percent_off_and_two_are_within_one(theta2: float) 
     assert np.all((two > four) & (two < 1.01 * four))
 
 
-def test_modal_damping_ratio_is_that_of_the_clamped_modes() -> None:
+def test_modal_damping_is_the_same_ratio_for_all_clamped_modes() -> None:
     """Hubs that cannot move clamp both roots; a link 2 without weight leaves link 1's tip free."""
-    zeta = 0.037
     arm = FlexibleArm(
         ArmParameters(
             modes_per_link=3,
-            modal_damping_ratio=zeta,
+            damping_ratio=0.037,
+            damping_model="modal",
             masses_per_length=(0.335, 1e-9),
             flexural_rigidities=(1676.0, 1676e-9),
             shoulder_hub_inertia=1e9,
@@ -323,4 +324,4 @@ def test_modal_damping_ratio_is_that_of_the_clamped_modes() -> None:
     frequencies = np.sort(np.concatenate([link.frequencies for link in arm.modes]))
     # what still gives: link 2's weight, 3e-9 of link 1's, and the hubs, 1e-8 of their links' inertias
     np.testing.assert_allclose(np.sort(np.abs(elastic)), frequencies, rtol=1e-6)
-    np.testing.assert_allclose(-elastic.real / np.abs(elastic), zeta, rtol=1e-6)
+    np.testing.assert_allclose(-elastic.real / np.abs(elastic), clamped_ratio(arm.parameters), rtol=1e-6)

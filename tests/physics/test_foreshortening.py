@@ -141,7 +141,7 @@ def test_a_turning_link_stiffens_like_a_blade(turn: float) -> None:
     The linear arm softens instead: its squares are those of the link at rest, less the turn's.
     """
     bare = {"elbow_mass": 0.0, "payload_mass": 0.0, "payload_inertia": 0.0, "elbow_hub_inertia": 0.0}
-    for arm in both(4, **bare, shoulder_hub_inertia=1e9, masses_per_length=(0.335, 1e-9), modal_damping_ratio=0.0):
+    for arm in both(4, **bare, shoulder_hub_inertia=1e9, masses_per_length=(0.335, 1e-9), damping_ratio=0.0):
         unit = np.sqrt(arm.parameters.flexural_rigidities[0] / (0.335 * arm.parameters.link_lengths[0] ** 4))
         state = np.zeros(2 * arm.size)
         state[arm.size] = turn * unit

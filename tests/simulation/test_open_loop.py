@@ -10,7 +10,7 @@ from flexarm_env import ArmParameters, FlexibleArm, Trajectory
 from tests.physics.test_dynamics import rigid_two_link
 from tests.support.lagrange import loaded_arm, random_state
 
-FREE = {"modal_damping_ratio": 0.0, "joint_friction": (0.0, 0.0)}
+FREE = {"damping_ratio": 0.0, "joint_friction": (0.0, 0.0)}
 
 
 def start_of(arm: FlexibleArm, seed: int = 1) -> np.ndarray:
@@ -99,7 +99,7 @@ def test_energy_gained_is_the_work_of_a_torque_function() -> None:
 
 @pytest.mark.parametrize(("friction", "damping"), [((0.6, 0.3), 0.0), ((0.0, 0.0), 0.02)])
 def test_energy_only_falls_under_friction_or_damping(friction: tuple[float, float], damping: float) -> None:
-    arm = FlexibleArm(loaded_arm(2, joint_friction=friction, modal_damping_ratio=damping))
+    arm = FlexibleArm(loaded_arm(2, joint_friction=friction, damping_ratio=damping))
     energy = energies(arm.simulate(start_of(arm), None, 2.0, step=1e-2, substeps=20))
     # where the loss rate touches zero, the drift of a step, 1e-11, may show
     assert np.all(np.diff(energy) < 1e-9 * energy[0])
@@ -230,9 +230,7 @@ def test_stiff_links_move_like_the_rigid_arm() -> None:
 
     def parameters(rigidity: float) -> ArmParameters:
         # some damping, for what vibration there is
-        return loaded_arm(
-            1, flexural_rigidities=(rigidity, rigidity), joint_friction=(0.0, 0.0), modal_damping_ratio=0.05
-        )
+        return loaded_arm(1, flexural_rigidities=(rigidity, rigidity), joint_friction=(0.0, 0.0), damping_ratio=0.05)
 
     def rigid_rate(time: float, state: np.ndarray) -> np.ndarray:
         mass, forces = rigid_two_link(parameters(1.0), state[1], state[2:])

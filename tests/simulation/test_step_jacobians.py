@@ -138,7 +138,7 @@ def test_another_arm_is_the_arm_with_other_parameters() -> None:
     states, torque = [random_state(p, seed) for seed in (0, 1)], (10.0, -4.0)
     stiff = tuple(1.3 * rigidity for rigidity in p.flexural_rigidities)
     other = FlexibleArm(
-        ArmParameters(modes_per_link=1, payload_mass=0.7, flexural_rigidities=stiff, modal_damping_ratio=0.03)
+        ArmParameters(modes_per_link=1, payload_mass=0.7, flexural_rigidities=stiff, damping_ratio=0.03)
     )
     found = arm.step(states, torque, payload_mass=0.7, stiffness=1.3, damping=0.03)
     np.testing.assert_allclose(found, other.step(states, torque), rtol=1e-10)

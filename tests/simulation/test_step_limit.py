@@ -22,7 +22,7 @@ def vibrating_state(arm: FlexibleArm, seed: int, deflection: float) -> np.ndarra
 
 @pytest.mark.parametrize("modes", [1, 2, 4])
 def test_longest_step_is_named_allowed_and_stable(modes: int) -> None:
-    arm = FlexibleArm(ArmParameters(modes_per_link=modes, modal_damping_ratio=0.0))
+    arm = FlexibleArm(ArmParameters(modes_per_link=modes, damping_ratio=0.0))
     longest = arm.longest_step()
     with refuses(ValueError, "step = ", f"at most {longest:.4g} s is allowed", "substeps='auto', here 2)"):
         arm.simulate(np.zeros(2 * arm.size), None, 1.001 * longest, step=1.001 * longest)
@@ -59,7 +59,7 @@ def test_fastest_rate_is_not_always_the_straight_arms() -> None:
         masses_per_length=(0.26, 0.8),
         shoulder_hub_inertia=5.0,
         elbow_hub_inertia=5.0,
-        modal_damping_ratio=1.0,
+        damping_ratio=1.0,
         joint_friction=(490.0, 410.0),
     )
     arm = FlexibleArm(parameters)

@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from torch.func import grad, jacrev, vjp
 
 from flexarm_env import ArmParameters
+from flexarm_env.physics.damping import clamped_ratio, material_time
 
 NODES = 65  # the fastest integrand turns 2 * 11 rad over a link: 65 nodes leave rounding error only
 
@@ -160,7 +161,10 @@ class Lagrangian:
         """K q + D v and friction, as they stand on the left-hand side."""
         p = self.p
         omega = [np.sqrt(np.diag(k) / mass) for k, mass in zip(self.stiffness, self.modal_mass, strict=True)]
-        damping = [2.0 * p.modal_damping_ratio * w * mass for w, mass in zip(omega, self.modal_mass, strict=True)]
+        if p.damping_model == "modal":
+            damping = [2.0 * clamped_ratio(p) * w * mass for w, mass in zip(omega, self.modal_mass, strict=True)]
+        else:
+            damping = [material_time(p) * np.diag(k) for k in self.stiffness]
         dissipation = np.concatenate([p.joint_friction, *damping]) * v
         return grad(self.strain)(tensor(q)).numpy() + dissipation
 
@@ -186,7 +190,7 @@ def loaded_arm(modes: int, **changes: Any) -> ArmParameters:
         "elbow_mass": 0.7,
         "payload_mass": 0.5,
         "payload_inertia": 0.25,
-        "modal_damping_ratio": 0.02,
+        "damping_ratio": 0.02,
         "joint_friction": (0.6, 0.35),
         "mode_scale": 0.17,
     }
@@ -213,7 +217,8 @@ def arms(draw: st.DrawFn) -> ArmParameters:
         elbow_mass=draw(st.floats(0.0, 5.0)),
         payload_mass=draw(st.floats(0.0, 5.0)),
         payload_inertia=draw(st.floats(0.0, 5.0)),
-        modal_damping_ratio=draw(st.floats(0.0, 1.0)),
+        damping_ratio=draw(st.floats(0.0, 1.0)),
+        damping_model=draw(st.sampled_from(["modal", "material"])),
         joint_friction=two(0.0, 5.0),
         velocity_forces=forces,
         mode_scale=draw(st.floats(0.05, 2.0)),

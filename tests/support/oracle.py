@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from scipy.integrate import LSODA
 
 from flexarm_env import ArmParameters, FlexibleArm, LawParameters, SensorParameters
+from flexarm_env.physics.damping import clamped_ratio
 
 Array = NDArray[np.float64]
 PERIOD = 1e-3  # [s] control period
@@ -162,7 +163,7 @@ def oracle_arm(arm: FlexibleArm) -> tuple[Any, ...]:
     masses = [0.5 * length * rho * weights for length, rho in zip(p.link_lengths, p.masses_per_length, strict=True)]
     stiffness = np.concatenate([one.stiffness, two.stiffness])
     omega = np.concatenate([one.frequencies, two.frequencies])
-    damping = 2.0 * p.modal_damping_ratio * stiffness / omega
+    damping = 2.0 * clamped_ratio(p) * stiffness / omega
     complete = p.velocity_forces == "complete"
     shapes = one.shape(points[0]), two.shape(points[1])
     return (*p.link_lengths, *points, *shapes, *masses, one.tip_values, one.tip_slopes, stiffness, damping, complete)

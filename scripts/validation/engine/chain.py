@@ -83,23 +83,20 @@ class Chain:
         shoulder_and_elbow: places of theta1 and theta2 among the angles.
     """
 
-    def __init__(
-        self, elements: int, arm: ArmParameters, angle: float = CHAIN_ANGLE, damping: chain.Damping = "modal"
-    ) -> None:
+    def __init__(self, elements: int, arm: ArmParameters, angle: float = CHAIN_ANGLE) -> None:
         """Build it, at rest and straight, integrated by the classical Runge-Kutta method.
 
-        Damping that grows with the mode makes the fastest ones too fast for that; such a chain is integrated by
-        `implicitfast`, of first order.
+        Damping of the material makes the fastest modes too fast for that; such a chain is integrated by `implicitfast`,
+        of first order.
 
         Args:
             elements: bending elements a link, one less than segments.
             arm: the arm.
             angle: largest product of step and fastest rate.
-            damping: see `flexarm_env.chain`.
         """
         self.parameters = arm
-        self.model = chain.chain_model(elements + 1, arm, damping=damping)
-        if arm.modal_damping_ratio == 0.0 or damping == "modal":
+        self.model = chain.chain_model(elements + 1, arm)
+        if arm.damping_ratio == 0.0 or arm.damping_model == "modal":
             self.model.opt.integrator = mujoco.mjtIntegrator.mjINT_RK4
         self.substeps = int(np.ceil(HELD * chain.frequencies(self.model)[-1] / angle))
         self.model.opt.timestep = HELD / self.substeps

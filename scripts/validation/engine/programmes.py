@@ -56,7 +56,7 @@ class Programme:
         Args:
             **model: further fields of `ArmParameters`.
         """
-        return ArmParameters(**({"modal_damping_ratio": 0.0} | self.arm | model))
+        return ArmParameters(**({"damping_ratio": 0.0} | self.arm | model))
 
     @property
     def joints(self) -> Array:

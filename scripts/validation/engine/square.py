@@ -5,9 +5,8 @@ Two further figures have none: how far a model's tip is off at the *chain's* sha
 off half a second after it was set on the chain's state, under the agent's torques.
 
 Under the laws nothing is damped. The agent was trained with 1 % of modal damping, on two modes a link, and drives
-modes that it does not know and that are damped by no more unstable. So under it the chain is damped in three ways
-(`flexarm_env.chain`): in proportion to the springs, which is the reference; by 1 % of every mode that it has; and by
-1 % of the first two modes alone, the others more.
+modes that it does not know and that are damped by no more unstable. So under it the chain is damped in two ways
+(`physics.damping`): by its material, which is the reference; and by 1 % of every clamped mode that it has.
 """
 
 from __future__ import annotations
@@ -33,7 +32,6 @@ from flexarm_env import (
     square,
     square_loop,
 )
-from flexarm_env.chain.model import Damping
 from flexarm_env.envs.single import FlexArmEnv
 from flexarm_env.rollout import run_batch
 from flexarm_env.simulation.closed_loop import observation_blocks
@@ -46,10 +44,8 @@ from scripts.validation.engine.runs import peak_bend, rms
 Array = NDArray[np.float64]
 SETTLED = 2.0  # [s]; the start's transient is over
 SAMPLED = 10  # `HELD` in a control period of the agent; the score counts these instants
-DAMPINGS: dict[Damping, str] = {  # beside that in proportion to the springs
-    "modal": "1 % of every mode",
-    "two modes": "1 % of two modes, 17.5 % of the others",
-}
+OF_THE_MATERIAL = ArmParameters(damping_ratio=0.01, damping_model="material")
+OF_EVERY_MODE = ArmParameters.linear()
 AHEAD, EVERY = 0.5, 0.25  # a prediction's length, and how often one starts [s]
 
 
@@ -92,7 +88,7 @@ def laws_on_model(parameters: ArmParameters, seconds: float) -> dict[str, Array]
 
 def laws_on_chain(elements: int, seconds: dict[str, float]) -> dict[str, Array]:
     """Return the tip of a chain under each law, each for its own time [s]."""
-    arm = ArmParameters(modal_damping_ratio=0.0)
+    arm = ArmParameters(damping_ratio=0.0)
     return {
         name: np.array([sight.tip for sight in law_lap(elements, arm, gain, seconds[name])])
         for name, gain in LAWS.items()
@@ -129,14 +125,14 @@ def agent_lap(trained: Trained, plant: Plant, seconds: float, models: Sequence[F
     return Lap(np.concatenate(tips), np.array(torques), [np.array(rows) for rows in states], np.array(deflections))
 
 
-def on_corner(parameters: ArmParameters, elements: int | None = None, damping: Damping = "stiffness") -> Plant:
-    """Set an arm at rest on the first corner: a chain with some damping, or without `elements` a model."""
+def on_corner(parameters: ArmParameters, elements: int | None = None) -> Plant:
+    """Set an arm at rest on the first corner: a chain, or without `elements` a model."""
     joints = inverse_kinematics(parameters, square(SquareParameters()).table[0, 1:], "positive")
     if elements is None:
         model = Modal(FlexibleArm(parameters))
         model.state[:2] = joints
         return model
-    chain = Chain(elements, parameters, damping=damping)
+    chain = Chain(elements, parameters)
     chain.place(joints)
     return chain
 
@@ -179,7 +175,7 @@ def laws(
     arrays = {f"{name} chain": truth[name] for name in LAWS}
     for m in models:
         progress(f"the laws on {m.label}")
-        tips = laws_on_model(ArmParameters(modal_damping_ratio=0.0, **m.fields), max(seconds.values()))
+        tips = laws_on_model(ArmParameters(damping_ratio=0.0, **m.fields), max(seconds.values()))
         for name in LAWS:
             rows.append(_lap_row(name, m.label, tips[name], truth[name]))
             arrays[f"{name} {m.label}"] = _distance(tips[name], truth[name])
@@ -193,18 +189,16 @@ def agent(
     trained = load_policy("square")
     arms = [FlexibleArm(ArmParameters(**m.fields)) for m in models]
     progress("the agent on the chain")
-    coarse, fine = (agent_lap(trained, on_corner(ArmParameters(), n), seconds, arms) for n in elements)
+    coarse, fine = (agent_lap(trained, on_corner(OF_THE_MATERIAL, n), seconds, arms) for n in elements)
     truth = fine.tip + (fine.tip - coarse.tip) / 3.0
     rows = [_lap_row("agent", "chain", truth, truth) | {"bend": peak_bend(fine.deflection)}]
     rows.append(_lap_row("agent", f"chain, {elements[1]} elements", fine.tip, truth) | _torque_change(fine))
     arrays = {"agent chain": truth}
     others: dict[str, Lap] = {}
-    coarse_count, fine_count = elements
-    damped: list[tuple[Damping, int]] = [("two modes", fine_count), ("modal", coarse_count), ("modal", fine_count)]
-    for damping, n in damped:
-        progress(f"the agent on the chain, damped by {damping}, {n} elements")
-        label = f"chain, {DAMPINGS[damping]}, {n} elements"
-        others[label] = lap = agent_lap(trained, on_corner(ArmParameters(), n, damping), seconds)
+    for n in elements:
+        label = f"chain, 1 % of every mode, {n} elements"
+        progress(f"the agent on the {label}")
+        others[label] = lap = agent_lap(trained, on_corner(OF_EVERY_MODE, n), seconds)
         arrays[f"agent {label}"] = _distance(lap.tip, truth)
     modal = list(others.values())[-1].tip
     rows += [

@@ -114,7 +114,7 @@ def critical_spin(which: Model) -> float | None:
 
     None if there is none up to `FASTEST`. The true arm's spin is stable: its ends are pulled outwards.
     """
-    arm = FlexibleArm(ArmParameters(modal_damping_ratio=0.0, **which.fields))
+    arm = FlexibleArm(ArmParameters(damping_ratio=0.0, **which.fields))
 
     def grows(spin: float) -> bool:
         state = np.zeros(2 * arm.size)
