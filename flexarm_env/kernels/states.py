@@ -37,5 +37,10 @@ def enter_state(arena: Arena, i: int) -> None:
         begin, public = row.Y + part * variant.size, row.STATE + part * variant.size
         for entry in range(variant.size):
             arena[begin + internal_place(entry), i] = arena[public + entry, i]
-        turn = arena[begin, i] + elbow_slope(arena, i, begin + 1) + arena[public + 1, i]
-        arena[begin + variant.modes + 1, i] = turn
+        turn_link_2(arena, i, begin)
+
+
+def turn_link_2(arena: Arena, i: int, begin: int) -> None:
+    """Replace theta2 of lane i, in coordinates or rates from a row on, by the absolute angle a2 or its rate."""
+    at = begin + variant.modes + 1
+    arena[at, i] = arena[begin, i] + elbow_slope(arena, i, begin + 1) + arena[at, i]
