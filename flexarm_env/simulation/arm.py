@@ -23,7 +23,7 @@ from flexarm_env.physics.coordinates import stack, stack_matrix
 from flexarm_env.physics.linearisation import Linearisation, linearise
 from flexarm_env.physics.modal_elimination import elimination
 from flexarm_env.simulation.conditioning import refuse_singular
-from flexarm_env.simulation.held_torque import HeldTorque
+from flexarm_env.simulation.feedback import FeedbackTorque
 from flexarm_env.simulation.open_loop import LARGEST, OpenLoop, TorqueFunction, count_instants, count_substeps
 from flexarm_env.simulation.outputs import Outputs, output_jacobians
 from flexarm_env.simulation.trajectory import DivergenceError, Trajectory
@@ -43,7 +43,7 @@ class Energy(NamedTuple):
     strain: Array
 
 
-class FlexibleArm(HeldTorque):
+class FlexibleArm(FeedbackTorque):
     """A planar arm of two flexible links: its equations, kinematics, and torque-driven simulation.
 
     Attributes:

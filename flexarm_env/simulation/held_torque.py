@@ -7,6 +7,7 @@ The classical Runge-Kutta method of fourth order, as in `FlexibleArm.simulate`; 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from types import ModuleType
 from typing import NamedTuple
 
@@ -47,6 +48,20 @@ class StepJacobians(NamedTuple):
     by_state: Array
     by_torque: Array
     by_quantity: Array
+
+
+class Arms(NamedTuple):
+    """Arms in one call, one after the other.
+
+    Attributes:
+        leading: axes of the results.
+        states: public. Shape (n, 4 + 4 m).
+        inputs: constants of each arm or of all for the kernels, and their derivatives (`HeldTorque._kernel_inputs`).
+    """
+
+    leading: tuple[int, ...]
+    states: Array
+    inputs: tuple[Array, Array]
 
 
 class HeldTorque(ABC):
@@ -152,15 +167,27 @@ class HeldTorque(ABC):
 
     def _batch(self, state: ArrayLike, torque: ArrayLike, quantities: tuple[ArrayLike | None, ...]) -> _Batch:
         """Check the arguments, broadcast their leading axes, and bring all to the kernels' form."""
-        size = 4 * self.parameters.modes_per_link + 4
-        states, torques = finite_rows("state", state, size, LARGEST), finite_rows("torque", torque, 2, LARGEST)
+        torques = finite_rows("torque", torque, 2, LARGEST)
+        arms = self._arms(state, {"torque": torques.shape[:-1]}, quantities)
+        return _Batch(self, arms.leading, arms.states, _rows(torques, arms.leading), arms.inputs)
+
+    def _arms(
+        self, state: ArrayLike, others: Mapping[str, tuple[int, ...]], quantities: tuple[ArrayLike | None, ...]
+    ) -> Arms:
+        """Check states and quantities, and broadcast all leading axes.
+
+        Args:
+            state: Shape (..., 4 + 4 m).
+            others: leading axes of the other arguments, by name.
+            quantities: as `step` takes them, in the order of `ARM_QUANTITIES`. Shape (...) each.
+        """
+        states = finite_rows("state", state, 4 * self.parameters.modes_per_link + 4, LARGEST)
         given = {
             name: _quantity(name, unit, value)
             for (name, unit), value in zip(ARM_QUANTITIES.items(), quantities, strict=True)
             if value is not None
         }
-        shapes = {"state": states.shape[:-1], "torque": torques.shape[:-1]}
-        shapes |= {name: value.shape for name, value in given.items()}
+        shapes = {"state": states.shape[:-1], **others} | {name: value.shape for name, value in given.items()}
         try:
             leading = np.broadcast_shapes(*shapes.values())
         except ValueError:
@@ -171,7 +198,7 @@ class HeldTorque(ABC):
             drawn = [given.get(name, own) for name, own in zip(ARM_QUANTITIES, self.changes.own, strict=True)]
             quantities_of = np.stack([np.broadcast_to(value, leading).ravel() for value in drawn], axis=-1)
             inputs = self._kernel_inputs(quantities_of)
-        return _Batch(self, leading, _rows(states, leading), _rows(torques, leading), inputs)
+        return Arms(leading, _rows(states, leading), inputs)
 
     def _kernels(self, lanes: int) -> tuple[ModuleType, Array]:
         """Load the kernels, and allocate their memory."""
@@ -201,14 +228,14 @@ def _quantity(name: str, unit: str, value: ArrayLike) -> Array:
 
 
 class _Batch(NamedTuple):
-    """Arms in one call, one after the other.
+    """`Arms` with their torques.
 
     Attributes:
         arm: the kind of arm.
-        leading: axes of the results.
-        states: public. Shape (n, 4 + 4 m).
+        leading: see `Arms`.
+        states: see `Arms`.
         torques: [N m]. Shape (n, 2).
-        inputs: constants of each arm or of all for the kernels, and their derivatives (`HeldTorque._kernel_inputs`).
+        inputs: see `Arms`.
     """
 
     arm: HeldTorque

@@ -1,0 +1,30 @@
+"""Optimal motion: the best run known along a reference, and feedback along it."""
+
+from flexarm_baselines.optimal.laps import LAPS, lap_problem, plan_lap, usual_starts
+from flexarm_baselines.optimal.plan import Plan, load_plan, plan_names
+from flexarm_baselines.optimal.problem import TrackingProblem
+from flexarm_baselines.optimal.solver import Iteration, Solution, SolverOptions, optimise
+from flexarm_baselines.optimal.starts import Branch, follow, joint_path
+from flexarm_baselines.optimal.tracking import AGGRESSIVE, GOOD, PlanRegulator, RegulatorWeights
+
+__all__ = [
+    "AGGRESSIVE",
+    "GOOD",
+    "LAPS",
+    "Branch",
+    "Iteration",
+    "Plan",
+    "PlanRegulator",
+    "RegulatorWeights",
+    "Solution",
+    "SolverOptions",
+    "TrackingProblem",
+    "follow",
+    "joint_path",
+    "lap_problem",
+    "load_plan",
+    "optimise",
+    "plan_lap",
+    "plan_names",
+    "usual_starts",
+]

@@ -1,0 +1,352 @@
+"""Compiled sweeps of differential dynamic programming: backward through a lap, box-constrained, nothing allocated.
+
+The state of the recursion is z = (x, p), the arm's state and the torque of the period before, so that a weight on the
+change of the torque is a cost like the others. Shapes: n entries of x, N periods; z has n + 2 entries. The cached
+functions call nothing outside this file, because numba's cache does not notice edits in other files.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from flexarm_baselines.arrays import Floats
+
+TORQUES = 2
+
+
+@njit(cache=True)
+def box_minimum(h11: float, h12: float, h22: float, q1: float, q2: float, box: Floats, step: Floats) -> None:
+    """Minimise ``q k + k H k / 2`` over a rectangle; H is positive definite.
+
+    The free minimum is taken where it lies within. Otherwise the minimum is on the edge: the least of the four edges'
+    own minima.
+
+    Args:
+        h11: H.
+        h12: H.
+        h22: H.
+        q1: q.
+        q2: q.
+        box: rows lower and upper bounds. Shape (2, 2).
+        step: receives k. Shape (2,).
+    """
+    determinant = h11 * h22 - h12 * h12
+    first = (h12 * q2 - h22 * q1) / determinant
+    second = (h12 * q1 - h11 * q2) / determinant
+    if box[0, 0] <= first <= box[1, 0] and box[0, 1] <= second <= box[1, 1]:
+        step[0], step[1] = first, second
+        return
+    least = np.inf
+    for side in range(2):
+        first = box[side, 0]
+        second = min(max(-(q2 + h12 * first) / h22, box[0, 1]), box[1, 1])
+        value = q1 * first + q2 * second + 0.5 * (h11 * first * first + h22 * second * second) + h12 * first * second
+        if value < least:
+            least = value
+            step[0], step[1] = first, second
+        second = box[side, 1]
+        first = min(max(-(q1 + h12 * second) / h11, box[0, 0]), box[1, 0])
+        value = q1 * first + q2 * second + 0.5 * (h11 * first * first + h22 * second * second) + h12 * first * second
+        if value < least:
+            least = value
+            step[0], step[1] = first, second
+
+
+@njit(cache=True)
+def state_model(
+    a: Floats,
+    b: Floats,
+    gradient: Floats,
+    hessian: Floats,
+    vx: Floats,
+    vxx: Floats,
+    va: Floats,
+    qz: Floats,
+    qzz: Floats,
+) -> None:
+    """Differentiate a period's cost and what follows by the arm's state x, whatever the torque.
+
+    Args:
+        a: A. Shape (n, n).
+        b: B. Shape (n, 2).
+        gradient: of the period's cost by x. Shape (n,).
+        hessian: Shape (n, n).
+        vx: slope of the cost of what follows by the next z. Shape (n + 2,).
+        vxx: its curvature. Shape (n + 2, n + 2).
+        va: receives the part of vxx by the states, times A. Shape (n, n).
+        qz: receives the slope in its first n entries. Shape (n + 2,).
+        qzz: receives the curvature's upper triangle in its first n rows; 0 beyond column n. Shape (n + 2, n + 2).
+    """
+    n = b.shape[0]
+    for i in range(n):
+        for j in range(n):
+            va[i, j] = 0.0
+        for m in range(n):
+            factor = vxx[i, m]
+            for j in range(n):
+                va[i, j] += factor * a[m, j]
+    for i in range(n):
+        qz[i] = gradient[i]
+        for j in range(n + TORQUES):
+            qzz[i, j] = hessian[i, j] if j < n else 0.0
+        for m in range(n):
+            factor = a[m, i]
+            qz[i] += factor * vx[m]
+            for j in range(i, n):
+                qzz[i, j] += factor * va[m, j]
+
+
+@njit(cache=True)
+def torque_model(
+    a: Floats, b: Floats, vx: Floats, vxx: Floats, va: Floats, qu: Floats, quu: Floats, quz: Floats
+) -> None:
+    """Differentiate what follows a period by its torque, without the torque's own cost.
+
+    Args:
+        a: see `state_model`.
+        b: see `state_model`.
+        vx: see `state_model`.
+        vxx: see `state_model`.
+        va: of `state_model`.
+        qu: receives the slope. Shape (2,).
+        quu: receives the curvature. Shape (2, 2).
+        quz: receives the curvature by torque and z; 0 from column n on. Shape (2, n + 2).
+    """
+    n = b.shape[0]
+    for k in range(TORQUES):
+        qu[k] = vx[n + k]
+        for j in range(n + TORQUES):
+            quz[k, j] = 0.0
+        for m in range(n):
+            qu[k] += b[m, k] * vx[m]
+            for j in range(n):
+                quz[k, j] += b[m, k] * va[m, j] + vxx[n + k, m] * a[m, j]
+        for j in range(TORQUES):
+            total = vxx[n + k, n + j]
+            for m in range(n):
+                total += b[m, k] * vxx[m, n + j] + vxx[n + k, m] * b[m, j]
+                for i in range(n):
+                    total += b[m, k] * vxx[m, i] * b[i, j]
+            quu[k, j] = total
+
+
+@njit(cache=True)
+def add_torque_cost(
+    weights: Floats, torque: Floats, before: Floats, qu: Floats, quu: Floats, quz: Floats, qz: Floats, qzz: Floats
+) -> None:
+    """Add a period's cost of its torque and of the change since the period before.
+
+    Args:
+        weights: see `backward`.
+        torque: of the period. Shape (2,).
+        before: of the one before. Shape (2,).
+        qu: see `torque_model`.
+        quu: see `torque_model`.
+        quz: see `torque_model`.
+        qz: see `state_model`; its last two entries are set.
+        qzz: see `state_model`; its last two rows are set.
+    """
+    n = qz.shape[0] - TORQUES
+    for k in range(TORQUES):
+        amount, smooth = 2.0 * weights[0, k], 2.0 * weights[1, k]
+        change = torque[k] - before[k]
+        qu[k] += amount * torque[k] + smooth * change
+        quu[k, k] += amount + smooth
+        quz[k, n + k] = -smooth
+        qz[n + k] = -smooth * change
+        for j in range(TORQUES):
+            qzz[n + k, n + j] = smooth if j == k else 0.0
+
+
+@njit(cache=True)
+def minimise(
+    torque: Floats,
+    limits: Floats,
+    regularisation: Floats,
+    qu: Floats,
+    quu: Floats,
+    quz: Floats,
+    box: Floats,
+    step: Floats,
+    gains: Floats,
+) -> None:
+    """Find the best change of a period's torque within its limits, and its gains on z.
+
+    Args:
+        torque: at present. Shape (2,).
+        limits: see `backward`.
+        regularisation: see `backward`.
+        qu: see `torque_model`.
+        quu: see `torque_model`.
+        quz: see `torque_model`.
+        box: to work in. Shape (2, 2).
+        step: receives the change. Shape (2,).
+        gains: receives the gains; those of a torque at a limit are 0. Shape (2, n + 2).
+    """
+    for k in range(TORQUES):
+        box[0, k], box[1, k] = -limits[k] - torque[k], limits[k] - torque[k]
+    h11, h12, h22 = quu[0, 0] + regularisation[0], quu[0, 1], quu[1, 1] + regularisation[1]
+    box_minimum(h11, h12, h22, qu[0], qu[1], box, step)
+    first_held = step[0] <= box[0, 0] or step[0] >= box[1, 0]
+    second_held = step[1] <= box[0, 1] or step[1] >= box[1, 1]
+    determinant = h11 * h22 - h12 * h12
+    for j in range(gains.shape[1]):
+        gains[0, j], gains[1, j] = 0.0, 0.0
+        if not first_held and not second_held:
+            gains[0, j] = (h12 * quz[1, j] - h22 * quz[0, j]) / determinant
+            gains[1, j] = (h12 * quz[0, j] - h11 * quz[1, j]) / determinant
+        elif not first_held:
+            gains[0, j] = -quz[0, j] / h11
+        elif not second_held:
+            gains[1, j] = -quz[1, j] / h22
+
+
+@njit(cache=True)
+def update_value(
+    step: Floats,
+    gains: Floats,
+    qu: Floats,
+    quu: Floats,
+    quz: Floats,
+    qz: Floats,
+    qzz: Floats,
+    vx: Floats,
+    vxx: Floats,
+) -> float:
+    """Slope and curvature of the cost from a period on, under its step and gains.
+
+    Args:
+        step: of `minimise`.
+        gains: of `minimise`.
+        qu: see `torque_model`.
+        quu: see `torque_model`.
+        quz: see `torque_model`.
+        qz: see `state_model`.
+        qzz: see `state_model`.
+        vx: receives the slope.
+        vxx: receives the curvature.
+
+    Returns:
+        Second-order part of the change of cost by the step.
+    """
+    bent_0 = quu[0, 0] * step[0] + quu[0, 1] * step[1]
+    bent_1 = quu[1, 0] * step[0] + quu[1, 1] * step[1]
+    for i in range(qz.shape[0]):
+        first, second = gains[0, i], gains[1, i]
+        vx[i] = qz[i] + first * (bent_0 + qu[0]) + second * (bent_1 + qu[1])
+        vx[i] += quz[0, i] * step[0] + quz[1, i] * step[1]
+        row_0 = quu[0, 0] * first + quu[0, 1] * second + quz[0, i]
+        row_1 = quu[1, 0] * first + quu[1, 1] * second + quz[1, i]
+        for j in range(i, qz.shape[0]):
+            value = qzz[i, j] + row_0 * gains[0, j] + row_1 * gains[1, j]
+            value += first * quz[0, j] + second * quz[1, j]
+            vxx[i, j] = value
+            vxx[j, i] = value
+    return 0.5 * (step[0] * bent_0 + step[1] * bent_1)
+
+
+@njit(cache=True)
+def backward(
+    by_state: Floats,
+    by_torque: Floats,
+    defects: Floats,
+    gradient: Floats,
+    hessian: Floats,
+    weights: Floats,
+    torques: Floats,
+    limits: Floats,
+    regularisation: Floats,
+    feedforward: Floats,
+    gains: Floats,
+) -> tuple[float, float]:
+    """Sweep backward through a trajectory: steps and gains that minimise the quadratic model of the cost.
+
+    The model is that of iterative LQR: the cost to second order, the dynamics to first. Torques stay within the
+    limits (control-limited differential dynamic programming).
+
+    Args:
+        by_state: A of each period. Shape (N, n, n).
+        by_torque: B. Shape (N, n, 2).
+        defects: by how much each period of the trajectory ends beyond the next state; 0 where it follows the
+            dynamics. Shape (N, n).
+        gradient: of the cost, by each state. Shape (N + 1, n).
+        hessian: Shape (N + 1, n, n).
+        weights: on squared torques, and on their squared changes. Shape (2, 2).
+        torques: of the period before the first, then of each. Shape (N + 1, 2).
+        limits: largest magnitudes. Shape (2,).
+        regularisation: added to the curvature by each torque. Shape (2,).
+        feedforward: receives the changes of the torques. Shape (N, 2).
+        gains: receives the gains on z. Shape (N, 2, n + 2).
+
+    Returns:
+        First- and second-order part of the change of the cost that the model expects of the full step.
+    """
+    periods, n = by_torque.shape[0], by_torque.shape[1]
+    size = n + TORQUES
+    vx, vxx, va = np.zeros(size), np.zeros((size, size)), np.zeros((n, n))
+    qz, qzz, quz = np.zeros(size), np.zeros((size, size)), np.zeros((TORQUES, size))
+    qu, quu, box = np.zeros(TORQUES), np.zeros((TORQUES, TORQUES)), np.zeros((2, TORQUES))
+    slope, curve = 0.0, 0.0
+    for i in range(n):
+        vx[i] = gradient[periods, i]
+        for j in range(n):
+            vxx[i, j] = hessian[periods, i, j]
+    for t in range(periods - 1, -1, -1):
+        for i in range(size):
+            for j in range(n):
+                vx[i] += vxx[i, j] * defects[t, j]
+        state_model(by_state[t], by_torque[t], gradient[t], hessian[t], vx, vxx, va, qz, qzz)
+        torque_model(by_state[t], by_torque[t], vx, vxx, va, qu, quu, quz)
+        add_torque_cost(weights, torques[t + 1], torques[t], qu, quu, quz, qz, qzz)
+        minimise(torques[t + 1], limits, regularisation, qu, quu, quz, box, feedforward[t], gains[t])
+        slope += feedforward[t, 0] * qu[0] + feedforward[t, 1] * qu[1]
+        curve += update_value(feedforward[t], gains[t], qu, quu, quz, qz, qzz, vx, vxx)
+    return slope, curve
+
+
+@njit(cache=True)
+def torque_gradient(
+    by_state: Floats,
+    by_torque: Floats,
+    gradient: Floats,
+    weights: Floats,
+    torques: Floats,
+    gains: Floats,
+    result: Floats,
+) -> None:
+    """Differentiate the cost of a trajectory by its feed-forward torques, by the adjoint.
+
+    The trajectory follows the dynamics.
+
+    Feedback acts on what a changed torque leads to. Without it a small change early in a lap grows too large for its
+    derivative to say much. Where the derivative vanishes, it does so with any feedback.
+
+    Args:
+        by_state: see `backward`.
+        by_torque: see `backward`.
+        gradient: see `backward`.
+        weights: see `backward`.
+        torques: see `backward`.
+        gains: of the feedback on z. Shape (N, 2, n + 2).
+        result: receives it. Shape (N, 2).
+    """
+    periods, n = by_torque.shape[0], by_state.shape[1]
+    adjoint, before = np.zeros(n + TORQUES), np.zeros(n + TORQUES)
+    for i in range(n):
+        adjoint[i] = gradient[periods, i]
+    for t in range(periods - 1, -1, -1):
+        for k in range(TORQUES):
+            change = torques[t + 1, k] - torques[t, k]
+            total = 2.0 * (weights[0, k] * torques[t + 1, k] + weights[1, k] * change) + adjoint[n + k]
+            for m in range(n):
+                total += by_torque[t, m, k] * adjoint[m]
+            result[t, k] = total
+            before[n + k] = -2.0 * weights[1, k] * change
+        for i in range(n):
+            total = gradient[t, i]
+            for m in range(n):
+                total += by_state[t, m, i] * adjoint[m]
+            before[i] = total
+        for i in range(n + TORQUES):
+            adjoint[i] = before[i] + gains[t, 0, i] * result[t, 0] + gains[t, 1, i] * result[t, 1]

@@ -1,0 +1,108 @@
+"""Plans for a lap of the square.
+
+The two standard laps are clockwise from rest on the lower left corner. On the *plain lap* the elbow starts on the side
+(theta2 < 0) from which the first side of the square can be followed at once; on the *swing lap* on the other (theta2 >
+0), and the best plans known swing it through the straight pose first. By mirror symmetry a counterclockwise lap on one
+side is a clockwise one on the other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from flexarm_baselines.optimal.plan import Plan
+from flexarm_baselines.optimal.problem import TrackingProblem
+from flexarm_baselines.optimal.solver import Iteration, Solution, SolverOptions, optimise
+from flexarm_baselines.optimal.starts import Branch, follow, joint_path
+from flexarm_env.parameters import SquareParameters
+from flexarm_env.physics.paths import square
+from flexarm_env.simulation.arm import FlexibleArm
+from flexarm_env.simulation.square import rest_state
+from flexarm_env.validation import choice, integer, number, shown
+
+LAPS = {"swing": SquareParameters(elbow_branch="positive"), "plain": SquareParameters(elbow_branch="negative")}
+SWING = 0.4  # [s], of a change of sides in the starts
+CHANGE_WEIGHT = 1e-3  # [m^2]; of torques in `TrackingProblem`: smooth ones for some tenths of a millimetre
+TRIAL = 40  # iterations after which only the best start goes on
+
+
+def lap_problem(arm: FlexibleArm, lap: str | SquareParameters, period: float = 0.01, **changes: Any) -> TrackingProblem:
+    """Return the problem of one lap from rest on the first corner.
+
+    Args:
+        arm: the arm.
+        lap: "swing", "plain", or any square.
+        period: control period [s]; the lap must be a whole number of them.
+        **changes: further fields of `TrackingProblem`.
+
+    Raises:
+        ValueError: for another name, a square out of reach, or a lap of no whole number of periods.
+    """
+    if not isinstance(arm, FlexibleArm):
+        raise TypeError(f"arm = {shown(arm)}: must be a FlexibleArm")
+    task = lap if isinstance(lap, SquareParameters) else LAPS[choice("lap", lap, tuple(LAPS))]
+    path = square(task)
+    path.check_reach(arm.parameters)
+    number("period", period, "s", above=0.0)
+    count = round(task.lap_time / period)
+    if count < 1 or abs(count * period - task.lap_time) > 1e-9 * task.lap_time:
+        raise ValueError(f"period = {period!r}: the lap of {task.lap_time} s must be a whole number of periods")
+    reference = path.position(np.minimum(period * np.arange(count + 1), path.lap_time))
+    start = rest_state(arm, reference[0], task.elbow_branch)
+    return TrackingProblem(arm, start, reference, **({"change_weight": CHANGE_WEIGHT, "period": period} | changes))
+
+
+def usual_starts(lap: str | SquareParameters) -> tuple[tuple[Branch, ...], ...]:
+    """Return the sequences of branches that `plan_lap` tries: the start's throughout, and the other one at once."""
+    task = lap if isinstance(lap, SquareParameters) else LAPS[choice("lap", lap, tuple(LAPS))]
+    own = task.elbow_branch
+    other = "negative" if own == "positive" else "positive"
+    stay = Branch(0.0, own)
+    return (stay,), (stay, Branch(0.01, other, SWING))
+
+
+def plan_lap(
+    arm: FlexibleArm,
+    lap: str | SquareParameters,
+    starts: Sequence[Sequence[Branch]] | None = None,
+    options: SolverOptions | None = None,
+    trial: int = TRIAL,
+    progress: Callable[[Iteration], object] | None = None,
+    **changes: Any,
+) -> Plan:
+    """Optimise a lap from several starts; the best one after a trial is carried on.
+
+    Args:
+        arm: the arm.
+        lap: see `lap_problem`.
+        starts: sequences of elbow branches; None: `usual_starts`.
+        options: of the solver, for the best start.
+        trial: iterations of each start.
+        progress: called after each iteration.
+        **changes: further fields of `TrackingProblem`.
+
+    Returns:
+        The best plan found; `notes["starts"]` has the cost that each start came to in its trial.
+
+    Raises:
+        ValueError: for bad input.
+    """
+    problem = lap_problem(arm, lap, **changes)
+    options = SolverOptions() if options is None else options
+    trials = SolverOptions(integer("trial", trial, 0), options.tolerance)
+    tried = usual_starts(lap) if starts is None else tuple(tuple(start) for start in starts)
+    if not tried:
+        raise ValueError("starts: must hold one at least")
+    found = [optimise(problem, follow(problem, joint_path(problem, start)), trials, progress) for start in tried]
+    best = min(found, key=lambda solution: solution.log[-1].cost)
+    if not best.converged:
+        more = optimise(problem, best.run, options, progress)
+        best = Solution(*more[:2], best.log + more.log[1:], more.converged)
+    notes = [
+        {"branches": [branch._asdict() for branch in start], "cost": solution.log[-1].cost}
+        for start, solution in zip(tried, found, strict=True)
+    ]
+    return Plan.of(problem, best, starts=notes)

@@ -1,0 +1,145 @@
+"""`Plan`: a run that was optimised, with all that it takes to replay and to judge it; saves to and loads from npz."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from flexarm_baselines.arrays import Array, Floats
+from flexarm_baselines.optimal.problem import TrackingProblem
+from flexarm_baselines.optimal.solver import Solution
+from flexarm_env.parameters import ArmParameters
+from flexarm_env.simulation import archive
+from flexarm_env.simulation.arm import FlexibleArm
+from flexarm_env.simulation.feedback import Rollout
+from flexarm_env.validation import choice, finite_array, mapping, number, pair, shown
+
+PLANS = Path(__file__).resolve().parents[1] / "plans"
+_FORMAT = 1
+_ARRAYS = ("states", "torques", "reference")
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """States and torques of n control periods that an optimisation found.
+
+    Attributes:
+        parameters: the arm.
+        states: at the start and after each period. Shape (n + 1, 4 + 4 m).
+        torques: held over each period [N m]. Shape (n, 2).
+        reference: where the tip should be at each instant [m]. Shape (n + 1, 2).
+        limits: largest torques of shoulder and elbow [N m].
+        period: control period [s].
+        step: of the integration [s].
+        notes: anything plain (JSON): weights, starts, the solver's log, scores.
+    """
+
+    parameters: ArmParameters
+    states: Floats
+    torques: Floats
+    reference: Floats
+    limits: tuple[float, float]
+    period: float
+    step: float
+    notes: dict[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Check that all fit together.
+
+        Raises:
+            TypeError: for a value of the wrong kind.
+            ValueError: for a shape that does not fit, or a number out of range.
+        """
+        if not isinstance(self.parameters, ArmParameters):
+            raise TypeError(f"parameters = {shown(self.parameters)}: must be an ArmParameters")
+        mapping("notes", self.notes)
+        put = object.__setattr__
+        put(self, "torques", finite_array("torques", self.torques, (None, 2)))
+        count = len(self.torques)
+        put(self, "states", finite_array("states", self.states, (count + 1, 4 + 4 * self.parameters.modes_per_link)))
+        put(self, "reference", finite_array("reference", self.reference, (count + 1, 2)))
+        put(self, "limits", pair("limits", self.limits, "N m", above=0.0))
+        number("period", self.period, "s", above=0.0)
+        number("step", self.step, "s", above=0.0)
+
+    @classmethod
+    def of(cls, problem: TrackingProblem, solution: Solution, **notes: Any) -> Plan:
+        """Make a plan of what the solver found; its log goes into the notes."""
+        log = [iteration._asdict() for iteration in solution.log]
+        weights = {"torque_weight": problem.torque_weight, "change_weight": problem.change_weight}
+        return cls(
+            problem.arm.parameters,
+            *solution.run,
+            problem.reference,
+            problem.limits,
+            problem.period,
+            problem.step,
+            {"converged": solution.converged, **weights, **notes, "log": log},
+        )
+
+    @cached_property
+    def arm(self) -> FlexibleArm:
+        """The arm that it is made for."""
+        return FlexibleArm(self.parameters)
+
+    @property
+    def time(self) -> Floats:
+        """Of the instants [s]. Shape (n + 1,)."""
+        return self.period * np.arange(len(self.states), dtype=np.float64)
+
+    def replay(self) -> Rollout:
+        """Run its torques from its first state, open loop, on the arm that it is made for."""
+        return self.arm.rollout(self.states[0], self.torques, limits=self.limits, period=self.period, step=self.step)
+
+    def save(self, path: str | Path) -> None:
+        """Write an npz file: arrays, and the rest as JSON text."""
+        head = {
+            "parameters": asdict(self.parameters),
+            "limits": self.limits,
+            "period": self.period,
+            "step": self.step,
+            "notes": self.notes,
+        }
+        archive.write(path, _FORMAT, head, {name: getattr(self, name) for name in _ARRAYS})
+
+    @classmethod
+    def load(cls, path: str | Path) -> Plan:
+        """Read a file written by `save`; nothing in it is executed.
+
+        Raises:
+            FileNotFoundError: if there is none.
+            ValueError: if the file is not such a file, naming it and what is wrong.
+        """
+        return archive.read(path, _FORMAT, "Plan", _check_entries, cls._from_file)
+
+    @classmethod
+    def _from_file(cls, head: dict[str, Any], arrays: dict[str, Array]) -> Plan:
+        parameters = ArmParameters(**mapping("parameters", head["parameters"]))
+        states, torques, reference = (arrays[name] for name in _ARRAYS)
+        limits = tuple(head["limits"])
+        return cls(parameters, states, torques, reference, limits, head["period"], head["step"], head["notes"])
+
+
+def _check_entries(head: dict[str, Any], entries: Mapping[str, archive.Entry]) -> None:
+    for name in _ARRAYS:
+        if entries[name].dtype != np.float64:
+            raise ValueError(f"{name}: must hold float64, got {entries[name].dtype}")
+
+
+def plan_names() -> tuple[str, ...]:
+    """Return the names of the plans that come with the package."""
+    return tuple(sorted(path.stem for path in PLANS.glob("*.npz")))
+
+
+def load_plan(name: str) -> Plan:
+    """Load a plan that comes with the package, by its name, e.g. "default_swing".
+
+    Raises:
+        ValueError: for another name.
+    """
+    return Plan.load(PLANS / f"{choice('name', name, plan_names())}.npz")

@@ -1,0 +1,245 @@
+"""Iterative LQR with box constraints: the best torques of a run by sweeps of its linear-quadratic model.
+
+Each iteration differentiates all control periods of the present trajectory exactly, sweeps backward for steps and
+feedback gains that keep torques within their limits, and rolls the arm out under ``clip(u + alpha k + K (z - z0))``
+for several alpha at once, of which the best is taken. Curvature of the dynamics is left out, that of the cost is
+Gauss-Newton's, so that each sweep's model is convex; a Levenberg-Marquardt term bounds its steps.
+
+Sources: Jacobson & Mayne, *Differential Dynamic Programming*, 1970; Li & Todorov, *Iterative linear quadratic regulator
+design for nonlinear biological movement systems*, ICINCO 2004; Tassa, Mansard & Todorov, *Control-limited differential
+dynamic programming*, ICRA 2014 (box constraints, regularisation, acceptance).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from flexarm_baselines.arrays import Floats
+from flexarm_baselines.optimal import kernels
+from flexarm_baselines.optimal.problem import Expansion, TrackingProblem
+from flexarm_env.simulation.feedback import Rollout
+from flexarm_env.validation import finite_array, integer, number
+
+STEP_LENGTHS = np.array([1.0, 0.75, 0.5, 0.3, 0.15, 0.05, 0.01, 0.001])  # alpha, tried side by side
+LEAST_GAIN = 1e-4  # share of the expected decrease that a step must bring
+# Least (below: none), first and largest [m^2], as a weight on changes of the torques; the first gives the feedback that
+# acts while the residual of optimality is measured.
+REGULARISATION = (1e-9, 0.1, 1e4)
+FACTOR = 4.0
+
+
+@dataclass(frozen=True)
+class SolverOptions:
+    """When to stop.
+
+    Attributes:
+        iterations: most iterations.
+        tolerance: residual of optimality (`Iteration.residual`) that is small enough.
+    """
+
+    iterations: int = 300
+    tolerance: float = 1e-4
+
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        integer("iterations", self.iterations, 0)
+        number("tolerance", self.tolerance, above=0.0)
+
+
+class Iteration(NamedTuple):
+    """A line of the solver's log.
+
+    Attributes:
+        cost: of the trajectory, see `TrackingProblem` [m^2].
+        residual: of optimality: by how much, to first order and relative to the cost, the torques could lower the cost
+            within their limits for each unit of their r.m.s. change, as a share of the limits (the norm of the
+            projected gradient).
+        step_length: alpha that led to it; 0 where none did.
+        regularisation: of the sweep that led to it [1].
+    """
+
+    cost: float
+    residual: float
+    step_length: float
+    regularisation: float
+
+
+class Solution(NamedTuple):
+    """What the solver found.
+
+    Attributes:
+        run: states and torques.
+        gains: on the state and on the torque of the period before, of the last sweep. Shape (n, 2, 6 + 4 m).
+        log: of each iteration, the start first.
+        converged: whether the residual of optimality met the tolerance.
+    """
+
+    run: Rollout
+    gains: Floats
+    log: tuple[Iteration, ...]
+    converged: bool
+
+
+def optimise(
+    problem: TrackingProblem,
+    start: Rollout,
+    options: SolverOptions | None = None,
+    progress: Callable[[Iteration], object] | None = None,
+) -> Solution:
+    """Improve a run until no torque within the limits makes it better to first order.
+
+    Args:
+        problem: what the run should be good at.
+        start: a run of the problem's arm from its initial state, e.g. of `starts`; its torques are replayed.
+        options: when to stop.
+        progress: called after each iteration.
+
+    Raises:
+        ValueError: if torques have another shape, or the start's replay does not stay finite.
+    """
+    options = SolverOptions() if options is None else options
+    sweep = _Sweep(problem, start)
+    log = [Iteration(sweep.cost, sweep.residual, 0.0, 0.0)]
+    while log[-1].residual > options.tolerance and len(log) <= options.iterations:
+        moved = sweep.improve()
+        log.append(Iteration(sweep.cost, sweep.residual, *moved))
+        if progress is not None:
+            progress(log[-1])
+        if moved[0] == 0.0:
+            break
+    return Solution(sweep.run, sweep.gains, tuple(log), log[-1].residual <= options.tolerance)
+
+
+class _Sweep:
+    """A trajectory with the model about it."""
+
+    def __init__(self, problem: TrackingProblem, start: Rollout) -> None:
+        self.problem = problem
+        torques = finite_array("start.torques", start.torques, (problem.periods, 2))
+        self.limits = np.array(problem.limits)
+        self.run = rollout(problem, np.clip(torques, -self.limits, self.limits))
+        self.cost = float(problem.cost(self.run))
+        if not np.isfinite(self.cost):
+            raise ValueError("start.torques: the arm's state does not stay finite under them")
+        self.regularisation, self.growth = REGULARISATION[1], 1.0
+        size = 2 * problem.arm.size
+        self.forward, self.gains = np.zeros((problem.periods, 2)), np.zeros((problem.periods, 2, size + 2))
+        self.differentiate()
+
+    def differentiate(self) -> None:
+        """Expand dynamics and cost about the run, and find the residual of optimality."""
+        states, torques = self.run
+        problem = self.problem
+        found = problem.arm.step_jacobians(states[:-1], torques, problem.period, step=problem.step)
+        self.slopes = found.by_state, found.by_torque
+        self.expansion = problem.expand(states)
+        self.backward(REGULARISATION[1])
+        self.residual = optimality(problem, self.run, self.slopes, self.expansion, self.gains) / self.cost
+        self.expected = self.backward(self.regularisation)
+
+    def improve(self) -> tuple[float, float]:
+        """Roll out and choose a step, with more and more regularisation until one helps.
+
+        Returns:
+            Step length, 0 if no step helps, and regularisation.
+        """
+        while True:
+            run, costs = self.forward_pass()
+            best = int(np.argmin(costs))
+            alpha, used = float(STEP_LENGTHS[best]), self.regularisation
+            decrease = self.cost - costs[best]
+            wanted = -alpha * (self.expected[0] + alpha * self.expected[1])
+            if decrease > LEAST_GAIN * max(wanted, 0.0):
+                self.run = Rollout(run.states[best], run.torques[best])
+                self.cost = float(costs[best])
+                self.adapt(alpha >= 0.5)
+                self.differentiate()
+                return alpha, used
+            self.adapt(False)
+            if self.regularisation > REGULARISATION[2]:
+                return 0.0, used
+            self.expected = self.backward(self.regularisation)
+
+    def adapt(self, good: bool) -> None:
+        """Lower the regularisation after a good step, raise it after another, quicker and quicker (Tassa)."""
+        if good:
+            self.growth = min(1.0 / FACTOR, self.growth / FACTOR)
+            lowered = self.regularisation * self.growth
+            self.regularisation = lowered if lowered > REGULARISATION[0] else 0.0
+        else:
+            self.growth = max(FACTOR, self.growth * FACTOR)
+            self.regularisation = max(REGULARISATION[0], self.regularisation) * self.growth
+
+    def backward(self, regularisation: float) -> tuple[float, float]:
+        """Find steps and gains about the run; return the change of cost that they promise, by order."""
+        problem, (gradient, hessian, weights) = self.problem, self.expansion
+        return kernels.backward(
+            *self.slopes,
+            np.zeros_like(self.run.states[:-1]),
+            gradient,
+            hessian,
+            weights,
+            problem.with_torque_before(self.run.torques),
+            self.limits,
+            2.0 * regularisation / (problem.periods * self.limits**2),
+            self.forward,
+            self.gains,
+        )
+
+    def forward_pass(self) -> tuple[Rollout, Floats]:
+        """Run the arm under all step lengths, and compute the costs."""
+        states, torques = self.run
+        before = self.problem.with_torque_before(torques)[:-1]
+        size = states.shape[1]
+        on_torque = np.ascontiguousarray(self.gains[:, :, size:])
+        offset = torques - np.einsum("tij,tj->ti", on_torque, before)
+        forward = offset + STEP_LENGTHS[:, None, None] * self.forward
+        run = rollout(
+            self.problem,
+            forward,
+            gains=self.gains[:, :, :size],
+            references=states[:-1],
+            torque_gains=on_torque,
+        )
+        return run, self.problem.cost(run)
+
+
+def rollout(problem: TrackingProblem, torques: ArrayLike, **feedback: Floats) -> Rollout:
+    """Run the problem's arm from its start under torques and feedback; see `FlexibleArm.rollout`."""
+    return problem.arm.rollout(
+        problem.initial_state,
+        torques,
+        torque_before=problem.torque_before,
+        limits=problem.limits,
+        period=problem.period,
+        step=problem.step,
+        **feedback,
+    )
+
+
+def optimality(
+    problem: TrackingProblem, run: Rollout, slopes: tuple[Floats, Floats], expansion: Expansion, gains: Floats
+) -> float:
+    """Return the norm of the projected gradient of the cost by the feed-forward torques; see `Iteration.residual`.
+
+    A torque at its limit counts only where the cost falls inward.
+
+    Args:
+        problem: the problem.
+        run: a trajectory.
+        slopes: derivatives of each period's end by state and torque.
+        expansion: of the cost about the run.
+        gains: of the feedback that acts meanwhile. Shape (n, 2, 6 + 4 m).
+    """
+    limits = np.array(problem.limits)
+    gradient = np.empty_like(run.torques)
+    torques = problem.with_torque_before(run.torques)
+    kernels.torque_gradient(*slopes, expansion.gradient, expansion.weights, torques, gains, gradient)
+    outward = ((run.torques >= limits) & (gradient < 0.0)) | ((run.torques <= -limits) & (gradient > 0.0))
+    projected = np.where(outward, 0.0, gradient * limits)
+    return float(np.sqrt(problem.periods * np.sum(projected**2)))

@@ -1,0 +1,155 @@
+"""Feedback along a plan: the time-varying linear-quadratic regulator of the arm's deviation from it.
+
+Source: Anderson & Moore, *Optimal Control: Linear Quadratic Methods*, 1990, chapter 3; weights by Bryson's rule.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from flexarm_baselines.arrays import Floats
+from flexarm_baselines.optimal import kernels
+from flexarm_baselines.optimal.plan import Plan
+from flexarm_env.simulation.arm import FlexibleArm
+from flexarm_env.simulation.feedback import Rollout
+from flexarm_env.validation import finite_rows, number, pair, shown
+
+ENDURING = 2.0  # [s]; so long the last linearisation goes on beyond the plan's end, where gains would else vanish
+
+
+@dataclass(frozen=True)
+class RegulatorWeights:
+    """Deviations that weigh alike: the regulator trades one against the other (Bryson's rule).
+
+    Attributes:
+        tip: of the tip from the plan's [m].
+        speed: of the tip's velocity [m/s].
+        torque: of shoulder and elbow from the plan's [N m].
+    """
+
+    tip: float = 0.01
+    speed: float = 0.3
+    torque: tuple[float, float] = (6.0, 2.0)
+
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        number("tip", self.tip, "m", above=0.0)
+        number("speed", self.speed, "m/s", above=0.0)
+        object.__setattr__(self, "torque", pair("torque", self.torque, "N m", above=0.0))
+
+
+GOOD = RegulatorWeights()
+AGGRESSIVE = RegulatorWeights(speed=0.1, torque=(60.0, 20.0))
+
+
+class PlanRegulator:
+    """Linear feedback along a plan: ``u = clip(u_plan + K (x - x_plan))``.
+
+    Attributes:
+        plan: the plan.
+        weights: of the regulator.
+        gains: K of each period [N m/x]. Shape (n, 2, 4 + 4 m).
+    """
+
+    def __init__(self, plan: Plan, weights: RegulatorWeights = GOOD, model: FlexibleArm | None = None) -> None:
+        """Compute the gains.
+
+        Args:
+            plan: the plan.
+            weights: see `RegulatorWeights`.
+            model: arm that is linearised along the plan; None: the plan's.
+
+        Raises:
+            TypeError: for a value of the wrong kind.
+            ValueError: for a model with another number of modes than the plan's arm.
+        """
+        if not isinstance(plan, Plan):
+            raise TypeError(f"plan = {shown(plan)}: must be a Plan")
+        if not isinstance(weights, RegulatorWeights):
+            raise TypeError(f"weights = {shown(weights)}: must be RegulatorWeights")
+        self.plan, self.weights = plan, weights
+        self.gains = self._gains(plan.arm if model is None else _fitting(plan, model))
+
+    def torque(self, time: float, state: ArrayLike) -> Floats:
+        """Return the torque at a time, of one arm or of many: that of the control period which it falls into.
+
+        Before the plan's start its first period counts, after its end the last.
+
+        Args:
+            time: since the plan's start [s].
+            state: Shape (..., 4 + 4 m).
+
+        Returns:
+            [N m], within the plan's limits. Shape (..., 2).
+        """
+        plan = self.plan
+        states = finite_rows("state", state, plan.states.shape[1])
+        period = int(np.floor(number("time", time, "s") / plan.period + 1e-9))
+        period = min(max(period, 0), len(plan.torques) - 1)
+        wanted = plan.torques[period] + (states - plan.states[period]) @ self.gains[period].T
+        return np.clip(wanted, -np.array(plan.limits), plan.limits)
+
+    def rollout(self, state: ArrayLike | None = None, arm: FlexibleArm | None = None, **quantities: Any) -> Rollout:
+        """Run the whole plan under feedback of the true state, compiled; see `FlexibleArm.rollout`.
+
+        Args:
+            state: at the start; None: the plan's. Shape (..., 4 + 4 m).
+            arm: that is run; None: the plan's.
+            **quantities: payload_mass, stiffness, damping of what is run. Shape (...).
+        """
+        plan = self.plan
+        run = plan.arm if arm is None else _fitting(plan, arm)
+        return run.rollout(
+            plan.states[0] if state is None else state,
+            plan.torques,
+            gains=self.gains,
+            references=plan.states[:-1],
+            limits=plan.limits,
+            period=plan.period,
+            step=plan.step,
+            **quantities,
+        )
+
+    def _gains(self, model: FlexibleArm) -> Floats:
+        """Solve the Riccati recursion backward from the last linearisation's enduring regulator."""
+        plan, weights = self.plan, self.weights
+        found = model.step_jacobians(plan.states[:-1], plan.torques, plan.period, step=plan.step)
+        _, slopes = model.output_jacobians(plan.states)
+        outputs = slopes.sensed / np.array([weights.tip, weights.tip, weights.speed, weights.speed])[:, None]
+        more = round(ENDURING / plan.period)
+        periods, size = len(plan.torques) + more, plan.states.shape[1]
+        gains = np.zeros((periods, 2, size + 2))
+        kernels.backward(
+            _prolonged(found.by_state, more),
+            _prolonged(found.by_torque, more),
+            np.zeros((periods, size)),
+            np.zeros((periods + 1, size)),
+            _prolonged(outputs.swapaxes(1, 2) @ outputs, more),
+            np.array([0.5 / np.square(weights.torque), np.zeros(2)]),
+            np.zeros((periods + 1, 2)),
+            np.full(2, np.inf),
+            np.zeros(2),
+            np.zeros((periods, 2)),
+            gains,
+        )
+        return np.ascontiguousarray(gains[: len(plan.torques), :, :size])
+
+
+def _prolonged(table: Floats, more: int) -> Floats:
+    """Repeat the last entry."""
+    return np.concatenate([table, np.repeat(table[-1:], more, axis=0)])
+
+
+def _fitting(plan: Plan, arm: FlexibleArm) -> FlexibleArm:
+    """Check that an arm has the plan's states."""
+    if not isinstance(arm, FlexibleArm):
+        raise TypeError(f"arm = {shown(arm)}: must be a FlexibleArm")
+    if arm.parameters.modes_per_link != plan.parameters.modes_per_link:
+        raise ValueError(
+            f"arm: has {arm.parameters.modes_per_link} modes a link, the plan's {plan.parameters.modes_per_link}"
+        )
+    return arm

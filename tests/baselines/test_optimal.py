@@ -1,0 +1,325 @@
+"""Optimal motion: the solver against scipy's, starts, plans and their files, feedback along them; refusals."""
+
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+
+from flexarm_baselines.optimal import (
+    AGGRESSIVE,
+    Branch,
+    Plan,
+    PlanRegulator,
+    RegulatorWeights,
+    Solution,
+    SolverOptions,
+    TrackingProblem,
+    follow,
+    joint_path,
+    lap_problem,
+    load_plan,
+    optimise,
+    plan_lap,
+    usual_starts,
+)
+from flexarm_baselines.optimal.kernels import torque_gradient
+from flexarm_baselines.optimal.solver import rollout
+from flexarm_env import ArmParameters, FlexibleArm, SquareParameters
+from flexarm_env.simulation.feedback import Rollout
+
+ARM = FlexibleArm(ArmParameters(modes_per_link=1))
+PERIODS, SIZE = 25, 8
+START = np.array([0.3, 0.9, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+IDLE = Rollout(np.zeros((PERIODS + 1, SIZE)), np.zeros((PERIODS, 2)))
+
+
+def problem(**changes: Any) -> TrackingProblem:
+    """Make the tip leave for a point that it cannot reach in time: torques come to their limits."""
+    share = np.linspace(0.0, 1.0, PERIODS + 1)[:, None]
+    reference = ARM.tip(START[:4]) + share * (-0.6, 0.5)
+    options: dict[str, Any] = {"limits": (40.0, 12.0), "torque_weight": 1e-4, "change_weight": 1e-3}
+    return TrackingProblem(ARM, START, reference, **(options | changes))
+
+
+@cache
+def solved() -> tuple[TrackingProblem, Solution]:
+    case = problem()
+    return case, optimise(case, IDLE, SolverOptions(tolerance=1e-7))
+
+
+@cache
+def plan() -> Plan:
+    return Plan.of(*solved(), note="a test's")
+
+
+def gradient(case: TrackingProblem, torques: np.ndarray) -> np.ndarray:
+    run = rollout(case, torques)
+    slopes, expansion, found = ARM.step_jacobians(run.states[:-1], torques), case.expand(run.states), torques.copy()
+    no_feedback = np.zeros((len(torques), 2, SIZE + 2))
+    torque_gradient(
+        slopes.by_state,
+        slopes.by_torque,
+        expansion.gradient,
+        expansion.weights,
+        case.with_torque_before(torques),
+        no_feedback,
+        found,
+    )
+    return found
+
+
+# --- the solver -------------------------------------------------------------------------------------------------------
+
+
+def test_it_finds_what_scipy_finds() -> None:
+    case, solution = solved()
+    bounds = [(-limit, limit) for _ in range(PERIODS) for limit in case.limits]
+
+    def value(flat: np.ndarray) -> tuple[float, np.ndarray]:
+        torques = flat.reshape(PERIODS, 2)
+        return 1e4 * float(case.cost(rollout(case, torques))), 1e4 * gradient(case, torques).ravel()
+
+    options = {"maxiter": 3000, "maxfun": 5000, "ftol": 1e-15, "gtol": 1e-9}
+    other = minimize(value, np.zeros(2 * PERIODS), jac=True, bounds=bounds, method="L-BFGS-B", options=options)
+    assert solution.converged
+    np.testing.assert_allclose(solution.log[-1].cost, other.fun / 1e4, rtol=1e-7)
+    np.testing.assert_allclose(solution.run.torques, other.x.reshape(PERIODS, 2), atol=0.05)
+    at_limit = np.abs(solution.run.torques) == case.limits
+    assert at_limit.any()
+    assert not at_limit.all()
+
+
+def test_costs_fall_and_the_last_residual_is_small() -> None:
+    _, solution = solved()
+    costs = [iteration.cost for iteration in solution.log]
+    assert np.all(np.diff(costs) < 0.0)
+    assert solution.log[-1].residual <= 1e-7 < solution.log[0].residual
+
+
+def test_the_gradient_is_that_of_the_cost() -> None:
+    case = problem(tip_weights=np.linspace(1.0, 2.0, PERIODS + 1), residuals=lambda x, t: [0.1 * x[4] * (1.0 + t)])
+    torques = 5.0 * np.random.default_rng(0).normal(size=(PERIODS, 2))
+    found = gradient(case, torques)
+    for t, k in ((0, 0), (7, 1), (PERIODS - 1, 0)):
+        ends = []
+        for sign in (1.0, -1.0):
+            moved = torques.copy()
+            moved[t, k] += sign * 1e-3
+            ends.append(float(case.cost(rollout(case, moved))))
+        np.testing.assert_allclose(found[t, k], (ends[0] - ends[1]) / 2e-3, rtol=1e-5)
+
+
+def test_what_a_user_adds_is_made_smaller() -> None:
+    _, plain = solved()
+    slow = optimise(problem(residuals=lambda x, t: [x[4], x[5]]), IDLE).run
+    speed = [np.mean(run.states[:, 4:6] ** 2) for run in (plain.run, slow)]
+    assert speed[1] < 0.5 * speed[0]
+
+
+def test_smooth_torques_cost_what_they_cost() -> None:
+    _, rough = solved()
+    smooth = optimise(problem(change_weight=0.1), IDLE).run
+    changes = [np.sum(np.diff(run.torques, axis=0) ** 2) for run in (rough.run, smooth)]
+    assert changes[1] < 0.2 * changes[0]
+
+
+def test_no_iteration_returns_the_start_and_progress_is_called_for_each() -> None:
+    case, seen = problem(), []
+    none = optimise(case, IDLE, SolverOptions(iterations=0), seen.append)
+    assert not seen
+    assert not none.converged
+    np.testing.assert_array_equal(none.run.torques, 0.0)
+    some = optimise(case, IDLE, SolverOptions(iterations=2), seen.append)
+    assert seen == list(some.log[1:])
+    assert len(seen) == 2
+
+
+# --- starts -----------------------------------------------------------------------------------------------------------
+
+
+def test_joint_angles_are_on_the_branches_in_their_time() -> None:
+    lap = lap_problem(ARM, SquareParameters(lap_time=4.0))
+    joints = joint_path(lap, [Branch(0.0, "positive"), Branch(1.0, "negative", 0.5)])
+    sides = np.sign(joints[:, 1])
+    assert np.all(sides[:101] == 1.0)
+    assert np.all(sides[151:] == -1.0)
+    assert np.abs(np.diff(joints, axis=0)).max() < 0.3
+    lengths = ARM.parameters.link_lengths
+    angle = np.cumsum(joints, axis=1)
+    tip = sum(n * np.stack([np.cos(a), np.sin(a)], axis=1) for n, a in zip(lengths, angle.T, strict=True))
+    np.testing.assert_allclose(tip[151:], lap.reference[151:], atol=1e-9)
+
+
+def test_the_arm_follows_a_start() -> None:
+    lap = lap_problem(ARM, SquareParameters(lap_time=16.0, elbow_branch="negative"))
+    run = follow(lap, joint_path(lap, [Branch(0.0, "negative")]))
+    away = np.linalg.norm(ARM.tip(run.states[:, :4]) - lap.reference, axis=1)
+    assert np.sqrt(np.mean(away**2)) < 0.1
+    assert np.all(np.abs(run.torques) <= lap.limits)
+
+
+def test_a_lap_is_planned_from_the_better_start() -> None:
+    lap = SquareParameters(lap_time=1.6, side=6.0, elbow_branch="positive")
+    trials = SolverOptions(iterations=3)
+    found = plan_lap(ARM, lap, options=trials, trial=2)
+    assert [note["branches"] for note in found.notes["starts"]] == [
+        [branch._asdict() for branch in start] for start in usual_starts(lap)
+    ]
+    assert found.notes["log"][-1]["cost"] <= min(note["cost"] for note in found.notes["starts"])
+    assert found.states.shape == (161, SIZE)
+    assert found.states[0, 1] > 0.0
+
+
+# --- plans ------------------------------------------------------------------------------------------------------------
+
+
+def test_a_plan_replays_to_its_states_and_survives_a_file(tmp_path: Path) -> None:
+    plan().save(tmp_path / "plan.npz")
+    loaded = Plan.load(tmp_path / "plan.npz")
+    for name in ("states", "torques", "reference"):
+        np.testing.assert_array_equal(getattr(loaded, name), getattr(plan(), name))
+    assert (loaded.parameters, loaded.limits, loaded.period, loaded.step) == (ARM.parameters, (40.0, 12.0), 0.01, 1e-3)
+    assert loaded.notes["note"] == "a test's"
+    assert loaded.notes["log"][-1]["residual"] < 1e-7
+    np.testing.assert_array_equal(loaded.replay().states, plan().states)
+
+
+def test_a_damaged_file_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "plan.npz"
+    path.write_bytes(b"nothing")
+    with pytest.raises(ValueError, match="not a saved Plan"):
+        Plan.load(path)
+    np.savez(path, head=np.array('{"format": 1}'), states=np.zeros((2, 8)))
+    with pytest.raises(ValueError, match="not a saved Plan"):
+        Plan.load(path)
+
+
+# --- feedback along a plan --------------------------------------------------------------------------------------------
+
+
+def test_the_gains_are_those_of_the_riccati_recursion() -> None:
+    weights = RegulatorWeights(tip=0.02, speed=0.3, torque=(10.0, 4.0))
+    regulator = PlanRegulator(plan(), weights)
+    found = ARM.step_jacobians(plan().states[:-1], plan().torques)
+    slopes = ARM.output_jacobians(plan().states)[1].sensed / np.array([0.02, 0.02, 0.3, 0.3])[:, None]
+    torque_cost, value = np.diag(1.0 / np.array([10.0, 4.0]) ** 2), slopes[-1].T @ slopes[-1]
+    more = 200
+    order = [*range(PERIODS), *[PERIODS - 1] * more]
+    for n, t in reversed(list(enumerate(order))):
+        A, B = found.by_state[t], found.by_torque[t]
+        gain = -np.linalg.solve(torque_cost + B.T @ value @ B, B.T @ value @ A)
+        closed, output = A + B @ gain, slopes[t if n < PERIODS else -1]
+        value = output.T @ output + gain.T @ torque_cost @ gain + closed.T @ value @ closed
+        if n < PERIODS:
+            np.testing.assert_allclose(regulator.gains[t], gain, rtol=1e-5, atol=1e-5)
+
+
+def test_the_torque_is_that_of_the_rollout() -> None:
+    regulator = PlanRegulator(plan())
+    state = plan().states[0] + 0.01
+    run = regulator.rollout(state)
+    for t in (0, 3, PERIODS - 1):
+        np.testing.assert_allclose(regulator.torque(0.01 * t, run.states[t]), run.torques[t], atol=1e-9)
+        np.testing.assert_allclose(regulator.torque(0.01 * t + 0.004, run.states[t]), run.torques[t], atol=1e-9)
+    assert regulator.torque(0.1, np.tile(state, (3, 1))).shape == (3, 2)
+    np.testing.assert_array_equal(regulator.torque(9.0, state), regulator.torque(0.24, state))
+    np.testing.assert_array_equal(regulator.torque(-1.0, state), regulator.torque(0.0, state))
+
+
+def test_feedback_brings_the_tip_back_and_more_of_it_sooner() -> None:
+    wide = Plan.of(problem(limits=(400.0, 200.0)), solved()[1])
+    off = np.array([0.002, -0.003, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+    misses = []
+    for regulator in (None, PlanRegulator(wide), PlanRegulator(wide, AGGRESSIVE)):
+        start = wide.states[0] + off
+        run = ARM.rollout(start, wide.torques) if regulator is None else regulator.rollout(start)
+        misses.append(np.linalg.norm(ARM.tip(run.states[:, :4]) - ARM.tip(wide.states[:, :4]), axis=1))
+    assert misses[1][-1] < 0.5 * misses[0][-1]
+    assert np.sum(misses[2] ** 2) < np.sum(misses[1] ** 2)
+
+
+def test_another_arm_and_drawn_quantities_are_run() -> None:
+    regulator = PlanRegulator(plan())
+    heavy = FlexibleArm(ArmParameters(modes_per_link=1, payload_mass=0.3))
+    one, other = regulator.rollout(arm=heavy), regulator.rollout(payload_mass=[0.0, 0.3])
+    assert other.states.shape == (2, PERIODS + 1, SIZE)
+    np.testing.assert_allclose(other.states[1], one.states, atol=1e-9)
+
+
+# --- refusals ---------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("changes", "error", "words"),
+    [
+        ({"arm": ArmParameters()}, TypeError, "must be a FlexibleArm"),
+        ({"initial_state": np.zeros(7)}, ValueError, r"initial_state: must have shape \(8,\)"),
+        ({"reference": np.zeros((5, 3))}, ValueError, r"reference: must have shape \(n, 2\)"),
+        ({"reference": np.zeros((1, 2))}, ValueError, "two instants"),
+        ({"reference": np.full((5, 2), np.nan)}, ValueError, r"reference\[0, 0\] = nan"),
+        ({"limits": (0.0, 1.0)}, ValueError, "limits"),
+        ({"tip_weights": np.ones(3)}, ValueError, "tip_weights: must have shape"),
+        ({"tip_weights": -1.0}, ValueError, r"tip_weights\[0\] = -1.0: must be >= 0"),
+        ({"torque_weight": 0.0}, ValueError, "torque_weight = 0.0"),
+        ({"change_weight": -1.0}, ValueError, "change_weight = -1.0"),
+        ({"torque_before": (1.0,)}, TypeError, "torque_before"),
+        ({"residuals": 3}, TypeError, "residuals = 3"),
+        ({"period": 0.0}, ValueError, "period = 0.0"),
+    ],
+    ids=str,
+)
+def test_a_bad_problem_is_refused(changes: dict[str, Any], error: type[Exception], words: str) -> None:
+    arguments = {"arm": ARM, "initial_state": START, "reference": np.zeros((5, 2))} | changes
+    with pytest.raises(error, match=words):
+        TrackingProblem(**arguments)
+
+
+def test_other_bad_input_is_refused() -> None:
+    case = problem()
+    with pytest.raises(ValueError, match=r"start.torques: must have shape \(25, 2\)"):
+        optimise(case, Rollout(IDLE.states, np.zeros((3, 2))))
+    with pytest.raises(ValueError, match="iterations = -1"):
+        SolverOptions(iterations=-1)
+    with pytest.raises(ValueError, match=r"tolerance = 0\.0"):
+        SolverOptions(tolerance=0.0)
+    with pytest.raises(ValueError, match="lap = 'round': must be one of"):
+        lap_problem(ARM, "round")
+    with pytest.raises(ValueError, match="whole number of periods"):
+        lap_problem(ARM, "plain", period=0.3)
+    with pytest.raises(TypeError, match="arm = "):
+        plan_lap(ArmParameters(), "plain")
+    with pytest.raises(ValueError, match="starts: must hold one"):
+        plan_lap(ARM, "plain", starts=[])
+    for branches, words in (
+        ([], "one at least"),
+        ([Branch(0.0, "left")], r"branches\[0\].side = 'left'"),
+        ([Branch(1.0, "positive"), Branch(1.0, "negative")], "times must increase"),
+        ([Branch(0.0, "positive"), Branch(1.0, "negative", 0.0)], r"branches\[1\].duration = 0.0"),
+    ):
+        with pytest.raises(ValueError, match=words):
+            joint_path(case, branches)
+    with pytest.raises(ValueError, match=r"joints: must have shape \(26, 2\)"):
+        follow(case, np.zeros((3, 2)))
+
+
+def test_bad_input_along_a_plan_is_refused() -> None:
+    with pytest.raises(ValueError, match="name = 'best'"):
+        load_plan("best")
+    with pytest.raises(TypeError, match="plan = "):
+        PlanRegulator(solved()[1])
+    with pytest.raises(TypeError, match="weights = "):
+        PlanRegulator(plan(), (0.1, 0.2))
+    with pytest.raises(ValueError, match="torque"):
+        RegulatorWeights(torque=(0.0, 1.0))
+    with pytest.raises(ValueError, match="2 modes a link, the plan's 1"):
+        PlanRegulator(plan(), model=FlexibleArm())
+    regulator = PlanRegulator(plan())
+    with pytest.raises(ValueError, match=r"state: must have shape \(..., 8\)"):
+        regulator.torque(0.0, np.zeros(4))
+    with pytest.raises(ValueError, match="time = nan"):
+        regulator.torque(np.nan, START)
+    with pytest.raises(ValueError, match="states: must have shape"):
+        Plan(ARM.parameters, np.zeros((3, 8)), np.zeros((3, 2)), np.zeros((4, 2)), (1.0, 1.0), 0.01, 1e-3)

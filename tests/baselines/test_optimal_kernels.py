@@ -1,0 +1,136 @@
+"""The solver's sweeps: against dense solutions of the same quadratic problems, and differences."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from flexarm_baselines.optimal import kernels
+
+N, SIZE = 6, 4
+FREE = np.full(2, np.inf)
+small = st.floats(-3.0, 3.0)
+
+
+class Linear(NamedTuple):
+    """A time-varying linear-quadratic problem about a trajectory: x_(t+1) = A x + B u + defect."""
+
+    by_state: np.ndarray
+    by_torque: np.ndarray
+    defects: np.ndarray
+    gradient: np.ndarray
+    hessian: np.ndarray
+    weights: np.ndarray
+    torques: np.ndarray
+
+    @classmethod
+    def drawn(cls, seed: int) -> "Linear":
+        rng = np.random.default_rng(seed)
+        roots = rng.normal(size=(N + 1, 2, SIZE))
+        return cls(
+            np.eye(SIZE) + 0.3 * rng.normal(size=(N, SIZE, SIZE)),
+            rng.normal(size=(N, SIZE, 2)),
+            0.1 * rng.normal(size=(N, SIZE)),
+            rng.normal(size=(N + 1, SIZE)),
+            roots.swapaxes(1, 2) @ roots,
+            rng.uniform(0.1, 1.0, size=(2, 2)),
+            rng.normal(size=(N + 1, 2)),
+        )
+
+    def cost(self, changes: np.ndarray) -> Any:
+        """Return the model's cost of changed torques."""
+        x, total = np.zeros(SIZE), 0.0
+        torques = self.torques.copy()
+        torques[1:] += changes
+        for t in range(N + 1):
+            total += self.gradient[t] @ x + 0.5 * x @ self.hessian[t] @ x
+            if t < N:
+                total += self.weights[0] @ torques[t + 1] ** 2
+                total += self.weights[1] @ (torques[t + 1] - torques[t]) ** 2
+                x = self.by_state[t] @ x + self.by_torque[t] @ changes[t] + self.defects[t]
+        return total
+
+    def dense(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return gradient and Hessian of the cost by all changes; the cost is quadratic, so differences are exact."""
+        unit = np.eye(2 * N).reshape(2 * N, N, 2)
+        at = self.cost(np.zeros((N, 2)))
+        plus, minus = (np.array([self.cost(sign * e) for e in unit]) for sign in (1.0, -1.0))
+        both = np.array([[self.cost(a + b) for b in unit] for a in unit])
+        return 0.5 * (plus - minus), both - plus[:, None] - plus[None] + at
+
+
+def swept(problem: Linear, limits: np.ndarray = FREE) -> tuple[np.ndarray, np.ndarray, tuple[float, float]]:
+    forward, gains = np.zeros((N, 2)), np.zeros((N, 2, SIZE + 2))
+    expected = kernels.backward(*problem, limits, np.zeros(2), forward, gains)
+    return forward, gains, expected
+
+
+def applied(problem: Linear, forward: np.ndarray, gains: np.ndarray) -> np.ndarray:
+    """Return changes of the torques when steps and gains act on the linear system."""
+    x, before, changes = np.zeros(SIZE), np.zeros(2), []
+    for t in range(N):
+        before = forward[t] + gains[t] @ np.concatenate([x, before])
+        changes.append(before)
+        x = problem.by_state[t] @ x + problem.by_torque[t] @ before + problem.defects[t]
+    return np.array(changes)
+
+
+@settings(deadline=None, max_examples=20)  # the first one compiles
+@given(st.integers(0, 10_000))
+def test_a_sweep_solves_the_linear_quadratic_problem(seed: int) -> None:
+    problem = Linear.drawn(seed)
+    gradient, hessian = problem.dense()
+    exact = -np.linalg.solve(hessian, gradient).reshape(N, 2)
+    forward, gains, _ = swept(problem)
+    np.testing.assert_allclose(applied(problem, forward, gains), exact, rtol=1e-6, atol=1e-7)
+
+
+def test_it_expects_the_decrease_that_comes() -> None:
+    problem = Linear.drawn(1)._replace(defects=np.zeros((N, SIZE)))
+    forward, gains, (slope, curve) = swept(problem)
+    change = problem.cost(applied(problem, forward, gains)) - problem.cost(np.zeros((N, 2)))
+    np.testing.assert_allclose(slope + curve, change, rtol=1e-9)
+    np.testing.assert_allclose(slope, -2.0 * curve, rtol=1e-9)
+
+
+def test_steps_keep_the_limits_and_a_held_torque_has_no_gain() -> None:
+    problem = Linear.drawn(2)
+    limits = np.abs(problem.torques).max(axis=0) + 1e-3
+    forward, gains, _ = swept(problem, limits)
+    at = np.abs(problem.torques[1:] + forward)
+    assert np.all(at <= limits + 1e-12)
+    held = at >= limits - 1e-12
+    assert held.any()
+    assert not held.all()
+    assert np.all(gains[held] == 0.0)
+    assert np.all(np.abs(gains[~held]).max(axis=1) > 0.0)
+
+
+@settings(deadline=None)
+@given(small, small, small, small, small, st.tuples(small, small), st.tuples(small, small))
+def test_the_minimum_over_a_rectangle(
+    a: float, b: float, c: float, q1: float, q2: float, one: tuple[float, float], two: tuple[float, float]
+) -> None:
+    """No point of the rectangle is better: the gradient there does not point inward (Karush, Kuhn, Tucker)."""
+    root = np.array([[a, b], [0.0, c]])
+    matrix, q = root.T @ root + 0.01 * np.eye(2), np.array([q1, q2])
+    box, step = np.sort(np.array([one, two]), axis=0), np.zeros(2)
+    kernels.box_minimum(matrix[0, 0], matrix[0, 1], matrix[1, 1], q1, q2, box, step)
+    assert np.all((box[0] <= step) & (step <= box[1]))
+    moved = np.clip(step - (q + matrix @ step), *box)
+    np.testing.assert_allclose(moved, step, atol=1e-9)
+
+
+@settings(deadline=None, max_examples=20)  # the first one compiles
+@given(st.integers(0, 10_000))
+def test_the_gradient_is_a_difference_with_and_without_feedback(seed: int) -> None:
+    problem = Linear.drawn(seed)._replace(defects=np.zeros((N, SIZE)))
+    gains = 0.1 * np.random.default_rng(seed).normal(size=(N, 2, SIZE + 2))
+    for feedback in (np.zeros_like(gains), gains):
+        found = np.zeros((N, 2))
+        kernels.torque_gradient(*problem[:2], *problem[3:4], *problem[5:], feedback, found)
+        unit = 1e-4 * np.eye(2 * N).reshape(2 * N, N, 2)
+        ends = [[problem.cost(applied(problem, sign * e, feedback)) for e in unit] for sign in (1.0, -1.0)]
+        exact = (np.array(ends[0]) - ends[1]).reshape(N, 2) / 2e-4
+        np.testing.assert_allclose(found, exact, rtol=1e-5, atol=1e-5)
