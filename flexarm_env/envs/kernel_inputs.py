@@ -72,7 +72,7 @@ def kept_actions(kinds: Sequence[Settings]) -> int:
 def header_and_settings(
     kinds: Sequence[Settings], program: Program, observed: ObservationLayout
 ) -> tuple[NDArray[np.int64], Array]:
-    """Make the header and the settings of the kernels; `lay_out` adds the places of the arrays.
+    """Make the header and the settings of the kernels; `LaneBatch` adds the places of the arrays.
 
     Args:
         kinds: distinct settings of the environments.

@@ -42,7 +42,7 @@ class PlainEnvironment:
         return self.simulator.observations[0, self.simulator.layout.blocks[name]].copy()
 
     def result(self, name: str) -> NDArray[np.float64]:
-        """Return a part of what is known at the present instant (`episode_sizes`), in a new array."""
+        """Return a part of what is known at the present instant (`result_sizes`), in a new array."""
         return self.simulator.result(0)[self.simulator.parts[name]]
 
     def _run(self) -> None:
