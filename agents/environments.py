@@ -10,13 +10,13 @@ import gymnasium
 from gymnasium.vector import AutoresetMode
 
 import flexarm_env  # noqa: F401  (registers the ids)
-from flexarm_env.envs.registration import NAMESPACE
+from flexarm_env.envs.registration import IDS, NAMESPACE
 from flexarm_env.envs.settings import Settings
 from flexarm_env.envs.single import FlexArmEnv
 from flexarm_env.envs.vector import FlexArmVectorEnv
 from flexarm_env.validation import mapping, shown
 
-_ENTRY_POINT = "flexarm_env.envs.vector:FlexArmVectorEnv"
+_ENTRY_POINTS = {one.entry for one in IDS.values()}
 
 
 def check_id(environment: object) -> str:
@@ -32,7 +32,7 @@ def check_id(environment: object) -> str:
     Raises:
         ValueError: naming those there are.
     """
-    known = sorted(name for name, spec in gymnasium.registry.items() if spec.vector_entry_point == _ENTRY_POINT)
+    known = sorted(name for name, spec in gymnasium.registry.items() if spec.entry_point in _ENTRY_POINTS)
     name = environment.rpartition(":")[2] if isinstance(environment, str) else ""
     if "/" not in name:
         name = f"{NAMESPACE}/{name}"
@@ -90,6 +90,8 @@ def make_batch(environment: str, num_envs: int, options: Mapping[str, Any] | Non
         TypeError, ValueError: for an unknown id or a bad option.
     """
     name, chosen = check_id(environment), dict(options or {})
+    if gymnasium.spec(name).vector_entry_point is None:
+        raise ValueError(f"environment = {shown(environment)}: has no batch of its own; take an id that has one")
     if "autoreset_mode" in chosen:
         raise ValueError(f"autoreset_mode = {chosen['autoreset_mode']!r}: must be left out; 'SameStep' is set")
     env = gymnasium.make_vec(name, num_envs=num_envs, autoreset_mode=AutoresetMode.SAME_STEP, **chosen)

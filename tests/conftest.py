@@ -1,9 +1,27 @@
-"""Settings of the processes that run the tests, and of those that the tests start."""
+"""Settings of the processes that run the tests, and of those that the tests start; with which kernels tests run."""
 
 import os
+
+import pytest
 
 # One thread for linear algebra: matrices here have a few hundred rows at most, and threads that wait for each other in
 # every process cost far more than they save. Libraries read this when
 # numpy is imported, which is after this file.
 for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(variable, "1")
+
+
+@pytest.fixture
+def uncompiled(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let the test's kernels run in plain Python."""
+    from tests.support.plain import run_plainly  # after the variables above are set
+
+    run_plainly(monkeypatch)
+
+
+@pytest.fixture
+def kernels(request: pytest.FixtureRequest) -> str:
+    """Run the test's kernels in plain Python ("plain"), or compile them ("compiled"); see `support.plain.KERNELS`."""
+    if request.param == "plain":
+        request.getfixturevalue("uncompiled")
+    return str(request.param)

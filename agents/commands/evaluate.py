@@ -59,19 +59,20 @@ def run(arguments: Sequence[str]) -> None:
     """Score, print a table, write a file."""
     given = _read(arguments)
     laps, seed = integer("laps", given.laps, 1), integer("seed", given.seed, 0)
+    contenders = list(_contenders(given))  # all of them before the first lap, so that a bad name is refused at once
+    if not contenders:
+        raise ValueError("policies: nothing to score; name one, or leave --baselines or --shipped on")
+    given.output.parent.mkdir(parents=True, exist_ok=True)
     results = []
-    for contender in _contenders(given):
+    for contender in contenders:
         scores = _scores(contender, laps, seed)
         results.append(Result(contender, scores))
         told = str(scores[0]) if laps == 1 else f"{sum(each.complete for each in scores)} of {laps} laps complete"
         print(f"{contender.name}: {told}", file=sys.stderr, flush=True)
-    if not results:
-        raise ValueError("policies: nothing to score; name one, or leave --baselines or --shipped on")
     results.sort(key=lambda result: rank(result.laps))
     groups = _groups(results)
     about = {"seed": seed, "laps": laps, "options": given.options, "arm": given.arm}
     settings = [{"trainings": group.names} | _plain(group.spreads) for group in groups]
-    given.output.parent.mkdir(parents=True, exist_ok=True)
     write_json(given.output, about | {"results": [each.plain(seed) for each in results], "settings": settings})
     print(lap_table([(each.contender.name, _environment(each.contender), each.laps) for each in results]))
     if groups:
@@ -124,7 +125,7 @@ def _is_attribute(source: str) -> bool:
 
 
 def _contenders(given: argparse.Namespace) -> Iterator[Contender]:
-    """Yield everything that the command line names, each made when it is its turn."""
+    """Yield everything that the command line names."""
     options = changed({}, given.options, given.arm)
     if given.baselines:
         for name, policy in (("IFDC", IFDC), ("FLSAC", FLSAC)):

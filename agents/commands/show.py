@@ -39,7 +39,7 @@ def specification(environment: str, columns: int) -> str:
         ("episode", f"{one.steps} steps, {doc.figure(one.steps * period)} s"),
         ("make", f'gymnasium.make("flexarm_env:{environment}")'),
         ("batch", f'gymnasium.make_vec("flexarm_env:{environment}", num_envs=16)'),
-    ]
+    ] + ([("needs", f'pip install "flexarm[{one.extra}]"')] if one.extra else [])
     sections = {
         "Action space": f"action_mode is {settings.action_mode}: {mode.text}.\n\n{doc.action_table(settings)}",
         "Observation space": f"{doc.BLOCK_RULES}\n\n{doc.block_table(settings)}",
@@ -50,6 +50,7 @@ def specification(environment: str, columns: int) -> str:
         "Episode end": f"{doc.ENDING}\n\n{doc.end_table(settings)}",
         "Info": f"{doc.info_table(settings)}\n\n{doc.EPISODE}\n\n{doc.episode_table()}",
         "Options": f"Arguments of make and make_vec.\n\n{doc.argument_table(settings, one.options)}",
+        **({"Options of its own": doc.own_table(one.options_of)} if one.options_of else {}),
         "Reset options": doc.option_table(),
     }
     table = doc.table(("environment", environment), facts)

@@ -17,8 +17,10 @@ that is), so that no first step waits: for container images, and before many pro
 def run(arguments: Sequence[str]) -> None:
     """Compile, and print a line for each kernel."""
     parser = reader("warm-up", DESCRIPTION)
-    everything = [f"{NAMESPACE}/{name}" for name in IDS]
-    parser.add_argument("ids", nargs="*", default=everything, metavar="ID", help="environments; without any, all")
+    everything = [f"{NAMESPACE}/{name}" for name, one in IDS.items() if not one.extra]
+    parser.add_argument(
+        "ids", nargs="*", default=everything, metavar="ID", help="environments; without any, all that need no extra"
+    )
     add_options(parser, "options that the environments will be made with")
     parser.add_argument("--num-envs", type=int, nargs="+", default=[1], metavar="N", help="numbers of environments; 1")
     given = parser.parse_args(arguments)

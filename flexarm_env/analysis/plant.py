@@ -33,7 +33,7 @@ class Plant:
     """``x' = A x + B tau, y(t) = C x(t - delay)``: deviations from an operating point.
 
     Attributes:
-        A: Shape (n, n); n = 4 + 4 m, and more with a Pade model of a delay.
+        A: by the state variables of `states`. Shape (n, n); n = 4 + 4 m, and more with a Pade model of a delay.
         B: Shape (n, inputs).
         C: Shape (outputs, n).
         D: Shape (outputs, inputs); not zero for Pade models only.
@@ -55,6 +55,18 @@ class Plant:
     units: tuple[str, ...]
     sensors: tuple[Sensor, ...]
     point: OperatingPoint
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        """Names of the state variables, in their order.
+
+        theta1, theta2 [rad]; the modal coordinates q1_1 ... q1_m of link 1, q2_1 ... q2_m of link 2 [1]; the rates
+        of all of these [rad/s, 1/s], theta1_rate ...; then those of a Pade model, pade_1 ...
+        """
+        modes = self.point.arm.parameters.modes_per_link
+        coordinates = ["theta1", "theta2", *(f"q{link}_{i}" for link in (1, 2) for i in range(1, modes + 1))]
+        own = [*coordinates, *(f"{name}_rate" for name in coordinates)]
+        return (*own, *(f"pade_{i}" for i in range(1, len(self.A) - len(own) + 1)))
 
     @property
     def is_square(self) -> bool:
@@ -154,9 +166,8 @@ class Plant:
             if pade_order is None:
                 raise ValueError(f"pade_order = None: the outputs are late by {self.delays.tolist()} s; give an order")
             plant = self.pade(pade_order)
-        return control.ss(
-            plant.A, plant.B, plant.C, plant.D, inputs=list(plant.inputs), outputs=list(plant.outputs), name="arm"
-        )
+        names = {"inputs": list(plant.inputs), "outputs": list(plant.outputs), "states": list(plant.states)}
+        return control.ss(plant.A, plant.B, plant.C, plant.D, name="arm", **names)
 
 
 def linear_plant(point: OperatingPoint, *sensors: Sensor) -> Plant:

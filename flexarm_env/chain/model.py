@@ -38,6 +38,8 @@ from flexarm_env.physics.damping import clamped_ratio, material_time
 TIME_STEPS = (5e-3, 2e-3, 1e-3, 5e-4, 2e-4, 1e-4, 5e-5, 2e-5)  # [s]; `largest_stable_step` tries these
 SHOULDER, ELBOW, TIP = "shoulder", "elbow", "tip"
 _RUNAWAY = 1e4  # [rad/s]; random torques bring the lightest segment of 20 to a few hundred
+MOST_STEPS = 1000  # of `stable_steps`
+_MARGIN = 1.1  # of the longest stable step of the straight chain over the one that is taken
 _ROUNDING = 1e-6  # of an eigenvalue; the rigid motions' is double, which costs half of the digits
 _SLENDER = 1e-6  # a rod's inertia about its own axis as a part of the other two; MuJoCo requires it to be positive
 
@@ -244,7 +246,7 @@ def is_stable(model: mujoco.MjModel, seconds: float = 4.0, torque: float = 20.0)
         seconds: length of the run [s].
         torque: uniform between plus and minus this [N m], drawn anew every ms (every step if that is longer).
     """
-    if _growth(model) > 1.0 + _ROUNDING:
+    if growth(model, model.opt.timestep) > 1.0 + _ROUNDING:
         return False
     data, random = mujoco.MjData(model), np.random.default_rng(0)
     held = max(1, round(1e-3 / model.opt.timestep))
@@ -257,9 +259,39 @@ def is_stable(model: mujoco.MjModel, seconds: float = 4.0, torque: float = 20.0)
     return True
 
 
-def _growth(model: mujoco.MjModel) -> float:
-    """Return the factor by which one step multiplies a small motion of the straight chain; 1 for its rigid motions."""
-    step, mass = model.opt.timestep, mass_matrix(model)
+def stable_steps(model: mujoco.MjModel, time: float, longest: float) -> int:
+    """Return how many equal steps some time is to be divided into, so that the linear chain does not grow by itself.
+
+    Args:
+        model: the chain.
+        time: to be divided [s].
+        longest: step that is to be taken where it is stable [s].
+
+    Raises:
+        ValueError: if more than `MOST_STEPS` are needed.
+    """
+    omega, count = float(frequencies(model)[-1]), math.ceil(time / longest * (1.0 - _ROUNDING))
+    if growth(model, _MARGIN * time / count) > 1.0 + _ROUNDING:
+        count = max(count, math.ceil(_MARGIN * time * omega / 2.0))
+    while count <= MOST_STEPS and growth(model, _MARGIN * time / count) > 1.0 + _ROUNDING:
+        count = math.ceil(1.2 * count)
+    if count > MOST_STEPS:
+        raise ValueError(
+            f"segments, arm: the chain's fastest vibration, {omega:.3g} rad/s, and the step that was asked for, "
+            f"{longest:g} s, take more than {MOST_STEPS} steps in {time:g} s; take fewer segments, a less stiff arm, "
+            "more damping in the hinges, or a longer step"
+        )
+    return count
+
+
+def growth(model: mujoco.MjModel, step: float) -> float:
+    """Return the factor by which a step multiplies a small motion of the straight chain; 1 for its rigid motions.
+
+    Args:
+        model: the chain.
+        step: of semi-implicit Euler with implicit dampers [s].
+    """
+    mass = mass_matrix(model)
     rates = np.linalg.solve(mass + step * dampers(model), np.hstack((-step * _springs(model), mass)))
     angles = np.eye(model.nv, 2 * model.nv) + step * rates
     return float(np.abs(np.linalg.eigvals(np.vstack((angles, rates)))).max())

@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexarm_env.codegen import assembly
 from flexarm_env.codegen.declarations import Program
 from flexarm_env.codegen.intrinsics import TILE
 from flexarm_env.envs.bounds import check_moving_start
 from flexarm_env.envs.choices import STARTS
+from flexarm_env.envs.drawing import Drawing, drawing_of
 from flexarm_env.envs.kernel_inputs import (
     NAN,
     fixed_rows,
@@ -86,12 +86,13 @@ class BatchSimulator(LaneBatch):
         kinds = list({id(one): one for one in self.each}.values())
         for one in kinds:
             check_moving_start(one, one.start)
-        self.layout = common_layout(kinds, settings.program)
+        program = self._program_of(settings)
+        self.layout = common_layout(kinds, program)
         places = {id(one): n for n, one in enumerate(kinds)}
         kind_of = np.array([places[id(one)] for one in self.each])
         lanes = block_lanes(count, threads)
-        variant = _variant(settings, settings.program, lanes, any(one.disturbed for one in kinds))
-        super().__init__((self.each, count, threads), self._lanes(variant, kinds, kind_of), threads)
+        variant = _variant(settings, program, lanes, any(one.disturbed for one in kinds))
+        super().__init__(self._lanes(variant, kinds, kind_of), threads)
         self._put_rows([fixed_rows(one) for one in kinds], kind_of)
         self.failures = failures(settings.flexible_arm.size) | REASONS
         self.usual_requests = self._reset_requests[:count].copy()
@@ -104,11 +105,11 @@ class BatchSimulator(LaneBatch):
         """Describe the environments' lanes, with the arrays that only environments have."""
         settings, count = self.settings, len(kind_of)
         width = -(-count // variant.lanes) * variant.lanes
-        owns = np.array([lane_numbers(one, settings.program) for one in kinds])
+        owns = np.array([lane_numbers(one, variant.program) for one in kinds])
         if len(kinds) > 1:
             owns = owns[kind_of[np.minimum(np.arange(width), count - 1)]]
         requests = _usual_requests(settings, count, width)
-        header, table = header_and_settings(kinds, settings.program, self.layout)
+        header, table = header_and_settings(kinds, variant.program, self.layout)
         header[[word.LANE_SETTING_ROWS, word.LANE_SETTING_COLUMNS]] = owns.shape
         header[word.ORDER_COLUMNS] = requests.shape[1]
         arrays: dict[str, NDArray[Any]] = {
@@ -119,8 +120,8 @@ class BatchSimulator(LaneBatch):
             "LANE_SETTINGS": owns,
             "RESET_REQUESTS": requests,
         }
-        slots = max(one.history_slots for one in kinds)
-        return Lanes(variant, count, slots, header, table, path_tables(settings, width), tail_rows(kinds), arrays)
+        slots, tail = max(one.history_slots for one in kinds), tail_rows(kinds, variant.hosted)
+        return Lanes(variant, count, slots, header, table, path_tables(settings, width), tail, arrays)
 
     def _link(self) -> None:
         """Make the views of the memory."""
@@ -174,12 +175,8 @@ class BatchSimulator(LaneBatch):
             raise ValueError(f"actions = {self.actions!r}: must be finite")
         return self.result(0)[None]
 
-    def dispatcher(self) -> Any:
-        """Return the function, not its machine code, that steps these environments."""
-        return assembly.load(self._variant).step_only if self.count == 1 else super().dispatcher()
-
-    def _arguments(self) -> tuple[Any, ...]:
-        return (self._memory,) if self.count == 1 else super()._arguments()
+    def _example(self) -> tuple[Any, ...]:
+        return (self._memory,) if self.count == 1 else super()._example()
 
     def result(self, index: int) -> Array:
         """Return one environment's present results (columns: `parts`) in a new array. Shape (k,)."""
@@ -209,6 +206,19 @@ class BatchSimulator(LaneBatch):
         """Return the way-points of the path that an environment follows [m]. Shape (n, 2)."""
         block, lane = divmod(index, self._arenas.shape[2])
         return np.asarray(self._paths[self._clocks[block, clock_row.PATH, lane], :, 1:3])
+
+    def drawing(self, index: int, result: Array) -> Drawing:
+        """Where the lines of an environment's arm are, from its `result`."""
+        return drawing_of(self.each[index], result[self.parts["STATE"]])
+
+    # --- inside ----------------------------------------------------------------------------------------------------
+
+    def _program_of(self, settings: Settings) -> Program:
+        """Program of the kernels."""
+        return settings.program
+
+    def _arguments(self) -> tuple[Any, ...]:
+        return self.each, self.count, self._threads
 
     def _kept(self) -> dict[str, Any]:
         kept: dict[str, Any] = {"_usual": self._usual}

@@ -238,6 +238,15 @@ def arm_table() -> str:
     return table(("parameter", "default", "unit", "allowed"), rows)
 
 
+def own_table(options: type[Any]) -> str:
+    """Options that an id has for itself: those of a class that declares them (`allowed.declared`)."""
+    rows = []
+    for one in fields(options):
+        allowed = one.metadata["allowed"]
+        rows.append((f"`{one.name}`", f"`{_python(one.default)}`", allowed.unit, allowed.text, one.metadata["text"]))
+    return table(("argument", "default", "unit", "allowed", "what"), rows)
+
+
 def option_table() -> str:
     """Tabulate the keys of `reset(options=...)`."""
     return table(("option", "what"), [(f"`{name}`", text) for name, text in OPTIONS.items()])

@@ -100,11 +100,15 @@ def header_and_settings(
     return header, np.concatenate([_numbers(settings, program), horizons, 1.0 / observed.scale])
 
 
-def tail_rows(kinds: Sequence[Settings]) -> int:
-    """Return the number of rows of the tail: previews, kept actions, and kept commands if they are not the actions."""
+def tail_rows(kinds: Sequence[Settings], hosted: bool) -> int:
+    """Return the number of rows of the tail: previews, kept actions, and kept commands if they are not the actions.
+
+    Where another engine advances the plant, then the commands of each step of a period (`actuation.host_commands`).
+    """
     settings = kinds[0]
-    kept = kept_actions(kinds) * len(settings.action_limit)
-    return 2 * len(settings.previews) + kept * (1 + settings.mode.accumulates)
+    channels = len(settings.action_limit)
+    kept = kept_actions(kinds) * channels
+    return 2 * len(settings.previews) + kept * (1 + settings.mode.accumulates) + hosted * settings.substeps * channels
 
 
 def _previews(settings: Settings) -> int:

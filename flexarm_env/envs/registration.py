@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import gymnasium
 from gymnasium.envs.registration import EnvSpec
 
+from flexarm_env.envs.chain_options import ChainOptions
 from flexarm_env.envs.choices import DEFAULT_OBSERVATION
 
 NAMESPACE = "FlexArm"
@@ -26,6 +27,10 @@ class Id(NamedTuple):
         summary: description in one line.
         text: description in a paragraph.
         history: versions, the newest first.
+        entry: class of the environment.
+        batch_entry: class of the batch; None: Gymnasium's own vector environments make one.
+        extra: what is to be installed for it; "": nothing.
+        options_of: class of the options that it has beside those of `Settings`.
     """
 
     steps: int
@@ -33,6 +38,10 @@ class Id(NamedTuple):
     summary: str
     text: str
     history: tuple[str, ...] = ("v0: first version",)
+    entry: str = "flexarm_env.envs.single:FlexArmEnv"
+    batch_entry: str | None = "flexarm_env.envs.vector:FlexArmVectorEnv"
+    extra: str = ""
+    options_of: type[ChainOptions] | None = None
 
 
 _PAPER: dict[str, Any] = {
@@ -85,6 +94,22 @@ IDS: dict[str, Id] = {
         "The action is what the paper's fuzzy system sets, the gain of a Jacobian-transpose law; here 100 times a "
         "second, on joints without delay, with the default arm. The law overshoots corners, so the limits that "
         "end an episode are wide. For the paper's own conditions see `FlexArm/Paper-v0`.",
+    ),
+    "SquareChain-v0": Id(
+        _LAP,
+        {"arm": {"damping_model": "material"}},
+        "Track the square with a chain of rigid segments in MuJoCo for an arm",
+        "As `FlexArm/Square-v0`, but what the motors move is no sum of a few modes: 20 rigid segments a link, "
+        "joined by springs and dampers of the material. It is the hardware of this benchmark, an arm that no "
+        "controller's model contains: train and tune elsewhere, then see here what remains. Action, observation, "
+        "reward, resets and infos are the same, by the same code; an action is a torque, its rate, or the gain of "
+        "the paper's law. Encoders, sensors and the true tip are the chain's own. The modal coordinates are those "
+        "whose deflection fits the chain's best in the mean square, as strain gauges would be calibrated; a start "
+        "on the move, or in a given `state`, bends the chain so that the gauges read it.",
+        entry="flexarm_env.chain.env:ChainEnv",
+        batch_entry=None,
+        extra="chain",
+        options_of=ChainOptions,
     ),
     "SquareEncoders-v0": Id(
         _LAP,
@@ -146,8 +171,8 @@ def register_environments() -> None:
         if f"{NAMESPACE}/{name}" not in gymnasium.registry:
             gymnasium.register(
                 id=f"{NAMESPACE}/{name}",
-                entry_point="flexarm_env.envs.single:FlexArmEnv",
-                vector_entry_point="flexarm_env.envs.vector:FlexArmVectorEnv",
+                entry_point=declared.entry,
+                vector_entry_point=declared.batch_entry,
                 max_episode_steps=declared.steps,
                 kwargs=declared.options,
             )

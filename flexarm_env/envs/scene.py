@@ -13,7 +13,6 @@ from flexarm_env.envs.rendering import Renderer, Snapshot
 
 Array = NDArray[np.float64]
 LONGEST_TRACE = 4096
-POINTS = 24  # of a link's centre line
 MARGIN = 1.05  # of the reach, so that a bent arm fits
 
 
@@ -61,26 +60,20 @@ class Scene:
 
     def _snapshot(self, result: Array) -> Snapshot:
         settings = self._simulator.each[self._index]
-        arm = settings.flexible_arm
         values: dict[str, Any] = {name: result[part] for name, part in self._simulator.parts.items()}
-        q = np.nan_to_num(values["STATE"][: arm.size], posinf=0.0, neginf=0.0)
-        lengths = arm.parameters.link_lengths
-        lines = [
-            arm.position(np.tile(q, (POINTS, 1)), link, np.linspace(0.0, length, POINTS))
-            for link, length in enumerate(lengths, 1)
-        ]
+        drawing = self._simulator.drawing(self._index, result)
         gain = settings.mode.law == "tip"
         return Snapshot(
             time=float(values["TIME"][0]),
-            links=(lines[0], lines[1]),
+            links=drawing.links,
             path=self._simulator.path(self._index),
             trace=np.array([*self._trace, values["TRUE_TIP"]]),
             reference=values["REFERENCE"][:2],
-            sensor=arm.position(q, 2, settings.sensor_position),
+            sensor=drawing.sensor,
             sensed=values["LINK_SENSOR"],
             torque=values["TORQUE"],
             torque_scale=TORQUE_LIMIT if np.inf in settings.motor_limit else settings.motor_limit,
             gain=float(values["EFFECTIVE_GAIN"][0]) if gain else None,
             gain_limit=settings.gain_limit,
-            reach=MARGIN * arm.parameters.reach,
+            reach=MARGIN * settings.flexible_arm.parameters.reach,
         )

@@ -112,7 +112,7 @@ class FlexArmEnv(SimulatorView, gymnasium.Env[NDArray[np.float32], NDArray[np.fl
         if render_mode is not None:
             choice("render_mode", render_mode, RENDER_MODES)
         self.render_mode = render_mode
-        self.simulator = BatchSimulator(Settings.of(options, type(self).__name__), 1)
+        self.simulator = self._simulator_of(Settings.of(options, type(self).__name__))
         self.metadata = self.metadata | {"render_fps": self._fps()}
         self.observation_space, self.action_space = self._spaces()
         self._infos = InfoMaker(self.simulator)
@@ -206,6 +206,10 @@ class FlexArmEnv(SimulatorView, gymnasium.Env[NDArray[np.float32], NDArray[np.fl
         """Close the window, if there is one."""
         if self._scene is not None:
             self._scene.close()
+
+    def _simulator_of(self, settings: Settings) -> BatchSimulator:
+        """Return the arm, and what is around it."""
+        return BatchSimulator(settings, 1)
 
     def _check_time_limit(self) -> None:
         """Warn once if the registered time limit ended the episode before a lap was complete.

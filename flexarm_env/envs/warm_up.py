@@ -60,6 +60,8 @@ def _simulator(env_id: str, options: dict[str, Any], size: int, threads: int) ->
     if size == 1:
         env = gymnasium.make(env_id, **options)
     else:
+        if gymnasium.spec(env_id).vector_entry_point is None:
+            raise ValueError(f"num_envs: {shown(size)}: {env_id} has no batch of its own; must be 1")
         way = gymnasium.VectorizeMode.VECTOR_ENTRY_POINT
         env = gymnasium.make_vec(env_id, num_envs=size, vectorization_mode=way, threads=threads, **options)
     found = env.unwrapped

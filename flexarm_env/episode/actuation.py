@@ -15,7 +15,7 @@ from flexarm_env.codegen.arrays import Arena, Clock, History, LaneRow, Paths, Ta
 from flexarm_env.codegen.declarations import Function, chosen_by_program, inlined_in_its_caller
 from flexarm_env.codegen.scalars import clip
 from flexarm_env.episode.recorded import joint_kernel
-from flexarm_env.kernels.delay_line import count_steps, slot_after, store_reading
+from flexarm_env.kernels.delay_line import count_steps, is_kept, slot_after, store_reading
 from flexarm_env.kernels.entries import clock_row, drawn, setting, word
 from flexarm_env.kernels.imex import evaluate_law, loop_step
 from flexarm_env.kernels.layout import row
@@ -41,14 +41,15 @@ class Drive(NamedTuple):
 
 
 DRIVES: dict[str, Drive] = {}  # by the name of the program (`actions.ActionMode.program`)
+HOST_DRIVES: dict[str, Drive] = {}  # those that leave the commands to the host of another plant
 
 
-def drives(program: str, words: str, *groups: str) -> Callable[[Function], Function]:
+def drives(program: str, words: str, *groups: str, among: dict[str, Drive] = DRIVES) -> Callable[[Function], Function]:
     """Register a driver as the `drive` of a program; see `Drive`."""
 
     def enter(driver: Function) -> Function:
         """Register the driver and mark it for compilation inside its caller."""
-        DRIVES[program] = Drive(driver, groups, words)
+        among[program] = Drive(driver, groups, words)
         return inlined_in_its_caller(driver)
 
     return enter
@@ -121,7 +122,7 @@ def write_commands(arena: Arena, header: Words, settings: Table, step: int, held
 
 def keep_reading(arena: Arena, history: History, clock: Clock, header: Words, done: int) -> None:
     """Write the reading after `done` steps of a period into the delay line, if `Header.READINGS` includes it."""
-    if (header[word.READINGS] >> ((done if done < header[word.SUBSTEPS] else 0) & 63)) & 1:
+    if is_kept(header, done):
         store_reading(arena, history, slot_after(clock, history, done))
 
 
@@ -274,3 +275,31 @@ def drive_gain(arena: Arena, history: History, clock: Clock, paths: Paths, heade
             for i in range(variant.lanes):
                 arena[row.EFFECTIVE_GAIN, i] = arena[row.GAIN, i]
         loop_step(arena, history, clock, paths, h)
+
+
+@drives("gain", "actions are the gain of the paper's law, the plant is another engine's", among=HOST_DRIVES)
+@drives("torque", "actions are torques, the plant is another engine's", among=HOST_DRIVES)
+def host_commands(arena: Arena, history: History, clock: Clock, paths: Paths, header: Words, settings: Table) -> None:
+    """Enter the acting commands of each integration step into the arena's tail, after the kept ones.
+
+    They are shares of `COMMAND_SCALE`; what they are to the plant, the host says. The clocks move on here.
+
+    Args: as `drive_torque`.
+    """
+    channels = header[word.CHANNELS]
+    commands = row.TAIL + header[word.COMMANDS] + header[word.KEPT_ACTIONS] * channels
+    for step in range(header[word.SUBSTEPS]):
+        for r in range(channels):
+            for i in range(variant.lanes):
+                acting = command(arena, header, settings, i, r, step * settings[setting.STEP])
+                arena[commands + step * channels + r, i] = acting
+    count_steps(clock, history, header[word.SUBSTEPS])
+
+
+@drives("torque_rate", "actions are changes of the torques, the plant is another engine's", among=HOST_DRIVES)
+def host_torque_rate(
+    arena: Arena, history: History, clock: Clock, paths: Paths, header: Words, settings: Table
+) -> None:
+    """Enter the torques that the actions add up to; see `host_commands`."""
+    add_up_torques(arena, header, settings)
+    host_commands(arena, history, clock, paths, header, settings)

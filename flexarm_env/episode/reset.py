@@ -11,9 +11,7 @@ from flexarm_env.codegen.arrays import Arena, Clock, History, Mask, Memory, Path
 from flexarm_env.codegen.declarations import inlined_in_its_caller
 from flexarm_env.codegen.intrinsics import array_at
 from flexarm_env.codegen.random_stream import uniform
-from flexarm_env.episode.draws import LONG_AGO, PLACE_SPREAD, draw_branch, draw_quantities, draw_start
-from flexarm_env.episode.first_readings import move_history, seed_sensor
-from flexarm_env.kernels.delay_line import fill_history, store_reading
+from flexarm_env.episode.draws import PLACE_SPREAD, draw_branch, draw_quantities, draw_start
 from flexarm_env.kernels.entries import clock_row, column, constant, setting, word
 from flexarm_env.kernels.law import prepare_law
 from flexarm_env.kernels.layout import row
@@ -126,14 +124,5 @@ def reset_lanes(
             lane = first + i
             own = owns[lane % owns.shape[0]]
             reset_lane(arena, clock, keys[i], paths, header, settings, own, reset_requests[lane], lane, i)
-    if not variant.foreshortened:
+    if not (variant.foreshortened or variant.hosted):
         elimination_kernel(arena)
-    # for lanes that go on, the reading is already there, or no sensor reads this slot
-    store_reading(arena, history, clock[clock_row.HEAD, 0])
-    for i in range(variant.lanes):
-        if started[i]:
-            moving = clock[clock_row.SINCE, i] == LONG_AGO
-            fill_history(history, clock, header, i, moving)
-            if moving:
-                move_history(arena, history, clock, paths, header, settings, i)
-            seed_sensor(arena, history, clock, paths, settings, i)

@@ -37,17 +37,21 @@ def store_reading(arena: Arena, history: History, slot: int) -> None:
         second_reading_kernel(arena, history[second : second + READING_ROWS])
 
 
-def fill_history(history: History, clock: Clock, header: Words, i: int, moving: bool) -> None:
-    """Fill the delay line of lane i with its newest readings; before a start at rest nothing moved."""
+def is_kept(header: Words, done: int) -> bool:
+    """Whether `Header.READINGS` asks for the reading after so many steps of a period, or before it if negative."""
+    return bool((header[word.READINGS] >> (done % header[word.SUBSTEPS] & 63)) & 1)
+
+
+def fill_history(history: History, clock: Clock, header: Words, i: int) -> None:
+    """Fill the delay line of lane i with its newest readings; before a start at rest nothing moves."""
     slots = history.shape[0] // variant.slot_rows
     newest = clock[clock_row.HEAD, 0]
     for back in range(1, slots):
-        if not (header[word.READINGS] >> (-back % header[word.SUBSTEPS] & 63)) & 1:
-            continue  # no sensor reads this slot
-        slot = (newest - back) % slots
-        for r in range(variant.slot_rows):
-            known = moving or r % READING_ROWS < reading_row.RATE
-            history[variant.slot_rows * slot + r, i] = history[variant.slot_rows * newest + r, i] if known else 0.0
+        if is_kept(header, -back):
+            slot = (newest - back) % slots
+            for r in range(variant.slot_rows):
+                value = history[variant.slot_rows * newest + r, i]
+                history[variant.slot_rows * slot + r, i] = value if r % READING_ROWS < reading_row.RATE else 0.0
 
 
 @per_lane

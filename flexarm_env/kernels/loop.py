@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from flexarm_env.codegen.arrays import Arena, Clock, History, Mask, Memory, Paths, Table, Words
 from flexarm_env.codegen.declarations import Program, inlined_in_its_caller
-from flexarm_env.kernels.delay_line import fill_history, sensed_point, store_reading
+from flexarm_env.kernels.delay_line import sensed_point
 from flexarm_env.kernels.entries import clock_row, setting, word
 from flexarm_env.kernels.imex import evaluate_law, loop_step
 from flexarm_env.kernels.law import prepare_law
@@ -51,7 +51,7 @@ def begin_runs(
     first: int,
     started: Mask,
 ) -> None:
-    """Put lanes at time 0 in the states of the rows `Row.STATE`; before, they rested. See `period.begin`."""
+    """Put lanes at time 0 in the states of the rows `Row.STATE`; see `period.begin`."""
     for i in range(variant.lanes):
         if started[i]:
             clock[clock_row.STEPS, i] = 0
@@ -60,10 +60,6 @@ def begin_runs(
             invalidate_segment(arena, row.PRESENT_SEGMENT, i)
             for r in range(2):
                 arena[row.TORQUE + r, i] = 0.0
-    store_reading(arena, history, clock[clock_row.HEAD, 0])
-    for i in range(variant.lanes):
-        if started[i]:
-            fill_history(history, clock, header, i, False)
 
 
 @inlined_in_its_caller

@@ -1,11 +1,12 @@
 """The driver that Python calls: one control period of every lane, of the paper's loop and of environments alike.
 
-A period is the same for all simulators: the arms of a block move, lanes that start are put at their start, and what is
-known at the end is reported. What moves them, where they start and what is reported are parts of the program (`act`,
-`begin`, `report`): `loop` has those of the paper's loop, `flexarm_env.episode.step` those of environments. What the
-parts have in common is below them, once: the delay line and its sensor (`delay_line`), the law (`imex`, `law`), the
-reference (`reference`), the state's status (`status`). So the paper's loop knows no episode and no reward, and an
-environment driven by the gain has its bits. `imex` explains lanes, blocks and arenas.
+A period is the same for all simulators. First the arms of a block move, and lanes that start are put at their start;
+then what is known is measured and reported. (Between these halves a host moves a plant of its own.) What moves the
+arms, where they start and what is reported are parts of the program (`act`, `begin`, `report`): `loop` has those of the
+paper's loop, `flexarm_env.episode.step` those of environments. What the parts have in common is below them, once: the
+delay line and its sensor (`delay_line`), the law (`imex`, `law`), the reference (`reference`), the state's status
+(`status`). So the paper's loop needs no episode and no reward, and has the bits of an environment driven by the gain.
+`imex` explains lanes, blocks and arenas.
 """
 
 from __future__ import annotations
@@ -16,7 +17,8 @@ from numpy.typing import NDArray
 from flexarm_env.codegen.arrays import Arena, Clock, History, LaneRow, Mask, Memory, Paths, Table, Words
 from flexarm_env.codegen.declarations import chosen_by_program, inlined_in_its_caller
 from flexarm_env.codegen.intrinsics import array_at
-from flexarm_env.kernels.entries import CLOCK_ROWS, setting, word
+from flexarm_env.kernels.delay_line import fill_history, store_reading
+from flexarm_env.kernels.entries import CLOCK_ROWS, clock_row, setting, word
 from flexarm_env.kernels.law import start_law
 from flexarm_env.kernels.layout import row
 from flexarm_env.kernels.variants import variant
@@ -59,7 +61,7 @@ def begin(
     first: int,
     started: Mask,
 ) -> None:
-    """Put the lanes of a block that start at their start, up to what is reported; the others stay as they are.
+    """Put the lanes of a block that start at their start; the others do not change.
 
     Args: as `act`, and
         started: which lanes start. Shape (lanes,).
@@ -78,21 +80,24 @@ def report(
     first: int,
     started: Mask,
 ) -> None:
-    """Write what is known of a block at the present instant; see `begin`."""
+    """Measure and write what is known of a block at the present instant; see `begin`.
+
+    The delay lines of lanes that start are filled as of arms that rested before.
+    """
 
 
 def step_blocks(memory: Memory, low: int, high: int, results: NDArray[np.float64]) -> None:
-    """One control period of some blocks (`step_block`), and what is known at its end.
+    """Advance some blocks by one control period (`step_block`), and copy their results.
 
     Args:
         memory: of the batch.
         low: first block.
         high: block after the last.
-        results: to be filled; the parts of `layout.result_sizes`. Shape (parts, lanes).
+        results: output; the parts of `layout.result_sizes`. Shape (parts, lanes).
     """
     header = array_at(memory, 0, (word.PLACES,), np.int64)
     for block in range(low, high):
-        step_block(memory, block)
+        step_block(memory, block, True, True)
         rows, first = header[word.ARENA_ROWS], block * variant.lanes
         arena: Arena = array_at(memory, header[word.ARENAS] + first * rows, (rows, variant.lanes), np.float64)
         started = array_at(memory, header[word.STARTS], (first + variant.lanes,), np.bool_)[first:]
@@ -106,14 +111,16 @@ def step_blocks(memory: Memory, low: int, high: int, results: NDArray[np.float64
 
 
 @inlined_in_its_caller
-def step_block(memory: Memory, block: int) -> None:
-    """One control period of a block, unless `DRIVING` is 0; lanes that start do so at its end.
+def step_block(memory: Memory, block: int, deciding: bool, observing: bool) -> None:
+    """Advance a block by one control period, unless `DRIVING` is 0, and then start the lanes that are to start.
 
-    So a lane that starts costs its block no second report. The caller forgets then which lanes started.
+    One measurement at the end serves both kinds of lanes. The caller clears the marks of the lanes that started.
 
     Args:
-        memory: of the batch; the header lies at its beginning, and says where the arrays of `entries.Word` are.
-        block: which.
+        memory: of the batch; its header comes first and has the places of the arrays (`entries.Word`).
+        block: index of the block.
+        deciding: whether to do the first half.
+        observing: whether to do the second half.
     """
     words = array_at(memory, word.HEADER_WORDS, (1,), np.int64)[0]
     header = array_at(memory, 0, (words,), np.int64)
@@ -132,10 +139,19 @@ def step_block(memory: Memory, block: int) -> None:
         starting = starting or started[i]
     if not (driving or starting):
         return
-    if driving:
+    if driving and deciding:
         act(memory, arena, history, clock, paths, header, settings, first)
-    if starting:
+    if starting and deciding:
         begin(memory, arena, history, clock, paths, header, settings, first, started)
+    if not observing:
+        return
+    if starting:
+        if not variant.hosted:
+            # for lanes that go on, the reading is already there, or no sensor reads this slot
+            store_reading(arena, history, clock[clock_row.HEAD, 0])
+        for i in range(variant.lanes):
+            if started[i]:
+                fill_history(history, clock, header, i)
     report(memory, arena, history, clock, paths, header, settings, first, started)
     if variant.law:
         if starting:

@@ -88,6 +88,11 @@ class Variant:
         return SENSOR_MODELS[self.sensor].bends
 
     @property
+    def hosted(self) -> bool:
+        """Whether another engine advances the plant."""
+        return "hosted" in self.program.groups
+
+    @property
     def law(self) -> bool:
         """Whether the paper's law acts."""
         return "law" in self.program.groups

@@ -16,10 +16,18 @@ Array = NDArray[np.float64]
 
 
 class TrackingError(NamedTuple):
-    """Distance of a tip from the reference over a run [m]."""
+    """Distance of a tip from the reference over a run [m].
+
+    Attributes:
+        rms: root mean square.
+        maximum: largest distance.
+        early_end: reason for which the run ended early, None if it did not; the figures of a part compare with no
+            whole run's.
+    """
 
     rms: float
     maximum: float
+    early_end: str | None = None
 
 
 class CircleFit(NamedTuple):
@@ -37,7 +45,7 @@ class CircleFit(NamedTuple):
 
 
 def tracking_error(run: Trajectory, tip: str = "true", since: float = 0.0) -> TrackingError:
-    """Return the distance of the tip from the (undelayed) reference.
+    """Return the distance of the tip from the (undelayed) reference, with a mark if the run ended early.
 
     Args:
         run: a policy's run.
@@ -48,7 +56,13 @@ def tracking_error(run: Trajectory, tip: str = "true", since: float = 0.0) -> Tr
         raise ValueError(f"tip = {shown(tip)}: must be 'true' or 'rigid'")
     points = run.tip if tip == "true" else run.rigid_tip
     distance = np.linalg.norm(points - reference(run), axis=1)[instants(run.time, since, np.inf)]
-    return TrackingError(float(np.sqrt(np.mean(distance**2))), float(distance.max()))
+    return TrackingError(float(np.sqrt(np.mean(distance**2))), float(distance.max()), early_end(run))
+
+
+def early_end(run: Trajectory) -> str | None:
+    """Return the reason for which the run ended before its full time, e.g. a limit of the state; None if it did not."""
+    ended = run.notes.get("ended")
+    return None if ended in (None, "truncated") else str(ended)
 
 
 def reference(run: Trajectory) -> Array:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from flexarm_env.metrics.errors import tracking_error
+from flexarm_env.metrics.errors import early_end, tracking_error
 from flexarm_env.metrics.motion import elbow_changes, vibration
 from flexarm_env.simulation.trajectory import Trajectory
 
@@ -14,7 +14,7 @@ Array = NDArray[np.float64]
 
 def ended_early(run: Trajectory) -> bool:
     """Return whether the run ended by anything but its full time, e.g. at a limit of the state (`notes["ended"]`)."""
-    return run.notes.get("ended") not in (None, "truncated")
+    return early_end(run) is not None
 
 
 def summary(run: Trajectory) -> dict[str, object]:

@@ -96,7 +96,8 @@ class ClosedLoop(LaneBatch):
         limits = np.full(2 * arm.size, np.inf) if state_limits is None else np.array(state_limits, dtype=float)
         if limits.shape != (2 * arm.size,) or not np.all(limits > 0.0):
             raise ValueError(f"state_limits = {shown(state_limits)}: must be {2 * arm.size} numbers > 0 (inf for none)")
-        super().__init__((arm, self._cases, path, control_period, physics_step, limits), self._lanes())
+        self._limits = limits
+        super().__init__(self._lanes())
         fixed = {
             **arm_rows(arm.constants),
             **place_rows("TIP", arm.place(2, arm.parameters.link_lengths[1])),
@@ -125,6 +126,9 @@ class ClosedLoop(LaneBatch):
         super()._link()
         self._gain_rows = self._lane_rows("GAIN")[:, 0]
         self._places = np.divmod(np.arange(self.count), self._gain_rows.shape[1])
+
+    def _arguments(self) -> tuple[Any, ...]:
+        return self.arm, self._cases, self.path, self.control_period, self.physics_step, self._limits
 
     def _kept(self) -> dict[str, Any]:
         return {"_known": self._known}

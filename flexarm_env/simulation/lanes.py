@@ -7,6 +7,7 @@ the call into the kernels, their results, threads, and copies. What a period doe
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
@@ -51,7 +52,7 @@ class Lanes(NamedTuple):
     arrays: Mapping[str, NDArray[Any]] = MappingProxyType({})
 
 
-class LaneBatch:
+class LaneBatch(ABC):
     """N arms in blocks of lanes.
 
     Attributes:
@@ -63,15 +64,14 @@ class LaneBatch:
     _kernel: Callable[..., Any]
     _pool: ThreadPoolExecutor | None
 
-    def __init__(self, made_of: tuple[Any, ...], lanes: Lanes, threads: int = 1) -> None:
+    def __init__(self, lanes: Lanes, threads: int = 1) -> None:
         """Lay out the memory; kernels are compiled, or found in the cache, when `_prepare` is first called.
 
         Args:
-            made_of: arguments from which a copy is made.
             lanes: what the lanes are.
             threads: that step the blocks; more than one pays for large batches on idle cores only.
         """
-        self._made_of, self.count, self._threads = made_of, lanes.arms, threads
+        self.count, self._threads = lanes.arms, threads
         self._variant, self._rows = lanes.variant, lanes.variant.rows
         sizes = result_sizes(self._rows)
         first = self._rows[next(iter(sizes))][0]
@@ -136,15 +136,16 @@ class LaneBatch:
 
     def dispatcher(self) -> Any:
         """Return the function, not its machine code, that steps these arms."""
-        return assembly.load(self._variant).step_blocks
+        entry = self._variant.program.entries(self._variant.lanes)[0]
+        return getattr(assembly.load(self._variant), entry.__name__)
 
-    def _arguments(self) -> tuple[Any, ...]:
-        """Arguments as the kernel takes them, for their types."""
+    def _example(self) -> tuple[Any, ...]:
+        """Return arguments of the types that the kernel takes."""
         return self._memory, 0, self._blocks, np.empty((1, 1))
 
     def compile(self) -> Callable[..., Any]:
         """Return the machine code that steps these arms; the first call compiles or loads it."""
-        return cache.compiled_entry(self.dispatcher(), *self._arguments())
+        return cache.compiled_entry(self.dispatcher(), *self._example())
 
     def _prepare(self) -> None:
         """Compile or load the kernel, unless that is done."""
@@ -188,6 +189,10 @@ class LaneBatch:
 
     # --- copies ----------------------------------------------------------------------------------------------------
 
+    @abstractmethod
+    def _arguments(self) -> tuple[Any, ...]:
+        """Return the arguments from which a copy is made."""
+
     def _kept(self) -> dict[str, Any]:
         """Attributes that a copy takes over, beside the memory."""
         return {}
@@ -196,7 +201,7 @@ class LaneBatch:
         """Return what a copy is made from: arguments, memory, and the layout's stamp."""
         return {
             "layout_stamp": layout_stamp(self._variant, self._parts),
-            "made_of": self._made_of,
+            "arguments": self._arguments(),
             "memory": self._memory.copy(),
             "ready": self._ready,
             "kept": self._kept(),
@@ -208,7 +213,7 @@ class LaneBatch:
         Raises:
             LayoutError: if the memory has another layout than a new one.
         """
-        anew = type(self)(*state["made_of"])
+        anew = type(self)(*state["arguments"])
         check_stamp(self.WHAT, state.get("layout_stamp"), layout_stamp(anew._variant, anew._parts))
         self.__dict__.update(anew.__dict__)
         self.__dict__.update(state["kept"])

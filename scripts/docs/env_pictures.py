@@ -67,6 +67,12 @@ PICTURES = {
     "SquareGain-v0": Picture(
         "IFDC (gain 1) from rest at the lower left: each corner is overshot.", constant(1.0), {"start": "corner"}, 1250
     ),
+    "SquareChain-v0": Picture(
+        "The same corner on the chain: hinges with springs, 19 a link, bend as far as they bend.",
+        STIFF,
+        {"start": "moving", "time": 2.0},
+        260,
+    ),
     "SquareEncoders-v0": Picture(
         "A corner under a stiff spring and damper in each joint, which know the joints only, as an agent here does.",
         STIFF,

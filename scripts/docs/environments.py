@@ -127,6 +127,7 @@ def page(name: str, one: Id) -> str:
         "Info": [doc.INFO, doc.info_table(settings)],
         "The episode": [doc.EPISODE, doc.episode_table()],
         "Arguments": [*arguments, doc.argument_table(settings, one.options)],
+        **({"Arguments of its own": [doc.own_table(one.options_of)]} if one.options_of else {}),
         "Version history": ["\n".join(f"- {version}" for version in one.history)],
     }
     picture = f"![{NAMESPACE}/{name}]({stem(name)}.png)\n\n*{PICTURES[name].caption}*"
@@ -187,6 +188,8 @@ def _facts(name: str, one: Id) -> str:
         ("Import", f'`gymnasium.make("flexarm_env:{NAMESPACE}/{name}")`'),
         ("Batch", f'`gymnasium.make_vec("flexarm_env:{NAMESPACE}/{name}", num_envs=16)`'),
     ]
+    if one.extra:
+        rows.append(("Install", f'`pip install "flexarm[{one.extra}]"`'))
     return doc.table(("Action space", f"`{env.action_space}`"), rows)
 
 

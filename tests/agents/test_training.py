@@ -267,7 +267,11 @@ def test_a_time_limit_is_bootstrapped() -> None:
     plain.close()
 
 
-@pytest.mark.parametrize("name", ["Reach-v0", "SquareEncoders-v0", "SquareGain-v0", "SquareResidual-v0", "Track-v0"])
+# Kernels with noise that no other test compiles.
+OTHERS = [pytest.param(f"{name}-v0", marks=pytest.mark.slow) for name in ("Reach", "SquareGain", "SquareResidual")]
+
+
+@pytest.mark.parametrize("name", ["SquareEncoders-v0", "Track-v0", *OTHERS])
 def test_other_environments_are_trained_alike(tmp_path: Path, name: str) -> None:
     config = TrainingConfig(**{**TINY, "environment": f"FlexArm/{name}", "steps": 128, "evaluation_laps": 2})
     train(config, tmp_path / "run")

@@ -170,6 +170,11 @@ def test_select_and_to_control() -> None:
     assert system.input_labels == ["elbow"]
     late = linear_plant(plant.point, tip(delay=0.02))
     np.testing.assert_allclose(late.to_control(8)(2j), late.at(2j), rtol=1e-9)
+    modes = ARM.parameters.modes_per_link
+    coordinates = ["theta1", "theta2", *(f"q{link}_{i}" for link in (1, 2) for i in range(1, modes + 1))]
+    assert plant.states == (*coordinates, *(f"{name}_rate" for name in coordinates))
+    assert system.state_labels == list(plant.states)
+    assert late.to_control(2).state_labels == [*plant.states, *(f"pade_{i}" for i in range(1, 5))]
     with pytest.raises(ValueError, match="pade_order = None"):
         late.to_control()
     with pytest.raises(ValueError, match=r"inputs = \['wrist'\]"):

@@ -6,13 +6,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from gymnasium.utils import env_checker
 from numpy.polynomial import Chebyshev, Polynomial
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicHermiteSpline
 
-from flexarm_agents import FlexArmVecEnv
 from flexarm_env import (
     ClosedLoop,
     LawParameters,
@@ -22,30 +20,20 @@ from flexarm_env import (
     inverse_kinematics,
     square,
 )
-from flexarm_env.actions import action_from_physical, physical_from_action
-from flexarm_env.codegen.declarations import plain_python
-from flexarm_env.envs.batch import BatchSimulator
-from flexarm_env.envs.choices import DEFAULT_OBSERVATION
-from flexarm_env.envs.kernel_inputs import header_and_settings, tail_rows
-from flexarm_env.envs.observation import observation_layout
-from flexarm_env.envs.settings import Settings
 from flexarm_env.envs.single import FlexArmEnv
-from flexarm_env.episode import actuation
-from flexarm_env.kernels import period
-from flexarm_env.kernels.entries import drawn, extent, word
-from flexarm_env.kernels.layout import row
-from flexarm_env.kernels.variants import Variant
-from tests.support.envs import FORESHORTENED, GAIN, PAPER, RESIDUAL, SQUARE, bare, block, make
-from tests.support.refusals import refuses
+from tests.support.envs import (
+    FORESHORTENED,
+    FREE,
+    GAIN,
+    PAPER,
+    RESIDUAL,
+    SQUARE,
+    TORQUE_LIMITS,
+    bare,
+    exact_actions,
+)
 
 Array = NDArray[np.float64]
-LIMITS = np.array([150.0, 50.0])
-FREE: dict[str, Any] = {"error_limit": None, "deflection_limit": None}
-
-
-def actions_for(steps: int, seed: int = 0, size: float = 1.0) -> Array:
-    """Exact in float32 and float64 alike. Shape (steps, 2)."""
-    return np.random.default_rng(seed).integers(-64, 65, (steps, 2)) / 64.0 * size
 
 
 def recorded(env: FlexArmEnv, actions: Array, **options: Any) -> tuple[Array, Array]:
@@ -64,9 +52,9 @@ def recorded(env: FlexArmEnv, actions: Array, **options: Any) -> tuple[Array, Ar
 def test_torques_are_held() -> None:
     """The same Runge-Kutta steps from the same state: what differs is the rounding of the start."""
     env = bare(start="moving", **FREE)
-    actions = actions_for(60, size=0.25)
+    actions = exact_actions(60, size=0.25)
     states, torques = recorded(env, actions)
-    np.testing.assert_array_equal(torques, LIMITS * actions)
+    np.testing.assert_array_equal(torques, TORQUE_LIMITS * actions)
     run = env.arm.simulate(states[0], np.repeat(torques, 10, axis=0), 0.6)
     np.testing.assert_allclose(states, run.state[::10], rtol=0.0, atol=1e-12 * np.abs(states).max())
     assert np.abs(np.diff(states, axis=0)).max() > 0.1
@@ -75,8 +63,8 @@ def test_torques_are_held() -> None:
 @pytest.mark.parametrize(("period", "physics_step", "substeps"), [(0.02, 1e-3, 20), (0.01, 3e-4, 34), (0.001, None, 1)])
 def test_integration_steps_fill_the_period(period: float, physics_step: float | None, substeps: int) -> None:
     env = bare(control_period=period, physics_step=physics_step, torque_limit=(30.0, 20.0), **FREE)
-    states, torques = recorded(env, actions_for(20))
-    np.testing.assert_array_equal(torques, np.array([30.0, 20.0]) * actions_for(20))
+    states, torques = recorded(env, exact_actions(20))
+    np.testing.assert_array_equal(torques, np.array([30.0, 20.0]) * exact_actions(20))
     run = env.arm.simulate(states[0], torques, 20 * period, step=period, substeps=substeps)
     np.testing.assert_allclose(states, run.state, rtol=0.0, atol=1e-12 * np.abs(states).max())
 
@@ -85,17 +73,17 @@ def test_integration_steps_fill_the_period(period: float, physics_step: float | 
 def test_a_late_torque_acts_as_late_as_it_is(delay: float) -> None:
     """A command that changes within an integration step enters as the mean over that step."""
     env = bare(actuation_delay=delay, start="moving", **FREE)
-    actions = actions_for(40, size=0.25)
+    actions = exact_actions(40, size=0.25)
     states, torques = recorded(env, actions)
     fine = 100  # microseconds: the delays are whole multiples
     count = 400_000 // fine
     index = (np.arange(count) * fine - round(1e6 * delay)) // 10_000  # of the action that acts; before all, none
-    acting = np.where(index[:, None] >= 0, (LIMITS * actions)[index], 0.0)
+    acting = np.where(index[:, None] >= 0, (TORQUE_LIMITS * actions)[index], 0.0)
     means = acting.reshape(-1, 10, 2).mean(axis=1)
     coarse = env.arm.simulate(states[0], means, 0.4)
     # a switch is placed to within 1e-9 of a period, 1e-8 of an integration step, so that roundings cannot move it
     np.testing.assert_allclose(states, coarse.state[::10], rtol=0.0, atol=1e-8 * np.abs(states).max())
-    np.testing.assert_allclose(torques, means[::10], rtol=0.0, atol=1e-8 * LIMITS[0])
+    np.testing.assert_allclose(torques, means[::10], rtol=0.0, atol=1e-8 * TORQUE_LIMITS[0])
     # The mean has the right impulse, a fraction of 1 ms early or late: little of what the joints do in a period.
     exact = env.arm.simulate(states[0], acting, 0.4, step=1e-4)
     late = np.abs(states[1:, :2] - exact.state[100::100, :2]).max() / np.abs(np.diff(states[:, :2], axis=0)).max()
@@ -103,103 +91,14 @@ def test_a_late_torque_acts_as_late_as_it_is(delay: float) -> None:
 
 
 @pytest.mark.parametrize(("env_id", "mode"), [(SQUARE, "torque"), (RESIDUAL, "residual"), (RESIDUAL, "reference")])
+@pytest.mark.usefixtures("uncompiled")
 def test_a_delay_of_two_periods_is_the_action_before_the_last(env_id: str, mode: str) -> None:
-    actions = actions_for(30, size=0.3)
+    actions = exact_actions(30, size=0.3)
     shifted = np.vstack([np.zeros((2, 2)), actions[:-2]])
     late = recorded(bare(env_id, action_mode=mode, actuation_delay=0.02, start="corner", **FREE), actions)
     prompt = recorded(bare(env_id, action_mode=mode, start="corner", **FREE), shifted)
     np.testing.assert_array_equal(late[0], prompt[0])
     np.testing.assert_array_equal(late[1], prompt[1])
-
-
-# --- torque rate --------------------------------------------------------------------------------------------
-
-RATE: dict[str, Any] = {"action_mode": "torque_rate", "observation": [*DEFAULT_OBSERVATION, "torque"]}
-
-
-def summed(actions: Array, change: Array, limit: Array = LIMITS) -> Array:
-    """Torques that the actions add up to, each within the limit. Shape (steps, 2)."""
-    torques = [np.zeros(2)]
-    for action in actions:
-        torques.append(np.clip(torques[-1] + change * action, -limit, limit))
-    return np.array(torques[1:])
-
-
-def test_torque_rates_add_up() -> None:
-    """Held over each period, within the motors' limits, observed; and from 0 again after a reset."""
-    env = bare(start="moving", **RATE, **FREE)
-    actions = np.clip(actions_for(60) + 0.3125, -1.0, 1.0)
-    for _ in range(2):
-        observations, infos = zip(env.reset(seed=1), *(env.step(action)[::4] for action in actions), strict=True)
-        states, torques = (np.array([info[name] for info in infos]) for name in ("state", "torque"))
-        expected = summed(actions, np.array([30.0, 10.0]))
-        assert (np.abs(expected) == LIMITS).any(axis=0).all()
-        np.testing.assert_allclose(torques, [np.zeros(2), *expected], rtol=1e-14)
-        np.testing.assert_allclose(block(env, np.array(observations), "torque"), torques, rtol=1e-6)
-        run = env.arm.simulate(states[0], np.repeat(torques[1:], 10, axis=0), 0.6)
-        np.testing.assert_allclose(states, run.state[::10], rtol=0.0, atol=1e-12 * np.abs(states).max())
-
-
-def test_environments_of_torque_rates_are_environments() -> None:
-    """For Gymnasium and for stable-baselines3; the other environments of a batch, in plain Python, are the same."""
-    made = make(**RATE, **FREE)
-    env_checker.check_env(made.unwrapped, skip_render_check=True)
-    adapter = FlexArmVecEnv.make("flexarm_env:" + SQUARE, 1, **RATE, **FREE)
-    np.testing.assert_array_equal(adapter.reset().shape, (1, *made.observation_space.shape))
-    adapter.close()
-    env = bare(**RATE, **FREE)
-    simulator = BatchSimulator(env.settings, 2)
-    keys = np.arange(2, dtype=np.uint64) + 3
-    simulator.request_resets(keys, np.arange(2), simulator.usual_requests)
-    env.simulator.start(keys[:1], np.zeros(1, dtype=np.int64), env.simulator.usual_requests)
-    simulator._header[word.DRIVING] = 0
-    for action in actions_for(4):
-        with plain_python(simulator._variant), np.errstate(all="ignore"):
-            results = np.empty((len(env.simulator.result(0)), simulator._arenas.shape[2]))
-            period.step_blocks(simulator._memory, 0, 1, results)
-        np.testing.assert_allclose(results[:, 0], env.simulator.result(0), rtol=1e-8, atol=1e-9)
-        np.testing.assert_allclose(simulator.observations[0], env.simulator.observations[0], rtol=1e-5, atol=1e-6)
-        simulator._header[word.DRIVING] = 1
-        simulator.actions[:] = env.simulator.actions[:] = action
-        env.simulator.step()
-
-
-@pytest.mark.parametrize("delay", [0.0, 0.0003, 0.01, 0.0137])
-def test_late_torque_rates_act_as_late_as_late_torques(delay: float) -> None:
-    """The commanded torques, not their sum, are late: as torques that are commanded so; in plain Python."""
-    options = {"torque_rate_limit": (500.0, 1e4), "torque_limit": (12.0, 40.0), "actuation_delay": delay}
-    settings = Settings.of({**RATE, **options, "last_actions": 5})
-    header, table = header_and_settings([settings], settings.program, observation_layout(settings, settings.program))
-    variant = Variant(settings.program, 2, True, 2, sensor="true", disturbed=True)
-    arena = np.zeros((extent(variant.rows) + tail_rows([settings]), 2))
-    actions, held = actions_for(12), delay == 0.0
-    torques = np.vstack([np.zeros((3, 2)), summed(actions, np.array([5.0, 100.0]), np.array([12.0, 40.0]))])
-    with plain_python(variant):
-        arena[row.EPISODE + drawn.ACTUATION_DELAY] = delay
-        for period, action in enumerate(actions):
-            arena[row.TAIL + 14 : row.TAIL + 16] = action[:, None]  # after seven previews
-            actuation.add_up_torques(arena, header, table)
-            for part in range(10):
-                actuation.write_commands(arena, header, table, part, held)
-                moments = (np.arange(100) + 0.5) / 100 * 1e-3 + part * 1e-3 - delay  # of command, by microseconds
-                expected = torques[period + 3 + np.floor(moments / 0.01).astype(int)].mean(axis=0)
-                np.testing.assert_allclose(arena[row.TAU : row.TAU + 2, 0], expected, rtol=1e-6, atol=1e-6)
-
-
-def test_the_map_of_torque_rates_inverts() -> None:
-    settings = Settings.of({"action_mode": "torque_rate", "torque_rate_limit": (10.0, 20.0)})
-    rates = physical_from_action("torque_rate", [0.5, -1.0], settings.action_limit)
-    np.testing.assert_array_equal(rates, [5.0, -20.0])
-    np.testing.assert_array_equal(action_from_physical("torque_rate", rates, settings.action_limit), [0.5, -1.0])
-
-
-def test_only_torque_rates_have_their_option_and_block() -> None:
-    with refuses(ValueError, "torque_rate_limit = (1.0, 1.0): has no effect with action_mode = 'torque'; only"):
-        Settings.of({"torque_rate_limit": (1.0, 1.0)})
-    with refuses(
-        ValueError, "observation: there is no block 'torque' with action_mode = 'gain'", "only with 'torque_rate'"
-    ):
-        make(GAIN, observation=["torque"])
 
 
 # --- the inner tracking law ---------------------------------------------------------------------------------
@@ -209,7 +108,7 @@ def shifts_of(env: FlexArmEnv, actions: Array) -> list[tuple[Array, Array]]:
     """Residual torque, or shift of the joints' reference, as polynomials of the time within each period."""
     period = env.control_period
     if env.settings.action_mode == "residual":
-        return [(LIMITS * a, np.zeros((2, 2))) for a in actions]
+        return [(TORQUE_LIMITS * a, np.zeros((2, 2))) for a in actions]
     shifts = np.vstack([np.zeros((1, 2)), np.array(env.settings.shift_limit) * actions])
     return [(np.zeros(2), np.array([a, (b - a) / period])) for a, b in zip(shifts[:-1], shifts[1:], strict=True)]
 
@@ -224,7 +123,7 @@ def integrated(env: FlexArmEnv, start: Array, time: float, actions: Array) -> tu
     settings, arm, path = env.settings, env.arm, square(SquareParameters())
     period = env.control_period
     stiffness, resistance = np.array(settings.inner_stiffness), np.array(settings.inner_resistance)
-    limit = np.array(settings.torque_limit or LIMITS)
+    limit = np.array(settings.torque_limit or TORQUE_LIMITS)
     states, torques = [start], []
     for k, (residual, shift) in enumerate(shifts_of(env, actions)):
         nodes = np.linspace(0.0, period, 9)
@@ -265,12 +164,12 @@ def integrated(env: FlexArmEnv, start: Array, time: float, actions: Array) -> tu
 def test_the_inner_law_acts_in_continuous_time(options: dict[str, Any]) -> None:
     """Around the corner at 4 s, with actions; steps so fine that the torque limit may be met anywhere within one."""
     env = bare(RESIDUAL, physics_step=1e-5, start="moving", **(FREE | options))
-    actions = actions_for(16, size=0.25)
+    actions = exact_actions(16, size=0.25)
     states, torques = recorded(env, actions, time=3.92)
     expected, expected_torques = integrated(env, states[0], 3.92, actions)
     scale = np.abs(expected).max(axis=0)
     np.testing.assert_allclose(states / scale, expected / scale, rtol=0.0, atol=1e-6)
-    np.testing.assert_allclose(torques, expected_torques, rtol=0.0, atol=1e-6 * LIMITS[0])
+    np.testing.assert_allclose(torques, expected_torques, rtol=0.0, atol=1e-6 * TORQUE_LIMITS[0])
     assert np.abs(np.diff(expected_torques, axis=0)).max() > 1.0
 
 
@@ -303,7 +202,7 @@ def test_the_same_law_held_over_a_period_is_unstable() -> None:
     ended = False
     for _ in range(200):
         torque = stiffness * (start[:2] - state[:2]) - resistance * state[6:8]
-        *_, terminated, _, info = outer.step(torque / LIMITS)
+        *_, terminated, _, info = outer.step(torque / TORQUE_LIMITS)
         state = info["state"]
         ended = ended or terminated or np.abs(state[6:8]).max() > 10.0
         *_, terminated, _, info = inner.step(np.zeros(2))
@@ -328,14 +227,21 @@ LATE = {"law_sensor": "sensor", "delay": 0.004}
             SensorParameters(delay=(0.01, 0.004)),
             LawParameters(80.0, compensation="per_joint"),
         ),
-        (GAIN, {"sensor_position": 3.0}, SensorParameters("collocated"), LawParameters()),
-        (
+        pytest.param(
+            GAIN,
+            {"sensor_position": 3.0},
+            SensorParameters("collocated"),
+            LawParameters(),
+            marks=pytest.mark.slow,
+        ),
+        pytest.param(  # two kernels of their own each
             GAIN,
             LATE | {"compensation": "shared", "torque_limit": (300.0, 90.0)},
             SensorParameters("true", delay=0.004),
             LawParameters(compensation="shared", torque_limit=(300.0, 90.0)),
+            marks=pytest.mark.slow,
         ),
-        pytest.param(  # two kernels of their own
+        pytest.param(
             GAIN,
             FORESHORTENED | LATE,
             SensorParameters("true", delay=0.004),
@@ -363,6 +269,7 @@ def test_the_gain_scales_the_papers_law(
         np.testing.assert_array_equal(info["torque"], loop.results().torque[0])
 
 
+@pytest.mark.usefixtures("uncompiled")
 def test_a_late_gain() -> None:
     """None before the first has arrived."""
     late, prompt = (bare(GAIN, actuation_delay=delay, start="corner") for delay in (0.03, 0.0))

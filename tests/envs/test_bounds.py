@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 
 from flexarm_env import end_reason
 from flexarm_env.episode.reward import TERMS
-from tests.support.envs import CASE_NAMES, CASES, EVERYWHERE, WAYPOINTS, make, terms_of
+from tests.support.envs import CASE_NAMES, CASES, EVERYWHERE, PAPER, RANDOM, RESIDUAL, SQUARE, WAYPOINTS, make, terms_of
+from tests.support.plain import KERNELS, run_plainly
 
 POLICIES = ("random", "bang-bang", "spin", "none")
 
@@ -46,11 +47,22 @@ def play(env: Any, policy: str, steps: int, seed: int) -> str | None:
     return reason
 
 
+@pytest.mark.parametrize(("env_id", "options"), CASES, ids=CASE_NAMES)
+@pytest.mark.parametrize("kernels", KERNELS, indirect=True)
+def test_no_policy_leaves_the_bounds(env_id: str, options: dict[str, Any], kernels: str) -> None:
+    """In plain Python a policy for each case, compiled all of them, and for longer."""
+    if kernels == "plain":
+        play(make(env_id, max_episode_steps=25, **options), POLICIES[CASES.index((env_id, options)) % 4], 30, seed=4)
+    else:
+        for policy in POLICIES:
+            play(make(env_id, max_episode_steps=150, **options), policy, 200, seed=4)
+
+
 @pytest.mark.parametrize("policy", POLICIES)
-# The last case first: a process that runs test_contract.py beside this one compiles the first ones meanwhile.
-@pytest.mark.parametrize(("env_id", "options"), CASES[::-1], ids=CASE_NAMES[::-1])
-def test_no_policy_leaves_the_bounds(env_id: str, options: dict[str, Any], policy: str) -> None:
-    play(make(env_id, max_episode_steps=150, **options), policy, 200, seed=4)
+def test_no_policy_leaves_the_bounds_for_long(policy: str) -> None:
+    """On the kernels of other tests."""
+    for env_id, options in ((SQUARE, {}), (SQUARE, RANDOM), (RESIDUAL, {}), (PAPER, {})):
+        play(make(env_id, max_episode_steps=150, **options), policy, 200, seed=4)
 
 
 def times(most: float) -> st.SearchStrategy[float]:
@@ -72,7 +84,7 @@ def with_effect(options: dict[str, Any]) -> dict[str, Any]:
 
 @st.composite
 def options_of_any_kind(draw: st.DrawFn) -> dict[str, Any]:
-    """Any valid set of options; the kernels it needs are those of the other tests."""
+    """Draw any valid set of options."""
     mode = draw(st.sampled_from(["torque", "residual", "reference", "gain", "paper"]))
     period = draw(st.sampled_from([1e-3, 0.01, 0.0137, 0.05]))
     options: dict[str, Any] = {
@@ -114,7 +126,16 @@ def options_of_any_kind(draw: st.DrawFn) -> dict[str, Any]:
     return with_effect(options | {"action_mode": mode})
 
 
-@settings(max_examples=40, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=25, deadline=None, suppress_health_check=list(HealthCheck))
 @given(options_of_any_kind(), st.sampled_from(POLICIES), st.integers(0, 2**32 - 1))
 def test_no_options_leave_the_bounds(options: dict[str, Any], policy: str, seed: int) -> None:
+    with pytest.MonkeyPatch.context() as patch:
+        run_plainly(patch)
+        play(make(max_episode_steps=8, **options), policy, 10, seed)
+
+
+@pytest.mark.slow
+@settings(max_examples=100, deadline=None, suppress_health_check=list(HealthCheck))
+@given(options_of_any_kind(), st.sampled_from(POLICIES), st.integers(0, 2**32 - 1))
+def test_no_options_leave_the_bounds_for_long(options: dict[str, Any], policy: str, seed: int) -> None:
     play(make(max_episode_steps=50, **options), policy, 60, seed)

@@ -36,6 +36,7 @@ from tests.support.envs import (
     kinds_of,
     make,
 )
+from tests.support.plain import KERNELS
 
 # Any warning is an error (pyproject.toml), also those of the checkers.
 
@@ -51,7 +52,8 @@ def test_the_grid_holds_every_option() -> None:
 
 
 @pytest.mark.parametrize(("env_id", "options"), CASES, ids=CASE_NAMES)
-def test_gymnasiums_checker(env_id: str, options: dict[str, Any]) -> None:
+@pytest.mark.parametrize("kernels", KERNELS, indirect=True)
+def test_gymnasiums_checker(env_id: str, options: dict[str, Any], kernels: str) -> None:
     check_env(make(env_id, **options).unwrapped, skip_render_check=True)
 
 
@@ -63,7 +65,8 @@ def test_gymnasiums_checker_with_pictures(env_id: str, monkeypatch: pytest.Monke
 
 
 @pytest.mark.parametrize(("env_id", "options"), CASES, ids=CASE_NAMES)
-def test_stable_baselines3s_checker(env_id: str, options: dict[str, Any]) -> None:
+@pytest.mark.parametrize("kernels", KERNELS, indirect=True)
+def test_stable_baselines3s_checker(env_id: str, options: dict[str, Any], kernels: str) -> None:
     checker = pytest.importorskip("stable_baselines3.common.env_checker")
     checker.check_env(make(env_id, **options), warn=True)
 
@@ -93,7 +96,8 @@ def test_the_registered_limit_is_one_lap(env_id: str) -> None:
 
 
 @pytest.mark.parametrize(("env_id", "options"), CASES, ids=CASE_NAMES)
-def test_the_spec_survives_json(env_id: str, options: dict[str, Any]) -> None:
+@pytest.mark.parametrize("kernels", KERNELS, indirect=True)
+def test_the_spec_survives_json(env_id: str, options: dict[str, Any], kernels: str) -> None:
     env = make(env_id, **options)
     assert env.spec is not None
     text = env.spec.to_json()
@@ -145,6 +149,7 @@ def test_keys_of_infos(env_id: str) -> None:
 
 
 @pytest.mark.parametrize("env_id", IDS)
+@pytest.mark.usefixtures("uncompiled")
 def test_what_is_handed_out_is_new(env_id: str) -> None:
     """What was given out before does not change, and changing it changes nothing."""
     env, twin = bare(env_id, noise=0.01), bare(env_id, noise=0.01)
@@ -169,6 +174,7 @@ def test_what_is_handed_out_is_new(env_id: str) -> None:
 
 
 @pytest.mark.parametrize(("env_id", "options"), CASES, ids=CASE_NAMES)
+@pytest.mark.usefixtures("uncompiled")
 def test_blocks_cover_the_observation_in_order(env_id: str, options: dict[str, Any]) -> None:
     env = bare(env_id, **options)
     places = env.observation_blocks

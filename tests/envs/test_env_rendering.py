@@ -46,16 +46,16 @@ def test_a_copy_of_an_environment_that_has_drawn_goes_on(how: Any) -> None:
 
 
 def test_a_batch_draws_each_of_its_arms() -> None:
-    envs = gymnasium.make_vec(GAIN, num_envs=3, render_mode="rgb_array")
+    envs = gymnasium.make_vec(SQUARE, num_envs=3, render_mode="rgb_array")
     assert envs.render() is None  # nothing to show yet
     envs.reset(seed=0)
     for _ in range(3):
-        envs.step(np.ones((3, 1), np.float32))
+        envs.step(np.ones((3, 2), np.float32))
     pictures = envs.render()
-    alone = gymnasium.make(GAIN, render_mode="rgb_array")
+    alone = gymnasium.make(SQUARE, render_mode="rgb_array")
     alone.reset(seed=1)
     for _ in range(3):
-        alone.step(np.ones(1, np.float32))
+        alone.step(np.ones(2, np.float32))
     assert len(pictures) == 3
     np.testing.assert_array_equal(pictures[1], alone.render())
     envs.close()

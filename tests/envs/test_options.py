@@ -1,4 +1,4 @@
-"""Options and actions: what is refused, with which words."""
+"""Options: what is refused, with which words."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import pytest
 
 from flexarm_env.envs.settings import Settings
 from flexarm_env.envs.single import FlexArmEnv
-from tests.support.envs import GAIN, PAPER, RESIDUAL, SQUARE, WAYPOINTS, assert_same, bare, make
+from tests.support.envs import GAIN, PAPER, RESIDUAL, SQUARE, WAYPOINTS, make
 from tests.support.refusals import label, refuses
 
 MISMATCHED = {"masses_per_length": (1e-9, 1e-9), "payload_inertia": 1e9}
@@ -329,63 +329,3 @@ def test_an_option_without_effect_is_refused(name: str, mode: str) -> None:
     else:
         with refuses(ValueError, f"{name} = {value!r}: has no effect", f"'{mode}'", *map(repr, allowed.split())):
             Settings.of(options)
-
-
-def test_lists_as_json_has_them_are_tuples() -> None:
-    settings = Settings.of({"previews": [0.1], "torque_limit": [1.0, 2.0], "delay": [0.1, 0.2], "sensor": "rigid"})
-    assert (settings.previews, settings.torque_limit, settings.reference) == ((0.1,), (1.0, 2.0), ("square",))
-    assert settings.delay == settings.sensor_parameters.delay == (0.1, 0.2)
-
-
-def test_numbers_of_numpy_are_numbers() -> None:
-    given = {"delay": np.array(0.01), "noise": np.float32(0.5), "sensor": np.array("true"), "scaled": np.array(False)}
-    settings = Settings.of(given | {"previews": np.array([0.1, 0.2]), "last_actions": np.int8(3)})
-    assert (settings.delay, settings.noise, settings.sensor, settings.scaled) == (0.01, 0.5, "true", False)
-    assert (settings.previews, settings.last_actions) == ((0.1, 0.2), 3)
-    assert {type(x) for x in (settings.delay, settings.noise, *settings.previews)} == {float}
-    assert (type(settings.sensor), type(settings.scaled), type(settings.last_actions)) == (str, bool, int)
-
-
-@pytest.mark.parametrize("value", ["x" * 100_000, [1.0] * 100_000, {"x" * 100_000: "y"}, 10**100_000], ids=type)
-@pytest.mark.parametrize("name", ["delay", "sensor", "arm", "observation", "reward_weights", "last_actions"])
-def test_messages_stay_short(name: str, value: Any) -> None:
-    with pytest.raises((TypeError, ValueError), match=name) as caught:
-        Settings.of({name: value})
-    assert len(str(caught.value)) < 1500
-
-
-# --- actions ------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("action", "message"),
-    [
-        ([math.nan, 0.0], r"action\[0\] = nan: must be finite"),
-        ([0.0, -math.inf], r"action\[1\] = -inf: must be finite"),
-        ([0.0], r"action: must have shape \(2,\), got \(1,\)"),
-        (0.0, r"action: must have shape \(2,\), got \(\)"),
-        ([[0.0, 0.0]], r"action: must have shape \(2,\), got \(1, 2\)"),
-    ],
-    ids=str,
-)
-@pytest.mark.parametrize("env_id", [SQUARE, RESIDUAL])
-def test_a_wrong_action_is_refused_and_nothing_moves(env_id: str, action: Any, message: str) -> None:
-    env, twin = bare(env_id), bare(env_id)
-    with pytest.raises(ValueError, match=message):
-        env.step(np.asarray(action))
-    assert_same(env.step(np.zeros(2, np.float32)), twin.step(np.zeros(2, np.float32)))
-
-
-def test_an_action_beyond_the_range_is_limited() -> None:
-    env, twin = bare(), bare()
-    for beyond, limit in (((-7.0, 1.5), (-1.0, 1.0)), ((1e30, 0.5), (1.0, 0.5))):
-        assert_same(env.step(np.array(beyond, np.float32)), twin.step(np.array(limit, np.float32)))
-
-
-def test_steps_before_the_first_reset_are_refused() -> None:
-    with pytest.raises(RuntimeError, match=r"step\(\) before reset\(\)"):
-        FlexArmEnv().step(np.zeros(2, np.float32))
-    with pytest.raises(RuntimeError, match=r"render\(\) before reset\(\)"):
-        FlexArmEnv(render_mode="rgb_array").render()
-    with pytest.raises(AttributeError, match="gain_limit: the action is 'torque', not the gain"):
-        _ = FlexArmEnv().gain_limit

@@ -91,6 +91,7 @@ def test_noise_reaches_the_law() -> None:
 
 
 @pytest.mark.parametrize("arm", ["paper", "default"])
+@pytest.mark.usefixtures("uncompiled")
 def test_blocks_hold_what_they_say(arm: str) -> None:
     env = paper(arm=arm, start_corner="upper left", lap_time=0.12, gain_limit=0.01)  # a soft gain over two corners
     observations, infos = recorded(env)
@@ -113,6 +114,7 @@ def test_blocks_hold_what_they_say(arm: str) -> None:
 
 
 @pytest.mark.parametrize("sensor", ["collocated", "rigid", "true"])
+@pytest.mark.usefixtures("uncompiled")
 def test_the_sensed_position(sensor: Any) -> None:
     """Of angles 4 and 2 ms old, of the point 4 ms ago with its deflection, or of the present angles."""
     delay = {"collocated": None, "rigid": (0.004, 0.002), "true": 0.004}[sensor]
@@ -143,6 +145,7 @@ def test_the_reference_where_corners_fall_between_the_instants() -> None:
     np.testing.assert_array_equal(block(env, observations, "reference_velocity"), np.float32(path.velocity(times)))
 
 
+@pytest.mark.usefixtures("uncompiled")
 def test_info_and_tips() -> None:
     env = paper(arm="default")
     _, infos = recorded(env)

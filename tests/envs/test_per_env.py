@@ -12,6 +12,7 @@ from flexarm_env.envs.batch import BatchSimulator
 from flexarm_env.envs.per_env import OPTIONS, settings_of_each
 from flexarm_env.envs.vector import FlexArmVectorEnv
 from tests.support.envs import GAIN, RESIDUAL, SQUARE, assert_same, bare, same_as_alone, vector
+from tests.support.plain import KERNELS
 from tests.support.refusals import refuses
 
 # What each environment has for itself, in two sets of kernels that the blocks' tests compile, too.
@@ -64,17 +65,25 @@ GAIN_LANES: dict[str, list[Any]] = {
 }
 
 
-@pytest.mark.parametrize(
-    ("env_id", "options", "lanes"),
-    [(SQUARE, {}, TORQUE_LANES), (SQUARE, {}, SENSOR_LANES), (GAIN, {"law_sensor": "sensor"}, GAIN_LANES)],
-    ids=["torque", "sensors", "gain"],
-)
-def test_each_environment_is_the_single_one_with_its_options(
-    env_id: str, options: dict[str, Any], lanes: dict[str, list[Any]]
-) -> None:
-    """A full block and one with lanes of no environment; episodes begin anew."""
+def compare_with_singles(env_id: str, lanes: dict[str, list[Any]], steps: int, **options: Any) -> None:
+    """Compare a full block and one with lanes of no environment with single environments."""
     each = [options | {name: values[i] for name, values in lanes.items()} for i in range(9)]
-    same_as_alone(vector(env_id, 9, max_episode_steps=23, per_env=lanes, **options), env_id, each, 60)
+    same_as_alone(vector(env_id, 9, max_episode_steps=23, per_env=lanes, **options), env_id, each, steps)
+
+
+def test_each_environment_is_the_single_one_with_its_options() -> None:
+    """Episodes begin anew."""
+    compare_with_singles(SQUARE, TORQUE_LANES, 60)
+
+
+@pytest.mark.parametrize("kernels", KERNELS, indirect=True)
+def test_each_environment_has_its_sensor(kernels: str) -> None:
+    compare_with_singles(SQUARE, SENSOR_LANES, 10 if kernels == "plain" else 60)
+
+
+@pytest.mark.parametrize("kernels", KERNELS, indirect=True)
+def test_each_environment_of_gains_is_the_single_one_with_its_options(kernels: str) -> None:
+    compare_with_singles(GAIN, GAIN_LANES, 10 if kernels == "plain" else 60, law_sensor="sensor")
 
 
 def test_the_tests_have_every_option() -> None:

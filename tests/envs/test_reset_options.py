@@ -92,6 +92,7 @@ def test_a_bad_reset_option_is_refused_and_nothing_moves(
     assert_same(env.reset(options={}), twin.reset())
 
 
+@pytest.mark.usefixtures("uncompiled")
 def test_options_that_a_settings_rules_out() -> None:
     with refuses(ValueError, "options['path'] = 'square'", "draws its own moves"):
         bare("FlexArm/Reach-v0").reset(options={"path": "square"})

@@ -124,6 +124,7 @@ def test_a_link_bent_too_far_ends_an_episode(limit: float, torque: tuple[float, 
     ],
     ids=["deflection", "angle", "wound"],
 )
+@pytest.mark.usefixtures("uncompiled")
 def test_an_invalid_state_ends_an_episode_without_reward(env_id: str, options: dict[str, Any], reason: str) -> None:
     """And the next is like the first."""
     env = bare(env_id, start="corner", **(FREE | options))

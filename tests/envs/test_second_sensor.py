@@ -11,6 +11,7 @@ import pytest
 from flexarm_env.envs.choices import DEFAULT_OBSERVATION, SECOND_SENSOR_BLOCKS
 from flexarm_env.envs.settings import Settings
 from tests.support.envs import FORESHORTENED, GAIN, RESIDUAL, SQUARE, actions_for, assert_same, bare, block, vector
+from tests.support.plain import KERNELS
 
 BOTH = ("sensed_position", *DEFAULT_OBSERVATION, *SECOND_SENSOR_BLOCKS)
 ON_LINK_1: dict[str, Any] = {"observation": BOTH, "second_sensor_link": 1}
@@ -28,7 +29,8 @@ def test_the_delay_line_is_long_enough_for_either_sensor() -> None:
     assert longest.history_slots * longest.control_period / longest.substeps >= 0.52
 
 
-def test_readings_in_an_environment() -> None:
+@pytest.mark.parametrize("kernels", KERNELS, indirect=True)
+def test_readings_in_an_environment(kernels: str) -> None:
     """The point of link 1 as late as it is, in the link's frame, with noise of its own; nothing else changes."""
     options = {"noise": 0.01, "encoder_noise": (1e-3, 1e-2), "frame": "world", "scaled": False, "start": "moving"}
     quiet = bare(**ON_LINK_1, **options, second_sensor_delay=0.02)

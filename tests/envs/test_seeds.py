@@ -34,7 +34,7 @@ def noisy(env_id: str) -> dict[str, Any]:
     return RANDOM if env_id == PAPER else NOISY
 
 
-def digest(env: Any, steps: int = 20) -> str:
+def digest(env: Any, steps: int = 10) -> str:
     """Of all that an episode gives out, of one environment or several; runs in other processes too."""
     bits = hashlib.sha256()
     for k in range(steps):
@@ -80,6 +80,7 @@ def test_a_seed_repeats_across_processes_whatever_others_seed(env_id: str) -> No
 
 
 @pytest.mark.parametrize("env_id", IDS)
+@pytest.mark.usefixtures("uncompiled")
 def test_seeds(env_id: str) -> None:
     """Each has an episode of its own; without one the next follow, and their sequence repeats."""
     env, twin = make(env_id, **noisy(env_id)), make(env_id, **noisy(env_id))
@@ -126,6 +127,7 @@ def test_observing_more_changes_nothing() -> None:
 @pytest.mark.parametrize("wrapped", [True, False])
 @pytest.mark.parametrize("how", ["pickle", "deepcopy"])
 @pytest.mark.parametrize("env_id", [SQUARE, RESIDUAL, PAPER])
+@pytest.mark.usefixtures("uncompiled")
 def test_a_copy_continues_identically(env_id: str, how: str, wrapped: bool) -> None:
     env: gym.Env[Any, Any] = (make if wrapped else bare)(env_id, **noisy(env_id))
     env.reset(seed=3)

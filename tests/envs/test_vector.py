@@ -48,8 +48,12 @@ def first(num_envs: int, value: Any) -> Any:
 # --- one alone and many together ----------------------------------------------------------------------------
 
 
+# Each program's blocks are compiled for this alone; those of the fast tests are the torques' and the paper's law's.
+OTHERS = [pytest.param(env_id, marks=pytest.mark.slow) for env_id in IDS if env_id not in (SQUARE, PAPER)]
+
+
 @pytest.mark.parametrize("mode", [NEXT_STEP, SAME_STEP])
-@pytest.mark.parametrize("env_id", IDS)
+@pytest.mark.parametrize("env_id", [SQUARE, PAPER, *OTHERS])
 def test_single_environments_give_the_same_bits(env_id: str, mode: AutoresetMode) -> None:
     """Against Gymnasium's own vector environment: everything, masks and final infos included, over many episodes."""
     options = random_options(env_id) | {"max_episode_steps": 23, "error_limit": 0.4}
@@ -67,6 +71,7 @@ def test_single_environments_give_the_same_bits(env_id: str, mode: AutoresetMode
     assert ended[0] > 0 or env_id == PAPER  # which starts at rest on the path and has 23 ms to leave it
 
 
+@pytest.mark.usefixtures("uncompiled")
 def test_an_invalid_state_resets_alike() -> None:
     """A diverged neighbour changes nothing for the others, and leaves nothing behind for its own next episode."""
     options = {"gain_limit": 1e6, "proportional_gain": 1e9, "max_episode_steps": 20}
@@ -81,11 +86,11 @@ def test_an_invalid_state_resets_alike() -> None:
     assert ended >= 5
 
 
-# Each width of a block is a kernel of its own; that of 32 lanes runs with threads below.
-WIDE = [pytest.param(SQUARE, count, marks=pytest.mark.slow) for count in (250, 1024)]
+# Each program, and each width of a block, is a kernel of its own.
+WIDE = [pytest.param(*case, marks=pytest.mark.slow) for case in ((RESIDUAL, 11), (SQUARE, 250), (SQUARE, 1024))]
 
 
-@pytest.mark.parametrize(("env_id", "most"), [(SQUARE, 11), (RESIDUAL, 11), (PAPER, 11), *WIDE])
+@pytest.mark.parametrize(("env_id", "most"), [(SQUARE, 11), (PAPER, 11), *WIDE])
 def test_an_environment_does_not_depend_on_how_many_there_are(env_id: str, most: int) -> None:
     """In one lane, in blocks of 8, the last of them nearly empty, or in two and three large ones."""
     assert [block_lanes(count, 1) for count in (1, 3, 8, 11, 250, 1024)] == [1, 8, 8, 8, 128, 344]
@@ -109,11 +114,12 @@ def first_of(whole: dict[str, Any], part: dict[str, Any]) -> dict[str, Any]:
     return {name: whole[name] for name in part}
 
 
-def test_threads_give_the_same_bits() -> None:
-    """Five blocks on two threads."""
+@pytest.mark.parametrize(("count", "lanes"), [(16, 8), pytest.param(160, 32, marks=pytest.mark.slow)])
+def test_threads_give_the_same_bits(count: int, lanes: int) -> None:
+    """Two or five blocks on two threads."""
     options = random_options(SQUARE) | {"max_episode_steps": 31}
-    assert block_lanes(160, 1) == block_lanes(160, 2) == 32
-    one, two = (vector(SQUARE, 160, threads=threads, **options) for threads in (1, 2))
+    assert block_lanes(count, 1) == block_lanes(count, 2) == lanes
+    one, two = (vector(SQUARE, count, threads=threads, **options) for threads in (1, 2))
     assert_same(two.reset(seed=5), one.reset(seed=5))
     for actions in actions_for(one, 60):
         assert_same(two.step(actions), one.step(actions))
@@ -134,7 +140,7 @@ def test_more_threads_than_blocks() -> None:
 
 def test_the_registered_time_limit_reaches_the_batch() -> None:
     """At rest without torque and without limits nothing else ends an episode: 1600 steps, not one more or less."""
-    env = vector("FlexArm/Reach-v0", 3, error_limit=None, deflection_limit=None)
+    env = vector(SQUARE, 3, start="corner", error_limit=None, deflection_limit=None)
     env.reset(seed=0)
     still = np.zeros((3, 2), np.float32)
     for k in range(1, 1604):
@@ -242,3 +248,10 @@ def test_memory_stays_flat(steps: int) -> None:
 @pytest.mark.slow
 def test_many_environments_are_small() -> None:
     assert float(in_fresh_process(SIZE)) < 200.0
+
+
+def test_a_batch_says_when_its_episodes_begin() -> None:
+    for mode in AutoresetMode:
+        env = vector(SQUARE, 1, autoreset_mode=mode)
+        assert env.autoreset_mode is mode
+        assert env.metadata["autoreset_mode"] is mode

@@ -229,8 +229,9 @@ def test_masks_that_keys_share_cannot_be_written() -> None:
 
 
 @pytest.mark.parametrize("env_id", IDS)
+@pytest.mark.usefixtures("uncompiled")
 def test_spaces_and_metadata(env_id: str) -> None:
-    options = {"noise": 0.01}  # the kernels of test_vector.py
+    options = {"noise": 0.01}
     env, single = vector(env_id, 3, autoreset_mode="SameStep", **options), gym.make(env_id, **options)
     assert env.single_observation_space == single.observation_space
     assert env.single_action_space == single.action_space

@@ -9,6 +9,7 @@ import pytest
 
 from flexarm_env.envs.settings import Settings
 from tests.support.envs import GAIN, SQUARE, actions_for, same_as_alone, vector
+from tests.support.plain import KERNELS
 
 REACH = "FlexArm/Reach-v0"
 # Equally late readings without anything random, which a block takes from its delay line together (`sensor`).
@@ -17,11 +18,13 @@ ALIKE: list[tuple[str, dict[str, Any]]] = [
     (SQUARE, {"delay": 0.0}),
     (SQUARE, {"delay": 0.02}),
     (SQUARE, {"delay": 0.0372}),
+    (SQUARE, {"frame": "world", "lap_time": 4.0, "error_limit": None}),
+    ("FlexArm/Track-v0", {"reference": ["square", "line", "circle"]}),
+]
+ALIKE_OF_OTHER_KERNELS: list[tuple[str, dict[str, Any]]] = [
     (SQUARE, {"sensor": "rigid", "delay": 0.0372}),
     (SQUARE, {"sensor": "rigid", "delay": (0.02, 0.0113)}),
     (SQUARE, {"sensor": "collocated"}),
-    (SQUARE, {"frame": "world", "lap_time": 4.0, "error_limit": None}),
-    ("FlexArm/Track-v0", {"reference": ["square", "line", "circle"]}),
     (REACH, {}),
     (GAIN, {"law_sensor": "sensor", "compensation": "shared", "delay": 0.0372}),
     (GAIN, {"law_sensor": "sensor", "compensation": "per_joint"}),
@@ -35,6 +38,13 @@ def test_lanes_that_are_alike(count: int, env_id: str, options: dict[str, Any]) 
     """A full block, and one with lanes of no environment."""
     batch = vector(env_id, count, max_episode_steps=23, **options)
     same_as_alone(batch, env_id, [options] * count, 60)
+
+
+@pytest.mark.parametrize(("env_id", "options"), ALIKE_OF_OTHER_KERNELS, ids=str)
+@pytest.mark.parametrize("kernels", KERNELS, indirect=True)
+def test_lanes_that_are_alike_of_other_kernels(kernels: str, env_id: str, options: dict[str, Any]) -> None:
+    batch = vector(env_id, 8, max_episode_steps=23, **options)
+    same_as_alone(batch, env_id, [options] * 8, 10 if kernels == "plain" else 60)
 
 
 def test_lanes_of_no_environment_rest_and_are_like_the_others() -> None:
@@ -52,13 +62,14 @@ def test_lanes_of_no_environment_rest_and_are_like_the_others() -> None:
     assert not idle.any()
 
 
-@pytest.mark.parametrize("last", [1, 7, 8, 9, 16])
-def test_observations_of_any_length(last: int) -> None:
+@pytest.mark.parametrize("count", [1, 7, 8, 9, 16])
+def test_observations_of_any_length(count: int) -> None:
     """Eight numbers of eight lanes are written at once: fewer, just as many, and some more."""
-    options = {"observation": ["last_actions"], "last_actions": last}
-    batch = vector(GAIN, 8, max_episode_steps=23, **options)
-    assert batch.single_observation_space.shape == (last,)
-    same_as_alone(batch, GAIN, [options] * 8, 40)
+    blocks = ["inner_gain"] * (count % 2) + ["last_actions"] * (count > 1)  # one number, and two an action
+    options = {"observation": blocks, **({"last_actions": count // 2} if count > 1 else {})}
+    batch = vector(SQUARE, 8, max_episode_steps=23, **options)
+    assert batch.single_observation_space.shape == (count,)
+    same_as_alone(batch, SQUARE, [options] * 8, 40)
 
 
 def test_a_lane_whose_state_is_invalid_keeps_its_observation() -> None:

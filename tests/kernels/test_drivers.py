@@ -41,7 +41,8 @@ from flexarm_env.kernels.stamp import TABLES
 from flexarm_env.kernels.variants import Variant, variant
 from tests.support import batches
 from tests.support.batches import CASES, PATH, inputs
-from tests.support.envs import GAIN, RESIDUAL, SQUARE
+from tests.support.envs import PAPER, RESIDUAL, SQUARE
+from tests.support.plain import run_plainly
 
 LANES = 3
 ARM = FlexibleArm(ArmParameters(modes_per_link=1))
@@ -190,47 +191,49 @@ def test_an_observation_shows_where_the_reference_goes() -> None:
 
 
 @pytest.mark.parametrize(
-    ("env_id", "options"),
+    ("env_id", "count", "options"),
     [
-        (SQUARE, {}),
-        (RESIDUAL, {"action_mode": "reference", "shift_limit": (0.2, 0.1), "reference": ["square", "line", "circle"]}),
-        (GAIN, {"law_sensor": "sensor", "compensation": "per_joint"}),
+        (SQUARE, 8, {}),
+        (
+            RESIDUAL,
+            1,
+            {"action_mode": "reference", "shift_limit": (0.2, 0.1), "reference": ["square", "line", "circle"]},
+        ),
+        (PAPER, 1, {"compensation": "per_joint"}),
     ],
     ids=str,
 )
-def test_a_fleet_runs_in_plain_python_as_compiled(env_id: str, options: dict[str, Any]) -> None:
+def test_environments_run_in_plain_python_as_compiled(
+    env_id: str, count: int, options: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Episodes begin, and some periods pass; recorded kernels round their sums with products twice here."""
     settings = settings_of(env_id, **options)
-    compiled, plain = BatchSimulator(settings, 8), BatchSimulator(settings, 8)
-    keys, everyone = np.arange(8, dtype=np.uint64) + 5, np.arange(8)
+    compiled, plain = BatchSimulator(settings, count), BatchSimulator(settings, count)
+    keys, everyone = np.arange(count, dtype=np.uint64) + 5, np.arange(count)
     compiled.start(keys, everyone, compiled.usual_requests)
-    plain.request_resets(keys, everyone, plain.usual_requests)
-    plain._header[word.DRIVING] = 0
+    run_plainly(monkeypatch)
+    plain.start(keys, everyone, plain.usual_requests)
     rng = np.random.default_rng(0)
     for k in range(4):
-        results = np.empty(compiled.results.T.shape)
-        with plain_python(plain._variant):
-            period.step_blocks(plain._memory, 0, 1, results)
-        np.testing.assert_allclose(results.T, compiled.results, rtol=1e-8, atol=1e-9, err_msg=f"period {k}")
+        np.testing.assert_allclose(plain.results, compiled.results, rtol=1e-8, atol=1e-9, err_msg=f"period {k}")
         np.testing.assert_allclose(plain.observations, compiled.observations, rtol=1e-5, atol=1e-6)
-        plain._header[word.DRIVING] = 1
         compiled.actions[:] = plain.actions[:] = rng.uniform(-0.5, 0.5, plain.actions.shape)
         compiled.step()
+        plain.step()
 
 
-def test_a_closed_loop_runs_in_plain_python_as_compiled() -> None:
+def test_a_closed_loop_runs_in_plain_python_as_compiled(monkeypatch: pytest.MonkeyPatch) -> None:
     """From states that are bent and move; each arm has its own sensor and law."""
     compiled, plain = ClosedLoop(batches.ARM, CASES, PATH), ClosedLoop(batches.ARM, CASES, PATH)
     starts, gains, noise = inputs(len(CASES))
     compiled.reset(starts, noise[0])
-    with plain_python(plain._variant), pytest.MonkeyPatch.context() as patch:
-        patch.setattr(plain, "compile", lambda: period.step_blocks)
-        plain.reset(starts, noise[0])
-        for k in range(3):
-            for found, expected in zip(plain.results(), compiled.results(), strict=True):
-                np.testing.assert_allclose(found, expected, rtol=1e-8, atol=1e-9, err_msg=f"period {k}")
-            compiled.advance(gains[k], noise[k])
-            plain.advance(gains[k], noise[k])
+    run_plainly(monkeypatch)
+    plain.reset(starts, noise[0])
+    for k in range(3):
+        for found, expected in zip(plain.results(), compiled.results(), strict=True):
+            np.testing.assert_allclose(found, expected, rtol=1e-8, atol=1e-9, err_msg=f"period {k}")
+        compiled.advance(gains[k], noise[k])
+        plain.advance(gains[k], noise[k])
 
 
 # --- declarations -----------------------------------------------------------------------------------------------------

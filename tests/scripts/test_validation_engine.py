@@ -32,10 +32,10 @@ def no_log(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
 
 
 def test_both_bend_as_a_cantilever_under_a_force_across_link_2() -> None:
-    from scripts.validation.engine.chain import Chain, bent_by
+    from scripts.validation.engine.chain import EngineChain, bent_by
 
     across = 0.1 * np.array([-np.sin(JOINTS.sum()), np.cos(JOINTS.sum())])
-    chain, arm = Chain(20, UNDAMPED), FlexibleArm(ArmParameters(modes_per_link=4, mode_shapes="polynomial"))
+    chain, arm = EngineChain(20, UNDAMPED), FlexibleArm(ArmParameters(modes_per_link=4, mode_shapes="polynomial"))
     chain.place(JOINTS, across)
     expected = 0.1 * L**3 / (3.0 * EI)
     assert chain.look().deflection[1] == pytest.approx(expected, rel=2e-3)
@@ -46,9 +46,9 @@ def test_both_bend_as_a_cantilever_under_a_force_across_link_2() -> None:
 
 def test_a_bent_chain_is_in_balance() -> None:
     """Held by its joints and pulled at its tip it does not move."""
-    from scripts.validation.engine.chain import Chain
+    from scripts.validation.engine.chain import EngineChain
 
-    chain, force = Chain(6, UNDAMPED), np.array([3.0, 8.0])
+    chain, force = EngineChain(6, UNDAMPED), np.array([3.0, 8.0])
     chain.place(JOINTS, force)
     jacobian = np.zeros((3, chain.model.nv))
     mujoco.mj_forward(chain.model, chain.data)
@@ -87,9 +87,9 @@ def test_a_clamped_link_is_damped_as_told(damping: Any, ratios: list[float]) -> 
 @pytest.mark.parametrize("damping", ["modal", "material"])
 def test_dampers_of_a_chain_do_not_turn_it(damping: Any) -> None:
     """An inner force: it takes energy, and leaves angular momentum about the shoulder alone."""
-    from scripts.validation.engine.chain import Chain
+    from scripts.validation.engine.chain import EngineChain
 
-    chain = Chain(6, ArmParameters(damping_model=damping), angle=0.1)  # implicitfast is of first order
+    chain = EngineChain(6, ArmParameters(damping_model=damping), angle=0.1)  # implicitfast is of first order
     chain.data.qpos[:], chain.data.qvel[:] = np.random.default_rng(3).normal(scale=(0.05, 1.0), size=(14, 2)).T
 
     def momentum_and_energy() -> tuple[float, float]:
@@ -107,15 +107,16 @@ def test_dampers_of_a_chain_do_not_turn_it(damping: Any) -> None:
 
 
 def test_a_force_that_bends_too_far_is_refused() -> None:
-    from scripts.validation.engine.chain import Chain
+    from scripts.validation.engine.chain import EngineChain
 
     with pytest.raises(RuntimeError, match="bends too far"):
-        Chain(6, UNDAMPED).place(JOINTS, np.array([0.0, 3000.0]))
+        EngineChain(6, UNDAMPED).place(JOINTS, np.array([0.0, 3000.0]))
 
 
 @pytest.mark.parametrize("shapes", ["cantilever", "polynomial"])
 def test_gauges_read_back_the_state_of_a_model(shapes: Any) -> None:
-    from scripts.validation.engine.chain import Gauges, Modal
+    from flexarm_env.chain.gauges import Gauges
+    from scripts.validation.engine.chain import Modal
 
     arm = FlexibleArm(ArmParameters(modes_per_link=3, mode_shapes=shapes))
     model = Modal(arm)
@@ -124,9 +125,10 @@ def test_gauges_read_back_the_state_of_a_model(shapes: Any) -> None:
 
 
 def test_gauges_read_the_rates_of_a_chain() -> None:
-    from scripts.validation.engine.chain import Chain, Gauges
+    from flexarm_env.chain.gauges import Gauges
+    from scripts.validation.engine.chain import EngineChain
 
-    arm, chain = FlexibleArm(UNDAMPED), Chain(10, UNDAMPED)
+    arm, chain = FlexibleArm(UNDAMPED), EngineChain(10, UNDAMPED)
     chain.data.qpos[:], chain.data.qvel[:] = np.random.default_rng(2).normal(scale=(0.02, 1.0), size=(22, 2)).T
     state, step = Gauges(arm).state(chain.bend()), 1e-6
     chain.data.qpos[:] += step * chain.data.qvel

@@ -23,8 +23,11 @@ from flexarm_env.episode.reward import TERMS
 Array = NDArray[np.float64]
 # Blocks that every environment may have, whatever its action mode, and without a second sensor.
 EVERYWHERE = [name for name, one in BLOCKS.items() if one.modes == tuple(MODES) and name not in SECOND_SENSOR_BLOCKS]
-IDS = sorted(name for name in gym.registry if name.startswith("FlexArm/"))
+# All with the compiled arm; `test_chain_env` has the one with another engine's.
+IDS = sorted(name for name, spec in gym.registry.items() if name.startswith("FlexArm/") and spec.vector_entry_point)
 SQUARE, RESIDUAL, GAIN, PAPER = (f"FlexArm/{name}-v0" for name in ("Square", "SquareResidual", "SquareGain", "Paper"))
+TORQUE_LIMITS = np.array([150.0, 50.0])  # the defaults [N m]
+FREE: dict[str, Any] = {"error_limit": None, "deflection_limit": None}  # only an invalid state ends an episode
 WAYPOINTS = [(-4.0, 1.0), (0.0, 5.0), (4.0, 1.0)]
 
 RANDOMISATION = {
@@ -161,6 +164,11 @@ def actions_for(env: Any, steps: int, seed: int = 1) -> np.ndarray:
     """Draw actions a little beyond [-1, 1]. Shape (steps, N, channels)."""
     shape = (steps, *env.action_space.shape)
     return np.random.default_rng(seed).uniform(-1.2, 1.2, shape).astype(np.float32)
+
+
+def exact_actions(steps: int, seed: int = 0, size: float = 1.0) -> Array:
+    """Draw actions that float32 and float64 hold alike. Shape (steps, 2)."""
+    return np.random.default_rng(seed).integers(-64, 65, (steps, 2)) / 64.0 * size
 
 
 def block(env: FlexArmEnv, observations: Array, name: str) -> Array:

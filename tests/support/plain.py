@@ -1,17 +1,58 @@
-"""An environment whose kernels run in plain Python: slow to step, but nothing is compiled."""
+"""Kernels in plain Python: slow to step, but nothing is compiled.
+
+`run_plainly` exchanges them below whatever uses kernels; `PlainEnvironment` is a batch of one without Gymnasium.
+"""
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Callable
+from types import SimpleNamespace
+from typing import Any, NamedTuple
 
 import numpy as np
+import pytest
 from numpy.typing import ArrayLike, NDArray
 
-from flexarm_env.codegen.declarations import plain_python
+from flexarm_env.codegen import assembly, cache
+from flexarm_env.codegen.declarations import AnyVariant, plain_python
 from flexarm_env.envs.batch import BatchSimulator
 from flexarm_env.envs.settings import Settings
-from flexarm_env.episode.step import step_only
+from flexarm_env.episode.step import HOST_PROGRAMS, PROGRAMS, step_only
 from flexarm_env.kernels.entries import word
+from flexarm_env.kernels.loop import LOOP
+
+
+def run_plainly(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let environments and closed loops step in plain Python; what else uses kernels compiles them as ever."""
+    load, compiled_entry = assembly.load, cache.compiled_entry
+
+    def load_plain(variant: AnyVariant) -> Any:
+        if variant.program not in (LOOP, *PROGRAMS.values(), *HOST_PROGRAMS.values()):
+            return load(variant)
+        entries = variant.program.entries(variant.lanes)
+        return SimpleNamespace(**{entry.__name__: _PlainEntry(entry, variant) for entry in entries})
+
+    def plain_entry(kernel: Any, *arguments: Any) -> Any:
+        return kernel if isinstance(kernel, _PlainEntry) else compiled_entry(kernel, *arguments)
+
+    monkeypatch.setattr(assembly, "load", load_plain)
+    monkeypatch.setattr(cache, "compiled_entry", plain_entry)
+
+
+class _PlainEntry(NamedTuple):
+    """An entry point of a variant, in plain Python."""
+
+    entry: Callable[..., Any]
+    variant: AnyVariant
+
+    def __call__(self, *arguments: Any) -> Any:
+        """Run it."""
+        with plain_python(self.variant), np.errstate(all="ignore"):  # keys overflow, and states diverge, as compiled
+            return self.entry(*arguments)
+
+
+# What a test does with kernels that no other test compiles: to be used with the fixture `kernels`, `indirect=True`.
+KERNELS = ("plain", pytest.param("compiled", marks=pytest.mark.slow))
 
 
 class PlainEnvironment:

@@ -1,8 +1,8 @@
 """What an agent of `FlexArm/Square-v0` would see of any arm: of MuJoCo's chain, or of a model with other modes.
 
 Encoders and the late sensor read the arm itself. The strain gauges' modal coordinates are read off the deflection: that
-part of it which the environment's own modes can express (`chain.Gauges`). The parts and their scales are the
-environment's; on its own arm this gives its own observations (tests/scripts/test_validation_engine.py).
+part of it which the environment's own modes can express (`flexarm_env.chain.gauges`). The parts and their scales are
+the environment's; on its own arm this gives its own observations (tests/scripts/test_validation_engine.py).
 """
 
 from __future__ import annotations
@@ -10,9 +10,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from flexarm_env.chain.gauges import Gauges
+from flexarm_env.chain.links import Sight
 from flexarm_env.envs.single import FlexArmEnv
 from flexarm_env.episode.features import Measurements, features, joint_aim
-from scripts.validation.engine.chain import HELD, Gauges, Plant, Sight
+from scripts.validation.engine.chain import HELD, Plant
 
 Array = NDArray[np.float64]
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.signal import butter, sosfiltfilt
 
 from flexarm_env import ArmParameters, FlexibleArm
-from scripts.validation.engine.chain import CHAIN_ANGLE, HELD, MODEL_ANGLE, Chain, bent_by
+from scripts.validation.engine.chain import CHAIN_ANGLE, HELD, MODEL_ANGLE, EngineChain, bent_by
 from scripts.validation.engine.programmes import Programme
 
 Array = NDArray[np.float64]
@@ -40,9 +40,9 @@ def chain_motion(programme: Programme, elements: int, angle: float = CHAIN_ANGLE
     Args:
         programme: the programme.
         elements: bending elements a link.
-        angle: see `Chain`.
+        angle: see `EngineChain`.
     """
-    arm = Chain(elements, programme.parameters(), angle)
+    arm = EngineChain(elements, programme.parameters(), angle)
     arm.place(programme.joints, programme.pull)
     arm.data.qvel[0] = programme.spin
     sights = [arm.look()]

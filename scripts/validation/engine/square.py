@@ -32,10 +32,11 @@ from flexarm_env import (
     square,
     square_loop,
 )
+from flexarm_env.chain.gauges import Gauges
 from flexarm_env.envs.single import FlexArmEnv
 from flexarm_env.rollout import run_batch
 from flexarm_env.simulation.closed_loop import observation_blocks
-from scripts.validation.engine.chain import HELD, Chain, Gauges, Modal, Plant
+from scripts.validation.engine.chain import HELD, EngineChain, Modal, Plant
 from scripts.validation.engine.laws import law_lap
 from scripts.validation.engine.models import Model
 from scripts.validation.engine.observer import Observer
@@ -132,7 +133,7 @@ def on_corner(parameters: ArmParameters, elements: int | None = None) -> Plant:
         model = Modal(FlexibleArm(parameters))
         model.state[:2] = joints
         return model
-    chain = Chain(elements, parameters)
+    chain = EngineChain(elements, parameters)
     chain.place(joints)
     return chain
 

@@ -1,0 +1,207 @@
+"""`Chain`: a chain of rigid segments (`model`) in motion, how its links lie and bend, and where its points are.
+
+**Deflection.** A link's deflection w(s) is the integral over arc length of the angle between tangent and root tangent.
+This is what strain gauges know (w'' is the curvature), and it makes w'(L) the tip's angle, as the models have it. All
+of it is linear in the bend angles; so are the rates.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from flexarm_env.chain import model as chain
+from flexarm_env.parameters import ArmParameters
+
+Array = NDArray[np.float64]
+PLACES = 41  # where a link's deflection is read, root and tip among them
+
+
+class Sight(NamedTuple):
+    """An arm at an instant.
+
+    Attributes:
+        tip: x, y [m]. Shape (2,).
+        joints: theta1, theta2 [rad]. Shape (2,).
+        rates: of these [rad/s]. Shape (2,).
+        deflection: w at each link's tip [m]. Shape (2,).
+    """
+
+    tip: Array
+    joints: Array
+    rates: Array
+    deflection: Array
+
+
+class Bend(NamedTuple):
+    """How an arm's links lie and bend.
+
+    Attributes:
+        roots: angles of the root tangents from the x axis [rad]. Shape (2,).
+        root_rates: of these [rad/s]. Shape (2,).
+        deflections: w at `PLACES` evenly spaced places of each link [m]. Shape (2, PLACES).
+        deflection_rates: of these [m/s]. Shape (2, PLACES).
+    """
+
+    roots: Array
+    root_rates: Array
+    deflections: Array
+    deflection_rates: Array
+
+
+class Chain:
+    """A chain in motion.
+
+    Attributes:
+        parameters: of the arm.
+        model: MuJoCo's.
+        data: MuJoCo's.
+        segments: of a link.
+        shoulder_and_elbow: places of theta1 and theta2 among the angles.
+        lengths: of the segments [m]. Shape (2, segments).
+    """
+
+    def __init__(self, model: mujoco.MjModel, parameters: ArmParameters) -> None:
+        """Take a chain, at rest and straight.
+
+        Args:
+            model: of `flexarm_env.chain.model`.
+            parameters: of the arm that it was built for.
+        """
+        self.parameters, self.model, self.data = parameters, model, mujoco.MjData(model)
+        self.segments = model.nv // 2
+        self.shoulder_and_elbow = np.array([0, self.segments])
+        elements = self.segments - 1
+        self._ends = np.concatenate([[0.0], (0.5 + np.arange(elements)) / elements, [1.0]])  # of segments, L = 1
+        self.lengths = np.outer(parameters.link_lengths, np.diff(self._ends))
+        self._tip = model.site(chain.TIP).id
+
+    # --- motion ------------------------------------------------------------------------------------------------------
+
+    def step(self, torque: Array, steps: int) -> None:
+        """Hold a torque [N m] for some integration steps. Shape (2,)."""
+        self.data.ctrl[:] = torque
+        mujoco.mj_step(self.model, self.data, steps)
+
+    def pose(self, angles: Array, rates: Array) -> None:
+        """Begin anew.
+
+        Args:
+            angles: theta1, link 1's bend angles, theta2, link 2's [rad]. Shape (2 segments,).
+            rates: of these [rad/s]. Shape (2 segments,).
+        """
+        mujoco.mj_resetData(self.model, self.data)
+        self.data.qpos[:], self.data.qvel[:] = angles, rates
+
+    def place(self, joints: Array, force: Array | None = None) -> None:
+        """Put it at rest, straight or bent by a force at the tip while the joints are held.
+
+        Args:
+            joints: theta1, theta2 [rad].
+            force: x, y [N].
+
+        Raises:
+            RuntimeError: for a force that bends it too far.
+        """
+        self.data.qpos[self.shoulder_and_elbow] = joints
+        if force is None or not np.any(force):
+            return
+        springs = self.model.jnt_stiffness.ravel()
+        bending = springs > 0.0
+        jacobian = np.zeros((3, self.model.nv))
+
+        def balanced(angles: Array) -> Array:
+            self.data.qpos[bending] = angles
+            mujoco.mj_kinematics(self.model, self.data)
+            mujoco.mj_comPos(self.model, self.data)
+            mujoco.mj_jacSite(self.model, self.data, jacobian, None, self._tip)
+            return np.asarray((force @ jacobian[:2])[bending] / springs[bending])
+
+        self.data.qpos[bending] = fixed_point(balanced, self.data.qpos[bending])
+
+    # --- what it is --------------------------------------------------------------------------------------------------
+
+    def look(self) -> Sight:
+        """Return the arm's present outputs."""
+        at = self.shoulder_and_elbow
+        deflection = (self.lengths * self._turned(self.data.qpos)).sum(1)
+        return Sight(self.tip(), self.data.qpos[at], self.data.qvel[at], deflection)
+
+    def joints(self) -> tuple[float, float]:
+        """Return theta1 and theta2 now [rad]."""
+        return float(self.data.qpos[0]), float(self.data.qpos[self.segments])
+
+    def tip(self) -> Array:
+        """Return where the end of link 2 is now, as MuJoCo has it [m]. Shape (2,)."""
+        mujoco.mj_kinematics(self.model, self.data)
+        return self.data.site_xpos[self._tip, :2].copy()
+
+    def bend(self) -> Bend:
+        """Return how its links lie and bend now."""
+        places = np.linspace(0.0, 1.0, PLACES)
+        roots, read = [], []
+        for angles in (self.data.qpos, self.data.qvel):
+            slopes = self.lengths * self._turned(angles)
+            roots.append(np.cumsum(angles)[self.shoulder_and_elbow])
+            read.append(np.array([np.interp(places, self._ends, np.append(0.0, np.cumsum(link))) for link in slopes]))
+        return Bend(*roots, *read)
+
+    def point_weights(self, link: int, s: float) -> Array:
+        """Return how much of each segment lies before a point; with their directions, this is where the point is.
+
+        Args:
+            link: 1 or 2.
+            s: distance of the point from the link's root [m].
+
+        Returns:
+            Lengths [m]. Shape (2 segments,).
+        """
+        weights = self.lengths.copy()
+        begins = self._ends[:-1] * self.parameters.link_lengths[link - 1]
+        weights[link - 1] = np.clip(s - begins, 0.0, weights[link - 1])
+        weights[link:] = 0.0
+        return weights.ravel()
+
+    def point(self, weights: Array) -> Array:
+        """Return the position and velocity of a point.
+
+        Args:
+            weights: `point_weights`. Shape (2 segments,).
+
+        Returns:
+            x, y [m] and their rates [m/s]. Shape (4,).
+        """
+        angles, rates = np.cumsum(self.data.qpos), np.cumsum(self.data.qvel)
+        along, across = weights * np.cos(angles), weights * np.sin(angles)
+        return np.array([along.sum(), across.sum(), -across @ rates, along @ rates])
+
+    def centre_lines(self) -> tuple[Array, Array]:
+        """Return the joints' places along each link, its root and tip included [m]. Shape (segments + 1, 2) each."""
+        angles = np.cumsum(self.data.qpos).reshape(2, -1)
+        steps = self.lengths[..., None] * np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+        points = np.vstack([np.zeros((1, 2)), np.cumsum(steps.reshape(-1, 2), axis=0)])
+        return points[: self.segments + 1], points[self.segments :]
+
+    def _turned(self, angles: Array) -> Array:
+        """Return angles, or rates, of the segments less those of their link's first one. Shape (2, segments)."""
+        absolute = np.cumsum(angles).reshape(2, -1)
+        return np.asarray(absolute - absolute[:, :1])
+
+
+def fixed_point(function: Callable[[Array], Array], start: Array) -> Array:
+    """Return x with function(x) = x, by damped repetition.
+
+    Raises:
+        RuntimeError: if it does not settle.
+    """
+    x = start.copy()
+    for _ in range(300):
+        change = function(x) - x
+        x += 0.5 * change
+        if np.abs(change).max() < 1e-12:
+            return x
+    raise RuntimeError("the shape under this force was not found: it bends too far")

@@ -1,0 +1,136 @@
+"""`ChainPlant`: the chain as the arm of an environment (`envs.hosted.Plant`).
+
+What an environment asks of an arm is declared here, for a chain: joint angles and rates are those of the two motors'
+hinges; modal coordinates are those of the environment's arm whose deflection fits the chain's best (`gauges`); tips,
+deflections and sensors' points are the chain's own. An episode begins with the bend angles whose fit is the state that
+was drawn or asked for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexarm_env.chain.gauges import ChainGauges
+from flexarm_env.chain.law import TipLaw
+from flexarm_env.chain.links import Chain
+from flexarm_env.chain.model import chain_model, stable_steps
+from flexarm_env.codegen.arrays import Four
+from flexarm_env.envs.chain_options import ChainOptions
+from flexarm_env.envs.drawing import Drawing
+from flexarm_env.envs.settings import Settings
+from flexarm_env.parameters import SENSOR_MODELS, ArmParameters
+from flexarm_env.physics.coordinates import rigid_tip
+from flexarm_env.physics.sensing import Truth
+
+Array = NDArray[np.float64]
+
+
+class ChainPlant:
+    """The chain as the arm of an environment.
+
+    Attributes:
+        chain: that of the present episode.
+    """
+
+    chain: Chain
+
+    def __init__(self, settings: Settings, options: ChainOptions) -> None:
+        """Build the chain of the settings' arm.
+
+        Raises:
+            ValueError: for too few segments, a chain too fast to be integrated, or a law on the late sensor.
+        """
+        if settings.law_sensor == "sensor":
+            raise ValueError(
+                "law_sensor = 'sensor': on a chain the paper's law acts on the joints' own angles; must be 'joints'"
+            )
+        self._settings, self._options = settings, options
+        self._arm = settings.flexible_arm
+        self._gauges = ChainGauges(self._arm, options.segments)
+        self._step = settings.control_period / settings.substeps
+        self._build(self._arm.parameters)
+
+    def begin(self, state: Array, quantities: Mapping[str, float]) -> None:
+        """See `Plant.begin`."""
+        own = self._arm.parameters
+        factor = quantities["stiffness"]
+        first, second = own.flexural_rigidities
+        parameters = replace(
+            own,
+            payload_mass=quantities["payload_mass"],
+            damping_ratio=quantities["damping"],
+            flexural_rigidities=(factor * first, factor * second),
+        )
+        if parameters != self.chain.parameters:
+            self._build(parameters)
+        self.chain.pose(*(self._angles(half) for half in np.split(state, 2)))
+
+    def advance(self, command: Array, reference: Four | None) -> Sequence[float] | Array:
+        """See `Plant.advance`."""
+        if self._law is None or reference is None:
+            self.chain.step(command, self._substeps)
+            return command
+        first, gain, step = None, float(command[0]), self.chain.model.opt.timestep
+        x, y, vx, vy = reference
+        for n in range(self._substeps):
+            now = x + n * step * vx, y + n * step * vy, vx, vy
+            torque = self._law.step(gain, now, self.chain.joints())
+            first = first or torque
+        assert first is not None
+        return first
+
+    def readings(self) -> Array:
+        """See `Plant.readings`."""
+        chain, at = self.chain, self.chain.shoulder_and_elbow
+        if SENSOR_MODELS[self._settings.sensor].reading == "angles":
+            read = [chain.data.qpos[at], chain.data.qvel[at]]
+        else:
+            read = [chain.point(self._sensor)]
+        if self._second is not None:
+            read.append(chain.point(self._second))
+        return np.concatenate(read)
+
+    def truth(self) -> Truth:
+        """See `Plant.truth`."""
+        data, at = self.chain.data, self.chain.shoulder_and_elbow
+        halves, deflections = [], []
+        for angles in (data.qpos, data.qvel):
+            bends = angles.reshape(2, -1)[:, 1:]
+            modal = [read @ bend for read, bend in zip(self._gauges.modal, bends, strict=True)]
+            halves += [angles[at], *modal]
+            deflections.append([float(row @ bend) for row, bend in zip(self._gauges.deflection, bends, strict=True)])
+        return Truth(
+            state=list(np.concatenate(halves)),
+            true_tip=self.chain.point(self._tip)[:2].tolist(),
+            rigid_tip=rigid_tip(self.chain.parameters.link_lengths, data.qpos[at]).tolist(),
+            deflection=deflections[0],
+            deflection_rate=deflections[1],
+        )
+
+    def drawing(self) -> Drawing:
+        """See `Plant.drawing`."""
+        return Drawing(self.chain.centre_lines(), self.chain.point(self._sensor)[:2])
+
+    # --- inside ----------------------------------------------------------------------------------------------------
+
+    def _build(self, parameters: ArmParameters) -> None:
+        options, settings = self._options, self._settings
+        model = chain_model(options.segments, parameters)
+        self._substeps = stable_steps(model, self._step, options.chain_step)
+        model.opt.timestep = self._step / self._substeps
+        self.chain = Chain(model, parameters)
+        self._tip = self.chain.point_weights(2, parameters.link_lengths[1])
+        self._sensor = self.chain.point_weights(2, settings.sensor_position)
+        law = settings.law if settings.mode.law == "tip" else None
+        self._law = None if law is None else TipLaw(self.chain, law, parameters.link_lengths)
+        self._second = None if settings.second_sensor is None else self.chain.point_weights(*settings.second_sensor)
+
+    def _angles(self, half: Array) -> Array:
+        """Angles of the chain's joints from public coordinates, or rates from rates. Shape (2 segments,)."""
+        joints, modal = half[:2], half[2:].reshape(2, -1)
+        bends = [lift @ q for lift, q in zip(self._gauges.bends, modal, strict=True)]
+        return np.concatenate([joints[:1], bends[0], joints[1:], bends[1]])

@@ -1,0 +1,234 @@
+"""`FlexArm/SquareChain-v0`: the environment whose arm is a chain in MuJoCo."""
+
+from __future__ import annotations
+
+import copy
+import warnings
+from functools import partial
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+from numpy.typing import NDArray
+
+from tests.support.envs import SQUARE, assert_same, bare, in_fresh_process, kinds_of
+
+mujoco = pytest.importorskip("mujoco")
+
+CHAIN = "FlexArm/SquareChain-v0"
+SHORT: dict[str, Any] = {"segments": 6}
+RANDOM: dict[str, Any] = {
+    "elbow_branch": "either",
+    "direction": "either",
+    "randomisation": {"payload_mass": (0.0, 0.5), "stiffness": (0.9, 1.1), "damping": (0.0, 0.02)},
+}
+
+
+def make(**options: Any) -> Any:
+    return gym.make(f"flexarm_env:{CHAIN}", **(SHORT | options))
+
+
+def actions_for(steps: int, *shape: int) -> NDArray[np.float32]:
+    return np.random.default_rng(1).uniform(-0.5, 0.5, (steps, *shape, 2)).astype(np.float32)
+
+
+def played(env: Any, seed: int, steps: int = 12) -> list[Any]:
+    return [env.reset(seed=seed), *(env.step(action) for action in actions_for(steps))]
+
+
+# --- as an environment ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("options", [{}, RANDOM], ids=["defaults", "random"])
+def test_gymnasiums_checker(options: dict[str, Any]) -> None:
+    check_env(make(**options).unwrapped, skip_render_check=True)
+
+
+def test_stable_baselines3s_checker() -> None:
+    checker = pytest.importorskip("stable_baselines3.common.env_checker")
+    checker.check_env(make(**RANDOM), warn=True)
+
+
+def test_a_seed_decides_an_episode() -> None:
+    env = make(**RANDOM)
+    first = played(env, 3)
+    played(env, 4)
+    assert_same(played(env, 3), first)
+    assert_same(played(make(**RANDOM), 3), first)
+
+
+def test_spaces_and_infos_are_those_of_the_square() -> None:
+    chain, square = make(**RANDOM), bare(SQUARE)
+    (_, begun), (*_, info) = chain.reset(seed=0), chain.step(np.zeros(2, np.float32))
+    assert chain.observation_space == square.observation_space
+    assert chain.action_space == square.action_space
+    assert kinds_of(begun) == kinds_of(info) == kinds_of(square.step(np.zeros(2, np.float32))[-1])
+    assert chain.unwrapped.episode.parameters.keys() == square.episode.parameters.keys()
+
+
+def test_gymnasiums_vector_environments_step_single_ones() -> None:
+    functions = [partial(make, max_episode_steps=5, **RANDOM)] * 2
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", ".*multi-threaded.*", DeprecationWarning)  # as in test_contract
+        workers = gym.vector.AsyncVectorEnv(functions, context="fork")
+    made = gym.make_vec(f"flexarm_env:{CHAIN}", num_envs=2, max_episode_steps=5, **SHORT, **RANDOM)
+    assert isinstance(made, gym.vector.SyncVectorEnv)
+    runs = []
+    for envs in (made, workers):
+        runs.append([envs.reset(seed=2), *(envs.step(actions) for actions in actions_for(8, 2))])
+        envs.close()
+    assert_same(*runs)
+    alone = make(**RANDOM)
+    assert_same(runs[0][0][0][1], alone.reset(seed=3)[0])
+    assert_same(runs[0][1][0][1], alone.step(actions_for(8, 2)[0, 1])[0])
+
+
+def test_a_copy_goes_on_by_itself() -> None:
+    env = make(**RANDOM)
+    played(env, 0, 3)
+    twin = copy.deepcopy(env)
+    action = actions_for(1)[0]
+    after = env.step(action)
+    assert_same(twin.step(action), after)
+
+
+def test_a_picture_shows_the_chain() -> None:
+    pytest.importorskip("pygame")
+    env = make(render_mode="rgb_array")
+    env.reset(seed=0)
+    first = env.render()
+    env.step(np.ones(2, np.float32))
+    assert first.shape == env.render().shape == (600, 600, 3)
+    first_link, second_link = env.unwrapped.simulator.plant.drawing().links
+    assert len(first_link) == len(second_link) == SHORT["segments"] + 1
+    np.testing.assert_allclose(first_link[-1], second_link[0])
+
+
+# --- what the plant tells ----------------------------------------------------------------------------------------
+
+
+def state_of(env: Any) -> NDArray[np.float64]:
+    size = env.unwrapped.arm.size
+    modal = np.random.default_rng(3).normal(scale=0.03, size=(2, size - 2))
+    return np.concatenate([[0.4, 1.1], modal[0], [0.5, -0.7], 10.0 * modal[1]])
+
+
+def test_a_state_is_read_back() -> None:
+    env = make(segments=12)
+    state = state_of(env)
+    _, info = env.reset(seed=0, options={"state": state})
+    np.testing.assert_allclose(info["state"], state, rtol=1e-10, atol=1e-12)
+    arm = env.unwrapped.arm
+    np.testing.assert_allclose(info["true_tip"], arm.tip(state[: arm.size]), atol=0.02)  # the chain keeps its length
+
+
+def test_points_are_where_mujoco_has_them() -> None:
+    env = make(segments=12)
+    env.reset(seed=0, options={"state": state_of(env)})
+    plant = env.unwrapped.simulator.plant
+    chain = plant.chain
+    np.testing.assert_allclose(plant.truth().true_tip, chain.tip(), atol=1e-13)
+    weights = chain.point_weights(1, 4.5), chain.point_weights(2, 2.1), chain.point_weights(2, 4.5)
+    before = [chain.point(each) for each in weights]
+    elbow = chain.model.joint("elbow").bodyid[0]
+    np.testing.assert_allclose(before[0][:2], chain.data.xpos[elbow, :2], atol=1e-13)
+    step = 1e-7
+    chain.data.qpos[:] += step * chain.data.qvel
+    for was, each in zip(before, weights, strict=True):
+        np.testing.assert_allclose((chain.point(each)[:2] - was[:2]) / step, was[2:], atol=1e-5)
+
+
+def test_gauges_of_a_chain_are_those_of_any_arm() -> None:
+    """As matrices, and by the deflections that they fit."""
+    from flexarm_env.chain.gauges import Gauges
+
+    env = make(segments=12)
+    env.reset(seed=0)
+    plant = env.unwrapped.simulator.plant
+    shape = plant.chain.data.qpos.shape
+    plant.chain.pose(*np.random.default_rng(2).normal(scale=(0.02, 1.0), size=(*shape, 2)).T)
+    truth, sight = plant.truth(), plant.chain.look()
+    coordinates, rates = (half.ravel() for half in Gauges(env.unwrapped.arm).modal(plant.chain.bend()))
+    expected = [*sight.joints, *coordinates, *sight.rates, *rates]
+    np.testing.assert_allclose(truth.state, expected, atol=1e-11)
+    np.testing.assert_allclose(truth.deflection, sight.deflection, atol=1e-13)
+
+
+def test_a_fine_chain_moves_as_many_shapes_do() -> None:
+    """Half a second under the same torques, from rest; four polynomials with foreshortening have converged there."""
+    from flexarm_env import ArmParameters, FlexibleArm
+
+    env = make(segments=20, start="corner")
+    _, info = env.reset(seed=0)
+    arm = FlexibleArm(ArmParameters(modes_per_link=4, mode_shapes="polynomial", kinematics="foreshortened"))
+    start = np.zeros(2 * arm.size)
+    start[:2] = info["state"][:2]
+    torque = np.array([20.0, -6.0])
+    for _ in range(50):
+        *_, info = env.step((torque / env.unwrapped.settings.action_limit).astype(np.float32))
+    run = arm.simulate(start, np.tile(torque, (500, 1)), 0.5, 1e-3, 8)
+    assert np.linalg.norm(run.tip[-1] - run.tip[0]) > 0.5
+    assert np.linalg.norm(run.tip[-1] - info["true_tip"]) < 2e-3
+    np.testing.assert_allclose(info["torque"], torque, rtol=1e-6)
+
+
+def test_the_law_on_a_stiff_chain_is_the_law_on_a_stiff_arm() -> None:
+    """With links 400 times as stiff only the law and the arm's inertia are left to compare."""
+    options: dict[str, Any] = {
+        "action_mode": "gain",
+        "arm": {"modes_per_link": 1, "flexural_rigidities": (6.7e5, 6.7e5)},
+        "start": "corner",
+        "deflection_limit": None,
+        "error_limit": None,
+    }
+    chain, square = make(segments=3, **options), gym.make(SQUARE, **options)
+    for env in (chain, square):
+        env.reset(seed=0)
+    for _ in range(50):
+        *_, info = chain.step(np.ones(1, np.float32))
+        *_, expected = square.step(np.ones(1, np.float32))
+    np.testing.assert_allclose(info["state"][:2], expected["state"][:2], atol=3e-3)
+    assert info["gain"] == 1.0
+    np.testing.assert_allclose(info["torque"], expected["torque"], rtol=0.2)
+
+
+# --- bad input ----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("options", "kind", "words"),
+    [
+        ({"segments": 2}, ValueError, "segments = 2: must be"),
+        ({"segments": 3}, ValueError, "segments = 3: must be at least 4"),
+        ({"chain_step": 0.0}, ValueError, "chain_step = 0.0: must be"),
+        ({"segment": 6}, TypeError, "'segment'; did you mean 'segments'"),
+        ({"action_mode": "residual"}, ValueError, "its law acts within the compiled arm"),
+        ({"action_mode": "gain", "law_sensor": "sensor"}, ValueError, "law_sensor = 'sensor': on a chain"),
+        ({"chain_step": 1e-6, "physics_step": 0.005}, ValueError, "take more than 1000 steps"),
+    ],
+)
+def test_bad_options(options: dict[str, Any], kind: type[Exception], words: str) -> None:
+    with pytest.raises(kind, match=words):
+        make(**options)
+
+
+def test_without_mujoco_the_extra_is_named() -> None:
+    code = (
+        "import sys\n"
+        "sys.modules['mujoco'] = None\n"
+        "import gymnasium, flexarm_env\n"
+        "try:\n"
+        f"    gymnasium.make('{CHAIN}')\n"
+        "except ModuleNotFoundError as error:\n"
+        "    print(error)\n"
+    )
+    assert 'mujoco is not installed; run `pip install "flexarm[chain]"`' in in_fresh_process(code)
+
+
+def test_there_is_no_batch_of_its_own() -> None:
+    from flexarm_env import warm_up
+
+    with pytest.raises(ValueError, match="has no batch of its own"):
+        warm_up([CHAIN], num_envs=[4])

@@ -1,0 +1,73 @@
+"""What is around a hosted plant, seen on our own arm as one: the same as around the arm within the kernels."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from flexarm_env.envs.hosted import HostedSimulator
+from flexarm_env.envs.settings import Settings
+from tests.support.hosted import ModalPlant
+from tests.support.plain import PlainEnvironment
+
+ONE_MODE = {"arm": {"modes_per_link": 1}}
+SECOND = {
+    "second_sensor_link": 1,
+    "second_sensor_position": 4.0,
+    "second_sensor_delay": 0.0237,
+    "observation": ("second_sensed_position", "second_sensor_error"),
+}
+CASES: dict[str, dict[str, Any]] = {
+    "defaults": {"start": "mix"},
+    "disturbed": {
+        "noise": 0.01,
+        "encoder_noise": (1e-3, 1e-2),
+        "jitter": 0.01,
+        "dropout": 0.1,
+        "actuation_delay": 0.013,
+        "randomisation": {"payload_mass": (0.0, 0.5), "stiffness": (0.9, 1.1), "damping": (0.0, 0.02)},
+    },
+    "torque rate": {"action_mode": "torque_rate", "torque_rate_limit": (1000.0, 400.0)},
+    "second sensor": SECOND,
+    "joint angles, moves": {"sensor": "rigid", "reference": "moves", "start": "corner", "elbow_branch": "either"},
+}
+
+
+pytestmark = pytest.mark.usefixtures("uncompiled")
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_all_around_the_arm_is_the_same(name: str) -> None:
+    options = {**CASES[name], **ONE_MODE}
+    settings = Settings.of(options)
+    within, hosted = PlainEnvironment(**options), HostedSimulator(settings, ModalPlant(settings))
+    within.reset(key=5)
+    hosted.start(np.array([5], dtype=np.uint64), np.zeros(1, dtype=np.int64), hosted.usual_requests)
+    actions = np.random.default_rng(0).uniform(-0.3, 0.3, (6, 2))
+    for action in [None, *actions]:
+        if action is not None:
+            within.step(action)
+            hosted.actions[0] = action
+            hosted.step()
+        np.testing.assert_allclose(hosted.result(0), within.simulator.result(0), rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(hosted.observations, within.simulator.observations, rtol=1e-6, atol=1e-6)
+
+
+def test_an_action_that_is_not_finite_is_refused_before_anything_moves() -> None:
+    settings = Settings.of(ONE_MODE)
+    hosted = HostedSimulator(settings, ModalPlant(settings))
+    hosted.start(np.array([5], dtype=np.uint64), np.zeros(1, dtype=np.int64), hosted.usual_requests)
+    before = hosted.result(0)
+    hosted.actions[0] = np.nan
+    with pytest.raises(ValueError, match="must be finite"):
+        hosted.step()
+    np.testing.assert_array_equal(hosted.result(0), before)
+
+
+@pytest.mark.parametrize("mode", ["residual", "reference"])
+def test_a_law_within_the_compiled_arm_is_refused(mode: str) -> None:
+    settings = Settings.of({"action_mode": mode})
+    with pytest.raises(ValueError, match=f"action_mode = '{mode}': its law acts within the compiled arm"):
+        HostedSimulator(settings, ModalPlant(settings))

@@ -1,0 +1,58 @@
+"""Values of options: which types are taken, and messages that name what is wrong in few words."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+from flexarm_env.envs.settings import Settings
+from tests.support.envs import SQUARE, make
+
+
+def test_lists_as_json_has_them_are_tuples() -> None:
+    settings = Settings.of({"previews": [0.1], "torque_limit": [1.0, 2.0], "delay": [0.1, 0.2], "sensor": "rigid"})
+    assert (settings.previews, settings.torque_limit, settings.reference) == ((0.1,), (1.0, 2.0), ("square",))
+    assert settings.delay == settings.sensor_parameters.delay == (0.1, 0.2)
+
+
+def test_numbers_of_numpy_are_numbers() -> None:
+    given = {"delay": np.array(0.01), "noise": np.float32(0.5), "sensor": np.array("true"), "scaled": np.array(False)}
+    settings = Settings.of(given | {"previews": np.array([0.1, 0.2]), "last_actions": np.int8(3)})
+    assert (settings.delay, settings.noise, settings.sensor, settings.scaled) == (0.01, 0.5, "true", False)
+    assert (settings.previews, settings.last_actions) == ((0.1, 0.2), 3)
+    assert {type(x) for x in (settings.delay, settings.noise, *settings.previews)} == {float}
+    assert (type(settings.sensor), type(settings.scaled), type(settings.last_actions)) == (str, bool, int)
+
+
+@pytest.mark.parametrize("value", ["x" * 100_000, [1.0] * 100_000, {"x" * 100_000: "y"}, 10**100_000], ids=type)
+@pytest.mark.parametrize("name", ["delay", "sensor", "arm", "observation", "reward_weights", "last_actions"])
+def test_messages_stay_short(name: str, value: Any) -> None:
+    with pytest.raises((TypeError, ValueError), match=name) as caught:
+        Settings.of({name: value})
+    assert len(str(caught.value)) < 1500
+
+
+@pytest.mark.parametrize(
+    ("option", "near"),
+    [
+        ("frameskip", "'frame'"),
+        ("sensor_delay", "'delay' or 'sensor' or 'second_sensor_delay'"),
+        ("gan_limit", "'gain_limit'"),
+    ],
+)
+def test_an_unknown_option_is_refused_in_pythons_words(option: str, near: str) -> None:
+    """TorchRL looks for these."""
+    expected = rf"__init__\(\) got an unexpected keyword argument '{option}'; did you mean {near}\?"
+    for made in (lambda: make(**{option: 1}), lambda: gym.make_vec(SQUARE, num_envs=2, **{option: 1})):
+        with pytest.raises(TypeError, match=expected) as caught:
+            made()
+        assert len(str(caught.value)) < 250
+
+
+def test_a_very_long_value_is_shortened() -> None:
+    with pytest.raises(ValueError, match=r"frame = 'xx.*x\.\.\.x.*: must be one of 'link', 'world'") as caught:
+        make(frame="x" * 100_000)
+    assert len(str(caught.value)) < 600

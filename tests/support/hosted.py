@@ -1,0 +1,69 @@
+"""Our own arm as the plant of a hosted environment: what it gives is known from the compiled one."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexarm_env import FlexibleArm
+from flexarm_env.envs.drawing import Drawing, drawing_of
+from flexarm_env.envs.settings import Settings
+from flexarm_env.physics import sensing
+
+Array = NDArray[np.float64]
+
+
+class ModalPlant:
+    """The settings' arm, integrated by the classical Runge-Kutta method."""
+
+    def __init__(self, settings: Settings) -> None:
+        self.settings, self.arm = settings, settings.flexible_arm
+        self.step = settings.control_period / settings.substeps
+        self.state = np.zeros(2 * self.arm.size)
+
+    def begin(self, state: Array, quantities: Mapping[str, float]) -> None:
+        own = self.settings.flexible_arm.parameters
+        rigidities = tuple(quantities["stiffness"] * each for each in own.flexural_rigidities)
+        self.arm = FlexibleArm(
+            replace(
+                own,
+                payload_mass=quantities["payload_mass"],
+                damping_ratio=quantities["damping"],
+                flexural_rigidities=rigidities,
+            )
+        )
+        self.state = state
+
+    def advance(self, command: Array, reference: Any) -> Array:
+        def slope(state: Array) -> Array:
+            return np.concatenate([state[self.arm.size :], self.arm.acceleration(state, command)])
+
+        h, x = self.step, self.state
+        one = slope(x)
+        two = slope(x + 0.5 * h * one)
+        three = slope(x + 0.5 * h * two)
+        self.state = x + h / 6.0 * (one + 2.0 * two + 2.0 * three + slope(x + h * three))
+        return command
+
+    def readings(self) -> Array:
+        settings, (y, v) = self.settings, self._internal()
+        read = sensing.reading(self.arm.constants, self.arm.place(2, settings.sensor_position), settings.sensor, y, v)
+        if settings.second_sensor is not None:
+            place = self.arm.place(*settings.second_sensor)
+            read = [*read, *sensing.point_reading(self.arm.constants, place, y, v, settings.second_sensor[0])]
+        return np.array(read)
+
+    def truth(self) -> sensing.Truth:
+        tip = self.arm.place(2, self.arm.parameters.link_lengths[1])
+        return sensing.truth(self.arm.constants, tip, *self._internal())
+
+    def drawing(self) -> Drawing:
+        return drawing_of(self.settings, self.state)
+
+    def _internal(self) -> tuple[Array, Array]:
+        y, v = np.split(self.arm.internal_state(self.state), 2)
+        return y, v
