@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from flexarm_agents.config import TrainingConfig
 from flexarm_agents.load import Trained, load_policy, shipped_policies
 from flexarm_agents.network import NetworkPolicy
-from flexarm_agents.score import Score, evaluate, score
+from flexarm_agents.score import Score, StandardScore, evaluate, score
 from flexarm_agents.spread import Spread
 from flexarm_agents.stopping import TrainingStopped
 from flexarm_env.extras import needs_extra
@@ -32,6 +32,7 @@ __all__ = [
     "Outcome",
     "Score",
     "Spread",
+    "StandardScore",
     "Trained",
     "TrainingConfig",
     "TrainingStopped",

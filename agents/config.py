@@ -26,7 +26,7 @@ class TrainingConfig:
     """Options of the environment that differ from the id's own."""
     seed: int = 0
     """Seed of everything random."""
-    steps: int = 1_000_000
+    steps: int = 2_000_000
     """Environment steps of the training, rounded up to whole rollouts."""
     envs: int = 64
     """Environments side by side."""
@@ -57,9 +57,9 @@ class TrainingConfig:
     activation: Activation = "elu"
     """Between the layers."""
     evaluate_every: int = 50_000
-    """Steps between two evaluation laps, rounded up to whole rollouts."""
+    """Steps between two evaluations, rounded up to whole rollouts."""
     evaluation_laps: int = 1
-    """Episodes in an evaluation; more than one where episodes differ."""
+    """How often an evaluation runs each of the two standard laps; more than once where episodes differ."""
     checkpoint_every: int = 250_000
     """Steps between two checkpoints, rounded up to whole rollouts."""
 

@@ -17,7 +17,7 @@ from flexarm_agents.environments import make_one
 from flexarm_agents.export import network_policy
 from flexarm_agents.network import NetworkPolicy
 from flexarm_agents.run_folder import RunFolder, put
-from flexarm_agents.score import evaluate, rank
+from flexarm_agents.score import StandardScore, evaluate, rank
 from flexarm_agents.stopping import StopSignals, TrainingStopped
 
 _log = logging.getLogger(__name__)
@@ -86,20 +86,21 @@ class Follow(BaseCallback):
 
     def _evaluate(self) -> None:
         found, policy = self._found, network_policy(self.model)
-        laps = [evaluate(self._env, policy, EVALUATION_SEED + n) for n in range(self._config.evaluation_laps)]
-        worst = max(laps, key=lambda each: each.rank)  # is what the files hold
-        row = {"steps": self.num_timesteps, "seconds": round(found.seconds, 2), **worst.plain()}
+        scores = [evaluate(self._env, policy, EVALUATION_SEED + n) for n in range(self._config.evaluation_laps)]
+        worst = StandardScore(*(max(laps, key=lambda lap: lap.rank) for laps in zip(*scores, strict=True)))
+        row = {"steps": self.num_timesteps, "seconds": round(found.seconds, 2), **worst.as_mapping()}
         found.rows.append(row)
-        for name in ("rms", "maximum", "rms_after_2s", "duration"):
-            if row[name] is not None:
-                self.logger.record(f"evaluation/{name}", row[name])
+        for lap, figures in worst.as_mapping().items():
+            for name in ("rms", "maximum", "rms_after_2s", "duration"):
+                if figures[name] is not None:
+                    self.logger.record(f"evaluation/{lap}/{name}", figures[name])
         self.logger.dump(self.num_timesteps)
         self._run.write_evaluations(found.rows)
-        if (of_these := rank(laps)) < found.best_rank:
+        if (of_these := rank(scores)) < found.best_rank:
             found.best, found.best_rank = len(found.rows) - 1, of_these
             put(self._run.best, self._policy(row).save)
             put(self._run.best_model, self.model.save)
-        best = f"best {found.best_rank[1]:.3f} m" if found.best_rank[0] == 0 else "no complete episode yet"
+        best = f"best {found.best_rank[1]:.3f} m" if found.best_rank[0] == 0 else "none with complete laps yet"
         if self._bar is not None:
             self._bar.set_postfix_str(best)
         else:

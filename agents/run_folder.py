@@ -20,8 +20,9 @@ class RunFolder:
     Attributes:
         path: path of the folder.
         config: `config.json`, the configuration.
-        evaluations: `evaluations.csv`, a row for each evaluation lap; `evaluations.json` holds the same.
-        best: `best_policy.npz`, the policy of the best lap, for `load_policy`.
+        evaluations: `evaluations.csv`, a row for each evaluation, with the worst of its laps of either kind;
+            `evaluations.json` holds the same.
+        best: `best_policy.npz`, the policy of the best evaluation, for `load_policy`.
         best_model: `best_model.zip`, the same as a stable-baselines3 model.
         last: `last_policy.npz`, the policy at the end.
         checkpoint: `checkpoint.zip`, from which the training resumes.
@@ -118,10 +119,12 @@ def write_json(path: Path, values: Any) -> None:
 
 
 def _flat(row: dict[str, Any]) -> dict[str, Any]:
-    """Split pairs into two columns, of shoulder and elbow or of the links."""
+    """Give each figure of each lap a column, and pairs two, of shoulder and elbow or of the links."""
     flat: dict[str, Any] = {}
     for name, value in row.items():
-        if name in ("torque_change", "peak_deflection", "peak_torque"):
+        if isinstance(value, dict):
+            flat |= {f"{name}_{figure}": number for figure, number in _flat(value).items()}
+        elif name in ("torque_change", "peak_deflection", "peak_torque"):
             first, second = (None, None) if value is None else value
             flat[f"{name}_1"], flat[f"{name}_2"] = first, second
         else:

@@ -1,14 +1,15 @@
-"""The true score of a policy: how well the true tip follows the reference over an episode from the standard start."""
+"""The standard score of a policy: how well the true tip follows the reference over each of the two standard laps."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
 import gymnasium
 import numpy as np
 
-from flexarm_env.metrics import tracking_error
+from flexarm_env.laps import LAPS
+from flexarm_env.metrics import elbow_changes, tracking_error
 from flexarm_env.rollout import run_policy
 from flexarm_env.simulation.trajectory import Trajectory
 
@@ -17,7 +18,7 @@ SETTLED = 2.0  # [s]; the start's transient is over
 
 
 class Score(NamedTuple):
-    """Figures of one episode; `str` gives the r.m.s. errors, or why and when the episode ended early.
+    """Figures of one episode; `str` gives its errors, or why and when the episode ended early.
 
     An episode that ended early is a result of its own: its errors are None, since those of the part before the end
     would compare well with a whole lap's. Figures after 2 s are None for an episode that was shorter, too.
@@ -30,6 +31,7 @@ class Score(NamedTuple):
         rms_after_2s: the same from 2 s on [m].
         maximum_after_2s: [m].
         torque_change: change of both torques from one control period to the next, r.m.s. after 2 s [N m].
+        elbow_changes: how often the elbow changed sides (`flexarm_env.metrics.elbow_changes`).
         peak_deflection: largest deflections of the links' tips [m].
         peak_torque: largest torques of shoulder and elbow [N m].
         episode_return: sum of the rewards.
@@ -42,6 +44,7 @@ class Score(NamedTuple):
     rms_after_2s: float | None
     maximum_after_2s: float | None
     torque_change: tuple[float, float] | None
+    elbow_changes: int
     peak_deflection: tuple[float, float]
     peak_torque: tuple[float, float]
     episode_return: float
@@ -56,33 +59,64 @@ class Score(NamedTuple):
         """Smaller is better: complete episodes by their r.m.s., before all that ended early, the longest first."""
         return (True, -self.duration) if self.rms is None else (False, self.rms)
 
-    def plain(self) -> dict[str, Any]:
+    def as_mapping(self) -> dict[str, Any]:
         """Return a mapping of plain values for a file."""
         values = {**self._asdict(), "complete": self.complete}
         return {name: list(value) if isinstance(value, tuple) else value for name, value in values.items()}
 
     @classmethod
     def of(cls, values: Mapping[str, Any]) -> Score:
-        """Read what `plain` gave, with or without more."""
+        """Read what `as_mapping` gave, with or without more."""
         figures: dict[str, Any] = {
             name: tuple(value) if isinstance(value := values[name], list) else value for name in cls._fields
         }
         return cls(**figures)
 
     def __str__(self) -> str:
-        """In one line: the r.m.s. errors of a complete episode; of another, why and when it ended."""
+        """In one line: the errors of a complete episode; of another, why and when it ended."""
         if self.rms is None:
             return f"ended early: {self.ended} after {self.duration:.2f} s"
         later = "" if self.rms_after_2s is None else f", {self.rms_after_2s:.3f} m after 2 s"
-        return f"{self.rms:.3f} m r.m.s. over {self.duration:g} s{later}"
+        return f"{self.rms:.3f} m r.m.s. over {self.duration:g} s{later}, {self.maximum:.3f} m at most"
 
 
-def rank(laps: Sequence[Score]) -> tuple[int, float]:
-    """Rank several episodes, smaller is better: how many ended early, then the mean rank of those that decide.
+class StandardScore(NamedTuple):
+    """Scores of the two standard laps, by their names (`flexarm_env.laps.LAPS`).
+
+    Attributes:
+        swing: of the swing lap.
+        plain: of the plain lap.
+    """
+
+    swing: Score
+    plain: Score
+
+    @property
+    def complete(self) -> bool:
+        """Both laps are complete."""
+        return all(lap.complete for lap in self)
+
+    def as_mapping(self) -> dict[str, dict[str, Any]]:
+        """Return a mapping of plain values for a file."""
+        return {name: lap.as_mapping() for name, lap in self._asdict().items()}
+
+    @classmethod
+    def of(cls, values: Mapping[str, Any]) -> StandardScore:
+        """Read what `as_mapping` gave, with or without more."""
+        return cls(**{name: Score.of(values[name]) for name in LAPS})
+
+    def __str__(self) -> str:
+        """In one line: each lap's name and `str`."""
+        return "; ".join(f"{name} lap: {lap}" for name, lap in self._asdict().items())
+
+
+def rank(scores: Iterable[StandardScore]) -> tuple[int, float]:
+    """Rank standard scores, smaller is better: how many laps ended early, then the mean rank of those that decide.
 
     Args:
-        laps: one at least. Where some ended early, these decide.
+        scores: one at least. Where some laps ended early, these decide; else the mean of all laps' r.m.s. errors.
     """
+    laps = [lap for score in scores for lap in score]
     early = sum(not lap.complete for lap in laps)
     return early, float(np.mean([lap.rank[1] for lap in laps if lap.complete == (early == 0)]))
 
@@ -107,21 +141,22 @@ def score(run: Trajectory) -> Score:
         rms_after_2s=later.rms if later else None,
         maximum_after_2s=later.maximum if later else None,
         torque_change=_two(np.sqrt(np.mean(change**2, axis=0))) if len(change) else None,
+        elbow_changes=len(elbow_changes(run)),
         peak_deflection=_two(np.abs(run.tip_deflection).max(axis=0)),
         peak_torque=_two(np.abs(run.torque).max(axis=0)),
         episode_return=float(rewards.sum()),
     )
 
 
-def evaluate(env: gymnasium.Env[Any, Any], policy: Any, seed: int = 0) -> Score:
-    """Score of one episode from the standard start, with deterministic actions.
+def evaluate(env: gymnasium.Env[Any, Any], policy: Any, seed: int = 0) -> StandardScore:
+    """Score both standard laps, with deterministic actions.
 
     Args:
         env: a `FlexArmEnv`, wrapped or not.
         policy: as `run_policy` takes it.
-        seed: seed of what is random in the environment.
+        seed: seed of what is random in the environment, for each lap.
     """
-    return score(run_policy(env, policy, seed=seed))
+    return StandardScore(**{name: score(run_policy(env, policy, seed=seed, lap=name)) for name in LAPS})
 
 
 def _two(values: Any) -> tuple[float, float]:

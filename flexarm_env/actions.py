@@ -33,6 +33,7 @@ class ActionMode:
         limit: the option that sets the quantity at a = 1; `Settings.action_limit` has its value.
         channels: what each entry belongs to.
         least: the quantity at a = -1, as a share of that at 1: -1 or 0.
+        mirror: sign of each entry in the mirrored episode (`SimulatorView.mirror_action`).
         idle: the action that commands nothing; the actions before an episode's first one.
         program: name of the kernels' program (`episode.step.PROGRAMS`).
         integrator: "explicit" (Runge-Kutta) or "implicit" (ARS(4,4,3)); it sets the stability bound
@@ -53,6 +54,7 @@ class ActionMode:
     limit: str
     channels: tuple[str, ...] = JOINTS
     least: float = -1.0
+    mirror: int = -1
     idle: float = 0.0
     program: str
     integrator: Literal["explicit", "implicit"] = "explicit"
@@ -119,6 +121,7 @@ MODES: dict[str, ActionMode] = {
         limit="gain_limit",
         channels=("law",),
         least=0.0,
+        mirror=1,
         idle=-1.0,
         program="gain",
         integrator="implicit",

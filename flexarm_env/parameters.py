@@ -29,6 +29,7 @@ Corner = Literal["lower left", "upper left", "upper right", "lower right"]
 Direction = Literal["clockwise", "counterclockwise"]
 ElbowBranch = Literal["positive", "negative"]
 DIRECTIONS: tuple[Direction, ...] = get_args(Direction)
+EITHER = "either"  # of two: an environment draws one for each episode
 
 MAX_MODES = 4
 MAX_DELAY = 10.0  # [s]; the delay line holds a reading for every integration step

@@ -15,11 +15,12 @@ from flexarm_env.envs.registration import warn_of_short_limit
 from flexarm_env.envs.single import FlexArmEnv
 from flexarm_env.envs.termination import end_reason
 from flexarm_env.episode import reward
+from flexarm_env.laps import LAPS
 from flexarm_env.predictor import predictor
 from flexarm_env.simulation.arm import FlexibleArm
 from flexarm_env.simulation.closed_loop import ClosedLoop, Results, observation_blocks
 from flexarm_env.simulation.trajectory import Trajectory
-from flexarm_env.validation import integer, shown
+from flexarm_env.validation import choice, integer, shown
 
 Array = NDArray[np.float64]
 Observations = NDArray[np.float32]
@@ -32,8 +33,9 @@ def run_policy(
     deterministic: bool = True,
     max_steps: int | None = None,
     options: dict[str, Any] | None = None,
+    lap: str | None = None,
 ) -> Trajectory:
-    """Run one episode of a FlexArm environment, by default from the standard start: at rest on the first corner.
+    """Run one episode of a FlexArm environment, by default from rest on the first corner.
 
     Args:
         env: a `FlexArmEnv`, wrapped or not.
@@ -43,18 +45,25 @@ def run_policy(
         deterministic: passed to a ``predict`` that takes it.
         max_steps: stop after so many; None: at the end of the episode, or of a lap where the environment has no
             time limit.
-        options: options of the environment's reset; default ``{"start": "corner"}``.
+        options: options of the environment's reset; default ``{"start": "corner"}``, with the side of the elbow that
+            the environment has or draws.
+        lap: instead of options, "swing" or "plain": one of the two standard laps (`flexarm_env.laps.LAPS`).
 
     Returns:
         The episode; `notes["ended"]` says why: "truncated" or a termination reason.
 
     Raises:
         TypeError: if the environment is not a `FlexArmEnv` underneath, or the policy cannot be called so.
-        ValueError: if the policy's action 1 means another gain than the environment's.
+        ValueError: if the policy's action 1 means another gain than the environment's, for another lap, or for a lap
+            beside options.
     """
     inner = getattr(env, "unwrapped", env)
     if not isinstance(inner, FlexArmEnv):
         raise TypeError(f"env = {shown(env)}: must be a FlexArmEnv, wrapped or not")
+    if lap is not None and options is not None:
+        raise ValueError(f"lap = {shown(lap)} beside options = {shown(options)}: give one of them; a lap sets options")
+    if lap is not None:
+        options = LAPS[choice("lap", lap, LAPS)].reset_options(inner.settings.direction)
     predict = predictor(policy, deterministic)
     _check_gain_limit(inner, policy)
     if max_steps is None and (env.spec is None or env.spec.max_episode_steps is None):

@@ -1,4 +1,4 @@
-"""Score controllers and trained policies on the standard lap: `flexarm evaluate`, from a clone."""
+"""Score controllers and trained policies on the two standard laps: `flexarm evaluate`, from a clone."""
 
 import sys
 

@@ -116,6 +116,21 @@ def test_a_bare_environment_runs_one_lap() -> None:
     assert len(run_policy(env, IFDC(), max_steps=7)) == 8
 
 
+@pytest.mark.parametrize(("lap", "side"), [("swing", 1.0), ("plain", -1.0)])
+def test_a_lap_has_its_side_of_the_elbow(lap: str, side: float) -> None:
+    env = gymnasium.make("flexarm_env:FlexArm/Square-v0", max_episode_steps=2)
+    for seed in range(3):
+        assert np.sign(run_policy(env, lambda observation: np.zeros(2), seed=seed, lap=lap).state[0, 1]) == side
+
+
+def test_a_bad_lap_is_refused() -> None:
+    env = gymnasium.make("flexarm_env:FlexArm/Square-v0")
+    with pytest.raises(ValueError, match=r"lap = 'first': must be one of 'swing', 'plain'"):
+        run_policy(env, lambda observation: np.zeros(2), lap="first")
+    with pytest.raises(ValueError, match=r"lap = 'swing' beside options = \{'time': 1.0\}: give one of them"):
+        run_policy(env, lambda observation: np.zeros(2), lap="swing", options={"time": 1.0})
+
+
 def test_wrapped_observations_do_not_reach_the_record() -> None:
     env = gymnasium.wrappers.TransformObservation(make(), lambda o: 0.1 * o, None)
     run = run_policy(env, IFDC())

@@ -14,7 +14,7 @@ from flexarm_env.extras import needs_extra
 VERBS = {
     "list": ("listing", "the environments and the policies that come with the package"),
     "show": ("show", "the specification of an environment: spaces, reward, ends, options"),
-    "evaluate": ("evaluate", "score controllers and trained policies on the standard lap"),
+    "evaluate": ("evaluate", "score controllers and trained policies on the two standard laps"),
     "train": ("train", "train an agent with PPO (needs the extra `train`)"),
     "warm-up": ("warm_up", "compile what environments need, for images and clusters"),
 }

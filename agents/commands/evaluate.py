@@ -1,4 +1,4 @@
-"""`flexarm evaluate`: scores of controllers and policies on the standard lap, as a table and as JSON."""
+"""`flexarm evaluate`: scores of controllers and policies on the two standard laps, as a table and as JSON."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from flexarm_agents.commands.arguments import add_options, reader
-from flexarm_agents.commands.score_table import group_table, lap_table, spreads_of
+from flexarm_agents.commands.score_table import Spreads, group_table, lap_table, spreads_of
 from flexarm_agents.constant import ConstantPolicy
 from flexarm_agents.contenders import Contender, changed, from_attribute, from_model, from_training
 from flexarm_agents.environments import make_one
 from flexarm_agents.load import shipped_policies
 from flexarm_agents.run_folder import write_json
-from flexarm_agents.score import Score, evaluate, rank
+from flexarm_agents.score import StandardScore, evaluate, rank
 from flexarm_agents.spread import Spread
 from flexarm_baselines import FLSAC, IFDC
 from flexarm_env.parameters import PRESETS
@@ -24,8 +24,10 @@ from flexarm_env.validation import integer
 
 TORQUE, GAIN = "FlexArm/Square-v0", "FlexArm/SquareGain-v0"  # the same plant, sensor and path
 DESCRIPTION = """\
-Score controllers and trained policies on the standard lap, from rest on the first corner, by the distance of the true
-tip from the reference. Complete laps are ranked by their r.m.s.; laps that ended early come last, and are marked."""
+Score controllers and trained policies on the two standard laps, from rest on the first corner, by the distance of the
+true tip from the reference. The swing lap begins with the elbow bent to the side from which it has to swing through
+the straight arm, the plain lap with the other one. Policies are ranked by the mean r.m.s. of both; those with laps that
+ended early come last, and these laps are marked."""
 POLICIES = """\
 folder of a training, or its npz file; name of a shipped policy; module:attribute, a class with for_env(env) or without
 arguments, an object with predict, or a function from an observation to an action"""
@@ -38,21 +40,21 @@ class Result(NamedTuple):
     """A contender without its environment, and what its laps gave."""
 
     contender: Contender
-    laps: list[Score]
+    scores: list[StandardScore]
 
     def plain(self, seed: int) -> dict[str, Any]:
         """Return plain values for a file."""
         one = self.contender
         about = {"name": one.name, "environment": one.environment, "options": one.options, "config": one.config}
-        laps = [{"seed": seed + n, **lap.plain()} for n, lap in enumerate(self.laps)]
-        return about | {"laps": laps} | _plain(spreads_of(self.laps))
+        laps = [{"seed": seed + n, **score.as_mapping()} for n, score in enumerate(self.scores)]
+        return about | {"laps": laps} | _plain(spreads_of(self.scores))
 
 
 class Group(NamedTuple):
     """Trainings that differ in their seeds alone, and the spread over them of the medians of their laps."""
 
     names: list[str]
-    spreads: tuple[Spread, Spread]
+    spreads: Spreads
 
 
 def run(arguments: Sequence[str]) -> None:
@@ -67,20 +69,24 @@ def run(arguments: Sequence[str]) -> None:
     for contender in contenders:
         scores = _scores(contender, laps, seed)
         results.append(Result(contender, scores))
-        told = str(scores[0]) if laps == 1 else f"{sum(each.complete for each in scores)} of {laps} laps complete"
+        told = (
+            str(scores[0])
+            if laps == 1
+            else f"both laps complete with {sum(s.complete for s in scores)} of {laps} seeds"
+        )
         print(f"{contender.name}: {told}", file=sys.stderr, flush=True)
-    results.sort(key=lambda result: rank(result.laps))
+    results.sort(key=lambda result: rank(result.scores))
     groups = _groups(results)
     about = {"seed": seed, "laps": laps, "options": given.options, "arm": given.arm}
     settings = [{"trainings": group.names} | _plain(group.spreads) for group in groups]
     write_json(given.output, about | {"results": [each.plain(seed) for each in results], "settings": settings})
-    print(lap_table([(each.contender.name, _environment(each.contender), each.laps) for each in results]))
+    print(lap_table([(each.contender.name, _environment(each.contender), each.scores) for each in results]))
     if groups:
         print(f"\n{group_table([(', '.join(group.names), group.spreads) for group in groups])}")
     print(f"{given.output}: written")
 
 
-def _scores(contender: Contender, laps: int, seed: int) -> list[Score]:
+def _scores(contender: Contender, laps: int, seed: int) -> list[StandardScore]:
     try:
         return [evaluate(contender.env, contender.policy, seed + n) for n in range(laps)]
     except (TypeError, ValueError) as error:
@@ -96,7 +102,9 @@ def _read(arguments: Sequence[str]) -> argparse.Namespace:
     baselines = "score IFDC, FLSAC, no torque and random torque, as by default"
     parser.add_argument("--baselines", action=switch, default=True, help=baselines)
     parser.add_argument("--shipped", action=switch, default=True, help="score all shipped policies, as by default")
-    parser.add_argument("--laps", type=int, default=1, metavar="N", help="laps of each, with seeds from --seed on; 1")
+    parser.add_argument(
+        "--laps", type=int, default=1, metavar="N", help="run both laps with N seeds, from --seed on; 1"
+    )
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="of what is random in the first lap; 0")
     add_options(parser, "options of the environments, for all")
     parser.add_argument("--arm", choices=tuple(PRESETS), help="arm of all environments; without it, as each was made")
@@ -157,15 +165,17 @@ def _groups(results: Sequence[Result]) -> list[Group]:
     groups = []
     for found in members.values():
         if len(found) > 1:
-            lap, later = zip(*(spreads_of(each.laps) for each in found), strict=True)
-            spreads = Spread.of(each.median for each in lap), Spread.of(each.median for each in later)
+            each_spreads = [spreads_of(each.scores) for each in found]
+            spreads = {
+                lap: {name: Spread.of(one[lap][name].median for one in each_spreads) for name in figures}
+                for lap, figures in each_spreads[0].items()
+            }
             groups.append(Group([each.contender.name for each in found], spreads))
     return groups
 
 
-def _plain(spreads: tuple[Spread, Spread]) -> dict[str, Any]:
-    lap, later = spreads
-    return {"rms": lap._asdict(), "rms_after_2s": later._asdict()}
+def _plain(spreads: Spreads) -> dict[str, Any]:
+    return {lap: {name: spread._asdict() for name, spread in figures.items()} for lap, figures in spreads.items()}
 
 
 def _environment(contender: Contender) -> str:

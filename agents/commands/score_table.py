@@ -6,8 +6,9 @@ from collections import Counter
 from collections.abc import Sequence
 
 from flexarm_agents.commands.text import columns
-from flexarm_agents.score import Score
+from flexarm_agents.score import Score, StandardScore
 from flexarm_agents.spread import Spread
+from flexarm_env.laps import LAPS
 
 LEGEND = "Pairs: shoulder / elbow, or link 1 / link 2. *: with changed options. Laps that ended early have no errors."
 SPREAD_LEGEND = """\
@@ -15,54 +16,70 @@ Errors: median [best .. worst] of the laps, where one that ended early counts as
 laps. Pairs: shoulder / elbow, or link 1 / link 2. *: with changed options."""
 GROUP_LEGEND = "Trainings of one setting, by their seeds; each counts with the median of its laps:"
 _HEADER = (
-    ("", "environment", "lap r.m.s.", "maximum", "after 2 s", "torque change", "peak deflection", "peak torque", "end"),
-    ("", "", "[m]", "[m]", "r.m.s. [m]", "r.m.s. [N m]", "[m]", "[N m]", ""),
+    (
+        *("", "environment", "lap", "r.m.s.", "after 2 s", "maximum"),
+        *("torque change", "peak deflection", "peak torque", "end"),
+    ),
+    ("", "", "", "[m]", "r.m.s. [m]", "[m]", "r.m.s. [N m]", "[m]", "[N m]", ""),
 )
 _SPREAD_HEADER = (
-    ("", "environment", "lap r.m.s. [m]", "after 2 s r.m.s. [m]", "peak deflection [m]", "peak torque [N m]", "end"),
+    (
+        *("", "environment", "lap", "r.m.s. [m]", "after 2 s r.m.s. [m]", "maximum [m]"),
+        *("peak deflection [m]", "peak torque [N m]", "end"),
+    ),
 )
-_GROUP_HEADER = (("trainings", "figure", "median [m]", "interquartile mean [m]", "best [m]", "worst [m]"),)
+_GROUP_HEADER = (("trainings", "lap", "figure", "median [m]", "interquartile mean [m]", "best [m]", "worst [m]"),)
+FIGURES = {"rms": "r.m.s.", "rms_after_2s": "after 2 s r.m.s.", "maximum": "maximum"}  # of a lap
 
-Named = tuple[str, str, Sequence[Score]]
+Named = tuple[str, str, Sequence[StandardScore]]
+Spreads = dict[str, dict[str, Spread]]  # by lap and figure
 
 
 def lap_table(results: Sequence[Named]) -> str:
-    """Make a table with a row for each policy.
+    """Make a table with a row for each policy and lap.
 
     Args:
-        results: name, environment and laps (one lap, or the same number each), in order.
+        results: name, environment and scores (one, or the same number each), in order.
     """
-    if len(results[0][2]) == 1:
-        rows = [(name, environment, *_figures(laps[0])) for name, environment, laps in results]
-        return f"{LEGEND}\n{columns([*_HEADER, *rows], right=True)}"
-    rows = [(name, environment, *_spreads(laps)) for name, environment, laps in results]
-    return f"{SPREAD_LEGEND}\n{columns([*_SPREAD_HEADER, *rows], right=True)}"
+    single = len(results[0][2]) == 1
+    rows = [
+        (name, environment, lap, *(_figures(laps[0]) if single else _spreads(laps)))
+        for name, environment, scores in results
+        for lap, laps in zip(LAPS, zip(*scores, strict=True), strict=True)
+    ]
+    legend, header = (LEGEND, _HEADER) if single else (SPREAD_LEGEND, _SPREAD_HEADER)
+    return f"{legend}\n{columns([*header, *rows], right=True)}"
 
 
-def group_table(groups: Sequence[tuple[str, tuple[Spread, Spread]]]) -> str:
-    """Write two rows for each setting that was trained with several seeds.
+def group_table(groups: Sequence[tuple[str, Spreads]]) -> str:
+    """Write a row for each figure of each lap, for each setting that was trained with several seeds.
 
     Args:
-        groups: names of the trainings, and the r.m.s. errors of the lap and after 2 s.
+        groups: names of the trainings, and the spreads of their errors.
     """
     rows = [
-        (f"{name} ({spread.complete} of {spread.total} complete)", figure, *_group_figures(spread))
+        (f"{name} ({spread.complete} of {spread.total} complete)", lap, FIGURES[figure], *_group_figures(spread))
         for name, spreads in groups
-        for figure, spread in zip(("lap r.m.s.", "after 2 s r.m.s."), spreads, strict=True)
+        for lap, figures in spreads.items()
+        for figure, spread in figures.items()
     ]
     return f"{GROUP_LEGEND}\n{columns([*_GROUP_HEADER, *rows], right=True)}"
 
 
-def spreads_of(laps: Sequence[Score]) -> tuple[Spread, Spread]:
-    """Return the r.m.s. errors over the lap, and after 2 s."""
-    return Spread.of(lap.rms for lap in laps), Spread.of(lap.rms_after_2s for lap in laps)
+def spreads_of(scores: Sequence[StandardScore]) -> Spreads:
+    """Return the spreads of the errors of each lap."""
+    return {name: _errors_of(laps) for name, laps in zip(LAPS, zip(*scores, strict=True), strict=True)}
+
+
+def _errors_of(laps: Sequence[Score]) -> dict[str, Spread]:
+    """Return the spreads of the errors of laps of one kind."""
+    return {figure: Spread.of(getattr(lap, figure) for lap in laps) for figure in FIGURES}
 
 
 def _figures(score: Score) -> tuple[str, ...]:
     """Write the row of one lap, with a dash for what a run that ended early does not have."""
-    errors = (score.rms, score.maximum, score.rms_after_2s)
     return (
-        *("-" if value is None else f"{value:.3f}" for value in errors),
+        *("-" if (value := getattr(score, figure)) is None else f"{value:.3f}" for figure in FIGURES),
         _pair(score.torque_change, 1),
         _pair(score.peak_deflection, 2),
         _pair(score.peak_torque, 0),
@@ -75,7 +92,10 @@ def _spreads(laps: Sequence[Score]) -> tuple[str, ...]:
     early = Counter(lap.ended for lap in laps if not lap.complete)
     reasons = ", ".join(f"{reason} {count}" for reason, count in early.most_common())
     return (
-        *(f"{_metres(each.median)} [{_metres(each.best)} .. {_metres(each.worst)}]" for each in spreads_of(laps)),
+        *(
+            f"{_metres(each.median)} [{_metres(each.best)} .. {_metres(each.worst)}]"
+            for each in _errors_of(laps).values()
+        ),
         _pair(_largest([lap.peak_deflection for lap in laps]), 2),
         _pair(_largest([lap.peak_torque for lap in laps]), 0),
         f"{early.total()} of {len(laps)} ENDED: {reasons}" if early else f"{len(laps)} complete",

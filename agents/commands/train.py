@@ -13,7 +13,7 @@ from typing import Any
 
 import tyro
 
-from flexarm_agents import Score, TrainingConfig, TrainingStopped, train
+from flexarm_agents import StandardScore, TrainingConfig, TrainingStopped, train
 from flexarm_agents.commands.arguments import json_object
 
 
@@ -45,7 +45,7 @@ def run(arguments: Sequence[str]) -> None:
         print(f"stopped; {done}; the same command with --resume goes on", file=sys.stderr)
         sys.exit(128 + stopped.signal)
     for name, row in (("best", outcome.best), ("last", outcome.last)):
-        print(f"{name}: {Score.of(row)}, at {row['steps']} steps")
+        print(f"{name}: {StandardScore.of(row)}, at {row['steps']} steps")
     print(f"{outcome.folder}: complete after {outcome.last['seconds']:.0f} s, compiling included")
 
 

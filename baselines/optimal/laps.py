@@ -17,13 +17,14 @@ from flexarm_baselines.optimal.plan import Plan
 from flexarm_baselines.optimal.problem import TrackingProblem
 from flexarm_baselines.optimal.solver import Iteration, Solution, SolverOptions, optimise
 from flexarm_baselines.optimal.starts import Branch, follow, joint_path
+from flexarm_env import laps
 from flexarm_env.parameters import SquareParameters
 from flexarm_env.physics.paths import square
 from flexarm_env.simulation.arm import FlexibleArm
 from flexarm_env.simulation.square import rest_state
 from flexarm_env.validation import choice, integer, number, shown
 
-LAPS = {"swing": SquareParameters(elbow_branch="positive"), "plain": SquareParameters(elbow_branch="negative")}
+LAPS = {name: SquareParameters(elbow_branch=lap.elbow_branch) for name, lap in laps.LAPS.items()}
 SWING = 0.4  # [s], of a change of sides in the starts
 CHANGE_WEIGHT = 1e-3  # [m^2]; of torques in `TrackingProblem`: smooth ones for some tenths of a millimetre
 TRIAL = 40  # iterations after which only the best start goes on

@@ -24,6 +24,7 @@ from flexarm_env.envs.reset_options import OPTIONS
 from flexarm_env.envs.settings import Settings, default_of
 from flexarm_env.envs.termination import END_CODES, ENDS
 from flexarm_env.episode.reward import TERMS
+from flexarm_env.laps import LAPS
 from flexarm_env.parameters import PRESETS, ArmParameters
 from flexarm_env.physics.inverse_kinematics import STRAIGHT
 
@@ -49,6 +50,14 @@ BLOCK_RULES = """\
 An observation is an array of float32: the blocks that `observation` names, one after the other, each divided by its
 scale where `scaled` is set. `env.unwrapped.observation_blocks` says where each lies, `observation_scale` what each
 number was divided by. No number passes its bound before the episode ends. The true tip is in no observation."""
+MIRROR = """\
+Without gravity the mirror image of a motion is a motion. Reflect an episode about the world's x axis: the start
+corner, the direction of the reference, `elbow_branch`, and the signs of the state's angles and modal coordinates.
+Without noise, the mirrored actions then give the mirrored observations and the same rewards, to the last bit. The
+column `mirrored` shows the sign of each number, repeated over a block. `env.unwrapped.mirror_observation` and
+`mirror_action` apply the signs, to one or to a batch; `observation_mirror` and `action_mirror` hold them, for tensors
+of other libraries. Mirrored samples double a learner's data, and a policy between the two maps drives the mirrored
+laps."""
 LATENESS = """\
 Encoders and strain gauges are current, and the gauges ideal; the sensor on link 2 is late. At the end of each control
 period its reading of `delay` seconds ago arrives, not rounded to steps; if `delay` is None, that is the distance from
@@ -69,11 +78,19 @@ REWARD = """\
 The reward judges the state after the step, by the true tip (e: its distance from the reference), whatever the sensors
 see. It is the sum of terms in [0, 1] times their weights (`reward_weights`). None is negative, so ending an episode
 early never pays."""
-SCORE = """\
-A lap from rest is scored mostly by its start. The reference leaves at full speed at once, which no motor can follow,
-so the RMS error of a controller that tracks well is made in the first second or two. Give both figures: of the whole
-lap, and since 2 s (`flexarm_env.metrics.tracking_error(run, "true", since=2.0)`). A run that ended early has no lap
-score; `run.notes["ended"]` says why."""
+SCORE = f"""\
+A lap from rest is scored mostly by its start: the reference leaves at full speed at once, and the side of the elbow
+decides how well an arm can follow. So the standard score is two laps, `flexarm_env.laps.LAPS`:
+
+{
+    '''
+'''.join(f"- the *{name} lap*: {lap.text}." for name, lap in LAPS.items())
+}
+
+Give three figures of each: the r.m.s. distance of the true tip from the reference over the lap, the same since 2 s, and
+the maximum. `flexarm_agents.evaluate(env, policy)` computes them; `run_policy(env, policy, lap="swing")` of
+`flexarm_env.rollout` runs one lap, and `env.reset(options=LAPS["swing"].reset_options())` begins it. A run that ended
+early has no lap score; `run.notes["ended"]` says why."""
 ENDING = """\
 An episode terminates for one of the reasons below. `error_limit` and `deflection_limit` are part of the task: a
 learner that has lost the path does not spend the rest of the lap far off it, and links bent so far are beyond what
@@ -108,7 +125,7 @@ def specification(introduction: str) -> str:
         "Description": rest,
         "Ids": table(("id", "task"), ((f"`{NAMESPACE}/{name}`", one.summary) for name, one in IDS.items())),
         "Action space": f"{ACTION}\n\n{action_table()}",
-        "Observation space": f"{BLOCK_RULES}\n\n{FRAMES}\n\n{BRANCHES}\n\n{LATENESS}\n\n{block_table()}",
+        "Observation space": f"{BLOCK_RULES}\n\n{FRAMES}\n\n{BRANCHES}\n\n{LATENESS}\n\n{MIRROR}\n\n{block_table()}",
         "Reward": f"{REWARD}\n\n{reward_table()}\n\n{SCORE}",
         "Starting state": start_table(),
         "Episode end": f"{ENDING}\n\n{end_table()}",
@@ -127,7 +144,7 @@ def specification(introduction: str) -> str:
 def action_table(settings: Settings | None = None) -> str:
     """Tabulate what an action means: in each action mode, or with numbers in that of `settings`."""
     if settings is None:
-        header = ("`action_mode`", "an action is", "of", "quantity", "action", "unit")
+        header = ("`action_mode`", "an action is", "of", "quantity", "action", "unit", "mirrored")
         modes = MODES.items()
         return table(header, [(f"`{name}`", one.text, ", ".join(one.channels), *_formulas(one)) for name, one in modes])
     mode = settings.mode
@@ -135,11 +152,17 @@ def action_table(settings: Settings | None = None) -> str:
         (str(n), channel, figure(mode.least * limit), figure(limit), *_formulas(mode))
         for n, (channel, limit) in enumerate(zip(mode.channels, settings.action_limit, strict=True))
     ]
-    return table(("number", "of", "at a = -1", "at a = 1", "quantity", "action", "unit"), rows)
+    return table(("number", "of", "at a = -1", "at a = 1", "quantity", "action", "unit", "mirrored"), rows)
 
 
-def _formulas(mode: ActionMode) -> tuple[str, str, str]:
-    return f"`{mode.quantity} = {mode.formula}`", f"`a = {mode.inverse}`", mode.unit
+def _formulas(mode: ActionMode) -> tuple[str, str, str, str]:
+    """Write the map between action and quantity, the unit, and the sign of a mirrored action."""
+    return f"`{mode.quantity} = {mode.formula}`", f"`a = {mode.inverse}`", mode.unit, _signs((mode.mirror,))
+
+
+def _signs(signs: tuple[int, ...]) -> str:
+    """Write the signs of numbers in the mirrored episode."""
+    return ", ".join("+" if sign > 0 else "-" for sign in signs)
 
 
 def _only_in(modes: Sequence[str]) -> str:
@@ -150,11 +173,18 @@ def block_table(settings: Settings | None = None) -> str:
     """Tabulate the blocks of observations: all blocks, or with places and numbers those of `settings`."""
     if settings is None:
         rows = [
-            (f"`{name}`", block.count, block.what + _only_in(block.modes), block.unit) for name, block in BLOCKS.items()
+            (
+                f"`{name}`",
+                block.count,
+                block.what + _only_in(block.modes),
+                block.unit,
+                "as the action" if block.mirror is None else _signs(block.mirror),
+            )
+            for name, block in BLOCKS.items()
         ]
-        return table(("block", "numbers (m modes a link)", "what", "unit"), rows)
+        return table(("block", "numbers (m modes a link)", "what", "unit", "mirrored"), rows)
     layout = observation_layout(settings, settings.program)
-    header = ["numbers", "block", "what", "unit", "bound"] + ["scale"] * settings.scaled
+    header = ["numbers", "block", "what", "unit", "mirrored", "bound"] + ["scale"] * settings.scaled
     numbers = []
     for name, part in layout.blocks.items():
         block, scale = BLOCKS[name], layout.scale[part]
@@ -163,6 +193,7 @@ def block_table(settings: Settings | None = None) -> str:
             f"`{name}`",
             block.what,
             block.unit,
+            _signs(block.mirror or (settings.mode.mirror,)),
             figures(layout.bound[part] * scale),
         ]
         numbers.append(cells + [figures(scale)] * settings.scaled)

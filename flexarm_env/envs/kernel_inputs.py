@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexarm_env.codegen.declarations import Program
-from flexarm_env.envs.choices import EITHER, MOVE_POINTS, MOVE_RING
+from flexarm_env.envs.choices import MOVE_POINTS, MOVE_RING
 from flexarm_env.envs.observation import ObservationLayout, shape_of
 from flexarm_env.envs.settings import Settings
 from flexarm_env.episode.reward import TERMS
 from flexarm_env.kernels.entries import DRAWN, LaneSetting, Setting, Shape, in_order, word
 from flexarm_env.kernels.layout import Row, place_rows
-from flexarm_env.parameters import DIRECTIONS
+from flexarm_env.parameters import DIRECTIONS, EITHER
 from flexarm_env.physics.paths import same_length
 from flexarm_env.simulation.cases import law_rows, sensor_rows
 from flexarm_env.simulation.lanes import ALL_READINGS

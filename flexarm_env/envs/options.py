@@ -25,7 +25,7 @@ from flexarm_env.allowed import (
     allowed_of,
     declared,
 )
-from flexarm_env.envs.choices import DEFAULT_OBSERVATION, DEFAULT_WEIGHTS, EITHER, STARTS, Frame, Start
+from flexarm_env.envs.choices import DEFAULT_OBSERVATION, DEFAULT_WEIGHTS, STARTS, Frame, Start
 from flexarm_env.envs.consistency import (
     SHORTEST_HOLD,
     checked_arm,
@@ -38,6 +38,7 @@ from flexarm_env.envs.consistency import (
 from flexarm_env.envs.quantities import NAMED_QUANTITIES, checked_ranges
 from flexarm_env.parameters import (
     DIRECTIONS,
+    EITHER,
     LARGEST_NOISE,
     MAX_DELAY,
     PRESETS,
@@ -182,7 +183,7 @@ class Options:
     start_corner: Corner = _option("lower left", "where a lap starts", allowed_of(SquareParameters, "start_corner"))
     direction: str = _option("clockwise", 'of a lap; "either": drawn for each episode', OneOf((*DIRECTIONS, EITHER)))
     elbow_branch: str = _option(
-        "positive",
+        EITHER,
         'sign of theta2 at the start and in the inverse kinematics; "either": drawn for each episode',
         OneOf((*get_args(ElbowBranch), EITHER)),
     )

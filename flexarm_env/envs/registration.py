@@ -61,6 +61,7 @@ _PAPER: dict[str, Any] = {
     "frame": "world",
     "scaled": False,
     "start": "corner",
+    "elbow_branch": "positive",
     "reward_weights": {"tracking_wide": 0.5, "tracking_middle": 0.5},
     "deflection_limit": None,
     "error_limit": None,
@@ -77,7 +78,8 @@ IDS: dict[str, Id] = {
         "The paper's task with the torques in the agent's hands: nothing is stabilised for it. It knows the "
         "joints by encoders, the links' bending by strain gauges, and the tip by a sensor that is late. In the "
         "link's frame the sides of the square are one task; what differs is how the arm is bent when the "
-        "reference turns.",
+        "reference turns. Each episode draws the side of the elbow, so that an agent meets both laps of the standard "
+        "score; they are different tasks.",
     ),
     "SquareResidual-v0": Id(
         _LAP,
@@ -121,11 +123,12 @@ IDS: dict[str, Id] = {
     ),
     "Reach-v0": Id(
         _LAP,
-        {"reference": "moves", "start": "corner"},
+        {"reference": "moves", "start": "corner", "elbow_branch": "positive"},
         "Move the tip to a drawn point and back, and bring it to rest there",
         "Each episode draws two points. The reference moves from the first to the second in a quarter of the lap "
         "time, both joints together along a minimum-jerk polynomial, rests as long, moves back, and rests. To be "
-        "learned is to arrive without vibration.",
+        "learned is to arrive without vibration. The points lie all round the shoulder, so a move with the elbow "
+        "on the other side is the mirror image of one that is drawn as often; `elbow_branch` stays on one side.",
     ),
     "Track-v0": Id(
         _LAP,
@@ -141,7 +144,8 @@ IDS: dict[str, Id] = {
         "What `make reproduce` runs: one mode a link, the rigid arm's velocity forces, no damping; the law acts "
         "on the late, noncollocated sensor, and the action is its gain. Observations are plain numbers in the "
         "world's frame, as IFDC and FLSAC of `flexarm_baselines` read them. There is no torque limit, and only an "
-        "invalid state ends an episode. [The paper, reproduced](../reproduction.md) tells what comes out.",
+        "invalid state ends an episode. The elbow starts with theta2 > 0, the project's reading of "
+        "the paper. [The paper, reproduced](../reproduction.md) tells what comes out.",
     ),
 }
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import gymnasium
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from flexarm_env.envs.batch import BatchSimulator
 from flexarm_env.envs.documentation import specification
@@ -17,7 +17,7 @@ from flexarm_env.envs.scene import Scene
 from flexarm_env.envs.seeding import new_keys
 from flexarm_env.envs.settings import Settings
 from flexarm_env.simulation.arm import FlexibleArm
-from flexarm_env.validation import choice, finite_array
+from flexarm_env.validation import choice, finite_array, real_array
 
 RENDER_MODES = ("rgb_array", "human")
 FASTEST_VIDEO = 100  # [1/s]; a picture is drawn for each step, and slower control plays in real time
@@ -62,6 +62,38 @@ class SimulatorView:
     def observation_scale(self) -> NDArray[np.float64]:
         """Divisor of each number of an observation, in the block's unit. Shape (k,)."""
         return self.simulator.layout.scale.copy()
+
+    @property
+    def observation_mirror(self) -> NDArray[np.float32]:
+        """Sign of each number of an observation in the mirrored episode. Shape (k,)."""
+        return self.simulator.layout.mirror.copy()
+
+    @property
+    def action_mirror(self) -> NDArray[np.float32]:
+        """Sign of each number of an action in the mirrored episode. Shape (channels,)."""
+        return np.full(len(self.settings.action_limit), self.settings.mode.mirror, dtype=np.float32)
+
+    def mirror_observation(self, observation: ArrayLike) -> NDArray[np.float32]:
+        """Return what the mirrored arm observes; mirroring twice gives the observation back.
+
+        Args:
+            observation: one, or any number of them. Shape (..., k).
+
+        Raises:
+            ValueError: for another shape.
+        """
+        return _mirrored("observation", observation, self.observation_mirror)
+
+    def mirror_action(self, action: ArrayLike) -> NDArray[np.float32]:
+        """Return the action that does to the mirrored arm what this one does to the arm.
+
+        Args:
+            action: one, or any number of them. Shape (..., channels).
+
+        Raises:
+            ValueError: for another shape.
+        """
+        return _mirrored("action", action, self.action_mirror)
 
     @property
     def gain_limit(self) -> float:
@@ -227,6 +259,13 @@ class FlexArmEnv(SimulatorView, gymnasium.Env[NDArray[np.float32], NDArray[np.fl
     def _show(self, result: NDArray[np.float64]) -> None:
         if self.render_mode == "human" and self._scene is not None:
             self._scene.draw(result)
+
+
+def _mirrored(name: str, values: ArrayLike, signs: NDArray[np.float32]) -> NDArray[np.float32]:
+    numbers = real_array(name, values).astype(np.float32)
+    if numbers.shape[-1:] != signs.shape:
+        raise ValueError(f"{name}: must have shape (..., {len(signs)}), got {numbers.shape}")
+    return numbers * signs
 
 
 def rounded(actions: NDArray[Any]) -> NDArray[np.float32]:

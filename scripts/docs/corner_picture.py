@@ -20,13 +20,13 @@ from scripts.common.markdown import DOCS
 PICTURE = DOCS / "figures" / "three_controllers.png"
 TIME = 5.0  # [s]; a second after the reference has turned
 GAIN = "FlexArm/SquareGain-v0"
-AGENT = "square"
+AGENT, LAP = "square", "swing"
 
 
 def frame(env: gymnasium.Env[Any, Any], policy: Any) -> tuple[NDArray[np.uint8], str]:
     """Simulate the arm to `TIME`, from rest on the first corner; describe what its elbow has done until then."""
     periods = round(TIME / env.get_wrapper_attr("control_period"))
-    run = run_policy(env, policy, seed=0, max_steps=periods)
+    run = run_policy(env, policy, seed=0, max_steps=periods, lap=LAP)
     assert not ended_early(run), f"{type(policy).__name__}: {run.notes['ended']} after {run.time[-1]} s"
     picture = env.render()
     env.close()

@@ -104,6 +104,7 @@ def index() -> str:
         "Frames and units": [doc.FRAMES],
         "The side of the elbow": [doc.BRANCHES],
         "The late sensor": [doc.LATENESS],
+        "Mirror images": [doc.MIRROR],
         "Reward and score": [doc.REWARD, doc.SCORE],
         "How an episode starts": [doc.start_table(), _RESET, doc.option_table()],
         "How it ends": [doc.ENDING, doc.end_table()],
@@ -204,6 +205,7 @@ def _pointers(settings: Settings) -> str:
         shoulder, elbow = (f"{doc.figure(1e3 * delay)} ms" for delay in delays)
         late = shoulder if shoulder == elbow else f"{shoulder} (shoulder's angle) and {elbow} (elbow's)"
         text += f" The sensor on link 2 is {late} late ([the late sensor](README.md#the-late-sensor))."
+    text += " The column `mirrored` has the signs of a [mirror image](README.md#mirror-images)."
     return _wrapped(text)
 
 

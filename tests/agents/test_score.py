@@ -10,10 +10,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from flexarm_agents import Score, Spread, evaluate, score
+from flexarm_agents import Score, Spread, StandardScore, evaluate, score
 from flexarm_agents.constant import ConstantPolicy
 from flexarm_agents.score import rank
 from flexarm_env import run_policy
+from flexarm_env.laps import LAPS
 
 FIGURES = st.floats(0.0, 100.0)
 
@@ -21,7 +22,7 @@ FIGURES = st.floats(0.0, 100.0)
 def lap(rms: float, ended: str = "truncated", duration: float = 16.0) -> Score:
     later = rms if duration > 2.0 else None
     errors = (rms, rms, later, later) if ended == "truncated" else (None,) * 4
-    return Score(ended, duration, *errors, (1.0, 1.0), (0.1, 0.1), (1.0, 1.0), 0.0)
+    return Score(ended, duration, *errors, (1.0, 1.0), 2, (0.1, 0.1), (1.0, 1.0), 0.0)
 
 
 def test_an_early_end_has_no_lap_error_and_no_better_rank() -> None:
@@ -29,15 +30,25 @@ def test_an_early_end_has_no_lap_error_and_no_better_rank() -> None:
     died, whole = lap(0.255, "deflection", 4.12), lap(0.321)
     assert whole.rank < died.rank
     assert str(died) == "ended early: deflection after 4.12 s"
-    assert str(whole) == "0.321 m r.m.s. over 16 s, 0.321 m after 2 s"
-    assert rank([whole, whole]) < rank([lap(0.1), died]) < rank([died, died])
-    assert Score.of(died.plain() | {"steps": 7}) == died
+    assert str(whole) == "0.321 m r.m.s. over 16 s, 0.321 m after 2 s, 0.321 m at most"
+    both, one, none = StandardScore(whole, whole), StandardScore(lap(0.1), died), StandardScore(died, died)
+    assert rank([both]) < rank([one]) < rank([none])
+    assert rank([both, both]) < rank([both, one]) < rank([one, one])
+    assert [each.complete for each in (both, one, none)] == [True, False, False]
+    assert str(one) == f"swing lap: {one.swing}; plain lap: {died}"
+    assert StandardScore.of({**one.as_mapping(), "steps": 7}) == one
+
+
+def test_the_scores_are_those_of_the_laps() -> None:
+    assert StandardScore._fields == tuple(LAPS)
 
 
 def test_a_lost_arm_has_no_errors() -> None:
     env = gymnasium.make("flexarm_env:FlexArm/Square-v0")
-    found = evaluate(env, ConstantPolicy(2)).plain()
-    assert (found["complete"], found["ended"], found["rms"], found["maximum"]) == (False, "error", None, None)
+    for name, found in evaluate(env, ConstantPolicy(2)).as_mapping().items():
+        assert (found["complete"], found["ended"], found["rms"], found["maximum"]) == (False, "error", None, None)
+        run = run_policy(env, ConstantPolicy(2), seed=0, lap=name)
+        assert found["duration"] == pytest.approx(run.time[-1])
     assert score(run_policy(env, ConstantPolicy(2), seed=0, max_steps=20)).rms is not None
 
 

@@ -34,6 +34,7 @@ from flexarm_agents.follow import Follow
 from flexarm_agents.stopping import StopSignals
 from flexarm_agents.training import new_model
 from flexarm_env.kernels.layout import Row
+from flexarm_env.laps import LAPS
 from tests.support.trainings import ID, TINY, finished
 
 
@@ -64,14 +65,15 @@ def test_what_a_training_leaves(run: Path) -> None:
     assert list((run / "tensorboard").glob("events.out.tfevents.*"))
     rows = json.loads((run / "evaluations.json").read_text())
     assert [row["steps"] for row in rows] == [256, 512]
-    assert rows[0]["ended"] == "error"
-    assert not rows[0]["complete"]
+    assert [rows[0][lap]["ended"] for lap in LAPS] == ["error", "error"]
+    assert not rows[0]["swing"]["complete"]
     with (run / "evaluations.csv").open(newline="") as file:
         table = list(csv.DictReader(file))
-    assert [row["rms"] for row in table] == ["", ""]  # errors of laps that ended early
-    assert [row["rms"] for row in rows] == [None, None]
-    assert [float(row["duration"]) for row in table] == [row["duration"] for row in rows]
-    assert [float(row["peak_torque_2"]) for row in table] == [row["peak_torque"][1] for row in rows]
+    for lap in LAPS:
+        assert [row[f"{lap}_rms"] for row in table] == ["", ""]  # errors of laps that ended early
+        assert [row[lap]["rms"] for row in rows] == [None, None]
+        assert [float(row[f"{lap}_duration"]) for row in table] == [row[lap]["duration"] for row in rows]
+        assert [float(row[f"{lap}_peak_torque_2"]) for row in table] == [row[lap]["peak_torque"][1] for row in rows]
 
 
 def test_the_best_policy_is_the_one_that_was_evaluated(run: Path) -> None:
@@ -80,7 +82,7 @@ def test_the_best_policy_is_the_one_that_was_evaluated(run: Path) -> None:
     assert trained.options == TINY["options"]
     row = trained.notes["evaluation"]
     again = evaluate(trained.make_env(), trained.policy, seed=1_000_003)
-    assert again.plain() == {name: value for name, value in row.items() if name not in ("steps", "seconds")}
+    assert again.as_mapping() == {lap: row[lap] for lap in LAPS}
     model = PPO.load(run / "best_model.zip", device="cpu")
     observations = np.random.default_rng(0).normal(size=(20, trained.policy.observation_size)).astype(np.float32)
     expected, _ = model.predict(observations, deterministic=True)
@@ -127,7 +129,8 @@ def test_an_interrupted_training_ends_in_the_same_bits(
     for rows in (mine, theirs):
         assert [row.pop("seconds") for row in rows]
     assert mine == theirs
-    assert outcome.best["duration"] == max(row["duration"] for row in mine)
+    durations = [sum(row[lap]["duration"] for lap in LAPS) for row in mine]
+    assert sum(outcome.best[lap]["duration"] for lap in LAPS) == max(durations)
 
 
 def signalled(monkeypatch: pytest.MonkeyPatch, folder: Path, number: int, steps: int) -> TrainingStopped:
@@ -187,7 +190,8 @@ def test_each_evaluation_is_logged_where_there_is_no_bar(tmp_path: Path, caplog:
         train(TrainingConfig(**TINY), tmp_path / "run", progress=True)
     lines = [record.getMessage() for record in caplog.records]
     assert len(lines) == 2
-    ended = r"ended early: \w+ after \d\.\d\d s; no complete episode yet"
+    early = r"ended early: \w+ after \d\.\d\d s"
+    ended = rf"swing lap: {early}; plain lap: {early}; none with complete laps yet"
     assert re.fullmatch(rf" +256 steps +\d+ s  {ended}", lines[0])
     assert re.fullmatch(rf" +512 steps +\d+ s  {ended}", lines[1])
 

@@ -10,15 +10,17 @@ import pytest
 
 from flexarm_agents import load_policy
 from flexarm_env.envs.single import FlexArmEnv
+from flexarm_env.laps import LAPS
 
 SQUARE, GAIN, RESIDUAL = (f"flexarm_env:FlexArm/Square{name}-v0" for name in ("", "Gain", "Residual"))
 
 
-def test_laps_follow_each_other() -> None:
+@pytest.mark.parametrize("lap", LAPS)
+def test_laps_follow_each_other(lap: str) -> None:
     """theta1 winds once a lap around the shoulder; the shipped policy is as good in the fifth as in the second."""
     agent = load_policy("square")
     env = agent.make_env(max_episode_steps=8000)
-    observation, info = env.reset(seed=0, options={"start": "corner"})
+    observation, info = env.reset(seed=0, options=LAPS[lap].reset_options())
     errors = []
     truncated = False
     while not truncated:
@@ -42,10 +44,11 @@ def test_the_law_on_the_joints_does_not_know_the_sensor() -> None:
     np.testing.assert_array_equal(*tips)
 
 
-def test_the_inner_law_alone_keeps_within_two_metres() -> None:
-    """A lap with action 0, as docs/model.md and the id's text tell it; 1.83 m found, half a second after the start."""
+@pytest.mark.parametrize("lap", LAPS)
+def test_the_inner_law_alone_keeps_within_two_metres(lap: str) -> None:
+    """A lap with action 0, as docs/model.md and the id's text tell it; 1.83 m found on the swing lap, at its start."""
     env = gymnasium.make(RESIDUAL)
-    env.reset(seed=0, options={"start": "corner"})
+    env.reset(seed=0, options=LAPS[lap].reset_options())
     errors = []
     truncated = False
     while not truncated:

@@ -59,7 +59,7 @@ def in_frame(run: Run, vectors: Array) -> Array:
 
 def rigid_angles(run: Run, path: ReferencePath, times: Array) -> Array:
     """Joint angles of the rigid arm on the reference."""
-    branch = run.env.settings.elbow_branch
+    branch = run.env.episode.elbow_branch
     return np.array([inverse_kinematics(run.env.arm.parameters, point, branch) for point in path.position(times)])
 
 
@@ -74,7 +74,8 @@ def within_half_a_turn(angle: Array) -> Array:
 @pytest.mark.parametrize("scaled", [True, False])
 @pytest.mark.parametrize("env_id", [SQUARE, RESIDUAL, GAIN, PAPER])
 def test_blocks_hold_what_they_say(env_id: str, frame: str, scaled: bool) -> None:
-    env = bare(env_id, frame=frame, scaled=scaled, start="moving", last_actions=3, previews=(0.05, 0.33, 15.9), **ALL)
+    options = {"elbow_branch": "positive", "last_actions": 3, "previews": (0.05, 0.33, 15.9)}
+    env = bare(env_id, frame=frame, scaled=scaled, start="moving", **options, **ALL)
     run = recorded(env, time=4.0 - 15.0 * env.control_period)
     m = env.arm.parameters.modes_per_link
     theta, q = run.states[:, :2], run.states[:, : env.arm.size]

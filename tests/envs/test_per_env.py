@@ -10,8 +10,10 @@ import pytest
 
 from flexarm_env.envs.batch import BatchSimulator
 from flexarm_env.envs.per_env import OPTIONS, settings_of_each
+from flexarm_env.envs.single import FlexArmEnv
 from flexarm_env.envs.vector import FlexArmVectorEnv
-from tests.support.envs import GAIN, RESIDUAL, SQUARE, assert_same, bare, same_as_alone, vector
+from flexarm_env.laps import LAPS
+from tests.support.envs import GAIN, IDS, RESIDUAL, SQUARE, assert_same, bare, make, same_as_alone, vector
 from tests.support.plain import KERNELS
 from tests.support.refusals import refuses
 
@@ -181,7 +183,8 @@ def goes_clockwise(env: Any) -> bool:
 @pytest.mark.parametrize("branch", ["positive", "negative"])
 @pytest.mark.parametrize("direction", ["clockwise", "counterclockwise"])
 def test_a_reset_orders_elbow_branch_and_direction(branch: str, direction: str) -> None:
-    ordered, made = bare(start="corner"), bare(start="corner", elbow_branch=branch, direction=direction)
+    ordered = bare(start="corner", elbow_branch="positive")
+    made = bare(start="corner", elbow_branch=branch, direction=direction)
     options = {"elbow_branch": branch, "direction": direction}
     assert_same(ordered.reset(seed=3, options=options), made.reset(seed=3))
     assert (ordered.episode.elbow_branch, ordered.episode.direction) == (branch, direction)
@@ -201,6 +204,39 @@ def test_each_environment_of_a_batch_has_its_order() -> None:
     found = batch.episode.direction
     assert found[[0, 1, 2, 4, 5, 6]].tolist() == [directions[i] for i in (0, 1, 2, 4, 5, 6)]
     assert set(batch.episode.path) <= {"square", "circle"}
+
+
+@pytest.mark.parametrize("env_id", IDS)
+def test_which_ids_draw_the_branch(env_id: str) -> None:
+    """All but the moves, whose other branch is a mirror image, and the paper's set-up; a seed decides the draw."""
+    env = make(env_id, start="corner").unwrapped
+    assert isinstance(env, FlexArmEnv)
+    drawn = []
+    for seed in range(12):
+        env.reset(seed=seed)
+        drawn.append(env.episode.elbow_branch)
+        env.reset(seed=seed)
+        assert env.episode.elbow_branch == drawn[-1]
+    one_side = env_id in ("FlexArm/Reach-v0", "FlexArm/Paper-v0")
+    assert set(drawn) == ({"positive"} if one_side else {"positive", "negative"})
+
+
+@pytest.mark.parametrize("direction", ["clockwise", "counterclockwise", "either"])
+@pytest.mark.parametrize(("lap", "clockwise"), [("swing", 1.0), ("plain", -1.0)])
+def test_the_standard_laps(lap: str, clockwise: float, direction: str) -> None:
+    """theta2 > 0 at the start of the clockwise swing lap; where the direction is drawn, a lap is clockwise."""
+    env = bare(direction=direction)
+    options = LAPS[lap].reset_options(direction)
+    state = env.reset(options=options)[1]["state"]
+    other = direction == "counterclockwise"
+    assert np.sign(state[1]) == (-clockwise if other else clockwise)
+    assert env.episode.direction == ("counterclockwise" if other else "clockwise")
+    assert (env.episode.start_time, np.abs(state[2:]).max()) == (0.0, 0.0)
+
+
+def test_another_direction_of_a_lap_is_refused() -> None:
+    with refuses(ValueError, "direction = 'up'", "'clockwise', 'counterclockwise', 'either'"):
+        LAPS["swing"].reset_options("up")
 
 
 def test_either_is_drawn_for_each_episode() -> None:

@@ -163,7 +163,7 @@ def test_starts_at_rest() -> None:
 
 def test_starts_on_the_move() -> None:
     """All along the path, with the velocity of the reference, off it evenly by up to the spread."""
-    env, states, references = starts(400, start="moving", start_spread=(0.04, 0.03))
+    env, states, references = starts(400, start="moving", start_spread=(0.04, 0.03), elbow_branch="positive")
     path = square(SquareParameters())
     sides = np.argmax(np.abs(references) * [1.0, 1.0001], axis=1) * 2 + (references.max(axis=1) > 6.3 - 1e-9)
     assert min(np.bincount(sides, minlength=4)) > 60  # of 100, deviation 9
@@ -231,7 +231,7 @@ def test_what_is_drawn_lies_evenly_in_its_range() -> None:
 def test_the_arm_is_the_one_that_was_drawn(env_id: str, ordered: dict[str, float]) -> None:
     """Like an environment that is made with it: its constants follow from the same formulas up to rounding."""
     ranges = {name: RANGES[name] for name in ("payload_mass", "stiffness", "damping")}
-    env = bare(env_id, randomisation=ranges, start="corner", physics_step=5e-4, **FREE)
+    env = bare(env_id, randomisation=ranges, start="corner", elbow_branch="positive", physics_step=5e-4, **FREE)
     env.reset(seed=3, options={"parameters": ordered})
     drawn = env.episode.parameters
     assert all(drawn[name] == value for name, value in ordered.items())
@@ -240,7 +240,7 @@ def test_the_arm_is_the_one_that_was_drawn(env_id: str, ordered: dict[str, float
         "flexural_rigidities": (1676.0 * drawn["stiffness"],) * 2,
         "damping_ratio": drawn["damping"],
     }
-    twin = bare(env_id, arm=made, start="corner", physics_step=5e-4, **FREE)
+    twin = bare(env_id, arm=made, start="corner", elbow_branch="positive", physics_step=5e-4, **FREE)
     assert env.settings.substeps == twin.settings.substeps
     states = []
     for action in np.random.default_rng(1).uniform(-0.3, 0.3, (50, *env.action_space.shape)):

@@ -187,6 +187,7 @@ def test_a_start_on_the_move_has_a_past(link: int, place: float) -> None:
     plain = Plain(
         [5],
         start="moving",
+        elbow_branch="positive",
         observation=["second_sensor_error"],
         second_sensor_link=link,
         second_sensor_position=place,

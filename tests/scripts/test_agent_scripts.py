@@ -13,9 +13,10 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
-from flexarm_agents import NetworkPolicy, TrainingConfig
+from flexarm_agents import NetworkPolicy, Score, StandardScore, TrainingConfig
 from flexarm_agents.commands import main
 from flexarm_agents.training import new_model
+from flexarm_env.laps import LAPS
 from tests.support.programs import ROOT
 from tests.support.trainings import TINY as CONFIG
 
@@ -82,7 +83,7 @@ def test_train_and_resume(flexarm: Shell) -> None:
     again = ("train", *TINY, "--steps", "256", "--seed", "3", "--options", '{"noise": 0.001}')
     result = flexarm(*again)
     assert result.returncode == 0, result.stderr
-    assert "best: ended early: error after " in result.stdout
+    assert "best: swing lap: ended early: error after " in result.stdout
     assert "s, compiling included" in result.stdout
     run = flexarm.folder / "runs" / "Square-v0-3"
     assert json.loads((run / "config.json").read_text())["options"] == {"noise": 0.001}
@@ -95,10 +96,12 @@ def test_train_and_resume(flexarm: Shell) -> None:
     assert result.returncode == 1
     assert result.stderr.startswith("error: gamma = 0.9: the training in runs/Square-v0-3 has 0.985")
     result = flexarm("evaluate", "runs/Square-v0-3", *ALONE)
-    (line,) = [line for line in result.stdout.splitlines() if line.startswith("runs/Square-v0-3")]
-    assert "ENDED at " in line
-    assert " Square-v0* " in line  # its options are not the id's
-    assert not re.search(r"\d\.\d{3}", line)  # it has no errors
+    lines = [line for line in result.stdout.splitlines() if line.startswith("runs/Square-v0-3")]
+    assert [line.split()[2] for line in lines] == ["swing", "plain"]
+    for line in lines:
+        assert "ENDED at " in line
+        assert " Square-v0* " in line  # its options are not the id's
+        assert not re.search(r"\d\.\d{3}", line)  # it has no errors
 
 
 @pytest.mark.parametrize(
@@ -124,15 +127,16 @@ def test_evaluate_scores_what_there_is(flexarm: Shell) -> None:
     result = flexarm("evaluate")
     assert result.returncode == 0, result.stderr
     rows = result.stdout.splitlines()[3:-1]
-    names = ["square", "FLSAC", "IFDC", "no torque", "random torque"]
-    assert [name for row in rows for name in names if row.startswith(name)] == names
-    assert all("ENDED at " in row and not re.search(r"\d\.\d{3}", row) for row in rows[3:])
-    assert [line.partition(":")[0] for line in result.stderr.splitlines()] == [*names[2:0:-1], *names[3:], "square"]
+    names = ["square", "IFDC", "FLSAC", "random torque", "no torque"]
+    found = [(name, lap) for row in rows for name in names for lap in LAPS if re.match(rf"{name} .* {lap} ", row)]
+    assert found == [(name, lap) for name in names for lap in LAPS]
+    assert all("ENDED at " in row and not re.search(r"\d\.\d{3}", row) for row in rows[6:])
+    assert {line.partition(":")[0] for line in result.stderr.splitlines()} == set(names)
     laps = {one["name"]: one["laps"][0] for one in flexarm.evaluation()["results"]}
-    assert laps["IFDC"]["complete"]
-    assert laps["IFDC"]["rms"] == pytest.approx(0.901, abs=5e-3)
-    assert not laps["no torque"]["complete"]
-    assert laps["no torque"]["rms_after_2s"] is None
+    assert laps["IFDC"]["swing"]["complete"]
+    assert laps["IFDC"]["swing"]["rms"] == pytest.approx(0.901, abs=5e-3)
+    assert not laps["no torque"]["plain"]["complete"]
+    assert laps["no torque"]["plain"]["rms_after_2s"] is None
 
 
 MODULE = """
@@ -162,7 +166,7 @@ def test_evaluate_takes_policies_of_ones_own(flexarm: Shell) -> None:
     result = flexarm("evaluate", "mine_here:Pulls", "mine_here:pulls", "mine_here:one", *ALONE, "--seed", "5")
     assert result.returncode == 0, result.stderr
     found = flexarm.evaluation()["results"]
-    assert len({one["laps"][0]["duration"] for one in found}) == 1
+    assert len({one["laps"][0]["swing"]["duration"] for one in found}) == 1
     assert {one["environment"] for one in found} == {"FlexArm/Square-v0"}
     assert [one["laps"][0]["seed"] for one in found] == [5, 5, 5]
 
@@ -186,21 +190,30 @@ def test_evaluate_refuses_in_a_line(flexarm: Shell, source: str, message: str) -
     assert line.startswith(message)
 
 
-def test_laps_have_a_spread_in_which_an_early_end_counts(flexarm: Shell) -> None:
-    """With delays that the agent never met, it loses some laps."""
+def lap(rms: float | None) -> Score:
+    """Make the score of a complete lap, or of one that ended early."""
+    ended = ("error", 4.0) if rms is None else ("truncated", 16.0)
+    return Score(*ended, rms, rms, rms, rms, (1.0, 1.0), 0, (0.1, 0.1), (1.0, 1.0), 0.0)
+
+
+def test_laps_have_a_spread_in_which_an_early_end_counts(flexarm: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A policy that loses one plain lap of four."""
+    plain = (0.1, None, 0.3, 0.2)
+    laps = iter([StandardScore(lap(0.5), lap(rms)) for rms in plain])
+    monkeypatch.setattr("flexarm_agents.commands.evaluate.evaluate", lambda *given: next(laps))
     options = '{"randomisation": {"delay": [0.0, 0.06]}}'
     result = flexarm("evaluate", "square", *ALONE, "--laps", "4", "--seed", "0", "--options", options)
     assert result.returncode == 0, result.stderr
     (found,) = flexarm.evaluation()["results"]
-    ends = [lap["ended"] for lap in found["laps"]]
-    whole = [lap["rms"] for lap in found["laps"] if lap["complete"]]
-    assert [lap["seed"] for lap in found["laps"]] == [0, 1, 2, 3]
-    assert 0 < len(whole) < 4
-    assert {name: found["rms"][name] for name in ("total", "complete", "best", "worst")} == {
-        "total": 4, "complete": len(whole), "best": min(whole), "worst": None
+    assert [(row["seed"], row["plain"]["rms"]) for row in found["laps"]] == list(enumerate(plain))
+    assert {name: found["plain"]["rms"][name] for name in ("total", "complete", "best", "worst")} == {
+        "total": 4, "complete": 3, "best": 0.1, "worst": None
     }  # fmt: skip
+    assert found["swing"]["maximum"]["complete"] == 4
     assert " .. ended]" in result.stdout
-    assert f"{4 - len(whole)} of 4 ENDED: {next(end for end in ends if end != 'truncated')}" in result.stdout
+    assert "4 complete" in result.stdout
+    assert "1 of 4 ENDED: error" in result.stdout
+    assert "both laps complete with 3 of 4 seeds" in result.stderr
     assert found["options"] == {"randomisation": {"delay": [0.0, 0.06]}}
 
 
@@ -218,7 +231,7 @@ def test_seeds_of_one_setting_are_aggregated(flexarm: Shell) -> None:
     values = flexarm.evaluation()
     (setting,) = values["settings"]
     assert sorted(setting["trainings"]) == ["0.npz", "1.npz", "2.npz"]
-    assert setting["rms"] == {
+    assert setting["swing"]["rms"] == setting["plain"]["maximum"] == {
         "total": 3, "complete": 0, "median": None, "interquartile_mean": None, "best": None, "worst": None
     }  # fmt: skip
     assert "(0 of 3 complete)" in result.stdout

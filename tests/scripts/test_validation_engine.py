@@ -283,7 +283,7 @@ def test_the_observer_sees_what_the_environment_observes() -> None:
     from scripts.validation.engine.observer import Observer
 
     trained = load_policy("square")
-    env = trained.make_env()
+    env = trained.make_env(elbow_branch="negative")
     observation, info = env.reset(seed=0, options={"start": "corner"})
     observer, model, action = Observer(env.unwrapped), Modal(env.unwrapped.arm), np.zeros(2)
     model.state = info["state"].copy()
@@ -307,3 +307,5 @@ def test_an_environment_with_another_sensor_is_refused() -> None:
 
     with pytest.raises(ValueError, match="late 'true' sensor"):
         Observer(gymnasium.make("flexarm_env:FlexArm/Square-v0", noise=0.01).unwrapped)
+    with pytest.raises(ValueError, match="elbow_branch = 'either': must not be drawn"):
+        Observer(gymnasium.make("flexarm_env:FlexArm/Square-v0").unwrapped)

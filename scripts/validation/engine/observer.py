@@ -14,6 +14,7 @@ from flexarm_env.chain.gauges import Gauges
 from flexarm_env.chain.links import Sight
 from flexarm_env.envs.single import FlexArmEnv
 from flexarm_env.episode.features import Measurements, features, joint_aim
+from flexarm_env.parameters import EITHER
 from scripts.validation.engine.chain import HELD, Plant
 
 Array = NDArray[np.float64]
@@ -31,13 +32,15 @@ class Observer:
         """For an environment with a late "true" sensor without noise, clock or losses, torques as actions.
 
         Raises:
-            ValueError: for one with another sensor or action.
+            ValueError: for one with another sensor or action, or whose episodes draw the side of the elbow.
         """
         s = self.settings = env.settings
         if (s.sensor, s.action_mode) != ("true", "torque") or s.noise or s.jitter or s.hold or s.dropout:
             raise ValueError("env: must be driven by torques and have a late 'true' sensor without noise or losses")
         if isinstance(s.delay, tuple):
             raise ValueError(f"env: delay = {s.delay}: must be one number; a 'true' sensor has one reading")
+        if EITHER in (s.direction, s.elbow_branch):
+            raise ValueError(f"env: direction = {s.direction!r}, elbow_branch = {s.elbow_branch!r}: must not be drawn")
         self.periods = round(s.control_period / HELD)
         self._blocks, self._scale = env.observation_blocks, env.observation_scale
         self._path, self._gauges = s.paths[0], Gauges(env.arm)

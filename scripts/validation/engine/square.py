@@ -34,6 +34,7 @@ from flexarm_env import (
 )
 from flexarm_env.chain.gauges import Gauges
 from flexarm_env.envs.single import FlexArmEnv
+from flexarm_env.laps import LAPS
 from flexarm_env.rollout import run_batch
 from flexarm_env.simulation.closed_loop import observation_blocks
 from scripts.validation.engine.chain import HELD, EngineChain, Modal, Plant
@@ -47,6 +48,7 @@ SETTLED = 2.0  # [s]; the start's transient is over
 SAMPLED = 10  # `HELD` in a control period of the agent; the score counts these instants
 OF_THE_MATERIAL = ArmParameters(damping_ratio=0.01, damping_model="material")
 OF_EVERY_MODE = ArmParameters.linear()
+BRANCH = LAPS["swing"].elbow_branch  # all laps here are swing laps, on the side that the paper is read to have
 AHEAD, EVERY = 0.5, 0.25  # a prediction's length, and how often one starts [s]
 
 
@@ -100,7 +102,7 @@ def laws_on_chain(elements: int, seconds: dict[str, float]) -> dict[str, Array]:
 
 
 def agent_lap(trained: Trained, plant: Plant, seconds: float, models: Sequence[FlexibleArm] = ()) -> Lap:
-    """Run a lap of the shipped agent from rest on the first corner.
+    """Run the swing lap of the shipped agent, from rest on the first corner.
 
     Args:
         trained: the agent.
@@ -108,7 +110,7 @@ def agent_lap(trained: Trained, plant: Plant, seconds: float, models: Sequence[F
         seconds: length of the lap [s].
         models: whose states are read off the arm.
     """
-    env = trained.make_env().unwrapped
+    env = trained.make_env(elbow_branch=BRANCH).unwrapped
     assert isinstance(env, FlexArmEnv)
     observer, limit = Observer(env), np.array(env.settings.action_limit)
     gauges, action = [Gauges(arm) for arm in models], np.zeros(2)
@@ -128,7 +130,7 @@ def agent_lap(trained: Trained, plant: Plant, seconds: float, models: Sequence[F
 
 def on_corner(parameters: ArmParameters, elements: int | None = None) -> Plant:
     """Set an arm at rest on the first corner: a chain, or without `elements` a model."""
-    joints = inverse_kinematics(parameters, square(SquareParameters()).table[0, 1:], "positive")
+    joints = inverse_kinematics(parameters, square(SquareParameters()).table[0, 1:], BRANCH)
     if elements is None:
         model = Modal(FlexibleArm(parameters))
         model.state[:2] = joints

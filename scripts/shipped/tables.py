@@ -1,0 +1,118 @@
+"""The tables of README and docs/agents.md that show the shipped agent's scores."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from flexarm_agents import Score, StandardScore, Trained, evaluate
+from flexarm_agents.environments import make_one
+from flexarm_baselines import FLSAC, IFDC
+from flexarm_env.laps import LAPS
+from scripts.common.markdown import table
+
+GAIN = "FlexArm/SquareGain-v0"
+CONDITIONS: dict[str, dict[str, Any]] = {
+    "as trained": {},
+    "frequencies -10 %": {"randomisation": {"stiffness": (0.81, 0.81)}},
+    "frequencies +10 %": {"randomisation": {"stiffness": (1.21, 1.21)}},
+    "payload 0.1 kg": {"arm": {"payload_mass": 0.1}},
+    "payload 0.5 kg": {"arm": {"payload_mass": 0.5}},
+    "sensor noise 5 mm": {"noise": 0.005},
+    "sensor delay 50 ms": {"delay": 0.05},
+    "no sensor delay": {"delay": 0.0},
+    "foreshortened arm": {"arm": {"kinematics": "foreshortened"}},
+    "circle": {"reference": "circle"},
+    "counterclockwise": {"direction": "counterclockwise"},
+}
+ERRORS = ("r.m.s. [m]", "after 2 s [m]", "maximum [m]")
+
+
+def scores(agent: Trained) -> str:
+    """Tabulate the scores of the shipped agent and of the paper's controllers, for the README.
+
+    Args:
+        agent: the shipped one.
+    """
+    env = make_one(GAIN)
+    found = {
+        ("PPO, shipped (`square`)", "Square-v0"): evaluate(agent.make_env(), agent.policy),
+        ("FLSAC", "SquareGain-v0"): evaluate(env, FLSAC.for_env(env)),
+        ("IFDC", "SquareGain-v0"): evaluate(env, IFDC.for_env(env)),
+    }
+    details = ("torque change per step [N m]", "elbow changes", "peak deflection [m]", "peak torque [N m]")
+    return table(
+        ("policy", "environment", "lap", *ERRORS, *details),
+        (
+            (policy, f"`{environment}`", lap, *errors(one), *_details(one))
+            for (policy, environment), score in found.items()
+            for lap, one in zip(LAPS, score, strict=True)
+        ),
+    )
+
+
+def seeds(card: dict[str, Any]) -> str:
+    """Tabulate the scores of all trainings; the shipped one is marked.
+
+    Args:
+        card: of the shipped agent.
+    """
+    shipped = card["config"]["seed"]
+    rows = (
+        (f"{row['seed']}{', shipped' * (row['seed'] == shipped)}", lap, *errors(one), _pair(one.torque_change, 1))
+        for row in card["trainings"]
+        for lap, one in zip(LAPS, StandardScore.of(row), strict=True)
+    )
+    return table(("seed", "lap", *ERRORS, "torque change per step [N m]"), rows)
+
+
+def conditions(agent: Trained) -> str:
+    """Tabulate the shipped agent's scores under changed conditions.
+
+    Args:
+        agent: the shipped one.
+    """
+    return table(
+        ("condition", "lap", *ERRORS),
+        (
+            (condition, lap, *errors(one))
+            for condition, score in condition_scores(agent)
+            for lap, one in zip(LAPS, score, strict=True)
+        ),
+    )
+
+
+def condition_scores(agent: Trained) -> Iterator[tuple[str, StandardScore]]:
+    """Run both laps under each of `CONDITIONS`.
+
+    Args:
+        agent: the shipped one.
+    """
+    for name, options in CONDITIONS.items():
+        env = agent.make_env(**options)
+        yield name, evaluate(env, agent.policy)
+        env.close()
+
+
+def errors(score: Score) -> tuple[str, ...]:
+    """Write a lap's errors; an early end is marked in each.
+
+    Args:
+        score: of the lap.
+    """
+    if not score.complete:
+        return (f"ended early: {score.ended} after {score.duration:.1f} s", "ended", "ended")
+    return tuple("-" if value is None else f"{value:.3f}" for value in (score.rms, score.rms_after_2s, score.maximum))
+
+
+def _details(score: Score) -> tuple[str, ...]:
+    return (
+        _pair(score.torque_change, 1),
+        str(score.elbow_changes),
+        _pair(score.peak_deflection, 2),
+        _pair(score.peak_torque, 0),
+    )
+
+
+def _pair(values: tuple[float, float] | None, digits: int) -> str:
+    return "-" if values is None else " / ".join(f"{value:.{digits}f}" for value in values)

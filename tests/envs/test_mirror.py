@@ -1,0 +1,131 @@
+"""Mirror symmetry: a mirrored episode has mirrored observations and the same rewards, block by block, mode by mode."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from flexarm_env.actions import MODES
+from flexarm_env.envs.choices import SECOND_SENSOR_BLOCKS
+from flexarm_env.envs.observation import BLOCKS, SCALAR
+from tests.support.envs import SQUARE, WAYPOINTS, Array, bare, vector
+from tests.support.mirror import mirrored_options
+from tests.support.plain import PlainEnvironment
+from tests.support.refusals import refuses
+
+# Numbers are compared exactly. A reflection changes signs alone, sums and products of numbers with other signs round to
+# the same magnitudes, and sine and arctangent are our own odd functions; so no tolerance is needed.
+SECOND = {"second_sensor_link": 1, "second_sensor_delay": 0.0137}
+PATHS: list[dict[str, Any]] = [
+    {"reference": "circle"},
+    {"reference": "line", "frame": "world", "start_corner": "upper right"},
+    {"reference": "waypoints", "waypoints": WAYPOINTS},
+    {"arm": {"modes_per_link": 1, "kinematics": "foreshortened"}, "direction": "counterclockwise"},
+]
+
+
+def blocks_of(mode: str) -> list[str]:
+    return [name for name, block in BLOCKS.items() if mode in block.modes]
+
+
+def pair(**options: Any) -> tuple[PlainEnvironment, PlainEnvironment]:
+    """Make an environment and its mirror image, with every block that the action mode has."""
+    mode = options.get("action_mode", "torque")
+    whole: dict[str, Any] = {
+        "arm": {"modes_per_link": 1},
+        "elbow_branch": "positive",
+        "start": "corner",
+        "observation": blocks_of(mode),
+        "last_actions": 2,
+        "previews": (0.05, 5.0),
+        **SECOND,
+        **options,
+    }
+    if mode == "gain":
+        whole["physics_step"] = 1e-3
+    return PlainEnvironment(**whole), PlainEnvironment(**mirrored_options(whole))
+
+
+def check_mirrored(one: PlainEnvironment, other: PlainEnvironment, steps: int = 12) -> Array:
+    """Drive both, the other one by the mirrored actions, and compare observations, states and rewards.
+
+    Returns:
+        The largest magnitude of each number of the observations. Shape (k,).
+    """
+    signs, action_sign = one.simulator.layout.mirror, one.simulator.settings.mode.mirror
+    random = np.random.default_rng(5)
+    channels = len(one.simulator.settings.action_limit)
+    one.reset()
+    other.reset()
+    largest = np.zeros(len(signs))
+    for k in range(steps + 1):
+        if k > 0:
+            action = random.uniform(-1.0, 1.0, channels)
+            one.step(action)
+            other.step(action_sign * action)
+        seen, image = one.simulator.observations[0], other.simulator.observations[0]
+        largest = np.maximum(largest, np.abs(seen))
+        np.testing.assert_array_equal(image, signs * seen)
+        np.testing.assert_array_equal(other.result("STATE"), -one.result("STATE"))
+        np.testing.assert_array_equal(other.result("REWARD"), one.result("REWARD"))
+    return largest
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_every_block_in_every_action_mode(mode: str) -> None:
+    one, other = pair(action_mode=mode)
+    largest = check_mirrored(one, other)
+    for name, part in one.simulator.layout.blocks.items():
+        shows = (largest[part] > 0.0).all()  # a number that is always 0 would fit any sign
+        assert shows == (name != "inner_gain" or MODES[mode].law == "tip"), name
+
+
+@pytest.mark.parametrize("options", PATHS, ids=lambda each: "-".join(each))
+def test_other_paths_frames_and_arms(options: dict[str, Any]) -> None:
+    check_mirrored(*pair(**options))
+
+
+def test_an_episode_from_another_state() -> None:
+    """By `reset(options=...)`, on compiled kernels: the mirrored state has the other signs."""
+    env = bare(elbow_branch="positive")
+    image = bare(**mirrored_options({"elbow_branch": "positive"}))
+    state = np.array([2.9, 1.0, 0.3, -0.1, 0.2, 0.05, 0.4, -0.3, 1.0, -2.0, 0.5, 0.1])
+    seen = env.reset(options={"time": 2.0, "state": state})[0]
+    shown = image.reset(options={"time": 2.0, "state": -state})[0]
+    np.testing.assert_array_equal(shown, env.mirror_observation(seen))
+    for action in np.random.default_rng(1).uniform(-1.0, 1.0, (50, 2)).astype(np.float32):
+        seen, reward, *_ = env.step(action)
+        shown, same, *_ = image.step(env.mirror_action(action))
+        np.testing.assert_array_equal(shown, env.mirror_observation(seen))
+        assert same == reward
+
+
+def test_each_block_declares_what_it_is() -> None:
+    assert {name for name, block in BLOCKS.items() if block.mirror == SCALAR} == {"lap_phase", "inner_gain"}
+    assert set(SECOND_SENSOR_BLOCKS) <= set(blocks_of("torque"))
+    assert {name for name, block in BLOCKS.items() if block.mirror is None} == {"last_actions"}
+
+
+def test_the_maps_take_batches() -> None:
+    one, many = bare(), vector(num_envs=3)
+    observations, _ = many.reset(seed=0)
+    actions = np.random.default_rng(0).uniform(-1.0, 1.0, (5, 3, 2)).astype(np.float32)
+    for env in (one, many):
+        mirrored = env.mirror_observation(observations)
+        assert (mirrored.shape, mirrored.dtype) == (observations.shape, np.float32)
+        np.testing.assert_array_equal(mirrored, observations * env.observation_mirror)
+        np.testing.assert_array_equal(env.mirror_observation(mirrored), observations)
+        np.testing.assert_array_equal(env.mirror_action(actions), -actions)
+    gain = bare("FlexArm/SquareGain-v0")
+    np.testing.assert_array_equal(gain.mirror_action([0.3]), np.float32([0.3]))
+
+
+@pytest.mark.parametrize(("what", "size"), [("observation", 42), ("action", 2)])
+def test_other_shapes_are_refused(what: str, size: int) -> None:
+    env = bare(SQUARE)
+    with refuses(ValueError, f"{what}: must have shape (..., {size}), got (3,)"):
+        getattr(env, f"mirror_{what}")(np.zeros(3))
+    with refuses(ValueError, f"{what}: must have shape (..., {size}), got ()"):
+        getattr(env, f"mirror_{what}")(1.0)

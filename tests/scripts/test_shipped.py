@@ -1,0 +1,65 @@
+"""`python -m scripts.shipped`: trainings taken over, the median of them, its files, the tables."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from flexarm_agents import Score, StandardScore, TrainingConfig, load_policy
+from flexarm_agents.load import POLICIES
+from scripts.shipped import tables
+from scripts.shipped.__main__ import train_and_ship
+from scripts.shipped.trainings import Training, export, median, trained
+from tests.support.refusals import refuses
+from tests.support.trainings import TINY
+
+
+def training(seed: int, rms: float | None) -> Training:
+    ended = "truncated" if rms is not None else "error"
+    lap = Score(ended, 16.0, rms, rms, rms, rms, (1.0, 1.0), 0, (0.1, 0.1), (1.0, 1.0), 0.0)
+    best: dict[str, Any] = {"steps": 1, **StandardScore(lap, lap).as_mapping()}
+    return Training(TrainingConfig(**{**TINY, "seed": seed}), Path("nowhere"), best)
+
+
+def test_the_median_is_in_the_middle_and_early_ends_are_last() -> None:
+    five = [training(seed, rms) for seed, rms in enumerate((0.3, None, 0.1, 0.2, None))]
+    assert median(five).config.seed == 0
+    assert median(five[2:3]).config.seed == 2
+    with refuses(ValueError, "trainings: must be an odd number", "got 4"):
+        median(five[:4])
+    with refuses(ValueError, "seeds = 4: must be odd"):
+        train_and_ship(4, 1, Path("nowhere"))
+
+
+def test_a_finished_training_is_shipped_with_its_card(tmp_path: Path) -> None:
+    config = TrainingConfig(**TINY)
+    first = trained(config, tmp_path / "run")
+    again = trained(config, tmp_path / "run")  # taken over
+    assert again == first
+    export([first], tmp_path, "mine", "a command")
+    card = json.loads((tmp_path / "mine.json").read_text())
+    assert card["choice"] == "the median of 1 trainings that differ in their seeds, by the mean r.m.s. of both laps"
+    assert (card["command"], card["config"], card["evaluation"]) == ("a command", config.plain(), first.best)
+    assert card["trainings"] == [{"seed": 0, **first.best}]
+    notes = load_policy(tmp_path / "mine.npz").notes
+    assert (notes["config"], notes["evaluation"]) == (config.plain(), first.best)
+
+
+def test_a_training_of_another_version_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where the environments have changed since, its best policy scores otherwise."""
+    config = TrainingConfig(**TINY)
+    trained(config, tmp_path / "run")
+    elsewhere = training(0, 0.1)
+    monkeypatch.setattr("scripts.shipped.trainings.evaluate", lambda *given: StandardScore.of(elsewhere.best))
+    with refuses(ValueError, "run: its best policy scored swing lap: ended early", "remove the folder"):
+        trained(config, tmp_path / "run")
+
+
+def test_an_early_end_is_marked_in_each_figure() -> None:
+    lap = StandardScore.of(training(0, None).best).swing
+    assert tables.errors(lap) == ("ended early: error after 16.0 s", "ended", "ended")
+    card = json.loads((POLICIES / "square.json").read_text())
+    assert tables.seeds(card).count(", shipped |") == 2
