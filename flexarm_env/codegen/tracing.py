@@ -9,6 +9,7 @@ uses is fused with it (`intrinsics.fused`): rounded once, in one instruction, wh
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from functools import wraps
 from inspect import unwrap
@@ -131,7 +132,7 @@ def _uses(operations: Sequence[_Operation], results: Sequence[Any]) -> dict[str,
     return uses
 
 
-class Symbol:
+class Symbol(ABC):
     """A number of another kind than floats and arrays; the functions of this module ask it what they give.
 
     Attributes:
@@ -142,9 +143,9 @@ class Symbol:
     __array_ufunc__ = None  # numpy numbers defer to the reflected operators
     rank = 0
 
+    @abstractmethod
     def apply(self, function: Callable[..., Any], arguments: Sequence[Any]) -> Any:
         """Apply a function of this module, or one recorded once, to arguments of which this symbol is one."""
-        raise NotImplementedError
 
 
 def _asked(arguments: Sequence[Any]) -> Symbol | None:

@@ -10,8 +10,9 @@ from pathlib import Path
 
 import tyro
 
-from scripts.common.markdown import DOCS, filled
+from scripts.common.markdown import DOCS, filled, quoting
 from scripts.common.result_files import write_json
+from scripts.docs.quoted import of_validation
 from scripts.validation.groups import GROUPS
 
 PAGE = "validation.md"
@@ -39,7 +40,7 @@ def main() -> None:
     if found["quick"] or set(found["groups"]) != {group.name for group in GROUPS}:
         sys.exit(f"error: results = {options.results}: a quick run, or a part; the docs show the whole")
     page = options.docs / PAGE
-    page.write_text(filled(page.read_text(), options.results))
+    page.write_text(quoting(filled(page.read_text(), options.results), of_validation(found)))
     for group in found["groups"].values():
         del group["seconds"]  # the record tells what was found, not on which machine
     write_json(options.docs / RECORD, found)
@@ -48,7 +49,7 @@ def main() -> None:
     names = [name for group in GROUPS for name in group.drawings]
     for name in names:
         shutil.copyfile(options.results / "figures" / f"{name}.png", target / f"{name}.png")
-    print(f"{page}: tables, {RECORD} and {len(names)} pictures up to date")
+    print(f"{page}: tables, figures in the text, {RECORD} and {len(names)} pictures up to date")
 
 
 if __name__ == "__main__":
