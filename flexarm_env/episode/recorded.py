@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from flexarm_env.codegen.arrays import Arena, Table
-from flexarm_env.codegen.declarations import recorded
 from flexarm_env.codegen.tracing import root
 from flexarm_env.episode import features, reward
-from flexarm_env.kernels.recorded import SHARED, Recorder
+from flexarm_env.kernels.recorded import Recorder, recorded_kernel
 from flexarm_env.kernels.variants import Variant
 
 
-def features_source(variant: Variant) -> str:
+def features_record(variant: Variant) -> Recorder:
     """Record the kernel of the observations' parts and the reward's terms."""
     r = Recorder(variant)
     names = ("encoders", "reference", "reference_joints", "link_sensor", "sensor_error", "sensor_error_rate")
@@ -38,10 +37,10 @@ def features_source(variant: Variant) -> str:
     for term in weighted[1:]:
         total = total + term
     r.write("REWARD", [total])
-    return r.source("features_kernel(arena, length_1, length_2, weights)")
+    return r
 
 
-@recorded(features_source, SHARED)
+@recorded_kernel(features_record)
 def features_kernel(arena: Arena, length_1: float, length_2: float, weights: Table) -> None:
     """Compute each lane's parts of observations and terms of the reward.
 
@@ -53,7 +52,7 @@ def features_kernel(arena: Arena, length_1: float, length_2: float, weights: Tab
     """
 
 
-def joint_source(variant: Variant) -> str:
+def joint_record(variant: Variant) -> Recorder:
     """Record the kernel of the joint angles and rates of the rigid arm whose tip is on the reference."""
     r = Recorder(variant)
     lengths = (r.trace.input("length_1"), r.trace.input("length_2"))
@@ -61,9 +60,9 @@ def joint_source(variant: Variant) -> str:
         "REFERENCE_JOINTS",
         features.joint_aim(lengths, r.one("BRANCH"), r.read("REFERENCE"), r.read("REFERENCE_JOINTS")[0]),
     )
-    return r.source("joint_kernel(arena, length_1, length_2)")
+    return r
 
 
-@recorded(joint_source, SHARED)
+@recorded_kernel(joint_record)
 def joint_kernel(arena: Arena, length_1: float, length_2: float) -> None:
     """Compute each lane's joint angles and rates of the rigid arm on the reference."""
