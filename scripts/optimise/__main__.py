@@ -15,9 +15,10 @@ from typing import Any
 import tyro
 from tqdm import tqdm
 
-from flexarm_baselines.optimal import LAPS, Iteration
+from flexarm_baselines.optimal import Iteration
 from flexarm_baselines.optimal.laps import CHANGE_WEIGHT
 from flexarm_baselines.optimal.plan import PLANS
+from flexarm_env.laps import LAPS
 from flexarm_env.parameters import PRESETS, ArmParameters
 from flexarm_env.validation import choice
 from scripts.common.command_line import run

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import flexarm_env  # noqa: F401  (registers the environments)
-from flexarm_baselines.optimal import LAPS, Plan
+from flexarm_baselines.optimal import Plan
 from flexarm_env.metrics import summary
 from flexarm_env.rollout import run_policy
 
@@ -34,15 +34,8 @@ class Replay:
 
 def score(plan: Plan, lap: str) -> dict[str, Any]:
     """Run a plan open loop through `FlexArm/Square-v0`, and return the figures of its lap."""
-    task = LAPS[lap]
-    env = gymnasium.make(
-        "FlexArm/Square-v0",
-        arm=asdict(plan.parameters),
-        elbow_branch=task.elbow_branch,
-        direction=task.direction,
-        torque_limit=plan.limits,
-    )
-    run = run_policy(env, Replay(plan))
+    env = gymnasium.make("FlexArm/Square-v0", arm=asdict(plan.parameters), torque_limit=plan.limits)
+    run = run_policy(env, Replay(plan), lap=lap)
     figures = summary(run)
     return {name: figures[name] for name in FIGURES} | efforts(plan)
 

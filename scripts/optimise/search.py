@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from flexarm_baselines.optimal import (
-    LAPS,
     Branch,
     Iteration,
     Plan,
@@ -18,6 +17,7 @@ from flexarm_baselines.optimal import (
     follow,
     joint_path,
     lap_problem,
+    lap_square,
     optimise,
 )
 from flexarm_env.parameters import ArmParameters
@@ -93,7 +93,7 @@ def search(
         The finalists, the best one first, then the others as their trials left them.
     """
     problem = lap_problem(FlexibleArm(arm), lap, change_weight=effort.change_weight)
-    task = LAPS[lap]
+    task = lap_square(lap)
     folder.mkdir(parents=True, exist_ok=True)
     found = []
     for sequence, branches in sequences(task.elbow_branch, task.lap_time):

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexarm_baselines.optimal import LAPS, Plan, load_plan, plan_names
+from flexarm_baselines.optimal import Plan, lap_square, load_plan, plan_names
 from flexarm_baselines.optimal.plan import PLANS
 from scripts.optimise.score import score
 from scripts.optimise.search import sequences
@@ -65,7 +65,7 @@ def test_a_plan_of_the_package_is_whole(name: str) -> None:
     assert np.sqrt(np.mean(away**2)) == pytest.approx(report["score"]["true_tip_rms"], rel=1e-3)
     assert np.sqrt(np.mean(away[200:] ** 2)) == pytest.approx(report["score"]["true_tip_rms_after_2s"], rel=1e-3)
     assert np.all(np.abs(plan.torques) <= plan.limits)
-    assert np.sign(plan.states[0, 1]) == (1.0 if LAPS[lap].elbow_branch == "positive" else -1.0)
+    assert np.sign(plan.states[0, 1]) == (1.0 if lap_square(lap).elbow_branch == "positive" else -1.0)
     assert report["converged"]
     assert plan.notes["log"] == report["log"]
     assert max(path.stat().st_size for path in PLANS.glob(f"{name}.*")) < 1_000_000
