@@ -5,7 +5,7 @@ from __future__ import annotations
 from flexarm_env.codegen.arrays import Arena, Table
 from flexarm_env.codegen.tracing import root
 from flexarm_env.episode import features, reward
-from flexarm_env.kernels.recorded import Recorder, recorded_kernel
+from flexarm_env.kernels.recorder import Recorder, recorded_kernel
 from flexarm_env.kernels.variants import Variant
 
 

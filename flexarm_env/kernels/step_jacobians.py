@@ -29,7 +29,8 @@ from flexarm_env.codegen.elementary import sincos
 from flexarm_env.codegen.tangents import tangents, varied
 from flexarm_env.kernels.entries import constant
 from flexarm_env.kernels.layout import row, slope_ways
-from flexarm_env.kernels.recorded import Recorder, recorded_kernel, step_kernel
+from flexarm_env.kernels.recorded import step_kernel
+from flexarm_env.kernels.recorder import Recorder, recorded_kernel
 from flexarm_env.kernels.tableau import RK4_NODES, RK4_WEIGHTS
 from flexarm_env.kernels.variants import Variant, variant
 from flexarm_env.physics import dynamics as dyn
