@@ -21,7 +21,8 @@ CONDITIONS: dict[str, dict[str, Any]] = {
     "sensor noise 5 mm": {"noise": 0.005},
     "sensor delay 50 ms": {"delay": 0.05},
     "no sensor delay": {"delay": 0.0},
-    "foreshortened arm": {"arm": {"kinematics": "foreshortened"}},
+    "linear kinematics": {"arm": {"kinematics": "linear"}},
+    "modal damping": {"arm": {"damping_model": "modal"}},
     "circle": {"reference": "circle"},
     "counterclockwise": {"direction": "counterclockwise"},
 }
