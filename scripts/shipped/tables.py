@@ -16,8 +16,8 @@ CONDITIONS: dict[str, dict[str, Any]] = {
     "as trained": {},
     "frequencies -10 %": {"randomisation": {"stiffness": (0.81, 0.81)}},
     "frequencies +10 %": {"randomisation": {"stiffness": (1.21, 1.21)}},
-    "payload 0.1 kg": {"arm": {"payload_mass": 0.1}},
-    "payload 0.5 kg": {"arm": {"payload_mass": 0.5}},
+    "payload 0.1 kg": {"randomisation": {"payload_mass": (0.1, 0.1)}},
+    "payload 0.5 kg": {"randomisation": {"payload_mass": (0.5, 0.5)}},
     "sensor noise 5 mm": {"noise": 0.005},
     "sensor delay 50 ms": {"delay": 0.05},
     "no sensor delay": {"delay": 0.0},
@@ -37,19 +37,25 @@ def scores(agent: Trained) -> str:
     """
     env = make_one(GAIN)
     found = {
-        ("PPO, shipped (`square`)", "Square-v0"): evaluate(agent.make_env(), agent.policy),
-        ("FLSAC", "SquareGain-v0"): evaluate(env, FLSAC.for_env(env)),
-        ("IFDC", "SquareGain-v0"): evaluate(env, IFDC.for_env(env)),
+        ("PPO, shipped (`square`)", _environment(agent)): evaluate(agent.make_env(), agent.policy),
+        ("FLSAC", "`SquareGain-v0`"): evaluate(env, FLSAC.for_env(env)),
+        ("IFDC", "`SquareGain-v0`"): evaluate(env, IFDC.for_env(env)),
     }
     details = ("torque change per step [N m]", "elbow changes", "peak deflection [m]", "peak torque [N m]")
     return table(
         ("policy", "environment", "lap", *ERRORS, *details),
         (
-            (policy, f"`{environment}`", lap, *errors(one), *_details(one))
+            (policy, environment, lap, *errors(one), *_details(one))
             for (policy, environment), score in found.items()
             for lap, one in zip(LAPS, score, strict=True)
         ),
     )
+
+
+def _environment(agent: Trained) -> str:
+    """Write the environment that an agent was trained on, with its options."""
+    options = "".join(f", `{name}={value!r}`" for name, value in agent.options.items())
+    return f"`{agent.environment.partition('/')[2]}`{options}"
 
 
 def seeds(card: dict[str, Any]) -> str:
@@ -90,7 +96,8 @@ def condition_scores(agent: Trained) -> Iterator[tuple[str, StandardScore]]:
         agent: the shipped one.
     """
     for name, options in CONDITIONS.items():
-        env = agent.make_env(**options)
+        own = {"preset": agent.options.get("arm", "default")}
+        env = agent.make_env(**options | ({"arm": own | options["arm"]} if "arm" in options else {}))
         yield name, evaluate(env, agent.policy)
         env.close()
 
