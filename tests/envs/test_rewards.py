@@ -11,6 +11,7 @@ import pytest
 from flexarm_env import ArmParameters, FlexibleArm, SquareParameters, end_reason, inverse_kinematics, square
 from flexarm_env.envs.single import FlexArmEnv
 from flexarm_env.episode.reward import TERMS
+from flexarm_env.parameters import CLAMPED_ONE_PERCENT
 from tests.support.envs import GAIN, IDS, PAPER, RESIDUAL, SQUARE, bare, make, terms_of
 
 FREE: dict[str, Any] = {"error_limit": None, "deflection_limit": None}
@@ -220,7 +221,7 @@ def test_what_is_drawn_lies_evenly_in_its_range() -> None:
         "delay": 9.0 / 288.33,
         "payload_mass": 0.0,
         "stiffness": 1.0,
-        "damping": 0.01,
+        "damping": CLAMPED_ONE_PERCENT,
         "noise": 0.0,
         "actuation_delay": 0.0,
     }
@@ -258,7 +259,8 @@ def test_the_arm_is_the_one_that_was_drawn(env_id: str, ordered: dict[str, float
 
 def test_drawn_delays_and_noise_act() -> None:
     """As where they are set."""
-    env = bare(randomisation=RANGES | {"stiffness": (1.0, 1.0), "payload_mass": (0.0, 0.0), "damping": (0.01, 0.01)})
+    own = {"stiffness": (1.0, 1.0), "payload_mass": (0.0, 0.0), "damping": (CLAMPED_ONE_PERCENT,) * 2}
+    env = bare(randomisation=RANGES | own)
     env.reset(seed=3)
     drawn = env.episode.parameters
     made = {name: drawn[name] for name in ("delay", "noise", "actuation_delay")}

@@ -25,6 +25,7 @@ from tests.support.envs import (
     bare,
     in_fresh_process,
     make,
+    shared_arm,
     vector,
 )
 
@@ -55,7 +56,7 @@ import numpy as np
 {inspect.getsource(digest)}
 """
 SEEDED = f"""{EPISODE}
-env = gym.make(f"flexarm_env:{{sys.argv[3]}}", arm="paper" if "Paper" in sys.argv[3] else "linear")
+env = gym.make(f"flexarm_env:{{sys.argv[3]}}", **{{}})
 np.random.seed(int(sys.argv[2]))  # somebody else's business
 observation, _ = env.reset(seed=int(sys.argv[1]))
 print(observation.tobytes().hex(), digest(env))
@@ -76,7 +77,7 @@ def seeded(seed: int | None, env: gym.Env[Any, Any]) -> str:
 @pytest.mark.parametrize("env_id", [SQUARE, PAPER])
 def test_a_seed_repeats_across_processes_whatever_others_seed(env_id: str) -> None:
     options = noisy(env_id)
-    code = SEEDED.replace("**{}", f"**{options!r}")
+    code = SEEDED.replace("**{}", f"**{shared_arm(env_id, options)!r}")
     assert in_fresh_process(code, "7", "1", env_id) == seeded(7, make(env_id, **options))
 
 
