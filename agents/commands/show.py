@@ -45,6 +45,7 @@ def specification(environment: str, columns: int) -> str:
         "Observation space": f"{doc.BLOCK_RULES}\n\n{doc.block_table(settings)}",
         "Frames and units": doc.FRAMES,
         "The side of the elbow": doc.BRANCHES,
+        "Mirror images": doc.MIRROR,
         "Reward": f"{doc.REWARD}\n\n{doc.reward_table(settings)}",
         "Starting state": f"Here start is {settings.start}.\n\n{doc.start_table()}",
         "Episode end": f"{doc.ENDING}\n\n{doc.end_table(settings)}",

@@ -1,6 +1,6 @@
 """Optimal motion: the best run known along a reference, and feedback along it."""
 
-from flexarm_baselines.optimal.laps import LAPS, lap_problem, plan_lap, usual_starts
+from flexarm_baselines.optimal.laps import lap_problem, lap_square, plan_lap, usual_starts
 from flexarm_baselines.optimal.plan import Plan, load_plan, plan_names
 from flexarm_baselines.optimal.problem import TrackingProblem
 from flexarm_baselines.optimal.solver import Iteration, Solution, SolverOptions, optimise
@@ -10,7 +10,6 @@ from flexarm_baselines.optimal.tracking import AGGRESSIVE, GOOD, PlanRegulator, 
 __all__ = [
     "AGGRESSIVE",
     "GOOD",
-    "LAPS",
     "Branch",
     "Iteration",
     "Plan",
@@ -22,6 +21,7 @@ __all__ = [
     "follow",
     "joint_path",
     "lap_problem",
+    "lap_square",
     "load_plan",
     "optimise",
     "plan_lap",

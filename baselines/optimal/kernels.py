@@ -59,6 +59,7 @@ def state_model(
     b: Floats,
     gradient: Floats,
     hessian: Floats,
+    curvature: Floats,
     vx: Floats,
     vxx: Floats,
     va: Floats,
@@ -72,6 +73,7 @@ def state_model(
         b: B. Shape (n, 2).
         gradient: of the period's cost by x. Shape (n,).
         hessian: Shape (n, n).
+        curvature: see `backward`. Shape (n + 2, n + 2).
         vx: slope of the cost of what follows by the next z. Shape (n + 2,).
         vxx: its curvature. Shape (n + 2, n + 2).
         va: receives the part of vxx by the states, times A. Shape (n, n).
@@ -89,7 +91,7 @@ def state_model(
     for i in range(n):
         qz[i] = gradient[i]
         for j in range(n + TORQUES):
-            qzz[i, j] = hessian[i, j] if j < n else 0.0
+            qzz[i, j] = hessian[i, j] + curvature[i, j] if j < n else 0.0
         for m in range(n):
             factor = a[m, i]
             qz[i] += factor * vx[m]
@@ -99,13 +101,22 @@ def state_model(
 
 @njit(cache=True)
 def torque_model(
-    a: Floats, b: Floats, vx: Floats, vxx: Floats, va: Floats, qu: Floats, quu: Floats, quz: Floats
+    a: Floats,
+    b: Floats,
+    curvature: Floats,
+    vx: Floats,
+    vxx: Floats,
+    va: Floats,
+    qu: Floats,
+    quu: Floats,
+    quz: Floats,
 ) -> None:
     """Differentiate what follows a period by its torque, without the torque's own cost.
 
     Args:
         a: see `state_model`.
         b: see `state_model`.
+        curvature: see `state_model`.
         vx: see `state_model`.
         vxx: see `state_model`.
         va: of `state_model`.
@@ -117,13 +128,13 @@ def torque_model(
     for k in range(TORQUES):
         qu[k] = vx[n + k]
         for j in range(n + TORQUES):
-            quz[k, j] = 0.0
+            quz[k, j] = curvature[n + k, j] if j < n else 0.0
         for m in range(n):
             qu[k] += b[m, k] * vx[m]
             for j in range(n):
                 quz[k, j] += b[m, k] * va[m, j] + vxx[n + k, m] * a[m, j]
         for j in range(TORQUES):
-            total = vxx[n + k, n + j]
+            total = vxx[n + k, n + j] + curvature[n + k, n + j]
             for m in range(n):
                 total += b[m, k] * vxx[m, n + j] + vxx[n + k, m] * b[m, j]
                 for i in range(n):
@@ -161,6 +172,7 @@ def add_torque_cost(
 
 @njit(cache=True)
 def minimise(
+    weights: Floats,
     torque: Floats,
     limits: Floats,
     regularisation: Floats,
@@ -173,7 +185,10 @@ def minimise(
 ) -> None:
     """Find the best change of a period's torque within its limits, and its gains on z.
 
+    Where the model bends less than the torques' own cost does, it is bent as much (a modified Newton method).
+
     Args:
+        weights: see `backward`.
         torque: at present. Shape (2,).
         limits: see `backward`.
         regularisation: see `backward`.
@@ -186,11 +201,16 @@ def minimise(
     """
     for k in range(TORQUES):
         box[0, k], box[1, k] = -limits[k] - torque[k], limits[k] - torque[k]
-    h11, h12, h22 = quu[0, 0] + regularisation[0], quu[0, 1], quu[1, 1] + regularisation[1]
+    own_1, own_2 = 2.0 * (weights[0, 0] + weights[1, 0]), 2.0 * (weights[0, 1] + weights[1, 1])
+    mean, half = 0.5 * (quu[0, 0] / own_1 + quu[1, 1] / own_2), 0.5 * (quu[0, 0] / own_1 - quu[1, 1] / own_2)
+    least = mean - np.sqrt(half * half + quu[0, 1] * quu[0, 1] / (own_1 * own_2))
+    lacking = max(1.0 - least, 0.0)
+    h11, h22 = quu[0, 0] + lacking * own_1 + regularisation[0], quu[1, 1] + lacking * own_2 + regularisation[1]
+    h12 = quu[0, 1]
+    determinant = h11 * h22 - h12 * h12
     box_minimum(h11, h12, h22, qu[0], qu[1], box, step)
     first_held = step[0] <= box[0, 0] or step[0] >= box[1, 0]
     second_held = step[1] <= box[0, 1] or step[1] >= box[1, 1]
-    determinant = h11 * h22 - h12 * h12
     for j in range(gains.shape[1]):
         gains[0, j], gains[1, j] = 0.0, 0.0
         if not first_held and not second_held:
@@ -253,6 +273,7 @@ def backward(
     defects: Floats,
     gradient: Floats,
     hessian: Floats,
+    curvature: Floats,
     weights: Floats,
     torques: Floats,
     limits: Floats,
@@ -262,8 +283,7 @@ def backward(
 ) -> tuple[float, float]:
     """Sweep backward through a trajectory: steps and gains that minimise the quadratic model of the cost.
 
-    The model is that of iterative LQR: the cost to second order, the dynamics to first. Torques stay within the
-    limits (control-limited differential dynamic programming).
+    Torques stay within the limits (control-limited differential dynamic programming).
 
     Args:
         by_state: A of each period. Shape (N, n, n).
@@ -272,6 +292,8 @@ def backward(
             dynamics. Shape (N, n).
         gradient: of the cost, by each state. Shape (N + 1, n).
         hessian: Shape (N + 1, n, n).
+        curvature: of the dynamics, second derivatives of each period's end by state and torque in the direction of
+            the cost's slope there; 0 for iterative LQR. Shape (N, n + 2, n + 2).
         weights: on squared torques, and on their squared changes. Shape (2, 2).
         torques: of the period before the first, then of each. Shape (N + 1, 2).
         limits: largest magnitudes. Shape (2,).
@@ -296,10 +318,10 @@ def backward(
         for i in range(size):
             for j in range(n):
                 vx[i] += vxx[i, j] * defects[t, j]
-        state_model(by_state[t], by_torque[t], gradient[t], hessian[t], vx, vxx, va, qz, qzz)
-        torque_model(by_state[t], by_torque[t], vx, vxx, va, qu, quu, quz)
+        state_model(by_state[t], by_torque[t], gradient[t], hessian[t], curvature[t], vx, vxx, va, qz, qzz)
+        torque_model(by_state[t], by_torque[t], curvature[t], vx, vxx, va, qu, quu, quz)
         add_torque_cost(weights, torques[t + 1], torques[t], qu, quu, quz, qz, qzz)
-        minimise(torques[t + 1], limits, regularisation, qu, quu, quz, box, feedforward[t], gains[t])
+        minimise(weights, torques[t + 1], limits, regularisation, qu, quu, quz, box, feedforward[t], gains[t])
         slope += feedforward[t, 0] * qu[0] + feedforward[t, 1] * qu[1]
         curve += update_value(feedforward[t], gains[t], qu, quu, quz, qz, qzz, vx, vxx)
     return slope, curve
@@ -314,6 +336,7 @@ def torque_gradient(
     torques: Floats,
     gains: Floats,
     result: Floats,
+    slopes: Floats,
 ) -> None:
     """Differentiate the cost of a trajectory by its feed-forward torques, by the adjoint.
 
@@ -329,7 +352,8 @@ def torque_gradient(
         weights: see `backward`.
         torques: see `backward`.
         gains: of the feedback on z. Shape (N, 2, n + 2).
-        result: receives it. Shape (N, 2).
+        result: receives the derivative. Shape (N, 2).
+        slopes: receives that by the state at each period's end. Shape (N, n).
     """
     periods, n = by_torque.shape[0], by_state.shape[1]
     adjoint, before = np.zeros(n + TORQUES), np.zeros(n + TORQUES)
@@ -344,6 +368,7 @@ def torque_gradient(
             result[t, k] = total
             before[n + k] = -2.0 * weights[1, k] * change
         for i in range(n):
+            slopes[t, i] = adjoint[i]
             total = gradient[t, i]
             for m in range(n):
                 total += by_state[t, m, i] * adjoint[m]

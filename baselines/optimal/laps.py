@@ -1,10 +1,4 @@
-"""Plans for a lap of the square.
-
-The two standard laps are clockwise from rest on the lower left corner. On the *plain lap* the elbow starts on the side
-(theta2 < 0) from which the first side of the square can be followed at once; on the *swing lap* on the other (theta2 >
-0), and the best plans known swing it through the straight pose first. By mirror symmetry a counterclockwise lap on one
-side is a clockwise one on the other.
-"""
+"""Plans for a lap of the square: the two standard laps (`flexarm_env.laps`), or any other."""
 
 from __future__ import annotations
 
@@ -17,17 +11,23 @@ from flexarm_baselines.optimal.plan import Plan
 from flexarm_baselines.optimal.problem import TrackingProblem
 from flexarm_baselines.optimal.solver import Iteration, Solution, SolverOptions, optimise
 from flexarm_baselines.optimal.starts import Branch, follow, joint_path
-from flexarm_env import laps
+from flexarm_env.laps import LAPS
 from flexarm_env.parameters import SquareParameters
 from flexarm_env.physics.paths import square
 from flexarm_env.simulation.arm import FlexibleArm
 from flexarm_env.simulation.square import rest_state
 from flexarm_env.validation import choice, integer, number, shown
 
-LAPS = {name: SquareParameters(elbow_branch=lap.elbow_branch) for name, lap in laps.LAPS.items()}
 SWING = 0.4  # [s], of a change of sides in the starts
 CHANGE_WEIGHT = 1e-3  # [m^2]; of torques in `TrackingProblem`: smooth ones for some tenths of a millimetre
 TRIAL = 40  # iterations after which only the best start goes on
+
+
+def lap_square(lap: str | SquareParameters) -> SquareParameters:
+    """Return the square of a lap: "swing" or "plain", clockwise, or any other as it is."""
+    if isinstance(lap, SquareParameters):
+        return lap
+    return SquareParameters(elbow_branch=LAPS[choice("lap", lap, tuple(LAPS))].elbow_branch)
 
 
 def lap_problem(arm: FlexibleArm, lap: str | SquareParameters, period: float = 0.01, **changes: Any) -> TrackingProblem:
@@ -44,7 +44,7 @@ def lap_problem(arm: FlexibleArm, lap: str | SquareParameters, period: float = 0
     """
     if not isinstance(arm, FlexibleArm):
         raise TypeError(f"arm = {shown(arm)}: must be a FlexibleArm")
-    task = lap if isinstance(lap, SquareParameters) else LAPS[choice("lap", lap, tuple(LAPS))]
+    task = lap_square(lap)
     path = square(task)
     path.check_reach(arm.parameters)
     number("period", period, "s", above=0.0)
@@ -58,8 +58,7 @@ def lap_problem(arm: FlexibleArm, lap: str | SquareParameters, period: float = 0
 
 def usual_starts(lap: str | SquareParameters) -> tuple[tuple[Branch, ...], ...]:
     """Return the sequences of branches that `plan_lap` tries: the start's throughout, and the other one at once."""
-    task = lap if isinstance(lap, SquareParameters) else LAPS[choice("lap", lap, tuple(LAPS))]
-    own = task.elbow_branch
+    own = lap_square(lap).elbow_branch
     other = "negative" if own == "positive" else "positive"
     stay = Branch(0.0, own)
     return (stay,), (stay, Branch(0.01, other, SWING))

@@ -12,7 +12,7 @@ import numpy as np
 
 from flexarm_baselines.arrays import Array, Floats
 from flexarm_baselines.optimal.problem import TrackingProblem
-from flexarm_baselines.optimal.solver import Solution
+from flexarm_baselines.optimal.solver import Iteration, Solution
 from flexarm_env.parameters import ArmParameters
 from flexarm_env.simulation import archive
 from flexarm_env.simulation.arm import FlexibleArm
@@ -69,8 +69,9 @@ class Plan:
 
     @classmethod
     def of(cls, problem: TrackingProblem, solution: Solution, **notes: Any) -> Plan:
-        """Make a plan of what the solver found; its log goes into the notes."""
-        log = [iteration._asdict() for iteration in solution.log]
+        """Make a plan of what the solver found; its log goes into the notes, to seven digits."""
+        columns = zip(Iteration._fields, zip(*solution.log, strict=True), strict=True)
+        log = {name: [float(f"{value:.7g}") for value in values] for name, values in columns}
         weights = {"torque_weight": problem.torque_weight, "change_weight": problem.change_weight}
         return cls(
             problem.arm.parameters,

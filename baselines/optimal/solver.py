@@ -1,9 +1,11 @@
-"""Iterative LQR with box constraints: the best torques of a run by sweeps of its linear-quadratic model.
+"""Differential dynamic programming with box constraints: the best torques of a run by sweeps of its quadratic model.
 
 Each iteration differentiates all control periods of the present trajectory exactly, sweeps backward for steps and
 feedback gains that keep torques within their limits, and rolls the arm out under ``clip(u + alpha k + K (z - z0))``
-for several alpha at once, of which the best is taken. Curvature of the dynamics is left out, that of the cost is
-Gauss-Newton's, so that each sweep's model is convex; a Levenberg-Marquardt term bounds its steps.
+for several alpha at once, of which the best is taken. At first curvature of the dynamics is left out and that of the
+cost is Gauss-Newton's (iterative LQR), so that each sweep's model is convex. Where progress becomes slow, curvature of
+the dynamics comes in, by differences of the Jacobians, and iterations converge as Newton's. A Levenberg-Marquardt term
+bounds steps.
 
 Sources: Jacobson & Mayne, *Differential Dynamic Programming*, 1970; Li & Todorov, *Iterative linear quadratic regulator
 design for nonlinear biological movement systems*, ICINCO 2004; Tassa, Mansard & Todorov, *Control-limited differential
@@ -31,6 +33,8 @@ LEAST_GAIN = 1e-4  # share of the expected decrease that a step must bring
 # acts while the residual of optimality is measured.
 REGULARISATION = (1e-9, 0.1, 1e4)
 FACTOR = 4.0
+SLOW = 1e-4  # relative decrease of the cost below which the curvature of the dynamics is included
+DIFFERENCE = 1e-6  # of a state's entries for second derivatives; of torques 1000 times as large
 
 
 @dataclass(frozen=True)
@@ -127,8 +131,10 @@ class _Sweep:
         if not np.isfinite(self.cost):
             raise ValueError("start.torques: the arm's state does not stay finite under them")
         self.regularisation, self.growth = REGULARISATION[1], 1.0
-        size = 2 * problem.arm.size
-        self.forward, self.gains = np.zeros((problem.periods, 2)), np.zeros((problem.periods, 2, size + 2))
+        size = 2 * problem.arm.size + 2
+        self.forward, self.gains = np.zeros((problem.periods, 2)), np.zeros((problem.periods, 2, size))
+        self.no_curvature = np.zeros((problem.periods, size, size))
+        self.exact = False
         self.differentiate()
 
     def differentiate(self) -> None:
@@ -138,8 +144,12 @@ class _Sweep:
         found = problem.arm.step_jacobians(states[:-1], torques, problem.period, step=problem.step)
         self.slopes = found.by_state, found.by_torque
         self.expansion = problem.expand(states)
+        self.curvature = self.no_curvature
         self.backward(REGULARISATION[1])
-        self.residual = optimality(problem, self.run, self.slopes, self.expansion, self.gains) / self.cost
+        residual, by_end = optimality(problem, self.run, self.slopes, self.expansion, self.gains)
+        self.residual = residual / self.cost
+        if self.exact:
+            self.curvature = dynamics_curvature(problem, self.run, self.slopes, by_end)
         self.expected = self.backward(self.regularisation)
 
     def improve(self) -> tuple[float, float]:
@@ -156,6 +166,7 @@ class _Sweep:
             wanted = -alpha * (self.expected[0] + alpha * self.expected[1])
             if decrease > LEAST_GAIN * max(wanted, 0.0):
                 self.run = Rollout(run.states[best], run.torques[best])
+                self.exact = self.exact or decrease < SLOW * self.cost
                 self.cost = float(costs[best])
                 self.adapt(alpha >= 0.5)
                 self.differentiate()
@@ -183,6 +194,7 @@ class _Sweep:
             np.zeros_like(self.run.states[:-1]),
             gradient,
             hessian,
+            self.curvature,
             weights,
             problem.with_torque_before(self.run.torques),
             self.limits,
@@ -224,7 +236,7 @@ def rollout(problem: TrackingProblem, torques: ArrayLike, **feedback: Floats) ->
 
 def optimality(
     problem: TrackingProblem, run: Rollout, slopes: tuple[Floats, Floats], expansion: Expansion, gains: Floats
-) -> float:
+) -> tuple[float, Floats]:
     """Return the norm of the projected gradient of the cost by the feed-forward torques; see `Iteration.residual`.
 
     A torque at its limit counts only where the cost falls inward.
@@ -235,11 +247,45 @@ def optimality(
         slopes: derivatives of each period's end by state and torque.
         expansion: of the cost about the run.
         gains: of the feedback that acts meanwhile. Shape (n, 2, 6 + 4 m).
+
+    Returns:
+        The norm, and the derivatives by the state at each period's end. Shape (n, 4 + 4 m).
     """
     limits = np.array(problem.limits)
-    gradient = np.empty_like(run.torques)
+    gradient, by_end = np.empty_like(run.torques), np.empty_like(run.states[1:])
     torques = problem.with_torque_before(run.torques)
-    kernels.torque_gradient(*slopes, expansion.gradient, expansion.weights, torques, gains, gradient)
+    kernels.torque_gradient(*slopes, expansion.gradient, expansion.weights, torques, gains, gradient, by_end)
     outward = ((run.torques >= limits) & (gradient < 0.0)) | ((run.torques <= -limits) & (gradient > 0.0))
     projected = np.where(outward, 0.0, gradient * limits)
-    return float(np.sqrt(problem.periods * np.sum(projected**2)))
+    return float(np.sqrt(problem.periods * np.sum(projected**2))), by_end
+
+
+def dynamics_curvature(problem: TrackingProblem, run: Rollout, slopes: tuple[Floats, Floats], by_end: Floats) -> Floats:
+    """Return second derivatives of each period's end by state and torque, in the direction of the cost's slope.
+
+    They are forward differences of the exact Jacobians. Nothing depends on theta1 but by a rotation, which is linear in
+    it: its row and column are 0.
+
+    Args:
+        problem: the problem.
+        run: a trajectory.
+        slopes: its derivatives of each period's end by state and torque.
+        by_end: derivatives of the cost by the state at each period's end. Shape (n, 4 + 4 m).
+    """
+
+    def along(by_state: Floats, by_torque: Floats) -> Floats:
+        both = np.concatenate([by_state, by_torque], axis=2)
+        return np.matmul(by_end[:, None], both)[:, 0]
+
+    periods, size = by_end.shape
+    base, found = along(*slopes), np.zeros((periods, size + 2, size + 2))
+    for n in range(1, size + 2):
+        states, torques = run.states[:-1].copy(), run.torques.copy()
+        shift = DIFFERENCE if n < size else 1e3 * DIFFERENCE
+        if n < size:
+            states[:, n] += shift
+        else:
+            torques[:, n - size] += shift
+        moved = problem.arm.step_jacobians(states, torques, problem.period, step=problem.step)
+        found[:, n] = (along(moved.by_state, moved.by_torque) - base) / shift
+    return 0.5 * (found + found.swapaxes(1, 2))

@@ -129,6 +129,7 @@ class PlanRegulator:
             np.zeros((periods, size)),
             np.zeros((periods + 1, size)),
             _prolonged(outputs.swapaxes(1, 2) @ outputs, more),
+            np.zeros((periods, size + 2, size + 2)),
             np.array([0.5 / np.square(weights.torque), np.zeros(2)]),
             np.zeros((periods + 1, 2)),
             np.full(2, np.inf),

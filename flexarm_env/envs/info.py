@@ -93,6 +93,7 @@ _NUMBERS = {
     "is_success": "SUCCESS",
 }
 GOES_ON = np.float64(END_CODES[NOT_TERMINATED])
+_LITERAL = 15  # CPython makes a dictionary of more items key by key, with the table resized on the way
 
 
 def info_keys(settings: Settings) -> tuple[str, ...]:
@@ -147,7 +148,7 @@ def episodes(simulator: BatchSimulator) -> Episode:
 
 
 def _reader(keys: Sequence[str], places: Mapping[str, Any], results: Array) -> Callable[[], dict[str, Any]]:
-    """Generate a function that makes an info: `known = copy(); return {"time": known[time]}`.
+    """Generate a function that makes an info: `known = copy(); info = {"time": known[time]}; return info`.
 
     The function is generated from text because the keys depend on the options, and a loop would slow each step down.
     Its names are defaults of its arguments, which are found faster than attributes. It copies the results once; the
@@ -158,10 +159,17 @@ def _reader(keys: Sequence[str], places: Mapping[str, Any], results: Array) -> C
         places: indices or slices of the other keys' values in the results.
         results: results of one environment, which each step overwrites. Shape (k,).
     """
-    items = ", ".join(f"{name!r}: {f'known[{name}]' if name in places else 'GOES_ON'}" for name in keys)
+    values = {name: f"known[{name}]" if name in places else "GOES_ON" for name in keys}
+    first, others = keys[:_LITERAL], keys[_LITERAL:]
+    lines = [
+        "known = copy()",
+        f"info = {{{', '.join(f'{name!r}: {values[name]}' for name in first)}}}",
+        *(f"info[{name!r}] = {values[name]}" for name in others),
+        "return info",
+    ]
     defaults = ", ".join(f"{name}={name}" for name in (*places, "GOES_ON", "copy"))
     names = {**places, "GOES_ON": GOES_ON, "copy": results.copy}
-    exec(f"def read({defaults}):\n known = copy()\n return {{{items}}}", names)
+    exec("\n ".join([f"def read({defaults}):", *lines]), names)
     read: Callable[[], dict[str, Any]] = names["read"]
     return read
 

@@ -57,7 +57,16 @@ def drives(program: str, words: str, *groups: str, among: dict[str, Drive] = DRI
 
 @chosen_by_program
 def drive(arena: Arena, history: History, clock: Clock, paths: Paths, header: Words, settings: Table) -> None:
-    """Move the arm over a control period: one of `DRIVES`, as the program says."""
+    """Move the arm over a control period: one of `DRIVES`, as the program says.
+
+    Args:
+        arena: of one block.
+        history: readings at past steps.
+        clock: of each lane.
+        paths: of all lanes.
+        header: see `entries.Header`.
+        settings: see `entries.Setting`.
+    """
 
 
 def make_room(arena: Arena, header: Words, newest: int) -> None:
@@ -135,13 +144,7 @@ def keep_reading(arena: Arena, history: History, clock: Clock, header: Words, do
 def drive_torque(arena: Arena, history: History, clock: Clock, paths: Paths, header: Words, settings: Table) -> None:
     """Move the arm by torques that are the actions.
 
-    Args:
-        arena: of one block.
-        history: readings at past steps.
-        clock: of each lane.
-        paths: not used.
-        header: see `entries.Header`.
-        settings: see `entries.Setting`.
+    Args: as `drive`.
     """
     held = undelayed(arena)
     for step in range(header[word.SUBSTEPS]):
@@ -171,7 +174,7 @@ def drive_torque_rate(
 ) -> None:
     """Move the arm by torques whose change per second is the action.
 
-    Args: as `drive_torque`.
+    Args: as `drive`.
     """
     add_up_torques(arena, header, settings)
     drive_torque(arena, history, clock, paths, header, settings)
@@ -228,13 +231,7 @@ def plan_joint_spline(arena: Arena, clock: Clock, paths: Paths, header: Words, s
 def drive_tracking(arena: Arena, history: History, clock: Clock, paths: Paths, header: Words, settings: Table) -> None:
     """Move the arm by the joint-space tracking law, which follows the rigid arm on the reference, and the action.
 
-    Args:
-        arena: of one block.
-        history: readings at past steps.
-        clock: of each lane.
-        paths: of all lanes.
-        header: see `entries.Header`.
-        settings: see `entries.Setting`.
+    Args: as `drive`.
     """
     h, period = settings[setting.STEP], settings[setting.PERIOD]
     plan_joint_spline(arena, clock, paths, header, settings)
@@ -260,13 +257,7 @@ def drive_tracking(arena: Arena, history: History, clock: Clock, paths: Paths, h
 def drive_gain(arena: Arena, history: History, clock: Clock, paths: Paths, header: Words, settings: Table) -> None:
     """Move the arm by the tip law, which acts in continuous time with the action as its gain lambda.
 
-    Args:
-        arena: of one block.
-        history: readings at past steps.
-        clock: of each lane.
-        paths: of all lanes.
-        header: see `entries.Header`.
-        settings: see `entries.Setting`.
+    Args: as `drive`.
     """
     h = settings[setting.STEP]
     held = undelayed(arena)

@@ -10,11 +10,11 @@ from collections.abc import Callable, Sequence
 from typing import Any, ParamSpec, TypeVar
 
 from flexarm_env.codegen.arrays import Arena, Four, LaneRows
-from flexarm_env.codegen.declarations import Recorded, always_inlined, recorded
+from flexarm_env.codegen.declarations import Recorded, called_in, recorded
 from flexarm_env.codegen.elementary import arctan2, exp_minus, sincos
-from flexarm_env.codegen.intrinsics import aligned_stack, fused, quarter_turns
+from flexarm_env.codegen.intrinsics import fused, quarter_turns
 from flexarm_env.codegen.tracing import Expression, Trace, clip, recorded_name
-from flexarm_env.codegen.vectors import VectorWriter, kernel_text
+from flexarm_env.codegen.vectors import Lowered, VectorWriter, kernel_text, lowered
 from flexarm_env.control import jacobian_transpose, joint_tracking
 from flexarm_env.kernels.layout import elimination_count
 from flexarm_env.kernels.tableau import GAMMA, RK4_NODES, RK4_WEIGHTS, STAGES
@@ -32,12 +32,11 @@ R = TypeVar("R")
 class Recorder:
     """Records one kernel over the lanes of an arena."""
 
-    def __init__(self, variant: Variant, inlining: bool = False) -> None:
-        """Begin one for a variant; `inlining` as in `Trace`."""
-        self.variant = variant
+    def __init__(self, variant: Variant, inlining: bool = False, fusing: bool = True) -> None:
+        """Begin one for a variant; `inlining` as in `Trace`, `fusing` as in `Trace.lines`."""
+        self.variant, self.fusing = variant, fusing
         self.trace = Trace(inlining)
         self.stores: list[tuple[str, Any]] = []
-        self.shared: list[str] = []
 
     def read(self, name: str) -> list[Any]:
         """Read the numbers of a part of the arena."""
@@ -46,13 +45,8 @@ class Recorder:
         return self.trace.inputs([f"arena[i + {row * lanes}]" for row in range(first, first + count)])
 
     def elements(self, array: str, count: int) -> list[Any]:
-        """Read the first elements of an array that all lanes share, before the loop.
-
-        Within it the compiler would have to make sure that no lane's results overwrite them, at a cost that keeps it
-        from vectorising short loops.
-        """
-        self.shared += [f"{array}_{n} = {array}[{n}]" for n in range(count)]
-        return self.trace.inputs([f"{array}_{n}" for n in range(count)])
+        """Read the first elements of an array that all lanes share."""
+        return self.trace.inputs([f"{array}[{n}]" for n in range(count)])
 
     def rows_of(self, array: str, count: int, first: int = 0) -> list[Any]:
         """Rows of another array than the arena, from the first on."""
@@ -117,63 +111,92 @@ class Recorder:
             raise LookupError(f"a formula needs Row.{name}: programs of kind {self.variant.kind!r} do not have it")
         return self.variant.rows[name]
 
-    def source(self, word: str, fusing: bool = True) -> str:
-        """Write the kernel: for each lane, what was recorded, then the stores; `fusing` as in `Trace.lines`."""
-        body = self.trace.lines([value for _, value in self.stores], fusing)
+    def source(self, name: str, arguments: Sequence[str]) -> str:
+        """Write the kernel in plain Python: for each lane, what was recorded, then the stores."""
+        body = self.trace.lines([value for _, value in self.stores], self.fusing)
         for place, value in self.stores:
             code = value.name if isinstance(value, Expression) else repr(float(value))
             body.append(f"{place} = {code}")
         lines = "".join(f"        {line}\n" for line in body)
-        before = ["aligned_stack()"] * (self.variant.lanes > 1) + self.shared
-        head = "".join(f"    {line}\n" for line in before)
-        return f"def {word}:\n{head}    for i in range({self.variant.lanes}):\n{lines}"
+        return f"def {name}({', '.join(arguments)}):\n    for i in range({self.variant.lanes}):\n{lines}"
 
     def vectors(self, name: str, arguments: Sequence[str]) -> str:
-        """Text of the kernel as an intrinsic in vectors of lanes, for a record without calls (`vectors`)."""
-        return kernel_text(self.trace, self.stores, name, arguments, self.variant.lanes)
+        """Write the kernel as it is compiled (`vectors`)."""
+        places, values = [place for place, _ in self.stores], [value for _, value in self.stores]
+        kernel = lowered(self.trace, values, arguments, places, self.fusing)
+        return kernel_text(name, arguments, self.variant.lanes, kernel, _functions(self.variant, kernel))
 
 
 def _elimination(variant: Variant, numbers: Sequence[Any]) -> Elimination | None:
     return None if variant.foreshortened else Elimination.unflat(numbers, variant.modes)
 
 
-def _elementary(formula: Callable[..., Any]) -> Recorded[..., Any]:
-    """Declare an elementary function with its sums and products fused, which the recorded kernels call."""
+class RecordedFunction(Recorded[..., Any]):
+    """A function of numbers that recorded kernels call."""
 
-    def text(variant: Variant) -> str:
-        """Return the text, which is the same for all variants."""
-        trace = Trace()
-        names = list(inspect.signature(formula).parameters)
-        found = formula(*trace.inputs(names))
-        results = found if isinstance(found, tuple) else (found,)
+    def __init__(
+        self, name: str, record: Callable[[Variant], tuple[Trace, list[str], Sequence[Any]]], calls: Sequence[Any]
+    ) -> None:
+        """Declare it; `record` gives trace, parameters and results for a variant."""
+        super().__init__(name, self._source, calls)
+        self._record = record
+
+    def _source(self, variant: Variant) -> str:
+        """Write it in plain Python."""
+        trace, names, results = self._record(variant)
         lines = [*trace.lines(results), f"return ({', '.join(result.name for result in results)},)"]
-        return f"def {recorded_name(formula)}({', '.join(names)}):\n" + "".join(f"    {line}\n" for line in lines)
+        return f"def {self.__name__}({', '.join(names)}):\n" + "".join(f"    {line}\n" for line in lines)
 
-    return always_inlined(Recorded(recorded_name(formula), text, INTRINSICS))
-
-
-INTRINSICS = (fused, quarter_turns, aligned_stack)
-ELEMENTARY = tuple(_elementary(inspect.unwrap(function)) for function in (sincos, exp_minus, arctan2))
-SHARED = (*INTRINSICS, *ELEMENTARY)  # what recorded kernels may call
+    def lowered(self, variant: Variant) -> Lowered:
+        """Return it as it is compiled."""
+        trace, names, results = self._record(variant)
+        return lowered(trace, results, names)
 
 
-def recorded_in_vectors(record: Callable[[Variant], Recorder]) -> Callable[[Callable[P, R]], Recorded[P, R]]:
-    """Declare a kernel by its signature and its record without calls; it is compiled in vectors of lanes."""
+def _functions(variant: Variant, caller: Lowered) -> dict[str, Lowered]:
+    """Find the functions that a record calls, and those that they call."""
+    functions = {called.__name__: called for called in CALLED if isinstance(called, RecordedFunction)}
+    found: dict[str, Lowered] = {}
+    for name in called_in(" ".join(str(operation[0]) for operation in caller.operations), functions):
+        function = functions[name].lowered(variant)
+        found |= {name: function} | _functions(variant, function)
+    return found
+
+
+def _elementary(formula: Callable[..., Any]) -> RecordedFunction:
+    """Declare an elementary function with its sums and products fused."""
+
+    def record(_: Variant) -> tuple[Trace, list[str], Sequence[Any]]:
+        """Record it; it is the same for all variants."""
+        trace, names = Trace(), list(inspect.signature(formula).parameters)
+        found = formula(*trace.inputs(names))
+        return trace, names, found if isinstance(found, tuple) else (found,)
+
+    return RecordedFunction(recorded_name(formula), record, INTRINSICS)
+
+
+def recorded_kernel(record: Callable[[Variant], Recorder]) -> Callable[[Callable[P, R]], Recorded[P, R]]:
+    """Declare a kernel by its signature and its record; an argument with a default is dropped if nothing reads it."""
 
     def declare(signature: Callable[P, R]) -> Recorded[P, R]:
         """Declare the kernel of this signature."""
-        name, arguments = signature.__name__, list(inspect.signature(signature).parameters)
-        word = f"{name}({', '.join(arguments)})"
+        name, parameters = signature.__name__, inspect.signature(signature).parameters
+
+        def written(variant: Variant, write: Callable[[Recorder, str, list[str]], str]) -> str:
+            r = record(variant)
+            arguments = [word for word, one in parameters.items() if one.default is one.empty or r.trace.reads(word)]
+            return write(r, name, arguments)
+
         return recorded(
-            lambda variant: record(variant).source(word),
-            (*INTRINSICS, VectorWriter),
-            lambda variant: record(variant).vectors(name, arguments),
+            lambda variant: written(variant, Recorder.source),
+            (*CALLED, VectorWriter),
+            lambda variant: written(variant, Recorder.vectors),
         )(signature)
 
     return declare
 
 
-def slope_source(variant: Variant) -> str:
+def slope_record(variant: Variant) -> tuple[Trace, list[str], Sequence[Any]]:
     """Compute v' of one arm from its constants (`layout.arm_rows`), y, v, torques, S and C, in this order."""
     trace, size = Trace(), variant.size
     counts = {
@@ -189,15 +212,35 @@ def slope_source(variant: Variant) -> str:
     k, e = Constants.unflat(constants, variant.modes, variant.foreshortened), _elimination(variant, known)
     sin_theta2 = None if variant.complete else sincos(dyn.joint_angles(k, y)[1])[0]
     slope = dyn.acceleration(k, e, variant.complete, y, v, tau, (cos, sin, sin_theta2))
-    lines = [*trace.lines(slope), f"return {', '.join(value.name for value in slope)}"]
-    parameters = ", ".join(name for group in names for name in group)
-    return f"def slope({parameters}):\n" + "".join(f"    {line}\n" for line in lines)
+    return trace, [name for group in names for name in group], slope
 
 
-slope: Recorded[..., Any] = always_inlined(Recorded("slope", slope_source, SHARED))
+INTRINSICS = (fused, quarter_turns)
+ELEMENTARY = tuple(_elementary(inspect.unwrap(function)) for function in (sincos, exp_minus, arctan2))
+slope = RecordedFunction("slope", slope_record, (*INTRINSICS, *ELEMENTARY))
+CALLED = (*INTRINSICS, *ELEMENTARY, slope)  # what recorded kernels may call
 
 
-def step_source(variant: Variant) -> str:
+def slope_kernel_record(variant: Variant) -> Recorder:
+    """Record the acceleration alone."""
+    r = Recorder(variant)
+    known, y, v = [*r.read("CONSTANTS"), *r.read("ELIMINATION")], r.read("Y"), r.read("V")
+    turn = sincos(dyn.elbow_turn(y))
+    r.store("rates", r.trace.call("slope", [*known, *y, *v, *r.read("TAU"), *turn], len(v)))
+    return r
+
+
+@recorded_kernel(slope_kernel_record)
+def slope_kernel(arena: Arena, rates: LaneRows) -> None:
+    """Acceleration of the torque-driven arm of every lane.
+
+    Args:
+        arena: arena of one block.
+        rates: receives v'. Shape (size, lanes).
+    """
+
+
+def step_record(variant: Variant) -> Recorder:
     """Record one step of the classical Runge-Kutta method; with the joint-space law for the kind "tracking".
 
     All four stages in one pass over the lanes, so that slopes and their sum stay in registers. A stage's positions need
@@ -227,7 +270,7 @@ def step_source(variant: Variant) -> str:
     moved = [a + sixth * b for a, b in zip([*y, *v], total, strict=True)]
     r.write("Y", moved[: len(y)])
     r.write("V", moved[len(y) :])
-    return r.source("step_kernel(arena, h" + (", bases)" if variant.tracking else ")"))
+    return r
 
 
 def _tracking_torque(r: Recorder, k: Constants, basis_of: int, state: tuple[Sequence[Any], Sequence[Any]]) -> list[Any]:
@@ -238,7 +281,7 @@ def _tracking_torque(r: Recorder, k: Constants, basis_of: int, state: tuple[Sequ
     return [clip(value, -limit, limit) for value, limit in zip(tau, r.read("TORQUE_LIMIT"), strict=True)]
 
 
-@recorded(step_source, (slope, *SHARED))
+@recorded_kernel(step_record)
 def step_kernel(arena: Arena, h: float, bases: tuple[Sequence[float], ...] = ()) -> None:
     """Advance the torque-driven arm of every lane by one step with held torques.
 
@@ -249,7 +292,7 @@ def step_kernel(arena: Arena, h: float, bases: tuple[Sequence[float], ...] = ())
     """
 
 
-def law_source(variant: Variant) -> str:
+def law_record(variant: Variant) -> Recorder:
     """Record one stage of the closed loop."""
     r = Recorder(variant)
     h, ahead = r.trace.input("h"), r.trace.input("ahead")
@@ -271,10 +314,10 @@ def law_source(variant: Variant) -> str:
     r.write("MECHANICAL", stage.mechanical)
     r.write("FEEDBACK", stage.feedback)
     r.write("TAU", stage.tau)
-    return r.source("law_kernel(arena, h, ahead, explicit, implicit)")
+    return r
 
 
-@recorded(law_source, SHARED)
+@recorded_kernel(law_record)
 def law_kernel(arena: Arena, h: float, ahead: float, explicit: Four, implicit: Four) -> None:
     """Compute one stage of the closed loop of every lane: earlier stages, then `jacobian_transpose.law_stage`.
 
@@ -287,49 +330,49 @@ def law_kernel(arena: Arena, h: float, ahead: float, explicit: Four, implicit: F
     """
 
 
-def elimination_source(variant: Variant) -> str:
+def elimination_record(variant: Variant) -> Recorder:
     """Record the elimination's numbers, from the constants of an arm.
 
     Rounded as Python rounds it for the kernels whose arms never change (`layout.arm_rows`).
     """
-    r = Recorder(variant)
+    r = Recorder(variant, fusing=False)
     e = elimination(r.constants())
     assert e is not None
     r.write("ELIMINATION", e.flat())
-    return r.source("elimination_kernel(arena)", fusing=False)
+    return r
 
 
-@recorded(elimination_source, SHARED)
+@recorded_kernel(elimination_record)
 def elimination_kernel(arena: Arena) -> None:
     """Compute the elimination's numbers of every lane's arm, with linear kinematics."""
 
 
-def reading_source(variant: Variant) -> str:
+def reading_record(variant: Variant) -> Recorder:
     """Record what the sensor measures now."""
     r = Recorder(variant)
     r.store("readings", sensing.reading(r.constants(), r.sensor(), variant.sensor, r.read("Y"), r.read("V")))
-    return r.source("reading_kernel(arena, readings)")
+    return r
 
 
-@recorded(reading_source, SHARED)
+@recorded_kernel(reading_record)
 def reading_kernel(arena: Arena, readings: LaneRows) -> None:
     """Measure without delay, on every lane: two readings, two rates. Shape (4, lanes)."""
 
 
-def second_reading_source(variant: Variant) -> str:
+def second_reading_record(variant: Variant) -> Recorder:
     """Record the kernel of the second sensor's present reading."""
     r = Recorder(variant)
     place, link = r.place("SECOND"), variant.second_sensor
     r.store("readings", sensing.point_reading(r.constants(), place, r.read("Y"), r.read("V"), link))
-    return r.source("second_reading_kernel(arena, readings)")
+    return r
 
 
-@recorded(second_reading_source, SHARED)
+@recorded_kernel(second_reading_record)
 def second_reading_kernel(arena: Arena, readings: LaneRows) -> None:
     """Compute the second sensor's present reading, as `reading_kernel` does for the first. Shape (4, lanes)."""
 
 
-def outputs_source(variant: Variant) -> str:
+def outputs_record(variant: Variant) -> Recorder:
     """Record observation, state and tips of a closed loop."""
     r = Recorder(variant)
     truth, reference = r.truth(), r.read("REFERENCE")
@@ -338,9 +381,9 @@ def outputs_source(variant: Variant) -> str:
     r.write("STATE", truth.state)
     r.write("TRUE_TIP", truth.true_tip)
     r.write("RIGID_TIP", truth.rigid_tip)
-    return r.source("outputs_kernel(arena)")
+    return r
 
 
-@recorded(outputs_source, SHARED)
+@recorded_kernel(outputs_record)
 def outputs_kernel(arena: Arena) -> None:
     """Compute sensed position and tips of every lane."""

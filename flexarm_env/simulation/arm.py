@@ -19,7 +19,6 @@ from flexarm_env.parameters import ArmParameters
 from flexarm_env.physics import constants, coordinates
 from flexarm_env.physics import dynamics as dyn
 from flexarm_env.physics.bent_link import PointShape
-from flexarm_env.physics.coordinates import stack, stack_matrix
 from flexarm_env.physics.linearisation import Linearisation, linearise
 from flexarm_env.physics.modal_elimination import elimination
 from flexarm_env.simulation.conditioning import refuse_singular
@@ -31,8 +30,7 @@ from flexarm_env.validation import finite_array, finite_rows, integer, number, r
 
 Array = NDArray[np.float64]
 
-# RK4 is stable for undamped modes up to h omega = 2.83. Deflections of 1 m raise the fastest rate by 3 % at most; what
-# 2 leaves room for is the coupling of large vibrations, which change the mass matrix within a step.
+# RK4 is stable for undamped modes up to h omega = 2.83; large vibrations change the mass matrix within a step.
 STEP_LIMIT = 2.0
 
 
@@ -83,14 +81,14 @@ class FlexibleArm(FeedbackTorque):
     def mass_matrix(self, q: ArrayLike) -> Array:
         """Return the mass matrix in public coordinates. Shape (..., 2 + 2 m, 2 + 2 m)."""
         y, cos, sin, _ = self._geometry(self._coordinates("q", q))
-        internal = stack_matrix(dyn.mass_matrix(self.constants, y, cos, sin))
+        internal = coordinates.stack_matrix(dyn.mass_matrix(self.constants, y, cos, sin))
         return self._to_internal.T @ internal @ self._to_internal
 
     def velocity_forces(self, q: ArrayLike, rates: ArrayLike) -> Array:
         """Return the velocity forces C in ``tau = M q'' + C + D q' + K q`` (6). Shape (..., 2 + 2 m)."""
         q, rates = np.broadcast_arrays(self._coordinates("q", q), self._coordinates("rates", rates))
         h = self._velocity_forces(self._geometry(q), self._internal(rates))
-        return stack(h) @ self._to_internal
+        return coordinates.stack(h) @ self._to_internal
 
     def acceleration(self, state: ArrayLike, torque: ArrayLike = (0.0, 0.0)) -> Array:
         """Return q'' under a torque [N m]. Shape (..., 2 + 2 m)."""
@@ -328,8 +326,8 @@ class FlexibleArm(FeedbackTorque):
         y, cos, sin, sin_theta2 = self._geometry(q)
         v = self._internal(rates)
         angles = (cos, sin, sin_theta2)
-        internal = stack(dyn.acceleration(self.constants, self._elimination, self._complete, y, v, tau, angles))
-        return internal @ self._to_public.T
+        internal = dyn.acceleration(self.constants, self._elimination, self._complete, y, v, tau, angles)
+        return coordinates.stack(internal) @ self._to_public.T
 
     def _point(self, q: Array, link: int, s: ArrayLike) -> tuple[Array, Array]:
         """Return the position of a material point and its Jacobian with respect to q."""
@@ -338,7 +336,7 @@ class FlexibleArm(FeedbackTorque):
         distance = real_array("s", s)
         if not np.all((distance >= 0.0) & (distance <= length)):
             raise ValueError(f"s = {shown(s)}: must be a distance on link {link}, 0 to {length} [m]")
-        y = stack(self._internal(q))
+        y = coordinates.stack(self._internal(q))
         at, jacobian = coordinates.material_point(self.modes, self.constants.foreshortened, y, link, distance)
         return at, jacobian @ self._to_internal
 

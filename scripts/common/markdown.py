@@ -1,13 +1,20 @@
-"""Markdown tables, and the blocks of docs/ that are generated from results."""
+"""Markdown tables, and the blocks of docs/ that are generated from results.
+
+A page has two kinds of blocks, each up to the next `<!-- end -->`. A *generated* block is a table or a paragraph that a
+study writes; its marker has the name. A *quoting* block is text with figures in it: the marker holds the text as an
+author writes it, with an expression in braces for each figure, as in an f-string.
+"""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 _BLOCK = re.compile(r"(<!-- generated: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
+_QUOTING = re.compile(r"(<!-- quoting:\n(.*?)-->\n).*?(<!-- end -->)", re.DOTALL)
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
@@ -23,3 +30,27 @@ def filled(page: str, results: Path) -> str:
         FileNotFoundError: if the results lack a table.
     """
     return _BLOCK.sub(lambda block: block[1] + (results / f"{block[2]}.md").read_text() + block[3], page)
+
+
+def quoting(page: str, figures: Mapping[str, Any]) -> str:
+    """Write the text of every quoting block of a page anew.
+
+    Args:
+        page: the page's text.
+        figures: values and functions that the expressions in braces may use, by name.
+
+    Raises:
+        KeyError, NameError: if the figures lack one that the page quotes.
+    """
+
+    def written(block: re.Match[str]) -> str:
+        text = eval(f'f"""{block[2]}"""', dict(figures))
+        return f"{block[1]}{text}{block[3]}"
+
+    return _QUOTING.sub(written, page)
+
+
+def span(values: Iterable[float], digits: int = 1) -> str:
+    """Write the least and the largest of some values: "5.2 to 5.4"."""
+    found = list(values)
+    return f"{min(found):.{digits}f} to {max(found):.{digits}f}"

@@ -8,7 +8,7 @@ import os
 import re
 import shutil
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
@@ -24,10 +24,21 @@ PARTIAL, OLD = ".partial", ".old"  # results being made; results about to be rep
 
 
 def write_json(path: Path, data: Any) -> None:
-    """Strict JSON: what is not finite becomes null. The file is complete or absent."""
-    aside = path.with_name(f".{path.name}.tmp")
+    """Write strict JSON: what is not finite becomes null. The file is complete or absent."""
+    text = json.dumps(_plain(data), indent=1, allow_nan=False) + "\n"
+    write_whole(path, lambda aside: aside.write_text(text))
+
+
+def write_whole(path: Path, write: Callable[[Path], Any]) -> None:
+    """Write a file so that it is complete or absent.
+
+    Args:
+        path: of the file; its suffix stays.
+        write: writes it, given a path beside it.
+    """
+    aside = path.with_name(f".{path.stem}.tmp{path.suffix}")
     try:
-        aside.write_text(json.dumps(_plain(data), indent=1, allow_nan=False) + "\n")
+        write(aside)
         os.replace(aside, path)
     finally:
         aside.unlink(missing_ok=True)

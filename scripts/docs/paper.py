@@ -10,7 +10,8 @@ from pathlib import Path
 
 import tyro
 
-from scripts.common.markdown import DOCS, filled
+from scripts.common.markdown import DOCS, filled, quoting
+from scripts.docs.quoted import of_reproduction
 from scripts.paper.cases import Study
 
 PAGES = ("reproduction.md", "claims.md")
@@ -36,6 +37,11 @@ class Options:
     """Copy the pictures too."""
 
 
+def written(page: str, results: Path) -> str:
+    """Write the generated tables and the quoted figures of a page's text anew."""
+    return quoting(filled(page, results), of_reproduction(results))
+
+
 def main() -> None:
     """Command line."""
     options = tyro.cli(Options, prog="python -m scripts.docs.paper")
@@ -46,7 +52,7 @@ def main() -> None:
         sys.exit(f"error: results = {options.results}: made with {study}; the docs show the defaults")
     for name in PAGES:
         page = options.docs / name
-        page.write_text(filled(page.read_text(), options.results))
+        page.write_text(written(page.read_text(), options.results))
         print(f"{page}: tables up to date")
     if options.pictures:
         target = options.docs / "figures"

@@ -12,8 +12,9 @@ from typing import Any
 
 import tyro
 
-from scripts.common.markdown import DOCS, filled
+from scripts.common.markdown import DOCS, filled, quoting
 from scripts.common.result_files import write_json
+from scripts.docs.quoted import of_validation
 from scripts.validation.checks import check_of
 from scripts.validation.groups import GROUPS
 from scripts.validation.runner import Outcome, table_of_all, table_of_group
@@ -82,14 +83,14 @@ def main() -> None:
     with TemporaryDirectory() as folder:
         for name, text in tables_of(found).items():
             (Path(folder) / f"{name}.md").write_text(text)
-        page.write_text(filled(page.read_text(), Path(folder)))
+        page.write_text(quoting(filled(page.read_text(), Path(folder)), of_validation(found)))
     write_json(options.docs / RECORD, found)
     target = options.docs / PICTURES
     target.mkdir(parents=True, exist_ok=True)
     names = [name for group in new for name in group.drawings]
     for name in names:
         shutil.copyfile(options.results / "figures" / f"{name}.png", target / f"{name}.png")
-    print(f"{page}: tables, {RECORD} and {len(names)} pictures up to date")
+    print(f"{page}: tables, figures in the text, {RECORD} and {len(names)} pictures up to date")
 
 
 if __name__ == "__main__":

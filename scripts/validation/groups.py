@@ -72,7 +72,7 @@ GROUPS = (
         ("mujoco",),
     ),
     _group("cables", "Second engine (Exudyn)", "cables", "cables", needs=("exudyn",)),
-    _group("engines", "Both engines, as recorded", "engines", "engines"),
+    _group("two_engines", "Both engines, as recorded", "two_engines", "two_engines"),
     _group("drift", "Invariants over ten minutes", "drift", "drift_time", "drift_step"),
     _group("orders", "Orders of the integrators", "orders", "orders"),
     _group("coriolis", "The paper's dropped Coriolis terms", "coriolis", "coriolis"),

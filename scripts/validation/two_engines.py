@@ -18,7 +18,7 @@ from scripts.validation.engine.models import model
 from scripts.validation.engine.motion import Motion, apart, model_motion, peak_bend, rms
 
 Array = NDArray[np.float64]
-GROUP = "engines"
+GROUP = "two_engines"
 BEST = model("foreshortened", 4, "polynomial")
 MODELS = (model("linear", 2), model("foreshortened", 2), model("foreshortened", 3, "polynomial"), BEST)
 
@@ -116,7 +116,7 @@ def tables(findings: Findings) -> dict[str, str]:
         if m.label in rows[0]:
             for engine, title in zip(recorded.ENGINES, ("MuJoCo", "Exudyn"), strict=True):
                 lines.append([f"{m.label}, from {title}", *(_both(row[m.label][engine]) for row in rows)])
-    return {"engines_distances": table(header, lines)}
+    return {"two_engines_distances": table(header, lines)}
 
 
 def _both(distance: dict[str, float]) -> str:

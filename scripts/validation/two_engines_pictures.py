@@ -25,4 +25,4 @@ def draw(result: Result, folder: Path) -> None:
         axis.set(title=f"{title}, from Exudyn", xlabel="time [s]", ylim=(1e-4, 30.0))
     axes[0].set_ylabel("tips apart [mm]")
     figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncol=3)
-    save(figure, folder, "engines")
+    save(figure, folder, "two_engines")

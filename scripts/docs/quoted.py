@@ -1,0 +1,81 @@
+"""The figures that texts of docs/ quote: what the expressions in their quoting blocks may use."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from scripts.common.markdown import span
+
+
+def of_validation(record: dict[str, Any]) -> dict[str, Any]:
+    """Return the figures of docs/validation.md.
+
+    Args:
+        record: content of docs/validation.json.
+
+    Returns:
+        The quoted figures of each group of checks, by the group's name; `orders`: of the energy's drift by the step;
+        `span`; `engine` takes a pattern, too: `engines("doublet, linear, {} modes, rms", 2, 3)`.
+    """
+    quoted = {name: group["quoted"] for name, group in record["groups"].items()}
+    engine = quoted["engine"]
+
+    def engines(pattern: str, *parts: object) -> list[float]:
+        return [engine[pattern.format(part)] for part in parts]
+
+    orders = [check["figure"] for check in record["checks"] if "that furthest from 5" in check["name"]]
+    return {**quoted, "engines": engines, "orders": orders, "span": span}
+
+
+def of_reproduction(results: Path) -> dict[str, Any]:
+    """Return the figures of docs/reproduction.md, as functions that name a run and return a text.
+
+    Args:
+        results: a complete folder of `make reproduce`.
+
+    Returns:
+        `over` and `rms`: overshoot and r.m.s. error [m] of a run; `three`: a controller's overshoots by sensing;
+        `swept`: a figure of a sweep's row; `mean_gain`, `bend`: of a run; `modal`: span of IFDC's modal coordinates.
+    """
+    runs = json.loads((results / "summary.json").read_text())["runs"]
+    rows = json.loads((results / "sweeps.json").read_text())
+
+    def over(name: str, column: str = "paper", switch: int = 0) -> str:
+        return f"{runs[column][name]['rigid_overshoot'][switch]:.2f}"
+
+    def rms(name: str, column: str = "paper", tip: str = "true") -> str:
+        return f"{runs[column][name][f'{tip}_tip_rms']:.2f}"
+
+    def three(controller: str) -> str:
+        return " / ".join(over(f"{controller}_{sensing}_tip") for sensing in ("collocated", "nmp", "corrected"))
+
+    def swept(sweep: str, value: object, key: str, sensing: str = "collocated", **other: str) -> str:
+        wanted = {"sweep": sweep, "value": value, "sensing": sensing, "place": "tip"} | other
+        (row,) = [row for row in rows if all(row[name] == one for name, one in wanted.items())]
+        return f"{row[key][0] if isinstance(row[key], list) else row[key]:.2f}"
+
+    def constant(gain: float, key: str, sensing: str = "collocated") -> str:
+        return swept("constant_gain", gain, key, sensing)
+
+    def per_joint(controller: str, key: str) -> str:
+        return swept("alternatives", "command delayed per joint", key, "nmp", controller=controller)
+
+    def of_run(key: str) -> Callable[..., str]:
+        return lambda name, *place: f"{runs['paper'][name][key][place[0]] if place else runs['paper'][name][key]:.2f}"
+
+    modal = [runs["paper"][f"ifdc_{sensing}_tip"]["peak_deflection"][0] / 0.2 for sensing in ("collocated", "nmp")]
+    return {
+        "over": over,
+        "rms": rms,
+        "three": three,
+        "swept": swept,
+        "constant": constant,
+        "per_joint": per_joint,
+        "mean_gain": of_run("mean_gain"),
+        "vibration": of_run("vibration"),
+        "bend": of_run("peak_deflection"),
+        "modal": span(modal),
+    }

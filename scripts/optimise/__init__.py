@@ -1,0 +1,1 @@
+"""The best known laps: search over branch sequences, and plans as data."""

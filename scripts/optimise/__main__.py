@@ -1,0 +1,121 @@
+"""Find the best known laps of arms by trajectory optimisation, and write them as plans.
+
+For each arm and lap every sequence of elbow branches is tried, and the best ones are carried on to convergence. The
+plan, `ARM_LAP.npz`, lies beside a JSON file with its score, settings, trials and the solver's log. An interrupted run
+goes on where it was. `--ship` puts the plans where the package has them (baselines/plans).
+"""
+
+from __future__ import annotations
+
+import shutil
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import tyro
+from tqdm import tqdm
+
+from flexarm_baselines.optimal import Iteration
+from flexarm_baselines.optimal.laps import CHANGE_WEIGHT
+from flexarm_baselines.optimal.plan import PLANS
+from flexarm_env.laps import LAPS
+from flexarm_env.parameters import PRESETS, ArmParameters
+from flexarm_env.validation import choice
+from scripts.common.command_line import run
+from scripts.common.result_files import write_json, write_whole
+from scripts.optimise.score import score
+from scripts.optimise.search import Candidate, Effort, search
+
+
+@dataclass
+class Options:
+    """Find the best known laps."""
+
+    output: Path = Path("results/optimise")
+    """Folder for the results; what is there with the same settings is taken over."""
+    arms: tuple[str, ...] = ("default", "linear")
+    """Names of arms."""
+    laps: tuple[str, ...] = tuple(LAPS)
+    """Names of laps."""
+    change_weight: float = CHANGE_WEIGHT
+    """Weight on changes of the torques [m^2]."""
+    trial: int = 40
+    """Iterations of each start."""
+    finalists: int = 2
+    """So many of the starts go on."""
+    iterations: int = 500
+    """Most iterations of each of these."""
+    quick: bool = False
+    """A trial of the script: a few iterations."""
+    ship: bool = False
+    """Copy the plans to baselines/plans."""
+
+
+def main() -> None:
+    """Command line.
+
+    Raises:
+        ValueError: for an unknown arm or lap, or plans of a quick run to be shipped.
+    """
+    options = tyro.cli(Options, prog="python -m scripts.optimise")
+    for arm in options.arms:
+        choice("arms", arm, tuple(PRESETS))
+    for lap in options.laps:
+        choice("laps", lap, tuple(LAPS))
+    if options.ship and options.quick:
+        raise ValueError("ship = True: a quick run's plans are no good; must go without quick")
+    effort = Effort(options.trial, options.finalists, options.iterations, options.change_weight)
+    if options.quick:
+        effort = Effort(1, 1, 1, options.change_weight)
+    for arm in options.arms:
+        for lap in options.laps:
+            name = f"{arm}_{lap}"
+            _optimise(name, ArmParameters.named(arm), lap, effort, options.output)
+            if options.ship:
+                PLANS.mkdir(exist_ok=True)
+                for suffix in (".npz", ".json"):
+                    shutil.copyfile(options.output / (name + suffix), PLANS / (name + suffix))
+
+
+def _optimise(name: str, arm: ArmParameters, lap: str, effort: Effort, output: Path) -> None:
+    """Search, write the best plan and its report, and print a line."""
+    most = effort.trial * 16 + effort.iterations * effort.finalists
+    with tqdm(total=most, unit="iteration", desc=name) as bar:
+
+        def tick(word: str, line: Iteration | None) -> None:
+            bar.update()
+            if line is not None:
+                bar.set_postfix_str(f"{word}: {line.cost:.4g} m^2, residual {line.residual:.1e}")
+
+        found = search(arm, lap, effort, output / name, tick)
+    best = found[0]
+    report = _report(found, lap)
+    write_whole(output / f"{name}.npz", best.plan.save)
+    write_json(output / f"{name}.json", report)
+    figures = report["score"]
+    print(
+        f"{name}: {figures['true_tip_rms']:.4f} m over the lap, {figures['true_tip_rms_after_2s']:.4f} m after 2 s, "
+        f"largest {figures['true_tip_max']:.3f} m; branches {best.sequence}, residual {report['residual']:.1e}"
+        + ("" if report["converged"] else " (not converged)")
+    )
+
+
+def _report(found: list[Candidate], lap: str) -> dict[str, Any]:
+    """Collect what the JSON file holds of the candidates, the best one first."""
+    plan = found[0].plan
+    log = plan.notes["log"]
+    return {
+        "score": score(plan, lap),
+        "converged": plan.notes["converged"],
+        "residual": log["residual"][-1],
+        "cost": log["cost"][-1],
+        "weights": {name: plan.notes[name] for name in ("torque_weight", "change_weight")},
+        "limits": plan.limits,
+        "branches": found[0].sequence,
+        "costs_by_branches": {one.sequence: one.cost for one in found},
+        "log": log,
+    }
+
+
+if __name__ == "__main__":
+    run(main)

@@ -1,0 +1,146 @@
+"""Search for the best lap of an arm: every sequence of elbow branches on trial, then the best ones to convergence."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from flexarm_baselines.optimal import (
+    Branch,
+    Iteration,
+    Plan,
+    SolverOptions,
+    TrackingProblem,
+    follow,
+    joint_path,
+    lap_problem,
+    lap_square,
+    optimise,
+)
+from flexarm_env.parameters import ArmParameters
+from flexarm_env.simulation.arm import FlexibleArm
+from flexarm_env.simulation.feedback import Rollout
+from scripts.common.result_files import write_whole
+
+SIDES = 4
+SIGNS = {"positive": "+", "negative": "-"}
+CHANGE = 0.4  # [s], of sides in the starts
+
+
+@dataclass(frozen=True)
+class Effort:
+    """How much is tried.
+
+    Attributes:
+        trial: iterations of each start.
+        finalists: so many of the best starts go on.
+        iterations: of each of these at most.
+        change_weight: on changes of the torques [m^2] (`TrackingProblem`).
+    """
+
+    trial: int
+    finalists: int
+    iterations: int
+    change_weight: float
+
+
+class Candidate(NamedTuple):
+    """A plan with where it came from.
+
+    Attributes:
+        sequence: sides of the elbow at the start and along each side of the square, e.g. "+----".
+        plan: what it came to.
+        cost: of the plan [m^2].
+    """
+
+    sequence: str
+    plan: Plan
+    cost: float
+
+
+def sequences(start: str, lap_time: float) -> Iterator[tuple[str, list[Branch]]]:
+    """Yield all sequences of branches that change at the start and at corners only.
+
+    Args:
+        start: the elbow's side at the start.
+        lap_time: [s].
+    """
+    for sides in itertools.product(SIGNS, repeat=SIDES):
+        branches = [Branch(0.0, start)]
+        for n, side in enumerate(sides):
+            if side != branches[-1].side:
+                straight = n * lap_time / SIDES
+                branches.append(Branch(max(straight - 0.5 * CHANGE, 0.01), side, CHANGE))
+        yield "".join(SIGNS[side] for side in (start, *sides)), branches
+
+
+def search(
+    arm: ArmParameters, lap: str, effort: Effort, folder: Path, tick: Callable[[str, Iteration | None], Any]
+) -> list[Candidate]:
+    """Find plans for a lap; trials and finals that the folder has with the same settings are taken over.
+
+    Args:
+        arm: the arm.
+        lap: a name of `LAPS`.
+        effort: how much is tried.
+        folder: for the plans on the way.
+        tick: called with a word on what is done and each iteration; without one when a plan was taken over.
+
+    Returns:
+        The finalists, the best one first, then the others as their trials left them.
+    """
+    problem = lap_problem(FlexibleArm(arm), lap, change_weight=effort.change_weight)
+    task = lap_square(lap)
+    folder.mkdir(parents=True, exist_ok=True)
+    found = []
+    for sequence, branches in sequences(task.elbow_branch, task.lap_time):
+
+        def start(branches: list[Branch] = branches) -> Rollout:
+            return follow(problem, joint_path(problem, branches))
+
+        found.append(_improved(problem, sequence, start, effort.trial, folder / f"trial{sequence}.npz", tick))
+    found.sort(key=lambda one: one.cost)
+    finals = []
+    for one in found[: effort.finalists]:
+
+        def carried_on(plan: Plan = one.plan) -> Rollout:
+            return Rollout(plan.states, plan.torques)
+
+        path = folder / f"final{one.sequence}.npz"
+        finals.append(_improved(problem, one.sequence, carried_on, effort.iterations, path, tick))
+    return sorted(finals, key=lambda one: one.cost) + found[effort.finalists :]
+
+
+def _improved(
+    problem: TrackingProblem,
+    sequence: str,
+    start: Callable[[], Rollout],
+    iterations: int,
+    path: Path,
+    tick: Callable[[str, Iteration | None], Any],
+) -> Candidate:
+    """Optimise from a start, or take the plan over from its file."""
+    settings = {"sequence": sequence, "change_weight": problem.change_weight, "most_iterations": iterations}
+    plan = _earlier(path, problem, settings)
+    if plan is None:
+        solution = optimise(problem, start(), SolverOptions(iterations), lambda line: tick(path.stem, line))
+        plan = Plan.of(problem, solution, **settings)
+        write_whole(path, plan.save)
+    else:
+        tick(path.stem, None)
+    return Candidate(sequence, plan, plan.notes["log"]["cost"][-1])
+
+
+def _earlier(path: Path, problem: TrackingProblem, settings: dict[str, Any]) -> Plan | None:
+    """Load a plan of an earlier run, if it is there and of these settings."""
+    try:
+        plan = Plan.load(path)
+    except FileNotFoundError:
+        return None
+    except ValueError:  # damaged, or of another version: made anew
+        return None
+    same = plan.parameters == problem.arm.parameters and settings.items() <= plan.notes.items()
+    return plan if same else None

@@ -1,0 +1,81 @@
+"""`python -m scripts.optimise` in short, and the plans that it left in the package."""
+
+import json
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from flexarm_baselines.optimal import Plan, lap_square, load_plan, plan_names
+from flexarm_baselines.optimal.plan import PLANS
+from scripts.optimise.score import score
+from scripts.optimise.search import sequences
+from tests.support.programs import refusal, run_study
+
+run_script = partial(run_study, "optimise")
+
+
+def test_every_sequence_of_branches_is_tried() -> None:
+    found = dict(sequences("positive", 16.0))
+    assert len(found) == 16
+    assert all(name[0] == "+" for name in found)
+    assert [branch.side for branch in found["+----"]] == ["positive", "negative"]
+    assert [branch.since for branch in found["++-+-"]] == [0.0, 3.8, 7.8, 11.8]
+    assert len(found["+++++"]) == 1
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--arms", "none"), "arms = 'none': must be one of"),
+        (("--laps", "round"), "laps = 'round': must be one of"),
+        (("--quick", "--ship"), "ship = True"),
+    ],
+)
+def test_bad_options_are_refused(arguments: tuple[str, ...], words: str) -> None:
+    assert words in refusal("optimise", *arguments)
+
+
+@pytest.mark.slow
+def test_a_short_run_goes_on_where_it_was(tmp_path: Path) -> None:
+    arguments = ("--quick", "--arms", "paper", "--laps", "plain", "--output", str(tmp_path))
+    first = run_script(*arguments)
+    assert first.returncode == 0, first.stderr
+    plan, report = Plan.load(tmp_path / "paper_plain.npz"), json.loads((tmp_path / "paper_plain.json").read_text())
+    assert len(report["costs_by_branches"]) == 16
+    assert report["cost"] == min(report["costs_by_branches"].values())
+    kept = {path: path.stat().st_mtime_ns for path in (tmp_path / "paper_plain").iterdir()}
+    assert len(kept) == 17
+    damaged = tmp_path / "paper_plain" / "trial-----.npz"
+    damaged.write_bytes(b"cut short")
+    second = run_script(*arguments)
+    assert second.returncode == 0, second.stderr
+    again = {path: path.stat().st_mtime_ns for path in (tmp_path / "paper_plain").iterdir()}
+    assert {path for path in kept if kept[path] != again[path]} == {damaged}
+    np.testing.assert_array_equal(Plan.load(tmp_path / "paper_plain.npz").torques, plan.torques)
+
+
+@pytest.mark.parametrize("name", plan_names())
+def test_a_plan_of_the_package_is_whole(name: str) -> None:
+    """Without a kernel: its states are of the lap, its tips are as far from the reference as its report says."""
+    plan, report = load_plan(name), json.loads((PLANS / f"{name}.json").read_text())
+    lap = name.rpartition("_")[2]
+    away = np.linalg.norm(plan.arm.tip(plan.states[:, : plan.arm.size]) - plan.reference, axis=1)
+    assert np.sqrt(np.mean(away**2)) == pytest.approx(report["score"]["true_tip_rms"], rel=1e-3)
+    assert np.sqrt(np.mean(away[200:] ** 2)) == pytest.approx(report["score"]["true_tip_rms_after_2s"], rel=1e-3)
+    assert np.all(np.abs(plan.torques) <= plan.limits)
+    assert np.sign(plan.states[0, 1]) == (1.0 if lap_square(lap).elbow_branch == "positive" else -1.0)
+    assert report["converged"]
+    assert plan.notes["log"] == report["log"]
+    assert max(path.stat().st_size for path in PLANS.glob(f"{name}.*")) < 1_000_000
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", plan_names())
+def test_a_plan_of_the_package_replays_to_its_score(name: str) -> None:
+    plan, report = load_plan(name), json.loads((PLANS / f"{name}.json").read_text())
+    np.testing.assert_allclose(plan.replay().states, plan.states, atol=1e-6)
+    again = score(plan, name.rpartition("_")[2])
+    for figure in ("true_tip_rms", "true_tip_rms_after_2s", "true_tip_max"):
+        assert again[figure] == pytest.approx(report["score"][figure], abs=5e-5), figure
