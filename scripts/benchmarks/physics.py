@@ -23,7 +23,8 @@ from flexarm_env.codegen.declarations import Recorded
 from flexarm_env.codegen.memory import aligned_zeros
 from flexarm_env.kernels.entries import extent
 from flexarm_env.kernels.layout import arm_rows
-from flexarm_env.kernels.recorded import CALLED, step_kernel
+from flexarm_env.kernels.recorded import step_kernel
+from flexarm_env.kernels.recorder import CALLED
 from flexarm_env.kernels.rk4 import OPEN
 from flexarm_env.kernels.variants import Variant
 from flexarm_env.parameters import Kinematics

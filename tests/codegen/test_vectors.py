@@ -10,7 +10,7 @@ from flexarm_env.codegen.arrays import LaneRows
 from flexarm_env.codegen.declarations import Program, plain_python
 from flexarm_env.codegen.elementary import arctan2, exp_minus, sincos
 from flexarm_env.codegen.tracing import at_least, clip, floor, magnitude, root, where_less
-from flexarm_env.kernels.recorded import Recorder, recorded_kernel
+from flexarm_env.kernels.recorder import Recorder, recorded_kernel
 from flexarm_env.kernels.variants import Variant
 
 

@@ -4,32 +4,27 @@ import platform
 import re
 import sys
 import time
-from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from fractions import Fraction
 from types import ModuleType
-from typing import Any
 
-import mpmath
 import numpy as np
 import pytest
 
 from flexarm_env import FlexibleArm
-from flexarm_env.codegen import assembly
-from flexarm_env.codegen.arrays import LaneRows
-from flexarm_env.codegen.declarations import Program, Recorded
+from flexarm_env.codegen import assembly, cache
+from flexarm_env.codegen.declarations import Program
 from flexarm_env.codegen.elementary import sincos
-from flexarm_env.codegen.tracing import quarter_turns
 from flexarm_env.episode.step import GAIN, TORQUE, TRACKING
-from flexarm_env.kernels.entries import CLOCK_ROWS, extent
-from flexarm_env.kernels.imex import LOOP
+from flexarm_env.kernels.entries import extent
 from flexarm_env.kernels.layout import arm_rows
-from flexarm_env.kernels.recorded import CALLED, Recorder, recorded_kernel, step_kernel
+from flexarm_env.kernels.loop import LOOP
+from flexarm_env.kernels.recorded import step_kernel
 from flexarm_env.kernels.rk4 import OPEN
 from flexarm_env.kernels.variants import Variant
 from flexarm_env.physics import dynamics as dyn
 from flexarm_env.physics.constants import Constants
 from flexarm_env.physics.modal_elimination import elimination
+from tests.support.interpreted import interpreted, rounded_once
 from tests.support.lagrange import loaded_arm, random_state
 
 LANES = 8
@@ -125,41 +120,6 @@ def batch(request: pytest.FixtureRequest) -> Batch:
 # --- the formulas as written ------------------------------------------------------------------------------------------
 
 
-def interpreted(
-    variant: Variant, kernel: Recorded[..., Any], fused: Callable[[float, float, float], float]
-) -> Callable[..., Any]:
-    """Return a kernel as Python runs its text, with a multiplication-and-addition of our choice."""
-    names: dict[str, Any] = {"floor": np.floor, "fused": fused, "quarter_turns": quarter_turns}
-    for function in (*CALLED, kernel):
-        if isinstance(function, Recorded):
-            exec(function.formula(variant), names)
-    return names[kernel.__name__]
-
-
-def sines_record(variant: Variant) -> Recorder:
-    """Record sine and cosine."""
-    r = Recorder(variant)
-    r.store("results", sincos(r.rows_of("angles", 1)[0]))
-    return r
-
-
-@recorded_kernel(sines_record)
-def sines_kernel(angles: LaneRows, results: LaneRows) -> None:
-    """Sine and cosine of an angle on every lane."""
-
-
-def sines_of(angles: LaneRows, results: LaneRows) -> None:
-    """Call it as a driver does."""
-    sines_kernel(angles, results)
-
-
-SINES = Program("sines", (sines_of,))
-
-
-def rounded_once(a: float, b: float, c: float) -> float:
-    return float(Fraction(float(a)) * Fraction(float(b)) + Fraction(float(c)))
-
-
 @pytest.mark.parametrize("lanes", [1, LANES])
 def test_a_compiled_step_is_its_text_to_the_last_bit(batch: Batch, lanes: int) -> None:
     """The compiler reorders, contracts and replaces nothing; what the text fuses is rounded once."""
@@ -249,73 +209,6 @@ def test_kernels_release_the_interpreter() -> None:
     assert longest < 0.5 * took
 
 
-# --- sine and cosine --------------------------------------------------------------------------------------------------
-
-
-def ulp_errors(x: np.ndarray) -> np.ndarray:
-    """Of sine and cosine against 60 digits [units in the last place of the exact value]. Shape (2, n)."""
-    ours = np.array(sincos(x))
-    errors = np.empty_like(ours)
-    with mpmath.workdps(60):
-        for j, value in enumerate(x.tolist()):
-            for i, exact in enumerate(reversed(mpmath.cos_sin(mpmath.mpf(value)))):
-                errors[i, j] = abs((mpmath.mpf(float(ours[i, j])) - exact) / np.spacing(abs(float(exact))))
-    return errors
-
-
-def random_angles(bound: float) -> np.ndarray:
-    return np.random.default_rng(0).uniform(-bound, bound, 2000)
-
-
-def angles_near_quarters() -> np.ndarray:
-    """Doubles next to multiples of pi/2: the first, and those up to 1e5 that come closest to one."""
-    quarters = np.arange(1, 63662) * (np.pi / 2)
-    closest = np.argsort(np.minimum(np.abs(np.sin(quarters)), np.abs(np.cos(quarters))))
-    return np.concatenate([quarters[:500], quarters[closest[:1500]]])
-
-
-ANGLES = {
-    "a quarter": random_angles(0.8),
-    "a turn": random_angles(4.0),
-    "turns": random_angles(100.0),
-    "many turns": random_angles(1e5),
-    "next to multiples of pi/2": angles_near_quarters(),
-    "next to odd multiples of pi/4": np.arange(1, 2001, 2) * (np.pi / 4),
-    "tiny": 10.0 ** np.random.default_rng(1).uniform(-300.0, -1.0, 1000),
-}
-
-
-@pytest.mark.parametrize("name", ANGLES)
-def test_sine_and_cosine_are_within_two_ulp(name: str) -> None:
-    x = ANGLES[name]
-    assert ulp_errors(np.concatenate([x, -x[:100], np.nextafter(x[:100], 0.0)])).max() < 2.0
-
-
-@pytest.mark.parametrize("name", ANGLES)
-def test_a_compiled_sine_is_its_text_to_the_last_bit(name: str) -> None:
-    """Signs and the exchange of sine and cosine too, which the processor takes from the bits of a whole number."""
-    angles = np.concatenate([ANGLES[name][:100], -ANGLES[name][:100], ANGLES[name][-50:], np.zeros(6)])
-    for lanes in (1, LANES):
-        variant = Variant(SINES, 1, True, lanes)
-        text = interpreted(variant, sines_kernel, rounded_once)
-        for block in angles.reshape(-1, lanes):
-            found, expected = np.zeros((2, 2 * lanes))
-            assembly.load(variant).sines_of(block, found)
-            text(block, expected)
-            assert found.tobytes() == expected.tobytes()  # 0 and -0 are not the same
-
-
-def test_sine_and_cosine_of_zero_are_exact() -> None:
-    assert sincos(0.0) == (0.0, 1.0)
-
-
-def test_sine_and_cosine_pass_on_what_is_not_finite() -> None:
-    with np.errstate(invalid="ignore"):
-        results = np.array(sincos(np.array([np.nan, np.inf, -np.inf, 1.0])))
-    assert np.all(np.isnan(results[:, :3]))
-    assert np.all(np.isfinite(results[:, 3]))
-
-
 def test_a_lane_that_is_not_finite_stays_so_and_alone() -> None:
     batch = Batch(2, True)
     expected = batch.arenas(LANES)
@@ -356,16 +249,10 @@ def test_batch_kernels_work_on_several_lanes_at_once(variant: Variant, monkeypat
     monkeypatch.delitem(sys.modules, assembly.load(variant).__name__)
     assembly.load.cache_clear()
     module = assembly.load(variant)
-    entry = module.run_open if variant.program is OPEN else module.run_loop
+    entry = getattr(module, variant.program.entries(variant.lanes)[0].__name__)
     assert not entry.targetoptions.get("fastmath")
-    arenas = np.zeros((1, extent(variant.rows) * variant.lanes))
-    if variant.program is OPEN:
-        held = np.zeros((1, 1, 2 * variant.lanes))
-        entry(arenas, held, np.zeros((1, 1, 2 * variant.size * variant.lanes)), 1e-3, 1)
-    else:
-        clocks = np.zeros((1, CLOCK_ROWS, variant.lanes), dtype=np.int64)
-        history = np.zeros((1, 4 * variant.slot_rows * variant.lanes))
-        entry(arenas, history, clocks, np.zeros((1, 2, 5)), 1e-3, 0, True)
+    arrays = [np.zeros((1,) * axes) for axes in (2, 3, 3)]
+    cache.compiled_entry(entry, *((*arrays, 1e-3, 1) if variant.program is OPEN else (np.zeros(1), 0, 1, arrays[0])))
     (machine_code,) = entry.inspect_asm().values()
     name = "step_kernel" if variant.program is OPEN else "law_kernel"
     code = re.search(rf"^{name}:.*?\.size\s+{name}", machine_code, re.MULTILINE | re.DOTALL)
