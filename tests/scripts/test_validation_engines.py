@@ -1,4 +1,4 @@
-"""The second engine and the recorded trajectories of both (`scripts.validation.cables`, `.two_engines`, `.recorded`)."""
+"""The second engine, and the recorded trajectories of both."""
 
 from __future__ import annotations
 
