@@ -56,7 +56,8 @@ def renewed(record: dict[str, Any], found: dict[str, Any]) -> dict[str, Any]:
 
 def tables_of(record: dict[str, Any]) -> dict[str, str]:
     """Return the tables of a record for the page, by their blocks' names."""
-    outcomes, tables = [], {}
+    outcomes: list[Outcome] = []
+    tables: dict[str, str] = {}
     for group in GROUPS:
         plain = [{k: v for k, v in check.items() if k != "passed"} for check in record["checks"]]
         checks = [check_of(check) for check in plain if check["group"] == group.name]

@@ -15,8 +15,10 @@ def draw(result: Result, folder: Path) -> None:
     """Error of the tip by the elements of a cable."""
     figure, axis = plt.subplots(figsize=(7.5, 4.6))
     for row, colour in zip(result.findings.records["rows"], COLOURS, strict=False):
-        counts, errors = [int(n) for n in row["elements"]], 1e3 * np.array(list(row["elements"].values()))
-        axis.loglog(counts, errors, "o-", color=colour, label=row["programme"].replace("_", " "))
+        errors = 1e3 * np.array(list(row["elements"].values()))
+        axis.loglog(
+            [int(n) for n in row["elements"]], errors, "o-", color=colour, label=row["programme"].replace("_", " ")
+        )
     counts = np.array([2.0, 12.0])
     axis.loglog(counts, 30.0 * counts**-4.0, color="0.4", linestyle=":", label="order 4")
     axis.axhline(0.1, **THRESHOLD)

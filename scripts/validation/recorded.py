@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -56,7 +57,7 @@ def main() -> None:
     from scripts.validation.engine.runs import chain_motion
     from scripts.validation.reference_models.ancf_cables import cable_motion
 
-    kept = {engine: np.array(version(engine)) for engine in ENGINES}
+    kept: dict[str, Any] = {engine: np.array(version(engine)) for engine in ENGINES}
     for name, programme in cases().items():
         chains = extrapolated(*(chain_motion(programme, n) for n in SEGMENTED))
         for engine, motion in (("mujoco", chains), ("exudyn", cable_motion(programme))):
