@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from scripts.common.markdown import table
 from scripts.validation import recorded
+from scripts.validation.ancf_cables import AXIAL_STIFFNESS, ELEMENTS, STEP, cable_motion
 from scripts.validation.checks import Check, Findings, Settings
 from scripts.validation.engine.motion import Motion, apart, peak_bend, rms
-from scripts.validation.reference_models.ancf_cables import AXIAL_STIFFNESS, ELEMENTS, STEP, cable_motion
 
 Array = NDArray[np.float64]
 GROUP = "cables"

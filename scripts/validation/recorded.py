@@ -54,8 +54,8 @@ def versions() -> dict[str, str]:
 
 def main() -> None:
     """Run both engines, and write the file."""
+    from scripts.validation.ancf_cables import cable_motion
     from scripts.validation.engine.runs import chain_motion
-    from scripts.validation.reference_models.ancf_cables import cable_motion
 
     kept: dict[str, Any] = {engine: np.array(version(engine)) for engine in ENGINES}
     for name, programme in cases().items():

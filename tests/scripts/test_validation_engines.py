@@ -52,7 +52,7 @@ def test_records_are_compared_without_the_engines() -> None:
 @pytest.mark.parametrize("name", ["multi_sine", "payload"])
 def test_at_small_amplitude_cables_and_model_agree(name: str) -> None:
     pytest.importorskip("exudyn")
-    from scripts.validation.reference_models.ancf_cables import cable_motion
+    from scripts.validation.ancf_cables import cable_motion
 
     gentle = replace(programme(name).times(0.05), duration=0.5)
     cables, ours = cable_motion(gentle, elements=6, step=1e-3), model_motion(gentle, **BEST)
@@ -64,7 +64,7 @@ def test_at_small_amplitude_cables_and_model_agree(name: str) -> None:
 
 def test_a_spin_turns_the_cables_as_a_whole() -> None:
     pytest.importorskip("exudyn")
-    from scripts.validation.reference_models.ancf_cables import cable_motion
+    from scripts.validation.ancf_cables import cable_motion
 
     spinning = replace(programme("spin_up").times(0.0), spin=0.5, elbow=0.0, duration=0.2)
     motion = cable_motion(spinning, elements=3, step=1e-3)
@@ -75,7 +75,7 @@ def test_a_spin_turns_the_cables_as_a_whole() -> None:
 
 def test_a_programme_with_bent_links_is_refused() -> None:
     pytest.importorskip("exudyn")
-    from scripts.validation.reference_models.ancf_cables import cable_motion
+    from scripts.validation.ancf_cables import cable_motion
 
     with pytest.raises(ValueError, match="programme = 'release': must begin straight"):
         cable_motion(programme("release"))
