@@ -130,7 +130,7 @@ def _score(row: dict[str, Any]) -> str:
 
 
 def _millimetres(length: float) -> str:
-    return f"{1e3 * length:.2g}"
+    return f"{1e3 * length:.0f}" if length >= 0.01 else f"{1e3 * length:.2g}"
 
 
 def main() -> None:
