@@ -6,15 +6,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexarm_env.kernels.layout import place_rows
 from flexarm_env.kernels.variants import shared_model
-from flexarm_env.parameters import LawParameters, SensorModel, SensorParameters
+from flexarm_env.parameters import Compensation, LawParameters, SensorModel, SensorParameters
 from flexarm_env.simulation.arm import FlexibleArm
 from flexarm_env.validation import shown
 
-Array = NDArray[np.float64]
+COMPENSATIONS: tuple[Compensation, ...] = ("none", "shared", "per_joint")  # by their numbers in the arena
 
 
 @dataclass(frozen=True)
@@ -71,27 +70,35 @@ def delays(case: LoopCase, arm: FlexibleArm) -> tuple[float, float]:
     return case.sensor.joint_delays(arm.parameters.link_lengths[0])
 
 
-def command_delays(case: LoopCase, arm: FlexibleArm) -> tuple[float, float]:
-    """Delay of the command in the shoulder's and in the elbow's torque [s]."""
-    shoulder, elbow = delays(case, arm)
-    return {"none": (0.0, 0.0), "shared": (shoulder, shoulder), "per_joint": (shoulder, elbow)}[case.law.compensation]
-
-
-def case_rows(cases: Sequence[LoopCase], arm: FlexibleArm) -> dict[str, Array]:
-    """Rows of the arena that the cases set and no step changes, by name (`layout`). Shape (N, k) each."""
-    each = [_rows_of(case, arm) for case in cases]
-    return {name: np.array([list(values[name]) for values in each]) for name in each[0]}
-
-
-def _rows_of(case: LoopCase, arm: FlexibleArm) -> dict[str, Sequence[float]]:
-    sensor, law = case.sensor, case.law
+def sensor_rows(sensor: SensorParameters, arm: FlexibleArm) -> dict[str, Sequence[float]]:
+    """Rows of the arena that a sensor sets and no step changes, by name (`layout`); its delays may be drawn."""
     return {
-        **place_rows("SENSOR", arm.place(2, sensor.position)),
-        **place_rows("TIP", arm.place(2, arm.parameters.link_lengths[1])),
+        **place_rows("SENSOR_POINT", arm.place(2, sensor.position)),
+        "RATE_LATE": [float(sensor.delayed == "position+rate")],
+    }
+
+
+def law_rows(law: LawParameters, arm: FlexibleArm, distance: float) -> dict[str, Sequence[float]]:
+    """Rows of the arena that the paper's law sets and no step changes, by name (`layout`).
+
+    Args:
+        law: the law.
+        arm: the arm.
+        distance: of the point that the law acts on from the elbow [m].
+    """
+    return {
+        **place_rows("SENSOR", arm.place(2, distance)),
         "PROPORTIONAL_GAIN": [law.proportional_gain],
         "DERIVATIVE_GAIN": [law.derivative_gain],
         "TORQUE_LIMIT": law.torque_limit or (np.inf, np.inf),
-        "DELAY": delays(case, arm),
-        "COMMAND_DELAY": command_delays(case, arm),
-        "RATE_LATE": [float(sensor.delayed == "position+rate")],
+        "COMPENSATION": [COMPENSATIONS.index(law.compensation)],
+    }
+
+
+def case_rows(case: LoopCase, arm: FlexibleArm) -> dict[str, Sequence[float]]:
+    """Rows of the arena that a case sets, by name (`layout`)."""
+    return {
+        **sensor_rows(case.sensor, arm),
+        **law_rows(case.law, arm, case.sensor.position),
+        "SENSOR_DELAY": delays(case, arm),
     }
