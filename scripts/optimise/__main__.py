@@ -2,7 +2,8 @@
 
 For each arm and lap every sequence of elbow branches is tried, and the best ones are carried on to convergence. The
 plan, `ARM_LAP.npz`, lies beside a JSON file with its score, settings, trials and the solver's log. An interrupted run
-goes on where it was. `--ship` puts the plans where the package has them (baselines/plans).
+goes on where it was. `--ship` puts the plans where the package has them (baselines/plans), `--docs` their figures into
+docs/optimal.md.
 """
 
 from __future__ import annotations
@@ -22,9 +23,14 @@ from flexarm_env.laps import LAPS
 from flexarm_env.parameters import PRESETS, ArmParameters
 from flexarm_env.validation import choice
 from scripts.common.command_line import run
+from scripts.common.markdown import DOCS, filled
 from scripts.common.result_files import write_json, write_whole
+from scripts.optimise.pareto import ITERATIONS, WEIGHTS, curve
 from scripts.optimise.score import score
 from scripts.optimise.search import Candidate, Effort, search
+from scripts.optimise.tables import TABLES, reports
+
+PAGE = "optimal.md"
 
 
 @dataclass
@@ -47,8 +53,12 @@ class Options:
     """Most iterations of each of these."""
     quick: bool = False
     """A trial of the script: a few iterations."""
+    pareto: bool = False
+    """Follow each best lap over a range of weights on changes of the torques: error against effort."""
     ship: bool = False
     """Copy the plans to baselines/plans."""
+    docs: bool = False
+    """Bring docs/optimal.md up to date with the plans in baselines/plans."""
 
 
 def main() -> None:
@@ -70,16 +80,30 @@ def main() -> None:
     for arm in options.arms:
         for lap in options.laps:
             name = f"{arm}_{lap}"
-            _optimise(name, ArmParameters.named(arm), lap, effort, options.output)
+            _optimise(name, ArmParameters.named(arm), lap, effort, options)
             if options.ship:
                 PLANS.mkdir(exist_ok=True)
                 for suffix in (".npz", ".json"):
                     shutil.copyfile(options.output / (name + suffix), PLANS / (name + suffix))
+    if options.docs:
+        update_docs(options.output)
 
 
-def _optimise(name: str, arm: ArmParameters, lap: str, effort: Effort, output: Path) -> None:
+def update_docs(output: Path) -> None:
+    """Fill the page's tables from the plans of the package."""
+    found = reports(PLANS)
+    output.mkdir(parents=True, exist_ok=True)
+    for name, make in TABLES.items():
+        (output / f"{name}.md").write_text(make(found))
+    page = DOCS / PAGE
+    page.write_text(filled(page.read_text(), output))
+    print(f"{page}: tables up to date")
+
+
+def _optimise(name: str, arm: ArmParameters, lap: str, effort: Effort, options: Options) -> None:
     """Search, write the best plan and its report, and print a line."""
-    most = effort.trial * 16 + effort.iterations * effort.finalists
+    output = options.output
+    most = effort.trial * 16 + effort.iterations * effort.finalists + options.pareto * len(WEIGHTS) * ITERATIONS
     with tqdm(total=most, unit="iteration", desc=name) as bar:
 
         def tick(word: str, line: Iteration | None) -> None:
@@ -88,8 +112,10 @@ def _optimise(name: str, arm: ArmParameters, lap: str, effort: Effort, output: P
                 bar.set_postfix_str(f"{word}: {line.cost:.4g} m^2, residual {line.residual:.1e}")
 
         found = search(arm, lap, effort, output / name, tick)
-    best = found[0]
-    report = _report(found, lap)
+        best = found[0]
+        report = _report(found, lap)
+        if options.pareto:
+            report["pareto"] = curve(best.plan, lap, tick)
     write_whole(output / f"{name}.npz", best.plan.save)
     write_json(output / f"{name}.json", report)
     figures = report["score"]
