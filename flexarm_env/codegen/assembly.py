@@ -30,6 +30,8 @@ from numba.core import types
 from numba.extending import intrinsic
 from numba.np.arrayobj import populate_array
 from numpy import floor
+
+from flexarm_env.codegen.pipelines import EntryCompiler, PartCompiler
 """
 _LIBRARY: dict[str, Any] = {}
 exec(_IMPORTS, _LIBRARY)
@@ -81,22 +83,23 @@ class _Assembly:
             return "@intrinsic"
         program, lanes, marks = self.variant.program, self.variant.lanes, vars(function)
         if marks.get("inlined_in_its_caller"):
-            return _njit(inline="always", **_STRICT)
+            return _njit("EntryCompiler", inline="always", **_STRICT)
         options: dict[str, Any] = {"nogil": True, **_STRICT, "no_cfunc_wrapper": True}
-        if (marks.get("per_lane") and lanes > 1) or marks.get("always_inlined"):
+        if marks.get("per_lane") and lanes > 1:
             options["forceinline"] = True
         if program.closed:
             # Nothing allocates: counting references to arrays, atomically for each lane, takes time.
             options["_nrt"] = False
             if function not in program.entries(lanes):  # a wrapper, and a place of its own in the cache, would as well
-                return _njit(no_cpython_wrapper=True, **options)
+                return _njit("PartCompiler", no_cpython_wrapper=True, **options)
             if lanes == 1:  # a step is so short that releasing the interpreter's lock would count
                 del options["nogil"]
-        return _njit(cache=True, **options)
+        return _njit("EntryCompiler", cache=True, **options)
 
 
-def _njit(**options: Any) -> str:
-    return f"@njit({', '.join(f'{name}={value!r}' for name, value in options.items())})"
+def _njit(compiler: str, **options: Any) -> str:
+    listed = ", ".join(f"{name}={value!r}" for name, value in options.items())
+    return f"@njit({listed}, pipeline_class={compiler})"
 
 
 def render(variant: AnyVariant) -> str:

@@ -273,12 +273,6 @@ def per_lane(function: F) -> F:
     return function
 
 
-def always_inlined(function: F) -> F:
-    """Mark a function that becomes a part of its callers whatever the lanes."""
-    function.__dict__["always_inlined"] = True
-    return function
-
-
 def inlined_in_its_caller(function: F) -> F:
     """Mark a driver that is called in one place, around much else; it is compiled as a part of its caller.
 

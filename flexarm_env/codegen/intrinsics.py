@@ -69,27 +69,6 @@ def quarter_turns(k: float, sine: float, cosine: float) -> tuple[float, float]:
     return tracing.quarter_turns(k, sine, cosine)
 
 
-def _aligned_stack(typing_context: Any) -> Any:
-    """Emit the code of `aligned_stack`."""
-
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        """Set the alignment on the function being built."""
-        builder.function.attributes.alignstack = CACHE_LINE
-        builder.function.attributes.add("nounwind")  # llvmlite writes the alignment only beside another
-        return context.get_dummy_value()
-
-    return types.void(), generate
-
-
-@intrinsic(_aligned_stack)
-def aligned_stack() -> None:
-    """Begin the stack frame of the function that calls this where a line of the processor's cache begins.
-
-    Vectors that do not fit into registers are kept on the stack. LLVM settles the alignment of the stack before it
-    creates them. Where the callers leave it unaligned, each such vector lies across two lines, which is slow.
-    """
-
-
 def _array_at(typing_context: Any, memory: Any, first: Any, shape: Any, dtype: Any) -> Any:
     """Emit the code of `array_at`."""
     kind = types.Array(dtype.dtype, len(shape), "C")

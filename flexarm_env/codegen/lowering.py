@@ -29,6 +29,11 @@ _COMPARISONS: dict[type[ast.cmpop], Callable[[Any, Any], bool]] = {
     ast.Gt: operator.gt,
     ast.GtE: operator.ge,
 }
+_ARITHMETIC: dict[type[ast.operator], Callable[[int, int], int]] = {
+    ast.Add: operator.add,
+    ast.Sub: operator.sub,
+    ast.Mult: operator.mul,
+}
 _UNKNOWN = object()
 LANES = "VARIANT_LANES"
 
@@ -50,6 +55,7 @@ class Lowered(ast.NodeTransformer):
         self._globals, self._name = source.__globals__, f"{source.__module__}.{source.__qualname__}"
         definition = _definition(source)
         self._locals = _local_names(source.__code__)
+        self._zeros: set[str] = set()  # counters of loops of a single turn
         self._laned = {
             argument.arg: LANED[argument.annotation.id]
             for argument in definition.args.args
@@ -90,8 +96,15 @@ class Lowered(ast.NodeTransformer):
             return self._statements(node.body if known else node.orelse, empty=False)
         return ast.If(self.visit(node.test), self._statements(node.body), self._statements(node.orelse, empty=False))
 
-    def visit_For(self, node: ast.For) -> ast.For:
-        """Lower a loop."""
+    def visit_For(self, node: ast.For) -> ast.stmt | list[ast.stmt]:
+        """Lower a loop; one of a single turn becomes what it repeats, which compiles sooner."""
+        if isinstance(node.iter, ast.Call) and len(node.iter.args) == 1 and _plain_loop(node):
+            (count,) = node.iter.args
+            if self._known(count) == 1:
+                return self._only_turn(node)
+            if isinstance(count, ast.IfExp) and self._known(count.body) == 1 and self._known(count.orelse) == 0:
+                turn = ast.For(node.target, ast.Call(node.iter.func, [count.body], []), node.body, [])
+                return self.visit_If(ast.If(count.test, [turn], []))
         return ast.For(self.visit(node.target), self.visit(node.iter), self._statements(node.body), [], None, lineno=0)
 
     def _statements(self, body: list[ast.stmt], empty: bool = True) -> list[ast.stmt]:
@@ -136,7 +149,7 @@ class Lowered(ast.NodeTransformer):
         """Make one index of the last two, of arrays with a row of lanes at the end."""
         shape = node.value
         if isinstance(shape, ast.Attribute) and shape.attr == "shape" and self._leading(shape.value) == 0:
-            return ast.BinOp(self.generic_visit(node), ast.FloorDiv(), self._lanes())  # type: ignore[arg-type]
+            return self._index(self.generic_visit(node), ast.FloorDiv(), self._lanes())  # type: ignore[arg-type]
         leading = self._leading(node.value)
         indices = list(node.slice.elts) if isinstance(node.slice, ast.Tuple) else [node.slice]
         indices = [self.visit(index) for index in indices]
@@ -147,6 +160,8 @@ class Lowered(ast.NodeTransformer):
 
     def visit_Name(self, node: ast.Name) -> ast.expr:
         """Collect a constant, or a function, of the driver's module."""
+        if node.id in self._zeros:
+            return ast.Constant(0)
         if node.id in self._locals or node.id not in self._globals:
             return node
         value = self._globals[node.id]
@@ -161,6 +176,10 @@ class Lowered(ast.NodeTransformer):
             raise TypeError(f"{self._name}: {node.id} is a {type(value).__name__}, which is not known to the assembler")
         self.calls[called.__name__] = called
         return ast.Name(called.__name__, node.ctx)
+
+    def visit_BinOp(self, node: ast.BinOp) -> ast.expr:
+        """Work out what the variant settles of whole numbers."""
+        return self._calculated(self.visit(node.left), node.op, self.visit(node.right))
 
     # --- inside ----------------------------------------------------------------------------------------------------
 
@@ -218,11 +237,47 @@ class Lowered(ast.NodeTransformer):
             assert lane is None and rows.upper is not None, self._name
             return ast.Slice(self._times(rows.lower or ast.Constant(0)), self._times(rows.upper))
         if lane is None:
-            return ast.Slice(self._times(rows), self._times(ast.BinOp(rows, ast.Add(), ast.Constant(1))))
-        return ast.BinOp(lane, ast.Add(), self._times(rows))
+            return ast.Slice(self._times(rows), self._times(self._index(rows, ast.Add(), ast.Constant(1))))
+        return self._index(lane, ast.Add(), self._times(rows))
 
     def _times(self, rows: ast.expr) -> ast.expr:
-        return ast.BinOp(rows, ast.Mult(), self._lanes())
+        return self._index(rows, ast.Mult(), self._lanes())
+
+    def _only_turn(self, loop: ast.For) -> list[ast.stmt]:
+        """Lower what a loop of a single turn repeats."""
+        assert isinstance(loop.target, ast.Name)
+        self._zeros.add(loop.target.id)
+        body = self._statements(loop.body, empty=False)
+        self._zeros.remove(loop.target.id)
+        return body
+
+    def _index(self, left: ast.expr, operation: ast.operator, right: ast.expr) -> ast.expr:
+        """Work out an operation on indices."""
+        a, b = self._whole(left), self._whole(right)
+        if b == (1 if isinstance(operation, ast.Mult | ast.FloorDiv) else 0):
+            return left
+        if a == 0 and isinstance(operation, ast.Add):
+            return right
+        return self._calculated(left, operation, right)
+
+    def _calculated(self, left: ast.expr, operation: ast.operator, right: ast.expr) -> ast.expr:
+        """Work out an operation on whole numbers where the variant settles both."""
+        a, b = self._whole(left), self._whole(right)
+        calculate = _ARITHMETIC.get(type(operation))
+        if a is not None and b is not None and calculate is not None:
+            return ast.Constant(calculate(a, b))
+        return ast.BinOp(left, operation, right)
+
+    def _whole(self, node: ast.expr) -> int | None:
+        """Return a whole number that the variant settles."""
+        value = self.constants.get(node.id) if isinstance(node, ast.Name) else getattr(node, "value", None)
+        return value if type(value) is int and isinstance(node, ast.Name | ast.Constant) else None
+
+
+def _plain_loop(loop: ast.For) -> bool:
+    """Whether all turns of a loop are complete."""
+    left = any(isinstance(inner, ast.Break | ast.Continue) for inner in ast.walk(loop))
+    return isinstance(loop.target, ast.Name) and not left
 
 
 def _flat_shape(argument: ast.expr) -> ast.expr:

@@ -69,6 +69,10 @@ class Trace:
         called = self.assign(f"{function}({places})", *codes)
         return [self.assign(f"{{0}}[{n}]", called.name) for n in range(count)]
 
+    def reads(self, name: str) -> bool:
+        """Whether a value that the surrounding code provides is an argument of this name, or an element of it."""
+        return any(template.split("[")[0] == name for template, operands in self._operations if not operands)
+
     def lines(self, results: Sequence[Any], fusing: bool = True) -> list[str]:
         """Write assignments that compute the results, each under its own name; what no result needs is left out.
 
@@ -94,9 +98,10 @@ class Trace:
                 lines.append(f"{name} = {code}")
         return lines
 
-    def needed(self, results: Sequence[Any]) -> list[tuple[str, str, tuple[str, ...]]]:
-        """Return the operations that the results need, with sums fused: name, template, operands."""
-        operations = self._fused(results, self._arguments | {result.name for result in results})
+    def needed(self, results: Sequence[Any], fusing: bool = True) -> list[tuple[str, str, tuple[str, ...]]]:
+        """Return the operations that the results need: name, template, operands; `fusing` as in `lines`."""
+        named = self._arguments | {result.name for result in results if isinstance(result, Expression)}
+        operations = self._fused(results, named) if fusing else self._operations
         uses = _uses(operations, results)
         return [(f"x{n}", *operation) for n, operation in enumerate(operations) if f"x{n}" in uses]
 

@@ -2,87 +2,96 @@
 
 numba takes long to read the text of a large kernel, and LLVM leaves a loop over lanes scalar if it reaches more than
 some 250 rows of arrays whose addresses it must compare. A record holds arithmetic only, so each operation can be
-written down for all lanes of a block at once. Each is rounded as the text would be (`tracing`).
+written down for several lanes at once. Each is rounded as the text would be (`tracing`), in a vector and in one lane.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 from llvmlite import ir
+from numba.core import types
 
+from flexarm_env.codegen.intrinsics import CACHE_LINE
 from flexarm_env.codegen.tracing import Expression, Trace
 
 _ROW = re.compile(r"(\w+)\[i(?: \+ (\d+))?\]")
+_NUMBER = re.compile(r"(\w+)((?:\[\d+\])*)")
 
 
 class Lowered(NamedTuple):
-    """A kernel as `VectorWriter` takes it.
+    """A kernel, or a function that kernels call, as `VectorWriter` takes it.
 
     Attributes:
         operations: template and operands; an operand is the number of an earlier operation, or a literal as a text. For
-            an input: "row" with its array's place among the arguments and first number, or "number" with its place.
-        stores: array, first number, and the operation, or literal, that goes there.
+            an input: "row" with its array's place among the arguments and first number, or "number" with its place and
+            the places of a tuple's or an array's element.
+        results: what a function gives, or a kernel stores: the operation, or literal, of each.
+        places: where a kernel stores each: array and first number; none of a function.
     """
 
     operations: list[tuple[Any, ...]]
-    stores: list[tuple[int, int, int | str]]
+    results: list[int | str]
+    places: list[tuple[int, int]]
 
 
-def lowered(trace: Trace, stores: Sequence[tuple[str, Any]], arguments: Sequence[str]) -> Lowered:
+def lowered(
+    trace: Trace, results: Sequence[Any], arguments: Sequence[str], places: Sequence[str] = (), fusing: bool = True
+) -> Lowered:
     """Lower a record.
 
     Args:
         trace: the record; its inputs are rows of the arguments, ``array[i + 8]``, or numbers among them.
-        stores: rows, and what is stored there.
-        arguments: of the kernel.
+        results: what it finds.
+        arguments: of the kernel or function.
+        places: rows where a kernel stores the results.
+        fusing: sums with products.
     """
     numbers: dict[str, int] = {}
     operations: list[tuple[Any, ...]] = []
-    for name, template, operands in trace.needed([value for _, value in stores if isinstance(value, Expression)]):
+    for name, template, operands in trace.needed(results, fusing):
         numbers[name] = len(operations)
         if operands:
             operations.append((template, *(numbers.get(operand, operand) for operand in operands)))
-        elif template in arguments:
-            operations.append(("number", arguments.index(template)))
         else:
-            operations.append(("row", *_row(template, arguments)))
-    places = [
-        (*_row(place, arguments), numbers[value.name] if isinstance(value, Expression) else repr(float(value)))
-        for place, value in stores
-    ]
-    return Lowered(operations, places)
+            operations.append(_input(template, arguments))
+    codes = [numbers[value.name] if isinstance(value, Expression) else repr(float(value)) for value in results]
+    return Lowered(operations, codes, [_input(place, arguments)[1:] for place in places])
 
 
-def _row(code: str, arguments: Sequence[str]) -> tuple[int, int]:
-    """Place of an array among the arguments, and the first number of a row."""
-    found = _ROW.fullmatch(code)
-    assert found is not None, code
-    return arguments.index(found[1]), int(found[2] or 0)
+def _input(code: str, arguments: Sequence[str]) -> tuple[Any, ...]:
+    """Find an input: a row of an array among the arguments, or a number."""
+    row = _ROW.fullmatch(code)
+    if row is not None:
+        return "row", arguments.index(row[1]), int(row[2] or 0)
+    number = _NUMBER.fullmatch(code)
+    assert number is not None, code
+    return "number", arguments.index(number[1]), *map(int, re.findall(r"\d+", number[2]))
 
 
 def kernel_text(
-    trace: Trace, stores: Sequence[tuple[str, Any]], name: str, arguments: Sequence[str], lanes: int
+    name: str, arguments: Sequence[str], lanes: int, kernel: Lowered, functions: Mapping[str, Lowered]
 ) -> str:
-    """Text of the intrinsic's code that a record becomes; its module has `VectorWriter` too.
+    """Write the text of the intrinsic's code that a record becomes; its module has `VectorWriter` too.
 
     Args:
-        trace: see `lowered`.
-        stores: see `lowered`.
         name: of the kernel.
         arguments: of the kernel.
         lanes: of a block.
+        kernel: its record.
+        functions: that it calls.
     """
-    found, listed = lowered(trace, stores, arguments), ", ".join(arguments)
+    listed, called = ", ".join(arguments), {name: tuple(function) for name, function in functions.items()}
     return f"""\
 def {name}(typing_context, {listed}):
-    operations = {found.operations!r}
-    stores = {found.stores!r}
+    kernel = {tuple(kernel)!r}
+    functions = {called!r}
 
     def generate(context, builder, signature, given):
-        VectorWriter(context, builder, signature, given, {lanes}).write(operations, stores)
+        writer = VectorWriter(context, builder, {lanes}, functions)
+        writer.call_kernel({name!r}, kernel, signature.args, given, {CACHE_LINE})
         return context.get_dummy_value()
 
     return types.void({listed}), generate
@@ -90,35 +99,138 @@ def {name}(typing_context, {listed}):
 
 
 class VectorWriter:
-    """Emits a kernel for all lanes of a block; what it reads, it reads before it stores."""
+    """Emits a kernel for all lanes of a block; of some lanes at a time it reads all before it stores anything.
 
-    def __init__(self, context: Any, builder: Any, signature: Any, arguments: Any, lanes: int) -> None:
+    Attributes:
+        kind: of the numbers of some lanes.
+        width: how many lanes.
+    """
+
+    def __init__(self, context: Any, builder: Any, lanes: int, functions: Any) -> None:
         """Begin one.
 
         Args:
             context: of numba's compiler.
             builder: of the function that calls the kernel.
-            signature: types of the arguments.
-            arguments: arrays and numbers.
-            lanes: of a vector.
+            lanes: of a block.
+            functions: that the kernel may call (`Lowered`), by name.
         """
-        self.context, self.builder, self.lanes = context, builder, lanes
-        self.types, self.arguments = signature.args, arguments
-        self.kind = ir.VectorType(ir.DoubleType(), lanes)
-        self.kept: dict[int, Any] = {}
+        self.context, self.builder, self.lanes, self.functions = context, builder, lanes, functions
+        _, _, features = context.codegen().magic_tuple()
+        self.width = 8 if "+avx512f" in features else 4
+        while lanes % self.width != 0:
+            self.width //= 2
+        double, whole = ir.DoubleType(), ir.IntType(64)
+        self.kind = ir.VectorType(double, self.width) if self.width > 1 else double
+        self.whole = ir.VectorType(whole, self.width) if self.width > 1 else whole
+        self.first_lane: Any = None
 
-    def write(self, operations: Any, stores: Any) -> None:
-        """Emit all; see `Lowered`."""
-        rules = self.rules()
+    # --- functions ----------------------------------------------------------------------------------------------------
+
+    def call_kernel(self, name: str, kernel: Any, kinds: Any, given: Any, alignment: int) -> None:
+        """Write the kernel as a function of the module, once, and call it.
+
+        Args:
+            name: of the kernel.
+            kernel: see `Lowered`.
+            kinds: types of the arguments.
+            given: the arguments, arrays and numbers.
+            alignment: of the stack, where vectors lie that do not fit into registers: none lies across two lines.
+        """
+        caller = self.builder
+        parts = [self.parts(kind, value) for kind, value in zip(kinds, given, strict=True)]
+        function = caller.module.globals.get(name)
+        if function is None:
+            flat = self.flat(parts)
+            function = ir.Function(caller.module, ir.FunctionType(ir.VoidType(), [part.type for part in flat]), name)
+            function.linkage = "internal"
+            function.attributes.alignstack = alignment
+            function.attributes.add("nounwind")
+            function.attributes.add("noinline")
+            self.builder = ir.IRBuilder(function.append_basic_block())
+            self.write_kernel(kernel, self.nested(parts, iter(function.args)))
+            self.builder = caller
+        caller.call(function, self.flat(parts))
+
+    def parts(self, kind: Any, value: Any) -> Any:
+        """Return the data of an array, a number as a double, or those of a tuple."""
+        if isinstance(kind, types.Array):
+            return self.context.make_array(kind)(self.context, self.builder, value).data
+        if isinstance(kind, types.BaseTuple):
+            tuple_kinds: Any = kind
+            return [self.parts(part, self.builder.extract_value(value, n)) for n, part in enumerate(tuple_kinds)]
+        return self.context.cast(self.builder, value, kind, types.float64)
+
+    def flat(self, parts: Any) -> list[Any]:
+        """Return all within nested lists."""
+        return [one for part in parts for one in (self.flat(part) if isinstance(part, list) else [part])]
+
+    def nested(self, parts: Any, flat: Any) -> list[Any]:
+        """Invert `flat`: nest as `parts` is."""
+        return [self.nested(part, flat) if isinstance(part, list) else next(flat) for part in parts]
+
+    def write_kernel(self, kernel: Any, arguments: Any) -> None:
+        """Emit a kernel's body: what it reads of all lanes, then a loop over as many lanes as go together."""
+        operations, results, places = kernel
+        builder, count = self.builder, self.lanes // self.width
+        known = {
+            place: self.number(arguments[first], further)
+            for place, (what, first, *further) in enumerate(operations)
+            if what == "number"
+        }
+        if count > 1:
+            entry, body, after = builder.block, builder.append_basic_block(), builder.append_basic_block()
+            builder.branch(body)
+            builder.position_at_end(body)
+            self.first_lane = builder.phi(ir.IntType(64))
+            self.first_lane.add_incoming(ir.Constant(ir.IntType(64), 0), entry)
+        values = self.evaluate(operations, known, arguments)
+        for (array, first), code in zip(places, results, strict=True):
+            builder.store(self.operand(values, code), self.row(arguments[array], first), align=8)
+        if count > 1:
+            following = builder.add(self.first_lane, ir.Constant(ir.IntType(64), self.width))
+            self.first_lane.add_incoming(following, body)
+            builder.cbranch(builder.icmp_unsigned("<", following, ir.Constant(ir.IntType(64), self.lanes)), body, after)
+            builder.position_at_end(after)
+        builder.ret_void()
+
+    def function(self, name: str) -> Any:
+        """Return a function that kernels call; write it where the module does not have it yet."""
+        operations, results, _ = self.functions[name]
+        module, caller = self.builder.module, self.builder
+        written = module.globals.get(name)
+        if written is None:
+            inputs = {place: what[1] for place, what in enumerate(operations) if what[0] == "number"}
+            count = 1 + max(inputs.values())
+            returned = ir.LiteralStructType([self.kind] * len(results))
+            written = ir.Function(module, ir.FunctionType(returned, [self.kind] * count), name)
+            written.linkage = "internal"
+            written.attributes.add("alwaysinline")
+            self.builder = ir.IRBuilder(written.append_basic_block())
+            values = self.evaluate(operations, {place: written.args[n] for place, n in inputs.items()}, ())
+            found = ir.Constant(returned, ir.Undefined)
+            for n, code in enumerate(results):
+                found = self.builder.insert_value(found, self.operand(values, code), n)
+            self.builder.ret(found)
+            self.builder = caller
+        return written
+
+    # --- operations ---------------------------------------------------------------------------------------------------
+
+    def evaluate(self, operations: Any, known: Any, arguments: Any) -> dict[int, Any]:
+        """Emit all operations; see `Lowered`. `known`: the values of numbers."""
+        values, rules = dict(known), self.rules()
         for place, (what, *codes) in enumerate(operations):
             if what == "row":
-                self.kept[place] = self.builder.load(self.row(*codes), align=8)
-            elif what == "number":
-                self.kept[place] = self.spread(self.arguments[codes[0]])
-            else:
-                self.kept[place] = rules[what](*map(self.operand, codes))
-        for array, first, code in stores:
-            self.builder.store(self.operand(code), self.row(array, first), align=8)
+                values[place] = self.builder.load(self.row(arguments[codes[0]], codes[1]), align=8)
+            elif what in rules:
+                values[place] = rules[what](*[self.operand(values, code) for code in codes])
+            elif what.startswith("{0}["):  # one of several results
+                values[place] = self.builder.extract_value(values[codes[0]], int(what[4:-1]))
+            elif what != "number":
+                function = self.function(what[: what.index("(")])
+                values[place] = self.builder.call(function, [self.operand(values, code) for code in codes])
+        return values
 
     def rules(self) -> dict[str, Any]:
         """Return the function that writes each template of a record."""
@@ -139,31 +251,45 @@ class VectorWriter:
             "({1} if {0} < {1} else ({2} if {0} > {2} else {0}))": lambda a, b, c: less(a, b, b, less(c, a, c, a)),
             "({1} if {0} < {1} else {0})": lambda a, b: less(a, b, b, a),
             "quarter_turns({0}, {1}, {2})": self.quarter_turns,
-            "{0}[0]": lambda pair: pair[0],
-            "{0}[1]": lambda pair: pair[1],
         }
 
-    def row(self, array: int, first: int) -> Any:
-        """Where a row of an array lies."""
-        data = self.context.make_array(self.types[array])(self.context, self.builder, self.arguments[array]).data
-        return self.builder.bitcast(
-            self.builder.gep(data, [ir.Constant(ir.IntType(64), first)]), self.kind.as_pointer()
-        )
+    def number(self, argument: Any, places: Any) -> Any:
+        """Copy a number that all lanes share, an argument or an element of one, into every lane."""
+        for place in places:
+            if isinstance(argument, list):
+                argument = argument[place]
+            else:
+                argument = self.builder.load(self.builder.gep(argument, [ir.Constant(ir.IntType(64), place)]))
+        return self.spread(argument)
+
+    def row(self, data: Any, first: int) -> Any:
+        """Return where the present lanes' numbers of a row lie."""
+        place = ir.Constant(ir.IntType(64), first)
+        if self.first_lane is not None:
+            place = self.builder.add(self.first_lane, place)
+        pointer = self.builder.gep(data, [place])
+        return self.builder.bitcast(pointer, self.kind.as_pointer())
 
     def spread(self, value: Any) -> Any:
         """Copy a number into every lane."""
+        if self.width == 1:
+            return value
         short, undefined = ir.IntType(32), ir.Constant(self.kind, ir.Undefined)
         first = self.builder.insert_element(undefined, value, ir.Constant(short, 0))
-        places = ir.Constant(ir.VectorType(short, self.lanes), [0] * self.lanes)
+        places = ir.Constant(ir.VectorType(short, self.width), [0] * self.width)
         return self.builder.shuffle_vector(first, undefined, places)
 
-    def operand(self, code: Any) -> Any:
+    def constant(self, kind: Any, value: Any) -> Any:
+        """Return a literal in every lane."""
+        return ir.Constant(kind, [value] * self.width if self.width > 1 else value)
+
+    def operand(self, values: Any, code: Any) -> Any:
         """Return an earlier result, or a literal in every lane."""
-        return self.kept[code] if isinstance(code, int) else ir.Constant(self.kind, [float(code)] * self.lanes)
+        return values[code] if isinstance(code, int) else self.constant(self.kind, float(code))
 
     def library(self, name: str, *values: Any) -> Any:
         """One of LLVM's own functions."""
-        full = f"llvm.{name}.v{self.lanes}f64"
+        full = f"llvm.{name}.v{self.width}f64" if self.width > 1 else f"llvm.{name}.f64"
         declared = self.builder.module.globals.get(full)
         if declared is None:
             declared = ir.Function(self.builder.module, ir.FunctionType(self.kind, [self.kind] * len(values)), full)
@@ -173,15 +299,15 @@ class VectorWriter:
         """Choose by a < b in each lane."""
         return self.builder.select(self.builder.fcmp_ordered("<", a, b), then, otherwise)
 
-    def quarter_turns(self, k: Any, sine: Any, cosine: Any) -> list[Any]:
+    def quarter_turns(self, k: Any, sine: Any, cosine: Any) -> Any:
         """As `intrinsics.quarter_turns`, by the last two bits of k."""
-        builder, whole = self.builder, ir.VectorType(ir.IntType(64), self.lanes)
-        one, two, to_sign = (ir.Constant(whole, [value] * self.lanes) for value in (1, 2, 62))
-        turns = builder.bitcast(builder.fadd(k, self.operand("6755399441055744.0")), whole)
-        odd = builder.icmp_unsigned("!=", builder.and_(turns, one), ir.Constant(whole, [0] * self.lanes))
-        pair = []
-        for then, otherwise, count in ((cosine, sine, turns), (sine, cosine, builder.add(turns, one))):
-            value = builder.bitcast(builder.select(odd, then, otherwise), whole)
+        builder = self.builder
+        one, two, to_sign = (self.constant(self.whole, value) for value in (1, 2, 62))
+        turns = builder.bitcast(builder.fadd(k, self.constant(self.kind, 6755399441055744.0)), self.whole)
+        odd = builder.icmp_unsigned("!=", builder.and_(turns, one), self.constant(self.whole, 0))
+        pair = ir.Constant(ir.LiteralStructType([self.kind] * 2), ir.Undefined)
+        for n, (then, otherwise, count) in enumerate(((cosine, sine, turns), (sine, cosine, builder.add(turns, one)))):
+            value = builder.bitcast(builder.select(odd, then, otherwise), self.whole)
             sign = builder.shl(builder.and_(count, two), to_sign)
-            pair.append(builder.bitcast(builder.xor(value, sign), self.kind))
+            pair = builder.insert_value(pair, builder.bitcast(builder.xor(value, sign), self.kind), n)
         return pair

@@ -3,28 +3,27 @@
 from __future__ import annotations
 
 from flexarm_env.codegen.arrays import Arena, Table
-from flexarm_env.codegen.declarations import recorded
 from flexarm_env.codegen.tracing import root
 from flexarm_env.episode import features, reward
-from flexarm_env.kernels.recorded import SHARED, Recorder
+from flexarm_env.kernels.recorder import Recorder, recorded_kernel
 from flexarm_env.kernels.variants import Variant
 
 
-def truth_source(variant: Variant) -> str:
+def truth_record(variant: Variant) -> Recorder:
     """Record the kernel of state, tips and deflections."""
     r = Recorder(variant)
     truth = r.truth()
     for name, values in truth._asdict().items():
         r.write(name.upper(), values)
-    return r.source("truth_kernel(arena)")
+    return r
 
 
-@recorded(truth_source, SHARED)
+@recorded_kernel(truth_record)
 def truth_kernel(arena: Arena) -> None:
     """Compute state, tips and deflections of each lane."""
 
 
-def features_source(variant: Variant) -> str:
+def features_record(variant: Variant) -> Recorder:
     """Record the kernel of the observations' parts and the reward's terms."""
     r = Recorder(variant)
     names = ("encoders", "reference", "reference_joints", "link_sensor", "sensor_error", "sensor_error_rate")
@@ -52,10 +51,10 @@ def features_source(variant: Variant) -> str:
     for term in weighted[1:]:
         total = total + term
     r.write("REWARD", [total])
-    return r.source("features_kernel(arena, length_1, length_2, weights)")
+    return r
 
 
-@recorded(features_source, SHARED)
+@recorded_kernel(features_record)
 def features_kernel(arena: Arena, length_1: float, length_2: float, weights: Table) -> None:
     """Compute each lane's parts of observations and terms of the reward.
 
@@ -67,7 +66,7 @@ def features_kernel(arena: Arena, length_1: float, length_2: float, weights: Tab
     """
 
 
-def joint_source(variant: Variant) -> str:
+def joint_record(variant: Variant) -> Recorder:
     """Record the kernel of the joint angles and rates of the rigid arm whose tip is on the reference."""
     r = Recorder(variant)
     lengths = (r.trace.input("length_1"), r.trace.input("length_2"))
@@ -75,9 +74,9 @@ def joint_source(variant: Variant) -> str:
         "REFERENCE_JOINTS",
         features.joint_aim(lengths, r.one("BRANCH"), r.read("REFERENCE"), r.read("REFERENCE_JOINTS")[0]),
     )
-    return r.source("joint_kernel(arena, length_1, length_2)")
+    return r
 
 
-@recorded(joint_source, SHARED)
+@recorded_kernel(joint_record)
 def joint_kernel(arena: Arena, length_1: float, length_2: float) -> None:
     """Compute each lane's joint angles and rates of the rigid arm on the reference."""

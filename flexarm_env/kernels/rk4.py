@@ -5,10 +5,10 @@
 
 from __future__ import annotations
 
-from flexarm_env.codegen.arrays import Arena, Arenas, LaneRecords
+from flexarm_env.codegen.arrays import Arena, Arenas, LaneRecords, LaneRows
 from flexarm_env.codegen.declarations import Program
 from flexarm_env.kernels.layout import row
-from flexarm_env.kernels.recorded import slope, step_kernel
+from flexarm_env.kernels.recorded import slope_kernel, step_kernel
 from flexarm_env.kernels.variants import variant
 
 
@@ -46,4 +46,9 @@ def run_open(arenas: Arenas, torques: LaneRecords, states: LaneRecords, h: float
     return torques.shape[0]
 
 
-OPEN = Program("open", entry_points=(run_open, slope), words="an arm driven by torques")
+def find_slope(arena: Arena, rates: LaneRows) -> None:
+    """Acceleration of a block's arms at their states and torques; see `slope_kernel`."""
+    slope_kernel(arena, rates)
+
+
+OPEN = Program("open", entry_points=(run_open, find_slope), words="an arm driven by torques")

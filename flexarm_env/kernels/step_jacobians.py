@@ -26,11 +26,11 @@ from numpy.typing import NDArray
 from flexarm_env.codegen.arrays import Arena, LaneRows
 from flexarm_env.codegen.declarations import Program
 from flexarm_env.codegen.elementary import sincos
-from flexarm_env.codegen.intrinsics import aligned_stack
 from flexarm_env.codegen.tangents import tangents, varied
 from flexarm_env.kernels.entries import constant
 from flexarm_env.kernels.layout import row, slope_ways
-from flexarm_env.kernels.recorded import Recorder, recorded_in_vectors, step_kernel
+from flexarm_env.kernels.recorded import step_kernel
+from flexarm_env.kernels.recorder import Recorder, recorded_kernel
 from flexarm_env.kernels.tableau import RK4_NODES, RK4_WEIGHTS
 from flexarm_env.kernels.variants import Variant, variant
 from flexarm_env.physics import dynamics as dyn
@@ -106,7 +106,7 @@ def input_column_record(variant: Variant) -> Recorder:
     return column_record(variant, with_input=True)
 
 
-@recorded_in_vectors(stage_record)
+@recorded_kernel(stage_record)
 def stage_kernel(arena: Arena, slopes: LaneRows) -> None:
     """Acceleration of every lane at a stage, and its slopes.
 
@@ -116,7 +116,7 @@ def stage_kernel(arena: Arena, slopes: LaneRows) -> None:
     """
 
 
-@recorded_in_vectors(column_record)
+@recorded_kernel(column_record)
 def column_kernel(column: LaneRows, slopes: LaneRows, h: float) -> None:
     """One column of every lane over a step.
 
@@ -127,7 +127,7 @@ def column_kernel(column: LaneRows, slopes: LaneRows, h: float) -> None:
     """
 
 
-@recorded_in_vectors(input_column_record)
+@recorded_kernel(input_column_record)
 def input_column_kernel(column: LaneRows, slopes: LaneRows, input: LaneRows, h: float) -> None:
     """One column of every lane over a step, of an input that acts all the time.
 
@@ -274,8 +274,6 @@ def run_tangents(
 
 def find_slopes(arena: Arena, h: float) -> None:
     """Compute the slopes of all stages of the coming step."""
-    if variant.batch:
-        aligned_stack()
     for stage in range(STAGES):
         ahead = h * RK4_NODES[stage]
         for r in range(variant.size):
@@ -290,8 +288,6 @@ def find_slopes(arena: Arena, h: float) -> None:
 
 def carry_columns(arena: Arena, h: float) -> None:
     """All columns over the coming step."""
-    if variant.batch:
-        aligned_stack()
     slopes: LaneRows = arena[row.SLOPES : row.SLOPES + STAGES * variant.ways * variant.size]
     for n in range(variant.ways):
         begin = row.COLUMNS + 2 * variant.size * n

@@ -20,7 +20,6 @@ from flexarm_env.kernels.tableau import RK4_NODES, RK4_WEIGHTS
 from flexarm_env.kernels.variants import Variant
 from flexarm_env.physics.constants import Constants
 from flexarm_env.physics.coordinates import internal_state, public_state
-from flexarm_env.physics.dynamics import elbow_turn
 from flexarm_env.validation import finite_array, integer, shown
 
 Array = NDArray[np.float64]
@@ -50,10 +49,8 @@ class OpenLoop:
         self._module: ModuleType = assembly.load(variant)
         self._rows = variant.rows
         self._arena = np.zeros(extent(self._rows))
-        self._numbers: list[float] = []
         for name, values in arm_rows(constants).items():
             self._arena[self._part(name)] = values
-            self._numbers += values
         # rates follow positions
         self._state = slice(self._rows["Y"][0], self._rows["Y"][0] + 2 * size)
         self._arena[self._state] = internal_state(constants, start)
@@ -104,10 +101,10 @@ class OpenLoop:
             if not np.all(np.isfinite(stage)):
                 return False
             tau = _evaluate(torque, (k + node) * h, stage)
-            y, v = (part.tolist() for part in np.split(internal, 2))
-            turn = cache.call(self._module.sincos_fused, elbow_turn(y))
-            numbers = (*self._numbers, *y, *v, *tau.tolist(), *turn)
-            slope = np.array([*v, *cache.call(self._module.slope, *numbers)])
+            self._arena[self._state], self._arena[self._part("TAU")] = internal, tau
+            v, rates = np.split(internal, 2)[1], np.zeros(len(internal) // 2)
+            cache.call(self._module.find_slope, self._arena, rates)
+            slope = np.concatenate([v, rates])
             total = total + weight * slope
         self._arena[self._state] = start + h / 6.0 * total
         return True

@@ -19,9 +19,12 @@ from flexarm_env import (
     square,
 )
 from flexarm_env.codegen import assembly
+from flexarm_env.codegen.declarations import Recorded
 from flexarm_env.codegen.memory import aligned_zeros
 from flexarm_env.kernels.entries import extent
 from flexarm_env.kernels.layout import arm_rows
+from flexarm_env.kernels.recorded import step_kernel
+from flexarm_env.kernels.recorder import CALLED
 from flexarm_env.kernels.rk4 import OPEN
 from flexarm_env.kernels.variants import Variant
 from flexarm_env.parameters import Kinematics
@@ -70,8 +73,9 @@ def torque_driven(modes: Sequence[int], effort: float) -> Group:
 
 def operations(modes: int) -> int:
     """Additions, subtractions, multiplications and divisions of a Runge-Kutta step, as written; fused ones are two."""
-    text = assembly.render(Variant(OPEN, modes, True, 1))
-    bodies = dict(re.findall(r"^def (\w+)\([^\n]*\n(.*?)(?=^@|^def |\Z)", text, re.DOTALL | re.MULTILINE))
+    variant = Variant(OPEN, modes, True, 1)
+    recorded = [function for function in (*CALLED, step_kernel) if isinstance(function, Recorded)]
+    bodies = {function.__name__: function.formula(variant).split("\n", 1)[1] for function in recorded}
 
     def count(name: str) -> int:
         """Of a function, with those that it calls."""

@@ -10,7 +10,7 @@ from flexarm_env.codegen.arrays import LaneRows
 from flexarm_env.codegen.declarations import Program, plain_python
 from flexarm_env.codegen.elementary import arctan2, exp_minus, sincos
 from flexarm_env.codegen.tracing import at_least, clip, floor, magnitude, root, where_less
-from flexarm_env.kernels.recorded import Recorder, recorded_in_vectors
+from flexarm_env.kernels.recorder import Recorder, recorded_kernel
 from flexarm_env.kernels.variants import Variant
 
 
@@ -28,7 +28,7 @@ def record(variant: Variant) -> Recorder:
     return r
 
 
-@recorded_in_vectors(record)
+@recorded_kernel(record)
 def kernel(rows: LaneRows, results: LaneRows, h: float) -> None:
     """All results of `formula` on every lane."""
 
@@ -38,7 +38,7 @@ def run(rows: LaneRows, results: LaneRows, h: float) -> None:
     kernel(rows, results, h)
 
 
-@pytest.mark.parametrize("lanes", [1, 8])
+@pytest.mark.parametrize("lanes", [1, 2, 24])
 def test_a_kernel_in_vectors_is_the_formula(lanes: int) -> None:
     """Compiled and in plain Python."""
     variant = Variant(Program("vectors", (run,)), 1, True, lanes)
@@ -56,5 +56,5 @@ def test_a_kernel_in_vectors_is_the_formula(lanes: int) -> None:
 def test_the_modules_text_has_what_writes_the_vectors_without_its_documentation() -> None:
     text = assembly.render(Variant(Program("vectors", (run,)), 1, True, 8))
     assert "@intrinsic\ndef kernel(typing_context, rows, results, h):" in text
-    assert "class VectorWriter:\n\n    def __init__(self, context, builder, signature, arguments, lanes):" in text
+    assert "class VectorWriter:\n\n    def __init__(self, context, builder, lanes, functions):" in text
     assert "Any" not in text

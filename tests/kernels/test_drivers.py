@@ -252,10 +252,21 @@ def test_a_library_function_that_kernels_do_not_import_is_refused() -> None:
         assembly.render(Variant(Program("bare", (driver_with_a_library_function,)), 1, True, 1))
 
 
+def guarded_loop(arena: Arena) -> None:
+    """Loop over the lanes only where the first number is positive."""
+    for i in range(variant.lanes if arena[row.SHIFT, 0] > 0.0 else 0):
+        arena[row.SHIFT + 1, i] = 1.0
+
+
 def test_a_driver_is_lowered_to_a_flat_arena() -> None:
-    text = assembly.render(Variant(Program("moved", (driver_of_the_aim,), groups=TRACKING.groups), 1, True, 8))
-    assert "arena[i + ROW_SHIFT * VARIANT_LANES] = 1.0" in text
+    program = Program("moved", (driver_of_the_aim, guarded_loop), groups=TRACKING.groups)
+    blocks, alone = (Variant(program, 1, True, lanes) for lanes in (8, 1))
+    text, first = assembly.render(blocks), blocks.rows["SHIFT"][0]
+    assert f"for i in range(VARIANT_LANES):\n        arena[i + {8 * first}] = 1.0" in text
     assert "VARIANT_LANES = 8" in text
+    text = assembly.render(alone)  # a loop of a single turn is what it repeats
+    assert "def driver_of_the_aim(arena):\n    arena[ROW_SHIFT] = 1.0" in text
+    assert f"if arena[ROW_SHIFT] > 0.0:\n        arena[{first + 1}] = 1.0" in text
 
 
 def test_drivers_need_a_variant() -> None:

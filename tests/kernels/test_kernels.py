@@ -2,33 +2,29 @@
 
 import platform
 import re
+import sys
 import time
-from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from fractions import Fraction
 from types import ModuleType
-from typing import Any
 
-import mpmath
 import numpy as np
 import pytest
-from numba import njit
 
 from flexarm_env import FlexibleArm
 from flexarm_env.codegen import assembly
 from flexarm_env.codegen.declarations import Program
 from flexarm_env.codegen.elementary import sincos
-from flexarm_env.codegen.tracing import quarter_turns
 from flexarm_env.episode.step import GAIN, TORQUE, TRACKING
-from flexarm_env.kernels import tableau
-from flexarm_env.kernels.entries import extent
+from flexarm_env.kernels.entries import CLOCK_ROWS, extent
 from flexarm_env.kernels.imex import LOOP
 from flexarm_env.kernels.layout import arm_rows
+from flexarm_env.kernels.recorded import step_kernel
 from flexarm_env.kernels.rk4 import OPEN
 from flexarm_env.kernels.variants import Variant
 from flexarm_env.physics import dynamics as dyn
 from flexarm_env.physics.constants import Constants
 from flexarm_env.physics.modal_elimination import elimination
+from tests.support.interpreted import interpreted, rounded_once
 from tests.support.lagrange import loaded_arm, random_state
 
 LANES = 8
@@ -65,6 +61,12 @@ class Batch:
 
     def variant(self, lanes: int) -> Variant:
         return Variant(OPEN, self.modes, self.complete, lanes, foreshortened=self.foreshortened)
+
+    def step_once(self, lanes: int, arena: np.ndarray, h: float) -> None:
+        """Advance the arms of a block by a step of h [s]."""
+        rows = self.rows
+        torques = arena.reshape(-1, lanes)[rows["TAU"][0] :][:2].reshape(1, 1, -1)
+        self.module(lanes).run_open(arena[None], torques, np.zeros((1, 1, 2 * self.size * lanes)), h, 1)
 
     def arenas(self, lanes: int) -> np.ndarray:
         """Shape (blocks, rows * lanes)."""
@@ -118,32 +120,13 @@ def batch(request: pytest.FixtureRequest) -> Batch:
 # --- the formulas as written ------------------------------------------------------------------------------------------
 
 
-def interpreted(variant: Variant, fused: Callable[[float, float, float], float]) -> dict[str, Callable[..., Any]]:
-    """Functions of a module with one lane as Python runs their text, with a multiplication-and-addition of our choice.
-
-    What the module has as intrinsics of the processor is arithmetic here.
-    """
-    text = assembly.render(variant)
-    plain = {"njit": lambda **options: lambda function: function, "floor": np.floor}
-    names: dict[str, Any] = plain | {"fused": fused, "quarter_turns": quarter_turns, "aligned_stack": lambda: None}
-    for name in ("sincos_fused", "slope", "step_kernel"):
-        definition = re.search(rf"^def {name}\(.*?(?=^@|\Z)", text, re.MULTILINE | re.DOTALL)
-        assert definition is not None
-        exec(definition[0], names)
-    return names
-
-
-def rounded_once(a: float, b: float, c: float) -> float:
-    return float(Fraction(float(a)) * Fraction(float(b)) + Fraction(float(c)))
-
-
 @pytest.mark.parametrize("lanes", [1, LANES])
 def test_a_compiled_step_is_its_text_to_the_last_bit(batch: Batch, lanes: int) -> None:
     """The compiler reorders, contracts and replaces nothing; what the text fuses is rounded once."""
     arenas, expected = batch.arenas(lanes), batch.arenas(1)
     for arena in arenas:
-        batch.module(lanes).step_kernel(arena, 1e-3)
-    step = interpreted(batch.variant(1), rounded_once)["step_kernel"]
+        batch.step_once(lanes, arena, 1e-3)
+    step = interpreted(batch.variant(1), step_kernel, rounded_once)
     for arena in expected:
         step(arena, 1e-3)
     for name in "YV":
@@ -153,7 +136,7 @@ def test_a_compiled_step_is_its_text_to_the_last_bit(batch: Batch, lanes: int) -
 def test_the_text_of_a_step_is_the_formulas_on_arrays_to_the_last_bit(batch: Batch) -> None:
     """The recorder reorders and replaces nothing; here what it fuses is rounded twice, as in the formulas."""
     h, arenas = 1e-3, batch.arenas(1)
-    step = interpreted(batch.variant(1), lambda a, b, c: a * b + c)["step_kernel"]
+    step = interpreted(batch.variant(1), step_kernel, lambda a, b, c: a * b + c)
     for arena in arenas:
         step(arena, h)
     y, v, slopes = batch.y, batch.v, []
@@ -226,75 +209,13 @@ def test_kernels_release_the_interpreter() -> None:
     assert longest < 0.5 * took
 
 
-# --- sine and cosine --------------------------------------------------------------------------------------------------
-
-
-def ulp_errors(x: np.ndarray) -> np.ndarray:
-    """Of sine and cosine against 60 digits [units in the last place of the exact value]. Shape (2, n)."""
-    ours = np.array(sincos(x))
-    errors = np.empty_like(ours)
-    with mpmath.workdps(60):
-        for j, value in enumerate(x.tolist()):
-            for i, exact in enumerate(reversed(mpmath.cos_sin(mpmath.mpf(value)))):
-                errors[i, j] = abs((mpmath.mpf(float(ours[i, j])) - exact) / np.spacing(abs(float(exact))))
-    return errors
-
-
-def random_angles(bound: float) -> np.ndarray:
-    return np.random.default_rng(0).uniform(-bound, bound, 2000)
-
-
-def angles_near_quarters() -> np.ndarray:
-    """Doubles next to multiples of pi/2: the first, and those up to 1e5 that come closest to one."""
-    quarters = np.arange(1, 63662) * (np.pi / 2)
-    closest = np.argsort(np.minimum(np.abs(np.sin(quarters)), np.abs(np.cos(quarters))))
-    return np.concatenate([quarters[:500], quarters[closest[:1500]]])
-
-
-ANGLES = {
-    "a quarter": random_angles(0.8),
-    "a turn": random_angles(4.0),
-    "turns": random_angles(100.0),
-    "many turns": random_angles(1e5),
-    "next to multiples of pi/2": angles_near_quarters(),
-    "next to odd multiples of pi/4": np.arange(1, 2001, 2) * (np.pi / 4),
-    "tiny": 10.0 ** np.random.default_rng(1).uniform(-300.0, -1.0, 1000),
-}
-
-
-@pytest.mark.parametrize("name", ANGLES)
-def test_sine_and_cosine_are_within_two_ulp(name: str) -> None:
-    x = ANGLES[name]
-    assert ulp_errors(np.concatenate([x, -x[:100], np.nextafter(x[:100], 0.0)])).max() < 2.0
-
-
-@pytest.mark.parametrize("name", ANGLES)
-def test_a_compiled_sine_is_its_text_to_the_last_bit(name: str) -> None:
-    """Signs and the exchange of sine and cosine too, which the processor takes from the bits of a whole number."""
-    variant = Variant(OPEN, 1, True, 1)
-    compiled, text = assembly.load(variant).sincos_fused, interpreted(variant, rounded_once)["sincos_fused"]
-    for x in np.concatenate([ANGLES[name][:100], -ANGLES[name][:100], ANGLES[name][-50:], [0.0]]).tolist():
-        assert np.array(compiled(x)).tobytes() == np.array(text(x)).tobytes()  # 0 and -0 are not the same
-
-
-def test_sine_and_cosine_of_zero_are_exact() -> None:
-    assert sincos(0.0) == (0.0, 1.0)
-
-
-def test_sine_and_cosine_pass_on_what_is_not_finite() -> None:
-    with np.errstate(invalid="ignore"):
-        results = np.array(sincos(np.array([np.nan, np.inf, -np.inf, 1.0])))
-    assert np.all(np.isnan(results[:, :3]))
-    assert np.all(np.isfinite(results[:, 3]))
-
-
 def test_a_lane_that_is_not_finite_stays_so_and_alone() -> None:
     batch = Batch(2, True)
     expected = batch.arenas(LANES)
-    batch.module(LANES).step_kernel(expected[0], 1e-3)
+    batch.step_once(LANES, expected[0], 1e-3)
     batch.v[0, 3] = np.nan
     arenas = batch.arenas(LANES)
-    batch.module(LANES).step_kernel(arenas[0], 1e-3)
+    batch.step_once(LANES, arenas[0], 1e-3)
     rates = batch.part(arenas, LANES, "V")
     assert np.all(np.isnan(rates[:, 3]))
     others = np.arange(LANES) != 3
@@ -319,28 +240,32 @@ MACHINES = {
 
 
 @pytest.mark.slow  # compiles what the cache holds already
-@pytest.mark.parametrize(
-    ("variant", "kernel", "arguments"),
-    [
-        (Variant(OPEN, 1, True, LANES), "step_kernel", (1e-3,)),
-        (Variant(LOOP, 1, True, LANES), "law_kernel", (1e-3, 0.0, tableau.EXPLICIT[0], tableau.IMPLICIT[0])),
-    ],
-    ids=["open", "loop"],
-)
-def test_batch_kernels_work_on_several_lanes_at_once(variant: Variant, kernel: str, arguments: tuple[Any, ...]) -> None:
+@pytest.mark.parametrize("variant", [Variant(OPEN, 1, True, 4 * LANES), Variant(LOOP, 1, True, 4 * LANES)], ids=str)
+def test_batch_kernels_work_on_several_lanes_at_once(variant: Variant, monkeypatch: pytest.MonkeyPatch) -> None:
     machine = {"AMD64": "x86_64", "arm64": "aarch64"}.get(platform.machine(), platform.machine())
     if machine not in MACHINES:
         pytest.skip(f"no pattern of vector instructions for {machine}")
-    dispatcher = getattr(assembly.load(variant), kernel)
-    options = {name: value for name, value in dispatcher.targetoptions.items() if name not in ("cache", "nopython")}
-    assert not options.get("fastmath")
-    fresh = njit(**options)(dispatcher.py_func)  # what comes from a cache has no assembly to show
-    fresh(np.zeros(extent(variant.rows) * LANES), *arguments)
-    (machine_code,) = fresh.inspect_asm().values()
-    pack, scalar, _ = (len(re.findall(pattern, machine_code)) for pattern in MACHINES[machine])
-    # hundreds of operations; scalar ones are left to the wrapper and to a loop's remainder, of which there is none
-    assert pack > 200
+    monkeypatch.setenv("FLEXARM_CACHE_DIR", "")  # what comes from a cache has no assembly to show
+    monkeypatch.delitem(sys.modules, assembly.load(variant).__name__)
+    assembly.load.cache_clear()
+    module = assembly.load(variant)
+    entry = module.run_open if variant.program is OPEN else module.run_loop
+    assert not entry.targetoptions.get("fastmath")
+    arenas = np.zeros((1, extent(variant.rows) * variant.lanes))
+    if variant.program is OPEN:
+        held = np.zeros((1, 1, 2 * variant.lanes))
+        entry(arenas, held, np.zeros((1, 1, 2 * variant.size * variant.lanes)), 1e-3, 1)
+    else:
+        clocks = np.zeros((1, CLOCK_ROWS, variant.lanes), dtype=np.int64)
+        history = np.zeros((1, 4 * variant.slot_rows * variant.lanes))
+        entry(arenas, history, clocks, np.zeros((1, 2, 5)), 1e-3, 0, True)
+    (machine_code,) = entry.inspect_asm().values()
+    name = "step_kernel" if variant.program is OPEN else "law_kernel"
+    code = re.search(rf"^{name}:.*?\.size\s+{name}", machine_code, re.MULTILINE | re.DOTALL)
+    assert code is not None
+    pack, scalar, _ = (len(re.findall(pattern, code[0])) for pattern in MACHINES[machine])
+    assert pack > 200  # hundreds of operations
     assert scalar < 0.05 * pack
-    assert not re.search(rf"(?:{MACHINES[machine][2]}).*\b_*(?:sin|cos|sincos|fma)", machine_code)
+    assert not re.search(rf"(?:{MACHINES[machine][2]}).*\b_*(?:sin|cos|sincos|fma)", code[0])
     if machine == "x86_64":
-        assert re.search(r"\$-64, %rsp", machine_code)  # the stack is aligned
+        assert re.search(r"\$-64, %rsp", code[0])  # the stack is aligned

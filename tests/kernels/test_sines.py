@@ -1,0 +1,101 @@
+"""Sine and cosine of the kernels: within two units in the last place, and compiled as they are written."""
+
+from __future__ import annotations
+
+import mpmath
+import numpy as np
+import pytest
+
+from flexarm_env.codegen import assembly
+from flexarm_env.codegen.arrays import LaneRows
+from flexarm_env.codegen.declarations import Program
+from flexarm_env.codegen.elementary import sincos
+from flexarm_env.kernels.recorder import Recorder, recorded_kernel
+from flexarm_env.kernels.variants import Variant
+from tests.support.interpreted import interpreted, rounded_once
+
+LANES = 8
+
+
+def sines_record(variant: Variant) -> Recorder:
+    """Record sine and cosine."""
+    r = Recorder(variant)
+    r.store("results", sincos(r.rows_of("angles", 1)[0]))
+    return r
+
+
+@recorded_kernel(sines_record)
+def sines_kernel(angles: LaneRows, results: LaneRows) -> None:
+    """Sine and cosine of an angle on every lane."""
+
+
+def sines_of(angles: LaneRows, results: LaneRows) -> None:
+    """Call it as a driver does."""
+    sines_kernel(angles, results)
+
+
+SINES = Program("sines", (sines_of,))
+
+
+def ulp_errors(x: np.ndarray) -> np.ndarray:
+    """Of sine and cosine against 60 digits [units in the last place of the exact value]. Shape (2, n)."""
+    ours = np.array(sincos(x))
+    errors = np.empty_like(ours)
+    with mpmath.workdps(60):
+        for j, value in enumerate(x.tolist()):
+            for i, exact in enumerate(reversed(mpmath.cos_sin(mpmath.mpf(value)))):
+                errors[i, j] = abs((mpmath.mpf(float(ours[i, j])) - exact) / np.spacing(abs(float(exact))))
+    return errors
+
+
+def random_angles(bound: float) -> np.ndarray:
+    return np.random.default_rng(0).uniform(-bound, bound, 2000)
+
+
+def angles_near_quarters() -> np.ndarray:
+    """Doubles next to multiples of pi/2: the first, and those up to 1e5 that come closest to one."""
+    quarters = np.arange(1, 63662) * (np.pi / 2)
+    closest = np.argsort(np.minimum(np.abs(np.sin(quarters)), np.abs(np.cos(quarters))))
+    return np.concatenate([quarters[:500], quarters[closest[:1500]]])
+
+
+ANGLES = {
+    "a quarter": random_angles(0.8),
+    "a turn": random_angles(4.0),
+    "turns": random_angles(100.0),
+    "many turns": random_angles(1e5),
+    "next to multiples of pi/2": angles_near_quarters(),
+    "next to odd multiples of pi/4": np.arange(1, 2001, 2) * (np.pi / 4),
+    "tiny": 10.0 ** np.random.default_rng(1).uniform(-300.0, -1.0, 1000),
+}
+
+
+@pytest.mark.parametrize("name", ANGLES)
+def test_sine_and_cosine_are_within_two_ulp(name: str) -> None:
+    x = ANGLES[name]
+    assert ulp_errors(np.concatenate([x, -x[:100], np.nextafter(x[:100], 0.0)])).max() < 2.0
+
+
+@pytest.mark.parametrize("name", ANGLES)
+def test_a_compiled_sine_is_its_text_to_the_last_bit(name: str) -> None:
+    """Signs and the exchange of sine and cosine too, which the processor takes from the bits of a whole number."""
+    angles = np.concatenate([ANGLES[name][:100], -ANGLES[name][:100], ANGLES[name][-50:], np.zeros(6)])
+    for lanes in (1, LANES):
+        variant = Variant(SINES, 1, True, lanes)
+        text = interpreted(variant, sines_kernel, rounded_once)
+        for block in angles.reshape(-1, lanes):
+            found, expected = np.zeros((2, 2 * lanes))
+            assembly.load(variant).sines_of(block, found)
+            text(block, expected)
+            assert found.tobytes() == expected.tobytes()  # 0 and -0 are not the same
+
+
+def test_sine_and_cosine_of_zero_are_exact() -> None:
+    assert sincos(0.0) == (0.0, 1.0)
+
+
+def test_sine_and_cosine_pass_on_what_is_not_finite() -> None:
+    with np.errstate(invalid="ignore"):
+        results = np.array(sincos(np.array([np.nan, np.inf, -np.inf, 1.0])))
+    assert np.all(np.isnan(results[:, :3]))
+    assert np.all(np.isfinite(results[:, 3]))
