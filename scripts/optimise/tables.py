@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from scripts.common.markdown import table
+from scripts.optimise.score import CASES
 
 ERRORS = {"true_tip_rms": "lap r.m.s. [m]", "true_tip_rms_after_2s": "after 2 s [m]"}
 EFFORTS = {"torque_rms": "torques, r.m.s. [N m]", "torque_change_rms": "their change in a period [N m]"}
@@ -43,6 +44,19 @@ def pareto(found: dict[str, Any]) -> str:
     )
 
 
+def regulated(found: dict[str, Any]) -> str:
+    """Show what regulators along the plans make of other arms: lap, then after 2 s."""
+    cases = list(CASES)
+    return table(
+        ["arm, lap", "regulator", *cases],
+        [
+            [_words(name), regulator, *(" / ".join(_errors(rows[case])) for case in cases)]
+            for name, report in found.items()
+            for regulator, rows in report["regulated"].items()
+        ],
+    )
+
+
 def _words(name: str) -> str:
     arm, _, lap = name.rpartition("_")
     return f"{arm}, {lap}"
@@ -56,4 +70,4 @@ def _efforts(row: dict[str, Any]) -> list[str]:
     return [" / ".join(f"{x:.1f}" for x in row[key]) for key in EFFORTS]
 
 
-TABLES = {"laps": laps, "pareto": pareto}
+TABLES = {"laps": laps, "pareto": pareto, "regulated": regulated}
