@@ -7,7 +7,6 @@ of it is linear in the bend angles; so are the rates.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import mujoco
@@ -16,6 +15,7 @@ from numpy.typing import NDArray
 
 from flexarm_env.chain import model as chain
 from flexarm_env.parameters import ArmParameters
+from flexarm_env.physics.fixed_point import fixed_point
 
 Array = NDArray[np.float64]
 PLACES = 41  # where a link's deflection is read, root and tip among them
@@ -190,18 +190,3 @@ class Chain:
         """Return angles, or rates, of the segments less those of their link's first one. Shape (2, segments)."""
         absolute = np.cumsum(angles).reshape(2, -1)
         return np.asarray(absolute - absolute[:, :1])
-
-
-def fixed_point(function: Callable[[Array], Array], start: Array) -> Array:
-    """Return x with function(x) = x, by damped repetition.
-
-    Raises:
-        RuntimeError: if it does not settle.
-    """
-    x = start.copy()
-    for _ in range(300):
-        change = function(x) - x
-        x += 0.5 * change
-        if np.abs(change).max() < 1e-12:
-            return x
-    raise RuntimeError("the shape under this force was not found: it bends too far")

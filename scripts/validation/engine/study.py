@@ -15,19 +15,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexarm_env import DivergenceError
-from scripts.validation.engine.chain import CHAIN_ANGLE, HELD, MODEL_ANGLE
+from scripts.validation.engine.chain import CHAIN_ANGLE
 from scripts.validation.engine.models import Model, model
-from scripts.validation.engine.programmes import PROGRAMMES, Programme
-from scripts.validation.engine.runs import (
+from scripts.validation.engine.motion import (
+    MODEL_ANGLE,
     Motion,
     apart,
-    chain_motion,
     extrapolated,
     low_passed,
     model_motion,
     peak_bend,
     rms,
 )
+from scripts.validation.engine.programmes import HELD, PROGRAMMES, Programme
+from scripts.validation.engine.runs import chain_motion
 
 Array = NDArray[np.float64]
 SMALLEST = 0.125
