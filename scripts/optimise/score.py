@@ -7,11 +7,12 @@ from typing import Any
 
 import gymnasium
 import numpy as np
+from numpy.typing import NDArray
 
 import flexarm_env  # noqa: F401  (registers the environments)
 from flexarm_baselines.optimal import AGGRESSIVE, GOOD, Plan, PlanRegulator
-from flexarm_env.laps import LAPS
 from flexarm_env.metrics import summary
+from flexarm_env.rollout import run_policy
 
 # What is run under the regulators, by its difference from the plan's arm.
 CASES: dict[str, dict[str, float]] = {
@@ -26,28 +27,29 @@ REGULATORS = {"good": GOOD, "aggressive": AGGRESSIVE}
 FIGURES = ("true_tip_rms", "true_tip_rms_after_2s", "true_tip_max", "elbow_changes", "vibration")
 
 
-def score(plan: Plan, lap: str) -> dict[str, Any]:
-    """Run a plan through `FlexArm/Square-v0` under feedback of the true state, and return the figures of its lap.
+class Replay:
+    """A policy that plays a plan's torques, open loop."""
 
-    An environment's actions are of single precision, and the arm's motion along a lap is so sensitive that torques
-    rounded to that leave the plan after some seconds without feedback.
+    def __init__(self, plan: Plan) -> None:
+        """Take the plan's torques as actions."""
+        self.actions = (plan.torques / np.array(plan.limits)).astype(np.float32)
+
+    def predict(self, observation: Any, state: Any = None) -> tuple[NDArray[np.float32], int]:
+        """Return the action of the next control period; the state counts them."""
+        period = 0 if state is None else int(state)
+        return self.actions[period], period + 1
+
+
+def score(plan: Plan, lap: str) -> dict[str, Any]:
+    """Run a plan through `FlexArm/Square-v0`, open loop, and return the figures of its lap.
+
+    Raises:
+        RuntimeError: if it ends the episode.
     """
     env = gymnasium.make("FlexArm/Square-v0", arm=asdict(plan.parameters), torque_limit=plan.limits)
-    regulator, time = PlanRegulator(plan), plan.time.tolist()
-    _, info = env.reset(options=LAPS[lap].reset_options())
-    states, torques, references = [info["state"]], [], [info["reference"]]
-    for instant in time[:-1]:
-        torque = regulator.torque(instant, states[-1])
-        _, _, terminated, _, info = env.step((torque / plan.limits).astype(np.float32))
-        if terminated:
-            raise RuntimeError(f"the plan of the {lap} lap ends the episode after {info['time']:.2f} s")
-        states.append(info["state"])
-        torques.append(info["torque"])
-        references.append(info["reference"])
-    run = plan.arm.record(
-        plan.time, np.array(states), np.array([*torques, torques[-1]]), reference=np.array(references)
-    )
-    figures = summary(run)
+    figures = summary(run_policy(env, Replay(plan), lap=lap))
+    if figures["ended_early"]:
+        raise RuntimeError(f"the plan of the {lap} lap ends the episode: {figures['ended']}")
     return {name: figures[name] for name in FIGURES} | efforts(plan)
 
 
