@@ -63,7 +63,7 @@ class TrackingProblem:
         deflection_limit: of the links' tip deflections d [m]; None: none. It is soft: leave a margin.
         residuals: what a user adds: r, a function of state and time.
         period: control period [s].
-        step: of the integration [s]; a period is a whole number of them.
+        step: integration step [s]; a period is a whole number of them.
     """
 
     arm: FlexibleArm

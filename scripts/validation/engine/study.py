@@ -51,7 +51,7 @@ class Case(NamedTuple):
     Attributes:
         reference: the extrapolated chain.
         chains: by number of elements.
-        errors: of each model, its motion less the reference; None for one that diverged.
+        errors: errors of each model, its motion less the reference; None for one that diverged.
     """
 
     reference: Motion
@@ -64,7 +64,7 @@ def case(programme: Programme, elements: Sequence[int], models: Sequence[Model])
 
     Args:
         programme: the programme.
-        elements: of the chains, each twice the one before; the last two make the reference.
+        elements: numbers of elements of the chains, each twice the one before; the last two make the reference.
         models: to be compared with it.
     """
     chains = {n: chain_motion(programme, n) for n in elements}
