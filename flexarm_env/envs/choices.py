@@ -8,7 +8,6 @@ from flexarm_env.episode.draws import SHARE_AT_REST
 
 Start = Literal["corner", "corners", "moving", "mix"]
 Frame = Literal["link", "world"]
-PHYSICS_STEP = 1e-3  # longest step of the explicit integrator [s]
 STARTS = {
     "corner": "at rest at the start of the lap",
     "corners": "at rest at a quarter of the lap, drawn",

@@ -9,7 +9,14 @@ import numpy as np
 
 from flexarm_env.kernels.layout import place_rows
 from flexarm_env.kernels.variants import shared_model
-from flexarm_env.parameters import Compensation, LawParameters, SensorModel, SensorParameters
+from flexarm_env.parameters import (
+    SENSOR_MODELS,
+    ArmParameters,
+    Compensation,
+    LawParameters,
+    SensorModel,
+    SensorParameters,
+)
 from flexarm_env.simulation.arm import FlexibleArm
 from flexarm_env.validation import shown
 
@@ -39,18 +46,37 @@ def checked_cases(cases: Sequence[LoopCase], arm: FlexibleArm) -> list[LoopCase]
     listed = list(cases)
     if not listed:
         raise ValueError("cases: must hold at least one LoopCase")
-    length2 = arm.parameters.link_lengths[1]
     for case in listed:
         if not isinstance(case, LoopCase):
             raise TypeError(f"cases hold {shown(case)}: must be LoopCase objects")
-        if case.sensor.position > length2:
-            raise ValueError(f"sensor_position = {case.sensor.position} m: must be on link 2, > 0 and <= {length2} m")
-        if case.law.compensation != "none" and not case.sensor.traits.late:
-            raise ValueError(
-                f"compensation = {case.law.compensation!r}: a {case.sensor.model} sensor has no delay to compensate; "
-                "it must be 'none'"
-            )
+        refuse_off_link("sensor_position", case.sensor.position, 2, arm.parameters)
+        refuse_compensation_without_delay(case.law.compensation, case.sensor.model)
     return listed
+
+
+def refuse_off_link(name: str, position: float, link: int, arm: ArmParameters) -> None:
+    """Refuse a sensor's position beyond the end of its link.
+
+    Raises:
+        ValueError: naming the option.
+    """
+    length = arm.link_lengths[link - 1]
+    if position > length:
+        raise ValueError(
+            f"{name} = {position} m: must be on link {link}, > 0 and <= {length} m (link_lengths of the arm)"
+        )
+
+
+def refuse_compensation_without_delay(compensation: Compensation, model: SensorModel) -> None:
+    """Refuse delayed commands where the sensor has no delay.
+
+    Raises:
+        ValueError: naming the compensation and the sensor.
+    """
+    if compensation != "none" and not SENSOR_MODELS[model].late:
+        raise ValueError(
+            f"compensation = {compensation!r}: a {model} sensor has no delay to compensate; it must be 'none'"
+        )
 
 
 def sensor_variant(cases: Sequence[LoopCase]) -> tuple[SensorModel, str]:

@@ -21,7 +21,7 @@ from flexarm_env.physics.paths import ReferencePath
 from flexarm_env.simulation.arm import FlexibleArm
 from flexarm_env.simulation.cases import LoopCase, case_rows, checked_cases, delays, sensor_variant
 from flexarm_env.simulation.lanes import ALL_READINGS, LaneBatch, Lanes
-from flexarm_env.simulation.stability import STEP_LIMIT, count_readings, count_steps, default_step
+from flexarm_env.simulation.stability import count_readings, count_substeps
 from flexarm_env.validation import finite_array, number, shown
 
 Array = NDArray[np.float64]
@@ -92,7 +92,8 @@ class ClosedLoop(LaneBatch):
             raise TypeError(f"path = {shown(path)}: must be a ReferencePath")
         self.arm, self.path, self._cases = arm, path, checked_cases(cases, arm)
         self.control_period = number("control_period", control_period, "s", above=0.0)
-        self.substeps = self._count_substeps(physics_step)
+        wanted = None if physics_step is None else number("physics_step", physics_step, "s", above=0.0)
+        self.substeps = count_substeps(self.control_period, wanted, "implicit", arm.fastest_rate(), "arm")
         limits = np.full(2 * arm.size, np.inf) if state_limits is None else np.array(state_limits, dtype=float)
         if limits.shape != (2 * arm.size,) or not np.all(limits > 0.0):
             raise ValueError(f"state_limits = {shown(state_limits)}: must be {2 * arm.size} numbers > 0 (inf for none)")
@@ -212,21 +213,6 @@ class ClosedLoop(LaneBatch):
         return failures(self.arm.size)[float(status)]
 
     # --- inside ----------------------------------------------------------------------------------------------------
-
-    def _count_substeps(self, physics_step: float | None) -> int:
-        fastest = self.arm.fastest_rate()
-        if physics_step is None:
-            wanted = default_step(fastest)
-            cause = f"arm: its fastest mode, {fastest:.4g} rad/s, asks for steps of {wanted:.4g} s"
-        else:
-            wanted = number("physics_step", physics_step, "s", above=0.0)
-            cause = f"physics_step = {wanted} s"
-            if wanted > STEP_LIMIT / fastest:
-                raise ValueError(
-                    f"physics_step = {wanted} s: too long for the arm's fastest mode, {fastest:.4g} rad/s; "
-                    f"at most {STEP_LIMIT / fastest:.4g} s is allowed"
-                )
-        return count_steps(self.control_period, wanted, cause)
 
     def _put_noise(self, noise: ArrayLike | None) -> None:
         values = np.zeros((len(self), 2)) if noise is None else finite_array("noise", noise, (len(self), 2))

@@ -28,10 +28,10 @@ from flexarm_env import (
 )
 from flexarm_env.rollout import run_batch
 from flexarm_env.simulation.closed_loop import observation_blocks
-from scripts.validation.engine.chain import HELD
 from scripts.validation.engine.laws import law_lap
 from scripts.validation.engine.models import Model
-from scripts.validation.engine.runs import rms
+from scripts.validation.engine.motion import rms
+from scripts.validation.engine.programmes import HELD
 
 Array = NDArray[np.float64]
 SETTLED = 2.0  # [s]; the start's transient is over

@@ -19,8 +19,9 @@ from flexarm_env import ArmParameters, FlexibleArm, SquareParameters, inverse_ki
 from flexarm_env.chain.gauges import Gauges
 from flexarm_env.envs.single import FlexArmEnv
 from flexarm_env.laps import LAPS
-from scripts.validation.engine.chain import HELD, EngineChain, Modal, Plant
+from scripts.validation.engine.chain import EngineChain, Modal, Plant
 from scripts.validation.engine.observer import Observer
+from scripts.validation.engine.programmes import HELD
 
 Array = NDArray[np.float64]
 PERIODS = 10  # `HELD` in a control period of 100 Hz

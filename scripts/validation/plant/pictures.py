@@ -9,7 +9,7 @@ import numpy as np
 
 from scripts.common.plotting import COLOURS, save
 from scripts.validation.checks import Result
-from scripts.validation.engine.chain import HELD
+from scripts.validation.engine.programmes import HELD
 from scripts.validation.plant.drivers import PERIODS, WEIGHTS
 from scripts.validation.plant.study import FORMER, LAP_NAMES, MODELS
 

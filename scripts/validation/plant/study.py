@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from flexarm_agents import load_policy
 from flexarm_env import ArmParameters, FlexibleArm, SquareParameters, square
-from scripts.validation.engine.chain import HELD, Modal
-from scripts.validation.engine.runs import rms
+from scripts.validation.engine.chain import Modal
+from scripts.validation.engine.motion import rms
+from scripts.validation.engine.programmes import HELD
 from scripts.validation.engine.square import laws_on_chain, laws_on_model
 from scripts.validation.plant.drivers import PERIODS, WEIGHTS, Agent, Controller, Lap, Regulator, on_corner, run_lap
 
