@@ -92,9 +92,7 @@ def main() -> None:
     names = [name for group in new for name in group.drawings]
     for name in names:
         shutil.copyfile(options.results / "figures" / f"{name}.png", target / f"{name}.png")
-    print(
-        f"{options.docs}: {', '.join(PAGES)}: tables, figures in the text, {RECORD} and {len(names)} pictures up to date"
-    )
+    print(f"{', '.join((*PAGES, RECORD))} and {len(names)} pictures up to date")
 
 
 if __name__ == "__main__":

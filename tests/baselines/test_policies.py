@@ -271,7 +271,7 @@ def test_a_vector_environment_will_do() -> None:
     assert FLSAC.for_env(vector).predict(np.zeros((12, 6)))[0].shape == (12, 1)
 
 
-@pytest.mark.parametrize(("arm", "signs"), [("paper", [1.0]), ("default", [1.0, -1.0])])
+@pytest.mark.parametrize(("arm", "signs"), [("paper", [1.0]), ("default", [1.0, -1.0, 1.0])])
 def test_the_own_environment_gets_the_gain_of_its_deflections(arm: str, signs: list[float]) -> None:
     env = gym.make("flexarm_env:FlexArm/Paper-v0", arm=arm, gain_limit=2.0)
     policy = FLSAC.for_env(env, K_n=1.0, K_s=2.0)
