@@ -8,7 +8,7 @@ from __future__ import annotations
 from numpy import floor
 
 from flexarm_env.codegen.arrays import Arena, Clock, Four, History, Mask, Paths, Table, Words
-from flexarm_env.episode.draws import LONG_AGO
+from flexarm_env.episode.draws import is_moving
 from flexarm_env.episode.second_sensor import second_reference
 from flexarm_env.episode.sensor import joint_motion, point_on_reference
 from flexarm_env.kernels.delay_line import is_kept, sensed_point
@@ -41,7 +41,7 @@ def begin_sensors(
     """Complete what the sensors of the lanes that begin an episode have read before, see `sensor.sense`."""
     for i in range(variant.lanes):
         if started[i]:
-            if clock[clock_row.SINCE, i] == LONG_AGO:
+            if is_moving(clock, i):
                 move_history(arena, history, clock, paths, header, settings, i)
             seed_sensor(arena, history, clock, paths, settings, i)
 

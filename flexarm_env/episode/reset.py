@@ -11,7 +11,15 @@ from flexarm_env.codegen.arrays import Arena, Clock, History, Mask, Memory, Path
 from flexarm_env.codegen.declarations import inlined_in_its_caller
 from flexarm_env.codegen.intrinsics import array_at
 from flexarm_env.codegen.random_stream import uniform
-from flexarm_env.episode.draws import PLACE_SPREAD, draw_branch, draw_quantities, draw_start
+from flexarm_env.episode.draws import (
+    PLACE_SPREAD,
+    draw_branch,
+    draw_moves,
+    draw_path,
+    draw_quantities,
+    draw_start,
+    is_moving,
+)
 from flexarm_env.kernels.entries import clock_row, column, constant, setting, word
 from flexarm_env.kernels.law import prepare_law
 from flexarm_env.kernels.layout import row
@@ -24,16 +32,10 @@ from flexarm_env.physics.polyline import reference_at
 
 
 def initial_state(
-    arena: Arena,
-    clock: Clock,
-    key: np.uint64,
-    paths: Paths,
-    settings: Table,
-    request: ResetRequest,
-    i: int,
-    moving: bool,
+    arena: Arena, clock: Clock, key: np.uint64, paths: Paths, settings: Table, request: ResetRequest, i: int
 ) -> None:
     """Set the state of lane i: the requested one, or the rigid arm on the reference, with deviations if it moves."""
+    moving = is_moving(clock, i)
     now = clock[clock_row.STEPS, i] * settings[setting.STEP]
     reference = reference_at(paths, clock[clock_row.PATH, i], now, now + 1e-9 * settings[setting.STEP], -1e18)
     length_1, length_2 = settings[setting.LENGTHS], settings[setting.LENGTHS + 1]
@@ -60,23 +62,8 @@ def initial_state(
     arena[row.REFERENCE_JOINTS, i] = arena[row.Y, i]  # the joint aim stays within half a turn of it
 
 
-def reset_lane(
-    arena: Arena,
-    clock: Clock,
-    key: np.uint64,
-    paths: Paths,
-    header: Words,
-    settings: Table,
-    own: Table,
-    request: ResetRequest,
-    lane: int,
-    i: int,
-) -> None:
-    """Begin an episode in lane i, except for its delay line."""
-    draw_quantities(arena, key, own, request, i)
-    draw_branch(arena, key, own, request, i)
-    moving = draw_start(arena, clock, key, paths, header, settings, own, request, lane, i)
-    initial_state(arena, clock, key, paths, settings, request, i, moving)
+def clear_lane(arena: Arena, clock: Clock, header: Words, settings: Table, i: int) -> None:
+    """Set all that an earlier episode left in lane i to its initial value, except for the delay line."""
     newest = row.TAIL + 2 * header[word.PREVIEWS]
     for at in range(header[word.KEPT_ACTIONS] * header[word.CHANNELS]):
         arena[row.TAIL + header[word.COMMANDS] + at, i] = 0.0
@@ -123,6 +110,16 @@ def reset_lanes(
         if started[i]:
             lane = first + i
             own = owns[lane % owns.shape[0]]
-            reset_lane(arena, clock, keys[i], paths, header, settings, own, reset_requests[lane], lane, i)
+            request = reset_requests[lane]
+            draw_quantities(arena, keys[i], own, request, i)
+            draw_branch(arena, keys[i], own, request, i)
+            if variant.own_paths:
+                clock[clock_row.PATH, i] = lane
+                draw_moves(paths[lane], keys[i], settings, arena[row.BRANCH, i])
+            else:
+                clock[clock_row.PATH, i] = draw_path(keys[i], header, own, request)
+            draw_start(arena, clock, keys[i], paths, settings, request, i)
+            initial_state(arena, clock, keys[i], paths, settings, request, i)
+            clear_lane(arena, clock, header, settings, i)
     if not (variant.foreshortened or variant.hosted):
         elimination_kernel(arena)
