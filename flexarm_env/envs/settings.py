@@ -157,7 +157,8 @@ class Settings(Options):
         what = "fastest pole under the inner law" if under_law else "fastest mode"
         if self.physics_step is None:
             explicit = self.mode.integrator == "explicit"
-            wanted = min(PHYSICS_STEP, longest) if explicit else default_step(fastest)
+            usual = PHYSICS_STEP[self.flexible_arm.parameters.kinematics]
+            wanted = min(usual, longest) if explicit else default_step(fastest)
             law = ", with inner_stiffness and inner_resistance" if under_law else ""
             cause = f"arm = {shown(self.arm)}{law}: its {what}, {fastest:.4g} rad/s, asks for steps of {wanted:.4g} s"
         elif self.physics_step <= longest:
