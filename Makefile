@@ -17,7 +17,7 @@ EXTRAS_train := train
 EXTRAS_bench := plot,bench
 EXTRAS_validate := validate
 EXTRAS_test  := test
-# The others that it contains, and what is installed where the extras cannot be: EnvPool and MuJoCo have no wheels for
+# The others that it contains, and what is installed where the extras cannot be: EnvPool and the engines have no wheels for
 # every platform; the benchmark goes on without them and says so, and `make validate` checks the rest and then fails.
 COVERS_draw  := plot
 COVERS_validate := plot
@@ -36,7 +36,7 @@ help:  ## List the verbs
 reproduce: $(HAS)-plot  ## Reproduce the paper's figures and tables (installs no learning library)
 	$(PY) -m scripts.paper $(ARGS)
 
-validate: $(HAS)-validate  ## Check the physics against exact beams, finite elements, MuJoCo and its own invariants
+validate: $(HAS)-validate  ## Check the physics against exact beams, finite elements, MuJoCo, Exudyn and its own invariants
 	$(PY) -m scripts.validation $(ARGS)
 
 analyse: $(HAS)-plot  ## Poles, zeros, passivity and margins of the arm: tables, figures, JSON

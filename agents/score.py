@@ -84,8 +84,8 @@ class StandardScore(NamedTuple):
     """Scores of the two standard laps, by their names (`flexarm_env.laps.LAPS`).
 
     Attributes:
-        swing: of the swing lap.
-        plain: of the plain lap.
+        swing: figures of the swing lap.
+        plain: figures of the plain lap.
     """
 
     swing: Score

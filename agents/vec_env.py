@@ -145,7 +145,8 @@ class FlexArmVecEnv(VecEnv):
         """Return an attribute of each environment; all share their attributes but `episode`.
 
         Args:
-            attr_name: of the vector environment; `observation_space` and `action_space` mean those of one.
+            attr_name: name of an attribute of the vector environment; `observation_space` and `action_space` mean those
+                of one.
             indices: which environments; None: all.
 
         Raises:

@@ -52,7 +52,7 @@ class TorqueController(ABC):
     through `state`, so that one controller serves any number of runs at once.
 
     Attributes:
-        blocks: of the observation that it reads, in order.
+        blocks: names of the observation's blocks that it reads, in order.
         task: see `Task`.
     """
 
@@ -107,7 +107,7 @@ class TorqueController(ABC):
 
         Args:
             seen: the observations.
-            memory: of the same arms.
+            memory: memory of the same arms.
 
         Returns:
             Torques of shoulder and elbow [N m], Shape (n, 2), and the memory.

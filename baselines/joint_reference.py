@@ -31,10 +31,10 @@ def joint_motion(
 
     Args:
         arm: link lengths.
-        position: of the tip [m]; beyond the reach, the arm points at it. Shape (..., 2).
+        position: position of the tip [m]; beyond the reach, the arm points at it. Shape (..., 2).
         velocity: [m/s]. Shape (..., 2).
         acceleration: [m/s^2]. Shape (..., 2).
-        side: of the elbow, the sign of theta2. Shape (...).
+        side: side of the elbow, the sign of theta2. Shape (...).
 
     Returns:
         The motion. Angles of theta1 lie within half a turn of 0: see `nearest_turn`. At the straight arm the inverse

@@ -46,7 +46,7 @@ def impulses(shaper: str, frequency: float, damping: float = 0.0) -> Impulses:
 
     Args:
         shaper: "none", "ZV", "ZVD" or "EI" (whose formula neglects damping).
-        frequency: of the damped vibration [rad/s].
+        frequency: frequency of the damped vibration [rad/s].
         damping: its damping ratio, below 1.
     """
     choice("shaper", shaper, SHAPERS)
@@ -67,7 +67,7 @@ def residual(train: Impulses, frequency: ArrayLike, damping: float = 0.0) -> Flo
 
     Args:
         train: impulses.
-        frequency: of the damped vibration [rad/s]. Any shape.
+        frequency: frequency of the damped vibration [rad/s]. Any shape.
         damping: its damping ratio.
     """
     omega = np.asarray(frequency, dtype=np.float64)[..., None]

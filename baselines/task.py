@@ -24,9 +24,9 @@ class Task:
         arm: the nominal arm.
         path: the reference of a lap that begins at its first corner; its time is that since the lap began.
         period: control period [s].
-        torque_limit: of shoulder and elbow [N m]. Shape (2,).
-        sensor_position: of the late sensor from the elbow [m].
-        delay: of the late sensor [s].
+        torque_limit: torque limit of shoulder and elbow [N m]. Shape (2,).
+        sensor_position: distance of the late sensor from the elbow [m].
+        delay: delay of the late sensor [s].
         actuation_delay: from an action to its effect [s].
         blocks: where each block of an observation lies.
         scale: what each number of an observation was divided by. Shape (k,).

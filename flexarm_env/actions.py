@@ -27,7 +27,7 @@ class ActionMode:
     Attributes:
         text: description.
         quantity: name of the physical quantity in the formulas.
-        unit: of it.
+        unit: its unit.
         formula: the quantity from a, as Python writes it; other names are options.
         inverse: a from the quantity.
         limit: the option that sets the quantity at a = 1; `Settings.action_limit` has its value.

@@ -29,7 +29,7 @@ def state_rate(
     Args:
         arm: the arm.
         state: 4 + 4 m numbers, see `FlexibleArm`.
-        torque: of shoulder and elbow [N m].
+        torque: torque of shoulder and elbow [N m].
         sin: sine of the engine.
         cos: cosine of the engine.
 

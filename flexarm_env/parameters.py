@@ -2,7 +2,7 @@
 
 All classes are frozen: a changed set is a new one (`dataclasses.replace`). The range of each number stands beside its
 field, wide enough for arms from millimetres to kilometres, and such that all that is computed from it stays finite;
-combinations are checked where they matter (`conditioning`, `stability.count_steps`). "(n)" is equation n of Green &
+combinations are checked where they matter (`conditioning`, `stability.count_substeps`). "(n)" is equation n of Green &
 Sasiadek, *Control of a flexible robot using fuzzy logic and a noncollocated sensor*, IFAC 2008.
 """
 

@@ -163,7 +163,7 @@ def run_batch(
     records[0], done = first, 0
     observation = np.zeros((count, observed), dtype=np.float32)
     while done < steps and ends.max() > steps:
-        observation[live] = records[done, live, :observed]
+        observation[live] = loop.observations(records[done])[live]
         gains[done, live] = gain_from_action(choose(observation).clip(-1.0, 1.0), limits)[live]
         loop.advance(gains[done], noise())
         done += 1

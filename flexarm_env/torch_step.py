@@ -70,7 +70,7 @@ def step(
         state: on the CPU, in double precision, as all tensors. Shape (..., 4 + 4 m).
         torque: held over the period [N m]. Shape (..., 2).
         period: [s].
-        step: of the Runge-Kutta method [s].
+        step: step of the Runge-Kutta method [s].
         payload_mass: [kg]; None: the arm's own. Shape (...).
         stiffness: factor on the links' stiffness; None: 1. Shape (...).
         damping: damping ratio (`physics.damping`); None: the arm's own. Shape (...).

@@ -68,7 +68,7 @@ class KalmanFilter:
     Attributes:
         arm: the filter's own model, which may be another than the plant's.
         period: control period [s].
-        delay: of the late sensor, any fraction of periods [s].
+        delay: delay of the late sensor, any fraction of periods [s].
         noise: what the filter takes for granted.
         quantities: names of the quantities that are estimated with the state.
     """
@@ -88,7 +88,7 @@ class KalmanFilter:
         Args:
             arm: the model.
             period: control period [s].
-            delay: of the late sensor [s].
+            delay: delay of the late sensor [s].
             sensor_position: distance of the late sensor from the elbow along link 2 [m]; None: at the tip.
             noise: standard deviations; None: the defaults of `NoiseModel`.
             quantities: quantities of the arm to estimate (`payload_mass` [kg], `stiffness`, a factor, `damping`), with
@@ -165,7 +165,7 @@ class KalmanFilter:
 
         Args:
             estimate: at its beginning.
-            torque: of shoulder and elbow [N m]. Shape (n, 2).
+            torque: torque of shoulder and elbow [N m]. Shape (n, 2).
         """
         states, values, known = self.state(estimate), self.values(estimate), self._known
         columns = [QUANTITIES.index(name) for name in self.quantities]
@@ -205,7 +205,7 @@ class KalmanFilter:
 
         Args:
             estimate: predicted for the instant of the readings.
-            readings: of the same arms.
+            readings: readings of the same arms.
         """
         parts, rows = [readings.joints, readings.tip], self._joints + self._reading
         noise = self.noise

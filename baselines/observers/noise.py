@@ -12,16 +12,17 @@ class NoiseModel:
     """Standard deviations of what the observer does not know; each sample is independent of the others.
 
     Attributes:
-        joint_angle: of an encoder's angle [rad].
-        joint_rate: of an encoder's rate [rad/s].
-        tip: of each coordinate of the late sensor [m].
-        gauge: of a modal coordinate from strain gauges, as a deflection of the link's tip [m].
-        gauge_rate: of its rate [m/s].
+        joint_angle: standard deviation of an encoder's angle [rad].
+        joint_rate: standard deviation of an encoder's rate [rad/s].
+        tip: standard deviation of each coordinate of the late sensor [m].
+        gauge: standard deviation of a modal coordinate from strain gauges, as a deflection of the link's tip [m].
+        gauge_rate: standard deviation of its rate [m/s].
         torque: disturbance of each motor's torque, held over a control period [N m].
         modal_force: disturbance of each mode's rate over a control period, as a rate of the link's tip [m/s].
-        start_joint: of the joint angles at the start [rad].
-        start_mode: of each modal coordinate at the start, as a deflection of the link's tip [m].
-        start_rate: of joint rates [rad/s], and of modal rates as a rate of the link's tip [m/s], at the start.
+        start_joint: standard deviation of the joint angles at the start [rad].
+        start_mode: standard deviation of each modal coordinate at the start, as a deflection of the link's tip [m].
+        start_rate: standard deviation of joint rates [rad/s] and of modal rates, as a rate of the link's tip [m/s],
+            at the start.
     """
 
     joint_angle: float = 1e-4

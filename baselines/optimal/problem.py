@@ -58,7 +58,7 @@ class TrackingProblem:
         torque_before: torque before the first period [N m].
         residuals: what a user adds: r, a function of state and time.
         period: control period [s].
-        step: of the integration [s]; a period is a whole number of them.
+        step: integration step [s]; a period is a whole number of them.
     """
 
     arm: FlexibleArm

@@ -20,7 +20,7 @@ class Gauges:
 
     Attributes:
         arm: the model.
-        filters: of each link, from deflections at `PLACES` to coordinates. Shape (m, PLACES) each.
+        filters: map of each link, from deflections at `PLACES` to coordinates. Shape (m, PLACES) each.
     """
 
     def __init__(self, arm: FlexibleArm) -> None:
@@ -51,9 +51,9 @@ class ChainGauges:
     """The same on a chain, as matrices: everything is linear in the bend angles, and their rates.
 
     Attributes:
-        modal: of each link, from bend angles [rad] to modal coordinates. Shape (m, segments - 1) each.
-        deflection: of each link, from bend angles to the tip's deflection [m]. Shape (segments - 1,) each.
-        bends: of each link, from modal coordinates to bend angles, so that `modal` gives them back. Shape
+        modal: map of each link, from bend angles [rad] to modal coordinates. Shape (m, segments - 1) each.
+        deflection: map of each link, from bend angles to the tip's deflection [m]. Shape (segments - 1,) each.
+        bends: map of each link, from modal coordinates to bend angles, so that `modal` gives them back. Shape
             (segments - 1, m) each.
     """
 

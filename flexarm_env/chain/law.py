@@ -41,7 +41,7 @@ class TipLaw:
         Args:
             chain: integrated by semi-implicit Euler with implicit dampers ("Euler" or "implicitfast").
             law: gains and limits.
-            lengths: of link 1, and of the controlled point from the elbow [m].
+            lengths: lengths of link 1, and of the controlled point from the elbow [m].
         """
         self.chain, self._law, self._lengths = chain, law, lengths
         count, elbow = chain.model.nv, chain.segments

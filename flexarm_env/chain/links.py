@@ -7,7 +7,6 @@ of it is linear in the bend angles; so are the rates.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import mujoco
@@ -16,6 +15,7 @@ from numpy.typing import NDArray
 
 from flexarm_env.chain import model as chain
 from flexarm_env.parameters import ArmParameters
+from flexarm_env.physics.fixed_point import fixed_point
 
 Array = NDArray[np.float64]
 PLACES = 41  # where a link's deflection is read, root and tip among them
@@ -27,7 +27,7 @@ class Sight(NamedTuple):
     Attributes:
         tip: x, y [m]. Shape (2,).
         joints: theta1, theta2 [rad]. Shape (2,).
-        rates: of these [rad/s]. Shape (2,).
+        rates: their rates [rad/s]. Shape (2,).
         deflection: w at each link's tip [m]. Shape (2,).
     """
 
@@ -42,9 +42,9 @@ class Bend(NamedTuple):
 
     Attributes:
         roots: angles of the root tangents from the x axis [rad]. Shape (2,).
-        root_rates: of these [rad/s]. Shape (2,).
+        root_rates: rates of the roots' angles [rad/s]. Shape (2,).
         deflections: w at `PLACES` evenly spaced places of each link [m]. Shape (2, PLACES).
-        deflection_rates: of these [m/s]. Shape (2, PLACES).
+        deflection_rates: their rates [m/s]. Shape (2, PLACES).
     """
 
     roots: Array
@@ -57,20 +57,20 @@ class Chain:
     """A chain in motion.
 
     Attributes:
-        parameters: of the arm.
+        parameters: parameters of the arm.
         model: MuJoCo's.
         data: MuJoCo's.
-        segments: of a link.
+        segments: number of segments of a link.
         shoulder_and_elbow: places of theta1 and theta2 among the angles.
-        lengths: of the segments [m]. Shape (2, segments).
+        lengths: lengths of the segments [m]. Shape (2, segments).
     """
 
     def __init__(self, model: mujoco.MjModel, parameters: ArmParameters) -> None:
         """Take a chain, at rest and straight.
 
         Args:
-            model: of `flexarm_env.chain.model`.
-            parameters: of the arm that it was built for.
+            model: a model made by `flexarm_env.chain.model`.
+            parameters: parameters of the arm that it was built for.
         """
         self.parameters, self.model, self.data = parameters, model, mujoco.MjData(model)
         self.segments = model.nv // 2
@@ -92,7 +92,7 @@ class Chain:
 
         Args:
             angles: theta1, link 1's bend angles, theta2, link 2's [rad]. Shape (2 segments,).
-            rates: of these [rad/s]. Shape (2 segments,).
+            rates: their rates [rad/s]. Shape (2 segments,).
         """
         mujoco.mj_resetData(self.model, self.data)
         self.data.qpos[:], self.data.qvel[:] = angles, rates
@@ -190,18 +190,3 @@ class Chain:
         """Return angles, or rates, of the segments less those of their link's first one. Shape (2, segments)."""
         absolute = np.cumsum(angles).reshape(2, -1)
         return np.asarray(absolute - absolute[:, :1])
-
-
-def fixed_point(function: Callable[[Array], Array], start: Array) -> Array:
-    """Return x with function(x) = x, by damped repetition.
-
-    Raises:
-        RuntimeError: if it does not settle.
-    """
-    x = start.copy()
-    for _ in range(300):
-        change = function(x) - x
-        x += 0.5 * change
-        if np.abs(change).max() < 1e-12:
-            return x
-    raise RuntimeError("the shape under this force was not found: it bends too far")

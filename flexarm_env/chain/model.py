@@ -289,7 +289,7 @@ def growth(model: mujoco.MjModel, step: float) -> float:
 
     Args:
         model: the chain.
-        step: of semi-implicit Euler with implicit dampers [s].
+        step: step of semi-implicit Euler with implicit dampers [s].
     """
     mass = mass_matrix(model)
     rates = np.linalg.solve(mass + step * dampers(model), np.hstack((-step * _springs(model), mass)))

@@ -17,14 +17,12 @@ History = NDArray[
     np.float64
 ]  # readings at past steps, a ring of slots (`delay_line`). Shape (slots * slot_rows, lanes)
 Arenas = NDArray[np.float64]  # of all blocks. Shape (blocks, rows, lanes)
-Histories = NDArray[np.float64]  # of all blocks. Shape (blocks, slots * slot_rows, lanes)
 LaneRecords = NDArray[np.float64]  # at some instants. Shape (instants, blocks, n, lanes)
 # Their axes before the last two.
-LANED = {"Arena": 0, "LaneRows": 0, "History": 0, "Arenas": 1, "Histories": 1, "LaneRecords": 2}
+LANED = {"Arena": 0, "LaneRows": 0, "History": 0, "Arenas": 1, "LaneRecords": 2}
 
 LaneRow = NDArray[np.float64]  # one number of each lane. Shape (lanes,)
 Clock = NDArray[np.int64]  # what a lane counts and points to (`entries.ClockRow`). Shape (5, lanes)
-Clocks = NDArray[np.int64]  # of all blocks. Shape (blocks, 5, lanes)
 Keys = NDArray[np.uint64]  # of the lanes' episodes (`random_stream`). Shape (lanes,)
 Mask = NDArray[np.bool_]  # some of the lanes. Shape (lanes,)
 Paths = NDArray[np.float64]  # see `polyline.reference_at`. Shape (paths, n, 5)

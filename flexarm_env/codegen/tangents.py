@@ -106,7 +106,7 @@ def jacobian(function: Callable[[list[Any]], Sequence[Any]], point: Array) -> tu
     """Values and derivatives of a plain formula at one point or at many.
 
     Args:
-        function: of some numbers, giving some numbers.
+        function: function of some numbers that returns some numbers.
         point: Shape (..., numbers).
 
     Returns:

@@ -258,25 +258,3 @@ def _limited_solution(wanted: Pair, feedback: Sequence[Pair], limit: Pair) -> li
     tau1 = clip(free1 + feedback[0][1] * cut2 / at_least(d1, SMALL), -limit[0], limit[0])
     cut1 = free1 - tau1
     return [tau1, clip(free2 + feedback[1][0] * cut1 / at_least(d2, SMALL), -limit[1], limit[1])]
-
-
-def observation(k: Constants, law: Law, sensor: SensorModel, state: tuple[Sequence[Any], Sequence[Any]]) -> list[Any]:
-    """Joint angles, joint rates, sensed position (late, noisy), modal coordinates.
-
-    Args:
-        k: constants of the arm.
-        law: sensor data, offsets and weights at this instant.
-        sensor: sensor model.
-        state: y and v.
-    """
-    y, v = state
-    m = len(k.elbow_values)
-    theta1, theta2 = joint_angles(k, y)
-    if SENSOR_MODELS[sensor].bends:
-        one, two = sincos(y[0]), sincos(y[m + 1])
-        point: Sequence[Any] = _late(true_point(k, law.place, y, one, two), law)
-    else:
-        late1, late2 = _late((theta1, theta2), law)
-        point = rigid_point(k.elbow_distance, law.sensor_distance, sincos(late1), sincos(late1 + late2))
-    sensed = [point[r] + law.noise[r] for r in (0, 1)]
-    return [theta1, theta2, *joint_angles(k, v), *sensed, *y[1 : m + 1], *y[m + 2 :]]

@@ -8,10 +8,6 @@ from flexarm_env.episode.draws import SHARE_AT_REST
 
 Start = Literal["corner", "corners", "moving", "mix"]
 Frame = Literal["link", "world"]
-# Longest step of the explicit integrator, by the arm's kinematics [s]. On foreshortened links with material damping its
-# error in a second of a lap's motion is below 0.1 mm (tests/simulation/test_step_limit.py). Linear kinematics let fast
-# turns bend the links further, where the same step would be wrong by millimetres.
-PHYSICS_STEP = {"linear": 1e-3, "foreshortened": 2e-3}
 STARTS = {
     "corner": "at rest at the start of the lap",
     "corners": "at rest at a quarter of the lap, drawn",

@@ -10,8 +10,9 @@ from typing import Any
 
 from flexarm_env.envs.choices import SECOND_SENSOR_BLOCKS
 from flexarm_env.episode import reward
-from flexarm_env.parameters import MAX_DELAY, SENSOR_MODELS, ArmParameters, arm_parameters
+from flexarm_env.parameters import MAX_DELAY, SENSOR_MODELS, arm_parameters
 from flexarm_env.physics.paths import FARTHEST, PATHS
+from flexarm_env.simulation.cases import refuse_compensation_without_delay
 from flexarm_env.validation import choice, finite_array, listed, mapping, names, number, shown
 
 
@@ -100,14 +101,9 @@ def _refuse_contradictions(settings: Any) -> None:
             f"hold = {settings.hold} s: more than {MOST_TICKS} of the sensor's ticks in jitter = {settings.jitter} s "
             f"and control_period = {settings.control_period} s; must be longer"
         )
-    if not _late(settings):
-        if settings.compensation != "none":
-            raise ValueError(
-                f"compensation = {settings.compensation!r}: a {settings.sensor} sensor has no delay to compensate; "
-                "it must be 'none'"
-            )
-        if "delay" in settings.randomisation:
-            raise ValueError(f"randomisation['delay']: a {settings.sensor} sensor has no delay")
+    refuse_compensation_without_delay(settings.compensation, settings.sensor)
+    if not _late(settings) and "delay" in settings.randomisation:
+        raise ValueError(f"randomisation['delay']: a {settings.sensor} sensor has no delay")
     for name in SECOND_SENSOR_BLOCKS:
         if name in settings.observation and not _second_sensor(settings):
             raise ValueError(
@@ -127,19 +123,6 @@ def _refuse_contradictions(settings: Any) -> None:
                 f"actuation_delay = {settings.actuation_delay} s: must be a whole number of control periods "
                 f"with action_mode = {settings.action_mode!r}, and not be drawn"
             )
-
-
-def refuse_off_link(name: str, position: float, link: int, arm: ArmParameters) -> None:
-    """Refuse a sensor's position beyond the end of its link.
-
-    Raises:
-        ValueError: naming the option.
-    """
-    length = arm.link_lengths[link - 1]
-    if position > length:
-        raise ValueError(
-            f"{name} = {position} m: must be on link {link}, > 0 and <= {length} m (link_lengths of the arm)"
-        )
 
 
 FEWEST_PERIODS = 40  # of a lap of moves: ten for each

@@ -29,7 +29,7 @@ def drawing_of(settings: Settings, state: Array) -> Drawing:
     """Draw the arm of some settings.
 
     Args:
-        settings: of the environment.
+        settings: settings of the environment.
         state: public state, finite or not. Shape (4 + 4 m,).
     """
     arm = settings.flexible_arm

@@ -18,8 +18,8 @@ from flexarm_env.codegen.declarations import Program
 from flexarm_env.envs.batch import BatchSimulator
 from flexarm_env.envs.drawing import Drawing
 from flexarm_env.envs.settings import Settings
-from flexarm_env.episode.actuation import is_kept
 from flexarm_env.episode.step import HOST_PROGRAMS
+from flexarm_env.kernels.delay_line import is_kept
 from flexarm_env.kernels.entries import DRAWN, clock_row, word
 from flexarm_env.physics.polyline import chord_at
 from flexarm_env.physics.sensing import Truth
@@ -103,14 +103,14 @@ class HostedSimulator(BatchSimulator):
     def _example(self) -> tuple[Any, ...]:
         return self._memory, False
 
-    def _anew(self) -> BatchSimulator:
-        return HostedSimulator(self.settings, self.plant)
+    def _arguments(self) -> tuple[Any, ...]:
+        return self.settings, self.plant
 
     def _link(self) -> None:
         super()._link()
         settings = self.settings
         shape = self.settings.history_slots, self._variant.slot_rows
-        self._slots = self._parts["HISTORIES"].view(self._memory).reshape(shape)
+        self._slots = self._histories.reshape(shape)
         self._arena = self._arenas[0, :, 0]
         first = self._rows["TAIL"][0] + self._header[word.COMMANDS]
         first += self._header[word.KEPT_ACTIONS] * self._header[word.CHANNELS]
@@ -118,18 +118,18 @@ class HostedSimulator(BatchSimulator):
         self._commands = self._arena[first : first + count].reshape(settings.substeps, -1)
 
     def _use(self, kernel: Callable[..., Any]) -> None:
-        self._step_kernel, self.single_step = kernel, self._run
+        self._kernel, self.single_step = kernel, self._do_period
 
-    def _run(self) -> bool:
+    def _do_period(self) -> bool:
         """Do a control period, or the beginning of an episode; False if it refused an action that is not finite."""
-        if not self._step_kernel(self._memory, False):
+        if not self._kernel(self._memory, False):
             return False
         if self._header[word.DRIVING]:
             self._move()
         else:
             self._begin()
         self._enter_truth()
-        self._step_kernel(self._memory, True)
+        self._kernel(self._memory, True)
         return True
 
     def _move(self) -> None:
@@ -175,10 +175,3 @@ class HostedSimulator(BatchSimulator):
     def _part(self, name: str) -> Array:
         first, count = self._rows[name]
         return self._arena[first : first + count]
-
-    def __getstate__(self) -> dict[str, Any]:
-        """As of a batch, without the further views."""
-        return {name: value for name, value in super().__getstate__().items() if name not in HOST_VIEWS}
-
-
-HOST_VIEWS = ("_slots", "_arena", "_commands")

@@ -2,26 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexarm_env.codegen.declarations import Program
-from flexarm_env.codegen.memory import ArraySpec, pack
 from flexarm_env.envs.choices import MOVE_POINTS, MOVE_RING
 from flexarm_env.envs.observation import ObservationLayout, shape_of
 from flexarm_env.envs.settings import Settings
 from flexarm_env.episode.reward import TERMS
-from flexarm_env.kernels.entries import DRAWN, MEMORY, LaneSetting, Setting, Shape, word
+from flexarm_env.kernels.entries import DRAWN, LaneSetting, Setting, Shape, in_order, word
 from flexarm_env.kernels.layout import Row, place_rows
 from flexarm_env.parameters import DIRECTIONS, EITHER
 from flexarm_env.physics.paths import same_length
+from flexarm_env.simulation.cases import law_rows, sensor_rows
+from flexarm_env.simulation.lanes import ALL_READINGS
 from flexarm_env.simulation.limits import state_limits
 
 Array = NDArray[np.float64]
-ALL_READINGS = -1  # all bits set
 NAN = float("nan")
 # Codes in the tables `LANE_SETTINGS` and `RESET_REQUESTS`.
 BRANCH_CODES = {"positive": 1.0, "negative": -1.0, EITHER: 0.0}
@@ -64,34 +64,6 @@ def path_tables(settings: Settings, lanes: int) -> Array:
     return room
 
 
-def lay_out(arrays: Mapping[str, NDArray[Any]]) -> tuple[Array, dict[str, ArraySpec]]:
-    """Lay out the arrays of `entries.MEMORY` behind a header, which holds their places and sizes.
-
-    Args:
-        arrays: initial values of the header and of each array, in order.
-
-    Returns:
-        The memory, and the place and shape of each array.
-    """
-    assert tuple(arrays) == ("HEADER", *MEMORY)  # kernels read the header at the beginning of the memory
-    memory, parts = pack(arrays)
-    lanes = arrays["ARENAS"].shape[-1]
-    rows, columns = arrays["LANE_SETTINGS"].shape
-    sizes = {
-        "LANE_SETTING_ROWS": rows,
-        "LANE_SETTING_COLUMNS": columns,
-        "ARENA_ROWS": arrays["ARENAS"][0].size // lanes,
-        "HISTORY_ROWS": arrays["HISTORIES"][0].size // lanes,
-        "PATH_COUNT": arrays["PATHS"].shape[0],
-        "PATH_POINTS": arrays["PATHS"].shape[1],
-        "ORDER_COLUMNS": arrays["RESET_REQUESTS"].shape[1],
-    }
-    header = parts["HEADER"].view(memory)
-    for name, value in {**sizes, **{name: parts[name].first for name in MEMORY}}.items():
-        header[getattr(word, name)] = value
-    return memory, parts
-
-
 def kept_actions(kinds: Sequence[Settings]) -> int:
     """Return the number of actions to keep for each lane: the largest that any lane needs."""
     return max(one.kept_actions for one in kinds)
@@ -100,7 +72,7 @@ def kept_actions(kinds: Sequence[Settings]) -> int:
 def header_and_settings(
     kinds: Sequence[Settings], program: Program, observed: ObservationLayout
 ) -> tuple[NDArray[np.int64], Array]:
-    """Make the header and the settings of the kernels; `lay_out` adds the places of the arrays.
+    """Make the header and the settings of the kernels; `LaneBatch` adds the places of the arrays.
 
     Args:
         kinds: distinct settings of the environments.
@@ -179,7 +151,7 @@ def _numbers(settings: Settings, program: Program) -> Array:
     }
     *places, (last, _) = Setting.layout(_shape(s, program)).items()
     assert last == "HORIZONS"
-    return _in_order(dict(places), values)
+    return in_order(dict(places), values)
 
 
 def lane_numbers(settings: Settings, program: Program) -> Array:
@@ -189,25 +161,18 @@ def lane_numbers(settings: Settings, program: Program) -> Array:
     values: dict[str, Any] = {
         "BRANCH": [BRANCH_CODES[s.elbow_branch]],
         "DIRECTION": [DIRECTION_CODES[s.direction]],
-        "COMPENSATION": [("none", "shared", "per_joint").index(s.compensation)],
         "SENSOR_DELAYS": s.sensor_delays,
         **_drawn(s),
         "ARM": arm.constants.flat(),
         "PER_PAYLOAD": arm.changes.payload_mass,
         "PER_DAMPING": arm.changes.damping,
     }
-    return _in_order(LaneSetting.layout(_shape(s, program)), values)
+    return in_order(LaneSetting.layout(_shape(s, program)), values)
 
 
 def _shape(settings: Settings, program: Program) -> Shape:
     arm = settings.flexible_arm
     return Shape(program, arm.parameters.modes_per_link, arm.constants.foreshortened)
-
-
-def _in_order(places: Mapping[str, tuple[int, int]], values: Mapping[str, Any]) -> Array:
-    """Concatenate the numbers of a table's parts in the order of `places`."""
-    assert all(len(values[name]) == count for name, (_, count) in places.items())
-    return np.concatenate([np.asarray(values[name], dtype=float) for name in places])
 
 
 def _drawn(settings: Settings) -> dict[str, list[float]]:
@@ -245,8 +210,8 @@ def fixed_rows(settings: Settings) -> dict[str, Any]:
         **second,
         "LIMITS": state_limits(arm),
         **place_rows("TIP", arm.place(2, length)),
-        **place_rows("SENSOR_POINT", arm.place(2, s.sensor_position)),
-        **place_rows("SENSOR", arm.place(2, law_point)),
+        **sensor_rows(s.sensor_parameters, arm),
+        **law_rows(s.law, arm, law_point),
         "JITTER": [s.jitter],
         "HOLD": [s.hold],
         "DROPOUT": [s.dropout],
@@ -255,7 +220,4 @@ def fixed_rows(settings: Settings) -> dict[str, Any]:
         "TORQUE_LIMIT": s.motor_limit,
         "STIFFNESS": s.inner_stiffness,
         "RESISTANCE": s.inner_resistance,
-        "PROPORTIONAL_GAIN": [s.proportional_gain],
-        "DERIVATIVE_GAIN": [s.derivative_gain],
-        "RATE_LATE": [float(s.delayed == "position+rate")],
     }

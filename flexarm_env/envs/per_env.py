@@ -11,13 +11,14 @@ from typing import Any
 
 from flexarm_env.allowed import allowed_of
 from flexarm_env.envs.settings import Settings
-from flexarm_env.parameters import arm_parameters
+from flexarm_env.kernels.variants import shared_model
+from flexarm_env.parameters import SENSOR_MODELS, arm_parameters
 from flexarm_env.validation import entries, known_names, mapping, shown
 
 OPTIONS = (
     *("arm", "torque_limit", "inner_stiffness", "inner_resistance"),
     *("proportional_gain", "derivative_gain", "compensation", "delayed"),
-    *("sensor_position", "delay", "wave_speed", "noise", "jitter", "hold", "dropout", "encoder_noise"),
+    *("sensor", "sensor_position", "delay", "wave_speed", "noise", "jitter", "hold", "dropout", "encoder_noise"),
     *("actuation_delay", "direction", "elbow_branch", "randomisation"),
 )
 SHARED_BY_ARMS = ("link_lengths", "modes_per_link", "mode_shapes", "mode_scale", "kinematics", "velocity_forces")
@@ -74,6 +75,12 @@ def refuse_unlike(each: Sequence[Settings]) -> None:
                     f"per_env, environment {i}: arm = {shown(one.arm)}: its {name} = {own!r}, that of environment 0 "
                     f"{common!r}; shapes and kinematics are the batch's and must be the same"
                 )
+        if shared_model(one.sensor) != shared_model(first.sensor):
+            alike = [name for name in SENSOR_MODELS if shared_model(name) == shared_model(first.sensor)]
+            raise ValueError(
+                f"per_env, environment {i}: sensor = {one.sensor!r}: its readings are of another kind than those of "
+                f"environment 0, {first.sensor!r}; allowed beside that: {', '.join(map(repr, alike))}"
+            )
         if one.action_limit != first.action_limit:
             raise ValueError(
                 f"per_env, environment {i}: torque_limit = {shown(one.torque_limit)}: the action 1 would be "

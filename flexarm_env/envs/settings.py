@@ -11,8 +11,7 @@ import numpy as np
 from flexarm_env.actions import MODES, ActionMode, modes_reading
 from flexarm_env.allowed import check_fields
 from flexarm_env.codegen.declarations import Program
-from flexarm_env.envs.choices import PHYSICS_STEP
-from flexarm_env.envs.consistency import refuse_off_link, refuse_options_without_effect
+from flexarm_env.envs.consistency import refuse_options_without_effect
 from flexarm_env.envs.options import Options
 from flexarm_env.envs.quantities import QUANTITIES
 from flexarm_env.episode.step import PROGRAMS
@@ -20,7 +19,8 @@ from flexarm_env.lazy import cached_property
 from flexarm_env.parameters import DIRECTIONS, LawParameters, SensorParameters, SquareParameters, arm_parameters
 from flexarm_env.physics.paths import PATHS, ReferencePath, way_points
 from flexarm_env.simulation.arm import FlexibleArm
-from flexarm_env.simulation.stability import STABLE_ANGLE, count_readings, count_steps, default_step, fastest_rates
+from flexarm_env.simulation.cases import refuse_off_link
+from flexarm_env.simulation.stability import count_readings, count_substeps, fastest_rates
 from flexarm_env.validation import known_names, shown
 
 
@@ -151,24 +151,14 @@ class Settings(Options):
     @cached_property
     def substeps(self) -> int:
         """Integration steps in a control period."""
-        fastest = max(fastest_rates(self))
-        longest = STABLE_ANGLE[self.mode.integrator] / fastest
         under_law = self.mode.law == "joints"
         what = "fastest pole under the inner law" if under_law else "fastest mode"
-        if self.physics_step is None:
-            explicit = self.mode.integrator == "explicit"
-            usual = PHYSICS_STEP[self.flexible_arm.parameters.kinematics]
-            wanted = min(usual, longest) if explicit else default_step(fastest)
-            law = ", with inner_stiffness and inner_resistance" if under_law else ""
-            cause = f"arm = {shown(self.arm)}{law}: its {what}, {fastest:.4g} rad/s, asks for steps of {wanted:.4g} s"
-        elif self.physics_step <= longest:
-            wanted, cause = self.physics_step, f"physics_step = {self.physics_step} s"
-        else:
-            raise ValueError(
-                f"physics_step = {self.physics_step} s: too long for the arm's {what}, {fastest:.4g} rad/s; "
-                f"at most {longest:.4g} s is allowed"
-            )
-        return count_steps(self.control_period, wanted, cause)
+        arm = f"arm = {shown(self.arm)}" + (", with inner_stiffness and inner_resistance" if under_law else "")
+        fastest = max(fastest_rates(self))
+        kinematics = self.flexible_arm.parameters.kinematics
+        return count_substeps(
+            self.control_period, self.physics_step, (self.mode.integrator, kinematics), fastest, arm, what
+        )
 
     @cached_property
     def sensor_delays(self) -> tuple[float, float]:

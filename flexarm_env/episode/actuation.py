@@ -15,7 +15,7 @@ from flexarm_env.codegen.arrays import Arena, Clock, History, LaneRow, Paths, Ta
 from flexarm_env.codegen.declarations import Function, chosen_by_program, inlined_in_its_caller
 from flexarm_env.codegen.scalars import clip
 from flexarm_env.episode.recorded import joint_kernel
-from flexarm_env.kernels.delay_line import count_steps, slot_after, store_reading
+from flexarm_env.kernels.delay_line import count_steps, is_kept, slot_after, store_reading
 from flexarm_env.kernels.entries import clock_row, drawn, setting, word
 from flexarm_env.kernels.imex import evaluate_law, loop_step
 from flexarm_env.kernels.layout import row
@@ -127,11 +127,6 @@ def write_commands(arena: Arena, header: Words, settings: Table, step: int, held
         if variant.disturbed:
             for i in range(0 if held else variant.lanes):
                 torques[i] = scale * command(arena, header, settings, i, r, begin)
-
-
-def is_kept(header: Words, done: int) -> bool:
-    """Whether `Header.READINGS` asks for the reading after so many steps of a period."""
-    return bool((header[word.READINGS] >> ((done if done < header[word.SUBSTEPS] else 0) & 63)) & 1)
 
 
 def keep_reading(arena: Arena, history: History, clock: Clock, header: Words, done: int) -> None:

@@ -81,24 +81,11 @@ def draw_path(key: np.uint64, header: Words, own: Table, request: ResetRequest) 
 
 @inlined_in_its_caller
 def draw_start(
-    arena: Arena,
-    clock: Clock,
-    key: np.uint64,
-    paths: Paths,
-    header: Words,
-    settings: Table,
-    own: Table,
-    request: ResetRequest,
-    lane: int,
-    i: int,
-) -> bool:
-    """Choose the path of lane i and the moment at which it starts; return whether the arm starts on the move."""
-    index = lane
-    if variant.own_paths:
-        draw_moves(paths[lane], key, settings, arena[row.BRANCH, i])
-    else:
-        index = draw_path(key, header, own, request)
-    lap = paths[index, paths.shape[1] - 1, 0]
+    arena: Arena, clock: Clock, key: np.uint64, paths: Paths, settings: Table, request: ResetRequest, i: int
+) -> None:
+    """Choose the moment of its path at which lane i starts, at rest or on the move (`is_moving`)."""
+    path = clock[clock_row.PATH, i]
+    lap = paths[path, paths.shape[1] - 1, 0]
     kind = request[column.START]
     if kind == MIX:
         kind = CORNERS if uniform(key, PLACE_MIX) < SHARE_AT_REST else MOVING
@@ -109,13 +96,15 @@ def draw_start(
         phase = settings[setting.PERIOD] * floor(uniform(key, PLACE_PHASE) * lap / settings[setting.PERIOD])
     if request[column.PHASE] == request[column.PHASE]:
         phase = request[column.PHASE]
-    clock[clock_row.PATH, i] = index
     clock[clock_row.STEPS, i] = int(phase / settings[setting.STEP] + 0.5)
     clock[clock_row.BEGAN, i] = clock[clock_row.STEPS, i]
+    clock[clock_row.SINCE, i] = LONG_AGO if kind == MOVING else clock[clock_row.STEPS, i]
     arena[row.START_TIME, i] = clock[clock_row.BEGAN, i] * settings[setting.STEP]
-    moving = kind == MOVING
-    clock[clock_row.SINCE, i] = LONG_AGO if moving else clock[clock_row.STEPS, i]
-    return moving
+
+
+def is_moving(clock: Clock, i: int) -> bool:
+    """Return whether the arm of lane i starts on the move."""
+    return clock[clock_row.SINCE, i] == LONG_AGO
 
 
 def drawn_point(key: np.uint64, settings: Table, branch: float, place: int) -> tuple[float, float]:

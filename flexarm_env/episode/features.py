@@ -24,8 +24,8 @@ class Measurements(NamedTuple):
         link_sensor: latest reading of the sensor [m].
         sensor_error: reference at the time of that reading minus the reading [m].
         sensor_error_rate: its change since the reading before, per second [m/s].
-        lengths: of the links [m].
-        phase: of the lap, 0 to 1.
+        lengths: lengths of the links [m].
+        phase: phase of the lap, 0 to 1.
         frame: 1 for the link's frame, 0 for the world's.
     """
 

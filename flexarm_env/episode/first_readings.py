@@ -7,35 +7,43 @@ from __future__ import annotations
 
 from numpy import floor
 
-from flexarm_env.codegen.arrays import Arena, Clock, Four, History, Paths, Table, Words
+from flexarm_env.codegen.arrays import Arena, Clock, Four, History, Mask, Paths, Table, Words
+from flexarm_env.episode.draws import is_moving
 from flexarm_env.episode.second_sensor import second_reference
-from flexarm_env.episode.sensor import joint_motion, point_on_reference, sensed_point
-from flexarm_env.kernels.entries import READING_ROWS, clock_row, reading_row, setting, word
+from flexarm_env.episode.sensor import joint_motion, point_on_reference
+from flexarm_env.kernels.delay_line import is_kept, sensed_point
+from flexarm_env.kernels.entries import clock_row, setting
 from flexarm_env.kernels.layout import row
 from flexarm_env.kernels.variants import variant
 from flexarm_env.physics.polyline import reference_at
 
 
-def fill_history(
-    arena: Arena, history: History, clock: Clock, paths: Paths, header: Words, settings: Table, i: int, moving: bool
+def move_history(
+    arena: Arena, history: History, clock: Clock, paths: Paths, header: Words, settings: Table, i: int
 ) -> None:
-    """Fill the delay line of lane i with its newest reading, moved back with the reference if the arm moves."""
+    """Fill the delay line of lane i, whose arm starts on the move, with its newest readings moved back in time."""
     h = settings[setting.STEP]
     slots = history.shape[0] // variant.slot_rows
     newest = clock[clock_row.HEAD, 0]
     now = reference_slot(arena, clock, paths, settings, i, 0.0)
-    for back in range(slots):
-        if not (header[word.READINGS] >> (-back % header[word.SUBSTEPS] & 63)) & 1:
-            continue  # no sensor reads this slot
-        slot = (newest - back) % slots
-        moved = reference_slot(arena, clock, paths, settings, i, back * h) if moving and back > 0 else now
-        for r in range(variant.slot_rows):
-            value = history[variant.slot_rows * newest + r, i]
-            if moving:
-                value += moved[r] - now[r]
-            elif r % READING_ROWS >= reading_row.RATE and back > 0:
-                value = 0.0  # before the start nothing moved
-            history[variant.slot_rows * slot + r, i] = value
+    for back in range(1, slots):
+        if is_kept(header, -back):
+            slot = (newest - back) % slots
+            then = reference_slot(arena, clock, paths, settings, i, back * h)
+            for r in range(variant.slot_rows):
+                moved = then[r] - now[r]
+                history[variant.slot_rows * slot + r, i] = history[variant.slot_rows * newest + r, i] + moved
+
+
+def begin_sensors(
+    arena: Arena, history: History, clock: Clock, paths: Paths, header: Words, settings: Table, started: Mask
+) -> None:
+    """Complete what the sensors of the lanes that begin an episode have read before, see `sensor.sense`."""
+    for i in range(variant.lanes):
+        if started[i]:
+            if is_moving(clock, i):
+                move_history(arena, history, clock, paths, header, settings, i)
+            seed_sensor(arena, history, clock, paths, settings, i)
 
 
 def reference_slot(arena: Arena, clock: Clock, paths: Paths, settings: Table, i: int, back: float) -> tuple[float, ...]:

@@ -20,17 +20,19 @@ from flexarm_env.codegen.arrays import (
     Table,
     Words,
 )
-from flexarm_env.codegen.declarations import inlined_in_its_caller, per_lane
+from flexarm_env.codegen.declarations import inlined_in_its_caller
 from flexarm_env.codegen.random_stream import normal
 from flexarm_env.codegen.scalars import clip
 from flexarm_env.episode.actuation import make_room
-from flexarm_env.episode.recorded import features_kernel, joint_kernel, truth_kernel
+from flexarm_env.episode.recorded import features_kernel, joint_kernel
 from flexarm_env.episode.second_sensor import sense_second
 from flexarm_env.episode.sensor import CHANNELS_OF_NOISE, noise_place, sense
 from flexarm_env.episode.write_observation import write_observations, write_previews
 from flexarm_env.kernels.entries import clock_row, setting, word
 from flexarm_env.kernels.layout import row
-from flexarm_env.kernels.path_cache import cache_segment, on_segment, segment
+from flexarm_env.kernels.path_cache import segment
+from flexarm_env.kernels.recorded import truth_kernel
+from flexarm_env.kernels.reference import follow_reference
 from flexarm_env.kernels.status import state_status
 from flexarm_env.kernels.variants import variant
 from flexarm_env.physics.inverse_kinematics import elbow_side, joint_angles_for, joint_rates_for
@@ -91,7 +93,8 @@ def update_measurements(
     """
     if not variant.hosted:
         truth_kernel(arena)
-    follow_reference(arena, clock, paths, settings)
+    follow_reference(arena, clock, paths, settings[setting.STEP])
+    note_times(arena, clock, settings)
     sense(arena, history, clock, keys, paths, header, settings, active)
     if variant.second_sensor:
         sense_second(arena, history, clock, keys, paths, header, settings, active)
@@ -122,42 +125,18 @@ def update_measurements(
     termination_status(arena, settings)
 
 
-def follow_reference(arena: Arena, clock: Clock, paths: Paths, settings: Table) -> None:
-    """Compute each lane's reference at the present instant, its phase of the lap, and the episode's time.
-
-    The side of the path is cached for each lane; it is searched for only where the cached side has ended.
-    """
-    h = settings[setting.STEP]
-    turning = 0
-    for i in range(variant.lanes):
-        turning += segment_time(arena, clock, h, i) >= arena[row.PRESENT_SEGMENT + segment.END, i]
-    for i in range(variant.lanes if turning > 0 else 0):
-        if segment_time(arena, clock, h, i) >= arena[row.PRESENT_SEGMENT + segment.END, i]:
-            p = clock[clock_row.PATH, i]
-            k = cache_segment(arena, row.PRESENT_SEGMENT, paths, p, (clock[clock_row.STEPS, i] + AHEAD) * h, i)
-            following = k + 1 if k + 2 < paths.shape[1] else 0
-            arena[row.NEXT_TIME, i] = paths[p, following + 1, 0] - paths[p, following, 0]
-            for r in range(2):
-                arena[row.NEXT_VELOCITY + r, i] = paths[p, following, 3 + r]
-    lap = settings[setting.LAP]
+def note_times(arena: Arena, clock: Clock, settings: Table) -> None:
+    """Compute each lane's time of the episode, its phase of the lap, and the times since and until its side changes."""
+    h, lap = settings[setting.STEP], settings[setting.LAP]
     for i in range(variant.lanes):
         now = clock[clock_row.STEPS, i] * h
         within = now - arena[row.PRESENT_SEGMENT + segment.LAP, i]
         passed = within - arena[row.PRESENT_SEGMENT + segment.BEGIN, i]
-        for r in range(2):
-            arena[row.REFERENCE + r, i] = on_segment(arena, row.PRESENT_SEGMENT, i, r, now)
-            arena[row.REFERENCE + 2 + r, i] = arena[row.PRESENT_SEGMENT + segment.VELOCITY + r, i]
         arena[row.SEGMENT_PASSED, i] = min(passed, (clock[clock_row.STEPS, i] - clock[clock_row.SINCE, i]) * h)
         arena[row.SEGMENT_LEFT, i] = arena[row.PRESENT_SEGMENT + segment.END, i] - within
         laps = now / lap
         arena[row.PHASE, i] = laps - floor(laps)
         arena[row.TIME, i] = (clock[clock_row.STEPS, i] - clock[clock_row.BEGAN, i]) * h
-
-
-@per_lane
-def segment_time(arena: Arena, clock: Clock, h: float, i: int) -> float:
-    """Return the time of the lap that decides whether lane i's reference is still on its cached side [s]."""
-    return (clock[clock_row.STEPS, i] + AHEAD) * h - arena[row.PRESENT_SEGMENT + segment.LAP, i]
 
 
 def note_elbow(arena: Arena) -> None:

@@ -1,4 +1,4 @@
-"""Recorded kernels of an environment: state and tips, parts of observations, terms of the reward."""
+"""Recorded kernels of an environment: parts of observations, terms of the reward."""
 
 from __future__ import annotations
 
@@ -7,20 +7,6 @@ from flexarm_env.codegen.tracing import root
 from flexarm_env.episode import features, reward
 from flexarm_env.kernels.recorder import Recorder, recorded_kernel
 from flexarm_env.kernels.variants import Variant
-
-
-def truth_record(variant: Variant) -> Recorder:
-    """Record the kernel of state, tips and deflections."""
-    r = Recorder(variant)
-    truth = r.truth()
-    for name, values in truth._asdict().items():
-        r.write(name.upper(), values)
-    return r
-
-
-@recorded_kernel(truth_record)
-def truth_kernel(arena: Arena) -> None:
-    """Compute state, tips and deflections of each lane."""
 
 
 def features_record(variant: Variant) -> Recorder:

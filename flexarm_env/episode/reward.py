@@ -55,8 +55,8 @@ def regularising_terms(change: Any, torque: Sequence[Any], deflection_rate: Sequ
 
     Args:
         change: |a - a_before|^2.
-        torque: of shoulder and elbow [N m].
-        deflection_rate: of the two links' tips [m/s].
+        torque: torque of shoulder and elbow [N m].
+        deflection_rate: deflection rate of the two links' tips [m/s].
     """
     effort = [torque[j] / EFFORT[j] for j in (0, 1)]
     rates = [rate / VIBRATION for rate in deflection_rate]

@@ -51,9 +51,9 @@ def second_reference(arena: Arena, clock: Clock, paths: Paths, settings: Table, 
     """Return position and velocity, `back` seconds ago, of the sensor's point of the rigid arm on lane i's reference.
 
     Args:
-        arena: of one block.
-        clock: of each lane.
-        paths: of all lanes.
+        arena: arena of one block.
+        clock: clock of each lane.
+        paths: paths of all lanes.
         settings: see `entries.Setting`.
         i: the lane.
         back: how long ago [s].

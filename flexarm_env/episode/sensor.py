@@ -11,7 +11,7 @@ from flexarm_env.codegen.arrays import Arena, Clock, Four, History, Keys, LaneRo
 from flexarm_env.codegen.declarations import per_lane
 from flexarm_env.codegen.elementary import sincos
 from flexarm_env.codegen.random_stream import normal, uniform
-from flexarm_env.kernels.delay_line import bracket, delayed_reading, hermite
+from flexarm_env.kernels.delay_line import bracket, hermite, point_at, sensed_point
 from flexarm_env.kernels.entries import clock_row, drawn, reading_row, setting, word
 from flexarm_env.kernels.layout import row
 from flexarm_env.kernels.variants import variant
@@ -205,30 +205,6 @@ def noise_place(clock: Clock, header: Words, i: int) -> int:
     return FIRST_NOISE + CHANNELS_OF_NOISE * 2 * (
         (clock[clock_row.STEPS, i] - clock[clock_row.BEGAN, i]) // header[word.SUBSTEPS]
     )
-
-
-@per_lane
-def sensed_point(
-    arena: Arena, history: History, clock: Clock, settings: Table, i: int, late: float, later: float
-) -> tuple[float, float]:
-    """Return the position that the sensor of lane i measured `late` (its elbow's angle `later`) seconds ago [m]."""
-    h = settings[setting.STEP]
-    slots = history.shape[0] // variant.slot_rows
-    slot = clock[clock_row.HEAD, 0]
-    first, _ = delayed_reading(history, slots, slot, i, 0, h, late / h)
-    second, _ = delayed_reading(history, slots, slot, i, 1, h, later / h)
-    if variant.true_sensor:
-        return first, second
-    return point_at(arena, settings, i, first, second)
-
-
-@per_lane
-def point_at(arena: Arena, settings: Table, i: int, theta1: float, theta2: float) -> tuple[float, float]:
-    """Return the position of lane i's sensor on the rigid arm with these joint angles [m]."""
-    one, both = sincos(theta1), sincos(theta1 + theta2)
-    distance = arena[row.SENSOR_POINT_DISTANCE, i]
-    length_1 = settings[setting.LENGTHS]
-    return length_1 * one[1] + distance * both[1], length_1 * one[0] + distance * both[0]
 
 
 def joint_motion(settings: Table, branch: float, reference: Four) -> Four:

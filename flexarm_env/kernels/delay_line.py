@@ -1,13 +1,16 @@
 """Drivers of the delay line: readings at past steps, a ring of slots for each block (`imex` explains blocks and lanes).
 
+The law reads it at its stages (`prepare_readings`), the sensor at control instants (`sensed_point`).
+
 A slot has `Variant.slot_rows` rows: of each sensor two readings and their rates (`entries.ReadingRow`).
 """
 
 from __future__ import annotations
 
-from flexarm_env.codegen.arrays import Arena, Clock, History
+from flexarm_env.codegen.arrays import Arena, Clock, History, Table, Words
 from flexarm_env.codegen.declarations import per_lane
-from flexarm_env.kernels.entries import READING_ROWS, clock_row, reading_row
+from flexarm_env.codegen.elementary import sincos
+from flexarm_env.kernels.entries import READING_ROWS, clock_row, reading_row, setting, word
 from flexarm_env.kernels.layout import row
 from flexarm_env.kernels.recorded import reading_kernel, second_reading_kernel
 from flexarm_env.kernels.variants import variant
@@ -32,6 +35,47 @@ def store_reading(arena: Arena, history: History, slot: int) -> None:
     if variant.second_sensor:
         second = slot * variant.slot_rows + READING_ROWS
         second_reading_kernel(arena, history[second : second + READING_ROWS])
+
+
+def is_kept(header: Words, done: int) -> bool:
+    """Whether `Header.READINGS` asks for the reading after so many steps of a period, or before it if negative."""
+    return bool((header[word.READINGS] >> (done % header[word.SUBSTEPS] & 63)) & 1)
+
+
+def fill_history(history: History, clock: Clock, header: Words, i: int) -> None:
+    """Fill the delay line of lane i with its newest readings; before a start at rest nothing moves."""
+    slots = history.shape[0] // variant.slot_rows
+    newest = clock[clock_row.HEAD, 0]
+    for back in range(1, slots):
+        if is_kept(header, -back):
+            slot = (newest - back) % slots
+            for r in range(variant.slot_rows):
+                value = history[variant.slot_rows * newest + r, i]
+                history[variant.slot_rows * slot + r, i] = value if r % READING_ROWS < reading_row.RATE else 0.0
+
+
+@per_lane
+def sensed_point(
+    arena: Arena, history: History, clock: Clock, settings: Table, i: int, late: float, later: float
+) -> tuple[float, float]:
+    """Return the position that the sensor of lane i measured `late` (its elbow's angle `later`) seconds ago [m]."""
+    h = settings[setting.STEP]
+    slots = history.shape[0] // variant.slot_rows
+    slot = clock[clock_row.HEAD, 0]
+    first, _ = delayed_reading(history, slots, slot, i, 0, h, late / h)
+    second, _ = delayed_reading(history, slots, slot, i, 1, h, later / h)
+    if variant.true_sensor:
+        return first, second
+    return point_at(arena, settings, i, first, second)
+
+
+@per_lane
+def point_at(arena: Arena, settings: Table, i: int, theta1: float, theta2: float) -> tuple[float, float]:
+    """Return the position of lane i's sensor on the rigid arm with these joint angles [m]."""
+    one, both = sincos(theta1), sincos(theta1 + theta2)
+    distance = arena[row.SENSOR_POINT_DISTANCE, i]
+    length_1 = settings[setting.LENGTHS]
+    return length_1 * one[1] + distance * both[1], length_1 * one[0] + distance * both[0]
 
 
 @per_lane

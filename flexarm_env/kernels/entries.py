@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
 
 from flexarm_env.codegen.declarations import Entry, FixedNames, Names, Program, in_a_row
 from flexarm_env.physics import linear_algebra
@@ -11,6 +15,7 @@ from flexarm_env.physics.constants import Constants
 STATE_UNIT = "rad, m, rad/s, m/s"
 CONSTANTS_UNIT = "as in `Constants`"
 SECOND_SENSOR = frozenset({"second sensor"})  # group of the parts that a second sensor needs
+_ENVIRONMENT = ("environment",)
 
 
 class Shape(NamedTuple):
@@ -64,6 +69,12 @@ def extent(places: dict[str, tuple[int, int]]) -> int:
     return first + count
 
 
+def in_order(places: Mapping[str, tuple[int, int]], values: Mapping[str, Sequence[float]]) -> NDArray[np.float64]:
+    """Return the numbers of a table's parts, one after the other."""
+    assert all(len(values[name]) == count for name, (_, count) in places.items())
+    return np.concatenate([np.asarray(values[name], dtype=float) for name in places])
+
+
 class Drawn(FixedNames):
     """What may be drawn anew for each episode."""
 
@@ -81,22 +92,22 @@ QUANTITIES = len(DRAWN)
 
 
 class Setting(Names):
-    """Numbers of the table `settings` that every kernel of an environment reads."""
+    """Numbers of the table `settings` that all lanes of a batch share."""
 
     STEP = Entry("integration step", "s")
-    PERIOD = Entry("control period", "s")
-    ACTION_SCALE = Entry("what an action of 1 stands for", "as `actions.MODES`", 2)
-    COMMAND_SCALE = Entry("what a kept command of 1 is (`Header.COMMANDS`)", "N m, rad or 1", 2)
-    IDLE_ACTION = Entry("the action that commands nothing", "1")
-    MOTOR_LIMIT = Entry("largest torques of shoulder and elbow", "N m", 2)
-    DEFLECTION_LIMIT = Entry("of a link's tip", "m")
-    ERROR_LIMIT = Entry("of the tip's distance from the reference", "m")
     LENGTHS = Entry("of the links", "m", 2)
-    START_SPREAD = Entry("of joint angles, and of the links' tips, at a start on the move", "rad, m", 2)
-    MOVES = Entry("radii of the ring that end points of moves are drawn from", "m", 2)
-    LAP = Entry("time of a lap", "s")
-    WEIGHTS = Entry("of the reward's terms", "1", lambda s: s.program.reward_terms)
-    HORIZONS = Entry("horizons of the previews, then the observations' factors", "s, 1 over the unit", 0)
+    PERIOD = Entry("control period", "s", 1, _ENVIRONMENT)
+    ACTION_SCALE = Entry("what an action of 1 stands for", "as `actions.MODES`", 2, _ENVIRONMENT)
+    COMMAND_SCALE = Entry("what a kept command of 1 is (`Header.COMMANDS`)", "N m, rad or 1", 2, _ENVIRONMENT)
+    IDLE_ACTION = Entry("the action that commands nothing", "1", 1, _ENVIRONMENT)
+    MOTOR_LIMIT = Entry("largest torques of shoulder and elbow", "N m", 2, _ENVIRONMENT)
+    DEFLECTION_LIMIT = Entry("of a link's tip", "m", 1, _ENVIRONMENT)
+    ERROR_LIMIT = Entry("of the tip's distance from the reference", "m", 1, _ENVIRONMENT)
+    START_SPREAD = Entry("of joint angles, and of the links' tips, at a start on the move", "rad, m", 2, _ENVIRONMENT)
+    MOVES = Entry("radii of the ring that end points of moves are drawn from", "m", 2, _ENVIRONMENT)
+    LAP = Entry("time of a lap", "s", 1, _ENVIRONMENT)
+    WEIGHTS = Entry("of the reward's terms", "1", lambda s: s.program.reward_terms, _ENVIRONMENT)
+    HORIZONS = Entry("horizons of the previews, then the observations' factors", "s, 1 over the unit", 0, _ENVIRONMENT)
 
 
 class LaneSetting(Names):
@@ -104,7 +115,6 @@ class LaneSetting(Names):
 
     BRANCH = Entry("sign of theta2 in inverse kinematics; 0: drawn", "1")
     DIRECTION = Entry("of the lap, by its place among `parameters.DIRECTIONS`; -1: drawn", "1")
-    COMPENSATION = Entry("delay of the law's commands: 0 none, 1 the shoulder's for both, 2 each joint's own", "1")
     SENSOR_DELAYS = Entry("delays of the sensor unless drawn or ordered", "s", 2)
     BASE = Entry("values of the quantities unless drawn or ordered (`Drawn`)", "as in `Drawn`", QUANTITIES)
     LOWEST = Entry("least values that may be drawn; NaN: not drawn", "as in `Drawn`", QUANTITIES)
@@ -138,7 +148,10 @@ class Word(Entry):
 
 
 class Header(FixedNames):
-    """Whole numbers of the table `header`: what is to be done; how large arrays are, and where they lie."""
+    """Whole numbers of the table `header`: what is to be done; how large arrays are, and where they lie.
+
+    A simulator that lacks one of the arrays leaves its words 0; its drivers read none of them.
+    """
 
     SUBSTEPS = Entry("integration steps in a control period", "1")
     CHANNELS = Entry("of an action", "1")
@@ -149,6 +162,8 @@ class Header(FixedNames):
     SHIFTING = Entry("1 where the action shifts the aim of the joint-space law", "1")
     READINGS = Entry("bits: after which steps of a period a reading is kept; bit 0: at its end", "1")
     DRIVING = Entry("0 where episodes begin and no time passes", "1")
+    HEADER_WORDS = Entry("of this table", "1")
+    SETTING_NUMBERS = Entry("of the settings", "1")
     ARENA_ROWS = Entry("of an arena, its tail included", "1")
     HISTORY_ROWS = Entry("of a delay line", "1")
     PATH_NAMES = Entry("how many paths have a name; the table has each of these in both directions", "1")

@@ -1,4 +1,4 @@
-"""Drivers of the closed loop's kernels: loops over lanes, stages, steps and blocks.
+"""Drivers of the implicit-explicit integrator under the paper's law: loops over lanes, stages and steps.
 
 A *block* holds some environments, its lanes. All that is known of them is in its *arena*, one row of lanes for each
 quantity (`layout.Row`); their late readings are in its *delay line* (`delay_line`). `assembly` puts these functions and
@@ -8,17 +8,16 @@ testing (`declarations.plain_python`).
 
 from __future__ import annotations
 
-from flexarm_env.codegen.arrays import Arena, Arenas, Clock, Clocks, Histories, History, Paths
-from flexarm_env.codegen.declarations import Program, per_lane
+from flexarm_env.codegen.arrays import Arena, Clock, History, Paths
+from flexarm_env.codegen.declarations import per_lane
 from flexarm_env.kernels.delay_line import count_steps, prepare_readings, store_reading
 from flexarm_env.kernels.entries import clock_row
 from flexarm_env.kernels.layout import row
-from flexarm_env.kernels.path_cache import cache_segment, invalidate_segment, on_segment, segment
-from flexarm_env.kernels.recorded import law_kernel, outputs_kernel
-from flexarm_env.kernels.status import state_status
+from flexarm_env.kernels.path_cache import cache_segment, on_segment, segment
+from flexarm_env.kernels.recorded import law_kernel
 from flexarm_env.kernels.tableau import EXPLICIT, IMPLICIT, NODES, STAGES
 from flexarm_env.kernels.variants import variant
-from flexarm_env.physics.polyline import AHEAD, chord_at, reference_at
+from flexarm_env.physics.polyline import chord_at
 
 
 def prepare_commands(arena: Arena, clock: Clock, paths: Paths, h: float) -> None:
@@ -82,19 +81,6 @@ def evaluate_law(arena: Arena, history: History, clock: Clock, paths: Paths, h: 
             arena[row.TORQUE + r, i] = arena[row.TAU + r, i]
 
 
-def start(arena: Arena, history: History, clock: Clock, paths: Paths, h: float) -> None:
-    """Complete every lane of a block from its state."""
-    for i in range(variant.lanes):
-        invalidate_segment(arena, row.COMMAND_SEGMENT, i)
-    for at in range(STAGES * variant.size):  # what an earlier episode left, at worst not finite
-        for i in range(variant.lanes):
-            arena[row.V_SLOTS + at, i] = 0.0
-            arena[row.MECHANICAL_SLOTS + at, i] = 0.0
-            arena[row.FEEDBACK_SLOTS + at, i] = 0.0
-    evaluate_law(arena, history, clock, paths, h)
-    store_stage(arena, 0)
-
-
 def store_stage(arena: Arena, slot: int) -> None:
     """Keep what the law's kernel found for the stages to come."""
     for r in range(variant.size):
@@ -120,52 +106,3 @@ def loop_step(arena: Arena, history: History, clock: Clock, paths: Paths, h: flo
     store_stage(arena, 0)  # the last stage is the step's end, where the next step starts
     count_steps(clock, history, 1)
     store_reading(arena, history, clock[clock_row.HEAD, 0])
-
-
-def write_outputs(arena: Arena, history: History, clock: Clock, paths: Paths, h: float) -> None:
-    """Observation, state, tips, reward and status of every lane of a block at the present instant."""
-    prepare_readings(arena, history, clock, h, 0.0)
-    for i in range(variant.lanes):
-        steps = clock[clock_row.STEPS, i]
-        reference = reference_at(
-            paths, clock[clock_row.PATH, i], steps * h, (steps + AHEAD) * h, clock[clock_row.SINCE, i] * h
-        )
-        for r in range(4):
-            arena[row.REFERENCE + r, i] = reference[r]
-    outputs_kernel(arena)
-    state_status(arena)
-
-
-def run_loop(
-    arenas: Arenas, histories: Histories, clocks: Clocks, paths: Paths, h: float, steps: int, initialise: bool
-) -> None:
-    """Advance all blocks by a control period, or complete them after a reset.
-
-    Args:
-        arenas: Shape (blocks, rows, lanes).
-        histories: Shape (blocks, slots * slot_rows, lanes).
-        clocks: Shape (blocks, 5, lanes).
-        paths: paths of all lanes, see `reference_at`. Shape (paths, n, 5).
-        h: step [s].
-        steps: how many; 0 after a reset.
-        initialise: complete the states first (after a reset).
-    """
-    for block in range(arenas.shape[0]):
-        arena: Arena = arenas[block]
-        history: History = histories[block]
-        clock: Clock = clocks[block]
-        if initialise:
-            start(arena, history, clock, paths, h)
-        else:
-            evaluate_law(arena, history, clock, paths, h)
-        for _ in range(steps):
-            loop_step(arena, history, clock, paths, h)
-        write_outputs(arena, history, clock, paths, h)
-
-
-LOOP = Program(
-    "loop",
-    entry_points=(run_loop, store_reading),
-    groups=frozenset({"law", "loop"}),
-    words="the paper's closed loop",
-)

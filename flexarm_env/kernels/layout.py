@@ -3,10 +3,10 @@
 An arena holds some environments, its lanes: one row of numbers for each quantity (`arrays`). A program's groups say
 which rows its arenas have:
 
-- "law": the paper's law acts (`closed_loop`),
-- "tracking": the joint-space law tracks the reference (`tracking`),
-- "loop": the paper's closed loop (`simulation`),
-- "environment": an environment (`periods`),
+- "law": the paper's law acts (`jacobian_transpose`),
+- "tracking": the joint-space law tracks the reference (`joint_tracking`),
+- "loop": the paper's closed loop (`loop`),
+- "environment": an environment (`episode`),
 - "second sensor": the environment has one (`Shape.groups`),
 - "tangents": Jacobians are carried along (`step_jacobians`).
 """
@@ -76,7 +76,6 @@ def _law(field: str) -> Callable[[Shape], int]:
 
 _REPORTED = ("loop", "environment")
 _LAW = ("law",)
-_LOOP = ("loop",)
 _TRACKING = ("tracking",)
 _ENVIRONMENT = ("environment",)
 _SECOND = tuple(SECOND_SENSOR)
@@ -106,6 +105,7 @@ class Row(Names):
     RATE_OFFSET = Entry("late part of the readings' rates", "rad/s or m/s", _law("rate_offset"), _LAW)
     RATE_WEIGHT = Entry("share of the current rates", "1", _law("rate_weight"), _LAW)
     DELAY = Entry("of the two readings in the law", "s", 2, _LAW)
+    COMPENSATION = Entry("delay of the commands: 0 none, 1 the shoulder's for both, 2 each joint's own", "1", 1, _LAW)
     COMMAND_DELAY = Entry("of the commands of shoulder and elbow", "s", 2, _LAW)
     COMMAND_SEGMENT = Entry(
         "segment of the path for the commands (`path_cache.Segment`)", "s, m, m/s", SEGMENT_ROWS, _LAW
@@ -137,14 +137,20 @@ class Row(Names):
     TIP_DISTANCE = Entry("of the tip from the elbow", "m", 1, _REPORTED)
     TIP_FORESHORTENING = Entry("foreshortening at the tip", "1/m", _pairs, _REPORTED)
 
-    SENSOR_POINT_DISTANCE = Entry("of the sensor from the elbow", "m", 1, _ENVIRONMENT)
-    SENSOR_POINT_VALUES = Entry("link 2's mode shapes at the sensor", "1", _modes, _ENVIRONMENT)
-    SENSOR_POINT_FORESHORTENING = Entry("foreshortening at the sensor", "1/m", _pairs, _ENVIRONMENT)
+    SENSOR_POINT_DISTANCE = Entry("of the sensor from the elbow", "m", 1, _REPORTED)
+    SENSOR_POINT_VALUES = Entry("link 2's mode shapes at the sensor", "1", _modes, _REPORTED)
+    SENSOR_POINT_FORESHORTENING = Entry("foreshortening at the sensor", "1/m", _pairs, _REPORTED)
+    SENSOR_DELAY = Entry("of the shoulder's and the elbow's reading", "s", 2, _REPORTED)
+    PRESENT_SEGMENT = Entry(
+        "side of the path that the reference is on (`path_cache.Segment`)", "s, m, m/s", SEGMENT_ROWS, _REPORTED
+    )
+    DEFLECTION = Entry("of each link's tip", "m", 2, _REPORTED)
+    DEFLECTION_RATE = Entry("its change", "m/s", 2, _REPORTED)
+
     JITTER = Entry("largest further delay of a reading", "s", 1, _ENVIRONMENT)
     HOLD = Entry("period of the sensor's own clock; 0: it is continuous", "s", 1, _ENVIRONMENT)
     DROPOUT = Entry("share of the readings that are lost", "1", 1, _ENVIRONMENT)
     ENCODER_NOISE = Entry("standard deviation of encoder angles and rates", "rad, rad/s", 2, _ENVIRONMENT)
-    SENSOR_DELAY = Entry("of the shoulder's and the elbow's reading", "s", 2, _ENVIRONMENT)
     ENCODERS = Entry("joint angles and rates by the encoders", "rad, rad/s", 4, _ENVIRONMENT)
     REFERENCE_JOINTS = Entry(
         "joint angles and rates of the rigid arm on the reference, on the branch of inverse kinematics",
@@ -156,15 +162,10 @@ class Row(Names):
     PRESENT_JOINT = Entry("as JOINT, with the elbow on MEASURED_SIDE", "rad, rad/s", 4, _ENVIRONMENT)
     LINK_FRAME = Entry("1 for the link's frame, 0 for the world's", "1", 1, _ENVIRONMENT)
     PHASE = Entry("of the lap, 0 to 1", "1", 1, _ENVIRONMENT)
-    PRESENT_SEGMENT = Entry(
-        "side of the path that the reference is on (`path_cache.Segment`)", "s, m, m/s", SEGMENT_ROWS, _ENVIRONMENT
-    )
     NEXT_TIME = Entry("how long the next side takes", "s", 1, _ENVIRONMENT)
     NEXT_VELOCITY = Entry("of the reference on the next side", "m/s", 2, _ENVIRONMENT)
     SEGMENT_PASSED = Entry("time since the reference came onto its side, or began to move", "s", 1, _ENVIRONMENT)
     SEGMENT_LEFT = Entry("time until the reference leaves its side", "s", 1, _ENVIRONMENT)
-    DEFLECTION = Entry("of each link's tip", "m", 2, _ENVIRONMENT)
-    DEFLECTION_RATE = Entry("its change", "m/s", 2, _ENVIRONMENT)
     ACTION_CHANGE = Entry("squared change of the action", "1", 1, _ENVIRONMENT)
     AWAY = Entry("latest path time at which the tip was not near the reference", "s", 1, _ENVIRONMENT)
     SAMPLE_TIME = Entry("when the latest reading was taken", "s", 1, _ENVIRONMENT)
@@ -195,20 +196,16 @@ class Row(Names):
     F_PHASE = Entry("cosine and sine of the lap's phase", "1", 2, _ENVIRONMENT)
     FRAME_AXIS = Entry("cosine and sine of the frame's angle", "1", 2, _ENVIRONMENT)
 
-    # what describes an episode (`beginning_sizes`), then what an environment reports (`episode_sizes`)
+    # what describes an episode (`beginning_sizes`), then what is reported (`result_sizes`)
     EPISODE = Entry("what is drawn for the episode (`Drawn`)", "as in `Drawn`", QUANTITIES, _ENVIRONMENT)
     START_TIME = Entry("path time at which the episode started", "s", 1, _ENVIRONMENT)
     BRANCH = Entry("sign of theta2 in inverse kinematics", "1", 1, _ENVIRONMENT)
-    # what the paper's closed loop reports begins here
-    OBSERVATION = Entry(
-        "of a controller (`jacobian_transpose.observation`)", STATE_UNIT, lambda s: 10 + 2 * s.modes, _LOOP
-    )
     STATE = Entry("public state", STATE_UNIT, lambda s: 2 * s.size, _REPORTED)
     TORQUE = Entry("torques at the start of the period", "N m", 2, _REPORTED)
     TRUE_TIP = Entry("tip with deflection", "m", 2, _REPORTED)
     RIGID_TIP = Entry("tip by rigid kinematics", "m", 2, _REPORTED)
     REFERENCE = Entry("reference position and velocity", "m, m/s", 4, _REPORTED)
-    LINK_SENSOR = Entry("latest reading of the sensor", "m", 2, _ENVIRONMENT)
+    LINK_SENSOR = Entry("latest reading of the sensor", "m", 2, _REPORTED)
     SECOND_SENSED = Entry("latest reading of the second sensor", "m", 2, _SECOND)
     REWARD_TERMS = Entry("terms of the reward, weighted", "1", lambda s: s.program.reward_terms, _ENVIRONMENT)
     TIME = Entry("since the episode's start", "s", 1, _ENVIRONMENT)
@@ -218,7 +215,7 @@ class Row(Names):
     ELBOW_CHANGES = Entry("how often ELBOW_SIDE has changed since the episode began", "1", 1, _ENVIRONMENT)
     SUCCESS = Entry("whether the tip was near the reference through the final rest", "1", 1, _ENVIRONMENT)
     REWARD = Entry("sum of the reward's terms", "1", 1, _ENVIRONMENT)
-    STATUS = Entry("0 for a valid state (`imex.state_status`, `observe.termination_status`)", "1", 1, _REPORTED)
+    STATUS = Entry("0 for a valid state (`status.state_status`, `observe.termination_status`)", "1", 1, _REPORTED)
 
     TAIL = Entry(
         "previews of the reference, then kept actions, then kept commands unless they are the actions; newest first",
@@ -237,19 +234,14 @@ def sizes_between(rows: dict[str, tuple[int, int]], first: str, last: str) -> di
     return {name: rows[name][1] for name in names[names.index(first) : names.index(last) + 1]}
 
 
-def episode_sizes(rows: dict[str, tuple[int, int]]) -> dict[str, int]:
-    """Return the sizes of an environment's results at an instant, which follow each other in its arena."""
-    return sizes_between(rows, "STATE", "STATUS")
-
-
 def beginning_sizes(rows: dict[str, tuple[int, int]]) -> dict[str, int]:
     """Return the sizes of what describes an episode from its start; these parts are consecutive in the arena."""
     return sizes_between(rows, "EPISODE", "BRANCH")
 
 
 def result_sizes(rows: dict[str, tuple[int, int]]) -> dict[str, int]:
-    """Return the sizes of a closed loop's results at an instant, which follow each other in its arena."""
-    return sizes_between(rows, "OBSERVATION", "STATUS")
+    """Return the sizes of what is reported of an arm at an instant, parts that follow each other in its arena."""
+    return sizes_between(rows, "STATE", "STATUS")
 
 
 def arm_rows(k: Constants) -> dict[str, Sequence[float]]:

@@ -147,7 +147,8 @@ def elimination_kernel(arena: Arena) -> None:
 def reading_record(variant: Variant) -> Recorder:
     """Record what the sensor measures now."""
     r = Recorder(variant)
-    r.store("readings", sensing.reading(r.constants(), r.sensor(), variant.sensor, r.read("Y"), r.read("V")))
+    place = r.place("SENSOR_POINT")
+    r.store("readings", sensing.reading(r.constants(), place, variant.sensor, r.read("Y"), r.read("V")))
     return r
 
 
@@ -169,18 +170,15 @@ def second_reading_kernel(arena: Arena, readings: LaneRows) -> None:
     """Compute the second sensor's present reading, as `reading_kernel` does for the first. Shape (4, lanes)."""
 
 
-def outputs_record(variant: Variant) -> Recorder:
-    """Record observation, state and tips of a closed loop."""
+def truth_record(variant: Variant) -> Recorder:
+    """Record the kernel of state, tips and deflections."""
     r = Recorder(variant)
-    truth, reference = r.truth(), r.read("REFERENCE")
-    observed = jacobian_transpose.observation(r.constants(), r.law(), variant.sensor, (r.read("Y"), r.read("V")))
-    r.write("OBSERVATION", [*observed, *reference])
-    r.write("STATE", truth.state)
-    r.write("TRUE_TIP", truth.true_tip)
-    r.write("RIGID_TIP", truth.rigid_tip)
+    truth = sensing.truth(r.constants(), r.place("TIP"), r.read("Y"), r.read("V"))
+    for name, values in truth._asdict().items():
+        r.write(name.upper(), values)
     return r
 
 
-@recorded_kernel(outputs_record)
-def outputs_kernel(arena: Arena) -> None:
-    """Compute sensed position and tips of every lane."""
+@recorded_kernel(truth_record)
+def truth_kernel(arena: Arena) -> None:
+    """Compute state, tips and deflections of each lane."""

@@ -18,7 +18,6 @@ from flexarm_env.control import jacobian_transpose
 from flexarm_env.kernels.layout import elimination_count
 from flexarm_env.kernels.variants import Variant
 from flexarm_env.physics import dynamics as dyn
-from flexarm_env.physics import sensing
 from flexarm_env.physics.bent_link import PointShape
 from flexarm_env.physics.constants import ARM_QUANTITIES, Constants
 from flexarm_env.physics.modal_elimination import Elimination
@@ -95,14 +94,6 @@ class Recorder:
         return PointShape(
             self.one(f"{name}_DISTANCE"), self.read(f"{name}_VALUES"), self.read(f"{name}_FORESHORTENING")
         )
-
-    def sensor(self) -> PointShape:
-        """Return where the sensor is."""
-        return self.place("SENSOR_POINT" if "SENSOR_POINT_VALUES" in self.variant.rows else "SENSOR")
-
-    def truth(self) -> sensing.Truth:
-        """Compute the arm's state, tips and deflections."""
-        return sensing.truth(self.constants(), self.place("TIP"), self.read("Y"), self.read("V"))
 
     def _part(self, name: str) -> tuple[int, int]:
         if name not in self.variant.rows:

@@ -31,6 +31,7 @@ from flexarm_env.kernels.entries import constant
 from flexarm_env.kernels.layout import row, slope_ways
 from flexarm_env.kernels.recorded import step_kernel
 from flexarm_env.kernels.recorder import Recorder, recorded_kernel
+from flexarm_env.kernels.states import elbow_slope, internal_place, turn_link_2
 from flexarm_env.kernels.tableau import RK4_NODES, RK4_WEIGHTS
 from flexarm_env.kernels.variants import Variant, variant
 from flexarm_env.physics import dynamics as dyn
@@ -163,20 +164,6 @@ def load_arms(arena: Arena, first_row: int, table: ArmTable, first: int) -> None
         load_rows(arena, first_row, table, first)
 
 
-def elbow_slope(arena: Arena, i: int, first_row: int) -> float:
-    """Angle of link 1's tip against its root in lane i.
-
-    Args:
-        arena: of one block.
-        i: the lane.
-        first_row: of link 1's modal coordinates.
-    """
-    slope = 0.0
-    for n in range(variant.modes):
-        slope += arena[row.CONSTANTS + constant.ELBOW_SLOPES + n, i] * arena[first_row + n, i]
-    return slope
-
-
 def load_states(arena: Arena, states: States, first: int) -> None:
     """Copy public states into a block, as internal ones (`dynamics.internal_coordinates`)."""
     for i in range(variant.lanes):
@@ -184,11 +171,9 @@ def load_states(arena: Arena, states: States, first: int) -> None:
         for part in range(2):
             begin = row.Y + part * variant.size
             entry = part * variant.size
-            for n in range(variant.modes):
-                arena[begin + 1 + n, i] = state[entry + 2 + n]
-                arena[begin + variant.modes + 2 + n, i] = state[entry + 2 + variant.modes + n]
-            arena[begin, i] = state[entry]
-            arena[begin + variant.modes + 1, i] = state[entry] + elbow_slope(arena, i, begin + 1) + state[entry + 1]
+            for n in range(variant.size):
+                arena[begin + internal_place(n), i] = state[entry + n]
+            turn_link_2(arena, i, begin)
 
 
 def store_state(arena: Arena, i: int, first_row: int, state: NDArray[np.float64]) -> None:
@@ -308,8 +293,7 @@ def start_columns(arena: Arena) -> None:
         part = (n + 1) // variant.size  # coordinates, rates
         entry = (n + 1) % variant.size  # theta1, theta2, q1, q2
         column = row.COLUMNS + 2 * variant.size * n + part * variant.size
-        turned = variant.modes + 1  # link 2's angle
-        moved = 0 if entry == 0 else turned if entry == 1 else entry - 1 if entry < variant.modes + 2 else entry
+        moved, turned = internal_place(entry), internal_place(1)
         for i in range(variant.lanes):
             arena[column + moved, i] = 1.0
             if entry == 0:  # what turns link 1 turns link 2 with it

@@ -98,6 +98,11 @@ class Variant:
         return "law" in self.program.groups
 
     @property
+    def episodes(self) -> bool:
+        """Whether it steps environments."""
+        return "environment" in self.program.groups
+
+    @property
     def tracking(self) -> bool:
         """Whether the joint-space law acts."""
         return "tracking" in self.program.groups

@@ -11,7 +11,7 @@ class CornerFigures:
     """How a lap went after one corner, until the next one.
 
     Attributes:
-        time: of the corner [s].
+        time: instant of the corner [s].
         overshoot: largest advance of the true tip past the corner, in the direction in which the reference came [m];
             negative if the tip stayed short of it.
         settling_time: from the corner until the tip's distance from the reference stays below the band [s]; None if it

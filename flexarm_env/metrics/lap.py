@@ -20,7 +20,7 @@ def lap_figures(run: Trajectory, torque_limit: ArrayLike | None = None, band: fl
 
     Args:
         run: a run with a reference.
-        torque_limit: of shoulder and elbow [N m]; None: none, and no share of time at the limit.
+        torque_limit: torque limit of shoulder and elbow [N m]; None: none, and no share of time at the limit.
         band: within which the tip has settled after a corner [m].
 
     Raises:
@@ -50,8 +50,8 @@ def optimality_gap(score: float, best: float, yardstick: float) -> float:
 
     Args:
         score: r.m.s. distance over the lap [m].
-        best: of the best plan known (oracle) [m].
-        yardstick: of IFDC [m]; larger than the best.
+        best: error of the best plan known (oracle) [m].
+        yardstick: error of IFDC [m]; larger than the best.
 
     Returns:
         (score - best) / (yardstick - best); above 1 for a score worse than the yardstick, below 0 for one better than

@@ -28,7 +28,7 @@ class Instants(NamedTuple):
         tip: true tip [m]. Shape (k, n, 2).
         reference: [m]. Shape (k, n, 2).
         direction: unit vector of the reference's travel. Shape (k, n, 2).
-        deflection: of the links' tips [m]. Shape (k, n, 2).
+        deflection: deflection of the links' tips [m]. Shape (k, n, 2).
         deflection_rate: [m/s]. Shape (k, n, 2).
         joints: theta1, theta2 [rad]. Shape (k, n, 2).
         torque: that acts from this instant on; not read at the last instant of a run [N m]. Shape (k, n, 2).
@@ -130,8 +130,8 @@ class RunningFigures:
 
         Args:
             runs: how many.
-            reference_corners: of the reference (`corners`).
-            torque_limit: of shoulder and elbow [N m]; None: none, and no share of time at the limit.
+            reference_corners: corners of the reference (`corners`).
+            torque_limit: torque limit of shoulder and elbow [N m]; None: none, and no share of time at the limit.
             band: within which the tip has settled [m].
 
         Raises:

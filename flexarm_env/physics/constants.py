@@ -216,7 +216,7 @@ def varied_constants(k: Constants, derivatives: Sequence[Constants], directions:
 
     Args:
         k: constants.
-        derivatives: of them by each of `ARM_QUANTITIES`.
+        derivatives: their derivatives by each of `ARM_QUANTITIES`.
         directions: under which the tangents are kept.
     """
     fields: dict[str, Any] = {}

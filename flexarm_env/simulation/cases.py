@@ -6,15 +6,21 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexarm_env.kernels.layout import place_rows
 from flexarm_env.kernels.variants import shared_model
-from flexarm_env.parameters import LawParameters, SensorModel, SensorParameters
+from flexarm_env.parameters import (
+    SENSOR_MODELS,
+    ArmParameters,
+    Compensation,
+    LawParameters,
+    SensorModel,
+    SensorParameters,
+)
 from flexarm_env.simulation.arm import FlexibleArm
 from flexarm_env.validation import shown
 
-Array = NDArray[np.float64]
+COMPENSATIONS: tuple[Compensation, ...] = ("none", "shared", "per_joint")  # by their numbers in the arena
 
 
 @dataclass(frozen=True)
@@ -40,18 +46,37 @@ def checked_cases(cases: Sequence[LoopCase], arm: FlexibleArm) -> list[LoopCase]
     listed = list(cases)
     if not listed:
         raise ValueError("cases: must hold at least one LoopCase")
-    length2 = arm.parameters.link_lengths[1]
     for case in listed:
         if not isinstance(case, LoopCase):
             raise TypeError(f"cases hold {shown(case)}: must be LoopCase objects")
-        if case.sensor.position > length2:
-            raise ValueError(f"sensor_position = {case.sensor.position} m: must be on link 2, > 0 and <= {length2} m")
-        if case.law.compensation != "none" and not case.sensor.traits.late:
-            raise ValueError(
-                f"compensation = {case.law.compensation!r}: a {case.sensor.model} sensor has no delay to compensate; "
-                "it must be 'none'"
-            )
+        refuse_off_link("sensor_position", case.sensor.position, 2, arm.parameters)
+        refuse_compensation_without_delay(case.law.compensation, case.sensor.model)
     return listed
+
+
+def refuse_off_link(name: str, position: float, link: int, arm: ArmParameters) -> None:
+    """Refuse a sensor's position beyond the end of its link.
+
+    Raises:
+        ValueError: naming the option.
+    """
+    length = arm.link_lengths[link - 1]
+    if position > length:
+        raise ValueError(
+            f"{name} = {position} m: must be on link {link}, > 0 and <= {length} m (link_lengths of the arm)"
+        )
+
+
+def refuse_compensation_without_delay(compensation: Compensation, model: SensorModel) -> None:
+    """Refuse delayed commands where the sensor has no delay.
+
+    Raises:
+        ValueError: naming the compensation and the sensor.
+    """
+    if compensation != "none" and not SENSOR_MODELS[model].late:
+        raise ValueError(
+            f"compensation = {compensation!r}: a {model} sensor has no delay to compensate; it must be 'none'"
+        )
 
 
 def sensor_variant(cases: Sequence[LoopCase]) -> tuple[SensorModel, str]:
@@ -71,27 +96,35 @@ def delays(case: LoopCase, arm: FlexibleArm) -> tuple[float, float]:
     return case.sensor.joint_delays(arm.parameters.link_lengths[0])
 
 
-def command_delays(case: LoopCase, arm: FlexibleArm) -> tuple[float, float]:
-    """Delay of the command in the shoulder's and in the elbow's torque [s]."""
-    shoulder, elbow = delays(case, arm)
-    return {"none": (0.0, 0.0), "shared": (shoulder, shoulder), "per_joint": (shoulder, elbow)}[case.law.compensation]
-
-
-def case_rows(cases: Sequence[LoopCase], arm: FlexibleArm) -> dict[str, Array]:
-    """Rows of the arena that the cases set and no step changes, by name (`layout`). Shape (N, k) each."""
-    each = [_rows_of(case, arm) for case in cases]
-    return {name: np.array([list(values[name]) for values in each]) for name in each[0]}
-
-
-def _rows_of(case: LoopCase, arm: FlexibleArm) -> dict[str, Sequence[float]]:
-    sensor, law = case.sensor, case.law
+def sensor_rows(sensor: SensorParameters, arm: FlexibleArm) -> dict[str, Sequence[float]]:
+    """Rows of the arena that a sensor sets and no step changes, by name (`layout`); its delays may be drawn."""
     return {
-        **place_rows("SENSOR", arm.place(2, sensor.position)),
-        **place_rows("TIP", arm.place(2, arm.parameters.link_lengths[1])),
+        **place_rows("SENSOR_POINT", arm.place(2, sensor.position)),
+        "RATE_LATE": [float(sensor.delayed == "position+rate")],
+    }
+
+
+def law_rows(law: LawParameters, arm: FlexibleArm, distance: float) -> dict[str, Sequence[float]]:
+    """Rows of the arena that the paper's law sets and no step changes, by name (`layout`).
+
+    Args:
+        law: the law.
+        arm: the arm.
+        distance: of the point that the law acts on from the elbow [m].
+    """
+    return {
+        **place_rows("SENSOR", arm.place(2, distance)),
         "PROPORTIONAL_GAIN": [law.proportional_gain],
         "DERIVATIVE_GAIN": [law.derivative_gain],
         "TORQUE_LIMIT": law.torque_limit or (np.inf, np.inf),
-        "DELAY": delays(case, arm),
-        "COMMAND_DELAY": command_delays(case, arm),
-        "RATE_LATE": [float(sensor.delayed == "position+rate")],
+        "COMPENSATION": [COMPENSATIONS.index(law.compensation)],
+    }
+
+
+def case_rows(case: LoopCase, arm: FlexibleArm) -> dict[str, Sequence[float]]:
+    """Rows of the arena that a case sets, by name (`layout`)."""
+    return {
+        **sensor_rows(case.sensor, arm),
+        **law_rows(case.law, arm, case.sensor.position),
+        "SENSOR_DELAY": delays(case, arm),
     }

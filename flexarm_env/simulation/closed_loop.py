@@ -12,17 +12,16 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexarm_env.codegen import assembly, cache
-from flexarm_env.kernels.entries import CLOCK_ROWS, clock_row, extent, reading_row
-from flexarm_env.kernels.imex import LOOP
-from flexarm_env.kernels.layout import arm_rows
-from flexarm_env.kernels.stamp import check_stamp, layout_stamp
+from flexarm_env.kernels.entries import Setting, clock_row, in_order, word
+from flexarm_env.kernels.layout import arm_rows, place_rows
+from flexarm_env.kernels.loop import LOOP
 from flexarm_env.kernels.status import failures
 from flexarm_env.kernels.variants import Variant
 from flexarm_env.physics.paths import ReferencePath
 from flexarm_env.simulation.arm import FlexibleArm
 from flexarm_env.simulation.cases import LoopCase, case_rows, checked_cases, delays, sensor_variant
-from flexarm_env.simulation.stability import STEP_LIMIT, count_readings, count_steps, default_step
+from flexarm_env.simulation.lanes import ALL_READINGS, LaneBatch, Lanes
+from flexarm_env.simulation.stability import count_readings, count_substeps
 from flexarm_env.validation import finite_array, number, shown
 
 Array = NDArray[np.float64]
@@ -34,7 +33,7 @@ class Results(NamedTuple):
     """What a batch of N arms gives out at an instant.
 
     Attributes:
-        observation: what a controller may use (`jacobian_transpose.observation`). Shape (N, 10 + 2 m).
+        observation: what a controller may use (`observation_blocks`). Shape (N, 10 + 2 m).
         state: public states. Shape (N, 4 + 4 m).
         torque: the law's at the start of the period that ends now, with its gain [N m]; at the reset that of gain 0,
             none. Shape (N, 2).
@@ -52,7 +51,7 @@ class Results(NamedTuple):
     status: Array
 
 
-class ClosedLoop:
+class ClosedLoop(LaneBatch):
     """N arms of equal parameters following one path.
 
     Attributes:
@@ -61,6 +60,8 @@ class ClosedLoop:
         control_period: the gain is held so long [s].
         substeps: integration steps in a control period.
     """
+
+    WHAT = "the closed loop"
 
     def __init__(
         self,
@@ -90,73 +91,55 @@ class ClosedLoop:
         if not isinstance(path, ReferencePath):
             raise TypeError(f"path = {shown(path)}: must be a ReferencePath")
         self.arm, self.path, self._cases = arm, path, checked_cases(cases, arm)
-        self._path_rows = path.rows[None]
-        self._ready = False  # until the first reset
         self.control_period = number("control_period", control_period, "s", above=0.0)
-        self.substeps = self._count_substeps(physics_step)
-        p = arm.parameters
-        lanes = 1 if len(self._cases) == 1 else BLOCK
-        sensor = sensor_variant(self._cases)
-        complete, foreshortened = p.velocity_forces == "complete", arm.constants.foreshortened
-        self._variant = Variant(LOOP, p.modes_per_link, complete, lanes, *sensor, foreshortened=foreshortened)
-        self._allocate()
+        wanted = None if physics_step is None else number("physics_step", physics_step, "s", above=0.0)
+        method = ("implicit", arm.parameters.kinematics)
+        self.substeps = count_substeps(self.control_period, wanted, method, arm.fastest_rate(), "arm")
         limits = np.full(2 * arm.size, np.inf) if state_limits is None else np.array(state_limits, dtype=float)
         if limits.shape != (2 * arm.size,) or not np.all(limits > 0.0):
             raise ValueError(f"state_limits = {shown(state_limits)}: must be {2 * arm.size} numbers > 0 (inf for none)")
-        for name, values in {**arm_rows(arm.constants), "LIMITS": limits}.items():
-            self._put(name, np.tile(np.asarray(values, dtype=float), (len(self), 1)))
-        for name, rows in case_rows(self._cases, arm).items():
-            self._put(name, rows)
-        self._link()
+        self._limits = limits
+        super().__init__(self._lanes())
+        fixed = {
+            **arm_rows(arm.constants),
+            **place_rows("TIP", arm.place(2, arm.parameters.link_lengths[1])),
+            "LIMITS": limits,
+        }
+        self._put_rows([{**fixed, **case_rows(case, arm)} for case in self._cases], np.arange(len(self)))
+        self._known = np.zeros((len(self), self._results.stop - self._results.start))
+        self._observed = self._observed_places()
 
-    def _allocate(self) -> None:
-        """Allocate blocks of arenas, delay lines and clocks, and note where the results lie in an arena."""
-        lanes = self._variant.lanes
-        self._rows = self._variant.rows
-        self._results = slice(self._rows["OBSERVATION"][0], extent(self._rows))
-        blocks = -(-len(self) // lanes)
-        self._arenas = np.zeros((blocks, extent(self._rows), lanes))
+    def _lanes(self) -> Lanes:
+        """Describe the arms' lanes."""
+        p = self.arm.parameters
+        width = 1 if len(self._cases) == 1 else BLOCK
+        sensor = sensor_variant(self._cases)
+        complete, foreshortened = p.velocity_forces == "complete", self.arm.constants.foreshortened
+        variant = Variant(LOOP, p.modes_per_link, complete, width, *sensor, foreshortened=foreshortened)
         latest = max(max(delays(case, self.arm)) for case in self._cases)
         readings = count_readings(latest / self.physics_step, self.physics_step, f"delay = {latest} s")
-        self._histories = np.zeros((blocks, 3 + readings, self._variant.slot_rows, lanes))
-        self._clocks = np.zeros((blocks, CLOCK_ROWS, lanes), dtype=np.int64)
+        header = np.zeros(word.PLACES, dtype=np.int64)
+        header[[word.SUBSTEPS, word.READINGS, word.DRIVING]] = self.substeps, ALL_READINGS, 1
+        settings = in_order(Setting.layout(variant.shape), {"STEP": [self.physics_step], "LENGTHS": p.link_lengths})
+        return Lanes(variant, len(self._cases), 3 + readings, header, settings, self.path.rows[None])
 
     def _link(self) -> None:
-        """Make views for the hot path: whole blocks as the kernels take them, the gains' rows, the parts of results."""
-        self._flat_arenas = self._arenas.reshape(len(self._arenas), -1)
-        self._flat_histories = self._histories.reshape(len(self._histories), -1)
-        self._gain_rows = self._arenas[:, self._rows["GAIN"][0]]
-        self._places = np.divmod(np.arange(len(self._cases)), self._arenas.shape[2])  # block and lane of each arm
-        places = [self._rows[name.upper()] for name in Results._fields]
-        self._parts = [slice(first - self._results.start, first - self._results.start + n) for first, n in places]
+        """Make views for the hot path: the gains' rows, and block and lane of each arm in them."""
+        super()._link()
+        self._gain_rows = self._lane_rows("GAIN")[:, 0]
+        self._places = np.divmod(np.arange(self.count), self._gain_rows.shape[1])
 
-    def __getstate__(self) -> dict[str, Any]:
-        """Without the views, which would come back as copies."""
-        views = ("_flat_arenas", "_flat_histories", "_gain_rows")
-        kept = {name: value for name, value in self.__dict__.items() if name not in views}
-        return {"layout_stamp": self._stamp(), **kept}
+    def _arguments(self) -> tuple[Any, ...]:
+        return self.arm, self._cases, self.path, self.control_period, self.physics_step, self._limits
 
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        """Link the views again.
+    def _kept(self) -> dict[str, Any]:
+        return {"_known": self._known}
 
-        Raises:
-            LayoutError: if the memory has another layout than a new batch of these cases.
-        """
-        found, kept = state.get("layout_stamp"), {**state}
-        kept.pop("layout_stamp", None)
-        self.__dict__.update(kept)
-        self._allocate()
-        check_stamp("the closed loop", found, self._stamp())
-        self.__dict__.update(kept)
-        self._link()
-
-    def _stamp(self) -> str:
-        arrays = {"ARENAS": self._arenas, "HISTORIES": self._histories, "CLOCKS": self._clocks}
-        return layout_stamp(self._variant, arrays)
-
-    def __len__(self) -> int:
-        """Return the number of arms."""
-        return len(self._cases)
+    def _observed_places(self) -> NDArray[np.int64]:
+        """Where the numbers of `Results.observation` lie among the packed results."""
+        places = {name: np.arange(part.start, part.stop) for name, part in self.parts.items()}
+        q, rates = np.split(places["STATE"], 2)
+        return np.concatenate([q[:2], rates[:2], places["LINK_SENSOR"], q[2:], places["REFERENCE"]])
 
     @property
     def physics_step(self) -> float:
@@ -182,20 +165,10 @@ class ClosedLoop:
             states: public states. Shape (N, 4 + 4 m).
             noise: see `advance`.
         """
-        start = finite_array("states", states, (len(self), 2 * self.arm.size))
-        internal = self.arm.internal_state(start)
-        self._clocks[:] = 0
-        self._put("Y", internal[:, : self.arm.size])
-        self._put("V", internal[:, self.arm.size :])
-        self._gain_rows[:] = 0.0  # until the first period
+        self._put("STATE", finite_array("states", states, (len(self), 2 * self.arm.size)))
         self._put_noise(noise)
-        module = assembly.load(self._variant)
-        for arena, history in zip(self._flat_arenas, self._flat_histories, strict=True):
-            cache.call(module.store_reading, arena, history, 0)
-        self._histories[:, 1:] = self._histories[:, :1]
-        self._histories[:, 1:, reading_row.RATE :] = 0.0  # before the start nothing moves
-        self._run(0, initialise=True)
-        self._ready = True
+        self._starts[:] = True
+        self._known = self._run_starts()
 
     def advance(self, gain: ArrayLike, noise: ArrayLike | None = None) -> None:
         """Advance by one control period.
@@ -217,7 +190,7 @@ class ClosedLoop:
         self._gain_rows[self._places] = values
         if noise is not None:
             self._put_noise(noise)
-        self._run(self.substeps, initialise=False)
+        self._known = self._run()
 
     def results(self) -> Results:
         """Return all that is known at the present instant; new arrays on every call."""
@@ -225,13 +198,16 @@ class ClosedLoop:
 
     def packed_results(self) -> Array:
         """Return `results` in one new array, for records. Shape (N, k)."""
-        rows = self._arenas[:, self._results].transpose(0, 2, 1).copy()
-        return rows.reshape(-1, rows.shape[2])[: len(self._cases)]
+        return self._known.copy()
 
     def unpack(self, pack: Array) -> Results:
-        """Return views of packed results. Shape (..., k)."""
-        *parts, status = (pack[..., part] for part in self._parts)
-        return Results._make([*parts, status[..., 0]])
+        """Return the parts of packed results: views, and a new array of observations. Shape (..., k)."""
+        parts = {name: pack[..., self.parts[name.upper()]] for name in Results._fields[1:]}
+        return Results(self.observations(pack), **{**parts, "status": parts["status"][..., 0]})
+
+    def observations(self, pack: Array) -> Array:
+        """Return `Results.observation` of packed results, in a new array. Shape (..., 10 + 2 m)."""
+        return pack[..., self._observed]
 
     def failure(self, status: float) -> str | None:
         """Return what a `Results.status` means: None, "diverged", "angle", "deflection" or "rate"."""
@@ -239,43 +215,9 @@ class ClosedLoop:
 
     # --- inside ----------------------------------------------------------------------------------------------------
 
-    def _count_substeps(self, physics_step: float | None) -> int:
-        fastest = self.arm.fastest_rate()
-        if physics_step is None:
-            wanted = default_step(fastest)
-            cause = f"arm: its fastest mode, {fastest:.4g} rad/s, asks for steps of {wanted:.4g} s"
-        else:
-            wanted = number("physics_step", physics_step, "s", above=0.0)
-            cause = f"physics_step = {wanted} s"
-            if wanted > STEP_LIMIT / fastest:
-                raise ValueError(
-                    f"physics_step = {wanted} s: too long for the arm's fastest mode, {fastest:.4g} rad/s; "
-                    f"at most {STEP_LIMIT / fastest:.4g} s is allowed"
-                )
-        return count_steps(self.control_period, wanted, cause)
-
-    def _put(self, name: str, values: Array) -> None:
-        """Write rows of all arms; lanes beyond the last arm repeat the first."""
-        first, count = self._rows[name]
-        blocks, _, lanes = self._arenas.shape
-        padded = np.concatenate([values, np.repeat(values[:1], blocks * lanes - len(values), axis=0)])
-        self._arenas[:, first : first + count] = padded.reshape(blocks, lanes, count).transpose(0, 2, 1)
-
     def _put_noise(self, noise: ArrayLike | None) -> None:
         values = np.zeros((len(self), 2)) if noise is None else finite_array("noise", noise, (len(self), 2))
         self._put("NOISE", values)
-
-    def _run(self, steps: int, initialise: bool) -> None:
-        cache.call(
-            assembly.load(self._variant).run_loop,
-            self._flat_arenas,
-            self._flat_histories,
-            self._clocks,
-            self._path_rows,
-            self.physics_step,
-            steps,
-            initialise,
-        )
 
 
 def observation_blocks(modes: int) -> dict[str, slice]:

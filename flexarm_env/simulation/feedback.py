@@ -70,7 +70,7 @@ class FeedbackTorque(HeldTorque):
             torque_before: torque before the first period [N m]; matters with torque gains only. Shape (..., 2).
             limits: largest torques of shoulder and elbow [N m]; None: no limit.
             period: [s]; a whole number of steps.
-            step: of the Runge-Kutta method [s].
+            step: step of the Runge-Kutta method [s].
             payload_mass: see `step`. Shape (...).
             stiffness: see `step`. Shape (...).
             damping: see `step`. Shape (...).
@@ -141,7 +141,7 @@ def _sequences(name: str, value: ArrayLike, count: int | None, last: tuple[int, 
     Args:
         name: for messages.
         value: what the user gave.
-        count: of periods; None: any, but one at least.
+        count: number of periods; None: any, but one at least.
         last: axes of one period.
 
     Raises:

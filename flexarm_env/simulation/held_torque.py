@@ -98,7 +98,7 @@ class HeldTorque(ABC):
             state: Shape (..., 4 + 4 m).
             torque: held over the period, of shoulder and elbow [N m]. Shape (..., 2).
             period: [s]; a whole number of steps.
-            step: of the Runge-Kutta method [s].
+            step: step of the Runge-Kutta method [s].
             payload_mass: [kg], 0 to 1000; None: the arm's own. Shape (...).
             stiffness: factor on the stiffness of both links, 0.001 to 1000; None: 1. Shape (...).
             damping: damping ratio (`physics.damping`) at that stiffness, 0 to 1; None: the arm's own. Shape (...).

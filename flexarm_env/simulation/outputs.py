@@ -25,7 +25,7 @@ class Outputs(NamedTuple):
         sensed: position of the sensor's point [m] and its velocity [m/s]. Shape (..., 4).
         true_tip: with deflection [m]. Shape (..., 2).
         rigid_tip: by rigid kinematics of the joint angles (8), (9) [m]. Shape (..., 2).
-        deflection: of each link's tip off its root tangent [m]. Shape (..., 2).
+        deflection: deflection of each link's tip off its root tangent [m]. Shape (..., 2).
         deflection_rate: [m/s]. Shape (..., 2).
     """
 
@@ -42,7 +42,7 @@ def output_jacobians(k: Constants, tip: PointShape, sensor: PointShape, state: A
 
     Args:
         k: constants of the arm.
-        tip: of link 2.
+        tip: tip of link 2.
         sensor: where the sensor is on link 2.
         state: public. Shape (..., 4 + 4 m).
 

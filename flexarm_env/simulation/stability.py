@@ -20,9 +20,16 @@ ELBOWS = np.linspace(0.0, np.pi, 7)  # [rad]
 # The explicit part of ARS(4,4,3) is stable for undamped modes up to h omega = 1.57. The default step, a tenth of that
 # and 0.25 ms at most, keeps coordinates within 1e-3 of their range over the lap at constant gains up to 17 (the paper's
 # runs: 2e-4), and rates within 2e-3, largest just after a jump of the command (tests/simulation/test_closed_loop.py).
-STEP_LIMIT = 1.2
-DEFAULT_ANGLE = 0.15
-DEFAULT_STEP = 2.5e-4
+DEFAULT_ANGLE = {"explicit": STABLE_ANGLE["explicit"], "implicit": 0.15}
+# With the explicit integrator, on foreshortened links with material damping, the error in a second of a lap's motion is
+# below 0.1 mm (tests/simulation/test_step_limit.py). Linear kinematics let fast turns bend the links further, where the
+# same step would be wrong by millimetres.
+LONGEST_DEFAULT = {  # by integrator and kinematics [s]
+    ("explicit", "linear"): 1e-3,
+    ("explicit", "foreshortened"): 2e-3,
+    ("implicit", "linear"): 2.5e-4,
+    ("implicit", "foreshortened"): 2.5e-4,
+}
 # Limits of a control period of one arm. The longest period must not block the caller for long; a reading takes 32
 # bytes, so that the longest delay line takes 64 MB.
 MOST_STEPS = 20_000
@@ -40,11 +47,6 @@ def fastest_pole(
     feedback[[0, 1], [0, 1]] = stiffness
     feedback[[0, 1], [arm.size, arm.size + 1]] = resistance
     return float(np.abs(np.linalg.eigvals(linear.A - linear.B @ feedback)).max())
-
-
-def default_step(fastest: float) -> float:
-    """Return the integration step [s] for an arm whose fastest mode has this rate [rad/s]."""
-    return min(DEFAULT_STEP, DEFAULT_ANGLE / fastest)
 
 
 def fastest_rates(settings: Any) -> tuple[float, ...]:
@@ -69,17 +71,42 @@ def _rates_of(parameters: ArmParameters, gains: tuple[Gains, Gains] | None) -> t
     return (arm.fastest_rate(), *(fastest_pole(arm, theta2, *gains) for theta2 in ELBOWS if gains))
 
 
-def count_steps(period: float, step: float, cause: str) -> int:
+def count_substeps(
+    period: float,
+    step: float | None,
+    method: tuple[str, str],
+    fastest: float,
+    arm: str,
+    what: str = "fastest mode",
+) -> int:
     """Count the integration steps in a control period.
 
     Args:
         period: the control period [s].
-        step: the longest integration step [s].
-        cause: cause of the step, for the message.
+        step: longest integration step as the user gives it [s]; None: as the arm demands.
+        method: integrator, "explicit" or "implicit", and the arm's kinematics.
+        fastest: rate of the arm's fastest mode or pole [rad/s].
+        arm: description of the arm, for messages.
+        what: whose rate it is, for messages.
 
     Raises:
-        ValueError: for more than `MOST_STEPS`.
+        ValueError: for a step that is not stable, or more than `MOST_STEPS`.
     """
+    integrator, _ = method
+    if step is None:
+        wanted = min(LONGEST_DEFAULT[method], DEFAULT_ANGLE[integrator] / fastest)
+        cause = f"{arm}: its {what}, {fastest:.4g} rad/s, asks for steps of {wanted:.4g} s"
+        return _count_steps(period, wanted, cause)
+    longest = STABLE_ANGLE[integrator] / fastest
+    if step > longest:
+        raise ValueError(
+            f"physics_step = {step} s: too long for the arm's {what}, {fastest:.4g} rad/s; "
+            f"at most {longest:.4g} s is allowed"
+        )
+    return _count_steps(period, step, f"physics_step = {step} s")
+
+
+def _count_steps(period: float, step: float, cause: str) -> int:
     count = period / step - 1e-9
     if not count <= MOST_STEPS:
         raise ValueError(

@@ -34,10 +34,10 @@ def bisect(diverges: Callable[[Array], NDArray[np.bool_]], low: float, high: flo
     """Search the delay from which on runs diverge, to a factor; `LANES` delays a round.
 
     Args:
-        diverges: of many delays [s].
+        diverges: function that says for many delays [s] whether the run diverges.
         low: a delay that does not diverge [s].
         high: one that does [s].
-        rounds: of refinement.
+        rounds: number of refinements.
 
     Returns:
         The last delay that does not and the first that does [s]; infinite if none does.

@@ -68,10 +68,10 @@ def stepped(name: str, env_id: str, count: int, **options: Any) -> Subject:
     """One environment, stepped with random actions, and reset where an episode ends.
 
     Args:
-        name: of the subject.
-        env_id: of the environment.
+        name: name of the subject.
+        env_id: id of the environment.
         count: steps of a timed call.
-        **options: of the environment.
+        **options: options of the environment.
     """
     env = gymnasium.make(env_id, **options)
     env.action_space.seed(0)

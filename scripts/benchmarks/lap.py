@@ -103,7 +103,7 @@ def lap(seconds: float) -> Group:
     """Declare the group of the paper's job and the twelve runs.
 
     Args:
-        seconds: of the lap's 16; the paper's times and the goal are scaled with it.
+        seconds: length of the part of the lap's 16 s that is run [s]; the paper's times and the goal scale with it.
     """
     job, part = _Job(seconds), seconds / LAP
     given = {name: part * clock for name, clock in (PAPER_CLOCK | {"goal for twelve runs": GOAL}).items()}

@@ -56,7 +56,7 @@ class Group:
     Attributes:
         name: key in the JSON file.
         title: for people.
-        unit: of the times: a key of `UNITS`.
+        unit: unit of the times, a key of `UNITS`.
         per: what one unit of work is.
         subjects: what is timed.
         ratios: what is compared.
@@ -64,7 +64,7 @@ class Group:
         facts: further numbers for the JSON file.
         wall: the work is done by other processes, so that only the clock on the wall counts.
         warm: do every subject's work once before the first timed call.
-        share: of the option `repeats`.
+        share: factor on the option `repeats`.
     """
 
     name: str

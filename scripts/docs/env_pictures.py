@@ -22,7 +22,7 @@ class Picture(NamedTuple):
         policy: makes an action of an environment and its observation.
         reset: options of the reset.
         steps: control periods before it is taken.
-        seed: of the reset.
+        seed: seed of the reset.
     """
 
     caption: str

@@ -71,7 +71,7 @@ class Workspace:
     """What the reach of the arm leaves the rigid tip beyond a corner of the square.
 
     Attributes:
-        reach: of the stretched arm [m].
+        reach: reach of the stretched arm [m].
         corner: distance of a corner from either axis through the shoulder [m].
     """
 

@@ -28,7 +28,7 @@ class Number:
 
     Attributes:
         name: what it is.
-        unit: of both values.
+        unit: unit of both values.
         source: equation or place in the paper.
         paper: as printed.
         ours: as computed or used.

@@ -31,9 +31,9 @@ def sweep_lines(
 
     Args:
         folder: for the files.
-        rows: of all sweeps.
+        rows: rows of all sweeps.
         sweep: which one.
-        label: of the abscissa.
+        label: label of the abscissa.
         base: measures to draw as levels: dicts with "label", "place" and the measures.
     """
     figure, axes = plt.subplots(2, 2, figsize=(12, 7.6), sharex=True)

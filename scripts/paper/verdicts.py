@@ -34,7 +34,7 @@ def verdict(claim: Claim, findings: dict[str, Finding], titles: dict[str, str]) 
     Args:
         claim: the claim.
         findings: by column; "paper" is the paper's own arm.
-        titles: of the columns.
+        titles: titles of the columns.
     """
     own = findings["paper"]
     failing = [titles[name] for name, finding in findings.items() if not finding.holds]
@@ -59,7 +59,7 @@ def decide(
         table: measures by column and case name.
         differences: path differences by column.
         sweep: rows of the sweep "constant_gain" (the paper's arm); may be empty.
-        titles: of the columns.
+        titles: titles of the columns.
     """
     rows = []
     for claim in CLAIMS:

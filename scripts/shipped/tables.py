@@ -55,7 +55,7 @@ def seeds(card: dict[str, Any]) -> str:
     """Tabulate the scores of all trainings; the shipped one is marked.
 
     Args:
-        card: of the shipped agent.
+        card: data of the shipped agent.
     """
     shipped = card["config"]["seed"]
     rows = (
@@ -98,7 +98,7 @@ def errors(score: Score) -> tuple[str, ...]:
     """Write a lap's errors; an early end is marked in each.
 
     Args:
-        score: of the lap.
+        score: score of the lap.
     """
     if not score.complete:
         return (f"ended early: {score.ended} after {score.duration:.1f} s", "ended", "ended")

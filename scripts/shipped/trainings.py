@@ -88,7 +88,7 @@ def export(trainings: Sequence[Training], policies: Path, name: str, command: st
     Args:
         trainings: all of them; the card has the scores of each.
         policies: the package's folder of policies.
-        name: of the shipped policy.
+        name: name of the shipped policy.
         command: what made it.
     """
     chosen = median(trainings)

@@ -32,7 +32,7 @@ class Check:
         name: what is compared, a few words; unique in its group.
         figure: what was found.
         reason: why the threshold is what it is, one sentence.
-        unit: of figure and threshold; "" for none.
+        unit: unit of figure and threshold; "" for none.
         least: smallest figure that passes, None for no such bound.
         most: largest figure that passes, None for no such bound.
     """

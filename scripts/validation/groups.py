@@ -55,9 +55,9 @@ class Group:
 HERE = "scripts.validation"
 
 
-def _group(name: str, title: str, module: str, *drawings: str) -> Group:
+def _group(name: str, title: str, module: str, *drawings: str, needs: tuple[str, ...] = ()) -> Group:
     """Declare a group whose pictures are drawn by the module beside its own."""
-    return Group(name, title, f"{HERE}.{module}", f"{HERE}.{module}_pictures", drawings)
+    return Group(name, title, f"{HERE}.{module}", f"{HERE}.{module}_pictures", drawings, needs)
 
 
 GROUPS = (
@@ -71,6 +71,8 @@ GROUPS = (
         ("engine_convergence", "engine_programmes", "engine_validity", "engine_square"),
         ("mujoco",),
     ),
+    _group("cables", "Second engine (Exudyn)", "cables", "cables", needs=("exudyn",)),
+    _group("two_engines", "Both engines, as recorded", "two_engines", "two_engines"),
     _group("drift", "Invariants over ten minutes", "drift", "drift_time", "drift_step"),
     _group("orders", "Orders of the integrators", "orders", "orders"),
     _group("coriolis", "The paper's dropped Coriolis terms", "coriolis", "coriolis"),

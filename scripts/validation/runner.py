@@ -35,7 +35,7 @@ class Outcome:
         seconds: what the work took (when it was done).
         reused: an earlier run's files were taken.
         missing: packages for lack of which it did not run.
-        error: of the exception that ended it; "" if none.
+        error: text of the exception that ended it; "" if none.
     """
 
     group: Group
@@ -97,7 +97,7 @@ def run_group(group: Group, quick: bool, folder: Path, fresh: bool, progress: Ca
     Args:
         group: which.
         quick: the short version.
-        folder: of all results; the group's files go to a folder of its name, its pictures to ``figures``.
+        folder: folder of all results; the group's files go to a folder of its name, its pictures to ``figures``.
         fresh: run in any case.
         progress: called with a few words before each part of the work.
     """

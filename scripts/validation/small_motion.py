@@ -69,10 +69,10 @@ def ritz_checks(
 
     Args:
         group: that the checks belong to.
-        name: of the first check.
+        name: name of the first check.
         least: smallest relative error of any frequency.
         rows: frequencies by basis and number of modes, under "found".
-        rounding: of a frequency.
+        rounding: rounding error of a frequency.
     """
     within = f"(rounding {rounding:.0e})".replace("e-0", "e-")
     growth = [

@@ -7,7 +7,7 @@ import numpy as np
 
 from flexarm_env.codegen.intrinsics import CACHE_LINE
 from flexarm_env.codegen.memory import WORD, pack
-from flexarm_env.envs.batch import VIEWS, BatchSimulator
+from flexarm_env.envs.batch import BatchSimulator
 from flexarm_env.envs.settings import Settings
 
 ARRAYS = {
@@ -39,10 +39,10 @@ def test_arrays_do_not_overlap() -> None:
         part.view(memory)[:] = ARRAYS[name]
 
 
-def test_a_copied_fleets_views_are_of_its_own_memory() -> None:
+def test_a_copied_batchs_views_are_of_its_own_memory() -> None:
     simulator = BatchSimulator(Settings.of({}), 3)
     for copied in (copy.deepcopy(simulator), pickle.loads(pickle.dumps(simulator))):
-        for name in VIEWS:
-            view = getattr(copied, name)
-            assert np.may_share_memory(view, copied._memory), name
-            assert not np.may_share_memory(view, simulator._memory), name
+        for name, view in vars(simulator).items():
+            if isinstance(view, (np.ndarray, memoryview)) and np.may_share_memory(view, simulator._memory):
+                assert np.may_share_memory(getattr(copied, name), copied._memory), name
+                assert not np.may_share_memory(getattr(copied, name), simulator._memory), name

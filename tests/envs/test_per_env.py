@@ -50,6 +50,11 @@ TORQUE_LANES: dict[str, list[Any]] = {
     ],
     "randomisation": [{}] * 7 + [{"payload_mass": (0.0, 0.5), "noise": (0.0, 0.02)}, {"delay": (0.0, 0.05)}],
 }
+SENSOR_LANES: dict[str, list[Any]] = {
+    "sensor": ["rigid", "collocated", "rigid"] * 3,
+    "delay": [0.0372, None, (0.02, 0.0113)] * 3,
+    "sensor_position": [4.5, 4.5, 2.0] * 3,
+}
 GAIN_LANES: dict[str, list[Any]] = {
     "proportional_gain": [150.79, 100.0, 200.0] * 3,
     "derivative_gain": [17.364, 30.0, 17.364] * 3,
@@ -74,12 +79,17 @@ def test_each_environment_is_the_single_one_with_its_options() -> None:
 
 
 @pytest.mark.parametrize("kernels", KERNELS, indirect=True)
+def test_each_environment_has_its_sensor(kernels: str) -> None:
+    compare_with_singles(SQUARE, SENSOR_LANES, 10 if kernels == "plain" else 60)
+
+
+@pytest.mark.parametrize("kernels", KERNELS, indirect=True)
 def test_each_environment_of_gains_is_the_single_one_with_its_options(kernels: str) -> None:
     compare_with_singles(GAIN, GAIN_LANES, 10 if kernels == "plain" else 60, law_sensor="sensor")
 
 
 def test_the_tests_have_every_option() -> None:
-    assert {*TORQUE_LANES, *GAIN_LANES, "inner_stiffness", "inner_resistance"} == set(OPTIONS)
+    assert {*TORQUE_LANES, *SENSOR_LANES, *GAIN_LANES, "inner_stiffness", "inner_resistance"} == set(OPTIONS)
 
 
 def test_gains_of_the_joint_space_law() -> None:
@@ -125,7 +135,7 @@ def test_a_batch_of_different_environments_survives_pickling() -> None:
         ({}, [0.1], TypeError, ("per_env = [0.1]", "mapping")),
         ({}, {"jitters": [0, 0]}, ValueError, ("per_env['jitters']", "no option", "jitter, hold")),
         ({}, {"control_period": [0.01, 0.02]}, ValueError, ("per_env['control_period']", "the batch's")),
-        ({}, {"sensor": ["true", "rigid"]}, ValueError, ("per_env['sensor']", "the batch's")),
+        ({}, {"sensor": ["true", "rigid"]}, ValueError, ("environment 1", "sensor = 'rigid'", "beside that: 'true'")),
         ({}, {"jitter": 0.01}, ValueError, ("per_env['jitter'] = 0.01", "list of 2")),
         ({}, {"jitter": [0.0] * 3}, ValueError, ("per_env['jitter'] = [0.0, 0.0, 0.0]", "list of 2")),
         ({}, {"direction": "clockwise"}, ValueError, ("per_env['direction'] = 'clockwise'", "list of 2")),

@@ -17,9 +17,10 @@ from flexarm_env.envs.choices import DEFAULT_OBSERVATION
 from flexarm_env.envs.kernel_inputs import header_and_settings, tail_rows
 from flexarm_env.envs.observation import observation_layout
 from flexarm_env.envs.settings import Settings
-from flexarm_env.episode import actuation, step
+from flexarm_env.episode import actuation
 from flexarm_env.kernels.entries import drawn, extent, word
 from flexarm_env.kernels.layout import row
+from flexarm_env.kernels.period import step_blocks
 from flexarm_env.kernels.variants import Variant
 from tests.support.envs import (
     FREE,
@@ -79,7 +80,7 @@ def test_environments_of_torque_rates_are_environments() -> None:
     for action in exact_actions(4):
         with plain_python(simulator._variant), np.errstate(all="ignore"):
             results = np.empty((len(env.simulator.result(0)), simulator._arenas.shape[2]))
-            step.step_blocks(simulator._memory, 0, 1, results)
+            step_blocks(simulator._memory, 0, 1, results)
         np.testing.assert_allclose(results[:, 0], env.simulator.result(0), rtol=1e-8, atol=1e-9)
         np.testing.assert_allclose(simulator.observations[0], env.simulator.observations[0], rtol=1e-5, atol=1e-6)
         simulator._header[word.DRIVING] = 1

@@ -19,6 +19,7 @@ from flexarm_env.episode.step import TORQUE
 from flexarm_env.kernels import delay_line, entries, layout
 from flexarm_env.kernels.entries import setting, word
 from flexarm_env.kernels.layout import row
+from flexarm_env.kernels.period import step_blocks
 from flexarm_env.kernels.variants import Variant
 from tests.support.envs import SQUARE
 
@@ -152,7 +153,7 @@ class Plain:
             if len(self.simulator) == 1:
                 assert step.step_only(self.simulator._memory)
             else:
-                step.step_blocks(self.simulator._memory, 0, 1, np.empty((1, self.simulator._variant.lanes)))
+                step_blocks(self.simulator._memory, 0, 1, np.empty((1, self.simulator._variant.lanes)))
 
     def step(self, actions: Array) -> None:
         self.simulator.actions[: len(self.simulator)] = actions

@@ -12,7 +12,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from flexarm_env import ArmParameters, FlexibleArm
+from flexarm_env import ArmParameters, ClosedLoop, FlexibleArm
 from flexarm_env.codegen import assembly
 from flexarm_env.codegen.arrays import Arena
 from flexarm_env.codegen.declarations import Names, Program, plain_python
@@ -20,14 +20,27 @@ from flexarm_env.envs.batch import BatchSimulator
 from flexarm_env.envs.settings import Settings
 from flexarm_env.episode import draws, reset, sensor, step, write_observation
 from flexarm_env.episode.step import TORQUE, TRACKING
-from flexarm_env.kernels import delay_line, entries, imex, layout, step_jacobians
+from flexarm_env.kernels import (
+    delay_line,
+    entries,
+    imex,
+    law,
+    layout,
+    loop,
+    period,
+    reference,
+    states,
+    step_jacobians,
+)
 from flexarm_env.kernels.entries import drawn, setting, word
-from flexarm_env.kernels.imex import LOOP
 from flexarm_env.kernels.layout import row
+from flexarm_env.kernels.loop import LOOP
 from flexarm_env.kernels.path_cache import Segment
 from flexarm_env.kernels.rk4 import OPEN
 from flexarm_env.kernels.stamp import TABLES
 from flexarm_env.kernels.variants import Variant, variant
+from tests.support import batches
+from tests.support.batches import CASES, PATH, inputs
 from tests.support.envs import PAPER, RESIDUAL, SQUARE
 from tests.support.plain import run_plainly
 
@@ -61,9 +74,10 @@ def arena_of(of: Variant, **parts: Any) -> np.ndarray:
 # --- the parts by hand ------------------------------------------------------------------------------------------------
 
 
-def test_a_cubic_comes_back_from_the_delay_line() -> None:
-    """Readings and rates between steps, by cubic polynomials, of two lanes that are late by different times."""
-    late = np.array([[0.5, 1.25, 2.0], [3.75, 0.0, 4.5]]) * STEP
+@pytest.mark.parametrize("node", [0.0, 0.5, 1.0])
+def test_a_cubic_comes_back_from_the_delay_line(node: float) -> None:
+    """A cubic and its rate come back exactly from past steps; a parabola from the step at hand."""
+    late = np.array([[1.0, 1.25, 2.0], [3.75, 0.0, 0.4]]) * STEP
     curves = [np.polynomial.Polynomial([1.0, -30.0, 4e3, 9e5]), np.polynomial.Polynomial([-2.0, 50.0, 7e3])]
     with plain_python(Variant(LOOP, 1, True, LANES)):
         arena = arena_of(Variant(LOOP, 1, True, LANES), DELAY=late, RATE_LATE=1.0)
@@ -74,12 +88,13 @@ def test_a_cubic_comes_back_from_the_delay_line() -> None:
             for j, curve in enumerate(curves):
                 history[4 * (step % SLOTS) + j] = curve(step * STEP)
                 history[4 * (step % SLOTS) + 2 + j] = curve.deriv()(step * STEP)
-        delay_line.prepare_readings(arena, history, clock, STEP, 0.0)
+        delay_line.prepare_readings(arena, history, clock, STEP, node)
+        time = (61 + node) * STEP
         for j, curve in enumerate(curves):
-            seen = arena[row.OFFSET + j] + arena[row.WEIGHT + j] * curve(61 * STEP)
-            rate = arena[row.RATE_OFFSET + j] + arena[row.RATE_WEIGHT + j] * curve.deriv()(61 * STEP)
-            np.testing.assert_allclose(seen, curve(61 * STEP - late[j]), rtol=1e-13)
-            np.testing.assert_allclose(rate, curve.deriv()(61 * STEP - late[j]), rtol=1e-11)
+            seen = arena[row.OFFSET + j] + arena[row.WEIGHT + j] * curve(time)
+            rate = arena[row.RATE_OFFSET + j] + arena[row.RATE_WEIGHT + j] * curve.deriv()(time)
+            np.testing.assert_allclose(seen, curve(time - late[j]), rtol=1e-13)
+            np.testing.assert_allclose(rate, curve.deriv()(time - late[j]), rtol=1e-11)
 
 
 def test_a_recorded_reading_enters_the_delay_line() -> None:
@@ -199,12 +214,26 @@ def test_environments_run_in_plain_python_as_compiled(
     run_plainly(monkeypatch)
     plain.start(keys, everyone, plain.usual_requests)
     rng = np.random.default_rng(0)
-    for period in range(4):
-        np.testing.assert_allclose(plain.results, compiled.results, rtol=1e-8, atol=1e-9, err_msg=f"period {period}")
+    for k in range(4):
+        np.testing.assert_allclose(plain.results, compiled.results, rtol=1e-8, atol=1e-9, err_msg=f"period {k}")
         np.testing.assert_allclose(plain.observations, compiled.observations, rtol=1e-5, atol=1e-6)
         compiled.actions[:] = plain.actions[:] = rng.uniform(-0.5, 0.5, plain.actions.shape)
         compiled.step()
         plain.step()
+
+
+def test_a_closed_loop_runs_in_plain_python_as_compiled(monkeypatch: pytest.MonkeyPatch) -> None:
+    """From states that are bent and move; each arm has its own sensor and law."""
+    compiled, plain = ClosedLoop(batches.ARM, CASES, PATH), ClosedLoop(batches.ARM, CASES, PATH)
+    starts, gains, noise = inputs(len(CASES))
+    compiled.reset(starts, noise[0])
+    run_plainly(monkeypatch)
+    plain.reset(starts, noise[0])
+    for k in range(3):
+        for found, expected in zip(plain.results(), compiled.results(), strict=True):
+            np.testing.assert_allclose(found, expected, rtol=1e-8, atol=1e-9, err_msg=f"period {k}")
+        compiled.advance(gains[k], noise[k])
+        plain.advance(gains[k], noise[k])
 
 
 # --- declarations -----------------------------------------------------------------------------------------------------
@@ -276,7 +305,21 @@ def test_drivers_need_a_variant() -> None:
         driver_of_the_aim(np.zeros((50, 1)))
 
 
-DRIVERS = [delay_line, imex, step_jacobians, sensor, draws, reset, write_observation, step]
+DRIVERS = [
+    delay_line,
+    imex,
+    law,
+    loop,
+    period,
+    reference,
+    states,
+    step_jacobians,
+    sensor,
+    draws,
+    reset,
+    write_observation,
+    step,
+]
 
 
 @pytest.mark.parametrize("module", DRIVERS, ids=lambda module: module.__name__)

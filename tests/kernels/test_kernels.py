@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 
 from flexarm_env import FlexibleArm
-from flexarm_env.codegen import assembly
+from flexarm_env.codegen import assembly, cache
 from flexarm_env.codegen.declarations import Program
 from flexarm_env.codegen.elementary import sincos
 from flexarm_env.episode.step import GAIN, TORQUE, TRACKING
-from flexarm_env.kernels.entries import CLOCK_ROWS, extent
-from flexarm_env.kernels.imex import LOOP
+from flexarm_env.kernels.entries import extent
 from flexarm_env.kernels.layout import arm_rows
+from flexarm_env.kernels.loop import LOOP
 from flexarm_env.kernels.recorded import step_kernel
 from flexarm_env.kernels.rk4 import OPEN
 from flexarm_env.kernels.variants import Variant
@@ -249,16 +249,10 @@ def test_batch_kernels_work_on_several_lanes_at_once(variant: Variant, monkeypat
     monkeypatch.delitem(sys.modules, assembly.load(variant).__name__)
     assembly.load.cache_clear()
     module = assembly.load(variant)
-    entry = module.run_open if variant.program is OPEN else module.run_loop
+    entry = getattr(module, variant.program.entries(variant.lanes)[0].__name__)
     assert not entry.targetoptions.get("fastmath")
-    arenas = np.zeros((1, extent(variant.rows) * variant.lanes))
-    if variant.program is OPEN:
-        held = np.zeros((1, 1, 2 * variant.lanes))
-        entry(arenas, held, np.zeros((1, 1, 2 * variant.size * variant.lanes)), 1e-3, 1)
-    else:
-        clocks = np.zeros((1, CLOCK_ROWS, variant.lanes), dtype=np.int64)
-        history = np.zeros((1, 4 * variant.slot_rows * variant.lanes))
-        entry(arenas, history, clocks, np.zeros((1, 2, 5)), 1e-3, 0, True)
+    arrays = [np.zeros((1,) * axes) for axes in (2, 3, 3)]
+    cache.compiled_entry(entry, *((*arrays, 1e-3, 1) if variant.program is OPEN else (np.zeros(1), 0, 1, arrays[0])))
     (machine_code,) = entry.inspect_asm().values()
     name = "step_kernel" if variant.program is OPEN else "law_kernel"
     code = re.search(rf"^{name}:.*?\.size\s+{name}", machine_code, re.MULTILINE | re.DOTALL)

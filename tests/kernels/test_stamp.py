@@ -48,14 +48,15 @@ def test_a_pickle_of_another_layout_is_refused(
     saved = pickle.dumps(MAKERS[made]())
     pickle.loads(saved)
     declare(monkeypatch, table, name, size)
-    monkeypatch.setattr("flexarm_env.envs.kernel_inputs._numbers", lambda s, p: np.zeros(1))  # of the larger table
+    for module in ("envs.kernel_inputs", "simulation.closed_loop"):
+        monkeypatch.setattr(f"flexarm_env.{module}.in_order", lambda places, values: np.zeros(1))  # of the larger table
     with pytest.raises(LayoutError, match=r"saved with the layout [0-9a-f]{16}, and .* reads the layout .* make it"):
         pickle.loads(saved)
 
 
 def test_a_pickle_of_other_array_shapes_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     saved = pickle.dumps(BatchSimulator(Settings(), 3))
-    monkeypatch.setattr("flexarm_env.envs.batch.CLOCK_ROWS", CLOCK_ROWS + 1)
+    monkeypatch.setattr("flexarm_env.simulation.lanes.CLOCK_ROWS", CLOCK_ROWS + 1)
     with pytest.raises(LayoutError, match="the batch was saved with the layout"):
         pickle.loads(saved)
 

@@ -5,8 +5,8 @@ import pytest
 
 from flexarm_env.codegen.declarations import plain_python
 from flexarm_env.kernels.entries import extent
-from flexarm_env.kernels.imex import LOOP
 from flexarm_env.kernels.layout import row
+from flexarm_env.kernels.loop import LOOP
 from flexarm_env.kernels.status import failures, state_status
 from flexarm_env.kernels.variants import Variant
 

@@ -89,8 +89,11 @@ def running(tmp_path: Path) -> Iterator[Running]:
     script.process.stderr.close()
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP], ids=lambda s: s.name)
-@pytest.mark.parametrize("to_all", [False, True], ids=["alone", "with its workers"])
+@pytest.mark.parametrize(
+    ("number", "to_all"),
+    [(signal.SIGINT, False), (signal.SIGTERM, False), (signal.SIGHUP, False), (signal.SIGINT, True)],
+    ids=["SIGINT", "SIGTERM", "SIGHUP", "Ctrl-C"],
+)
 def test_a_stopped_script_leaves_nothing(running: Running, number: signal.Signals, to_all: bool) -> None:
     """A terminal sends Ctrl-C to the workers too."""
     if to_all:

@@ -32,7 +32,8 @@ def no_log(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
 
 
 def test_both_bend_as_a_cantilever_under_a_force_across_link_2() -> None:
-    from scripts.validation.engine.chain import EngineChain, bent_by
+    from scripts.validation.engine.chain import EngineChain
+    from scripts.validation.engine.motion import bent_by
 
     across = 0.1 * np.array([-np.sin(JOINTS.sum()), np.cos(JOINTS.sum())])
     chain, arm = EngineChain(20, UNDAMPED), FlexibleArm(ArmParameters(modes_per_link=4, mode_shapes="polynomial"))
@@ -173,7 +174,7 @@ def test_programmes_scale_and_damp_nothing() -> None:
 
 
 def test_extrapolation_removes_the_second_order() -> None:
-    from scripts.validation.engine.runs import Motion, extrapolated
+    from scripts.validation.engine.motion import Motion, extrapolated
 
     def motion(elements: int) -> Motion:
         return Motion(*(np.full((3, 2), value + 7.0 / elements**2) for value in (1.0, 2.0, 3.0)))
@@ -183,7 +184,7 @@ def test_extrapolation_removes_the_second_order() -> None:
 
 
 def test_low_pass_keeps_what_is_slow() -> None:
-    from scripts.validation.engine.runs import low_passed
+    from scripts.validation.engine.motion import low_passed
 
     time = np.arange(0.0, 2.0, 1e-3)
     slow = np.column_stack([np.sin(2.0 * np.pi * time), np.cos(2.0 * np.pi * time)])

@@ -9,9 +9,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
-from flexarm_env import ArmParameters, ClosedLoop, FlexibleArm, LawParameters, LoopCase, SensorParameters
-from flexarm_env.codegen import assembly
-from flexarm_env.kernels.entries import clock_row
+from flexarm_env import ArmParameters, ClosedLoop, FlexibleArm
 from flexarm_env.simulation.closed_loop import Results
 from tests.support.batches import ARM, CASES, PATH, PERIODS, assert_same_bits, drive, inputs, part, start_states
 
@@ -194,29 +192,3 @@ def test_status_names_the_first_entry_past_its_limit() -> None:
     status = loop.results().status
     np.testing.assert_array_equal(status, [2.0, 4.0, 4.0, 6.0, 0.0])
     assert [loop.failure(s) for s in (*status, -1.0)] == ["angle", "deflection", "deflection", "rate", None, "diverged"]
-
-
-@pytest.mark.parametrize("node", [0.0, 0.5, 1.0])
-def test_late_readings_are_interpolated_exactly_up_to_third_order(node: float) -> None:
-    """A cubic in time comes back exactly, and its rate, from steps past; a parabola from the step at hand."""
-    case = LoopCase(SensorParameters(delay=(0.00483, 0.0001), delayed="position+rate"), LawParameters())
-    loop = ClosedLoop(ARM, [case], PATH)
-    loop.reset(start_states(1))
-    h, now = loop.physics_step, 61
-    late, short = np.polynomial.Polynomial([1.0, -30.0, 4e3, 9e5]), np.polynomial.Polynomial([-2.0, 50.0, 7e3])
-    slots = loop._histories.shape[1]
-    for step in range(now - slots + 1, now + 1):
-        for reading, curve in enumerate((late, short)):
-            loop._histories[0, step % slots, [reading, 2 + reading], 0] = curve(step * h), curve.deriv()(step * h)
-    loop._clocks[:, clock_row.STEPS], loop._clocks[:, clock_row.HEAD] = now, now % slots
-    module, rows = assembly.load(loop._variant), loop._rows
-    module.prepare_readings(loop._flat_arenas[0], loop._flat_histories[0], loop._clocks[0], h, node)
-    time = (now + node) * h
-    for reading, (curve, delay) in enumerate(((late, 0.00483), (short, 0.0001))):
-        offset, weight, rate_offset, rate_weight = (
-            loop._arenas[0, rows[name][0] + reading, 0] for name in ("OFFSET", "WEIGHT", "RATE_OFFSET", "RATE_WEIGHT")
-        )
-        seen = offset + weight * curve(time)
-        seen_rate = rate_offset + rate_weight * curve.deriv()(time)
-        assert seen == pytest.approx(curve(time - delay), rel=1e-13)
-        assert seen_rate == pytest.approx(curve.deriv()(time - delay), rel=1e-11)  # differences over a step

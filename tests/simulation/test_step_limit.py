@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from flexarm_env import ArmParameters, FlexibleArm
-from flexarm_env.envs.choices import PHYSICS_STEP
+from flexarm_env.simulation.stability import LONGEST_DEFAULT
 from tests.support.lagrange import arms
 from tests.support.refusals import refuses
 
@@ -91,7 +91,7 @@ def test_the_environments_step_is_accurate_on_foreshortened_links(theta2: float)
     torques = [20.0, 6.0] * np.sin([6.0, 9.0] * time) + [3.0, 1.0] * rng.normal(size=(100, 2))
     start = np.zeros(2 * arm.size)
     start[[1, arm.size, arm.size + 1]] = theta2, 0.6, -0.9
-    steps = round(0.01 / PHYSICS_STEP["foreshortened"])
+    steps = round(0.01 / LONGEST_DEFAULT["explicit", "foreshortened"])
     tips = [arm.simulate(start, torques, 1.0, step=0.01, substeps=count).tip for count in (steps, 16 * steps)]
     assert np.linalg.norm(tips[0] - tips[1], axis=1).max() < 1e-4
     assert np.ptp(tips[1], axis=0).max() > 1.0

@@ -19,14 +19,15 @@ from flexarm_env.envs.batch import BatchSimulator
 from flexarm_env.envs.settings import Settings
 from flexarm_env.episode.step import HOST_PROGRAMS, PROGRAMS, step_only
 from flexarm_env.kernels.entries import word
+from flexarm_env.kernels.loop import LOOP
 
 
 def run_plainly(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let environments step in plain Python; what else uses kernels compiles them as ever."""
+    """Let environments and closed loops step in plain Python; what else uses kernels compiles them as ever."""
     load, compiled_entry = assembly.load, cache.compiled_entry
 
     def load_plain(variant: AnyVariant) -> Any:
-        if variant.program not in (*PROGRAMS.values(), *HOST_PROGRAMS.values()):
+        if variant.program not in (LOOP, *PROGRAMS.values(), *HOST_PROGRAMS.values()):
             return load(variant)
         entries = variant.program.entries(variant.lanes)
         return SimpleNamespace(**{entry.__name__: _PlainEntry(entry, variant) for entry in entries})
@@ -82,7 +83,7 @@ class PlainEnvironment:
         return self.simulator.observations[0, self.simulator.layout.blocks[name]].copy()
 
     def result(self, name: str) -> NDArray[np.float64]:
-        """Return a part of what is known at the present instant (`episode_sizes`), in a new array."""
+        """Return a part of what is known at the present instant (`result_sizes`), in a new array."""
         return self.simulator.result(0)[self.simulator.parts[name]]
 
     def _run(self) -> None:

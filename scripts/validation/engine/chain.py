@@ -1,7 +1,6 @@
 """A chain of another engine (`flexarm_env.chain`) and a model of ours, moved and looked at in the same way.
 
-A link's deflection is read in the same way off both (`flexarm_env.chain.links`). A bent start is no transfer of shapes:
-it is each one's own equilibrium under the same force.
+A link's deflection is read in the same way off both (`flexarm_env.chain.links`).
 """
 
 from __future__ import annotations
@@ -13,15 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexarm_env import ArmParameters, FlexibleArm
-from flexarm_env.chain.links import PLACES, Bend, Chain, Sight, fixed_point
+from flexarm_env.chain.links import PLACES, Bend, Chain, Sight
 from flexarm_env.chain.model import chain_model, frequencies
+from scripts.validation.engine.motion import MODEL_ANGLE
+from scripts.validation.engine.programmes import HELD
 
 Array = NDArray[np.float64]
-HELD = 1e-3  # torques are constant for [s]
 # Step times the fastest rate. Runge-Kutta's classical method is stable up to 2.83, but near that takes the fastest
 # vibrations away, which moves the chain's tip by 1 mm after torque jumps; at half of 2.5 it is 0.1 mm at most.
 CHAIN_ANGLE = 1.25
-MODEL_ANGLE = 0.5
 
 
 class Plant(Protocol):
@@ -111,20 +110,3 @@ class Modal:
             for x in (y, v)
         ]
         return Bend(y[[0, m + 1]], v[[0, m + 1]], *deflections)
-
-
-def bent_by(arm: FlexibleArm, joints: Array, force: Array) -> Array:
-    """Coordinates of a model bent by a force at the tip while the joints are held: K q = J' F. Shape (2 + 2 m,).
-
-    Args:
-        arm: the model.
-        joints: theta1, theta2 [rad].
-        force: x, y [N].
-    """
-    stiffness = np.concatenate([link.stiffness for link in arm.modes])
-
-    def balanced(modal: Array) -> Array:
-        jacobian = arm.point_jacobian(np.concatenate([joints, modal]), 2, arm.parameters.link_lengths[1])
-        return (force @ jacobian)[2:] / stiffness
-
-    return np.concatenate([joints, fixed_point(balanced, np.zeros(arm.size - 2))])

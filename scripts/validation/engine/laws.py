@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from flexarm_env import ArmParameters, LawParameters, SensorParameters, SquareParameters, inverse_kinematics, square
 from flexarm_env.chain.law import Pair, TipLaw
 from flexarm_env.chain.links import Sight
-from scripts.validation.engine.chain import HELD, EngineChain
+from scripts.validation.engine.chain import EngineChain
+from scripts.validation.engine.programmes import HELD
 
 Array = NDArray[np.float64]
 ANGLE = 1.8  # step times the chain's fastest rate; semi-implicit Euler allows 2

@@ -15,7 +15,8 @@ from flexarm_env.chain.links import Sight
 from flexarm_env.envs.single import FlexArmEnv
 from flexarm_env.episode.features import Measurements, features, joint_aim
 from flexarm_env.parameters import EITHER
-from scripts.validation.engine.chain import HELD, Plant
+from scripts.validation.engine.chain import Plant
+from scripts.validation.engine.programmes import HELD
 
 Array = NDArray[np.float64]
 

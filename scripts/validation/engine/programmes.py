@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexarm_env import ArmParameters
-from scripts.validation.engine.chain import HELD
 
 Array = NDArray[np.float64]
+HELD = 1e-3  # torques are constant for [s]
 
 
 @dataclass(frozen=True)

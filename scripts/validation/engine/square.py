@@ -37,11 +37,12 @@ from flexarm_env.envs.single import FlexArmEnv
 from flexarm_env.laps import LAPS
 from flexarm_env.rollout import run_batch
 from flexarm_env.simulation.closed_loop import observation_blocks
-from scripts.validation.engine.chain import HELD, EngineChain, Modal, Plant
+from scripts.validation.engine.chain import EngineChain, Modal, Plant
 from scripts.validation.engine.laws import law_lap
 from scripts.validation.engine.models import Model
+from scripts.validation.engine.motion import peak_bend, rms
 from scripts.validation.engine.observer import Observer
-from scripts.validation.engine.runs import peak_bend, rms
+from scripts.validation.engine.programmes import HELD
 
 Array = NDArray[np.float64]
 SETTLED = 2.0  # [s]; the start's transient is over

@@ -15,19 +15,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexarm_env import DivergenceError
-from scripts.validation.engine.chain import CHAIN_ANGLE, HELD, MODEL_ANGLE
+from scripts.validation.engine.chain import CHAIN_ANGLE
 from scripts.validation.engine.models import Model, model
-from scripts.validation.engine.programmes import PROGRAMMES, Programme
-from scripts.validation.engine.runs import (
+from scripts.validation.engine.motion import (
+    MODEL_ANGLE,
     Motion,
     apart,
-    chain_motion,
     extrapolated,
     low_passed,
     model_motion,
     peak_bend,
     rms,
 )
+from scripts.validation.engine.programmes import HELD, PROGRAMMES, Programme
+from scripts.validation.engine.runs import chain_motion
 
 Array = NDArray[np.float64]
 SMALLEST = 0.125
@@ -50,7 +51,7 @@ class Case(NamedTuple):
     Attributes:
         reference: the extrapolated chain.
         chains: by number of elements.
-        errors: of each model, its motion less the reference; None for one that diverged.
+        errors: errors of each model, its motion less the reference; None for one that diverged.
     """
 
     reference: Motion
@@ -63,7 +64,7 @@ def case(programme: Programme, elements: Sequence[int], models: Sequence[Model])
 
     Args:
         programme: the programme.
-        elements: of the chains, each twice the one before; the last two make the reference.
+        elements: numbers of elements of the chains, each twice the one before; the last two make the reference.
         models: to be compared with it.
     """
     chains = {n: chain_motion(programme, n) for n in elements}

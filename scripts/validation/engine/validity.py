@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from flexarm_env import ArmParameters, FlexibleArm
 from scripts.validation.engine.models import Model, model
+from scripts.validation.engine.motion import peak_bend
 from scripts.validation.engine.programmes import Programme
-from scripts.validation.engine.runs import peak_bend
 from scripts.validation.engine.study import QUICK_ELEMENTS, case, tip_rms
 
 Array = NDArray[np.float64]

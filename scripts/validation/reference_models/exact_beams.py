@@ -141,7 +141,7 @@ class Structure:
 
     Attributes:
         parts: each beam, and the matrix that gives its end motions (v0, theta0, vL, thetaL) from the n coordinates.
-        mass: of what is lumped. Shape (n, n).
+        mass: mass matrix of what is lumped. Shape (n, n).
     """
 
     parts: tuple[tuple[Beam, Array], ...]

@@ -34,7 +34,7 @@ class Frame:
         mass: Shape (n, n).
         stiffness: Shape (n, n).
         conditions: motions d that are possible have ``conditions @ d = 0``. Shape (c, n).
-        nodes: of each link.
+        nodes: number of nodes of each link.
         theta2: elbow angle [rad].
     """
 

@@ -1,0 +1,255 @@
+"""`LaneBatch`: N arms in blocks of lanes, in one piece of memory, stepped by compiled kernels.
+
+It is what all simulators of many arms stand on, `ClosedLoop` and the environments' `BatchSimulator`: where arrays lie,
+the call into the kernels, their results, threads, and copies. What a period does is the program's
+(`kernels.period`), what lanes are is told as rows of the arena. It knows no episode and no reward.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+from types import MappingProxyType
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexarm_env.codegen import assembly, cache
+from flexarm_env.codegen.memory import ArraySpec, pack
+from flexarm_env.kernels.entries import CLOCK_ROWS, MEMORY, extent, word
+from flexarm_env.kernels.layout import result_sizes
+from flexarm_env.kernels.stamp import check_stamp, layout_stamp
+from flexarm_env.kernels.variants import Variant
+
+Array = NDArray[np.float64]
+ALL_READINGS = -1  # as bits of `Header.READINGS`
+
+
+class Lanes(NamedTuple):
+    """What the lanes of a batch are made of.
+
+    Attributes:
+        variant: kernels that step them.
+        arms: how many; lanes beyond the last one repeat it.
+        slots: of the delay line.
+        header: whole numbers that say what is to be done (`entries.Header`), and what follows them.
+        settings: numbers that all share (`entries.Setting`), and what follows them.
+        paths: Shape (paths, n, 5).
+        tail: further rows of an arena.
+        arrays: those that only some programs have (`entries.Header`), by name.
+    """
+
+    variant: Variant
+    arms: int
+    slots: int
+    header: NDArray[np.int64]
+    settings: Array
+    paths: Array
+    tail: int = 0
+    arrays: Mapping[str, NDArray[Any]] = MappingProxyType({})
+
+
+class LaneBatch(ABC):
+    """N arms in blocks of lanes.
+
+    Attributes:
+        count: N.
+        parts: places of the parts of results, by name (`layout.result_sizes`).
+    """
+
+    WHAT = "the batch"  # as messages name it
+    _kernel: Callable[..., Any]
+    _pool: ThreadPoolExecutor | None
+
+    def __init__(self, lanes: Lanes, threads: int = 1) -> None:
+        """Lay out the memory; kernels are compiled, or found in the cache, when `_prepare` is first called.
+
+        Args:
+            lanes: what the lanes are.
+            threads: that step the blocks; more than one pays for large batches on idle cores only.
+        """
+        self.count, self._threads = lanes.arms, threads
+        self._variant, self._rows = lanes.variant, lanes.variant.rows
+        sizes = result_sizes(self._rows)
+        first = self._rows[next(iter(sizes))][0]
+        self._results = slice(first, first + sum(sizes.values()))
+        self.parts = {
+            name: slice(self._rows[name][0] - first, self._rows[name][0] - first + size) for name, size in sizes.items()
+        }
+        width = self._variant.lanes
+        self._blocks = -(-self.count // width)
+        self._memory, self._parts = _lay_out(lanes, self._blocks)
+        self._link()
+        self._edges = np.linspace(0, self._blocks, threads + 1).astype(int).tolist()  # of the threads' shares
+        self._pool = None
+        self._ready = False  # until the first start
+        self._use(_not_started)
+
+    def __len__(self) -> int:
+        """Return the number of arms."""
+        return self.count
+
+    def _link(self) -> None:
+        """Make views of the memory."""
+        self._header, self._arenas, self._histories = (self._view(n) for n in ("HEADER", "ARENAS", "HISTORIES"))
+        self._clocks, self._starts, self._paths = (self._view(n) for n in ("CLOCKS", "STARTS", "PATHS"))
+
+    def _view(self, name: str) -> NDArray[Any]:
+        """Return an array of the memory."""
+        return self._parts[name].view(self._memory)
+
+    # --- rows ------------------------------------------------------------------------------------------------------
+
+    def _lane_rows(self, name: str) -> Array:
+        """Return a view of a part of the arenas. Shape (blocks, count, lanes)."""
+        first, count = self._rows[name]
+        return self._arenas[:, first : first + count]
+
+    def _put(self, name: str, values: Array) -> None:
+        """Write a part of the arenas, if the program has it. Shape (N, count)."""
+        if name in self._rows:
+            rows = self._lane_rows(name)
+            blocks, count, lanes = rows.shape
+            padded = values[np.minimum(np.arange(blocks * lanes), self.count - 1)]
+            rows[:] = np.moveaxis(padded.reshape(blocks, lanes, count), 2, 1)
+
+    def _put_rows(self, kinds: Sequence[Mapping[str, Any]], kind_of: NDArray[np.int64]) -> None:
+        """Write what no period changes.
+
+        Args:
+            kinds: parts of the arenas by name, of each kind of lane.
+            kind_of: kind of each arm. Shape (N,).
+        """
+        for name in kinds[0]:
+            self._put(name, np.array([one[name] for one in kinds], dtype=float)[kind_of])
+
+    def _get(self, name: str, count: int) -> Array:
+        """Return rows of the arenas, from a part on, in a new array. Shape (N, count)."""
+        first, _ = self._rows[name]
+        rows = np.moveaxis(self._arenas[:, first : first + count], 1, 2)
+        return rows.reshape(-1, count)[: self.count].copy()
+
+    # --- running ---------------------------------------------------------------------------------------------------
+
+    def dispatcher(self) -> Any:
+        """Return the function, not its machine code, that steps these arms."""
+        entry = self._variant.program.entries(self._variant.lanes)[0]
+        return getattr(assembly.load(self._variant), entry.__name__)
+
+    def _example(self) -> tuple[Any, ...]:
+        """Return arguments of the types that the kernel takes."""
+        return self._memory, 0, self._blocks, np.empty((1, 1))
+
+    def compile(self) -> Callable[..., Any]:
+        """Return the machine code that steps these arms; the first call compiles or loads it."""
+        return cache.compiled_entry(self.dispatcher(), *self._example())
+
+    def _prepare(self) -> None:
+        """Compile or load the kernel, unless that is done."""
+        if not self._ready:
+            self._use(self.compile())
+            self._ready = True
+
+    def _use(self, kernel: Callable[..., Any]) -> None:
+        """Step by this kernel."""
+        self._kernel = kernel
+
+    def _run_starts(self) -> Array:
+        """Have the lanes that are marked to start do so, while no time passes; see `_run`."""
+        self._prepare()
+        self._header[word.DRIVING] = 0
+        try:
+            return self._run()
+        finally:
+            self._header[word.DRIVING] = 1
+
+    def _run(self) -> Array:
+        """One control period, and the starts that are marked; what is known then, in a new array. Shape (N, k)."""
+        told = np.empty((self._results.stop - self._results.start, self._blocks * self._variant.lanes))
+        if self._threads == 1:
+            self._kernel(self._memory, 0, self._blocks, told)
+        else:
+            if self._pool is None:
+                self._pool = ThreadPoolExecutor(self._threads)
+            for _ in self._pool.map(partial(self._step_share, told), self._edges[:-1], self._edges[1:]):
+                pass
+        return told[:, : self.count].T
+
+    def _step_share(self, told: Array, low: int, high: int) -> None:
+        self._kernel(self._memory, low, high, told)
+
+    def close(self) -> None:
+        """Let go of the threads."""
+        if self._pool is not None:
+            self._pool.shutdown()
+            self._pool = None
+
+    # --- copies ----------------------------------------------------------------------------------------------------
+
+    @abstractmethod
+    def _arguments(self) -> tuple[Any, ...]:
+        """Return the arguments from which a copy is made."""
+
+    def _kept(self) -> dict[str, Any]:
+        """Attributes that a copy takes over, beside the memory."""
+        return {}
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what a copy is made from: arguments, memory, and the layout's stamp."""
+        return {
+            "layout_stamp": layout_stamp(self._variant, self._parts),
+            "arguments": self._arguments(),
+            "memory": self._memory.copy(),
+            "ready": self._ready,
+            "kept": self._kept(),
+        }
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Make it anew, with the memory of the one that was saved.
+
+        Raises:
+            LayoutError: if the memory has another layout than a new one.
+        """
+        anew = type(self)(*state["arguments"])
+        check_stamp(self.WHAT, state.get("layout_stamp"), layout_stamp(anew._variant, anew._parts))
+        self.__dict__.update(anew.__dict__)
+        self.__dict__.update(state["kept"])
+        self._memory[:] = state["memory"]
+        if state["ready"]:
+            self._prepare()
+
+
+def _not_started(*arguments: Any) -> None:
+    raise RuntimeError("step() before start(): there are no states to advance")
+
+
+def _lay_out(lanes: Lanes, blocks: int) -> tuple[Array, dict[str, ArraySpec]]:
+    """Memory with the header and the arrays, and where each lies; the header says it to the kernels."""
+    variant, width = lanes.variant, lanes.variant.lanes
+    arrays: dict[str, NDArray[Any]] = {
+        "HEADER": lanes.header,  # kernels find it at the beginning
+        "ARENAS": np.zeros((blocks, extent(variant.rows) + lanes.tail, width)),
+        "HISTORIES": np.zeros((blocks, lanes.slots, variant.slot_rows, width)),
+        "CLOCKS": np.zeros((blocks, CLOCK_ROWS, width), dtype=np.int64),
+        "STARTS": np.zeros(blocks * width, dtype=bool),
+        "SETTINGS": lanes.settings,
+        "PATHS": lanes.paths,
+        **lanes.arrays,
+    }
+    memory, parts = pack(arrays)
+    header = parts["HEADER"].view(memory)
+    sizes = {
+        "HEADER_WORDS": len(header),
+        "SETTING_NUMBERS": len(lanes.settings),
+        "ARENA_ROWS": arrays["ARENAS"].shape[1],
+        "HISTORY_ROWS": lanes.slots * variant.slot_rows,
+        "PATH_COUNT": lanes.paths.shape[0],
+        "PATH_POINTS": lanes.paths.shape[1],
+    }
+    places = {name: parts[name].first for name in MEMORY if name in parts}
+    for name, value in {**sizes, **places}.items():
+        header[getattr(word, name)] = value
+    return memory, parts
