@@ -20,6 +20,8 @@ from flexarm_env.validation import choice, integer, number, shown
 
 SWING = 0.4  # [s], of a change of sides in the starts
 CHANGE_WEIGHT = 1e-3  # [m^2]; of torques in `TrackingProblem`: smooth ones for some tenths of a millimetre
+DEFLECTION = 1.4  # [m]; the environments end an episode at 1.5 m
+OPTIONS = {"change_weight": CHANGE_WEIGHT, "deflection_limit": DEFLECTION}  # of a lap's problem
 TRIAL = 40  # iterations after which only the best start goes on
 
 
@@ -37,7 +39,7 @@ def lap_problem(arm: FlexibleArm, lap: str | SquareParameters, period: float = 0
         arm: the arm.
         lap: "swing", "plain", or any square.
         period: control period [s]; the lap must be a whole number of them.
-        **changes: further fields of `TrackingProblem`.
+        **changes: further fields of `TrackingProblem`; `OPTIONS` are those that differ from its defaults.
 
     Raises:
         ValueError: for another name, a square out of reach, or a lap of no whole number of periods.
@@ -53,7 +55,7 @@ def lap_problem(arm: FlexibleArm, lap: str | SquareParameters, period: float = 0
         raise ValueError(f"period = {period!r}: the lap of {task.lap_time} s must be a whole number of periods")
     reference = path.position(np.minimum(period * np.arange(count + 1), path.lap_time))
     start = rest_state(arm, reference[0], task.elbow_branch)
-    return TrackingProblem(arm, start, reference, **({"change_weight": CHANGE_WEIGHT, "period": period} | changes))
+    return TrackingProblem(arm, start, reference, **(OPTIONS | {"period": period} | changes))
 
 
 def usual_starts(lap: str | SquareParameters) -> tuple[tuple[Branch, ...], ...]:

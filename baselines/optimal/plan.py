@@ -72,7 +72,7 @@ class Plan:
         """Make a plan of what the solver found; its log goes into the notes, to seven digits."""
         columns = zip(Iteration._fields, zip(*solution.log, strict=True), strict=True)
         log = {name: [float(f"{value:.7g}") for value in values] for name, values in columns}
-        weights = {"torque_weight": problem.torque_weight, "change_weight": problem.change_weight}
+        weights = {name: getattr(problem, name) for name in ("torque_weight", "change_weight", "deflection_limit")}
         return cls(
             problem.arm.parameters,
             *solution.run,

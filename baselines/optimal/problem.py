@@ -11,7 +11,9 @@ import numpy as np
 from flexarm_baselines.arrays import Floats
 from flexarm_env.codegen.elementary import sincos
 from flexarm_env.codegen.tangents import jacobian
+from flexarm_env.codegen.tracing import at_least, magnitude
 from flexarm_env.formulas import tip
+from flexarm_env.physics.linear_algebra import dot
 from flexarm_env.simulation.arm import FlexibleArm
 from flexarm_env.simulation.feedback import Rollout
 from flexarm_env.validation import finite_array, number, pair, shown
@@ -19,6 +21,8 @@ from flexarm_env.validation import finite_array, number, pair, shown
 # From the state's 4 + 4 m numbers (or arrays, an entry for each instant) and the time [s] to numbers whose squares are
 # added to the cost. It is differentiated by dual numbers: sums, products, quotients, and `codegen.elementary`.
 Residuals = Callable[[Sequence[Any], Any], Sequence[Any]]
+
+DEFLECTION_WEIGHT = 100.0  # on squared deflections beyond the limit
 
 
 class Expansion(NamedTuple):
@@ -43,7 +47,7 @@ class TrackingProblem:
 
         mean_t w_t |tip(x_t) - reference_t|^2
           + torque_weight mean_t |u_t / limits|^2 + change_weight mean_t |(u_t - u_(t-1)) / limits|^2
-          + mean_t sum r_j(x_t, t)^2,
+          + mean_t sum r_j(x_t, t)^2 + 100 mean_t sum max(|d_i(x_t)| - deflection_limit, 0)^2,
 
     the first and last mean over the n + 1 instants, the others over the n periods, u_(-1) = `torque_before`.
 
@@ -56,6 +60,7 @@ class TrackingProblem:
         torque_weight: [m^2]; positive, or there may be no best torque.
         change_weight: [m^2].
         torque_before: torque before the first period [N m].
+        deflection_limit: of the links' tip deflections d [m]; None: none. It is soft: leave a margin.
         residuals: what a user adds: r, a function of state and time.
         period: control period [s].
         step: integration step [s]; a period is a whole number of them.
@@ -69,6 +74,7 @@ class TrackingProblem:
     torque_weight: float = 1e-6
     change_weight: float = 1e-5
     torque_before: tuple[float, float] = (0.0, 0.0)
+    deflection_limit: float | None = None
     residuals: Residuals | None = None
     period: float = 0.01
     step: float = 1e-3
@@ -99,6 +105,8 @@ class TrackingProblem:
         put(self, "tip_weights", weights)
         number("torque_weight", self.torque_weight, "m^2", above=0.0)
         number("change_weight", self.change_weight, "m^2", least=0.0)
+        if self.deflection_limit is not None:
+            number("deflection_limit", self.deflection_limit, "m", above=0.0)
         number("period", self.period, "s", above=0.0)
         number("step", self.step, "s", above=0.0)
         per_square = 1.0 / (self.periods * np.square(self.limits))
@@ -151,6 +159,16 @@ class TrackingProblem:
         scales = np.sqrt(self.tip_weights * per_instant)
         at = tip(self.arm, state, lambda x: sincos(x)[0], lambda x: sincos(x)[1])
         found = [(at[axis] - self.reference[:, axis]) * scales for axis in range(2)]
+        if self.deflection_limit is not None:
+            scale = np.sqrt(DEFLECTION_WEIGHT * per_instant)
+            found += [at_least(magnitude(d) - self.deflection_limit, 0.0) * scale for d in self._deflections(state)]
         if self.residuals is not None:
             found += [r * np.sqrt(per_instant) for r in self.residuals(state, self.time)]
         return found
+
+    def _deflections(self, state: Sequence[Any]) -> list[Any]:
+        """Return the deflection of each link's tip off its root tangent."""
+        m = self.arm.parameters.modes_per_link
+        return [
+            dot(link.tip_values.tolist(), state[2 + n * m : 2 + (n + 1) * m]) for n, link in enumerate(self.arm.modes)
+        ]

@@ -2,11 +2,13 @@
 
 For each arm and lap every sequence of elbow branches is tried, and the best ones are carried on to convergence. The
 plan, `ARM_LAP.npz`, lies beside a JSON file with its score, settings, trials and the solver's log. An interrupted run
-goes on where it was. `--ship` puts the plans where the package has them (baselines/plans).
+goes on where it was. `--ship` puts the plans where the package has them (baselines/plans), `--docs` their figures into
+docs/optimal.md.
 """
 
 from __future__ import annotations
 
+import json
 import shutil
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,16 +17,22 @@ from typing import Any
 import tyro
 from tqdm import tqdm
 
-from flexarm_baselines.optimal import Iteration
-from flexarm_baselines.optimal.laps import CHANGE_WEIGHT
+from flexarm_baselines.optimal import Iteration, Plan
 from flexarm_baselines.optimal.plan import PLANS
 from flexarm_env.laps import LAPS
 from flexarm_env.parameters import PRESETS, ArmParameters
 from flexarm_env.validation import choice
 from scripts.common.command_line import run
+from scripts.common.markdown import DOCS, filled
 from scripts.common.result_files import write_json, write_whole
-from scripts.optimise.score import score
+from scripts.optimise.pareto import ITERATIONS, WEIGHTS, curve
+from scripts.optimise.score import regulated, score
 from scripts.optimise.search import Candidate, Effort, search
+from scripts.optimise.tables import TABLES, reports
+
+PAGE = "optimal.md"
+CHANGE_WEIGHT = 3e-3  # [m^2]
+CHANGE_WEIGHTS = {"linear": 7e-5}  # of some arms
 
 
 @dataclass
@@ -35,20 +43,24 @@ class Options:
     """Folder for the results; what is there with the same settings is taken over."""
     arms: tuple[str, ...] = ("default", "linear")
     """Names of arms."""
-    laps: tuple[str, ...] = tuple(LAPS)
-    """Names of laps."""
-    change_weight: float = CHANGE_WEIGHT
-    """Weight on changes of the torques [m^2]."""
-    trial: int = 40
+    laps: tuple[str, ...] = ("plain", "swing")
+    """Names of laps; a lap is also tried on the end of the other one's plan where the folder has that."""
+    change_weight: float | None = None
+    """Weight on changes of the torques [m^2]; None: 3e-3, on the linear arm 7e-5, where smoothness costs more."""
+    trial: int = 10
     """Iterations of each start."""
-    finalists: int = 2
+    finalists: int = 1
     """So many of the starts go on."""
-    iterations: int = 500
+    iterations: int = 400
     """Most iterations of each of these."""
     quick: bool = False
     """A trial of the script: a few iterations."""
+    pareto: bool = False
+    """Follow each best lap over a range of weights on changes of the torques: error against effort."""
     ship: bool = False
     """Copy the plans to baselines/plans."""
+    docs: bool = False
+    """Bring docs/optimal.md up to date with the plans in baselines/plans."""
 
 
 def main() -> None:
@@ -64,22 +76,37 @@ def main() -> None:
         choice("laps", lap, tuple(LAPS))
     if options.ship and options.quick:
         raise ValueError("ship = True: a quick run's plans are no good; must go without quick")
-    effort = Effort(options.trial, options.finalists, options.iterations, options.change_weight)
-    if options.quick:
-        effort = Effort(1, 1, 1, options.change_weight)
     for arm in options.arms:
+        weight = options.change_weight or CHANGE_WEIGHTS.get(arm, CHANGE_WEIGHT)
+        effort = Effort(options.trial, options.finalists, options.iterations, weight)
+        if options.quick:
+            effort = Effort(1, 1, 1, weight)
         for lap in options.laps:
             name = f"{arm}_{lap}"
-            _optimise(name, ArmParameters.named(arm), lap, effort, options.output)
+            _optimise(name, ArmParameters.named(arm), lap, effort, options)
             if options.ship:
                 PLANS.mkdir(exist_ok=True)
                 for suffix in (".npz", ".json"):
                     shutil.copyfile(options.output / (name + suffix), PLANS / (name + suffix))
+    if options.docs:
+        update_docs(options.output)
 
 
-def _optimise(name: str, arm: ArmParameters, lap: str, effort: Effort, output: Path) -> None:
+def update_docs(output: Path) -> None:
+    """Fill the page's tables from the plans of the package."""
+    found = reports(PLANS)
+    output.mkdir(parents=True, exist_ok=True)
+    for name, make in TABLES.items():
+        (output / f"{name}.md").write_text(make(found))
+    page = DOCS / PAGE
+    page.write_text(filled(page.read_text(), output))
+    print(f"{page}: tables up to date")
+
+
+def _optimise(name: str, arm: ArmParameters, lap: str, effort: Effort, options: Options) -> None:
     """Search, write the best plan and its report, and print a line."""
-    most = effort.trial * 16 + effort.iterations * effort.finalists
+    output = options.output
+    most = effort.trial * 16 + effort.iterations * (effort.finalists + 1) + options.pareto * len(WEIGHTS) * ITERATIONS
     with tqdm(total=most, unit="iteration", desc=name) as bar:
 
         def tick(word: str, line: Iteration | None) -> None:
@@ -87,9 +114,12 @@ def _optimise(name: str, arm: ArmParameters, lap: str, effort: Effort, output: P
             if line is not None:
                 bar.set_postfix_str(f"{word}: {line.cost:.4g} m^2, residual {line.residual:.1e}")
 
-        found = search(arm, lap, effort, output / name, tick)
-    best = found[0]
-    report = _report(found, lap)
+        found = search(arm, lap, effort, output / name, _other(name, arm, lap, output), tick)
+        best = found[0]
+        report = _report(found, lap)
+        earlier = _earlier_curve(output / f"{name}.json", report)
+        if options.pareto or earlier:
+            report["pareto"] = earlier or curve(best.plan, lap, tick)
     write_whole(output / f"{name}.npz", best.plan.save)
     write_json(output / f"{name}.json", report)
     figures = report["score"]
@@ -100,12 +130,28 @@ def _optimise(name: str, arm: ArmParameters, lap: str, effort: Effort, output: P
     )
 
 
+def _other(name: str, arm: ArmParameters, lap: str, output: Path) -> Plan | None:
+    """Load the plan of the other lap, if it is there."""
+    (opposite,) = set(LAPS) - {lap}
+    path = output / f"{name.removesuffix(lap)}{opposite}.npz"
+    plan = Plan.load(path) if path.exists() else None
+    return plan if plan is not None and plan.parameters == arm else None
+
+
+def _earlier_curve(path: Path, report: dict[str, Any]) -> list[dict[str, Any]]:
+    """Return the curve in an earlier report of the same plan; empty if there is none."""
+    earlier = json.loads(path.read_text()) if path.exists() else {}
+    same = earlier.get("log") == json.loads(json.dumps(report["log"]))
+    return earlier.get("pareto", []) if same else []
+
+
 def _report(found: list[Candidate], lap: str) -> dict[str, Any]:
     """Collect what the JSON file holds of the candidates, the best one first."""
     plan = found[0].plan
     log = plan.notes["log"]
     return {
         "score": score(plan, lap),
+        "regulated": regulated(plan),
         "converged": plan.notes["converged"],
         "residual": log["residual"][-1],
         "cost": log["cost"][-1],

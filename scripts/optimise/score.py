@@ -10,10 +10,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 import flexarm_env  # noqa: F401  (registers the environments)
-from flexarm_baselines.optimal import Plan
+from flexarm_baselines.optimal import AGGRESSIVE, GOOD, Plan, PlanRegulator
 from flexarm_env.metrics import summary
 from flexarm_env.rollout import run_policy
 
+# What is run under the regulators, by its difference from the plan's arm.
+CASES: dict[str, dict[str, float]] = {
+    "as planned": {},
+    "frequencies -10 %": {"stiffness": 0.81},
+    "frequencies +10 %": {"stiffness": 1.21},
+    "payload 0.1 kg": {"payload_mass": 0.1},
+    "payload 0.5 kg": {"payload_mass": 0.5},
+    "payload 1 kg": {"payload_mass": 1.0},
+}
+REGULATORS = {"good": GOOD, "aggressive": AGGRESSIVE}
 FIGURES = ("true_tip_rms", "true_tip_rms_after_2s", "true_tip_max", "elbow_changes", "vibration")
 
 
@@ -24,19 +34,22 @@ class Replay:
         """Take the plan's torques as actions."""
         self.actions = (plan.torques / np.array(plan.limits)).astype(np.float32)
 
-    def predict(
-        self, observation: Any, state: Any = None, episode_start: Any = None, deterministic: bool = True
-    ) -> tuple[NDArray[np.float32], int]:
+    def predict(self, observation: Any, state: Any = None) -> tuple[NDArray[np.float32], int]:
         """Return the action of the next control period; the state counts them."""
         period = 0 if state is None else int(state)
         return self.actions[period], period + 1
 
 
 def score(plan: Plan, lap: str) -> dict[str, Any]:
-    """Run a plan open loop through `FlexArm/Square-v0`, and return the figures of its lap."""
+    """Run a plan through `FlexArm/Square-v0`, open loop, and return the figures of its lap.
+
+    Raises:
+        RuntimeError: if it ends the episode.
+    """
     env = gymnasium.make("FlexArm/Square-v0", arm=asdict(plan.parameters), torque_limit=plan.limits)
-    run = run_policy(env, Replay(plan), lap=lap)
-    figures = summary(run)
+    figures = summary(run_policy(env, Replay(plan), lap=lap))
+    if figures["ended_early"]:
+        raise RuntimeError(f"the plan of the {lap} lap ends the episode: {figures['ended']}")
     return {name: figures[name] for name in FIGURES} | efforts(plan)
 
 
@@ -47,3 +60,25 @@ def efforts(plan: Plan) -> dict[str, Any]:
         "torque_rms": np.sqrt(np.mean(plan.torques**2, axis=0)).tolist(),
         "torque_change_rms": np.sqrt(np.mean(changes**2, axis=0)).tolist(),
     }
+
+
+def regulated(plan: Plan) -> dict[str, dict[str, dict[str, float]]]:
+    """Run arms that are not the planned one under regulators that know their true state, all at once.
+
+    Returns:
+        r.m.s. distance over the lap and after 2 s [m] by regulator and case.
+    """
+    nominal = {"stiffness": 1.0, "payload_mass": plan.parameters.payload_mass}
+    quantities: dict[str, Any] = {
+        name: [case.get(name, value) for case in CASES.values()] for name, value in nominal.items()
+    }
+    found: dict[str, dict[str, dict[str, float]]] = {}
+    for name, weights in REGULATORS.items():
+        states = PlanRegulator(plan, weights).rollout(**quantities).states
+        squares = np.sum((plan.arm.tip(states[..., : plan.arm.size]) - plan.reference) ** 2, axis=-1)
+        errors = [np.sqrt(np.mean(part, axis=-1)) for part in (squares, squares[:, plan.time >= 2.0])]
+        found[name] = {
+            case: {"true_tip_rms": float(whole), "true_tip_rms_after_2s": float(late)}
+            for case, whole, late in zip(CASES, *errors, strict=True)
+        }
+    return found

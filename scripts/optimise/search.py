@@ -5,13 +5,17 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
+
+import numpy as np
 
 from flexarm_baselines.optimal import (
     Branch,
     Iteration,
     Plan,
+    PlanRegulator,
     SolverOptions,
     TrackingProblem,
     follow,
@@ -20,6 +24,7 @@ from flexarm_baselines.optimal import (
     lap_square,
     optimise,
 )
+from flexarm_baselines.optimal.solver import rollout
 from flexarm_env.parameters import ArmParameters
 from flexarm_env.simulation.arm import FlexibleArm
 from flexarm_env.simulation.feedback import Rollout
@@ -28,6 +33,7 @@ from scripts.common.result_files import write_whole
 SIDES = 4
 SIGNS = {"positive": "+", "negative": "-"}
 CHANGE = 0.4  # [s], of sides in the starts
+GRAFT = 2.0  # [s], after which another plan takes over
 
 
 @dataclass(frozen=True)
@@ -78,7 +84,12 @@ def sequences(start: str, lap_time: float) -> Iterator[tuple[str, list[Branch]]]
 
 
 def search(
-    arm: ArmParameters, lap: str, effort: Effort, folder: Path, tick: Callable[[str, Iteration | None], Any]
+    arm: ArmParameters,
+    lap: str,
+    effort: Effort,
+    folder: Path,
+    other: Plan | None,
+    tick: Callable[[str, Iteration | None], Any],
 ) -> list[Candidate]:
     """Find plans for a lap; trials and finals that the folder has with the same settings are taken over.
 
@@ -87,6 +98,7 @@ def search(
         lap: a name of `LAPS`.
         effort: how much is tried.
         folder: for the plans on the way.
+        other: plan of the arm's other lap, which the best one is grafted on as well; None: there is none.
         tick: called with a word on what is done and each iteration; without one when a plan was taken over.
 
     Returns:
@@ -97,21 +109,43 @@ def search(
     folder.mkdir(parents=True, exist_ok=True)
     found = []
     for sequence, branches in sequences(task.elbow_branch, task.lap_time):
-
-        def start(branches: list[Branch] = branches) -> Rollout:
-            return follow(problem, joint_path(problem, branches))
-
+        start = partial(_follow, problem, branches)
         found.append(_improved(problem, sequence, start, effort.trial, folder / f"trial{sequence}.npz", tick))
     found.sort(key=lambda one: one.cost)
     finals = []
     for one in found[: effort.finalists]:
-
-        def carried_on(plan: Plan = one.plan) -> Rollout:
-            return Rollout(plan.states, plan.torques)
-
+        start = partial(Rollout, one.plan.states, one.plan.torques)
         path = folder / f"final{one.sequence}.npz"
-        finals.append(_improved(problem, one.sequence, carried_on, effort.iterations, path, tick))
+        finals.append(_improved(problem, one.sequence, start, effort.iterations, path, tick))
+    if other is not None:
+        best = min(finals, key=lambda one: one.cost)
+        name = f"graft{best.sequence}"
+        start = partial(grafted, problem, best.plan, other)
+        finals.append(_improved(problem, best.sequence, start, effort.iterations, folder / f"{name}.npz", tick))
     return sorted(finals, key=lambda one: one.cost) + found[effort.finalists :]
+
+
+def grafted(problem: TrackingProblem, own: Plan, other: Plan) -> Rollout:
+    """Begin with a plan, and go on along another one under its regulator.
+
+    Some seconds after the start two laps are the same task, and the search may have found different optima.
+
+    Args:
+        problem: of the lap that begins.
+        own: its plan.
+        other: plan to go on with.
+    """
+    split = round(GRAFT / problem.period)
+    references, gains = other.states[:-1].copy(), PlanRegulator(other).gains.copy()
+    references[:, 0] += 2.0 * np.pi * np.round((own.states[split, 0] - other.states[split, 0]) / (2.0 * np.pi))
+    gains[:split] = 0.0
+    torques = np.concatenate([own.torques[:split], other.torques[split:]])
+    return rollout(problem, torques, gains=gains, references=references)
+
+
+def _follow(problem: TrackingProblem, branches: list[Branch]) -> Rollout:
+    """Run the arm along a sequence of branches."""
+    return follow(problem, joint_path(problem, branches))
 
 
 def _improved(

@@ -101,7 +101,11 @@ def test_costs_fall_and_the_last_residual_is_small() -> None:
 
 
 def test_the_gradient_is_that_of_the_cost() -> None:
-    case = problem(tip_weights=np.linspace(1.0, 2.0, PERIODS + 1), residuals=lambda x, t: [0.1 * x[4] * (1.0 + t)])
+    case = problem(
+        deflection_limit=0.01,
+        tip_weights=np.linspace(1.0, 2.0, PERIODS + 1),
+        residuals=lambda x, t: [0.1 * x[4] * (1.0 + t)],
+    )
     torques = 5.0 * np.random.default_rng(0).normal(size=(PERIODS, 2))
     found = gradient(case, torques)
     for t, k in ((0, 0), (7, 1), (PERIODS - 1, 0)):
@@ -136,6 +140,13 @@ def test_what_a_user_adds_is_made_smaller() -> None:
     slow = optimise(problem(residuals=lambda x, t: [x[4], x[5]]), IDLE).run
     speed = [np.mean(run.states[:, 4:6] ** 2) for run in (plain.run, slow)]
     assert speed[1] < 0.5 * speed[0]
+
+
+def test_a_limit_of_the_deflections_is_kept_almost() -> None:
+    free = solved()[1].run
+    largest = np.abs(ARM.tip_deflection(free.states[:, :4])).max()
+    bounded = optimise(problem(deflection_limit=0.5 * largest), IDLE).run
+    assert np.abs(ARM.tip_deflection(bounded.states[:, :4])).max() < 0.52 * largest
 
 
 def test_smooth_torques_cost_what_they_cost() -> None:
@@ -285,6 +296,7 @@ def test_another_arm_and_drawn_quantities_are_run() -> None:
         ({"torque_weight": 0.0}, ValueError, "torque_weight = 0.0"),
         ({"change_weight": -1.0}, ValueError, "change_weight = -1.0"),
         ({"torque_before": (1.0,)}, TypeError, "torque_before"),
+        ({"deflection_limit": 0.0}, ValueError, "deflection_limit = 0.0"),
         ({"residuals": 3}, TypeError, "residuals = 3"),
         ({"period": 0.0}, ValueError, "period = 0.0"),
     ],

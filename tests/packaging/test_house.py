@@ -207,9 +207,10 @@ def test_a_wheel_holds_the_packages_and_nothing_else(wheel: Path) -> None:
     for package, folder in PACKAGES.items():
         expected = {f"{package}/{path.relative_to(folder).as_posix()}" for path in folder.rglob("*.py")}
         assert expected | {f"{package}/py.typed"} <= set(files)
-    policies = {f"flexarm_agents/policies/{path.name}" for path in (ROOT / "agents" / "policies").iterdir()}
-    assert policies
-    assert policies <= set(files)
+    for package, data in (("agents", "policies"), ("baselines", "plans")):
+        wanted = {f"flexarm_{package}/{data}/{path.name}" for path in (ROOT / package / data).iterdir()}
+        assert wanted
+        assert wanted <= set(files)
 
 
 @pytest.mark.slow

@@ -9,8 +9,10 @@ import pytest
 
 from flexarm_baselines.optimal import Plan, lap_square, load_plan, plan_names
 from flexarm_baselines.optimal.plan import PLANS
+from scripts.common.markdown import DOCS
 from scripts.optimise.score import score
 from scripts.optimise.search import sequences
+from scripts.optimise.tables import TABLES, reports
 from tests.support.programs import refusal, run_study
 
 run_script = partial(run_study, "optimise")
@@ -66,9 +68,15 @@ def test_a_plan_of_the_package_is_whole(name: str) -> None:
     assert np.sqrt(np.mean(away[200:] ** 2)) == pytest.approx(report["score"]["true_tip_rms_after_2s"], rel=1e-3)
     assert np.all(np.abs(plan.torques) <= plan.limits)
     assert np.sign(plan.states[0, 1]) == (1.0 if lap_square(lap).elbow_branch == "positive" else -1.0)
-    assert report["converged"]
+    assert report["residual"] < 0.1
     assert plan.notes["log"] == report["log"]
     assert max(path.stat().st_size for path in PLANS.glob(f"{name}.*")) < 1_000_000
+
+
+def test_the_page_shows_the_plans_of_the_package() -> None:
+    page = (DOCS / "optimal.md").read_text()
+    for name, make in TABLES.items():
+        assert f"<!-- generated: {name} -->\n{make(reports(PLANS))}<!-- end -->" in page, name
 
 
 @pytest.mark.slow

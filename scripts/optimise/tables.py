@@ -1,0 +1,73 @@
+"""Tables of docs/optimal.md, from the reports beside the plans."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+from scripts.common.markdown import table
+from scripts.optimise.score import CASES
+
+ERRORS = {"true_tip_rms": "lap r.m.s. [m]", "true_tip_rms_after_2s": "after 2 s [m]"}
+EFFORTS = {"torque_rms": "torques, r.m.s. [N m]", "torque_change_rms": "their change in a period [N m]"}
+
+
+def reports(folder: Path) -> dict[str, Any]:
+    """Read the reports of plans, by the plans' names."""
+    return {path.stem: json.loads(path.read_text()) for path in sorted(folder.glob("*.json"))}
+
+
+def laps(found: dict[str, Any]) -> str:
+    """Show the best known laps."""
+    head = ["arm, lap", *ERRORS.values(), "largest [m]", "elbow", *EFFORTS.values(), "weight on it [m²]", "residual"]
+    return table(head, [_lap(name, report) for name, report in found.items()])
+
+
+def _lap(name: str, report: dict[str, Any]) -> list[str]:
+    score = report["score"]
+    largest, branches = f"{score['true_tip_max']:.2f}", f"`{report['branches']}`"
+    weight, residual = f"{report['weights']['change_weight']:g}", f"{report['residual']:.0e}"
+    return [_words(name), *_errors(score), largest, branches, *_efforts(score), weight, residual]
+
+
+def pareto(found: dict[str, Any]) -> str:
+    """Show error against effort."""
+    head = ["arm, lap", "weight on changes [m²]", *ERRORS.values(), *EFFORTS.values()]
+    return table(
+        head,
+        [
+            [_words(name), f"{row['change_weight']:g}", *_errors(row), *_efforts(row)]
+            for name, report in found.items()
+            for row in report.get("pareto", [])
+        ],
+    )
+
+
+def regulated(found: dict[str, Any]) -> str:
+    """Show what regulators along the plans make of other arms: lap, then after 2 s."""
+    cases = list(CASES)
+    return table(
+        ["arm, lap", "regulator", *cases],
+        [
+            [_words(name), regulator, *(" / ".join(_errors(rows[case])) for case in cases)]
+            for name, report in found.items()
+            for regulator, rows in report["regulated"].items()
+        ],
+    )
+
+
+def _words(name: str) -> str:
+    arm, _, lap = name.rpartition("_")
+    return f"{arm}, {lap}"
+
+
+def _errors(row: dict[str, Any]) -> list[str]:
+    return [f"{row[key]:.4f}" for key in ERRORS]
+
+
+def _efforts(row: dict[str, Any]) -> list[str]:
+    return [" / ".join(f"{x:.1f}" for x in row[key]) for key in EFFORTS]
+
+
+TABLES = {"laps": laps, "pareto": pareto, "regulated": regulated}
