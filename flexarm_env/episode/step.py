@@ -114,11 +114,14 @@ def report_episodes(
     keys = array_at(memory, header[word.KEYS], (lanes,), np.uint64)[first:]
     active = array_at(memory, header[word.ACTIVE], (lanes,), np.bool_)[first:]
     observations = array_at(memory, header[word.OBSERVATIONS], (lanes, header[word.OBSERVED]), np.float32)
-    begin_sensors(arena, history, clock, paths, header, settings, started)
+    starting = False
     for i in range(variant.lanes):
+        starting = starting or started[i]
         active[i] = header[word.DRIVING] != 0 or started[i]
+    if starting:
+        begin_sensors(arena, history, clock, paths, header, settings, started)
     observe(arena, history, clock, keys, paths, header, settings, observations, first, active)
-    for i in range(variant.lanes):
+    for i in range(variant.lanes if starting else 0):
         if started[i]:  # a reset has no reward
             for n in range(variant.reward_terms):
                 arena[row.REWARD_TERMS + n, i] = 0.0

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from flexarm_env import end_reason
+from flexarm_env.envs.info import info_keys
 from flexarm_env.envs.registration import IDS
 from flexarm_env.envs.single import FlexArmEnv
 from flexarm_env.envs.termination import END_CODES, ENDS
-from tests.support.envs import SQUARE, bare, make, vector
+from tests.support.envs import SQUARE, make, vector
 from tests.support.refusals import refuses
 
 REACH = "FlexArm/Reach-v0"
@@ -20,7 +21,8 @@ REACH = "FlexArm/Reach-v0"
 
 def test_success_is_a_lap_with_a_quiet_final_rest() -> None:
     """`Reach`: 1 at the end of the lap only, if the tip was within 2 cm from 12 s to 16 s; no other id has it."""
-    assert [name for name in IDS if "is_success" in bare(f"FlexArm/{name}").reset()[1]] == ["Reach-v0"]
+    settings = {name: make(f"FlexArm/{name}").unwrapped.settings for name in IDS}
+    assert [name for name, own in settings.items() if "is_success" in info_keys(own)] == ["Reach-v0"]
     env = make(REACH, error_limit=None, deflection_limit=None)
     inner = env.unwrapped
     assert isinstance(inner, FlexArmEnv)
