@@ -155,7 +155,10 @@ class Settings(Options):
         what = "fastest pole under the inner law" if under_law else "fastest mode"
         arm = f"arm = {shown(self.arm)}" + (", with inner_stiffness and inner_resistance" if under_law else "")
         fastest = max(fastest_rates(self))
-        return count_substeps(self.control_period, self.physics_step, self.mode.integrator, fastest, arm, what)
+        kinematics = self.flexible_arm.parameters.kinematics
+        return count_substeps(
+            self.control_period, self.physics_step, (self.mode.integrator, kinematics), fastest, arm, what
+        )
 
     @cached_property
     def sensor_delays(self) -> tuple[float, float]:

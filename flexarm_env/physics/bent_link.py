@@ -89,29 +89,31 @@ class Link(NamedTuple):
 
 def root_inertia(link: Link, q: Vector) -> Any:
     """Return the moment of inertia of the bent link about its root."""
-    return link.inertia + dot(q, symmetric_times(_spread(link, q, 0.25), q))
+    bending, more = _spread(link, q)
+    return link.inertia + dot(q, [x + 0.25 * y for x, y in zip(bending, more, strict=True)])
 
 
 def centrifugal_forces(link: Link, q: Vector) -> list[Any]:
     """Return half the gradient of `root_inertia`: the modal forces of a unit centrifugal field."""
-    return symmetric_times(_spread(link, q, 0.5), q)
+    bending, more = _spread(link, q)
+    return [x + 0.5 * y for x, y in zip(bending, more, strict=True)]
 
 
-def _spread(link: Link, q: Vector, share: float) -> Vector:
-    """Return the mass matrix, less what foreshortening takes away, and a share of what it squared adds."""
+def _spread(link: Link, q: Vector) -> tuple[list[Any], list[Any]]:
+    """Return A q and B q: the mass matrix less what foreshortening takes away, and what it squared adds."""
     if not link.quartic:
-        return link.translation
-    squared = symmetric_times(link.quartic, products(q))
-    parts = zip(link.translation, link.shortened, squared, strict=True)
-    return [mass - shortened + share * more for mass, shortened, more in parts]
+        return symmetric_times(link.translation, q), [0.0] * len(q)
+    left = [mass - shortened for mass, shortened in zip(link.translation, link.shortened, strict=True)]
+    return symmetric_times(left, q), symmetric_times(symmetric_times(link.quartic, products(q)), q)
 
 
 def root_coupling(link: Link, q: Vector) -> Vector:
     """Return the moment of inertia between root rotation and each mode of the bent link."""
     if not link.cubic:
         return link.coupling
-    pulled, pairs = symmetric_times(_weighted(link, q), q), products(q)
-    return [link.coupling[j] + (pulled[j] - 0.5 * dot(_cubic(link, j, len(q)), pairs)) for j in range(len(q))]
+    bent_by = _cubic_times(link, q)
+    pulled = [dot(q, column) for column in zip(*bent_by, strict=True)]
+    return [link.coupling[j] + (pulled[j] - 0.5 * dot(bent_by[j], q)) for j in range(len(q))]
 
 
 def modal_mass(link: Link, q: Vector) -> Vector:
@@ -121,8 +123,17 @@ def modal_mass(link: Link, q: Vector) -> Vector:
     modes, result = range(len(q)), []
     for i in modes:
         for j in range(i + 1):
-            rows = [[link.quartic[place(place(i, k), place(j, n))] for n in modes] for k in modes]
-            result.append(link.mass[place(i, j)] + dot(q, [dot(row, q) for row in rows]))
+            total = link.mass[place(i, j)]
+            for k in modes:
+                for n in range(k + 1):  # both orders of two modes at once
+                    one, other = (link.quartic[place(place(i, a), place(j, b))] for a, b in ((k, n), (n, k)))
+                    if k == n:
+                        total = total + one * (q[k] * q[k])
+                    elif i == j:
+                        total = total + one * (2.0 * (q[k] * q[n]))
+                    else:
+                        total = total + (one + other) * (q[k] * q[n])
+            result.append(total)
     return result
 
 
@@ -138,14 +149,11 @@ def shortening_forces(link: Link, q: Vector, rates: Vector, turn: Any) -> tuple[
     n = len(q)
     if not link.quartic:
         return 0.0, [0.0] * n
-    root = dot(_weighted(link, q), products(rates))
-    across = symmetric_times(_weighted(link, rates), q)
-    along = symmetric_times(symmetric_times(link.quartic, products(rates)), q)
-    modal = []
-    for j in range(n):
-        back = dot(rates, symmetric_times(_cubic(link, j, n), q))
-        modal.append(2.0 * turn * (across[j] - back) + along[j])
-    return root, modal
+    pairs, bent_by = products(rates), _cubic_times(link, q)
+    root = dot(q, [dot(_cubic(link, k, n), pairs) for k in range(n)])
+    across = [dot(rates, column) for column in zip(*bent_by, strict=True)]
+    along = symmetric_times(symmetric_times(link.quartic, pairs), q)
+    return root, [2.0 * turn * (across[j] - dot(rates, bent_by[j])) + along[j] for j in range(n)]
 
 
 def _cubic(link: Link, mode: int, modes: int) -> Vector:
@@ -154,6 +162,6 @@ def _cubic(link: Link, mode: int, modes: int) -> Vector:
     return link.cubic[mode * count : (mode + 1) * count]
 
 
-def _weighted(link: Link, b: Vector) -> list[Any]:
-    """Return sum_k b_k T_k, lower triangle."""
-    return [dot(b, column) for column in zip(*(_cubic(link, k, len(b)) for k in range(len(b))), strict=True)]
+def _cubic_times(link: Link, q: Vector) -> list[list[Any]]:
+    """Return T_k q of each mode k."""
+    return [symmetric_times(_cubic(link, k, len(q)), q) for k in range(len(q))]

@@ -92,13 +92,11 @@ def mass_matrix(k: Constants, y: Vector, cos: Any, sin: Any) -> list[list[Any]]:
         rows[m + 2 + i][m + 1] = coupling[1][i]
         rows[m + 1][1 + i] = elbow.values[i] * bending + elbow.foreshortening_gradient[i] * turning
         rows[m + 2 + i][0] = moment.values[i] * along - moment.foreshortening_gradient[i] * across
+        gradient = moment.foreshortening_gradient[i]
+        on_n1 = moment.values[i] * cos - gradient * sin
+        on_e1 = moment.values[i] * sin + gradient * cos
         for j in range(m):
-            on_n1 = moment.values[i] * elbow.values[j] * cos - moment.foreshortening_gradient[i] * elbow.values[j] * sin
-            on_e1 = (
-                moment.values[i] * elbow.foreshortening_gradient[j] * sin
-                + moment.foreshortening_gradient[i] * elbow.foreshortening_gradient[j] * cos
-            )
-            rows[m + 2 + i][1 + j] = on_n1 + on_e1
+            rows[m + 2 + i][1 + j] = on_n1 * elbow.values[j] + on_e1 * elbow.foreshortening_gradient[j]
             if j <= i:
                 rows[1 + i][1 + j] = mass[0][place(i, j)]
                 rows[m + 2 + i][m + 2 + j] = mass[1][place(i, j)]

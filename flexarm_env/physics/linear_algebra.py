@@ -63,9 +63,9 @@ def factor(matrix: Matrix) -> Factors:
     inverse: list[Any] = []
     for i in range(n):
         for j in range(i):
-            scaled[i][j] = matrix[i][j] - dot(scaled[i][:j], lower[j][:j])
+            scaled[i][j] = _less(matrix[i][j], scaled[i][:j], lower[j][:j])
             lower[i][j] = scaled[i][j] * inverse[j]
-        inverse.append(1.0 / (matrix[i][i] - dot(scaled[i][:i], lower[i][:i])))
+        inverse.append(1.0 / _less(matrix[i][i], scaled[i][:i], lower[i][:i]))
     return Factors([x for i, row in enumerate(lower) for x in row[:i]], inverse)
 
 
@@ -75,11 +75,19 @@ def solve(factors: Factors, right: Vector) -> list[Any]:
     lower = [factors.lower[i * (i - 1) // 2 :][:i] for i in range(n)]
     x: list[Any] = []
     for i in range(n):
-        x.append(right[i] - dot(lower[i], x))
+        x.append(_less(right[i], lower[i], x))
     x = [value * scale for value, scale in zip(x, factors.inverse, strict=True)]
     for i in reversed(range(n)):
-        x[i] = x[i] - dot([lower[j][i] for j in range(i + 1, n)], x[i + 1 :])
+        later = range(n - 1, i, -1)  # in the order in which they are known
+        x[i] = _less(x[i], [lower[j][i] for j in later], [x[j] for j in later])
     return x
+
+
+def _less(start: Any, a: Vector, b: Vector) -> Any:
+    """Subtract the products of two vectors from a number one by one: what waits for the last takes one operation."""
+    for x, z in zip(a, b, strict=True):
+        start = start - x * z
+    return start
 
 
 def flat(fields: Iterable[Any]) -> list[Any]:

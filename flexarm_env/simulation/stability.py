@@ -21,7 +21,15 @@ ELBOWS = np.linspace(0.0, np.pi, 7)  # [rad]
 # and 0.25 ms at most, keeps coordinates within 1e-3 of their range over the lap at constant gains up to 17 (the paper's
 # runs: 2e-4), and rates within 2e-3, largest just after a jump of the command (tests/simulation/test_closed_loop.py).
 DEFAULT_ANGLE = {"explicit": STABLE_ANGLE["explicit"], "implicit": 0.15}
-LONGEST_DEFAULT = {"explicit": 1e-3, "implicit": 2.5e-4}  # [s]
+# With the explicit integrator, on foreshortened links with material damping, the error in a second of a lap's motion is
+# below 0.1 mm (tests/simulation/test_step_limit.py). Linear kinematics let fast turns bend the links further, where the
+# same step would be wrong by millimetres.
+LONGEST_DEFAULT = {  # by integrator and kinematics [s]
+    ("explicit", "linear"): 1e-3,
+    ("explicit", "foreshortened"): 2e-3,
+    ("implicit", "linear"): 2.5e-4,
+    ("implicit", "foreshortened"): 2.5e-4,
+}
 # Limits of a control period of one arm. The longest period must not block the caller for long; a reading takes 32
 # bytes, so that the longest delay line takes 64 MB.
 MOST_STEPS = 20_000
@@ -64,14 +72,19 @@ def _rates_of(parameters: ArmParameters, gains: tuple[Gains, Gains] | None) -> t
 
 
 def count_substeps(
-    period: float, step: float | None, integrator: str, fastest: float, arm: str, what: str = "fastest mode"
+    period: float,
+    step: float | None,
+    method: tuple[str, str],
+    fastest: float,
+    arm: str,
+    what: str = "fastest mode",
 ) -> int:
     """Count the integration steps in a control period.
 
     Args:
         period: the control period [s].
         step: longest integration step as the user gives it [s]; None: as the arm demands.
-        integrator: "explicit" or "implicit".
+        method: integrator, "explicit" or "implicit", and the arm's kinematics.
         fastest: rate of the arm's fastest mode or pole [rad/s].
         arm: description of the arm, for messages.
         what: whose rate it is, for messages.
@@ -79,8 +92,9 @@ def count_substeps(
     Raises:
         ValueError: for a step that is not stable, or more than `MOST_STEPS`.
     """
+    integrator, _ = method
     if step is None:
-        wanted = min(LONGEST_DEFAULT[integrator], DEFAULT_ANGLE[integrator] / fastest)
+        wanted = min(LONGEST_DEFAULT[method], DEFAULT_ANGLE[integrator] / fastest)
         cause = f"{arm}: its {what}, {fastest:.4g} rad/s, asks for steps of {wanted:.4g} s"
         return _count_steps(period, wanted, cause)
     longest = STABLE_ANGLE[integrator] / fastest

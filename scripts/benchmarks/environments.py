@@ -18,6 +18,8 @@ from scripts.benchmarks.timing import Group, Ratio, Subject
 
 SQUARE, PAPER = "FlexArm/Square-v0", "FlexArm/Paper-v0"
 ACROBOT, EMPTY = "Acrobot-v1", "FlexArmBench/Empty-v0"
+# The arms that are compared: two clamped-free modes a link, and three polynomials on foreshortened links.
+LINEAR, ACCURATE = "linear", {"kinematics": "foreshortened", "mode_shapes": "polynomial", "modes_per_link": 3}
 
 
 class EmptyEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
@@ -47,7 +49,12 @@ def steps(effort: float) -> Group:
         gymnasium.register(EMPTY, entry_point=f"{__name__}:{EmptyEnv.__name__}", max_episode_steps=16_000)
     counts = {SQUARE: 8000, PAPER: 2000, ACROBOT: 3000, EMPTY: 50_000}
     subjects = [stepped(name, name, round(effort * count)) for name, count in counts.items()]
+    linear = stepped(f"{SQUARE}, linear arm", SQUARE, round(effort * counts[SQUARE]), arm=LINEAR)
+    accurate = stepped(f"{SQUARE}, accurate arm", SQUARE, round(effort * counts[SQUARE]), arm=ACCURATE)
+    subjects += [linear, accurate]
     ratios = [
+        Ratio(accurate.name, linear.name, "the accurate arm over the linear one, time of a step"),
+        Ratio(ACROBOT, accurate.name, f"{accurate.name} over Acrobot, steps in the same time"),
         Ratio(ACROBOT, SQUARE, f"{SQUARE} over Acrobot, steps in the same time"),
         Ratio(ACROBOT, PAPER, f"{PAPER} over Acrobot, steps in the same time"),
         Ratio(SQUARE, EMPTY, "FlexArm's time over that of an empty environment"),
@@ -79,7 +86,7 @@ def stepped(name: str, env_id: str, count: int, **options: Any) -> Subject:
     return Subject(name, work, count, prepare=lambda: env.reset(seed=0))
 
 
-# What a new process does until it has made one step; it prints the seconds of each part.
+# What a new process does until it has made one step; it prints the seconds of each part, and those of the processor.
 _FIRST_STEP = """
 import json, sys, time
 clock = [time.perf_counter()]
@@ -87,13 +94,14 @@ import gymnasium
 if sys.argv[1].startswith("FlexArm"):
     import flexarm_env
 clock.append(time.perf_counter())
-env = gymnasium.make(sys.argv[1])
+env = gymnasium.make(sys.argv[1], **json.loads(sys.argv[2]))
 clock.append(time.perf_counter())
 env.reset(seed=0)
 clock.append(time.perf_counter())
 env.step(env.action_space.sample())
 clock.append(time.perf_counter())
-print(json.dumps(dict(zip(("import", "make", "reset", "step"), [b - a for a, b in zip(clock, clock[1:])]))))
+parts = dict(zip(("import", "make", "reset", "step"), [b - a for a, b in zip(clock, clock[1:])]))
+print(json.dumps(parts | {"processor": time.process_time()}))
 """
 
 
@@ -105,10 +113,17 @@ def first_step(colds: int, cache: Path) -> Group:
         cache: a folder that the first process fills and the cached ones use; what it holds is lost.
     """
     cold, cached = f"{SQUARE}, nothing compiled yet", f"{SQUARE}, compiled code cached"
+    accurate, empty = f"{SQUARE}, accurate arm, nothing compiled yet", cache / "accurate"
     subjects = [  # the first one comes first
         Subject(cold, lambda: _process(SQUARE, cache), prepare=lambda: shutil.rmtree(cache), at_most=colds),
         Subject(cached, lambda: _process(SQUARE, cache)),
         Subject(ACROBOT, lambda: _process(ACROBOT, cache)),
+        Subject(
+            accurate,
+            lambda: _process(SQUARE, empty, arm=ACCURATE),
+            prepare=lambda: shutil.rmtree(empty, ignore_errors=True),
+            at_most=colds,
+        ),
     ]
     ratios = [
         Ratio(cold, cached, "first time ever over a later process"),
@@ -118,8 +133,8 @@ def first_step(colds: int, cache: Path) -> Group:
     return Group("first_step", title, "s", "process", subjects, ratios, wall=True, warm=False, share=0.5)
 
 
-def _process(name: str, cache: Path) -> dict[str, float]:
+def _process(name: str, cache: Path, **options: Any) -> dict[str, float]:
     environment = os.environ | {"FLEXARM_CACHE_DIR": str(cache)}
-    command = [sys.executable, "-c", _FIRST_STEP, name]
+    command = [sys.executable, "-c", _FIRST_STEP, name, json.dumps(options)]
     done = subprocess.run(command, env=environment, check=True, stdout=subprocess.PIPE, text=True)
     return json.loads(done.stdout)

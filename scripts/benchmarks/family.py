@@ -13,7 +13,7 @@ from gymnasium.spaces.utils import flatdim
 from flexarm_env.envs.batch import COSTS, BatchSimulator
 from flexarm_env.envs.settings import Settings
 from scripts.benchmarks import accuracy, peers
-from scripts.benchmarks.environments import SQUARE, stepped
+from scripts.benchmarks.environments import ACCURATE, LINEAR, SQUARE, stepped
 from scripts.benchmarks.physics import bare_kernel
 from scripts.benchmarks.timing import Group, Ratio, Subject
 
@@ -29,7 +29,7 @@ LEARNING_FRAMES, LEARNERS = 65_536, 64
 
 
 def batch(modes: Sequence[int], effort: float, many: int = MANY) -> Group:
-    """Batches of 1024 on one core: torques, full observation, reward, delay line, auto-reset, 10 physics steps.
+    """Batches of 1024 on one core: torques, full observation, reward, delay line, auto-reset.
 
     Args:
         modes: numbers of modes a link.
@@ -50,11 +50,13 @@ def batch(modes: Sequence[int], effort: float, many: int = MANY) -> Group:
             ratios.append(Ratio(acrobot.name, batch_of.name, f"FlexArm over EnvPool's Acrobot, {m} modes"))
     gain = _batch(GAIN, GAIN, ENVS, max(1, round(0.4 * BATCH_CALLS * effort)))
     torque = _batch(f"{SQUARE}, default", SQUARE, ENVS, round(BATCH_CALLS * effort))
-    arm = {"kinematics": "foreshortened"}
-    bent = _batch(f"{SQUARE}, foreshortened", SQUARE, ENVS, max(1, round(0.5 * BATCH_CALLS * effort)), arm=arm)
-    subjects += [gain, torque, bent]
+    linear = _batch(f"{SQUARE}, linear arm", SQUARE, ENVS, round(BATCH_CALLS * effort), arm=LINEAR)
+    accurate = _batch(f"{SQUARE}, accurate arm", SQUARE, ENVS, round(0.5 * BATCH_CALLS * effort), arm=ACCURATE)
+    subjects += [gain, torque, linear, accurate]
     ratios.append(Ratio(gain.name, torque.name, "the gain's mode over the torque's mode, time of a step"))
-    ratios.append(Ratio(bent.name, torque.name, "the foreshortened arm over the linear one, time of a step"))
+    ratios.append(Ratio(accurate.name, linear.name, "the accurate arm over the linear one, time of a step"))
+    if acrobot is not None:
+        ratios.append(Ratio(acrobot.name, accurate.name, "FlexArm over EnvPool's Acrobot, accurate arm"))
     few, *more = (_block(lanes, round(40_000 * effort)) for lanes in COSTS)
     subjects += [few, *more]
     ratios += [Ratio(few.name, each.name, f"{few.name} over {each.name}, per environment") for each in more]

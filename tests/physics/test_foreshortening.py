@@ -178,9 +178,9 @@ def test_torques_move_an_environments_arm_as_they_move_the_arm() -> None:
     actions = np.random.default_rng(0).integers(-16, 17, (40, 2)) / 64.0
     infos = [env.reset(seed=1)[1], *(env.step(action)[4] for action in actions)]
     states, tips, sensed = (np.array([info[name] for info in infos]) for name in ("state", "true_tip", "sensed"))
-    torques = np.repeat(actions * [150.0, 50.0], 10, axis=0)
-    run = env.arm.simulate(states[0], torques, 0.4)
-    np.testing.assert_allclose(states, run.state[::10], rtol=0.0, atol=1e-12 * np.abs(states).max())
+    assert env.settings.substeps == 5
+    run = env.arm.simulate(states[0], actions * [150.0, 50.0], 0.4, step=0.01, substeps=5)
+    np.testing.assert_allclose(states, run.state, rtol=0.0, atol=1e-12 * np.abs(states).max())
     assert np.abs(run.tip_deflection).max() > 0.1
     np.testing.assert_allclose(tips, env.arm.tip(states[:, : env.arm.size]), rtol=0.0, atol=1e-12)
     at = env.arm.position(states[:, : env.arm.size], 2, env.settings.sensor_position)
