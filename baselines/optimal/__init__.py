@@ -3,7 +3,7 @@
 from flexarm_baselines.optimal.laps import lap_problem, lap_square, plan_lap, usual_starts
 from flexarm_baselines.optimal.plan import Plan, load_plan, plan_names
 from flexarm_baselines.optimal.problem import TrackingProblem
-from flexarm_baselines.optimal.solver import Iteration, Solution, SolverOptions, optimise
+from flexarm_baselines.optimal.solver import DivergingStartError, Iteration, Solution, SolverOptions, optimise
 from flexarm_baselines.optimal.starts import Branch, follow, joint_path
 from flexarm_baselines.optimal.tracking import AGGRESSIVE, GOOD, PlanRegulator, RegulatorWeights
 
@@ -11,6 +11,7 @@ __all__ = [
     "AGGRESSIVE",
     "GOOD",
     "Branch",
+    "DivergingStartError",
     "Iteration",
     "Plan",
     "PlanRegulator",

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
 
 from flexarm_baselines.optimal.plan import Plan
 from flexarm_baselines.optimal.problem import TrackingProblem
-from flexarm_baselines.optimal.solver import Iteration, Solution, SolverOptions, optimise
+from flexarm_baselines.optimal.solver import DivergingStartError, Iteration, Solution, SolverOptions, optimise
 from flexarm_baselines.optimal.starts import Branch, follow, joint_path
 from flexarm_env.laps import LAPS
 from flexarm_env.parameters import SquareParameters
@@ -87,10 +88,11 @@ def plan_lap(
         **changes: further fields of `TrackingProblem`.
 
     Returns:
-        The best plan found; `notes["starts"]` has the cost that each start came to in its trial.
+        The best plan found; `notes["starts"]` has the cost that each start came to in its trial, None if it diverged.
 
     Raises:
         ValueError: for bad input.
+        DivergingStartError: if all starts diverge.
     """
     problem = lap_problem(arm, lap, **changes)
     options = SolverOptions() if options is None else options
@@ -98,13 +100,18 @@ def plan_lap(
     tried = usual_starts(lap) if starts is None else tuple(tuple(start) for start in starts)
     if not tried:
         raise ValueError("starts: must hold one at least")
-    found = [optimise(problem, follow(problem, joint_path(problem, start)), trials, progress) for start in tried]
+    found: list[Solution] = []
+    notes: list[dict[str, Any]] = []
+    for start in tried:
+        cost = None
+        with suppress(DivergingStartError):
+            found.append(optimise(problem, follow(problem, joint_path(problem, start)), trials, progress))
+            cost = found[-1].log[-1].cost
+        notes.append({"branches": [branch._asdict() for branch in start], "cost": cost})
+    if not found:
+        raise DivergingStartError("starts: the arm's state stays finite on none of them")
     best = min(found, key=lambda solution: solution.log[-1].cost)
     if not best.converged:
         more = optimise(problem, best.run, options, progress)
         best = Solution(*more[:2], best.log + more.log[1:], more.converged)
-    notes = [
-        {"branches": [branch._asdict() for branch in start], "cost": solution.log[-1].cost}
-        for start, solution in zip(tried, found, strict=True)
-    ]
     return Plan.of(problem, best, starts=notes)

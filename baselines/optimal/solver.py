@@ -73,6 +73,10 @@ class Iteration(NamedTuple):
     regularisation: float
 
 
+class DivergingStartError(ValueError):
+    """A start whose states do not stay finite."""
+
+
 class Solution(NamedTuple):
     """What the solver found.
 
@@ -104,7 +108,8 @@ def optimise(
         progress: called after each iteration.
 
     Raises:
-        ValueError: if torques have another shape, or the start's replay does not stay finite.
+        ValueError: if torques have another shape.
+        DivergingStartError: if the start's states do not stay finite.
     """
     options = SolverOptions() if options is None else options
     sweep = _Sweep(problem, start)
@@ -124,12 +129,15 @@ class _Sweep:
 
     def __init__(self, problem: TrackingProblem, start: Rollout) -> None:
         self.problem = problem
-        torques = finite_array("start.torques", start.torques, (problem.periods, 2))
         self.limits = np.array(problem.limits)
+        diverging = DivergingStartError("start: the arm's state does not stay finite")
+        if not np.all(np.isfinite(start.torques)):  # of feedback on such a state
+            raise diverging
+        torques = finite_array("start.torques", start.torques, (problem.periods, 2))
         self.run = rollout(problem, np.clip(torques, -self.limits, self.limits))
         self.cost = float(problem.cost(self.run))
         if not np.isfinite(self.cost):
-            raise ValueError("start.torques: the arm's state does not stay finite under them")
+            raise diverging
         self.regularisation, self.growth = REGULARISATION[1], 1.0
         size = 2 * problem.arm.size + 2
         self.forward, self.gains = np.zeros((problem.periods, 2)), np.zeros((problem.periods, 2, size))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -13,6 +14,7 @@ import numpy as np
 
 from flexarm_baselines.optimal import (
     Branch,
+    DivergingStartError,
     Iteration,
     Plan,
     PlanRegulator,
@@ -102,7 +104,10 @@ def search(
         tick: called with a word on what is done and each iteration; without one when a plan was taken over.
 
     Returns:
-        The finalists, the best one first, then the others as their trials left them.
+        The finalists, the best one first, then the others as their trials left them, without those that diverged.
+
+    Raises:
+        DivergingStartError: if all did.
     """
     problem = lap_problem(FlexibleArm(arm), lap, change_weight=effort.change_weight)
     task = lap_square(lap)
@@ -110,7 +115,10 @@ def search(
     found = []
     for sequence, branches in sequences(task.elbow_branch, task.lap_time):
         start = partial(_follow, problem, branches)
-        found.append(_improved(problem, sequence, start, effort.trial, folder / f"trial{sequence}.npz", tick))
+        with suppress(DivergingStartError):
+            found.append(_improved(problem, sequence, start, effort.trial, folder / f"trial{sequence}.npz", tick))
+    if not found:
+        raise DivergingStartError(f"the {lap} lap: the arm's state stays finite on no sequence of branches")
     found.sort(key=lambda one: one.cost)
     finals = []
     for one in found[: effort.finalists]:

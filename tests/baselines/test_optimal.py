@@ -11,6 +11,7 @@ from scipy.optimize import minimize
 from flexarm_baselines.optimal import (
     AGGRESSIVE,
     Branch,
+    DivergingStartError,
     Plan,
     PlanRegulator,
     RegulatorWeights,
@@ -306,6 +307,16 @@ def test_a_bad_problem_is_refused(changes: dict[str, Any], error: type[Exception
     arguments = {"arm": ARM, "initial_state": START, "reference": np.zeros((5, 2))} | changes
     with pytest.raises(error, match=words):
         TrackingProblem(**arguments)
+
+
+def test_a_start_that_diverges_is_left_out() -> None:
+    case = problem(limits=(1e9, 1e9))
+    for torques in (np.full((PERIODS, 2), 1e9), np.full((PERIODS, 2), np.nan)):
+        with pytest.raises(DivergingStartError, match="does not stay finite"):
+            optimise(case, Rollout(IDLE.states, torques))
+    lap, far = SquareParameters(lap_time=0.4, side=6.0), {"limits": (1e9, 1e9), "torque_weight": 1e-30}
+    with pytest.raises(DivergingStartError, match="none of them"):
+        plan_lap(ARM, lap, starts=[[Branch(0.0, "positive")]], change_weight=0.0, tip_weights=1e12, trial=0, **far)
 
 
 def test_other_bad_input_is_refused() -> None:

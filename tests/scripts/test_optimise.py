@@ -41,21 +41,21 @@ def test_bad_options_are_refused(arguments: tuple[str, ...], words: str) -> None
 
 @pytest.mark.slow
 def test_a_short_run_goes_on_where_it_was(tmp_path: Path) -> None:
-    arguments = ("--quick", "--arms", "paper", "--laps", "plain", "--output", str(tmp_path))
+    arguments = ("--quick", "--arms", "linear", "--laps", "plain", "--output", str(tmp_path))
     first = run_script(*arguments)
     assert first.returncode == 0, first.stderr
-    plan, report = Plan.load(tmp_path / "paper_plain.npz"), json.loads((tmp_path / "paper_plain.json").read_text())
+    plan, report = Plan.load(tmp_path / "linear_plain.npz"), json.loads((tmp_path / "linear_plain.json").read_text())
     assert len(report["costs_by_branches"]) == 16
     assert report["cost"] == min(report["costs_by_branches"].values())
-    kept = {path: path.stat().st_mtime_ns for path in (tmp_path / "paper_plain").iterdir()}
+    kept = {path: path.stat().st_mtime_ns for path in (tmp_path / "linear_plain").iterdir()}
     assert len(kept) == 17
-    damaged = tmp_path / "paper_plain" / "trial-----.npz"
+    damaged = tmp_path / "linear_plain" / "trial-----.npz"
     damaged.write_bytes(b"cut short")
     second = run_script(*arguments)
     assert second.returncode == 0, second.stderr
-    again = {path: path.stat().st_mtime_ns for path in (tmp_path / "paper_plain").iterdir()}
+    again = {path: path.stat().st_mtime_ns for path in (tmp_path / "linear_plain").iterdir()}
     assert {path for path in kept if kept[path] != again[path]} == {damaged}
-    np.testing.assert_array_equal(Plan.load(tmp_path / "paper_plain.npz").torques, plan.torques)
+    np.testing.assert_array_equal(Plan.load(tmp_path / "linear_plain.npz").torques, plan.torques)
 
 
 @pytest.mark.parametrize("name", plan_names())
