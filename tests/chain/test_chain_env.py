@@ -60,7 +60,7 @@ def test_a_seed_decides_an_episode() -> None:
 
 
 def test_spaces_and_infos_are_those_of_the_square() -> None:
-    chain, square = make(**RANDOM), bare(SQUARE)
+    chain, square = make(**RANDOM), bare(SQUARE, arm="default")
     (_, begun), (*_, info) = chain.reset(seed=0), chain.step(np.zeros(2, np.float32))
     assert chain.observation_space == square.observation_space
     assert chain.action_space == square.action_space
@@ -227,12 +227,12 @@ def test_the_pages_chains_converge(kind: str) -> None:
     ("options", "kind", "words"),
     [
         ({"segments": 2}, ValueError, "segments = 2: must be"),
-        ({"segments": 3}, ValueError, "segments = 3: must be at least 4"),
+        ({"segments": 3}, ValueError, "segments = 3: must be at least 5"),
         ({"chain_step": 0.0}, ValueError, "chain_step = 0.0: must be"),
         ({"segment": 6}, TypeError, "'segment'; did you mean 'segments'"),
         ({"action_mode": "residual"}, ValueError, "its law acts within the compiled arm"),
         ({"action_mode": "gain", "law_sensor": "sensor"}, ValueError, "law_sensor = 'sensor': on a chain"),
-        ({"chain_step": 1e-6, "physics_step": 0.005}, ValueError, "take more than 1000 steps"),
+        ({"chain_step": 1e-6, "physics_step": 0.0025}, ValueError, "take more than 1000 steps"),
     ],
 )
 def test_bad_options(options: dict[str, Any], kind: type[Exception], words: str) -> None:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from flexarm_env import ArmParameters, FlexibleArm, SquareParameters, end_reason, square
 from flexarm_env.envs.single import FlexArmEnv
+from flexarm_env.parameters import CLAMPED_ONE_PERCENT
 from tests.support.envs import PAPER, bare, block, make, terms_of
 
 Array = NDArray[np.float64]
@@ -189,7 +190,7 @@ def test_noise_has_the_size_it_says() -> None:
 
 # --- the end of an episode ----------------------------------------------------------------------------------
 
-STIFF = {"preset": "paper", "flexural_rigidities": (1e6, 1e6), "damping_ratio": 0.01}
+STIFF = {"preset": "paper", "flexural_rigidities": (1e6, 1e6), "damping_ratio": CLAMPED_ONE_PERCENT}
 
 
 @pytest.mark.parametrize(

@@ -19,11 +19,14 @@ from tests.support.refusals import refuses
 
 # What each environment has for itself, in two sets of kernels that the blocks' tests compile, too.
 ARMS = [
-    "default",
-    {"masses_per_length": (0.4, 0.3)},
-    {"payload_mass": 0.5},
-    {"flexural_rigidities": (1500.0, 1800.0)},
-    {"damping_ratio": 0.03, "joint_friction": (0.1, 0.2)},
+    {"preset": "linear", **changes}
+    for changes in (
+        {},
+        {"masses_per_length": (0.4, 0.3)},
+        {"payload_mass": 0.5},
+        {"flexural_rigidities": (1500.0, 1800.0)},
+        {"damping_ratio": 0.03, "joint_friction": (0.1, 0.2)},
+    )
 ]
 TORQUE_LANES: dict[str, list[Any]] = {
     "arm": [*ARMS, *ARMS[:4]],
@@ -146,7 +149,7 @@ def test_a_batch_of_different_environments_survives_pickling() -> None:
         ({}, {"sensor_position": [4.5, 5.0]}, ValueError, ("environment 1", "sensor_position = 5.0", "4.5")),
         ({}, {"delay": [0.0, (0.1, 0.2)]}, ValueError, ("environment 1", "delay = (0.1, 0.2)", "one number")),
         ({}, {"proportional_gain": [150.79, 1.0]}, ValueError, ("environment 1", "no effect", "'gain'")),
-        ({}, {"arm": ["default", "paper"]}, ValueError, ("environment 1", "arm = 'paper'", "modes_per_link = 1", "2")),
+        ({}, {"arm": ["default", "paper"]}, ValueError, ("environment 1", "arm = 'paper'", "modes_per_link = 1", "3")),
         (
             {},
             {"arm": [{}, {"link_lengths": (5.0, 5.0)}]},
@@ -165,7 +168,7 @@ def test_a_bad_option_of_one_environment_is_refused(
 
 
 def test_one_physics_step_serves_arms_of_different_stiffness() -> None:
-    arms = {"arm": [{}, {"flexural_rigidities": (1e5, 1e5)}]}
+    arms = {"arm": ["linear", {"preset": "linear", "flexural_rigidities": (1e5, 1e5)}]}
     with refuses(ValueError, "environment 1", "physics_step = None", "0.0007692 s", "0.001 s"):
         vector(SQUARE, 2, per_env=arms)
     assert {one.substeps for one in vector(SQUARE, 2, per_env=arms, physics_step=2e-4).simulator.each} == {50}

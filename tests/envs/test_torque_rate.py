@@ -68,7 +68,7 @@ def test_environments_of_torque_rates_are_environments() -> None:
     """For Gymnasium and for stable-baselines3; the other environments of a batch, in plain Python, are the same."""
     made = make(**RATE, **FREE)
     env_checker.check_env(made.unwrapped, skip_render_check=True)
-    adapter = FlexArmVecEnv.make("flexarm_env:" + SQUARE, 1, **RATE, **FREE)
+    adapter = FlexArmVecEnv.make("flexarm_env:" + SQUARE, 1, arm="linear", **RATE, **FREE)
     np.testing.assert_array_equal(adapter.reset().shape, (1, *made.observation_space.shape))
     adapter.close()
     env = bare(**RATE, **FREE)
@@ -92,7 +92,7 @@ def test_environments_of_torque_rates_are_environments() -> None:
 def test_late_torque_rates_act_as_late_as_late_torques(delay: float) -> None:
     """The commanded torques, not their sum, are late: as torques that are commanded so; in plain Python."""
     options = {"torque_rate_limit": (500.0, 1e4), "torque_limit": (12.0, 40.0), "actuation_delay": delay}
-    settings = Settings.of({**RATE, **options, "last_actions": 5})
+    settings = Settings.of({**RATE, **options, "arm": "linear", "last_actions": 5})
     header, table = header_and_settings([settings], settings.program, observation_layout(settings, settings.program))
     variant = Variant(settings.program, 2, True, 2, sensor="true", disturbed=True)
     arena = np.zeros((extent(variant.rows) + tail_rows([settings], hosted=False), 2))

@@ -6,7 +6,6 @@ import copy
 from collections.abc import Callable
 from typing import Any
 
-import gymnasium as gym
 import numpy as np
 import pytest
 from gymnasium.vector import AutoresetMode
@@ -252,7 +251,7 @@ def test_pictures() -> None:
     for _ in range(3):
         env.step(actions)
     left, right = env.render()
-    single = gym.make(SQUARE, render_mode="rgb_array")
+    single = make(SQUARE, render_mode="rgb_array")
     single.reset(seed=0)
     for _ in range(3):
         single.step(actions[1])

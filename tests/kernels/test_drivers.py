@@ -142,7 +142,9 @@ def test_the_sensor_says_where_it_was() -> None:
 
 def test_an_order_names_what_an_episode_draws() -> None:
     """The payload and the stiffness of one lane; the others keep what they have."""
-    simulator = BatchSimulator(settings_of(SQUARE, arm={"preset": "linear", "modes_per_link": 1, "payload_mass": 0.5}), LANES)
+    simulator = BatchSimulator(
+        settings_of(SQUARE, arm={"preset": "linear", "modes_per_link": 1, "payload_mass": 0.5}), LANES
+    )
     memory = {name: part.view(simulator._memory) for name, part in simulator._parts.items()}
     order = memory["RESET_REQUESTS"][1].copy()
     order[entries.column.DRAWN + drawn.PAYLOAD_MASS], order[entries.column.DRAWN + drawn.STIFFNESS] = 0.75, 2.0

@@ -142,7 +142,8 @@ def kinds_of(info: dict[str, Any]) -> dict[str, tuple[type, Any, tuple[int, ...]
 
 def shared_arm(env_id: str, options: dict[str, Any]) -> dict[str, Any]:
     """Return options with the linear arm unless they name one: tests that are not about the plant share its kernels."""
-    return options if env_id == PAPER else {"arm": "linear"} | options
+    own = env_id == PAPER or "arm" in options.get("per_env", {})
+    return options if own else {"arm": "linear"} | options
 
 
 def make(env_id: str = SQUARE, **options: Any) -> gym.Env[Any, Any]:
