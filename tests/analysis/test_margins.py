@@ -251,7 +251,7 @@ def test_gain_margin_is_where_the_spectral_method_puts_a_root_on_the_axis() -> N
     assert abs(above.imag) == pytest.approx(margin.omega_up, rel=0.01)
 
 
-@pytest.mark.parametrize("damping", [0.01, 0.03])
+@pytest.mark.parametrize("damping", [0.0187, 0.0561])  # 1 and 3 % of the clamped modes
 def test_true_tip_feedback_is_stable_at_small_gains_only(damping: float) -> None:
     """Without delay, by eigenvalues: the right-half-plane zeros draw the poles across."""
     arm = FlexibleArm(ArmParameters.linear(modes_per_link=1, damping_ratio=damping))
