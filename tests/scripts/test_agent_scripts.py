@@ -134,7 +134,7 @@ def test_evaluate_scores_what_there_is(flexarm: Shell) -> None:
     assert {line.partition(":")[0] for line in result.stderr.splitlines()} == set(names)
     laps = {one["name"]: one["laps"][0] for one in flexarm.evaluation()["results"]}
     assert laps["IFDC"]["swing"]["complete"]
-    assert laps["IFDC"]["swing"]["rms"] == pytest.approx(0.901, abs=5e-3)
+    assert laps["IFDC"]["swing"]["rms"] == pytest.approx(0.848, abs=5e-3)
     assert not laps["no torque"]["plain"]["complete"]
     assert laps["no torque"]["plain"]["rms_after_2s"] is None
 

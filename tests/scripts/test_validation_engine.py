@@ -288,7 +288,7 @@ def test_the_observer_sees_what_the_environment_observes() -> None:
     from scripts.validation.engine.observer import Observer
 
     trained = load_policy("square")
-    env = trained.make_env(elbow_branch="negative", physics_step=2.5e-4)
+    env = trained.make_env(elbow_branch="negative", physics_step=5e-4)
     observation, info = env.reset(seed=0, options={"start": "corner"})
     observer, model, action = Observer(env.unwrapped), Modal(env.unwrapped.arm), np.zeros(2)
     model.state = info["state"].copy()
