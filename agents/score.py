@@ -8,13 +8,12 @@ from typing import Any, NamedTuple
 import gymnasium
 import numpy as np
 
-from flexarm_env.laps import LAPS
+from flexarm_env.laps import LAPS, SETTLED
 from flexarm_env.metrics import elbow_changes, tracking_error
 from flexarm_env.rollout import run_policy
 from flexarm_env.simulation.trajectory import Trajectory
 
 COMPLETE = "truncated"  # how an episode ends that lasts as long as it may
-SETTLED = 2.0  # [s]; the start's transient is over
 
 
 class Score(NamedTuple):

@@ -18,7 +18,7 @@ class Task:
     """The task of a torque controller, as the environment publishes it.
 
     Of what an environment draws for each episode (`randomisation`) it holds the nominal values, and of what its sensors
-    lose or add (jitter, dropout) nothing. This class is the only way by which a controller reads an environment.
+    lose or add (jitter, dropout) nothing. Torque controllers read an environment by this class alone.
 
     Attributes:
         arm: the nominal arm.

@@ -13,6 +13,8 @@ from typing import Any
 from flexarm_env.parameters import DIRECTIONS, EITHER, ElbowBranch
 from flexarm_env.validation import choice
 
+SETTLED = 2.0  # [s] since the lap began; the start's transient is over, and scores have a figure from here on
+
 
 @dataclass(frozen=True)
 class Lap:

@@ -22,16 +22,17 @@ import numpy as np
 from flexarm_baselines.arrays import Floats
 from flexarm_baselines.observers.noise import NoiseModel
 from flexarm_baselines.observers.readings import Readings
+from flexarm_env.physics.constants import ARM_QUANTITIES
 from flexarm_env.simulation.arm import FlexibleArm
 from flexarm_env.validation import choice, number
 
-QUANTITIES = ("payload_mass", "stiffness", "damping")  # columns of `StepJacobians.by_quantity`
+QUANTITIES = tuple(ARM_QUANTITIES)  # columns of `StepJacobians.by_quantity`
 RANGES = {"payload_mass": (0.0, 10.0), "stiffness": (0.3, 3.0), "damping": (0.0, 0.3)}  # an estimate stays within
 SUBSTEP = 1e-3  # [s]; longest integration step over a part of a period
 
 
 class Estimate(NamedTuple):
-    """What the filter believes of n arms.
+    """Estimates of the states of n arms.
 
     Attributes:
         mean: state; estimated quantities; the tip's points that the late sensor has still to deliver, the newest first.
@@ -69,7 +70,7 @@ class KalmanFilter:
         arm: the filter's own model, which may be another than the plant's.
         period: control period [s].
         delay: delay of the late sensor, any fraction of periods [s].
-        noise: what the filter takes for granted.
+        noise: standard deviations that the filter assumes.
         quantities: names of the quantities that are estimated with the state.
     """
 

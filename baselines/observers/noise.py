@@ -1,4 +1,4 @@
-"""How far the observer trusts its model and each of its sensors."""
+"""Standard deviations that an observer assumes: of its model, and of each of its sensors."""
 
 from __future__ import annotations
 

@@ -195,7 +195,7 @@ class _Sweep:
             self.regularisation = max(REGULARISATION[0], self.regularisation) * self.growth
 
     def backward(self, regularisation: float) -> tuple[float, float]:
-        """Find steps and gains about the run; return the change of cost that they promise, by order."""
+        """Find steps and gains about the run; return the change of cost that they predict, by order."""
         problem, (gradient, hessian, weights) = self.problem, self.expansion
         return kernels.backward(
             *self.slopes,

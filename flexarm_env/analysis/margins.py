@@ -111,7 +111,7 @@ def stable_gains(loop: LawLoop) -> list[GainInterval]:
     """Return the intervals of lambda in which the loop is stable at its delay.
 
     Roots that cross to the right count +1, to the left -1; only the intervals with the smallest count can be stable,
-    and one of them speaks for all.
+    and one of them is checked for all.
 
     Raises:
         TypeError: for anything but a loop.

@@ -61,11 +61,6 @@ class Zeros:
         """Those with a positive real part, beyond rounding. Shape (k',)."""
         return self.values[self.values.real > SAME * np.abs(self.values)]
 
-    @property
-    def on_axis(self) -> Complex:
-        """Those on the imaginary axis, within rounding. Shape (k',)."""
-        return self.values[np.abs(self.values.real) <= SAME * np.abs(self.values)]
-
     def distinct(self) -> list[tuple[complex, int]]:
         """Return each value once, with its algebraic multiplicity."""
         found: list[tuple[complex, int]] = []

@@ -37,7 +37,7 @@ from flexarm_env.parameters import DIRECTIONS
 from flexarm_env.simulation.lanes import ALL_READINGS, LaneBatch, Lanes
 
 Array = NDArray[np.float64]
-# Relative time of a block's step, by its number of lanes; `Square-v0` with two modes (`make bench`, batches).
+# Relative time of a block's step, by its number of lanes; `Square-v0` with the linear arm (`make bench`, batches).
 # Three of the largest hold 1024 lanes; with a power of two, rows would evict each other from the processor's caches.
 COSTS = {8: 1.0, 32: 2.9, 128: 10.8, 344: 27.5}
 assert all(lanes % TILE == 0 for lanes in COSTS)  # `write_observations` works by tiles

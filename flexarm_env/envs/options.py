@@ -90,7 +90,7 @@ class Options:
         allowed_of(LawParameters, "torque_limit"),
     )
     torque_rate_limit: tuple[float, float] = _option(
-        # The second modes of the free arm, 36 Hz and more, feel less than a tenth of what a step of the torque does.
+        # Excites the second modes of the free arm (36 Hz and more) less than a tenth as much as a step of the torque.
         (3000.0, 1000.0),
         "change of the torque per second at action 1; the default reverses the default torques in 0.1 s",
         Pair(1e-6, 1e12, "N m/s"),

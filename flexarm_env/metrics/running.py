@@ -8,13 +8,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from flexarm_env.laps import SETTLED
 from flexarm_env.metrics.corners import Corner
 from flexarm_env.metrics.figures import CornerFigures, LapFigures
 from flexarm_env.validation import finite_values, integer, number, shown
 
 Array = NDArray[np.float64]
 
-SETTLED = 2.0  # [s]; the start's transient is over
 BAND = 0.05  # [m]; the tip has settled once its distance from the reference stays below
 AT_LIMIT = 1.0 - 1e-6  # share of the torque limit from which a torque counts as limited: float32 actions round
 EDGE = 1e-9  # [s]; rounding of instants

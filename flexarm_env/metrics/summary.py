@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from flexarm_env.laps import SETTLED
 from flexarm_env.metrics.errors import early_end, tracking_error
 from flexarm_env.metrics.motion import elbow_changes, vibration
 from flexarm_env.simulation.trajectory import Trajectory
@@ -38,7 +39,7 @@ def summary(run: Trajectory) -> dict[str, object]:
 def _merits(run: Trajectory) -> dict[str, object]:
     """Return the part of `summary` that compares controllers."""
     true, rigid = tracking_error(run), tracking_error(run, "rigid")
-    later = tracking_error(run, since=2.0) if run.time[-1] >= 2.0 else None
+    later = tracking_error(run, since=SETTLED) if run.time[-1] >= SETTLED else None
     figures: dict[str, object] = {
         "true_tip_rms": true.rms,
         "true_tip_max": true.maximum,

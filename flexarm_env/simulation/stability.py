@@ -50,7 +50,7 @@ def fastest_pole(
 
 
 def fastest_rates(settings: Any) -> tuple[float, ...]:
-    """Of the stiffest and lightest arm that an episode may draw; under the inner law, of the closed loop [rad/s].
+    """Return the rates of the stiffest and lightest arm that an episode may draw, or of its inner loop [rad/s].
 
     Args:
         settings: `Settings`.

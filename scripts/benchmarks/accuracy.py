@@ -93,7 +93,7 @@ def _counts(segments: int, integrator: str) -> tuple[int, ...]:
 
     if integrator != "RK4":
         return COUNTS
-    fastest = chain.fastest_rate(chain.chain_model(segments))
+    fastest = chain.fastest_rate(chain.chain_model(segments, ArmParameters.linear()))
     return tuple(count for count in COUNTS if HELD / count * fastest <= RK4_LIMIT)
 
 

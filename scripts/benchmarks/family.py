@@ -13,13 +13,13 @@ from gymnasium.spaces.utils import flatdim
 from flexarm_env.envs.batch import COSTS, BatchSimulator
 from flexarm_env.envs.settings import Settings
 from scripts.benchmarks import accuracy, peers
-from scripts.benchmarks.environments import ACCURATE, LINEAR, SQUARE, stepped
+from scripts.benchmarks.environments import LINEAR, SQUARE, stepped
 from scripts.benchmarks.physics import bare_kernel
 from scripts.benchmarks.timing import Group, Ratio, Subject
 
 GAIN = "FlexArm/SquareGain-v0"
 ENVS = 1024
-PHYSICS_STEPS = 10  # of 1 ms in a control period
+PHYSICS_STEPS = 10  # of 1 ms in a control period of the linear arm
 BATCH_CALLS = 100
 SINGLE_CALLS = 4000
 SEGMENTS = 10
@@ -41,22 +41,22 @@ def batch(modes: Sequence[int], effort: float, many: int = MANY) -> Group:
     if acrobot is not None:
         subjects.append(acrobot)
     for m in modes:
-        batch_of = _batch(f"{SQUARE}, {m} modes", SQUARE, ENVS, round(BATCH_CALLS * effort), arm={"modes_per_link": m})
+        arm = {"preset": LINEAR, "modes_per_link": m}
+        batch_of = _batch(f"{SQUARE}, linear, {m} modes", SQUARE, ENVS, round(BATCH_CALLS * effort), arm=arm)
         bare = bare_kernel(f"its physics alone, {m} modes", m, 32, ENVS, max(1, round(100 * effort)))
         bare = replace(bare, amount=bare.amount / PHYSICS_STEPS)
         subjects += [batch_of, bare]
         ratios.append(Ratio(batch_of.name, bare.name, f"batch step over its bare physics, {m} modes (75 % is 1.33)"))
         if acrobot is not None:
-            ratios.append(Ratio(acrobot.name, batch_of.name, f"FlexArm over EnvPool's Acrobot, {m} modes"))
+            ratios.append(Ratio(acrobot.name, batch_of.name, f"FlexArm over EnvPool's Acrobot, linear arm, {m} modes"))
     gain = _batch(GAIN, GAIN, ENVS, max(1, round(0.4 * BATCH_CALLS * effort)))
     torque = _batch(f"{SQUARE}, default", SQUARE, ENVS, round(BATCH_CALLS * effort))
     linear = _batch(f"{SQUARE}, linear arm", SQUARE, ENVS, round(BATCH_CALLS * effort), arm=LINEAR)
-    accurate = _batch(f"{SQUARE}, accurate arm", SQUARE, ENVS, round(0.5 * BATCH_CALLS * effort), arm=ACCURATE)
-    subjects += [gain, torque, linear, accurate]
+    subjects += [gain, torque, linear]
     ratios.append(Ratio(gain.name, torque.name, "the gain's mode over the torque's mode, time of a step"))
-    ratios.append(Ratio(accurate.name, linear.name, "the accurate arm over the linear one, time of a step"))
+    ratios.append(Ratio(torque.name, linear.name, "the default arm over the linear one, time of a step"))
     if acrobot is not None:
-        ratios.append(Ratio(acrobot.name, accurate.name, "FlexArm over EnvPool's Acrobot, accurate arm"))
+        ratios.append(Ratio(acrobot.name, torque.name, "FlexArm over EnvPool's Acrobot, default arm"))
     few, *more = (_block(lanes, round(40_000 * effort)) for lanes in COSTS)
     subjects += [few, *more]
     ratios += [Ratio(few.name, each.name, f"{few.name} over {each.name}, per environment") for each in more]
@@ -119,7 +119,7 @@ def chain(modes: Sequence[int], effort: float) -> Group:
         subjects.append(accurate)
         facts |= {f"error in time, {m} modes at 1 ms [mm]": 1e3 * equal.ours}
         facts |= {f"error in time, chain at {1e3 * equal.step:.3g} ms [mm]": 1e3 * equal.error}
-        options = {"arm": {"modes_per_link": m}}
+        options = {"arm": {"preset": LINEAR, "modes_per_link": m}}
         single = stepped(f"one environment, {m} modes", SQUARE, max(50, round(SINGLE_CALLS * effort)), **options)
         many = _batch(f"batch of {ENVS}, {m} modes", SQUARE, ENVS, round(BATCH_CALLS * effort), **options)
         for subject in (single, many):

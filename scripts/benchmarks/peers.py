@@ -88,7 +88,7 @@ def mujoco_chain(segments: int, effort: float, damping_ratio: float = 0.01, step
 
 
 def accurate_chain(segments: int, effort: float, modes: int) -> tuple[Subject, EqualStep]:
-    """Declare the default arm's chain at the cheapest step that is as accurate in time as FlexArm's of 1 ms.
+    """Declare the linear arm's chain at the cheapest step that is as accurate in time as FlexArm's of 1 ms.
 
     Args:
         segments: rigid segments a link.
@@ -100,7 +100,7 @@ def accurate_chain(segments: int, effort: float, modes: int) -> tuple[Subject, E
     from flexarm_env.chain import model as chain
 
     equal = equal_step(segments, modes)
-    model = chain.chain_model(segments, None, equal.step)
+    model = chain.chain_model(segments, ArmParameters.linear(), equal.step)
     model.opt.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{equal.integrator.upper()}")
     step = f"{equal.integrator}, step {1e3 * equal.step:.3g} ms"
     name = f"MuJoCo chain, {segments} segments a link, damping 0.01, {step}: as accurate in time as {modes} modes"

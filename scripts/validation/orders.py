@@ -70,7 +70,7 @@ def run(settings: Settings) -> Findings:
 
 
 def studies() -> list[Study]:
-    """Return what is integrated, by what, and the order that theory promises."""
+    """Return what is integrated, by what, and the order that theory predicts."""
     four = "the classical Runge-Kutta method has order 4, and the problem is smooth within every step"
     three = "ARS(4,4,3) has order 3 where the step resolves the law's fastest pole"
     halved = 0.5 ** np.arange(4.0)

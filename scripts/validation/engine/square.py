@@ -26,6 +26,7 @@ from flexarm_env import (
     square,
     square_loop,
 )
+from flexarm_env.laps import SETTLED
 from flexarm_env.rollout import run_batch
 from flexarm_env.simulation.closed_loop import observation_blocks
 from scripts.validation.engine.laws import law_lap
@@ -34,7 +35,6 @@ from scripts.validation.engine.motion import rms
 from scripts.validation.engine.programmes import HELD
 
 Array = NDArray[np.float64]
-SETTLED = 2.0  # [s]; the start's transient is over
 SAMPLED = 10  # `HELD` in a control period; the score counts these instants
 
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from flexarm_agents import load_policy
 from flexarm_env import ArmParameters, FlexibleArm, SquareParameters, square
+from flexarm_env.laps import LAPS, SETTLED
 from scripts.validation.engine.chain import Modal
 from scripts.validation.engine.motion import rms
 from scripts.validation.engine.programmes import HELD
@@ -17,10 +18,8 @@ from scripts.validation.engine.square import laws_on_chain, laws_on_model
 from scripts.validation.plant.drivers import PERIODS, WEIGHTS, Agent, Controller, Lap, Regulator, on_corner, run_lap
 
 Array = NDArray[np.float64]
-SETTLED = 2.0  # [s]; the start's transient is over
 AHEAD, EVERY = 0.5, 0.25  # a prediction's length, and how often one starts [s]
 ELEMENTS = (10, 20)  # of the chains; their difference is the finer one's error, times three
-LAP_NAMES = ("swing", "plain")
 # From 8 s on, IFDC's undamped arm is through the straight pose, where millimetres decide which way the elbow goes.
 LAW_SECONDS = {"ifdc": 7.9, "flsac": 16.0}
 
@@ -61,7 +60,7 @@ def under_control(seconds: float, progress: Callable[[str], None]) -> tuple[list
         Rows of the tables, and tips [m] every control period by their labels.
     """
     rows, arrays = [], {}
-    for lap in LAP_NAMES:
+    for lap in LAPS:
         for name, controller in controllers(lap).items():
             chains = []
             for elements in ELEMENTS:
