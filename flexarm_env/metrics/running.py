@@ -78,10 +78,12 @@ class _Moments:
 
     @property
     def rms(self) -> Array:
+        """Return the root of the mean square so far; 0 of no values. Shape as given."""
         return np.sqrt(self.squares / max(self.count, 1))
 
     @property
     def mean(self) -> Array:
+        """Return the mean so far; 0 of no values. Shape as given."""
         return self.total / max(self.count, 1)
 
 
@@ -96,6 +98,7 @@ class _CornerWatch:
         self.rates = _Moments(runs)
 
     def add(self, seen: Instants) -> None:
+        """Take the next instants; those outside the corner's time do not count."""
         corner = self.corner
         here = (seen.time >= corner.time - EDGE) & (seen.time <= corner.until + EDGE)
         if not here.any():
@@ -109,6 +112,7 @@ class _CornerWatch:
         self.rates.add(np.linalg.norm(seen.deflection_rate[here][time >= half], axis=-1))
 
     def figures(self, run: int) -> CornerFigures:
+        """Return what one run did after the corner so far."""
         settled = None if self.outside[run] else float(self.settled_at[run]) - self.corner.time
         return CornerFigures(self.corner.time, float(self.advance[run]), settled, float(self.rates.rms[run]))
 
