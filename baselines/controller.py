@@ -8,7 +8,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 
 from flexarm_baselines.arrays import Array, Float32s, Floats
-from flexarm_baselines.policy import Observation, State
+from flexarm_baselines.policy import Observation, State, checked_observation
 from flexarm_baselines.task import Task
 
 Memory = tuple[Floats, ...]
@@ -126,12 +126,7 @@ class TorqueController(ABC):
             TypeError: if the observation is a dict.
             ValueError: if it is neither a vector nor a batch of vectors.
         """
-        if isinstance(observation, dict):
-            raise TypeError(f"observation must be an array, got a dict with keys {sorted(observation)}")
-        rows = np.asarray(observation)
-        size = len(self.task.scale)
-        if rows.ndim not in (1, 2) or rows.shape[-1] != size:
-            raise ValueError(f"observation must have shape ({size},) or (n, {size}), got {rows.shape}")
+        rows = checked_observation(observation, len(self.task.scale))
         seen = Seen(self.task, np.atleast_2d(rows))
         torque, memory = self.torque(seen, self._memory(seen, state, episode_start))
         action = np.clip(torque / np.asarray(self.task.torque_limit), -1.0, 1.0).astype(np.float32)

@@ -43,6 +43,26 @@ class Policy(Protocol):
         """
 
 
+def checked_observation(observation: Observation, size: int | None = None) -> Array:
+    """Return an observation or a batch of them as an array.
+
+    Args:
+        observation: shape ``(k,)`` or ``(n, k)``.
+        size: k; None: any.
+
+    Raises:
+        TypeError: it is a dict.
+        ValueError: it has another shape.
+    """
+    if isinstance(observation, dict):
+        raise TypeError(f"observation must be an array, got a dict with keys {sorted(observation)}")
+    rows = np.asarray(observation)
+    if rows.ndim not in (1, 2) or size not in (None, rows.shape[-1]):
+        k = "k" if size is None else size
+        raise ValueError(f"observation must have shape ({k},) or (n, {k}), got {rows.shape}")
+    return rows
+
+
 class GainPolicy(ABC):
     """A policy without memory or randomness whose action is one gain.
 
@@ -79,11 +99,7 @@ class GainPolicy(ABC):
             TypeError: the observation is a dict.
             ValueError: the observation is neither a vector nor a batch of vectors.
         """
-        if isinstance(observation, dict):
-            raise TypeError(f"observation must be an array, got a dict with keys {sorted(observation)}")
-        rows = np.asarray(observation, dtype=np.float64)
-        if rows.ndim not in (1, 2):
-            raise ValueError(f"observation must have shape (k,) or (n, k), got {rows.shape}")
+        rows = checked_observation(observation).astype(np.float64)
         gains = self.gains(np.atleast_2d(rows))
         actions = action_from_gain(gains, self.gain_limit).astype(np.float32)
         return actions.reshape(*rows.shape[:-1], 1), state
