@@ -18,7 +18,9 @@ _ERRORS = ("rms", "maximum", "rms_after_2s", "maximum_after_2s")  # of `LapFigur
 
 
 class Score(NamedTuple):
-    """Figures of one episode, of those of `LapFigures`; `str` gives its errors, or why and when the episode ended early.
+    """Figures of one episode; `str` gives its errors, or why and when the episode ended early.
+
+    They are of those of `flexarm_env.metrics.LapFigures`.
 
     An episode that ended early is a result of its own: its errors are None, since those of the part before the end
     would compare well with a whole lap's. Figures after 2 s are None for an episode that was shorter, too.
