@@ -28,6 +28,7 @@ import llvmlite
 import numba
 from numba.core.caching import NullCache
 from numba.core.compiler import CompileResult
+from numba.core.runtime.nrt import rtsys
 from numba.core.serialize import dumps
 
 from flexarm_env.codegen.cache_folder import (
@@ -219,7 +220,8 @@ class _KernelCache(NullCache):
         if hashlib.sha256(data[_DIGEST:]).digest() != data[:_DIGEST]:
             return None
         try:
-            self._target_context.refresh()
+            # What the code links to. numba would load all that it can compile, too, which takes longer than the code does.
+            rtsys.initialize(self._target_context)  # type: ignore[no-untyped-call]
             parts = pickle.loads(data[_DIGEST:])
             compiled = CompileResult._rebuild(self._target_context, *parts)  # type: ignore[no-untyped-call]
         except Exception:  # another build of the same versions wrote it; compiling anew replaces it
