@@ -79,8 +79,8 @@ def sweep(
     periods, n, _ = model.by_torque.shape
     forward, gains = np.empty((periods, 2)), np.empty((periods, 2, n + 2))
     cost = CostToGo(np.empty((periods + 1, n + 2)), np.empty((periods + 1, n + 2, n + 2)))
-    for own, end in zip(cost, (0.0, 0.0) if beyond is None else beyond, strict=True):
-        own[-1] = end
+    cost.slopes[-1] = 0.0 if beyond is None else beyond.slopes
+    cost.curvatures[-1] = 0.0 if beyond is None else beyond.curvatures
     expected = kernels.backward(
         model.by_state,
         model.by_torque,
