@@ -220,7 +220,7 @@ class _KernelCache(NullCache):
         if hashlib.sha256(data[_DIGEST:]).digest() != data[:_DIGEST]:
             return None
         try:
-            # What the code links to. numba would load all that it can compile, too, which takes longer than the code does.
+            # What machine code links to. A `refresh` would load all that numba can compile, which takes longer.
             rtsys.initialize(self._target_context)  # type: ignore[no-untyped-call]
             parts = pickle.loads(data[_DIGEST:])
             compiled = CompileResult._rebuild(self._target_context, *parts)  # type: ignore[no-untyped-call]
