@@ -221,7 +221,7 @@ class _KernelCache(NullCache):
             return None
         try:
             # What machine code links to. A `refresh` would load all that numba can compile, which takes longer.
-            rtsys.initialize(self._target_context)  # type: ignore[no-untyped-call]
+            rtsys.initialize(self._target_context)
             parts = pickle.loads(data[_DIGEST:])
             compiled = CompileResult._rebuild(self._target_context, *parts)  # type: ignore[no-untyped-call]
         except Exception:  # another build of the same versions wrote it; compiling anew replaces it
