@@ -12,8 +12,8 @@ from typing import Self
 import numpy as np
 
 from flexarm_baselines.arrays import Floats
-from flexarm_baselines.optimal import kernels
 from flexarm_baselines.optimal.plan import Plan
+from flexarm_baselines.optimal.sweep import Model, sweep
 from flexarm_env.simulation.arm import FlexibleArm
 from flexarm_env.validation import number, pair
 
@@ -92,25 +92,17 @@ class LinearQuadratic:
 
     def gains(self) -> Floats:
         """Solve the Riccati recursion backward from the last linearisation's enduring regulator. Shape (n, 2, d)."""
-        more = round(ENDURING / self.period)
-        (periods, size), given = self.by_torque.shape[:2], len(self.by_torque)
-        periods += more
-        gains = np.zeros((periods, 2, size + 2))
-        kernels.backward(
+        more, size = round(ENDURING / self.period), self.by_torque.shape[1]
+        periods = len(self.by_torque) + more
+        model = Model(
             _prolonged(self.by_state, more),
             _prolonged(self.by_torque, more),
-            np.zeros((periods, size)),
             np.zeros((periods + 1, size)),
             _prolonged(self.cost, more),
-            np.zeros((periods, size + 2, size + 2)),
             np.array([0.5 / np.square(self.torque), np.zeros(2)]),
             np.zeros((periods + 1, 2)),
-            np.full(2, np.inf),
-            np.zeros(2),
-            np.zeros((periods, 2)),
-            gains,
         )
-        return np.ascontiguousarray(gains[:given, :, :size])
+        return np.ascontiguousarray(sweep(model).gains[: len(self.by_torque), :, :size])
 
 
 def _prolonged(table: Floats, more: int) -> Floats:
