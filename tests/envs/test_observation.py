@@ -103,6 +103,7 @@ def test_blocks_hold_what_they_say(env_id: str, frame: str, scaled: bool) -> Non
         "last_actions": np.hstack([past[2 - n : len(past) - n] for n in range(3)])[: STEPS + 1],
         "lap_phase": np.stack([np.cos(lap), np.sin(lap)], axis=1),
         "inner_gain": np.vstack([[[0.0]], gain[:, :1]]),
+        "state": run.states,
     }
     for name, values in expected.items():
         atol = 1e-6 * max(1.0, np.abs(values).max())  # float32, and now's 1 ns at 3 m/s
@@ -340,5 +341,13 @@ def test_noise_has_the_size_it_says() -> None:
     change = -np.diff(sensor, axis=0) / 0.01
     np.testing.assert_allclose(block(noisy, difference, "sensor_error_rate")[1:], change, atol=1e-3)
     np.testing.assert_allclose(block(noisy, difference, "joint_error"), -joint, atol=1e-6)
-    for name in ("modal_coordinates", "modal_rates", "reference_position", "lap_phase", "previews", "last_actions"):
+    for name in (
+        "state",
+        "modal_coordinates",
+        "modal_rates",
+        "reference_position",
+        "lap_phase",
+        "previews",
+        "last_actions",
+    ):
         assert not block(noisy, difference, name).any()
