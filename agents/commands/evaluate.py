@@ -54,8 +54,8 @@ class Result(NamedTuple):
     def plain(self, seed: int) -> dict[str, Any]:
         """Return plain values for a file."""
         one = self.contender
-        about = {"name": one.name, "environment": one.environment, "options": one.options, "config": one.config}
-        about |= {"reads": one.reads, "privileged": one.privileged}
+        about: dict[str, Any] = {"name": one.name, "reads": one.reads, "privileged": one.privileged}
+        about |= {"environment": one.environment, "options": one.options, "config": one.config}
         laps = [{"seed": seed + n, **score.as_mapping()} for n, score in enumerate(self.scores)]
         return about | {"laps": laps} | _plain(spreads_of(self.scores))
 
