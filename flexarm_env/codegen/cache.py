@@ -28,6 +28,7 @@ import llvmlite
 import numba
 from numba.core.caching import NullCache
 from numba.core.compiler import CompileResult
+from numba.core.runtime.nrt import rtsys
 from numba.core.serialize import dumps
 
 from flexarm_env.codegen.cache_folder import (
@@ -219,7 +220,8 @@ class _KernelCache(NullCache):
         if hashlib.sha256(data[_DIGEST:]).digest() != data[:_DIGEST]:
             return None
         try:
-            self._target_context.refresh()
+            # What machine code links to. A `refresh` would load all that numba can compile, which takes longer.
+            rtsys.initialize(self._target_context)
             parts = pickle.loads(data[_DIGEST:])
             compiled = CompileResult._rebuild(self._target_context, *parts)  # type: ignore[no-untyped-call]
         except Exception:  # another build of the same versions wrote it; compiling anew replaces it
