@@ -1,6 +1,5 @@
-"""Linear-quadratic-Gaussian control along plans: `LQG`, and its forms that read or know more."""
+"""Linear-quadratic-Gaussian control along plans: `LQG`, and its forms that read more or find out more."""
 
-from flexarm_baselines.lqg.controller import LQG, GaugedLQG
-from flexarm_baselines.lqg.laps import Laps
+from flexarm_baselines.lqg.controller import LQG, NOISE, GaugedLQG
 
-__all__ = ["LQG", "GaugedLQG", "Laps"]
+__all__ = ["LQG", "NOISE", "GaugedLQG"]

@@ -13,12 +13,13 @@ from typing import Self
 
 import numpy as np
 
-from flexarm_baselines.arrays import Floats, Integers
-from flexarm_baselines.observers import KalmanFilter
+from flexarm_baselines.along_plans import within_half_a_turn
+from flexarm_baselines.arrays import Array, Floats, Integers
+from flexarm_baselines.observers import KalmanFilter, Transition
 from flexarm_baselines.optimal import LinearQuadratic, Plan, RegulatorWeights
 from flexarm_env.simulation.arm import FlexibleArm
 
-Place = tuple[Integers, Integers]  # laps and periods of n arms. Shape (n,) each
+Place = tuple[Array, Array]  # plans and control periods of n arms. Shape (n,) each
 
 
 def product(matrix: Floats, vector: Floats) -> Floats:
@@ -28,15 +29,16 @@ def product(matrix: Floats, vector: Floats) -> Floats:
 
 @dataclass(frozen=True)
 class FilterTables:
-    """A Kalman filter along plans: l laps of N control periods, d numbers of its state z, r readings.
+    """A Kalman filter along l plans of N control periods; z is the mean of its `Estimate`, with d numbers.
 
     Attributes:
         nominal: z along the plan. Shape (l, N + 1, d).
         matrix: derivatives of the next z by z. Shape (l, N, d, d).
         by_torque: its derivatives by the torques. Shape (l, N, d, 2).
         torque: the plan's [N m]. Shape (l, N, 2).
-        drift: the model's next z from the plan's, minus the plan's next; 0 for the planned arm. Shape (l, N, d).
-        gain: on the residuals of the readings. Shape (l, N, d, r).
+        after: the next z of the filter's model that is on the plan; `nominal` if the plan is the model's own.
+            Shape (l, N, d).
+        gain: on the residuals of r readings. Shape (l, N, d, r).
         rows: place in z of each reading. Shape (r,).
     """
 
@@ -44,7 +46,7 @@ class FilterTables:
     matrix: Floats
     by_torque: Floats
     torque: Floats
-    drift: Floats
+    after: Floats
     gain: Floats
     rows: Integers
 
@@ -57,42 +59,51 @@ class FilterTables:
             plans: as long as each other.
             gauges: there are strain gauges.
         """
-        periods, laps = len(plans[0].torques), len(plans)
+        count, periods = len(plans), len(plans[0].torques)
         states = np.stack([plan.states for plan in plans])
         torques = np.stack([plan.torques for plan in plans])
-        moved = kalman.linearise(states[:, :-1].reshape(laps * periods, -1), torques.reshape(-1, 2))
-        by_lap = [part.reshape(laps, periods, *part.shape[1:]) for part in moved]
+        moved = kalman.linearise(states[:, :-1].reshape(count * periods, -1), torques.reshape(-1, 2))
+        along = Transition(*(part.reshape(count, periods, *part.shape[1:]) for part in moved))
         start = kalman.start(states[:, 0])
-        after, seen, matrix, by_torque = by_lap
-        nominal = np.empty((laps, periods + 1, kalman.size))
-        nominal[:, 0] = start.mean
-        drift = np.zeros((laps, periods, kalman.size))
-        drift[:, :, : states.shape[2]] = after - states[:, 1:]
-        rows, deviations = kalman.sensors(gauges)
-        there = np.ones((laps, len(deviations)), dtype=bool)
-        gain, covariance = np.empty((laps, periods, kalman.size, len(rows))), start.covariance
-        known = kalman.size - nominal.shape[2] + states.shape[2]
+        rows, _ = kalman.sensors(gauges)
+        there = np.ones((count, len(rows)), dtype=bool)
+        nominal = np.empty((count, periods + 1, kalman.size))
+        after = np.empty((count, periods, kalman.size))
+        gain = np.empty((count, periods, kalman.size, len(rows)))
+        nominal[:, 0], covariance = start.mean, start.covariance
         for k in range(periods):
             gain[:, k], covariance, _ = kalman.gain(covariance, there)
-            covariance = kalman.spread(covariance, type(moved)(*(part[:, k] for part in by_lap)))
-            nominal[:, k + 1] = np.concatenate([states[:, k + 1], seen[:, k], nominal[:, k, known:-2]], axis=1)
-        return cls(nominal, matrix, by_torque, torques, drift, gain, np.array(rows))
+            transition = Transition(*(part[:, k] for part in along))
+            covariance = kalman.spread(covariance, transition)
+            after[:, k] = nominal[:, k + 1] = kalman.moved(nominal[:, k], transition)
+            nominal[:, k + 1, : states.shape[2]] = states[:, k + 1]
+        return cls(nominal, along.matrix, along.by_torque, torques, after, gain, np.array(rows))
 
-    def predict(self, at: Place, deviation: Floats, torque: Floats) -> Floats:
-        """Return the deviations of z from the plan a control period later.
+    def correct(self, at: Place, estimate: Floats, readings: Floats) -> Floats:
+        """Return z with what has been read. Shape (n, d).
 
         Args:
-            at: laps and periods of n arms.
-            deviation: of z. Shape (n, d).
+            at: plans and periods.
+            estimate: z before it. Shape (n, d).
+            readings: Shape (n, r).
+        """
+        return estimate + product(self.gain[at], within_half_a_turn(readings - estimate[:, self.rows]))
+
+    def predict(self, at: Place, estimate: Floats, torque: Floats) -> Floats:
+        """Return z a control period later. Shape (n, d).
+
+        Args:
+            at: plans and periods.
+            estimate: z. Shape (n, d).
             torque: that acts [N m]. Shape (n, 2).
         """
-        change = torque - self.torque[at]
-        return product(self.matrix[at], deviation) + product(self.by_torque[at], change) + self.drift[at]
+        by_state = product(self.matrix[at], estimate - self.nominal[at])
+        return self.after[at] + by_state + product(self.by_torque[at], torque - self.torque[at])
 
 
 @dataclass(frozen=True)
 class RegulatorTables:
-    """A regulator along plans, l laps of N control periods.
+    """A regulator along l plans of N control periods.
 
     Attributes:
         torque: the plan's, or 0 without feed-forward [N m]. Shape (l, N, 2).
@@ -109,7 +120,7 @@ class RegulatorTables:
         cls,
         plans: Sequence[Plan],
         weights: RegulatorWeights,
-        model: FlexibleArm | None = None,
+        model: FlexibleArm,
         integral: float | None = None,
         feed_forward: bool = True,
     ) -> Self:
@@ -118,27 +129,26 @@ class RegulatorTables:
         Args:
             plans: as long as each other.
             weights: see `RegulatorWeights`.
-            model: arm that is linearised along the plans; None: that of each plan.
+            model: arm that is linearised along the plans.
             integral: integral of the tip's deviation that weighs as much as the deviations of the weights do [m s];
                 None: no integral action.
             feed_forward: the plans' torques act.
         """
-        problems = [LinearQuadratic.along(plan, weights, plan.arm if model is None else model) for plan in plans]
+        problems = [LinearQuadratic.along(plan, weights, model) for plan in plans]
         if integral is not None:
             problems = [problem.with_integral(integral) for problem in problems]
         gains = np.stack([problem.gains() for problem in problems])
         size = plans[0].states.shape[1]
-        torques = np.stack([plan.torques for plan in plans]) * float(feed_forward)
         of_integral = np.zeros((*gains.shape[:3], 2)) if integral is None else gains[..., size:]
+        torques = np.stack([plan.torques for plan in plans]) * float(feed_forward)
         return cls(torques, np.ascontiguousarray(gains[..., :size]), np.ascontiguousarray(of_integral))
 
-    def feedback(self, at: Place, deviation: Floats, integral: Floats) -> Floats:
-        """Return the torques that are added for deviations from the plan [N m]. Shape (n, 2).
+    def torques(self, at: Place, deviation: Floats, integral: Floats) -> Floats:
+        """Return the torques without their limits [N m]. Shape (n, 2).
 
         Args:
-            at: laps and periods of n arms.
-            deviation: of the state, and what else an observer estimates. Shape (n, d).
+            at: plans and periods.
+            deviation: of the state from the plan. Shape (n, 4 + 4 m).
             integral: of the tip's deviation [m s]. Shape (n, 2).
         """
-        gain = self.gain[at]
-        return product(gain, deviation[:, : gain.shape[2]]) + product(self.integral[at], integral)
+        return self.torque[at] + product(self.gain[at], deviation) + product(self.integral[at], integral)

@@ -211,12 +211,18 @@ class KalmanFilter:
             estimate: at its beginning.
             torque: torque of shoulder and elbow [N m]. Shape (n, 2).
         """
-        moved = self.linearise(self.state(estimate), torque, **self.values(estimate))
-        known = self._known
-        mean = np.concatenate(
-            [moved.state, estimate.mean[:, self._states : known], moved.seen, estimate.mean[:, known:-2]], axis=1
-        )
-        return Estimate(mean, self.spread(estimate.covariance, moved))
+        transition = self.linearise(self.state(estimate), torque, **self.values(estimate))
+        return Estimate(self.moved(estimate.mean, transition), self.spread(estimate.covariance, transition))
+
+    def moved(self, mean: Floats, transition: Transition) -> Floats:
+        """Return the mean at the end of a control period. Shape (n, d).
+
+        Args:
+            mean: at its beginning. Shape (n, d).
+            transition: from there, see `linearise`.
+        """
+        known = mean[:, self._states : self._known]
+        return np.concatenate([transition.state, known, transition.seen, mean[:, self._known : -2]], axis=1)
 
     def spread(self, covariance: Floats, transition: Transition) -> Floats:
         """Return the covariance at the end of a control period. Shape (n, d, d).
