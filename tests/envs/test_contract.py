@@ -15,8 +15,8 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 from flexarm_env import register_environments
+from flexarm_env.envs.blocks import BLOCKS
 from flexarm_env.envs.info import KEYS, info_keys
-from flexarm_env.envs.observation import BLOCKS
 from flexarm_env.envs.settings import Settings
 from flexarm_env.envs.single import FlexArmEnv
 from flexarm_env.envs.termination import END_CODES
