@@ -220,7 +220,7 @@ class _KernelCache(NullCache):
         if hashlib.sha256(data[_DIGEST:]).digest() != data[:_DIGEST]:
             return None
         try:
-            # What machine code links to. A `refresh` would load all that numba can compile, which takes longer.
+            # What machine code links to. To refresh the whole context, as for a compilation, would take longer.
             rtsys.initialize(self._target_context)
             parts = pickle.loads(data[_DIGEST:])
             compiled = CompileResult._rebuild(self._target_context, *parts)  # type: ignore[no-untyped-call]
