@@ -12,11 +12,11 @@ import math
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from flexarm_env import FlexibleArm, LawParameters, ReferencePath
+from flexarm_env.codegen.cache import kept_on_disk
 
 Array = NDArray[np.float64]
 
@@ -60,7 +60,7 @@ def solve(
     return arm.public_state(state)
 
 
-@njit(cache=True)  # it calls nothing of ours, so the cache cannot be stale
+@kept_on_disk(__file__, "the right-hand side for scipy")
 def _rate(t: float, state: Array, origin: Array, velocity: Array, numbers: tuple[Any, ...]) -> Array:
     """d(y, v)/dt while the reference is at ``origin + velocity t``; `numbers`: lengths, gains, `Constants`."""
     L1, L2, Kp, Kd, _, I1, I2, S2, _, _, value, slope, c1, c2, p2, k1, k2, _, _, m1, m2, t2 = numbers
