@@ -7,11 +7,12 @@ import json
 import os
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
-from flexarm_agents.config import TrainingConfig
+from flexarm_agents.config import RunConfig
 
 _FORMAT = 1
+Config = TypeVar("Config", bound=RunConfig)
 
 
 class RunFolder:
@@ -41,7 +42,7 @@ class RunFolder:
         self.last, self.checkpoint = self.path / "last_policy.npz", self.path / "checkpoint.zip"
         self.logs = self.path / "tensorboard"
 
-    def begin(self, config: TrainingConfig) -> None:
+    def begin(self, config: RunConfig) -> None:
         """Make the folder for a new training.
 
         Raises:
@@ -54,8 +55,11 @@ class RunFolder:
         self.path.mkdir(parents=True, exist_ok=True)
         write_json(self.config, {"format": _FORMAT, **config.plain()})
 
-    def read_config(self) -> TrainingConfig:
+    def read_config(self, kind: type[Config]) -> Config:
         """Read the configuration of the training in the folder.
+
+        Args:
+            kind: class of the configuration.
 
         Raises:
             FileNotFoundError: if there is no training.
@@ -67,18 +71,18 @@ class RunFolder:
             values = json.loads(self.config.read_text())
             if values.pop("format") != _FORMAT:
                 raise ValueError(f"this version reads format {_FORMAT}")
-            return TrainingConfig.of(values)
+            return kind.of(values)
         except (ValueError, TypeError, KeyError, AttributeError) as error:
             raise ValueError(f"{self.config}: not a training's configuration ({error})") from error
 
-    def check_same(self, config: TrainingConfig) -> None:
+    def check_same(self, config: RunConfig) -> None:
         """Check that the training in the folder is one of this configuration.
 
         Raises:
             FileNotFoundError: if there is no training.
             ValueError: naming the first parameter that differs.
         """
-        theirs = self.read_config()
+        theirs = self.read_config(type(config))
         differing = config.differences(theirs)
         if differing:
             name = differing[0]

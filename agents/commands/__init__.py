@@ -16,6 +16,7 @@ VERBS = {
     "show": ("show", "the specification of an environment: spaces, reward, ends, options"),
     "evaluate": ("evaluate", "score controllers and trained policies on the two standard laps"),
     "train": ("train", "train an agent with PPO (needs the extra `train`)"),
+    "teach": ("teach", "teach a student by the best known plans (needs the extra `train`)"),
     "warm-up": ("warm_up", "compile what environments need, for images and clusters"),
 }
 EXAMPLES = """\
@@ -24,7 +25,8 @@ examples:
   flexarm show Square-v0
   flexarm train --environment Square-v0 --seed 7 --folder runs/mine
   flexarm train --environment Square-v0 --seed 7 --folder runs/mine --resume
-  flexarm evaluate runs/mine
+  flexarm teach --environment Square-v0 --seed 7 --folder runs/student
+  flexarm evaluate runs/mine runs/student
   flexarm evaluate --policy plan_lqr
   flexarm evaluate my_module:MyPolicy --laps 10 --options '{"noise": 0.005}'
   flexarm warm-up Square-v0 --num-envs 64

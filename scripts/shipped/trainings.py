@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from flexarm_agents import StandardScore, TrainingConfig, evaluate, load_policy
-from flexarm_agents.follow import EVALUATION_SEED
+from flexarm_agents.evaluation import EVALUATION_SEED
 from flexarm_agents.run_folder import RunFolder, put, write_json
 from flexarm_agents.score import rank
 from flexarm_agents.training import train
