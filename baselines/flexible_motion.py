@@ -23,10 +23,10 @@ from flexarm_env.analysis.natural import natural_modes
 from flexarm_env.analysis.operating_point import OperatingPoint
 from flexarm_env.simulation.arm import FlexibleArm
 
-ITERATIONS = 6
+ITERATIONS = 5
 CUTOFF = 0.65  # of the filter, as a share of the first free vibration's frequency
 ORDER = 4  # of the Butterworth filter, which runs forward and backward
-NEWTON_STEPS = 12
+NEWTON_STEPS = 3  # of the joints in each iteration
 DAMPING = 0.3  # [m/rad]; of the joints' correction, so that the straight arm has one too
 
 
@@ -36,8 +36,8 @@ class FlexibleMotion(NamedTuple):
     Attributes:
         states: Shape (n, 4 + 4 m).
         torques: of shoulder and elbow at each instant [N m]. Shape (n, 2).
-        residual: largest force on a mode that is left without a cause, as a torque about the link's root [N m]; small
-            beside the torques if the iteration has converged.
+        residual: largest force on a mode that is left without a cause, as a torque about the link's root [N m]: what
+            was too quick for the filter.
     """
 
     states: Floats
@@ -84,6 +84,12 @@ def flexible_motion(arm: FlexibleArm, joints: Floats, step: float) -> FlexibleMo
     return FlexibleMotion(np.concatenate([q, rates], axis=1), forces[:, :2], residual)
 
 
+def first_free_vibration(arm: FlexibleArm) -> float:
+    """Return the frequency of an arm's first vibration with free joints and a right angle at the elbow [rad/s]."""
+    bent = OperatingPoint.at_angles(arm, (0.0, 0.5 * np.pi))
+    return float(natural_modes(bent, "free").frequencies[2])  # after the two rigid motions
+
+
 def _forces(arm: FlexibleArm, q: Floats, step: float) -> tuple[Floats, Floats]:
     """Return rates, and the generalised forces that a motion needs beside those of the links themselves.
 
@@ -120,6 +126,4 @@ def _modal_stiffness(arm: FlexibleArm) -> Floats:
 
 def _low_pass(arm: FlexibleArm, step: float) -> Floats:
     """Return the filter's second-order sections."""
-    bent = OperatingPoint.at_angles(arm, (0.0, 0.5 * np.pi))
-    slowest = natural_modes(bent, "free").frequencies[2]  # after the two rigid motions
-    return np.asarray(butter(ORDER, CUTOFF * slowest, fs=2.0 * np.pi / step, output="sos"))
+    return np.asarray(butter(ORDER, CUTOFF * first_free_vibration(arm), fs=2.0 * np.pi / step, output="sos"))

@@ -102,6 +102,11 @@ class ShapedReference:
         number("window", self.window, "s", least=0.0)
         number("lead", self.lead, "s", least=0.0)
         integer("times", self.times, 2, MOST_TIMES)
+        width = self.times * self.window + float(self.train.times[-1])
+        if width > self.path.lap_time:
+            raise ValueError(
+                f"window = {self.window} s: with the impulses the shape is {width} s wide, longer than a lap"
+            )
 
     @property
     def centre(self) -> float:
@@ -121,7 +126,9 @@ class ShapedReference:
         return self._shaped(time, 2)
 
     def _shaped(self, time: ArrayLike, order: int) -> Floats:
-        moments = np.asarray(time, dtype=np.float64)[..., None] + self.lead - self.train.times
+        lap, shifted = self.path.lap_time, np.asarray(time, dtype=np.float64) + self.lead
+        shifted = np.where(shifted > 2.0 * lap, lap + np.mod(shifted, lap), shifted)  # later laps are as the second one
+        moments = shifted[..., None] - self.train.times
         return np.einsum("...ki,k->...i", self._windowed(moments, order), self.train.amplitudes)
 
     def _windowed(self, time: Floats, order: int) -> Floats:
@@ -137,16 +144,16 @@ class ShapedReference:
 
     @cached_property
     def _line(self) -> PPoly:
-        """The polyline over three laps from rest."""
+        """The polyline over two laps from rest."""
         table, lap = self.path.table, self.path.lap_time
-        times = np.concatenate([[-lap], table[:-1, 0], lap + table[:-1, 0], 2.0 * lap + table[:, 0]])
-        points = np.concatenate([table[:1, 1:], table[:-1, 1:], table[:-1, 1:], table[:, 1:]])
+        times = np.concatenate([[-lap], table[:-1, 0], lap + table[:, 0]])
+        points = np.concatenate([table[:1, 1:], table[:-1, 1:], table[:, 1:]])
         slopes = np.diff(points, axis=0) / np.diff(times)[:, None]
         return PPoly(np.stack([slopes, points[:-1]]), times)
 
     @cached_property
     def _integral(self) -> PPoly:
-        """Its integral, as often as the window is applied; constants drop out, and are small for the rounding's sake."""
+        """Its integral, as often as the window is applied; constants drop out, and are made small to round little."""
         integral = self._line
         for _ in range(self.times):
             integral = integral.antiderivative()
