@@ -57,7 +57,7 @@ class JointFeedback:
 
 # The best found without feed-forward, and through the rigid arm's mass matrix; docs/controllers.md has what was tried.
 STIFF = JointFeedback((89.0, 49.0), (342.0, 51.0), 0.05, 0.25)
-DECOUPLED = JointFeedback((1.5, 3.0), (1.5, 2.0), 0.1, 0.15, decoupled=True)
+DECOUPLED = JointFeedback((0.7, 0.75), (1.3, 1.8), 0.16, 0.1, decoupled=True)
 
 
 @dataclass(frozen=True)
