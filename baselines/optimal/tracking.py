@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexarm_baselines.arrays import Floats
-from flexarm_baselines.optimal import kernels
 from flexarm_baselines.optimal.plan import Plan
+from flexarm_baselines.optimal.sweep import Model, sweep
 from flexarm_env.simulation.arm import FlexibleArm
 from flexarm_env.simulation.feedback import Rollout
 from flexarm_env.validation import finite_rows, number, pair, shown
@@ -122,21 +122,15 @@ class PlanRegulator:
         outputs = slopes.sensed / np.array([weights.tip, weights.tip, weights.speed, weights.speed])[:, None]
         more = round(ENDURING / plan.period)
         periods, size = len(plan.torques) + more, plan.states.shape[1]
-        gains = np.zeros((periods, 2, size + 2))
-        kernels.backward(
+        model_along = Model(
             _prolonged(found.by_state, more),
             _prolonged(found.by_torque, more),
-            np.zeros((periods, size)),
             np.zeros((periods + 1, size)),
             _prolonged(outputs.swapaxes(1, 2) @ outputs, more),
-            np.zeros((periods, size + 2, size + 2)),
             np.array([0.5 / np.square(weights.torque), np.zeros(2)]),
             np.zeros((periods + 1, 2)),
-            np.full(2, np.inf),
-            np.zeros(2),
-            np.zeros((periods, 2)),
-            gains,
         )
+        gains = sweep(model_along).gains
         return np.ascontiguousarray(gains[: len(plan.torques), :, :size])
 
 

@@ -75,8 +75,9 @@ def test_stable_baselines3s_checker(env_id: str, options: dict[str, Any], kernel
 
 
 def test_what_is_registered() -> None:
-    names = ("Paper", "Reach", "Square", "SquareEncoders", "SquareGain", "SquareResidual", "Track")
-    assert [name[8:-3] for name in IDS] == list(names)
+    delays = [f"SquareDelay{name}" for name in ("Easy", "Hard", "Medium")]
+    names = ["Paper", "Reach", "Square", *delays, "SquareEncoders", "SquareGain", "SquareResidual", "SquareUnknown"]
+    assert [name[8:-3] for name in IDS] == [*names, "Track"]
 
 
 def test_registering_again_is_harmless() -> None:
