@@ -6,14 +6,15 @@ Shapes: n entries of a state, N periods.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from flexarm_baselines.arrays import Floats
+from flexarm_env.codegen.cache import kept_on_disk
 
+compiled = kept_on_disk(__file__, "gradients by the torques")
 TORQUES = 2
 
 
-@njit(cache=True)
+@compiled
 def torque_gradient(
     by_state: Floats,
     by_torque: Floats,

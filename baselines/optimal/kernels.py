@@ -1,21 +1,22 @@
 """Compiled sweeps of differential dynamic programming: backward through a lap, box-constrained, nothing allocated.
 
 The state of the recursion is z = (x, p), the arm's state and the torque of the period before, so that a weight on the
-change of the torque is a cost like the others. Shapes: n entries of x, N periods; z has n + 2 entries. The cached
-functions call nothing outside this file, because numba's cache does not notice edits in other files.
+change of the torque is a cost like the others. Shapes: n entries of x, N periods; z has n + 2 entries. The
+functions call nothing outside this file (`kept_on_disk`).
 """
 
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from flexarm_baselines.arrays import Floats
+from flexarm_env.codegen.cache import kept_on_disk
 
+compiled = kept_on_disk(__file__, "sweeps of differential dynamic programming")
 TORQUES = 2
 
 
-@njit(cache=True)
+@compiled
 def box_minimum(h11: float, h12: float, h22: float, q1: float, q2: float, box: Floats, step: Floats) -> None:
     """Minimise ``q k + k H k / 2`` over a rectangle; H is positive definite.
 
@@ -53,7 +54,7 @@ def box_minimum(h11: float, h12: float, h22: float, q1: float, q2: float, box: F
             step[0], step[1] = first, second
 
 
-@njit(cache=True)
+@compiled
 def state_model(
     a: Floats,
     b: Floats,
@@ -99,7 +100,7 @@ def state_model(
                 qzz[i, j] += factor * va[m, j]
 
 
-@njit(cache=True)
+@compiled
 def torque_model(
     a: Floats,
     b: Floats,
@@ -142,7 +143,7 @@ def torque_model(
             quu[k, j] = total
 
 
-@njit(cache=True)
+@compiled
 def add_torque_cost(
     weights: Floats, torque: Floats, before: Floats, qu: Floats, quu: Floats, quz: Floats, qz: Floats, qzz: Floats
 ) -> None:
@@ -170,7 +171,7 @@ def add_torque_cost(
             qzz[n + k, n + j] = smooth if j == k else 0.0
 
 
-@njit(cache=True)
+@compiled
 def minimise(
     weights: Floats,
     torque: Floats,
@@ -222,7 +223,7 @@ def minimise(
             gains[1, j] = -quz[1, j] / h22
 
 
-@njit(cache=True)
+@compiled
 def update_value(
     step: Floats,
     gains: Floats,
@@ -266,7 +267,7 @@ def update_value(
     return 0.5 * (step[0] * bent_0 + step[1] * bent_1)
 
 
-@njit(cache=True)
+@compiled
 def backward(
     by_state: Floats,
     by_torque: Floats,

@@ -16,9 +16,10 @@ from typing import Any
 import numpy as np
 
 from flexarm_env.actions import MODES, ActionMode, modes_reading
+from flexarm_env.envs.blocks import BLOCKS
 from flexarm_env.envs.choices import DEFAULT_WEIGHTS, STARTS
 from flexarm_env.envs.info import KEYS, Episode, info_keys
-from flexarm_env.envs.observation import BLOCKS, observation_layout
+from flexarm_env.envs.observation import observation_layout
 from flexarm_env.envs.registration import IDS, NAMESPACE
 from flexarm_env.envs.reset_options import OPTIONS
 from flexarm_env.envs.settings import Settings, default_of
@@ -49,7 +50,8 @@ Infos are always in the world's frame."""
 BLOCK_RULES = """\
 An observation is an array of float32: the blocks that `observation` names, one after the other, each divided by its
 scale where `scaled` is set. `env.unwrapped.observation_blocks` says where each lies, `observation_scale` what each
-number was divided by. No number passes its bound before the episode ends. The true tip is in no observation."""
+number was divided by. No number passes its bound before the episode ends. The column `reads` says what
+a block tells of the arm; no sensor delivers the true state, so a policy that observes `state` is privileged."""
 MIRROR = """\
 Without gravity the mirror image of a motion is a motion. Reflect an episode about the world's x axis: the start
 corner, the direction of the reference, `elbow_branch`, and the signs of the state's angles and modal coordinates.
@@ -178,13 +180,14 @@ def block_table(settings: Settings | None = None) -> str:
                 block.count,
                 block.what + _only_in(block.modes),
                 block.unit,
+                block.reads or "",
                 "as the action" if block.mirror is None else _signs(block.mirror),
             )
             for name, block in BLOCKS.items()
         ]
-        return table(("block", "numbers (m modes a link)", "what", "unit", "mirrored"), rows)
+        return table(("block", "numbers (m modes a link)", "what", "unit", "reads", "mirrored"), rows)
     layout = observation_layout(settings, settings.program)
-    header = ["numbers", "block", "what", "unit", "mirrored", "bound"] + ["scale"] * settings.scaled
+    header = ["numbers", "block", "what", "unit", "reads", "mirrored", "bound"] + ["scale"] * settings.scaled
     numbers = []
     for name, part in layout.blocks.items():
         block, scale = BLOCKS[name], layout.scale[part]
@@ -193,6 +196,7 @@ def block_table(settings: Settings | None = None) -> str:
             f"`{name}`",
             block.what,
             block.unit,
+            block.reads or "",
             _signs(block.mirror or (settings.mode.mirror,)),
             figures(layout.bound[part] * scale),
         ]

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexarm_env.actions import MODES
+from flexarm_env.envs.blocks import BLOCKS
 from flexarm_env.envs.choices import DEFAULT_OBSERVATION, SECOND_SENSOR_BLOCKS
 from flexarm_env.envs.info import TERM
-from flexarm_env.envs.observation import BLOCKS
 from flexarm_env.envs.single import FlexArmEnv
 from flexarm_env.envs.vector import FlexArmVectorEnv
 from flexarm_env.episode.reward import TERMS
