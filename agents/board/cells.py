@@ -12,12 +12,13 @@ import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, fields
 from functools import lru_cache
+from itertools import groupby
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from flexarm_agents.board.code_version import code_version
 from flexarm_agents.board.columns import Point
-from flexarm_agents.board.episodes import run_points
+from flexarm_agents.board.episodes import run_points, shares
 from flexarm_agents.board.rows import Row
 from flexarm_agents.board.terms import TASKS
 from flexarm_agents.run_folder import put
@@ -85,12 +86,8 @@ def _environment(row: Row, point: Point) -> dict[str, Any]:
     values["physics_step"] = settings.control_period / settings.substeps
     if task.hosted:
         values |= asdict(ChainOptions())
-    plain = json.loads(json.dumps({name: _plain(value) for name, value in values.items()}))
+    plain = json.loads(json.dumps(values))
     return {"code": code, "settings": plain, "task": point.task, "episodes": episodes}
-
-
-def _plain(value: Any) -> Any:
-    return {name: list(pair) for name, pair in value.items()} if isinstance(value, Mapping) and value else value
 
 
 @lru_cache
@@ -145,6 +142,39 @@ class Store:
         put(path, lambda aside: aside.write_text(text))
 
 
-def compute(cells: Sequence[Cell]) -> list[dict[str, Any]]:
-    """Compute cells of one row."""
-    return run_points(cells[0].row, [cell.point for cell in cells])
+class Job(NamedTuple):
+    """Cells of one row that are computed together, as any worker can make them again.
+
+    Attributes:
+        row: who is measured.
+        points: where.
+        keys: of the cells.
+    """
+
+    row: Row
+    points: tuple[Point, ...]
+    keys: tuple[str, ...]
+
+
+def jobs_of(cells: Sequence[Cell]) -> list[Job]:
+    """Put cells together by their rows, at most as many episodes as a batch has."""
+    jobs = []
+    for _, members in groupby(cells, lambda cell: cell.row.source + repr(cell.row)):
+        own = list(members)
+        for some in shares([len(cell.point.episodes) for cell in own]):
+            chosen = [own[n] for n in some]
+            keys = tuple(cell.key for cell in chosen)
+            jobs.append(Job(chosen[0].row, tuple(cell.point for cell in chosen), keys))
+    return jobs
+
+
+def compute(job: Job) -> list[dict[str, Any]]:
+    """Compute the cells of a job.
+
+    Raises:
+        ValueError: if the code or the policy here is another than that for which the keys are.
+    """
+    for point, key in zip(job.points, job.keys, strict=True):
+        if Cell.of(job.row, point).key != key:
+            raise ValueError(f"row {job.row.name}: this worker has other code or another policy than who asks")
+    return run_points(job.row, job.points)

@@ -36,7 +36,7 @@ class Point:
         options: options of the environment that differ.
         arm: fields of the arm that differ.
         task: a name in `terms.TASKS`.
-        seeds: numbers of its seeds; both laps are run with each, or, where `paired` is False, one lap with each in turn.
+        seeds: numbers of its seeds; both laps are run with each, or, where `paired` is False, the laps take turns.
         paired: see `seeds`.
     """
 

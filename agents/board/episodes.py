@@ -75,22 +75,31 @@ def run_points(row: Row, points: Sequence[Point]) -> list[dict[str, Any]]:
             continue
         batches.setdefault(f"{point.task} {common_values(settings[n])!r}", []).append(n)
     for members in batches.values():
-        for some in _shares(members, points):
+        for group in shares([len(points[n].episodes) for n in members]):
+            some = [members[k] for k in group]
             found = _run_some(row, [points[n] for n in some], [settings[n] for n in some])
             for n, result in zip(some, found, strict=True):
                 results[n] = result
     return results
 
 
-def _shares(members: Sequence[int], points: Sequence[Point]) -> Iterator[list[int]]:
-    """Yield points in groups of at most `LANES` episodes, or of one point."""
+def shares(episodes: Sequence[int]) -> Iterator[list[int]]:
+    """Group consecutive points so that a group has at most `LANES` episodes, or is one point.
+
+    Args:
+        episodes: number of episodes of each point.
+
+    Yields:
+        Indices of the points of a group.
+    """
     some: list[int] = []
-    for n in members:
-        if some and sum(len(points[k].episodes) for k in [*some, n]) > LANES:
+    for n, count in enumerate(episodes):
+        if some and sum(episodes[k] for k in some) + count > LANES:
             yield some
             some = []
         some.append(n)
-    yield some
+    if some:
+        yield some
 
 
 def _run_some(row: Row, points: Sequence[Point], each: Sequence[Settings]) -> list[dict[str, Any]]:
@@ -100,7 +109,7 @@ def _run_some(row: Row, points: Sequence[Point], each: Sequence[Settings]) -> li
     nominal = contender.env.unwrapped
     assert isinstance(nominal, SimulatorView)
     results: list[dict[str, Any]] = []
-    if contender.batched and not task.hosted:
+    if row.batched and not task.hosted:
         predict = predictor(contender.policy, deterministic=True)
         counts = [len(point.episodes) for point in points]
         ends = np.cumsum(counts).tolist()
@@ -109,8 +118,8 @@ def _run_some(row: Row, points: Sequence[Point], each: Sequence[Settings]) -> li
         made = _run(env, env, nominal, [episode for point in points for episode in point.episodes], calls)
         return [{"episodes": made[call.lanes]} for call in calls]
     for point, one in zip(points, each, strict=True):
-        policy = contender.policy if contender.batched else row.contender(point.task, fresh=True).policy
-        calls = [_Call(slice(0, 1), predictor(policy, deterministic=True), not contender.batched)]
+        policy = contender.policy if row.batched else row.contender(point.task, fresh=True).policy
+        calls = [_Call(slice(0, 1), predictor(policy, deterministic=True), not row.batched)]
         made = []
         for episode in point.episodes:
             if task.hosted:

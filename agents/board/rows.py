@@ -8,19 +8,19 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import gymnasium
 
 from flexarm_agents.board.code_version import code_version, file_hash
-from flexarm_agents.board.controllers import CONTROLLERS
 from flexarm_agents.board.terms import SQUARE, TASKS, interface_of, nominal_options
-from flexarm_agents.contenders import imported, loaded_model, made_for
+from flexarm_agents.contenders import Contender, imported, loaded_model, made_for
 from flexarm_agents.environments import check_id, make_one
 from flexarm_agents.load import check_fits, load_policy, policy_file
 from flexarm_agents.network import NetworkPolicy
 from flexarm_baselines.controller import TorqueController
 from flexarm_baselines.policy import GainPolicy
+from flexarm_baselines.registry import CONTROLLERS
 from flexarm_env.envs.registration import IDS
 
 NAME = re.compile(r"[\w.+:=,()/ -]{1,60}")
@@ -73,7 +73,7 @@ class Row:
         """The row's own options of its environments."""
         return _recipe(_text(self)).interface
 
-    def contender(self, task: str = "square", fresh: bool = False) -> Entrant:
+    def contender(self, task: str = "square", fresh: bool = False) -> Contender:
         """Return the policy with its nominal environment on a task.
 
         Args:
@@ -83,8 +83,14 @@ class Row:
         Raises:
             TypeError, ValueError: if the policy cannot do this task, or is none.
         """
-        make = _entrant.__wrapped__ if fresh else _entrant
+        make = _contender.__wrapped__ if fresh else _contender
         return make(_text(self), task)
+
+    @property
+    def batched(self) -> bool:
+        """Whether one call may choose the actions of several episodes, with all memory in `state`."""
+        policy = self.contender().policy
+        return bool(getattr(policy, "batched", self.algorithm is not None or isinstance(policy, _BATCHED)))
 
     @property
     def fingerprint(self) -> dict[str, str]:
@@ -93,20 +99,6 @@ class Row:
         named = [Path(file) for file in getattr(policy, "files", ())]
         files = {path.name: file_hash(path) for path in [*recipe.files, *named]}
         return {**recipe.label, **files, "code": code_version([*recipe.modules, *_modules(policy)])}
-
-
-class Entrant(NamedTuple):
-    """A row's policy, made for an environment.
-
-    Attributes:
-        policy: as `run_policy` takes it.
-        env: its nominal environment.
-        batched: whether one call may choose the actions of several episodes, with all memory in `state`.
-    """
-
-    policy: Any
-    env: gymnasium.Env[Any, Any]
-    batched: bool
 
 
 @dataclass(frozen=True)
@@ -134,13 +126,12 @@ def _text(row: Row) -> str:
 
 
 @lru_cache(maxsize=64)
-def _entrant(text: str, task: str) -> Entrant:
+def _contender(text: str, task: str) -> Contender:
     row, recipe, one = Row(**json.loads(text)), _recipe(text), TASKS[task]
     options = nominal_options(recipe.interface, task)
-    env = make_one(SQUARE if one.hosted else one.environment, options)
-    policy = recipe.make(env)
-    batched = row.algorithm is not None or isinstance(policy, _BATCHED)
-    return Entrant(policy, env, bool(getattr(policy, "batched", batched)))
+    environment = SQUARE if one.hosted else one.environment
+    env = make_one(environment, options)
+    return Contender(row.name, recipe.make(env), env, environment, options)
 
 
 def _modules(policy: Any) -> list[str]:
@@ -156,7 +147,7 @@ def _recipe(text: str) -> Recipe:
     if row.source in CONTROLLERS:
         entry = CONTROLLERS[row.source]
         own = interface_of({**entry.options, **row.options})
-        return Recipe(own, entry.make, {"controller": row.source})
+        return Recipe(own, entry.make, {"controller": row.source, "design": repr(dict(entry.design))})
     declared = IDS[row.environment.partition("/")[2]].options
     if row.algorithm is not None:
         algorithm = row.algorithm
