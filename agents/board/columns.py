@@ -74,12 +74,14 @@ class Column:
         unit: unit of the points' values.
         points: its points, in order.
         nominal: value of the nominal environment; None: none of the points has one.
+        sample: the points are parts of one sample, which is added up as a whole.
     """
 
     title: str
     unit: str
     points: tuple[Point, ...]
     nominal: float | str | None = None
+    sample: bool = False
 
 
 def _grid(least: float, most: float, count: int) -> list[float]:
@@ -140,5 +142,5 @@ COLUMNS: dict[str, Column] = {
         "Delay of the motors", "ms", _option("actuation_delay", _grid(0.0, 30.0, 13), scale=1e-3), 0.0
     ),
     "model": Column("Model", "", tuple(_models()), "3 shapes"),
-    "unknown": Column("Unknown plant", "", tuple(_unknown())),
+    "unknown": Column("Unknown plant", "", tuple(_unknown()), sample=True),
 }

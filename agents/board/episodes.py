@@ -124,7 +124,7 @@ def _run_some(row: Row, points: Sequence[Point], each: Sequence[Settings]) -> li
         for episode in point.episodes:
             if task.hosted:
                 options = point.environment_options(row.interface)
-                hosted = gymnasium.make_vec(task.environment, 1, vectorization_mode="sync", **options)
+                hosted: Any = gymnasium.make_vec(task.environment, 1, vectorization_mode="sync", **options)
                 made += _run(hosted, hosted.envs[0].unwrapped, nominal, [episode], calls)
                 hosted.close()
             else:
@@ -154,7 +154,7 @@ def _reset_options(episodes: Sequence[Episode]) -> dict[str, Any]:
 
 
 def _run(
-    env: gymnasium.vector.VectorEnv[Any, Any, Any],
+    env: Any,
     view: SimulatorView,
     nominal: SimulatorView,
     episodes: Sequence[Episode],
@@ -166,7 +166,7 @@ def _run(
     do: a policy meets nothing that it does not know from there.
 
     Args:
-        env: the batch.
+        env: the batch, a vector environment.
         view: the same, with what a FlexArm environment tells of itself.
         nominal: environment that the policy was made for.
         episodes: one for each environment.
@@ -192,7 +192,7 @@ def _run(
                 seen = observation[call.lanes] if matrix is None else _converted(observation[call.lanes], matrix)
                 seen = seen[0] if call.single else seen.copy()
                 action[call.lanes], memories[n] = call.predict(seen, memories[n], start[call.lanes])
-        lost = ~np.isfinite(action).all(axis=1)
+        lost = np.array(~np.isfinite(action).all(axis=1))
         action[lost] = 0.0
         observation, _, terminated, truncated, infos = env.step(action)
         record["torque"][k] = infos["torque"]

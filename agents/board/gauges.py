@@ -46,7 +46,7 @@ def observation_map(env: SimulatorView, nominal: SimulatorView) -> Array | None:
         else:
             raise ValueError(f"observation block {name!r}: depends on the shapes of the links")
         found[place, theirs] = block
-    return found * env.observation_scale / nominal.observation_scale[:, None]
+    return np.asarray(found * env.observation_scale / nominal.observation_scale[:, None])
 
 
 def _fit(arm: FlexibleArm, nominal: FlexibleArm) -> Array:
@@ -60,4 +60,4 @@ def _link_fit(own: LinkModes, nominal: LinkModes) -> Array:
     places = 0.5 * nominal.length * (1.0 + _NODES)
     shapes = nominal.shape(places)
     weighted = shapes * _WEIGHTS[:, None]
-    return np.linalg.solve(weighted.T @ shapes, weighted.T @ own.shape(places))
+    return np.asarray(np.linalg.solve(weighted.T @ shapes, weighted.T @ own.shape(places)), dtype=np.float64)

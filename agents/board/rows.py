@@ -34,7 +34,7 @@ class Row:
     Attributes:
         source: name of a controller (`flexarm_baselines.registry`) or of a shipped policy; a training's folder or npz
             file; "module:attribute"; or a stable-baselines3 model's zip file, with `algorithm`.
-        name: shown in tables; "": the source.
+        name: shown in tables; "": the source, of a file or folder its name.
         environment: id of the environment that observation and action are those of, for module:attribute and models.
         options: options of that environment, those that are a row's to choose (`terms.INTERFACE`).
         algorithm: class of the model, see `flexarm_agents.contenders.from_model`.
@@ -52,7 +52,8 @@ class Row:
         Raises:
             ValueError: for a bad one.
         """
-        object.__setattr__(self, "name", self.name or self.source)
+        own = Path(self.source).stem if Path(self.source).exists() else self.source
+        object.__setattr__(self, "name", self.name or own)
         object.__setattr__(self, "environment", check_id(self.environment))
         object.__setattr__(self, "options", interface_of(self.options, strict=True))
         if not NAME.fullmatch(self.name):

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from flexarm_agents.board.columns import COLUMNS, Column
+from flexarm_agents.board.columns import Column
 from flexarm_agents.board.rows import Row
 from flexarm_agents.board.terms import TASKS
 from flexarm_env.laps import LAPS
@@ -86,12 +86,13 @@ def breaking(column: Column, points: Sequence[Mapping[str, Any] | None]) -> dict
     return found
 
 
-def row_summary(row: Row, results: Results) -> dict[str, Any]:
+def row_summary(row: Row, columns: Mapping[str, Column], results: Results) -> dict[str, Any]:
     """Return a row of the board as plain values.
 
     Args:
         row: who was measured.
-        results: of the cells of some columns, as the store has them.
+        columns: on what, by name.
+        results: of the cells of these columns, as the store has them.
     """
     contender = row.contender()
     found: dict[str, Any] = {
@@ -102,9 +103,9 @@ def row_summary(row: Row, results: Results) -> dict[str, Any]:
         "privileged": contender.privileged,
         "columns": {},
     }
-    for name, each in results.items():
-        column = COLUMNS[name]
-        if name == "unknown":
+    for name, column in columns.items():
+        each = results[name]
+        if column.sample:
             whole = point_summary(merged(each))
             found["columns"][name] = {"points": [whole]}
             continue

@@ -19,13 +19,13 @@ import tyro
 from tqdm import tqdm
 
 from flexarm_agents.board.cells import Cell, Store, compute, jobs_of
-from flexarm_agents.board.columns import COLUMNS
+from flexarm_agents.board.columns import COLUMNS, Column
 from flexarm_agents.board.rows import Row
 from flexarm_agents.board.summary import row_summary
 from flexarm_agents.board.terms import BOARD
 from flexarm_env.validation import choice
 from scripts.common.command_line import run
-from scripts.common.executors import EXECUTORS, executor
+from scripts.common.executors import EXECUTORS, Executor, executor
 from scripts.common.markdown import DOCS, filled
 from scripts.common.result_files import write_json, write_whole
 from scripts.leaderboard.entries import entries
@@ -55,42 +55,46 @@ class Options:
     """Bring docs/leaderboard.md, its JSON and its pictures up to date."""
 
 
-def measure(rows: Sequence[Row], columns: Sequence[str], options: Options) -> dict[str, Any]:
+def measure(rows: Sequence[Row], columns: Mapping[str, Column], store: Store, chosen: Executor) -> dict[str, Any]:
     """Compute the missing cells, and add all up.
+
+    Args:
+        rows: who is measured.
+        columns: on what, by name.
+        store: has the cells, and gets those that are missing.
+        chosen: computes them.
 
     Raises:
         OSError: if cells could not be computed; the others are kept.
     """
     cells = {
-        row.name: {name: [Cell.of(row, point) for point in COLUMNS[name].points] for name in columns} for row in rows
+        row.name: {name: [Cell.of(row, point) for point in column.points] for name, column in columns.items()}
+        for row in rows
     }
-    store = Store(options.output / "cells")
     wanted = [cell for own in cells.values() for column in own.values() for cell in column]
     missing = store.missing(wanted)
     by_key = {cell.key: cell for cell in missing}
     jobs, failed = jobs_of(missing), []
     with tqdm(total=len(missing), unit="cell", desc=f"{len(wanted)} cells") as bar:
-        if jobs:
-            chosen = executor(options.executor, options.jobs, options.output / "submitit")
-            for n, outcome in chosen.run(compute, jobs):
-                if isinstance(outcome, BaseException):
-                    failed.append(f"{jobs[n].row.name}: {outcome}")
-                else:
-                    for key, result in zip(jobs[n].keys, outcome, strict=True):
-                        store.write(by_key[key], result)
-                bar.update(len(jobs[n].keys))
+        for n, outcome in chosen.run(compute, jobs) if jobs else ():
+            if isinstance(outcome, BaseException):
+                failed.append(f"{jobs[n].row.name}: {outcome}")
+            else:
+                for key, result in zip(jobs[n].keys, outcome, strict=True):
+                    store.write(by_key[key], result)
+            bar.update(len(jobs[n].keys))
     if failed:
         for line in dict.fromkeys(failed):
             print(line, file=sys.stderr)
         raise OSError(f"{len(failed)} of {len(jobs)} jobs failed; the cells of the others are kept")
-    found = [
-        row_summary(row, {name: [store.read(cell) for cell in column] for name, column in cells[row.name].items()})
+    results = {
+        row.name: {name: [store.read(cell) for cell in column] for name, column in cells[row.name].items()}
         for row in rows
-    ]
-    return board(found, columns)
+    }
+    return board([row_summary(row, columns, results[row.name]) for row in rows], columns)
 
 
-def board(rows: Sequence[Mapping[str, Any]], columns: Sequence[str]) -> dict[str, Any]:
+def board(rows: Sequence[Mapping[str, Any]], columns: Mapping[str, Column]) -> dict[str, Any]:
     """Put rows together to a board, as plain values."""
     names = ("flexarm", "gymnasium", "numpy", "numba", "scipy")
     return {
@@ -99,12 +103,12 @@ def board(rows: Sequence[Mapping[str, Any]], columns: Sequence[str]) -> dict[str
         "references": references(),
         "columns": {
             name: {
-                "title": COLUMNS[name].title,
-                "unit": COLUMNS[name].unit,
-                "values": [point.value for point in COLUMNS[name].points],
-                "nominal": COLUMNS[name].nominal,
+                "title": column.title,
+                "unit": column.unit,
+                "values": [point.value for point in column.points],
+                "nominal": column.nominal,
             }
-            for name in columns
+            for name, column in columns.items()
         },
         "rows": list(rows),
     }
@@ -141,7 +145,9 @@ def main() -> None:
     chosen = [row for row in rows if not options.rows or row.name in options.rows]
     if options.docs and (options.rows or options.columns != tuple(COLUMNS)):
         raise ValueError("docs = True: the page shows the whole board; must go without rows and columns")
-    results = measure(chosen, options.columns, options)
+    chosen_columns = {name: COLUMNS[name] for name in options.columns}
+    where = executor(options.executor, options.jobs, options.output / "submitit")
+    results = measure(chosen, chosen_columns, Store(options.output / "cells"), where)
     write(results, options.output)
     print(tables(results).get("ranking", ""), end="")
     print(f"{options.output}: board {BOARD}, {len(chosen)} rows")

@@ -37,7 +37,7 @@ def entries(added: Sequence[str]) -> list[Row]:
 
 def _added(source: str) -> Row:
     if not source.endswith(".json"):
-        return Row(source, Path(source).stem if Path(source).exists() else "")
+        return Row(source)
     try:
         fields = mapping(source, json.loads(Path(source).read_text()))
         known_names(source, fields, FIELDS)
