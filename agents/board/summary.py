@@ -24,13 +24,13 @@ def lap_summary(episodes: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
 
     Returns:
         Their number, how many were lost and when the first of these was [s]; mean, least and largest of each figure of
-        those that were complete, None where all were lost; and the share of successes, where the task has a goal.
+        those that were complete, None where there is none; and the share of successes, where the task has a goal.
     """
     complete = [one["figures"] for one in episodes if one["figures"] is not None]
     lost = [one["duration"] for one in episodes if one["figures"] is None]
     found: dict[str, Any] = {"episodes": len(episodes), "lost": len(lost), "first_loss": min(lost, default=None)}
     for name in FIGURES:
-        values = [figures[name] for figures in complete]
+        values = [figures[name] for figures in complete if figures[name] is not None]
         found[name] = {"mean": float(np.mean(values)), "least": min(values), "most": max(values)} if values else None
     if "success" in episodes[0]:
         found["success"] = sum(one["success"] for one in episodes) / len(episodes)

@@ -32,6 +32,7 @@ from scripts.leaderboard.entries import entries
 from scripts.leaderboard.references import references
 from scripts.leaderboard.tables import tables
 
+DIGITS = 6  # of the figures in the board's file
 PAGE, DATA = "leaderboard.md", "leaderboard.json"
 
 
@@ -55,14 +56,14 @@ class Options:
     """Bring docs/leaderboard.md, its JSON and its pictures up to date."""
 
 
-def measure(rows: Sequence[Row], columns: Mapping[str, Column], store: Store, chosen: Executor) -> dict[str, Any]:
+def measure(rows: Sequence[Row], columns: Mapping[str, Column], store: Store, where: Executor) -> dict[str, Any]:
     """Compute the missing cells, and add all up.
 
     Args:
         rows: who is measured.
         columns: on what, by name.
         store: has the cells, and gets those that are missing.
-        chosen: computes them.
+        where: computes them.
 
     Raises:
         OSError: if cells could not be computed; the others are kept.
@@ -76,7 +77,7 @@ def measure(rows: Sequence[Row], columns: Mapping[str, Column], store: Store, ch
     by_key = {cell.key: cell for cell in missing}
     jobs, failed = jobs_of(missing), []
     with tqdm(total=len(missing), unit="cell", desc=f"{len(wanted)} cells") as bar:
-        for n, outcome in chosen.run(compute, jobs) if jobs else ():
+        for n, outcome in where.run(compute, jobs) if jobs else ():
             if isinstance(outcome, BaseException):
                 failed.append(f"{jobs[n].row.name}: {outcome}")
             else:
@@ -116,9 +117,18 @@ def board(rows: Sequence[Mapping[str, Any]], columns: Mapping[str, Column]) -> d
 
 def write(results: Mapping[str, Any], folder: Path) -> None:
     """Write the board's JSON and tables."""
-    write_json(folder / DATA, results)
+    write_json(folder / DATA, _rounded(results), levels=5)
     for name, text in tables(results).items():
         write_whole(folder / f"{name}.md", lambda aside, text=text: aside.write_text(text))  # type: ignore[misc]
+
+
+def _rounded(value: Any) -> Any:
+    """Round figures for the board's file; cells have all digits."""
+    if isinstance(value, dict):
+        return {name: _rounded(one) for name, one in value.items()}
+    if isinstance(value, list):
+        return [_rounded(one) for one in value]
+    return float(f"{value:.{DIGITS}g}") if isinstance(value, float) else value
 
 
 def update_docs(folder: Path) -> None:
@@ -129,28 +139,33 @@ def update_docs(folder: Path) -> None:
     print(f"{page}: up to date")
 
 
-def main() -> None:
-    """Command line.
+def chosen(options: Options) -> tuple[list[Row], dict[str, Column]]:
+    """Return the rows and columns that are asked for.
 
     Raises:
-        ValueError: for an unknown row, column or executor.
+        ValueError: for an unknown row, column or executor, or a page of less than the whole board.
     """
-    options = tyro.cli(Options, prog="python -m scripts.leaderboard")
     choice("executor", options.executor, EXECUTORS)
     for name in options.columns:
         choice("columns", name, tuple(COLUMNS))
     rows = entries(options.add)
     for name in options.rows:
         choice("rows", name, tuple(row.name for row in rows))
-    chosen = [row for row in rows if not options.rows or row.name in options.rows]
     if options.docs and (options.rows or options.columns != tuple(COLUMNS)):
         raise ValueError("docs = True: the page shows the whole board; must go without rows and columns")
-    chosen_columns = {name: COLUMNS[name] for name in options.columns}
+    columns = {name: column for name, column in COLUMNS.items() if name in options.columns}
+    return [row for row in rows if not options.rows or row.name in options.rows], columns
+
+
+def main() -> None:
+    """Command line."""
+    options = tyro.cli(Options, prog="python -m scripts.leaderboard")
+    rows, columns = chosen(options)
     where = executor(options.executor, options.jobs, options.output / "submitit")
-    results = measure(chosen, chosen_columns, Store(options.output / "cells"), where)
+    results = measure(rows, columns, Store(options.output / "cells"), where)
     write(results, options.output)
     print(tables(results).get("ranking", ""), end="")
-    print(f"{options.output}: board {BOARD}, {len(chosen)} rows")
+    print(f"{options.output}: board {BOARD}, {len(rows)} rows")
     if options.docs:
         update_docs(options.output)
 
