@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import logging
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -56,6 +57,7 @@ class Evaluator:
         """
         self._config, self._laps, self._run, self.found = config, laps, run, found
         self._env = make_one(config.environment, config.options)
+        self._versions = json.loads(run.versions.read_text())
 
     def judge(self, policy: NetworkPolicy, steps: int, logger: Logger) -> bool:
         """Score a policy, log the figures, and save it if it is the best so far.
@@ -94,7 +96,8 @@ class Evaluator:
 
     def noted(self, policy: NetworkPolicy) -> NetworkPolicy:
         """Return the policy that was judged last, with notes of what it was trained on and of its scores."""
-        return replace(policy, notes={"config": self._config.plain(), "evaluation": self.found.rows[-1]})
+        notes = {"config": self._config.plain(), "evaluation": self.found.rows[-1], "versions": self._versions}
+        return replace(policy, notes=notes)
 
     def close(self) -> None:
         """Let go of the environment."""

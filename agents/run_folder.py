@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -21,6 +21,7 @@ class RunFolder:
     Attributes:
         path: path of the folder.
         config: `config.json`, the configuration.
+        versions: `versions.json`, of Python, the libraries and the code that began the training.
         evaluations: `evaluations.csv`, a row for each evaluation, with the worst of its laps of either kind;
             `evaluations.json` holds the same.
         best: `best_policy.npz`, the policy of the best evaluation, for `load_policy`.
@@ -40,10 +41,14 @@ class RunFolder:
         self.config, self.evaluations = self.path / "config.json", self.path / "evaluations.csv"
         self.best, self.best_model = self.path / "best_policy.npz", self.path / "best_model.zip"
         self.last, self.checkpoint = self.path / "last_policy.npz", self.path / "checkpoint.zip"
-        self.logs = self.path / "tensorboard"
+        self.logs, self.versions = self.path / "tensorboard", self.path / "versions.json"
 
-    def begin(self, config: RunConfig) -> None:
+    def begin(self, config: RunConfig, versions: Mapping[str, str]) -> None:
         """Make the folder for a new training.
+
+        Args:
+            config: the configuration.
+            versions: see the class.
 
         Raises:
             FileExistsError: if there is something already.
@@ -54,6 +59,7 @@ class RunFolder:
             )
         self.path.mkdir(parents=True, exist_ok=True)
         write_json(self.config, {"format": _FORMAT, **config.plain()})
+        write_json(self.versions, dict(versions))
 
     def read_config(self, kind: type[Config]) -> Config:
         """Read the configuration of the training in the folder.

@@ -22,6 +22,7 @@ from flexarm_agents.follow import Follow
 from flexarm_agents.run_folder import RunFolder
 from flexarm_agents.stopping import StopSignals
 from flexarm_agents.vec_env import FlexArmVecEnv
+from flexarm_agents.versions import versions
 
 
 @dataclass(frozen=True)
@@ -62,7 +63,7 @@ def train(
     if resume:
         run.check_same(config)
     else:
-        run.begin(config)
+        run.begin(config, versions([__name__]))
     with one_thread(), StopSignals() as stop:
         if run.checkpoint.exists():
             model, found = load_checkpoint(run.checkpoint)

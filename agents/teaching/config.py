@@ -14,7 +14,7 @@ from flexarm_env.validation import integer, number, pair, shown
 class TeachingConfig(RunConfig):
     """DAgger: a student imitates, in the situations that it gets into, a teacher that knows everything."""
 
-    rounds: int = 8
+    rounds: int = 4
     """Rounds of laps, each with a fit to the data of all rounds so far."""
     arms: int = 64
     """Arms side by side, each of which runs a lap in a round."""

@@ -27,6 +27,7 @@ from flexarm_agents.teaching.lessons import Lesson, give_lesson
 from flexarm_agents.teaching.student import Student
 from flexarm_agents.teaching.teacher import Teacher
 from flexarm_agents.training import Outcome, one_thread
+from flexarm_agents.versions import versions
 from flexarm_env.envs.vector import FlexArmVectorEnv
 
 # Blocks that the task's clock alone decides: there is nothing to remember of them.
@@ -62,7 +63,7 @@ def teach(
     if resume:
         run.check_same(config)
     else:
-        run.begin(config)
+        run.begin(config, versions([__name__]))
     with one_thread(), StopSignals() as stop:
         env = make_batch(config.environment, config.arms, config.options | {"start": "corner"})
         try:

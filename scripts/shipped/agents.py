@@ -1,0 +1,36 @@
+"""Which agents are shipped, and how each is trained; all trainings of one differ in their seeds alone."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+from flexarm_agents import TeachingConfig, TrainingConfig
+from flexarm_agents.config import RunConfig
+from flexarm_env.envs.registration import IDS
+
+LATE_TIP: dict[str, Any] = {"observation": list(IDS["SquareDelayEasy-v0"].options["observation"]), "last_actions": 8}
+# Half a second of readings, closer together where they are new: what payload, stiffness and delay show in.
+HALF_A_SECOND = (1, 2, 3, 4, 6, 8, 11, 15, 20, 27, 36, 48)
+AGENTS: dict[str, RunConfig] = {
+    "square": TrainingConfig(),
+    "student": TeachingConfig(options=LATE_TIP),
+    "student_gauges": TeachingConfig(),
+    "student_unknown": TeachingConfig(
+        environment="FlexArm/SquareUnknown-v0",
+        options={"last_actions": 1},
+        lags=HALF_A_SECOND,
+        evaluation_laps=6,
+    ),
+}
+TEXTS = {
+    "square": "PPO, shipped (`square`)",
+    "student": "taught, encoders and late tip (`student`)",
+    "student_gauges": "taught, strain gauges too (`student_gauges`)",
+    "student_unknown": "taught on the unknown plant (`student_unknown`)",
+}
+
+
+def configs(name: str, seeds: int) -> list[RunConfig]:
+    """Return the configurations of an agent's trainings, with the seeds from 0 on."""
+    return [replace(AGENTS[name], seed=seed) for seed in range(seeds)]
