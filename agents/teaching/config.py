@@ -40,6 +40,8 @@ class TeachingConfig(RunConfig):
     """Ages of the readings that the student remembers [control periods]; none: it sees the present ones only."""
     change_weight: float = 0.1
     """Of the teacher's plans: on changes of the torques [m^2], see `TrackingProblem`."""
+    deflection_limit: float = 1.4
+    """Of the teacher's plans: deflections of the links' tips beyond which they cost much [m]."""
     plants: tuple[int, int] = (3, 3)
     """How many payloads and stiffnesses the teacher has plans for, where they are drawn."""
     evaluation_laps: int = 1
@@ -60,6 +62,7 @@ class TeachingConfig(RunConfig):
             "knee": number("knee", self.knee, above=0.0),
             "lags": checked_increasing("lags", self.lags, 1, LONGEST_LAG),
             "change_weight": number("change_weight", self.change_weight, "m^2", least=0.0),
+            "deflection_limit": number("deflection_limit", self.deflection_limit, "m", above=0.0),
             "plants": tuple(integer(f"plants[{n}]", count, 2) for n, count in enumerate(self.plants)),
             **checked_network(self.hidden, self.activation),
         }

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
@@ -50,7 +50,11 @@ class Bank(NamedTuple):
 
 
 def bank(
-    arm: ArmParameters, payloads: Sequence[float], stiffnesses: Sequence[float], change_weight: float, folder: Path
+    arm: ArmParameters,
+    payloads: Sequence[float],
+    stiffnesses: Sequence[float],
+    folder: Path,
+    wishes: Mapping[str, float],
 ) -> Bank:
     """Make the plans that the folder does not hold yet, and return all.
 
@@ -58,14 +62,14 @@ def bank(
         arm: nominal arm.
         payloads: of the grid [kg], increasing.
         stiffnesses: factors of the grid, increasing.
-        change_weight: on changes of the torques [m^2], see `TrackingProblem`.
         folder: holds a file for each plan.
+        wishes: fields of `TrackingProblem` that all plans share.
 
     Raises:
         DivergingStartError: if the arm is so unlike the default arm that its plans are no start.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    plans = [plan for lap in LAPS for plan in _plans_of_lap(lap, arm, payloads, stiffnesses, change_weight, folder)]
+    plans = [plan for lap in LAPS for plan in _plans_of_lap(lap, arm, payloads, stiffnesses, folder, wishes)]
     grid = (len(LAPS), len(payloads), len(stiffnesses))
 
     def stack(arrays: list[Floats]) -> Floats:
@@ -91,21 +95,21 @@ def _plans_of_lap(
     arm: ArmParameters,
     payloads: Sequence[float],
     stiffnesses: Sequence[float],
-    change_weight: float,
     folder: Path,
+    wishes: Mapping[str, float],
 ) -> Iterator[Plan]:
     """Yield the plans of a lap in the grid's order; each starts from its neighbour's torques."""
     made: dict[tuple[int, int], Plan] = {}
     for p, s in product(range(len(payloads)), range(len(stiffnesses))):
         path = folder / f"{lap}-payload-{payloads[p]:g}-stiffness-{stiffnesses[s]:g}.npz"
         own = FlexibleArm(plant(arm, payloads[p], stiffnesses[s]))
-        problem = lap_problem(own, lap, change_weight=change_weight)
+        problem = lap_problem(own, lap, **wishes)
         neighbour = made.get((p - 1, s)) or made.get((p, s - 1)) or load_plan(f"default_{lap}")
-        made[p, s] = _read(path, problem) or _make(path, problem, neighbour)
+        made[p, s] = _read(path, problem, wishes) or _make(path, problem, neighbour)
         yield made[p, s]
 
 
-def _read(path: Path, problem: TrackingProblem) -> Plan | None:
+def _read(path: Path, problem: TrackingProblem, wishes: Mapping[str, float]) -> Plan | None:
     """Return the plan in a file if it is one of the problem; None if there is none.
 
     Raises:
@@ -114,8 +118,10 @@ def _read(path: Path, problem: TrackingProblem) -> Plan | None:
     if not path.is_file():
         return None
     plan = Plan.load(path)
-    if plan.parameters != problem.arm.parameters or plan.notes["change_weight"] != problem.change_weight:
-        raise ValueError(f"{path}: a plan of another arm or weight; remove it, or name another folder")
+    if plan.parameters != problem.arm.parameters or any(plan.notes.get(name) != wishes[name] for name in wishes):
+        raise ValueError(
+            f"{path}: a plan of another arm, or not with {dict(wishes)}; remove it, or name another folder"
+        )
     return plan
 
 

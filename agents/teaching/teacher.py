@@ -69,7 +69,8 @@ class Teacher:
             np.unique(np.linspace(*settings.range_of(name), count)).tolist()
             for name, count in zip(("payload_mass", "stiffness"), config.plants, strict=True)
         )
-        plans = bank(settings.flexible_arm.parameters, payloads, stiffnesses, config.change_weight, folder)
+        wishes = {"change_weight": config.change_weight, "deflection_limit": config.deflection_limit}
+        plans = bank(settings.flexible_arm.parameters, payloads, stiffnesses, folder, wishes)
         return cls(plans, settings.motor_limit, settings.control_period)
 
     def actions(self, pupils: Pupils, period: Indices, states: Floats) -> tuple[NDArray[np.float32], Floats]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import re
-import shutil
 import signal
 from pathlib import Path
 from typing import Any
@@ -89,8 +88,8 @@ def pupils(lap: Any, **parameters: list[float]) -> Pupils:
 def test_plans_are_kept_and_those_of_another_weight_refused(run: Path) -> None:
     files = sorted(path.name for path in (run / "plans").iterdir())
     assert files == ["plain-payload-0-stiffness-1.npz", "swing-payload-0-stiffness-1.npz"]
-    with refuses(ValueError, "stiffness-1.npz: a plan of another arm or weight; remove it, or name another folder"):
-        bank(ArmParameters(), [0.0], [1.0], 0.1, run / "plans")
+    with refuses(ValueError, "stiffness-1.npz: a plan of another arm, or not with {'change_weight': 0.1}; remove it"):
+        bank(ArmParameters(), [0.0], [1.0], run / "plans", {"change_weight": 0.1})
 
 
 @pytest.mark.parametrize(
@@ -167,12 +166,22 @@ def test_what_a_teaching_leaves(run: Path) -> None:
     assert set(trained.notes["versions"]) >= {"python", "code", "torch", "numpy"}
 
 
+def test_seconds_of_teaching_follow_both_laps(run: Path, tmp_path: Path) -> None:
+    """A training for real, though a small one: first the student loses the path at once, then it keeps to it."""
+    sizes = {"arms": 16, "rounds": 3, "updates": 400, "batch": 512, "hidden": [64, 64]}
+    config = TeachingConfig(**TAUGHT | sizes | {"lags": [], "averaging": 0.99, "learning_rate": 4e-3})
+    outcome = teach(config, tmp_path / "run", plans=run / "plans")
+    first = json.loads((tmp_path / "run" / "evaluations.json").read_text())[0]
+    assert all(first[lap]["duration"] < 4.0 for lap in LAPS)
+    assert all(outcome.best[lap]["rms"] < 0.2 for lap in LAPS)
+
+
 class Interrupted(Exception):  # noqa: N818
     pass
 
 
 @pytest.fixture
-def broken_off(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def broken_off(run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Break the tiny teaching off in its second lesson."""
 
     class Breaking(_Teaching):
@@ -184,19 +193,19 @@ def broken_off(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     with monkeypatch.context() as patch:
         patch.setattr(flexarm_agents.teaching.training, "_Teaching", Breaking)
         with pytest.raises(Interrupted):
-            teach(TeachingConfig(**TAUGHT), tmp_path / "run")
+            teach(TeachingConfig(**TAUGHT), tmp_path / "run", plans=run / "plans")
     return tmp_path / "run"
 
 
 def test_an_interrupted_teaching_ends_in_the_same_bits(run: Path, broken_off: Path) -> None:
     torch.manual_seed(5)  # what the generator did meanwhile has no influence
-    teach(TeachingConfig(**TAUGHT), broken_off, resume=True)
+    teach(TeachingConfig(**TAUGHT), broken_off, resume=True, plans=run / "plans")
     assert same_policy(run / "last_policy.npz", broken_off / "last_policy.npz")
     rows = [json.loads((folder / "evaluations.json").read_text()) for folder in (run, broken_off)]
     assert all(row.pop("seconds") for each in rows for row in each)
     assert rows[0] == rows[1]
     before = (broken_off / "last_policy.npz").read_bytes()
-    outcome = teach(TeachingConfig(**TAUGHT), broken_off, resume=True)  # it is complete
+    outcome = teach(TeachingConfig(**TAUGHT), broken_off, resume=True, plans=run / "plans")  # it is complete
     assert (broken_off / "last_policy.npz").read_bytes() == before
     assert outcome.last["steps"] == 12800
 
@@ -208,15 +217,14 @@ def test_a_signal_lets_the_round_finish(run: Path, tmp_path: Path, monkeypatch: 
         os.kill(os.getpid(), signal.SIGTERM)
         fit(student, lessons)
 
-    shutil.copytree(run / "plans", tmp_path / "plans")
     with monkeypatch.context() as patch:
         patch.setattr(Student, "fit", signalled)
         with pytest.raises(TrainingStopped) as caught:
-            teach(TeachingConfig(**TAUGHT), tmp_path / "run", plans=tmp_path / "plans")
+            teach(TeachingConfig(**TAUGHT), tmp_path / "run", plans=run / "plans")
     assert (caught.value.signal, caught.value.steps) == (signal.SIGTERM, 6400)
     (tmp_path / "run" / "checkpoint.zip").write_bytes(b"no checkpoint")
     with refuses(ValueError, "checkpoint.zip: not a checkpoint of this teaching"):
-        teach(TeachingConfig(**TAUGHT), tmp_path / "run", resume=True, plans=tmp_path / "plans")
+        teach(TeachingConfig(**TAUGHT), tmp_path / "run", resume=True, plans=run / "plans")
 
 
 def test_only_the_same_configuration_resumes(run: Path) -> None:
