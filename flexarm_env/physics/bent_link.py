@@ -63,9 +63,19 @@ def bent(at: PointShape, q: Vector) -> DeformedPoint:
     )
 
 
-def foreshortening_acceleration(at: PointShape, rates: Vector) -> Any:
-    """Return the acceleration of a place towards the root that the modal rates alone cause, q'^T S q'."""
-    return dot(at.foreshortening, products(rates)) if at.foreshortening else 0.0
+def velocity_acceleration(at: PointShape, point: DeformedPoint, rates: Vector, turn: Any) -> tuple[Any, Any]:
+    """Return the acceleration of a place towards the root, and to the side that no link bends to, at v' = 0.
+
+    Args:
+        at: the place.
+        point: the place, bent.
+        rates: modal rates.
+        turn: angular velocity of the root tangent.
+    """
+    turned, square = [2.0 * turn * rate for rate in rates], turn * turn
+    along = dot(point.values, turned, point.along * square)
+    across = dot(point.foreshortening_gradient, turned, point.across * square)
+    return dot(at.foreshortening, products(rates), along) if at.foreshortening else along, across
 
 
 class Link(NamedTuple):
@@ -94,7 +104,7 @@ class Link(NamedTuple):
 def root_inertia(link: Link, q: Vector) -> Any:
     """Return the moment of inertia of the bent link about its root."""
     bending, more = _spread(link, q)
-    return link.inertia + dot(q, [x + 0.25 * y for x, y in zip(bending, more, strict=True)])
+    return dot(q, [x + 0.25 * y for x, y in zip(bending, more, strict=True)], link.inertia)
 
 
 def centrifugal_forces(link: Link, q: Vector) -> list[Any]:
@@ -113,8 +123,8 @@ def root_coupling(link: Link, q: Vector) -> Vector:
     """Return the moment of inertia between root rotation and each mode of the bent link."""
     if not link.cubic:
         return link.coupling
-    pulled, crossed = symmetric_times(_cubic_times(link, q), q), _crossed_times(link, q, q)
-    return [own + 0.5 * (x + y) for own, x, y in zip(link.coupling, pulled, crossed, strict=True)]
+    twice = _plus_crossed(link, q, q, symmetric_times(_cubic_times(link, q), q))
+    return [own + 0.5 * more for own, more in zip(link.coupling, twice, strict=True)]
 
 
 def modal_mass(link: Link, q: Vector) -> Vector:
@@ -124,8 +134,8 @@ def modal_mass(link: Link, q: Vector) -> Vector:
     return [own + added for own, added in zip(link.mass, _added_mass(link, q), strict=True)]
 
 
-def shortening_forces(link: Link, q: Vector, rates: Vector, turn: Any) -> tuple[Any, Vector]:
-    """Return the velocity forces that foreshortening adds, on the root and on each mode, at v' = 0.
+def velocity_forces(link: Link, q: Vector, rates: Vector, turn: Any) -> tuple[Any, list[Any]]:
+    """Return the velocity forces of a link whose root does not move, on the root and on each mode, at v' = 0.
 
     Args:
         link: the link.
@@ -133,12 +143,14 @@ def shortening_forces(link: Link, q: Vector, rates: Vector, turn: Any) -> tuple[
         rates: rates of the coordinates.
         turn: angular velocity of the root tangent.
     """
-    if not link.quartic:
-        return 0.0, [0.0] * len(q)
-    pairs, crossed = products(rates), _crossed_times(link, q, rates)
-    along = [dot(part, pairs) for part in _quartic_times(link, q)]
-    modal = [2.0 * turn * across + forces for across, forces in zip(crossed, along, strict=True)]
-    return dot(_cubic_times(link, q), pairs), modal
+    turned, square, out = [2.0 * turn * rate for rate in rates], turn * turn, centrifugal_forces(link, q)
+    root: Any = 0.0
+    modal: list[Any] = [0.0] * len(q)
+    if link.quartic:
+        pairs = products(rates)
+        root = dot(_cubic_times(link, q), pairs)
+        modal = _plus_crossed(link, q, turned, [dot(part, pairs) for part in _quartic_times(link, q)])
+    return dot(out, turned, root), [own - square * force for own, force in zip(modal, out, strict=True)]
 
 
 def _cubic_times(link: Link, q: Vector) -> list[Any]:
@@ -147,10 +159,9 @@ def _cubic_times(link: Link, q: Vector) -> list[Any]:
     return [dot(link.cubic[pair::count], q) for pair in range(count)]
 
 
-def _crossed_times(link: Link, q: Vector, b: Vector) -> list[Any]:
-    """Return ``b^T A``."""
-    n = len(q)
-    result: list[Any] = [0.0] * n
+def _plus_crossed(link: Link, q: Vector, b: Vector, start: Vector) -> list[Any]:
+    """Return ``b^T A``, added to `start`."""
+    n, result = len(q), list(start)
     for k in range(n):
         for j in range(k):
             first = n * (k * (k - 1) // 2 + j)
