@@ -111,7 +111,7 @@ class Row(Names):
         "segment of the path for the commands (`path_cache.Segment`)", "s, m, m/s", SEGMENT_ROWS, _LAW
     )
     RATE_LATE = Entry("whether the rates are as late as the readings", "1", 1, _LAW)
-    Y_STAGE = Entry("coordinates of the stage", "rad, m", _size, ("law", "tangents"))
+    Y_STAGE = Entry("coordinates of the stage", "rad, m", _size, _LAW)
     V_STAGE = Entry("rates of the stage", "rad/s, m/s", _size, ("law", "tangents"))
     MECHANICAL = Entry("acceleration of the stage without the law", "rad/s^2, m/s^2", _size, _LAW)
     FEEDBACK = Entry("acceleration of the stage by the law", "rad/s^2, m/s^2", _size, _LAW)
@@ -122,6 +122,7 @@ class Row(Names):
 
     CHANGES = Entry("derivatives of CONSTANTS by each quantity", CONSTANTS_UNIT + ", per unit", _changes, _TANGENTS)
     RATE_STAGE = Entry("acceleration of the stage", "rad/s^2, m/s^2", _size, _TANGENTS)
+    TOTAL = Entry("weighted sum of V_STAGE and of RATE_STAGE", "rad/s, m/s, per s", lambda s: 2 * s.size, _TANGENTS)
     SLOPES = Entry("its derivatives by each input (`slope_ways`), of all stages", "per unit", _slopes, _TANGENTS)
     COLUMNS = Entry("derivatives of Y and V by each input at the start", "per unit", _columns, _TANGENTS)
 
