@@ -30,7 +30,7 @@ from flexarm_env.physics.bent_link import (
     velocity_acceleration,
 )
 from flexarm_env.physics.constants import Constants
-from flexarm_env.physics.linear_algebra import Factors, Matrix, Vector, dot, factor, place
+from flexarm_env.physics.linear_algebra import Factors, Matrix, Vector, dot, factor, less, place
 from flexarm_env.physics.modal_elimination import Elimination, Inertia
 
 
@@ -214,7 +214,7 @@ def imbalance(
     """
     cos, sin, _ = angles
     right = _right(k, complete, y, v, tau, angles)
-    return [force - dot(row, rates) for row, force in zip(mass_matrix(k, y, cos, sin), right, strict=True)]
+    return [less(force, row, rates) for row, force in zip(mass_matrix(k, y, cos, sin), right, strict=True)]
 
 
 def _right(k: Constants, complete: bool, y: Vector, v: Vector, tau: Vector, angles: tuple[Any, Any, Any]) -> list[Any]:
