@@ -59,9 +59,7 @@ def linearise(k: Constants, e: Elimination | None, complete: bool, state: Array,
     jacobian = np.zeros((2 * n, 2 * n + 2))
     jacobian[:n, n : 2 * n] = np.eye(n)
     jacobian[n:] = outward @ slopes
-    return Linearisation(
-        jacobian[:, : 2 * n], jacobian[:, 2 * n :], np.concatenate([state[n:], outward @ rates])
-    )
+    return Linearisation(jacobian[:, : 2 * n], jacobian[:, 2 * n :], np.concatenate([state[n:], outward @ rates]))
 
 
 def _acceleration(
