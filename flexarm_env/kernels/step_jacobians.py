@@ -46,6 +46,7 @@ from flexarm_env.kernels.variants import Variant, variant
 from flexarm_env.physics import dynamics as dyn
 from flexarm_env.physics import linear_algebra
 from flexarm_env.physics.constants import ARM_QUANTITIES, Constants, varied_constants
+from flexarm_env.physics.linear_algebra import plus_scaled
 
 Jacobians = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
 STAGES = len(RK4_NODES)
@@ -60,10 +61,10 @@ def stage_record(variant: Variant) -> Recorder:
     r = Recorder(variant)
     ahead, weight = r.trace.input("ahead"), r.trace.input("weight")
     k, tau = r.constants(), r.read("TAU")
-    y, v = _ahead(r.read("Y"), ahead, r.read("V_STAGE")), _ahead(r.read("V"), ahead, r.read("RATE_STAGE"))
+    y, v = plus_scaled(r.read("Y"), ahead, r.read("V_STAGE")), plus_scaled(r.read("V"), ahead, r.read("RATE_STAGE"))
     known = [*r.read("CONSTANTS"), *r.read("ELIMINATION")]
     rates = r.trace.call("slope", [*known, *y, *v, *tau, *sincos(dyn.elbow_turn(y))], len(v))
-    total = _ahead(r.read("TOTAL"), weight, [*v, *rates])
+    total = plus_scaled(r.read("TOTAL"), weight, [*v, *rates])
     factors = linear_algebra.factor(dyn.mass_matrix(k, y, *_angles(variant, k, y)[:2]))
     ways = slope_ways(variant.modes)
     dual_y = [y[0], *varied(y[1:], [way for way in ways if way[0] == "y"])]
@@ -109,21 +110,16 @@ def column_record(variant: Variant, with_input: bool = False) -> Recorder:
             total = [a + slopes[n * size + i] * change for i, a in enumerate(total)]
         return total
 
-    middle, end = _ahead(y, half, v), _ahead(y, h, v)
+    middle, end = plus_scaled(y, half, v), plus_scaled(y, h, v)
     first = acceleration(0, y, v)
-    second = acceleration(1, middle, _ahead(v, half, first))
-    third = acceleration(2, _ahead(middle, quarter, first), _ahead(v, half, second))
-    fourth = acceleration(3, _ahead(end, half * h, second), _ahead(v, h, third))
+    second = acceleration(1, middle, plus_scaled(v, half, first))
+    third = acceleration(2, plus_scaled(middle, quarter, first), plus_scaled(v, half, second))
+    fourth = acceleration(3, plus_scaled(end, half * h, second), plus_scaled(v, h, third))
     inner = [a + b for a, b in zip(second, third, strict=True)]
     three = [a + b for a, b in zip(first, inner, strict=True)]
     all_six = [a + b + c for a, b, c in zip(three, inner, fourth, strict=True)]
-    r.store("column", [*_ahead(end, sixth * h, three), *_ahead(v, sixth, all_six)])
+    r.store("column", [*plus_scaled(end, sixth * h, three), *plus_scaled(v, sixth, all_six)])
     return r
-
-
-def _ahead(values: Sequence[Any], time: Any, rates: Sequence[Any]) -> list[Any]:
-    """Return the values some time on, at constant rates."""
-    return [a + time * b for a, b in zip(values, rates, strict=True)]
 
 
 def input_column_record(variant: Variant) -> Recorder:
@@ -147,7 +143,7 @@ def stage_kernel(arena: Arena, slopes: LaneRows, ahead: float, weight: float) ->
 def end_record(variant: Variant) -> Recorder:
     """Record the end of a step whose stages are added up."""
     r = Recorder(variant)
-    moved = _ahead([*r.read("Y"), *r.read("V")], r.trace.input("h") / 6.0, r.read("TOTAL"))
+    moved = plus_scaled([*r.read("Y"), *r.read("V")], r.trace.input("h") / 6.0, r.read("TOTAL"))
     r.write("Y", moved[: variant.size])
     r.write("V", moved[variant.size :])
     return r

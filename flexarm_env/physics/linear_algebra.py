@@ -20,6 +20,11 @@ def dot(a: Vector, b: Vector, start: Any = 0.0) -> Any:
     return total
 
 
+def plus_scaled(a: Vector, factor: Any, b: Vector) -> list[Any]:
+    """Return ``a + factor b``."""
+    return [x + factor * z for x, z in zip(a, b, strict=True)]
+
+
 def place(i: int, j: int) -> int:
     """Return where entry (i, j) of a symmetric matrix lies in its lower triangle."""
     return max(i, j) * (max(i, j) + 1) // 2 + min(i, j)

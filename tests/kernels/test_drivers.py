@@ -315,6 +315,7 @@ DRIVERS = [
     period,
     reference,
     states,
+    output_jacobians,
     step_jacobians,
     sensor,
     draws,
