@@ -28,7 +28,7 @@ INSTEAD_validate := plot
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 .NOTPARALLEL:  # two installs into one environment must not overlap, and `make -j` buys nothing here
-.PHONY: help reproduce validate analyse optimise test test-slow lint typecheck contract train agent evaluate bench docs clean
+.PHONY: help reproduce validate analyse optimise control test test-slow lint typecheck contract train agent evaluate bench docs clean
 
 help:  ## List the verbs
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -44,6 +44,9 @@ analyse: $(HAS)-plot  ## Poles, zeros, passivity and margins of the arm: tables,
 
 optimise: $(HAS)-plot  ## Find the best known laps by trajectory optimisation
 	$(PY) -m scripts.optimise $(ARGS)
+
+control: $(HAS)-plot  ## Compare controllers on the standard laps: tables of what was tried
+	$(PY) -m scripts.control $(ARGS)
 
 test: lint typecheck contract  ## Run every check: lint, typecheck, contract, and pytest without the slow tests
 	$(PY) -m pytest -n $(JOBS) --dist loadfile $(ARGS)

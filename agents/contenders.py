@@ -12,10 +12,14 @@ import gymnasium
 
 from flexarm_agents.environments import check_id, make_one
 from flexarm_agents.load import check_fits, load_policy
+from flexarm_baselines.registry import controller
+from flexarm_env.envs.blocks import PRIVILEGED, READINGS
+from flexarm_env.envs.observation import readings_of
 from flexarm_env.extras import needs_extra
 from flexarm_env.validation import shown
 
 Options = Mapping[str, Any]
+ENVIRONMENT = "FlexArm/Square-v0"  # on which controllers are scored, and others unless they say otherwise
 
 
 class Contender(NamedTuple):
@@ -36,6 +40,27 @@ class Contender(NamedTuple):
     environment: str
     options: dict[str, Any]
     config: dict[str, Any] | None = None
+
+    @property
+    def reads(self) -> tuple[str, ...]:
+        """What it may learn of the arm and its task, names in `flexarm_env.envs.blocks.READINGS` in their order.
+
+        It follows from the blocks that the environment observes, and from the policy's own `knows`.
+
+        Raises:
+            ValueError: if `knows` has another name.
+        """
+        told = tuple(getattr(self.policy, "knows", ()))
+        for name in told:
+            if name not in READINGS:
+                raise ValueError(f"policy {self.name}: knows = {told}: must be names of {', '.join(READINGS)}")
+        found = {*told, *readings_of(self.env.unwrapped.settings)}  # type: ignore[attr-defined]
+        return tuple(name for name in READINGS if name in found)
+
+    @property
+    def privileged(self) -> bool:
+        """Whether it reads what no sensor delivers."""
+        return not set(PRIVILEGED).isdisjoint(self.reads)
 
 
 def changed(own: Options, options: Options, arm: str | None) -> dict[str, Any]:
@@ -64,6 +89,24 @@ def from_training(source: str, options: Options, arm: str | None) -> Contender:
     whole = changed(trained.options, options, arm)
     config = trained.notes["config"]
     return Contender(source, trained.policy, trained.make_env(**whole), trained.environment, whole, config)
+
+
+def from_controller(name: str, environment: str, options: Options, **design: Any) -> Contender:
+    """Make a controller of the registry, with the options that it needs.
+
+    Args:
+        name: a name of `flexarm_baselines.registry.controller_names`.
+        environment: id.
+        options: further options of the environment; they replace those of the same name.
+        **design: see `flexarm_baselines.registry.make_controller`.
+
+    Raises:
+        TypeError, ValueError: for another name, a bad id or option, or one with which the controller cannot work.
+    """
+    entry = controller(name)
+    whole = changed(entry.options, options, None)
+    env = make_one(environment, whole)
+    return Contender(name, entry.make(env, **design), env, check_id(environment), whole)
 
 
 def from_attribute(source: str, environment: str, options: Options) -> Contender:

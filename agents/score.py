@@ -8,16 +8,19 @@ from typing import Any, NamedTuple
 import gymnasium
 import numpy as np
 
-from flexarm_env.laps import LAPS, SETTLED
-from flexarm_env.metrics import elbow_changes, tracking_error
+from flexarm_env.laps import LAPS
+from flexarm_env.metrics import figures_so_far
 from flexarm_env.rollout import run_policy
 from flexarm_env.simulation.trajectory import Trajectory
 
 COMPLETE = "truncated"  # how an episode ends that lasts as long as it may
+_ERRORS = ("rms", "maximum", "rms_after_2s", "maximum_after_2s")  # of `LapFigures`, for complete episodes only
 
 
 class Score(NamedTuple):
     """Figures of one episode; `str` gives its errors, or why and when the episode ended early.
+
+    They are of those of `flexarm_env.metrics.LapFigures`.
 
     An episode that ended early is a result of its own: its errors are None, since those of the part before the end
     would compare well with a whole lap's. Figures after 2 s are None for an episode that was shorter, too.
@@ -32,7 +35,7 @@ class Score(NamedTuple):
         torque_change: change of both torques from one control period to the next, r.m.s. after 2 s [N m].
         elbow_changes: how often the elbow changed sides (`flexarm_env.metrics.elbow_changes`).
         peak_deflection: largest deflections of the links' tips [m].
-        peak_torque: largest torques of shoulder and elbow [N m].
+        peak_torque: largest torques of shoulder and elbow until the last instant [N m].
         episode_return: sum of the rewards.
     """
 
@@ -127,22 +130,17 @@ def score(run: Trajectory) -> Score:
         run: result of `flexarm_env.rollout.run_policy`.
     """
     ended = str(run.notes.get("ended"))
-    settled = run.time >= SETTLED
-    whole = tracking_error(run) if ended == COMPLETE else None
-    later = tracking_error(run, since=SETTLED) if whole and settled.any() else None
-    change = np.diff(run.torque[settled], axis=0)
+    figures = figures_so_far(run)
+    errors = {name: getattr(figures, name) if ended == COMPLETE else None for name in _ERRORS}
     rewards = run.reward if run.reward is not None else np.zeros(1)
     return Score(
         ended=ended,
         duration=round(float(run.time[-1]), 9),
-        rms=whole.rms if whole else None,
-        maximum=whole.maximum if whole else None,
-        rms_after_2s=later.rms if later else None,
-        maximum_after_2s=later.maximum if later else None,
-        torque_change=_two(np.sqrt(np.mean(change**2, axis=0))) if len(change) else None,
-        elbow_changes=len(elbow_changes(run)),
-        peak_deflection=_two(np.abs(run.tip_deflection).max(axis=0)),
-        peak_torque=_two(np.abs(run.torque).max(axis=0)),
+        **errors,
+        torque_change=figures.torque_change_after_2s,
+        elbow_changes=len(figures.elbow_changes),
+        peak_deflection=figures.peak_deflection,
+        peak_torque=figures.peak_torque,
         episode_return=float(rewards.sum()),
     )
 
@@ -156,7 +154,3 @@ def evaluate(env: gymnasium.Env[Any, Any], policy: Any, seed: int = 0) -> Standa
         seed: seed of what is random in the environment, for each lap.
     """
     return StandardScore(**{name: score(run_policy(env, policy, seed=seed, lap=name)) for name in LAPS})
-
-
-def _two(values: Any) -> tuple[float, float]:
-    return float(values[0]), float(values[1])

@@ -53,10 +53,12 @@ class TorqueController(ABC):
 
     Attributes:
         blocks: names of the observation's blocks that it reads, in order.
+        knows: what the task tells it beside the observation, as `flexarm_env.envs.blocks.READINGS` calls it.
         task: see `Task`.
     """
 
     blocks: ClassVar[tuple[str, ...]]
+    knows: ClassVar[tuple[str, ...]] = ("preview", "plant parameters")
 
     def __init__(self, task: Task) -> None:
         """Keep the task.

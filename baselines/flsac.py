@@ -71,6 +71,11 @@ class FLSAC(GainPolicy):
         object.__setattr__(self, "system", paper_system(self.K_s if self.scale == "width" else 1.0))
 
     @classmethod
+    def options(cls) -> dict[str, Any]:
+        """Return the options with which an environment's action is the gain, and the deflections are observed."""
+        return super().options() | {"observation": ("modal_coordinates",)}
+
+    @classmethod
     def for_env(cls, env: Any, **options: Any) -> FLSAC:
         """Make the fuzzy gain for an environment, single or vector, with its modes, scales and gain limit.
 

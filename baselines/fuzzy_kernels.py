@@ -8,7 +8,7 @@ linear and its first moment quadratic in ``y``, so two Gauss points a slab are e
 is sampled.
 
 Flat functions over arrays, no classes and no checks: `flexarm_baselines.fuzzy` is the checked way in. The
-cached functions call nothing outside this file, because numba's cache does not notice edits in other files.
+functions call nothing outside this file (`kept_on_disk`).
 """
 
 from __future__ import annotations
@@ -16,15 +16,16 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from flexarm_baselines.arrays import Floats, Integers
+from flexarm_env.codegen.cache import kept_on_disk
 
+compiled = kept_on_disk(__file__, "fuzzy inference")
 GAUSS_POINTS = (0.5 - 0.5 / math.sqrt(3.0), 0.5 + 0.5 / math.sqrt(3.0))
 """The two Gauss-Legendre points of [0, 1], exact up to the third power."""
 
 
-@njit(cache=True)
+@compiled
 def membership(x: float, left: float, peak: float, right: float) -> float:
     """Return the degree of membership in [0, 1] of ``x`` in a triangle; a vertical edge belongs to its set."""
     if x < left or x > right:
@@ -36,7 +37,7 @@ def membership(x: float, left: float, peak: float, right: float) -> float:
     return 1.0
 
 
-@njit(cache=True)
+@compiled
 def centroid(heights: Floats, corners: Floats, low: float, high: float, levels: Floats) -> float:
     """Return the abscissa of the centroid of the union of clipped triangles.
 
@@ -70,7 +71,7 @@ def centroid(heights: Floats, corners: Floats, low: float, high: float, levels: 
     return moment / area
 
 
-@njit(cache=True)
+@compiled
 def infer(
     inputs: Floats,
     universes: Floats,

@@ -37,6 +37,11 @@ class IFDC(GainPolicy):
         number("gain", self.gain, least=0.0, most=self.gain_limit)
 
     @classmethod
+    def options(cls) -> dict[str, Any]:
+        """Return the options with which an environment's action is the gain; of its observation nothing is used."""
+        return super().options() | {"observation": ("inner_gain",)}
+
+    @classmethod
     def for_env(cls, env: Any, gain: float = 1.0) -> IFDC:
         """Make the constant gain for an environment, single or vector, with its gain limit.
 

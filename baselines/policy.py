@@ -8,7 +8,7 @@ Symbols: ``lambda`` the gain on the control law's torque (14), dimensionless; ``
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import Any, Protocol
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 
@@ -68,9 +68,19 @@ class GainPolicy(ABC):
 
     Attributes:
         gain_limit: gain that the action 1 stands for, dimensionless.
+        knows: as of `controller.TorqueController`.
     """
 
     gain_limit: float
+    knows: ClassVar[tuple[str, ...]] = ()
+
+    @classmethod
+    def options(cls) -> dict[str, Any]:
+        """Return the options with which an environment's action is the gain, those of `FlexArm/SquareGain-v0`.
+
+        The law overshoots corners, so that the limits that end an episode are wide.
+        """
+        return {"action_mode": "gain", "physics_step": 1e-3, "deflection_limit": 4.5, "error_limit": 9.0}
 
     @abstractmethod
     def gains(self, observations: Floats) -> Floats:

@@ -52,6 +52,12 @@ class Task:
         """Control periods in a lap."""
         return round(self.lap_time / self.period)
 
+    @property
+    def reference(self) -> Floats:
+        """Where the tip should be at each instant of the lap, its end included [m]. Shape (periods + 1, 2)."""
+        times = self.period * np.arange(self.periods + 1)
+        return self.path.position(np.minimum(times, self.lap_time))
+
     @classmethod
     def of(cls, env: Any) -> Task:
         """Read the task of an environment, single or vector, whose action is the torque.

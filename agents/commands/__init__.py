@@ -12,7 +12,7 @@ from flexarm_env.command_line import run
 from flexarm_env.extras import needs_extra
 
 VERBS = {
-    "list": ("listing", "the environments and the policies that come with the package"),
+    "list": ("listing", "the environments, policies and controllers that come with the package"),
     "show": ("show", "the specification of an environment: spaces, reward, ends, options"),
     "evaluate": ("evaluate", "score controllers and trained policies on the two standard laps"),
     "train": ("train", "train an agent with PPO (needs the extra `train`)"),
@@ -25,6 +25,7 @@ examples:
   flexarm train --environment Square-v0 --seed 7 --folder runs/mine
   flexarm train --environment Square-v0 --seed 7 --folder runs/mine --resume
   flexarm evaluate runs/mine
+  flexarm evaluate --policy plan_lqr
   flexarm evaluate my_module:MyPolicy --laps 10 --options '{"noise": 0.005}'
   flexarm warm-up Square-v0 --num-envs 64
 

@@ -12,25 +12,34 @@ from typing import Any, NamedTuple
 from flexarm_agents.commands.arguments import add_options, reader
 from flexarm_agents.commands.score_table import Spreads, group_table, lap_table, spreads_of
 from flexarm_agents.constant import ConstantPolicy
-from flexarm_agents.contenders import Contender, changed, from_attribute, from_model, from_training
+from flexarm_agents.contenders import (
+    ENVIRONMENT,
+    Contender,
+    changed,
+    from_attribute,
+    from_controller,
+    from_model,
+    from_training,
+)
 from flexarm_agents.environments import make_one
 from flexarm_agents.load import shipped_policies
 from flexarm_agents.run_folder import write_json
 from flexarm_agents.score import StandardScore, evaluate, rank
 from flexarm_agents.spread import Spread
-from flexarm_baselines import FLSAC, IFDC
+from flexarm_baselines.registry import controller_names
 from flexarm_env.parameters import PRESETS
 from flexarm_env.validation import integer
 
-TORQUE, GAIN = "FlexArm/Square-v0", "FlexArm/SquareGain-v0"  # the same plant, sensor and path
+PAPER = ("ifdc", "flsac")  # controllers that are scored unless others are asked for
 DESCRIPTION = """\
 Score controllers and trained policies on the two standard laps, from rest on the first corner, by the distance of the
 true tip from the reference. The swing lap begins with the elbow bent to the side from which it has to swing through
 the straight arm, the plain lap with the other one. Policies are ranked by the mean r.m.s. of both; those with laps that
 ended early come last, and these laps are marked."""
 POLICIES = """\
-folder of a training, or its npz file; name of a shipped policy; module:attribute, a class with for_env(env) or without
-arguments, an object with predict, or a function from an observation to an action"""
+folder of a training, or its npz file; name of a shipped policy or of a controller, as `flexarm list` has them;
+module:attribute, a class with for_env(env) or without arguments, an object with predict, or a function from an
+observation to an action"""
 MODELS = """\
 score stable-baselines3 models (*.zip), of this class: PPO, SAC, or module:Class as in sb3_contrib:TQC. Reading such a
 file unpickles it, which can execute code: only files that you trust"""
@@ -45,7 +54,8 @@ class Result(NamedTuple):
     def plain(self, seed: int) -> dict[str, Any]:
         """Return plain values for a file."""
         one = self.contender
-        about = {"name": one.name, "environment": one.environment, "options": one.options, "config": one.config}
+        about: dict[str, Any] = {"name": one.name, "reads": one.reads, "privileged": one.privileged}
+        about |= {"environment": one.environment, "options": one.options, "config": one.config}
         laps = [{"seed": seed + n, **score.as_mapping()} for n, score in enumerate(self.scores)]
         return about | {"laps": laps} | _plain(spreads_of(self.scores))
 
@@ -99,9 +109,12 @@ def _read(arguments: Sequence[str]) -> argparse.Namespace:
     parser = reader("evaluate", DESCRIPTION)
     parser.add_argument("policies", nargs="*", default=[], metavar="POLICY", help=POLICIES)
     switch = argparse.BooleanOptionalAction
-    baselines = "score IFDC, FLSAC, no torque and random torque, as by default"
-    parser.add_argument("--baselines", action=switch, default=True, help=baselines)
-    parser.add_argument("--shipped", action=switch, default=True, help="score all shipped policies, as by default")
+    alone = "score this one, as POLICY, without the baselines and shipped policies; may be repeated"
+    parser.add_argument("--policy", action="append", default=[], metavar="POLICY", help=alone)
+    baselines = f"score {', '.join(PAPER)}, no torque and random torque; the default without --policy"
+    parser.add_argument("--baselines", action=switch, help=baselines)
+    shipped = "score all shipped policies; the default without --policy"
+    parser.add_argument("--shipped", action=switch, help=shipped)
     parser.add_argument(
         "--laps", type=int, default=1, metavar="N", help="run both laps with N seeds, from --seed on; 1"
     )
@@ -111,16 +124,20 @@ def _read(arguments: Sequence[str]) -> argparse.Namespace:
     parser.add_argument(
         "--environment",
         metavar="ID",
-        help=f"of module:attribute and of stable-baselines3 models; {TORQUE}",
+        help=f"of controllers, module:attribute and stable-baselines3 models; {ENVIRONMENT}",
     )
     parser.add_argument("--stable-baselines3", metavar="CLASS", help=MODELS)
     output = Path("results/evaluation/evaluation.json")
     parser.add_argument("--output", type=Path, default=output, help=f"JSON, replaced if it exists; {output}")
     given = parser.parse_args(arguments)
+    given.policies += given.policy
+    for group in ("baselines", "shipped"):
+        if getattr(given, group) is None:
+            setattr(given, group, not given.policy)
     if given.stable_baselines3 is not None and not any(map(_is_model, given.policies)):
         parser.error("--stable-baselines3: there is no zip file among the policies")
-    if given.environment is not None and not any(_is_model(one) or _is_attribute(one) for one in given.policies):
-        parser.error("--environment: is for module:attribute and for zip files; trainings have their own")
+    if given.environment is not None and all(_is_training(one) for one in given.policies):
+        parser.error("--environment: is for controllers, module:attribute and zip files; trainings have their own")
     return given
 
 
@@ -132,19 +149,26 @@ def _is_attribute(source: str) -> bool:
     return ":" in source and not Path(source).exists()
 
 
+def _is_training(source: str) -> bool:
+    return not (_is_model(source) or _is_attribute(source) or source in controller_names())
+
+
 def _contenders(given: argparse.Namespace) -> Iterator[Contender]:
     """Yield everything that the command line names."""
     options = changed({}, given.options, given.arm)
     if given.baselines:
-        for name, policy in (("IFDC", IFDC), ("FLSAC", FLSAC)):
-            env = make_one(GAIN, options)
-            yield Contender(name, policy.for_env(env), env, GAIN, options)
+        for name in PAPER:
+            yield from_controller(name, ENVIRONMENT, options)
         for name, spread in (("no torque", 0.0), ("random torque", 1.0)):
-            yield Contender(name, ConstantPolicy(2, spread, given.seed), make_one(TORQUE, options), TORQUE, options)
+            env = make_one(ENVIRONMENT, options)
+            yield Contender(name, ConstantPolicy(2, spread, given.seed), env, ENVIRONMENT, options)
     for name in shipped_policies() if given.shipped else ():
         yield from_training(name, given.options, given.arm)
-    environment = given.environment or TORQUE
+    environment = given.environment or ENVIRONMENT
     for source in given.policies:
+        if source in controller_names():
+            yield from_controller(source, environment, options)
+            continue
         if _is_model(source):
             if given.stable_baselines3 is None:
                 raise ValueError(f"{source}: needs --stable-baselines3 CLASS, since reading it can execute code")

@@ -1,4 +1,4 @@
-"""`flexarm list`: the ids and the shipped policies."""
+"""`flexarm list`: the ids, the shipped policies and the controllers."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from flexarm_agents.commands.arguments import reader
 from flexarm_agents.commands.text import columns
 from flexarm_agents.load import load_policy, shipped_policies
+from flexarm_baselines.registry import CONTROLLERS
 from flexarm_env.envs.documentation import figure
 from flexarm_env.envs.observation import observation_layout
 from flexarm_env.envs.registration import IDS, NAMESPACE
@@ -14,8 +15,8 @@ from flexarm_env.envs.settings import Settings
 
 
 def run(arguments: Sequence[str]) -> None:
-    """Print both lists."""
-    reader("list", "List the environments, and the policies that come with the package.").parse_args(arguments)
+    """Print the lists."""
+    reader("list", "List the environments, policies and controllers that come with the package.").parse_args(arguments)
     rows = [("id", "actions", "observations", "period", "task")]
     for name, one in IDS.items():
         settings = Settings.of(one.options)
@@ -29,3 +30,6 @@ def run(arguments: Sequence[str]) -> None:
     )
     trained = [(name, load_policy(name).environment) for name in shipped_policies()]
     print(columns([("shipped policy", "trained on"), *trained]))
+    print()
+    print(columns([("controller", "what it is"), *((name, one.text) for name, one in CONTROLLERS.items())]))
+    print("\n`flexarm evaluate --policy NAME` scores one.")

@@ -1,21 +1,22 @@
 """Compiled sweeps of differential dynamic programming: backward through a lap, box-constrained, nothing allocated.
 
 The state of the recursion is z = (x, p), the arm's state and the torque of the period before, so that a weight on the
-change of the torque is a cost like the others. Shapes: n entries of x, N periods; z has n + 2 entries. The cached
-functions call nothing outside this file, because numba's cache does not notice edits in other files.
+change of the torque is a cost like the others. Shapes: n entries of x, N periods; z has n + 2 entries. The
+functions call nothing outside this file (`kept_on_disk`).
 """
 
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from flexarm_baselines.arrays import Floats
+from flexarm_env.codegen.cache import kept_on_disk
 
+compiled = kept_on_disk(__file__, "sweeps of differential dynamic programming")
 TORQUES = 2
 
 
-@njit(cache=True)
+@compiled
 def box_minimum(h11: float, h12: float, h22: float, q1: float, q2: float, box: Floats, step: Floats) -> None:
     """Minimise ``q k + k H k / 2`` over a rectangle; H is positive definite.
 
@@ -53,7 +54,7 @@ def box_minimum(h11: float, h12: float, h22: float, q1: float, q2: float, box: F
             step[0], step[1] = first, second
 
 
-@njit(cache=True)
+@compiled
 def state_model(
     a: Floats,
     b: Floats,
@@ -99,7 +100,7 @@ def state_model(
                 qzz[i, j] += factor * va[m, j]
 
 
-@njit(cache=True)
+@compiled
 def torque_model(
     a: Floats,
     b: Floats,
@@ -142,7 +143,7 @@ def torque_model(
             quu[k, j] = total
 
 
-@njit(cache=True)
+@compiled
 def add_torque_cost(
     weights: Floats, torque: Floats, before: Floats, qu: Floats, quu: Floats, quz: Floats, qz: Floats, qzz: Floats
 ) -> None:
@@ -170,7 +171,7 @@ def add_torque_cost(
             qzz[n + k, n + j] = smooth if j == k else 0.0
 
 
-@njit(cache=True)
+@compiled
 def minimise(
     weights: Floats,
     torque: Floats,
@@ -222,7 +223,7 @@ def minimise(
             gains[1, j] = -quz[1, j] / h22
 
 
-@njit(cache=True)
+@compiled
 def update_value(
     step: Floats,
     gains: Floats,
@@ -266,7 +267,7 @@ def update_value(
     return 0.5 * (step[0] * bent_0 + step[1] * bent_1)
 
 
-@njit(cache=True)
+@compiled
 def backward(
     by_state: Floats,
     by_torque: Floats,
@@ -280,6 +281,8 @@ def backward(
     regularisation: Floats,
     feedforward: Floats,
     gains: Floats,
+    slopes: Floats,
+    curvatures: Floats,
 ) -> tuple[float, float]:
     """Sweep backward through a trajectory: steps and gains that minimise the quadratic model of the cost.
 
@@ -289,89 +292,45 @@ def backward(
         by_state: A of each period. Shape (N, n, n).
         by_torque: B. Shape (N, n, 2).
         defects: by how much each period of the trajectory ends beyond the next state; 0 where it follows the
-            dynamics. Shape (N, n).
+            dynamics. Shape (N, n), or (1, n) for all.
         gradient: of the cost, by each state. Shape (N + 1, n).
         hessian: Shape (N + 1, n, n).
         curvature: of the dynamics, second derivatives of each period's end by state and torque in the direction of
-            the cost's slope there; 0 for iterative LQR. Shape (N, n + 2, n + 2).
+            the cost's slope there; 0 for iterative LQR. Shape (N, n + 2, n + 2), or (1, n + 2, n + 2) for all.
         weights: on squared torques, and on their squared changes. Shape (2, 2).
         torques: of the period before the first, then of each. Shape (N + 1, 2).
         limits: largest magnitudes. Shape (2,).
         regularisation: added to the curvature by each torque. Shape (2,).
         feedforward: receives the changes of the torques. Shape (N, 2).
         gains: receives the gains on z. Shape (N, 2, n + 2).
+        slopes: of the cost from each instant on, by z; the last one is that of a cost beyond the end, to which the
+            end's own is added, the others are received. Shape (N + 1, n + 2).
+        curvatures: as `slopes`. Shape (N + 1, n + 2, n + 2).
 
     Returns:
         First- and second-order part of the change of the cost that the model expects of the full step.
     """
     periods, n = by_torque.shape[0], by_torque.shape[1]
     size = n + TORQUES
-    vx, vxx, va = np.zeros(size), np.zeros((size, size)), np.zeros((n, n))
+    vx, vxx, va = slopes[periods].copy(), curvatures[periods].copy(), np.zeros((n, n))
     qz, qzz, quz = np.zeros(size), np.zeros((size, size)), np.zeros((TORQUES, size))
     qu, quu, box = np.zeros(TORQUES), np.zeros((TORQUES, TORQUES)), np.zeros((2, TORQUES))
     slope, curve = 0.0, 0.0
     for i in range(n):
-        vx[i] = gradient[periods, i]
+        vx[i] += gradient[periods, i]
         for j in range(n):
-            vxx[i, j] = hessian[periods, i, j]
+            vxx[i, j] += hessian[periods, i, j]
+    slopes[periods], curvatures[periods] = vx, vxx
     for t in range(periods - 1, -1, -1):
         for i in range(size):
             for j in range(n):
-                vx[i] += vxx[i, j] * defects[t, j]
-        state_model(by_state[t], by_torque[t], gradient[t], hessian[t], curvature[t], vx, vxx, va, qz, qzz)
-        torque_model(by_state[t], by_torque[t], curvature[t], vx, vxx, va, qu, quu, quz)
+                vx[i] += vxx[i, j] * defects[min(t, defects.shape[0] - 1), j]
+        bent = curvature[min(t, curvature.shape[0] - 1)]
+        state_model(by_state[t], by_torque[t], gradient[t], hessian[t], bent, vx, vxx, va, qz, qzz)
+        torque_model(by_state[t], by_torque[t], bent, vx, vxx, va, qu, quu, quz)
         add_torque_cost(weights, torques[t + 1], torques[t], qu, quu, quz, qz, qzz)
         minimise(weights, torques[t + 1], limits, regularisation, qu, quu, quz, box, feedforward[t], gains[t])
         slope += feedforward[t, 0] * qu[0] + feedforward[t, 1] * qu[1]
         curve += update_value(feedforward[t], gains[t], qu, quu, quz, qz, qzz, vx, vxx)
+        slopes[t], curvatures[t] = vx, vxx
     return slope, curve
-
-
-@njit(cache=True)
-def torque_gradient(
-    by_state: Floats,
-    by_torque: Floats,
-    gradient: Floats,
-    weights: Floats,
-    torques: Floats,
-    gains: Floats,
-    result: Floats,
-    slopes: Floats,
-) -> None:
-    """Differentiate the cost of a trajectory by its feed-forward torques, by the adjoint.
-
-    The trajectory follows the dynamics.
-
-    Feedback acts on what a changed torque leads to. Without it a small change early in a lap grows too large for its
-    derivative to say much. Where the derivative vanishes, it does so with any feedback.
-
-    Args:
-        by_state: see `backward`.
-        by_torque: see `backward`.
-        gradient: see `backward`.
-        weights: see `backward`.
-        torques: see `backward`.
-        gains: of the feedback on z. Shape (N, 2, n + 2).
-        result: receives the derivative. Shape (N, 2).
-        slopes: receives that by the state at each period's end. Shape (N, n).
-    """
-    periods, n = by_torque.shape[0], by_state.shape[1]
-    adjoint, before = np.zeros(n + TORQUES), np.zeros(n + TORQUES)
-    for i in range(n):
-        adjoint[i] = gradient[periods, i]
-    for t in range(periods - 1, -1, -1):
-        for k in range(TORQUES):
-            change = torques[t + 1, k] - torques[t, k]
-            total = 2.0 * (weights[0, k] * torques[t + 1, k] + weights[1, k] * change) + adjoint[n + k]
-            for m in range(n):
-                total += by_torque[t, m, k] * adjoint[m]
-            result[t, k] = total
-            before[n + k] = -2.0 * weights[1, k] * change
-        for i in range(n):
-            slopes[t, i] = adjoint[i]
-            total = gradient[t, i]
-            for m in range(n):
-                total += by_state[t, m, i] * adjoint[m]
-            before[i] = total
-        for i in range(n + TORQUES):
-            adjoint[i] = before[i] + gains[t, 0, i] * result[t, 0] + gains[t, 1, i] * result[t, 1]

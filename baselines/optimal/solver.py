@@ -22,8 +22,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexarm_baselines.arrays import Floats
-from flexarm_baselines.optimal import kernels
+from flexarm_baselines.optimal.adjoint import torque_gradient
 from flexarm_baselines.optimal.problem import Expansion, TrackingProblem
+from flexarm_baselines.optimal.sweep import Model, sweep
 from flexarm_env.simulation.feedback import Rollout
 from flexarm_env.validation import finite_array, integer, number
 
@@ -82,7 +83,7 @@ class Solution(NamedTuple):
 
     Attributes:
         run: states and torques.
-        gains: on the state and on the torque of the period before, of the last sweep. Shape (n, 2, 6 + 4 m).
+        gains: on the state and on the torque of the period before, of the last search. Shape (n, 2, 6 + 4 m).
         log: of each iteration, the start first.
         converged: whether the residual of optimality met the tolerance.
     """
@@ -112,19 +113,19 @@ def optimise(
         DivergingStartError: if the start's states do not stay finite.
     """
     options = SolverOptions() if options is None else options
-    sweep = _Sweep(problem, start)
-    log = [Iteration(sweep.cost, sweep.residual, 0.0, 0.0)]
+    search = _Search(problem, start)
+    log = [Iteration(search.cost, search.residual, 0.0, 0.0)]
     while log[-1].residual > options.tolerance and len(log) <= options.iterations:
-        moved = sweep.improve()
-        log.append(Iteration(sweep.cost, sweep.residual, *moved))
+        moved = search.improve()
+        log.append(Iteration(search.cost, search.residual, *moved))
         if progress is not None:
             progress(log[-1])
         if moved[0] == 0.0:
             break
-    return Solution(sweep.run, sweep.gains, tuple(log), log[-1].residual <= options.tolerance)
+    return Solution(search.run, search.gains, tuple(log), log[-1].residual <= options.tolerance)
 
 
-class _Sweep:
+class _Search:
     """A trajectory with the model about it."""
 
     def __init__(self, problem: TrackingProblem, start: Rollout) -> None:
@@ -139,9 +140,7 @@ class _Sweep:
         if not np.isfinite(self.cost):
             raise diverging
         self.regularisation, self.growth = REGULARISATION[1], 1.0
-        size = 2 * problem.arm.size + 2
-        self.forward, self.gains = np.zeros((problem.periods, 2)), np.zeros((problem.periods, 2, size))
-        self.no_curvature = np.zeros((problem.periods, size, size))
+        self.curvature: Floats | None = None
         self.exact = False
         self.differentiate()
 
@@ -152,7 +151,7 @@ class _Sweep:
         found = problem.arm.step_jacobians(states[:-1], torques, problem.period, step=problem.step)
         self.slopes = found.by_state, found.by_torque
         self.expansion = problem.expand(states)
-        self.curvature = self.no_curvature
+        self.curvature = None
         self.backward(REGULARISATION[1])
         residual, by_end = optimality(problem, self.run, self.slopes, self.expansion, self.gains)
         self.residual = residual / self.cost
@@ -197,19 +196,11 @@ class _Sweep:
     def backward(self, regularisation: float) -> tuple[float, float]:
         """Find steps and gains about the run; return the change of cost that they predict, by order."""
         problem, (gradient, hessian, weights) = self.problem, self.expansion
-        return kernels.backward(
-            *self.slopes,
-            np.zeros_like(self.run.states[:-1]),
-            gradient,
-            hessian,
-            self.curvature,
-            weights,
-            problem.with_torque_before(self.run.torques),
-            self.limits,
-            2.0 * regularisation / (problem.periods * self.limits**2),
-            self.forward,
-            self.gains,
-        )
+        torques = problem.with_torque_before(self.run.torques)
+        model = Model(*self.slopes, gradient, hessian, weights, torques, curvature=self.curvature)
+        found = sweep(model, self.limits, 2.0 * regularisation / (problem.periods * self.limits**2))
+        self.forward, self.gains = found.forward, found.gains
+        return found.expected
 
     def forward_pass(self) -> tuple[Rollout, Floats]:
         """Run the arm under all step lengths, and compute the costs."""
@@ -262,7 +253,7 @@ def optimality(
     limits = np.array(problem.limits)
     gradient, by_end = np.empty_like(run.torques), np.empty_like(run.states[1:])
     torques = problem.with_torque_before(run.torques)
-    kernels.torque_gradient(*slopes, expansion.gradient, expansion.weights, torques, gains, gradient, by_end)
+    torque_gradient(*slopes, expansion.gradient, expansion.weights, torques, gains, gradient, by_end)
     outward = ((run.torques >= limits) & (gradient < 0.0)) | ((run.torques <= -limits) & (gradient > 0.0))
     projected = np.where(outward, 0.0, gradient * limits)
     return float(np.sqrt(problem.periods * np.sum(projected**2))), by_end

@@ -16,9 +16,9 @@ from typing import NamedTuple
 import numpy as np
 
 from flexarm_baselines.arrays import Floats
-from flexarm_baselines.optimal import kernels
 from flexarm_baselines.optimal.problem import TrackingProblem
 from flexarm_baselines.optimal.solver import rollout
+from flexarm_baselines.optimal.sweep import Model, sweep
 from flexarm_env.physics.inverse_kinematics import joint_angles_for
 from flexarm_env.simulation.feedback import Rollout
 from flexarm_env.validation import choice, finite_array, number
@@ -94,21 +94,15 @@ def follow(problem: TrackingProblem, joints: Floats, damping: float = 0.1) -> Ro
     found = problem.arm.step_jacobians(states[:-1], (0.0, 0.0), problem.period, step=problem.step)
     expansion = problem.expand(states)
     limits = np.array(problem.limits)
-    torques = np.zeros((problem.periods + 1, 2))
-    forward, gains = np.zeros((problem.periods, 2)), np.zeros((problem.periods, 2, 2 * size + 2))
-    kernels.backward(
+    model = Model(
         found.by_state,
         found.by_torque,
-        found.state - states[1:],
         expansion.gradient,
         expansion.hessian,
-        np.zeros((problem.periods, 2 * size + 2, 2 * size + 2)),
         expansion.weights,
-        torques,
-        np.full(2, np.inf),
-        2.0 * damping / (problem.periods * limits**2),
-        forward,
-        gains,
+        np.zeros((problem.periods + 1, 2)),
+        defects=found.state - states[1:],
     )
+    forward, gains, *_ = sweep(model, regularisation=2.0 * damping / (problem.periods * limits**2))
     on_state, on_torque = gains[:, :, : 2 * size], gains[:, :, 2 * size :]
     return rollout(problem, forward, gains=on_state, references=states[:-1], torque_gains=on_torque)

@@ -1,10 +1,11 @@
 """Keeps compiled kernels on disk: one process compiles them, once, and every later one loads them.
 
-A module's text is executed from memory. On disk lies only what numba compiled, one file for each function and types of
-its arguments. The file's name carries a hash of the module's text, so that an edited formula can never meet stale code
-(numba does not see edits in other files: numba issue 1833), and the file begins with a hash of its content, so that
-damage is found and compiled anew. Without a folder (`cache_folder`), or room in it, kernels are compiled in memory, and
-a line says so; without a lock, several processes compile the same.
+A module's text is executed from memory (`load_module`), or its functions are marked in a file (`kept_on_disk`). On disk
+lies only what numba compiled, one file for each function and types of its arguments. The file's name carries a hash of
+the module's text, so that an edited formula can never meet stale code (numba does not see edits in other files: numba
+issue 1833), and the file begins with a hash of its content, so that damage is found and compiled anew. Without a folder
+(`cache_folder`), or room in it, kernels are compiled in memory, and a line says so; without a lock, several processes
+compile the same.
 """
 
 from __future__ import annotations
@@ -21,13 +22,14 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import Any, TypeVar, cast
 
 import filelock
 import llvmlite
 import numba
 from numba.core.caching import NullCache
 from numba.core.compiler import CompileResult
+from numba.core.runtime.nrt import rtsys
 from numba.core.serialize import dumps
 
 from flexarm_env.codegen.cache_folder import (
@@ -38,9 +40,11 @@ from flexarm_env.codegen.cache_folder import (
     say_once,
     write_aside,
 )
+from flexarm_env.lazy import cached_property
 
 LONGEST_WAIT = 600.0  # for another process that compiles the same kernels [s]; after that this one compiles too
 _KEPT_FUNCTIONS = re.compile(r"^@njit\(cache=True, .*\)\ndef (\w+)\(", re.MULTILINE)
+F = TypeVar("F", bound=Callable[..., Any])
 _DIGEST = hashlib.sha256().digest_size
 
 # Held while this process compiles. A fork waits for it: a child does not have the thread that compiles, so numba's
@@ -69,14 +73,38 @@ def load_module(name: str, text: str, words: str) -> ModuleType:
         module = ModuleType(name)
         filename = f"<{name}>"
         linecache.cache[filename] = (len(text), None, text.splitlines(keepends=True), filename)  # for tracebacks
-        kept = _Folder(name, words, find_folder())
+        kept = _Folder(name, words)
         plain = text.replace("@njit(cache=True, ", "@njit(")
         exec(compile(plain, filename, "exec", dont_inherit=True), module.__dict__)
         for function in _KEPT_FUNCTIONS.findall(text):
-            kernel = getattr(module, function)
-            kernel._cache = _KernelCache(kept, function, kernel.targetctx)  # as numba does for files
+            _keep(getattr(module, function), kept)
         sys.modules[name] = module
         return module
+
+
+def kept_on_disk(file: str, words: str) -> Callable[[F], F]:
+    """Return a decorator that compiles functions of a file when they are first called, and keeps them.
+
+    They call others of the same file and of libraries only: what is kept is named by a hash of the file's text.
+
+    Args:
+        file: `__file__`.
+        words: description of the functions for the user who waits.
+    """
+    path = Path(file)
+    folder = _Folder(f"flexarm_{path.stem}_{hashlib.sha256(path.read_bytes()).hexdigest()[:16]}", words)
+
+    def keep(function: F) -> F:
+        """Compile a function when it is first called."""
+        kernel: Any = numba.njit(function)
+        _keep(kernel, folder)
+        return cast(F, kernel)
+
+    return keep
+
+
+def _keep(kernel: Any, folder: _Folder) -> None:
+    kernel._cache = _KernelCache(folder, kernel.py_func.__name__, kernel.targetctx)  # as numba does for files
 
 
 def call(kernel: Any, *arguments: Any) -> Any:
@@ -110,13 +138,17 @@ class _Folder:
     Attributes:
         module: its name.
         words: what it is.
-        path: None if nothing can be kept.
         announced: whether the user has read that it is compiled.
     """
 
-    def __init__(self, module: str, words: str, path: Path | None) -> None:
-        self.module, self.words, self.path = module, words, path
+    def __init__(self, module: str, words: str) -> None:
+        self.module, self.words = module, words
         self.announced = False
+
+    @cached_property
+    def path(self) -> Path | None:
+        """The folder; None if nothing can be kept."""
+        return find_folder()
 
     def announce(self) -> None:
         """Say what the user waits for, once for each module."""
@@ -184,7 +216,8 @@ class _KernelCache(NullCache):
 
     def load_overload(self, signature: Any, target_context: Any) -> Any:
         """Load what was compiled for arguments of these types; None if there is nothing."""
-        self._load(signature)
+        if not self._load(signature):
+            self._folder.announce()
         return self._loaded.pop(signature, None)
 
     def save_overload(self, signature: Any, compiled: Any) -> None:
@@ -219,7 +252,8 @@ class _KernelCache(NullCache):
         if hashlib.sha256(data[_DIGEST:]).digest() != data[:_DIGEST]:
             return None
         try:
-            self._target_context.refresh()
+            # What machine code links to. To refresh the whole context, as for a compilation, would take longer.
+            rtsys.initialize(self._target_context)
             parts = pickle.loads(data[_DIGEST:])
             compiled = CompileResult._rebuild(self._target_context, *parts)  # type: ignore[no-untyped-call]
         except Exception:  # another build of the same versions wrote it; compiling anew replaces it

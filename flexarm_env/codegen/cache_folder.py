@@ -27,7 +27,7 @@ DAY = 86400.0  # [s]
 UNUSED = 90 * DAY  # after which a file is removed [s]
 UNFINISHED = DAY  # the same, for a file that nobody finished writing
 # Earlier versions named their files like this too.
-_OUR_FILES = re.compile(r"flexarm_[a-z]+_\d+_\d+_[0-9a-f]{16}[.-].+")
+_OUR_FILES = re.compile(r"flexarm_\w+_[0-9a-f]{16}[.-].+")
 say_once = cache(logger.warning)
 
 

@@ -2,7 +2,7 @@
 
 The law (10), (14) acts in continuous time inside the integrator. Its rate feedback is very stiff: without hub
 inertia a joint's effective inertia at high frequency is small and shrinks with every mode, while the feedback
-reaches Kd |J|^2 = 1400 N m s/rad. The fastest closed-loop pole is near -11 000 /s with one mode a link and
+reaches Kd (L1 + L2)^2 = 1400 N m s/rad. The fastest closed-loop pole is near -11 000 /s with one mode a link and
 -271 000 /s with four, times lambda. So each stage solves for the velocity with the law's torque taken at the end of
 the stage. The torque is linear in the velocity and acts through two joints: that takes one elimination or factorisation
 of M and a 2 x 2 system, whatever the number of modes.

@@ -69,13 +69,29 @@ _PAPER: dict[str, Any] = {
 # Blocks that need the sensor on link 2 or the strain gauges.
 _OF_THE_LINKS = ("sensor_error", "sensor_error_rate", "modal_coordinates", "modal_rates")
 _ENCODERS = tuple(name for name in DEFAULT_OBSERVATION if name not in _OF_THE_LINKS)
+_GAUGES = ("modal_coordinates", "modal_rates")
+_LATE_TIP = tuple(name for name in DEFAULT_OBSERVATION if name not in _GAUGES)
+
+# The unknown plant: what a controller does not know of the arm, its sensors and its motors. `SquareUnknown-v0` and
+# every comparison on an unknown plant draw it from here.
+UNKNOWN_PLANT: dict[str, Any] = {
+    "randomisation": {
+        "payload_mass": (0.0, 1.0),
+        "stiffness": (0.8, 1.25),
+        "damping": (0.003, 0.02),
+        "delay": (0.0, 0.06),
+        "actuation_delay": (0.0, 0.01),
+    },
+    "noise": 0.003,
+    "encoder_noise": (1e-4, 1e-3),
+}
 
 IDS: dict[str, Id] = {
     "Square-v0": Id(
         _LAP,
         {},
         "Track the square by the motors' torques",
-        "The paper's task with the torques in the agent's hands: nothing is stabilised for it. It knows the "
+        "The paper's task with the torques in the agent's hands: nothing is stabilised. It observes the "
         "joints by encoders, the links' bending by strain gauges, and the tip by a sensor that is late. In the "
         "link's frame the sides of the square are one task; what differs is how the arm is bent when the "
         "reference turns. Each episode draws the side of the elbow, so that an agent meets both laps of the standard "
@@ -86,8 +102,8 @@ IDS: dict[str, Id] = {
         {"action_mode": "residual"},
         "Track the square by torques added to an inner joint-space law",
         "As `FlexArm/Square-v0`, but a spring and a damper in each joint already pull the arm along the reference. "
-        "Alone (action 0) they stay within 2 m of it, for they know nothing of the links' bending and nothing of the "
-        "corner to come. The agent adds what is missing; the torques of both together are limited.",
+        "Alone (action 0) they keep the tip within 2 m of it: their torques depend neither on the links' bending nor "
+        "on the next corner. The agent adds torques; the sum is limited.",
     ),
     "SquareGain-v0": Id(
         _LAP,
@@ -120,6 +136,44 @@ IDS: dict[str, Id] = {
         "As `FlexArm/Square-v0`, without strain gauges and without the sensor on link 2: how far the links bend "
         "must be guessed from what the joints do and from the last eight actions. The reward still judges the "
         "true tip.",
+    ),
+    "SquareUnknown-v0": Id(
+        _LAP,
+        {"observation": _LATE_TIP, "last_actions": 8, **UNKNOWN_PLANT},
+        "Track the square with an arm and sensors that each episode draws anew",
+        "As `FlexArm/Square-v0` without strain gauges, on an unknown plant: payload, stiffness, damping, the delay of "
+        "the sensor on link 2 and that of the motors differ from episode to episode, and all readings are noisy. The "
+        "observation has the last eight actions, which go back further than any reading is late. One policy or "
+        "controller is for the whole box of `randomisation`; what an episode drew is in `env.unwrapped.episode`, never "
+        "in an observation.",
+    ),
+    "SquareDelayEasy-v0": Id(
+        _LAP,
+        {"observation": _LATE_TIP, "last_actions": 4, "delay": 0.031},
+        "Track the square with a sensor on link 2 that is always 31 ms late",
+        "As `FlexArm/Square-v0`, without strain gauges: how the links bend is known late or not at all. The first of "
+        "three tasks to find out what helps against delay. Here it is known and constant, and the last four actions, "
+        "which the latest reading cannot show yet, are in the observation.",
+    ),
+    "SquareDelayMedium-v0": Id(
+        _LAP,
+        {"observation": _LATE_TIP, "last_actions": 8, "randomisation": {"delay": (0.0, 0.06)}},
+        "Track the square with a sensor on link 2 that is 0 to 60 ms late",
+        "As `FlexArm/SquareDelayEasy-v0`, but each episode draws the delay, and a controller has to find it out or to "
+        "do without.",
+    ),
+    "SquareDelayHard-v0": Id(
+        _LAP,
+        {
+            "observation": _LATE_TIP,
+            "last_actions": 16,
+            "randomisation": {"delay": (0.0, 0.12)},
+            "jitter": 0.02,
+            "dropout": 0.1,
+        },
+        "Track the square with a sensor up to 140 ms late that loses readings",
+        "As `FlexArm/SquareDelayMedium-v0`, but the delay is up to twice as long, each reading is up to 20 ms later "
+        "still, and one reading of ten is lost, so that the one before stays.",
     ),
     "Reach-v0": Id(
         _LAP,

@@ -5,14 +5,18 @@ from __future__ import annotations
 from numpy.typing import ArrayLike
 
 from flexarm_env.metrics.corners import corners, directions
-from flexarm_env.metrics.errors import reference
+from flexarm_env.metrics.errors import early_end, reference
 from flexarm_env.metrics.figures import LapFigures
 from flexarm_env.metrics.motion import elbow_changes
 from flexarm_env.metrics.running import BAND, Instants, RunningFigures
-from flexarm_env.metrics.summary import ended_early
 from flexarm_env.simulation.arm import FlexibleArm
 from flexarm_env.simulation.trajectory import Trajectory
 from flexarm_env.validation import shown
+
+
+def ended_early(run: Trajectory) -> bool:
+    """Return whether the run ended by anything but its full time, e.g. at a limit of the state (`notes["ended"]`)."""
+    return early_end(run) is not None
 
 
 def lap_figures(run: Trajectory, torque_limit: ArrayLike | None = None, band: float = BAND) -> LapFigures:
@@ -29,6 +33,11 @@ def lap_figures(run: Trajectory, torque_limit: ArrayLike | None = None, band: fl
     if ended_early(run):
         when = f"{run.notes['ended']}, after {run.time[-1]:.2f} s"
         raise ValueError(f"run: ended early ({when}); the figures of a part compare with no whole lap's")
+    return figures_so_far(run, torque_limit, band)
+
+
+def figures_so_far(run: Trajectory, torque_limit: ArrayLike | None = None, band: float = BAND) -> LapFigures:
+    """Return the figures of a run until its end, early or not; see `lap_figures`."""
     points = reference(run)
     arm = FlexibleArm(run.parameters)
     running = RunningFigures(1, corners(run.time, points), torque_limit, band)

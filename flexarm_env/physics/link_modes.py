@@ -19,12 +19,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
+from math import comb
 
 import numpy as np
 from numpy.polynomial import Polynomial, polynomial
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import brentq
-from scipy.special import jacobi
 
 Array = NDArray[np.float64]
 
@@ -37,6 +36,7 @@ _NODES, _WEIGHTS = 0.5 * (_NODES + 1.0), 0.5 * _WEIGHTS
 @lru_cache
 def clamped_free_roots(count: int) -> tuple[float, ...]:
     """Return the first roots of ``cos(z) cosh(z) + 1 = 0``, z = lambda L [rad] (text below (4))."""
+    from scipy.optimize import brentq  # its import would take much of an environment's start
 
     def scaled(z: float) -> float:
         return float(np.cos(z) + 1.0 / np.cosh(z))  # the characteristic equation over cosh: no overflow
@@ -103,13 +103,13 @@ def _cantilever(length: float, count: int, scale: float) -> tuple[Shapes, Array]
 def _polynomial(length: float, count: int, scale: float) -> tuple[Shapes, Array]:
     """Return the shapes and wavenumbers of the Rayleigh-Ritz modes in the space of x^2 to x^(m+1).
 
-    With xi = x / L, xi^2 times the Jacobi polynomials P_j^(0,4)(2 xi - 1), whose weight is xi^4, are orthogonal.
+    With xi = x / L, xi^2 times the Jacobi polynomials P_j^(0,4)(2 xi - 1), whose weight is xi^4, are orthogonal. Their
+    coefficients are the whole numbers (-1)^(j-k) (j over k) (j + k + 4 over j), Abramowitz & Stegun 22.3.2.
     """
-    to_standard = Polynomial([-1.0, 2.0])
-    basis = [
-        Polynomial([0.0, 0.0, np.sqrt(2.0 * j + 5.0)]) * Polynomial(jacobi(j, 0, 4).coeffs[::-1])(to_standard)
-        for j in range(count)
-    ]
+    basis = []
+    for j in range(count):
+        jacobi = [(-1) ** (j - k) * comb(j, k) * comb(j + k + 4, j) for k in range(j + 1)]
+        basis.append(Polynomial([0.0, 0.0, *(np.sqrt(2.0 * j + 5.0) * np.array(jacobi))]))
     curvature = np.array([p.deriv(2)(_NODES) for p in basis])
     fourth_powers, combinations = np.linalg.eigh(curvature * _WEIGHTS @ curvature.T)  # of lambda L
     powers = np.zeros((count + 2, count))

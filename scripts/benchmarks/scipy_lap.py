@@ -12,11 +12,11 @@ import math
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from flexarm_env import FlexibleArm, LawParameters, ReferencePath
+from flexarm_env.codegen.cache import kept_on_disk
 
 Array = NDArray[np.float64]
 
@@ -44,7 +44,7 @@ def solve(
     k = arm.constants
     one_mode = [x for field in k for x in (field if isinstance(field, tuple) else [field])]
     numbers = (*arm.parameters.link_lengths, law.proportional_gain, law.derivative_gain, *one_mode)
-    rate = _rate if compiled else _rate.py_func
+    rate = _rate if compiled else _plain_rate
     state = arm.internal_state(start)
     for (begin, *corner), (end, *goal) in zip(path.table[:-1], path.table[1:], strict=True):
         if begin >= seconds:
@@ -60,8 +60,7 @@ def solve(
     return arm.public_state(state)
 
 
-@njit(cache=True)  # it calls nothing of ours, so the cache cannot be stale
-def _rate(t: float, state: Array, origin: Array, velocity: Array, numbers: tuple[Any, ...]) -> Array:
+def _plain_rate(t: float, state: Array, origin: Array, velocity: Array, numbers: tuple[Any, ...]) -> Array:
     """d(y, v)/dt while the reference is at ``origin + velocity t``; `numbers`: lengths, gains, `Constants`."""
     L1, L2, Kp, Kd, _, I1, I2, S2, _, _, value, slope, c1, c2, p2, k1, k2, _, _, m1, m2, t2 = numbers
     y, v = state[:4], state[4:]
@@ -91,3 +90,6 @@ def _rate(t: float, state: Array, origin: Array, velocity: Array, numbers: tuple
     )
     right = np.array([shoulder - elbow, -slope * elbow - k1 * y[1], elbow, -k2 * y[3]])
     return np.concatenate((v, np.linalg.solve(M, right)))
+
+
+_rate = kept_on_disk(__file__, "the right-hand side for scipy")(_plain_rate)

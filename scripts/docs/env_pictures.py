@@ -50,6 +50,7 @@ def joint_law(stiffness: tuple[float, float], resistance: tuple[float, float]) -
 
 
 STIFF = joint_law((480.0, 160.0), (28.0, 8.5))
+SOFT = joint_law((60.0, 20.0), (2.0, 0.5))
 
 PICTURES = {
     "Square-v0": Picture(
@@ -78,6 +79,31 @@ PICTURES = {
         STIFF,
         {"start": "moving", "time": 6.0},
         240,
+    ),
+    "SquareUnknown-v0": Picture(
+        "A corner with 0.9 kg of payload, under a soft spring in each joint: stiff ones with dampers set the "
+        "links swinging, since the motors are late.",
+        SOFT,
+        {"start": "moving", "time": 2.0, "parameters": {"payload_mass": 0.9}},
+        260,
+    ),
+    "SquareDelayEasy-v0": Picture(
+        "After a corner: the sensor at the tip shows where the tip was 31 ms ago.",
+        STIFF,
+        {"start": "moving", "time": 2.0},
+        230,
+    ),
+    "SquareDelayMedium-v0": Picture(
+        "The same with a reading of 60 ms ago.",
+        STIFF,
+        {"start": "moving", "time": 2.0, "parameters": {"delay": 0.06}},
+        230,
+    ),
+    "SquareDelayHard-v0": Picture(
+        "The same with a reading of 120 ms ago, and up to 20 ms more.",
+        STIFF,
+        {"start": "moving", "time": 2.0, "parameters": {"delay": 0.12}},
+        230,
     ),
     "Reach-v0": Picture(
         "Half way through the first move, under a stiff spring and damper in each joint: the tip lags behind.",

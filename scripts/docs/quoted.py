@@ -11,14 +11,16 @@ from scripts.common.markdown import span
 
 
 def of_validation(record: dict[str, Any]) -> dict[str, Any]:
-    """Return the figures of docs/validation.md.
+    """Return the figures of the pages that quote the validation (`scripts.docs.validation`).
 
     Args:
         record: content of docs/validation.json.
 
     Returns:
         The quoted figures of each group of checks, by the group's name; `orders`: of the energy's drift by the step;
-        `span`; `engine` takes a pattern, too: `engines("doublet, linear, {} modes, rms", 2, 3)`.
+        `span`; `engine` takes a pattern, too: `engines("doublet, linear, {} modes, rms", 2, 3)`; `checks`: how many;
+        `planned`: distance from the chain under gentle feedback along the plan [mm]; `limits` and `spin`: bends [% of
+        the length] and spins [rad/s] up to which the linear model is right to 10 mm.
     """
     quoted = {name: group["quoted"] for name, group in record["groups"].items()}
     engine = quoted["engine"]
@@ -26,8 +28,22 @@ def of_validation(record: dict[str, Any]) -> dict[str, Any]:
     def engines(pattern: str, *parts: object) -> list[float]:
         return [engine[pattern.format(part)] for part in parts]
 
-    orders = [check["figure"] for check in record["checks"] if "that furthest from 5" in check["name"]]
-    return {**quoted, "engines": engines, "orders": orders, "span": span}
+    def planned(lap: str, model: str) -> str:
+        return f"{quoted['plant'][f'{lap}, plan with gentle feedback, {model}, rms']:.0f}"
+
+    def spin(until: str) -> str:
+        return f"{engine['first clamped'] * engine[f'spin, linear, 2 modes, {until}']:.1f}"
+
+    return {
+        **quoted,
+        "engines": engines,
+        "orders": [check["figure"] for check in record["checks"] if "that furthest from 5" in check["name"]],
+        "limits": engines("limit, linear, 2 modes, {}, 10 mm", "smooth torques", "torques that jump"),
+        "spin": spin,
+        "planned": planned,
+        "checks": len(record["checks"]),
+        "span": span,
+    }
 
 
 def of_reproduction(results: Path) -> dict[str, Any]:

@@ -20,6 +20,7 @@ from scripts.validation.groups import GROUPS
 from scripts.validation.runner import Outcome, table_of_all, table_of_group
 
 PAGES = ("validation.md", "plant.md")
+QUOTING_PAGES = ("model.md", "../README.md")  # quote figures and show no table of the validation
 RECORD = "validation.json"  # what the text's figures are tested against
 PICTURES = Path("figures") / "validation"
 
@@ -85,14 +86,17 @@ def main() -> None:
             (Path(folder) / f"{name}.md").write_text(text)
         for name in PAGES:
             page = options.docs / name
-            page.write_text(quoting(filled(page.read_text(), Path(folder)), of_validation(found)))
+            page.write_text(filled(page.read_text(), Path(folder)))
+    for name in (*PAGES, *QUOTING_PAGES):
+        page = options.docs / name
+        page.write_text(quoting(page.read_text(), of_validation(found)))
     write_json(options.docs / RECORD, found)
     target = options.docs / PICTURES
     target.mkdir(parents=True, exist_ok=True)
     names = [name for group in new for name in group.drawings]
     for name in names:
         shutil.copyfile(options.results / "figures" / f"{name}.png", target / f"{name}.png")
-    print(f"{', '.join((*PAGES, RECORD))} and {len(names)} pictures up to date")
+    print(f"{', '.join((*PAGES, *QUOTING_PAGES, RECORD))} and {len(names)} pictures up to date")
 
 
 if __name__ == "__main__":

@@ -13,8 +13,9 @@ from hypothesis import strategies as st
 from flexarm_agents import Score, Spread, StandardScore, evaluate, score
 from flexarm_agents.constant import ConstantPolicy
 from flexarm_agents.score import rank
-from flexarm_env import run_policy
+from flexarm_env import FlexibleArm, run_policy
 from flexarm_env.laps import LAPS
+from flexarm_env.metrics import figures_so_far, summary, tracking_error, vibration
 
 FIGURES = st.floats(0.0, 100.0)
 
@@ -50,6 +51,32 @@ def test_a_lost_arm_has_no_errors() -> None:
         run = run_policy(env, ConstantPolicy(2), seed=0, lap=name)
         assert found["duration"] == pytest.approx(run.time[-1])
     assert score(run_policy(env, ConstantPolicy(2), seed=0, max_steps=20)).rms is not None
+
+
+@pytest.mark.parametrize("ended", ["truncated", "deflection"])
+def test_a_score_is_of_the_figures_of_the_lap(ended: str) -> None:
+    """One computation serves scores and summaries; an early end leaves out the errors."""
+    random, time = np.random.default_rng(0), 0.01 * np.arange(400)
+    arm = FlexibleArm()
+    run = arm.record(
+        time,
+        0.1 * random.normal(size=(400, 2 * arm.size)),
+        random.normal(size=(400, 2)),
+        reference=random.normal(size=(400, 2)),
+        reward=random.normal(size=400),
+        notes={"ended": ended},
+    )
+    found, figures = score(run), figures_so_far(run)
+    errors = [figures.rms, figures.maximum, figures.rms_after_2s, figures.maximum_after_2s]
+    assert found[2:6] == (tuple(errors) if ended == "truncated" else (None,) * 4)
+    assert found.torque_change == figures.torque_change_after_2s
+    assert found.peak_deflection == figures.peak_deflection
+    assert found.peak_torque == figures.peak_torque
+    told = summary(run)
+    if ended == "truncated":
+        assert [told["true_tip_rms"], told["true_tip_max"]] == errors[:2]
+        assert told["vibration"] == pytest.approx(vibration(run), rel=1e-12)
+        assert told["true_tip_rms"] == pytest.approx(tracking_error(run).rms, rel=1e-12)
 
 
 @given(st.lists(FIGURES, min_size=1))

@@ -74,13 +74,6 @@ def test_delays_are_the_papers() -> None:
     assert loop(position=0.5).ratio == pytest.approx(0.1, rel=1e-15)
 
 
-@pytest.mark.parametrize(("modes", "pole"), [(1, -11_000.0), (2, -31_500.0), (4, -271_000.0)])
-def test_fastest_pole_is_the_one_that_the_model_states(modes: int, pole: float) -> None:
-    """docs/model.md."""
-    arm = FlexibleArm(ArmParameters.paper(modes_per_link=modes))
-    assert loop(arm=arm).undelayed_poles().real.min() == pytest.approx(pole, rel=0.01)
-
-
 def test_every_corner_and_both_branches_have_the_same_margins() -> None:
     """They hang on the distance from the shoulder alone."""
     margins = [

@@ -26,7 +26,7 @@ from flexarm_baselines.optimal import (
     plan_lap,
     usual_starts,
 )
-from flexarm_baselines.optimal.kernels import torque_gradient
+from flexarm_baselines.optimal.adjoint import torque_gradient
 from flexarm_baselines.optimal.solver import dynamics_curvature, rollout
 from flexarm_env import ArmParameters, FlexibleArm, SquareParameters
 from flexarm_env.simulation.feedback import Rollout

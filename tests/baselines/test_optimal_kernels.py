@@ -7,6 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from flexarm_baselines.optimal import kernels
+from flexarm_baselines.optimal.adjoint import torque_gradient
+from flexarm_baselines.optimal.sweep import CostToGo, Model, sweep
 
 N, SIZE = 6, 4
 FREE = np.full(2, np.inf)
@@ -65,9 +67,8 @@ class Linear(NamedTuple):
 
 
 def swept(problem: Linear, limits: np.ndarray = FREE) -> tuple[np.ndarray, np.ndarray, tuple[float, float]]:
-    forward, gains = np.zeros((N, 2)), np.zeros((N, 2, SIZE + 2))
-    expected = kernels.backward(*problem, limits, np.zeros(2), forward, gains)
-    return forward, gains, expected
+    found = sweep(Model(**problem._asdict()), limits)
+    return found.forward, found.gains, found.expected
 
 
 def applied(problem: Linear, forward: np.ndarray, gains: np.ndarray) -> np.ndarray:
@@ -88,6 +89,21 @@ def test_a_sweep_solves_the_linear_quadratic_problem(seed: int) -> None:
     exact = -np.linalg.solve(hessian, gradient).reshape(N, 2)
     forward, gains, _ = swept(problem)
     np.testing.assert_allclose(applied(problem, forward, gains), exact, rtol=1e-6, atol=1e-7)
+
+
+def test_a_sweep_over_the_first_half_meets_the_cost_to_go_of_the_second() -> None:
+    """Bellman's principle: with what follows as a cost beyond the end, half a run has the whole run's steps."""
+    whole, half = sweep(Model(**Linear.drawn(3)._asdict())), N // 2
+    beyond = CostToGo(*(table[half] for table in whole.cost_to_go))
+    own = {name: table[:half] for name, table in Linear.drawn(3)._asdict().items() if name != "weights"}
+    own["torques"] = Linear.drawn(3).torques[: half + 1]
+    for name in ("gradient", "hessian"):  # that of the instant where the halves meet is in what follows
+        own[name] = np.concatenate([own[name], np.zeros_like(own[name][:1])])
+    found = sweep(Model(weights=Linear.drawn(3).weights, **own), beyond=beyond)
+    np.testing.assert_allclose(found.forward, whole.forward[:half])
+    np.testing.assert_allclose(found.gains, whole.gains[:half])
+    for one, other in zip(found.cost_to_go, whole.cost_to_go, strict=True):
+        np.testing.assert_allclose(one, other[: half + 1], atol=1e-9)
 
 
 def test_it_expects_the_decrease_that_comes() -> None:
@@ -135,7 +151,7 @@ def test_the_gradient_is_a_difference_with_and_without_feedback(seed: int) -> No
     for feedback in (np.zeros_like(gains), gains):
         found = np.zeros((N, 2))
         arguments = (problem.by_state, problem.by_torque, problem.gradient, problem.weights, problem.torques)
-        kernels.torque_gradient(*arguments, feedback, found, np.zeros((N, SIZE)))
+        torque_gradient(*arguments, feedback, found, np.zeros((N, SIZE)))
         unit = 1e-4 * np.eye(2 * N).reshape(2 * N, N, 2)
         ends = [[problem.cost(applied(problem, sign * e, feedback)) for e in unit] for sign in (1.0, -1.0)]
         exact = (np.array(ends[0]) - ends[1]).reshape(N, 2) / 2e-4

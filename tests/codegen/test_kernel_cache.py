@@ -6,6 +6,7 @@ import hashlib
 import inspect
 import logging
 import os
+import runpy
 import signal
 import subprocess
 import sys
@@ -75,6 +76,40 @@ def test_what_one_process_compiles_the_next_one_loads_and_only_the_first_says_so
     assert cache.is_kept(sys.modules[NAME].successor)
     assert run(load())
     assert len(warnings_of(caplog)) == 1
+
+
+FILE = """
+from flexarm_env.codegen.cache import kept_on_disk
+
+compiled = kept_on_disk(__file__, "tiny functions")
+
+@compiled
+def successor(x):
+    return x + 1.0
+
+@compiled
+def after_next(x):
+    return successor(successor(x))
+"""
+
+
+def test_functions_of_a_file_are_kept_until_the_file_is_edited(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Not numba's cache, which knows no trust in folders and no damage."""
+
+    def after_next(text: str) -> tuple[float, int]:
+        """Return the result, and how often the code came from disk, as a process does that has just started."""
+        (tmp_path / "tiny_file.py").write_text(text)
+        names = runpy.run_path(str(tmp_path / "tiny_file.py"))
+        return names["after_next"](1.0), sum(names["after_next"].stats.cache_hits.values())
+
+    assert after_next(FILE) == (3.0, 0)
+    assert warnings_of(caplog) == ["compiling kernels, once: tiny functions"]
+    assert after_next(FILE) == (3.0, 1)
+    assert after_next(FILE.replace("x + 1.0", "x + 2.0")) == (5.0, 0)
+    assert len(files(folder)) == 4
+    assert not list(tmp_path.rglob("*.nbi"))
 
 
 DAMAGES: dict[str, Callable[[bytes], bytes]] = {

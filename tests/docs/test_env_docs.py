@@ -18,9 +18,9 @@ from flexarm_env import FlexibleArm
 from flexarm_env.actions import MODES, modes_reading
 from flexarm_env.envs import documentation
 from flexarm_env.envs.batch import START_CODES
+from flexarm_env.envs.blocks import BLOCKS
 from flexarm_env.envs.choices import STARTS
 from flexarm_env.envs.info import KEYS
-from flexarm_env.envs.observation import BLOCKS
 from flexarm_env.envs.registration import IDS
 from flexarm_env.envs.reset_options import OPTIONS
 from flexarm_env.envs.settings import Settings

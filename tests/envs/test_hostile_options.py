@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 from flexarm_env import ArmParameters, FlexibleArm, LawParameters, SensorParameters, SquareParameters
 from flexarm_env.actions import MODES
 from flexarm_env.allowed import Flag, Integer, Number, OneOf, Optional, Pair
-from flexarm_env.envs.observation import BLOCKS
+from flexarm_env.envs.blocks import BLOCKS
 from flexarm_env.envs.settings import Settings
 from flexarm_env.envs.single import FlexArmEnv
 from flexarm_env.episode.reward import TERMS

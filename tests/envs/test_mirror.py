@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from flexarm_env.actions import MODES
+from flexarm_env.envs.blocks import BLOCKS, SCALAR
 from flexarm_env.envs.choices import SECOND_SENSOR_BLOCKS
-from flexarm_env.envs.observation import BLOCKS, SCALAR
 from tests.support.envs import SQUARE, WAYPOINTS, Array, bare, vector
 from tests.support.mirror import mirrored_options
 from tests.support.plain import PlainEnvironment

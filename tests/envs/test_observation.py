@@ -82,11 +82,8 @@ def test_blocks_hold_what_they_say(env_id: str, frame: str, scaled: bool) -> Non
     path, now = square(SquareParameters()), run.times + 1e-9  # at a corner the side that begins there
     aim, soon = rigid_angles(run, path, now), rigid_angles(run, path, now + 1e-5)
     position = path.position(now)
-    lap = 2.0 * np.pi * run.times / 16.0
-    none = np.zeros((2, run.actions.shape[1])) - (1.0 if env_id in (GAIN, PAPER) else 0.0)
-    past = np.vstack([none[:1], none, run.actions])
+    past = np.pad(run.actions, ((3, 0), (0, 0)), constant_values=-1.0 if env_id in (GAIN, PAPER) else 0.0)
     ahead = [in_frame(run, path.position(now + horizon) - position) for horizon in (0.05, 0.33, 15.9)]
-    gain = 0.5 * (run.actions + 1.0) if env_id in (GAIN, PAPER) else np.zeros((STEPS, 1))
     expected = {
         "joint_angles": theta,
         "elbow_direction": np.stack([np.cos(theta[:, 1]), np.sin(theta[:, 1])], axis=1),
@@ -101,8 +98,9 @@ def test_blocks_hold_what_they_say(env_id: str, frame: str, scaled: bool) -> Non
         "reference_velocity": in_frame(run, path.velocity(now)),
         "previews": np.hstack(ahead),
         "last_actions": np.hstack([past[2 - n : len(past) - n] for n in range(3)])[: STEPS + 1],
-        "lap_phase": np.stack([np.cos(lap), np.sin(lap)], axis=1),
-        "inner_gain": np.vstack([[[0.0]], gain[:, :1]]),
+        "lap_phase": np.stack([f(2.0 * np.pi * run.times / 16.0) for f in (np.cos, np.sin)], axis=1),
+        "inner_gain": np.pad(0.5 * (run.actions[:, :1] + 1.0) * (env_id in (GAIN, PAPER)), ((1, 0), (0, 0))),
+        "state": run.states,
     }
     for name, values in expected.items():
         atol = 1e-6 * max(1.0, np.abs(values).max())  # float32, and now's 1 ns at 3 m/s
@@ -340,5 +338,13 @@ def test_noise_has_the_size_it_says() -> None:
     change = -np.diff(sensor, axis=0) / 0.01
     np.testing.assert_allclose(block(noisy, difference, "sensor_error_rate")[1:], change, atol=1e-3)
     np.testing.assert_allclose(block(noisy, difference, "joint_error"), -joint, atol=1e-6)
-    for name in ("modal_coordinates", "modal_rates", "reference_position", "lap_phase", "previews", "last_actions"):
+    for name in (
+        "state",
+        "modal_coordinates",
+        "modal_rates",
+        "reference_position",
+        "lap_phase",
+        "previews",
+        "last_actions",
+    ):
         assert not block(noisy, difference, name).any()

@@ -127,14 +127,14 @@ def test_evaluate_scores_what_there_is(flexarm: Shell) -> None:
     result = flexarm("evaluate")
     assert result.returncode == 0, result.stderr
     rows = result.stdout.splitlines()[3:-1]
-    names = ["square", "IFDC", "FLSAC", "no torque", "random torque"]
+    names = ["square", "ifdc", "flsac", "no torque", "random torque"]
     found = [(name, lap) for row in rows for name in names for lap in LAPS if re.match(rf"{name} .* {lap} ", row)]
     assert found == [(name, lap) for name in names for lap in LAPS]
     assert all("ENDED at " in row and not re.search(r"\d\.\d{3}", row) for row in rows[6:])
     assert {line.partition(":")[0] for line in result.stderr.splitlines()} == set(names)
     laps = {one["name"]: one["laps"][0] for one in flexarm.evaluation()["results"]}
-    assert laps["IFDC"]["swing"]["complete"]
-    assert laps["IFDC"]["swing"]["rms"] == pytest.approx(0.848, abs=5e-3)
+    assert laps["ifdc"]["swing"]["complete"]
+    assert laps["ifdc"]["swing"]["rms"] == pytest.approx(0.848, abs=5e-3)
     assert not laps["no torque"]["plain"]["complete"]
     assert laps["no torque"]["plain"]["rms_after_2s"] is None
 

@@ -15,7 +15,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flexarm_env import ArmParameters
 from scripts.validation import __main__ as validate
 from tests.support.programs import ROOT, refusal, run_study
 
@@ -307,29 +306,3 @@ def test_the_record_of_a_group_agrees_with_a_new_run(links: tuple[Path, str]) ->
 @pytest.mark.slow
 def test_the_record_agrees_with_a_new_run(short: tuple[Path, str]) -> None:
     assert_agrees_with_the_record(short, NAMES)
-
-
-@pytest.mark.parametrize("where", ["docs/model.md", "ArmParameters"])
-def test_the_model_s_limits_are_told_as_recorded(where: str) -> None:
-    """How many modes, and up to which deflection and spin: in the page on the model, and where a user sets them."""
-    found = ArmParameters.__doc__ if where == "ArmParameters" else (ROOT / where).read_text()
-    text = " ".join(str(found).split())
-    arm, engine = (record()["groups"][name]["quoted"] for name in ("arm", "engine"))
-    one, two = (f"free, {m} cantilever" for m in (1, 2))
-    kinds = ("smooth torques", "torques that jump")
-    bend = min(engine[f"limit, linear, 2 modes, {kind}, 10 mm"] for kind in kinds)
-    spins = {
-        name: engine["first clamped"] * engine[f"spin, linear, 2 modes, {name}"]
-        for name in ("bent by 5 %, 10 mm", "hardly bent, 10 mm", "unstable from")
-    }
-    assert arm[f"bare, {two}, first two"] < 1.0
-    assert engine["reference, largest"] > spins["bent by 5 %, 10 mm"]
-    for words in (
-        f"{arm[f'bare, {one}, least']:.0f} to {arm[f'bare, {one}, first two']:.0f} % too high",
-        f"{arm[f'any load, {one}, first two']:.0f} %",
-        f"{arm[f'any load, {two}, first two']:.0f} %",
-        f"less than {bend:.0f} %",
-        *(f"{spin:.1f} rad/s" for spin in spins.values()),
-    ):
-        assert words in text, f"not in {where}: {words}"
-    assert f"up to {engine['reference, largest']:.1f} rad/s" in text or where == "ArmParameters"

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexarm_env.actions import MODES
+from flexarm_env.envs.blocks import BLOCKS
 from flexarm_env.envs.choices import DEFAULT_OBSERVATION, SECOND_SENSOR_BLOCKS
 from flexarm_env.envs.info import TERM
-from flexarm_env.envs.observation import BLOCKS
 from flexarm_env.envs.single import FlexArmEnv
 from flexarm_env.envs.vector import FlexArmVectorEnv
 from flexarm_env.episode.reward import TERMS
@@ -118,14 +118,22 @@ _BY_ID: dict[str, list[dict[str, Any]]] = {
         {"sensor": "true", "gain_limit": 0.2, "side": 8.0, "lap_time": 8.0, "physics_step": 1e-4},
     ],
 }
+# Ids that are `Square-v0` with options that are varied there; their own choice is tried as it is.
+_CHOICES = ("SquareUnknown", "SquareDelayEasy", "SquareDelayMedium", "SquareDelayHard")
 _NOT_OF_MOVES = ("start_corner", "direction")  # without effect there
+
+
+def _options_of(name: str) -> list[dict[str, Any]]:
+    return [{}] if name in _CHOICES else _COMMON + _BY_ID[name]
+
+
 CASES = [
     (
         env_id,
         {name: value for name, value in options.items() if env_id != "FlexArm/Reach-v0" or name not in _NOT_OF_MOVES},
     )
     for env_id in IDS
-    for options in _COMMON + _BY_ID[env_id[len("FlexArm/") : -len("-v0")]]
+    for options in _options_of(env_id[len("FlexArm/") : -len("-v0")])
 ]
 CASE_NAMES = [f"{env_id[8:]}-{'-'.join(options) or 'defaults'}"[:80] for env_id, options in CASES]
 

@@ -35,6 +35,9 @@ class Plant(Protocol):
     def bend(self) -> Bend:
         """Its links now."""
 
+    def end(self) -> Array:
+        """Position of the tip and its velocity [m, m/s]. Shape (4,)."""
+
 
 class EngineChain(Chain):
     """The chain, undamped unless its arm is damped.
@@ -60,6 +63,7 @@ class EngineChain(Chain):
         self.substeps = int(np.ceil(HELD * frequencies(model)[-1] / angle))
         model.opt.timestep = HELD / self.substeps
         super().__init__(model, arm)
+        self._end = self.point_weights(2, arm.link_lengths[1])
 
     def advance(self, torque: Array, periods: int = 1) -> Array:
         """See `Plant.advance`."""
@@ -68,6 +72,10 @@ class EngineChain(Chain):
             self.step(torque, self.substeps)
             tip[:] = self.tip()
         return tips
+
+    def end(self) -> Array:
+        """See `Plant.end`."""
+        return self.point(self._end)
 
 
 class Modal:
@@ -110,3 +118,8 @@ class Modal:
             for x in (y, v)
         ]
         return Bend(y[[0, m + 1]], v[[0, m + 1]], *deflections)
+
+    def end(self) -> Array:
+        """See `Plant.end`."""
+        length = self.arm.parameters.link_lengths[1]
+        return np.concatenate([self.arm.tip(self.state[: self.arm.size]), self.arm.velocity(self.state, 2, length)])

@@ -1,15 +1,18 @@
 """Controllers that close their loop on any arm: the shipped agent, and regulators along an optimal plan.
 
 Each of them sees the arm through the model that it was made with: encoders read the arm itself, and strain gauges that
-part of its bending which the model's own shapes can express (`flexarm_env.chain.gauges`).
+part of its bending which the model's own shapes can express (`flexarm_env.chain.gauges`). An agent sees it through the
+drivers of its own environment.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import cache
+from itertools import count
 from typing import NamedTuple, Protocol
 
+import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
@@ -17,11 +20,11 @@ from flexarm_agents import Trained
 from flexarm_baselines.optimal import GOOD, Plan, PlanRegulator, RegulatorWeights, plan_lap
 from flexarm_env import ArmParameters, FlexibleArm, SquareParameters, inverse_kinematics, square
 from flexarm_env.chain.gauges import Gauges
-from flexarm_env.envs.single import FlexArmEnv
 from flexarm_env.laps import LAPS
+from flexarm_env.predictor import predictor
 from scripts.validation.engine.chain import EngineChain, Modal, Plant
-from scripts.validation.engine.observer import Observer
 from scripts.validation.engine.programmes import HELD
+from scripts.validation.plant.hosted import HostedEnv
 
 Array = NDArray[np.float64]
 PERIODS = 10  # `HELD` in a control period of 100 Hz
@@ -45,11 +48,23 @@ class Lap(NamedTuple):
     states: list[Array]
 
 
-class Controller(Protocol):
-    """Gives the torque of each control period."""
+class Period(NamedTuple):
+    """A control period.
 
-    def begin(self) -> Callable[[Plant, Array], Array]:
-        """Return a fresh one: a function of the arm and where its tip was since the last call [N m]. Shape (2,)."""
+    Attributes:
+        torque: that acted [N m]. Shape (2,).
+        tip: after each `HELD` of it [m]. Shape (n, 2).
+    """
+
+    torque: Array
+    tip: Array
+
+
+class Controller(Protocol):
+    """Drives an arm."""
+
+    def begin(self, plant: Plant) -> Callable[[], Period]:
+        """Take an arm at rest on the first corner; return a function that does the next control period."""
 
 
 def run_lap(controller: Controller, plant: Plant, seconds: float, models: Sequence[FlexibleArm] = ()) -> Lap:
@@ -61,40 +76,43 @@ def run_lap(controller: Controller, plant: Plant, seconds: float, models: Sequen
         seconds: length of the run [s].
         models: whose states are read off the arm.
     """
-    torque_of, gauges = controller.begin(), [Gauges(arm) for arm in models]
+    gauges = [Gauges(arm) for arm in models]
     tips, torques = [plant.look().tip[None]], []
     states: list[list[Array]] = [[] for _ in models]
+    next_period = controller.begin(plant)
     for _ in range(round(seconds / (HELD * PERIODS))):
         for gauge, rows in zip(gauges, states, strict=True):
             rows.append(gauge.state(plant.bend()))
-        torques.append(torque_of(plant, tips[-1]))
-        tips.append(plant.advance(torques[-1], PERIODS))
+        torque, tip = next_period()
+        torques.append(torque)
+        tips.append(tip)
     return Lap(np.concatenate(tips), np.array(torques), [np.array(rows) for rows in states])
 
 
 class Agent:
-    """A trained agent, with the observations of the environment that it was trained on."""
+    """A trained agent, in the environment that it was trained on."""
 
     def __init__(self, trained: Trained, lap: str) -> None:
         """Make it for a lap."""
-        self._policy, self._branch = trained.policy, LAPS[lap].elbow_branch
-        env = trained.make_env(elbow_branch=self._branch).unwrapped
-        assert isinstance(env, FlexArmEnv)
-        self._env = env
+        self._trained, self._lap = trained, lap
 
-    def begin(self) -> Callable[[Plant, Array], Array]:
+    def begin(self, plant: Plant) -> Callable[[], Period]:
         """See `Controller`."""
-        observer, limit = Observer(self._env), np.array(self._env.settings.action_limit)
-        action = np.zeros(2)
+        id_options = gymnasium.spec(self._trained.environment).kwargs
+        env = HostedEnv(plant, **(id_options | self._trained.options))
+        limit = np.array(env.settings.action_limit)
+        predict = predictor(self._trained.policy, deterministic=True)
+        seen, _ = env.reset(seed=0, options=LAPS[self._lap].reset_options(env.settings.direction))
+        memory, start = None, np.ones(1, dtype=bool)
 
-        def torque(plant: Plant, tips: Array) -> Array:
-            nonlocal action
-            observer.note(tips)
-            seen = observer.look(plant, action)
-            action = np.clip(self._policy.predict(seen, None, np.ones(1, dtype=bool), True)[0], -1.0, 1.0)
-            return action * limit
+        def do_period() -> Period:
+            nonlocal seen, memory, start
+            action, memory = predict(seen, memory, start)
+            start = np.zeros(1, dtype=bool)
+            seen = env.step(action)[0]
+            return Period(np.clip(action, -1.0, 1.0) * limit, env.host.taken())
 
-        return torque
+        return do_period
 
 
 class Regulator:
@@ -105,17 +123,15 @@ class Regulator:
         self._regulator = PlanRegulator(_plan(arm, lap), weights)
         self._gauges = Gauges(self._regulator.plan.arm)
 
-    def begin(self) -> Callable[[Plant, Array], Array]:
+    def begin(self, plant: Plant) -> Callable[[], Period]:
         """See `Controller`."""
-        period = 0
+        times = (n * HELD * PERIODS for n in count())
 
-        def torque(plant: Plant, tips: Array) -> Array:
-            nonlocal period
-            period += 1
-            time = (period - 1) * HELD * PERIODS
-            return np.asarray(self._regulator.torque(time, self._gauges.state(plant.bend())))
+        def do_period() -> Period:
+            torque = self._regulator.torque(next(times), self._gauges.state(plant.bend()))
+            return Period(torque, plant.advance(torque, PERIODS))
 
-        return torque
+        return do_period
 
 
 @cache

@@ -1,0 +1,118 @@
+"""Controllers by name: what each is, which options of an environment it needs, and where it comes from.
+
+A new controller is a class with `options` and `for_env` (docs/controllers.md) and an entry here. What it reads follows
+from the observation that its options select (`flexarm_env.envs.observation.readings_of`) and from `knows`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, ClassVar, Protocol
+
+from flexarm_baselines.flsac import FLSAC
+from flexarm_baselines.ifdc import IFDC
+from flexarm_baselines.lqg import LQG, GaugedLQG
+from flexarm_baselines.plan_follower import PlanFollower
+from flexarm_baselines.policy import Policy
+from flexarm_env.validation import choice
+
+
+class Kind(Protocol):
+    """A class of controllers.
+
+    Attributes:
+        knows: what it is told beside the observation; see `controller.TorqueController`.
+    """
+
+    knows: ClassVar[tuple[str, ...]]
+
+    @classmethod
+    def options(cls) -> dict[str, Any]:
+        """Return the options with which an environment gives the controller what it reads."""
+
+    @classmethod
+    def for_env(cls, env: Any) -> Policy:
+        """Make the controller for an environment, single or vector."""
+
+
+@dataclass(frozen=True)
+class Controller:
+    """An entry of the registry.
+
+    Attributes:
+        kind: class of the controller.
+        text: description in one line.
+        source: publication that it follows.
+        design: keyword arguments of `for_env`.
+    """
+
+    kind: type[Kind]
+    text: str
+    source: str
+    design: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """Options that an environment needs for it."""
+        return self.kind.options()
+
+    def make(self, env: Any, **design: Any) -> Policy:
+        """Make the controller for an environment, single or vector, that was made with `options`.
+
+        Args:
+            env: a FlexArm environment.
+            **design: keyword arguments of `for_env`, in the place of the entry's own.
+        """
+        return self.kind.for_env(env, **{**self.design, **design})
+
+
+ANDERSON_MOORE = "Anderson & Moore, Optimal Control: Linear Quadratic Methods, 1990"
+GREEN_SASIADEK = "Green & Sasiadek, IFAC World Congress 2008"
+
+CONTROLLERS: dict[str, Controller] = {
+    "ifdc": Controller(IFDC, "the paper's Jacobian-transpose law with a constant gain of 1", GREEN_SASIADEK),
+    "flsac": Controller(FLSAC, "the paper's law with a fuzzy gain from the links' deflections", GREEN_SASIADEK),
+    "plan_lqr": Controller(
+        PlanFollower,
+        "the best plan known with time-varying LQR of the true state: privileged, a yardstick",
+        f"{ANDERSON_MOORE}, chapter 3",
+    ),
+    "lqg": Controller(
+        LQG,
+        "the best plan known with time-varying LQR of what a Kalman filter makes of encoders and the late tip",
+        f"{ANDERSON_MOORE}, chapter 8",
+    ),
+    "lqg_gauges": Controller(
+        GaugedLQG, "the same, whose filter reads strain gauges, too", f"{ANDERSON_MOORE}, chapter 8"
+    ),
+}
+
+
+def controller_names() -> tuple[str, ...]:
+    """Return the names of all controllers."""
+    return tuple(CONTROLLERS)
+
+
+def controller(name: str) -> Controller:
+    """Return the entry of a controller.
+
+    Raises:
+        ValueError: for another name.
+    """
+    return CONTROLLERS[choice("name", name, controller_names())]
+
+
+def make_controller(name: str, env: Any, **design: Any) -> Policy:
+    """Make a controller by its name, for an environment that was made with `controller(name).options`.
+
+    Args:
+        name: a name of `controller_names`.
+        env: a FlexArm environment, single or vector.
+        **design: what its class's `for_env` takes beside the environment.
+
+    Raises:
+        TypeError: if it is no FlexArm environment.
+        ValueError: for another name, or an environment that does not give what the controller reads.
+    """
+    return controller(name).make(env, **design)

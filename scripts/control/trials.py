@@ -1,0 +1,93 @@
+"""What a table's row is made from: a controller of the registry with its design, on both standard laps."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+from flexarm_agents.contenders import ENVIRONMENT, from_controller
+from flexarm_agents.score import StandardScore, evaluate
+from scripts.common.worker_pool import worker_pool
+
+ERRORS = ("swing lap r.m.s. [m]", "after 2 s [m]", "plain lap r.m.s. [m]", "after 2 s [m]")
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A controller on both laps.
+
+    Attributes:
+        controller: its name in the registry.
+        design: keyword arguments of its `for_env`.
+        options: options of the environment, beside those that the controller needs.
+        environment: id.
+        seed: of what is random in the environment.
+    """
+
+    controller: str
+    design: Mapping[str, Any] = field(default_factory=dict)
+    options: Mapping[str, Any] = field(default_factory=dict)
+    environment: str = ENVIRONMENT
+    seed: int = 0
+
+    def score(self) -> StandardScore:
+        """Run both laps."""
+        contender = from_controller(self.controller, self.environment, self.options, **self.design)
+        try:
+            return evaluate(contender.env, contender.policy, self.seed)
+        finally:
+            contender.env.close()
+
+
+Trials = dict[str, Trial]  # by a label
+Scores = dict[str, StandardScore]
+
+
+class Study(NamedTuple):
+    """A table with what it is made from.
+
+    Attributes:
+        text: what it shows, in one line.
+        trials: returns what is run; with True, a few for a trial of the script.
+        table: writes the table, Markdown, of the trials' scores.
+        page: of docs/ that shows it.
+    """
+
+    text: str
+    trials: Callable[[bool], Trials]
+    table: Callable[[Scores], str]
+    page: str = "controllers.md"
+
+
+def scores_of(trials: Trials, jobs: int, tick: Callable[[str], object]) -> Scores:
+    """Score trials, in their order.
+
+    Args:
+        trials: by label.
+        jobs: processes; 1: this one.
+        tick: called with the label of each that is done.
+    """
+    found: Scores = {}
+    if jobs == 1:
+        for label, trial in trials.items():
+            found[label] = trial.score()
+            tick(label)
+        return found
+    with worker_pool(jobs) as pool:
+        futures = {label: pool.submit(Trial.score, trial) for label, trial in trials.items()}
+        for label, future in futures.items():
+            found[label] = future.result()
+            tick(label)
+    return found
+
+
+def errors(score: StandardScore) -> list[str]:
+    """Write the cells of `ERRORS`; a lap that ended early has the time of its end in place of its errors."""
+    cells = []
+    for lap in (score.swing, score.plain):
+        if lap.rms is None or lap.rms_after_2s is None:
+            cells += [f"lost at {lap.duration:.1f} s", ""]
+        else:
+            cells += [f"{lap.rms:.3f}", f"{lap.rms_after_2s:.3f}"]
+    return cells

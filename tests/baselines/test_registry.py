@@ -1,0 +1,104 @@
+"""Controllers by name: what they need and read, and that none reads more than it declares."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import gymnasium
+import pytest
+
+from flexarm_agents.contenders import Contender, from_controller
+from flexarm_baselines.policy import GainPolicy
+from flexarm_baselines.registry import CONTROLLERS, controller, controller_names, make_controller
+from flexarm_env.envs.blocks import BLOCKS, PRIVILEGED, READINGS, TRUE_STATE
+from flexarm_env.envs.observation import readings_of
+from flexarm_env.envs.registration import IDS
+from flexarm_env.envs.settings import Settings
+
+ID = "flexarm_env:FlexArm/Square-v0"
+PUBLISHED = {"settings", "observation_blocks", "observation_scale", "gain_limit", "arm"}  # the same in every episode
+PUBLISHED |= {"action_space", "single_action_space", "observation_space", "single_observation_space"}
+
+
+class Door:
+    """An environment of which a controller may see what it publishes, while it is made, and nothing afterwards."""
+
+    def __init__(self, env: gymnasium.Env[Any, Any]) -> None:
+        self._env, self._open = env.unwrapped, True
+
+    def close_door(self) -> None:
+        self._open = False
+
+    @property
+    def unwrapped(self) -> Door:
+        return self
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("__"):
+            raise AttributeError(name)
+        assert self._open, f"{name} was read after the controller was made"
+        assert name in PUBLISHED, f"{name} is nothing that a controller may read"
+        return getattr(self._env, name, None) if name.startswith("single_") else getattr(self._env, name)
+
+
+@pytest.mark.parametrize("name", controller_names())
+def test_a_controller_sees_published_numbers_and_its_observation(name: str) -> None:
+    env = gymnasium.make(ID, **controller(name).options)
+    door = Door(env)
+    policy = make_controller(name, door)
+    door.close_door()
+    observation, _ = env.reset(seed=0, options={"start": "corner", "elbow_branch": "negative"})
+    state = None
+    for _ in range(3):
+        action, state = policy.predict(observation, state)
+        assert env.action_space.contains(action)
+        observation, *_ = env.step(action)
+
+
+@pytest.mark.parametrize("name", controller_names())
+def test_the_true_state_has_one_door(name: str) -> None:
+    """By the block that is declared privileged; whoever is to pass it is named here."""
+    settings = Settings.of(controller(name).options)
+    assert (TRUE_STATE in readings_of(settings)) == (name == "plan_lqr")
+    assert set(CONTROLLERS[name].kind.knows) <= set(READINGS) - set(PRIVILEGED)
+    assert {block for block, one in BLOCKS.items() if one.reads in PRIVILEGED} == {"state"}
+
+
+def test_what_blocks_and_laws_read() -> None:
+    def reads(**options: Any) -> tuple[str, ...]:
+        return readings_of(Settings.of(options))
+
+    assert reads() == ("encoders", "late tip", "strain gauges", "preview")
+    assert reads(observation=("reference_position", "lap_phase"), frame="world") == ()
+    assert reads(observation=("reference_position",), frame="link") == ("encoders",)
+    assert reads(observation=("lap_phase",), frame="world", action_mode="residual") == ("encoders",)
+    assert readings_of(Settings.of(IDS["Paper-v0"].options)) == ("encoders", "late tip", "strain gauges")
+    assert reads(observation=("state",), frame="world") == ("true state",)
+
+
+def test_a_contender_reads_what_it_observes_and_is_told() -> None:
+    one = from_controller("plan_lqr", "Square-v0", {})
+    assert one.reads == ("preview", "plant parameters", "true state")
+    assert one.privileged
+    other = from_controller("flsac", "Square-v0", {})
+    assert other.reads == ("encoders", "strain gauges")  # the law under the gain has the encoders
+    assert not other.privileged
+    boaster = Contender("mine", type("Mine", (), {"knows": ("everything",)})(), other.env, other.environment, {})
+    with pytest.raises(ValueError, match=r"policy mine: knows = \('everything',\): must be names of encoders, "):
+        boaster.reads  # noqa: B018
+
+
+def test_gain_policies_get_the_id_of_gains() -> None:
+    assert GainPolicy.options() == IDS["SquareGain-v0"].options
+
+
+def test_an_unknown_name() -> None:
+    with pytest.raises(ValueError, match=r"name = 'lqq'.*'ifdc'"):
+        controller("lqq")
+
+
+def test_entries_are_described() -> None:
+    for name, one in CONTROLLERS.items():
+        assert one.text, name
+        assert one.source, name
+        assert "\n" not in one.text
