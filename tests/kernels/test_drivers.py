@@ -27,6 +27,7 @@ from flexarm_env.kernels import (
     law,
     layout,
     loop,
+    output_jacobians,
     period,
     reference,
     states,
