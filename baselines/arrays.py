@@ -10,4 +10,5 @@ import numpy.typing as npt
 Array = npt.NDArray[Any]
 Floats = npt.NDArray[np.float64]
 Float32s = npt.NDArray[np.float32]
+Bools = npt.NDArray[np.bool_]
 Integers = npt.NDArray[np.int64]

@@ -12,6 +12,7 @@ from typing import Any, ClassVar, Protocol
 
 from flexarm_baselines.flsac import FLSAC
 from flexarm_baselines.ifdc import IFDC
+from flexarm_baselines.lqg import LQG, GaugedLQG
 from flexarm_baselines.plan_follower import PlanFollower
 from flexarm_baselines.policy import Policy
 from flexarm_env.validation import choice
@@ -66,6 +67,7 @@ class Controller:
         return self.kind.for_env(env, **{**self.design, **design})
 
 
+ANDERSON_MOORE = "Anderson & Moore, Optimal Control: Linear Quadratic Methods, 1990"
 GREEN_SASIADEK = "Green & Sasiadek, IFAC World Congress 2008"
 
 CONTROLLERS: dict[str, Controller] = {
@@ -74,7 +76,15 @@ CONTROLLERS: dict[str, Controller] = {
     "plan_lqr": Controller(
         PlanFollower,
         "the best plan known with time-varying LQR of the true state: privileged, a yardstick",
-        "Anderson & Moore, Optimal Control: Linear Quadratic Methods, 1990, chapter 3",
+        f"{ANDERSON_MOORE}, chapter 3",
+    ),
+    "lqg": Controller(
+        LQG,
+        "the best plan known with time-varying LQR of what a Kalman filter makes of encoders and the late tip",
+        f"{ANDERSON_MOORE}, chapter 8",
+    ),
+    "lqg_gauges": Controller(
+        GaugedLQG, "the same, whose filter reads strain gauges, too", f"{ANDERSON_MOORE}, chapter 8"
     ),
 }
 

@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexarm_baselines.arrays import Floats
+from flexarm_baselines.arrays import Bools, Floats
 from flexarm_baselines.observers.noise import NoiseModel
 from flexarm_baselines.observers.readings import Readings
 from flexarm_env.physics.constants import ARM_QUANTITIES
@@ -42,6 +42,22 @@ class Estimate(NamedTuple):
 
     mean: Floats
     covariance: Floats
+
+
+class Transition(NamedTuple):
+    """A control period, linearised about states and torques; z is an `Estimate`'s mean.
+
+    Attributes:
+        state: after it. Shape (n, 4 + 4 m).
+        seen: point of the tip that the late sensor has seen at its end, or within it [m]. Shape (n, 2).
+        matrix: derivatives of the next z by z. Shape (n, d, d).
+        by_torque: derivatives of the next z by the held torques. Shape (n, d, 2).
+    """
+
+    state: Floats
+    seen: Floats
+    matrix: Floats
+    by_torque: Floats
 
 
 class Innovation(NamedTuple):
@@ -161,6 +177,33 @@ class KalmanFilter:
         spread[:, self._known :, : self._states] = np.tile(points, (1, self._lag + 1, 1))
         return Estimate(mean, spread @ spread.swapaxes(1, 2))
 
+    def linearise(self, state: Floats, torque: Floats, **values: Any) -> Transition:
+        """Linearise a control period about states and held torques.
+
+        Args:
+            state: at its beginning. Shape (n, 4 + 4 m).
+            torque: of shoulder and elbow [N m]. Shape (n, 2).
+            **values: quantities as `FlexibleArm.step` takes them. Shape (n,) each.
+        """
+        known, columns = self._known, [QUANTITIES.index(name) for name in self.quantities]
+        after = self.arm.step_jacobians(state, torque, self.period, **values)
+        seen, part = after, self._until
+        if part < self.period:
+            seen = self.arm.step_jacobians(state, torque, part, step=_substep(part), **values)
+        outputs, slopes = self.arm.output_jacobians(seen.state, self.sensor_position)
+        sensed = slopes.sensed[:, :2]
+        matrix = np.zeros((len(state), self.size, self.size))
+        matrix[:, : self._states, : self._states] = after.by_state
+        matrix[:, : self._states, self._states : known] = after.by_quantity[..., columns]
+        matrix[:, self._states : known, self._states : known] = np.eye(len(columns))
+        matrix[:, known : known + 2, : self._states] = sensed @ seen.by_state
+        matrix[:, known : known + 2, self._states : known] = sensed @ seen.by_quantity[..., columns]
+        matrix[:, known + 2 :, known:-2] = np.eye(self.size - known - 2)
+        by_torque = np.zeros((len(state), self.size, 2))
+        by_torque[:, : self._states] = after.by_torque
+        by_torque[:, known : known + 2] = sensed @ seen.by_torque
+        return Transition(after.state, outputs.sensed[:, :2], matrix, by_torque)
+
     def predict(self, estimate: Estimate, torque: Floats) -> Estimate:
         """Carry estimates over a control period with held torques.
 
@@ -168,38 +211,33 @@ class KalmanFilter:
             estimate: at its beginning.
             torque: torque of shoulder and elbow [N m]. Shape (n, 2).
         """
-        states, values, known = self.state(estimate), self.values(estimate), self._known
-        columns = [QUANTITIES.index(name) for name in self.quantities]
-        after = self.arm.step_jacobians(states, torque, self.period, **values)
-        seen, part = after, self._until
-        if part < self.period:
-            step = part / np.ceil(part / SUBSTEP)
-            seen = self.arm.step_jacobians(states, torque, part, step=step, **values)
-        outputs, slopes = self.arm.output_jacobians(seen.state, self.sensor_position)
-        sensed = slopes.sensed[:, :2]
+        transition = self.linearise(self.state(estimate), torque, **self.values(estimate))
+        return Estimate(self.moved(estimate.mean, transition), self.spread(estimate.covariance, transition))
 
-        shift = self.size - known - 2
-        mean = np.concatenate(
-            [after.state, estimate.mean[:, self._states : known], outputs.sensed[:, :2], estimate.mean[:, known:-2]],
-            axis=1,
-        )
-        transition = np.zeros((len(mean), self.size, self.size))
-        transition[:, : self._states, : self._states] = after.by_state
-        transition[:, : self._states, self._states : known] = after.by_quantity[..., columns]
-        transition[:, self._states : known, self._states : known] = np.eye(len(columns))
-        transition[:, known : known + 2, : self._states] = sensed @ seen.by_state
-        transition[:, known : known + 2, self._states : known] = sensed @ seen.by_quantity[..., columns]
-        transition[:, known + 2 :, known : known + shift] = np.eye(shift)
-        forced = np.zeros((len(mean), self.size, 2))
-        forced[:, : self._states] = after.by_torque
-        forced[:, known : known + 2] = sensed @ seen.by_torque
-        forced *= np.asarray(self.noise.torque)
-        covariance = transition @ estimate.covariance @ transition.swapaxes(1, 2) + forced @ forced.swapaxes(1, 2)
+    def moved(self, mean: Floats, transition: Transition) -> Floats:
+        """Return the mean at the end of a control period. Shape (n, d).
+
+        Args:
+            mean: at its beginning. Shape (n, d).
+            transition: from there, see `linearise`.
+        """
+        known = mean[:, self._states : self._known]
+        return np.concatenate([transition.state, known, transition.seen, mean[:, self._known : -2]], axis=1)
+
+    def spread(self, covariance: Floats, transition: Transition) -> Floats:
+        """Return the covariance at the end of a control period. Shape (n, d, d).
+
+        Args:
+            covariance: at its beginning. Shape (n, d, d).
+            transition: see `linearise`.
+        """
+        forced = transition.by_torque * np.asarray(self.noise.torque)
+        after = transition.matrix @ covariance @ transition.matrix.swapaxes(1, 2) + forced @ forced.swapaxes(1, 2)
         modal_rates = np.arange(self.arm.size + 2, self._states)
-        covariance[:, modal_rates, modal_rates] += (self.noise.modal_force / self._tips) ** 2
-        drifting = np.arange(self._states, known)
-        covariance[:, drifting, drifting] += self._drift**2
-        return Estimate(mean, covariance)
+        after[:, modal_rates, modal_rates] += (self.noise.modal_force / self._tips) ** 2
+        drifting = np.arange(self._states, self._known)
+        after[:, drifting, drifting] += self._drift**2
+        return after
 
     def correct(self, estimate: Estimate, readings: Readings) -> tuple[Estimate, Innovation]:
         """Use the readings that have arrived; one that is NaN is missing.
@@ -208,25 +246,53 @@ class KalmanFilter:
             estimate: predicted for the instant of the readings.
             readings: readings of the same arms.
         """
-        parts, rows = [readings.joints, readings.tip], self._joints + self._reading
-        noise = self.noise
-        deviations = [noise.joint_angle] * 2 + [noise.joint_rate] * 2 + [noise.tip] * 2
-        if readings.gauges is not None:
-            parts.append(readings.gauges)
-            rows = rows + self._gauges
-            deviations += [*(noise.gauge / self._tips), *(noise.gauge_rate / self._tips)]
+        parts = [readings.joints, readings.tip, *([] if readings.gauges is None else [readings.gauges])]
+        rows, _ = self.sensors(readings.gauges is not None)
         given = np.concatenate([np.asarray(part, dtype=np.float64) for part in parts], axis=1)
         if given.shape != (len(estimate.mean), len(rows)):
             raise ValueError(f"readings: must have shape {(len(estimate.mean), len(rows))} in all, got {given.shape}")
         there = ~np.isnan(given)
         residual = np.where(there, given - estimate.mean[:, rows], 0.0)
-        correlated = estimate.covariance[:, :, rows] * there[:, None]
-        expected = correlated[:, rows] * there[:, :, None] + np.diag(np.square(deviations)) * there[:, None]
-        expected += np.eye(len(rows)) * ~there[:, None]
-        gain = np.linalg.solve(expected, correlated.swapaxes(1, 2)).swapaxes(1, 2)
+        gain, covariance, expected = self.gain(estimate.covariance, there)
         mean = estimate.mean + (gain @ residual[..., None])[..., 0]
         for offset, name in enumerate(self.quantities):
             mean[:, self._states + offset] = mean[:, self._states + offset].clip(*RANGES[name])
-        covariance = estimate.covariance - gain @ correlated.swapaxes(1, 2)
-        covariance = 0.5 * (covariance + covariance.swapaxes(1, 2))
         return Estimate(mean, covariance), Innovation(residual, expected, there.sum(axis=1).astype(np.float64))
+
+    def sensors(self, gauges: bool = False) -> tuple[list[int], Floats]:
+        """Return where an estimate has what is read, in the order of `Readings`, and the readings' deviations.
+
+        Args:
+            gauges: there are strain gauges.
+        """
+        noise = self.noise
+        rows = self._joints + self._reading
+        deviations = [noise.joint_angle] * 2 + [noise.joint_rate] * 2 + [noise.tip] * 2
+        if gauges:
+            rows = rows + self._gauges
+            deviations += [*(noise.gauge / self._tips), *(noise.gauge_rate / self._tips)]
+        return rows, np.array(deviations)
+
+    def gain(self, covariance: Floats, there: Bools) -> tuple[Floats, Floats, Floats]:
+        """Return what a correction by readings comes to.
+
+        Args:
+            covariance: before it. Shape (n, d, d).
+            there: which readings have arrived, with or without those of gauges. Shape (n, r).
+
+        Returns:
+            The gain on the residual, Shape (n, d, r), the covariance after the correction, Shape (n, d, d), and that of
+            the residual, the unit matrix where readings are missing, Shape (n, r, r).
+        """
+        rows, deviations = self.sensors(there.shape[1] > len(self._joints) + len(self._reading))
+        correlated = covariance[:, :, rows] * there[:, None]
+        expected = correlated[:, rows] * there[:, :, None] + np.diag(np.square(deviations)) * there[:, None]
+        expected += np.eye(len(rows)) * ~there[:, None]
+        gain = np.linalg.solve(expected, correlated.swapaxes(1, 2)).swapaxes(1, 2)
+        after = covariance - gain @ correlated.swapaxes(1, 2)
+        return gain, 0.5 * (after + after.swapaxes(1, 2)), expected
+
+
+def _substep(part: float) -> float:
+    """Return the integration step over a part of a control period [s]."""
+    return float(part / np.ceil(part / SUBSTEP))

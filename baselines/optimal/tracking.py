@@ -1,49 +1,18 @@
-"""Feedback along a plan: the time-varying linear-quadratic regulator of the arm's deviation from it.
-
-Source: Anderson & Moore, *Optimal Control: Linear Quadratic Methods*, 1990, chapter 3; weights by Bryson's rule.
-"""
+"""Feedback along a plan: the time-varying linear-quadratic regulator of the arm's deviation from it."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from flexarm_baselines.arrays import Floats
+from flexarm_baselines.optimal.linear_quadratic import GOOD, LinearQuadratic, RegulatorWeights
 from flexarm_baselines.optimal.plan import Plan
-from flexarm_baselines.optimal.sweep import Model, sweep
 from flexarm_env.simulation.arm import FlexibleArm
 from flexarm_env.simulation.feedback import Rollout
-from flexarm_env.validation import finite_rows, number, pair, shown
-
-ENDURING = 2.0  # [s]; so long the last linearisation goes on beyond the plan's end, where gains would else vanish
-
-
-@dataclass(frozen=True)
-class RegulatorWeights:
-    """Deviations that weigh alike: the regulator trades one against the other (Bryson's rule).
-
-    Attributes:
-        tip: of the tip from the plan's [m].
-        speed: of the tip's velocity [m/s].
-        torque: of shoulder and elbow from the plan's [N m].
-    """
-
-    tip: float = 0.01
-    speed: float = 0.3
-    torque: tuple[float, float] = (6.0, 2.0)
-
-    def __post_init__(self) -> None:
-        """Check the numbers."""
-        number("tip", self.tip, "m", above=0.0)
-        number("speed", self.speed, "m/s", above=0.0)
-        object.__setattr__(self, "torque", pair("torque", self.torque, "N m", above=0.0))
-
-
-GOOD = RegulatorWeights()
-AGGRESSIVE = RegulatorWeights(speed=0.1, torque=(60.0, 20.0))
+from flexarm_env.validation import finite_rows, number, shown
 
 
 class PlanRegulator:
@@ -72,7 +41,8 @@ class PlanRegulator:
         if not isinstance(weights, RegulatorWeights):
             raise TypeError(f"weights = {shown(weights)}: must be RegulatorWeights")
         self.plan, self.weights = plan, weights
-        self.gains = self._gains(plan.arm if model is None else _fitting(plan, model))
+        arm = plan.arm if model is None else _fitting(plan, model)
+        self.gains = LinearQuadratic.along(plan, weights, arm).gains()
 
     def torque(self, time: float, state: ArrayLike) -> Floats:
         """Return the torque at a time, of one arm or of many: that of the control period which it falls into.
@@ -113,30 +83,6 @@ class PlanRegulator:
             step=plan.step,
             **quantities,
         )
-
-    def _gains(self, model: FlexibleArm) -> Floats:
-        """Solve the Riccati recursion backward from the last linearisation's enduring regulator."""
-        plan, weights = self.plan, self.weights
-        found = model.step_jacobians(plan.states[:-1], plan.torques, plan.period, step=plan.step)
-        _, slopes = model.output_jacobians(plan.states)
-        outputs = slopes.sensed / np.array([weights.tip, weights.tip, weights.speed, weights.speed])[:, None]
-        more = round(ENDURING / plan.period)
-        periods, size = len(plan.torques) + more, plan.states.shape[1]
-        model_along = Model(
-            _prolonged(found.by_state, more),
-            _prolonged(found.by_torque, more),
-            np.zeros((periods + 1, size)),
-            _prolonged(outputs.swapaxes(1, 2) @ outputs, more),
-            np.array([0.5 / np.square(weights.torque), np.zeros(2)]),
-            np.zeros((periods + 1, 2)),
-        )
-        gains = sweep(model_along).gains
-        return np.ascontiguousarray(gains[: len(plan.torques), :, :size])
-
-
-def _prolonged(table: Floats, more: int) -> Floats:
-    """Repeat the last entry."""
-    return np.concatenate([table, np.repeat(table[-1:], more, axis=0)])
 
 
 def _fitting(plan: Plan, arm: FlexibleArm) -> FlexibleArm:

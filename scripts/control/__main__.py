@@ -1,4 +1,4 @@
-"""Compare controllers on the standard laps: tables, as Markdown and JSON; `--docs` puts them into docs/controllers.md.
+"""Compare controllers on the standard laps: tables, as Markdown and JSON; `--docs` puts them into their pages.
 
 Each table is a module of this folder with a `STUDY`, and a line in `STUDIES`.
 """
@@ -15,12 +15,12 @@ from flexarm_env.validation import choice, integer
 from scripts.common.command_line import run
 from scripts.common.markdown import DOCS, filled
 from scripts.common.result_files import write_json, write_whole
-from scripts.control import registered
+from scripts.control import parts, registered
 from scripts.control.trials import Study, scores_of
 
-PAGE = "controllers.md"
 STUDIES: dict[str, Study] = {
     "controllers": registered.STUDY,
+    "lqg_parts": parts.STUDY,
 }
 
 
@@ -37,7 +37,7 @@ class Options:
     quick: bool = False
     """A trial of the script: a few rows."""
     docs: bool = False
-    """Bring docs/controllers.md up to date with the tables in the folder; needs all of them."""
+    """Bring the pages of these tables up to date with the folder, which must have all tables of a page."""
 
 
 def main() -> None:
@@ -56,9 +56,9 @@ def main() -> None:
     for name in options.tables:
         make(name, options)
     if options.docs:
-        page = DOCS / PAGE
-        page.write_text(filled(page.read_text(), options.output))
-        print(f"{page}: tables up to date")
+        for page in sorted({DOCS / STUDIES[name].page for name in options.tables}):
+            page.write_text(filled(page.read_text(), options.output))
+            print(f"{page}: tables up to date")
 
 
 def make(name: str, options: Options) -> None:

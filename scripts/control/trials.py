@@ -51,11 +51,13 @@ class Study(NamedTuple):
         text: what it shows, in one line.
         trials: returns what is run; with True, a few for a trial of the script.
         table: writes the table, Markdown, of the trials' scores.
+        page: of docs/ that shows it.
     """
 
     text: str
     trials: Callable[[bool], Trials]
     table: Callable[[Scores], str]
+    page: str = "controllers.md"
 
 
 def scores_of(trials: Trials, jobs: int, tick: Callable[[str], object]) -> Scores:

@@ -1,0 +1,77 @@
+"""The base of controllers that follow plans for the laps of their task."""
+
+from __future__ import annotations
+
+from abc import ABC
+from collections.abc import Sequence
+
+import numpy as np
+
+from flexarm_baselines.arrays import Array, Floats
+from flexarm_baselines.controller import Seen, TorqueController
+from flexarm_baselines.joint_reference import nearest_turn
+from flexarm_baselines.optimal.library import plans_for
+from flexarm_baselines.optimal.plan import Plan
+from flexarm_baselines.task import Task
+from flexarm_env.validation import shown
+
+
+class PlanController(TorqueController, ABC):
+    """A controller that has plans along its task's reference, one for each way in which an episode may begin.
+
+    Attributes:
+        plans: the plans.
+    """
+
+    def __init__(self, task: Task, plans: Sequence[Plan] | None = None) -> None:
+        """Take plans that fit the task.
+
+        Args:
+            task: see `Task`.
+            plans: plans along the task's reference; None: those that come with the package.
+
+        Raises:
+            ValueError: if there is no plan, or one does not fit the task.
+        """
+        super().__init__(task)
+        reference = task.reference
+        if plans is None:
+            plans = [plan for _, plan in plans_for(task.arm, reference, task.period, task.torque_limit)]
+            if not plans:
+                raise ValueError(
+                    "env: the package has no plan for this arm, reference, control period and torque limit; make one "
+                    "(docs/optimal.md) and give it as plans"
+                )
+        for n, plan in enumerate(plans):
+            if plan.reference.shape != reference.shape or plan.period != task.period:
+                raise ValueError(
+                    f"plans[{n}]: must have {task.periods} periods of {task.period} s, has {len(plan.torques)} of "
+                    f"{plan.period} s"
+                )
+        if not plans:
+            raise ValueError(f"plans = {shown(plans)}: must hold one at least")
+        self.plans = tuple(plans)
+
+    def nearest(self, joints: Floats, period: Array) -> Array:
+        """Choose the plans whose joint angles are nearest.
+
+        Args:
+            joints: theta1, theta2 [rad]. Shape (n, 2).
+            period: control period of the lap. Shape (n,).
+
+        Returns:
+            Place of each arm's plan. Shape (n,).
+        """
+        off = np.stack([plan.states[period, :2] for plan in self.plans]) - joints  # (plans, n, 2)
+        return np.argmin(np.sum(within_half_a_turn(off) ** 2, axis=-1), axis=0)
+
+    def period_of(self, seen: Seen) -> Array:
+        """Return the control period of the lap that begins. Shape (n,)."""
+        return np.round(seen.time / self.task.period).astype(np.int64)
+
+
+def within_half_a_turn(off: Floats) -> Floats:
+    """Return differences whose first entry is one of theta1, less whole turns of it. Shape (..., k)."""
+    result = off.copy()
+    result[..., 0] -= nearest_turn(np.zeros(()), off[..., 0])
+    return result

@@ -1,0 +1,5 @@
+"""Linear-quadratic-Gaussian control along plans: `LQG`, and its forms that read more or find out more."""
+
+from flexarm_baselines.lqg.controller import LQG, NOISE, GaugedLQG
+
+__all__ = ["LQG", "NOISE", "GaugedLQG"]

@@ -1,0 +1,121 @@
+"""`LQG`: a plan, a time-varying regulator along it, and a Kalman filter on encoders and the late tip.
+
+Sources: Anderson and Moore, *Optimal Control: Linear Quadratic Methods*, 1990, chapters 3 and 8 (regulator, filter, and
+their separation); Anderson and Moore, *Optimal Filtering*, 1979, section 7.3 (late readings by augmentation); Doyle and
+Stein, IEEE Trans. Automatic Control 26, 1981 (noise on the torques for robustness: loop transfer recovery).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import ClassVar, Literal
+
+import numpy as np
+
+from flexarm_baselines.along_plans import PlanController
+from flexarm_baselines.arrays import Floats
+from flexarm_baselines.controller import Memory, Seen
+from flexarm_baselines.lqg.tables import FilterTables, RegulatorTables
+from flexarm_baselines.observers import KalmanFilter, NoiseModel
+from flexarm_baselines.optimal import GOOD, Plan, RegulatorWeights
+from flexarm_baselines.task import Task
+from flexarm_env.simulation.arm import FlexibleArm
+from flexarm_env.validation import choice, number
+
+# Encoders see vibrations of 70 Hz and more that no model integrates well, so that their rates are trusted little.
+# Noise on the torques, more than there is, buys robustness to an arm that is not the model.
+NOISE = NoiseModel(joint_angle=3e-4, joint_rate=0.1, tip=0.01, torque=(10.0, 4.0), modal_force=1e-3)
+DELAYS = ("known", "ignored")
+TIP = slice(4, 6)  # of the readings
+
+
+class LQG(PlanController):
+    """Linear-quadratic-Gaussian control of the arm's deviation from a plan, from encoders and the late tip.
+
+    It takes the plan that begins nearest to the joint angles that it reads first. All its matrices are computed
+    beforehand; a control period takes a few products.
+
+    Attributes:
+        filter: see `FilterTables`.
+        regulator: see `RegulatorTables`.
+    """
+
+    blocks: ClassVar[tuple[str, ...]] = ("joint_angles", "joint_rates", "sensed_position", "lap_phase")
+
+    def __init__(
+        self,
+        task: Task,
+        plans: Sequence[Plan] | None = None,
+        model: FlexibleArm | None = None,
+        weights: RegulatorWeights = GOOD,
+        noise: NoiseModel = NOISE,
+        delay: Literal["known", "ignored"] | float = "known",
+        feed_forward: bool = True,
+        integral: float | None = None,
+    ) -> None:
+        """Design filter and regulator.
+
+        Args:
+            task: see `Task`.
+            plans: see `PlanController`.
+            model: arm that filter and regulator are designed for; None: the task's.
+            weights: of the regulator.
+            noise: standard deviations that the filter assumes.
+            delay: "known": the task's; "ignored": the filter takes the late tip for the present one; or another one
+                that it reckons with [s].
+            feed_forward: the plan's torques act; else feedback alone keeps the arm near the plan.
+            integral: integral of the late tip's deviation that weighs as much as the deviations of the weights do
+                [m s]; None: no integral action.
+
+        Raises:
+            ValueError: naming what does not fit.
+        """
+        super().__init__(task, plans)
+        arm = FlexibleArm(task.arm) if model is None else model
+        if isinstance(delay, str):
+            delay = task.delay if choice("delay", delay, DELAYS) == "known" else 0.0
+        if integral is not None:
+            number("integral", integral, "m s", above=0.0)
+        kalman = KalmanFilter(arm, task.period, delay, task.sensor_position, noise)
+        self.filter = FilterTables.along(kalman, self.plans, self.reads_gauges())
+        self.regulator = RegulatorTables.along(self.plans, weights, arm, integral, feed_forward)
+
+    @classmethod
+    def reads_gauges(cls) -> bool:
+        """Return whether it reads strain gauges."""
+        return "modal_coordinates" in cls.blocks
+
+    def start(self, seen: Seen) -> Memory:
+        """Begin on the nearest plan."""
+        chosen, period = self.nearest(seen["joint_angles"], self.period_of(seen)), self.period_of(seen)
+        return self.filter.nominal[chosen, period], chosen, np.zeros((len(seen), 2))
+
+    def torque(self, seen: Seen, memory: Memory) -> tuple[Floats, Memory]:
+        """Correct the estimate by the readings, command torques, and predict the next estimate."""
+        estimate, chosen, integral = memory
+        at = chosen, self.period_of(seen)
+        readings, nominal = self._readings(seen), self.filter.nominal[at]
+        estimate = self.filter.correct(at, estimate, readings)
+        deviation = (estimate - nominal)[:, : self.regulator.gain.shape[-1]]
+        limit = np.asarray(self.task.torque_limit)
+        torque = np.clip(self.regulator.torques(at, deviation, integral), -limit, limit)
+        integral = integral + self.task.period * (readings - nominal[:, self.filter.rows])[:, TIP]
+        return torque, (self.filter.predict(at, estimate, torque), chosen, integral)
+
+    def _readings(self, seen: Seen) -> Floats:
+        """Return what the sensors read, in the order of `observers.Readings`. Shape (n, r)."""
+        blocks = [name for name in self.blocks if name != "lap_phase"]
+        return np.concatenate([seen[name] for name in blocks], axis=1)
+
+
+class GaugedLQG(LQG):
+    """`LQG` that reads strain gauges, too."""
+
+    blocks: ClassVar[tuple[str, ...]] = (
+        "joint_angles",
+        "joint_rates",
+        "sensed_position",
+        "modal_coordinates",
+        "modal_rates",
+        "lap_phase",
+    )

@@ -1,0 +1,110 @@
+"""The linear-quadratic problem of deviations from a plan, and the gains that solve it.
+
+Source: Anderson & Moore, *Optimal Control: Linear Quadratic Methods*, 1990, chapter 3; weights by Bryson's rule;
+integral action by augmentation with the integral, chapter 10.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+
+from flexarm_baselines.arrays import Floats
+from flexarm_baselines.optimal.plan import Plan
+from flexarm_baselines.optimal.sweep import Model, sweep
+from flexarm_env.simulation.arm import FlexibleArm
+from flexarm_env.validation import number, pair
+
+ENDURING = 2.0  # [s]; so long the last linearisation goes on beyond the plan's end, where gains would else vanish
+
+
+@dataclass(frozen=True)
+class RegulatorWeights:
+    """Deviations that weigh alike: the regulator trades one against the other (Bryson's rule).
+
+    Attributes:
+        tip: of the tip from the plan's [m].
+        speed: of the tip's velocity [m/s].
+        torque: of shoulder and elbow from the plan's [N m].
+    """
+
+    tip: float = 0.01
+    speed: float = 0.3
+    torque: tuple[float, float] = (6.0, 2.0)
+
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        number("tip", self.tip, "m", above=0.0)
+        number("speed", self.speed, "m/s", above=0.0)
+        object.__setattr__(self, "torque", pair("torque", self.torque, "N m", above=0.0))
+
+
+GOOD = RegulatorWeights()
+AGGRESSIVE = RegulatorWeights(speed=0.1, torque=(60.0, 20.0))
+
+
+@dataclass(frozen=True)
+class LinearQuadratic:
+    """Deviations z from a plan over n control periods, and what they cost: z' Q z and torques by their deviations.
+
+    Attributes:
+        by_state: derivatives of the next z by z. Shape (n, d, d).
+        by_torque: its derivatives by the torques. Shape (n, d, 2).
+        cost: Q at each instant. Shape (n + 1, d, d).
+        tip: derivatives of the tip by z. Shape (n + 1, 2, d).
+        torque: deviations of the torques that cost 1 [N m].
+        period: control period [s].
+    """
+
+    by_state: Floats
+    by_torque: Floats
+    cost: Floats
+    tip: Floats
+    torque: tuple[float, float]
+    period: float
+
+    @classmethod
+    def along(cls, plan: Plan, weights: RegulatorWeights, arm: FlexibleArm) -> Self:
+        """Linearise an arm along a plan; z is the deviation of its state."""
+        found = arm.step_jacobians(plan.states[:-1], plan.torques, plan.period, step=plan.step)
+        _, slopes = arm.output_jacobians(plan.states)
+        outputs = slopes.sensed / np.array([weights.tip, weights.tip, weights.speed, weights.speed])[:, None]
+        cost = outputs.swapaxes(1, 2) @ outputs
+        return cls(found.by_state, found.by_torque, cost, slopes.sensed[:, :2], weights.torque, plan.period)
+
+    def with_integral(self, integral: float) -> Self:
+        """Add the integral of the tip's deviation to z.
+
+        Args:
+            integral: deviation of it that costs 1 [m s].
+        """
+        n, d = self.by_torque.shape[:2]
+        by_state, by_torque = np.zeros((n, d + 2, d + 2)), np.zeros((n, d + 2, 2))
+        by_state[:, :d, :d], by_torque[:, :d] = self.by_state, self.by_torque
+        by_state[:, d:, :d] = self.period * self.tip[:-1]
+        by_state[:, d:, d:] = np.eye(2)
+        cost, tip = np.zeros((n + 1, d + 2, d + 2)), np.zeros((n + 1, 2, d + 2))
+        cost[:, :d, :d], tip[:, :, :d] = self.cost, self.tip
+        cost[:, d:, d:] = np.eye(2) / integral**2
+        return replace(self, by_state=by_state, by_torque=by_torque, cost=cost, tip=tip)
+
+    def gains(self) -> Floats:
+        """Solve the Riccati recursion backward from the last linearisation's enduring regulator. Shape (n, 2, d)."""
+        more, size = round(ENDURING / self.period), self.by_torque.shape[1]
+        periods = len(self.by_torque) + more
+        model = Model(
+            _prolonged(self.by_state, more),
+            _prolonged(self.by_torque, more),
+            np.zeros((periods + 1, size)),
+            _prolonged(self.cost, more),
+            np.array([0.5 / np.square(self.torque), np.zeros(2)]),
+            np.zeros((periods + 1, 2)),
+        )
+        return np.ascontiguousarray(sweep(model).gains[: len(self.by_torque), :, :size])
+
+
+def _prolonged(table: Floats, more: int) -> Floats:
+    """Repeat the last entry."""
+    return np.concatenate([table, np.repeat(table[-1:], more, axis=0)])

@@ -1,0 +1,170 @@
+"""LQG along a plan: its tables beside the filter and the regulator that they stand for, and runs on a small arm."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+
+from flexarm_baselines.lqg import LQG, NOISE, GaugedLQG
+from flexarm_baselines.lqg.tables import FilterTables
+from flexarm_baselines.observers import Estimate, KalmanFilter, Readings
+from flexarm_baselines.optimal import Plan, PlanRegulator, RegulatorWeights
+from flexarm_baselines.optimal.library import mirrored
+from flexarm_baselines.plan_follower import PlanFollower
+from flexarm_baselines.task import Task
+from flexarm_env import ArmParameters, FlexibleArm
+from flexarm_env.physics.paths import ReferencePath
+from flexarm_env.rollout import run_policy
+
+ARM = FlexibleArm(ArmParameters.linear(modes_per_link=1))
+PERIODS, SIZE, DELAY = 40, 8, 0.0234
+START = np.array([0.3, 0.9, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+LIMITS = (60.0, 20.0)
+PLACES = {"joint_angles": (0, 2), "joint_rates": (2, 4), "sensed_position": (4, 6), "lap_phase": (6, 8)}
+BLOCKS = {name: slice(*ends) for name, ends in PLACES.items()}
+BLOCKS |= {"modal_coordinates": slice(8, 10), "modal_rates": slice(10, 12)}
+
+
+@cache
+def plan() -> Plan:
+    """Return a run that is no optimum; its reference is another, there and back."""
+    time = 0.01 * np.arange(PERIODS)
+    torques = np.stack([20.0 * np.sin(9.0 * time), -5.0 * np.sin(12.0 * time)], axis=1)
+    run = ARM.rollout(START, torques)
+    return Plan(ARM.parameters, run.states, torques, task().reference, LIMITS, 0.01, 1e-3)
+
+
+@cache
+def task() -> Task:
+    away = ARM.tip(START[:4])
+    path = ReferencePath([[0.0, *away], [0.2, *(away - 0.1)], [0.4, *away]])
+    return Task(ARM.parameters, path, torque_limit=LIMITS, delay=DELAY, blocks=BLOCKS, scale=np.ones(12))
+
+
+class Plant:
+    """Arms whose tip's readings are late, observed as in an environment."""
+
+    def __init__(self, states: np.ndarray, delay: float = DELAY, **quantities: float) -> None:
+        self.states, self.delay, self.quantities, self.period = states, delay, quantities, 0
+        self.past = [states] * 5  # at each period's beginning, the newest first
+        self.torques = [np.zeros((len(states), 2))] * 4
+
+    def observe(self) -> np.ndarray:
+        angle = 2.0 * np.pi * self.period / PERIODS
+        phase = np.tile([np.cos(angle), np.sin(angle)], (len(self.states), 1))
+        joints = self.states[:, [0, 1, 4, 5]]
+        return np.hstack([joints, self.late_tip(), phase, self.states[:, [2, 3, 6, 7]]])
+
+    def late_tip(self) -> np.ndarray:
+        begun = int(np.ceil(self.delay / 0.01))
+        part = 0.01 * begun - self.delay
+        states = self.past[begun]
+        if self.period >= begun and part > 1e-9:
+            states = ARM.step(states, self.torques[begun - 1], part, step=part / 10, **self.quantities)
+        return ARM.tip(states[:, :4])
+
+    def step(self, action: np.ndarray) -> None:
+        torque = action.astype(np.float64) * LIMITS
+        self.states = ARM.step(self.states, torque, 0.01, **self.quantities)
+        self.past, self.torques = [self.states, *self.past[:4]], [torque, *self.torques[:3]]
+        self.period += 1
+
+
+def off_plan(controller: Any, plant: Plant, planned: Plan) -> np.ndarray:
+    """Run a lap but for its last period; return how far the arms are off the plan at each instant."""
+    state, off = None, []
+    for k in range(PERIODS - 1):
+        action, state = controller.predict(plant.observe(), state)
+        plant.step(action)
+        off.append(plant.states - planned.states[k + 1])
+    return np.array(off)
+
+
+@pytest.mark.parametrize("kind", [LQG, GaugedLQG])
+def test_on_the_plan_it_replays_the_plan(kind: type[LQG]) -> None:
+    off = off_plan(kind(task(), [plan()]), Plant(np.tile(START, (2, 1))), plan())
+    assert np.abs(off).max() < 2e-3  # actions are float32, and fast vibrations follow
+
+
+def test_mirror_images_are_told_by_the_first_reading() -> None:
+    plans = [plan(), replace(mirrored(plan(), 0.3), reference=plan().reference)]
+    controller = LQG(task(), plans)
+    plant = Plant(np.stack([other.states[0] for other in plans]))
+    observation = plant.observe()
+    observation[:, 0] += [0.0, 2.0 * np.pi]  # the same place
+    action, state = controller.predict(observation)
+    assert state[1].tolist() == [0, 1]
+    assert action[1] == pytest.approx(-action[0], abs=1e-6)
+
+
+def test_its_tables_are_the_extended_filter_near_the_plan() -> None:
+    kalman = KalmanFilter(ARM, delay=DELAY, noise=NOISE)
+    tables = FilterTables.along(kalman, [plan()])
+    random = np.random.default_rng(0)
+    estimate = kalman.start(plan().states[:1])
+    mean = estimate.mean
+    for k in range(20):
+        at = np.zeros(1, dtype=int), np.array([k])
+        readings = tables.nominal[at][:, tables.rows] + 1e-6 * random.normal(size=(1, 6))
+        estimate, _ = kalman.correct(estimate, Readings(readings[:, :4], readings[:, 4:]))
+        mean = tables.correct(at, mean, readings)
+        torque = plan().torques[k : k + 1] + 1e-4 * random.normal(size=(1, 2))
+        estimate, mean = kalman.predict(estimate, torque), tables.predict(at, mean, torque)
+    assert isinstance(estimate, Estimate)
+    off = estimate.mean - tables.nominal[:, 20]
+    np.testing.assert_allclose(mean - tables.nominal[:, 20], off, atol=1e-3 * np.abs(off).max())
+
+
+def test_it_brings_the_arm_back_almost_as_the_true_state_does() -> None:
+    weights, start = RegulatorWeights(torque=(6.0, 2.0)), np.tile(START, (4, 1))
+    start[:, :2] += 0.02 * np.array([[1, 1], [1, -1], [-1, 1], [-1, -1]])
+    off = off_plan(LQG(task(), [plan()], weights=weights), Plant(start), plan())
+    true = PlanRegulator(plan(), weights).rollout(start).states[:, 1:-1] - plan().states[1:-1]
+    late = slice(20, None)
+    assert np.sqrt(np.mean(off[late, :, :2] ** 2)) < 1.2 * np.sqrt(np.mean(true[:, late, :2] ** 2)) + 1e-3
+
+
+def test_parts() -> None:
+    whole = LQG(task(), [plan()])
+    assert LQG(task(), [plan()], delay=DELAY).filter.nominal.tolist() == whole.filter.nominal.tolist()
+    assert LQG(task(), [plan()], delay="ignored").filter.nominal.shape[-1] == SIZE + 2
+    assert not LQG(task(), [plan()], feed_forward=False).regulator.torque.any()
+    assert not whole.regulator.integral.any()
+    assert LQG(task(), [plan()], integral=0.01).regulator.integral.any()
+    heavy = LQG(task(), [plan()], model=FlexibleArm(replace(ARM.parameters, payload_mass=0.3)))
+    assert np.abs(heavy.filter.after - heavy.filter.nominal[:, 1:]).max() > 1e-3
+    assert np.abs(whole.filter.after - whole.filter.nominal[:, 1:]).max() < 1e-9
+
+
+def test_integral_action_takes_away_a_steady_error() -> None:
+    """A payload bends nothing that stands still, a wrong reading of the tip does: its integral grows."""
+    controller = LQG(task(), [plan()], integral=0.01)
+    observation = Plant(START[None]).observe()
+    observation[:, 4:6] += 0.05
+    _, state = controller.predict(observation)
+    assert state[2] == pytest.approx(np.full((1, 2), 0.05 * 0.01))
+
+
+def test_refusals() -> None:
+    with pytest.raises(ValueError, match="delay = 'late': must be one of"):
+        LQG(task(), [plan()], delay="late")  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match=r"integral = 0\.0.*must be a finite number and > 0"):
+        LQG(task(), [plan()], integral=0.0)
+    with pytest.raises(ValueError, match=r"GaugedLQG reads the block 'modal_coordinates'.*GaugedLQG\.options"):
+        GaugedLQG(replace(task(), blocks={name: BLOCKS[name] for name in PLACES}), [plan()])
+
+
+@pytest.mark.parametrize("direction", ["clockwise", "counterclockwise"])
+def test_it_is_as_good_as_the_true_state_at_the_start_of_both_laps(direction: str) -> None:
+    for lap in ("swing", "plain"):
+        errors = []
+        for kind in (LQG, PlanFollower):
+            env = gymnasium.make("flexarm_env:FlexArm/Square-v0", direction=direction, **kind.options())
+            run = run_policy(env, kind.for_env(env), lap=lap, max_steps=60)
+            errors.append(np.linalg.norm(run.tip - run.reference, axis=1))
+        np.testing.assert_allclose(errors[0], errors[1], atol=0.01)
