@@ -1,21 +1,21 @@
-"""Compiled parts of a real-time iteration: the cost about a prediction, and the linear pass forward.
+"""Compiled parts of a real-time iteration: the cost of a prediction, to second order and of many at once.
 
-Nothing but the results is allocated. The cached functions call nothing outside this file, because numba's cache does
-not notice edits in other files.
+The functions call nothing outside this file (`kept_on_disk`). Shapes: n entries of a state, the first half of them
+coordinates; N periods.
 """
 
 from __future__ import annotations
 
-import numpy as np
-from numba import njit
-
 from flexarm_baselines.arrays import Floats
+from flexarm_env.codegen.cache import kept_on_disk
+
+compiled = kept_on_disk(__file__, "the cost of predictions")
 
 
-@njit(cache=True)
+@compiled
 def expand(
     errors: Floats,
-    by_state: Floats,
+    by_coordinates: Floats,
     weights: Floats,
     excess: Floats,
     deflections: Floats,
@@ -23,28 +23,28 @@ def expand(
     gradient: Floats,
     hessian: Floats,
 ) -> None:
-    """Expand ``w |tip - reference|^2 + stiffness sum excess^2`` about states, with Gauss-Newton's curvature.
+    """Expand ``w |error|^2 + stiffness sum excess^2`` about states, with Gauss-Newton's curvature.
 
     Args:
         errors: of the tip [m]. Shape (M, 2).
-        by_state: their derivatives by the coordinates. Shape (M, 2, n / 2).
-        weights: w of each instant [1]. Shape (M,).
+        by_coordinates: their derivatives. Shape (M, 2, n / 2).
+        weights: w of each state [1]. Shape (M,).
         excess: of the links' deflections beyond their limit, with their sign; 0 within it [m]. Shape (M, 2).
         deflections: derivatives of the deflections by the coordinates. Shape (2, n / 2).
         stiffness: weight on squared excess [1].
         gradient: receives the slope by the states. Shape (M, n).
         hessian: receives the curvature. Shape (M, n, n).
     """
-    half = by_state.shape[2]
+    half = by_coordinates.shape[2]
     for t in range(errors.shape[0]):
         gradient[t] = 0.0
         hessian[t] = 0.0
         for i in range(half):
             for axis in range(2):
-                slope = 2.0 * weights[t] * by_state[t, axis, i]
+                slope = 2.0 * weights[t] * by_coordinates[t, axis, i]
                 gradient[t, i] += slope * errors[t, axis]
                 for j in range(half):
-                    hessian[t, i, j] += slope * by_state[t, axis, j]
+                    hessian[t, i, j] += slope * by_coordinates[t, axis, j]
         for link in range(2):
             if excess[t, link] != 0.0:
                 for i in range(half):
@@ -54,47 +54,37 @@ def expand(
                         hessian[t, i, j] += slope * deflections[link, j]
 
 
-@njit(cache=True)
-def forward(
-    by_state: Floats,
-    by_torque: Floats,
-    defects: Floats,
-    steps: Floats,
-    gains: Floats,
-    limits: Floats,
-    states: Floats,
+@compiled
+def costs(
+    errors: Floats,
+    weights: Floats,
+    excess: Floats,
+    stiffness: float,
     torques: Floats,
+    before: Floats,
+    torque_weights: Floats,
+    result: Floats,
 ) -> None:
-    """Move a prediction by the steps and gains of a sweep, along its linear model.
+    """Add up the cost of several runs, without that of what follows their end.
 
     Args:
-        by_state: A of each period. Shape (N, n, n).
-        by_torque: B. Shape (N, n, 2).
-        defects: by how much each period ends beyond the next state. Shape (N, n).
-        steps: changes of the torques. Shape (N, 2).
-        gains: on the deviation of state and torque before. Shape (N, 2, n + 2).
-        limits: largest magnitudes. Shape (2,).
-        states: of the prediction, before and after; the first one stays. Shape (N + 1, n).
-        torques: before and after. Shape (N, 2).
+        errors: of the tip at each instant [m]. Shape (runs, N + 1, 2).
+        weights: see `expand`. Shape (N + 1,).
+        excess: see `expand`. Shape (runs, N + 1, 2).
+        stiffness: see `expand`.
+        torques: of each period [N m]. Shape (runs, N, 2).
+        before: of the period before the first. Shape (2,).
+        torque_weights: on squared torques, and on their squared changes. Shape (2, 2).
+        result: receives the costs. Shape (runs,).
     """
-    n = states.shape[1]
-    moved, after, change = np.zeros(n), np.zeros(n), np.zeros(2)
-    for t in range(torques.shape[0]):
-        first, second = change[0], change[1]
-        for k in range(2):
-            wanted = steps[t, k] + gains[t, k, n] * first + gains[t, k, n + 1] * second
-            for i in range(n):
-                wanted += gains[t, k, i] * moved[i]
-            torque = min(max(torques[t, k] + wanted, -limits[k]), limits[k])
-            change[k] = torque - torques[t, k]
-            torques[t, k] = torque
-        for i in range(n):
-            total = defects[t, i]
+    for run in range(errors.shape[0]):
+        total = 0.0
+        for t in range(errors.shape[1]):
             for k in range(2):
-                total += by_torque[t, i, k] * change[k]
-            for j in range(n):
-                total += by_state[t, i, j] * moved[j]
-            after[i] = total
-        for i in range(n):
-            moved[i] = after[i]
-            states[t + 1, i] += moved[i]
+                total += weights[t] * errors[run, t, k] ** 2 + stiffness * excess[run, t, k] ** 2
+        for t in range(torques.shape[1]):
+            for k in range(2):
+                last = before[k] if t == 0 else torques[run, t - 1, k]
+                total += torque_weights[0, k] * torques[run, t, k] ** 2
+                total += torque_weights[1, k] * (torques[run, t, k] - last) ** 2
+        result[run] = total

@@ -1,0 +1,194 @@
+"""One iteration of optimisation in each control period, from the prediction of the period before.
+
+The horizon moves by a period each time, and the prediction with it, so that a single iteration keeps it near its
+optimum (real-time iteration: Diehl, Bock and Schloeder, *A real-time iteration scheme for nonlinear optimization in
+optimal feedback control*, SIAM J. Control and Optimization 43, 2005). An iteration is one of `optimal.solver`: exact
+Jacobians, a backward sweep with box constraints (Tassa, Mansard and Todorov, ICRA 2014), and a roll-out from the
+present state under ``clip(u + alpha k + K (z - z0))`` for several alpha side by side. The cost of what follows the
+horizon is that along the guide, to second order. The guide's own feedback law is tried beside the steps, so that a
+prediction that went astray is left at once.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from flexarm_baselines.arrays import Array, Floats
+from flexarm_baselines.optimal.solver import STEP_LENGTHS
+from flexarm_baselines.optimal.sweep import CostToGo, Model, Sweep, sweep
+from flexarm_baselines.predictive import kernels
+from flexarm_baselines.predictive.guide import Guide
+from flexarm_env.simulation.arm import FlexibleArm
+from flexarm_env.simulation.feedback import Rollout
+
+ALPHAS = STEP_LENGTHS[:-1]  # with the guide's law they fill the lanes of a roll-out
+
+
+class Instant(NamedTuple):
+    """Where an arm is.
+
+    Attributes:
+        run: place of its run in the guide.
+        period: control period of the lap that begins.
+        state: Shape (n,).
+        before: torque of the period that ends [N m]. Shape (2,).
+        quantities: of the arm, as `FlexibleArm.step` takes them.
+    """
+
+    run: int
+    period: int
+    state: Floats
+    before: Floats
+    quantities: dict[str, float]
+
+
+class RealTimeIteration:
+    """Improves predictions of one arm.
+
+    Attributes:
+        model: the arm.
+        guide: see `Guide`.
+        horizon: control periods.
+        limits: largest torques [N m]. Shape (2,).
+        damping: regularisation of the sweep, in units of a weight on changes of the torques [m^2].
+        step: integration step [s].
+    """
+
+    def __init__(
+        self,
+        model: FlexibleArm,
+        guide: Guide,
+        horizon: int,
+        limits: tuple[float, float],
+        period: float,
+        step: float,
+        damping: float,
+    ) -> None:
+        """Keep all; see the attributes."""
+        self.model, self.guide, self.horizon = model, guide, horizon
+        self.limits, self.period, self.step, self.damping = np.array(limits), period, step, damping
+        modes, self._deflections = model.parameters.modes_per_link, np.zeros((2, model.size))
+        for n, link in enumerate(model.modes):
+            self._deflections[n, 2 + n * modes : 2 + (n + 1) * modes] = link.tip_values
+        self._tip = model.parameters.link_lengths[1]
+
+    def predicted(self, run: Array, period: Array) -> Rollout:
+        """Return the guide's own motion over the horizon of m arms. Shapes (m, horizon + 1, n), (m, horizon, 2)."""
+        at = period[:, None] + np.arange(self.horizon + 1)
+        return Rollout(self.guide.states[run[:, None], at], self.guide.torques[run[:, None], at[:, :-1]])
+
+    def improve(self, prediction: Rollout, now: Instant) -> Rollout:
+        """Return a better prediction, which begins at the present state; its first torque is what to apply.
+
+        Args:
+            prediction: from about the present state on. Shapes (horizon + 1, n), (horizon, 2).
+            now: the present.
+        """
+        guide, last = self.guide, now.period + self.horizon
+        end = np.concatenate([guide.states[now.run, last], guide.torques[now.run, last - 1]])
+        slope, curvature = guide.slopes[now.run, last], guide.curvatures[now.run, last]
+        off = np.concatenate([prediction.states[-1], prediction.torques[-1]]) - end
+        found = self._sweep(prediction, now, CostToGo(slope + curvature @ off, curvature))
+        runs = self._roll_out(prediction, now, found)
+        finite = np.isfinite(runs.states).all(axis=(1, 2))
+        states = np.where(finite[:, None, None], runs.states, prediction.states)
+        off = np.concatenate([states[:, -1], runs.torques[:, -1]], axis=1) - end
+        total = self._costs(states, runs.torques, now) + off @ slope + 0.5 * np.sum(off @ curvature * off, axis=1)
+        best = int(np.argmin(np.where(finite, total, np.inf)))
+        return Rollout(states[best], runs.torques[best])
+
+    def shifted(self, prediction: Rollout, now: Instant) -> Rollout:
+        """Return a prediction from the next instant on; the guide's feedback law appends a period."""
+        guide, end = self.guide, now.period + self.horizon
+        states, torques = prediction
+        off = np.concatenate([states[-1] - guide.states[now.run, end], torques[-1] - guide.torques[now.run, end - 1]])
+        torque = guide.torques[now.run, end] + guide.gains[now.run, end] @ off
+        torque = np.clip(torque, -self.limits, self.limits)
+        state = self.model.step(states[-1], torque, self.period, step=self.step, **now.quantities)
+        return Rollout(np.concatenate([states[1:], state[None]]), np.concatenate([torques[1:], torque[None]]))
+
+    def _tip_weights(self, now: Instant) -> Floats:
+        """Return the weight of each instant of the horizon; that of the end is in the cost of what follows."""
+        weights = self.guide.tip_weights[now.period : now.period + self.horizon + 1].copy()
+        weights[-1] = 0.0
+        return weights
+
+    def _excess(self, coordinates: Floats) -> Floats:
+        """Return the links' deflections beyond their limit, with their sign [m]. Shape (..., 2)."""
+        deflection, limit = coordinates @ self._deflections.T, self.guide.deflection_limit
+        return deflection - np.clip(deflection, -limit, limit)
+
+    def _sweep(self, prediction: Rollout, now: Instant, beyond: CostToGo) -> Sweep:
+        """Sweep backward through the prediction."""
+        (states, torques), guide, model = prediction, self.guide, self.model
+        moved = model.step_jacobians(states[:-1], torques, self.period, step=self.step, **now.quantities)
+        tips, by_coordinates = model.point(states[:, : model.size], 2, self._tip)
+        gradient, hessian = np.empty(states.shape), np.empty((*states.shape, states.shape[1]))
+        kernels.expand(
+            tips - guide.reference[now.period : now.period + self.horizon + 1],
+            by_coordinates,
+            self._tip_weights(now),
+            self._excess(states[:, : model.size]),
+            self._deflections,
+            guide.deflection_weight,
+            gradient,
+            hessian,
+        )
+        quadratic = Model(
+            moved.by_state,
+            moved.by_torque,
+            gradient,
+            hessian,
+            guide.torque_weights,
+            np.concatenate([now.before[None], torques]),
+            defects=moved.state - states[1:],
+        )
+        periods = round(1.0 / guide.tip_weights[0])
+        return sweep(quadratic, self.limits, 2.0 * self.damping / (periods * self.limits**2), beyond)
+
+    def _roll_out(self, prediction: Rollout, now: Instant, found: Sweep) -> Rollout:
+        """Run the model from the present state under all steps, and under the guide's feedback law."""
+        (states, torques), guide, size = prediction, self.guide, 2 * self.model.size
+        along = now.run, slice(now.period, now.period + self.horizon)
+        before = np.concatenate([now.before[None], torques[:-1]])
+        forward = torques - np.einsum("tij,tj->ti", found.gains[:, :, size:], before)
+        guided_before = guide.torques[now.run, max(now.period - 1, 0) : now.period + self.horizon - 1]
+        if now.period == 0:
+            guided_before = np.concatenate([np.zeros((1, 2)), guided_before])
+        guided = guide.torques[along] - np.einsum("tij,tj->ti", guide.gains[along][:, :, size:], guided_before)
+        gains = _beside(found.gains, guide.gains[along])
+        return self.model.rollout(
+            now.state,
+            np.concatenate([forward + ALPHAS[:, None, None] * found.forward, guided[None]]),
+            gains=gains[..., :size],
+            references=_beside(states[:-1], guide.states[along]),
+            torque_gains=gains[..., size:],
+            torque_before=now.before,
+            limits=(float(self.limits[0]), float(self.limits[1])),
+            period=self.period,
+            step=self.step,
+            **now.quantities,
+        )
+
+    def _costs(self, states: Floats, torques: Floats, now: Instant) -> Floats:
+        """Return the cost of each run over the horizon. Shape (runs,)."""
+        guide, coordinates, result = self.guide, states[..., : self.model.size], np.empty(len(states))
+        kernels.costs(
+            self.model.position(coordinates, 2, self._tip)
+            - guide.reference[now.period : now.period + self.horizon + 1],
+            self._tip_weights(now),
+            self._excess(coordinates),
+            guide.deflection_weight,
+            torques,
+            now.before,
+            guide.torque_weights,
+            result,
+        )
+        return result
+
+
+def _beside(own: Floats, guided: Floats) -> Floats:
+    """Repeat what all steps share, and append what belongs to the guide's law."""
+    return np.concatenate([np.broadcast_to(own, (len(ALPHAS), *own.shape)), guided[None]])
