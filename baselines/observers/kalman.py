@@ -165,15 +165,15 @@ class KalmanFilter:
         own = {"payload_mass": self.arm.parameters.payload_mass, "stiffness": 1.0}
         own["damping"] = float(self.arm.changes.own[2])
         known = np.tile([own[name] for name in self.quantities], (runs, 1)).reshape(runs, -1)
-        reading, sensed = self._sensed(states)
-        mean = np.concatenate([states, known, np.tile(reading, (1, self._lag + 1))], axis=1)
+        outputs, slopes = self.arm.output_jacobians(states, self.sensor_position)
+        mean = np.concatenate([states, known, np.tile(outputs.sensed[:, :2], (1, self._lag + 1))], axis=1)
         modes = noise.start_mode / self._tips, noise.start_rate / self._tips
         deviations = np.concatenate(
             [[noise.start_joint] * 2, modes[0], [noise.start_rate] * 2, modes[1], self._start_deviations]
         )
         spread = np.zeros((runs, self.size, self._known))
         spread[:, : self._known] = np.diag(deviations)
-        points = sensed @ np.diag(deviations[: self._states])
+        points = slopes.sensed[:, :2] @ np.diag(deviations[: self._states])
         spread[:, self._known :, : self._states] = np.tile(points, (1, self._lag + 1, 1))
         return Estimate(mean, spread @ spread.swapaxes(1, 2))
 
@@ -190,7 +190,8 @@ class KalmanFilter:
         seen, part = after, self._until
         if part < self.period:
             seen = self.arm.step_jacobians(state, torque, part, step=_substep(part), **values)
-        reading, sensed = self._sensed(seen.state)
+        outputs, slopes = self.arm.output_jacobians(seen.state, self.sensor_position)
+        sensed = slopes.sensed[:, :2]
         matrix = np.zeros((len(state), self.size, self.size))
         matrix[:, : self._states, : self._states] = after.by_state
         matrix[:, : self._states, self._states : known] = after.by_quantity[..., columns]
@@ -201,7 +202,7 @@ class KalmanFilter:
         by_torque = np.zeros((len(state), self.size, 2))
         by_torque[:, : self._states] = after.by_torque
         by_torque[:, known : known + 2] = sensed @ seen.by_torque
-        return Transition(after.state, reading, matrix, by_torque)
+        return Transition(after.state, outputs.sensed[:, :2], matrix, by_torque)
 
     def predict(self, estimate: Estimate, torque: Floats) -> Estimate:
         """Carry estimates over a control period with held torques.
@@ -290,13 +291,6 @@ class KalmanFilter:
         gain = np.linalg.solve(expected, correlated.swapaxes(1, 2)).swapaxes(1, 2)
         after = covariance - gain @ correlated.swapaxes(1, 2)
         return gain, 0.5 * (after + after.swapaxes(1, 2)), expected
-
-    def _sensed(self, states: Floats) -> tuple[Floats, Floats]:
-        """Return where the late sensor's point is [m], Shape (n, 2), and its derivatives by the states."""
-        last = self.arm.parameters.link_lengths[1]
-        at = last if self.sensor_position is None else self.sensor_position
-        position, by_coordinates = self.arm.point(states[:, : self.arm.size], 2, at)
-        return position, np.concatenate([by_coordinates, np.zeros_like(by_coordinates)], axis=2)
 
 
 def _substep(part: float) -> float:

@@ -69,10 +69,6 @@ class RealTimeIteration:
         """Keep all; see the attributes."""
         self.model, self.guide, self.horizon = model, guide, horizon
         self.limits, self.period, self.step, self.damping = np.array(limits), period, step, damping
-        modes, self._deflections = model.parameters.modes_per_link, np.zeros((2, model.size))
-        for n, link in enumerate(model.modes):
-            self._deflections[n, 2 + n * modes : 2 + (n + 1) * modes] = link.tip_values
-        self._tip = model.parameters.link_lengths[1]
 
     def predicted(self, run: Array, period: Array) -> Rollout:
         """Return the guide's own motion over the horizon of m arms. Shapes (m, horizon + 1, n), (m, horizon, 2)."""
@@ -109,43 +105,49 @@ class RealTimeIteration:
         state = self.model.step(states[-1], torque, self.period, step=self.step, **now.quantities)
         return Rollout(np.concatenate([states[1:], state[None]]), np.concatenate([torques[1:], torque[None]]))
 
-    def _tip_weights(self, now: Instant) -> Floats:
-        """Return the weight of each instant of the horizon; that of the end is in the cost of what follows."""
-        weights = self.guide.tip_weights[now.period : now.period + self.horizon + 1].copy()
-        weights[-1] = 0.0
-        return weights
+    def _residuals(self, states: Floats, now: Instant) -> tuple[Floats, Floats, Floats]:
+        """Return what costs something in states over the horizon, its derivatives, and the weights on its squares.
 
-    def _excess(self, coordinates: Floats) -> Floats:
-        """Return the links' deflections beyond their limit, with their sign [m]. Shape (..., 2)."""
-        deflection, limit = coordinates @ self._deflections.T, self.guide.deflection_limit
-        return deflection - np.clip(deflection, -limit, limit)
+        Residuals are the tip's errors, and the links' deflections beyond their limit [m]. The cost of the end is in
+        that of what follows.
+
+        Args:
+            states: Shape (..., horizon + 1, n).
+            now: the present.
+
+        Returns:
+            Shapes (..., horizon + 1, 4), (..., horizon + 1, 4, n), (..., horizon + 1, 4).
+        """
+        guide, horizon = self.guide, slice(now.period, now.period + self.horizon + 1)
+        values, slopes = self.model.output_jacobians(states)
+        limit = guide.deflection_limit
+        excess = values.deflection - np.clip(values.deflection, -limit, limit)
+        weights = np.empty((*states.shape[:-1], 4))
+        weights[..., :2] = guide.tip_weights[horizon, None]
+        weights[..., 2:] = guide.deflection_weight * (excess != 0.0)
+        weights[..., -1, :] = 0.0
+        return (
+            np.concatenate([values.true_tip - guide.reference[horizon], excess], axis=-1),
+            np.concatenate([slopes.true_tip, slopes.deflection], axis=-2),
+            weights,
+        )
 
     def _sweep(self, prediction: Rollout, now: Instant, beyond: CostToGo) -> Sweep:
         """Sweep backward through the prediction."""
-        (states, torques), guide, model = prediction, self.guide, self.model
-        moved = model.step_jacobians(states[:-1], torques, self.period, step=self.step, **now.quantities)
-        tips, by_coordinates = model.point(states[:, : model.size], 2, self._tip)
+        states, torques = prediction
+        moved = self.model.step_jacobians(states[:-1], torques, self.period, step=self.step, **now.quantities)
         gradient, hessian = np.empty(states.shape), np.empty((*states.shape, states.shape[1]))
-        kernels.expand(
-            tips - guide.reference[now.period : now.period + self.horizon + 1],
-            by_coordinates,
-            self._tip_weights(now),
-            self._excess(states[:, : model.size]),
-            self._deflections,
-            guide.deflection_weight,
-            gradient,
-            hessian,
-        )
+        kernels.expand(*self._residuals(states, now), gradient, hessian)
         quadratic = Model(
             moved.by_state,
             moved.by_torque,
             gradient,
             hessian,
-            guide.torque_weights,
+            self.guide.torque_weights,
             np.concatenate([now.before[None], torques]),
             defects=moved.state - states[1:],
         )
-        periods = round(1.0 / guide.tip_weights[0])
+        periods = round(1.0 / self.guide.tip_weights[0])
         return sweep(quadratic, self.limits, 2.0 * self.damping / (periods * self.limits**2), beyond)
 
     def _roll_out(self, prediction: Rollout, now: Instant, found: Sweep) -> Rollout:
@@ -174,18 +176,9 @@ class RealTimeIteration:
 
     def _costs(self, states: Floats, torques: Floats, now: Instant) -> Floats:
         """Return the cost of each run over the horizon. Shape (runs,)."""
-        guide, coordinates, result = self.guide, states[..., : self.model.size], np.empty(len(states))
-        kernels.costs(
-            self.model.position(coordinates, 2, self._tip)
-            - guide.reference[now.period : now.period + self.horizon + 1],
-            self._tip_weights(now),
-            self._excess(coordinates),
-            guide.deflection_weight,
-            torques,
-            now.before,
-            guide.torque_weights,
-            result,
-        )
+        residuals, _, weights = self._residuals(states, now)
+        result = np.empty(len(states))
+        kernels.costs(residuals, weights, torques, now.before, self.guide.torque_weights, result)
         return result
 
 

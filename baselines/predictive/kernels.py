@@ -1,7 +1,6 @@
-"""Compiled parts of a real-time iteration: the cost of a prediction, to second order and of many at once.
+"""Compiled parts of a real-time iteration: the cost of a prediction to second order, and that of several runs.
 
-The functions call nothing outside this file (`kept_on_disk`). Shapes: n entries of a state, the first half of them
-coordinates; N periods.
+The functions call nothing outside this file (`kept_on_disk`). Shapes: n entries of a state, r residuals, N periods.
 """
 
 from __future__ import annotations
@@ -13,75 +12,48 @@ compiled = kept_on_disk(__file__, "the cost of predictions")
 
 
 @compiled
-def expand(
-    errors: Floats,
-    by_coordinates: Floats,
-    weights: Floats,
-    excess: Floats,
-    deflections: Floats,
-    stiffness: float,
-    gradient: Floats,
-    hessian: Floats,
-) -> None:
-    """Expand ``w |error|^2 + stiffness sum excess^2`` about states, with Gauss-Newton's curvature.
+def expand(residuals: Floats, by_state: Floats, weights: Floats, gradient: Floats, hessian: Floats) -> None:
+    """Expand a sum of weighted squares about states, with Gauss-Newton's curvature.
 
     Args:
-        errors: of the tip [m]. Shape (M, 2).
-        by_coordinates: their derivatives. Shape (M, 2, n / 2).
-        weights: w of each state [1]. Shape (M,).
-        excess: of the links' deflections beyond their limit, with their sign; 0 within it [m]. Shape (M, 2).
-        deflections: derivatives of the deflections by the coordinates. Shape (2, n / 2).
-        stiffness: weight on squared excess [1].
-        gradient: receives the slope by the states. Shape (M, n).
-        hessian: receives the curvature. Shape (M, n, n).
+        residuals: of each state. Shape (N + 1, r).
+        by_state: their derivatives. Shape (N + 1, r, n).
+        weights: on their squares. Shape (N + 1, r).
+        gradient: receives the slope by the states. Shape (N + 1, n).
+        hessian: receives the curvature. Shape (N + 1, n, n).
     """
-    half = by_coordinates.shape[2]
-    for t in range(errors.shape[0]):
+    size = by_state.shape[2]
+    for t in range(residuals.shape[0]):
         gradient[t] = 0.0
         hessian[t] = 0.0
-        for i in range(half):
-            for axis in range(2):
-                slope = 2.0 * weights[t] * by_coordinates[t, axis, i]
-                gradient[t, i] += slope * errors[t, axis]
-                for j in range(half):
-                    hessian[t, i, j] += slope * by_coordinates[t, axis, j]
-        for link in range(2):
-            if excess[t, link] != 0.0:
-                for i in range(half):
-                    slope = 2.0 * stiffness * deflections[link, i]
-                    gradient[t, i] += slope * excess[t, link]
-                    for j in range(half):
-                        hessian[t, i, j] += slope * deflections[link, j]
+        for k in range(residuals.shape[1]):
+            if weights[t, k] != 0.0:
+                for i in range(size):
+                    slope = 2.0 * weights[t, k] * by_state[t, k, i]
+                    gradient[t, i] += slope * residuals[t, k]
+                    for j in range(size):
+                        hessian[t, i, j] += slope * by_state[t, k, j]
 
 
 @compiled
 def costs(
-    errors: Floats,
-    weights: Floats,
-    excess: Floats,
-    stiffness: float,
-    torques: Floats,
-    before: Floats,
-    torque_weights: Floats,
-    result: Floats,
+    residuals: Floats, weights: Floats, torques: Floats, before: Floats, torque_weights: Floats, result: Floats
 ) -> None:
     """Add up the cost of several runs, without that of what follows their end.
 
     Args:
-        errors: of the tip at each instant [m]. Shape (runs, N + 1, 2).
-        weights: see `expand`. Shape (N + 1,).
-        excess: see `expand`. Shape (runs, N + 1, 2).
-        stiffness: see `expand`.
+        residuals: see `expand`. Shape (runs, N + 1, r).
+        weights: see `expand`. Shape (runs, N + 1, r).
         torques: of each period [N m]. Shape (runs, N, 2).
         before: of the period before the first. Shape (2,).
         torque_weights: on squared torques, and on their squared changes. Shape (2, 2).
         result: receives the costs. Shape (runs,).
     """
-    for run in range(errors.shape[0]):
+    for run in range(residuals.shape[0]):
         total = 0.0
-        for t in range(errors.shape[1]):
-            for k in range(2):
-                total += weights[t] * errors[run, t, k] ** 2 + stiffness * excess[run, t, k] ** 2
+        for t in range(residuals.shape[1]):
+            for k in range(residuals.shape[2]):
+                total += weights[run, t, k] * residuals[run, t, k] ** 2
         for t in range(torques.shape[1]):
             for k in range(2):
                 last = before[k] if t == 0 else torques[run, t - 1, k]

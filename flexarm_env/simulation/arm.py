@@ -130,7 +130,7 @@ class FlexibleArm(FeedbackTorque):
         Raises:
             ValueError: for another link, or s off the link.
         """
-        return self.point(q, link, s)[0]
+        return self._point(self._coordinates("q", q), link, s)[0]
 
     def velocity(self, state: ArrayLike, link: int, s: ArrayLike) -> Array:
         """Return the velocity of a material point [m/s]; arguments as in `position`. Shape (..., 2)."""
@@ -140,11 +140,7 @@ class FlexibleArm(FeedbackTorque):
 
     def point_jacobian(self, q: ArrayLike, link: int, s: ArrayLike) -> Array:
         """Return d(position)/dq; arguments as in `position`. Shape (..., 2, 2 + 2 m)."""
-        return self.point(q, link, s)[1]
-
-    def point(self, q: ArrayLike, link: int, s: ArrayLike) -> tuple[Array, Array]:
-        """Return what `position` and `point_jacobian` do, both at once."""
-        return self._point(self._coordinates("q", q), link, s)
+        return self._point(self._coordinates("q", q), link, s)[1]
 
     def place(self, link: int, s: float) -> PointShape:
         """Return a material point as the equations know it; arguments as in `position`, s a number."""
