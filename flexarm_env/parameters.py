@@ -124,7 +124,7 @@ class ArmParameters:
     damping_model: DampingModel = declared("material", OneOf(get_args(DampingModel)))
     joint_friction: tuple[float, float] = declared((0.0, 0.0), Pair(0.0, 1e9, "N m s/rad"))
     velocity_forces: VelocityForces = declared("complete", OneOf(get_args(VelocityForces)))
-    mode_scale: float = declared(0.1, Number(1e-6, 1e6))
+    mode_scale: float = declared(0.1, Number(1e-3, 1e3))
     kinematics: Kinematics = declared("foreshortened", OneOf(get_args(Kinematics)))
     mode_shapes: ModeShapes = declared("polynomial", OneOf(get_args(ModeShapes)))
 
