@@ -113,8 +113,9 @@ class PredictiveController(PlanController):
         state[:, :2] = seen["joint_angles"]
         off = state - self.iteration.guide.states[run, period]
         state += within_half_a_turn(off) - off
-        prediction = self.iteration.predicted(run, period)
-        return (run, np.zeros((len(seen), 2)), *prediction, *self.begin(seen, state))
+        predictions = [self.iteration.predicted(int(one), int(at)) for one, at in zip(run, period, strict=True)]
+        states, torques = (np.stack(part) for part in zip(*predictions, strict=True))
+        return (run, np.zeros((len(seen), 2)), states, torques, *self.begin(seen, state))
 
     def torque(self, seen: Seen, memory: Memory) -> tuple[Floats, Memory]:
         """Improve each arm's prediction, and apply its first torque."""

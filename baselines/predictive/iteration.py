@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexarm_baselines.arrays import Array, Floats
+from flexarm_baselines.arrays import Floats
 from flexarm_baselines.optimal.solver import STEP_LENGTHS
 from flexarm_baselines.optimal.sweep import CostToGo, Model, Sweep, sweep
 from flexarm_baselines.predictive import kernels
@@ -44,6 +44,14 @@ class Instant(NamedTuple):
     quantities: dict[str, float]
 
 
+class _Law(NamedTuple):
+    """A feedback law as `FlexibleArm.rollout` takes it; `gains` are on state and torque before."""
+
+    forward: Floats
+    gains: Floats
+    references: Floats
+
+
 class RealTimeIteration:
     """Improves predictions of one arm.
 
@@ -70,10 +78,10 @@ class RealTimeIteration:
         self.model, self.guide, self.horizon = model, guide, horizon
         self.limits, self.period, self.step, self.damping = np.array(limits), period, step, damping
 
-    def predicted(self, run: Array, period: Array) -> Rollout:
-        """Return the guide's own motion over the horizon of m arms. Shapes (m, horizon + 1, n), (m, horizon, 2)."""
-        at = period[:, None] + np.arange(self.horizon + 1)
-        return Rollout(self.guide.states[run[:, None], at], self.guide.torques[run[:, None], at[:, :-1]])
+    def predicted(self, run: int, period: int) -> Rollout:
+        """Return a run of the guide over the horizon from a control period on."""
+        end = period + self.horizon
+        return Rollout(self.guide.states[run, period : end + 1], self.guide.torques[run, period:end])
 
     def improve(self, prediction: Rollout, now: Instant) -> Rollout:
         """Return a better prediction, which begins at the present state; its first torque is what to apply.
@@ -89,6 +97,8 @@ class RealTimeIteration:
         found = self._sweep(prediction, now, CostToGo(slope + curvature @ off, curvature))
         runs = self._roll_out(prediction, now, found)
         finite = np.isfinite(runs.states).all(axis=(1, 2))
+        if not finite.any():
+            return self.predicted(now.run, now.period)
         states = np.where(finite[:, None, None], runs.states, prediction.states)
         off = np.concatenate([states[:, -1], runs.torques[:, -1]], axis=1) - end
         total = self._costs(states, runs.torques, now) + off @ slope + 0.5 * np.sum(off @ curvature * off, axis=1)
@@ -147,25 +157,27 @@ class RealTimeIteration:
             np.concatenate([now.before[None], torques]),
             defects=moved.state - states[1:],
         )
-        periods = round(1.0 / self.guide.tip_weights[0])
-        return sweep(quadratic, self.limits, 2.0 * self.damping / (periods * self.limits**2), beyond)
+        lap = len(self.guide.reference) - 1 - self.horizon
+        return sweep(quadratic, self.limits, 2.0 * self.damping / (lap * self.limits**2), beyond)
 
     def _roll_out(self, prediction: Rollout, now: Instant, found: Sweep) -> Rollout:
-        """Run the model from the present state under all steps, and under the guide's feedback law."""
-        (states, torques), guide, size = prediction, self.guide, 2 * self.model.size
+        """Run the model from the present state under the guide's feedback law, and under all steps of the sweep.
+
+        A sweep through a prediction that is out of all bounds may overflow; it has no steps then.
+        """
+        guide, size = self.guide, 2 * self.model.size
         along = now.run, slice(now.period, now.period + self.horizon)
-        before = np.concatenate([now.before[None], torques[:-1]])
-        forward = torques - np.einsum("tij,tj->ti", found.gains[:, :, size:], before)
-        guided_before = guide.torques[now.run, max(now.period - 1, 0) : now.period + self.horizon - 1]
-        if now.period == 0:
-            guided_before = np.concatenate([np.zeros((1, 2)), guided_before])
-        guided = guide.torques[along] - np.einsum("tij,tj->ti", guide.gains[along][:, :, size:], guided_before)
-        gains = _beside(found.gains, guide.gains[along])
+        first = guide.torques[now.run, now.period - 1] if now.period > 0 else np.zeros(2)
+        laws = [self._law(guide.gains[along], self.predicted(now.run, now.period), first)]
+        if np.all(np.isfinite(found.gains)) and np.all(np.isfinite(found.forward)):
+            about = self._law(found.gains, prediction, now.before)
+            laws += [about._replace(forward=about.forward + alpha * found.forward) for alpha in ALPHAS]
+        forward, gains, references = (np.stack(part) for part in zip(*laws, strict=True))
         return self.model.rollout(
             now.state,
-            np.concatenate([forward + ALPHAS[:, None, None] * found.forward, guided[None]]),
+            forward,
             gains=gains[..., :size],
-            references=_beside(states[:-1], guide.states[along]),
+            references=references,
             torque_gains=gains[..., size:],
             torque_before=now.before,
             limits=(float(self.limits[0]), float(self.limits[1])),
@@ -174,14 +186,16 @@ class RealTimeIteration:
             **now.quantities,
         )
 
+    def _law(self, gains: Floats, about: Rollout, first: Floats) -> _Law:
+        """Return the feedback law with gains on the deviation from a run; `first`: torque before the run's first."""
+        before = np.concatenate([first[None], about.torques[:-1]])
+        on_torque = gains[:, :, 2 * self.model.size :]
+        forward = about.torques - (on_torque @ before[..., None])[..., 0]
+        return _Law(forward, gains, about.states[:-1])
+
     def _costs(self, states: Floats, torques: Floats, now: Instant) -> Floats:
         """Return the cost of each run over the horizon. Shape (runs,)."""
         residuals, _, weights = self._residuals(states, now)
         result = np.empty(len(states))
         kernels.costs(residuals, weights, torques, now.before, self.guide.torque_weights, result)
         return result
-
-
-def _beside(own: Floats, guided: Floats) -> Floats:
-    """Repeat what all steps share, and append what belongs to the guide's law."""
-    return np.concatenate([np.broadcast_to(own, (len(ALPHAS), *own.shape)), guided[None]])
