@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
 
@@ -53,14 +53,14 @@ class Guide:
     deflection_limit: float
 
     @classmethod
-    def along(cls, plans: Sequence[Plan], model: FlexibleArm, horizon: int, **weights: Any) -> Self:
+    def along(cls, plans: Sequence[Plan], model: FlexibleArm, horizon: int, change_weight: float) -> Self:
         """Sweep backward along plans of one reference.
 
         Args:
             plans: as long as each other.
             model: arm that is linearised along them.
             horizon: periods.
-            **weights: further fields of `TrackingProblem`.
+            change_weight: see `TrackingProblem` [m^2].
         """
         parts = []
         for plan in plans:
@@ -69,29 +69,33 @@ class Guide:
                 plan.states[0],
                 plan.reference,
                 plan.limits,
+                change_weight=change_weight,
                 deflection_limit=DEFLECTION,
                 period=plan.period,
                 step=plan.step,
-                **weights,
             )
-            run = Rollout(plan.states, plan.torques)
-            gains, cost = _swept(problem, run)
+            gains, cost = _swept(problem, Rollout(plan.states, plan.torques))
             parts.append(
                 (
-                    _prolonged(run.states, horizon),
-                    _prolonged(run.torques, horizon + 1),
+                    _prolonged(plan.states, horizon),
+                    _prolonged(plan.torques, horizon + 1),
                     _faded(gains, horizon + 1),
                     _faded(cost.slopes, horizon),
                     _faded(cost.curvatures, horizon),
                 )
             )
-        per_instant = 1.0 / (problem.periods + 1.0)
+        states, torques, every_gain, slopes, curvatures = (np.stack(part) for part in zip(*parts, strict=True))
+        instants = len(problem.reference)
         return cls(
-            *(np.stack(part) for part in zip(*parts, strict=True)),
+            states,
+            torques,
+            every_gain,
+            slopes,
+            curvatures,
             reference=_prolonged(problem.reference, horizon),
-            tip_weights=_faded(problem.tip_weights * per_instant, horizon),
+            tip_weights=_faded(np.full(instants, 1.0 / instants), horizon),
             torque_weights=problem.weights,
-            deflection_weight=DEFLECTION_WEIGHT * per_instant,
+            deflection_weight=DEFLECTION_WEIGHT / instants,
             deflection_limit=DEFLECTION,
         )
 

@@ -96,7 +96,7 @@ class RealTimeIteration:
         off = np.concatenate([prediction.states[-1], prediction.torques[-1]]) - end
         found = self._sweep(prediction, now, CostToGo(slope + curvature @ off, curvature))
         runs = self._roll_out(prediction, now, found)
-        finite = np.isfinite(runs.states).all(axis=(1, 2))
+        finite = np.all(np.isfinite(runs.states), axis=(1, 2))
         if not finite.any():
             return self.predicted(now.run, now.period)
         states = np.where(finite[:, None, None], runs.states, prediction.states)
