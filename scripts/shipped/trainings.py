@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Sequence
+from math import isclose
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -16,6 +17,7 @@ from flexarm_agents.teaching.training import teach
 from flexarm_agents.training import Outcome, train
 from scripts.common.worker_pool import worker_pool
 
+ROUNDING = 1e-3  # relative, of a lap's error
 RULE = "the median of {count} trainings that differ in their seeds, by the mean r.m.s. of both laps"
 
 
@@ -47,12 +49,18 @@ def trained(config: RunConfig, folder: Path) -> Training:
     outcome = carried_out(config, folder)
     policy = load_policy(folder)
     again = evaluate(policy.make_env(), policy.policy, EVALUATION_SEED)
-    if policy.notes["config"]["evaluation_laps"] == 1 and again != StandardScore.of(outcome.best):
+    if policy.notes["config"]["evaluation_laps"] == 1 and not _alike(again, StandardScore.of(outcome.best)):
         raise ValueError(
             f"folder = {folder}: its best policy scored {StandardScore.of(outcome.best)}, and now {again}; another "
             "version trained it, so remove the folder"
         )
     return Training(config, folder, outcome.best)
+
+
+def _alike(one: StandardScore, other: StandardScore) -> bool:
+    """Return whether two scores differ at most as a version that rounds otherwise makes them differ."""
+    errors = [(a.rms, b.rms) for a, b in zip(one, other, strict=True)]
+    return all(a is b is None or (a and b and isclose(a, b, rel_tol=ROUNDING)) for a, b in errors)
 
 
 def carried_out(config: RunConfig, folder: Path) -> Outcome:
