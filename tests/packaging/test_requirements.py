@@ -1,4 +1,4 @@
-"""What the package needs: lowest versions, and the README's table of extras, are those of pyproject.toml."""
+"""pyproject.toml names every package, and lowest versions and the README's table of extras agree with it."""
 
 from __future__ import annotations
 
@@ -8,9 +8,10 @@ import tomllib
 import pytest
 from packaging.requirements import Requirement
 
-from tests.support.programs import ROOT
+from tests.support.programs import PACKAGES, ROOT
 
-PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+DECLARED = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+PROJECT = DECLARED["project"]
 EXTRAS: dict[str, list[Requirement]] = {
     "none": [Requirement(text) for text in PROJECT["dependencies"]],
     **{name: [Requirement(text) for text in texts] for name, texts in PROJECT["optional-dependencies"].items()},
@@ -31,6 +32,16 @@ def included(extra: str) -> set[str]:
 def reached(extra: str) -> set[str]:
     """Return the names of an extra and of all that it includes, by whichever way."""
     return {extra}.union(*(reached(name) for name in included(extra)))
+
+
+def test_every_package_is_installed() -> None:
+    """A folder that is not named here is missing in a wheel, though not in an editable install."""
+    found = {
+        ".".join((package, *path.parent.relative_to(folder).parts))
+        for package, folder in PACKAGES.items()
+        for path in folder.rglob("__init__.py")
+    }
+    assert found == set(DECLARED["tool"]["setuptools"]["packages"])
 
 
 def test_the_lowest_versions_are_those_that_are_declared() -> None:
