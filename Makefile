@@ -16,6 +16,7 @@ EXTRAS_draw  := plot,render
 EXTRAS_train := train
 EXTRAS_bench := plot,bench
 EXTRAS_validate := validate
+EXTRAS_board := plot,chain
 EXTRAS_test  := test
 # The others that it contains, and what is installed where the extras cannot be: EnvPool and the engines have no wheels for
 # every platform; the benchmark goes on without them and says so, and `make validate` checks the rest and then fails.
@@ -24,11 +25,12 @@ COVERS_validate := plot
 COVERS_test  := plot draw validate
 INSTEAD_bench := plot
 INSTEAD_validate := plot
+INSTEAD_board := plot
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 .NOTPARALLEL:  # two installs into one environment must not overlap, and `make -j` buys nothing here
-.PHONY: help reproduce validate analyse optimise control test test-slow lint typecheck contract train agent evaluate bench docs clean
+.PHONY: help reproduce validate analyse optimise control test test-slow lint typecheck contract train agent evaluate leaderboard bench docs clean
 
 help:  ## List the verbs
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -76,6 +78,9 @@ agent: $(HAS)-train  ## Make the shipped agent anew: trainings, the median one, 
 
 evaluate: $(HAS)-train  ## Score the controllers, the shipped policy and trained runs
 	$(PY) scripts/evaluate.py $(ARGS)
+
+leaderboard: $(HAS)-board  ## Measure every controller and agent on every axis; a row of your own: docs/submit.md
+	$(PY) -m scripts.leaderboard $(ARGS)
 
 bench: $(HAS)-bench  ## Measure the speed of simulation and environments beside their peers
 	$(PY) -m scripts.benchmarks $(ARGS)

@@ -123,14 +123,28 @@ def from_attribute(source: str, environment: str, options: Options) -> Contender
     """
     found = imported(source)
     env = make_one(environment, options)
+    return Contender(source, made_for(env, found, source), env, check_id(environment), dict(options))
+
+
+def made_for(env: gymnasium.Env[Any, Any], found: Any, source: str) -> Any:
+    """Make a policy for an environment of what a module holds.
+
+    Args:
+        env: the environment.
+        found: a class with `for_env` or without arguments, an object, or a function.
+        source: its name, for messages.
+
+    Raises:
+        TypeError, ValueError: for a class that needs arguments, or an environment that does not fit it.
+    """
     if hasattr(found, "for_env"):
-        found = found.for_env(env)
-    elif isinstance(found, type):
-        try:
-            found = found()
-        except TypeError as error:
-            raise TypeError(f"policy {source}: needs a classmethod for_env(env), or no arguments ({error})") from error
-    return Contender(source, found, env, check_id(environment), dict(options))
+        return found.for_env(env)
+    if not isinstance(found, type):
+        return found
+    try:
+        return found()
+    except TypeError as error:
+        raise TypeError(f"policy {source}: needs a classmethod for_env(env), or no arguments ({error})") from error
 
 
 def from_model(source: str, algorithm: str, environment: str, options: Options) -> Contender:
@@ -146,18 +160,23 @@ def from_model(source: str, algorithm: str, environment: str, options: Options) 
         ImportError: without the package.
         TypeError, ValueError: for another class, a bad file, id or option, or a model for another environment.
     """
+    env = make_one(environment, options)
+    return Contender(source, loaded_model(source, algorithm, env), env, check_id(environment), dict(options))
+
+
+def loaded_model(source: str, algorithm: str, env: gymnasium.Env[Any, Any]) -> Any:
+    """Load a stable-baselines3 model for an environment; arguments and errors as of `from_model`."""
     with needs_extra(source, "train"):
         importlib.import_module("stable_baselines3")
     kind = imported(algorithm if ":" in algorithm else f"stable_baselines3:{algorithm}")
     if not hasattr(kind, "load"):
         raise TypeError(f"algorithm = {shown(algorithm)}: must be a class of stable-baselines3's models")
-    env = make_one(environment, options)
     try:
         model = kind.load(source, device="cpu")
     except Exception as error:  # whatever reading something else ends in
         raise ValueError(f"{source}: is no model of {algorithm} ({error})") from error
     check_fits(source, model.observation_space.shape, model.action_space.shape, env)
-    return Contender(source, model, env, check_id(environment), dict(options))
+    return model
 
 
 def imported(source: str) -> Any:

@@ -93,21 +93,8 @@ def load_policy(source: str | Path, last: bool = False) -> Trained:
         TypeError: if the source is neither text nor a path.
         ValueError: if the file is not a policy's.
     """
-    if not isinstance(source, str | os.PathLike):
-        raise TypeError(f"source = {shown(source)}: must be a folder, a file or the name of a shipped policy")
-    path = Path(source)
-    if os.path.isdir(path):
-        name, file = path.name, path / (_LAST if last else _BEST)
-        if not os.path.isfile(file):
-            raise FileNotFoundError(f"source = {shown(str(source))}: the folder holds no {file.name}")
-    elif os.path.isfile(path):
-        name, file = path.stem, path
-    else:
-        name, file = str(source), POLICIES / f"{source}.npz"
-        if name not in shipped_policies():
-            raise FileNotFoundError(
-                f"source = {shown(name)}: neither a folder or file nor a shipped policy; these are {shipped_policies()}"
-            )
+    file = policy_file(source, last)
+    name = Path(source).name if os.path.isdir(source) else file.stem
     try:
         policy = NetworkPolicy.load(file)
     except ValueError as error:
@@ -125,3 +112,23 @@ def load_policy(source: str | Path, last: bool = False) -> Trained:
         raise ValueError(f"{file}: does not say what it was trained on (no {error} in its notes)") from error
     except (TypeError, ValueError) as error:
         raise ValueError(f"{file}: does not say what it was trained on ({error})") from error
+
+
+def policy_file(source: str | Path, last: bool = False) -> Path:
+    """Return the file that holds a trained policy; arguments and errors as of `load_policy`."""
+    if not isinstance(source, str | os.PathLike):
+        raise TypeError(f"source = {shown(source)}: must be a folder, a file or the name of a shipped policy")
+    path = Path(source)
+    if os.path.isdir(path):
+        file = path / (_LAST if last else _BEST)
+        if not os.path.isfile(file):
+            raise FileNotFoundError(f"source = {shown(str(source))}: the folder holds no {file.name}")
+        return file
+    if os.path.isfile(path):
+        return path
+    if str(source) not in shipped_policies():
+        raise FileNotFoundError(
+            f"source = {shown(str(source))}: neither a folder or file nor a shipped policy; these are "
+            f"{shipped_policies()}"
+        )
+    return POLICIES / f"{source}.npz"

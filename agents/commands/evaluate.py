@@ -9,8 +9,10 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from flexarm_agents.board.columns import COLUMNS
 from flexarm_agents.commands.arguments import add_options, reader
 from flexarm_agents.commands.score_table import Spreads, group_table, lap_table, spreads_of
+from flexarm_agents.commands.sweep import sweep
 from flexarm_agents.constant import ConstantPolicy
 from flexarm_agents.contenders import (
     ENVIRONMENT,
@@ -70,6 +72,9 @@ class Group(NamedTuple):
 def run(arguments: Sequence[str]) -> None:
     """Score, print a table, write a file."""
     given = _read(arguments)
+    if given.sweep is not None:
+        sweep(given)
+        return
     laps, seed = integer("laps", given.laps, 1), integer("seed", given.seed, 0)
     contenders = list(_contenders(given))  # all of them before the first lap, so that a bad name is refused at once
     if not contenders:
@@ -127,6 +132,8 @@ def _read(arguments: Sequence[str]) -> argparse.Namespace:
         help=f"of controllers, module:attribute and stable-baselines3 models; {ENVIRONMENT}",
     )
     parser.add_argument("--stable-baselines3", metavar="CLASS", help=MODELS)
+    swept = f"run POLICY along an axis of the leaderboard, with its seeds: {', '.join(COLUMNS)}"
+    parser.add_argument("--sweep", metavar="AXIS", help=swept)
     output = Path("results/evaluation/evaluation.json")
     parser.add_argument("--output", type=Path, default=output, help=f"JSON, replaced if it exists; {output}")
     given = parser.parse_args(arguments)

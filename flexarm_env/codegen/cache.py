@@ -20,7 +20,6 @@ import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from functools import cached_property
 from pathlib import Path
 from types import ModuleType
 from typing import Any, TypeVar, cast
@@ -41,6 +40,7 @@ from flexarm_env.codegen.cache_folder import (
     say_once,
     write_aside,
 )
+from flexarm_env.lazy import cached_property
 
 LONGEST_WAIT = 600.0  # for another process that compiles the same kernels [s]; after that this one compiles too
 _KEPT_FUNCTIONS = re.compile(r"^@njit\(cache=True, .*\)\ndef (\w+)\(", re.MULTILINE)

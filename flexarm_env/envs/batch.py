@@ -111,7 +111,7 @@ class BatchSimulator(LaneBatch):
         requests = _usual_requests(settings, count, width)
         header, table = header_and_settings(kinds, variant.program, self.layout)
         header[[word.LANE_SETTING_ROWS, word.LANE_SETTING_COLUMNS]] = owns.shape
-        header[word.ORDER_COLUMNS] = requests.shape[1]
+        header[word.REQUEST_COLUMNS] = requests.shape[1]
         arrays: dict[str, NDArray[Any]] = {
             "KEYS": np.zeros(width, dtype=np.uint64),
             "ACTIVE": np.zeros(width, dtype=bool),

@@ -37,21 +37,21 @@ What is beyond that range is limited, for policies that draw from a Gaussian; wh
 BRANCHES = f"""\
 The rigid arm can be on the reference with its elbow on either side. `joint_error`, the joint-space law, drawn moves
 and starts use the side of `elbow_branch`, all the episode long. The elbow may swing through the straight arm to the
-other side, and good plans do so at corners; then `joint_error` asks it to come back. `present_joint_error` and
-`present_joint_error_rate` are on the side on which the encoders see the elbow: the sign of sin(theta2) when it was last
+other side, and good plans do so at corners; `joint_error` still refers to the first side. `present_joint_error` and
+`present_joint_error_rate` are on the side that the encoders measure: the sign of sin(theta2) when it was last
 bent by more than {STRAIGHT:g} rad, off the straight and off the folded arm, and `elbow_branch` before.
 `info["elbow_side"]` follows the same rule with the true angle, and is 0 before."""
 FRAMES = """\
 All units are SI. theta1 is the angle of link 1's root from the world's x axis, theta2 that of link 2's root from the
 tangent at link 1's tip. Blocks in m and m/s are x and y in a frame whose origin is the shoulder: with `frame="link"`
 its x axis lies along the root of link 1 (the world turned by the measured -theta1), with `frame="world"` nothing is
-turned. Without gravity the arm knows no direction, so in the link's frame the four sides of the square look alike.
+turned. Without gravity no direction is special, so in the link's frame the four sides of the square look alike.
 Infos are always in the world's frame."""
 BLOCK_RULES = """\
 An observation is an array of float32: the blocks that `observation` names, one after the other, each divided by its
 scale where `scaled` is set. `env.unwrapped.observation_blocks` says where each lies, `observation_scale` what each
 number was divided by. No number passes its bound before the episode ends. The column `reads` says what
-a block tells of the arm; no sensor delivers the true state, so a policy that observes `state` is privileged."""
+a block measures; no sensor delivers the true state, so a policy that observes `state` is privileged."""
 MIRROR = """\
 Without gravity the mirror image of a motion is a motion. Reflect an episode about the world's x axis: the start
 corner, the direction of the reference, `elbow_branch`, and the signs of the state's angles and modal coordinates.

@@ -21,6 +21,7 @@ OPTIONS = (
     *("sensor", "sensor_position", "delay", "wave_speed", "noise", "jitter", "hold", "dropout", "encoder_noise"),
     *("actuation_delay", "direction", "elbow_branch", "randomisation"),
 )
+_SHARED_OPTIONS = tuple(one.name for one in fields(Settings) if one.name not in OPTIONS)
 SHARED_BY_ARMS = ("link_lengths", "modes_per_link", "mode_shapes", "mode_scale", "kinematics", "velocity_forces")
 
 
@@ -56,6 +57,24 @@ def settings_of_each(options: Mapping[str, Any], per_env: Any, count: int, owner
     return each
 
 
+def common_values(settings: Settings) -> dict[str, Any]:
+    """Return what all environments of a batch share, by name; batches are made of settings with equal values.
+
+    Args:
+        settings: of one environment.
+    """
+    arm = settings.flexible_arm.parameters
+    kept = (settings.motor_limit, settings.kept_actions) if settings.mode.accumulates else None
+    return {
+        **{name: getattr(settings, name) for name in _SHARED_OPTIONS},
+        **{name: getattr(arm, name) for name in SHARED_BY_ARMS},
+        "sensor": shared_model(settings.sensor),
+        "action_limit": settings.action_limit,
+        "kept": kept,
+        "substeps": settings.substeps,
+    }
+
+
 def refuse_unlike(each: Sequence[Settings]) -> None:
     """Refuse settings of a batch that differ in what all its environments share.
 
@@ -63,41 +82,48 @@ def refuse_unlike(each: Sequence[Settings]) -> None:
         ValueError: naming the option, the environment, its value and that of environment 0.
     """
     first = each[0]
-    different = {id(first)}
+    common = common_values(first)
+    equal = {id(first)}
     for i, one in enumerate(each):
-        if id(one) in different:
+        if id(one) in equal:
             continue
-        different.add(id(one))
-        for name in SHARED_BY_ARMS:
-            own, common = (getattr(s.flexible_arm.parameters, name) for s in (one, first))
-            if own != common:
-                raise ValueError(
-                    f"per_env, environment {i}: arm = {shown(one.arm)}: its {name} = {own!r}, that of environment 0 "
-                    f"{common!r}; shapes and kinematics are the batch's and must be the same"
-                )
-        if shared_model(one.sensor) != shared_model(first.sensor):
-            alike = [name for name in SENSOR_MODELS if shared_model(name) == shared_model(first.sensor)]
-            raise ValueError(
-                f"per_env, environment {i}: sensor = {one.sensor!r}: its readings are of another kind than those of "
-                f"environment 0, {first.sensor!r}; allowed beside that: {', '.join(map(repr, alike))}"
-            )
-        if one.action_limit != first.action_limit:
-            raise ValueError(
-                f"per_env, environment {i}: torque_limit = {shown(one.torque_limit)}: the action 1 would be "
-                f"{one.action_limit}, for environment 0 it is {first.action_limit}; it must be the same"
-            )
-        if one.mode.accumulates and (one.motor_limit, one.kept_actions) != (first.motor_limit, first.kept_actions):
-            raise ValueError(
-                f"per_env, environment {i}: torque_limit or actuation_delay: with action_mode = {one.action_mode!r} "
-                "all environments must have the same"
-            )
-        if one.substeps != first.substeps:
-            steps = [s.control_period / s.substeps for s in (one, first)]
-            raise ValueError(
-                f"per_env, environment {i}: physics_step = None: its arm would be integrated by steps of "
-                f"{steps[0]:.4g} s, that of environment 0 by {steps[1]:.4g} s; give all the same physics_step, "
-                f"e.g. {min(steps):.4g} s"
-            )
+        equal.add(id(one))
+        for name, value in common_values(one).items():
+            if value != common[name]:
+                raise ValueError(f"per_env, environment {i}: {_unlike(name, one, first)}")
+
+
+def _unlike(name: str, one: Settings, first: Settings) -> str:
+    """Say in what settings differ from those of environment 0, by a name of `common_values`."""
+    if name in _SHARED_OPTIONS:
+        return f"{name} = {shown(getattr(one, name))}: it is the batch's; environment 0 has {getattr(first, name)!r}"
+    if name in SHARED_BY_ARMS:
+        own, common = (getattr(s.flexible_arm.parameters, name) for s in (one, first))
+        return (
+            f"arm = {shown(one.arm)}: its {name} = {own!r}, that of environment 0 {common!r}; shapes and kinematics "
+            "are the batch's and must be the same"
+        )
+    if name == "sensor":
+        alike = [other for other in SENSOR_MODELS if shared_model(other) == shared_model(first.sensor)]
+        return (
+            f"sensor = {one.sensor!r}: its readings are of another kind than those of environment 0, "
+            f"{first.sensor!r}; allowed beside that: {', '.join(map(repr, alike))}"
+        )
+    if name == "action_limit":
+        return (
+            f"torque_limit = {shown(one.torque_limit)}: the action 1 would be {one.action_limit}, for environment 0 "
+            f"it is {first.action_limit}; it must be the same"
+        )
+    if name == "kept":
+        return (
+            f"torque_limit or actuation_delay: with action_mode = {one.action_mode!r} all environments must have the "
+            "same"
+        )
+    steps = [s.control_period / s.substeps for s in (one, first)]
+    return (
+        f"physics_step = None: its arm would be integrated by steps of {steps[0]:.4g} s, that of environment 0 by "
+        f"{steps[1]:.4g} s; give all the same physics_step, e.g. {min(steps):.4g} s"
+    )
 
 
 def _column(name: str, values: Any, options: Mapping[str, Any], count: int) -> list[Any]:

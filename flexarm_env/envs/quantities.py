@@ -23,8 +23,8 @@ class Quantity:
         least: lowest end of a range.
         most: highest end of a range.
         own: function of `Settings` that returns its value if it is neither drawn nor requested.
-        least_ordered: lowest value that a reset may request; None: the lower one of own value and range.
-        most_ordered: highest value that a reset may request; None: the higher one of own value and range, for which
+        least_requested: lowest value that a reset may request; None: the lower one of own value and range.
+        most_requested: highest value that a reset may request; None: the higher one of own value and range, for which
             memory, integration step and bounds are laid out.
     """
 
@@ -32,8 +32,8 @@ class Quantity:
     least: float = 0.0
     most: float
     own: Callable[[Any], float]
-    least_ordered: float | None = 0.0
-    most_ordered: float | None = None
+    least_requested: float | None = 0.0
+    most_requested: float | None = None
 
 
 QUANTITIES: dict[str, Quantity] = {
@@ -42,10 +42,10 @@ QUANTITIES: dict[str, Quantity] = {
         note="[kg]",
         most=HEAVIEST_PAYLOAD,
         own=lambda s: s.flexible_arm.parameters.payload_mass,
-        least_ordered=None,
-        most_ordered=HEAVIEST_PAYLOAD,  # a heavier arm is a slower one
+        least_requested=None,
+        most_requested=HEAVIEST_PAYLOAD,  # a heavier arm is a slower one
     ),
-    "stiffness": Quantity(note="(factor)", least=0.1, most=10.0, own=lambda s: 1.0, least_ordered=1e-3),
+    "stiffness": Quantity(note="(factor)", least=0.1, most=10.0, own=lambda s: 1.0, least_requested=1e-3),
     "damping": Quantity(
         note="(ratio of the free arm's first elastic mode)",
         most=1.0,
@@ -69,7 +69,7 @@ def orderable(settings: Any, name: str) -> tuple[float, float]:
     if name == "actuation_delay" and settings.mode.shifts:  # whole periods only
         return own, own
     low, high = settings.range_of(name)
-    least, most = quantity.least_ordered, quantity.most_ordered
+    least, most = quantity.least_requested, quantity.most_requested
     return min(low, own) if least is None else least, max(high, own) if most is None else most
 
 

@@ -91,7 +91,7 @@ IDS: dict[str, Id] = {
         _LAP,
         {},
         "Track the square by the motors' torques",
-        "The paper's task with the torques in the agent's hands: nothing is stabilised for it. It knows the "
+        "The paper's task with the torques in the agent's hands: nothing is stabilised. It observes the "
         "joints by encoders, the links' bending by strain gauges, and the tip by a sensor that is late. In the "
         "link's frame the sides of the square are one task; what differs is how the arm is bent when the "
         "reference turns. Each episode draws the side of the elbow, so that an agent meets both laps of the standard "
@@ -102,8 +102,8 @@ IDS: dict[str, Id] = {
         {"action_mode": "residual"},
         "Track the square by torques added to an inner joint-space law",
         "As `FlexArm/Square-v0`, but a spring and a damper in each joint already pull the arm along the reference. "
-        "Alone (action 0) they stay within 2 m of it, for they know nothing of the links' bending and nothing of the "
-        "corner to come. The agent adds what is missing; the torques of both together are limited.",
+        "Alone (action 0) they keep the tip within 2 m of it: their torques depend neither on the links' bending nor "
+        "on the next corner. The agent adds torques; the sum is limited.",
     ),
     "SquareGain-v0": Id(
         _LAP,
@@ -152,7 +152,7 @@ IDS: dict[str, Id] = {
         {"observation": _LATE_TIP, "last_actions": 4, "delay": 0.031},
         "Track the square with a sensor on link 2 that is always 31 ms late",
         "As `FlexArm/Square-v0`, without strain gauges: how the links bend is known late or not at all. The first of "
-        "three tasks that ask what helps against delay. Here it is known and constant, and the last four actions, "
+        "three tasks to find out what helps against delay. Here it is known and constant, and the last four actions, "
         "which the latest reading cannot show yet, are in the observation.",
     ),
     "SquareDelayMedium-v0": Id(

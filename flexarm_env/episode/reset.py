@@ -103,7 +103,7 @@ def reset_lanes(
     """Begin episodes in some lanes of a block, with new keys; see `period.begin`."""
     lanes = first + variant.lanes
     keys = array_at(memory, header[word.KEYS], (lanes,), np.uint64)[first:]
-    reset_requests = array_at(memory, header[word.RESET_REQUESTS], (lanes, header[word.ORDER_COLUMNS]), np.float64)
+    reset_requests = array_at(memory, header[word.RESET_REQUESTS], (lanes, header[word.REQUEST_COLUMNS]), np.float64)
     columns = header[word.LANE_SETTING_COLUMNS]
     owns = array_at(memory, header[word.LANE_SETTINGS], (header[word.LANE_SETTING_ROWS], columns), np.float64)
     for i in range(variant.lanes):

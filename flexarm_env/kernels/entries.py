@@ -115,8 +115,8 @@ class LaneSetting(Names):
 
     BRANCH = Entry("sign of theta2 in inverse kinematics; 0: drawn", "1")
     DIRECTION = Entry("of the lap, by its place among `parameters.DIRECTIONS`; -1: drawn", "1")
-    SENSOR_DELAYS = Entry("delays of the sensor unless drawn or ordered", "s", 2)
-    BASE = Entry("values of the quantities unless drawn or ordered (`Drawn`)", "as in `Drawn`", QUANTITIES)
+    SENSOR_DELAYS = Entry("delays of the sensor unless drawn or requested", "s", 2)
+    BASE = Entry("values of the quantities unless drawn or requested (`Drawn`)", "as in `Drawn`", QUANTITIES)
     LOWEST = Entry("least values that may be drawn; NaN: not drawn", "as in `Drawn`", QUANTITIES)
     HIGHEST = Entry("largest values that may be drawn", "as in `Drawn`", QUANTITIES)
     ARM = Entry("constants of the arm as set", CONSTANTS_UNIT, _constants)
@@ -169,7 +169,7 @@ class Header(FixedNames):
     PATH_NAMES = Entry("how many paths have a name; the table has each of these in both directions", "1")
     PATH_COUNT = Entry("how many paths", "1")
     PATH_POINTS = Entry("way-points of a path", "1")
-    ORDER_COLUMNS = Entry("of an order", "1")
+    REQUEST_COLUMNS = Entry("of a reset request", "1")
     LANE_SETTING_ROWS = Entry("of the lanes' own settings: one for each lane, or one for all", "1")
     LANE_SETTING_COLUMNS = Entry("of the lanes' own settings", "1")
     ARENAS = Word("the arenas")
@@ -183,7 +183,7 @@ class Header(FixedNames):
     SETTINGS = Word("the settings")
     LANE_SETTINGS = Word("the lanes' own settings")
     PATHS = Word("the paths")
-    RESET_REQUESTS = Word("the orders")
+    RESET_REQUESTS = Word("the reset requests")
     PLACES = Entry("rows of the observation's numbers", "1", 0)
 
 
@@ -205,7 +205,7 @@ class ReadingRow(FixedNames):
 
 
 class Column(FixedNames):
-    """Columns of an order for a new episode; NaN where the environment decides."""
+    """Columns of a reset request; NaN where the environment decides."""
 
     START = Entry("how it starts (`draws.CORNER`)", "1")
     PHASE = Entry("moment of the lap", "s")

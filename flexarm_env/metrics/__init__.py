@@ -10,7 +10,7 @@ from flexarm_env.metrics.errors import (
     tracking_error,
 )
 from flexarm_env.metrics.figures import CornerFigures, LapFigures
-from flexarm_env.metrics.lap import ended_early, figures_so_far, lap_figures, optimality_gap
+from flexarm_env.metrics.lap import ended_early, figures_of, figures_so_far, lap_figures, optimality_gap
 from flexarm_env.metrics.motion import elbow_changes, tip_acceleration, vibration
 from flexarm_env.metrics.running import Instants, RunningFigures, contour_and_lag
 from flexarm_env.metrics.summary import summary
@@ -29,6 +29,7 @@ __all__ = [
     "directions",
     "elbow_changes",
     "ended_early",
+    "figures_of",
     "figures_so_far",
     "lap_figures",
     "optimality_gap",

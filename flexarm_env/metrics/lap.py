@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from numpy.typing import ArrayLike
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from flexarm_env.metrics.corners import corners, directions
 from flexarm_env.metrics.errors import early_end, reference
 from flexarm_env.metrics.figures import LapFigures
-from flexarm_env.metrics.motion import elbow_changes
+from flexarm_env.metrics.motion import times_of_changes
 from flexarm_env.metrics.running import BAND, Instants, RunningFigures
 from flexarm_env.simulation.arm import FlexibleArm
 from flexarm_env.simulation.trajectory import Trajectory
 from flexarm_env.validation import shown
+
+Array = NDArray[np.float64]
 
 
 def ended_early(run: Trajectory) -> bool:
@@ -38,20 +41,44 @@ def lap_figures(run: Trajectory, torque_limit: ArrayLike | None = None, band: fl
 
 def figures_so_far(run: Trajectory, torque_limit: ArrayLike | None = None, band: float = BAND) -> LapFigures:
     """Return the figures of a run until its end, early or not; see `lap_figures`."""
-    points = reference(run)
     arm = FlexibleArm(run.parameters)
-    running = RunningFigures(1, corners(run.time, points), torque_limit, band)
+    return figures_of(arm, run.time, run.state, run.torque, run.tip, reference(run), torque_limit, band)
+
+
+def figures_of(
+    arm: FlexibleArm,
+    time: Array,
+    state: Array,
+    torque: Array,
+    tip: Array,
+    points: Array,
+    torque_limit: ArrayLike | None = None,
+    band: float = BAND,
+) -> LapFigures:
+    """Return the figures of a record that is no `Trajectory`: of an arm whose tip is measured, or of another engine.
+
+    Args:
+        arm: whose shapes the modal coordinates are of.
+        time: [s]. Shape (n,).
+        state: public states. Shape (n, 4 + 4 m).
+        torque: of shoulder and elbow, from each instant on [N m]. Shape (n, 2).
+        tip: true tip [m]. Shape (n, 2).
+        points: reference [m]. Shape (n, 2).
+        torque_limit: see `lap_figures`.
+        band: see `lap_figures`.
+    """
+    running = RunningFigures(1, corners(time, points), torque_limit, band)
     pairs = (
-        run.tip,
+        tip,
         points,
         directions(points),
-        run.tip_deflection,
-        arm.tip_deflection(run.state[:, arm.size :]),  # linear in the modal coordinates
-        run.state[:, :2],
-        run.torque,
+        arm.tip_deflection(state[:, : arm.size]),
+        arm.tip_deflection(state[:, arm.size :]),  # linear in the modal coordinates
+        state[:, :2],
+        torque,
     )
-    running.update(Instants(run.time, *(values[:, None] for values in pairs)))
-    return running.figures(times_of_changes=elbow_changes(run).tolist())
+    running.update(Instants(time, *(values[:, None] for values in pairs)))
+    return running.figures(times_of_changes=times_of_changes(time, state[:, 1]).tolist())
 
 
 def optimality_gap(score: float, best: float, yardstick: float) -> float:

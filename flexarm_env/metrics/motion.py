@@ -54,7 +54,17 @@ def elbow_changes(run: Trajectory) -> Array:
     Returns:
         Times [s], interpolated linearly between instants. Shape (changes,).
     """
-    bend, sides = np.sin(run.state[:, 1]), elbow_side(run.state[:, 1])
+    return times_of_changes(run.time, run.state[:, 1])
+
+
+def times_of_changes(time: Array, elbow: Array) -> Array:
+    """Return when the elbow changed sides, from its angle; see `elbow_changes`.
+
+    Args:
+        time: [s]. Shape (n,).
+        elbow: theta2 [rad]. Shape (n,).
+    """
+    bend, sides = np.sin(elbow), elbow_side(elbow)
     (bent,) = np.nonzero(sides)
     sides = sides[bent]
     (turns,) = np.nonzero(sides[1:] != sides[:-1])
@@ -63,5 +73,5 @@ def elbow_changes(run: Trajectory) -> Array:
         (not_yet,) = np.nonzero(bend[before:after] * bend[after] <= 0.0)
         last = before + not_yet[-1]
         share = bend[last] / (bend[last] - bend[last + 1])
-        times.append(run.time[last] + share * (run.time[last + 1] - run.time[last]))
+        times.append(time[last] + share * (time[last + 1] - time[last]))
     return np.array(times, dtype=float)

@@ -23,10 +23,30 @@ except ImportError:  # Windows: leftovers of killed runs stay
 PARTIAL, OLD = ".partial", ".old"  # results being made; results about to be replaced
 
 
-def write_json(path: Path, data: Any) -> None:
-    """Write strict JSON: what is not finite becomes null. The file is complete or absent."""
-    text = json.dumps(_plain(data), indent=1, allow_nan=False) + "\n"
-    write_whole(path, lambda aside: aside.write_text(text))
+def write_json(path: Path, data: Any, levels: int | None = None) -> None:
+    """Write strict JSON: what is not finite becomes null. The file is complete or absent.
+
+    Args:
+        path: of the file.
+        data: mappings, lists, arrays and numbers.
+        levels: levels of nesting whose items have lines of their own; None: all.
+    """
+    plain = _plain(data)
+    text = json.dumps(plain, indent=1, allow_nan=False) if levels is None else _lines(plain, levels)
+    write_whole(path, lambda aside: aside.write_text(text + "\n"))
+
+
+def _lines(value: Any, levels: int, margin: str = "") -> str:
+    """Write JSON with a line for each item of the outer levels."""
+    if not levels or not isinstance(value, dict | list) or not value:
+        return json.dumps(value, allow_nan=False)
+    inner = margin + " "
+    if isinstance(value, list):
+        items = [_lines(one, levels - 1, inner) for one in value]
+    else:
+        items = [f"{json.dumps(name)}: {_lines(one, levels - 1, inner)}" for name, one in value.items()]
+    ends = "[]" if isinstance(value, list) else "{}"
+    return ends[0] + ",".join(f"\n{inner}{item}" for item in items) + f"\n{margin}{ends[1]}"
 
 
 def write_whole(path: Path, write: Callable[[Path], Any]) -> None:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from flexarm_agents import load_policy, score
 from flexarm_baselines import IFDC
 from flexarm_env.envs.documentation import table
-from flexarm_env.envs.registration import NAMESPACE
+from flexarm_env.envs.registration import IDS, NAMESPACE
 from flexarm_env.laps import LAPS
 from flexarm_env.rollout import run_policy
 from scripts.common.markdown import DOCS
@@ -29,7 +29,7 @@ STEPS = (1e-3, 5e-4, 2.5e-4, 1e-4, 5e-5)  # of MuJoCo [s], the last one the refe
 SEGMENTS = (5, 10, 20, 40)  # the last one the reference
 ARM = {"damping_model": "material"}  # the chain's, for the modelled arm too
 MODELS: dict[str, dict[str, Any]] = {"the modelled arm": {}, "the same, foreshortened": {"kinematics": "foreshortened"}}
-GAIN: dict[str, Any] = {"action_mode": "gain", "physics_step": 1e-3, "deflection_limit": 4.5, "error_limit": 9.0}
+GAIN = IDS["SquareGain-v0"].options
 CONTROLLERS = ("PPO, shipped", "IFDC")
 
 

@@ -271,11 +271,11 @@ def test_a_vector_environment_will_do() -> None:
     assert FLSAC.for_env(vector).predict(np.zeros((12, 6)))[0].shape == (12, 1)
 
 
-@pytest.mark.parametrize(("arm", "signs"), [("paper", [1.0]), ("default", [1.0, -1.0, 1.0])])
-def test_the_own_environment_gets_the_gain_of_its_deflections(arm: str, signs: list[float]) -> None:
-    env = gym.make("flexarm_env:FlexArm/Paper-v0", arm=arm, gain_limit=2.0)
+@pytest.mark.parametrize(("name", "signs"), [("Paper", [1.0]), ("SquareGain", [1.0, -1.0, 1.0])])
+def test_the_own_environment_gets_the_gain_of_its_deflections(name: str, signs: list[float]) -> None:
+    env = gym.make(f"flexarm_env:FlexArm/{name}-v0", scaled=False, gain_limit=2.0)
     policy = FLSAC.for_env(env, K_n=1.0, K_s=2.0)
-    observation, _ = env.reset(seed=0)
+    observation, _ = env.reset(seed=0, options={"start": "corner"})
     gains = []
     for _ in range(300):
         modal = observation[env.unwrapped.observation_blocks["modal_coordinates"]].astype(float)
@@ -284,7 +284,7 @@ def test_the_own_environment_gets_the_gain_of_its_deflections(arm: str, signs: l
         assert info["gain"] == pytest.approx(2.0 * paper_system().evaluate(deltas), rel=1e-6)
         gains.append(info["gain"])
     assert gains[0] == pytest.approx(2 / 6, rel=1e-6)  # straight links
-    assert max(gains) > 2 * gains[0]  # bent ones
+    assert max(gains) > 1.5 * gains[0]  # bent ones
 
 
 def test_scaled_observations_are_read_as_such() -> None:

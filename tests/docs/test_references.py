@@ -28,30 +28,24 @@ MADE = {"flexarm_env/unplaced/__init__.py"}  # by a test
 
 
 @cache
-def tree(path: Path) -> ast.Module:
-    return ast.parse(path.read_text())
+def tokens(path: Path) -> tuple[set[str], list[tuple[int, str]]]:
+    """Read a module once: its words, those of strings of plain words among them; comments and strings by lines."""
+    words, written = {path.stem, path.parent.name}, []
+    for token in tokenize.generate_tokens(io.StringIO(path.read_text()).readline):
+        if token.type == tokenize.NAME:
+            words.add(token.string)
+        elif token.type in (tokenize.COMMENT, tokenize.STRING):
+            written += [(token.start[0] + offset, line) for offset, line in enumerate(token.string.splitlines())]
+            if re.fullmatch(r"['\"]+[\w. ,]+['\"]+", token.string):
+                words.update(re.findall(r"\w+", token.string))
+    return words, written
 
 
-def names_in(path: Path) -> set[str]:
-    """All words of a module: names, attributes, arguments, what it imports, and strings that are one word."""
-    found = {path.stem, path.parent.name}
-    for node in ast.walk(tree(path)):
-        match node:
-            case ast.Name(id=name) | ast.Attribute(attr=name) | ast.arg(arg=name) | ast.keyword(arg=str(name)):
-                found.add(name)
-            case ast.FunctionDef(name=name) | ast.ClassDef(name=name) | ast.AsyncFunctionDef(name=name):
-                found.add(name)
-            case ast.alias(name=name, asname=other):
-                found.update(re.split(r"\W", name), {other or name})
-            case ast.Constant(value=str(text)) if re.fullmatch(r"[\w. ,]+", text):
-                found.update(re.findall(r"\w+", text))
-    return found
-
-
+@cache
 def top_level(path: Path) -> set[str]:
     """Names that a module defines or imports at its top level, and below its classes."""
     found: set[str] = set()
-    for node in ast.walk(tree(path)):
+    for node in ast.walk(ast.parse(path.read_text())):
         match node:
             case ast.FunctionDef(name=name) | ast.ClassDef(name=name):
                 found.add(name)
@@ -78,7 +72,7 @@ def modules() -> dict[str, set[str]]:
 
 @cache
 def vocabulary() -> set[str]:
-    return set().union(*map(names_in, SOURCES), dir(builtins), keyword.kwlist, OTHERS)
+    return set().union(*(tokens(path)[0] for path in SOURCES), dir(builtins), keyword.kwlist, OTHERS)
 
 
 @cache
@@ -139,17 +133,14 @@ def texts(path: Path) -> Iterator[tuple[int, str]]:
             if not fenced:
                 yield number, line
         return
-    for token in tokenize.generate_tokens(io.StringIO(path.read_text()).readline):
-        if token.type in (tokenize.COMMENT, tokenize.STRING):
-            for offset, line in enumerate(token.string.splitlines()):
-                yield token.start[0] + offset, line
+    yield from tokens(path)[1]
 
 
 @pytest.mark.parametrize("kind", ["sources", "pages"])
 def test_references_lead_somewhere(kind: str) -> None:
     found = []
     for path in SOURCES if kind == "sources" else PAGES:
-        local = names_in(path) if path.suffix == ".py" else set()
+        local = tokens(path)[0] if path.suffix == ".py" else set()
         for number, text in texts(path):
             quoted = re.findall(r"(?<![`\w])`([\w./]+)(?:\(\))?`(?!`)", text)
             for reference in {*quoted, *re.findall(OUR_PATHS, text)} - MADE:

@@ -25,9 +25,9 @@ def stepped(env: gymnasium.Env[Any, Any], steps: int) -> np.ndarray:
     return env.render()
 
 
-@pytest.mark.parametrize("env_id", [GAIN, SQUARE])
-def test_a_picture_shows_the_present_instant(env_id: str) -> None:
-    env = gymnasium.make(env_id, arm="linear", render_mode="rgb_array")
+@pytest.mark.parametrize(("env_id", "arm"), [(GAIN, "default"), (SQUARE, "linear")])
+def test_a_picture_shows_the_present_instant(env_id: str, arm: str) -> None:
+    env = gymnasium.make(env_id, arm=arm, render_mode="rgb_array")
     first, later, again = stepped(env, 0), stepped(env, 20), stepped(env, 20)
     assert first.shape == (600, 600, 3)
     assert first.dtype == np.uint8
@@ -37,7 +37,7 @@ def test_a_picture_shows_the_present_instant(env_id: str) -> None:
 
 @pytest.mark.parametrize("how", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))])
 def test_a_copy_of_an_environment_that_has_drawn_goes_on(how: Any) -> None:
-    env = gymnasium.make(GAIN, arm="linear", render_mode="rgb_array")
+    env = gymnasium.make(GAIN, render_mode="rgb_array")
     stepped(env, 5)
     twin = how(env)
     for each in (env, twin):
@@ -64,7 +64,7 @@ def test_a_batch_draws_each_of_its_arms() -> None:
 def test_videos_are_recorded(tmp_path: Path) -> None:
     pytest.importorskip("moviepy")
     env = RecordVideo(
-        gymnasium.make(GAIN, arm="linear", render_mode="rgb_array"),
+        gymnasium.make(GAIN, render_mode="rgb_array"),
         str(tmp_path / "videos"),
         episode_trigger=lambda episode: True,
     )
@@ -77,7 +77,7 @@ def test_videos_are_recorded(tmp_path: Path) -> None:
 
 def test_a_window_follows_the_steps(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
-    env = gymnasium.make(GAIN, arm="linear", render_mode="human")
+    env = gymnasium.make(GAIN, render_mode="human")
     assert stepped(env, 3) is None
     import pygame
 
@@ -89,18 +89,18 @@ def test_a_window_follows_the_steps(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_nothing_is_drawn_without_a_mode_or_a_start() -> None:
     with pytest.raises(ValueError, match="render_mode = 'ascii': must be one of 'rgb_array', 'human'"):
-        gymnasium.make(GAIN, arm="linear").unwrapped.__class__(render_mode="ascii")
-    env = gymnasium.make(GAIN, arm="linear", render_mode="rgb_array", disable_env_checker=True).unwrapped
+        gymnasium.make(GAIN).unwrapped.__class__(render_mode="ascii")
+    env = gymnasium.make(GAIN, render_mode="rgb_array", disable_env_checker=True).unwrapped
     with pytest.raises(RuntimeError, match="before reset"):
         env.render()
     with pytest.warns(UserWarning, match="render mode"):
-        assert gymnasium.make(GAIN, arm="linear").unwrapped.render() is None
+        assert gymnasium.make(GAIN).unwrapped.render() is None
 
 
 def test_a_missing_library_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     import sys
 
-    env = gymnasium.make(GAIN, arm="linear", render_mode="rgb_array")
+    env = gymnasium.make(GAIN, render_mode="rgb_array")
     env.reset(seed=0)
     monkeypatch.setitem(sys.modules, "pygame", None)
     with pytest.raises(gymnasium.error.DependencyNotInstalled, match=r"flexarm\[render\]"):

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from flexarm_env import ArmParameters, FlexibleArm, LawParameters, SensorParameters, SquareParameters
@@ -256,6 +256,8 @@ def finite_arm(parameters: dict[str, Any], seed: int) -> None:
 
 @FAST
 @given(declared_arms(), st.integers(0, 2**32 - 1))
+@example({"elbow_mass": 10.0, "kinematics": "foreshortened", "mode_scale": 1e6}, 0)  # the inertia was singular
+@example({"elbow_mass": 10.0, "kinematics": "foreshortened", "mode_scale": 1e3}, 0)
 def test_arms_compute_finite_numbers(parameters: dict[str, Any], seed: int) -> None:
     finite_arm(parameters, seed)
 

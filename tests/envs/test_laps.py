@@ -36,7 +36,7 @@ def test_laps_follow_each_other(lap: str) -> None:
 def test_the_law_on_the_joints_does_not_know_the_sensor() -> None:
     tips = []
     for position in (0.5, 4.5):
-        env = gymnasium.make(GAIN, arm="linear", sensor_position=position)
+        env = gymnasium.make(GAIN, sensor_position=position)
         env.reset(seed=0, options={"start": "corner"})
         for _ in range(50):
             info = env.step(np.ones(1, np.float32))[4]

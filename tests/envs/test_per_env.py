@@ -1,4 +1,4 @@
-"""Environments of a batch with options of their own; and elbow branch and direction drawn or ordered."""
+"""Environments of a batch with options of their own; and elbow branch and direction drawn or requested."""
 
 from __future__ import annotations
 
@@ -186,16 +186,16 @@ def goes_clockwise(env: Any) -> bool:
 @pytest.mark.parametrize("branch", ["positive", "negative"])
 @pytest.mark.parametrize("direction", ["clockwise", "counterclockwise"])
 def test_a_reset_orders_elbow_branch_and_direction(branch: str, direction: str) -> None:
-    ordered = bare(start="corner", elbow_branch="positive")
+    requested = bare(start="corner", elbow_branch="positive")
     made = bare(start="corner", elbow_branch=branch, direction=direction)
     options = {"elbow_branch": branch, "direction": direction}
-    assert_same(ordered.reset(seed=3, options=options), made.reset(seed=3))
-    assert (ordered.episode.elbow_branch, ordered.episode.direction) == (branch, direction)
+    assert_same(requested.reset(seed=3, options=options), made.reset(seed=3))
+    assert (requested.episode.elbow_branch, requested.episode.direction) == (branch, direction)
     action = np.array([0.3, -0.2], np.float32)
     for _ in range(5):
-        assert_same(ordered.step(action), made.step(action))
-    ordered.reset()  # options are of one episode
-    assert (ordered.episode.elbow_branch, ordered.episode.direction) == ("positive", "clockwise")
+        assert_same(requested.step(action), made.step(action))
+    requested.reset()  # options are of one episode
+    assert (requested.episode.elbow_branch, requested.episode.direction) == ("positive", "clockwise")
 
 
 def test_each_environment_of_a_batch_has_its_order() -> None:

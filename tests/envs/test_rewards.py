@@ -228,14 +228,14 @@ def test_what_is_drawn_lies_evenly_in_its_range() -> None:
 
 
 @pytest.mark.parametrize("env_id", [SQUARE, RESIDUAL, GAIN])
-@pytest.mark.parametrize("ordered", [{}, {"payload_mass": 0.7, "stiffness": 1.2}], ids=["drawn", "ordered"])
-def test_the_arm_is_the_one_that_was_drawn(env_id: str, ordered: dict[str, float]) -> None:
+@pytest.mark.parametrize("requested", [{}, {"payload_mass": 0.7, "stiffness": 1.2}], ids=["drawn", "requested"])
+def test_the_arm_is_the_one_that_was_drawn(env_id: str, requested: dict[str, float]) -> None:
     """Like an environment that is made with it: its constants follow from the same formulas up to rounding."""
     ranges = {name: RANGES[name] for name in ("payload_mass", "stiffness", "damping")}
     env = bare(env_id, randomisation=ranges, start="corner", elbow_branch="positive", physics_step=5e-4, **FREE)
-    env.reset(seed=3, options={"parameters": ordered})
+    env.reset(seed=3, options={"parameters": requested})
     drawn = env.episode.parameters
-    assert all(drawn[name] == value for name, value in ordered.items())
+    assert all(drawn[name] == value for name, value in requested.items())
     made = {
         "payload_mass": drawn["payload_mass"],
         "flexural_rigidities": (1676.0 * drawn["stiffness"],) * 2,

@@ -140,17 +140,17 @@ def test_the_sensor_says_where_it_was() -> None:
         assert arena[row.SENSOR_ERROR, 0] == pytest.approx(1.0 - x, rel=1e-12)
 
 
-def test_an_order_names_what_an_episode_draws() -> None:
+def test_a_reset_request_names_what_an_episode_draws() -> None:
     """The payload and the stiffness of one lane; the others keep what they have."""
     simulator = BatchSimulator(
         settings_of(SQUARE, arm={"preset": "linear", "modes_per_link": 1, "payload_mass": 0.5}), LANES
     )
     memory = {name: part.view(simulator._memory) for name, part in simulator._parts.items()}
-    order = memory["RESET_REQUESTS"][1].copy()
-    order[entries.column.DRAWN + drawn.PAYLOAD_MASS], order[entries.column.DRAWN + drawn.STIFFNESS] = 0.75, 2.0
+    request = memory["RESET_REQUESTS"][1].copy()
+    request[entries.column.DRAWN + drawn.PAYLOAD_MASS], request[entries.column.DRAWN + drawn.STIFFNESS] = 0.75, 2.0
     arena = memory["ARENAS"][0]
     with plain_python(simulator._variant):
-        draws.draw_quantities(arena, np.uint64(7), memory["LANE_SETTINGS"][0], order, 1)
+        draws.draw_quantities(arena, np.uint64(7), memory["LANE_SETTINGS"][0], request, 1)
         found = arena[row.CONSTANTS : row.CONSTANTS + variant.constants, 1]
         stiff = slice(entries.constant.STIFFNESS_1, entries.constant.DAMPING_1)
     parameters = ArmParameters.linear(modes_per_link=1, payload_mass=0.75)

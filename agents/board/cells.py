@@ -1,0 +1,180 @@
+"""Cells: what is computed once and kept, one file each, by a hash of all that its result depends on.
+
+A key is the hash of the policy (data and code), the environment's whole settings with its physics step, the episodes,
+and the code of the simulation. A changed policy makes only its own cells stale; a commit that touches none of these
+makes no cell stale. A file that is there is complete.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, fields
+from functools import lru_cache
+from itertools import groupby
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from flexarm_agents.board.code_version import code_version
+from flexarm_agents.board.columns import Point
+from flexarm_agents.board.episodes import run_points, shares
+from flexarm_agents.board.rows import Row
+from flexarm_agents.board.terms import TASKS
+from flexarm_agents.run_folder import put
+from flexarm_env.envs.chain_options import ChainOptions
+from flexarm_env.envs.settings import Settings
+from flexarm_env.parameters import arm_parameters
+from flexarm_env.validation import shown
+
+FORMAT = 1
+# Modules that the simulation imports and that have no part in a result: what shows, documents, declares and checks
+# options, whose values a key holds; and derivatives, which only controllers use.
+WITHOUT_PART = (
+    *(f"flexarm_env.envs.{name}" for name in ("documentation", "drawing", "rendering", "scene", "warm_up")),
+    *(f"flexarm_env.envs.{name}" for name in ("registration", "options", "chain_options", "choices", "consistency")),
+    *("flexarm_env.formulas", "flexarm_env.allowed", "flexarm_env.validation", "flexarm_env.command_line"),
+    *("flexarm_env.kernels.step_jacobians", "flexarm_env.kernels.feedback", "flexarm_env.codegen.tangents"),
+    *("flexarm_env.simulation.held_torque", "flexarm_env.simulation.feedback", "flexarm_env.simulation.open_loop"),
+    *(f"flexarm_agents.board.{name}" for name in ("rows", "columns", "terms")),
+)
+_SIMULATION = ("flexarm_agents.board.episodes",)
+_CHAIN = ("flexarm_env.chain.env",)
+
+
+class Cell(NamedTuple):
+    """A row at a point.
+
+    Attributes:
+        row: who is measured.
+        point: where.
+        depends: all that the result depends on, as plain values.
+    """
+
+    row: Row
+    point: Point
+    depends: dict[str, Any]
+
+    @classmethod
+    def of(cls, row: Row, point: Point) -> Cell:
+        """Find out what a result depends on.
+
+        Raises:
+            TypeError, ValueError: for a row that cannot do the nominal task.
+        """
+        return cls(row, point, {"policy": dict(row.fingerprint), **_environment(row, point)})
+
+    @property
+    def key(self) -> str:
+        """Name of its file."""
+        text = json.dumps(self.depends, sort_keys=True, allow_nan=False)
+        return hashlib.sha256(text.encode()).hexdigest()[:32]
+
+
+def _environment(row: Row, point: Point) -> dict[str, Any]:
+    """Return what the environment and its episodes are."""
+    options = point.environment_options(row.interface)
+    task = TASKS[point.task]
+    code = _code(task.hosted)
+    episodes = [list(one) for one in point.episodes]
+    try:
+        settings = Settings.of(options)
+    except (TypeError, ValueError) as error:  # the result says so, too
+        return {"code": code, "refused": str(error), "episodes": episodes}
+    values = {one.name: getattr(settings, one.name) for one in fields(Settings) if one.name != "reward_weights"}
+    values["arm"] = asdict(arm_parameters(settings.arm))
+    values["physics_step"] = settings.control_period / settings.substeps
+    if task.hosted:
+        values |= asdict(ChainOptions())
+    plain = json.loads(json.dumps(values))
+    return {"code": code, "settings": plain, "task": point.task, "episodes": episodes}
+
+
+@lru_cache
+def _code(hosted: bool) -> str:
+    return code_version([*_SIMULATION, *(_CHAIN if hosted else ())], WITHOUT_PART)
+
+
+class Store:
+    """A folder of cells.
+
+    Attributes:
+        folder: where; it is made when the first cell is written.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        """Name the folder."""
+        self.folder = folder
+
+    def path(self, key: str) -> Path:
+        """Return the file of a cell."""
+        return self.folder / key[:2] / f"{key}.json"
+
+    def read(self, cell: Cell) -> dict[str, Any] | None:
+        """Return a cell's result; None if it is not there.
+
+        Raises:
+            ValueError: if the file is no cell's.
+        """
+        path = self.path(cell.key)
+        try:
+            content = json.loads(path.read_text())
+            if content["format"] != FORMAT:
+                raise ValueError(f"format = {shown(content['format'])}: must be {FORMAT}")
+            result: dict[str, Any] = content["result"]
+        except FileNotFoundError:
+            return None
+        except (ValueError, KeyError, TypeError) as error:
+            raise ValueError(f"{path}: is no cell; remove it ({error})") from error
+        return result
+
+    def missing(self, cells: Iterable[Cell]) -> list[Cell]:
+        """Return the cells that are not there, each key once."""
+        wanted = {cell.key: cell for cell in cells}
+        return [cell for key, cell in wanted.items() if not self.path(key).is_file()]
+
+    def write(self, cell: Cell, result: Mapping[str, Any]) -> None:
+        """Write a cell; the file is complete or absent."""
+        path = self.path(cell.key)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        content = {"format": FORMAT, "depends": cell.depends, "result": result}
+        text = json.dumps(content, allow_nan=False, sort_keys=True) + "\n"
+        put(path, lambda aside: aside.write_text(text))
+
+
+class Job(NamedTuple):
+    """Cells of one row that are computed together, as any worker can make them again.
+
+    Attributes:
+        row: who is measured.
+        points: where.
+        keys: of the cells.
+    """
+
+    row: Row
+    points: tuple[Point, ...]
+    keys: tuple[str, ...]
+
+
+def jobs_of(cells: Sequence[Cell]) -> list[Job]:
+    """Put cells together by their rows, at most as many episodes as a batch has."""
+    jobs = []
+    for _, members in groupby(cells, lambda cell: cell.row.source + repr(cell.row)):
+        own = list(members)
+        for some in shares([len(cell.point.episodes) for cell in own]):
+            chosen = [own[n] for n in some]
+            keys = tuple(cell.key for cell in chosen)
+            jobs.append(Job(chosen[0].row, tuple(cell.point for cell in chosen), keys))
+    return jobs
+
+
+def compute(job: Job) -> list[dict[str, Any]]:
+    """Compute the cells of a job.
+
+    Raises:
+        ValueError: if the code or the policy here is another than that for which the keys are.
+    """
+    for point, key in zip(job.points, job.keys, strict=True):
+        if Cell.of(job.row, point).key != key:
+            raise ValueError(f"row {job.row.name}: this worker has other code or another policy than who asks")
+    return run_points(job.row, job.points)

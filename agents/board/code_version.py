@@ -1,0 +1,126 @@
+"""`code_version`: a hash of the source on which a result depends, so that no other commit makes it stale.
+
+The source is that of a module and of all that it imports, as far as it is ours or lies beside the module. Comments,
+docstrings and layout do not count. Other libraries do not count either; a board names their versions.
+"""
+
+from __future__ import annotations
+
+import ast
+import hashlib
+import importlib.util
+from collections.abc import Collection, Iterable, Iterator
+from functools import cache, lru_cache
+from pathlib import Path
+
+PACKAGES = ("flexarm_env", "flexarm_baselines", "flexarm_agents")
+# Data that a module reads from its package.
+DATA = {"flexarm_baselines.optimal.plan": "plans/*.npz"}
+
+
+def code_version(modules: Iterable[str], without: Collection[str] = ()) -> str:
+    """Return a hash of modules, of all that they import, and of the data that these read.
+
+    Args:
+        modules: their names.
+        without: names of modules that have no part in the result, neither they nor what only they import.
+
+    Raises:
+        ImportError: if there is none of a name.
+    """
+    digest = hashlib.sha256()
+    for name in sorted(_closure(tuple(modules), frozenset(without))):
+        digest.update(f"{name} {_source_hash(name)}\n".encode())
+        for path in _data(name):
+            digest.update(f"{path.name} {file_hash(path)}\n".encode())
+    return digest.hexdigest()[:32]
+
+
+def file_hash(path: Path) -> str:
+    """Return the hash of a file's content."""
+    return hashlib.sha256(path.read_bytes()).hexdigest()[:32]
+
+
+@lru_cache
+def _closure(modules: tuple[str, ...], without: frozenset[str]) -> frozenset[str]:
+    """Return the modules and all that they import."""
+    found: set[str] = set()
+    waiting = list(modules)
+    while waiting:
+        name = waiting.pop()
+        if name not in found and name not in without:
+            found.add(name)
+            waiting += _imports(name)
+    return frozenset(found)
+
+
+@cache
+def _imports(name: str) -> tuple[str, ...]:
+    """Return the modules that a module imports anywhere, those that count."""
+    tree, folder = _tree(name), _path(name).parent
+    package = name if _path(name).name == "__init__.py" else name.rpartition(".")[0]
+    return tuple(sorted(one for one in set(_named(tree, package)) if _counts(one, folder)))
+
+
+def _named(tree: ast.AST, package: str) -> Iterator[str]:
+    """Yield the names of the modules that an import may mean: `from a import b` means a.b where that is a module."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            yield from (one.name for one in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            base = node.module or ""
+            if node.level:
+                above = package.rsplit(".", node.level - 1)[0]
+                base = f"{above}.{base}" if base else above
+            inner = [f"{base}.{one.name}" for one in node.names]
+            yield from inner
+            if not all(map(_is_module, inner)):
+                yield base
+
+
+def _counts(name: str, folder: Path) -> bool:
+    """Return whether a module's source counts: one of ours, or one that lies beside the module that imports it."""
+    if not _is_module(name):
+        return False
+    path = _path(name)
+    return name.partition(".")[0] in PACKAGES or (folder in path.parents and "site-packages" not in path.parts)
+
+
+@cache
+def _is_module(name: str) -> bool:
+    try:
+        found = importlib.util.find_spec(name)
+    except (ImportError, ValueError, AttributeError):
+        return False
+    return found is not None and found.origin is not None and found.origin.endswith(".py")
+
+
+def _path(name: str) -> Path:
+    found = importlib.util.find_spec(name)
+    if found is None or found.origin is None:
+        raise ImportError(f"module {name}: there is none, or it has no source")
+    return Path(found.origin)
+
+
+def _tree(name: str) -> ast.Module:
+    """Return the syntax tree of a module, without docstrings."""
+    tree = ast.parse(_path(name).read_bytes())
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
+            first = node.body[0] if node.body else None
+            if isinstance(first, ast.Expr) and isinstance(first.value, ast.Constant):
+                if isinstance(first.value.value, str):
+                    del node.body[0]
+    return tree
+
+
+@cache
+def _source_hash(name: str) -> str:
+    return hashlib.sha256(ast.dump(_tree(name)).encode()).hexdigest()
+
+
+def _data(name: str) -> list[Path]:
+    if name not in DATA:
+        return []
+    top = _path(name.partition(".")[0]).parent
+    return sorted(top.glob(DATA[name]))

@@ -1,0 +1,146 @@
+"""The columns of the board: tasks, axes with their points, and the unknown plant."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+from flexarm_agents.board.terms import FIRST_SEED, TASKS, nominal_options
+from flexarm_env.envs.registration import UNKNOWN_PLANT
+from flexarm_env.parameters import ArmParameters
+
+SEEDS = 5  # episodes of each lap where something is random
+DRAWN = 256  # episodes on the unknown plant
+PART = 16  # of them, in one cell
+
+
+class Episode(NamedTuple):
+    """An episode of a cell.
+
+    Attributes:
+        lap: name of the lap; None: the environment begins it.
+        seed: of its reset.
+    """
+
+    lap: str | None
+    seed: int
+
+
+@dataclass(frozen=True)
+class Point:
+    """A value on an axis, or a task: an environment that differs from the nominal one, and episodes on it.
+
+    Attributes:
+        value: number in the column's unit, or a name.
+        options: options of the environment that differ.
+        arm: fields of the arm that differ.
+        task: a name in `terms.TASKS`.
+        seeds: numbers of its seeds; both laps are run with each, or, where `paired` is False, the laps take turns.
+        paired: see `seeds`.
+    """
+
+    value: float | str
+    options: Mapping[str, Any] = field(default_factory=dict)
+    arm: Mapping[str, Any] = field(default_factory=dict)
+    task: str = "square"
+    seeds: range = range(1)
+    paired: bool = True
+
+    @property
+    def episodes(self) -> tuple[Episode, ...]:
+        """All episodes."""
+        laps = TASKS[self.task].laps
+        if not self.paired:
+            return tuple(Episode(laps[n % len(laps)], FIRST_SEED + n) for n in self.seeds)
+        return tuple(Episode(lap, FIRST_SEED + n) for lap in laps for n in self.seeds)
+
+    def environment_options(self, interface: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the options of the environment in which a row meets this point.
+
+        Args:
+            interface: the row's own options.
+        """
+        whole = {**nominal_options(interface, self.task), **self.options}
+        return {**whole, "arm": dict(self.arm)} if self.arm else whole
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column of the board.
+
+    Attributes:
+        title: heading.
+        unit: unit of the points' values.
+        points: its points, in order.
+        nominal: value of the nominal environment; None: none of the points has one.
+        sample: the points are parts of one sample, which is added up as a whole.
+    """
+
+    title: str
+    unit: str
+    points: tuple[Point, ...]
+    nominal: float | str | None = None
+    sample: bool = False
+
+
+def _grid(least: float, most: float, count: int) -> list[float]:
+    """Return evenly spaced values, as decimal fractions."""
+    return [round(least + (most - least) * n / (count - 1), 6) for n in range(count)]
+
+
+def _option(name: str, values: list[float], seeds: int = 1, scale: float = 1.0) -> tuple[Point, ...]:
+    """Return points at which one option has other values; at 0 nothing is random, and one seed is enough."""
+    return tuple(Point(x, {name: round(scale * x, 9)}, seeds=range(seeds if x else 1)) for x in values)
+
+
+def _factor(name: str, values: list[float]) -> tuple[Point, ...]:
+    """Return points at which a field of the arm, a pair, is multiplied."""
+    own = getattr(ArmParameters(), name)
+    return tuple(Point(x, arm={name: tuple(x * each for each in own)}) for x in values)
+
+
+def _models() -> Iterator[Point]:
+    """Yield arms with other shapes and kinematics, and the chain."""
+    yield Point("linear", arm={"preset": "linear"})
+    for count in (2, 3, 4):
+        # four shapes need a shorter step than the gain's environment has
+        yield Point(f"{count} shapes", {"physics_step": None} if count > 3 else {}, {"modes_per_link": count})
+    yield Point("chain", task="chain")
+
+
+def _unknown() -> Iterator[Point]:
+    """Yield the parts of the unknown plant: each episode draws all quantities, and is one of the laps in turn."""
+    for first in range(0, DRAWN, PART):
+        seeds = range(first, first + PART)
+        yield Point(f"{seeds.start} to {seeds.stop - 1}", UNKNOWN_PLANT, seeds=seeds, paired=False)
+
+
+COLUMNS: dict[str, Column] = {
+    "nominal": Column(
+        "Nominal",
+        "",
+        (
+            Point("square"),
+            Point("track", task="track"),
+            Point("reach", task="reach", seeds=range(16)),
+            Point("chain", task="chain"),
+        ),
+        "square",
+    ),
+    "delay": Column("Sensor delay", "ms", _option("delay", _grid(0.0, 120.0, 25), scale=1e-3)),
+    "jitter": Column("Jitter of the delay", "ms", _option("jitter", _grid(0.0, 60.0, 7), SEEDS, 1e-3), 0.0),
+    "dropout": Column("Lost readings", "1", _option("dropout", _grid(0.0, 0.5, 6), SEEDS), 0.0),
+    "sensor_position": Column(
+        "Sensor's distance from the elbow", "m", _option("sensor_position", _grid(0.5, 4.5, 9)), 4.5
+    ),
+    "noise": Column("Sensor noise", "mm", _option("noise", [0.0, 1.0, 2.0, 3.0, 5.0, 7.0, 10.0], SEEDS, 1e-3), 0.0),
+    "payload": Column("Payload", "kg", tuple(Point(x, arm={"payload_mass": x}) for x in _grid(0.0, 1.0, 11)), 0.0),
+    "stiffness": Column("Stiffness", "1", _factor("flexural_rigidities", _grid(0.75, 1.25, 11)), 1.0),
+    "density": Column("Mass of the links", "1", _factor("masses_per_length", _grid(0.75, 1.25, 11)), 1.0),
+    "actuation_delay": Column(
+        "Delay of the motors", "ms", _option("actuation_delay", _grid(0.0, 30.0, 13), scale=1e-3), 0.0
+    ),
+    "model": Column("Model", "", tuple(_models()), "3 shapes"),
+    "unknown": Column("Unknown plant", "", tuple(_unknown()), sample=True),
+}

@@ -1,0 +1,246 @@
+"""Runs the episodes of a row at some points: in batches whose lanes have settings of their own.
+
+A result is the same, to the last bit, whatever other points are run with it: the kernels' lanes do not depend on each
+other, and a policy is called with the episodes of one point at a time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import fields
+from typing import Any, NamedTuple
+
+import gymnasium
+import numpy as np
+from numpy.typing import NDArray
+
+from flexarm_agents.board.columns import Episode, Point
+from flexarm_agents.board.gauges import observation_map
+from flexarm_agents.board.rows import Row
+from flexarm_agents.board.terms import TASKS
+from flexarm_env.envs.per_env import common_values
+from flexarm_env.envs.settings import Settings
+from flexarm_env.envs.single import SimulatorView
+from flexarm_env.envs.termination import end_reason
+from flexarm_env.envs.vector import FlexArmVectorEnv
+from flexarm_env.laps import LAPS
+from flexarm_env.metrics.lap import figures_of
+from flexarm_env.predictor import Predictor, predictor
+
+Array = NDArray[np.float64]
+LANES = 16  # most episodes of a batch: two of the smallest blocks, so that fewer kernels are compiled
+COMPLETE = "truncated"
+NO_ACTION = "action"  # the end of an episode in which the policy's action is not finite
+_RECORDED = ("time", "state", "true_tip", "reference", "torque")
+
+
+class _Call(NamedTuple):
+    """Episodes whose actions a policy chooses in one call.
+
+    Attributes:
+        lanes: which of the batch.
+        predict: the policy.
+        single: the policy takes one observation, not a batch of one.
+    """
+
+    lanes: slice
+    predict: Predictor
+    single: bool
+
+
+def run_points(row: Row, points: Sequence[Point]) -> list[dict[str, Any]]:
+    """Run a row at some points.
+
+    Args:
+        row: who is measured.
+        points: where.
+
+    Returns:
+        For each point "episodes", a mapping of plain values for each; or "not_applicable", why the row cannot be
+        run there.
+
+    Raises:
+        ValueError: if the row cannot do the board's nominal task.
+    """
+    results: list[dict[str, Any]] = [{} for _ in points]
+    batches: dict[str, list[int]] = {}
+    settings: dict[int, Settings] = {}
+    row.contender()  # else it is no row
+    for n, point in enumerate(points):
+        try:
+            settings[n] = Settings.of(point.environment_options(row.interface))
+            row.contender(point.task)
+        except (TypeError, ValueError) as error:
+            results[n] = {"not_applicable": str(error)}
+            continue
+        batches.setdefault(f"{point.task} {common_values(settings[n])!r}", []).append(n)
+    for members in batches.values():
+        for group in shares([len(points[n].episodes) for n in members]):
+            some = [members[k] for k in group]
+            found = _run_some(row, [points[n] for n in some], [settings[n] for n in some])
+            for n, result in zip(some, found, strict=True):
+                results[n] = result
+    return results
+
+
+def shares(episodes: Sequence[int]) -> Iterator[list[int]]:
+    """Group consecutive points so that a group has at most `LANES` episodes, or is one point.
+
+    Args:
+        episodes: number of episodes of each point.
+
+    Yields:
+        Indices of the points of a group.
+    """
+    some: list[int] = []
+    for n, count in enumerate(episodes):
+        if some and sum(episodes[k] for k in some) + count > LANES:
+            yield some
+            some = []
+        some.append(n)
+    if some:
+        yield some
+
+
+def _run_some(row: Row, points: Sequence[Point], each: Sequence[Settings]) -> list[dict[str, Any]]:
+    """Run points that fit into one batch: together, or each episode alone where arm or policy can no more."""
+    task = TASKS[points[0].task]
+    contender = row.contender(points[0].task)
+    nominal = contender.env.unwrapped
+    assert isinstance(nominal, SimulatorView)
+    results: list[dict[str, Any]] = []
+    if row.batched and not task.hosted:
+        predict = predictor(contender.policy, deterministic=True)
+        counts = [len(point.episodes) for point in points]
+        ends = np.cumsum(counts).tolist()
+        calls = [_Call(slice(end - count, end), predict, False) for end, count in zip(ends, counts, strict=True)]
+        env = _batch([one for one, count in zip(each, counts, strict=True) for _ in range(count)])
+        made = _run(env, env, nominal, [episode for point in points for episode in point.episodes], calls)
+        return [{"episodes": made[call.lanes]} for call in calls]
+    for point, one in zip(points, each, strict=True):
+        policy = contender.policy if row.batched else row.contender(point.task, fresh=True).policy
+        calls = [_Call(slice(0, 1), predictor(policy, deterministic=True), not row.batched)]
+        made = []
+        for episode in point.episodes:
+            if task.hosted:
+                options = point.environment_options(row.interface)
+                hosted: Any = gymnasium.make_vec(task.environment, 1, vectorization_mode="sync", **options)
+                made += _run(hosted, hosted.envs[0].unwrapped, nominal, [episode], calls)
+                hosted.close()
+            else:
+                env = _batch([one])
+                made += _run(env, env, nominal, [episode], calls)
+        results.append({"episodes": made})
+    return results
+
+
+def _batch(each: Sequence[Settings]) -> FlexArmVectorEnv:
+    """Make a batch in which every environment has its own settings."""
+    values = {one.name: [getattr(settings, one.name) for settings in each] for one in fields(Settings)}
+    same = {name: found[0] for name, found in values.items() if all(x == found[0] for x in found)}
+    own = {name: found for name, found in values.items() if name not in same}
+    steps = round(each[0].lap_time / each[0].control_period)
+    return FlexArmVectorEnv(len(each), steps, per_env=own, **same)
+
+
+def _reset_options(episodes: Sequence[Episode]) -> dict[str, Any]:
+    """Return the options of the reset that begins these episodes."""
+    laps = [one.lap for one in episodes if one.lap is not None]
+    if not laps:
+        return {"start": "corner"}
+    options = [LAPS[lap].reset_options() for lap in laps]
+    values = {name: [one[name] for one in options] for name in options[0]}
+    return {name: found if len(found) > 1 else found[0] for name, found in values.items()}
+
+
+def _run(
+    env: Any,
+    view: SimulatorView,
+    nominal: SimulatorView,
+    episodes: Sequence[Episode],
+    calls: Sequence[_Call],
+) -> list[dict[str, Any]]:
+    """Run one episode in each environment of a batch.
+
+    An environment whose episode is over begins another one, which has no part in the result, as vector environments
+    do: a policy meets nothing that it does not know from there.
+
+    Args:
+        env: the batch, a vector environment.
+        view: the same, with what a FlexArm environment tells of itself.
+        nominal: environment that the policy was made for.
+        episodes: one for each environment.
+        calls: they cover the batch.
+
+    Returns:
+        Plain values of each episode.
+    """
+    matrix = observation_map(view, nominal)
+    observation, infos = env.reset(seed=[one.seed for one in episodes], options=_reset_options(episodes))
+    steps, count = view.lap_steps, len(episodes)
+    record = {name: np.zeros((steps + 1, *np.shape(infos[name]))) for name in _RECORDED}
+    drawn = _drawn(view, count)
+    lengths, ended = np.full(count, steps + 1), [COMPLETE] * count
+    memories: list[Any] = [None] * len(calls)
+    alive, start, over = np.ones(count, bool), np.ones(count, bool), np.zeros(count, bool)
+    action = np.zeros(env.action_space.shape or (), dtype=np.float32)
+    for k in range(steps):
+        for name in _RECORDED[:-1]:
+            record[name][k] = infos[name]
+        for n, call in enumerate(calls):
+            if alive[call.lanes].any():
+                seen = observation[call.lanes] if matrix is None else _converted(observation[call.lanes], matrix)
+                seen = seen[0] if call.single else seen.copy()
+                action[call.lanes], memories[n] = call.predict(seen, memories[n], start[call.lanes])
+        lost = np.array(~np.isfinite(action).all(axis=1))
+        action[lost] = 0.0
+        observation, _, terminated, truncated, infos = env.step(action)
+        record["torque"][k] = infos["torque"]
+        for i in np.flatnonzero((terminated | lost) & alive).tolist():
+            lengths[i], ended[i] = k + 1, NO_ACTION if lost[i] else end_reason(infos["end_code"][i])
+        alive &= ~(terminated | lost)
+        start, over = over, terminated | truncated
+        if not alive.any():
+            break
+    for name in _RECORDED[:-1]:
+        record[name][steps] = infos[name]
+    record["torque"][steps] = record["torque"][steps - 1]
+    success = infos.get("is_success")
+    found = []
+    for i, episode in enumerate(episodes):
+        known = {name: values[: lengths[i], i] for name, values in record.items()}
+        one: dict[str, Any] = {"lap": episode.lap, "seed": episode.seed, "ended": ended[i]}
+        one["duration"] = float(known["time"][-1])
+        one["figures"] = _figures(view, known) if ended[i] == COMPLETE else None
+        if success is not None:
+            one["success"] = bool(success[i]) and ended[i] == COMPLETE
+        if drawn is not None:
+            one["drawn"] = drawn[i]
+        found.append(one)
+    return found
+
+
+def _converted(observation: Any, matrix: Array) -> NDArray[np.float32]:
+    return np.asarray((observation @ matrix.T).astype(np.float32))
+
+
+def _drawn(view: SimulatorView, count: int) -> list[dict[str, float]] | None:
+    """Return what each episode drew, by name; None where nothing is drawn."""
+    if not view.settings.randomisation:
+        return None
+    parameters = view.episode.parameters  # type: ignore[attr-defined]
+    return [{name: float(values[i]) for name, values in parameters.items()} for i in range(count)]
+
+
+def _figures(view: SimulatorView, known: Mapping[str, Array]) -> dict[str, Any]:
+    limit = view.settings.motor_limit
+    figures = figures_of(
+        view.arm,
+        known["time"],
+        known["state"],
+        known["torque"],
+        known["true_tip"],
+        known["reference"],
+        limit if np.isfinite(limit).all() else None,
+    )
+    return figures.plain()

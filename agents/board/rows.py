@@ -1,0 +1,179 @@
+"""`Row`: who is measured: a controller by its name, a trained policy, anybody's class or function."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+
+from flexarm_agents.board.code_version import code_version, file_hash
+from flexarm_agents.board.terms import SQUARE, TASKS, interface_of, nominal_options
+from flexarm_agents.contenders import Contender, imported, loaded_model, made_for
+from flexarm_agents.environments import check_id, make_one
+from flexarm_agents.load import check_fits, load_policy, policy_file
+from flexarm_agents.network import NetworkPolicy
+from flexarm_baselines.controller import TorqueController
+from flexarm_baselines.policy import GainPolicy
+from flexarm_baselines.registry import CONTROLLERS
+from flexarm_env.envs.registration import IDS
+
+NAME = re.compile(r"[\w.+:=,()/ -]{1,60}")
+_BATCHED = (TorqueController, GainPolicy, NetworkPolicy)
+
+
+@dataclass(frozen=True)
+class Row:
+    """Who is measured, in plain values: any machine makes the same policy of them.
+
+    Attributes:
+        source: name of a controller (`flexarm_baselines.registry`) or of a shipped policy; a training's folder or npz
+            file; "module:attribute"; or a stable-baselines3 model's zip file, with `algorithm`.
+        name: shown in tables; "": the source, of a file or folder its name.
+        environment: id of the environment that observation and action are those of, for module:attribute and models.
+        options: options of that environment, those that are a row's to choose (`terms.INTERFACE`).
+        algorithm: class of the model, see `flexarm_agents.contenders.from_model`.
+    """
+
+    source: str
+    name: str = ""
+    environment: str = SQUARE
+    options: Mapping[str, Any] = field(default_factory=dict)
+    algorithm: str | None = None
+
+    def __post_init__(self) -> None:
+        """Check the id, the options and the name.
+
+        Raises:
+            ValueError: for a bad one.
+        """
+        own = Path(self.source).stem if Path(self.source).exists() else self.source
+        object.__setattr__(self, "name", self.name or own)
+        object.__setattr__(self, "environment", check_id(self.environment))
+        object.__setattr__(self, "options", interface_of(self.options, strict=True))
+        if not NAME.fullmatch(self.name):
+            raise ValueError(f"name = {self.name!r}: must match {NAME.pattern}")
+
+    def plain(self) -> dict[str, Any]:
+        """Return plain values, of which `Row(**values)` makes the row again."""
+        return {
+            "source": self.source,
+            "name": self.name,
+            "environment": self.environment,
+            "options": dict(self.options),
+            "algorithm": self.algorithm,
+        }
+
+    @property
+    def interface(self) -> dict[str, Any]:
+        """The row's own options of its environments."""
+        return _recipe(_text(self)).interface
+
+    def contender(self, task: str = "square", fresh: bool = False) -> Contender:
+        """Return the policy with its nominal environment on a task.
+
+        Args:
+            task: a name in `terms.TASKS`.
+            fresh: make them anew; else each process makes them once.
+
+        Raises:
+            TypeError, ValueError: if the policy cannot do this task, or is none.
+        """
+        make = _contender.__wrapped__ if fresh else _contender
+        return make(_text(self), task)
+
+    @property
+    def batched(self) -> bool:
+        """Whether one call may choose the actions of several episodes, with all memory in `state`."""
+        policy = self.contender().policy
+        return bool(getattr(policy, "batched", self.algorithm is not None or isinstance(policy, _BATCHED)))
+
+    @property
+    def fingerprint(self) -> dict[str, str]:
+        """What the policy is, to the last bit of its data, and the hash of the code that it runs."""
+        policy, recipe = self.contender().policy, _recipe(_text(self))
+        named = [Path(file) for file in getattr(policy, "files", ())]
+        files = {path.name: file_hash(path) for path in [*recipe.files, *named]}
+        return {**recipe.label, **files, "code": code_version([*recipe.modules, *_modules(policy)])}
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """How a row's policy is made.
+
+    Attributes:
+        interface: options of its environments that are its own.
+        make: makes the policy for an environment.
+        label: what identifies it beside its code and files.
+        files: its data.
+        modules: names of modules beside that of its class.
+    """
+
+    interface: dict[str, Any]
+    make: Callable[[gymnasium.Env[Any, Any]], Any]
+    label: dict[str, str] = field(default_factory=dict)
+    files: tuple[Path, ...] = ()
+    modules: tuple[str, ...] = ()
+
+
+def _text(row: Row) -> str:
+    """Return a row as text, the key of what a process keeps."""
+    return json.dumps(row.plain(), sort_keys=True)
+
+
+@lru_cache(maxsize=64)
+def _contender(text: str, task: str) -> Contender:
+    row, recipe, one = Row(**json.loads(text)), _recipe(text), TASKS[task]
+    options = nominal_options(recipe.interface, task)
+    environment = SQUARE if one.hosted else one.environment
+    env = make_one(environment, options)
+    return Contender(row.name, recipe.make(env), env, environment, options)
+
+
+def _modules(policy: Any) -> list[str]:
+    """Return the module of a policy's class or function; nothing for a model of another library."""
+    module = policy.__module__ if hasattr(policy, "__qualname__") else type(policy).__module__
+    return [] if module.startswith(("stable_baselines3", "sb3_contrib")) else [module]
+
+
+@lru_cache(maxsize=64)
+def _recipe(text: str) -> Recipe:
+    """Find out how a row's policy is made."""
+    row = Row(**json.loads(text))
+    if row.source in CONTROLLERS:
+        entry = CONTROLLERS[row.source]
+        own = interface_of({**entry.options, **row.options})
+        return Recipe(own, entry.make, {"controller": row.source, "design": repr(dict(entry.design))})
+    declared = IDS[row.environment.partition("/")[2]].options
+    if row.algorithm is not None:
+        algorithm = row.algorithm
+
+        def load(env: gymnasium.Env[Any, Any]) -> Any:
+            return loaded_model(row.source, algorithm, env)
+
+        own = interface_of({**declared, **row.options})
+        return Recipe(own, load, {"algorithm": algorithm}, (Path(row.source),))
+    if ":" in row.source and not Path(row.source).exists():
+        found = imported(row.source)
+        wanted = found.options() if hasattr(found, "options") else {}
+        own = interface_of({**declared, **wanted, **row.options})
+        module = row.source.partition(":")[0]
+        return Recipe(own, lambda env: made_for(env, found, row.source), {"attribute": row.source}, modules=(module,))
+    return _trained(row)
+
+
+def _trained(row: Row) -> Recipe:
+    trained = load_policy(row.source)
+    declared = IDS[trained.environment.partition("/")[2]].options
+    own = interface_of({**declared, **trained.options, **row.options})
+
+    def check(env: gymnasium.Env[Any, Any]) -> Any:
+        check_fits(row.source, (trained.policy.observation_size,), trained.policy.log_std.shape, env)
+        return trained.policy
+
+    return Recipe(own, check, files=(policy_file(row.source),))

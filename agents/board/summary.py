@@ -1,0 +1,130 @@
+"""What the cells of a row add up to: figures at a point, where an axis breaks a row, the whole row as plain values."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from flexarm_agents.board.columns import Column
+from flexarm_agents.board.rows import Row
+from flexarm_agents.board.terms import TASKS
+from flexarm_env.laps import LAPS
+
+FIGURES = ("rms", "rms_after_2s", "maximum")
+Results = Mapping[str, Sequence[Mapping[str, Any] | None]]  # of each column, of each point
+
+
+def lap_summary(episodes: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Add up episodes of one kind.
+
+    Args:
+        episodes: results of episodes, one at least.
+
+    Returns:
+        Their number, how many were lost and when the first of these was [s]; mean, least and largest of each figure of
+        those that were complete, None where there is none; and the share of successes, where the task has a goal.
+    """
+    complete = [one["figures"] for one in episodes if one["figures"] is not None]
+    lost = [one["duration"] for one in episodes if one["figures"] is None]
+    found: dict[str, Any] = {"episodes": len(episodes), "lost": len(lost), "first_loss": min(lost, default=None)}
+    for name in FIGURES:
+        values = [figures[name] for figures in complete if figures[name] is not None]
+        found[name] = {"mean": float(np.mean(values)), "least": min(values), "most": max(values)} if values else None
+    if "success" in episodes[0]:
+        found["success"] = sum(one["success"] for one in episodes) / len(episodes)
+    return found
+
+
+def point_summary(result: Mapping[str, Any] | None) -> dict[str, Any] | None:
+    """Add up the episodes of a cell, by their laps; "all" where the task has none.
+
+    Args:
+        result: of a cell (`episodes.run_points`); None: it is missing.
+    """
+    if result is None or "not_applicable" in result:
+        return None if result is None else dict(result)
+    laps: dict[str, list[Mapping[str, Any]]] = {}
+    for one in result["episodes"]:
+        laps.setdefault(one["lap"] or "all", []).append(one)
+    return {lap: lap_summary(episodes) for lap, episodes in laps.items()}
+
+
+def merged(results: Sequence[Mapping[str, Any] | None]) -> dict[str, Any] | None:
+    """Put the parts of a column whose points are one sample together; None if a part is missing."""
+    if any(one is None for one in results):
+        return None
+    known = [one for one in results if one is not None]
+    if any("not_applicable" in one for one in known):
+        return dict(next(one for one in known if "not_applicable" in one))
+    return {"episodes": [episode for one in known for episode in one["episodes"]]}
+
+
+def breaking(column: Column, points: Sequence[Mapping[str, Any] | None]) -> dict[str, dict[str, Any]]:
+    """Find where each lap is lost first, going away from the nominal value to either side.
+
+    Args:
+        column: an axis of numbers.
+        points: `point_summary` of each of its points.
+
+    Returns:
+        For each lap "low" and "high": the value nearest to the nominal one at which an episode is lost, None if none.
+    """
+    nominal = column.nominal if isinstance(column.nominal, float) else -np.inf
+    found: dict[str, dict[str, Any]] = {}
+    for lap in LAPS:
+        lost = [
+            float(point.value)
+            for point, one in zip(column.points, points, strict=True)
+            if one is not None and one.get(lap, {}).get("lost")
+        ]
+        found[lap] = {
+            "low": max((x for x in lost if x < nominal), default=None),
+            "high": min((x for x in lost if x >= nominal), default=None),
+        }
+    return found
+
+
+def row_summary(row: Row, columns: Mapping[str, Column], results: Results) -> dict[str, Any]:
+    """Return a row of the board as plain values.
+
+    Args:
+        row: who was measured.
+        columns: on what, by name.
+        results: of the cells of these columns, as the store has them.
+    """
+    contender = row.contender()
+    found: dict[str, Any] = {
+        "name": row.name,
+        "source": row.source,
+        "action": contender.env.unwrapped.settings.action_mode,  # type: ignore[attr-defined]
+        "reads": list(contender.reads),
+        "privileged": contender.privileged,
+        "columns": {},
+    }
+    for name, column in columns.items():
+        each = results[name]
+        if column.sample:
+            whole = point_summary(merged(each))
+            found["columns"][name] = {"points": [whole]}
+            continue
+        points = [point_summary(one) for one in each]
+        found["columns"][name] = {"points": points}
+        if all(isinstance(point.value, float) for point in column.points):
+            found["columns"][name]["breaking"] = breaking(column, points)
+    return found
+
+
+def nominal_errors(row: Mapping[str, Any]) -> dict[str, dict[str, float] | None]:
+    """Return the errors of a row's nominal laps by name: whole lap and after 2 s [m]; None for a lost one.
+
+    Args:
+        row: see `row_summary`; it has the column "nominal".
+    """
+    square = row["columns"]["nominal"]["points"][list(TASKS).index("square")]
+    errors: dict[str, dict[str, float] | None] = {}
+    for lap in LAPS:
+        one = square[lap] if square else None
+        errors[lap] = None if one is None or one["lost"] else {name: one[name]["mean"] for name in FIGURES}
+    return errors

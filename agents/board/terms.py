@@ -1,0 +1,77 @@
+"""The terms of the board, the same for all rows: plant, tasks, limits, seeds. What changes them raises `BOARD`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+from flexarm_env.envs.registration import IDS
+from flexarm_env.laps import LAPS
+from flexarm_env.validation import shown
+
+BOARD = 1  # version; raise it where scores change, and tell in the changelog what changed them
+FIRST_SEED = 2_000_000_000 + 1_000_000 * BOARD  # neither trainings nor evaluations use such seeds, unless told to
+SQUARE = "FlexArm/Square-v0"
+
+# Options in which a row may differ from `FlexArm/Square-v0`: what it observes, and what its action means.
+INTERFACE = (
+    *("action_mode", "torque_rate_limit", "gain_limit", "shift_limit", "inner_stiffness", "inner_resistance"),
+    *("proportional_gain", "derivative_gain", "compensation", "law_sensor", "rate_jacobian", "delayed", "sensor"),
+    *("observation", "frame", "previews", "last_actions", "scaled"),
+)
+# Options that the board sets for rows of an action mode: the gain's law overshoots corners and has no torque limit.
+_BY_MODE: dict[str, tuple[str, ...]] = {"gain": ("physics_step", "deflection_limit", "error_limit")}
+
+
+class BoardTask(NamedTuple):
+    """A task that rows are measured on.
+
+    Attributes:
+        environment: id of the environment that it is made with; its options say the rest.
+        options: options in which it differs from `FlexArm/Square-v0`.
+        laps: names of the laps that its episodes are (`flexarm_env.laps.LAPS`); (None,): the environment begins them.
+        hosted: whether another engine has the arm; controllers are then made for the nominal arm.
+    """
+
+    environment: str = SQUARE
+    options: Mapping[str, Any] = {}
+    laps: tuple[str | None, ...] = tuple(LAPS)
+    hosted: bool = False
+
+
+TASKS: dict[str, BoardTask] = {
+    "square": BoardTask(),
+    "track": BoardTask(options=IDS["Track-v0"].options),
+    "reach": BoardTask(options=IDS["Reach-v0"].options, laps=(None,)),
+    "chain": BoardTask("FlexArm/SquareChain-v0", hosted=True),
+}
+
+
+def interface_of(options: Mapping[str, Any], strict: bool = False) -> dict[str, Any]:
+    """Return the part of an environment's options that is a row's own.
+
+    Args:
+        options: of the environment that the row was made for.
+        strict: refuse others; else the board's terms replace them.
+
+    Raises:
+        ValueError: naming an option that is not a row's to choose.
+    """
+    for name, value in options.items():
+        if strict and name not in INTERFACE:
+            raise ValueError(
+                f"options[{name!r}] = {shown(value)}: is the board's to choose; a row may choose {', '.join(INTERFACE)}"
+            )
+    return {name: value for name, value in options.items() if name in INTERFACE}
+
+
+def nominal_options(interface: Mapping[str, Any], task: str) -> dict[str, Any]:
+    """Return the options of a row's nominal environment on a task.
+
+    Args:
+        interface: see `interface_of`.
+        task: a name in `TASKS`.
+    """
+    own = _BY_MODE.get(interface.get("action_mode", "torque"), ())
+    gain = IDS["SquareGain-v0"].options
+    return {"start": "corner", **{name: gain[name] for name in own}, **interface, **TASKS[task].options}

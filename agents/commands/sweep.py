@@ -1,0 +1,78 @@
+"""`flexarm evaluate --sweep`: what one row of the board does along one axis, as a table."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from flexarm_agents.board.columns import COLUMNS, Column
+from flexarm_agents.board.episodes import run_points
+from flexarm_agents.board.rows import Row
+from flexarm_agents.board.summary import breaking, merged, point_summary
+from flexarm_agents.commands.text import columns
+from flexarm_agents.run_folder import write_json
+from flexarm_env.laps import LAPS
+from flexarm_env.validation import choice
+
+Summary = Mapping[str, Any]
+
+
+def sweep(given: argparse.Namespace) -> None:
+    """Run the policies along an axis of the board, print a table for each, and write a file.
+
+    Raises:
+        ValueError: without a policy, or for an option that the axis sets.
+    """
+    if not given.policies:
+        raise ValueError("policies: nothing to sweep; name one, e.g. --policy ifdc")
+    if given.arm is not None or given.laps != 1 or given.seed != 0:
+        raise ValueError("arm, laps, seed: the board sets them; they must be left out with --sweep")
+    column = COLUMNS[choice("sweep", given.sweep, COLUMNS)]
+    written = []
+    for source in given.policies:
+        algorithm = given.stable_baselines3 if source.endswith(".zip") else None
+        environment = {} if given.environment is None else {"environment": given.environment}
+        row = Row(source, options=given.options, algorithm=algorithm, **environment)
+        results = run_points(row, column.points)
+        points = [point_summary(merged(results))] if column.sample else [point_summary(one) for one in results]
+        print(_table(row.name, column, points), end="\n\n")
+        written.append({"row": row.plain(), "results": results})
+    given.output.parent.mkdir(parents=True, exist_ok=True)
+    write_json(given.output, {"sweep": given.sweep, "rows": written})
+    print(f"{given.output}: written")
+
+
+def _table(name: str, column: Column, points: Sequence[Summary | None]) -> str:
+    """Write a line for each point: the laps' errors, or when and how often they were lost."""
+    unit = f" [{column.unit}]" if column.unit else ""
+    values = ["all"] if column.sample else [_number(one.value) for one in column.points]
+    header = (f"{name}: {column.title.lower()}{unit}", *(f"{lap} lap [m]" for lap in LAPS), "after 2 s [m]", "")
+    rows = [(value, *_cells(point)) for value, point in zip(values, points, strict=True)]
+    lines = columns([header, *rows], right=True)
+    if all(isinstance(point.value, float) for point in column.points):
+        lost = {lap: [x for x in ends.values() if x is not None] for lap, ends in breaking(column, points).items()}
+        told = [f"{lap} lap: {', '.join(f'{x:g}' for x in values)}" for lap, values in lost.items() if values]
+        lines += f"\nlost first at {column.title.lower()}{unit} {'; '.join(told)}" if told else "\nno lap is lost"
+    return lines
+
+
+def _number(value: float | str) -> str:
+    return f"{value:g}" if isinstance(value, float) else value
+
+
+def _cells(point: Summary | None) -> tuple[str, ...]:
+    if point is None or "not_applicable" in point:
+        return "-", "-", "-", "" if point is None else f"not applicable: {point['not_applicable']}"
+    laps = [point.get(lap, point.get("all")) for lap in LAPS]
+    later = " / ".join("-" if one["rms_after_2s"] is None else f"{one['rms_after_2s']['mean']:.3f}" for one in laps)
+    return *("-" if one["rms"] is None else f"{one['rms']['mean']:.3f}" for one in laps), later, _lost(point)
+
+
+def _lost(point: Summary) -> str:
+    """Say how many episodes of which lap were lost, and when the first of them."""
+    return ", ".join(
+        f"{lap}: {one['lost']} of {one['episodes']} lost, first at {one['first_loss']:.2f} s"
+        for lap, one in point.items()
+        if one["lost"]
+    )

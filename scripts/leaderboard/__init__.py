@@ -1,0 +1,1 @@
+"""The leaderboard: every controller and agent on every axis."""

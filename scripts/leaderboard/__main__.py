@@ -1,0 +1,174 @@
+"""Measure controllers and agents on the board's tasks and axes; write tables, pictures and JSON.
+
+Each cell, a row at a point, is kept in `cells/` under a hash of all that it depends on: an interrupted run goes on
+where it was, and a changed policy recomputes its own row only. docs/submit.md tells how to add a row.
+"""
+
+from __future__ import annotations
+
+import platform
+import shutil
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import tyro
+from tqdm import tqdm
+
+from flexarm_agents.board.cells import Cell, Store, compute, jobs_of
+from flexarm_agents.board.columns import COLUMNS, Column
+from flexarm_agents.board.rows import Row
+from flexarm_agents.board.summary import row_summary
+from flexarm_agents.board.terms import BOARD
+from flexarm_env.validation import choice
+from scripts.common.command_line import run
+from scripts.common.executors import EXECUTORS, Executor, executor
+from scripts.common.markdown import DOCS, filled
+from scripts.common.result_files import write_json, write_whole
+from scripts.leaderboard.entries import entries
+from scripts.leaderboard.references import references
+from scripts.leaderboard.tables import tables
+
+DIGITS = 6  # of the figures in the board's file
+PAGE, DATA = "leaderboard.md", "leaderboard.json"
+
+
+@dataclass
+class Options:
+    """The leaderboard."""
+
+    rows: tuple[str, ...] = ()
+    """Names of rows; without any, all: the controllers, the shipped policies, and those of `add`."""
+    columns: tuple[str, ...] = tuple(COLUMNS)
+    """Names of columns."""
+    add: tuple[str, ...] = ()
+    """Further rows: module:attribute, a training's folder or npz file; or a JSON file with the fields of a row."""
+    output: Path = Path("results/leaderboard")
+    """Folder for the results; its cells are taken over."""
+    jobs: int = 2
+    """Processes, or tasks of Slurm."""
+    executor: str = "processes"
+    """Where cells are computed: processes, ray, slurm, or submitit-local, a trial of slurm on this machine."""
+    docs: bool = False
+    """Bring docs/leaderboard.md, its JSON and its pictures up to date."""
+
+
+def measure(rows: Sequence[Row], columns: Mapping[str, Column], store: Store, where: Executor) -> dict[str, Any]:
+    """Compute the missing cells, and add all up.
+
+    Args:
+        rows: who is measured.
+        columns: on what, by name.
+        store: has the cells, and gets those that are missing.
+        where: computes them.
+
+    Raises:
+        OSError: if cells could not be computed; the others are kept.
+    """
+    cells = {
+        row.name: {name: [Cell.of(row, point) for point in column.points] for name, column in columns.items()}
+        for row in rows
+    }
+    wanted = [cell for own in cells.values() for column in own.values() for cell in column]
+    missing = store.missing(wanted)
+    by_key = {cell.key: cell for cell in missing}
+    jobs, failed = jobs_of(missing), []
+    with tqdm(total=len(missing), unit="cell", desc=f"{len(wanted)} cells") as bar:
+        for n, outcome in where.run(compute, jobs) if jobs else ():
+            if isinstance(outcome, BaseException):
+                failed.append(f"{jobs[n].row.name}: {outcome}")
+            else:
+                for key, result in zip(jobs[n].keys, outcome, strict=True):
+                    store.write(by_key[key], result)
+            bar.update(len(jobs[n].keys))
+    if failed:
+        for line in dict.fromkeys(failed):
+            print(line, file=sys.stderr)
+        raise OSError(f"{len(failed)} of {len(jobs)} jobs failed; the cells of the others are kept")
+    results = {
+        row.name: {name: [store.read(cell) for cell in column] for name, column in cells[row.name].items()}
+        for row in rows
+    }
+    return board([row_summary(row, columns, results[row.name]) for row in rows], columns)
+
+
+def board(rows: Sequence[Mapping[str, Any]], columns: Mapping[str, Column]) -> dict[str, Any]:
+    """Put rows together to a board, as plain values."""
+    names = ("flexarm", "gymnasium", "numpy", "numba", "scipy")
+    return {
+        "board": BOARD,
+        "versions": {"python": platform.python_version(), **{name: version(name) for name in names}},
+        "references": references(),
+        "columns": {
+            name: {
+                "title": column.title,
+                "unit": column.unit,
+                "values": [point.value for point in column.points],
+                "nominal": column.nominal,
+            }
+            for name, column in columns.items()
+        },
+        "rows": list(rows),
+    }
+
+
+def write(results: Mapping[str, Any], folder: Path) -> None:
+    """Write the board's JSON and tables."""
+    write_json(folder / DATA, _rounded(results), levels=5)
+    for name, text in tables(results).items():
+        write_whole(folder / f"{name}.md", lambda aside, text=text: aside.write_text(text))  # type: ignore[misc]
+
+
+def _rounded(value: Any) -> Any:
+    """Round figures for the board's file; cells have all digits."""
+    if isinstance(value, dict):
+        return {name: _rounded(one) for name, one in value.items()}
+    if isinstance(value, list):
+        return [_rounded(one) for one in value]
+    return float(f"{value:.{DIGITS}g}") if isinstance(value, float) else value
+
+
+def update_docs(folder: Path) -> None:
+    """Fill the page's tables; copy the JSON and the pictures."""
+    page = DOCS / PAGE
+    page.write_text(filled(page.read_text(), folder))
+    shutil.copyfile(folder / DATA, DOCS / DATA)
+    print(f"{page}: up to date")
+
+
+def chosen(options: Options) -> tuple[list[Row], dict[str, Column]]:
+    """Return the rows and columns that are asked for.
+
+    Raises:
+        ValueError: for an unknown row, column or executor, or a page of less than the whole board.
+    """
+    choice("executor", options.executor, EXECUTORS)
+    for name in options.columns:
+        choice("columns", name, tuple(COLUMNS))
+    rows = entries(options.add)
+    for name in options.rows:
+        choice("rows", name, tuple(row.name for row in rows))
+    if options.docs and (options.rows or options.columns != tuple(COLUMNS)):
+        raise ValueError("docs = True: the page shows the whole board; must go without rows and columns")
+    columns = {name: column for name, column in COLUMNS.items() if name in options.columns}
+    return [row for row in rows if not options.rows or row.name in options.rows], columns
+
+
+def main() -> None:
+    """Command line."""
+    options = tyro.cli(Options, prog="python -m scripts.leaderboard")
+    rows, columns = chosen(options)
+    where = executor(options.executor, options.jobs, options.output / "submitit")
+    results = measure(rows, columns, Store(options.output / "cells"), where)
+    write(results, options.output)
+    print(tables(results).get("ranking", ""), end="")
+    print(f"{options.output}: board {BOARD}, {len(rows)} rows")
+    if options.docs:
+        update_docs(options.output)
+
+
+if __name__ == "__main__":
+    run(main)

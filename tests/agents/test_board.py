@@ -1,0 +1,295 @@
+"""The board: what a cell depends on, that its bits are its own, and what rows add up to."""
+
+from __future__ import annotations
+
+import ast
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+
+from flexarm_agents.board import cells as board_cells
+from flexarm_agents.board import code_version as versions
+from flexarm_agents.board.cells import WITHOUT_PART, Cell, Store, compute, jobs_of
+from flexarm_agents.board.code_version import DATA, code_version
+from flexarm_agents.board.columns import COLUMNS, DRAWN, Column, Point
+from flexarm_agents.board.episodes import LANES, run_points, shares
+from flexarm_agents.board.gauges import observation_map
+from flexarm_agents.board.rows import Row
+from flexarm_agents.board.summary import breaking, lap_summary, point_summary
+from flexarm_agents.board.terms import FIRST_SEED, INTERFACE, TASKS, interface_of
+from flexarm_agents.load import policy_file
+from flexarm_baselines.optimal.plan import PLANS
+from flexarm_env.envs.options import Options
+from flexarm_env.envs.per_env import common_values
+from flexarm_env.envs.settings import Settings
+from flexarm_env.laps import LAPS
+from tests.support.refusals import refuses
+
+SHORT = {"lap_time": 0.4, "side": 1.0, "control_period": 0.05, "physics_step": 0.0125}  # few periods of plain Python
+SMALL = {"modes_per_link": 1, "kinematics": "linear"}
+AGENT = "square"
+HERE = "tests.agents.test_board"
+
+
+class Still:
+    """No torque; it counts the episodes that it has begun."""
+
+    files = (__file__,)
+
+    def __init__(self) -> None:
+        self.begun = 0
+
+    def predict(self, observation: Any, state: Any, episode_start: Any, deterministic: bool) -> Any:
+        assert observation.ndim == 1
+        self.begun += int(episode_start[0])
+        return np.full(2, 0.01 * self.begun, dtype=np.float32), state
+
+
+def push(observation: Any) -> Any:
+    """Command what is no number after some time."""
+    return np.full(2, np.nan if observation[-3] < 0.0 else 0.0, dtype=np.float32)
+
+
+def points(values: list[float], seeds: range = range(1)) -> list[Point]:
+    return [Point(x, {**SHORT, "noise": 0.001 * x}, SMALL, seeds=seeds) for x in values]
+
+
+# --- what a key is made of -------------------------------------------------------------------------------------
+
+
+def test_the_code_of_a_cell_is_that_of_the_simulation() -> None:
+    found = versions._closure(("flexarm_agents.board.episodes",), frozenset(WITHOUT_PART))
+    for name in ("physics.dynamics", "kernels.period", "episode.reset", "codegen.assembly", "metrics.running"):
+        assert f"flexarm_env.{name}" in found
+    for name in ("flexarm_baselines.ifdc", "flexarm_env.envs.rendering", "flexarm_env.chain.env"):
+        assert name not in found
+    assert "flexarm_env.chain.model" in versions._closure(("flexarm_env.chain.env",), frozenset(WITHOUT_PART))
+
+
+def test_what_has_no_part_is_there() -> None:
+    for name in (*WITHOUT_PART, *DATA):
+        assert versions._is_module(name), name
+    assert sorted(PLANS.glob("*.npz")) == versions._data("flexarm_baselines.optimal.plan")
+
+
+def test_a_changed_line_is_another_version_and_a_changed_comment_is_none(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.syspath_prepend(tmp_path)
+    module, beside = tmp_path / "a_policy_of_mine.py", tmp_path / "its_numbers.py"
+    beside.write_text("GAIN = 1.0\n")
+    texts = {
+        "plain": "import numpy\nimport its_numbers\nx = its_numbers.GAIN\n",
+        "described": '"""Mine."""\nimport numpy\nimport its_numbers  # beside\nx = its_numbers.GAIN\n',
+        "changed": "import numpy\nimport its_numbers\nx = 2 * its_numbers.GAIN\n",
+    }
+
+    def version(text: str) -> str:
+        module.write_text(text)
+        for kept in (versions._closure, versions._imports, versions._is_module, versions._source_hash):
+            kept.cache_clear()
+        return code_version([module.stem])
+
+    found = {name: version(text) for name, text in texts.items()}
+    assert found["plain"] == found["described"] != found["changed"]
+    beside.write_text("GAIN = 3.0\n")
+    assert version(texts["plain"]) != found["plain"]
+
+
+def test_docstrings_are_left_out_and_other_text_stays() -> None:
+    tree = versions._tree("flexarm_agents.board.terms")
+    texts = [node.value for node in ast.walk(tree) if isinstance(node, ast.Constant) and isinstance(node.value, str)]
+    assert "FlexArm/Square-v0" in texts
+    assert not any(text.startswith("The terms of the board") for text in texts)
+
+
+def test_a_key_depends_on_policy_settings_step_and_episodes() -> None:
+    row, point = Row(AGENT), Point(0.0)
+    one = Cell.of(row, point)
+    assert one.depends["settings"]["physics_step"] == 0.002
+    assert one.key == Cell.of(Row(AGENT, "another name"), Point("also another")).key
+    others = [
+        Cell.of(Row("ifdc"), point),
+        Cell.of(row, Point(0.0, {"delay": 0.01})),
+        Cell.of(row, Point(0.0, {"physics_step": 0.001})),
+        Cell.of(row, Point(0.0, seeds=range(2))),
+        Cell.of(row, Point(0.0, task="chain")),
+        Cell.of(row, Point(0.0, arm={"payload_mass": 0.1})),
+    ]
+    assert len({cell.key for cell in [one, *others]}) == 7
+    # the nominal value of an axis is the nominal cell
+    nominal = [point for point in COLUMNS["payload"].points if point.value == COLUMNS["payload"].nominal]
+    assert Cell.of(row, nominal[0]).key == one.key
+
+
+def test_a_key_depends_on_the_bytes_of_a_policy_and_not_on_its_place(tmp_path: Path) -> None:
+    moved = tmp_path / "square.npz"
+    moved.write_bytes(policy_file(AGENT).read_bytes())
+    assert Row(str(moved)).fingerprint == Row(AGENT).fingerprint
+    assert Row("ifdc").fingerprint["code"] != Row("flsac").fingerprint["code"]
+    own = Row(f"{HERE}:Still").fingerprint
+    assert own["attribute"] == f"{HERE}:Still"
+    assert Path(__file__).name in own  # a policy names its own data by `files`
+
+
+# --- cells -----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.usefixtures("uncompiled")
+def test_a_result_has_its_own_bits_whatever_else_is_in_the_batch() -> None:
+    row = Row(AGENT)
+    some = points([1.0, 5.0], range(2))
+    together = run_points(row, some)
+    assert together == [run_points(row, [point])[0] for point in some]
+    assert together[0] != together[1]
+    assert [(one["lap"], one["seed"]) for one in together[0]["episodes"]] == [
+        (lap, FIRST_SEED + n) for lap in LAPS for n in range(2)
+    ]
+
+
+@pytest.mark.usefixtures("uncompiled")
+def test_cells_are_kept_and_only_missing_ones_are_computed(tmp_path: Path) -> None:
+    store = Store(tmp_path / "cells")
+    wanted = [Cell.of(Row(AGENT), point) for point in points([0.0, 1.0, 2.0])]
+    assert store.missing([*wanted, *wanted]) == wanted  # each key once
+    for job in jobs_of(wanted):
+        for cell, result in zip(wanted, compute(job), strict=True):
+            store.write(cell, result)
+    assert store.missing(wanted) == []
+    lost = store.path(wanted[1].key)
+    text = lost.read_text()
+    lost.unlink()
+    assert store.missing(wanted) == [wanted[1]]
+    (again,) = jobs_of(store.missing(wanted))
+    store.write(wanted[1], compute(again)[0])
+    assert lost.read_text() == text
+    assert store.read(wanted[1]) is not None
+    lost.write_text("{}")
+    with pytest.raises(ValueError, match="is no cell; remove it"):
+        store.read(wanted[1])
+
+
+def test_a_worker_with_other_code_refuses(monkeypatch: pytest.MonkeyPatch) -> None:
+    (job,) = jobs_of([Cell.of(Row(AGENT), Point(0.0))])
+    monkeypatch.setattr(board_cells, "_code", lambda hosted: "another")
+    with pytest.raises(ValueError, match="this worker has other code"):
+        compute(job)
+
+
+@pytest.mark.usefixtures("uncompiled")
+def test_a_policy_of_one_observation_is_run_episode_by_episode_and_made_anew_for_each_point() -> None:
+    first, second = run_points(Row(f"{HERE}:Still"), points([0.0, 0.0]))
+    assert first == second
+    assert len(first["episodes"]) == 2
+
+
+@pytest.mark.usefixtures("uncompiled")
+def test_a_lost_path_and_an_action_that_is_no_number_are_results_with_their_time() -> None:
+    (lost,) = run_points(Row(AGENT), [Point(0.0, {**SHORT, "error_limit": 1e-3}, SMALL)])
+    (wrong,) = run_points(Row(f"{HERE}:push", options={"observation": ["lap_phase", "joint_rates"]}), points([0.0]))
+    assert [one["ended"] for one in lost["episodes"]] == ["error", "error"]
+    assert [one["ended"] for one in wrong["episodes"]] == ["action", "action"]
+    for one in [*lost["episodes"], *wrong["episodes"]]:
+        assert one["figures"] is None
+        assert 0.0 <= one["duration"] < SHORT["lap_time"]
+    assert wrong["episodes"][0]["duration"] > 0.0
+
+
+def test_where_a_row_cannot_be_run_it_says_why() -> None:
+    late = Row("ifdc", "late", options={"law_sensor": "sensor", "sensor": "rigid"})
+    point = COLUMNS["jitter"].points[-1]
+    (result,) = run_points(late, [point])
+    assert "must be 0 with law_sensor = 'sensor'" in result["not_applicable"]
+    assert "refused" in Cell.of(late, point).depends
+
+
+def test_a_group_has_at_most_as_many_episodes_as_a_batch() -> None:
+    found = list(shares([2] * 7 + [10, 40, 2]))
+    assert found == [list(range(7)), [7], [8], [9]]
+    assert sum([2] * 7) <= LANES
+    assert list(shares([])) == []
+
+
+# --- rows and columns ------------------------------------------------------------------------------------------
+
+
+def test_a_row_chooses_what_it_observes_and_no_more() -> None:
+    with refuses(ValueError, "options['delay'] = 0.0", "is the board's to choose"):
+        Row(AGENT, options={"delay": 0.0})
+    assert interface_of({"delay": 0.0, "scaled": False}) == {"scaled": False}
+    assert set(INTERFACE) <= set(Options.__dataclass_fields__)
+    with refuses(ValueError, "name = 'a|b'"):
+        Row(AGENT, "a|b")
+
+
+def test_an_axis_has_its_nominal_value_and_ends_that_an_environment_takes() -> None:
+    for name, column in COLUMNS.items():
+        if column.nominal is not None:
+            assert column.nominal in [point.value for point in column.points], name
+        for point in column.points[:: max(1, len(column.points) - 1)]:
+            Settings.of(point.environment_options({}))
+    assert sum(len(point.episodes) for point in COLUMNS["unknown"].points) == DRAWN
+    laps = [one.lap for point in COLUMNS["unknown"].points for one in point.episodes]
+    assert laps.count("swing") == laps.count("plain") == DRAWN // 2
+    assert {point.task for point in COLUMNS["nominal"].points} == set(TASKS)
+
+
+def test_settings_fit_into_one_batch_where_their_common_values_are_equal() -> None:
+    nominal = common_values(Settings.of({}))
+    alike = [{"delay": 0.1}, {"arm": {"payload_mass": 1.0}}, {"noise": 0.01}]
+    unlike = [{"arm": {"modes_per_link": 2}}, {"physics_step": 1e-3}, {"frame": "world"}, {"arm": "linear"}]
+    assert all(common_values(Settings.of(one)) == nominal for one in alike)
+    assert all(common_values(Settings.of(one)) != nominal for one in unlike)
+
+
+def test_strain_gauges_keep_their_calibration_on_an_arm_with_other_shapes() -> None:
+    def env(**arm: Any) -> Any:
+        return gymnasium.make("flexarm_env:FlexArm/Square-v0", arm=arm).unwrapped
+
+    nominal, richer = env(), env(modes_per_link=4)
+    assert observation_map(env(payload_mass=0.5), nominal) is None
+    matrix = observation_map(richer, nominal)
+    assert matrix is not None
+    # a deflection that the nominal shapes can express is read as their coordinates
+    q = np.array([0.3, -0.2, 0.1])
+    places = np.linspace(0.0, 4.5, 40)
+    wanted = nominal.arm.modes[0].shape(places) @ q
+    own = np.linalg.lstsq(richer.arm.modes[0].shape(places), wanted, rcond=None)[0]
+    observation = np.zeros(len(richer.observation_scale))
+    blocks, scale = richer.observation_blocks, richer.observation_scale
+    observation[blocks["modal_coordinates"]][:4] = own / scale[blocks["modal_coordinates"]][:4]
+    observation[blocks["previews"]] = 0.5
+    seen = matrix @ observation
+    block = nominal.observation_blocks["modal_coordinates"]
+    np.testing.assert_allclose(seen[block][:3] * nominal.observation_scale[block][:3], q, atol=1e-9)
+    np.testing.assert_array_equal(seen[nominal.observation_blocks["previews"]], 0.5)
+
+
+# --- sums ------------------------------------------------------------------------------------------------------
+
+
+def episode(rms: float | None, duration: float = 16.0, lap: str = "plain") -> dict[str, Any]:
+    figures = None if rms is None else {"rms": rms, "rms_after_2s": rms, "maximum": rms}
+    return {"lap": lap, "seed": 0, "ended": "truncated", "duration": duration, "figures": figures}
+
+
+def test_lost_episodes_are_counted_and_never_averaged() -> None:
+    found = lap_summary([episode(0.1), episode(0.3), episode(None, 2.5), episode(None, 1.5)])
+    assert (found["episodes"], found["lost"], found["first_loss"]) == (4, 2, 1.5)
+    assert found["rms"] == {"mean": pytest.approx(0.2), "least": 0.1, "most": 0.3}
+    assert lap_summary([episode(None, 1.0)])["rms"] is None
+    assert point_summary(None) is None
+    assert point_summary({"not_applicable": "why"}) == {"not_applicable": "why"}
+
+
+def test_an_axis_breaks_where_a_lap_is_lost_first_on_either_side() -> None:
+    column = Column("factor", "1", tuple(Point(x) for x in (0.8, 0.9, 1.0, 1.1, 1.2)), 1.0)
+
+    def at(rms: float | None) -> Any:
+        return point_summary({"episodes": [episode(rms), episode(0.1, lap="swing")]})
+
+    found = breaking(column, [at(x) for x in (None, None, 0.1, 0.1, None)])
+    assert found == {"swing": {"low": None, "high": None}, "plain": {"low": 0.9, "high": 1.2}}

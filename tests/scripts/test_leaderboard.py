@@ -1,0 +1,179 @@
+"""`python -m scripts.leaderboard`: cells are kept, executors give the same files, tables say what is in them."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from flexarm_agents.board.cells import Store
+from flexarm_agents.board.columns import COLUMNS, Column, Point
+from flexarm_agents.board.rows import Row
+from flexarm_agents.board.terms import BOARD
+from scripts.common.executors import executor
+from scripts.leaderboard import __main__ as study
+from scripts.leaderboard.entries import entries
+from scripts.leaderboard.tables import tables
+from tests.support.refusals import refuses
+
+SHORT = {"lap_time": 0.4, "side": 1.0, "control_period": 0.05, "physics_step": 0.0125}  # few periods of plain Python
+SMALL = {"modes_per_link": 1, "kinematics": "linear"}
+PAYLOADS = (0.0, 0.2, 0.4)
+TINY = {
+    "payload": Column("Payload", "kg", tuple(Point(x, SHORT, {**SMALL, "payload_mass": x}) for x in PAYLOADS), 0.0),
+}
+ROWS = [Row("square", "agent"), Row("square", "again", options={"last_actions": 1})]
+
+
+class Here:
+    """Runs jobs in this process, and counts them; it may break off after some."""
+
+    def __init__(self, most: float = float("inf")) -> None:
+        self.points: list[float | str] = []
+        self.most = most
+
+    def run(self, function: Callable[[Any], Any], jobs: Sequence[Any]) -> Iterator[tuple[int, Any]]:
+        for n, job in enumerate(jobs):
+            if n >= self.most:
+                yield n, OSError("killed")
+            else:
+                self.points += [point.value for point in job.points]
+                yield n, function(job)
+
+
+def files(folder: Path) -> dict[str, bytes]:
+    return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*.json")}
+
+
+@pytest.mark.usefixtures("uncompiled")
+def test_a_tiny_board_goes_on_after_a_cell_is_lost(tmp_path: Path) -> None:
+    store, first = Store(tmp_path / "cells"), Here()
+    results = study.measure(ROWS[:1], TINY, store, first)
+    assert first.points == list(PAYLOADS)
+    before = files(store.folder)
+    assert len(before) == 3
+    lost = sorted(before)[1]
+    (store.folder / lost).unlink()
+    second = Here()
+    assert study.measure(ROWS[:1], TINY, store, second) == results
+    assert len(second.points) == 1
+    assert files(store.folder) == before
+    third = Here()
+    study.measure(ROWS, TINY, store, third)  # the second row is the same policy with the same options: the same cells
+    assert third.points == []
+
+
+@pytest.mark.usefixtures("uncompiled")
+def test_failed_jobs_leave_the_others_cells(tmp_path: Path) -> None:
+    store = Store(tmp_path / "cells")
+    with pytest.raises(OSError, match="1 of 1 jobs failed; the cells of the others are kept"):
+        study.measure(ROWS[:1], TINY, store, Here(0))
+    assert files(store.folder) == {}
+
+
+def test_the_board_has_everybody_once() -> None:
+    names = [row.name for row in entries(())]
+    assert len(set(names)) == len(names)
+    assert {"ifdc", "ifdc_late", "plan_lqr", "agent square"} <= set(names)
+    with refuses(ValueError, "two have the name 'ifdc'"):
+        entries(("ifdc",))
+
+
+def test_a_row_may_be_a_file(tmp_path: Path) -> None:
+    mine = tmp_path / "mine.json"
+    mine.write_text(json.dumps({"source": "square", "name": "mine", "options": {"last_actions": 1}}))
+    assert entries((str(mine),))[-1] == Row("square", "mine", options={"last_actions": 1})
+    mine.write_text(json.dumps({"source": "square", "nam": "mine"}))
+    with refuses(ValueError, "mine.json: no row", "'nam'"):
+        entries((str(mine),))
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"rows": ("nobody",)}, "rows = 'nobody'"),
+        ({"columns": ("nothing",)}, "columns = 'nothing'"),
+        ({"executor": "cloud"}, "executor = 'cloud'"),
+        ({"docs": True, "columns": ("nominal",)}, "docs = True"),
+    ],
+)
+def test_bad_arguments_are_refused_at_once(options: dict[str, Any], words: str) -> None:
+    with refuses(ValueError, words):
+        study.chosen(study.Options(**options))
+
+
+def lap(rms: float | None) -> dict[str, Any]:
+    figure = None if rms is None else {"mean": rms, "least": rms, "most": rms}
+    lost = {"episodes": 1, "lost": int(rms is None), "first_loss": 1.5 if rms is None else None}
+    return {**lost, "rms": figure, "rms_after_2s": figure, "maximum": figure}
+
+
+def row(name: str, swing: float | None, plain: float | None, privileged: bool = False) -> dict[str, Any]:
+    point = {"swing": lap(swing), "plain": lap(plain)}
+    others = [point, {"not_applicable": "no plan"}, {"all": lap(0.1) | {"success": 0.5}}, point]
+    return {
+        "name": name,
+        "reads": ["encoders"],
+        "privileged": privileged,
+        "columns": {
+            "nominal": {"points": [point, others[1], others[2], point]},
+            "payload": {"points": [point] * 11, "breaking": {"swing": {"low": None, "high": 0.3}, "plain": {}}},
+            "unknown": {"points": [point]},
+        },
+    }
+
+
+def test_tables_rank_by_error_and_never_hide_a_loss() -> None:
+    rows = [row("ifdc", 0.8, 0.7), row("lost", None, 0.01), row("best", 0.06, 0.02, privileged=True)]
+    for one in rows:
+        one["columns"]["payload"]["breaking"]["plain"] = {"low": None, "high": None}
+    references = {name: {"rms": rms} for name, rms in (("swing", 0.05), ("plain", 0.02))}
+    columns = {name: COLUMNS[name] for name in ("nominal", "payload", "unknown")}
+    board = study.board(rows, columns) | {"references": references}
+    assert board["board"] == BOARD
+    found = tables(board)
+    lines = found["ranking"].splitlines()[2:]
+    assert [line.split("|")[1].strip() for line in lines] == ["best\\*", "ifdc", "lost"]
+    assert "| 0.013 / 0.000 |" in lines[0]
+    assert "| 1.000 / 1.000 |" in lines[1]
+    assert "| lost | 0.0100 / 0.0100 | - / -0.015 |" in lines[2]
+    assert lines[2].endswith("| - / 0.010 | - / 0.010 | 50.0 % |")
+    assert "not applicable | 0.100, 50 %" in found["nominal"]
+    assert "lost at 1.5 s / 0.010" in found["axis_payload"]
+    assert found["breaks"].splitlines()[2].endswith("| swing ≥ 0.3 |")
+    assert len(found["axis_payload"].splitlines()[0].split("|")) <= 2 + 1 + 9
+
+
+# --- executors -------------------------------------------------------------------------------------------------
+
+REAL = {
+    "delay": Column("Delay", "ms", tuple(Point(x, {"lap_time": 4.0, "side": 3.0, "delay": 1e-3 * x}) for x in range(8)))
+}
+"""Points for real workers, each with a batch of its own."""
+
+
+def measured(folder: Path, name: str) -> dict[str, bytes]:
+    study.measure(ROWS[:1], REAL, Store(folder / "cells"), executor(name, 2, folder / "submitit"))
+    return files(folder / "cells")
+
+
+@pytest.fixture(scope="module")
+def by_one_process(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
+    folder = tmp_path_factory.mktemp("one")
+    study.measure(ROWS[:1], REAL, Store(folder / "cells"), executor("processes", 1, folder))
+    return files(folder / "cells")
+
+
+@pytest.mark.slow
+def test_two_processes_give_the_same_files(tmp_path: Path, by_one_process: dict[str, bytes]) -> None:
+    assert measured(tmp_path, "processes") == by_one_process
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::DeprecationWarning")
+def test_submitit_gives_the_same_files(tmp_path: Path, by_one_process: dict[str, bytes]) -> None:
+    pytest.importorskip("submitit", reason="the extra `slurm` is not installed")
+    assert measured(tmp_path, "submitit-local") == by_one_process
