@@ -1,4 +1,4 @@
-"""Plans for arms with other payloads and stiffnesses, made from a plan by its own feedback."""
+"""Plans for other payloads and stiffnesses, made from a plan by its own feedback."""
 
 from __future__ import annotations
 
@@ -6,50 +6,48 @@ from dataclasses import replace
 
 import numpy as np
 
-from flexarm_baselines.optimal import LinearQuadratic, Plan, RegulatorWeights
-from flexarm_env.parameters import ArmParameters
+from flexarm_baselines.optimal import GOOD, LinearQuadratic, Plan
 from flexarm_env.simulation.arm import FlexibleArm
 
-LONGEST = {"payload_mass": 0.25, "stiffness": 0.2}  # of one step towards another arm
+NAMES = ("payload_mass", "stiffness")
+LONGEST = (0.25, 0.25)  # of a step towards another arm: [kg], [1]
 
 
-def other_arm(parameters: ArmParameters, payload_mass: float, stiffness: float) -> ArmParameters:
-    """Return an arm with more payload [kg], and its links' stiffness multiplied."""
-    return replace(
-        parameters,
-        payload_mass=parameters.payload_mass + payload_mass,
-        flexural_rigidities=tuple(stiffness * each for each in parameters.flexural_rigidities),
-    )
+def plan_for(plan: Plan, arm: FlexibleArm, payload_mass: float, stiffness: float) -> Plan:
+    """Make a plan for another payload and stiffness along the same reference.
 
-
-def plan_for(plan: Plan, payload_mass: float, stiffness: float, weights: RegulatorWeights) -> Plan:
-    """Make a plan for another arm along the same reference.
-
-    Each step towards that arm is one of Gauss and Newton's: the regulator of the arm so far reckons with the change of
-    payload and stiffness ahead, and drives the next arm.
+    Each step towards them is one of Gauss and Newton's: a regulator that knows the change ahead drives the arm so
+    changed. What it does is a motion of that arm, and close to the best one.
 
     Args:
-        plan: the plan.
-        payload_mass: that the other arm has more [kg].
+        plan: for the arm's own payload and stiffness.
+        arm: the arm.
+        payload_mass: [kg].
         stiffness: factor on the stiffness of both links.
-        weights: of the regulator.
+
+    Returns:
+        The plan; its `parameters` are those of the other arm.
     """
-    names, change = tuple(LONGEST), np.array([payload_mass, np.log(stiffness)])
-    steps = max(int(np.ceil(np.max(np.abs(change) / list(LONGEST.values())) - 1e-9)), 0)
-    found = plan
-    for share in np.arange(1, steps + 1) / steps:
-        problem = LinearQuadratic.along(found, weights, found.arm).with_quantities(names)
-        size, gains = found.states.shape[1], problem.gains()
-        arm = FlexibleArm(other_arm(plan.parameters, share * payload_mass, stiffness**share))
-        ahead = [payload_mass / steps, stiffness ** (1.0 / steps) - 1.0]
+    own = arm.parameters
+    begin, end = np.array([own.payload_mass, 1.0]), np.array([payload_mass, stiffness])
+    count, size = int(np.ceil(np.max(np.abs(end - begin) / LONGEST))), plan.states.shape[1]
+    found, before = plan, begin
+    for values in np.linspace(begin, end, count + 1)[1:]:
+        gains = LinearQuadratic.along(found, GOOD, arm, **_named(before)).with_quantities(NAMES).gains()
         run = arm.rollout(
             found.states[0],
-            found.torques + gains[:, :, size:] @ ahead,
+            found.torques + gains[:, :, size:] @ (values - before),
             gains=np.ascontiguousarray(gains[:, :, :size]),
             references=found.states[:-1],
             limits=plan.limits,
             period=plan.period,
             step=plan.step,
+            **_named(values),
         )
-        found = replace(found, parameters=arm.parameters, states=run.states, torques=run.torques)
-    return found
+        found, before = replace(found, states=run.states, torques=run.torques), values
+    first, second = (stiffness * each for each in own.flexural_rigidities)
+    return replace(found, parameters=replace(own, payload_mass=payload_mass, flexural_rigidities=(first, second)))
+
+
+def _named(values: np.ndarray) -> dict[str, float]:
+    return dict(zip(NAMES, values.tolist(), strict=True))

@@ -154,11 +154,12 @@ class KalmanFilter:
 
     # --- the filter ------------------------------------------------------------------------------------------------
 
-    def start(self, state: Floats) -> Estimate:
+    def start(self, state: Floats, **values: Any) -> Estimate:
         """Begin with arms at rest, which have been so for the delay at least.
 
         Args:
             state: where they are thought to be. Shape (n, 4 + 4 m).
+            **values: estimated quantities that are not thought to be the filter's own. Shape (n,) each.
         """
         states = np.atleast_2d(np.asarray(state, dtype=np.float64))
         if states.ndim != 2 or states.shape[1] != self._states:
@@ -166,7 +167,9 @@ class KalmanFilter:
         runs, noise = len(states), self.noise
         own = {"payload_mass": self.arm.parameters.payload_mass, "stiffness": 1.0}
         own |= {"damping": float(self.arm.changes.own[2]), "delay": self.delay}
-        known = np.tile([own[name] for name in self.quantities], (runs, 1)).reshape(runs, -1)
+        known = np.empty((runs, len(self.quantities)))
+        for column, name in enumerate(self.quantities):
+            known[:, column] = values.get(name, own[name])
         outputs, slopes = self.arm.output_jacobians(states, self.sensor_position)
         mean = np.concatenate([states, known, np.tile(outputs.sensed[:, :2], (1, self._lag + 1))], axis=1)
         modes = noise.start_mode / self._tips, noise.start_rate / self._tips

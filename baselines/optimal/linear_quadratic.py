@@ -70,9 +70,16 @@ class LinearQuadratic:
     period: float
 
     @classmethod
-    def along(cls, plan: Plan, weights: RegulatorWeights, arm: FlexibleArm) -> Self:
-        """Linearise an arm along a plan; z is the deviation of its state."""
-        found = arm.step_jacobians(plan.states[:-1], plan.torques, plan.period, step=plan.step)
+    def along(cls, plan: Plan, weights: RegulatorWeights, arm: FlexibleArm, **quantities: float) -> Self:
+        """Linearise an arm along a plan; z is the deviation of its state.
+
+        Args:
+            plan: the plan.
+            weights: of the cost.
+            arm: the arm.
+            **quantities: in the place of the arm's own, see `FlexibleArm.step`.
+        """
+        found = arm.step_jacobians(plan.states[:-1], plan.torques, plan.period, step=plan.step, **quantities)
         _, slopes = arm.output_jacobians(plan.states)
         outputs = slopes.sensed / np.array([weights.tip, weights.tip, weights.speed, weights.speed])[:, None]
         cost = outputs.swapaxes(1, 2) @ outputs
@@ -100,6 +107,16 @@ class LinearQuadratic:
         d = self.by_torque.shape[1]
         wider = self._wider(len(names))
         wider.by_state[:, :d, d:] = self.by_quantity[..., [list(ARM_QUANTITIES).index(name) for name in names]]
+        return wider
+
+    def with_actuation_delay(self, share: float) -> Self:
+        """Add the torques of the period before to z, which go on acting for a share of each period."""
+        d = self.by_torque.shape[1]
+        wider = self._wider(2)
+        wider.by_state[:, :d, d:] = share * self.by_torque
+        wider.by_state[:, d:, d:] = 0.0
+        wider.by_torque[:, :d] *= 1.0 - share
+        wider.by_torque[:, d:] = np.eye(2)
         return wider
 
     def _wider(self, more: int) -> Self:
