@@ -67,7 +67,7 @@ class FilterTables:
     rows: Integers
 
     @classmethod
-    def along(cls, kalman: KalmanFilter, plans: Sequence[Plan], gauges: bool = False, **values: float) -> Self:
+    def along(cls, kalman: KalmanFilter, plans: Sequence[Plan], gauges: bool = False, **values: Any) -> Self:
         """Linearise the filter along plans, and compute its gains.
 
         Args:
@@ -162,7 +162,7 @@ class FilterTables:
 
 
 def _by_half(
-    kalman: KalmanFilter, along: Transition, flat: tuple[Floats, Floats], moved: list[int], values: dict[str, float]
+    kalman: KalmanFilter, along: Transition, flat: tuple[Floats, Floats], moved: list[int], values: dict[str, Any]
 ) -> Floats:
     """Return derivatives by torques that act for the second half of each period; see `FilterTables`."""
     half = 0.5 * kalman.period
@@ -197,7 +197,7 @@ class RegulatorTables:
         late: float = 0.0,
         integral: float | None = None,
         feed_forward: bool = True,
-        **values: float,
+        **values: Any,
     ) -> Self:
         """Compute the gains, those of `PlanRegulator` where nothing but the state counts.
 
