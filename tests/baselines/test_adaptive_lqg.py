@@ -88,7 +88,7 @@ def test_a_delay_is_estimated_with_the_state() -> None:
 def test_it_finds_out_and_stays_closer_than_one_that_does_not() -> None:
     errors = []
     for controller in (LQG(task(), [plan()]), adaptive()):
-        plant, state, off = Plant(np.tile(START, (2, 1)), 0.0234, payload_mass=0.3, stiffness=0.8), None, []
+        plant, state, off = Plant(np.tile(START, (2, 1)), 0.0234, PERIODS, payload_mass=0.3, stiffness=0.8), None, []
         for _ in range(PERIODS - 1):
             action, state = controller.predict(plant.observe(), state)
             plant.step(action)

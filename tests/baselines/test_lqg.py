@@ -49,13 +49,13 @@ def task() -> Task:
 class Plant:
     """Arms whose tip's readings are late, observed as in an environment."""
 
-    def __init__(self, states: np.ndarray, delay: float = DELAY, **quantities: float) -> None:
-        self.states, self.delay, self.quantities, self.period = states, delay, quantities, 0
+    def __init__(self, states: np.ndarray, delay: float = DELAY, periods: int = PERIODS, **quantities: float) -> None:
+        self.states, self.delay, self.quantities, self.period, self.periods = states, delay, quantities, 0, periods
         self.past = [states] * 5  # at each period's beginning, the newest first
         self.torques = [np.zeros((len(states), 2))] * 4
 
     def observe(self) -> np.ndarray:
-        angle = 2.0 * np.pi * self.period / PERIODS
+        angle = 2.0 * np.pi * self.period / self.periods
         phase = np.tile([np.cos(angle), np.sin(angle)], (len(self.states), 1))
         joints = self.states[:, [0, 1, 4, 5]]
         return np.hstack([joints, self.late_tip(), phase, self.states[:, [2, 3, 6, 7]]])
