@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from functools import cache
-
 import numpy as np
 import pytest
 
@@ -11,50 +9,28 @@ from flexarm_baselines.lqg import LQG, AdaptiveLQG
 from flexarm_baselines.lqg.nodes import plan_for
 from flexarm_baselines.lqg.tables import FilterTables
 from flexarm_baselines.observers import KalmanFilter, Readings
-from flexarm_baselines.optimal import Plan
-from flexarm_baselines.task import Task
-from flexarm_env.physics.paths import ReferencePath
-from tests.baselines.test_lqg import ARM, BLOCKS, LIMITS, SIZE, START, Plant
+from tests.support.late_arm import ARM, LIMITS, SIZE, START, Plant, plan, task
 
 PERIODS = 160
-
-
-@cache
-def task() -> Task:
-    away = ARM.tip(START[:4])
-    path = ReferencePath([[0.0, *away], [0.8, *(away - 0.1)], [1.6, *away]])
-    return Task(ARM.parameters, path, torque_limit=LIMITS, delay=0.0234, blocks=BLOCKS, scale=np.ones(12))
-
-
-@cache
-def plan() -> Plan:
-    time = 0.01 * np.arange(PERIODS)
-    torques = np.stack([20.0 * np.sin(9.0 * time), -5.0 * np.sin(12.0 * time)], axis=1)
-    run = ARM.rollout(START, torques)
-    return Plan(ARM.parameters, run.states, torques, task().reference, LIMITS, 0.01, 1e-3)
-
-
-@cache
-def adaptive() -> AdaptiveLQG:
-    return AdaptiveLQG(task(), [plan()], payloads=(0.0, 0.3), stiffnesses=(0.8, 1.0))
+TASK, PLAN = task(PERIODS), plan(PERIODS)
 
 
 def test_the_plan_for_another_arm_is_its_motion_along_the_same_way() -> None:
-    found = plan_for(plan(), ARM, 0.3, 0.8)
+    found = plan_for(PLAN, ARM, 0.3, 0.8)
     assert found.parameters.payload_mass == 0.3
     np.testing.assert_allclose(found.replay().states[:30], found.states[:30], atol=1e-6)
-    as_planned = ARM.rollout(START, plan().torques, payload_mass=0.3, stiffness=0.8).states
+    as_planned = ARM.rollout(START, PLAN.torques, payload_mass=0.3, stiffness=0.8).states
     off, idle = (
-        np.sqrt(np.mean(np.sum((ARM.tip(states[:, :4]) - ARM.tip(plan().states[:, :4])) ** 2, axis=1)))
+        np.sqrt(np.mean(np.sum((ARM.tip(states[:, :4]) - ARM.tip(PLAN.states[:, :4])) ** 2, axis=1)))
         for states in (found.states, as_planned)
     )
     assert off < 0.2 * idle
-    assert np.array_equal(plan_for(plan(), ARM, 0.0, 1.0).states, plan().states)
+    assert np.array_equal(plan_for(PLAN, ARM, 0.0, 1.0).states, PLAN.states)
 
 
 def test_lateness_and_what_it_changes() -> None:
     """Torques that act late by nothing, a half, or all of a period are exact; the slope is the derivative between."""
-    tables = FilterTables.along(KalmanFilter(ARM, delay=0.0234), [plan()])
+    tables = FilterTables.along(KalmanFilter(ARM, delay=0.0234), [PLAN])
     at, before, torque = (np.zeros(1, dtype=int), np.array([20])), np.array([[3.0, -1.0]]), np.array([[-4.0, 2.0]])
     estimate = tables.nominal[at]
 
@@ -62,11 +38,11 @@ def test_lateness_and_what_it_changes() -> None:
         return tables.predict(at, estimate, before, torque, np.full((1, 1), share))
 
     for share in (0.0, 0.5, 1.0):
-        state = plan().states[20]
+        state = PLAN.states[20]
         for part, acting in ((share, before[0]), (1.0 - share, torque[0])):
             state = state if part == 0.0 else ARM.step(state, acting, 0.01 * part)
-        change = state - plan().states[21]
-        np.testing.assert_allclose(later(share)[0, :SIZE] - plan().states[21], change, atol=0.05 * np.abs(change).max())
+        change = state - PLAN.states[21]
+        np.testing.assert_allclose(later(share)[0, :SIZE] - PLAN.states[21], change, atol=0.05 * np.abs(change).max())
     slope = tables.by_lateness(at, np.zeros_like(estimate), before, torque, np.full((1, 1), 0.3))
     np.testing.assert_allclose(slope, (later(0.31) - later(0.29)) / 0.02, atol=1e-9)
 
@@ -77,7 +53,7 @@ def test_a_delay_is_estimated_with_the_state() -> None:
     plant.past, plant.torques = plant.past * 2, plant.torques * 2
     estimate = kalman.start(plant.states)
     for k in range(60):
-        torque = np.tile(plan().torques[k], (3, 1))
+        torque = np.tile(PLAN.torques[k], (3, 1))
         plant.step(torque / LIMITS)
         seen = plant.observe()
         readings = Readings(seen[:, :4], seen[:, 4:6])
@@ -87,12 +63,12 @@ def test_a_delay_is_estimated_with_the_state() -> None:
 
 def test_it_finds_out_and_stays_closer_than_one_that_does_not() -> None:
     errors = []
-    for controller in (LQG(task(), [plan()]), adaptive()):
+    for controller in (LQG(TASK, [PLAN]), AdaptiveLQG(TASK, [PLAN], payloads=(0.0, 0.3), stiffnesses=(0.8, 1.0))):
         plant, state, off = Plant(np.tile(START, (2, 1)), 0.0234, PERIODS, payload_mass=0.3, stiffness=0.8), None, []
         for _ in range(PERIODS - 1):
             action, state = controller.predict(plant.observe(), state)
             plant.step(action)
-            off.append(ARM.tip(plant.states[:, :4]) - ARM.tip(plan().states[plant.period, :4]))
+            off.append(ARM.tip(plant.states[:, :4]) - ARM.tip(PLAN.states[plant.period, :4]))
         errors.append(np.sqrt(np.mean(np.sum(np.square(off[80:]), axis=-1))))
     assert state is not None
     estimate, late = state[0], state[3]
