@@ -8,8 +8,7 @@ Rugh and Shamma, *Research on gain scheduling*, Automatica 36, 2000.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import product as pairs
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,7 +16,7 @@ from flexarm_baselines.along_plans import PlanController
 from flexarm_baselines.arrays import Array, Floats
 from flexarm_baselines.controller import Memory, Seen
 from flexarm_baselines.lqg.controller import LQG
-from flexarm_baselines.lqg.nodes import plan_for
+from flexarm_baselines.lqg.nodes import grid, named
 from flexarm_baselines.lqg.tables import FilterTables, Place, RegulatorTables, joined, product
 from flexarm_baselines.observers import KalmanFilter, NoiseModel
 from flexarm_baselines.optimal import GOOD, Plan, RegulatorWeights
@@ -104,12 +103,12 @@ class AdaptiveLQG(LQG):
             {name: one.drift for name, one in QUANTITIES.items()},
         )
         filters, regulators = [], []
-        self._grid = tuple(np.array(sorted(values)) for values in (payloads, stiffnesses))
-        for payload, stiffness in pairs(*self._grid):
-            values: dict[str, Any] = {"payload_mass": float(payload), "stiffness": float(stiffness)}
-            node = [plan_for(plan, arm, **values) for plan in self.plans]
-            filters.append(FilterTables.along(kalman, node, **values))
-            regulators.append(RegulatorTables.along(node, weights, arm, OF_THE_ARM, late=late / task.period, **values))
+        self._grid = sorted(payloads), sorted(stiffnesses)
+        for nodes in zip(*(grid(plan, arm, *self._grid, weights) for plan in self.plans), strict=True):
+            node_plans = [node.plan for node in nodes]
+            problems = [node.problem.with_quantities(OF_THE_ARM) for node in nodes]
+            filters.append(FilterTables.along(kalman, node_plans, **named(nodes[0].values)))
+            regulators.append(RegulatorTables.along(node_plans, problems, late / task.period))
         self.filter, self.regulator = joined(filters), joined(regulators)
         size = 2 * arm.size
         self._quantities = slice(size, size + len(QUANTITIES))
@@ -172,6 +171,7 @@ class AdaptiveLQG(LQG):
         """Return the place of the tables for the nearest payload and stiffness. Shape (n,)."""
         first = self._quantities.start
         payload, stiffness = (
-            np.argmin(np.abs(estimate[:, first + n, None] - values), axis=1) for n, values in enumerate(self._grid)
+            np.argmin(np.abs(estimate[:, first + n, None] - np.array(values)), axis=1)
+            for n, values in enumerate(self._grid)
         )
         return np.asarray((payload * len(self._grid[1]) + stiffness) * len(self.plans) + chosen)

@@ -18,8 +18,7 @@ import numpy as np
 from flexarm_baselines.along_plans import within_half_a_turn
 from flexarm_baselines.arrays import Array, Floats, Integers
 from flexarm_baselines.observers import KalmanFilter, Transition
-from flexarm_baselines.optimal import LinearQuadratic, Plan, RegulatorWeights
-from flexarm_env.simulation.arm import FlexibleArm
+from flexarm_baselines.optimal import LinearQuadratic, Plan
 
 Place = tuple[Array, Array]  # plans and control periods of n arms. Shape (n,) each
 
@@ -191,31 +190,22 @@ class RegulatorTables:
     def along(
         cls,
         plans: Sequence[Plan],
-        weights: RegulatorWeights,
-        model: FlexibleArm,
-        names: Sequence[str] = (),
+        problems: Sequence[LinearQuadratic],
         late: float = 0.0,
         integral: float | None = None,
         feed_forward: bool = True,
-        **values: Any,
     ) -> Self:
         """Compute the gains, those of `PlanRegulator` where nothing but the state counts.
 
         Args:
             plans: as long as each other.
-            weights: see `RegulatorWeights`.
-            model: arm that is linearised along the plans.
-            names: quantities of the arm whose deviations are known.
+            problems: deviations from each of them.
             late: share of a period after which torques act.
             integral: integral of the tip's deviation that weighs as much as the deviations of the weights do [m s];
                 None: no integral action.
             feed_forward: the plans' torques act.
-            **values: quantities that are not the model's own.
         """
-        problems = [
-            LinearQuadratic.along(plan, weights, model, **values).with_quantities(names).with_actuation_delay(late)
-            for plan in plans
-        ]
+        problems = [problem.with_actuation_delay(late) for problem in problems]
         if integral is not None:
             problems = [problem.with_integral(integral) for problem in problems]
         torques = np.stack([np.concatenate([plan.torques, plan.torques[-1:]]) for plan in plans])

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from flexarm_baselines.lqg import LQG, AdaptiveLQG
-from flexarm_baselines.lqg.nodes import plan_for
+from flexarm_baselines.lqg.nodes import grid
 from flexarm_baselines.lqg.tables import FilterTables
 from flexarm_baselines.observers import KalmanFilter, Readings
+from flexarm_baselines.optimal import GOOD
 from tests.support.late_arm import ARM, LIMITS, SIZE, START, Plant, plan, task
 
 PERIODS = 160
@@ -16,16 +17,18 @@ TASK, PLAN = task(PERIODS), plan(PERIODS)
 
 
 def test_the_plan_for_another_arm_is_its_motion_along_the_same_way() -> None:
-    found = plan_for(PLAN, ARM, 0.3, 0.8)
-    assert found.parameters.payload_mass == 0.3
-    np.testing.assert_allclose(found.replay().states[:30], found.states[:30], atol=1e-6)
-    as_planned = ARM.rollout(START, PLAN.torques, payload_mass=0.3, stiffness=0.8).states
+    nodes = grid(PLAN, ARM, (0.0, 0.3), (0.8, 1.0), GOOD)
+    assert [node.values.tolist() for node in nodes] == [[0.0, 0.8], [0.0, 1.0], [0.3, 0.8], [0.3, 1.0]]
+    assert np.array_equal(nodes[1].plan.states, PLAN.states)
+    found = nodes[2].plan
+    other = {"payload_mass": 0.3, "stiffness": 0.8}
+    np.testing.assert_allclose(ARM.rollout(START, found.torques[:30], **other).states, found.states[:31], atol=1e-6)
+    as_planned = ARM.rollout(START, PLAN.torques, **other)
     off, idle = (
         np.sqrt(np.mean(np.sum((ARM.tip(states[:, :4]) - ARM.tip(PLAN.states[:, :4])) ** 2, axis=1)))
-        for states in (found.states, as_planned)
+        for states in (found.states, as_planned.states)
     )
     assert off < 0.2 * idle
-    assert np.array_equal(plan_for(PLAN, ARM, 0.0, 1.0).states, PLAN.states)
 
 
 def test_lateness_and_what_it_changes() -> None:
