@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -82,6 +82,6 @@ def grid(
     return found
 
 
-def named(values: Floats) -> dict[str, float]:
+def named(values: Floats) -> dict[str, Any]:
     """Return a node's values as `FlexibleArm.step` takes them."""
     return dict(zip(NAMES, values.tolist(), strict=True))

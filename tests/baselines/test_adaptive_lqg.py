@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gymnasium
 import numpy as np
 import pytest
 
@@ -10,6 +11,7 @@ from flexarm_baselines.lqg.nodes import grid
 from flexarm_baselines.lqg.tables import FilterTables
 from flexarm_baselines.observers import KalmanFilter, Readings
 from flexarm_baselines.optimal import GOOD
+from flexarm_env.envs.registration import UNKNOWN_PLANT
 from tests.support.late_arm import ARM, LIMITS, SIZE, START, Plant, plan, task
 
 PERIODS = 160
@@ -80,3 +82,18 @@ def test_it_finds_out_and_stays_closer_than_one_that_does_not() -> None:
     assert estimate[:, SIZE + 3] == pytest.approx([0.0234, 0.0234], abs=3e-3)
     assert (late < 4e-3).all()  # where it began; these motors are not late
     assert errors[1] < 0.5 * errors[0]
+
+
+@pytest.mark.slow
+def test_the_unknown_plant_is_kept_on_the_path() -> None:
+    options = AdaptiveLQG.options() | UNKNOWN_PLANT
+    envs = gymnasium.make_vec("flexarm_env:FlexArm/Square-v0", num_envs=32, **options)
+    controller, sides = AdaptiveLQG.for_env(envs), ["positive", "negative"] * 16
+    observations, infos = envs.reset(seed=0, options={"start": "corner", "elbow_branch": sides})
+    state, lost = None, np.zeros(32, dtype=bool)
+    for _ in range(300):
+        actions, state = controller.predict(observations, state)
+        observations, _, terminated, _, infos = envs.step(actions)
+        lost |= terminated
+    assert not lost.any()
+    assert np.median(infos["tip_error"]) < 0.02

@@ -69,6 +69,10 @@ def test_parts() -> None:
     assert LQG(task(), [plan()], delay="ignored").filter.nominal.shape[-1] == SIZE + 2
     assert not LQG(task(), [plan()], feed_forward=False).regulator.torque.any()
     assert LQG(task(), [plan()], integral=0.01).regulator.gain[..., -2:].any()
+    assert not whole.regulator.gain[..., SIZE:].any()
+    late = LQG(replace(task(), actuation_delay=0.004), [plan()])
+    assert late.late == pytest.approx(0.4)
+    assert late.regulator.gain[..., SIZE:].any()
     heavy = LQG(task(), [plan()], model=FlexibleArm(replace(ARM.parameters, payload_mass=0.3)))
     assert np.abs(heavy.filter.after[..., :SIZE] - plan().states[1:]).max() > 1e-3
     assert np.abs(whole.filter.after[..., :SIZE] - plan().states[1:]).max() < 1e-9
@@ -88,6 +92,8 @@ def test_refusals() -> None:
         LQG(task(), [plan()], delay="late")  # type: ignore[arg-type]
     with pytest.raises(ValueError, match=r"integral = 0\.0.*must be a finite number and > 0"):
         LQG(task(), [plan()], integral=0.0)
+    with pytest.raises(ValueError, match=r"actuation_delay = 0\.02 s: must be a control period, 0\.01 s, at most"):
+        LQG(replace(task(), actuation_delay=0.02), [plan()])
     with pytest.raises(ValueError, match=r"GaugedLQG reads the block 'modal_coordinates'.*GaugedLQG\.options"):
         GaugedLQG(replace(task(), blocks={name: BLOCKS[name] for name in PLACES}), [plan()])
 
