@@ -29,6 +29,7 @@ from scripts.common.executors import EXECUTORS, Executor, executor
 from scripts.common.markdown import DOCS, filled
 from scripts.common.result_files import write_json, write_whole
 from scripts.leaderboard.entries import entries
+from scripts.leaderboard.margins import delay_margins
 from scripts.leaderboard.references import references
 from scripts.leaderboard.tables import tables
 
@@ -92,7 +93,8 @@ def measure(rows: Sequence[Row], columns: Mapping[str, Column], store: Store, wh
         row.name: {name: [store.read(cell) for cell in column] for name, column in cells[row.name].items()}
         for row in rows
     }
-    return board([row_summary(row, columns, results[row.name]) for row in rows], columns)
+    found = [row_summary(row, columns, results[row.name]) | {"delay_margin": delay_margins(row)} for row in rows]
+    return board(found, columns)
 
 
 def board(rows: Sequence[Mapping[str, Any]], columns: Mapping[str, Column]) -> dict[str, Any]:

@@ -227,7 +227,11 @@ def test_a_row_chooses_what_it_observes_and_no_more() -> None:
 
 def test_an_axis_has_its_nominal_value_and_ends_that_an_environment_takes() -> None:
     for name, column in COLUMNS.items():
-        if column.nominal is not None:
+        if isinstance(column.nominal, float):
+            values = [float(point.value) for point in column.points]
+            assert min(values) <= column.nominal <= max(values), name
+            assert values == sorted(values)
+        elif column.nominal is not None:
             assert column.nominal in [point.value for point in column.points], name
         for point in column.points[:: max(1, len(column.points) - 1)]:
             Settings.of(point.environment_options({}))
@@ -291,5 +295,7 @@ def test_an_axis_breaks_where_a_lap_is_lost_first_on_either_side() -> None:
     def at(rms: float | None) -> Any:
         return point_summary({"episodes": [episode(rms), episode(0.1, lap="swing")]})
 
-    found = breaking(column, [at(x) for x in (None, None, 0.1, 0.1, None)])
-    assert found == {"swing": {"low": None, "high": None}, "plain": {"low": 0.9, "high": 1.2}}
+    found = breaking(column, [at(x) for x in (None, None, 0.1, 0.21, None)])
+    nowhere = {"low": None, "high": None}
+    assert found["swing"] == {"lost": nowhere, "doubled": nowhere}
+    assert found["plain"] == {"lost": {"low": 0.9, "high": 1.2}, "doubled": {"low": None, "high": 1.1}}
