@@ -28,11 +28,15 @@ from scripts.common.command_line import run
 from scripts.common.executors import EXECUTORS, Executor, executor
 from scripts.common.markdown import DOCS, filled
 from scripts.common.result_files import write_json, write_whole
+from scripts.leaderboard.animation import animate
 from scripts.leaderboard.entries import entries
 from scripts.leaderboard.margins import delay_margins
+from scripts.leaderboard.pictures import SHOWN, draw
 from scripts.leaderboard.references import references
+from scripts.leaderboard.runs import nominal_runs
 from scripts.leaderboard.tables import tables
 
+PICTURES = ("corners.png", "errors.png", "heat_map.png", "delays.png", "effort.png", "four.gif")
 DIGITS = 6  # of the figures in the board's file
 PAGE, DATA = "leaderboard.md", "leaderboard.json"
 
@@ -53,6 +57,8 @@ class Options:
     """Processes, or tasks of Slurm."""
     executor: str = "processes"
     """Where cells are computed: processes, ray, slurm, or submitit-local, a trial of slurm on this machine."""
+    pictures: bool = True
+    """Draw pictures, for which the rows run nominal laps again."""
     docs: bool = False
     """Bring docs/leaderboard.md, its JSON and its pictures up to date."""
 
@@ -124,6 +130,15 @@ def write(results: Mapping[str, Any], folder: Path) -> None:
         write_whole(folder / f"{name}.md", lambda aside, text=text: aside.write_text(text))  # type: ignore[misc]
 
 
+def illustrate(rows: Sequence[Row], results: Mapping[str, Any], folder: Path) -> None:
+    """Draw the pictures, and an animation of four rows."""
+    runs = nominal_runs(rows)
+    draw(results, runs, folder)
+    four = [name for name in SHOWN if name in runs][:4]
+    if four:
+        animate({name: runs[name]["swing"] for name in four}, folder / "four.gif")
+
+
 def _rounded(value: Any) -> Any:
     """Round figures for the board's file; cells have all digits."""
     if isinstance(value, dict):
@@ -138,6 +153,8 @@ def update_docs(folder: Path) -> None:
     page = DOCS / PAGE
     page.write_text(filled(page.read_text(), folder))
     shutil.copyfile(folder / DATA, DOCS / DATA)
+    for name in PICTURES:
+        shutil.copyfile(folder / "figures" / name, DOCS / "figures" / "leaderboard" / name)
     print(f"{page}: up to date")
 
 
@@ -166,6 +183,8 @@ def main() -> None:
     where = executor(options.executor, options.jobs, options.output / "submitit")
     results = measure(rows, columns, Store(options.output / "cells"), where)
     write(results, options.output)
+    if options.pictures:
+        illustrate(rows, results, options.output / "figures")
     print(tables(results).get("ranking", ""), end="")
     print(f"{options.output}: board {BOARD}, {len(rows)} rows")
     if options.docs:
