@@ -39,6 +39,11 @@ class Seen:
         """Moment of the lap [s]; needs the block `lap_phase`. Shape (n,)."""
         return self.task.time_of(self.observations)
 
+    @property
+    def period(self) -> Array:
+        """Number of the lap's control period that begins; needs the block `lap_phase`. Shape (n,)."""
+        return np.round(self.time / self.task.period).astype(np.int64)
+
     def of(self, arms: Array) -> Seen:
         """Return what some of the arms observe."""
         return Seen(self.task, self.observations[arms])

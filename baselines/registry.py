@@ -12,9 +12,11 @@ from typing import Any, ClassVar, Protocol
 
 from flexarm_baselines.flsac import FLSAC
 from flexarm_baselines.ifdc import IFDC
+from flexarm_baselines.joint_tracking import DECOUPLED, STIFF, JointTracking
 from flexarm_baselines.lqg import LQG, GaugedLQG
 from flexarm_baselines.plan_follower import PlanFollower
 from flexarm_baselines.policy import Policy
+from flexarm_baselines.predictive import NMPC, UNKNOWN, StateNMPC
 from flexarm_env.validation import choice
 
 
@@ -67,12 +69,32 @@ class Controller:
         return self.kind.for_env(env, **{**self.design, **design})
 
 
+BAYO = "Bayo, J. Robotic Systems 4, 1987"
 ANDERSON_MOORE = "Anderson & Moore, Optimal Control: Linear Quadratic Methods, 1990"
+DIEHL = "Diehl, Bock & Schloeder, SIAM J. Control and Optimization 43, 2005"
+LJUNG = "Ljung, IEEE Trans. Automatic Control 24, 1979"
 GREEN_SASIADEK = "Green & Sasiadek, IFAC World Congress 2008"
 
 CONTROLLERS: dict[str, Controller] = {
     "ifdc": Controller(IFDC, "the paper's Jacobian-transpose law with a constant gain of 1", GREEN_SASIADEK),
     "flsac": Controller(FLSAC, "the paper's law with a fuzzy gain from the links' deflections", GREEN_SASIADEK),
+    "joint_pd": Controller(
+        JointTracking,
+        "filtered joint feedback about inverse kinematics of the corner-blended reference",
+        "Takegaki & Arimoto, J. Dynamic Systems, Measurement, and Control 103, 1981",
+        {"feedforward": "none", "feedback": STIFF},
+    ),
+    "computed_torque": Controller(
+        JointTracking,
+        "inverse dynamics of the rigid arm, with filtered joint feedback through its mass matrix",
+        "Luh, Walker & Paul, IEEE Trans. Automatic Control 25, 1980",
+        {"feedforward": "rigid", "feedback": DECOUPLED},
+    ),
+    "shaped": Controller(
+        JointTracking,
+        "command shaping: a corner-blended reference, feed-forward of the bending arm, filtered joint feedback",
+        f"Banerjee & Singhose, J. Guidance, Control, and Dynamics 21, 1998; {BAYO}",
+    ),
     "plan_lqr": Controller(
         PlanFollower,
         "the best plan known with time-varying LQR of the true state: privileged, a yardstick",
@@ -86,6 +108,19 @@ CONTROLLERS: dict[str, Controller] = {
     "lqg_gauges": Controller(
         GaugedLQG, "the same, whose filter reads strain gauges, too", f"{ANDERSON_MOORE}, chapter 8"
     ),
+    "nmpc": Controller(
+        NMPC,
+        "nonlinear predictive control in real time, tied to the best plan known, of what a Kalman filter makes of "
+        "encoders and the late tip",
+        DIEHL,
+    ),
+    "nmpc_adaptive": Controller(
+        NMPC, "the same, whose filter finds payload and stiffness as well", f"{DIEHL}; {LJUNG}", {"unknown": UNKNOWN}
+    ),
+    "nmpc_path": Controller(
+        NMPC, "the same as `nmpc`, tied to a run of its own that was not optimised", DIEHL, {"reference": "path"}
+    ),
+    "nmpc_state": Controller(StateNMPC, "the same as `nmpc`, of the true state: privileged, a yardstick", DIEHL),
 }
 
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from math import comb
 from typing import NamedTuple
 
 import numpy as np
@@ -18,9 +19,10 @@ from scipy.interpolate import PPoly
 
 from flexarm_baselines.arrays import Floats
 from flexarm_env.physics.paths import ReferencePath
-from flexarm_env.validation import choice, number
+from flexarm_env.validation import choice, integer, number
 
 SHAPERS = ("none", "ZV", "ZVD", "EI")
+MOST_TIMES = 6  # that a window is applied
 TOLERATED = 0.05  # of EI: residual vibration at the modelled frequency, as a share of that of an unshaped step
 
 
@@ -83,20 +85,33 @@ class ShapedReference:
     Attributes:
         path: the reference; it rests before time 0 and laps follow each other.
         train: impulses.
-        window: width of the rectangular window, applied twice so that the acceleration is bounded [s]; 0: none.
-        lead: by how much the shaped reference is ahead of the causal one [s]; the train's delay plus the window centres
-            the shape on the reference, 0 begins from rest with it.
+        window: width of the rectangular window [s]; 0: none.
+        lead: by how much the shaped reference is ahead of the causal one [s]; `centre` centres the shape on the
+            reference, 0 begins from rest with it.
+        times: how often the window is applied: twice bounds the acceleration, three times makes it continuous.
     """
 
     path: ReferencePath
     train: Impulses
     window: float = 0.0
     lead: float = 0.0
+    times: int = 2
 
     def __post_init__(self) -> None:
         """Refuse a window or a lead that is none."""
         number("window", self.window, "s", least=0.0)
         number("lead", self.lead, "s", least=0.0)
+        integer("times", self.times, 2, MOST_TIMES)
+        width = self.times * self.window + float(self.train.times[-1])
+        if width > self.path.lap_time:
+            raise ValueError(
+                f"window = {self.window} s: with the impulses the shape is {width} s wide, longer than a lap"
+            )
+
+    @property
+    def centre(self) -> float:
+        """Delay of the causal shape: that of the train, and half the width of all windows [s]."""
+        return self.train.delay + 0.5 * self.times * self.window
 
     def position(self, time: ArrayLike) -> Floats:
         """Return the shaped position [m]. Shape (..., 2)."""
@@ -111,22 +126,36 @@ class ShapedReference:
         return self._shaped(time, 2)
 
     def _shaped(self, time: ArrayLike, order: int) -> Floats:
-        moments = np.asarray(time, dtype=np.float64)[..., None] + self.lead - self.train.times
+        lap, shifted = self.path.lap_time, np.asarray(time, dtype=np.float64) + self.lead
+        shifted = np.where(shifted > 2.0 * lap, lap + np.mod(shifted, lap), shifted)  # later laps are as the second one
+        moments = shifted[..., None] - self.train.times
         return np.einsum("...ki,k->...i", self._windowed(moments, order), self.train.amplitudes)
 
     def _windowed(self, time: Floats, order: int) -> Floats:
-        """Convolve with the window twice: a triangle of twice its width, by the exact integrals of the polyline."""
+        """Convolve with the window: differences of the polyline's exact integral, as often integrated as there are."""
         if self.window == 0.0:
-            return np.asarray(self._integrals[0](time, order))
-        shifted = [self._integrals[2 - order](time - shift * self.window) for shift in (0.0, 1.0, 2.0)]
-        return np.asarray((shifted[0] - 2.0 * shifted[1] + shifted[2]) / self.window**2)
+            return np.asarray(self._line(time, order))
+        integral = self._integral
+        terms = [
+            (-1.0) ** shift * comb(self.times, shift) * integral(time - shift * self.window, order)
+            for shift in range(self.times + 1)
+        ]
+        return np.asarray(sum(terms) / self.window**self.times)
 
     @cached_property
-    def _integrals(self) -> tuple[PPoly, PPoly, PPoly]:
-        """The polyline, its integral, and the integral of that, over two laps from rest."""
+    def _line(self) -> PPoly:
+        """The polyline over two laps from rest."""
         table, lap = self.path.table, self.path.lap_time
         times = np.concatenate([[-lap], table[:-1, 0], lap + table[:, 0]])
         points = np.concatenate([table[:1, 1:], table[:-1, 1:], table[:, 1:]])
         slopes = np.diff(points, axis=0) / np.diff(times)[:, None]
-        line = PPoly(np.stack([slopes, points[:-1]]), times)
-        return line, line.antiderivative(), line.antiderivative(2)
+        return PPoly(np.stack([slopes, points[:-1]]), times)
+
+    @cached_property
+    def _integral(self) -> PPoly:
+        """Its integral, as often as the window is applied; constants drop out, and are made small to round little."""
+        integral = self._line
+        for _ in range(self.times):
+            integral = integral.antiderivative()
+            integral.c[-1] -= integral(self.path.lap_time)
+        return integral

@@ -21,10 +21,11 @@ from flexarm_env.physics import dynamics as dyn
 from flexarm_env.physics.bent_link import PointShape
 from flexarm_env.physics.linearisation import Linearisation, linearise
 from flexarm_env.physics.modal_elimination import elimination
+from flexarm_env.physics.sensing import Outputs
 from flexarm_env.simulation.conditioning import refuse_singular
 from flexarm_env.simulation.feedback import FeedbackTorque
 from flexarm_env.simulation.open_loop import LARGEST, OpenLoop, TorqueFunction, count_instants, count_substeps
-from flexarm_env.simulation.outputs import Outputs, output_jacobians
+from flexarm_env.simulation.outputs import output_jacobians
 from flexarm_env.simulation.trajectory import DivergenceError, Trajectory
 from flexarm_env.validation import finite_array, finite_rows, integer, number, real_array, shown
 
@@ -70,6 +71,7 @@ class FlexibleArm(FeedbackTorque):
         self._elimination = elimination(self.constants)
         self._to_internal = coordinates.to_internal(self.constants)
         self._to_public = coordinates.to_public(self.constants)
+        self._places: dict[tuple[int, float], PointShape] = {}  # tip and sensor, for controllers that ask all the time
 
     @property
     def size(self) -> int:
@@ -147,7 +149,10 @@ class FlexibleArm(FeedbackTorque):
         link = integer("link", link, 1, 2)
         length = self.parameters.link_lengths[link - 1]
         distance = number("s", s, "m", least=0.0, most=length)
-        return constants.link_place(self.modes[link - 1], self.constants.foreshortened, distance)
+        if (link, distance) not in self._places:
+            modes = self.modes[link - 1]
+            self._places[link, distance] = constants.link_place(modes, self.constants.foreshortened, distance)
+        return self._places[link, distance]
 
     def elbow(self, q: ArrayLike) -> Array:
         """Return the tip of link 1 [m]. Shape (..., 2)."""
@@ -324,9 +329,8 @@ class FlexibleArm(FeedbackTorque):
 
     def _public_acceleration(self, q: Array, rates: Array, tau: Sequence[Any]) -> Array:
         y, cos, sin, sin_theta2 = self._geometry(q)
-        v = self._internal(rates)
-        angles = (cos, sin, sin_theta2)
-        internal = dyn.acceleration(self.constants, self._elimination, self._complete, y, v, tau, angles)
+        arm, angles = (self.constants, self._elimination, self._complete), (cos, sin, sin_theta2)
+        internal = dyn.acceleration(*arm, y, self._internal(rates), tau, angles)
         return coordinates.stack(internal) @ self._to_public.T
 
     def _point(self, q: Array, link: int, s: ArrayLike) -> tuple[Array, Array]:

@@ -1,5 +1,7 @@
 """Shapers cancel the vibration that they are made for; shaped references are the convolutions that they claim to be."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -47,6 +49,26 @@ def test_a_windowed_reference_is_the_convolution() -> None:
     weight = np.minimum(shift, 0.6 - shift)
     expected = np.einsum("k,nki->ni", weight / weight.sum(), PATH.position(time[:, None] - shift))
     assert shaped.position(time) == pytest.approx(expected, abs=1e-6)
+
+
+def test_a_window_that_is_applied_four_times() -> None:
+    """As twice the window of the doubly windowed reference; centred, it is symmetric about a corner's instant."""
+    once = ShapedReference(PATH, impulses("none", 1.0), window=0.3, times=4)
+    twice = ShapedReference(PATH, impulses("none", 1.0), window=0.3)
+    time, shift = np.array([0.2, 4.3, 8.9, 15.5]), np.linspace(0.0, 0.6, 6001)
+    weight = np.minimum(shift, 0.6 - shift)
+    expected = np.einsum("k,nki->ni", weight / weight.sum(), twice.position(time[:, None] - shift))
+    assert once.position(time) == pytest.approx(expected, abs=1e-6)
+    assert once.centre == pytest.approx(0.6)
+    centred = replace(once, lead=once.centre)
+    before, after = (centred.position(time) - PATH.position(4.0) for time in (3.8, 4.2))
+    assert before == pytest.approx(-after[::-1], abs=1e-7)
+
+
+def test_later_laps_are_alike() -> None:
+    shaped = ShapedReference(PATH, impulses("ZV", 5.0), window=0.3, lead=0.4)
+    time = np.linspace(16.0, 32.0, 50)
+    assert shaped.position(time + 32.0) == pytest.approx(shaped.position(time), abs=1e-9)
 
 
 @pytest.mark.parametrize("window", [0.2, 0.5])

@@ -1,0 +1,178 @@
+"""Shaped references, feed-forward of the bending arm, and filtered feedback of the joints."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+
+from flexarm_agents.score import evaluate
+from flexarm_baselines.flexible_motion import first_free_vibration, flexible_motion, rigid_motion
+from flexarm_baselines.joint_tracking import FINE, JointFeedback, JointTracking, Shape
+from flexarm_baselines.registry import controller, make_controller
+from flexarm_baselines.task import Task
+from flexarm_env import ArmParameters, FlexibleArm, SquareParameters, square
+from flexarm_env.laps import LAPS
+from flexarm_env.rollout import run_policy
+
+ID = "flexarm_env:FlexArm/Square-v0"
+BLOCKS = {"joint_angles": slice(0, 2), "joint_rates": slice(2, 4), "lap_phase": slice(4, 6)}
+TASK = Task(ArmParameters(), square(SquareParameters()), blocks=BLOCKS, scale=np.ones(6))
+ARM = FlexibleArm(TASK.arm)
+
+
+def move(duration: float) -> np.ndarray:
+    """Joint angles of a smooth move from rest to rest, with a second of rest on both sides."""
+    time = np.arange(-1.0, duration + 1.0, FINE)
+    s = np.clip(time / duration, 0.0, 1.0)[:, None]
+    share = s**5 * (126.0 - 420.0 * s + 540.0 * s**2 - 315.0 * s**3 + 70.0 * s**4)  # four derivatives are continuous
+    return np.array([0.3, 1.2]) + share * np.array([0.6, -0.5])
+
+
+# --- feed-forward -----------------------------------------------------------------------------------------------------
+
+
+def test_the_bending_arms_tip_goes_where_the_rigid_ones_would() -> None:
+    joints = move(2.0)
+    motion, rigid = flexible_motion(ARM, joints, FINE), rigid_motion(ARM, joints, FINE)
+    size = ARM.size
+    np.testing.assert_allclose(ARM.tip(motion.states[:, :size]), ARM.tip(rigid.states[:, :size]), atol=1e-6)
+    assert np.abs(ARM.tip_deflection(motion.states[:, :size])).max() > 0.05  # it does bend
+    assert motion.residual < 0.02 * np.abs(motion.torques).max()
+
+
+def test_its_torques_move_the_tip_along_the_path() -> None:
+    """Open loop, where those of the arm with straight links lose it."""
+    joints = move(1.5)
+    first = round(1.0 / FINE)
+    wanted = rigid_motion(ARM, joints, FINE).states[first : first + 301 : 2]
+    away = []
+    for motion in (flexible_motion(ARM, joints, FINE), rigid_motion(ARM, joints, FINE)):
+        torques = motion.torques[first : first + 301]
+        held = 0.25 * torques[:-2:2] + 0.5 * torques[1:-1:2] + 0.25 * torques[2::2]
+        run = ARM.rollout(np.append(joints[0], np.zeros(2 * ARM.size - 2)), held, limits=(1e3, 1e3))
+        tips = [ARM.tip(states[:, : ARM.size]) for states in (run.states, wanted)]
+        away.append(np.linalg.norm(tips[0] - tips[1], axis=1).max())
+    assert away[0] < 0.2 * away[1]
+
+
+# --- the controller ---------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def tracking() -> JointTracking:
+    return JointTracking(TASK)
+
+
+def observed(joints: Any, rates: Any, period: int) -> np.ndarray:
+    angle = 2.0 * np.pi * period / TASK.periods
+    return np.array([*joints, *rates, np.cos(angle), np.sin(angle)], dtype=np.float32)
+
+
+def test_on_its_targets_it_gives_the_feed_forward(tracking: JointTracking) -> None:
+    steady = tracking.targets(-1.0, None)
+    state = None
+    for period in (700, 701):
+        goal = steady.joints[period]
+        action, state = tracking.predict(observed(goal[:2] + np.array([2.0 * np.pi, 0.0]), goal[2:], period), state)
+        np.testing.assert_allclose(action * TASK.torque_limit, steady.torques[period], atol=2e-3)
+
+
+def test_a_start_from_rest_joins_the_motion(tracking: JointTracking) -> None:
+    steady, started = tracking.targets(1.0, None), tracking.targets(1.0, 400)
+    np.testing.assert_allclose(started.joints[400, 2:], 0.0, atol=0.15)  # the bounded solution begins before the path
+    q = np.append(started.joints[400, :2], np.zeros(ARM.size - 2))
+    np.testing.assert_allclose(ARM.rigid_tip(q), (-6.3, 6.3), atol=0.08)
+    off = started.joints[700] - steady.joints[700]
+    off[0] -= 2.0 * np.pi * np.round(off[0] / (2.0 * np.pi))
+    np.testing.assert_allclose(off, 0.0, atol=1e-3)
+    np.testing.assert_allclose(started.torques[700], steady.torques[700], atol=0.05)
+
+
+def test_filters_forget_and_gains_push_back() -> None:
+    feedback = JointFeedback((100.0, 50.0), (10.0, 5.0), angle_filter=0.1, rate_filter=0.0)
+    tracking = JointTracking(TASK, feedforward="none", feedback=feedback)
+    goal = tracking.targets(-1.0, None).joints
+    _, state = tracking.predict(observed(goal[800, :2], goal[800, 2:], 800))
+    action, _ = tracking.predict(
+        observed(np.add(goal[801, :2], [0.1, 0.0]), np.add(goal[801, 2:], [0.0, 0.2]), 801), state
+    )
+    passed = 1.0 - np.exp(-0.1)  # of the angle; the rate is not filtered
+    np.testing.assert_allclose(action * TASK.torque_limit, [-100.0 * 0.1 * passed, -5.0 * 0.2], atol=1e-2)
+
+
+def test_decoupled_gains_are_accelerations_of_the_rigid_arm() -> None:
+    feedback = JointFeedback((2.0, 2.0), (1.0, 1.0), decoupled=True)
+    tracking = JointTracking(TASK, feedforward="rigid", feedback=feedback)
+    found = tracking.targets(-1.0, None)
+    q = np.append(found.joints[30, :2], np.zeros(ARM.size - 2))
+    np.testing.assert_allclose(found.gains[30, :, :2], 2.0 * ARM.mass_matrix(q)[:2, :2])
+
+
+def test_episodes_of_a_batch_are_apart(tracking: JointTracking) -> None:
+    """Two sides, one of them on its way; what one does changes nothing for the other."""
+    goal = tracking.targets(-1.0, None).joints[500]
+    rows = np.stack([observed([0.2, 1.0], [0.0, 0.0], 0), observed(goal[:2], goal[2:], 500)])
+    both, _ = tracking.predict(rows)
+    for row, action in zip(rows, both, strict=True):
+        np.testing.assert_allclose(JointTracking(TASK).predict(row)[0], action, atol=1e-6)
+
+
+def test_after_a_lap_the_motion_goes_on(tracking: JointTracking) -> None:
+    _, state = tracking.predict(observed([-2.4977, -0.2824], [0.0, 0.0], 0))
+    assert state is not None
+    first, later, elapsed, filtered = state
+    goal = tracking.targets(-1.0, None)
+    seen, lap_on = observed(goal.joints[50, :2], goal.joints[50, 2:], 50), elapsed + 1649.0
+    action, _ = tracking.predict(seen, (first, later, lap_on, 0.0 * filtered))
+    np.testing.assert_allclose(action * TASK.torque_limit, goal.torques[50], atol=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: JointTracking(TASK, feedforward="full"), "feedforward = 'full'"),
+        (lambda: JointTracking(TASK, Shape(shaper="UM")), "shaper = 'UM'"),
+        (
+            lambda: JointTracking(TASK, Shape(window=5.0)),
+            r"window = 5\.0 s: with the impulses the shape is 20\.0 s wide",
+        ),
+        (lambda: Shape(ramp=-1.0), r"ramp = -1\.0"),
+        (lambda: JointFeedback(stiffness=(1.0, -1.0)), r"stiffness"),
+        (lambda: JointFeedback(rate_filter=-0.1), r"rate_filter = -0\.1"),
+    ],
+)
+def test_refusals(make: Any, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        make()
+
+
+def test_the_first_free_vibration() -> None:
+    assert first_free_vibration(ARM) == pytest.approx(37.4, abs=0.1)
+    stiff = FlexibleArm(replace(TASK.arm, flexural_rigidities=(4.0 * 1676.0,) * 2))
+    assert first_free_vibration(stiff) == pytest.approx(2.0 * 37.44, abs=0.1)
+
+
+# --- laps -------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("lap", LAPS)
+def test_command_shaping_keeps_the_first_side(lap: str) -> None:
+    """Two seconds after the start, with the first corner to come: its own blending is 0.16 m there."""
+    env = gymnasium.make(ID, **controller("shaped").options)
+    run = run_policy(env, make_controller("shaped", env), lap=lap, max_steps=350)
+    away = np.linalg.norm(run.tip - run.reference, axis=1)
+    assert np.sqrt(np.mean(away[200:] ** 2)) < 0.12
+
+
+@pytest.mark.slow
+def test_command_shaping_reaches_its_goal_on_both_laps() -> None:
+    env = gymnasium.make(ID, **controller("shaped").options)
+    for score in evaluate(env, make_controller("shaped", env)):
+        assert score.rms is not None
+        assert score.rms_after_2s is not None
+        assert score.rms < 0.25
+        assert score.rms_after_2s < 0.12
