@@ -11,7 +11,7 @@ from flexarm_env.envs.registration import UNKNOWN_PLANT
 from flexarm_env.envs.settings import Settings
 from flexarm_env.parameters import ArmParameters
 
-SEEDS = 5  # episodes of each lap where something is random
+SEEDS = 3  # episodes of each lap where something is random
 DRAWN = 256  # episodes on the unknown plant
 OWN_DELAY = round(1e3 * max(Settings.of({}).sensor_delays), 3)  # [ms]; of the nominal sensor, between two points
 PART = 16  # of them, in one cell

@@ -35,8 +35,10 @@ from scripts.leaderboard.pictures import SHOWN, draw
 from scripts.leaderboard.references import references
 from scripts.leaderboard.runs import nominal_runs
 from scripts.leaderboard.tables import tables
+from scripts.leaderboard.times import times, times_table
 
 PICTURES = ("corners.png", "errors.png", "heat_map.png", "delays.png", "effort.png", "four.gif")
+TIMES = "times.json"
 DIGITS = 6  # of the figures in the board's file
 PAGE, DATA = "leaderboard.md", "leaderboard.json"
 
@@ -59,6 +61,10 @@ class Options:
     """Where cells are computed: processes, ray, slurm, or submitit-local, a trial of slurm on this machine."""
     pictures: bool = True
     """Draw pictures, for which the rows run nominal laps again."""
+    without: tuple[str, ...] = ()
+    """Names of rows to leave out."""
+    times: bool = False
+    """Measure how long each row takes to choose an action; the machine must be idle. Else the last figures stay."""
     docs: bool = False
     """Bring docs/leaderboard.md, its JSON and its pictures up to date."""
 
@@ -125,7 +131,7 @@ def board(rows: Sequence[Mapping[str, Any]], columns: Mapping[str, Column]) -> d
 
 def write(results: Mapping[str, Any], folder: Path) -> None:
     """Write the board's JSON and tables."""
-    write_json(folder / DATA, _rounded(results), levels=5)
+    write_json(folder / DATA, rounded(results), levels=5)
     for name, text in tables(results).items():
         write_whole(folder / f"{name}.md", lambda aside, text=text: aside.write_text(text))  # type: ignore[misc]
 
@@ -139,12 +145,12 @@ def illustrate(rows: Sequence[Row], results: Mapping[str, Any], folder: Path) ->
         animate({name: runs[name]["swing"] for name in four}, folder / "four.gif")
 
 
-def _rounded(value: Any) -> Any:
+def rounded(value: Any) -> Any:
     """Round figures for the board's file; cells have all digits."""
     if isinstance(value, dict):
-        return {name: _rounded(one) for name, one in value.items()}
+        return {name: rounded(one) for name, one in value.items()}
     if isinstance(value, list):
-        return [_rounded(one) for one in value]
+        return [rounded(one) for one in value]
     return float(f"{value:.{DIGITS}g}") if isinstance(value, float) else value
 
 
@@ -168,12 +174,16 @@ def chosen(options: Options) -> tuple[list[Row], dict[str, Column]]:
     for name in options.columns:
         choice("columns", name, tuple(COLUMNS))
     rows = entries(options.add)
-    for name in options.rows:
-        choice("rows", name, tuple(row.name for row in rows))
+    for what in ("rows", "without"):
+        for name in getattr(options, what):
+            choice(what, name, tuple(row.name for row in rows))
     if options.docs and (options.rows or options.columns != tuple(COLUMNS)):
         raise ValueError("docs = True: the page shows the whole board; must go without rows and columns")
+    if options.docs and not (options.times or (options.output / TIMES).is_file()):
+        raise ValueError(f"docs = True: {options.output} has no {TIMES}; must go with times")
     columns = {name: column for name, column in COLUMNS.items() if name in options.columns}
-    return [row for row in rows if not options.rows or row.name in options.rows], columns
+    wanted = [row for row in rows if not options.rows or row.name in options.rows]
+    return [row for row in wanted if row.name not in options.without], columns
 
 
 def main() -> None:
@@ -183,6 +193,11 @@ def main() -> None:
     where = executor(options.executor, options.jobs, options.output / "submitit")
     results = measure(rows, columns, Store(options.output / "cells"), where)
     write(results, options.output)
+    if options.times:
+        with tqdm(total=len(rows), unit="row", desc="timing") as bar:
+            found = times(rows, bar.update)
+        write_json(options.output / TIMES, found)
+        write_whole(options.output / "times.md", lambda aside: aside.write_text(times_table(found)))
     if options.pictures:
         illustrate(rows, results, options.output / "figures")
     print(tables(results).get("ranking", ""), end="")

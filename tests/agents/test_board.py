@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import json
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,7 @@ from flexarm_agents.board.gauges import observation_map
 from flexarm_agents.board.rows import Row
 from flexarm_agents.board.summary import breaking, lap_summary, point_summary
 from flexarm_agents.board.terms import FIRST_SEED, INTERFACE, TASKS, interface_of
+from flexarm_agents.commands import evaluate, sweep
 from flexarm_agents.load import policy_file
 from flexarm_baselines.optimal.plan import PLANS
 from flexarm_env.envs.options import Options
@@ -299,3 +301,28 @@ def test_an_axis_breaks_where_a_lap_is_lost_first_on_either_side() -> None:
     nowhere = {"low": None, "high": None}
     assert found["swing"] == {"lost": nowhere, "doubled": nowhere}
     assert found["plain"] == {"lost": {"low": 0.9, "high": 1.2}, "doubled": {"low": None, "high": 1.1}}
+
+
+# --- one row along one axis ------------------------------------------------------------------------------------
+
+
+@pytest.mark.usefixtures("uncompiled")
+def test_evaluate_sweeps_an_axis(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    tiny = {"noise": Column("Sensor noise", "mm", tuple(points([0.0, 1.0])), 0.0)}
+    monkeypatch.setattr(sweep, "COLUMNS", tiny)
+    output = tmp_path / "swept.json"
+    evaluate.run(["--policy", AGENT, "--sweep", "noise", "--output", str(output)])
+    told = capsys.readouterr().out
+    (results,) = [one["results"] for one in json.loads(output.read_text())["rows"]]
+    for point in results:
+        for one in point["episodes"]:
+            assert f"{one['figures']['rms']:.3f}" in told
+    assert "plain lap: never error doubled, never lost" in told
+    with refuses(ValueError, "sweep = 'noises'", "noise"):
+        evaluate.run(["--policy", AGENT, "--sweep", "noises"])
+    with refuses(ValueError, "nothing to sweep"):
+        evaluate.run(["--sweep", "noise"])
+    with refuses(ValueError, "the board sets them"):
+        evaluate.run(["--policy", AGENT, "--sweep", "noise", "--laps", "3"])

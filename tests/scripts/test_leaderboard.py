@@ -14,9 +14,12 @@ import pytest
 
 from flexarm_agents.board.cells import Store
 from flexarm_agents.board.columns import COLUMNS, Column, Point
+from flexarm_agents.board.episodes import run_points
 from flexarm_agents.board.rows import Row
+from flexarm_agents.board.summary import nominal_errors, point_summary
 from flexarm_agents.board.terms import BOARD
 from scripts.common.executors import executor
+from scripts.common.markdown import DOCS
 from scripts.leaderboard import __main__ as study
 from scripts.leaderboard.entries import entries
 from scripts.leaderboard.tables import tables
@@ -155,6 +158,47 @@ def test_tables_rank_by_error_and_never_hide_a_loss() -> None:
     assert "lost at 1.5 s / 0.010" in found["axis_payload"]
     assert found["breaks"].splitlines()[2].endswith("| swing 2× ≥ 0.3, lost ≤ 0.1, lost ≥ 0.7 |")
     assert len(found["axis_payload"].splitlines()[0].split("|")) <= 2 + 1 + 9
+
+
+# --- the committed board ---------------------------------------------------------------------------------------
+
+# Error over the swing lap and over the plain lap [m]: bands in which the nominal figures of rows must lie.
+GOLDEN = {
+    "ifdc": ((0.7, 1.0), (0.6, 0.85)),
+    "flsac": ((0.8, 1.2), (0.8, 1.2)),
+    "joint_pd": ((0.5, 0.8), (0.4, 0.7)),
+    "computed_torque": ((0.18, 0.28), (0.16, 0.25)),
+    "shaped": ((0.15, 0.25), (0.14, 0.2)),
+    "lqg": ((0.051, 0.055), (0.0184, 0.0205)),
+    "nmpc": ((0.051, 0.057), (0.0184, 0.0205)),
+    "plan_lqr": ((0.051, 0.053), (0.0184, 0.019)),
+    "agent square": ((0.05, 0.14), (0.02, 0.07)),
+}
+
+
+@pytest.fixture(scope="module")
+def committed() -> dict[str, dict[str, Any]]:
+    board = json.loads((DOCS / study.DATA).read_text())
+    assert board["board"] == BOARD
+    return {row["name"]: row for row in board["rows"]}
+
+
+@pytest.mark.parametrize("name", GOLDEN)
+def test_the_nominal_figures_of_the_committed_board_are_in_their_bands(
+    name: str, committed: dict[str, dict[str, Any]]
+) -> None:
+    for one, (low, high) in zip(nominal_errors(committed[name]).values(), GOLDEN[name], strict=True):
+        assert one is not None
+        assert low <= one["rms"] <= high
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["ifdc", "shaped", "lqg", "agent square"])
+def test_the_committed_board_is_computed_again_to_its_digits(name: str, committed: dict[str, dict[str, Any]]) -> None:
+    (row,) = [one for one in entries(()) if one.name == name]
+    points = COLUMNS["nominal"].points[:2]
+    found = study.rounded([point_summary(one) for one in run_points(row, points)])
+    assert found == committed[name]["columns"]["nominal"]["points"][:2]
 
 
 # --- executors -------------------------------------------------------------------------------------------------
