@@ -23,6 +23,7 @@ from flexarm_agents.board.columns import COLUMNS, Column
 from flexarm_agents.board.rows import Row
 from flexarm_agents.board.summary import row_summary
 from flexarm_agents.board.terms import BOARD
+from flexarm_agents.commands.arguments import json_object
 from flexarm_env.validation import choice
 from scripts.common.command_line import run
 from scripts.common.executors import EXECUTORS, Executor, executor
@@ -37,7 +38,14 @@ from scripts.leaderboard.runs import nominal_runs
 from scripts.leaderboard.tables import tables
 from scripts.leaderboard.times import times, times_table
 
-PICTURES = ("corners.png", "errors.png", "heat_map.png", "delays.png", "effort.png", "four.gif")
+PICTURES = {
+    "heat_map.png": "Largest mean error of each row along each axis, and the share of lost laps",
+    "delays.png": "Delay at which each row's error is doubled, and at which it is lost",
+    "corners.png": "The tip's paths where the reference begins and turns",
+    "errors.png": "Error against time on both laps",
+    "effort.png": "Error against effort, with the best plans known",
+    "four.gif": "Four rows on the swing lap, at twice their speed",
+}
 TIMES = "times.json"
 DIGITS = 6  # of the figures in the board's file
 PAGE, DATA = "leaderboard.md", "leaderboard.json"
@@ -59,6 +67,8 @@ class Options:
     """Processes, or tasks of Slurm."""
     executor: str = "processes"
     """Where cells are computed: processes, ray, slurm, or submitit-local, a trial of slurm on this machine."""
+    submitit: str = "{}"
+    """Parameters of submitit as a JSON object, e.g. {"slurm_partition": "cpu"}."""
     pictures: bool = True
     """Draw pictures, for which the rows run nominal laps again."""
     without: tuple[str, ...] = ()
@@ -156,11 +166,14 @@ def rounded(value: Any) -> Any:
 
 def update_docs(folder: Path) -> None:
     """Fill the page's tables; copy the JSON and the pictures."""
-    page = DOCS / PAGE
+    page, target = DOCS / PAGE, DOCS / "figures" / "leaderboard"
+    target.mkdir(parents=True, exist_ok=True)
+    for name, text in PICTURES.items():
+        (folder / f"picture_{Path(name).stem}.md").write_text(f"![{text}](figures/leaderboard/{name})\n")
     page.write_text(filled(page.read_text(), folder))
     shutil.copyfile(folder / DATA, DOCS / DATA)
     for name in PICTURES:
-        shutil.copyfile(folder / "figures" / name, DOCS / "figures" / "leaderboard" / name)
+        shutil.copyfile(folder / "figures" / name, target / name)
     print(f"{page}: up to date")
 
 
@@ -190,7 +203,8 @@ def main() -> None:
     """Command line."""
     options = tyro.cli(Options, prog="python -m scripts.leaderboard")
     rows, columns = chosen(options)
-    where = executor(options.executor, options.jobs, options.output / "submitit")
+    parameters = json_object(options.submitit)
+    where = executor(options.executor, options.jobs, options.output / "submitit", parameters)
     results = measure(rows, columns, Store(options.output / "cells"), where)
     write(results, options.output)
     if options.times:
