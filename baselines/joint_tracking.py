@@ -57,7 +57,7 @@ class JointFeedback:
 
 # The best found without feed-forward, and through the rigid arm's mass matrix; docs/controllers.md has what was tried.
 STIFF = JointFeedback((89.0, 49.0), (342.0, 51.0), 0.05, 0.25)
-DECOUPLED = JointFeedback((0.7, 0.75), (1.3, 1.8), 0.16, 0.1, decoupled=True)
+DECOUPLED = JointFeedback((0.39, 0.7), (0.62, 2.8), 0.29, 0.25, decoupled=True)
 
 
 @dataclass(frozen=True)

@@ -40,13 +40,13 @@ class Replay:
         return self.actions[period], period + 1
 
 
-def score(plan: Plan, lap: str) -> dict[str, Any]:
-    """Run a plan through `FlexArm/Square-v0`, open loop, and return the figures of its lap.
+def score(plan: Plan, lap: str, path: str = "square") -> dict[str, Any]:
+    """Run a plan through `FlexArm/Square-v0` with its reference, open loop, and return the figures of its lap.
 
     Raises:
         RuntimeError: if it ends the episode.
     """
-    env = gymnasium.make("FlexArm/Square-v0", arm=asdict(plan.parameters), torque_limit=plan.limits)
+    env = gymnasium.make("FlexArm/Square-v0", arm=asdict(plan.parameters), torque_limit=plan.limits, reference=path)
     figures = summary(run_policy(env, Replay(plan), lap=lap))
     if figures["ended_early"]:
         raise RuntimeError(f"the plan of the {lap} lap ends the episode: {figures['ended']}")

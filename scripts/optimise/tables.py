@@ -15,7 +15,7 @@ EFFORTS = {"torque_rms": "torques, r.m.s. [N m]", "torque_change_rms": "their ch
 
 def reports(folder: Path) -> dict[str, Any]:
     """Read the reports of plans, by the plans' names."""
-    return {path.stem: json.loads(path.read_text()) for path in sorted(folder.glob("*.json"))}
+    return {path.stem: json.loads(path.with_suffix(".json").read_text()) for path in sorted(folder.glob("*.npz"))}
 
 
 def laps(found: dict[str, Any]) -> str:
@@ -57,9 +57,21 @@ def regulated(found: dict[str, Any]) -> str:
     )
 
 
+def plan_name(arm: str, path: str, lap: str) -> str:
+    """Name the plan of an arm for a lap of a path."""
+    return "_".join([arm, *([] if path == "square" else [path]), lap])
+
+
+def parts(name: str) -> tuple[str, str, str]:
+    """Return arm, path and lap of a plan's name."""
+    arm, _, rest = name.partition("_")
+    path, _, lap = rest.rpartition("_")
+    return arm, path or "square", lap
+
+
 def _words(name: str) -> str:
-    arm, _, lap = name.rpartition("_")
-    return f"{arm}, {lap}"
+    arm, path, lap = parts(name)
+    return ", ".join([arm, *([] if path == "square" else [path.replace("_", " ")]), lap])
 
 
 def _errors(row: dict[str, Any]) -> list[str]:
