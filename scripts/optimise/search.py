@@ -103,7 +103,8 @@ def search(
         path: a name of `PATHS`.
         effort: how much is tried.
         folder: for the plans on the way.
-        other: plan of the arm's other lap, which the best one is grafted on as well; None: there is none.
+        other: plan of the arm's other lap, which the best one is grafted on as well, where its elbow is on the same
+            side; None: there is none.
         tick: called with a word on what is done and each iteration; without one when a plan was taken over.
 
     Returns:
@@ -128,8 +129,8 @@ def search(
         start = partial(Rollout, one.plan.states, one.plan.torques)
         file = folder / f"final{one.sequence}.npz"
         finals.append(improved(problem, one.sequence, start, effort.iterations, file, tick))
-    if other is not None:
-        best = min(finals, key=lambda one: one.cost)
+    best = min(finals, key=lambda one: one.cost)
+    if other is not None and _same_side(best.plan, other):
         name = f"graft{best.sequence}"
         start = partial(grafted, problem, best.plan, other)
         finals.append(improved(problem, best.sequence, start, effort.iterations, folder / f"{name}.npz", tick))
@@ -152,6 +153,12 @@ def grafted(problem: TrackingProblem, own: Plan, other: Plan) -> Rollout:
     gains[:split] = 0.0
     torques = np.concatenate([own.torques[:split], other.torques[split:]])
     return rollout(problem, torques, gains=gains, references=references)
+
+
+def _same_side(own: Plan, other: Plan) -> bool:
+    """Return whether the elbows of two plans are on the same side where one would go over into the other."""
+    split = round(GRAFT / own.period)
+    return bool(np.sign(own.states[split, 1]) == np.sign(other.states[split, 1]))
 
 
 def _follow(problem: TrackingProblem, branches: list[Branch]) -> Rollout:
