@@ -10,13 +10,13 @@ from flexarm_env.envs.warm_up import warm_up
 from flexarm_env.parameters import ArmParameters, LawParameters, SensorParameters, SquareParameters
 from flexarm_env.physics.linearisation import Linearisation
 from flexarm_env.physics.paths import ReferencePath, inverse_kinematics, square
+from flexarm_env.physics.sensing import Outputs
 from flexarm_env.rollout import run_batch, run_policy
 from flexarm_env.simulation.arm import Energy, FlexibleArm
 from flexarm_env.simulation.cases import LoopCase
 from flexarm_env.simulation.closed_loop import ClosedLoop
 from flexarm_env.simulation.held_torque import StepJacobians
 from flexarm_env.simulation.limits import state_limits
-from flexarm_env.simulation.outputs import Outputs
 from flexarm_env.simulation.square import rest_state, square_loop
 from flexarm_env.simulation.trajectory import DivergenceError, Trajectory
 

@@ -15,13 +15,15 @@ from typing import Any, Literal, NamedTuple, get_args
 import numpy as np
 
 from flexarm_env.allowed import Custom, Integer, Number, OneOf, Optional, Pair, check_fields, declared
+from flexarm_env.sensor_models import SENSOR_MODELS as SENSOR_MODELS
+from flexarm_env.sensor_models import SensorModel as SensorModel
+from flexarm_env.sensor_models import SensorTraits as SensorTraits
 from flexarm_env.validation import choice, number, pair, shown
 
 VelocityForces = Literal["complete", "rigid"]
 Kinematics = Literal["linear", "foreshortened"]
 ModeShapes = Literal["cantilever", "polynomial"]
 DampingModel = Literal["modal", "material"]
-SensorModel = Literal["collocated", "rigid", "true"]
 Delayed = Literal["position", "position+rate"]
 RateJacobian = Literal["delayed", "current"]
 Compensation = Literal["none", "shared", "per_joint"]
@@ -38,44 +40,6 @@ HEAVIEST_PAYLOAD = 1e3  # [kg]
 LARGEST_NOISE = 1e3  # [m], [rad], [rad/s]
 # Ratio of the free arm's first elastic mode where each clamped mode of equal links is damped by 1 %.
 CLAMPED_ONE_PERCENT = 0.018684769131347163
-
-
-class SensorTraits(NamedTuple):
-    """What a model of the end-effector sensor is.
-
-    Attributes:
-        text: description.
-        reading: what a reading holds: the joint "angles", from which rigid kinematics give the point and the law's
-            Jacobian, or the Cartesian "point" of the bent link (`physics.sensing.READINGS`,
-            `control.jacobian_transpose.MEASUREMENTS`).
-        delays: of a reading: "none"; for "each joint" its own; or "one" for the whole reading.
-    """
-
-    text: str
-    reading: Literal["angles", "point"]
-    delays: Literal["none", "each joint", "one"]
-
-    @property
-    def late(self) -> bool:
-        """Whether readings are late."""
-        return self.delays != "none"
-
-    @property
-    def bends(self) -> bool:
-        """Whether the sensor sees the deflection."""
-        return self.reading == "point"
-
-
-SENSOR_MODELS: dict[SensorModel, SensorTraits] = {
-    "collocated": SensorTraits("joint angles and rates, no delay", "angles", "none"),
-    "rigid": SensorTraits(
-        "noncollocated as in the paper, rigid kinematics (8), (9) of the delayed joint angles, each by its own delay",
-        "angles",
-        "each joint",
-    ),
-    "true": SensorTraits("the physical point with its deflection, the whole reading late by one delay", "point", "one"),
-}
-assert tuple(SENSOR_MODELS) == get_args(SensorModel)
 
 
 @dataclass(frozen=True)

@@ -53,11 +53,11 @@ class Dual(Symbol):
 
     def __sub__(self, other: Any) -> Any:
         """Difference."""
-        return Dual(self.value - value(other), _sum(self.tangents, _scaled(tangents(other), -1.0)))
+        return Dual(self.value - value(other), _difference(self.tangents, tangents(other)))
 
     def __rsub__(self, other: Any) -> Any:
         """Reflected difference."""
-        return Dual(other - self.value, _scaled(self.tangents, -1.0))
+        return Dual(other - self.value, _difference({}, self.tangents))
 
     def __mul__(self, other: Any) -> Any:
         """Product; with a literal zero nothing varies."""
@@ -129,6 +129,11 @@ def _sum(one: Tangents, two: Tangents) -> Tangents:
     if not one or not two:
         return one or two
     return {**one, **{way: one[way] + tangent if way in one else tangent for way, tangent in two.items()}}
+
+
+def _difference(one: Tangents, two: Tangents) -> Tangents:
+    """Subtract along each direction: a record fuses a difference with a product, but not a product's negative."""
+    return {**one, **{way: one[way] - tangent if way in one else -tangent for way, tangent in two.items()}}
 
 
 def _scaled(given: Tangents, factor: Any) -> Tangents:

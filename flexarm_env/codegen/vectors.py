@@ -185,8 +185,9 @@ class VectorWriter:
             self.first_lane = builder.phi(ir.IntType(64))
             self.first_lane.add_incoming(ir.Constant(ir.IntType(64), 0), entry)
         values = self.evaluate(operations, known, arguments)
-        for (array, first), code in zip(places, results, strict=True):
-            builder.store(self.operand(values, code), self.row(arguments[array], first), align=8)
+        found = [self.operand(values, code) for code in results]
+        for (array, first), value in zip(places, found, strict=True):
+            builder.store(value, self.row(arguments[array], first), align=8)
         if count > 1:
             following = builder.add(self.first_lane, ir.Constant(ir.IntType(64), self.width))
             self.first_lane.add_incoming(following, body)
@@ -194,42 +195,37 @@ class VectorWriter:
             builder.position_at_end(after)
         builder.ret_void()
 
-    def function(self, name: str) -> Any:
-        """Return a function that kernels call; write it where the module does not have it yet."""
+    def called(self, name: str, given: Any) -> list[Any]:
+        """Emit what a function that kernels call does.
+
+        It loads the rows among its arguments itself, anew: a row that stayed in a register from one call to the next
+        would have to be stored on the stack in between, since there are far more rows than registers.
+        """
         operations, results, _ = self.functions[name]
-        module, caller = self.builder.module, self.builder
-        written = module.globals.get(name)
-        if written is None:
-            inputs = {place: what[1] for place, what in enumerate(operations) if what[0] == "number"}
-            count = 1 + max(inputs.values())
-            returned = ir.LiteralStructType([self.kind] * len(results))
-            written = ir.Function(module, ir.FunctionType(returned, [self.kind] * count), name)
-            written.linkage = "internal"
-            written.attributes.add("alwaysinline")
-            self.builder = ir.IRBuilder(written.append_basic_block())
-            values = self.evaluate(operations, {place: written.args[n] for place, n in inputs.items()}, ())
-            found = ir.Constant(returned, ir.Undefined)
-            for n, code in enumerate(results):
-                found = self.builder.insert_value(found, self.operand(values, code), n)
-            self.builder.ret(found)
-            self.builder = caller
-        return written
+        if any(isinstance(argument, tuple) for argument in given):
+            self.builder.asm(ir.FunctionType(ir.VoidType(), []), "", "~{memory}", (), True)  # what was loaded is stale
+        known = {place: given[what[1]] for place, what in enumerate(operations) if what[0] == "number"}
+        values = self.evaluate(operations, known, ())
+        return [self.operand(values, code) for code in results]
 
     # --- operations ---------------------------------------------------------------------------------------------------
 
     def evaluate(self, operations: Any, known: Any, arguments: Any) -> dict[int, Any]:
-        """Emit all operations; see `Lowered`. `known`: the values of numbers."""
+        """Emit all operations; see `Lowered`. `known`: the values of numbers.
+
+        A row's value is its array and first number until an operation needs it, which then loads it (`operand`).
+        """
         values, rules = dict(known), self.rules()
         for place, (what, *codes) in enumerate(operations):
             if what == "row":
-                values[place] = self.builder.load(self.row(arguments[codes[0]], codes[1]), align=8)
+                values[place] = arguments[codes[0]], codes[1]
             elif what in rules:
                 values[place] = rules[what](*[self.operand(values, code) for code in codes])
             elif what.startswith("{0}["):  # one of several results
-                values[place] = self.builder.extract_value(values[codes[0]], int(what[4:-1]))
+                values[place] = values[codes[0]][int(what[4:-1])]
             elif what != "number":
-                function = self.function(what[: what.index("(")])
-                values[place] = self.builder.call(function, [self.operand(values, code) for code in codes])
+                given = [values[code] if isinstance(code, int) else self.operand(values, code) for code in codes]
+                values[place] = self.called(what[: what.index("(")], given)
         return values
 
     def rules(self) -> dict[str, Any]:
@@ -284,8 +280,12 @@ class VectorWriter:
         return ir.Constant(kind, [value] * self.width if self.width > 1 else value)
 
     def operand(self, values: Any, code: Any) -> Any:
-        """Return an earlier result, or a literal in every lane."""
-        return values[code] if isinstance(code, int) else self.constant(self.kind, float(code))
+        """Return an earlier result, a row that is loaded now, or a literal in every lane."""
+        if not isinstance(code, int):
+            return self.constant(self.kind, float(code))
+        if isinstance(values[code], tuple):
+            values[code] = self.builder.load(self.row(*values[code]), align=8)
+        return values[code]
 
     def library(self, name: str, *values: Any) -> Any:
         """One of LLVM's own functions."""
@@ -299,15 +299,15 @@ class VectorWriter:
         """Choose by a < b in each lane."""
         return self.builder.select(self.builder.fcmp_ordered("<", a, b), then, otherwise)
 
-    def quarter_turns(self, k: Any, sine: Any, cosine: Any) -> Any:
+    def quarter_turns(self, k: Any, sine: Any, cosine: Any) -> list[Any]:
         """As `intrinsics.quarter_turns`, by the last two bits of k."""
         builder = self.builder
         one, two, to_sign = (self.constant(self.whole, value) for value in (1, 2, 62))
         turns = builder.bitcast(builder.fadd(k, self.constant(self.kind, 6755399441055744.0)), self.whole)
         odd = builder.icmp_unsigned("!=", builder.and_(turns, one), self.constant(self.whole, 0))
-        pair = ir.Constant(ir.LiteralStructType([self.kind] * 2), ir.Undefined)
-        for n, (then, otherwise, count) in enumerate(((cosine, sine, turns), (sine, cosine, builder.add(turns, one)))):
+        turned = []
+        for then, otherwise, count in ((cosine, sine, turns), (sine, cosine, builder.add(turns, one))):
             value = builder.bitcast(builder.select(odd, then, otherwise), self.whole)
             sign = builder.shl(builder.and_(count, two), to_sign)
-            pair = builder.insert_value(pair, builder.bitcast(builder.xor(value, sign), self.kind), n)
-        return pair
+            turned.append(builder.bitcast(builder.xor(value, sign), self.kind))
+        return turned

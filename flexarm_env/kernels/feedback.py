@@ -12,7 +12,7 @@ from flexarm_env.codegen.arrays import Arena
 from flexarm_env.codegen.declarations import Program, per_lane
 from flexarm_env.kernels.layout import row
 from flexarm_env.kernels.recorded import step_kernel
-from flexarm_env.kernels.step_jacobians import ArmTable, load_arms, load_states, store_state
+from flexarm_env.kernels.states import ArmTable, load_arms, load_states, store_state
 from flexarm_env.kernels.variants import variant
 
 Sequences = NDArray[np.float64]  # numbers of each arm, or of all in one, period by period. Shape (arms or 1, n, ...)

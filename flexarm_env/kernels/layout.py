@@ -8,7 +8,8 @@ which rows its arenas have:
 - "loop": the paper's closed loop (`loop`),
 - "environment": an environment (`episode`),
 - "second sensor": the environment has one (`Shape.groups`),
-- "tangents": Jacobians are carried along (`step_jacobians`).
+- "tangents": Jacobians are carried along (`step_jacobians`),
+- "outputs": readings and tips with their Jacobians (`output_jacobians`).
 """
 
 from __future__ import annotations
@@ -24,6 +25,9 @@ from flexarm_env.physics import linear_algebra
 from flexarm_env.physics.bent_link import PointShape
 from flexarm_env.physics.constants import ARM_QUANTITIES, Constants
 from flexarm_env.physics.modal_elimination import Elimination, elimination
+from flexarm_env.physics.sensing import OUTPUT_SIZES
+
+OUTPUTS = sum(OUTPUT_SIZES)  # how many numbers
 
 
 def elimination_count(modes: int, foreshortened: bool) -> int:
@@ -75,11 +79,13 @@ def _law(field: str) -> Callable[[Shape], int]:
 
 
 _REPORTED = ("loop", "environment")
+_MEASURED = ("loop", "environment", "outputs")
 _LAW = ("law",)
 _TRACKING = ("tracking",)
 _ENVIRONMENT = ("environment",)
 _SECOND = tuple(SECOND_SENSOR)
 _TANGENTS = ("tangents",)
+_OUTPUTS = ("outputs",)
 
 
 class Row(Names):
@@ -111,7 +117,7 @@ class Row(Names):
         "segment of the path for the commands (`path_cache.Segment`)", "s, m, m/s", SEGMENT_ROWS, _LAW
     )
     RATE_LATE = Entry("whether the rates are as late as the readings", "1", 1, _LAW)
-    Y_STAGE = Entry("coordinates of the stage", "rad, m", _size, ("law", "tangents"))
+    Y_STAGE = Entry("coordinates of the stage", "rad, m", _size, _LAW)
     V_STAGE = Entry("rates of the stage", "rad/s, m/s", _size, ("law", "tangents"))
     MECHANICAL = Entry("acceleration of the stage without the law", "rad/s^2, m/s^2", _size, _LAW)
     FEEDBACK = Entry("acceleration of the stage by the law", "rad/s^2, m/s^2", _size, _LAW)
@@ -122,8 +128,12 @@ class Row(Names):
 
     CHANGES = Entry("derivatives of CONSTANTS by each quantity", CONSTANTS_UNIT + ", per unit", _changes, _TANGENTS)
     RATE_STAGE = Entry("acceleration of the stage", "rad/s^2, m/s^2", _size, _TANGENTS)
+    TOTAL = Entry("weighted sum of V_STAGE and of RATE_STAGE", "rad/s, m/s, per s", lambda s: 2 * s.size, _TANGENTS)
     SLOPES = Entry("its derivatives by each input (`slope_ways`), of all stages", "per unit", _slopes, _TANGENTS)
     COLUMNS = Entry("derivatives of Y and V by each input at the start", "per unit", _columns, _TANGENTS)
+
+    OUTPUTS = Entry("what sensors read, and tips (`sensing.Outputs`)", "as there", OUTPUTS, _OUTPUTS)
+    OUTPUT_SLOPES = Entry("their derivatives by STATE", "per unit", lambda s: 2 * s.size * OUTPUTS, _OUTPUTS)
 
     STIFFNESS = Entry("of the joint-space law", "N m/rad", 2, _TRACKING)
     RESISTANCE = Entry("damping of the joint-space law", "N m s/rad", 2, _TRACKING)
@@ -133,13 +143,13 @@ class Row(Names):
     STAGE_TORQUE = Entry("torque of the step's first stage", "N m", 2, _TRACKING)
 
     LIMITS = Entry("magnitudes of the state that end a run", STATE_UNIT, lambda s: 2 * s.size, _REPORTED)
-    TIP_VALUES = Entry("link 2's mode shapes at the tip", "1", _modes, _REPORTED)
-    TIP_DISTANCE = Entry("of the tip from the elbow", "m", 1, _REPORTED)
-    TIP_FORESHORTENING = Entry("foreshortening at the tip", "1/m", _pairs, _REPORTED)
+    TIP_VALUES = Entry("link 2's mode shapes at the tip", "1", _modes, _MEASURED)
+    TIP_DISTANCE = Entry("of the tip from the elbow", "m", 1, _MEASURED)
+    TIP_FORESHORTENING = Entry("foreshortening at the tip", "1/m", _pairs, _MEASURED)
 
-    SENSOR_POINT_DISTANCE = Entry("of the sensor from the elbow", "m", 1, _REPORTED)
-    SENSOR_POINT_VALUES = Entry("link 2's mode shapes at the sensor", "1", _modes, _REPORTED)
-    SENSOR_POINT_FORESHORTENING = Entry("foreshortening at the sensor", "1/m", _pairs, _REPORTED)
+    SENSOR_POINT_DISTANCE = Entry("of the sensor from the elbow", "m", 1, _MEASURED)
+    SENSOR_POINT_VALUES = Entry("link 2's mode shapes at the sensor", "1", _modes, _MEASURED)
+    SENSOR_POINT_FORESHORTENING = Entry("foreshortening at the sensor", "1/m", _pairs, _MEASURED)
     SENSOR_DELAY = Entry("of the shoulder's and the elbow's reading", "s", 2, _REPORTED)
     PRESENT_SEGMENT = Entry(
         "side of the path that the reference is on (`path_cache.Segment`)", "s, m, m/s", SEGMENT_ROWS, _REPORTED
@@ -200,7 +210,7 @@ class Row(Names):
     EPISODE = Entry("what is drawn for the episode (`Drawn`)", "as in `Drawn`", QUANTITIES, _ENVIRONMENT)
     START_TIME = Entry("path time at which the episode started", "s", 1, _ENVIRONMENT)
     BRANCH = Entry("sign of theta2 in inverse kinematics", "1", 1, _ENVIRONMENT)
-    STATE = Entry("public state", STATE_UNIT, lambda s: 2 * s.size, _REPORTED)
+    STATE = Entry("public state", STATE_UNIT, lambda s: 2 * s.size, _MEASURED)
     TORQUE = Entry("torques at the start of the period", "N m", 2, _REPORTED)
     TRUE_TIP = Entry("tip with deflection", "m", 2, _REPORTED)
     RIGID_TIP = Entry("tip by rigid kinematics", "m", 2, _REPORTED)

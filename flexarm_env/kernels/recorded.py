@@ -15,6 +15,7 @@ from flexarm_env.kernels.variants import Variant
 from flexarm_env.physics import dynamics as dyn
 from flexarm_env.physics import sensing
 from flexarm_env.physics.constants import Constants
+from flexarm_env.physics.linear_algebra import plus_scaled
 from flexarm_env.physics.modal_elimination import elimination
 
 
@@ -52,7 +53,7 @@ def step_record(variant: Variant) -> Recorder:
     for node, next_node, weight in zip(RK4_NODES, (*RK4_NODES[1:], 0.0), RK4_WEIGHTS, strict=True):
         assert weight in (1.0, 2.0)
         ahead = h * next_node
-        next_y = [a + ahead * b for a, b in zip(y, stage_v, strict=True)]
+        next_y = plus_scaled(y, ahead, stage_v)
         next_turn = sincos(dyn.elbow_turn(next_y))
         acting = r.read("TAU")
         if variant.tracking:
@@ -62,9 +63,9 @@ def step_record(variant: Variant) -> Recorder:
         slope = r.trace.call("slope", [*known, *stage_y, *stage_v, *acting, *turn], len(v))
         each = [*stage_v, *slope] if weight == 1.0 else [a + a for a in (*stage_v, *slope)]
         total = [a + b for a, b in zip(total, each, strict=True)] if total else each
-        stage_y, stage_v, turn = next_y, [a + ahead * b for a, b in zip(v, slope, strict=True)], next_turn
+        stage_y, stage_v, turn = next_y, plus_scaled(v, ahead, slope), next_turn
     sixth = h / 6.0
-    moved = [a + sixth * b for a, b in zip([*y, *v], total, strict=True)]
+    moved = plus_scaled([*y, *v], sixth, total)
     r.write("Y", moved[: len(y)])
     r.write("V", moved[len(y) :])
     return r

@@ -31,15 +31,23 @@ from flexarm_env.kernels.entries import constant
 from flexarm_env.kernels.layout import row, slope_ways
 from flexarm_env.kernels.recorded import step_kernel
 from flexarm_env.kernels.recorder import Recorder, recorded_kernel
-from flexarm_env.kernels.states import elbow_slope, internal_place, turn_link_2
+from flexarm_env.kernels.states import (
+    ArmTable,
+    States,
+    internal_place,
+    load_arms,
+    load_rows,
+    load_states,
+    store_state,
+    store_states,
+)
 from flexarm_env.kernels.tableau import RK4_NODES, RK4_WEIGHTS
 from flexarm_env.kernels.variants import Variant, variant
 from flexarm_env.physics import dynamics as dyn
 from flexarm_env.physics import linear_algebra
 from flexarm_env.physics.constants import ARM_QUANTITIES, Constants, varied_constants
+from flexarm_env.physics.linear_algebra import plus_scaled
 
-ArmTable = NDArray[np.float64]  # numbers of each arm, or of all in one row. Shape (arms or 1, n)
-States = NDArray[np.float64]  # public. Shape (arms, 2 * size)
 Jacobians = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
 STAGES = len(RK4_NODES)
 QUANTITIES = len(ARM_QUANTITIES)
@@ -49,10 +57,14 @@ QUANTITIES = len(ARM_QUANTITIES)
 
 
 def stage_record(variant: Variant) -> Recorder:
-    """Record the acceleration at one stage, and its slopes."""
-    r = Recorder(variant, inlining=True)
-    k, y, v, tau = r.constants(), r.read("Y_STAGE"), r.read("V_STAGE"), r.read("TAU")
-    rates = dyn.acceleration(k, None, variant.complete, y, v, tau, _angles(variant, k, y))
+    """Record one stage of a step: its acceleration, as `step_record` computes it, and the slopes."""
+    r = Recorder(variant)
+    ahead, weight = r.trace.input("ahead"), r.trace.input("weight")
+    k, tau = r.constants(), r.read("TAU")
+    y, v = plus_scaled(r.read("Y"), ahead, r.read("V_STAGE")), plus_scaled(r.read("V"), ahead, r.read("RATE_STAGE"))
+    known = [*r.read("CONSTANTS"), *r.read("ELIMINATION")]
+    rates = r.trace.call("slope", [*known, *y, *v, *tau, *sincos(dyn.elbow_turn(y))], len(v))
+    total = plus_scaled(r.read("TOTAL"), weight, [*v, *rates])
     factors = linear_algebra.factor(dyn.mass_matrix(k, y, *_angles(variant, k, y)[:2]))
     ways = slope_ways(variant.modes)
     dual_y = [y[0], *varied(y[1:], [way for way in ways if way[0] == "y"])]
@@ -60,7 +72,8 @@ def stage_record(variant: Variant) -> Recorder:
     dual_k = varied_constants(k, r.constant_derivatives(), [way for way in ways if way[0] == "quantity"])
     angles = _angles(variant, dual_k, dual_y)
     off = dyn.imbalance(dual_k, variant.complete, dual_y, dual_v, rates, dual_tau, angles)
-    r.write("RATE_STAGE", rates)
+    for name, values in (("V_STAGE", v), ("RATE_STAGE", rates), ("TOTAL", total)):
+        r.write(name, values)
     right = [[tangents(force).get(way, 0.0) for force in off] for way in ways]
     r.store("slopes", [change for force in right for change in linear_algebra.solve(factors, force)])
     return r
@@ -75,6 +88,9 @@ def _angles(variant: Variant, k: Constants, y: Sequence[Any]) -> tuple[Any, Any,
 def column_record(variant: Variant, with_input: bool = False) -> Recorder:
     """Record the classical Runge-Kutta method of the linear system of one column.
 
+    Its accelerations A1 to A4 alone are computed: positions follow from them, since their rates are the rates v, as
+    ``y + h v + h^2/6 (A1 + A2 + A3)``, and those of the stages likewise.
+
     Args:
         variant: of the kernels.
         with_input: the column is of an input that acts all the time: its own slopes are added at each stage.
@@ -83,22 +99,26 @@ def column_record(variant: Variant, with_input: bool = False) -> Recorder:
     m, size, ways = variant.modes, variant.size, variant.ways
     h, column = r.trace.input("h"), r.rows_of("column", 2 * size)
     y, v = column[:size], column[size:]
-    stage_y, stage_v = y, v
-    total: list[Any] = []
-    for stage, (ahead, weight) in enumerate(zip((*RK4_NODES[1:], 0.0), RK4_WEIGHTS, strict=True)):
+    half, quarter, sixth = 0.5 * h, 0.25 * (h * h), h / 6.0
+
+    def acceleration(stage: int, stage_y: Sequence[Any], stage_v: Sequence[Any]) -> list[Any]:
         first = stage * ways * size
         slopes = r.rows_of("slopes", (2 * size - 1) * size, first)
+        total = r.rows_of("input", size, first) if with_input else [0.0] * size
         moved = [*stage_y[1 : m + 1], stage_y[m + 1] - stage_y[0], *stage_y[m + 2 :], *stage_v]
-        acceleration = r.rows_of("input", size, first) if with_input else [0.0] * size
         for n, change in enumerate(moved):
-            acceleration = [a + slopes[n * size + i] * change for i, a in enumerate(acceleration)]
-        each = [*stage_v, *acceleration] if weight == 1.0 else [a + a for a in (*stage_v, *acceleration)]
-        total = [a + b for a, b in zip(total, each, strict=True)] if total else each
-        ahead = h * ahead
-        stage_y = [a + ahead * b for a, b in zip(y, stage_v, strict=True)]
-        stage_v = [a + ahead * b for a, b in zip(v, acceleration, strict=True)]
-    sixth = h / 6.0
-    r.store("column", [a + sixth * b for a, b in zip(column, total, strict=True)])
+            total = [a + slopes[n * size + i] * change for i, a in enumerate(total)]
+        return total
+
+    middle, end = plus_scaled(y, half, v), plus_scaled(y, h, v)
+    first = acceleration(0, y, v)
+    second = acceleration(1, middle, plus_scaled(v, half, first))
+    third = acceleration(2, plus_scaled(middle, quarter, first), plus_scaled(v, half, second))
+    fourth = acceleration(3, plus_scaled(end, half * h, second), plus_scaled(v, h, third))
+    inner = [a + b for a, b in zip(second, third, strict=True)]
+    three = [a + b for a, b in zip(first, inner, strict=True)]
+    all_six = [a + b + c for a, b, c in zip(three, inner, fourth, strict=True)]
+    r.store("column", [*plus_scaled(end, sixth * h, three), *plus_scaled(v, sixth, all_six)])
     return r
 
 
@@ -108,13 +128,30 @@ def input_column_record(variant: Variant) -> Recorder:
 
 
 @recorded_kernel(stage_record)
-def stage_kernel(arena: Arena, slopes: LaneRows) -> None:
-    """Acceleration of every lane at a stage, and its slopes.
+def stage_kernel(arena: Arena, slopes: LaneRows, ahead: float, weight: float) -> None:
+    """One stage of a step of every lane, and the slopes of its acceleration.
 
     Args:
-        arena: of one block; the stage in Y_STAGE, V_STAGE, its acceleration in RATE_STAGE.
+        arena: of one block; rates and acceleration of the stage before in V_STAGE and RATE_STAGE, which receive the
+            stage's own; TOTAL adds them up.
         slopes: receives the derivatives of the acceleration by each input (`slope_ways`). Shape (ways * size, lanes).
+        ahead: time of the stage after the step's start [s].
+        weight: of the stage in the step.
     """
+
+
+def end_record(variant: Variant) -> Recorder:
+    """Record the end of a step whose stages are added up."""
+    r = Recorder(variant)
+    moved = plus_scaled([*r.read("Y"), *r.read("V")], r.trace.input("h") / 6.0, r.read("TOTAL"))
+    r.write("Y", moved[: variant.size])
+    r.write("V", moved[variant.size :])
+    return r
+
+
+@recorded_kernel(end_record)
+def end_kernel(arena: Arena, h: float) -> None:
+    """Move every lane to the end of its step, from the sum of its stages; the bits are those of `step_kernel`."""
 
 
 @recorded_kernel(column_record)
@@ -141,64 +178,6 @@ def input_column_kernel(column: LaneRows, slopes: LaneRows, input: LaneRows, h: 
 
 
 # --- drivers ----------------------------------------------------------------------------------------------------------
-
-
-def load_rows(arena: Arena, first_row: int, table: ArmTable, first: int) -> None:
-    """Copy numbers of some arms into a block; the lanes after the last arm repeat it.
-
-    Args:
-        arena: of one block.
-        first_row: of the arena, to begin with.
-        table: of all arms.
-        first: arm of lane 0.
-    """
-    for i in range(variant.lanes):
-        arm = min(first + i, table.shape[0] - 1)
-        for n in range(table.shape[1]):
-            arena[first_row + n, i] = table[arm, n]
-
-
-def load_arms(arena: Arena, first_row: int, table: ArmTable, first: int) -> None:
-    """As `load_rows`, of what no step changes; a table of one row serves all blocks."""
-    if first == 0 or table.shape[0] > 1:
-        load_rows(arena, first_row, table, first)
-
-
-def load_states(arena: Arena, states: States, first: int) -> None:
-    """Copy public states into a block, as internal ones (`dynamics.internal_coordinates`)."""
-    for i in range(variant.lanes):
-        state = states[min(first + i, states.shape[0] - 1)]
-        for part in range(2):
-            begin = row.Y + part * variant.size
-            entry = part * variant.size
-            for n in range(variant.size):
-                arena[begin + internal_place(n), i] = state[entry + n]
-            turn_link_2(arena, i, begin)
-
-
-def store_state(arena: Arena, i: int, first_row: int, state: NDArray[np.float64]) -> None:
-    """Copy an internal state of lane i out, as a public one (`dynamics.public_coordinates`).
-
-    Args:
-        arena: of one block.
-        i: the lane.
-        first_row: of the internal state.
-        state: receives it. Shape (2 * size,).
-    """
-    for part in range(2):
-        begin = first_row + part * variant.size
-        entry = part * variant.size
-        state[entry] = arena[begin, i]
-        state[entry + 1] = arena[begin + variant.modes + 1, i] - arena[begin, i] - elbow_slope(arena, i, begin + 1)
-        for n in range(variant.modes):
-            state[entry + 2 + n] = arena[begin + 1 + n, i]
-            state[entry + 2 + variant.modes + n] = arena[begin + variant.modes + 2 + n, i]
-
-
-def store_states(arena: Arena, states: States, first: int) -> None:
-    """Copy the states of a block out."""
-    for i in range(min(variant.lanes, states.shape[0] - first)):
-        store_state(arena, i, row.Y, states[first + i])
 
 
 def run_steps(arena: Arena, arms: ArmTable, torques: ArmTable, h: float, steps: int, states: States) -> None:
@@ -252,23 +231,23 @@ def run_tangents(
         for _ in range(steps):
             find_slopes(arena, h)
             carry_columns(arena, h)
-            step_kernel(arena, h)
+            end_kernel(arena, h)
         store_states(arena, states, first)
         store_columns(arena, jacobians, first)
 
 
 def find_slopes(arena: Arena, h: float) -> None:
-    """Compute the slopes of all stages of the coming step."""
+    """Compute the slopes of all stages of the coming step, and the sum of the stages."""
+    for r in range(variant.size):
+        for i in range(variant.lanes):
+            arena[row.V_STAGE + r, i] = 0.0
+            arena[row.RATE_STAGE + r, i] = 0.0
+            arena[row.TOTAL + r, i] = 0.0
+            arena[row.TOTAL + variant.size + r, i] = 0.0
     for stage in range(STAGES):
-        ahead = h * RK4_NODES[stage]
-        for r in range(variant.size):
-            for i in range(variant.lanes):
-                rate = arena[row.V_STAGE + r, i] if stage > 0 else 0.0
-                slope = arena[row.RATE_STAGE + r, i] if stage > 0 else 0.0
-                arena[row.Y_STAGE + r, i] = arena[row.Y + r, i] + ahead * rate
-                arena[row.V_STAGE + r, i] = arena[row.V + r, i] + ahead * slope
         begin = row.SLOPES + stage * variant.ways * variant.size
-        stage_kernel(arena, arena[begin : begin + variant.ways * variant.size])
+        slopes: LaneRows = arena[begin : begin + variant.ways * variant.size]
+        stage_kernel(arena, slopes, h * RK4_NODES[stage], RK4_WEIGHTS[stage])
 
 
 def carry_columns(arena: Arena, h: float) -> None:

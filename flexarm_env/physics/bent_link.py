@@ -10,6 +10,9 @@ Source: Kane, Ryan & Banerjee, *Dynamics of a cantilever beam attached to a movi
 a spinning beam needs it and how it enters; the integrals over two links and the kernels' form of them are our own.
 
 T and G are the moments of the foreshortening: ``T_k,ij`` integral of phi_k S_ij, ``G_ij,kl`` of S_ij S_kl over mass.
+They are symmetric in i, j and in k, l. Three contractions serve all terms: P = sum_k q_k T_k, the skew matrix
+``A_kj = sum_i (T_k,ji - T_j,ki) q_i`` and ``Z_i,jl = sum_k q_k G_ik,jl``; Z q is what foreshortening adds to the modal
+mass, symmetric as well.
 """
 
 from __future__ import annotations
@@ -60,9 +63,19 @@ def bent(at: PointShape, q: Vector) -> DeformedPoint:
     )
 
 
-def foreshortening_acceleration(at: PointShape, rates: Vector) -> Any:
-    """Return the acceleration of a place towards the root that the modal rates alone cause, q'^T S q'."""
-    return dot(at.foreshortening, products(rates)) if at.foreshortening else 0.0
+def velocity_acceleration(at: PointShape, point: DeformedPoint, rates: Vector, turn: Any) -> tuple[Any, Any]:
+    """Return the acceleration of a place towards the root, and to the side that no link bends to, at v' = 0.
+
+    Args:
+        at: the place.
+        point: the place, bent.
+        rates: modal rates.
+        turn: angular velocity of the root tangent.
+    """
+    turned, square = [2.0 * turn * rate for rate in rates], turn * turn
+    along = dot(point.values, turned, point.along * square)
+    across = dot(point.foreshortening_gradient, turned, point.across * square)
+    return dot(at.foreshortening, products(rates), along) if at.foreshortening else along, across
 
 
 class Link(NamedTuple):
@@ -72,25 +85,26 @@ class Link(NamedTuple):
         inertia: about the root, unbent [kg m^2].
         coupling: moment of inertia between root rotation and each mode, unbent.
         mass: modal mass matrix, lower triangle.
-        translation: the same without rotary inertias at the tip, which have no centrifugal effect.
-        shortened: integral of x S over mass, lower triangle; empty with linear kinematics, as are:
-        cubic: T, for each mode a lower triangle.
+        centrifugal: the same without rotary inertias at the tip, which have no centrifugal effect, and less the
+            integral of x S over mass, by which foreshortening brings mass closer to the root; lower triangle.
+        cubic: T, for each mode a lower triangle; empty with linear kinematics, as are:
+        crossed: ``T_k,ji - T_j,ki`` for each two modes k > j, a number for each mode i.
         quartic: G, the lower triangle of a matrix over pairs of modes.
     """
 
     inertia: Any
     coupling: Vector
     mass: Vector
-    translation: Vector
-    shortened: Vector
+    centrifugal: Vector
     cubic: Vector
+    crossed: Vector
     quartic: Vector
 
 
 def root_inertia(link: Link, q: Vector) -> Any:
     """Return the moment of inertia of the bent link about its root."""
     bending, more = _spread(link, q)
-    return link.inertia + dot(q, [x + 0.25 * y for x, y in zip(bending, more, strict=True)])
+    return dot(q, [x + 0.25 * y for x, y in zip(bending, more, strict=True)], link.inertia)
 
 
 def centrifugal_forces(link: Link, q: Vector) -> list[Any]:
@@ -100,45 +114,28 @@ def centrifugal_forces(link: Link, q: Vector) -> list[Any]:
 
 
 def _spread(link: Link, q: Vector) -> tuple[list[Any], list[Any]]:
-    """Return A q and B q: the mass matrix less what foreshortening takes away, and what it squared adds."""
-    if not link.quartic:
-        return symmetric_times(link.translation, q), [0.0] * len(q)
-    left = [mass - shortened for mass, shortened in zip(link.translation, link.shortened, strict=True)]
-    return symmetric_times(left, q), symmetric_times(symmetric_times(link.quartic, products(q)), q)
+    """Return what bending adds to a unit centrifugal field's forces to first and, twice as much, to third order."""
+    more = symmetric_times(_added_mass(link, q), q) if link.quartic else [0.0] * len(q)
+    return symmetric_times(link.centrifugal, q), more
 
 
 def root_coupling(link: Link, q: Vector) -> Vector:
     """Return the moment of inertia between root rotation and each mode of the bent link."""
     if not link.cubic:
         return link.coupling
-    bent_by = _cubic_times(link, q)
-    pulled = [dot(q, column) for column in zip(*bent_by, strict=True)]
-    return [link.coupling[j] + (pulled[j] - 0.5 * dot(bent_by[j], q)) for j in range(len(q))]
+    twice = _plus_crossed(link, q, q, symmetric_times(_cubic_times(link, q), q))
+    return [own + 0.5 * more for own, more in zip(link.coupling, twice, strict=True)]
 
 
 def modal_mass(link: Link, q: Vector) -> Vector:
     """Return the modal mass matrix of the bent link, lower triangle."""
     if not link.quartic:
         return link.mass
-    modes, result = range(len(q)), []
-    for i in modes:
-        for j in range(i + 1):
-            total = link.mass[place(i, j)]
-            for k in modes:
-                for n in range(k + 1):  # both orders of two modes at once
-                    one, other = (link.quartic[place(place(i, a), place(j, b))] for a, b in ((k, n), (n, k)))
-                    if k == n:
-                        total = total + one * (q[k] * q[k])
-                    elif i == j:
-                        total = total + one * (2.0 * (q[k] * q[n]))
-                    else:
-                        total = total + (one + other) * (q[k] * q[n])
-            result.append(total)
-    return result
+    return [own + added for own, added in zip(link.mass, _added_mass(link, q), strict=True)]
 
 
-def shortening_forces(link: Link, q: Vector, rates: Vector, turn: Any) -> tuple[Any, Vector]:
-    """Return the velocity forces that foreshortening adds, on the root and on each mode, at v' = 0.
+def velocity_forces(link: Link, q: Vector, rates: Vector, turn: Any) -> tuple[Any, list[Any]]:
+    """Return the velocity forces of a link whose root does not move, on the root and on each mode, at v' = 0.
 
     Args:
         link: the link.
@@ -146,22 +143,41 @@ def shortening_forces(link: Link, q: Vector, rates: Vector, turn: Any) -> tuple[
         rates: rates of the coordinates.
         turn: angular velocity of the root tangent.
     """
-    n = len(q)
-    if not link.quartic:
-        return 0.0, [0.0] * n
-    pairs, bent_by = products(rates), _cubic_times(link, q)
-    root = dot(q, [dot(_cubic(link, k, n), pairs) for k in range(n)])
-    across = [dot(rates, column) for column in zip(*bent_by, strict=True)]
-    along = symmetric_times(symmetric_times(link.quartic, pairs), q)
-    return root, [2.0 * turn * (across[j] - dot(rates, bent_by[j])) + along[j] for j in range(n)]
+    turned, square, out = [2.0 * turn * rate for rate in rates], turn * turn, centrifugal_forces(link, q)
+    root: Any = 0.0
+    modal: list[Any] = [0.0] * len(q)
+    if link.quartic:
+        pairs = products(rates)
+        root = dot(_cubic_times(link, q), pairs)
+        modal = _plus_crossed(link, q, turned, [dot(part, pairs) for part in _quartic_times(link, q)])
+    return dot(out, turned, root), [own - square * force for own, force in zip(modal, out, strict=True)]
 
 
-def _cubic(link: Link, mode: int, modes: int) -> Vector:
-    """Return T_k of one mode, lower triangle."""
-    count = modes * (modes + 1) // 2
-    return link.cubic[mode * count : (mode + 1) * count]
+def _cubic_times(link: Link, q: Vector) -> list[Any]:
+    """Return P, lower triangle."""
+    count = len(link.cubic) // len(q)
+    return [dot(link.cubic[pair::count], q) for pair in range(count)]
 
 
-def _cubic_times(link: Link, q: Vector) -> list[list[Any]]:
-    """Return T_k q of each mode k."""
-    return [symmetric_times(_cubic(link, k, len(q)), q) for k in range(len(q))]
+def _plus_crossed(link: Link, q: Vector, b: Vector, start: Vector) -> list[Any]:
+    """Return ``b^T A``, added to `start`."""
+    n, result = len(q), list(start)
+    for k in range(n):
+        for j in range(k):
+            first = n * (k * (k - 1) // 2 + j)
+            skew = dot(link.crossed[first : first + n], q)
+            result[j] = result[j] + b[k] * skew
+            result[k] = result[k] - b[j] * skew
+    return result
+
+
+def _quartic_times(link: Link, q: Vector) -> list[list[Any]]:
+    """Return Z_i of each mode i, lower triangle."""
+    modes, pairs = range(len(q)), range(len(q) * (len(q) + 1) // 2)
+    return [[dot([link.quartic[place(place(i, k), pair)] for k in modes], q) for pair in pairs] for i in modes]
+
+
+def _added_mass(link: Link, q: Vector) -> list[Any]:
+    """Return Z q, lower triangle: what foreshortening adds to the modal mass."""
+    along, modes = _quartic_times(link, q), range(len(q))
+    return [dot([along[i][place(j, k)] for k in modes], q) for i in modes for j in range(i + 1)]

@@ -33,11 +33,11 @@ class Constants(NamedTuple):
     Link i with what is fixed to it: ``inertia`` about its root [kg m^2]; ``coupling``, moment of inertia between
     root rotation and mode; ``mass``, modal mass matrix (lower triangle, row by row); ``static_moment`` [kg m];
     ``momentum``, integral of the mode over mass. Link 1 carries the elbow's mass, all of link 2 and the payload at
-    its tip; link 2 carries the elbow hub's inertia and the payload. ``translation_2`` is ``mass_2`` without the
-    payload's rotary inertia, which has no centrifugal effect.
+    its tip; link 2 carries the elbow hub's inertia and the payload. ``centrifugal`` as in `bent_link.Link`; link 1's is
+    ``mass_1`` with linear kinematics.
 
-    The last eight are empty with linear kinematics (`bent_link`): S at the elbow, the moments of S, and of link 2 the
-    integral of S over mass.
+    The last nine are empty with linear kinematics (`bent_link`): S at the elbow, of link 2 the integral of S over mass,
+    and what its moments become.
     """
 
     elbow_distance: Any
@@ -57,13 +57,14 @@ class Constants(NamedTuple):
     damping_2: Vector
     mass_1: Vector
     mass_2: Vector
-    translation_2: Vector
+    centrifugal_2: Vector
     elbow_foreshortening: Vector = ()
     mean_foreshortening_2: Vector = ()
-    shortened_1: Vector = ()
-    shortened_2: Vector = ()
+    centrifugal_1: Vector = ()
     cubic_1: Vector = ()
     cubic_2: Vector = ()
+    crossed_1: Vector = ()
+    crossed_2: Vector = ()
     quartic_1: Vector = ()
     quartic_2: Vector = ()
 
@@ -71,7 +72,8 @@ class Constants(NamedTuple):
     def sizes(modes: int, foreshortened: bool = False) -> list[int | None]:
         """Return the length of each field for a number of modes; None for a number."""
         pairs = modes * (modes + 1) // 2
-        further = [pairs] * 4 + [modes * pairs] * 2 + [pairs * (pairs + 1) // 2] * 2
+        crossed = modes * modes * (modes - 1) // 2
+        further = [pairs] * 3 + [modes * pairs] * 2 + [crossed] * 2 + [pairs * (pairs + 1) // 2] * 2
         return [None] * 6 + [modes] * 9 + [pairs] * 3 + [count * foreshortened for count in further]
 
     @property
@@ -92,10 +94,11 @@ class Constants(NamedTuple):
     @property
     def links(self) -> tuple[Link, Link]:
         """Inertia of both links; link 1 has no rotary inertia at its tip."""
-        further = (self.shortened_1, self.cubic_1, self.quartic_1), (self.shortened_2, self.cubic_2, self.quartic_2)
+        one = (self.centrifugal_1 or self.mass_1, self.cubic_1, self.crossed_1, self.quartic_1)
+        two = (self.centrifugal_2, self.cubic_2, self.crossed_2, self.quartic_2)
         return (
-            Link(self.inertia_1, self.coupling_1, self.mass_1, self.mass_1, *further[0]),
-            Link(self.inertia_2, self.coupling_2, self.mass_2, self.translation_2, *further[1]),
+            Link(self.inertia_1, self.coupling_1, self.mass_1, *one),
+            Link(self.inertia_2, self.coupling_2, self.mass_2, *two),
         )
 
     def flat(self) -> list[Any]:
@@ -129,7 +132,7 @@ def arm_constants(parameters: ArmParameters, modes: tuple[LinkModes, LinkModes])
     mass_2 = translation_2 + p.payload_inertia * np.outer(slope_2, slope_2)
     hub_and_payload = p.elbow_hub_inertia + p.payload_mass * length_2**2 + p.payload_inertia
     coupling_2 = two.second_moment + p.payload_mass * length_2 * two.tip_values + p.payload_inertia * slope_2
-    return Constants(
+    k = Constants(
         elbow_distance=length_1,
         inertia_1=rho_1 * length_1**3 / 3.0 + p.shoulder_hub_inertia + at_elbow * length_1**2,
         inertia_2=rho_2 * length_2**3 / 3.0 + hub_and_payload,
@@ -147,9 +150,9 @@ def arm_constants(parameters: ArmParameters, modes: tuple[LinkModes, LinkModes])
         damping_2=_floats(link_damping(p, two)),
         mass_1=_lower(one.mass + at_elbow * np.outer(one.tip_values, one.tip_values)),
         mass_2=_lower(mass_2),
-        translation_2=_lower(translation_2),
-        **(_foreshortening(modes, (at_elbow, p.payload_mass)) if p.kinematics == "foreshortened" else {}),
+        centrifugal_2=_lower(translation_2),
     )
+    return _foreshortened(k, modes, (at_elbow, p.payload_mass)) if p.kinematics == "foreshortened" else k
 
 
 class ConstantChanges(NamedTuple):
@@ -250,19 +253,32 @@ def link_place(modes: LinkModes, foreshortened: bool, s: float) -> PointShape:
     return PointShape(float(s), _floats(modes.shape(s)), sums)
 
 
-def _foreshortening(modes: tuple[LinkModes, LinkModes], carried: tuple[float, float]) -> dict[str, tuple[float, ...]]:
-    """Return the fields of foreshortened kinematics; `carried`: masses at the links' tips [kg]."""
+def _foreshortened(k: Constants, modes: tuple[LinkModes, LinkModes], carried: tuple[float, float]) -> Constants:
+    """Return the constants with foreshortened kinematics.
+
+    Args:
+        k: constants with linear kinematics.
+        modes: of the two bare links.
+        carried: masses at the links' tips [kg].
+    """
     one, two = (foreshortening_moments(link, mass) for link, mass in zip(modes, carried, strict=True))
-    return {
-        "elbow_foreshortening": _lower(modes[0].foreshortening(modes[0].length)),
-        "mean_foreshortening_2": _lower(two.mean),
-        "shortened_1": _lower(one.shortened),
-        "shortened_2": _lower(two.shortened),
-        "cubic_1": tuple(x for matrix in one.cubic for x in _lower(matrix)),
-        "cubic_2": tuple(x for matrix in two.cubic for x in _lower(matrix)),
-        "quartic_1": _lower(one.quartic),
-        "quartic_2": _lower(two.quartic),
-    }
+    return k._replace(
+        elbow_foreshortening=_lower(modes[0].foreshortening(modes[0].length)),
+        mean_foreshortening_2=_lower(two.mean),
+        centrifugal_1=_floats(np.array(k.mass_1) - _lower(one.shortened)),
+        centrifugal_2=_floats(np.array(k.centrifugal_2) - _lower(two.shortened)),
+        cubic_1=tuple(x for matrix in one.cubic for x in _lower(matrix)),
+        cubic_2=tuple(x for matrix in two.cubic for x in _lower(matrix)),
+        crossed_1=_crossed(one.cubic),
+        crossed_2=_crossed(two.cubic),
+        quartic_1=_lower(one.quartic),
+        quartic_2=_lower(two.quartic),
+    )
+
+
+def _crossed(cubic: np.ndarray) -> tuple[float, ...]:
+    """Return T_k,ji - T_j,ki for each two modes k > j and each i; T of shape (m, m, m)."""
+    return tuple(float(x) for k in range(len(cubic)) for j in range(k) for x in cubic[k, j] - cubic[j, k])
 
 
 def _floats(values: np.ndarray) -> tuple[float, ...]:

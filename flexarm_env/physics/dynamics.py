@@ -21,18 +21,16 @@ from __future__ import annotations
 
 from typing import Any
 
-from flexarm_env.physics import linear_algebra, modal_elimination
+from flexarm_env.physics import bent_link, linear_algebra, modal_elimination
 from flexarm_env.physics.bent_link import (
     bent,
-    centrifugal_forces,
-    foreshortening_acceleration,
     modal_mass,
     root_coupling,
     root_inertia,
-    shortening_forces,
+    velocity_acceleration,
 )
 from flexarm_env.physics.constants import Constants
-from flexarm_env.physics.linear_algebra import Factors, Matrix, Vector, dot, factor, place
+from flexarm_env.physics.linear_algebra import Factors, Matrix, Vector, dot, factor, less, place
 from flexarm_env.physics.modal_elimination import Elimination, Inertia
 
 
@@ -126,34 +124,22 @@ def velocity_forces(k: Constants, y: Vector, v: Vector, cos: Any, sin: Any) -> l
     m = len(k.elbow_slopes)
     w1, w2 = v[0], v[m + 1]  # angular velocities
     q1, q1_dot, q2, q2_dot = y[1 : m + 1], v[1 : m + 1], y[m + 2 :], v[m + 2 :]
-    (one, two), elbow, moment = k.links, bent(k.elbow, q1), bent(k.moment_2, q2)
-    # elbow's acceleration at v' = 0 on -n1 and on -e1; and link 2's inertial force relative to the elbow
-    elbow_n = elbow.across * (w1 * w1) + 2.0 * dot(elbow.foreshortening_gradient, q1_dot) * w1
-    elbow_e = (2.0 * dot(elbow.values, q1_dot) + elbow.along * w1) * w1 + foreshortening_acceleration(k.elbow, q1_dot)
-    link_n = moment.across * (w2 * w2) + 2.0 * dot(moment.foreshortening_gradient, q2_dot) * w2
-    link_e = (2.0 * dot(moment.values, q2_dot) + moment.along * w2) * w2 + foreshortening_acceleration(
-        k.moment_2, q2_dot
-    )
+    elbow, moment = bent(k.elbow, q1), bent(k.moment_2, q2)
+    # elbow's acceleration at v' = 0 on -e1 and on -n1; and link 2's inertial force relative to the elbow
+    elbow_e, elbow_n = velocity_acceleration(k.elbow, elbow, q1_dot, w1)
+    link_e, link_n = velocity_acceleration(k.moment_2, moment, q2_dot, w2)
     elbow_on_n2, elbow_on_e2 = elbow_e * sin - elbow_n * cos, -(elbow_n * sin + elbow_e * cos)
     link_on_n1, link_on_e1 = -(link_n * cos + link_e * sin), link_n * sin - link_e * cos
-    out1, out2 = centrifugal_forces(one, q1), centrifugal_forces(two, q2)
-    root1, modal1 = shortening_forces(one, q1, q1_dot, w1)
-    root2, modal2 = shortening_forces(two, q2, q2_dot, w2)
-    return [
-        2.0 * w1 * dot(out1, q1_dot) + root1 + elbow.along * link_on_n1 - elbow.across * link_on_e1,
-        *(
-            elbow.values[i] * link_on_n1 - elbow.foreshortening_gradient[i] * link_on_e1 - w1 * w1 * out1[i] + modal1[i]
-            for i in range(m)
-        ),
-        2.0 * w2 * dot(out2, q2_dot) + root2 + moment.along * elbow_on_n2 - moment.across * elbow_on_e2,
-        *(
-            moment.values[i] * elbow_on_n2
-            - moment.foreshortening_gradient[i] * elbow_on_e2
-            - w2 * w2 * out2[i]
-            + modal2[i]
-            for i in range(m)
-        ),
-    ]
+    forces: list[Any] = []
+    for point, on_n, on_e, link, q, rates, turn in (
+        (elbow, link_on_n1, link_on_e1, k.links[0], q1, q1_dot, w1),
+        (moment, elbow_on_n2, elbow_on_e2, k.links[1], q2, q2_dot, w2),
+    ):
+        root, modal = bent_link.velocity_forces(link, q, rates, turn)
+        forces.append(root + point.along * on_n - point.across * on_e)
+        each = zip(modal, point.values, point.foreshortening_gradient, strict=True)
+        forces += [own + value * on_n - gradient * on_e for own, value, gradient in each]
+    return forces
 
 
 def rigid_velocity_forces(k: Constants, v: Vector, sin_theta2: Any) -> list[Any]:
@@ -228,7 +214,7 @@ def imbalance(
     """
     cos, sin, _ = angles
     right = _right(k, complete, y, v, tau, angles)
-    return [force - dot(row, rates) for row, force in zip(mass_matrix(k, y, cos, sin), right, strict=True)]
+    return [less(force, row, rates) for row, force in zip(mass_matrix(k, y, cos, sin), right, strict=True)]
 
 
 def _right(k: Constants, complete: bool, y: Vector, v: Vector, tau: Vector, angles: tuple[Any, Any, Any]) -> list[Any]:

@@ -12,12 +12,17 @@ Vector = Sequence[Any]
 Matrix = Sequence[Sequence[Any]]
 
 
-def dot(a: Vector, b: Vector) -> Any:
-    """Sum of products, in order."""
-    total: Any = 0.0
+def dot(a: Vector, b: Vector, start: Any = 0.0) -> Any:
+    """Sum of products, in order, added to `start`: there one by one, since an addition alone takes as long as both."""
+    total = start
     for x, z in zip(a, b, strict=True):
         total = total + x * z
     return total
+
+
+def plus_scaled(a: Vector, factor: Any, b: Vector) -> list[Any]:
+    """Return ``a + factor b``."""
+    return [x + factor * z for x, z in zip(a, b, strict=True)]
 
 
 def place(i: int, j: int) -> int:
@@ -63,9 +68,9 @@ def factor(matrix: Matrix) -> Factors:
     inverse: list[Any] = []
     for i in range(n):
         for j in range(i):
-            scaled[i][j] = _less(matrix[i][j], scaled[i][:j], lower[j][:j])
+            scaled[i][j] = less(matrix[i][j], scaled[i][:j], lower[j][:j])
             lower[i][j] = scaled[i][j] * inverse[j]
-        inverse.append(1.0 / _less(matrix[i][i], scaled[i][:i], lower[i][:i]))
+        inverse.append(1.0 / less(matrix[i][i], scaled[i][:i], lower[i][:i]))
     return Factors([x for i, row in enumerate(lower) for x in row[:i]], inverse)
 
 
@@ -75,15 +80,15 @@ def solve(factors: Factors, right: Vector) -> list[Any]:
     lower = [factors.lower[i * (i - 1) // 2 :][:i] for i in range(n)]
     x: list[Any] = []
     for i in range(n):
-        x.append(_less(right[i], lower[i], x))
+        x.append(less(right[i], lower[i], x))
     x = [value * scale for value, scale in zip(x, factors.inverse, strict=True)]
     for i in reversed(range(n)):
         later = range(n - 1, i, -1)  # in the order in which they are known
-        x[i] = _less(x[i], [lower[j][i] for j in later], [x[j] for j in later])
+        x[i] = less(x[i], [lower[j][i] for j in later], [x[j] for j in later])
     return x
 
 
-def _less(start: Any, a: Vector, b: Vector) -> Any:
+def less(start: Any, a: Vector, b: Vector) -> Any:
     """Subtract the products of two vectors from a number one by one: what waits for the last takes one operation."""
     for x, z in zip(a, b, strict=True):
         start = start - x * z

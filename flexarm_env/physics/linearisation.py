@@ -48,7 +48,7 @@ def linearise(k: Constants, e: Elimination | None, complete: bool, state: Array,
     Returns:
         A, B and the rate at the point.
     """
-    n, inward, centrifugal_forces = len(state) // 2, to_internal(k), to_public(k)
+    n, inward, outward = len(state) // 2, to_internal(k), to_public(k)
     ways = np.zeros((2 * n + 2, 2 * n + 2))  # each internal coordinate, rate and torque by each public one
     ways[:n, :n] = ways[n : 2 * n, n : 2 * n] = inward
     ways[2 * n :, 2 * n :] = np.eye(2)
@@ -58,10 +58,8 @@ def linearise(k: Constants, e: Elimination | None, complete: bool, state: Array,
     rates, slopes = _acceleration(k, e, complete, point[:n], point[n : 2 * n], point[2 * n :])
     jacobian = np.zeros((2 * n, 2 * n + 2))
     jacobian[:n, n : 2 * n] = np.eye(n)
-    jacobian[n:] = centrifugal_forces @ slopes
-    return Linearisation(
-        jacobian[:, : 2 * n], jacobian[:, 2 * n :], np.concatenate([state[n:], centrifugal_forces @ rates])
-    )
+    jacobian[n:] = outward @ slopes
+    return Linearisation(jacobian[:, : 2 * n], jacobian[:, 2 * n :], np.concatenate([state[n:], outward @ rates]))
 
 
 def _acceleration(

@@ -124,3 +124,39 @@ def truth(k: Constants, tip: PointShape, y: Sequence[Any], v: Sequence[Any]) -> 
     rigid_tip = rigid_point(k.elbow_distance, tip.distance, one, sincos(theta1 + theta2))
     bends = [[dot(k.elbow_values, x[1 : m + 1]), dot(tip.values, x[m + 2 :])] for x in (y, v)]
     return Truth(state, true_point(k, tip, y, one, two), rigid_tip, *bends)
+
+
+class Outputs(NamedTuple):
+    """Outputs of an arm, or their derivatives by its state.
+
+    Attributes:
+        joints: theta1, theta2 [rad] and their rates [rad/s], what encoders read. Shape (..., 4).
+        sensed: position of the sensor's point [m] and its velocity [m/s]. Shape (..., 4).
+        true_tip: with deflection [m]. Shape (..., 2).
+        rigid_tip: by rigid kinematics of the joint angles (8), (9) [m]. Shape (..., 2).
+        deflection: deflection of each link's tip off its root tangent [m]. Shape (..., 2).
+        deflection_rate: [m/s]. Shape (..., 2).
+    """
+
+    joints: Any
+    sensed: Any
+    true_tip: Any
+    rigid_tip: Any
+    deflection: Any
+    deflection_rate: Any
+
+
+OUTPUT_SIZES = Outputs(4, 4, 2, 2, 2, 2)
+
+
+def outputs(k: Constants, tip: PointShape, sensor: PointShape, y: Sequence[Any], v: Sequence[Any]) -> Outputs:
+    """Return what sensors read of the arm and where its tips are; `sensor`: its point of link 2, `tip`: link 2's."""
+    known = truth(k, tip, y, v)
+    return Outputs(
+        angles_reading(k, sensor, y, v),
+        point_reading(k, sensor, y, v),
+        known.true_tip,
+        known.rigid_tip,
+        known.deflection,
+        known.deflection_rate,
+    )

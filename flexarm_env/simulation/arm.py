@@ -21,10 +21,11 @@ from flexarm_env.physics import dynamics as dyn
 from flexarm_env.physics.bent_link import PointShape
 from flexarm_env.physics.linearisation import Linearisation, linearise
 from flexarm_env.physics.modal_elimination import elimination
+from flexarm_env.physics.sensing import Outputs
 from flexarm_env.simulation.conditioning import refuse_singular
 from flexarm_env.simulation.feedback import FeedbackTorque
 from flexarm_env.simulation.open_loop import LARGEST, OpenLoop, TorqueFunction, count_instants, count_substeps
-from flexarm_env.simulation.outputs import Outputs, output_jacobians
+from flexarm_env.simulation.outputs import output_jacobians
 from flexarm_env.simulation.trajectory import DivergenceError, Trajectory
 from flexarm_env.validation import finite_array, finite_rows, integer, number, real_array, shown
 
@@ -324,9 +325,8 @@ class FlexibleArm(FeedbackTorque):
 
     def _public_acceleration(self, q: Array, rates: Array, tau: Sequence[Any]) -> Array:
         y, cos, sin, sin_theta2 = self._geometry(q)
-        v = self._internal(rates)
-        angles = (cos, sin, sin_theta2)
-        internal = dyn.acceleration(self.constants, self._elimination, self._complete, y, v, tau, angles)
+        arm, angles = (self.constants, self._elimination, self._complete), (cos, sin, sin_theta2)
+        internal = dyn.acceleration(*arm, y, self._internal(rates), tau, angles)
         return coordinates.stack(internal) @ self._to_public.T
 
     def _point(self, q: Array, link: int, s: ArrayLike) -> tuple[Array, Array]:

@@ -1,40 +1,25 @@
-"""What sensors read of the arm and where its tip is, with derivatives by the state: the formulas on dual numbers."""
+"""What sensors read of the arm and where its tip is, with derivatives by the state, by compiled kernels."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any, NamedTuple
+from functools import lru_cache
+from types import ModuleType
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexarm_env.codegen.tangents import jacobian
-from flexarm_env.physics import dynamics as dyn
-from flexarm_env.physics import sensing
+from flexarm_env.codegen import assembly, cache
+from flexarm_env.codegen.memory import aligned_zeros
+from flexarm_env.kernels.entries import extent
+from flexarm_env.kernels.layout import OUTPUTS, arm_rows, place_rows
+from flexarm_env.kernels.output_jacobians import OUTPUT_JACOBIANS
+from flexarm_env.kernels.variants import Variant
 from flexarm_env.physics.bent_link import PointShape
 from flexarm_env.physics.constants import Constants
+from flexarm_env.physics.sensing import OUTPUT_SIZES, Outputs
 
 Array = NDArray[np.float64]
-
-
-class Outputs(NamedTuple):
-    """Outputs of an arm, or their derivatives by its state.
-
-    Attributes:
-        joints: theta1, theta2 [rad] and their rates [rad/s], what encoders read. Shape (..., 4).
-        sensed: position of the sensor's point [m] and its velocity [m/s]. Shape (..., 4).
-        true_tip: with deflection [m]. Shape (..., 2).
-        rigid_tip: by rigid kinematics of the joint angles (8), (9) [m]. Shape (..., 2).
-        deflection: deflection of each link's tip off its root tangent [m]. Shape (..., 2).
-        deflection_rate: [m/s]. Shape (..., 2).
-    """
-
-    joints: Array
-    sensed: Array
-    true_tip: Array
-    rigid_tip: Array
-    deflection: Array
-    deflection_rate: Array
+LANES = 8  # of a block
 
 
 def output_jacobians(k: Constants, tip: PointShape, sensor: PointShape, state: Array) -> tuple[Outputs, Outputs]:
@@ -49,16 +34,26 @@ def output_jacobians(k: Constants, tip: PointShape, sensor: PointShape, state: A
     Returns:
         Outputs, and each with its derivatives by the state's entries along a new last axis.
     """
-    sizes = (4, 4, 2, 2, 2, 2)
+    module, known = _kernels(k, tip, sensor)
+    arena = aligned_zeros(known.size)
+    arena[:] = known
+    states = np.array(state, order="C").reshape(-1, state.shape[-1])
+    values, slopes = np.empty((len(states), OUTPUTS)), np.empty((len(states), OUTPUTS, states.shape[1]))
+    cache.call(module.run_outputs, arena, states, values, slopes)
+    leading, ends = state.shape[:-1], np.cumsum(OUTPUT_SIZES)[:-1]
+    return (
+        Outputs(*np.split(values.reshape(*leading, OUTPUTS), ends, axis=-1)),
+        Outputs(*np.split(slopes.reshape(*leading, OUTPUTS, states.shape[1]), ends, axis=-2)),
+    )
 
-    def outputs(x: Sequence[Any]) -> list[Any]:
-        """All in order."""
-        y, v = (dyn.internal_coordinates(k, half) for half in (x[: len(x) // 2], x[len(x) // 2 :]))
-        truth = sensing.truth(k, tip, y, v)
-        joints = sensing.reading(k, sensor, "rigid", y, v)
-        sensed = sensing.reading(k, sensor, "true", y, v)
-        return [x for group in (joints, sensed, *truth[1:]) for x in group]
 
-    values, derivatives = jacobian(outputs, state)
-    ends = np.cumsum(sizes)[:-1]
-    return Outputs(*np.split(values, ends, axis=-1)), Outputs(*np.split(derivatives, ends, axis=-2))
+@lru_cache(maxsize=64)
+def _kernels(k: Constants, tip: PointShape, sensor: PointShape) -> tuple[ModuleType, Array]:
+    """Return the kernels, and what their arena holds of the arm; arguments as in `output_jacobians`."""
+    variant = Variant(OUTPUT_JACOBIANS, len(k.elbow_slopes), True, LANES, foreshortened=k.foreshortened)
+    rows = variant.rows
+    arena = np.zeros((extent(rows), LANES))
+    for name, numbers in (arm_rows(k) | place_rows("TIP", tip) | place_rows("SENSOR_POINT", sensor)).items():
+        first, count = rows[name]
+        arena[first : first + count] = np.reshape(numbers, (count, 1))
+    return assembly.load(variant), arena.ravel()

@@ -1,7 +1,5 @@
-"""Optimal motion: the solver against scipy's, starts, plans and their files, feedback along them; refusals."""
+"""Optimal motion: the solver against scipy's, starts, refusals."""
 
-from functools import cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -9,51 +7,23 @@ import pytest
 from scipy.optimize import minimize
 
 from flexarm_baselines.optimal import (
-    AGGRESSIVE,
     Branch,
     DivergingStartError,
-    Plan,
-    PlanRegulator,
-    RegulatorWeights,
-    Solution,
     SolverOptions,
     TrackingProblem,
     follow,
     joint_path,
     lap_problem,
-    load_plan,
     optimise,
     plan_lap,
     usual_starts,
 )
+from flexarm_baselines.optimal import laps as lap_plans
 from flexarm_baselines.optimal.adjoint import torque_gradient
 from flexarm_baselines.optimal.solver import dynamics_curvature, rollout
-from flexarm_env import ArmParameters, FlexibleArm, SquareParameters
+from flexarm_env import ArmParameters, SquareParameters
 from flexarm_env.simulation.feedback import Rollout
-
-ARM = FlexibleArm(ArmParameters.linear(modes_per_link=1))
-PERIODS, SIZE = 25, 8
-START = np.array([0.3, 0.9, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
-IDLE = Rollout(np.zeros((PERIODS + 1, SIZE)), np.zeros((PERIODS, 2)))
-
-
-def problem(**changes: Any) -> TrackingProblem:
-    """Make the tip leave for a point that it cannot reach in time: torques come to their limits."""
-    share = np.linspace(0.0, 1.0, PERIODS + 1)[:, None]
-    reference = ARM.tip(START[:4]) + share * (-0.6, 0.5)
-    options: dict[str, Any] = {"limits": (40.0, 12.0), "torque_weight": 1e-4, "change_weight": 1e-3}
-    return TrackingProblem(ARM, START, reference, **(options | changes))
-
-
-@cache
-def solved() -> tuple[TrackingProblem, Solution]:
-    case = problem()
-    return case, optimise(case, IDLE, SolverOptions(tolerance=1e-7))
-
-
-@cache
-def plan() -> Plan:
-    return Plan.of(*solved(), note="a test's")
+from tests.support.optimal import ARM, IDLE, PERIODS, SIZE, START, problem, solved
 
 
 def gradient(case: TrackingProblem, torques: np.ndarray) -> np.ndarray:
@@ -204,82 +174,6 @@ def test_a_lap_is_planned_from_the_better_start() -> None:
     assert found.states[0, 1] > 0.0
 
 
-# --- plans ------------------------------------------------------------------------------------------------------------
-
-
-def test_a_plan_replays_to_its_states_and_survives_a_file(tmp_path: Path) -> None:
-    plan().save(tmp_path / "plan.npz")
-    loaded = Plan.load(tmp_path / "plan.npz")
-    for name in ("states", "torques", "reference"):
-        np.testing.assert_array_equal(getattr(loaded, name), getattr(plan(), name))
-    assert (loaded.parameters, loaded.limits, loaded.period, loaded.step) == (ARM.parameters, (40.0, 12.0), 0.01, 1e-3)
-    assert loaded.notes["note"] == "a test's"
-    assert loaded.notes["log"]["residual"][-1] < 1e-7
-    np.testing.assert_array_equal(loaded.replay().states, plan().states)
-
-
-def test_a_damaged_file_is_refused(tmp_path: Path) -> None:
-    path = tmp_path / "plan.npz"
-    path.write_bytes(b"nothing")
-    with pytest.raises(ValueError, match="not a saved Plan"):
-        Plan.load(path)
-    np.savez(path, head=np.array('{"format": 1}'), states=np.zeros((2, 8)))
-    with pytest.raises(ValueError, match="not a saved Plan"):
-        Plan.load(path)
-
-
-# --- feedback along a plan --------------------------------------------------------------------------------------------
-
-
-def test_the_gains_are_those_of_the_riccati_recursion() -> None:
-    weights = RegulatorWeights(tip=0.02, speed=0.3, torque=(10.0, 4.0))
-    regulator = PlanRegulator(plan(), weights)
-    found = ARM.step_jacobians(plan().states[:-1], plan().torques)
-    slopes = ARM.output_jacobians(plan().states)[1].sensed / np.array([0.02, 0.02, 0.3, 0.3])[:, None]
-    torque_cost, value = np.diag(1.0 / np.array([10.0, 4.0]) ** 2), slopes[-1].T @ slopes[-1]
-    more = 200
-    order = [*range(PERIODS), *[PERIODS - 1] * more]
-    for n, t in reversed(list(enumerate(order))):
-        A, B = found.by_state[t], found.by_torque[t]
-        gain = -np.linalg.solve(torque_cost + B.T @ value @ B, B.T @ value @ A)
-        closed, output = A + B @ gain, slopes[t if n < PERIODS else -1]
-        value = output.T @ output + gain.T @ torque_cost @ gain + closed.T @ value @ closed
-        if n < PERIODS:
-            np.testing.assert_allclose(regulator.gains[t], gain, rtol=1e-5, atol=1e-5)
-
-
-def test_the_torque_is_that_of_the_rollout() -> None:
-    regulator = PlanRegulator(plan())
-    state = plan().states[0] + 0.01
-    run = regulator.rollout(state)
-    for t in (0, 3, PERIODS - 1):
-        np.testing.assert_allclose(regulator.torque(0.01 * t, run.states[t]), run.torques[t], atol=1e-9)
-        np.testing.assert_allclose(regulator.torque(0.01 * t + 0.004, run.states[t]), run.torques[t], atol=1e-9)
-    assert regulator.torque(0.1, np.tile(state, (3, 1))).shape == (3, 2)
-    np.testing.assert_array_equal(regulator.torque(9.0, state), regulator.torque(0.24, state))
-    np.testing.assert_array_equal(regulator.torque(-1.0, state), regulator.torque(0.0, state))
-
-
-def test_feedback_brings_the_tip_back_and_more_of_it_sooner() -> None:
-    wide = Plan.of(problem(limits=(400.0, 200.0)), solved()[1])
-    off = np.array([0.002, -0.003, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
-    misses = []
-    for regulator in (None, PlanRegulator(wide), PlanRegulator(wide, AGGRESSIVE)):
-        start = wide.states[0] + off
-        run = ARM.rollout(start, wide.torques) if regulator is None else regulator.rollout(start)
-        misses.append(np.linalg.norm(ARM.tip(run.states[:, :4]) - ARM.tip(wide.states[:, :4]), axis=1))
-    assert misses[1][-1] < 0.5 * misses[0][-1]
-    assert np.sum(misses[2] ** 2) < np.sum(misses[1] ** 2)
-
-
-def test_another_arm_and_drawn_quantities_are_run() -> None:
-    regulator = PlanRegulator(plan())
-    heavy = FlexibleArm(ArmParameters.linear(modes_per_link=1, payload_mass=0.3))
-    one, other = regulator.rollout(arm=heavy), regulator.rollout(payload_mass=[0.0, 0.3])
-    assert other.states.shape == (2, PERIODS + 1, SIZE)
-    np.testing.assert_allclose(other.states[1], one.states, atol=1e-9)
-
-
 # --- refusals ---------------------------------------------------------------------------------------------------------
 
 
@@ -309,14 +203,15 @@ def test_a_bad_problem_is_refused(changes: dict[str, Any], error: type[Exception
         TrackingProblem(**arguments)
 
 
-def test_a_start_that_diverges_is_left_out() -> None:
+def test_a_start_that_diverges_is_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
     case = problem(limits=(1e9, 1e9))
-    for torques in (np.full((PERIODS, 2), 1e9), np.full((PERIODS, 2), np.nan)):
+    diverging = Rollout(IDLE.states, np.full((PERIODS, 2), 1e9))
+    for torques in (diverging.torques, np.full((PERIODS, 2), np.nan)):
         with pytest.raises(DivergingStartError, match="does not stay finite"):
             optimise(case, Rollout(IDLE.states, torques))
-    lap, far = SquareParameters(lap_time=0.4, side=6.0), {"limits": (1e9, 1e9), "torque_weight": 1e-30}
+    monkeypatch.setattr(lap_plans, "optimise", lambda *_: optimise(case, diverging))
     with pytest.raises(DivergingStartError, match="none of them"):
-        plan_lap(ARM, lap, starts=[[Branch(0.0, "positive")]], change_weight=0.0, tip_weights=1e12, trial=0, **far)
+        plan_lap(ARM, SquareParameters(lap_time=0.4), starts=[[Branch(0.0, "positive")]], trial=0)
 
 
 def test_other_bad_input_is_refused() -> None:
@@ -345,23 +240,3 @@ def test_other_bad_input_is_refused() -> None:
             joint_path(case, branches)
     with pytest.raises(ValueError, match=r"joints: must have shape \(26, 2\)"):
         follow(case, np.zeros((3, 2)))
-
-
-def test_bad_input_along_a_plan_is_refused() -> None:
-    with pytest.raises(ValueError, match="name = 'best'"):
-        load_plan("best")
-    with pytest.raises(TypeError, match="plan = "):
-        PlanRegulator(solved()[1])
-    with pytest.raises(TypeError, match="weights = "):
-        PlanRegulator(plan(), (0.1, 0.2))
-    with pytest.raises(ValueError, match="torque"):
-        RegulatorWeights(torque=(0.0, 1.0))
-    with pytest.raises(ValueError, match="2 modes a link, the plan's 1"):
-        PlanRegulator(plan(), model=FlexibleArm(ArmParameters.linear()))
-    regulator = PlanRegulator(plan())
-    with pytest.raises(ValueError, match=r"state: must have shape \(..., 8\)"):
-        regulator.torque(0.0, np.zeros(4))
-    with pytest.raises(ValueError, match="time = nan"):
-        regulator.torque(np.nan, START)
-    with pytest.raises(ValueError, match="states: must have shape"):
-        Plan(ARM.parameters, np.zeros((3, 8)), np.zeros((3, 2)), np.zeros((4, 2)), (1.0, 1.0), 0.01, 1e-3)

@@ -1,6 +1,8 @@
 """The snippets in README and docs run as they stand: the README's each alone, a page's one after the other."""
 
 import re
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +35,28 @@ def test_snippets_run(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatc
         if page == README:
             document.namespace.clear()  # who copies one has nothing of the others
         example.evaluate()
+
+
+# The snippets' own functions have no annotations, and torch's tensors stand for sequences.
+CHECKED = '# mypy: allow-untyped-defs, allow-untyped-calls, disable-error-code="arg-type"\n'
+
+
+def test_long_snippets_agree_with_the_types(tmp_path: Path) -> None:
+    """The snippets that the fast tests do not run: what they import, and the names and arguments that they use."""
+    types = ROOT / "build" / "types"  # as `make typecheck`
+    types.mkdir(parents=True, exist_ok=True)
+    for folder in ("baselines", "agents"):
+        if not (types / f"flexarm_{folder}").exists():
+            (types / f"flexarm_{folder}").symlink_to(ROOT / folder)
+    files = []
+    for page in sorted(LONG):
+        snippets = re.findall(r"^```python\n(.*?)^```", page.read_text(), re.DOTALL | re.MULTILINE)
+        assert len(snippets) == page.read_text().count("```python")
+        files.append(tmp_path / f"{page.stem}_snippets.py")
+        files[-1].write_text(CHECKED + "".join(snippets))
+    command = [sys.executable, "-m", "mypy", *map(str, files)]
+    checked = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert checked.returncode == 0, checked.stdout + checked.stderr
 
 
 def test_pictures_and_links_exist() -> None:

@@ -153,20 +153,13 @@ def test_compiled_code_is_kept_in_one_way() -> None:
 # --- sizes --------------------------------------------------------------------------------------------------
 
 MOST_LINES, MOST_LINES_OF_A_FUNCTION = 350, 60
-# Files that are to be cut: none may grow beyond `TOLERATED`, and no other is tolerated.
-TO_BE_CUT = {
-    "flexarm_env/parameters.py",
-    "tests/baselines/test_optimal.py",
-}
-TOLERATED = 390
 
 
 def test_files_stay_small() -> None:
     lengths = {
         str(path.relative_to(ROOT)): len(path.read_text(encoding="utf-8").splitlines()) for path in sources("*.py")
     }
-    allowed = dict.fromkeys(TO_BE_CUT, TOLERATED)
-    assert {name: length for name, length in lengths.items() if length > allowed.get(name, MOST_LINES)} == {}
+    assert {name: length for name, length in lengths.items() if length > MOST_LINES} == {}
 
 
 def length(function: ast.FunctionDef) -> int:

@@ -1,0 +1,66 @@
+"""What sensors read of the arm and where its tips are, with derivatives by its state: recorded formula and driver.
+
+`imex` explains lanes, blocks and arenas.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexarm_env.codegen.arrays import Arena
+from flexarm_env.codegen.declarations import Program
+from flexarm_env.codegen.tangents import tangents, value, varied
+from flexarm_env.kernels.layout import OUTPUTS, row
+from flexarm_env.kernels.recorder import Recorder, recorded_kernel
+from flexarm_env.kernels.states import States, load_rows
+from flexarm_env.kernels.variants import Variant, variant
+from flexarm_env.physics import dynamics as dyn
+from flexarm_env.physics import sensing
+
+
+def output_record(variant: Variant) -> Recorder:
+    """Record the outputs of a public state, and their derivatives."""
+    r = Recorder(variant)
+    k, ways = r.constants(), range(2 * variant.size)
+    state = varied(r.read("STATE"), ways)
+    y, v = (dyn.internal_coordinates(k, half) for half in (state[: variant.size], state[variant.size :]))
+    parts = sensing.outputs(k, r.place("TIP"), r.place("SENSOR_POINT"), y, v)
+    found = [x for part in parts for x in part]
+    r.write("OUTPUTS", [value(x) for x in found])
+    r.write("OUTPUT_SLOPES", [tangents(x).get(way, 0.0) for x in found for way in ways])
+    return r
+
+
+@recorded_kernel(output_record)
+def output_kernel(arena: Arena) -> None:
+    """Compute the outputs of every lane, and their derivatives, from STATE."""
+
+
+def run_outputs(arena: Arena, states: States, values: NDArray[np.float64], slopes: NDArray[np.float64]) -> None:
+    """Compute the outputs of an arm in many states, and their derivatives.
+
+    Args:
+        arena: to work in; it holds the arm's constants and its points.
+        states: public. Shape (n, 2 * size).
+        values: receives the outputs (`sensing.outputs`). Shape (n, outputs).
+        slopes: receives their derivatives by the states. Shape (n, outputs, 2 * size).
+    """
+    length = 2 * variant.size
+    for first in range(0, states.shape[0], variant.lanes):
+        load_rows(arena, row.STATE, states, first)
+        output_kernel(arena)
+        for i in range(min(variant.lanes, states.shape[0] - first)):
+            for r in range(OUTPUTS):
+                values[first + i, r] = arena[row.OUTPUTS + r, i]
+                for n in range(length):
+                    slopes[first + i, r, n] = arena[row.OUTPUT_SLOPES + r * length + n, i]
+
+
+OUTPUT_JACOBIANS = Program(
+    "outputs",
+    entry_points=(run_outputs,),
+    groups=frozenset({"outputs"}),
+    closed=True,
+    words="what an arm's sensors read, and its Jacobians",
+)
