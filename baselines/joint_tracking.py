@@ -41,10 +41,10 @@ class JointFeedback:
             (computed torque).
     """
 
-    stiffness: tuple[float, float] = (103.0, 140.0)
-    resistance: tuple[float, float] = (106.0, 36.0)
-    angle_filter: float = 0.07
-    rate_filter: float = 0.19
+    stiffness: tuple[float, float] = (40.0, 20.0)
+    resistance: tuple[float, float] = (100.0, 15.0)
+    angle_filter: float = 0.2
+    rate_filter: float = 0.4
     decoupled: bool = False
 
     def __post_init__(self) -> None:
@@ -56,7 +56,7 @@ class JointFeedback:
 
 
 # The best found without feed-forward, and through the rigid arm's mass matrix; docs/controllers.md has what was tried.
-STIFF = JointFeedback((65.0, 30.0), (234.0, 52.0), 0.12, 0.33)
+STIFF = JointFeedback((89.0, 49.0), (342.0, 51.0), 0.05, 0.25)
 DECOUPLED = JointFeedback((0.39, 0.7), (0.62, 2.8), 0.29, 0.25, decoupled=True)
 
 

@@ -32,7 +32,7 @@ from scripts.optimise import reach
 from scripts.optimise.pareto import ITERATIONS, WEIGHTS, curve
 from scripts.optimise.score import regulated, score
 from scripts.optimise.search import SIDES, Candidate, Effort, search
-from scripts.optimise.tables import TABLES, plan_name, reports
+from scripts.optimise.tables import DRAWN, TABLES, plan_name
 
 PAGE = "optimal.md"
 CHANGE_WEIGHTS = {"linear": 7e-5}  # [m^2]; of some arms, where smoothness costs more
@@ -105,10 +105,9 @@ def main() -> None:
 
 def update_docs(output: Path) -> None:
     """Fill the page's tables from the plans of the package."""
-    found = reports(PLANS)
     output.mkdir(parents=True, exist_ok=True)
     for name, make in TABLES.items():
-        (output / f"{name}.md").write_text(make(found))
+        (output / f"{name}.md").write_text(make(PLANS))
     page = DOCS / PAGE
     page.write_text(filled(page.read_text(), output))
     print(f"{page}: tables up to date")
@@ -153,13 +152,13 @@ def _optimise(arm: str, path: str, lap: str, options: Options) -> None:
 def _reach(count: int, options: Options) -> None:
     """Optimise drawn motions, write their report, and print a line for each."""
     rows = []
-    with tqdm(total=count * reach.ITERATIONS, unit="iteration", desc=reach.REPORT) as bar:
+    with tqdm(total=count * reach.ITERATIONS, unit="iteration", desc="reach") as bar:
         for seed in range(count):
-            rows.append(reach.best(seed, options.output / reach.REPORT, lambda word, line: bar.update()))
+            rows.append(reach.best(seed, options.output / "reach", lambda word, line: bar.update()))
             print(f"reach, seed {seed}: {rows[-1]['true_tip_rms']:.4f} m, residual {rows[-1]['residual']:.1e}")
-    write_json(options.output / f"{reach.REPORT}.json", rows)
+    write_json(options.output / DRAWN, rows)
     if options.ship:
-        shutil.copyfile(options.output / f"{reach.REPORT}.json", PLANS / f"{reach.REPORT}.json")
+        shutil.copyfile(options.output / DRAWN, PLANS / DRAWN)
 
 
 def _other(name: str, arm: ArmParameters, lap: str, output: Path) -> Plan | None:

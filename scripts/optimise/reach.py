@@ -20,7 +20,6 @@ from scripts.optimise.search import improved
 
 SIDE = "positive"  # of the elbow, as in the environment
 ITERATIONS = 100
-REPORT = "reach"  # name of the file
 
 
 def idle(observation: Any) -> tuple[float, float]:

@@ -10,6 +10,7 @@ from scripts.common.markdown import table
 from scripts.optimise.score import CASES
 
 ERRORS = {"true_tip_rms": "lap r.m.s. [m]", "true_tip_rms_after_2s": "after 2 s [m]"}
+DRAWN = "reach.json"  # the report on drawn motions
 EFFORTS = {"torque_rms": "torques, r.m.s. [N m]", "torque_change_rms": "their change in a period [N m]"}
 
 
@@ -18,8 +19,9 @@ def reports(folder: Path) -> dict[str, Any]:
     return {path.stem: json.loads(path.with_suffix(".json").read_text()) for path in sorted(folder.glob("*.npz"))}
 
 
-def laps(found: dict[str, Any]) -> str:
+def laps(folder: Path) -> str:
     """Show the best known laps."""
+    found = reports(folder)
     head = ["arm, lap", *ERRORS.values(), "largest [m]", "elbow", *EFFORTS.values(), "weight on it [m²]", "residual"]
     return table(head, [_lap(name, report) for name, report in found.items()])
 
@@ -31,8 +33,9 @@ def _lap(name: str, report: dict[str, Any]) -> list[str]:
     return [_words(name), *_errors(score), largest, branches, *_efforts(score), weight, residual]
 
 
-def pareto(found: dict[str, Any]) -> str:
+def pareto(folder: Path) -> str:
     """Show error against effort."""
+    found = reports(folder)
     head = ["arm, lap", "weight on changes [m²]", *ERRORS.values(), *EFFORTS.values()]
     return table(
         head,
@@ -44,8 +47,9 @@ def pareto(found: dict[str, Any]) -> str:
     )
 
 
-def regulated(found: dict[str, Any]) -> str:
+def regulated(folder: Path) -> str:
     """Show what regulators along the plans make of other arms: lap, then after 2 s."""
+    found = reports(folder)
     cases = list(CASES)
     return table(
         ["arm, lap", "regulator", *cases],
@@ -53,6 +57,25 @@ def regulated(found: dict[str, Any]) -> str:
             [_words(name), regulator, *(" / ".join(_errors(rows[case])) for case in cases)]
             for name, report in found.items()
             for regulator, rows in report["regulated"].items()
+        ],
+    )
+
+
+def drawn(folder: Path) -> str:
+    """Show the best known runs of `FlexArm/Reach-v0`."""
+    rows = json.loads((folder / DRAWN).read_text())
+    head = ["seed", "episode r.m.s. [m]", "while the reference rests [m]", "largest [m]", *EFFORTS.values(), "residual"]
+    return table(
+        head,
+        [
+            [
+                str(row["seed"]),
+                *(f"{row[key]:.4f}" for key in ("true_tip_rms", "true_tip_rms_at_rest")),
+                f"{row['true_tip_max']:.3f}",
+                *_efforts(row),
+                f"{row['residual']:.0e}",
+            ]
+            for row in rows
         ],
     )
 
@@ -82,4 +105,4 @@ def _efforts(row: dict[str, Any]) -> list[str]:
     return [" / ".join(f"{x:.1f}" for x in row[key]) for key in EFFORTS]
 
 
-TABLES = {"laps": laps, "pareto": pareto, "regulated": regulated}
+TABLES = {"laps": laps, "drawn": drawn, "pareto": pareto, "regulated": regulated}

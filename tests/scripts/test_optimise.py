@@ -13,7 +13,7 @@ from flexarm_env.physics.paths import PATHS
 from scripts.common.markdown import DOCS
 from scripts.optimise.score import score
 from scripts.optimise.search import sequences
-from scripts.optimise.tables import TABLES, parts, plan_name, reports
+from scripts.optimise.tables import TABLES, parts, plan_name
 from tests.support.programs import refusal, run_study
 
 run_script = partial(run_study, "optimise")
@@ -85,7 +85,7 @@ def test_a_plan_of_the_package_is_whole(name: str) -> None:
 def test_the_page_shows_the_plans_of_the_package() -> None:
     page = (DOCS / "optimal.md").read_text()
     for name, make in TABLES.items():
-        assert f"<!-- generated: {name} -->\n{make(reports(PLANS))}<!-- end -->" in page, name
+        assert f"<!-- generated: {name} -->\n{make(PLANS)}<!-- end -->" in page, name
 
 
 @pytest.mark.slow
