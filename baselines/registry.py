@@ -16,6 +16,7 @@ from flexarm_baselines.joint_tracking import DECOUPLED, STIFF, JointTracking
 from flexarm_baselines.lqg import LQG, GaugedLQG
 from flexarm_baselines.plan_follower import PlanFollower
 from flexarm_baselines.policy import Policy
+from flexarm_baselines.predictive import NMPC, UNKNOWN, StateNMPC
 from flexarm_env.validation import choice
 
 
@@ -70,6 +71,8 @@ class Controller:
 
 BAYO = "Bayo, J. Robotic Systems 4, 1987"
 ANDERSON_MOORE = "Anderson & Moore, Optimal Control: Linear Quadratic Methods, 1990"
+DIEHL = "Diehl, Bock & Schloeder, SIAM J. Control and Optimization 43, 2005"
+LJUNG = "Ljung, IEEE Trans. Automatic Control 24, 1979"
 GREEN_SASIADEK = "Green & Sasiadek, IFAC World Congress 2008"
 
 CONTROLLERS: dict[str, Controller] = {
@@ -105,6 +108,19 @@ CONTROLLERS: dict[str, Controller] = {
     "lqg_gauges": Controller(
         GaugedLQG, "the same, whose filter reads strain gauges, too", f"{ANDERSON_MOORE}, chapter 8"
     ),
+    "nmpc": Controller(
+        NMPC,
+        "nonlinear predictive control in real time, tied to the best plan known, of what a Kalman filter makes of "
+        "encoders and the late tip",
+        DIEHL,
+    ),
+    "nmpc_adaptive": Controller(
+        NMPC, "the same, whose filter finds payload and stiffness as well", f"{DIEHL}; {LJUNG}", {"unknown": UNKNOWN}
+    ),
+    "nmpc_path": Controller(
+        NMPC, "the same as `nmpc`, tied to a run of its own that was not optimised", DIEHL, {"reference": "path"}
+    ),
+    "nmpc_state": Controller(StateNMPC, "the same as `nmpc`, of the true state: privileged, a yardstick", DIEHL),
 }
 
 

@@ -71,6 +71,7 @@ class FlexibleArm(FeedbackTorque):
         self._elimination = elimination(self.constants)
         self._to_internal = coordinates.to_internal(self.constants)
         self._to_public = coordinates.to_public(self.constants)
+        self._places: dict[tuple[int, float], PointShape] = {}  # tip and sensor, for controllers that ask all the time
 
     @property
     def size(self) -> int:
@@ -148,7 +149,10 @@ class FlexibleArm(FeedbackTorque):
         link = integer("link", link, 1, 2)
         length = self.parameters.link_lengths[link - 1]
         distance = number("s", s, "m", least=0.0, most=length)
-        return constants.link_place(self.modes[link - 1], self.constants.foreshortened, distance)
+        if (link, distance) not in self._places:
+            modes = self.modes[link - 1]
+            self._places[link, distance] = constants.link_place(modes, self.constants.foreshortened, distance)
+        return self._places[link, distance]
 
     def elbow(self, q: ArrayLike) -> Array:
         """Return the tip of link 1 [m]. Shape (..., 2)."""

@@ -70,6 +70,7 @@ class HeldTorque(ABC):
     parameters: ArmParameters
     modes: tuple[LinkModes, LinkModes]
     constants: Constants
+    _latest: tuple[Array, tuple[Array, Array]] | None = None  # of `_shared_inputs`
 
     @abstractmethod
     def longest_step(self, damping: float | None = None) -> float:
@@ -151,6 +152,12 @@ class HeldTorque(ABC):
     def _own(self) -> tuple[Array, Array]:
         return self._kernel_inputs(self.changes.own[None])
 
+    def _shared_inputs(self, quantities: Array) -> tuple[Array, Array]:
+        """`_kernel_inputs` of one row for all arms; a controller asks for the same row several times in a period."""
+        if self._latest is None or not np.array_equal(self._latest[0], quantities):
+            self._latest = quantities, self._kernel_inputs(quantities)
+        return self._latest[1]
+
     def _kernel_inputs(self, quantities: Array) -> tuple[Array, Array]:
         """Constants of arms with these quantities for the kernels (`layout.arm_rows`), and their derivatives.
 
@@ -161,8 +168,11 @@ class HeldTorque(ABC):
             Shape (n, numbers), and (n, 3 * constants).
         """
         flat = self.changes.constants(quantities)
-        e = elimination(Constants.unflat(list(flat.T), self.parameters.modes_per_link, self.constants.foreshortened))
-        known = flat if e is None else np.concatenate([flat, np.stack(e.flat(), axis=-1)], axis=1)
+        known = flat
+        if not self.constants.foreshortened:
+            e = elimination(Constants.unflat(list(flat.T), self.parameters.modes_per_link))
+            assert e is not None
+            known = np.concatenate([flat, np.stack(e.flat(), axis=-1)], axis=1)
         return known, self.changes.derivatives(quantities).reshape(len(quantities), -1)
 
     def _batch(self, state: ArrayLike, torque: ArrayLike, quantities: tuple[ArrayLike | None, ...]) -> _Batch:
@@ -196,8 +206,12 @@ class HeldTorque(ABC):
         inputs = self._own
         if given:
             drawn = [given.get(name, own) for name, own in zip(ARM_QUANTITIES, self.changes.own, strict=True)]
-            quantities_of = np.stack([np.broadcast_to(value, leading).ravel() for value in drawn], axis=-1)
-            inputs = self._kernel_inputs(quantities_of)
+            if all(value.size == 1 for value in given.values()):
+                inputs = self._shared_inputs(np.array([[float(np.reshape(value, ())) for value in drawn]]))
+            else:
+                inputs = self._kernel_inputs(
+                    np.stack([np.broadcast_to(value, leading).ravel() for value in drawn], axis=-1)
+                )
         return Arms(leading, _rows(states, leading), inputs)
 
     def _kernels(self, lanes: int) -> tuple[ModuleType, Array]:

@@ -22,7 +22,9 @@ ITERATIONS = 100  # of each weight at most
 def curve(
     plan: Plan, lap: str, path: str, folder: Path, tick: Callable[[str, Iteration | None], Any]
 ) -> list[dict[str, Any]]:
-    """Return error and effort for each weight; each search begins where the one before ended.
+    """Return error and effort for each weight, from that of the plan on upward and downward.
+
+    Each search begins where the one for the weight before ended.
 
     Errors are those of the plan's own states, which an environment repeats to rounding.
 
@@ -34,20 +36,28 @@ def curve(
         tick: called with a word on what is done and each iteration; without one when a plan was taken over.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    rows = []
-    for weight in sorted(WEIGHTS):
-        problem = lap_problem(plan.arm, lap, path=path, change_weight=weight)
-        start = partial(Rollout, plan.states, plan.torques)
-        plan = improved(problem, "", start, ITERATIONS, folder / f"pareto{weight:g}.npz", tick).plan
-        away = np.linalg.norm(plan.arm.tip(plan.states[:, : plan.arm.size]) - plan.reference, axis=1)
-        rows.append(
-            {
-                "change_weight": weight,
-                "true_tip_rms": float(np.sqrt(np.mean(away**2))),
-                "true_tip_rms_after_2s": float(np.sqrt(np.mean(away[plan.time >= SETTLED] ** 2))),
-                **efforts(plan),
-                "converged": plan.notes["converged"],
-                "residual": plan.notes["log"]["residual"][-1],
-            }
-        )
-    return rows
+    own = plan.notes["change_weight"]
+    upward = sorted(weight for weight in WEIGHTS if weight >= own)
+    downward = sorted((weight for weight in WEIGHTS if weight < own), reverse=True)
+    found = {}
+    for weights in (upward, downward):
+        last = plan
+        for weight in weights:
+            problem = lap_problem(plan.arm, lap, path=path, change_weight=weight)
+            start = partial(Rollout, last.states, last.torques)
+            last = improved(problem, "", start, ITERATIONS, folder / f"pareto{weight:g}.npz", tick).plan
+            found[weight] = _row(last, weight)
+    return [found[weight] for weight in sorted(found)]
+
+
+def _row(plan: Plan, weight: float) -> dict[str, Any]:
+    """Collect the figures of a plan for a weight."""
+    away = np.linalg.norm(plan.arm.tip(plan.states[:, : plan.arm.size]) - plan.reference, axis=1)
+    return {
+        "change_weight": weight,
+        "true_tip_rms": float(np.sqrt(np.mean(away**2))),
+        "true_tip_rms_after_2s": float(np.sqrt(np.mean(away[plan.time >= SETTLED] ** 2))),
+        **efforts(plan),
+        "converged": plan.notes["converged"],
+        "residual": plan.notes["log"]["residual"][-1],
+    }

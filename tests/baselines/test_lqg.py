@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import cache
-from typing import Any
 
 import gymnasium
 import numpy as np
@@ -13,76 +11,12 @@ import pytest
 from flexarm_baselines.lqg import LQG, NOISE, GaugedLQG
 from flexarm_baselines.lqg.tables import FilterTables
 from flexarm_baselines.observers import Estimate, KalmanFilter, Readings
-from flexarm_baselines.optimal import Plan, PlanRegulator, RegulatorWeights
+from flexarm_baselines.optimal import PlanRegulator, RegulatorWeights
 from flexarm_baselines.optimal.library import mirrored
 from flexarm_baselines.plan_follower import PlanFollower
-from flexarm_baselines.task import Task
-from flexarm_env import ArmParameters, FlexibleArm
-from flexarm_env.physics.paths import ReferencePath
+from flexarm_env import FlexibleArm
 from flexarm_env.rollout import run_policy
-
-ARM = FlexibleArm(ArmParameters.linear(modes_per_link=1))
-PERIODS, SIZE, DELAY = 40, 8, 0.0234
-START = np.array([0.3, 0.9, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
-LIMITS = (60.0, 20.0)
-PLACES = {"joint_angles": (0, 2), "joint_rates": (2, 4), "sensed_position": (4, 6), "lap_phase": (6, 8)}
-BLOCKS = {name: slice(*ends) for name, ends in PLACES.items()}
-BLOCKS |= {"modal_coordinates": slice(8, 10), "modal_rates": slice(10, 12)}
-
-
-@cache
-def plan() -> Plan:
-    """Return a run that is no optimum; its reference is another, there and back."""
-    time = 0.01 * np.arange(PERIODS)
-    torques = np.stack([20.0 * np.sin(9.0 * time), -5.0 * np.sin(12.0 * time)], axis=1)
-    run = ARM.rollout(START, torques)
-    return Plan(ARM.parameters, run.states, torques, task().reference, LIMITS, 0.01, 1e-3)
-
-
-@cache
-def task() -> Task:
-    away = ARM.tip(START[:4])
-    path = ReferencePath([[0.0, *away], [0.2, *(away - 0.1)], [0.4, *away]])
-    return Task(ARM.parameters, path, torque_limit=LIMITS, delay=DELAY, blocks=BLOCKS, scale=np.ones(12))
-
-
-class Plant:
-    """Arms whose tip's readings are late, observed as in an environment."""
-
-    def __init__(self, states: np.ndarray, delay: float = DELAY, **quantities: float) -> None:
-        self.states, self.delay, self.quantities, self.period = states, delay, quantities, 0
-        self.past = [states] * 5  # at each period's beginning, the newest first
-        self.torques = [np.zeros((len(states), 2))] * 4
-
-    def observe(self) -> np.ndarray:
-        angle = 2.0 * np.pi * self.period / PERIODS
-        phase = np.tile([np.cos(angle), np.sin(angle)], (len(self.states), 1))
-        joints = self.states[:, [0, 1, 4, 5]]
-        return np.hstack([joints, self.late_tip(), phase, self.states[:, [2, 3, 6, 7]]])
-
-    def late_tip(self) -> np.ndarray:
-        begun = int(np.ceil(self.delay / 0.01))
-        part = 0.01 * begun - self.delay
-        states = self.past[begun]
-        if self.period >= begun and part > 1e-9:
-            states = ARM.step(states, self.torques[begun - 1], part, step=part / 10, **self.quantities)
-        return ARM.tip(states[:, :4])
-
-    def step(self, action: np.ndarray) -> None:
-        torque = action.astype(np.float64) * LIMITS
-        self.states = ARM.step(self.states, torque, 0.01, **self.quantities)
-        self.past, self.torques = [self.states, *self.past[:4]], [torque, *self.torques[:3]]
-        self.period += 1
-
-
-def off_plan(controller: Any, plant: Plant, planned: Plan) -> np.ndarray:
-    """Run a lap but for its last period; return how far the arms are off the plan at each instant."""
-    state, off = None, []
-    for k in range(PERIODS - 1):
-        action, state = controller.predict(plant.observe(), state)
-        plant.step(action)
-        off.append(plant.states - planned.states[k + 1])
-    return np.array(off)
+from tests.support.late_arm import ARM, BLOCKS, DELAY, PLACES, SIZE, START, Plant, off_plan, plan, task
 
 
 @pytest.mark.parametrize("kind", [LQG, GaugedLQG])

@@ -59,7 +59,7 @@ def test_a_controller_sees_published_numbers_and_its_observation(name: str) -> N
 def test_the_true_state_has_one_door(name: str) -> None:
     """By the block that is declared privileged; whoever is to pass it is named here."""
     settings = Settings.of(controller(name).options)
-    assert (TRUE_STATE in readings_of(settings)) == (name == "plan_lqr")
+    assert (TRUE_STATE in readings_of(settings)) == (name in ("plan_lqr", "nmpc_state"))
     assert set(CONTROLLERS[name].kind.knows) <= set(READINGS) - set(PRIVILEGED)
     assert {block for block, one in BLOCKS.items() if one.reads in PRIVILEGED} == {"state"}
 

@@ -1,0 +1,221 @@
+"""`NMPC`: nonlinear model predictive control in real time, from encoders and the late tip.
+
+Sources: Diehl, Bock and Schloeder, SIAM J. Control and Optimization 43, 2005 (real-time iteration); Mayne, Rawlings,
+Rao and Scokaert, *Constrained model predictive control: stability and optimality*, Automatica 36, 2000 (cost-to-go and
+local feedback law beyond the horizon); Ljung, IEEE Trans. Automatic Control 24, 1979 (joint estimation of state and
+quantities by an extended Kalman filter).
+"""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Mapping, Sequence
+from typing import Any, ClassVar, Literal
+
+import numpy as np
+
+from flexarm_baselines.along_plans import PlanController, within_half_a_turn
+from flexarm_baselines.arrays import Floats
+from flexarm_baselines.controller import Memory, Seen
+from flexarm_baselines.observers import Estimate, KalmanFilter, NoiseModel, Readings
+from flexarm_baselines.optimal.plan import Plan
+from flexarm_baselines.predictive.guide import Guide, previewed
+from flexarm_baselines.predictive.iteration import Instant, RealTimeIteration
+from flexarm_baselines.task import Task
+from flexarm_env.simulation.arm import FlexibleArm
+from flexarm_env.simulation.feedback import Rollout
+from flexarm_env.validation import choice, integer, mapping, number
+
+HORIZON = 0.5  # [s]
+STEP = 2e-3  # [s]; of the model's integration
+CHANGE_WEIGHT = 3e-3  # [m^2], on changes of the torques; that of the shipped plans
+# Encoders see vibrations of 70 Hz and more that no model integrates well, so that their rates are trusted little.
+NOISE = NoiseModel(joint_angle=1e-3, joint_rate=0.1)
+REFERENCES = ("plan", "path")
+UNKNOWN = {"payload_mass": 0.5, "stiffness": 0.2}  # standard deviations at the start [kg], [1]
+
+
+class PredictiveController(PlanController):
+    """Real-time iterations about a guide; what is known of the state is left to subclasses.
+
+    Attributes:
+        iteration: see `RealTimeIteration`.
+        iterations: of each control period.
+    """
+
+    def __init__(
+        self,
+        task: Task,
+        plans: Sequence[Plan] | None = None,
+        reference: Literal["plan", "path"] = "plan",
+        model: FlexibleArm | None = None,
+        horizon: float = HORIZON,
+        iterations: int = 1,
+        change_weight: float = CHANGE_WEIGHT,
+        damping: float = 0.0,
+        step: float = STEP,
+    ) -> None:
+        """Sweep along the guide.
+
+        Args:
+            task: see `Task`.
+            plans: plans along the task's reference; None: as `reference` says.
+            reference: without plans: "plan" takes the best ones known, which come with the package; "path" makes runs
+                of its own from the path alone, by a preview controller.
+            model: arm that predicts; None: the task's.
+            horizon: [s], a whole number of control periods.
+            iterations: of each control period.
+            change_weight: weight on changes of the torques, see `TrackingProblem` [m^2].
+            damping: see `RealTimeIteration`.
+            step: step of the model's integration [s].
+
+        Raises:
+            ValueError: naming what does not fit.
+        """
+        arm = FlexibleArm(task.arm) if model is None else model
+        if choice("reference", reference, REFERENCES) == "path" and plans is None:
+            plans = previewed(arm, task.reference, task.torque_limit, task.period)
+        super().__init__(task, plans)
+        periods = round(number("horizon", horizon, "s", above=0.0) / task.period)
+        if periods < 1 or abs(periods * task.period - horizon) > 1e-9:
+            raise ValueError(f"horizon = {horizon!r}: must be a whole number of control periods of {task.period} s")
+        self.iterations = integer("iterations", iterations, 1)
+        guide = Guide.along(self.plans, arm, periods, change_weight=change_weight)
+        number("damping", damping, "m^2", least=0.0)
+        self.iteration = RealTimeIteration(arm, guide, periods, task.torque_limit, task.period, step, damping)
+
+    # --- what subclasses know ---------------------------------------------------------------------------------------
+
+    @abstractmethod
+    def begin(self, seen: Seen, state: Floats) -> Memory:
+        """Return what is believed of arms whose episode begins, before their first readings count.
+
+        Args:
+            seen: their first observations.
+            state: at rest where the encoders say. Shape (n, 4 + 4 m).
+        """
+
+    @abstractmethod
+    def update(self, seen: Seen, belief: Memory) -> tuple[Floats, dict[str, Any], Memory]:
+        """Return states, quantities of the arms by name, and belief, after what has been observed."""
+
+    def advance(self, belief: Memory, torque: Floats) -> Memory:
+        """Return what is believed of the next instant, after torques that are held until then."""
+        return belief
+
+    # --- the controller ---------------------------------------------------------------------------------------------
+
+    def start(self, seen: Seen) -> Memory:
+        """Begin on the nearest run."""
+        period = self.period_of(seen)
+        run = self.nearest(seen["joint_angles"], period)
+        state = np.zeros((len(seen), 2 * self.iteration.model.size))
+        state[:, :2] = seen["joint_angles"]
+        off = state - self.iteration.guide.states[run, period]
+        state += within_half_a_turn(off) - off
+        predictions = [self.iteration.predicted(int(one), int(at)) for one, at in zip(run, period, strict=True)]
+        states, torques = (np.stack(part) for part in zip(*predictions, strict=True))
+        return (run, np.zeros((len(seen), 2)), states, torques, *self.begin(seen, state))
+
+    def torque(self, seen: Seen, memory: Memory) -> tuple[Floats, Memory]:
+        """Improve each arm's prediction, and apply its first torque."""
+        run, before, states, torques, *rest = memory
+        believed, quantities, belief = self.update(seen, tuple(rest))
+        ahead_states, ahead_torques, torque = np.empty_like(states), np.empty_like(torques), np.empty((len(seen), 2))
+        for arm, period in enumerate(self.period_of(seen)):
+            own = {name: float(value[arm]) for name, value in quantities.items()}
+            now = Instant(int(run[arm]), int(period), believed[arm], before[arm], own)
+            prediction = Rollout(states[arm], torques[arm])
+            for _ in range(self.iterations):
+                prediction = self.iteration.improve(prediction, now)
+            torque[arm] = prediction.torques[0]
+            ahead_states[arm], ahead_torques[arm] = self.iteration.shifted(prediction, now)
+        return torque, (run, torque, ahead_states, ahead_torques, *self.advance(belief, torque))
+
+
+class NMPC(PredictiveController):
+    """Nonlinear model predictive control of the state that a Kalman filter finds from encoders and the late tip.
+
+    Attributes:
+        filter: see `KalmanFilter`.
+    """
+
+    blocks: ClassVar[tuple[str, ...]] = ("joint_angles", "joint_rates", "sensed_position", "lap_phase")
+
+    def __init__(
+        self,
+        task: Task,
+        noise: NoiseModel = NOISE,
+        unknown: Mapping[str, float] | None = None,
+        drift: float = 0.1,
+        **design: Any,
+    ) -> None:
+        """Design filter and prediction.
+
+        Args:
+            task: see `Task`.
+            noise: standard deviations that the filter assumes.
+            unknown: quantities of the arm that the filter estimates with the state, for the model that predicts; see
+                `KalmanFilter`. None: none.
+            drift: see `KalmanFilter`.
+            **design: see `PredictiveController`.
+        """
+        super().__init__(task, **design)
+        arm, unknown = self.iteration.model, mapping("unknown", unknown or {})
+        self.filter = KalmanFilter(arm, task.period, task.delay, task.sensor_position, noise, unknown, drift)
+        self._stiffest = 0.9 * (arm.longest_step() / self.iteration.step) ** 2
+
+    def begin(self, seen: Seen, state: Floats) -> Memory:
+        """Begin the filter's estimate."""
+        return tuple(self.filter.start(state))
+
+    def update(self, seen: Seen, belief: Memory) -> tuple[Floats, dict[str, Any], Memory]:
+        """Correct the estimate by the readings."""
+        estimate = Estimate(*belief)
+        joints = np.concatenate([seen["joint_angles"], seen["joint_rates"]], axis=1)
+        expected = self.filter.state(estimate)[:, :2]
+        joints[:, :2] = expected + within_half_a_turn(joints[:, :2] - expected)
+        estimate, _ = self.filter.correct(estimate, Readings(joints, seen["sensed_position"], self.gauges(seen)))
+        values = self.filter.values(estimate)
+        if "stiffness" in values:
+            values["stiffness"] = np.minimum(values["stiffness"], self._stiffest)
+        return self.filter.state(estimate), values, tuple(estimate)
+
+    def advance(self, belief: Memory, torque: Floats) -> Memory:
+        """Predict the estimate of the next instant."""
+        return tuple(self.filter.predict(Estimate(*belief), torque))
+
+    def gauges(self, seen: Seen) -> Floats | None:
+        """Return the readings of the strain gauges, if there are any."""
+        if "modal_coordinates" not in self.blocks:
+            return None
+        return np.concatenate([seen["modal_coordinates"], seen["modal_rates"]], axis=1)
+
+
+class GaugedNMPC(NMPC):
+    """`NMPC` that reads strain gauges, too."""
+
+    blocks: ClassVar[tuple[str, ...]] = (
+        "joint_angles",
+        "joint_rates",
+        "sensed_position",
+        "modal_coordinates",
+        "modal_rates",
+        "lap_phase",
+    )
+
+
+class StateNMPC(PredictiveController):
+    """`NMPC` of the true state, which no sensor delivers: a privileged controller, to compare others with."""
+
+    blocks: ClassVar[tuple[str, ...]] = ("state", "joint_angles", "lap_phase")
+
+    def begin(self, seen: Seen, state: Floats) -> Memory:
+        """Keep the whole turns by which the guide's angle of the shoulder differs from the observed one [rad]."""
+        return (state[:, 0] - seen["joint_angles"][:, 0],)
+
+    def update(self, seen: Seen, belief: Memory) -> tuple[Floats, dict[str, Any], Memory]:
+        """Return the true state."""
+        state = seen["state"]
+        state[:, 0] += belief[0]
+        return state, {}, belief

@@ -1,0 +1,148 @@
+"""What a prediction is tied to beyond its horizon: a run along the lap, and the cost of what follows each instant."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from flexarm_baselines.arrays import Floats
+from flexarm_baselines.optimal.laps import DEFLECTION
+from flexarm_baselines.optimal.plan import Plan
+from flexarm_baselines.optimal.problem import DEFLECTION_WEIGHT, TrackingProblem
+from flexarm_baselines.optimal.starts import Branch, follow, joint_path
+from flexarm_baselines.optimal.sweep import CostToGo, Model, sweep
+from flexarm_env.simulation.arm import FlexibleArm
+from flexarm_env.simulation.feedback import Rollout
+from flexarm_env.simulation.square import rest_state
+
+SWING = 0.4  # [s], of a change of the elbow's side in a previewed run
+SIDES = ("positive", "negative")
+
+
+@dataclass(frozen=True)
+class Guide:
+    """Runs along a lap of P periods, one for each way in which an episode may begin, and the costs of what follows.
+
+    All are prolonged by a horizon beyond the lap's end, where nothing costs anything. l runs; n entries of a state.
+
+    Attributes:
+        states: at each instant. Shape (l, P + 1 + horizon, n).
+        torques: of each period [N m]. Shape (l, P + 1 + horizon, 2).
+        gains: feedback of state and torque before along the runs. Shape (l, P + 1 + horizon, 2, n + 2).
+        slopes: of the cost from each instant on, by state and torque before. Shape (l, P + 1 + horizon, n + 2).
+        curvatures: its curvature. Shape (l, P + 1 + horizon, n + 2, n + 2).
+        reference: where the tip should be [m]. Shape (P + 1 + horizon, 2).
+        tip_weights: of each instant [1]. Shape (P + 1 + horizon,).
+        torque_weights: on squared torques, and on their squared changes [m^2/(N m)^2]. Shape (2, 2).
+        deflection_weight: on squared deflections beyond `deflection_limit` [1].
+        deflection_limit: [m].
+    """
+
+    states: Floats
+    torques: Floats
+    gains: Floats
+    slopes: Floats
+    curvatures: Floats
+    reference: Floats
+    tip_weights: Floats
+    torque_weights: Floats
+    deflection_weight: float
+    deflection_limit: float
+
+    @classmethod
+    def along(cls, plans: Sequence[Plan], model: FlexibleArm, horizon: int, change_weight: float) -> Self:
+        """Sweep backward along plans of one reference.
+
+        Args:
+            plans: as long as each other.
+            model: arm that is linearised along them.
+            horizon: periods.
+            change_weight: see `TrackingProblem` [m^2].
+        """
+        parts = []
+        for plan in plans:
+            problem = TrackingProblem(
+                model,
+                plan.states[0],
+                plan.reference,
+                plan.limits,
+                change_weight=change_weight,
+                deflection_limit=DEFLECTION,
+                period=plan.period,
+                step=plan.step,
+            )
+            gains, cost = _swept(problem, Rollout(plan.states, plan.torques))
+            parts.append(
+                (
+                    _prolonged(plan.states, horizon),
+                    _prolonged(plan.torques, horizon + 1),
+                    _faded(gains, horizon + 1),
+                    _faded(cost.slopes, horizon),
+                    _faded(cost.curvatures, horizon),
+                )
+            )
+        states, torques, every_gain, slopes, curvatures = (np.stack(part) for part in zip(*parts, strict=True))
+        instants = len(problem.reference)
+        return cls(
+            states,
+            torques,
+            every_gain,
+            slopes,
+            curvatures,
+            reference=_prolonged(problem.reference, horizon),
+            tip_weights=_faded(np.full(instants, 1.0 / instants), horizon),
+            torque_weights=problem.weights,
+            deflection_weight=DEFLECTION_WEIGHT / instants,
+            deflection_limit=DEFLECTION,
+        )
+
+
+def _swept(problem: TrackingProblem, run: Rollout) -> tuple[Floats, CostToGo]:
+    """Return gains and cost-to-go along a run, which need not follow the problem's arm."""
+    found = problem.arm.step_jacobians(run.states[:-1], run.torques, problem.period, step=problem.step)
+    expansion = problem.expand(run.states)
+    model = Model(
+        found.by_state,
+        found.by_torque,
+        *expansion,
+        torques=problem.with_torque_before(run.torques),
+        defects=found.state - run.states[1:],
+    )
+    result = sweep(model, np.array(problem.limits))
+    return result.gains, result.cost_to_go
+
+
+def _prolonged(table: Floats, more: int) -> Floats:
+    """Repeat the last entry."""
+    return np.concatenate([table, np.repeat(table[-1:], more, axis=0)])
+
+
+def _faded(table: Floats, more: int) -> Floats:
+    """Append zeros."""
+    return np.concatenate([table, np.zeros((more, *table.shape[1:]))])
+
+
+def previewed(arm: FlexibleArm, reference: Floats, limits: tuple[float, float], period: float) -> list[Plan]:
+    """Make a run along a reference from rest on either side of the elbow, without optimising it.
+
+    A preview controller follows rigid inverse kinematics on the side of the start, or on the other one at once; the
+    better of the two is taken.
+
+    Args:
+        arm: the arm.
+        reference: where the tip should be at each instant [m]. Shape (P + 1, 2).
+        limits: largest torques of shoulder and elbow [N m].
+        period: control period [s].
+    """
+    plans = []
+    for side, other in (SIDES, SIDES[::-1]):
+        start = rest_state(arm, reference[0], side)
+        problem = TrackingProblem(arm, start, reference, limits, deflection_limit=DEFLECTION, period=period)
+        ways = ((Branch(0.0, side),), (Branch(0.0, side), Branch(period, other, SWING)))
+        runs = [follow(problem, joint_path(problem, way)) for way in ways]
+        best = min(runs, key=lambda run: float(problem.cost(run)))
+        plans.append(Plan(arm.parameters, *best, reference, limits, period, problem.step))
+    return plans

@@ -1,0 +1,194 @@
+"""Predictive control: an iteration beside the solver's, what lies beyond the horizon, and runs on a small arm."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+
+from flexarm_baselines.optimal import Plan, Solution, SolverOptions, TrackingProblem, optimise
+from flexarm_baselines.optimal.laps import DEFLECTION
+from flexarm_baselines.predictive import NMPC, GaugedNMPC, Guide, Instant, RealTimeIteration, StateNMPC, previewed
+from flexarm_env.simulation.feedback import Rollout
+from tests.support.late_arm import ARM, BLOCKS, LIMITS, PERIODS, PLACES, SIZE, START, Plant, off_plan, task
+
+WEIGHT = 3e-3  # [m^2], on changes of the torques
+NO_QUANTITIES: dict[str, float] = {}
+
+
+def problem(**changes: Any) -> TrackingProblem:
+    options: dict[str, Any] = {"change_weight": WEIGHT, "deflection_limit": DEFLECTION, "limits": LIMITS}
+    return TrackingProblem(ARM, START, task().reference, **(options | changes))
+
+
+@cache
+def solved() -> Solution:
+    return optimise(problem(), ARM.rollout(START, np.zeros((PERIODS, 2))), SolverOptions(tolerance=1e-8))
+
+
+@cache
+def plan() -> Plan:
+    return Plan.of(problem(), solved())
+
+
+def iteration(plan: Plan, horizon: int, damping: float = 0.0) -> RealTimeIteration:
+    guide = Guide.along([plan], ARM, horizon, change_weight=WEIGHT)
+    return RealTimeIteration(ARM, guide, horizon, LIMITS, 0.01, 1e-3, damping)
+
+
+def at(period: int, states: np.ndarray, torques: np.ndarray) -> Instant:
+    before = torques[period - 1] if period else np.zeros(2)
+    return Instant(0, period, states[period], before, NO_QUANTITIES)
+
+
+# --- an iteration -----------------------------------------------------------------------------------------------------
+
+
+def test_it_is_an_iteration_of_the_solver() -> None:
+    """Over the whole run, from a run that is no optimum; 0.1 is the regularisation of the solver's first iteration."""
+    start = ARM.rollout(START, np.tile([3.0, -1.0], (PERIODS, 1)))
+    found = optimise(problem(), start, SolverOptions(iterations=1))
+    own = iteration(Plan(ARM.parameters, *start, task().reference, LIMITS, 0.01, 1e-3), PERIODS, damping=0.1)
+    better = own.improve(start, at(0, *start))
+    assert np.abs(better.torques - start.torques).max() > 1.0
+    np.testing.assert_allclose(better.torques, found.run.torques, atol=1e-6)
+    np.testing.assert_allclose(better.states, found.run.states, atol=1e-8)
+
+
+@pytest.mark.parametrize("period", [0, 7, PERIODS - 5])
+def test_a_short_horizon_knows_what_follows(period: int) -> None:
+    """On the best run nothing is to be improved, however near the horizon; it may reach beyond the end."""
+    states, torques = solved().run
+    own = iteration(plan(), 10)
+    better = own.improve(own.predicted(0, period), at(period, states, torques))
+    length = min(10, PERIODS - period)
+    np.testing.assert_allclose(better.torques[:length], torques[period : period + length], atol=0.1)
+
+
+@pytest.mark.parametrize("off", [1.0, 1e150])
+def test_the_guide_leads_back_a_prediction_that_went_astray(off: float) -> None:
+    states, torques = solved().run
+    own = iteration(plan(), 15)
+    lost = Rollout(np.minimum(states[:16] + off, 1e12), torques[:15])
+    for _ in range(3):
+        lost = own.improve(lost, at(0, states, torques))
+    np.testing.assert_allclose(lost.torques, torques[:15], atol=0.05)
+
+
+def test_limits_are_kept() -> None:
+    states, torques = solved().run
+    own = iteration(plan(), 20)
+    away = at(0, states, torques)._replace(state=START + np.array([0.5, -0.5, 0, 0, 0, 0, 0, 0]))
+    better = own.improve(Rollout(states[:21], torques[:20]), away)
+    assert np.all(np.abs(better.torques) <= LIMITS)
+    assert np.any(np.abs(better.torques) >= np.array(LIMITS) - 1e-9)
+    assert better.states[0].tolist() == away.state.tolist()
+    shifted = own.shifted(better, away)
+    assert np.all(np.abs(shifted.torques) <= LIMITS)
+    np.testing.assert_array_equal(shifted.states[:-1], better.states[1:])
+
+
+def test_a_preview_alone_gives_runs_on_both_sides() -> None:
+    plans = previewed(ARM, task().reference, LIMITS, 0.01)
+    assert [np.sign(found.states[0, 1]) for found in plans] == [1.0, -1.0]
+    for found in plans:
+        error = ARM.tip(found.states[:, :4]) - found.reference
+        assert np.abs(error[-1]).max() < 0.1
+        assert np.all(np.abs(found.torques) <= LIMITS)
+
+
+# --- the controllers --------------------------------------------------------------------------------------------------
+
+
+def controller(kind: Any = NMPC, **design: Any) -> Any:
+    return kind(task(), plans=[plan()], horizon=0.1, **design)
+
+
+@pytest.mark.parametrize("kind", [NMPC, GaugedNMPC, StateNMPC])
+def test_on_the_plan_it_stays_on_the_plan(kind: type[NMPC]) -> None:
+    assert np.abs(off_plan(controller(kind), Plant(START[None]), plan())[..., :4]).max() < 1e-3
+
+
+@pytest.mark.parametrize("kind", [NMPC, StateNMPC])
+def test_it_brings_the_arm_back(kind: type[NMPC]) -> None:
+    start = START[None] + np.array([0.02, -0.02, 0, 0, 0, 0, 0, 0])
+    off = off_plan(controller(kind), Plant(start), plan())
+    tip = ARM.tip(plan().states[1:-1, :4] + off[:, 0, :4]) - ARM.tip(plan().states[1:-1, :4])
+    assert np.linalg.norm(tip[0]) > 0.05
+    assert np.linalg.norm(tip[-5:], axis=1).max() < 0.02
+
+
+def test_it_knows_that_the_tip_is_late() -> None:
+    """A filter that takes the late tip for the present one is far off on the way; that with the delay is not."""
+    wrong = []
+    for told in (task(), replace(task(), delay=0.0)):
+        following = NMPC(told, plans=[plan()], horizon=0.1)
+        plant, state = Plant(START[None]), None
+        for _ in range(25):
+            action, state = following.predict(plant.observe(), state)
+            plant.step(action)
+        believed = state[4][0, :SIZE]
+        wrong.append(np.linalg.norm(ARM.tip(believed[:4]) - ARM.tip(plant.states[0, :4])))
+    assert wrong[0] < 2e-3
+    assert wrong[1] > 5.0 * wrong[0]
+
+
+def test_it_finds_an_unknown_payload() -> None:
+    following = controller(unknown={"payload_mass": 0.3})
+    plant, state = Plant(START[None], payload_mass=np.array([0.2])), None
+    for _ in range(PERIODS - 1):
+        action, state = following.predict(plant.observe(), state)
+        plant.step(action)
+    assert state[4][0, SIZE] == pytest.approx(0.2, abs=0.05)
+
+
+def test_a_batch_is_its_arms() -> None:
+    starts = START + np.array([[0.02, 0.01, 0, 0, 0, 0, 0, 0], [-0.01, 0.02, 0, 0, 0, 0, 0, 0]])
+    following, single = controller(), []
+    for start in starts:
+        plant, state = Plant(start[None]), None
+        for _ in range(6):
+            action, state = following.predict(plant.observe(), state)
+            plant.step(action)
+        single.append(action[0])
+    plant, state = Plant(starts), None
+    for _ in range(6):
+        before = None if state is None else tuple(part.copy() for part in state)
+        observation = plant.observe()
+        action, after = following.predict(observation, state)
+        if state is not None:
+            again, _ = following.predict(observation, state)
+            assert np.array_equal(again, action)
+            assert all(np.array_equal(one, other) for one, other in zip(state, before, strict=True))
+        plant.step(action)
+        state = after
+    np.testing.assert_allclose(action, single, atol=1e-6)
+
+
+@pytest.mark.parametrize("kind", [NMPC, StateNMPC])
+def test_a_whole_turn_changes_nothing(kind: type[NMPC]) -> None:
+    observation = Plant(START[None] + 0.01).observe()
+    turned = observation.copy()
+    turned[:, [0, 12]] += 2.0 * np.pi
+    following = controller(kind)
+    assert following.predict(turned)[0] == pytest.approx(following.predict(observation)[0], abs=1e-6)
+
+
+def test_refusals() -> None:
+    with pytest.raises(ValueError, match=r"horizon = 0\.123: must be a whole number of control periods of 0\.01 s"):
+        NMPC(task(), plans=[plan()], horizon=0.123)
+    with pytest.raises(ValueError, match="reference = 'way': must be one of"):
+        NMPC(task(), reference="way")
+    with pytest.raises(ValueError, match="iterations = 0"):
+        controller(iterations=0)
+    with pytest.raises(ValueError, match="damping"):
+        controller(damping=-1.0)
+    with pytest.raises(ValueError, match=r"quantities = 'mass'"):
+        controller(unknown={"mass": 1.0})
+    with pytest.raises(ValueError, match="the package has no plan for this arm"):
+        NMPC(task())
+    with pytest.raises(ValueError, match="GaugedNMPC reads the block 'modal_coordinates'"):
+        GaugedNMPC(replace(task(), blocks={name: BLOCKS[name] for name in PLACES}), plans=[plan()])
