@@ -105,4 +105,4 @@ def _efforts(row: dict[str, Any]) -> list[str]:
     return [" / ".join(f"{x:.1f}" for x in row[key]) for key in EFFORTS]
 
 
-TABLES = {"laps": laps, "drawn": drawn, "pareto": pareto, "regulated": regulated}
+TABLES = {"laps": laps, "pareto": pareto, "regulated": regulated}
