@@ -276,7 +276,7 @@ def test_models_of_stable_baselines_are_read_only_when_asked_for(flexarm: Shell)
     ("arguments", "message"),
     [
         (("--stable-baselines3", "PPO"), "there is no zip file among the policies"),
-        (("--environment", "Reach-v0"), "is for module:attribute and for zip files"),
+        (("--environment", "Reach-v0"), "trainings have their own"),
     ],
 )
 def test_an_argument_without_effect_is_an_error(flexarm: Shell, arguments: tuple[str, ...], message: str) -> None:
