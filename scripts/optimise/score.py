@@ -54,7 +54,7 @@ def score(plan: Plan, lap: str, path: str = "square") -> dict[str, Any]:
     Raises:
         RuntimeError: if it ends the episode.
     """
-    options = {"torque_limit": plan.limits, "reference": path, "physics_step": plan.step}
+    options: dict[str, Any] = {"torque_limit": plan.limits, "reference": path, "physics_step": plan.step}
     env = gymnasium.make("FlexArm/Square-v0", arm=asdict(plan.parameters), **options)
     figures = summary(run_policy(env, Replay(plan), lap=lap))
     if figures["ended_early"]:
