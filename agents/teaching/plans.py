@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,7 +54,7 @@ def bank(
     payloads: Sequence[float],
     stiffnesses: Sequence[float],
     folder: Path,
-    wishes: Mapping[str, float],
+    wishes: Mapping[str, Any],
 ) -> Bank:
     """Make the plans that the folder does not hold yet, and return all.
 
@@ -96,7 +96,7 @@ def _plans_of_lap(
     payloads: Sequence[float],
     stiffnesses: Sequence[float],
     folder: Path,
-    wishes: Mapping[str, float],
+    wishes: Mapping[str, Any],
 ) -> Iterator[Plan]:
     """Yield the plans of a lap in the grid's order; each starts from its neighbour's torques."""
     made: dict[tuple[int, int], Plan] = {}
@@ -109,7 +109,7 @@ def _plans_of_lap(
         yield made[p, s]
 
 
-def _read(path: Path, problem: TrackingProblem, wishes: Mapping[str, float]) -> Plan | None:
+def _read(path: Path, problem: TrackingProblem, wishes: Mapping[str, Any]) -> Plan | None:
     """Return the plan in a file if it is one of the problem; None if there is none.
 
     Raises:
