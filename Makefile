@@ -33,7 +33,7 @@ INSTEAD_board := plot
 .PHONY: help reproduce validate analyse optimise control test test-slow lint typecheck contract train agent evaluate leaderboard bench docs clean
 
 help:  ## List the verbs
-	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-11s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
 
 reproduce: $(HAS)-plot  ## Reproduce the paper's figures and tables (installs no learning library)
 	$(PY) -m scripts.paper $(ARGS)

@@ -41,10 +41,10 @@ class JointFeedback:
             (computed torque).
     """
 
-    stiffness: tuple[float, float] = (103.0, 140.0)
-    resistance: tuple[float, float] = (106.0, 36.0)
-    angle_filter: float = 0.07
-    rate_filter: float = 0.19
+    stiffness: tuple[float, float] = (40.0, 20.0)
+    resistance: tuple[float, float] = (100.0, 15.0)
+    angle_filter: float = 0.2
+    rate_filter: float = 0.4
     decoupled: bool = False
 
     def __post_init__(self) -> None:
@@ -57,7 +57,7 @@ class JointFeedback:
 
 # The best found without feed-forward, and through the rigid arm's mass matrix; docs/controllers.md has what was tried.
 STIFF = JointFeedback((89.0, 49.0), (342.0, 51.0), 0.05, 0.25)
-DECOUPLED = JointFeedback((0.7, 0.75), (1.3, 1.8), 0.16, 0.1, decoupled=True)
+DECOUPLED = JointFeedback((0.39, 0.7), (0.62, 2.8), 0.29, 0.25, decoupled=True)
 
 
 @dataclass(frozen=True)
@@ -203,7 +203,8 @@ class JointTracking(TorqueController):
         motion = self._motion(self._joints(times, side, None if period is None else instants[0]))
         size = self.arm.size
         states = CubicSpline(times, motion.states)(instants[:-1])
-        impulse = CubicSpline(times, motion.torques).antiderivative()(instants)
+        acting = instants + task.actuation_delay  # what is commanded then acts later
+        impulse = CubicSpline(times, motion.torques).antiderivative()(acting)
         joints = states[:, [0, 1, size, size + 1]]
         found = Targets(joints, np.diff(impulse, axis=0) / task.period, self._gains(joints))
         return Targets(*(np.roll(one, begun, axis=0) for one in found))

@@ -8,10 +8,12 @@ from typing import Any, NamedTuple
 
 from flexarm_agents.board.terms import FIRST_SEED, TASKS, nominal_options
 from flexarm_env.envs.registration import UNKNOWN_PLANT
+from flexarm_env.envs.settings import Settings
 from flexarm_env.parameters import ArmParameters
 
-SEEDS = 5  # episodes of each lap where something is random
+SEEDS = 3  # episodes of each lap where something is random
 DRAWN = 256  # episodes on the unknown plant
+OWN_DELAY = round(1e3 * max(Settings.of({}).sensor_delays), 3)  # [ms]; of the nominal sensor, between two points
 PART = 16  # of them, in one cell
 
 
@@ -73,7 +75,7 @@ class Column:
         title: heading.
         unit: unit of the points' values.
         points: its points, in order.
-        nominal: value of the nominal environment; None: none of the points has one.
+        nominal: value of the nominal environment, one of the points' or between two; None: there is none.
         sample: the points are parts of one sample, which is added up as a whole.
     """
 
@@ -82,6 +84,15 @@ class Column:
     points: tuple[Point, ...]
     nominal: float | str | None = None
     sample: bool = False
+
+    @property
+    def nominal_index(self) -> int:
+        """Index of the point nearest to the nominal value; 0 where there is none."""
+        values = [point.value for point in self.points]
+        if isinstance(self.nominal, float):
+            away = [abs(float(x) - self.nominal) for x in values]
+            return away.index(min(away))
+        return values.index(self.nominal) if self.nominal in values else 0
 
 
 def _grid(least: float, most: float, count: int) -> list[float]:
@@ -128,7 +139,7 @@ COLUMNS: dict[str, Column] = {
         ),
         "square",
     ),
-    "delay": Column("Sensor delay", "ms", _option("delay", _grid(0.0, 120.0, 25), scale=1e-3)),
+    "delay": Column("Sensor delay", "ms", _option("delay", _grid(0.0, 120.0, 25), scale=1e-3), OWN_DELAY),
     "jitter": Column("Jitter of the delay", "ms", _option("jitter", _grid(0.0, 60.0, 7), SEEDS, 1e-3), 0.0),
     "dropout": Column("Lost readings", "1", _option("dropout", _grid(0.0, 0.5, 6), SEEDS), 0.0),
     "sensor_position": Column(

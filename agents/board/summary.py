@@ -62,28 +62,43 @@ def merged(results: Sequence[Mapping[str, Any] | None]) -> dict[str, Any] | None
 
 
 def breaking(column: Column, points: Sequence[Mapping[str, Any] | None]) -> dict[str, dict[str, Any]]:
-    """Find where each lap is lost first, going away from the nominal value to either side.
+    """Find where each lap fails first, going away from the nominal value to either side.
 
     Args:
         column: an axis of numbers.
         points: `point_summary` of each of its points.
 
     Returns:
-        For each lap "low" and "high": the value nearest to the nominal one at which an episode is lost, None if none.
+        For each lap "lost" and "doubled", each with "low" and "high": the value nearest to the nominal one at which an
+        episode is lost, or the mean error over the lap is twice that at the nominal value; None if at none.
     """
-    nominal = column.nominal if isinstance(column.nominal, float) else -np.inf
+    own = column.nominal_index
     found: dict[str, dict[str, Any]] = {}
     for lap in LAPS:
-        lost = [
-            float(point.value)
-            for point, one in zip(column.points, points, strict=True)
-            if one is not None and one.get(lap, {}).get("lost")
+        laps = [None if one is None else one.get(lap) for one in points]
+        usual = _mean(laps[own])
+        lost = [n for n, one in enumerate(laps) if one is not None and one["lost"]]
+        doubled = [
+            n
+            for n, one in enumerate(laps)
+            if usual is not None and (mean := _mean(one)) is not None and mean > 2.0 * usual
         ]
-        found[lap] = {
-            "low": max((x for x in lost if x < nominal), default=None),
-            "high": min((x for x in lost if x >= nominal), default=None),
-        }
+        found[lap] = {"lost": _ends(column, lost, own), "doubled": _ends(column, doubled, own)}
     return found
+
+
+def _mean(lap: Mapping[str, Any] | None) -> float | None:
+    """Return the mean error over the complete laps [m]; None where there is none."""
+    return None if lap is None or lap["rms"] is None else float(lap["rms"]["mean"])
+
+
+def _ends(column: Column, failed: Sequence[int], own: int) -> dict[str, Any]:
+    """Return the values nearest to the nominal one on either side, among points that failed."""
+    low, high = ([n for n in failed if n < own], [n for n in failed if n >= own])
+    return {
+        "low": column.points[max(low)].value if low else None,
+        "high": column.points[min(high)].value if high else None,
+    }
 
 
 def row_summary(row: Row, columns: Mapping[str, Column], results: Results) -> dict[str, Any]:

@@ -51,10 +51,17 @@ def _table(name: str, column: Column, points: Sequence[Summary | None]) -> str:
     rows = [(value, *_cells(point)) for value, point in zip(values, points, strict=True)]
     lines = columns([header, *rows], right=True)
     if all(isinstance(point.value, float) for point in column.points):
-        lost = {lap: [x for x in ends.values() if x is not None] for lap, ends in breaking(column, points).items()}
-        told = [f"{lap} lap: {', '.join(f'{x:g}' for x in values)}" for lap, values in lost.items() if values]
-        lines += f"\nlost first at {column.title.lower()}{unit} {'; '.join(told)}" if told else "\nno lap is lost"
+        lines += "".join(f"\n{lap} lap: {_fails(ends)}" for lap, ends in breaking(column, points).items())
     return lines
+
+
+def _fails(ends: Mapping[str, Mapping[str, Any]]) -> str:
+    """Say where a lap's error is doubled first, and where it is lost."""
+    told = []
+    for what, words in (("doubled", "error doubled"), ("lost", "lost")):
+        values = [_number(x) for x in ends[what].values() if x is not None]
+        told.append(f"{words} from {' and '.join(values)} on" if values else f"never {words}")
+    return ", ".join(told)
 
 
 def _number(value: float | str) -> str:

@@ -14,15 +14,15 @@ from flexarm_baselines.optimal.solver import DivergingStartError, Iteration, Sol
 from flexarm_baselines.optimal.starts import Branch, follow, joint_path
 from flexarm_env.laps import LAPS
 from flexarm_env.parameters import SquareParameters
-from flexarm_env.physics.paths import square
+from flexarm_env.physics.paths import PATHS
 from flexarm_env.simulation.arm import FlexibleArm
 from flexarm_env.simulation.square import rest_state
 from flexarm_env.validation import choice, integer, number, shown
 
 SWING = 0.4  # [s], of a change of sides in the starts
-CHANGE_WEIGHT = 1e-3  # [m^2]; of torques in `TrackingProblem`: smooth ones for some tenths of a millimetre
+CHANGE_WEIGHT = 3e-3  # [m^2]; of torques in `TrackingProblem`, as in the plans of the package for the default arm
 DEFLECTION = 1.4  # [m]; the environments end an episode at 1.5 m
-OPTIONS = {"change_weight": CHANGE_WEIGHT, "deflection_limit": DEFLECTION}  # of a lap's problem
+OPTIONS: dict[str, Any] = {"change_weight": CHANGE_WEIGHT, "deflection_limit": DEFLECTION}  # of a lap's problem
 TRIAL = 40  # iterations after which only the best start goes on
 
 
@@ -33,28 +33,31 @@ def lap_square(lap: str | SquareParameters) -> SquareParameters:
     return SquareParameters(elbow_branch=LAPS[choice("lap", lap, tuple(LAPS))].elbow_branch)
 
 
-def lap_problem(arm: FlexibleArm, lap: str | SquareParameters, period: float = 0.01, **changes: Any) -> TrackingProblem:
-    """Return the problem of one lap from rest on the first corner.
+def lap_problem(
+    arm: FlexibleArm, lap: str | SquareParameters, period: float = 0.01, path: str = "square", **changes: Any
+) -> TrackingProblem:
+    """Return the problem of one lap from rest at its first point.
 
     Args:
         arm: the arm.
         lap: "swing", "plain", or any square.
         period: control period [s]; the lap must be a whole number of them.
+        path: name of the reference (`flexarm_env.physics.paths.PATHS`); its size, time and direction are the square's.
         **changes: further fields of `TrackingProblem`; `OPTIONS` are those that differ from its defaults.
 
     Raises:
-        ValueError: for another name, a square out of reach, or a lap of no whole number of periods.
+        ValueError: for another name, a path out of reach, or a lap of no whole number of periods.
     """
     if not isinstance(arm, FlexibleArm):
         raise TypeError(f"arm = {shown(arm)}: must be a FlexibleArm")
     task = lap_square(lap)
-    path = square(task)
-    path.check_reach(arm.parameters)
+    way = PATHS[choice("path", path, tuple(PATHS))](task)
+    way.check_reach(arm.parameters)
     number("period", period, "s", above=0.0)
     count = round(task.lap_time / period)
     if count < 1 or abs(count * period - task.lap_time) > 1e-9 * task.lap_time:
         raise ValueError(f"period = {period!r}: the lap of {task.lap_time} s must be a whole number of periods")
-    reference = path.position(np.minimum(period * np.arange(count + 1), path.lap_time))
+    reference = way.position(np.minimum(period * np.arange(count + 1), way.lap_time))
     start = rest_state(arm, reference[0], task.elbow_branch)
     return TrackingProblem(arm, start, reference, **(OPTIONS | {"period": period} | changes))
 
@@ -85,7 +88,7 @@ def plan_lap(
         options: of the solver, for the best start.
         trial: iterations of each start.
         progress: called after each iteration.
-        **changes: further fields of `TrackingProblem`.
+        **changes: further arguments of `lap_problem`: `period`, `path`, fields of `TrackingProblem`.
 
     Returns:
         The best plan found; `notes["starts"]` has the cost that each start came to in its trial, None if it diverged.

@@ -68,6 +68,7 @@ class FlexibleArm(FeedbackTorque):
         self.modes = constants.arm_modes(parameters)
         self.constants = constants.arm_constants(parameters, self.modes)
         refuse_singular(parameters, self.constants)
+        self._complete = parameters.velocity_forces == "complete"
         self._elimination = elimination(self.constants)
         self._to_internal = coordinates.to_internal(self.constants)
         self._to_public = coordinates.to_public(self.constants)
@@ -213,9 +214,8 @@ class FlexibleArm(FeedbackTorque):
         Args:
             damping: damping ratio; None: the arm's own.
         """
-        if damping is None or damping == self.parameters.damping_ratio:
-            return STEP_LIMIT / self.fastest_rate()
-        return STEP_LIMIT / _fastest_rate(replace(self.parameters, damping_ratio=damping))
+        own = self.parameters
+        return STEP_LIMIT / _fastest_rate(own if damping is None else replace(own, damping_ratio=damping))
 
     # --- simulation ------------------------------------------------------------------------------------------------
 
@@ -300,10 +300,6 @@ class FlexibleArm(FeedbackTorque):
         return coordinates.public_state(self.constants, internal)
 
     # --- inside ----------------------------------------------------------------------------------------------------
-
-    @property
-    def _complete(self) -> bool:
-        return self.parameters.velocity_forces == "complete"
 
     def _coordinates(self, name: str, q: ArrayLike) -> Array:
         return finite_rows(name, q, self.size, LARGEST)

@@ -7,13 +7,13 @@ moves jobs away from a node that dies.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import as_completed
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
 from flexarm_env.extras import needs_extra
-from flexarm_env.validation import choice, integer
+from flexarm_env.validation import choice, integer, shown
 from scripts.common.worker_pool import worker_pool
 
 Job = TypeVar("Job")
@@ -39,24 +39,27 @@ class Executor(Protocol):
         """
 
 
-def executor(name: str, count: int, folder: Path) -> Executor:
+def executor(name: str, count: int, folder: Path, parameters: Mapping[str, Any] | None = None) -> Executor:
     """Return an executor by its name.
 
     Args:
         name: one of `EXECUTORS`.
         count: processes, or tasks of Slurm; Ray uses what its cluster has, and so many processes of a local one.
         folder: for submitit's own files; all machines must see it.
+        parameters: of submitit, {"slurm_partition": ...} for example.
 
     Raises:
         ImportError: without the extra that it needs.
-        ValueError: for another name or count.
+        ValueError: for another name or count, or parameters for another executor.
     """
     integer("jobs", count, 1)
+    if parameters and name not in ("slurm", "submitit-local"):
+        raise ValueError(f"parameters = {shown(parameters)}: are submitit's; executor = {name!r} has none")
     if choice("executor", name, EXECUTORS) == "processes":
         return Processes(count)
     if name == "ray":
         return Ray(count)
-    return Submitit(count, folder, "slurm" if name == "slurm" else "local")
+    return Submitit(count, folder, "slurm" if name == "slurm" else "local", parameters or {})
 
 
 class Processes:
@@ -124,13 +127,14 @@ class Ray:
 class Submitit:
     """Tasks of Slurm, or processes, by submitit."""
 
-    def __init__(self, count: int, folder: Path, cluster: str) -> None:
+    def __init__(self, count: int, folder: Path, cluster: str, parameters: Mapping[str, Any]) -> None:
         """Import submitit.
 
         Args:
             count: tasks; each gets an equal share of the jobs.
             folder: for its files.
             cluster: "slurm" or "local".
+            parameters: see `executor`.
 
         Raises:
             ImportError: without it, naming the extra.
@@ -138,13 +142,14 @@ class Submitit:
         with needs_extra(f"executor = {cluster!r}", "slurm"):
             import submitit
         self.submitit, self.count, self.folder, self.cluster = submitit, count, folder, cluster
+        self.parameters = {"name": "flexarm", "cpus_per_task": 1, "timeout_min": 24 * 60, **parameters}
 
     def run(
         self, function: Callable[[Job], Result], jobs: Sequence[Job]
     ) -> Iterator[tuple[int, Result | BaseException]]:
         """See `Executor.run`; the results of a task come together, when it is done."""
         chosen = self.submitit.AutoExecutor(folder=self.folder, cluster=self.cluster)
-        chosen.update_parameters(name="flexarm", cpus_per_task=1, timeout_min=24 * 60)
+        chosen.update_parameters(**self.parameters)
         shares = [range(n, len(jobs), self.count) for n in range(min(self.count, len(jobs)))]
         tasks = chosen.map_array(_Share(function), [[jobs[n] for n in share] for share in shares])
         numbers = {task.job_id: share for task, share in zip(tasks, shares, strict=True)}

@@ -15,13 +15,14 @@ from flexarm_env.validation import choice, integer
 from scripts.common.command_line import run
 from scripts.common.markdown import DOCS, filled
 from scripts.common.result_files import write_json, write_whole
-from scripts.control import joint, parts, predictive, registered, shaping
+from scripts.control import feedback, joint, parts, predictive, registered, shaping
 from scripts.control.trials import Study, scores_of
 
 STUDIES: dict[str, Study] = {
     "controllers": registered.STUDY,
     "joint_gains": joint.STUDY,
     "command_shaping": shaping.STUDY,
+    "joint_feedback": feedback.STUDY,
     "lqg_parts": parts.STUDY,
     "predictive": predictive.STUDY,
 }

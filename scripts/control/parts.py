@@ -13,7 +13,7 @@ from flexarm_baselines.observers import NoiseModel
 from flexarm_env.laps import LAPS
 from flexarm_env.rollout import run_policy
 from scripts.common.markdown import table
-from scripts.control.trials import Scores, Study, Trial, Trials
+from scripts.control.trials import Scores, Study, Trial, Trials, cell
 
 NOISE = {"noise": 0.003}  # [m]
 OFF = (-0.02, 0.02)  # [rad]
@@ -81,16 +81,12 @@ def trials_of(rows: Mapping[str, tuple[str, dict[str, Any]]], quick: bool) -> Tr
 def table_of(rows: Iterable[str], scores: Scores) -> str:
     """Write the table of some rows, a line for each lap."""
     lines = [
-        [row, lap, *(_cell(getattr(scores[f"{row}, {case}"], lap)) for case in CASES if f"{row}, {case}" in scores)]
+        [row, lap, *(cell(getattr(scores[f"{row}, {case}"], lap), 4) for case in CASES if f"{row}, {case}" in scores)]
         for row in rows
         for lap in LAPS
         if f"{row}, {next(iter(CASES))}" in scores
     ]
     return table(["", "lap", *list(CASES)[: len(lines[0]) - 2]], lines)
-
-
-def _cell(lap: Any) -> str:
-    return f"lost at {lap.duration:.1f} s" if lap.rms is None else f"{lap.rms:.4f} / {lap.rms_after_2s:.4f}"
 
 
 STUDY = Study(

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 from flexarm_agents.contenders import ENVIRONMENT, from_controller
-from flexarm_agents.score import StandardScore, evaluate
+from flexarm_agents.score import Score, StandardScore, evaluate
 from scripts.common.worker_pool import worker_pool
 
 ERRORS = ("swing lap r.m.s. [m]", "after 2 s [m]", "plain lap r.m.s. [m]", "after 2 s [m]")
@@ -91,3 +91,10 @@ def errors(score: StandardScore) -> list[str]:
         else:
             cells += [f"{lap.rms:.3f}", f"{lap.rms_after_2s:.3f}"]
     return cells
+
+
+def cell(lap: Score, digits: int = 3) -> str:
+    """Write r.m.s. over a lap / after 2 s, or when it was lost."""
+    if lap.rms is None or lap.rms_after_2s is None:
+        return f"lost at {lap.duration:.1f} s"
+    return f"{lap.rms:.{digits}f} / {lap.rms_after_2s:.{digits}f}"

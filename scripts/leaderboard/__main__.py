@@ -23,15 +23,30 @@ from flexarm_agents.board.columns import COLUMNS, Column
 from flexarm_agents.board.rows import Row
 from flexarm_agents.board.summary import row_summary
 from flexarm_agents.board.terms import BOARD
+from flexarm_agents.commands.arguments import json_object
 from flexarm_env.validation import choice
 from scripts.common.command_line import run
 from scripts.common.executors import EXECUTORS, Executor, executor
 from scripts.common.markdown import DOCS, filled
 from scripts.common.result_files import write_json, write_whole
+from scripts.leaderboard.animation import animate
 from scripts.leaderboard.entries import entries
+from scripts.leaderboard.margins import delay_margins
+from scripts.leaderboard.pictures import SHOWN, draw
 from scripts.leaderboard.references import references
+from scripts.leaderboard.runs import nominal_runs
 from scripts.leaderboard.tables import tables
+from scripts.leaderboard.times import times, times_table
 
+PICTURES = {
+    "heat_map.png": "Largest mean error of each row along each axis, and the share of lost laps",
+    "delays.png": "Delay at which each row's error is doubled, and at which it is lost",
+    "corners.png": "The tip's paths where the reference begins and turns",
+    "errors.png": "Error against time on both laps",
+    "effort.png": "Error against effort, with the best plans known",
+    "four.gif": "Four rows on the swing lap, at twice their speed",
+}
+TIMES = "times.json"
 DIGITS = 6  # of the figures in the board's file
 PAGE, DATA = "leaderboard.md", "leaderboard.json"
 
@@ -52,6 +67,14 @@ class Options:
     """Processes, or tasks of Slurm."""
     executor: str = "processes"
     """Where cells are computed: processes, ray, slurm, or submitit-local, a trial of slurm on this machine."""
+    submitit: str = "{}"
+    """Parameters of submitit as a JSON object, e.g. {"slurm_partition": "cpu"}."""
+    pictures: bool = True
+    """Draw pictures, for which the rows run nominal laps again."""
+    without: tuple[str, ...] = ()
+    """Names of rows to leave out."""
+    times: bool = False
+    """Measure how long each row takes to choose an action; the machine must be idle. Else the last figures stay."""
     docs: bool = False
     """Bring docs/leaderboard.md, its JSON and its pictures up to date."""
 
@@ -92,7 +115,8 @@ def measure(rows: Sequence[Row], columns: Mapping[str, Column], store: Store, wh
         row.name: {name: [store.read(cell) for cell in column] for name, column in cells[row.name].items()}
         for row in rows
     }
-    return board([row_summary(row, columns, results[row.name]) for row in rows], columns)
+    found = [row_summary(row, columns, results[row.name]) | {"delay_margin": delay_margins(row)} for row in rows]
+    return board(found, columns)
 
 
 def board(rows: Sequence[Mapping[str, Any]], columns: Mapping[str, Column]) -> dict[str, Any]:
@@ -117,25 +141,39 @@ def board(rows: Sequence[Mapping[str, Any]], columns: Mapping[str, Column]) -> d
 
 def write(results: Mapping[str, Any], folder: Path) -> None:
     """Write the board's JSON and tables."""
-    write_json(folder / DATA, _rounded(results), levels=5)
+    write_json(folder / DATA, rounded(results), levels=5)
     for name, text in tables(results).items():
         write_whole(folder / f"{name}.md", lambda aside, text=text: aside.write_text(text))  # type: ignore[misc]
 
 
-def _rounded(value: Any) -> Any:
+def illustrate(rows: Sequence[Row], results: Mapping[str, Any], folder: Path) -> None:
+    """Draw the pictures, and an animation of four rows."""
+    runs = nominal_runs(rows)
+    draw(results, runs, folder)
+    four = [name for name in SHOWN if name in runs][:4]
+    if four:
+        animate({name: runs[name]["swing"] for name in four}, folder / "four.gif")
+
+
+def rounded(value: Any) -> Any:
     """Round figures for the board's file; cells have all digits."""
     if isinstance(value, dict):
-        return {name: _rounded(one) for name, one in value.items()}
+        return {name: rounded(one) for name, one in value.items()}
     if isinstance(value, list):
-        return [_rounded(one) for one in value]
+        return [rounded(one) for one in value]
     return float(f"{value:.{DIGITS}g}") if isinstance(value, float) else value
 
 
 def update_docs(folder: Path) -> None:
     """Fill the page's tables; copy the JSON and the pictures."""
-    page = DOCS / PAGE
+    page, target = DOCS / PAGE, DOCS / "figures" / "leaderboard"
+    target.mkdir(parents=True, exist_ok=True)
+    for name, text in PICTURES.items():
+        (folder / f"picture_{Path(name).stem}.md").write_text(f"![{text}](figures/leaderboard/{name})\n")
     page.write_text(filled(page.read_text(), folder))
     shutil.copyfile(folder / DATA, DOCS / DATA)
+    for name in PICTURES:
+        shutil.copyfile(folder / "figures" / name, target / name)
     print(f"{page}: up to date")
 
 
@@ -149,21 +187,33 @@ def chosen(options: Options) -> tuple[list[Row], dict[str, Column]]:
     for name in options.columns:
         choice("columns", name, tuple(COLUMNS))
     rows = entries(options.add)
-    for name in options.rows:
-        choice("rows", name, tuple(row.name for row in rows))
+    for what in ("rows", "without"):
+        for name in getattr(options, what):
+            choice(what, name, tuple(row.name for row in rows))
     if options.docs and (options.rows or options.columns != tuple(COLUMNS)):
         raise ValueError("docs = True: the page shows the whole board; must go without rows and columns")
+    if options.docs and not (options.times or (options.output / TIMES).is_file()):
+        raise ValueError(f"docs = True: {options.output} has no {TIMES}; must go with times")
     columns = {name: column for name, column in COLUMNS.items() if name in options.columns}
-    return [row for row in rows if not options.rows or row.name in options.rows], columns
+    wanted = [row for row in rows if not options.rows or row.name in options.rows]
+    return [row for row in wanted if row.name not in options.without], columns
 
 
 def main() -> None:
     """Command line."""
     options = tyro.cli(Options, prog="python -m scripts.leaderboard")
     rows, columns = chosen(options)
-    where = executor(options.executor, options.jobs, options.output / "submitit")
+    parameters = json_object(options.submitit)
+    where = executor(options.executor, options.jobs, options.output / "submitit", parameters)
     results = measure(rows, columns, Store(options.output / "cells"), where)
     write(results, options.output)
+    if options.times:
+        with tqdm(total=len(rows), unit="row", desc="timing") as bar:
+            found = times(rows, bar.update)
+        write_json(options.output / TIMES, found)
+        write_whole(options.output / "times.md", lambda aside: aside.write_text(times_table(found)))
+    if options.pictures:
+        illustrate(rows, results, options.output / "figures")
     print(tables(results).get("ranking", ""), end="")
     print(f"{options.output}: board {BOARD}, {len(rows)} rows")
     if options.docs:

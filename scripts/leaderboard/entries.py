@@ -12,7 +12,11 @@ from flexarm_baselines.registry import controller_names
 from flexarm_env.validation import known_names, mapping
 
 # The law acts on joints, which are not late, unless it is told to act on the late sensor, as in the paper.
-LATE = Row("ifdc", "ifdc_late", options={"law_sensor": "sensor", "sensor": "rigid"})
+_LATE = {"law_sensor": "sensor", "sensor": "rigid"}
+LATE = (
+    Row("ifdc", "ifdc_late", options=_LATE),
+    Row("ifdc", "ifdc_late_rates", options={**_LATE, "delayed": "position+rate"}),
+)
 FIELDS = ("source", "name", "environment", "options", "algorithm")
 
 
@@ -25,7 +29,7 @@ def entries(added: Sequence[str]) -> list[Row]:
     Raises:
         ValueError: if two have the same name, or a file is none of a row.
     """
-    rows = [Row(name) for name in controller_names()] + [LATE]
+    rows = [Row(name) for name in controller_names()] + list(LATE)
     rows += [Row(name, f"agent {name}") for name in shipped_policies()]
     rows += [_added(source) for source in added]
     names = [row.name for row in rows]

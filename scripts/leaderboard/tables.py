@@ -59,7 +59,7 @@ def nominal(board: Board) -> str:
 def axis(name: str, board: Board) -> str:
     """Write the errors along one axis, at some of its values."""
     column = board["columns"][name]
-    chosen = _some(len(column["values"]), _index(column))
+    chosen = _some(len(column["values"]), COLUMNS[name].nominal_index)
     unit = f" {column['unit']}" if column["unit"] not in ("", "1") else ""
     head = [f"{column['title']}", *(f"{_number(column['values'][n])}{unit}" for n in chosen)]
     rows = [[title(row), *(_point(row["columns"][name]["points"][n]) for n in chosen)] for row in ranked(board)]
@@ -67,21 +67,38 @@ def axis(name: str, board: Board) -> str:
 
 
 def breaks(board: Board) -> str:
-    """Write where on each axis of numbers a lap is lost first."""
+    """Write where on each axis of numbers a lap's error is first twice the nominal one, and where it is lost."""
     names = [name for name in board["columns"] if any("breaking" in row["columns"][name] for row in board["rows"])]
     heads = [f"{COLUMNS[name].title} [{COLUMNS[name].unit}]" for name in names]
     lines = [[title(row), *(_break(row["columns"][name]) for name in names)] for row in ranked(board)]
     return table(["row", *heads], lines)
 
 
+def margins(board: Board) -> str:
+    """Write the exact delay margins of linear loops beside the delays at which they fail in simulation."""
+    lines = []
+    for row in board["rows"]:
+        margin = row["delay_margin"]
+        if margin is not None:
+            exact = " to ".join(f"{1e3 * margin[end]:.3g}" for end in ("least", "most"))
+            lines.append([title(row), exact, _break(row["columns"]["delay"])])
+    return table(["row", "exact margin along the square [ms]", "simulated laps [ms]"], lines)
+
+
 def _break(column: Mapping[str, Any]) -> str:
     if all(point is None or "not_applicable" in point for point in column["points"]):
         return ABSENT
-    found = []
-    for lap, one in column["breaking"].items():
-        ends = [f"{sign} {_number(one[side])}" for side, sign in (("low", "≤"), ("high", "≥")) if one[side] is not None]
-        found += [f"{lap} {end}" for end in ends]
-    return "; ".join(found) or "holds"
+    return "; ".join(told for lap, one in column["breaking"].items() if (told := _fails(lap, one))) or "holds"
+
+
+def _fails(lap: str, one: Mapping[str, Any]) -> str:
+    """Say where a lap's error is doubled, and where it is lost."""
+    told = []
+    for what, mark in (("doubled", "2×"), ("lost", "lost")):
+        for side, sign in (("low", "≤"), ("high", "≥")):
+            if one[what][side] is not None:
+                told.append(f"{mark} {sign} {_number(one[what][side])}")
+    return f"{lap} {', '.join(told)}" if told else ""
 
 
 def _unknown(row: Mapping[str, Any]) -> list[str]:
@@ -116,10 +133,6 @@ def _lap(one: Mapping[str, Any]) -> str:
     return f"{one['rms']['mean']:.3f}{goal}"
 
 
-def _index(column: Mapping[str, Any]) -> int:
-    return column["values"].index(column["nominal"]) if column["nominal"] in column["values"] else 0
-
-
 def _some(count: int, kept: int) -> list[int]:
     """Choose at most `MOST_VALUES` of the values of an axis, evenly spaced, the nominal one among them."""
     step = -(-count // MOST_VALUES)
@@ -138,6 +151,7 @@ def tables(board: Board) -> dict[str, str]:
     if "nominal" in names:
         writers |= {"ranking": ranking, "nominal": nominal, "breaks": breaks}
         writers |= {f"axis_{name}": partial(axis, name) for name in names if name not in ("nominal", "unknown")}
+        writers |= {"margins": margins} if "delay" in names else {}
     for name, write in writers.items():
         found[name] = write(board)
     return found

@@ -1,13 +1,14 @@
 """Find the best known laps of arms by trajectory optimisation, and write them as plans.
 
-For each arm and lap every sequence of elbow branches is tried, and the best ones are carried on to convergence. The
-plan, `ARM_LAP.npz`, lies beside a JSON file with its score, settings, trials and the solver's log. An interrupted run
-goes on where it was. `--ship` puts the plans where the package has them (baselines/plans), `--docs` their figures into
-docs/optimal.md.
+For each arm, reference and lap every sequence of elbow branches is tried, and the best ones are carried on to
+convergence. The plan, `ARM_LAP.npz` or `ARM_REFERENCE_LAP.npz`, lies beside a JSON file with its score, settings,
+trials and the solver's log. An interrupted run goes on where it was. `--ship` puts the plans where the package has
+them (baselines/plans), `--docs` their figures into docs/optimal.md.
 """
 
 from __future__ import annotations
 
+import itertools
 import json
 import shutil
 from dataclasses import dataclass
@@ -17,22 +18,25 @@ from typing import Any
 import tyro
 from tqdm import tqdm
 
-from flexarm_baselines.optimal import Iteration, Plan
+from flexarm_baselines.optimal import Iteration, Plan, load_plan
+from flexarm_baselines.optimal.laps import CHANGE_WEIGHT
 from flexarm_baselines.optimal.plan import PLANS
 from flexarm_env.laps import LAPS
 from flexarm_env.parameters import PRESETS, ArmParameters
-from flexarm_env.validation import choice
+from flexarm_env.physics.paths import PATHS
+from flexarm_env.validation import choice, integer
 from scripts.common.command_line import run
 from scripts.common.markdown import DOCS, filled
 from scripts.common.result_files import write_json, write_whole
+from scripts.optimise import reach
 from scripts.optimise.pareto import ITERATIONS, WEIGHTS, curve
 from scripts.optimise.score import regulated, score
-from scripts.optimise.search import Candidate, Effort, search
-from scripts.optimise.tables import TABLES, reports
+from scripts.optimise.search import SIDES, Candidate, Effort, search
+from scripts.optimise.tables import DRAWN, TABLES, plan_name
 
 PAGE = "optimal.md"
-CHANGE_WEIGHT = 3e-3  # [m^2]
-CHANGE_WEIGHTS = {"linear": 7e-5}  # of some arms
+CHANGE_WEIGHTS = {"linear": 7e-5}  # [m^2]; of some arms, where smoothness costs more
+PATHS_OF = {"linear": ("square",)}  # of some arms; others have all
 
 
 @dataclass
@@ -45,6 +49,8 @@ class Options:
     """Names of arms."""
     laps: tuple[str, ...] = ("plain", "swing")
     """Names of laps; a lap is also tried on the end of the other one's plan where the folder has that."""
+    paths: tuple[str, ...] = tuple(PATHS)
+    """Names of references."""
     change_weight: float | None = None
     """Weight on changes of the torques [m^2]; None: 3e-3, on the linear arm 7e-5, where smoothness costs more."""
     trial: int = 10
@@ -56,7 +62,11 @@ class Options:
     quick: bool = False
     """A trial of the script: a few iterations."""
     pareto: bool = False
-    """Follow each best lap over a range of weights on changes of the torques: error against effort."""
+    """Follow each best lap of the square over a range of weights on changes of the torques: error against effort."""
+    reach: int = 0
+    """So many episodes of `FlexArm/Reach-v0` are optimised, too, with the seeds from 0 on."""
+    packaged: bool = False
+    """Begin with the plans of the package, without a search."""
     ship: bool = False
     """Copy the plans to baselines/plans."""
     docs: bool = False
@@ -74,39 +84,45 @@ def main() -> None:
         choice("arms", arm, tuple(PRESETS))
     for lap in options.laps:
         choice("laps", lap, tuple(LAPS))
+    for path in options.paths:
+        choice("paths", path, tuple(PATHS))
     if options.ship and options.quick:
         raise ValueError("ship = True: a quick run's plans are no good; must go without quick")
-    for arm in options.arms:
-        weight = options.change_weight or CHANGE_WEIGHTS.get(arm, CHANGE_WEIGHT)
-        effort = Effort(options.trial, options.finalists, options.iterations, weight)
-        if options.quick:
-            effort = Effort(1, 1, 1, weight)
-        for lap in options.laps:
-            name = f"{arm}_{lap}"
-            _optimise(name, ArmParameters.named(arm), lap, effort, options)
-            if options.ship:
-                PLANS.mkdir(exist_ok=True)
-                for suffix in (".npz", ".json"):
-                    shutil.copyfile(options.output / (name + suffix), PLANS / (name + suffix))
+    for arm, path, lap in itertools.product(options.arms, options.paths, options.laps):
+        if path not in PATHS_OF.get(arm, options.paths):
+            continue
+        _optimise(arm, path, lap, options)
+        if options.ship:
+            PLANS.mkdir(exist_ok=True)
+            for suffix in (".npz", ".json"):
+                file = plan_name(arm, path, lap) + suffix
+                shutil.copyfile(options.output / file, PLANS / file)
+    if options.reach:
+        _reach(integer("reach", options.reach, 1), options)
     if options.docs:
         update_docs(options.output)
 
 
 def update_docs(output: Path) -> None:
     """Fill the page's tables from the plans of the package."""
-    found = reports(PLANS)
     output.mkdir(parents=True, exist_ok=True)
     for name, make in TABLES.items():
-        (output / f"{name}.md").write_text(make(found))
+        (output / f"{name}.md").write_text(make(PLANS))
     page = DOCS / PAGE
     page.write_text(filled(page.read_text(), output))
     print(f"{page}: tables up to date")
 
 
-def _optimise(name: str, arm: ArmParameters, lap: str, effort: Effort, options: Options) -> None:
+def _optimise(arm: str, path: str, lap: str, options: Options) -> None:
     """Search, write the best plan and its report, and print a line."""
-    output = options.output
-    most = effort.trial * 16 + effort.iterations * (effort.finalists + 1) + options.pareto * len(WEIGHTS) * ITERATIONS
+    output, name = options.output, plan_name(arm, path, lap)
+    weight = options.change_weight or CHANGE_WEIGHTS.get(arm, CHANGE_WEIGHT)
+    effort = Effort(options.trial, options.finalists, options.iterations, weight)
+    if options.quick:
+        effort = Effort(1, 1, 1, weight)
+    follow_curve = options.pareto and path == "square"
+    most = effort.trial * 2 ** SIDES.get(path, 1) + effort.iterations * (effort.finalists + 1)
+    most = most * (not options.packaged) + follow_curve * len(WEIGHTS) * ITERATIONS
     with tqdm(total=most, unit="iteration", desc=name) as bar:
 
         def tick(word: str, line: Iteration | None) -> None:
@@ -114,20 +130,35 @@ def _optimise(name: str, arm: ArmParameters, lap: str, effort: Effort, options: 
             if line is not None:
                 bar.set_postfix_str(f"{word}: {line.cost:.4g} m^2, residual {line.residual:.1e}")
 
-        found = search(arm, lap, effort, output / name, _other(name, arm, lap, output), tick)
-        best = found[0]
-        report = _report(found, lap)
+        if options.packaged:
+            best, report = load_plan(name), json.loads((PLANS / f"{name}.json").read_text())
+        else:
+            other = _other(name, ArmParameters.named(arm), lap, output)
+            found = search(ArmParameters.named(arm), lap, path, effort, output / name, other, tick)
+            best, report = found[0].plan, _report(found, lap, path)
         earlier = _earlier_curve(output / f"{name}.json", report)
-        if options.pareto or earlier:
-            report["pareto"] = earlier or curve(best.plan, lap, tick)
-    write_whole(output / f"{name}.npz", best.plan.save)
+        if follow_curve or earlier:
+            report["pareto"] = earlier or curve(best, lap, path, output / name, tick)
+    write_whole(output / f"{name}.npz", best.save)
     write_json(output / f"{name}.json", report)
     figures = report["score"]
     print(
         f"{name}: {figures['true_tip_rms']:.4f} m over the lap, {figures['true_tip_rms_after_2s']:.4f} m after 2 s, "
-        f"largest {figures['true_tip_max']:.3f} m; branches {best.sequence}, residual {report['residual']:.1e}"
+        f"largest {figures['true_tip_max']:.3f} m; branches {report['branches']}, residual {report['residual']:.1e}"
         + ("" if report["converged"] else " (not converged)")
     )
+
+
+def _reach(count: int, options: Options) -> None:
+    """Optimise drawn motions, write their report, and print a line for each."""
+    rows = []
+    with tqdm(total=count * reach.ITERATIONS, unit="iteration", desc="reach") as bar:
+        for seed in range(count):
+            rows.append(reach.best(seed, options.output / "reach", lambda word, line: bar.update()))
+            print(f"reach, seed {seed}: {rows[-1]['true_tip_rms']:.4f} m, residual {rows[-1]['residual']:.1e}")
+    write_json(options.output / DRAWN, rows)
+    if options.ship:
+        shutil.copyfile(options.output / DRAWN, PLANS / DRAWN)
 
 
 def _other(name: str, arm: ArmParameters, lap: str, output: Path) -> Plan | None:
@@ -145,12 +176,12 @@ def _earlier_curve(path: Path, report: dict[str, Any]) -> list[dict[str, Any]]:
     return earlier.get("pareto", []) if same else []
 
 
-def _report(found: list[Candidate], lap: str) -> dict[str, Any]:
+def _report(found: list[Candidate], lap: str, path: str) -> dict[str, Any]:
     """Collect what the JSON file holds of the candidates, the best one first."""
     plan = found[0].plan
     log = plan.notes["log"]
     return {
-        "score": score(plan, lap),
+        "score": score(plan, lap, path),
         "regulated": regulated(plan),
         "converged": plan.notes["converged"],
         "residual": log["residual"][-1],

@@ -3,43 +3,61 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from flexarm_baselines.optimal import Iteration, Plan, SolverOptions, lap_problem, optimise
+from flexarm_baselines.optimal import Iteration, Plan, lap_problem
+from flexarm_env.laps import SETTLED
+from flexarm_env.simulation.feedback import Rollout
 from scripts.optimise.score import efforts
+from scripts.optimise.search import improved
 
 WEIGHTS = (1e-1, 3e-2, 1e-2, 3e-3, 1e-3, 3e-4)  # [m^2]
 ITERATIONS = 100  # of each weight at most
 
 
-def curve(plan: Plan, lap: str, tick: Callable[[str, Iteration | None], Any]) -> list[dict[str, Any]]:
-    """Return error and effort for each weight; each search begins where the one before ended.
+def curve(
+    plan: Plan, lap: str, path: str, folder: Path, tick: Callable[[str, Iteration | None], Any]
+) -> list[dict[str, Any]]:
+    """Return error and effort for each weight, from that of the plan on upward and downward.
+
+    Each search begins where the one for the weight before ended.
 
     Errors are those of the plan's own states, which an environment repeats to rounding.
 
     Args:
         plan: to begin with, a converged one.
         lap: its name.
-        tick: called after each iteration.
+        path: name of its reference.
+        folder: for the plans; those that it has are taken over.
+        tick: called with a word on what is done and each iteration; without one when a plan was taken over.
     """
-    problem, run, rows = lap_problem(plan.arm, lap), plan.replay(), []
-    for weight in sorted(WEIGHTS):
-        changed = replace(problem, change_weight=weight)
-        found = optimise(changed, run, SolverOptions(ITERATIONS), lambda line, w=weight: tick(f"{w:g}", line))  # type: ignore[misc]
-        run = found.run
-        reached = Plan.of(changed, found)
-        away = np.linalg.norm(plan.arm.tip(run.states[:, : plan.arm.size]) - plan.reference, axis=1)
-        rows.append(
-            {
-                "change_weight": weight,
-                "true_tip_rms": float(np.sqrt(np.mean(away**2))),
-                "true_tip_rms_after_2s": float(np.sqrt(np.mean(away[plan.time >= 2.0] ** 2))),
-                **efforts(reached),
-                "converged": found.converged,
-                "residual": found.log[-1].residual,
-            }
-        )
-    return rows
+    folder.mkdir(parents=True, exist_ok=True)
+    own = plan.notes["change_weight"]
+    upward = sorted(weight for weight in WEIGHTS if weight >= own)
+    downward = sorted((weight for weight in WEIGHTS if weight < own), reverse=True)
+    found = {}
+    for weights in (upward, downward):
+        last = plan
+        for weight in weights:
+            problem = lap_problem(plan.arm, lap, path=path, change_weight=weight)
+            start = partial(Rollout, last.states, last.torques)
+            last = improved(problem, "", start, ITERATIONS, folder / f"pareto{weight:g}.npz", tick).plan
+            found[weight] = _row(last, weight)
+    return [found[weight] for weight in sorted(found)]
+
+
+def _row(plan: Plan, weight: float) -> dict[str, Any]:
+    """Collect the figures of a plan for a weight."""
+    away = np.linalg.norm(plan.arm.tip(plan.states[:, : plan.arm.size]) - plan.reference, axis=1)
+    return {
+        "change_weight": weight,
+        "true_tip_rms": float(np.sqrt(np.mean(away**2))),
+        "true_tip_rms_after_2s": float(np.sqrt(np.mean(away[plan.time >= SETTLED] ** 2))),
+        **efforts(plan),
+        "converged": plan.notes["converged"],
+        "residual": plan.notes["log"]["residual"][-1],
+    }

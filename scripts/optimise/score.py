@@ -40,13 +40,22 @@ class Replay:
         return self.actions[period], period + 1
 
 
-def score(plan: Plan, lap: str) -> dict[str, Any]:
-    """Run a plan through `FlexArm/Square-v0`, open loop, and return the figures of its lap.
+def score(plan: Plan, lap: str, path: str = "square") -> dict[str, Any]:
+    """Run a plan through `FlexArm/Square-v0`, open loop, with its reference and its integration step.
+
+    Args:
+        plan: the plan.
+        lap: name of the lap.
+        path: name of the reference.
+
+    Returns:
+        Figures of the lap.
 
     Raises:
         RuntimeError: if it ends the episode.
     """
-    env = gymnasium.make("FlexArm/Square-v0", arm=asdict(plan.parameters), torque_limit=plan.limits)
+    options: dict[str, Any] = {"torque_limit": plan.limits, "reference": path, "physics_step": plan.step}
+    env = gymnasium.make("FlexArm/Square-v0", arm=asdict(plan.parameters), **options)
     figures = summary(run_policy(env, Replay(plan), lap=lap))
     if figures["ended_early"]:
         raise RuntimeError(f"the plan of the {lap} lap ends the episode: {figures['ended']}")

@@ -32,7 +32,7 @@ from flexarm_env.simulation.arm import FlexibleArm
 from flexarm_env.simulation.feedback import Rollout
 from scripts.common.result_files import write_whole
 
-SIDES = 4
+SIDES = {"square": 4, "line": 2}  # between points at which the reference turns at once; other paths: 1
 SIGNS = {"positive": "+", "negative": "-"}
 CHANGE = 0.4  # [s], of sides in the starts
 GRAFT = 2.0  # [s], after which another plan takes over
@@ -59,7 +59,7 @@ class Candidate(NamedTuple):
     """A plan with where it came from.
 
     Attributes:
-        sequence: sides of the elbow at the start and along each side of the square, e.g. "+----".
+        sequence: sides of the elbow at the start and along each side of the path, e.g. "+----".
         plan: what it came to.
         cost: of the plan [m^2].
     """
@@ -69,25 +69,27 @@ class Candidate(NamedTuple):
     cost: float
 
 
-def sequences(start: str, lap_time: float) -> Iterator[tuple[str, list[Branch]]]:
+def sequences(start: str, lap_time: float, sides: int = 4) -> Iterator[tuple[str, list[Branch]]]:
     """Yield all sequences of branches that change at the start and at corners only.
 
     Args:
         start: the elbow's side at the start.
         lap_time: [s].
+        sides: number of the path's sides.
     """
-    for sides in itertools.product(SIGNS, repeat=SIDES):
+    for chosen in itertools.product(SIGNS, repeat=sides):
         branches = [Branch(0.0, start)]
-        for n, side in enumerate(sides):
+        for n, side in enumerate(chosen):
             if side != branches[-1].side:
-                straight = n * lap_time / SIDES
+                straight = n * lap_time / sides
                 branches.append(Branch(max(straight - 0.5 * CHANGE, 0.01), side, CHANGE))
-        yield "".join(SIGNS[side] for side in (start, *sides)), branches
+        yield "".join(SIGNS[side] for side in (start, *chosen)), branches
 
 
 def search(
     arm: ArmParameters,
     lap: str,
+    path: str,
     effort: Effort,
     folder: Path,
     other: Plan | None,
@@ -98,9 +100,11 @@ def search(
     Args:
         arm: the arm.
         lap: a name of `LAPS`.
+        path: a name of `PATHS`.
         effort: how much is tried.
         folder: for the plans on the way.
-        other: plan of the arm's other lap, which the best one is grafted on as well; None: there is none.
+        other: plan of the arm's other lap, which the best one is grafted on as well, where its elbow is on the same
+            side; None: there is none.
         tick: called with a word on what is done and each iteration; without one when a plan was taken over.
 
     Returns:
@@ -109,27 +113,27 @@ def search(
     Raises:
         DivergingStartError: if all did.
     """
-    problem = lap_problem(FlexibleArm(arm), lap, change_weight=effort.change_weight)
+    problem = lap_problem(FlexibleArm(arm), lap, path=path, change_weight=effort.change_weight)
     task = lap_square(lap)
     folder.mkdir(parents=True, exist_ok=True)
     found = []
-    for sequence, branches in sequences(task.elbow_branch, task.lap_time):
+    for sequence, branches in sequences(task.elbow_branch, task.lap_time, SIDES.get(path, 1)):
         start = partial(_follow, problem, branches)
         with suppress(DivergingStartError):
-            found.append(_improved(problem, sequence, start, effort.trial, folder / f"trial{sequence}.npz", tick))
+            found.append(improved(problem, sequence, start, effort.trial, folder / f"trial{sequence}.npz", tick))
     if not found:
         raise DivergingStartError(f"the {lap} lap: the arm's state stays finite on no sequence of branches")
     found.sort(key=lambda one: one.cost)
     finals = []
     for one in found[: effort.finalists]:
         start = partial(Rollout, one.plan.states, one.plan.torques)
-        path = folder / f"final{one.sequence}.npz"
-        finals.append(_improved(problem, one.sequence, start, effort.iterations, path, tick))
-    if other is not None:
-        best = min(finals, key=lambda one: one.cost)
+        file = folder / f"final{one.sequence}.npz"
+        finals.append(improved(problem, one.sequence, start, effort.iterations, file, tick))
+    best = min(finals, key=lambda one: one.cost)
+    if other is not None and _same_side(best.plan, other):
         name = f"graft{best.sequence}"
         start = partial(grafted, problem, best.plan, other)
-        finals.append(_improved(problem, best.sequence, start, effort.iterations, folder / f"{name}.npz", tick))
+        finals.append(improved(problem, best.sequence, start, effort.iterations, folder / f"{name}.npz", tick))
     return sorted(finals, key=lambda one: one.cost) + found[effort.finalists :]
 
 
@@ -151,12 +155,18 @@ def grafted(problem: TrackingProblem, own: Plan, other: Plan) -> Rollout:
     return rollout(problem, torques, gains=gains, references=references)
 
 
+def _same_side(own: Plan, other: Plan) -> bool:
+    """Return whether the elbows of two plans are on the same side where one would go over into the other."""
+    split = round(GRAFT / own.period)
+    return bool(np.sign(own.states[split, 1]) == np.sign(other.states[split, 1]))
+
+
 def _follow(problem: TrackingProblem, branches: list[Branch]) -> Rollout:
     """Run the arm along a sequence of branches."""
     return follow(problem, joint_path(problem, branches))
 
 
-def _improved(
+def improved(
     problem: TrackingProblem,
     sequence: str,
     start: Callable[[], Rollout],
@@ -164,7 +174,16 @@ def _improved(
     path: Path,
     tick: Callable[[str, Iteration | None], Any],
 ) -> Candidate:
-    """Optimise from a start, or take the plan over from its file."""
+    """Optimise from a start, or take the plan over from its file.
+
+    Args:
+        problem: what the plan should be good at.
+        sequence: see `Candidate`.
+        start: returns the start.
+        iterations: most iterations.
+        path: the plan's file.
+        tick: see `search`.
+    """
     settings = {"sequence": sequence, "change_weight": problem.change_weight, "most_iterations": iterations}
     plan = _earlier(path, problem, settings)
     if plan is None:

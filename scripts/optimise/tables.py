@@ -10,16 +10,18 @@ from scripts.common.markdown import table
 from scripts.optimise.score import CASES
 
 ERRORS = {"true_tip_rms": "lap r.m.s. [m]", "true_tip_rms_after_2s": "after 2 s [m]"}
+DRAWN = "reach.json"  # the report on drawn motions
 EFFORTS = {"torque_rms": "torques, r.m.s. [N m]", "torque_change_rms": "their change in a period [N m]"}
 
 
 def reports(folder: Path) -> dict[str, Any]:
     """Read the reports of plans, by the plans' names."""
-    return {path.stem: json.loads(path.read_text()) for path in sorted(folder.glob("*.json"))}
+    return {path.stem: json.loads(path.with_suffix(".json").read_text()) for path in sorted(folder.glob("*.npz"))}
 
 
-def laps(found: dict[str, Any]) -> str:
+def laps(folder: Path) -> str:
     """Show the best known laps."""
+    found = reports(folder)
     head = ["arm, lap", *ERRORS.values(), "largest [m]", "elbow", *EFFORTS.values(), "weight on it [m²]", "residual"]
     return table(head, [_lap(name, report) for name, report in found.items()])
 
@@ -31,8 +33,9 @@ def _lap(name: str, report: dict[str, Any]) -> list[str]:
     return [_words(name), *_errors(score), largest, branches, *_efforts(score), weight, residual]
 
 
-def pareto(found: dict[str, Any]) -> str:
+def pareto(folder: Path) -> str:
     """Show error against effort."""
+    found = reports(folder)
     head = ["arm, lap", "weight on changes [m²]", *ERRORS.values(), *EFFORTS.values()]
     return table(
         head,
@@ -44,8 +47,9 @@ def pareto(found: dict[str, Any]) -> str:
     )
 
 
-def regulated(found: dict[str, Any]) -> str:
+def regulated(folder: Path) -> str:
     """Show what regulators along the plans make of other arms: lap, then after 2 s."""
+    found = reports(folder)
     cases = list(CASES)
     return table(
         ["arm, lap", "regulator", *cases],
@@ -57,9 +61,40 @@ def regulated(found: dict[str, Any]) -> str:
     )
 
 
+def drawn(folder: Path) -> str:
+    """Show the best known runs of `FlexArm/Reach-v0`."""
+    rows = json.loads((folder / DRAWN).read_text())
+    head = ["seed", "episode r.m.s. [m]", "while the reference rests [m]", "largest [m]", *EFFORTS.values(), "residual"]
+    return table(
+        head,
+        [
+            [
+                str(row["seed"]),
+                *(f"{row[key]:.4f}" for key in ("true_tip_rms", "true_tip_rms_at_rest")),
+                f"{row['true_tip_max']:.3f}",
+                *_efforts(row),
+                f"{row['residual']:.0e}",
+            ]
+            for row in rows
+        ],
+    )
+
+
+def plan_name(arm: str, path: str, lap: str) -> str:
+    """Name the plan of an arm for a lap of a path."""
+    return "_".join([arm, *([] if path == "square" else [path]), lap])
+
+
+def parts(name: str) -> tuple[str, str, str]:
+    """Return arm, path and lap of a plan's name."""
+    arm, _, rest = name.partition("_")
+    path, _, lap = rest.rpartition("_")
+    return arm, path or "square", lap
+
+
 def _words(name: str) -> str:
-    arm, _, lap = name.rpartition("_")
-    return f"{arm}, {lap}"
+    arm, path, lap = parts(name)
+    return ", ".join([arm, *([] if path == "square" else [path.replace("_", " ")]), lap])
 
 
 def _errors(row: dict[str, Any]) -> list[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import json
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,7 @@ from flexarm_agents.board.gauges import observation_map
 from flexarm_agents.board.rows import Row
 from flexarm_agents.board.summary import breaking, lap_summary, point_summary
 from flexarm_agents.board.terms import FIRST_SEED, INTERFACE, TASKS, interface_of
+from flexarm_agents.commands import evaluate, sweep
 from flexarm_agents.load import policy_file
 from flexarm_baselines.optimal.plan import PLANS
 from flexarm_env.envs.options import Options
@@ -227,7 +229,11 @@ def test_a_row_chooses_what_it_observes_and_no_more() -> None:
 
 def test_an_axis_has_its_nominal_value_and_ends_that_an_environment_takes() -> None:
     for name, column in COLUMNS.items():
-        if column.nominal is not None:
+        if isinstance(column.nominal, float):
+            values = [float(point.value) for point in column.points]
+            assert min(values) <= column.nominal <= max(values), name
+            assert values == sorted(values)
+        elif column.nominal is not None:
             assert column.nominal in [point.value for point in column.points], name
         for point in column.points[:: max(1, len(column.points) - 1)]:
             Settings.of(point.environment_options({}))
@@ -291,5 +297,32 @@ def test_an_axis_breaks_where_a_lap_is_lost_first_on_either_side() -> None:
     def at(rms: float | None) -> Any:
         return point_summary({"episodes": [episode(rms), episode(0.1, lap="swing")]})
 
-    found = breaking(column, [at(x) for x in (None, None, 0.1, 0.1, None)])
-    assert found == {"swing": {"low": None, "high": None}, "plain": {"low": 0.9, "high": 1.2}}
+    found = breaking(column, [at(x) for x in (None, None, 0.1, 0.21, None)])
+    nowhere = {"low": None, "high": None}
+    assert found["swing"] == {"lost": nowhere, "doubled": nowhere}
+    assert found["plain"] == {"lost": {"low": 0.9, "high": 1.2}, "doubled": {"low": None, "high": 1.1}}
+
+
+# --- one row along one axis ------------------------------------------------------------------------------------
+
+
+@pytest.mark.usefixtures("uncompiled")
+def test_evaluate_sweeps_an_axis(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    tiny = {"noise": Column("Sensor noise", "mm", tuple(points([0.0, 1.0])), 0.0)}
+    monkeypatch.setattr(sweep, "COLUMNS", tiny)
+    output = tmp_path / "swept.json"
+    evaluate.run(["--policy", AGENT, "--sweep", "noise", "--output", str(output)])
+    told = capsys.readouterr().out
+    (results,) = [one["results"] for one in json.loads(output.read_text())["rows"]]
+    for point in results:
+        for one in point["episodes"]:
+            assert f"{one['figures']['rms']:.3f}" in told
+    assert "plain lap: never error doubled, never lost" in told
+    with refuses(ValueError, "sweep = 'noises'", "noise"):
+        evaluate.run(["--policy", AGENT, "--sweep", "noises"])
+    with refuses(ValueError, "nothing to sweep"):
+        evaluate.run(["--sweep", "noise"])
+    with refuses(ValueError, "the board sets them"):
+        evaluate.run(["--policy", AGENT, "--sweep", "noise", "--laps", "3"])

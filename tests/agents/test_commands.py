@@ -12,6 +12,7 @@ import flexarm_agents
 from flexarm_agents import shipped_policies
 from flexarm_agents.commands import VERBS, main, show
 from flexarm_agents.commands.text import columns, from_markdown
+from flexarm_baselines.registry import controller_names
 from flexarm_env.envs.documentation import table
 from flexarm_env.envs.registration import IDS
 from flexarm_env.envs.settings import Settings
@@ -99,7 +100,7 @@ def test_list_shows_ids_and_policies(capsys: Captured) -> None:
     assert status("list") == 0
     out = capsys.readouterr().out
     assert all(f"FlexArm/{name} " in out for name in IDS)
-    assert all(re.search(rf"^{name} ", out, re.MULTILINE) for name in shipped_policies())
+    assert all(re.search(rf"^{name} ", out, re.MULTILINE) for name in (*shipped_policies(), *controller_names()))
 
 
 @pytest.mark.parametrize("name", IDS)

@@ -139,6 +139,17 @@ def test_evaluate_scores_what_there_is(flexarm: Shell) -> None:
     assert laps["no torque"]["plain"]["rms_after_2s"] is None
 
 
+def test_a_policy_alone_is_scored_alone(flexarm: Shell) -> None:
+    result = flexarm("evaluate", "--policy", "ifdc", "--environment", "Track-v0")
+    assert result.returncode == 0, result.stderr
+    (found,) = flexarm.evaluation()["results"]
+    assert (found["name"], found["environment"]) == ("ifdc", "FlexArm/Track-v0")
+    assert found["options"]["action_mode"] == "gain"
+    assert found["reads"] == ["encoders"]
+    assert not found["privileged"]
+    assert flexarm("evaluate", "--policy", "ifd").returncode == 1
+
+
 MODULE = """
 import numpy as np
 
@@ -265,7 +276,7 @@ def test_models_of_stable_baselines_are_read_only_when_asked_for(flexarm: Shell)
     ("arguments", "message"),
     [
         (("--stable-baselines3", "PPO"), "there is no zip file among the policies"),
-        (("--environment", "Reach-v0"), "is for module:attribute and for zip files"),
+        (("--environment", "Reach-v0"), "trainings have their own"),
     ],
 )
 def test_an_argument_without_effect_is_an_error(flexarm: Shell, arguments: tuple[str, ...], message: str) -> None:

@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 import json
+import re
+import subprocess
+import sys
+import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -11,12 +15,16 @@ import pytest
 
 from flexarm_agents.board.cells import Store
 from flexarm_agents.board.columns import COLUMNS, Column, Point
+from flexarm_agents.board.episodes import run_points
 from flexarm_agents.board.rows import Row
+from flexarm_agents.board.summary import nominal_errors, point_summary
 from flexarm_agents.board.terms import BOARD
 from scripts.common.executors import executor
+from scripts.common.markdown import DOCS
 from scripts.leaderboard import __main__ as study
 from scripts.leaderboard.entries import entries
 from scripts.leaderboard.tables import tables
+from tests.support.programs import ROOT, run_study
 from tests.support.refusals import refuses
 
 SHORT = {"lap_time": 0.4, "side": 1.0, "control_period": 0.05, "physics_step": 0.0125}  # few periods of plain Python
@@ -45,7 +53,8 @@ class Here:
 
 
 def files(folder: Path) -> dict[str, bytes]:
-    return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*.json")}
+    whole = [path for path in folder.rglob("*.json") if not path.name.startswith(".")]  # others are being written
+    return {str(path.relative_to(folder)): path.read_bytes() for path in whole}
 
 
 @pytest.mark.usefixtures("uncompiled")
@@ -97,6 +106,7 @@ def test_a_row_may_be_a_file(tmp_path: Path) -> None:
         ({"rows": ("nobody",)}, "rows = 'nobody'"),
         ({"columns": ("nothing",)}, "columns = 'nothing'"),
         ({"executor": "cloud"}, "executor = 'cloud'"),
+        ({"without": ("nobody",)}, "without = 'nobody'"),
         ({"docs": True, "columns": ("nominal",)}, "docs = True"),
     ],
 )
@@ -105,10 +115,24 @@ def test_bad_arguments_are_refused_at_once(options: dict[str, Any], words: str) 
         study.chosen(study.Options(**options))
 
 
+def test_only_submitit_has_parameters(tmp_path: Path) -> None:
+    with refuses(ValueError, "parameters = {'slurm_partition': 'cpu'}", "executor = 'processes' has none"):
+        executor("processes", 1, tmp_path, {"slurm_partition": "cpu"})
+    with refuses(ValueError, "jobs = 0"):
+        executor("processes", 0, tmp_path)
+
+
 def lap(rms: float | None) -> dict[str, Any]:
     figure = None if rms is None else {"mean": rms, "least": rms, "most": rms}
     lost = {"episodes": 1, "lost": int(rms is None), "first_loss": 1.5 if rms is None else None}
     return {**lost, "rms": figure, "rms_after_2s": figure, "maximum": figure}
+
+
+NOWHERE = {"low": None, "high": None}
+BREAKING = {
+    "swing": {"doubled": {"low": None, "high": 0.3}, "lost": {"low": 0.1, "high": 0.7}},
+    "plain": {"doubled": NOWHERE, "lost": NOWHERE},
+}
 
 
 def row(name: str, swing: float | None, plain: float | None, privileged: bool = False) -> dict[str, Any]:
@@ -120,7 +144,7 @@ def row(name: str, swing: float | None, plain: float | None, privileged: bool = 
         "privileged": privileged,
         "columns": {
             "nominal": {"points": [point, others[1], others[2], point]},
-            "payload": {"points": [point] * 11, "breaking": {"swing": {"low": None, "high": 0.3}, "plain": {}}},
+            "payload": {"points": [point] * 11, "breaking": BREAKING},
             "unknown": {"points": [point]},
         },
     }
@@ -128,8 +152,6 @@ def row(name: str, swing: float | None, plain: float | None, privileged: bool = 
 
 def test_tables_rank_by_error_and_never_hide_a_loss() -> None:
     rows = [row("ifdc", 0.8, 0.7), row("lost", None, 0.01), row("best", 0.06, 0.02, privileged=True)]
-    for one in rows:
-        one["columns"]["payload"]["breaking"]["plain"] = {"low": None, "high": None}
     references = {name: {"rms": rms} for name, rms in (("swing", 0.05), ("plain", 0.02))}
     columns = {name: COLUMNS[name] for name in ("nominal", "payload", "unknown")}
     board = study.board(rows, columns) | {"references": references}
@@ -143,37 +165,147 @@ def test_tables_rank_by_error_and_never_hide_a_loss() -> None:
     assert lines[2].endswith("| - / 0.010 | - / 0.010 | 50.0 % |")
     assert "not applicable | 0.100, 50 %" in found["nominal"]
     assert "lost at 1.5 s / 0.010" in found["axis_payload"]
-    assert found["breaks"].splitlines()[2].endswith("| swing ≥ 0.3 |")
+    assert found["breaks"].splitlines()[2].endswith("| swing 2× ≥ 0.3, lost ≤ 0.1, lost ≥ 0.7 |")
     assert len(found["axis_payload"].splitlines()[0].split("|")) <= 2 + 1 + 9
+
+
+def test_the_page_has_a_place_for_every_table_and_picture(tmp_path: Path) -> None:
+    blocks = set(re.findall(r"<!-- generated: (\w+) -->", (DOCS / study.PAGE).read_text()))
+    axes = {f"axis_{name}" for name in COLUMNS if name not in ("nominal", "unknown")}
+    assert blocks == {
+        *("ranking", "nominal", "breaks", "margins", "times"),
+        *axes,
+        *(f"picture_{Path(name).stem}" for name in study.PICTURES),
+    }
+
+
+# --- the committed board ---------------------------------------------------------------------------------------
+
+# Error over the swing lap and over the plain lap [m]: bands in which the nominal figures of rows must lie.
+GOLDEN = {
+    "ifdc": ((0.7, 1.0), (0.6, 0.85)),
+    "flsac": ((0.8, 1.2), (0.8, 1.2)),
+    "joint_pd": ((0.5, 0.8), (0.4, 0.7)),
+    "computed_torque": ((0.18, 0.28), (0.16, 0.25)),
+    "shaped": ((0.15, 0.25), (0.14, 0.2)),
+    "lqg": ((0.051, 0.055), (0.0184, 0.0205)),
+    "nmpc": ((0.051, 0.057), (0.0184, 0.0205)),
+    "plan_lqr": ((0.051, 0.053), (0.0184, 0.019)),
+    "agent square": ((0.05, 0.14), (0.02, 0.07)),
+}
+
+
+@pytest.fixture(scope="module")
+def committed() -> dict[str, dict[str, Any]]:
+    if not (DOCS / study.DATA).is_file():
+        pytest.skip("the board has no page yet: make leaderboard ARGS='--docs --times'")
+    board = json.loads((DOCS / study.DATA).read_text())
+    assert board["board"] == BOARD
+    return {row["name"]: row for row in board["rows"]}
+
+
+@pytest.mark.parametrize("name", GOLDEN)
+def test_the_nominal_figures_of_the_committed_board_are_in_their_bands(
+    name: str, committed: dict[str, dict[str, Any]]
+) -> None:
+    for one, (low, high) in zip(nominal_errors(committed[name]).values(), GOLDEN[name], strict=True):
+        assert one is not None
+        assert low <= one["rms"] <= high
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["ifdc", "shaped", "lqg", "agent square"])
+def test_the_committed_board_is_computed_again_to_its_digits(name: str, committed: dict[str, dict[str, Any]]) -> None:
+    (row,) = [one for one in entries(()) if one.name == name]
+    points = COLUMNS["nominal"].points[:2]
+    found = study.rounded([point_summary(one) for one in run_points(row, points)])
+    assert found == committed[name]["columns"]["nominal"]["points"][:2]
 
 
 # --- executors -------------------------------------------------------------------------------------------------
 
+BIG = {"lap_time": 8.0, "side": 6.0}
 REAL = {
-    "delay": Column("Delay", "ms", tuple(Point(x, {"lap_time": 4.0, "side": 3.0, "delay": 1e-3 * x}) for x in range(8)))
+    "delay": Column("Delay", "ms", tuple(Point(x, BIG | {"delay": 1e-3 * x}, seeds=range(8)) for x in range(8)), 0.0)
 }
-"""Points for real workers, each with a batch of its own."""
+"""Points for real workers, each with a job of its own."""
 
 
-def measured(folder: Path, name: str) -> dict[str, bytes]:
-    study.measure(ROWS[:1], REAL, Store(folder / "cells"), executor(name, 2, folder / "submitit"))
+def measured(folder: Path, where: Any) -> dict[str, bytes]:
+    study.measure(ROWS[:1], REAL, Store(folder / "cells"), where)
     return files(folder / "cells")
 
 
 @pytest.fixture(scope="module")
 def by_one_process(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
     folder = tmp_path_factory.mktemp("one")
-    study.measure(ROWS[:1], REAL, Store(folder / "cells"), executor("processes", 1, folder))
-    return files(folder / "cells")
+    return measured(folder, executor("processes", 1, folder))
 
 
 @pytest.mark.slow
 def test_two_processes_give_the_same_files(tmp_path: Path, by_one_process: dict[str, bytes]) -> None:
-    assert measured(tmp_path, "processes") == by_one_process
+    assert len(by_one_process) == len(REAL["delay"].points)
+    assert measured(tmp_path, executor("processes", 2, tmp_path)) == by_one_process
 
 
 @pytest.mark.slow
-@pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::DeprecationWarning")
 def test_submitit_gives_the_same_files(tmp_path: Path, by_one_process: dict[str, bytes]) -> None:
     pytest.importorskip("submitit", reason="the extra `slurm` is not installed")
-    assert measured(tmp_path, "submitit-local") == by_one_process
+    assert measured(tmp_path, executor("submitit-local", 2, tmp_path / "submitit")) == by_one_process
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore")  # Ray's own: sockets left open, deprecations
+def test_a_ray_cluster_of_which_a_node_is_killed_gives_the_same_files(
+    tmp_path: Path, by_one_process: dict[str, bytes]
+) -> None:
+    ray = pytest.importorskip("ray", reason="the extra `ray` is not installed")
+    from ray.cluster_utils import Cluster
+
+    cluster = Cluster(initialize_head=True, head_node_args={"num_cpus": 1, "include_dashboard": False})
+    other = cluster.add_node(num_cpus=1)
+    ray.init(address=cluster.address, log_to_driver=False, logging_level="error")
+    try:
+        cluster.wait_for_nodes()
+        assert sum(node["Alive"] for node in ray.nodes()) == 2
+        where = executor("ray", 2, tmp_path)
+
+        class KillsANode:
+            """Kills the second node, with what it is at, when the first job is done."""
+
+            def run(self, function: Callable[[Any], Any], jobs: Sequence[Any]) -> Iterator[tuple[int, Any]]:
+                for number, done in enumerate(where.run(function, jobs)):
+                    if number == 0:
+                        cluster.remove_node(other, allow_graceful=False)
+                    yield done
+
+        assert measured(tmp_path, KillsANode()) == by_one_process
+        limit = time.monotonic() + 120.0  # until Ray declares the node dead
+        while sum(node["Alive"] for node in ray.nodes()) > 1:
+            assert time.monotonic() < limit
+            time.sleep(0.2)
+    finally:
+        ray.shutdown()
+        cluster.shutdown()
+
+
+@pytest.mark.slow
+def test_kill_9_loses_what_is_being_computed_and_no_more(tmp_path: Path) -> None:
+    """Workers end with their parent; the next run computes what is missing, and the files are those of a whole run."""
+    arguments = ("--rows", "agent square", "--columns", "delay", "payload", "--jobs", "1")
+    whole = run_study("leaderboard", *arguments, "--output", str(tmp_path / "whole"), timeout=900)
+    assert whole.returncode == 0, whole.stderr
+    expected = files(tmp_path / "whole" / "cells")
+    command = [sys.executable, "-m", "scripts.leaderboard", *arguments, "--output", str(tmp_path / "killed")]
+    with subprocess.Popen(command, cwd=ROOT, stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL) as process:
+        limit = time.monotonic() + 600.0
+        while not files(tmp_path / "killed") and time.monotonic() < limit:
+            time.sleep(0.05)
+        process.kill()
+    left = files(tmp_path / "killed" / "cells")
+    assert 0 < len(left) < len(expected)
+    assert all(expected[name] == content for name, content in left.items())
+    again = run_study("leaderboard", *arguments, "--output", str(tmp_path / "killed"), timeout=900)
+    assert again.returncode == 0, again.stderr
+    assert f"{len(expected) - len(left)}/{len(expected) - len(left)}" in again.stderr
+    assert files(tmp_path / "killed" / "cells") == expected

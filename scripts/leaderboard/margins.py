@@ -1,0 +1,42 @@
+"""Exact delay margins of the rows whose loop is linear: the paper's law with a constant gain on a late sensor."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from flexarm_agents.board.rows import Row
+from flexarm_baselines import IFDC
+from flexarm_env.analysis import delay_margin, law_loop
+from flexarm_env.envs.settings import Settings
+from flexarm_env.parameters import SquareParameters
+from flexarm_env.physics.paths import square
+
+PLACES = 5  # on half a side of the square; the other sides repeat it
+
+
+def delay_margins(row: Row) -> Mapping[str, float] | None:
+    """Return the least and the largest delay margin along the square [s], by the linear theory of an arm at rest.
+
+    Args:
+        row: of the board.
+
+    Returns:
+        "least" and "most"; None for a row whose loop is not linear, or does not contain the sensor.
+    """
+    contender = row.contender()
+    settings: Any = contender.env.unwrapped.settings  # type: ignore[attr-defined]
+    assert isinstance(settings, Settings)
+    if not isinstance(contender.policy, IFDC) or settings.law_sensor != "sensor":
+        return None
+    path = square(SquareParameters())
+    places = path.position(np.linspace(0.0, path.lap_time / 8.0, PLACES))
+    # the axis has one delay for both joints
+    sensor = replace(settings.sensor_parameters, delay=max(settings.sensor_delays))
+    gain = contender.policy.gain
+    loops = [law_loop(settings.flexible_arm, place, sensor, gain) for place in places]
+    found = [delay_margin(loop).delay for loop in loops]
+    return {"least": min(found), "most": max(found)}

@@ -1,0 +1,74 @@
+"""The best known runs of `FlexArm/Reach-v0`: for some seeds the motion that the episode draws is optimised."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+
+import flexarm_env  # noqa: F401  (registers the environments)
+from flexarm_baselines.optimal import Branch, Iteration, TrackingProblem, follow, joint_path
+from flexarm_baselines.optimal.laps import OPTIONS
+from flexarm_env.rollout import run_policy
+from flexarm_env.simulation.arm import FlexibleArm
+from scripts.optimise.score import efforts
+from scripts.optimise.search import improved
+
+SIDE = "positive"  # of the elbow, as in the environment
+ITERATIONS = 100
+
+
+def idle(observation: Any) -> tuple[float, float]:
+    """Command no torque."""
+    return 0.0, 0.0
+
+
+def problem_of(seed: int) -> TrackingProblem:
+    """Return the problem of the episode that a seed draws."""
+    env = gymnasium.make("FlexArm/Reach-v0", error_limit=None)
+    run = run_policy(env, idle, seed=seed)  # an arm at rest without torques stays; the reference is recorded
+    env.close()
+    assert run.reference is not None
+    return TrackingProblem(FlexibleArm(run.parameters), run.state[0], run.reference, **OPTIONS)
+
+
+def best(seed: int, folder: Path, tick: Callable[[str, Iteration | None], Any]) -> dict[str, Any]:
+    """Optimise an episode, and return its figures.
+
+    Args:
+        seed: of the environment.
+        folder: for the plan; one that it has is taken over.
+        tick: called after each iteration; without one when a plan was taken over.
+
+    Returns:
+        Errors over the episode and while the reference rests [m], efforts, the solver's log.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    problem = problem_of(seed)
+    start = partial(_follow, problem)
+    plan = improved(problem, SIDE, start, ITERATIONS, folder / f"reach{seed}.npz", tick).plan
+    away = np.linalg.norm(plan.arm.tip(plan.states[:, : plan.arm.size]) - plan.reference, axis=1)
+    rests = np.all(plan.reference == np.roll(plan.reference, 1, axis=0), axis=1)
+    log = plan.notes["log"]
+    return {
+        "seed": seed,
+        "true_tip_rms": _rms(away),
+        "true_tip_rms_at_rest": _rms(away[rests]),
+        "true_tip_max": float(away.max()),
+        **efforts(plan),
+        "converged": plan.notes["converged"],
+        "residual": log["residual"][-1],
+        "log": log,
+    }
+
+
+def _follow(problem: TrackingProblem) -> Any:
+    return follow(problem, joint_path(problem, [Branch(0.0, SIDE)]))
+
+
+def _rms(values: Any) -> float:
+    return float(np.sqrt(np.mean(np.square(values))))
