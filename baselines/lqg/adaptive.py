@@ -8,7 +8,6 @@ Rugh and Shamma, *Research on gain scheduling*, Automatica 36, 2000.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import product as pairs
 from typing import NamedTuple
 
 import numpy as np
@@ -17,7 +16,7 @@ from flexarm_baselines.along_plans import PlanController
 from flexarm_baselines.arrays import Array, Floats
 from flexarm_baselines.controller import Memory, Seen
 from flexarm_baselines.lqg.controller import LQG
-from flexarm_baselines.lqg.nodes import plan_for
+from flexarm_baselines.lqg.nodes import grid, named
 from flexarm_baselines.lqg.tables import FilterTables, Place, RegulatorTables, joined, product
 from flexarm_baselines.observers import KalmanFilter, NoiseModel
 from flexarm_baselines.optimal import GOOD, Plan, RegulatorWeights
@@ -35,24 +34,25 @@ class Unknown(NamedTuple):
     Attributes:
         mean: expected value; None: that of the task.
         deviation: standard deviation.
+        drift: how far it may wander in a second, as a share of that.
         least: estimates stay above.
         most: estimates stay below.
     """
 
     mean: float | None
     deviation: float
+    drift: float
     least: float
     most: float
 
 
 QUANTITIES = {
-    "payload_mass": Unknown(0.4, 0.4, 0.0, 1.1),  # [kg]
-    "stiffness": Unknown(1.0, 0.15, 0.75, 1.35),
-    "damping": Unknown(None, 0.003, 0.001, 0.03),
-    "delay": Unknown(None, 0.02, 0.0, 0.08),  # [s]
+    "payload_mass": Unknown(0.3, 0.4, 0.2, 0.0, 1.1),  # [kg]
+    "stiffness": Unknown(0.9, 0.15, 0.1, 0.75, 1.35),
+    "damping": Unknown(None, 0.003, 0.1, 0.001, 0.03),
+    "delay": Unknown(None, 0.02, 0.1, 0.0, 0.08),  # [s]
 }
-LATENESS = Unknown(4e-3, 3e-3, 0.0, 0.01)  # of the motors [s]
-WANDERING = 1e-4  # of their lateness, in the root of a second [s]
+LATENESS = Unknown(4e-3, 3e-3, 0.03, 0.0, 0.01)  # of the motors [s]
 OF_THE_ARM = ("payload_mass", "stiffness", "damping")
 PAYLOADS = (0.0, 0.25, 0.5, 0.75, 1.0)  # [kg]
 STIFFNESSES = (0.8, 1.0, 1.25)
@@ -66,7 +66,7 @@ class AdaptiveLQG(LQG):
     reckon with what is left to first order. A second filter estimates how late the motors are.
 
     Attributes:
-        filter: tables of all plans, for each of these those of all nodes of the grid.
+        filter: tables of all nodes of the grid, for each of these those of all plans.
         regulator: likewise.
     """
 
@@ -100,17 +100,15 @@ class AdaptiveLQG(LQG):
             task.sensor_position,
             noise,
             {name: one.deviation for name, one in QUANTITIES.items()},
+            {name: one.drift for name, one in QUANTITIES.items()},
         )
         filters, regulators = [], []
-        self._grid = tuple(np.array(sorted(values)) for values in (payloads, stiffnesses))
-        for plan in self.plans:
-            for payload, stiffness in pairs(*self._grid):
-                values = {"payload_mass": float(payload), "stiffness": float(stiffness)}
-                node = [plan_for(plan, arm, **values)]
-                filters.append(FilterTables.along(kalman, node, **values))
-                regulators.append(
-                    RegulatorTables.along(node, weights, arm, OF_THE_ARM, late=late / task.period, **values)
-                )
+        self._grid = sorted(payloads), sorted(stiffnesses)
+        for nodes in zip(*(grid(plan, arm, *self._grid, weights) for plan in self.plans), strict=True):
+            node_plans = [node.plan for node in nodes]
+            problems = [node.problem.with_quantities(OF_THE_ARM) for node in nodes]
+            filters.append(FilterTables.along(kalman, node_plans, **named(nodes[0].values)))
+            regulators.append(RegulatorTables.along(node_plans, problems, late / task.period))
         self.filter, self.regulator = joined(filters), joined(regulators)
         size = 2 * arm.size
         self._quantities = slice(size, size + len(QUANTITIES))
@@ -121,7 +119,7 @@ class AdaptiveLQG(LQG):
         """Begin on the nearest plan, with what is thought of the quantities before an episode."""
         count, period = len(seen), self.period_of(seen)
         chosen = self.nearest(seen["joint_angles"], period)
-        estimate = self.filter.nominal[chosen * self._nodes, period].astype(np.float64)
+        estimate = self.filter.nominal[chosen, period].astype(np.float64)
         for column, one in enumerate(QUANTITIES.values(), self._quantities.start):
             if one.mean is not None:
                 estimate[:, column] = one.mean
@@ -165,18 +163,15 @@ class AdaptiveLQG(LQG):
         weighed = product(self.filter.information[at], slope) / period
         known = 1.0 + variance * np.sum(weighed * slope, axis=1) / period
         change = variance / known * np.sum(weighed * residual, axis=1)
-        after = np.minimum(variance / known + WANDERING**2 * period, LATENESS.deviation**2)
+        wandering = (LATENESS.drift * LATENESS.deviation) ** 2 * period
+        after = np.minimum(variance / known + wandering, LATENESS.deviation**2)
         return (late + change).clip(LATENESS.least, LATENESS.most) - late, after
-
-    @property
-    def _nodes(self) -> int:
-        """Number of the grid's nodes."""
-        return len(self._grid[0]) * len(self._grid[1])
 
     def _nearest_node(self, chosen: Array, estimate: Floats) -> Array:
         """Return the place of the tables for the nearest payload and stiffness. Shape (n,)."""
         first = self._quantities.start
         payload, stiffness = (
-            np.argmin(np.abs(estimate[:, first + n, None] - values), axis=1) for n, values in enumerate(self._grid)
+            np.argmin(np.abs(estimate[:, first + n, None] - np.array(values)), axis=1)
+            for n, values in enumerate(self._grid)
         )
-        return chosen * self._nodes + payload * len(self._grid[1]) + stiffness
+        return np.asarray((payload * len(self._grid[1]) + stiffness) * len(self.plans) + chosen)

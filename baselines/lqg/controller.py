@@ -17,7 +17,7 @@ from flexarm_baselines.arrays import Floats
 from flexarm_baselines.controller import Memory, Seen
 from flexarm_baselines.lqg.tables import FilterTables, RegulatorTables, product
 from flexarm_baselines.observers import KalmanFilter, NoiseModel
-from flexarm_baselines.optimal import GOOD, Plan, RegulatorWeights
+from flexarm_baselines.optimal import GOOD, LinearQuadratic, Plan, RegulatorWeights
 from flexarm_baselines.task import Task
 from flexarm_env.simulation.arm import FlexibleArm
 from flexarm_env.validation import choice, number
@@ -96,9 +96,8 @@ class LQG(PlanController):
         self.late = late_share(task)
         self.integrates = integral is not None
         self.filter = FilterTables.along(kalman, self.plans, self.reads_gauges())
-        self.regulator = RegulatorTables.along(
-            self.plans, weights, arm, late=self.late, integral=integral, feed_forward=feed_forward
-        )
+        problems = [LinearQuadratic.along(plan, weights, arm) for plan in self.plans]
+        self.regulator = RegulatorTables.along(self.plans, problems, self.late, integral, feed_forward)
 
     @classmethod
     def reads_gauges(cls) -> bool:

@@ -18,8 +18,7 @@ import numpy as np
 from flexarm_baselines.along_plans import within_half_a_turn
 from flexarm_baselines.arrays import Array, Floats, Integers
 from flexarm_baselines.observers import KalmanFilter, Transition
-from flexarm_baselines.optimal import LinearQuadratic, Plan, RegulatorWeights
-from flexarm_env.simulation.arm import FlexibleArm
+from flexarm_baselines.optimal import LinearQuadratic, Plan
 
 Place = tuple[Array, Array]  # plans and control periods of n arms. Shape (n,) each
 
@@ -67,7 +66,7 @@ class FilterTables:
     rows: Integers
 
     @classmethod
-    def along(cls, kalman: KalmanFilter, plans: Sequence[Plan], gauges: bool = False, **values: float) -> Self:
+    def along(cls, kalman: KalmanFilter, plans: Sequence[Plan], gauges: bool = False, **values: Any) -> Self:
         """Linearise the filter along plans, and compute its gains.
 
         Args:
@@ -162,7 +161,7 @@ class FilterTables:
 
 
 def _by_half(
-    kalman: KalmanFilter, along: Transition, flat: tuple[Floats, Floats], moved: list[int], values: dict[str, float]
+    kalman: KalmanFilter, along: Transition, flat: tuple[Floats, Floats], moved: list[int], values: dict[str, Any]
 ) -> Floats:
     """Return derivatives by torques that act for the second half of each period; see `FilterTables`."""
     half = 0.5 * kalman.period
@@ -191,31 +190,22 @@ class RegulatorTables:
     def along(
         cls,
         plans: Sequence[Plan],
-        weights: RegulatorWeights,
-        model: FlexibleArm,
-        names: Sequence[str] = (),
+        problems: Sequence[LinearQuadratic],
         late: float = 0.0,
         integral: float | None = None,
         feed_forward: bool = True,
-        **values: float,
     ) -> Self:
         """Compute the gains, those of `PlanRegulator` where nothing but the state counts.
 
         Args:
             plans: as long as each other.
-            weights: see `RegulatorWeights`.
-            model: arm that is linearised along the plans.
-            names: quantities of the arm whose deviations are known.
+            problems: deviations from each of them.
             late: share of a period after which torques act.
             integral: integral of the tip's deviation that weighs as much as the deviations of the weights do [m s];
                 None: no integral action.
             feed_forward: the plans' torques act.
-            **values: quantities that are not the model's own.
         """
-        problems = [
-            LinearQuadratic.along(plan, weights, model, **values).with_quantities(names).with_actuation_delay(late)
-            for plan in plans
-        ]
+        problems = [problem.with_actuation_delay(late) for problem in problems]
         if integral is not None:
             problems = [problem.with_integral(integral) for problem in problems]
         torques = np.stack([np.concatenate([plan.torques, plan.torques[-1:]]) for plan in plans])

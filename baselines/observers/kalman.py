@@ -100,7 +100,7 @@ class KalmanFilter:
         sensor_position: float | None = None,
         noise: NoiseModel | None = None,
         quantities: Mapping[str, float] | None = None,
-        drift: float = 0.1,
+        drift: float | Mapping[str, float] = 0.1,
     ) -> None:
         """Prepare the filter.
 
@@ -112,8 +112,8 @@ class KalmanFilter:
             noise: standard deviations; None: the defaults of `NoiseModel`.
             quantities: quantities to estimate (`payload_mass` [kg], `stiffness`, a factor, `damping`, `delay` [s]),
                 with the standard deviation of each at the start.
-            drift: how far the estimated quantities may wander in a second, as a share of that deviation. It keeps the
-                filter from settling on what it found while it was far off.
+            drift: how far the estimated quantities may wander in a second, as a share of that deviation, one for all
+                or by name. It keeps the filter from settling on what it found while it was far off.
 
         Raises:
             ValueError: naming what does not fit.
@@ -127,7 +127,9 @@ class KalmanFilter:
             choice("quantities", name, QUANTITIES)
         self.quantities = tuple(name for name in QUANTITIES if name in given)
         self._start_deviations = [number(f"quantities[{name!r}]", given[name], above=0.0) for name in self.quantities]
-        self._drift = number("drift", drift, least=0.0) * np.sqrt(self.period) * np.array(self._start_deviations)
+        shares = dict(drift) if isinstance(drift, Mapping) else dict.fromkeys(self.quantities, drift)
+        wandering = [number(f"drift of {name}", shares.get(name, 0.0), least=0.0) for name in self.quantities]
+        self._drift = np.sqrt(self.period) * np.array(wandering) * np.array(self._start_deviations)
         whole, part = divmod(self.delay / self.period + 1e-9, 1.0)
         self._lag = int(whole)  # periods for which a point waits
         self._until = self.period * (1.0 - max(part - 1e-9, 0.0))  # of a period, when the point is seen
