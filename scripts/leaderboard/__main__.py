@@ -40,7 +40,7 @@ from scripts.leaderboard.times import times, times_table
 
 PICTURES = {
     "heat_map.png": "Largest mean error of each row along each axis, and the share of lost laps",
-    "delays.png": "Delay at which each row's error is doubled, and at which it is lost",
+    "delays.png": "Delays with which no lap of a row is lost, and with which its error is below twice the nominal one",
     "corners.png": "The tip's paths where the reference begins and turns",
     "errors.png": "Error against time on both laps",
     "effort.png": "Error against effort, with the best plans known",
