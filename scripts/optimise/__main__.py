@@ -24,7 +24,7 @@ from flexarm_baselines.optimal.plan import PLANS
 from flexarm_env.laps import LAPS
 from flexarm_env.parameters import PRESETS, ArmParameters
 from flexarm_env.physics.paths import PATHS
-from flexarm_env.validation import choice, integer
+from flexarm_env.validation import choice
 from scripts.common.command_line import run
 from scripts.common.markdown import DOCS, filled
 from scripts.common.result_files import write_json, write_whole
@@ -36,7 +36,7 @@ from scripts.optimise.tables import DRAWN, TABLES, plan_name
 
 PAGE = "optimal.md"
 CHANGE_WEIGHTS = {"linear": 7e-5}  # [m^2]; of some arms, where smoothness costs more
-PATHS_OF = {"linear": ("square",)}  # of some arms; others have all
+PATHS_OF: dict[str, tuple[str, ...]] = {"linear": ("square",)}  # of some arms; others have all
 
 
 @dataclass
@@ -49,8 +49,8 @@ class Options:
     """Names of arms."""
     laps: tuple[str, ...] = ("plain", "swing")
     """Names of laps; a lap is also tried on the end of the other one's plan where the folder has that."""
-    paths: tuple[str, ...] = tuple(PATHS)
-    """Names of references."""
+    paths: tuple[str, ...] = (*PATHS, reach.PATH)
+    """Names of references; moves: those that `FlexArm/Reach-v0` draws, of the default arm."""
     change_weight: float | None = None
     """Weight on changes of the torques [m^2]; None: 3e-3, on the linear arm 7e-5, where smoothness costs more."""
     trial: int = 10
@@ -63,8 +63,6 @@ class Options:
     """A trial of the script: a few iterations."""
     pareto: bool = False
     """Follow each best lap of the square over a range of weights on changes of the torques: error against effort."""
-    reach: int = 0
-    """So many episodes of `FlexArm/Reach-v0` are optimised, too, with the seeds from 0 on."""
     packaged: bool = False
     """Begin with the plans of the package, without a search."""
     ship: bool = False
@@ -85,11 +83,11 @@ def main() -> None:
     for lap in options.laps:
         choice("laps", lap, tuple(LAPS))
     for path in options.paths:
-        choice("paths", path, tuple(PATHS))
+        choice("paths", path, (*PATHS, reach.PATH))
     if options.ship and options.quick:
         raise ValueError("ship = True: a quick run's plans are no good; must go without quick")
     for arm, path, lap in itertools.product(options.arms, options.paths, options.laps):
-        if path not in PATHS_OF.get(arm, options.paths):
+        if path not in PATHS_OF.get(arm, tuple(PATHS)):
             continue
         _optimise(arm, path, lap, options)
         if options.ship:
@@ -97,8 +95,8 @@ def main() -> None:
             for suffix in (".npz", ".json"):
                 file = plan_name(arm, path, lap) + suffix
                 shutil.copyfile(options.output / file, PLANS / file)
-    if options.reach:
-        _reach(integer("reach", options.reach, 1), options)
+    if reach.PATH in options.paths:
+        _drawn(options)
     if options.docs:
         update_docs(options.output)
 
@@ -149,13 +147,13 @@ def _optimise(arm: str, path: str, lap: str, options: Options) -> None:
     )
 
 
-def _reach(count: int, options: Options) -> None:
+def _drawn(options: Options) -> None:
     """Optimise drawn motions, write their report, and print a line for each."""
-    rows = []
-    with tqdm(total=count * reach.ITERATIONS, unit="iteration", desc="reach") as bar:
-        for seed in range(count):
-            rows.append(reach.best(seed, options.output / "reach", lambda word, line: bar.update()))
-            print(f"reach, seed {seed}: {rows[-1]['true_tip_rms']:.4f} m, residual {rows[-1]['residual']:.1e}")
+    seeds, rows = reach.SEEDS[: 1 if options.quick else None], []
+    with tqdm(total=len(seeds) * reach.ITERATIONS, unit="iteration", desc=reach.PATH) as bar:
+        for seed in seeds:
+            rows.append(reach.best(seed, options.output / reach.PATH, lambda word, line: bar.update()))
+            print(f"moves, seed {seed}: {rows[-1]['true_tip_rms']:.5f} m, residual {rows[-1]['residual']:.1e}")
     write_json(options.output / DRAWN, rows)
     if options.ship:
         shutil.copyfile(options.output / DRAWN, PLANS / DRAWN)

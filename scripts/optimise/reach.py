@@ -18,6 +18,8 @@ from flexarm_env.simulation.arm import FlexibleArm
 from scripts.optimise.score import efforts
 from scripts.optimise.search import improved
 
+PATH = "moves"  # name of its reference
+SEEDS = tuple(range(8))
 SIDE = "positive"  # of the elbow, as in the environment
 ITERATIONS = 100
 
@@ -50,7 +52,7 @@ def best(seed: int, folder: Path, tick: Callable[[str, Iteration | None], Any]) 
     folder.mkdir(parents=True, exist_ok=True)
     problem = problem_of(seed)
     start = partial(_follow, problem)
-    plan = improved(problem, SIDE, start, ITERATIONS, folder / f"reach{seed}.npz", tick).plan
+    plan = improved(problem, SIDE, start, ITERATIONS, folder / f"{seed}.npz", tick).plan
     away = np.linalg.norm(plan.arm.tip(plan.states[:, : plan.arm.size]) - plan.reference, axis=1)
     rests = np.all(plan.reference == np.roll(plan.reference, 1, axis=0), axis=1)
     log = plan.notes["log"]

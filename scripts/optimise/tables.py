@@ -10,7 +10,7 @@ from scripts.common.markdown import table
 from scripts.optimise.score import CASES
 
 ERRORS = {"true_tip_rms": "lap r.m.s. [m]", "true_tip_rms_after_2s": "after 2 s [m]"}
-DRAWN = "reach.json"  # the report on drawn motions
+DRAWN = "moves.json"  # the report on drawn motions
 EFFORTS = {"torque_rms": "torques, r.m.s. [N m]", "torque_change_rms": "their change in a period [N m]"}
 
 
@@ -64,14 +64,20 @@ def regulated(folder: Path) -> str:
 def drawn(folder: Path) -> str:
     """Show the best known runs of `FlexArm/Reach-v0`."""
     rows = json.loads((folder / DRAWN).read_text())
-    head = ["seed", "episode r.m.s. [m]", "while the reference rests [m]", "largest [m]", *EFFORTS.values(), "residual"]
+    head = [
+        "seed",
+        "episode r.m.s. [mm]",
+        "while the reference rests [mm]",
+        "largest [mm]",
+        *EFFORTS.values(),
+        "residual",
+    ]
     return table(
         head,
         [
             [
                 str(row["seed"]),
-                *(f"{row[key]:.4f}" for key in ("true_tip_rms", "true_tip_rms_at_rest")),
-                f"{row['true_tip_max']:.3f}",
+                *(f"{1e3 * row[key]:.3f}" for key in ("true_tip_rms", "true_tip_rms_at_rest", "true_tip_max")),
                 *_efforts(row),
                 f"{row['residual']:.0e}",
             ]
@@ -105,4 +111,4 @@ def _efforts(row: dict[str, Any]) -> list[str]:
     return [" / ".join(f"{x:.1f}" for x in row[key]) for key in EFFORTS]
 
 
-TABLES = {"laps": laps, "pareto": pareto, "regulated": regulated}
+TABLES = {"laps": laps, "drawn": drawn, "pareto": pareto, "regulated": regulated}
