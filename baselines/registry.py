@@ -13,7 +13,7 @@ from typing import Any, ClassVar, Protocol
 from flexarm_baselines.flsac import FLSAC
 from flexarm_baselines.ifdc import IFDC
 from flexarm_baselines.joint_tracking import DECOUPLED, STIFF, JointTracking
-from flexarm_baselines.lqg import LQG, GaugedLQG
+from flexarm_baselines.lqg import LQG, AdaptiveLQG, GaugedLQG
 from flexarm_baselines.plan_follower import PlanFollower
 from flexarm_baselines.policy import Policy
 from flexarm_baselines.predictive import NMPC, UNKNOWN, StateNMPC
@@ -107,6 +107,11 @@ CONTROLLERS: dict[str, Controller] = {
     ),
     "lqg_gauges": Controller(
         GaugedLQG, "the same, whose filter reads strain gauges, too", f"{ANDERSON_MOORE}, chapter 8"
+    ),
+    "lqg_adaptive": Controller(
+        AdaptiveLQG,
+        "the same as `lqg`, whose filter finds payload, stiffness, damping and how late sensor and motors are as well",
+        f"{LJUNG}; Friedland, IEEE Trans. Automatic Control 14, 1969",
     ),
     "nmpc": Controller(
         NMPC,

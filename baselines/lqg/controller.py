@@ -15,9 +15,9 @@ import numpy as np
 from flexarm_baselines.along_plans import PlanController
 from flexarm_baselines.arrays import Floats
 from flexarm_baselines.controller import Memory, Seen
-from flexarm_baselines.lqg.tables import FilterTables, RegulatorTables
+from flexarm_baselines.lqg.tables import FilterTables, RegulatorTables, product
 from flexarm_baselines.observers import KalmanFilter, NoiseModel
-from flexarm_baselines.optimal import GOOD, Plan, RegulatorWeights
+from flexarm_baselines.optimal import GOOD, LinearQuadratic, Plan, RegulatorWeights
 from flexarm_baselines.task import Task
 from flexarm_env.simulation.arm import FlexibleArm
 from flexarm_env.validation import choice, number
@@ -29,6 +29,20 @@ DELAYS = ("known", "ignored")
 TIP = slice(4, 6)  # of the readings
 
 
+def late_share(task: Task) -> float:
+    """Return the share of a control period after which torques act.
+
+    Raises:
+        ValueError: if they act later than that.
+    """
+    share = task.actuation_delay / task.period
+    if share > 1.0:
+        raise ValueError(
+            f"env: actuation_delay = {task.actuation_delay} s: must be a control period, {task.period} s, at most"
+        )
+    return share
+
+
 class LQG(PlanController):
     """Linear-quadratic-Gaussian control of the arm's deviation from a plan, from encoders and the late tip.
 
@@ -38,6 +52,8 @@ class LQG(PlanController):
     Attributes:
         filter: see `FilterTables`.
         regulator: see `RegulatorTables`.
+        late: share of a control period after which torques act.
+        integrates: it has integral action.
     """
 
     blocks: ClassVar[tuple[str, ...]] = ("joint_angles", "joint_rates", "sensed_position", "lap_phase")
@@ -77,8 +93,11 @@ class LQG(PlanController):
         if integral is not None:
             number("integral", integral, "m s", above=0.0)
         kalman = KalmanFilter(arm, task.period, delay, task.sensor_position, noise)
+        self.late = late_share(task)
+        self.integrates = integral is not None
         self.filter = FilterTables.along(kalman, self.plans, self.reads_gauges())
-        self.regulator = RegulatorTables.along(self.plans, weights, arm, integral, feed_forward)
+        problems = [LinearQuadratic.along(plan, weights, arm) for plan in self.plans]
+        self.regulator = RegulatorTables.along(self.plans, problems, self.late, integral, feed_forward)
 
     @classmethod
     def reads_gauges(cls) -> bool:
@@ -86,21 +105,27 @@ class LQG(PlanController):
         return "modal_coordinates" in cls.blocks
 
     def start(self, seen: Seen) -> Memory:
-        """Begin on the nearest plan."""
+        """Begin on the nearest plan, with motors at rest."""
         chosen, period = self.nearest(seen["joint_angles"], self.period_of(seen)), self.period_of(seen)
-        return self.filter.nominal[chosen, period], chosen, np.zeros((len(seen), 2))
+        nothing = np.zeros((len(seen), 2))
+        return self.filter.nominal[chosen, period], chosen, nothing, nothing
 
     def torque(self, seen: Seen, memory: Memory) -> tuple[Floats, Memory]:
         """Correct the estimate by the readings, command torques, and predict the next estimate."""
-        estimate, chosen, integral = memory
-        at = chosen, self.period_of(seen)
-        readings, nominal = self._readings(seen), self.filter.nominal[at]
-        estimate = self.filter.correct(at, estimate, readings)
-        deviation = (estimate - nominal)[:, : self.regulator.gain.shape[-1]]
+        estimate, chosen, before, integral = memory
+        at, tables = (chosen, self.period_of(seen)), self.filter
+        readings, nominal = self._readings(seen), tables.nominal[at]
+        estimate = estimate + product(tables.gain[at], tables.residual(estimate, readings))
+        late, counted = np.full((len(seen), 1), self.late), integral[:, : 2 * self.integrates]
+        off = (estimate - nominal)[:, : tables.matrix.shape[-1]]
+        torque = self.limited(self.regulator.torques(at, off, before, late, counted))
+        integral = integral + self.task.period * (readings - nominal[:, tables.rows])[:, TIP]
+        return torque, (tables.predict(at, estimate, before, torque, late), chosen, torque, integral)
+
+    def limited(self, torque: Floats) -> Floats:
+        """Return torques within the motors' limits [N m]."""
         limit = np.asarray(self.task.torque_limit)
-        torque = np.clip(self.regulator.torques(at, deviation, integral), -limit, limit)
-        integral = integral + self.task.period * (readings - nominal[:, self.filter.rows])[:, TIP]
-        return torque, (self.filter.predict(at, estimate, torque), chosen, integral)
+        return np.clip(torque, -limit, limit)
 
     def _readings(self, seen: Seen) -> Floats:
         """Return what the sensors read, in the order of `observers.Readings`. Shape (n, r)."""

@@ -3,21 +3,22 @@
 The filter is `KalmanFilter` linearised along a plan. Its covariance does not depend on what is read, so that its gains
 are computed beforehand (Anderson and Moore, *Optimal Filtering*, 1979, chapter 3), and what is left to do in a control
 period are products of matrices, for any number of arms at once.
+
+The motors may act late by a share of a control period, for which the torques of the period before go on.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Self
+from dataclasses import dataclass, fields
+from typing import Any, Self
 
 import numpy as np
 
 from flexarm_baselines.along_plans import within_half_a_turn
 from flexarm_baselines.arrays import Array, Floats, Integers
 from flexarm_baselines.observers import KalmanFilter, Transition
-from flexarm_baselines.optimal import LinearQuadratic, Plan, RegulatorWeights
-from flexarm_env.simulation.arm import FlexibleArm
+from flexarm_baselines.optimal import LinearQuadratic, Plan
 
 Place = tuple[Array, Array]  # plans and control periods of n arms. Shape (n,) each
 
@@ -27,78 +28,149 @@ def product(matrix: Floats, vector: Floats) -> Floats:
     return np.asarray((matrix @ vector[..., None])[..., 0])
 
 
+def joined(tables: Sequence[Any], dtype: Any = np.float32) -> Any:
+    """Put tables behind each other, in less memory."""
+    kind, names = type(tables[0]), [one.name for one in fields(tables[0]) if one.name != "rows"]
+    parts = {name: np.concatenate([getattr(one, name) for one in tables]).astype(dtype) for name in names}
+    return kind(**parts, **({"rows": tables[0].rows} if hasattr(tables[0], "rows") else {}))
+
+
 @dataclass(frozen=True)
 class FilterTables:
     """A Kalman filter along l plans of N control periods; z is the mean of its `Estimate`, with d numbers.
 
+    The first k of these are state and quantities. What a control period moves are the s numbers of the state, and
+    the tip's newest point.
+
     Attributes:
         nominal: z along the plan. Shape (l, N + 1, d).
-        matrix: derivatives of the next z by z. Shape (l, N, d, d).
-        by_torque: its derivatives by the torques. Shape (l, N, d, 2).
+        matrix: derivatives of what is moved by the first k. Shape (l, N, s + 2, k).
+        by_torque: its derivatives by torques that act for the whole period. Shape (l, N, s + 2, 2).
+        by_half: its derivatives by torques that act for the second half. Shape (l, N, s + 2, 2).
         torque: the plan's [N m]. Shape (l, N, 2).
-        after: the next z of the filter's model that is on the plan; `nominal` if the plan is the model's own.
-            Shape (l, N, d).
+        after: what is moved of the filter's model that is on the plan; on the plan if that is the model's own.
+            Shape (l, N, s + 2).
         gain: on the residuals of r readings. Shape (l, N, d, r).
+        information: inverse of the covariance of the residuals. Shape (l, N, r, r).
         rows: place in z of each reading. Shape (r,).
     """
 
     nominal: Floats
     matrix: Floats
     by_torque: Floats
+    by_half: Floats
     torque: Floats
     after: Floats
     gain: Floats
+    information: Floats
     rows: Integers
 
     @classmethod
-    def along(cls, kalman: KalmanFilter, plans: Sequence[Plan], gauges: bool = False) -> Self:
+    def along(cls, kalman: KalmanFilter, plans: Sequence[Plan], gauges: bool = False, **values: Any) -> Self:
         """Linearise the filter along plans, and compute its gains.
 
         Args:
             kalman: the filter.
             plans: as long as each other.
             gauges: there are strain gauges.
+            **values: quantities that are not the filter's own, see `KalmanFilter.linearise`.
         """
         count, periods = len(plans), len(plans[0].torques)
         states = np.stack([plan.states for plan in plans])
         torques = np.stack([plan.torques for plan in plans])
-        moved = kalman.linearise(states[:, :-1].reshape(count * periods, -1), torques.reshape(-1, 2))
-        along = Transition(*(part.reshape(count, periods, *part.shape[1:]) for part in moved))
-        start = kalman.start(states[:, 0])
+        size = states.shape[2]
+        flat = states[:, :-1].reshape(-1, size), torques.reshape(-1, 2)
+        along = Transition(
+            *(part.reshape(count, periods, *part.shape[1:]) for part in kalman.linearise(*flat, **values))
+        )
+        start = kalman.start(states[:, 0], **values)
         rows, _ = kalman.sensors(gauges)
         there = np.ones((count, len(rows)), dtype=bool)
         nominal = np.empty((count, periods + 1, kalman.size))
-        after = np.empty((count, periods, kalman.size))
         gain = np.empty((count, periods, kalman.size, len(rows)))
+        information = np.empty((count, periods, len(rows), len(rows)))
         nominal[:, 0], covariance = start.mean, start.covariance
         for k in range(periods):
-            gain[:, k], covariance, _ = kalman.gain(covariance, there)
+            gain[:, k], covariance, expected = kalman.gain(covariance, there)
+            information[:, k] = np.linalg.inv(expected)
             transition = Transition(*(part[:, k] for part in along))
             covariance = kalman.spread(covariance, transition)
-            after[:, k] = nominal[:, k + 1] = kalman.moved(nominal[:, k], transition)
-            nominal[:, k + 1, : states.shape[2]] = states[:, k + 1]
-        return cls(nominal, along.matrix, along.by_torque, torques, after, gain, np.array(rows))
+            nominal[:, k + 1] = kalman.moved(nominal[:, k], transition)
+            nominal[:, k + 1, :size] = states[:, k + 1]
+        known = size + len(kalman.quantities)
+        moved = [*range(size), known, known + 1]
+        return cls(
+            nominal,
+            along.matrix[..., moved, :known],
+            along.by_torque[..., moved, :],
+            _by_half(kalman, along, flat, moved, values),
+            torques,
+            np.concatenate([along.state, along.seen], axis=-1),
+            gain,
+            information,
+            np.array(rows),
+        )
 
-    def correct(self, at: Place, estimate: Floats, readings: Floats) -> Floats:
-        """Return z with what has been read. Shape (n, d).
+    def residual(self, estimate: Floats, readings: Floats) -> Floats:
+        """Return readings less what z says that they are. Shape (n, r)."""
+        return within_half_a_turn(readings - estimate[:, self.rows])
 
-        Args:
-            at: plans and periods.
-            estimate: z before it. Shape (n, d).
-            readings: Shape (n, r).
-        """
-        return estimate + product(self.gain[at], within_half_a_turn(readings - estimate[:, self.rows]))
-
-    def predict(self, at: Place, estimate: Floats, torque: Floats) -> Floats:
+    def predict(self, at: Place, estimate: Floats, before: Floats, torque: Floats, late: Floats) -> Floats:
         """Return z a control period later. Shape (n, d).
 
         Args:
             at: plans and periods.
             estimate: z. Shape (n, d).
-            torque: that acts [N m]. Shape (n, 2).
+            before: torque of the period before [N m]. Shape (n, 2).
+            torque: that follows it [N m]. Shape (n, 2).
+            late: share of the period after which it does. Shape (n, 1).
         """
-        by_state = product(self.matrix[at], estimate - self.nominal[at])
-        return self.after[at] + by_state + product(self.by_torque[at], torque - self.torque[at])
+        known = self.matrix.shape[-1]
+        moved = self.after[at] + product(self.matrix[at], (estimate - self.nominal[at])[:, :known])
+        moved += product(self.by_torque[at], before - self.torque[at])
+        linear, square = self._by_change(at, torque - before)
+        return self._next(estimate, moved + (1.0 - late) * (linear + (1.0 - late) * square))
+
+    def by_lateness(self, at: Place, slope: Floats, before: Floats, torque: Floats, late: Floats) -> Floats:
+        """Return the derivative of `predict` by the share after which torques act, on and on. Shape (n, d).
+
+        Args:
+            at: see `predict`.
+            slope: that of z. Shape (n, d).
+            before: see `predict`.
+            torque: see `predict`.
+            late: see `predict`.
+        """
+        linear, square = self._by_change(at, torque - before)
+        moved = product(self.matrix[at], slope[:, : self.matrix.shape[-1]])
+        return self._next(slope, moved - linear - 2.0 * (1.0 - late) * square)
+
+    def _by_change(self, at: Place, change: Floats) -> tuple[Floats, Floats]:
+        """Return what a change of the torques does, linear and square in the share of the period in which it acts.
+
+        It is exact for none, half and all of the period.
+        """
+        whole, half = product(self.by_torque[at], change), product(self.by_half[at], change)
+        return 4.0 * half - whole, 2.0 * whole - 4.0 * half
+
+    def _next(self, estimate: Floats, moved: Floats) -> Floats:
+        """Put z together: what has moved, quantities, the tip's newest point, and those before it."""
+        known, size = self.matrix.shape[-1], moved.shape[1] - 2
+        parts = moved[:, :size], estimate[:, size:known], moved[:, size:], estimate[:, known:-2]
+        return np.concatenate(parts, axis=1)
+
+
+def _by_half(
+    kalman: KalmanFilter, along: Transition, flat: tuple[Floats, Floats], moved: list[int], values: dict[str, Any]
+) -> Floats:
+    """Return derivatives by torques that act for the second half of each period; see `FilterTables`."""
+    half = 0.5 * kalman.period
+    arm = {name: value for name, value in values.items() if name != "delay"}
+    middle = kalman.arm.step(*flat, half, **arm)
+    found = 0.5 * along.by_torque[..., moved, :]  # the tip's point of within the period: on average
+    own = kalman.arm.step_jacobians(middle, flat[1], half, **arm).by_torque
+    found[..., : len(moved) - 2, :] = own.reshape(*found.shape[:2], *own.shape[1:])
+    return found
 
 
 @dataclass(frozen=True)
@@ -106,49 +178,55 @@ class RegulatorTables:
     """A regulator along l plans of N control periods.
 
     Attributes:
-        torque: the plan's, or 0 without feed-forward [N m]. Shape (l, N, 2).
-        gain: on the deviation of the arm's state [N m/x]. Shape (l, N, 2, 4 + 4 m).
-        integral: on the integral of the tip's deviation [N m/(m s)]. Shape (l, N, 2, 2).
+        torque: the plan's, or 0 without feed-forward; the last is there twice [N m]. Shape (l, N + 1, 2).
+        gain: on deviations of state, of quantities and of the torques of the period before, and on the integral of
+            the tip's deviation, if there is one [N m/x]. Shape (l, N, 2, ...).
     """
 
     torque: Floats
     gain: Floats
-    integral: Floats
 
     @classmethod
     def along(
         cls,
         plans: Sequence[Plan],
-        weights: RegulatorWeights,
-        model: FlexibleArm,
+        problems: Sequence[LinearQuadratic],
+        late: float = 0.0,
         integral: float | None = None,
         feed_forward: bool = True,
     ) -> Self:
-        """Compute the gains of `PlanRegulator`, with integral action if it is wanted.
+        """Compute the gains, those of `PlanRegulator` where nothing but the state counts.
 
         Args:
             plans: as long as each other.
-            weights: see `RegulatorWeights`.
-            model: arm that is linearised along the plans.
+            problems: deviations from each of them.
+            late: share of a period after which torques act.
             integral: integral of the tip's deviation that weighs as much as the deviations of the weights do [m s];
                 None: no integral action.
             feed_forward: the plans' torques act.
         """
-        problems = [LinearQuadratic.along(plan, weights, model) for plan in plans]
+        problems = [problem.with_actuation_delay(late) for problem in problems]
         if integral is not None:
             problems = [problem.with_integral(integral) for problem in problems]
-        gains = np.stack([problem.gains() for problem in problems])
-        size = plans[0].states.shape[1]
-        of_integral = np.zeros((*gains.shape[:3], 2)) if integral is None else gains[..., size:]
-        torques = np.stack([plan.torques for plan in plans]) * float(feed_forward)
-        return cls(torques, np.ascontiguousarray(gains[..., :size]), np.ascontiguousarray(of_integral))
+        torques = np.stack([np.concatenate([plan.torques, plan.torques[-1:]]) for plan in plans])
+        return cls(torques * float(feed_forward), np.stack([problem.gains() for problem in problems]))
 
-    def torques(self, at: Place, deviation: Floats, integral: Floats) -> Floats:
+    def torques(self, at: Place, deviation: Floats, before: Floats, late: Floats, integral: Floats) -> Floats:
         """Return the torques without their limits [N m]. Shape (n, 2).
 
         Args:
             at: plans and periods.
-            deviation: of the state from the plan. Shape (n, 4 + 4 m).
-            integral: of the tip's deviation [m s]. Shape (n, 2).
+            deviation: of state and quantities from the plan's. Shape (n, ...).
+            before: torque of the period before [N m]. Shape (n, 2).
+            late: share of the period after which torques act. Shape (n, 1).
+            integral: of the tip's deviation [m s]. Shape (n, 2), or (n, 0) if it does not count.
         """
-        return self.torque[at] + product(self.gain[at], deviation) + product(self.integral[at], integral)
+        plan, period = at
+        earlier = np.where((period > 0)[:, None], self._ahead((plan, np.maximum(period - 1, 0)), late), 0.0)
+        counts = np.concatenate([deviation, before - earlier, integral], axis=1)
+        return self._ahead(at, late) + product(self.gain[at], counts)
+
+    def _ahead(self, at: Place, late: Floats) -> Floats:
+        """Return the plan's torques of a little later, so that they act in time. Shape (n, 2)."""
+        plan, period = at
+        return (1.0 - late) * self.torque[at] + late * self.torque[plan, period + 1]

@@ -6,8 +6,8 @@ a part of the period, and keeps it, correlated with the state, until the reading
 no Pade approximation is needed; the method is fixed-lag augmentation (Anderson and Moore, Optimal Filtering, 1979,
 section 7.3) with a fractional lag.
 
-Quantities of the arm that are not known, its payload or stiffness, may be estimated with the state (joint estimation:
-Ljung, IEEE Trans. Automatic Control 24, 1979).
+Quantities that are not known, the arm's payload or stiffness or the sensor's delay, may be estimated with the state
+(joint estimation: Ljung, IEEE Trans. Automatic Control 24, 1979).
 
 All arrays have a leading axis over n arms.
 """
@@ -26,8 +26,10 @@ from flexarm_env.physics.constants import ARM_QUANTITIES
 from flexarm_env.simulation.arm import FlexibleArm
 from flexarm_env.validation import choice, number
 
-QUANTITIES = tuple(ARM_QUANTITIES)  # columns of `StepJacobians.by_quantity`
-RANGES = {"payload_mass": (0.0, 10.0), "stiffness": (0.3, 3.0), "damping": (0.0, 0.3)}  # an estimate stays within
+OF_THE_ARM = tuple(ARM_QUANTITIES)  # columns of `StepJacobians.by_quantity`
+QUANTITIES = (*OF_THE_ARM, "delay")
+# An estimate stays within.
+RANGES = {"payload_mass": (0.0, 10.0), "stiffness": (0.3, 3.0), "damping": (0.0, 0.3), "delay": (0.0, 0.2)}
 SUBSTEP = 1e-3  # [s]; longest integration step over a part of a period
 
 
@@ -98,7 +100,7 @@ class KalmanFilter:
         sensor_position: float | None = None,
         noise: NoiseModel | None = None,
         quantities: Mapping[str, float] | None = None,
-        drift: float = 0.1,
+        drift: float | Mapping[str, float] = 0.1,
     ) -> None:
         """Prepare the filter.
 
@@ -108,10 +110,10 @@ class KalmanFilter:
             delay: delay of the late sensor [s].
             sensor_position: distance of the late sensor from the elbow along link 2 [m]; None: at the tip.
             noise: standard deviations; None: the defaults of `NoiseModel`.
-            quantities: quantities of the arm to estimate (`payload_mass` [kg], `stiffness`, a factor, `damping`), with
-                the standard deviation of each at the start.
-            drift: how far the estimated quantities may wander in a second, as a share of that deviation. It keeps the
-                filter from settling on what it found while it was far off.
+            quantities: quantities to estimate (`payload_mass` [kg], `stiffness`, a factor, `damping`, `delay` [s]),
+                with the standard deviation of each at the start.
+            drift: how far the estimated quantities may wander in a second, as a share of that deviation, one for all
+                or by name. It keeps the filter from settling on what it found while it was far off.
 
         Raises:
             ValueError: naming what does not fit.
@@ -125,7 +127,9 @@ class KalmanFilter:
             choice("quantities", name, QUANTITIES)
         self.quantities = tuple(name for name in QUANTITIES if name in given)
         self._start_deviations = [number(f"quantities[{name!r}]", given[name], above=0.0) for name in self.quantities]
-        self._drift = number("drift", drift, least=0.0) * np.sqrt(self.period) * np.array(self._start_deviations)
+        shares = dict(drift) if isinstance(drift, Mapping) else dict.fromkeys(self.quantities, drift)
+        wandering = [number(f"drift of {name}", shares.get(name, 0.0), least=0.0) for name in self.quantities]
+        self._drift = np.sqrt(self.period) * np.array(wandering) * np.array(self._start_deviations)
         whole, part = divmod(self.delay / self.period + 1e-9, 1.0)
         self._lag = int(whole)  # periods for which a point waits
         self._until = self.period * (1.0 - max(part - 1e-9, 0.0))  # of a period, when the point is seen
@@ -146,25 +150,28 @@ class KalmanFilter:
         return estimate.mean[:, : self._states]
 
     def values(self, estimate: Estimate) -> dict[str, Any]:
-        """Return the estimated quantities by name, as `FlexibleArm.step` takes them. Shape (n,) each."""
+        """Return the estimated quantities by name. Shape (n,) each."""
         columns = estimate.mean[:, self._states : self._known].T
         return dict(zip(self.quantities, columns, strict=True))
 
     # --- the filter ------------------------------------------------------------------------------------------------
 
-    def start(self, state: Floats) -> Estimate:
+    def start(self, state: Floats, **values: Any) -> Estimate:
         """Begin with arms at rest, which have been so for the delay at least.
 
         Args:
             state: where they are thought to be. Shape (n, 4 + 4 m).
+            **values: estimated quantities that are not thought to be the filter's own. Shape (n,) each.
         """
         states = np.atleast_2d(np.asarray(state, dtype=np.float64))
         if states.ndim != 2 or states.shape[1] != self._states:
             raise ValueError(f"state: must have shape (n, {self._states}), got {np.shape(state)}")
         runs, noise = len(states), self.noise
         own = {"payload_mass": self.arm.parameters.payload_mass, "stiffness": 1.0}
-        own["damping"] = float(self.arm.changes.own[2])
-        known = np.tile([own[name] for name in self.quantities], (runs, 1)).reshape(runs, -1)
+        own |= {"damping": float(self.arm.changes.own[2]), "delay": self.delay}
+        known = np.empty((runs, len(self.quantities)))
+        for column, name in enumerate(self.quantities):
+            known[:, column] = values.get(name, own[name])
         outputs, slopes = self.arm.output_jacobians(states, self.sensor_position)
         mean = np.concatenate([states, known, np.tile(outputs.sensed[:, :2], (1, self._lag + 1))], axis=1)
         modes = noise.start_mode / self._tips, noise.start_rate / self._tips
@@ -183,26 +190,30 @@ class KalmanFilter:
         Args:
             state: at its beginning. Shape (n, 4 + 4 m).
             torque: of shoulder and elbow [N m]. Shape (n, 2).
-            **values: quantities as `FlexibleArm.step` takes them. Shape (n,) each.
+            **values: quantities that are not the filter's own. Shape (n,) each.
         """
-        known, columns = self._known, [QUANTITIES.index(name) for name in self.quantities]
+        known = self._known
+        later = np.asarray(values.pop("delay", self.delay)) - self.delay
+        of_the_arm = [name for name in self.quantities if name in OF_THE_ARM]
+        columns, last = [OF_THE_ARM.index(name) for name in of_the_arm], self._states + len(of_the_arm)
         after = self.arm.step_jacobians(state, torque, self.period, **values)
         seen, part = after, self._until
         if part < self.period:
             seen = self.arm.step_jacobians(state, torque, part, step=_substep(part), **values)
         outputs, slopes = self.arm.output_jacobians(seen.state, self.sensor_position)
-        sensed = slopes.sensed[:, :2]
+        sensed, velocity = slopes.sensed[:, :2], outputs.sensed[:, 2:4]
         matrix = np.zeros((len(state), self.size, self.size))
         matrix[:, : self._states, : self._states] = after.by_state
-        matrix[:, : self._states, self._states : known] = after.by_quantity[..., columns]
-        matrix[:, self._states : known, self._states : known] = np.eye(len(columns))
+        matrix[:, : self._states, self._states : last] = after.by_quantity[..., columns]
+        matrix[:, self._states : known, self._states : known] = np.eye(known - self._states)
         matrix[:, known : known + 2, : self._states] = sensed @ seen.by_state
-        matrix[:, known : known + 2, self._states : known] = sensed @ seen.by_quantity[..., columns]
+        matrix[:, known : known + 2, self._states : last] = sensed @ seen.by_quantity[..., columns]
+        matrix[:, known : known + 2, last:known] = -velocity[..., None]  # a later reading shows an earlier point
         matrix[:, known + 2 :, known:-2] = np.eye(self.size - known - 2)
         by_torque = np.zeros((len(state), self.size, 2))
         by_torque[:, : self._states] = after.by_torque
         by_torque[:, known : known + 2] = sensed @ seen.by_torque
-        return Transition(after.state, outputs.sensed[:, :2], matrix, by_torque)
+        return Transition(after.state, outputs.sensed[:, :2] - velocity * later[..., None], matrix, by_torque)
 
     def predict(self, estimate: Estimate, torque: Floats) -> Estimate:
         """Carry estimates over a control period with held torques.

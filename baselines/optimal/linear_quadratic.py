@@ -6,6 +6,7 @@ integral action by augmentation with the integral, chapter 10.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Self
 
@@ -14,6 +15,7 @@ import numpy as np
 from flexarm_baselines.arrays import Floats
 from flexarm_baselines.optimal.plan import Plan
 from flexarm_baselines.optimal.sweep import Model, sweep
+from flexarm_env.physics.constants import ARM_QUANTITIES
 from flexarm_env.simulation.arm import FlexibleArm
 from flexarm_env.validation import number, pair
 
@@ -52,6 +54,7 @@ class LinearQuadratic:
     Attributes:
         by_state: derivatives of the next z by z. Shape (n, d, d).
         by_torque: its derivatives by the torques. Shape (n, d, 2).
+        by_quantity: its derivatives by quantities of the arm (`StepJacobians.by_quantity`). Shape (n, d, 3).
         cost: Q at each instant. Shape (n + 1, d, d).
         tip: derivatives of the tip by z. Shape (n + 1, 2, d).
         torque: deviations of the torques that cost 1 [N m].
@@ -60,19 +63,28 @@ class LinearQuadratic:
 
     by_state: Floats
     by_torque: Floats
+    by_quantity: Floats
     cost: Floats
     tip: Floats
     torque: tuple[float, float]
     period: float
 
     @classmethod
-    def along(cls, plan: Plan, weights: RegulatorWeights, arm: FlexibleArm) -> Self:
-        """Linearise an arm along a plan; z is the deviation of its state."""
-        found = arm.step_jacobians(plan.states[:-1], plan.torques, plan.period, step=plan.step)
+    def along(cls, plan: Plan, weights: RegulatorWeights, arm: FlexibleArm, **quantities: float) -> Self:
+        """Linearise an arm along a plan; z is the deviation of its state.
+
+        Args:
+            plan: the plan.
+            weights: of the cost.
+            arm: the arm.
+            **quantities: in the place of the arm's own, see `FlexibleArm.step`.
+        """
+        found = arm.step_jacobians(plan.states[:-1], plan.torques, plan.period, step=plan.step, **quantities)
         _, slopes = arm.output_jacobians(plan.states)
         outputs = slopes.sensed / np.array([weights.tip, weights.tip, weights.speed, weights.speed])[:, None]
         cost = outputs.swapaxes(1, 2) @ outputs
-        return cls(found.by_state, found.by_torque, cost, slopes.sensed[:, :2], weights.torque, plan.period)
+        tip = slopes.sensed[:, :2]
+        return cls(found.by_state, found.by_torque, found.by_quantity, cost, tip, weights.torque, plan.period)
 
     def with_integral(self, integral: float) -> Self:
         """Add the integral of the tip's deviation to z.
@@ -80,15 +92,43 @@ class LinearQuadratic:
         Args:
             integral: deviation of it that costs 1 [m s].
         """
+        d = self.by_torque.shape[1]
+        wider = self._wider(2)
+        wider.by_state[:, d:, :d] = self.period * self.tip[:-1]
+        wider.cost[:, d:, d:] = np.eye(2) / integral**2
+        return wider
+
+    def with_quantities(self, names: Sequence[str]) -> Self:
+        """Add deviations of constant quantities of the arm to z, so that the regulator reckons with what they will do.
+
+        Args:
+            names: of `constants.ARM_QUANTITIES`.
+        """
+        d = self.by_torque.shape[1]
+        wider = self._wider(len(names))
+        wider.by_state[:, :d, d:] = self.by_quantity[..., [list(ARM_QUANTITIES).index(name) for name in names]]
+        return wider
+
+    def with_actuation_delay(self, share: float) -> Self:
+        """Add the torques of the period before to z, which go on acting for a share of each period."""
+        d = self.by_torque.shape[1]
+        wider = self._wider(2)
+        wider.by_state[:, :d, d:] = share * self.by_torque
+        wider.by_state[:, d:, d:] = 0.0
+        wider.by_torque[:, :d] *= 1.0 - share
+        wider.by_torque[:, d:] = np.eye(2)
+        return wider
+
+    def _wider(self, more: int) -> Self:
+        """Add numbers to z that stay as they are, and neither cost nor do anything yet."""
         n, d = self.by_torque.shape[:2]
-        by_state, by_torque = np.zeros((n, d + 2, d + 2)), np.zeros((n, d + 2, 2))
-        by_state[:, :d, :d], by_torque[:, :d] = self.by_state, self.by_torque
-        by_state[:, d:, :d] = self.period * self.tip[:-1]
-        by_state[:, d:, d:] = np.eye(2)
-        cost, tip = np.zeros((n + 1, d + 2, d + 2)), np.zeros((n + 1, 2, d + 2))
+        by_state, by_torque = np.zeros((n, d + more, d + more)), np.zeros((n, d + more, 2))
+        by_quantity, cost = np.zeros((n, d + more, 3)), np.zeros((n + 1, d + more, d + more))
+        tip = np.zeros((n + 1, 2, d + more))
+        by_state[:, :d, :d], by_torque[:, :d], by_quantity[:, :d] = self.by_state, self.by_torque, self.by_quantity
+        by_state[:, d:, d:] = np.eye(more)
         cost[:, :d, :d], tip[:, :, :d] = self.cost, self.tip
-        cost[:, d:, d:] = np.eye(2) / integral**2
-        return replace(self, by_state=by_state, by_torque=by_torque, cost=cost, tip=tip)
+        return replace(self, by_state=by_state, by_torque=by_torque, by_quantity=by_quantity, cost=cost, tip=tip)
 
     def gains(self) -> Floats:
         """Solve the Riccati recursion backward from the last linearisation's enduring regulator. Shape (n, 2, d)."""

@@ -15,7 +15,7 @@ from flexarm_env.validation import choice, integer
 from scripts.common.command_line import run
 from scripts.common.markdown import DOCS, filled
 from scripts.common.result_files import write_json, write_whole
-from scripts.control import feedback, joint, parts, predictive, registered, shaping
+from scripts.control import feedback, joint, parts, predictive, registered, shaping, unknown
 from scripts.control.trials import Study, scores_of
 
 STUDIES: dict[str, Study] = {
@@ -24,6 +24,7 @@ STUDIES: dict[str, Study] = {
     "command_shaping": shaping.STUDY,
     "joint_feedback": feedback.STUDY,
     "lqg_parts": parts.STUDY,
+    "lqg_unknown": unknown.STUDY,
     "predictive": predictive.STUDY,
 }
 

@@ -24,6 +24,7 @@ ROWS: dict[str, tuple[str, dict[str, Any]]] = {
     "with integral action": ("lqg", {"integral": 0.02}),
     "with strain gauges": ("lqg_gauges", {}),
     "filter of the true noise": ("lqg", {"noise": NoiseModel(joint_angle=1e-4, joint_rate=0.03, tip=3e-3)}),
+    "payload, stiffness and delays estimated": ("lqg_adaptive", {}),
     "true state in place of a filter": ("plan_lqr", {}),
 }
 

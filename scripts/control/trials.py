@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 from flexarm_agents.contenders import ENVIRONMENT, from_controller
 from flexarm_agents.score import Score, StandardScore, evaluate
@@ -44,6 +44,20 @@ Trials = dict[str, Trial]  # by a label
 Scores = dict[str, StandardScore]
 
 
+class Scored(Protocol):
+    """What a trial comes to."""
+
+    def as_mapping(self) -> dict[str, Any]:
+        """Return a mapping of plain values for a file."""
+
+
+class Runnable(Protocol):
+    """A trial of any kind."""
+
+    def score(self) -> Scored:
+        """Run it."""
+
+
 class Study(NamedTuple):
     """A table with what it is made from.
 
@@ -55,12 +69,12 @@ class Study(NamedTuple):
     """
 
     text: str
-    trials: Callable[[bool], Trials]
-    table: Callable[[Scores], str]
+    trials: Callable[[bool], Mapping[str, Runnable]]
+    table: Callable[[Any], str]
     page: str = "controllers.md"
 
 
-def scores_of(trials: Trials, jobs: int, tick: Callable[[str], object]) -> Scores:
+def scores_of(trials: Mapping[str, Runnable], jobs: int, tick: Callable[[str], object]) -> dict[str, Scored]:
     """Score trials, in their order.
 
     Args:
@@ -68,18 +82,23 @@ def scores_of(trials: Trials, jobs: int, tick: Callable[[str], object]) -> Score
         jobs: processes; 1: this one.
         tick: called with the label of each that is done.
     """
-    found: Scores = {}
+    found: dict[str, Scored] = {}
     if jobs == 1:
         for label, trial in trials.items():
             found[label] = trial.score()
             tick(label)
         return found
     with worker_pool(jobs) as pool:
-        futures = {label: pool.submit(Trial.score, trial) for label, trial in trials.items()}
+        futures = {label: pool.submit(_run, trial) for label, trial in trials.items()}
         for label, future in futures.items():
             found[label] = future.result()
             tick(label)
     return found
+
+
+def _run(trial: Runnable) -> Scored:
+    """Run a trial, in a worker."""
+    return trial.score()
 
 
 def errors(score: StandardScore) -> list[str]:

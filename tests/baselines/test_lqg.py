@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from flexarm_baselines.lqg import LQG, NOISE, GaugedLQG
-from flexarm_baselines.lqg.tables import FilterTables
+from flexarm_baselines.lqg.tables import FilterTables, product
 from flexarm_baselines.observers import Estimate, KalmanFilter, Readings
 from flexarm_baselines.optimal import PlanRegulator, RegulatorWeights
 from flexarm_baselines.optimal.library import mirrored
@@ -46,9 +46,9 @@ def test_its_tables_are_the_extended_filter_near_the_plan() -> None:
         at = np.zeros(1, dtype=int), np.array([k])
         readings = tables.nominal[at][:, tables.rows] + 1e-6 * random.normal(size=(1, 6))
         estimate, _ = kalman.correct(estimate, Readings(readings[:, :4], readings[:, 4:]))
-        mean = tables.correct(at, mean, readings)
+        mean = mean + product(tables.gain[at], tables.residual(mean, readings))
         torque = plan().torques[k : k + 1] + 1e-4 * random.normal(size=(1, 2))
-        estimate, mean = kalman.predict(estimate, torque), tables.predict(at, mean, torque)
+        estimate, mean = kalman.predict(estimate, torque), tables.predict(at, mean, torque, torque, np.zeros((1, 1)))
     assert isinstance(estimate, Estimate)
     off = estimate.mean - tables.nominal[:, 20]
     np.testing.assert_allclose(mean - tables.nominal[:, 20], off, atol=1e-3 * np.abs(off).max())
@@ -68,11 +68,14 @@ def test_parts() -> None:
     assert LQG(task(), [plan()], delay=DELAY).filter.nominal.tolist() == whole.filter.nominal.tolist()
     assert LQG(task(), [plan()], delay="ignored").filter.nominal.shape[-1] == SIZE + 2
     assert not LQG(task(), [plan()], feed_forward=False).regulator.torque.any()
-    assert not whole.regulator.integral.any()
-    assert LQG(task(), [plan()], integral=0.01).regulator.integral.any()
+    assert LQG(task(), [plan()], integral=0.01).regulator.gain[..., -2:].any()
+    assert not whole.regulator.gain[..., SIZE:].any()
+    late = LQG(replace(task(), actuation_delay=0.004), [plan()])
+    assert late.late == pytest.approx(0.4)
+    assert late.regulator.gain[..., SIZE:].any()
     heavy = LQG(task(), [plan()], model=FlexibleArm(replace(ARM.parameters, payload_mass=0.3)))
-    assert np.abs(heavy.filter.after - heavy.filter.nominal[:, 1:]).max() > 1e-3
-    assert np.abs(whole.filter.after - whole.filter.nominal[:, 1:]).max() < 1e-9
+    assert np.abs(heavy.filter.after[..., :SIZE] - plan().states[1:]).max() > 1e-3
+    assert np.abs(whole.filter.after[..., :SIZE] - plan().states[1:]).max() < 1e-9
 
 
 def test_integral_action_takes_away_a_steady_error() -> None:
@@ -81,7 +84,7 @@ def test_integral_action_takes_away_a_steady_error() -> None:
     observation = Plant(START[None]).observe()
     observation[:, 4:6] += 0.05
     _, state = controller.predict(observation)
-    assert state[2] == pytest.approx(np.full((1, 2), 0.05 * 0.01))
+    assert state[3] == pytest.approx(np.full((1, 2), 0.05 * 0.01))
 
 
 def test_refusals() -> None:
@@ -89,6 +92,8 @@ def test_refusals() -> None:
         LQG(task(), [plan()], delay="late")  # type: ignore[arg-type]
     with pytest.raises(ValueError, match=r"integral = 0\.0.*must be a finite number and > 0"):
         LQG(task(), [plan()], integral=0.0)
+    with pytest.raises(ValueError, match=r"actuation_delay = 0\.02 s: must be a control period, 0\.01 s, at most"):
+        LQG(replace(task(), actuation_delay=0.02), [plan()])
     with pytest.raises(ValueError, match=r"GaugedLQG reads the block 'modal_coordinates'.*GaugedLQG\.options"):
         GaugedLQG(replace(task(), blocks={name: BLOCKS[name] for name in PLACES}), [plan()])
 

@@ -41,7 +41,12 @@ class Door:
         return getattr(self._env, name, None) if name.startswith("single_") else getattr(self._env, name)
 
 
-@pytest.mark.parametrize("name", controller_names())
+SLOW = ("lqg_adaptive",)  # made in seconds
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[pytest.mark.slow] * (name in SLOW)) for name in controller_names()]
+)
 def test_a_controller_sees_published_numbers_and_its_observation(name: str) -> None:
     env = gymnasium.make(ID, **controller(name).options)
     door = Door(env)

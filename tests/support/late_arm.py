@@ -22,31 +22,31 @@ BLOCKS |= {"modal_coordinates": slice(8, 10), "modal_rates": slice(10, 12), "sta
 
 
 @cache
-def plan() -> Plan:
+def plan(periods: int = PERIODS) -> Plan:
     """Return a run that is no optimum; its reference is another, there and back."""
-    time = 0.01 * np.arange(PERIODS)
+    time = 0.01 * np.arange(periods)
     torques = np.stack([20.0 * np.sin(9.0 * time), -5.0 * np.sin(12.0 * time)], axis=1)
     run = ARM.rollout(START, torques)
-    return Plan(ARM.parameters, run.states, torques, task().reference, LIMITS, 0.01, 1e-3)
+    return Plan(ARM.parameters, run.states, torques, task(periods).reference, LIMITS, 0.01, 1e-3)
 
 
 @cache
-def task() -> Task:
-    away = ARM.tip(START[:4])
-    path = ReferencePath([[0.0, *away], [0.2, *(away - 0.1)], [0.4, *away]])
+def task(periods: int = PERIODS) -> Task:
+    away, lap = ARM.tip(START[:4]), 0.01 * periods
+    path = ReferencePath([[0.0, *away], [0.5 * lap, *(away - 0.1)], [lap, *away]])
     return Task(ARM.parameters, path, torque_limit=LIMITS, delay=DELAY, blocks=BLOCKS, scale=np.ones(20))
 
 
 class Plant:
     """Arms whose tip's readings are late, observed as in an environment."""
 
-    def __init__(self, states: np.ndarray, delay: float = DELAY, **quantities: float) -> None:
-        self.states, self.delay, self.quantities, self.period = states, delay, quantities, 0
+    def __init__(self, states: np.ndarray, delay: float = DELAY, periods: int = PERIODS, **quantities: float) -> None:
+        self.states, self.delay, self.quantities, self.period, self.periods = states, delay, quantities, 0, periods
         self.past = [states] * 5  # at each period's beginning, the newest first
         self.torques = [np.zeros((len(states), 2))] * 4
 
     def observe(self) -> np.ndarray:
-        angle = 2.0 * np.pi * self.period / PERIODS
+        angle = 2.0 * np.pi * self.period / self.periods
         phase = np.tile([np.cos(angle), np.sin(angle)], (len(self.states), 1))
         joints = self.states[:, [0, 1, 4, 5]]
         return np.hstack([joints, self.late_tip(), phase, self.states[:, [2, 3, 6, 7]], self.states])
@@ -69,7 +69,7 @@ class Plant:
 def off_plan(controller: Any, plant: Plant, planned: Plan) -> np.ndarray:
     """Run a lap but for its last period; return how far the arms are off the plan at each instant."""
     state, off = None, []
-    for k in range(PERIODS - 1):
+    for k in range(len(planned.torques) - 1):
         action, state = controller.predict(plant.observe(), state)
         plant.step(action)
         off.append(plant.states - planned.states[k + 1])
