@@ -2,11 +2,13 @@
 # make, python3 (3.11 or newer) and pip's access to a package index.
 # Another interpreter: make PYTHON=python3.12    Arguments for a script: make bench ARGS="--help"
 # Processes that share the tests: make test JOBS=4
+# Another set of versions, in an environment of its own: make test VENV=build/lowest CONSTRAINTS=constraints-lowest.txt
 
 PYTHON ?= python3
 VENV   ?= .venv
 ARGS   ?=
 JOBS   ?= 2
+CONSTRAINTS ?= constraints.txt
 PY     := $(VENV)/bin/python
 HAS    := $(VENV)/.stamp
 
@@ -18,6 +20,7 @@ EXTRAS_bench := plot,bench
 EXTRAS_validate := validate
 EXTRAS_board := plot,chain
 EXTRAS_test  := test
+EXTRAS_dist  := release
 # The others that it contains, and what is installed where the extras cannot be: EnvPool and the engines have no wheels for
 # every platform; the benchmark goes on without them and says so, and `make validate` checks the rest and then fails.
 COVERS_draw  := plot
@@ -30,7 +33,7 @@ INSTEAD_board := plot
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 .NOTPARALLEL:  # two installs into one environment must not overlap, and `make -j` buys nothing here
-.PHONY: help reproduce validate analyse optimise control test test-slow lint typecheck contract train agent evaluate leaderboard bench docs clean
+.PHONY: help reproduce validate analyse optimise control test test-slow lint typecheck contract train agent evaluate leaderboard bench docs dist clean
 
 help:  ## List the verbs
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-11s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -93,6 +96,11 @@ docs: reproduce validate $(HAS)-draw  ## Regenerate the pictures, tables and env
 	$(PY) -m scripts.docs.environments
 	$(PY) -m scripts.docs.corner_picture
 
+dist: $(HAS)-dist  ## Build the wheel and the source archive into dist/, and check what the package index would refuse
+	rm -rf dist
+	$(PY) -m build
+	$(PY) -m twine check --strict dist/*
+
 clean:  ## Remove builds and caches (not .venv)
 	rm -rf build dist flexarm.egg-info .hypothesis .import_linter_cache .mypy_cache .pytest_cache .ruff_cache
 	find . -path ./$(VENV) -prune -o -type d -name __pycache__ -prune -exec rm -rf {} +
@@ -112,9 +120,9 @@ if ! $(PY) -c 'import pip' >/dev/null 2>&1; then \
 fi
 endef
 
-install = $(PY) -m pip install -e ".[$(or $(1),$(error no EXTRAS_$* for $@))]" -c constraints.txt
+install = $(PY) -m pip install -e ".[$(or $(1),$(error no EXTRAS_$* for $@))]" -c $(CONSTRAINTS)
 
-$(HAS)-%: pyproject.toml constraints.txt
+$(HAS)-%: pyproject.toml $(CONSTRAINTS)
 	$(ensure_venv)
 	$(call install,$(EXTRAS_$*))$(if $(INSTEAD_$*), || $(call install,$(INSTEAD_$*)))
 	@touch $@ $(addprefix $(HAS)-,$(COVERS_$*))

@@ -20,7 +20,7 @@ from flexarm_env.simulation.limits import state_limits
 from flexarm_env.simulation.square import rest_state, square_loop
 from flexarm_env.simulation.trajectory import DivergenceError, Trajectory
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 __all__ = [
     "ArmParameters",

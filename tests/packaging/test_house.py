@@ -1,32 +1,19 @@
-"""The rules of the house: who may import whom, what stays light and small, what a wheel holds."""
+"""The rules of the house: who may import whom, what stays light and small."""
 
 import ast
-import os
 import re
 import shutil
 import subprocess
 import sys
 import sysconfig
-import zipfile
 from collections.abc import Iterator
 from pathlib import Path
 
-import pytest
+from tests.support.programs import PACKAGES, ROOT, run_bare
 
-from tests.support.programs import ROOT
-
-PACKAGES = {"flexarm_env": ROOT / "flexarm_env"}
-PACKAGES |= {f"flexarm_{name}": ROOT / name for name in ("baselines", "agents")}
 FOLDER_NAMES = {"baselines", "agents"}  # other distributions own these names; ours import as flexarm_*
 HEAVY = ("torch", "stable_baselines3", "matplotlib", "pygame")
 IMPORTERS = {"import_module", "__import__", "importorskip", "find_spec", "run_module"}
-
-
-def run(*command: str | Path, cwd: Path, **environment: str) -> subprocess.CompletedProcess[str]:
-    """Run a command without what the caller's PYTHONPATH would add."""
-    env = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"} | environment
-    arguments = [str(part) for part in command]
-    return subprocess.run(arguments, cwd=cwd, env=env, capture_output=True, text=True, timeout=300)
 
 
 def sources(*patterns: str) -> list[Path]:
@@ -43,7 +30,7 @@ def sources(*patterns: str) -> list[Path]:
 def lint_imports(folder: Path, **environment: str) -> subprocess.CompletedProcess[str]:
     program = Path(sysconfig.get_path("scripts")) / "lint-imports"
     config = ROOT / "pyproject.toml"
-    return run(program, "--config", config, "--no-cache", "--no-logo", cwd=folder, **environment)
+    return run_bare(program, "--config", config, "--no-cache", "--no-logo", cwd=folder, **environment)
 
 
 def test_imports_follow_the_flow() -> None:
@@ -126,7 +113,7 @@ def test_no_document_imports_a_folder_by_its_generic_name() -> None:
 
 def test_importing_the_environment_loads_nothing_heavy(tmp_path: Path) -> None:
     code = f"import sys, flexarm_env; print(sorted(set({HEAVY!r}) & set(sys.modules)))"
-    result = run(sys.executable, "-W", "error", "-c", code, cwd=tmp_path)
+    result = run_bare(sys.executable, "-W", "error", "-c", code, cwd=tmp_path)
     assert result.returncode == 0, result.stderr
     assert result.stdout.strip() == "[]"
 
@@ -138,7 +125,7 @@ def test_trained_policies_and_light_verbs_need_no_learning_library(tmp_path: Pat
         "main(['list']); main(['show', 'Square-v0']); "
         f"print(sorted(set({(*HEAVY, 'tyro', 'tqdm')!r}) & set(sys.modules)))"
     )
-    result = run(sys.executable, "-W", "error", "-c", code, cwd=tmp_path)
+    result = run_bare(sys.executable, "-W", "error", "-c", code, cwd=tmp_path)
     assert result.returncode == 0, result.stderr
     assert result.stdout.splitlines()[-1] == "[]"
 
@@ -179,54 +166,3 @@ def test_functions_stay_small() -> None:
         if isinstance(node, ast.FunctionDef)
     }
     assert {name: lines for name, lines in functions.items() if lines > MOST_LINES_OF_A_FUNCTION} == {}
-
-
-# --- the distribution ---------------------------------------------------------------------------------------
-
-
-@pytest.fixture(scope="module")
-def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Build from a copy, so that neither an old build folder nor this one can stain the other."""
-    copy = tmp_path_factory.mktemp("source") / "flexarm"
-    unwanted = shutil.ignore_patterns(".*", "build", "dist", "out", "runs", "*.egg-info", "__pycache__")
-    shutil.copytree(ROOT, copy, ignore=unwanted)
-    output = tmp_path_factory.mktemp("wheel")
-    command = ["wheel", "--no-deps", "--no-build-isolation", "--wheel-dir", output, copy]
-    result = run(sys.executable, "-m", "pip", *command, cwd=output)
-    assert result.returncode == 0, result.stderr
-    (built,) = output.glob("*.whl")
-    return built
-
-
-@pytest.mark.slow
-def test_a_wheel_holds_the_packages_and_nothing_else(wheel: Path) -> None:
-    files = zipfile.ZipFile(wheel).namelist()
-    tops = {name.partition("/")[0] for name in files}
-    assert {top for top in tops if not top.endswith(".dist-info")} == set(PACKAGES)
-    for package, folder in PACKAGES.items():
-        expected = {f"{package}/{path.relative_to(folder).as_posix()}" for path in folder.rglob("*.py")}
-        assert expected | {f"{package}/py.typed"} <= set(files)
-    for package, data in (("agents", "policies"), ("baselines", "plans")):
-        wanted = {f"flexarm_{package}/{data}/{path.name}" for path in (ROOT / package / data).iterdir()}
-        assert wanted
-        assert wanted <= set(files)
-
-
-@pytest.mark.slow
-def test_a_plain_install_imports_by_all_names(wheel: Path, tmp_path: Path) -> None:
-    site = tmp_path / "site"
-    result = run(sys.executable, "-m", "pip", "install", "--no-deps", "--target", site, wheel, cwd=tmp_path)
-    assert result.returncode == 0, result.stderr
-    code = (
-        "import importlib.metadata, flexarm_agents, flexarm_baselines, flexarm_env; "
-        "print(flexarm_env.__file__, flexarm_baselines.__file__, flexarm_agents.__file__, flexarm_env.__version__, "
-        "importlib.metadata.version('flexarm'), sep='\\n')"
-    )
-    result = run(sys.executable, "-c", code, cwd=tmp_path, PYTHONPATH=str(site))
-    assert result.returncode == 0, result.stderr
-    *origins, version, declared = result.stdout.split()
-    assert all(Path(origin).is_relative_to(site) for origin in origins)
-    assert version == declared
-    result = run(site / "bin" / "flexarm", "list", cwd=tmp_path, PYTHONPATH=str(site))
-    assert result.returncode == 0, result.stderr
-    assert "FlexArm/Square-v0" in result.stdout

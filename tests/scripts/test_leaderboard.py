@@ -60,14 +60,15 @@ def files(folder: Path) -> dict[str, bytes]:
 @pytest.mark.usefixtures("uncompiled")
 def test_a_tiny_board_goes_on_after_a_cell_is_lost(tmp_path: Path) -> None:
     store, first = Store(tmp_path / "cells"), Here()
-    results = study.measure(ROWS[:1], TINY, store, first)
+    results, failed = study.measure(ROWS[:1], TINY, store, first)
+    assert failed == []
     assert first.points == list(PAYLOADS)
     before = files(store.folder)
     assert len(before) == 3
     lost = sorted(before)[1]
     (store.folder / lost).unlink()
     second = Here()
-    assert study.measure(ROWS[:1], TINY, store, second) == results
+    assert study.measure(ROWS[:1], TINY, store, second) == (results, [])
     assert len(second.points) == 1
     assert files(store.folder) == before
     third = Here()
@@ -76,11 +77,13 @@ def test_a_tiny_board_goes_on_after_a_cell_is_lost(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("uncompiled")
-def test_failed_jobs_leave_the_others_cells(tmp_path: Path) -> None:
+def test_a_row_that_lacks_cells_is_left_out_and_the_others_are_kept(tmp_path: Path) -> None:
     store = Store(tmp_path / "cells")
-    with pytest.raises(OSError, match="1 of 1 jobs failed; the cells of the others are kept"):
-        study.measure(ROWS[:1], TINY, store, Here(0))
-    assert files(store.folder) == {}
+    others = Row("square", "other", options={"frame": "world"})
+    board, failed = study.measure([ROWS[0], others], TINY, store, Here(1))
+    assert [row["name"] for row in board["rows"]] == ["agent"]
+    assert failed == ["other: killed"]
+    assert len(files(store.folder)) == 3
 
 
 def test_the_board_has_everybody_once() -> None:
@@ -166,7 +169,7 @@ def test_tables_rank_by_error_and_never_hide_a_loss() -> None:
     assert "not applicable | 0.100, 50 %" in found["nominal"]
     assert "lost at 1.5 s / 0.010" in found["axis_payload"]
     assert found["breaks"].splitlines()[2].endswith("| swing 2× ≥ 0.3, lost ≤ 0.1, lost ≥ 0.7 |")
-    assert len(found["axis_payload"].splitlines()[0].split("|")) <= 2 + 1 + 9
+    assert len(found["axis_payload"].splitlines()[0].split("|")) <= 2 + 1 + 13
 
 
 def test_the_page_has_a_place_for_every_table_and_picture(tmp_path: Path) -> None:

@@ -16,6 +16,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from flexarm_agents import NetworkPolicy, load_policy
+from flexarm_baselines.optimal.plan import Plan
 from flexarm_env import ArmParameters, FlexibleArm, Trajectory
 from flexarm_env.simulation import archive
 from tests.support.refusals import refuses
@@ -193,6 +194,31 @@ def test_policies_of_strangers(tmp_path: Path, name: str, make: Callable[[Path],
         assert tracemalloc.get_traced_memory()[1] < 32 * 2**20
     finally:
         tracemalloc.stop()
+
+
+class Trap:
+    """Makes a file as soon as it is unpickled."""
+
+    def __init__(self, mark: Path) -> None:
+        self.mark = mark
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Path.touch, (self.mark,)
+
+
+@pytest.mark.parametrize("load", [load_policy, NetworkPolicy.load, Plan.load, Trajectory.load])
+@pytest.mark.parametrize("name", ["head", "weight_0", "states", "state", "time"])
+def test_no_code_in_a_file_is_run(tmp_path: Path, name: str, load: Callable[[Path], Any]) -> None:
+    """An array of objects is a pickle; whichever entry it stands in, it is refused unread."""
+    path, mark = tmp_path / "trap.npz", tmp_path / "mark"
+    trap = np.array([Trap(mark)], dtype=object)
+    entries = {"head": np.array(json.dumps(POLICY_HEAD)), **POLICY} | {name: trap}
+    np.savez(path, allow_pickle=True, **entries)
+    with refuses(ValueError, f"{path}: "):
+        load(path)
+    assert not mark.exists()
+    np.load(path, allow_pickle=True)[name]  # the trap works
+    assert mark.exists()
 
 
 RUNS: list[tuple[dict[str, Any], dict[str, Any], str]] = [

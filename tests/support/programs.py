@@ -14,6 +14,8 @@ import pytest
 from scripts.common.command_line import run
 
 ROOT = Path(__file__).resolve().parents[2]
+PACKAGES = {"flexarm_env": ROOT / "flexarm_env"}
+PACKAGES |= {f"flexarm_{name}": ROOT / name for name in ("baselines", "agents")}
 
 
 def run_study(module: str, *arguments: str | Path, **options: object) -> subprocess.CompletedProcess[str]:
@@ -21,6 +23,13 @@ def run_study(module: str, *arguments: str | Path, **options: object) -> subproc
     command = [sys.executable, "-m", f"scripts.{module}", *map(str, arguments)]
     environment = os.environ | {"PYTHONPATH": str(ROOT)}
     return subprocess.run(command, env=environment, capture_output=True, text=True, check=False, **options)  # type: ignore[call-overload, no-any-return]
+
+
+def run_bare(*command: str | Path, cwd: Path, **environment: str) -> subprocess.CompletedProcess[str]:
+    """Run a command without what the caller's PYTHONPATH would add."""
+    env = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"} | environment
+    arguments = [str(part) for part in command]
+    return subprocess.run(arguments, cwd=cwd, env=env, capture_output=True, text=True, timeout=300, check=False)
 
 
 def refusal(module: str, *arguments: object) -> str:

@@ -1,0 +1,106 @@
+"""Workflows, forms and metadata: they can be read, name what exists, and agree with the package."""
+
+from __future__ import annotations
+
+import json
+import re
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+import flexarm_env
+from tests.support.programs import ROOT
+
+WORKFLOWS = sorted((ROOT / ".github/workflows").glob("*.yml"))
+FORMS = sorted(path for path in (ROOT / ".github/ISSUE_TEMPLATE").glob("*.yml") if path.name != "config.yml")
+METADATA = ("CITATION.cff", ".github/dependabot.yml", ".github/ISSUE_TEMPLATE/config.yml")
+PAGES = [ROOT / "SECURITY.md", ROOT / "CODE_OF_CONDUCT.md", ROOT / "CONTRIBUTING.md"]
+VERBS = re.findall(r"^([a-z-]+):.*## ", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE)
+
+
+def read(path: Path | str) -> Any:
+    return yaml.safe_load((ROOT / path).read_text(encoding="utf-8"))
+
+
+def label(path: Path) -> str:
+    return path.name
+
+
+# --- workflows ------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("path", WORKFLOWS, ids=label)
+def test_workflows_are_limited(path: Path) -> None:
+    """Each may only read by default, and each job ends."""
+    workflow = read(path)
+    assert workflow["permissions"] == {"contents": "read"}
+    for name, job in workflow["jobs"].items():
+        assert 0 < job["timeout-minutes"] < 360, name
+        assert all(("run" in step) != ("uses" in step) for step in job["steps"]), name
+
+
+@pytest.mark.parametrize("path", WORKFLOWS, ids=label)
+def test_workflows_call_verbs_and_files_that_exist(path: Path) -> None:
+    text = path.read_text(encoding="utf-8")
+    verbs = re.findall(r"run: make ([\w-]+)", text)
+    assert verbs
+    assert set(verbs) <= set(VERBS)
+    for file in re.findall(r"-c (\S+)", text):
+        assert (ROOT / file).is_file()
+    assert "secrets." not in text  # trusted publishing needs no token
+
+
+def test_only_the_approved_job_may_publish() -> None:
+    jobs = read(".github/workflows/release.yml")["jobs"]
+    assert {name for name, job in jobs.items() if "id-token" in job.get("permissions", {})} == {"publish"}
+    assert jobs["publish"]["environment"] == "pypi"
+    assert jobs["publish"]["needs"] == "build"
+
+
+# --- forms ----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("path", FORMS, ids=label)
+def test_forms_have_what_the_host_demands(path: Path) -> None:
+    form = read(path)
+    assert {"name", "description", "body"} <= set(form)
+    fields = [field for field in form["body"] if field["type"] != "markdown"]
+    names = [field["id"] for field in fields]
+    assert fields
+    assert len(set(names)) == len(names)
+    for field in form["body"]:
+        assert field["type"] in {"markdown", "textarea", "input", "dropdown", "checkboxes"}
+        assert ("value" if field["type"] == "markdown" else "label") in field["attributes"]
+
+
+@pytest.mark.parametrize("name", METADATA)
+def test_other_metadata_can_be_read(name: str) -> None:
+    assert isinstance(read(name), dict)
+
+
+# --- agreement ------------------------------------------------------------------------------------------------------
+
+
+def test_citation_archive_and_package_agree() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    citation, archive = read("CITATION.cff"), json.loads((ROOT / ".zenodo.json").read_text(encoding="utf-8"))
+    assert citation["version"] == flexarm_env.__version__
+    assert citation["title"] == archive["title"]
+    assert citation["license"] == archive["license"] == project["license"]
+    assert citation["keywords"] == archive["keywords"] == project["keywords"]
+    assert [one["name"] for one in citation["authors"]] == [one["name"] for one in archive["creators"]]
+    (paper,) = citation["references"]
+    assert paper["title"] in archive["references"][0]
+    assert str(paper["year"]) in archive["references"][0]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=label)
+def test_links_of_pages_outside_docs_exist(page: Path) -> None:
+    text = page.read_text(encoding="utf-8")
+    for target in re.findall(r"\]\(([^)#:]+?)(?:#[^)]*)?\)", text):
+        assert (page.parent / target).exists(), target
+    for path in re.findall(r"`((?:tests|\.github)/[\w/.]+)`", text):
+        assert (ROOT / path).exists(), path

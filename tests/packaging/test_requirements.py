@@ -1,0 +1,85 @@
+"""pyproject.toml names every package, and lowest versions and the README's table of extras agree with it."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+
+import pytest
+from packaging.requirements import Requirement
+
+from tests.support.programs import PACKAGES, ROOT
+
+DECLARED = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+PROJECT = DECLARED["project"]
+EXTRAS: dict[str, list[Requirement]] = {
+    "none": [Requirement(text) for text in PROJECT["dependencies"]],
+    **{name: [Requirement(text) for text in texts] for name, texts in PROJECT["optional-dependencies"].items()},
+}
+SHORTENED = {"test", "dev"}  # whose tools or parts the table does not list one by one
+
+
+def others(extra: str) -> set[str]:
+    """Return the names of the distributions of others that an extra brings itself."""
+    return {one.name for one in EXTRAS[extra] if one.name != PROJECT["name"]}
+
+
+def included(extra: str) -> set[str]:
+    """Return the names of our other extras that an extra names."""
+    return {name for one in EXTRAS[extra] if one.name == PROJECT["name"] for name in one.extras}
+
+
+def reached(extra: str) -> set[str]:
+    """Return the names of an extra and of all that it includes, by whichever way."""
+    return {extra}.union(*(reached(name) for name in included(extra)))
+
+
+def test_every_package_is_installed() -> None:
+    """A folder that is not named here is missing in a wheel, though not in an editable install."""
+    found = {
+        ".".join((package, *path.parent.relative_to(folder).parts))
+        for package, folder in PACKAGES.items()
+        for path in folder.rglob("__init__.py")
+    }
+    assert found == set(DECLARED["tool"]["setuptools"]["packages"])
+
+
+def test_the_lowest_versions_are_those_that_are_declared() -> None:
+    declared = set()
+    for requirement in (one for each in EXTRAS.values() for one in each if one.name != PROJECT["name"]):
+        lowest = [one.version for one in requirement.specifier if one.operator == ">="]
+        assert len(lowest) == 1, f"{requirement}: needs a lower bound"
+        declared.add(f"{requirement.name}=={lowest[0]}")
+    lines = (ROOT / "constraints-lowest.txt").read_text(encoding="utf-8").splitlines()
+    assert [line for line in lines if not line.startswith("#")] == sorted(declared)
+
+
+def readme_rows() -> dict[str, str]:
+    """Return the README's table of extras: what each brings."""
+    table = (ROOT / "README.md").read_text(encoding="utf-8").partition("| extra | brings |")[2].partition("\n\n")[0]
+    rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in table.splitlines()[2:]]
+    return {row[0].strip("`"): row[1] for row in rows}
+
+
+def test_the_readme_lists_every_extra() -> None:
+    assert sorted(readme_rows()) == sorted(EXTRAS)
+
+
+@pytest.mark.parametrize("extra", sorted(EXTRAS.keys() - SHORTENED))
+def test_the_readme_says_what_an_extra_brings(extra: str) -> None:
+    assert set(re.findall(r"`([^`]+)`", readme_rows()[extra])) == others(extra) | included(extra)
+
+
+def test_the_readme_says_what_is_shortened() -> None:
+    assert set(re.findall(r"`([^`]+)`", readme_rows()["test"])) == included("test")
+    assert set(re.findall(r"`([^`]+)`", readme_rows()["dev"])) == EXTRAS.keys() - reached("dev") - {"none"}
+    assert others("dev") == set()
+
+
+def test_pythons_are_the_same_everywhere() -> None:
+    """The classifiers begin with the lowest version; the workflows test each of them."""
+    pythons = re.findall(r"Python :: (3\.\d+)", "\n".join(PROJECT["classifiers"]))
+    assert PROJECT["requires-python"] == f">={pythons[0]}"
+    quoted = ", ".join(f'"{python}"' for python in pythons)
+    workflow = (ROOT / ".github/workflows/tests.yml").read_text(encoding="utf-8")
+    assert workflow.count("python: [") == workflow.count(f"python: [{quoted}]") == 2
