@@ -24,6 +24,6 @@ class Options(RunOptions):
 
 def run(arguments: Sequence[str]) -> None:
     """Teach, and print what came out."""
-    given = options_of(Options, "flexarm teach", arguments)
+    given = options_of(Options, "teach", arguments)
     folder = given.folder or given.config.folder
     carry_out(lambda: teach(given.config, folder, given.resume, given.progress, given.plans), folder)

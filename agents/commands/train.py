@@ -21,6 +21,6 @@ class Options(RunOptions):
 
 def run(arguments: Sequence[str]) -> None:
     """Train, and print what came out."""
-    given = options_of(Options, "flexarm train", arguments)
+    given = options_of(Options, "train", arguments)
     folder = given.folder or given.config.folder
     carry_out(lambda: train(given.config, folder, given.resume, given.progress), folder)

@@ -14,7 +14,7 @@ from typing import Any, TypeVar
 import tyro
 
 from flexarm_agents import StandardScore, TrainingStopped
-from flexarm_agents.commands.arguments import json_object
+from flexarm_agents.commands.arguments import epilog, json_object
 from flexarm_agents.training import Outcome
 
 
@@ -33,17 +33,23 @@ class RunOptions:
 Given = TypeVar("Given", bound=RunOptions)
 
 
-def options_of(kind: type[Given], prog: str, arguments: Sequence[str]) -> Given:
+def options_of(kind: type[Given], verb: str, arguments: Sequence[str]) -> Given:
     """Read a verb's arguments; mappings are JSON.
 
     Args:
         kind: class of the options.
-        prog: the verb, e.g. "flexarm train".
+        verb: e.g. "train"; its examples end the help.
         arguments: without the verb.
     """
     registry = tyro.constructors.ConstructorRegistry()
     _read_mappings_as_json(registry)
-    return tyro.cli(kind, prog=prog, args=list(arguments), registry=registry)
+    return tyro.cli(
+        kind,
+        prog=f"flexarm {verb}",
+        description=f"{kind.__doc__}\n\n{epilog(verb)}",
+        args=list(arguments),
+        registry=registry,
+    )
 
 
 def carry_out(training: Callable[[], Outcome], folder: Path) -> None:
