@@ -70,6 +70,8 @@ def run_points(row: Row, points: Sequence[Point]) -> list[dict[str, Any]]:
         try:
             settings[n] = Settings.of(point.environment_options(row.interface))
             row.contender(point.task)
+            if TASKS[point.task].hosted:
+                _hosted(row, point).close()  # refuses what the other engine cannot do
         except (TypeError, ValueError) as error:
             results[n] = {"not_applicable": str(error)}
             continue
@@ -123,8 +125,7 @@ def _run_some(row: Row, points: Sequence[Point], each: Sequence[Settings]) -> li
         made = []
         for episode in point.episodes:
             if task.hosted:
-                options = point.environment_options(row.interface)
-                hosted: Any = gymnasium.make_vec(task.environment, 1, vectorization_mode="sync", **options)
+                hosted = _hosted(row, point)
                 made += _run(hosted, hosted.envs[0].unwrapped, nominal, [episode], calls)
                 hosted.close()
             else:
@@ -132,6 +133,12 @@ def _run_some(row: Row, points: Sequence[Point], each: Sequence[Settings]) -> li
                 made += _run(env, env, nominal, [episode], calls)
         results.append({"episodes": made})
     return results
+
+
+def _hosted(row: Row, point: Point) -> Any:
+    """Make one environment whose arm is another engine's, as a vector environment."""
+    options = point.environment_options(row.interface)
+    return gymnasium.make_vec(TASKS[point.task].environment, 1, vectorization_mode="sync", **options)
 
 
 def _batch(each: Sequence[Settings]) -> FlexArmVectorEnv:

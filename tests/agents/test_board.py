@@ -206,6 +206,8 @@ def test_where_a_row_cannot_be_run_it_says_why() -> None:
     (result,) = run_points(late, [point])
     assert "must be 0 with law_sensor = 'sensor'" in result["not_applicable"]
     assert "refused" in Cell.of(late, point).depends
+    (result,) = run_points(late, [Point("chain", task="chain")])
+    assert "on a chain the paper's law acts on the joints' own angles" in result["not_applicable"]
 
 
 def test_a_group_has_at_most_as_many_episodes_as_a_batch() -> None:
