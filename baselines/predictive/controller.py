@@ -18,6 +18,7 @@ from flexarm_baselines.along_plans import PlanController, within_half_a_turn
 from flexarm_baselines.arrays import Floats
 from flexarm_baselines.controller import Memory, Seen
 from flexarm_baselines.observers import Estimate, KalmanFilter, NoiseModel, Readings
+from flexarm_baselines.optimal.laps import CHANGE_WEIGHT
 from flexarm_baselines.optimal.plan import Plan
 from flexarm_baselines.predictive.guide import Guide, previewed
 from flexarm_baselines.predictive.iteration import Instant, RealTimeIteration
@@ -28,7 +29,6 @@ from flexarm_env.validation import choice, integer, mapping, number
 
 HORIZON = 0.5  # [s]
 STEP = 2e-3  # [s]; of the model's integration
-CHANGE_WEIGHT = 3e-3  # [m^2], on changes of the torques; that of the shipped plans
 # Encoders see vibrations of 70 Hz and more that no model integrates well, so that their rates are trusted little.
 NOISE = NoiseModel(joint_angle=1e-3, joint_rate=0.1)
 REFERENCES = ("plan", "path")
