@@ -114,8 +114,7 @@ def heat_map(board: Board, folder: Path) -> None:
     names = [name for name in board["columns"] if name != "nominal"]
     rows = ranked(board)
     figure, axis = plt.subplots(figsize=(2.6 + 1.05 * len(names), 1.6 + 0.42 * len(rows)))
-    colours = plt.get_cmap("viridis_r").copy()
-    colours.set_bad("0.92")
+    colours = plt.get_cmap("viridis_r").with_extremes(bad="0.92")
     largest, texts = np.full((len(rows), len(names)), np.nan), {}
     for i, row in enumerate(rows):
         for k, name in enumerate(names):
