@@ -14,7 +14,7 @@ from typing import Any
 import tyro
 
 from flexarm_agents import StandardScore, TrainingConfig, TrainingStopped, train
-from flexarm_agents.commands.arguments import json_object
+from flexarm_agents.commands.arguments import epilog, json_object
 
 
 @dataclass
@@ -35,7 +35,13 @@ def run(arguments: Sequence[str]) -> None:
     """Train, and print what came out."""
     registry = tyro.constructors.ConstructorRegistry()
     _read_mappings_as_json(registry)
-    options = tyro.cli(Options, prog="flexarm train", args=list(arguments), registry=registry)
+    options = tyro.cli(
+        Options,
+        prog="flexarm train",
+        description=f"{Options.__doc__}\n\n{epilog('train')}",
+        args=list(arguments),
+        registry=registry,
+    )
     folder = options.folder or options.config.folder
     try:
         with _told(logging.getLogger("flexarm_agents")):
