@@ -17,6 +17,7 @@ VERBS = {
     "show": ("show", "the specification of an environment: spaces, reward, ends, options"),
     "evaluate": ("evaluate", "score controllers and trained policies on the two standard laps"),
     "train": ("train", "train an agent with PPO (needs the extra `train`)"),
+    "teach": ("teach", "teach a student by the best known plans (needs the extra `train`)"),
     "warm-up": ("warm_up", "compile what environments need, for images and clusters"),
 }
 

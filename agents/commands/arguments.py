@@ -14,6 +14,10 @@ EXAMPLES = {
         "flexarm train --environment Square-v0 --seed 7 --folder runs/mine",
         "flexarm train --environment Square-v0 --seed 7 --folder runs/mine --resume",
     ),
+    "teach": (
+        "flexarm teach --environment Square-v0 --seed 7 --folder runs/student",
+        "flexarm teach --environment SquareUnknown-v0 --lags 1 2 4 8 16 32",
+    ),
     "evaluate": (
         "flexarm evaluate runs/mine",
         "flexarm evaluate --policy plan_lqr",
