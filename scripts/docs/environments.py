@@ -71,14 +71,15 @@ a control period takes more than 20 000 integration steps) is refused with the n
 
 _RESET = "`reset(options=...)` takes:"
 _CHAIN_SCORES = """\
-The same controllers on the chain and on the arm of assumed modes (two a link), with the same damping of the material:
-the shipped agent by torques, IFDC by `action_mode="gain"`."""
+The same controllers on the chain and on the default arm: shipped agents by torques, without noise, and IFDC by
+`action_mode="gain"`. Encoders and gauges of the chain read fast vibrations that the default arm does not have; the PPO
+agent, which has been on that arm alone, is thrown off by them."""
 _CHAIN_STEPS = """\
 MuJoCo's `implicitfast`, semi-implicit Euler with implicit dampers, is of first order. Runge-Kutta's method is
-unstable even at 0.05 ms, since dampers of the material make the fastest segments stiff. A step of 0.5 ms and 20
-segments are each within half a millimetre (r.m.s.) of finer ones. The laps are the shipped agent's swing lap, its
-loop closed on each chain. Steps per second are control periods by the processor time of one core, while `python -m
-scripts.docs.chain_figures` made the tables."""
+unstable even at 0.05 ms, since dampers of the material make the fastest segments stiff. A step of 0.5 ms is within a
+millimetre (r.m.s.) of finer ones, 20 segments within half a millimetre. The laps are swing laps of the shipped
+`student_unknown`, its loop closed on each chain. Steps per second are control periods by the processor time of one
+core, while `python -m scripts.docs.chain_figures` made the tables."""
 
 
 @dataclass
@@ -154,7 +155,7 @@ def _chain_sections() -> dict[str, list[str]]:
     """Return what was measured of the chain."""
     found = json.loads(chain_figures.FILE.read_text())
     return {
-        "Scores beside the modelled arm's": [_CHAIN_SCORES, chain_figures.score_table(found)],
+        "Scores beside the default arm's": [_CHAIN_SCORES, chain_figures.score_table(found)],
         "How fine the chain is": [
             _CHAIN_STEPS,
             chain_figures.convergence_table(found, "steps"),

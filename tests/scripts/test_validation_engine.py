@@ -303,6 +303,20 @@ def test_an_agent_sees_a_model_of_the_studies_as_it_sees_its_own_arm() -> None:
         assert hosted.host.taken().shape == (10, 2)
 
 
+def test_encoders_of_a_hosted_chain_read_its_own_joints() -> None:
+    """Not what a model's shapes make of them, which on a coarse, bent chain is something else."""
+    from flexarm_env.chain.gauges import Gauges
+    from flexarm_env.envs.settings import Settings
+    from scripts.validation.engine.chain import EngineChain
+    from scripts.validation.plant.hosted import AnyArm
+
+    chain = EngineChain(4, ArmParameters())
+    chain.place(np.array([0.3, 1.1]), np.array([0.0, 5.0]))
+    state = np.array(AnyArm(chain, Settings.of({})).truth().state)
+    np.testing.assert_allclose(state[:2], [0.3, 1.1], atol=1e-12)
+    assert abs(Gauges(FlexibleArm()).state(chain.bend())[1] - 1.1) > 1e-4
+
+
 def test_an_arm_is_hosted_where_the_episode_begins_with_its_sensor_at_the_end() -> None:
     from scripts.validation.engine.chain import Modal
     from scripts.validation.plant.hosted import HostedEnv
