@@ -77,7 +77,7 @@ contract: $(HAS)-test  ## Check that imports follow the one-way flow (import-lin
 train: $(HAS)-train  ## Train an agent, e.g. make train ARGS="--seed 1"
 	$(PY) scripts/train.py $(ARGS)
 
-agent: $(HAS)-train  ## Make the shipped agent anew: trainings, the median one, its card, the tables of README and docs
+agent: $(HAS)-train  ## Make the shipped agent anew: trainings, the median one, its card, the tables of docs
 	$(PY) -m scripts.shipped $(ARGS)
 
 evaluate: $(HAS)-train  ## Score the controllers, the shipped policy and trained runs

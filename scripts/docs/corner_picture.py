@@ -1,4 +1,4 @@
-"""The picture of the README: the first corner under IFDC, under FLSAC and under a shipped agent, on the same arm."""
+"""The picture of the README: the first corner under FLSAC, two shipped agents and LQG, on the same arm."""
 
 from __future__ import annotations
 
@@ -12,15 +12,16 @@ from matplotlib import pyplot as plt
 from numpy.typing import NDArray
 
 from flexarm_agents import load_policy
-from flexarm_baselines import FLSAC, IFDC
+from flexarm_agents.board.terms import SQUARE, interface_of
+from flexarm_baselines.registry import controller, make_controller
 from flexarm_env.metrics import elbow_changes, ended_early
 from flexarm_env.rollout import run_policy
 from scripts.common.markdown import DOCS
 
-PICTURE = DOCS / "figures" / "three_controllers.png"
+PICTURE = DOCS / "figures" / "four_controllers.png"
 TIME = 5.0  # [s]; a second after the reference has turned
 GAIN = "FlexArm/SquareGain-v0"
-AGENT, LAP = "square", "swing"
+LAP = "swing"
 
 
 def frame(env: gymnasium.Env[Any, Any], policy: Any) -> tuple[NDArray[np.uint8], str]:
@@ -36,26 +37,39 @@ def frame(env: gymnasium.Env[Any, Any], policy: Any) -> tuple[NDArray[np.uint8],
     return picture, f"elbow changed sides at {times}" if len(changes) else "elbow on the side of the start"
 
 
+def controlled(name: str, environment: str) -> tuple[NDArray[np.uint8], str]:
+    """Return the frame of a controller, by its name."""
+    options = controller(name).options if environment == SQUARE else {}
+    env = gymnasium.make(environment, render_mode="rgb_array", **options)
+    return frame(env, make_controller(name, env))
+
+
+def learned(name: str) -> tuple[NDArray[np.uint8], str]:
+    """Return the frame of a shipped agent, on the nominal arm."""
+    agent = load_policy(name)
+    own = interface_of(gymnasium.spec(agent.environment).kwargs | agent.options)
+    return frame(gymnasium.make(SQUARE, render_mode="rgb_array", **own), agent.policy)
+
+
 def main(output: Path = PICTURE) -> None:
     """Draw it.
 
     Args:
         output: the file; an existing one is replaced.
     """
-    gain = [gymnasium.make(GAIN, render_mode="rgb_array") for _ in range(2)]
-    agent = load_policy(AGENT)
     frames = {
-        "IFDC: the paper's law at gain 1": frame(gain[0], IFDC.for_env(gain[0])),
-        "FLSAC: the law with a fuzzy gain": frame(gain[1], FLSAC.for_env(gain[1])),
-        "PPO: torques at 100 Hz, 150 / 50 N m": frame(agent.make_env(render_mode="rgb_array"), agent.policy),
+        "FLSAC: the paper's fuzzy gain": controlled("flsac", GAIN),
+        "PPO: an agent by reward": learned("square"),
+        "a student of the unknown plant": learned("student_unknown"),
+        "LQG along the best plan known": controlled("lqg", SQUARE),
     }
-    figure, axes = plt.subplots(1, 3, figsize=(15.0, 5.75), layout="constrained")
-    for axis, (title, (picture, elbow)) in zip(axes, frames.items(), strict=True):
+    figure, axes = plt.subplots(2, 2, figsize=(10.5, 11.5), layout="constrained")
+    for axis, (title, (picture, elbow)) in zip(axes.flat, frames.items(), strict=True):
         axis.imshow(picture)
         axis.set_title(f"{title}\n{elbow}", fontsize=13)
         axis.set_axis_off()
     output.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(output, dpi=110, bbox_inches="tight", pad_inches=0.1)
+    figure.savefig(output, dpi=100, bbox_inches="tight", pad_inches=0.1)
     print(f"{output}: drawn")
 
 

@@ -166,16 +166,17 @@ def rounded(value: Any) -> Any:
 
 
 def update_docs(folder: Path) -> None:
-    """Fill the page's tables; copy the JSON and the pictures."""
-    page, target = DOCS / PAGE, DOCS / "figures" / "leaderboard"
+    """Fill the tables of the page and of the README; copy the JSON and the pictures."""
+    target = DOCS / "figures" / "leaderboard"
     target.mkdir(parents=True, exist_ok=True)
     for name, text in PICTURES.items():
         (folder / f"picture_{Path(name).stem}.md").write_text(f"![{text}](figures/leaderboard/{name})\n")
-    page.write_text(filled(page.read_text(), folder))
+    for page in (DOCS / PAGE, DOCS.parent / "README.md"):
+        page.write_text(filled(page.read_text(), folder))
+        print(f"{page}: up to date")
     shutil.copyfile(folder / DATA, DOCS / DATA)
     for name in PICTURES:
         shutil.copyfile(folder / "figures" / name, target / name)
-    print(f"{page}: up to date")
 
 
 def chosen(options: Options) -> tuple[list[Row], dict[str, Column]]:

@@ -1,1 +1,1 @@
-"""The shipped agent: trained with several seeds, chosen, exported, and shown in README and docs."""
+"""The shipped agent: trained with several seeds, chosen, exported, and shown in docs."""

@@ -20,7 +20,7 @@ from scripts.shipped import tables
 from scripts.shipped.agents import AGENTS, configs
 from scripts.shipped.trainings import export, trained_all
 
-PAGES = (DOCS.parent / "README.md", DOCS / "agents.md")
+PAGES = (DOCS / "agents.md",)
 COMMAND = "python -m scripts.shipped"
 
 
@@ -59,7 +59,7 @@ def train_and_ship(name: str, seeds: int, jobs: int, output: Path) -> None:
 
 
 def write_tables(output: Path) -> None:
-    """Write the tables, and bring README and docs/agents.md up to date.
+    """Write the tables, and bring docs/agents.md up to date.
 
     Args:
         output: folder for the tables.

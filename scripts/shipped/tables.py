@@ -1,4 +1,4 @@
-"""The tables of README and docs/agents.md that show the shipped agent's scores."""
+"""The tables of docs/agents.md that show the shipped agent's scores."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ ERRORS = ("r.m.s. [m]", "after 2 s [m]", "maximum [m]")
 
 
 def scores(names: Iterable[str]) -> str:
-    """Tabulate the nominal scores of the shipped agents and of the paper's controllers, for the README.
+    """Tabulate the nominal scores of the shipped agents and of the paper's controllers.
 
     Args:
         names: of the shipped agents.

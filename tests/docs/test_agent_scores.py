@@ -1,4 +1,4 @@
-"""The scores in README and docs/agents.md, recomputed."""
+"""The scores in docs/agents.md, recomputed."""
 
 from __future__ import annotations
 
@@ -13,19 +13,18 @@ from flexarm_agents.load import POLICIES
 from scripts.shipped import tables
 from scripts.shipped.agents import AGENTS
 
-README = Path(__file__).resolve().parents[2] / "README.md"
-PAGE = README.parent / "docs" / "agents.md"
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "agents.md"
 
 
 BLOCK = re.compile(r"<!-- generated: (\w+) -->\n(.*?)<!-- end -->", re.DOTALL)
 
 
 def committed() -> dict[str, str]:
-    """Collect the generated blocks of both pages."""
-    return dict(BLOCK.findall(README.read_text() + PAGE.read_text()))
+    """Collect the generated blocks of the page."""
+    return dict(BLOCK.findall(PAGE.read_text()))
 
 
-def test_every_table_of_scores_is_on_a_page() -> None:
+def test_every_table_of_scores_is_on_the_page() -> None:
     students = {"student_seeds", "student_conditions", "unknown_plant"}
     assert set(committed()) == {"agent_scores", "agent_seeds", "agent_conditions"} | students
 
