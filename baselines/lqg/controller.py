@@ -22,9 +22,11 @@ from flexarm_baselines.task import Task
 from flexarm_env.simulation.arm import FlexibleArm
 from flexarm_env.validation import choice, number
 
-# Encoders see vibrations of 70 Hz and more that no model integrates well, so that their rates are trusted little.
+# Encoders and gauges see vibrations of 70 Hz and more that no model integrates well, so that rates are trusted little.
 # Noise on the torques, more than there is, buys robustness to an arm that is not the model.
-NOISE = NoiseModel(joint_angle=3e-4, joint_rate=0.1, tip=0.01, torque=(10.0, 4.0), modal_force=1e-3)
+NOISE = NoiseModel(
+    joint_angle=3e-4, joint_rate=0.1, tip=0.01, gauge=0.02, gauge_rate=3.0, torque=(10.0, 4.0), modal_force=1e-3
+)
 DELAYS = ("known", "ignored")
 TIP = slice(4, 6)  # of the readings
 

@@ -40,7 +40,7 @@ from scripts.leaderboard.times import times, times_table
 
 PICTURES = {
     "heat_map.png": "Largest mean error of each row along each axis, and the share of lost laps",
-    "delays.png": "Delay at which each row's error is doubled, and at which it is lost",
+    "delays.png": "Delays with which no lap of a row is lost, and with which its error is below twice the nominal one",
     "corners.png": "The tip's paths where the reference begins and turns",
     "errors.png": "Error against time on both laps",
     "effort.png": "Error against effort, with the best plans known",
@@ -79,7 +79,9 @@ class Options:
     """Bring docs/leaderboard.md, its JSON and its pictures up to date."""
 
 
-def measure(rows: Sequence[Row], columns: Mapping[str, Column], store: Store, where: Executor) -> dict[str, Any]:
+def measure(
+    rows: Sequence[Row], columns: Mapping[str, Column], store: Store, where: Executor
+) -> tuple[dict[str, Any], list[str]]:
     """Compute the missing cells, and add all up.
 
     Args:
@@ -88,8 +90,8 @@ def measure(rows: Sequence[Row], columns: Mapping[str, Column], store: Store, wh
         store: has the cells, and gets those that are missing.
         where: computes them.
 
-    Raises:
-        OSError: if cells could not be computed; the others are kept.
+    Returns:
+        The board of the rows that have all their cells, and why cells of the others could not be computed.
     """
     cells = {
         row.name: {name: [Cell.of(row, point) for point in column.points] for name, column in columns.items()}
@@ -107,16 +109,15 @@ def measure(rows: Sequence[Row], columns: Mapping[str, Column], store: Store, wh
                 for key, result in zip(jobs[n].keys, outcome, strict=True):
                     store.write(by_key[key], result)
             bar.update(len(jobs[n].keys))
-    if failed:
-        for line in dict.fromkeys(failed):
-            print(line, file=sys.stderr)
-        raise OSError(f"{len(failed)} of {len(jobs)} jobs failed; the cells of the others are kept")
-    results = {
-        row.name: {name: [store.read(cell) for cell in column] for name, column in cells[row.name].items()}
-        for row in rows
+    whole = {
+        row.name: {name: list(map(store.read, column)) for name, column in cells[row.name].items()} for row in rows
     }
-    found = [row_summary(row, columns, results[row.name]) | {"delay_margin": delay_margins(row)} for row in rows]
-    return board(found, columns)
+    found = [
+        row_summary(row, columns, whole[row.name]) | {"delay_margin": delay_margins(row)}
+        for row in rows
+        if all(one is not None for column in whole[row.name].values() for one in column)
+    ]
+    return board(found, columns), list(dict.fromkeys(failed))
 
 
 def board(rows: Sequence[Mapping[str, Any]], columns: Mapping[str, Column]) -> dict[str, Any]:
@@ -200,12 +201,16 @@ def chosen(options: Options) -> tuple[list[Row], dict[str, Column]]:
 
 
 def main() -> None:
-    """Command line."""
+    """Command line.
+
+    Raises:
+        OSError: if cells could not be computed.
+    """
     options = tyro.cli(Options, prog="python -m scripts.leaderboard")
     rows, columns = chosen(options)
     parameters = json_object(options.submitit)
     where = executor(options.executor, options.jobs, options.output / "submitit", parameters)
-    results = measure(rows, columns, Store(options.output / "cells"), where)
+    results, failed = measure(rows, columns, Store(options.output / "cells"), where)
     write(results, options.output)
     if options.times:
         with tqdm(total=len(rows), unit="row", desc="timing") as bar:
@@ -213,9 +218,13 @@ def main() -> None:
         write_json(options.output / TIMES, found)
         write_whole(options.output / "times.md", lambda aside: aside.write_text(times_table(found)))
     if options.pictures:
-        illustrate(rows, results, options.output / "figures")
+        names = {row["name"] for row in results["rows"]}
+        illustrate([row for row in rows if row.name in names], results, options.output / "figures")
     print(tables(results).get("ranking", ""), end="")
-    print(f"{options.output}: board {BOARD}, {len(rows)} rows")
+    print(f"{options.output}: board {BOARD}, {len(results['rows'])} of {len(rows)} rows")
+    if failed:
+        print(*failed, sep="\n", file=sys.stderr)
+        raise OSError("the other rows lack cells, for the reasons above; what was computed is kept")
     if options.docs:
         update_docs(options.output)
 

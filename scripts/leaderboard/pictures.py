@@ -11,6 +11,8 @@ import numpy as np
 from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
+from matplotlib.patches import Rectangle
+from matplotlib.ticker import LogLocator, NullFormatter
 from numpy.typing import NDArray
 
 from flexarm_agents.board.summary import nominal_errors
@@ -32,6 +34,7 @@ SHOWN = (
     "lqg_adaptive",
     "plan_lqr",
 )  # in pictures with few rows, as far as there
+SHORT = {"sensor_position": "Sensor position"}  # headings where there is little room
 MARKS = "osD^vP*X<>ph8"
 
 
@@ -111,19 +114,24 @@ def heat_map(board: Board, folder: Path) -> None:
     names = [name for name in board["columns"] if name != "nominal"]
     rows = ranked(board)
     figure, axis = plt.subplots(figsize=(2.6 + 1.05 * len(names), 1.6 + 0.42 * len(rows)))
-    colours = plt.get_cmap("viridis_r").copy()
-    colours.set_bad("0.92")
+    colours = plt.get_cmap("viridis_r").with_extremes(bad="0.92")
     largest, texts = np.full((len(rows), len(names)), np.nan), {}
     for i, row in enumerate(rows):
         for k, name in enumerate(names):
             largest[i, k], texts[i, k] = _worst(row["columns"][name]["points"])
+    some_lost = [place for place, text in texts.items() if "lost" in text]
     drawn = axis.imshow(np.ma.masked_invalid(largest), cmap=colours, norm=LogNorm(0.01, 3.0), aspect="auto")
+    for i, k in some_lost:
+        look: dict[str, Any] = {"fill": False, "hatch": "//", "edgecolor": "0.45", "linewidth": 0.0}
+        axis.add_patch(Rectangle((k - 0.5, i - 0.5), 1.0, 1.0, **look))
     for (i, k), text in texts.items():
         dark = np.isfinite(largest[i, k]) and largest[i, k] > 0.3
-        axis.text(k, i, text, ha="center", va="center", fontsize=8, color="white" if dark else "black")
-    titles = [
-        board["columns"][name]["title"].replace("Sensor's distance from the elbow", "Sensor position") for name in names
-    ]
+        colour = "white" if dark else "black"
+        back = None
+        if (i, k) in some_lost:
+            back = {"facecolor": colours(drawn.norm(largest[i, k])), "edgecolor": "none", "pad": 1.0}
+        axis.text(k, i, text, ha="center", va="center", fontsize=8, color=colour, bbox=back)
+    titles = [SHORT.get(name, board["columns"][name]["title"]) for name in names]
     axis.set_xticks(range(len(names)), titles, rotation=35, ha="right", fontsize=9)
     axis.set_yticks(range(len(rows)), [row["name"] + (" *" if row["privileged"] else "") for row in rows], fontsize=9)
     axis.grid(visible=False)
@@ -145,23 +153,21 @@ def _worst(points: Sequence[Mapping[str, Any] | None]) -> tuple[float, str]:
 
 
 def delays(board: Board, folder: Path) -> None:
-    """Draw the delay at which each row's error is doubled and at which it is lost, with exact margins."""
+    """Draw the delays with which each row holds, and with which its error is below twice the nominal one."""
     column = board["columns"]["delay"]
     longest = column["values"][-1]
     rows = ranked(board)[::-1]
     figure, axis = plt.subplots(figsize=(9.0, 1.4 + 0.4 * len(rows)))
+    looks = (
+        (("lost",), COLOURS[5], "no lap is lost"),
+        (("lost", "doubled"), COLOURS[0], "error below twice the nominal one"),
+    )
     for i, row in enumerate(rows):
-        ends = row["columns"]["delay"]["breaking"].values()
-        doubled, lost = (
-            min((one[what]["high"] for one in ends if one[what]["high"] is not None), default=longest)
-            for what in ("doubled", "lost")
-        )
-        axis.barh(i, lost, color=COLOURS[5], height=0.6, label="until a lap is lost" if not i else None)
-        axis.barh(
-            i, min(doubled, lost), color=COLOURS[0], height=0.6, label="until the error is doubled" if not i else None
-        )
-        if lost == longest:
-            axis.text(longest + 1.0, i, "…", va="center")
+        for worse, colour, label in looks:
+            low, high = _holds(row["columns"]["delay"]["breaking"], worse, longest)
+            axis.barh(i, high - low, left=low, color=colour, height=0.6, label=None if i else label)
+            if "doubled" not in worse and high == longest:
+                axis.text(longest + 1.0, i, "…", va="center")
         if row["delay_margin"] is not None:
             at = [1e3 * row["delay_margin"][end] for end in ("least", "most")]
             axis.plot(at, [i, i], color=COLOURS[1], marker="|", markersize=14, linewidth=2.0)
@@ -173,6 +179,19 @@ def delays(board: Board, folder: Path) -> None:
     axis.set_xlim(0.0, longest + 6.0)
     axis.legend(loc="upper center", bbox_to_anchor=(0.5, -0.18), ncols=3, fontsize=9)
     save(figure, folder, "delays")
+
+
+def _holds(breaking: Mapping[str, Any], worse: Sequence[str], longest: float) -> tuple[float, float]:
+    """Return the range about the nominal delay in which both laps hold.
+
+    Args:
+        breaking: see `flexarm_agents.board.summary.breaking`.
+        worse: "lost", "doubled" or both: what must not happen.
+        longest: of the axis.
+    """
+    ends = [one[what] for one in breaking.values() for what in worse]
+    low = max((end["low"] for end in ends if end["low"] is not None), default=0.0)
+    return low, min((end["high"] for end in ends if end["high"] is not None), default=longest)
 
 
 def effort(board: Board, runs: Runs, folder: Path) -> None:
@@ -192,6 +211,10 @@ def effort(board: Board, runs: Runs, folder: Path) -> None:
         y = [one["true_tip_rms"] for one in curve]
         axis.loglog(x, y, color="0.2", marker=".", linewidth=1.2, label="best plans known")
         axis.set_title(f"{lap} lap")
+        for one in (axis.xaxis, axis.yaxis):
+            one.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+            one.set_major_formatter("{x:g}")
+            one.set_minor_formatter(NullFormatter())
         axis.set_xlabel("change of the torques from period to period, r.m.s. [N m]")
     axes[0].set_ylabel("error over the lap, r.m.s. [m]")
     axes[-1].legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize=9)

@@ -13,7 +13,7 @@ from scripts.common.markdown import table
 from scripts.leaderboard.references import gap
 
 Board = Mapping[str, Any]
-MOST_VALUES = 9  # columns of an axis's table
+MOST_VALUES = 13  # columns of an axis's table
 PRIVILEGED = "\\*"  # after the name of a privileged row
 ABSENT = "not applicable"
 
@@ -117,7 +117,7 @@ def _errors(errors: Mapping[str, float] | None) -> str:
 
 
 def _point(point: Mapping[str, Any] | None) -> str:
-    """Write the mean errors of a point's laps, or how many episodes were lost and when the first one was."""
+    """Write the errors of a point's laps, with their range, or how many were lost and when the first one was."""
     if point is None:
         return "-"
     if "not_applicable" in point:
@@ -130,7 +130,8 @@ def _lap(one: Mapping[str, Any]) -> str:
         share = "" if one["episodes"] == 1 else f" {one['lost']} of {one['episodes']}"
         return f"lost{share} at {one['first_loss']:.1f} s"
     goal = f", {100.0 * one['success']:.0f} %" if "success" in one else ""
-    return f"{one['rms']['mean']:.3f}{goal}"
+    mean, least, most = (f"{one['rms'][name]:.3f}" for name in ("mean", "least", "most"))
+    return f"{mean}{goal}" if least == most else f"{mean} ({least} to {most}){goal}"
 
 
 def _some(count: int, kept: int) -> list[int]:

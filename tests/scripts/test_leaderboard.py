@@ -11,7 +11,9 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
+from PIL import Image
 
 from flexarm_agents.board.cells import Store
 from flexarm_agents.board.columns import COLUMNS, Column, Point
@@ -19,10 +21,15 @@ from flexarm_agents.board.episodes import run_points
 from flexarm_agents.board.rows import Row
 from flexarm_agents.board.summary import nominal_errors, point_summary
 from flexarm_agents.board.terms import BOARD
+from flexarm_env import FlexibleArm, SensorParameters
+from flexarm_env.analysis import delay_margin, law_loop
 from scripts.common.executors import executor
 from scripts.common.markdown import DOCS
 from scripts.leaderboard import __main__ as study
+from scripts.leaderboard import pictures
+from scripts.leaderboard.animation import animate
 from scripts.leaderboard.entries import entries
+from scripts.leaderboard.margins import delay_margins
 from scripts.leaderboard.tables import tables
 from tests.support.programs import ROOT, run_study
 from tests.support.refusals import refuses
@@ -60,14 +67,15 @@ def files(folder: Path) -> dict[str, bytes]:
 @pytest.mark.usefixtures("uncompiled")
 def test_a_tiny_board_goes_on_after_a_cell_is_lost(tmp_path: Path) -> None:
     store, first = Store(tmp_path / "cells"), Here()
-    results = study.measure(ROWS[:1], TINY, store, first)
+    results, failed = study.measure(ROWS[:1], TINY, store, first)
+    assert failed == []
     assert first.points == list(PAYLOADS)
     before = files(store.folder)
     assert len(before) == 3
     lost = sorted(before)[1]
     (store.folder / lost).unlink()
     second = Here()
-    assert study.measure(ROWS[:1], TINY, store, second) == results
+    assert study.measure(ROWS[:1], TINY, store, second) == (results, [])
     assert len(second.points) == 1
     assert files(store.folder) == before
     third = Here()
@@ -76,11 +84,13 @@ def test_a_tiny_board_goes_on_after_a_cell_is_lost(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("uncompiled")
-def test_failed_jobs_leave_the_others_cells(tmp_path: Path) -> None:
+def test_a_row_that_lacks_cells_is_left_out_and_the_others_are_kept(tmp_path: Path) -> None:
     store = Store(tmp_path / "cells")
-    with pytest.raises(OSError, match="1 of 1 jobs failed; the cells of the others are kept"):
-        study.measure(ROWS[:1], TINY, store, Here(0))
-    assert files(store.folder) == {}
+    others = Row("square", "other", options={"frame": "world"})
+    board, failed = study.measure([ROWS[0], others], TINY, store, Here(1))
+    assert [row["name"] for row in board["rows"]] == ["agent"]
+    assert failed == ["other: killed"]
+    assert len(files(store.folder)) == 3
 
 
 def test_the_board_has_everybody_once() -> None:
@@ -166,7 +176,38 @@ def test_tables_rank_by_error_and_never_hide_a_loss() -> None:
     assert "not applicable | 0.100, 50 %" in found["nominal"]
     assert "lost at 1.5 s / 0.010" in found["axis_payload"]
     assert found["breaks"].splitlines()[2].endswith("| swing 2× ≥ 0.3, lost ≤ 0.1, lost ≥ 0.7 |")
-    assert len(found["axis_payload"].splitlines()[0].split("|")) <= 2 + 1 + 9
+    assert len(found["axis_payload"].splitlines()[0].split("|")) <= 2 + 1 + 13
+
+
+def test_the_exact_margin_is_that_of_the_law_on_the_late_sensor() -> None:
+    found = {row.name: delay_margins(row) for row in entries(()) if row.name.startswith("ifdc")}
+    assert found["ifdc"] is None  # its law acts on the joints
+    sensor = SensorParameters(delay=0.03)
+    exact = delay_margin(law_loop(FlexibleArm(), (-6.3, -6.3), sensor)).delay
+    assert found["ifdc_late"]["least"] <= exact <= found["ifdc_late"]["most"]
+    assert found["ifdc_late_rates"]["most"] < 1e-3 < 0.1 < found["ifdc_late"]["least"]
+
+
+@pytest.mark.slow
+def test_pictures_are_drawn_of_what_the_board_has(tmp_path: Path) -> None:
+    arm, time = FlexibleArm(), 0.05 * np.arange(321)
+    states = np.zeros((len(time), 2 * arm.size))
+    states[:, 0] = 0.1 * time
+    tips = arm.tip(states[:, : arm.size])
+    run = arm.record(time, states, np.outer(np.sin(time), [20.0, 5.0]), reference=tips + 0.01)
+    names = ("ifdc", "lqg", "lost", "plan_lqr")
+    rows = [row(name, None if name == "lost" else 0.1 * n, 0.2, n == 3) for n, name in enumerate(names, 1)]
+    point = rows[0]["columns"]["nominal"]["points"][0]
+    for one in rows:
+        one["columns"]["delay"] = {"points": [point] * 25, "breaking": BREAKING}
+        one["delay_margin"] = {"least": 0.05, "most": 0.06} if one["name"] == "lost" else None
+    board = study.board(rows, {name: COLUMNS[name] for name in ("nominal", "delay", "payload", "unknown")})
+    runs = {name: {"swing": run, "plain": run} for name in names}
+    pictures.draw(board, runs, tmp_path)
+    animate(dict.fromkeys(names[:2], run), tmp_path / "four.gif")
+    assert {path.name for path in tmp_path.iterdir() if path.suffix != ".svg"} == set(study.PICTURES)
+    with Image.open(tmp_path / "four.gif") as moving:
+        assert moving.n_frames == 81
 
 
 def test_the_page_has_a_place_for_every_table_and_picture(tmp_path: Path) -> None:

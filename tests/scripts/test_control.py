@@ -1,0 +1,75 @@
+"""`python -m scripts.control`: its tables stand in their pages, and say when a lap was lost."""
+
+from __future__ import annotations
+
+import json
+import re
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from flexarm_agents.score import Score
+from flexarm_baselines.joint_tracking import DECOUPLED, JointFeedback
+from flexarm_baselines.registry import controller_names
+from scripts.common.markdown import DOCS
+from scripts.control.__main__ import STUDIES
+from scripts.control.joint import slowest_decay
+from scripts.control.trials import Trial, cell
+from tests.support.programs import refusal, run_study
+
+run_script = partial(run_study, "control")
+
+
+def block(name: str) -> str:
+    """Return a table as its page shows it."""
+    page = (DOCS / STUDIES[name].page).read_text()
+    found = re.search(rf"<!-- generated: {name} -->\n(.*?)<!-- end -->", page, re.DOTALL)
+    assert found, f"{STUDIES[name].page} has no place for {name}"
+    return found[1]
+
+
+@pytest.mark.parametrize("name", [name for name, study in STUDIES.items() if (DOCS / study.page).exists()])
+def test_every_table_stands_in_its_page(name: str) -> None:
+    """With a line for the head, one below it, and some for what was tried."""
+    study = STUDIES[name]
+    assert len(block(name).splitlines()) > 3
+    assert 1 <= len(study.trials(True)) <= len(study.trials(False))
+
+
+def test_the_page_has_every_controller_of_the_registry() -> None:
+    assert re.findall(r"^\| `(\w+)` \|", block("controllers"), re.MULTILINE) == list(controller_names())
+
+
+def test_a_lost_lap_has_its_time_and_no_errors() -> None:
+    lap: Any = Score._make([None] * len(Score._fields))._replace(duration=3.14159, rms=0.5, rms_after_2s=0.25)
+    assert cell(lap) == "0.500 / 0.250"
+    assert cell(lap._replace(rms=None, rms_after_2s=None)) == "lost at 3.1 s"
+
+
+def test_decays_of_joint_feedback() -> None:
+    """As read, the usual gains destabilise; filtered and soft, they settle."""
+    assert slowest_decay(JointFeedback((1000.0, 130.0), (40.0, 30.0), 0.0, 0.0)) < -50.0
+    assert slowest_decay(JointFeedback()) > 0.25
+    assert slowest_decay(DECOUPLED) > 0.25
+    none = JointFeedback((0.0, 0.0), (0.0, 0.0))
+    assert slowest_decay(none) == pytest.approx(0.0, abs=1e-5)  # rigid motions neither grow nor decay
+
+
+def test_what_is_refused() -> None:
+    assert "tables = 'none': must be one of 'controllers'" in refusal("control", "--tables", "none")
+    assert "jobs = 0" in refusal("control", "--jobs", 0)
+    assert "quick run has no whole tables" in refusal("control", "--quick", "--docs")
+    with pytest.raises(ValueError, match=r"name = 'nobody'"):
+        Trial("nobody").score()
+
+
+@pytest.mark.slow
+def test_a_quick_run_writes_tables(tmp_path: Path) -> None:
+    result = run_script("--quick", "--tables", "joint_gains", "command_shaping", "--output", tmp_path)
+    assert result.returncode == 0, result.stderr
+    for name in ("joint_gains", "command_shaping"):
+        assert len((tmp_path / f"{name}.md").read_text().splitlines()) == 3
+        (scores,) = json.loads((tmp_path / f"{name}.json").read_text()).values()
+        assert set(scores) == {"swing", "plain"}
