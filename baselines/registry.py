@@ -120,7 +120,10 @@ CONTROLLERS: dict[str, Controller] = {
         DIEHL,
     ),
     "nmpc_adaptive": Controller(
-        NMPC, "the same, whose filter finds payload and stiffness as well", f"{DIEHL}; {LJUNG}", {"unknown": UNKNOWN}
+        NMPC,
+        "the same, whose filter finds payload, stiffness and the sensor's delay as well",
+        f"{DIEHL}; {LJUNG}",
+        {"unknown": UNKNOWN},
     ),
     "nmpc_path": Controller(
         NMPC, "the same as `nmpc`, tied to a run of its own that was not optimised", DIEHL, {"reference": "path"}

@@ -22,17 +22,19 @@ from flexarm_baselines.optimal.plan import Plan
 from flexarm_baselines.predictive.guide import Guide, previewed
 from flexarm_baselines.predictive.iteration import Instant, RealTimeIteration
 from flexarm_baselines.task import Task
+from flexarm_env.physics.constants import ARM_QUANTITIES
 from flexarm_env.simulation.arm import FlexibleArm
 from flexarm_env.simulation.feedback import Rollout
 from flexarm_env.validation import choice, integer, mapping, number
 
 HORIZON = 0.5  # [s]
 STEP = 2e-3  # [s]; of the model's integration
-CHANGE_WEIGHT = 3e-3  # [m^2], on changes of the torques; that of the shipped plans
+CHANGE_WEIGHT = 0.03  # [m^2], on changes of the torques; with less it steers so hard that late motors shake the arm
+UNKNOWN = {"payload_mass": 0.5, "stiffness": 0.2, "delay": 0.02}  # standard deviations at the start [kg], [1], [s]
 # Encoders see vibrations of 70 Hz and more that no model integrates well, so that their rates are trusted little.
-NOISE = NoiseModel(joint_angle=1e-3, joint_rate=0.1)
+# Noise on the torques, more than there is, buys robustness to an arm that is not the model.
+NOISE = NoiseModel(joint_angle=3e-4, joint_rate=0.1, tip=0.01, torque=(10.0, 4.0))
 REFERENCES = ("plan", "path")
-UNKNOWN = {"payload_mass": 0.5, "stiffness": 0.2}  # standard deviations at the start [kg], [1]
 
 
 class PredictiveController(PlanController):
@@ -155,8 +157,8 @@ class NMPC(PredictiveController):
         Args:
             task: see `Task`.
             noise: standard deviations that the filter assumes.
-            unknown: quantities of the arm that the filter estimates with the state, for the model that predicts; see
-                `KalmanFilter`. None: none.
+            unknown: quantities that the filter estimates with the state, those of the arm for the model that predicts,
+                too, with their standard deviations; see `KalmanFilter`, e.g. `UNKNOWN`. None: none.
             drift: see `KalmanFilter`.
             **design: see `PredictiveController`.
         """
@@ -176,7 +178,7 @@ class NMPC(PredictiveController):
         expected = self.filter.state(estimate)[:, :2]
         joints[:, :2] = expected + within_half_a_turn(joints[:, :2] - expected)
         estimate, _ = self.filter.correct(estimate, Readings(joints, seen["sensed_position"], self.gauges(seen)))
-        values = self.filter.values(estimate)
+        values = {name: value for name, value in self.filter.values(estimate).items() if name in ARM_QUANTITIES}
         if "stiffness" in values:
             values["stiffness"] = np.minimum(values["stiffness"], self._stiffest)
         return self.filter.state(estimate), values, tuple(estimate)

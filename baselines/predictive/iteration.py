@@ -20,6 +20,7 @@ from flexarm_baselines.optimal.solver import STEP_LENGTHS
 from flexarm_baselines.optimal.sweep import CostToGo, Model, Sweep, sweep
 from flexarm_baselines.predictive import kernels
 from flexarm_baselines.predictive.guide import Guide
+from flexarm_env.physics.sensing import Outputs
 from flexarm_env.simulation.arm import FlexibleArm
 from flexarm_env.simulation.feedback import Rollout
 
@@ -115,39 +116,37 @@ class RealTimeIteration:
         state = self.model.step(states[-1], torque, self.period, step=self.step, **now.quantities)
         return Rollout(np.concatenate([states[1:], state[None]]), np.concatenate([torques[1:], torque[None]]))
 
-    def _residuals(self, states: Floats, now: Instant) -> tuple[Floats, Floats, Floats]:
-        """Return what costs something in states over the horizon, its derivatives, and the weights on its squares.
+    def _residuals(self, at: Outputs, now: Instant) -> tuple[Floats, Floats]:
+        """Return what costs something over the horizon, and the weights on its squares.
 
         Residuals are the tip's errors, and the links' deflections beyond their limit [m]. The cost of the end is in
         that of what follows.
 
         Args:
-            states: Shape (..., horizon + 1, n).
+            at: outputs of states over the horizon. Shapes (..., horizon + 1, k).
             now: the present.
 
         Returns:
-            Shapes (..., horizon + 1, 4), (..., horizon + 1, 4, n), (..., horizon + 1, 4).
+            Shape (..., horizon + 1, 4) each.
         """
         guide, horizon = self.guide, slice(now.period, now.period + self.horizon + 1)
-        values, slopes = self.model.output_jacobians(states)
         limit = guide.deflection_limit
-        excess = values.deflection - np.clip(values.deflection, -limit, limit)
-        weights = np.empty((*states.shape[:-1], 4))
+        excess = at.deflection - np.clip(at.deflection, -limit, limit)
+        weights = np.empty((*excess.shape[:-1], 4))
         weights[..., :2] = guide.tip_weights[horizon, None]
         weights[..., 2:] = guide.deflection_weight * (excess != 0.0)
         weights[..., -1, :] = 0.0
-        return (
-            np.concatenate([values.true_tip - guide.reference[horizon], excess], axis=-1),
-            np.concatenate([slopes.true_tip, slopes.deflection], axis=-2),
-            weights,
-        )
+        return np.concatenate([at.true_tip - guide.reference[horizon], excess], axis=-1), weights
 
     def _sweep(self, prediction: Rollout, now: Instant, beyond: CostToGo) -> Sweep:
         """Sweep backward through the prediction."""
         states, torques = prediction
         moved = self.model.step_jacobians(states[:-1], torques, self.period, step=self.step, **now.quantities)
+        outputs, slopes = self.model.output_jacobians(states)
+        residuals, weights = self._residuals(outputs, now)
+        by_state = np.concatenate([slopes.true_tip, slopes.deflection], axis=-2)
         gradient, hessian = np.empty(states.shape), np.empty((*states.shape, states.shape[1]))
-        kernels.expand(*self._residuals(states, now), gradient, hessian)
+        kernels.expand(residuals, by_state, weights, gradient, hessian)
         quadratic = Model(
             moved.by_state,
             moved.by_torque,
@@ -195,7 +194,7 @@ class RealTimeIteration:
 
     def _costs(self, states: Floats, torques: Floats, now: Instant) -> Floats:
         """Return the cost of each run over the horizon. Shape (runs,)."""
-        residuals, _, weights = self._residuals(states, now)
+        outputs, _ = self.model.output_jacobians(states)
         result = np.empty(len(states))
-        kernels.costs(residuals, weights, torques, now.before, self.guide.torque_weights, result)
+        kernels.costs(*self._residuals(outputs, now), torques, now.before, self.guide.torque_weights, result)
         return result

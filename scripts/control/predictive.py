@@ -10,12 +10,9 @@ from scripts.control.trials import Study
 
 ROWS: dict[str, tuple[str, dict[str, Any]]] = {
     "NMPC": ("nmpc", {}),
-    "NMPC, payload and stiffness estimated": ("nmpc_adaptive", {}),
+    "NMPC, payload, stiffness and delay estimated": ("nmpc_adaptive", {}),
     "NMPC, guide from the path alone": ("nmpc_path", {}),
     "NMPC of the true state": ("nmpc_state", {}),
-    "NMPC, two iterations in a period": ("nmpc", {"iterations": 2}),
-    "NMPC, horizon 0.2 s": ("nmpc", {"horizon": 0.2}),
-    "NMPC, horizon 1 s": ("nmpc", {"horizon": 1.0}),
 }
 
 STUDY = Study(

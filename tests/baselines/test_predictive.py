@@ -104,7 +104,7 @@ def test_a_preview_alone_gives_runs_on_both_sides() -> None:
 
 
 def controller(kind: Any = NMPC, **design: Any) -> Any:
-    return kind(task(), plans=[plan()], horizon=0.1, **design)
+    return kind(task(), plans=[plan()], horizon=0.1, change_weight=WEIGHT, **design)
 
 
 @pytest.mark.parametrize("kind", [NMPC, GaugedNMPC, StateNMPC])
@@ -136,13 +136,14 @@ def test_it_knows_that_the_tip_is_late() -> None:
     assert wrong[1] > 5.0 * wrong[0]
 
 
-def test_it_finds_an_unknown_payload() -> None:
-    following = controller(unknown={"payload_mass": 0.3})
-    plant, state = Plant(START[None], payload_mass=np.array([0.2])), None
+def test_it_finds_an_unknown_payload_and_delay() -> None:
+    following = controller(unknown={"payload_mass": 0.3, "delay": 0.01})
+    plant, state = Plant(START[None], delay=0.034, payload_mass=np.array([0.2])), None
     for _ in range(PERIODS - 1):
         action, state = following.predict(plant.observe(), state)
         plant.step(action)
     assert state[4][0, SIZE] == pytest.approx(0.2, abs=0.05)
+    assert state[4][0, SIZE + 1] == pytest.approx(0.034, abs=2e-3)
 
 
 def test_a_batch_is_its_arms() -> None:
