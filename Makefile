@@ -21,6 +21,7 @@ EXTRAS_validate := validate
 EXTRAS_board := plot,chain
 EXTRAS_test  := test
 EXTRAS_dist  := release
+EXTRAS_site  := site
 # The others that it contains, and what is installed where the extras cannot be: EnvPool and the engines have no wheels for
 # every platform; the benchmark goes on without them and says so, and `make validate` checks the rest and then fails.
 COVERS_draw  := plot
@@ -33,7 +34,7 @@ INSTEAD_board := plot
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 .NOTPARALLEL:  # two installs into one environment must not overlap, and `make -j` buys nothing here
-.PHONY: help reproduce validate analyse optimise control test test-slow lint typecheck contract train agent evaluate leaderboard bench docs dist clean
+.PHONY: help reproduce validate analyse optimise control test test-slow lint typecheck contract train agent evaluate leaderboard bench docs site dist clean
 
 help:  ## List the verbs
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-11s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -95,6 +96,9 @@ docs: reproduce validate $(HAS)-draw  ## Regenerate the pictures, tables and env
 	$(PY) -m scripts.docs.chain_figures
 	$(PY) -m scripts.docs.environments
 	$(PY) -m scripts.docs.corner_picture
+
+site: $(HAS)-site  ## Build the site, pages and API reference, into build/site/
+	$(PY) -m scripts.docs.site
 
 dist: $(HAS)-dist  ## Build the wheel and the source archive into dist/, and check what the package index would refuse
 	rm -rf dist

@@ -12,10 +12,12 @@ from flexarm_agents.network import NetworkPolicy
 from flexarm_agents.score import Score, StandardScore, evaluate, score
 from flexarm_agents.spread import Spread
 from flexarm_agents.stopping import TrainingStopped
+from flexarm_agents.teaching.config import TeachingConfig
 from flexarm_env.extras import needs_extra
 
 if TYPE_CHECKING:
     from flexarm_agents.export import network_policy
+    from flexarm_agents.teaching.training import teach
     from flexarm_agents.training import Outcome, train
     from flexarm_agents.vec_env import FlexArmVecEnv
 
@@ -23,6 +25,7 @@ _LATE = {
     "FlexArmVecEnv": "flexarm_agents.vec_env",
     "Outcome": "flexarm_agents.training",
     "network_policy": "flexarm_agents.export",
+    "teach": "flexarm_agents.teaching.training",
     "train": "flexarm_agents.training",
 }
 
@@ -33,6 +36,7 @@ __all__ = [
     "Score",
     "Spread",
     "StandardScore",
+    "TeachingConfig",
     "Trained",
     "TrainingConfig",
     "TrainingStopped",
@@ -41,6 +45,7 @@ __all__ = [
     "network_policy",
     "score",
     "shipped_policies",
+    "teach",
     "train",
 ]
 

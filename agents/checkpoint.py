@@ -8,41 +8,31 @@ import random
 import zipfile
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import torch
 from stable_baselines3 import PPO
 from stable_baselines3.common.vec_env import VecMonitor
 
+from flexarm_agents.evaluation import Found
 from flexarm_agents.run_folder import put
 from flexarm_agents.vec_env import FlexArmVecEnv
 from flexarm_env.kernels.stamp import LayoutError
 
 _MODEL, _REST = "model.zip", "rest.pickle"
-WORST = (2**31, 0.0)  # a rank that every evaluation beats
 
 
-@dataclass
-class Progress:
-    """What a training has found out so far.
+@dataclass(kw_only=True)
+class Progress(Found):
+    """What a training has found out so far, and when it evaluates and saves next.
 
     Attributes:
-        rows: rows of the evaluations.
-        best: index of the best row, None before the first.
-        best_rank: rank of that row, see `score.rank`.
         next_evaluation: steps at which the next one is due.
         next_checkpoint: steps.
-        seconds: wall time of the training, compiling and evaluations included, in this process and those
-            before [s].
     """
 
-    rows: list[dict[str, Any]]
-    best: int | None
-    best_rank: tuple[int, float]
     next_evaluation: int
     next_checkpoint: int
-    seconds: float = 0.0
 
 
 def save_checkpoint(path: Path, model: PPO, progress: Progress) -> None:

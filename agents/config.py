@@ -1,12 +1,13 @@
-"""`TrainingConfig`: everything that decides what a training gives, with tuned defaults."""
+"""`RunConfig` and `TrainingConfig`: everything that decides what a training gives, with tuned defaults."""
 
 from __future__ import annotations
 
 import json
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, Self
 
 from flexarm_agents.environments import check_id, check_options
 from flexarm_agents.network import ACTIVATIONS
@@ -17,8 +18,8 @@ LARGEST_SEED = 2**32 - 1
 
 
 @dataclass(frozen=True, kw_only=True)
-class TrainingConfig:
-    """PPO on one environment; the defaults are tuned on `FlexArm/Square-v0`."""
+class RunConfig(ABC):
+    """What the configurations of all kinds of training have in common; a field is checked when it is made."""
 
     environment: str = "FlexArm/Square-v0"
     """Id of the environment."""
@@ -26,6 +27,71 @@ class TrainingConfig:
     """Options of the environment that differ from the id's own."""
     seed: int = 0
     """Seed of everything random."""
+
+    def __post_init__(self) -> None:
+        """Validate; lists (as JSON has them) become tuples.
+
+        Raises:
+            TypeError, ValueError: naming the parameter, its value and what is allowed.
+        """
+        environment = check_id(self.environment)
+        common = {
+            "environment": environment,
+            "options": check_options(environment, self.options),
+            "seed": integer("seed", self.seed, 0, LARGEST_SEED),
+        }
+        for name, value in (common | self._checked()).items():
+            object.__setattr__(self, name, value)
+
+    @abstractmethod
+    def _checked(self) -> dict[str, Any]:
+        """Check the fields that a subclass adds, and return their values."""
+
+    @property
+    def folder(self) -> Path:
+        """The default folder of a run."""
+        return Path("runs") / f"{self.environment.partition('/')[2]}-{self.seed}"
+
+    def plain(self) -> dict[str, Any]:
+        """Return plain values, as a JSON file keeps them."""
+        values: dict[str, Any] = json.loads(json.dumps(asdict(self)))
+        return values
+
+    @classmethod
+    def of(cls, values: Mapping[str, Any]) -> Self:
+        """Read what `plain` gave.
+
+        Raises:
+            TypeError: for an unknown name, with the nearest known one.
+            ValueError: for a bad value.
+        """
+        known_names(cls.__name__, values, [one.name for one in fields(cls)])
+        return cls(**values)
+
+    def differences(self, other: RunConfig) -> list[str]:
+        """Return the names of the parameters in which two of a kind differ."""
+        mine, theirs = self.plain(), other.plain()
+        return [name for name in mine if mine[name] != theirs[name]]
+
+
+def checked_network(hidden: Any, activation: Any) -> dict[str, Any]:
+    """Check sizes and activation of a network's hidden layers.
+
+    Raises:
+        TypeError, ValueError: naming the parameter, its value and what is allowed.
+    """
+    if not isinstance(hidden, list | tuple) or not hidden:
+        raise TypeError(f"hidden = {shown(hidden)}: must be a list of sizes, one at least")
+    return {
+        "hidden": tuple(integer(f"hidden[{n}]", size, 1) for n, size in enumerate(hidden)),
+        "activation": choice("activation", activation, ACTIVATIONS),
+    }
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrainingConfig(RunConfig):
+    """PPO on one environment; the defaults are tuned on `FlexArm/Square-v0`."""
+
     steps: int = 2_000_000
     """Environment steps of the training, rounded up to whole rollouts."""
     envs: int = 64
@@ -64,13 +130,12 @@ class TrainingConfig:
     """Steps between two checkpoints, rounded up to whole rollouts."""
 
     def __post_init__(self) -> None:
-        """Validate; lists (as JSON has them) become tuples.
+        """Validate, each field and what they are together.
 
         Raises:
             TypeError, ValueError: naming the parameter, its value and what is allowed.
         """
-        for name, value in self._checked().items():
-            object.__setattr__(self, name, value)
+        super().__post_init__()
         size = self.rollout * self.envs
         if size < 2 or self.batch > size or size % self.batch:
             raise ValueError(
@@ -82,15 +147,9 @@ class TrainingConfig:
             )
 
     def _checked(self) -> dict[str, Any]:
-        environment = check_id(self.environment)
         least = {"rollout": 1, "envs": 1, "batch": 2, "epochs": 1, "episode_steps": 1, "steps": 1}
         least |= {"evaluate_every": 1, "evaluation_laps": 1, "checkpoint_every": 1}
-        if not isinstance(self.hidden, list | tuple) or not self.hidden:
-            raise TypeError(f"hidden = {shown(self.hidden)}: must be a list of sizes, one at least")
         return {name: integer(name, getattr(self, name), bound) for name, bound in least.items()} | {
-            "environment": environment,
-            "options": check_options(environment, self.options),
-            "seed": integer("seed", self.seed, 0, LARGEST_SEED),
             "gamma": number("gamma", self.gamma, least=0.0, most=1.0),
             "gae_lambda": number("gae_lambda", self.gae_lambda, least=0.0, most=1.0),
             "learning_rate": number("learning_rate", self.learning_rate, above=0.0, most=1.0),
@@ -98,32 +157,5 @@ class TrainingConfig:
             "clip": number("clip", self.clip, above=0.0),
             "entropy": number("entropy", self.entropy, least=0.0),
             "log_std": number("log_std", self.log_std, least=-10.0, most=2.0),
-            "hidden": tuple(integer(f"hidden[{n}]", size, 1) for n, size in enumerate(self.hidden)),
-            "activation": choice("activation", self.activation, ACTIVATIONS),
+            **checked_network(self.hidden, self.activation),
         }
-
-    @property
-    def folder(self) -> Path:
-        """The default folder of a run."""
-        return Path("runs") / f"{self.environment.partition('/')[2]}-{self.seed}"
-
-    def plain(self) -> dict[str, Any]:
-        """Return plain values, as a JSON file keeps them."""
-        values: dict[str, Any] = json.loads(json.dumps(asdict(self)))
-        return values
-
-    @classmethod
-    def of(cls, values: Mapping[str, Any]) -> TrainingConfig:
-        """Read what `plain` gave.
-
-        Raises:
-            TypeError: for an unknown name, with the nearest known one.
-            ValueError: for a bad value.
-        """
-        known_names(cls.__name__, values, [one.name for one in fields(cls)])
-        return cls(**values)
-
-    def differences(self, other: TrainingConfig) -> list[str]:
-        """Return the names of the parameters in which two differ."""
-        mine, theirs = self.plain(), other.plain()
-        return [name for name in mine if mine[name] != theirs[name]]

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from flexarm_agents.history import History, memory_of
 from flexarm_env.simulation import archive
 from flexarm_env.validation import choice, integer, mapping, real_array, shown
 
@@ -42,6 +43,7 @@ class NetworkPolicy:
         log_std: logarithm of the standard deviation of each action. Shape (actions,).
         activation: between the layers: "elu", "tanh" or "relu".
         notes: anything plain (JSON) worth keeping with it: environment, options, how it was made.
+        history: of past observations, which the network sees beside the present one.
     """
 
     weights: Sequence[Array]
@@ -49,6 +51,7 @@ class NetworkPolicy:
     log_std: Array
     activation: str = "elu"
     notes: dict[str, Any] = field(default_factory=dict)
+    history: History = field(default_factory=History)
 
     def __post_init__(self) -> None:
         """Check that the layers fit together.
@@ -67,12 +70,13 @@ class NetworkPolicy:
         _check_shapes(weights, biases, np.shape(self.log_std))
         if np.abs(self.log_std).max() > LARGEST_LOG_STD:
             raise ValueError(f"log_std = {shown(self.log_std)}: must be at most {LARGEST_LOG_STD:g} in magnitude")
+        _check_history(self.history, weights[0][1])
         object.__setattr__(self, "_generator", np.random.default_rng())
 
     @property
     def observation_size(self) -> int:
         """Length of an observation."""
-        return int(self.weights[0].shape[1])
+        return int(self.weights[0].shape[1]) - self.history.size
 
     def seed(self, seed: int) -> None:
         """Seed the policy's own randomness."""
@@ -89,16 +93,17 @@ class NetworkPolicy:
 
         Args:
             observation: one or a batch. Shape (k,) or (n, k).
-            state: comes back as it is.
-            episode_start: not read.
+            state: what the call before returned; None: every arm's episode begins. Without a history it is not read.
+            episode_start: arms whose episode begins, where there is a history. Shape (n,).
             deterministic: the mean, without noise.
 
         Returns:
-            Actions in [-1, 1], Shape (actions,) or (n, actions), and the state.
+            Actions in [-1, 1], Shape (actions,) or (n, actions), and the state: the memory of the history, or as it
+            was given.
 
         Raises:
             TypeError: the observation is a dict.
-            ValueError: it has another shape.
+            ValueError: it has another shape, or the state is another policy's.
         """
         if isinstance(observation, dict):
             raise TypeError(f"observation must be an array, got a dict with keys {sorted(observation)}")
@@ -106,18 +111,30 @@ class NetworkPolicy:
         if x.ndim not in (1, 2) or x.shape[-1] != self.observation_size:
             size = self.observation_size
             raise ValueError(f"observation must have shape ({size},) or (n, {size}), got {x.shape}")
-        function, last = ACTIVATIONS[self.activation], len(self.weights) - 1
-        for n, (weight, bias) in enumerate(zip(self.weights, self.biases, strict=True)):
-            x = x @ weight.T + bias
-            x = x if n == last else function(x)
+        if self.history.size:
+            rows = np.atleast_2d(x)
+            memory = memory_of(self.history, rows, state, episode_start)
+            x = self.history.inputs(rows, memory).reshape(*x.shape[:-1], -1)
+            state = (self.history.advance(rows, memory),)
+        x = self._mean(x)
         if not deterministic:
             noise = self.__dict__["_generator"].standard_normal(x.shape, dtype=np.float32)
             x = x + np.exp(self.log_std) * noise
         return np.clip(x, np.float32(-1.0), np.float32(1.0)), state
 
+    def _mean(self, x: Array) -> Array:
+        """Run the network."""
+        function, last = ACTIVATIONS[self.activation], len(self.weights) - 1
+        for n, (weight, bias) in enumerate(zip(self.weights, self.biases, strict=True)):
+            x = x @ weight.T + bias
+            x = x if n == last else function(x)
+        return x
+
     def save(self, path: str | Path) -> None:
         """Write one npz file: arrays, and the rest as JSON text."""
         head = {"activation": self.activation, "layers": len(self.weights), "notes": self.notes}
+        if self.history.size:  # what earlier versions wrote has none
+            head["history"] = asdict(self.history)
         arrays = {f"weight_{n}": weight for n, weight in enumerate(self.weights)}
         arrays |= {f"bias_{n}": bias for n, bias in enumerate(self.biases)}
         archive.write(path, _FORMAT, head, {"log_std": self.log_std, **arrays})
@@ -143,15 +160,27 @@ class NetworkPolicy:
                 raise ValueError(f"{name}: must hold float32, got {entry.dtype}")
         weights, biases = ([entries[name].shape for name in part] for part in names)
         _check_shapes(weights, biases, entries["log_std"].shape)
+        _check_history(_history_of(head), weights[0][1])
 
     @classmethod
     def _from_file(cls, head: dict[str, Any], arrays: dict[str, Array]) -> NetworkPolicy:
         layers = range(head["layers"])
         weights, biases = ([arrays[f"{name}_{n}"] for n in layers] for name in ("weight", "bias"))
-        return cls(weights, biases, arrays["log_std"], head["activation"], head["notes"])
+        return cls(weights, biases, arrays["log_std"], head["activation"], head["notes"], _history_of(head))
 
 
 Shape = tuple[int, ...]
+
+
+def _history_of(head: Mapping[str, Any]) -> History:
+    return History(**{name: tuple(values) for name, values in head.get("history", {}).items()})
+
+
+def _check_history(history: History, inputs: int) -> None:
+    """Refuse a history that leaves no observation, or remembers what is not in one."""
+    size = inputs - history.size
+    if size < 1 or any(index >= size for index in history.remembered):
+        raise ValueError(f"history: remembers numbers {history.remembered} of an observation of {size}")
 
 
 def _check_shapes(weights: Sequence[Shape], biases: Sequence[Shape], log_std: Shape) -> None:

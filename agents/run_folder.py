@@ -5,13 +5,14 @@ from __future__ import annotations
 import csv
 import json
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
-from flexarm_agents.config import TrainingConfig
+from flexarm_agents.config import RunConfig
 
 _FORMAT = 1
+Config = TypeVar("Config", bound=RunConfig)
 
 
 class RunFolder:
@@ -20,6 +21,7 @@ class RunFolder:
     Attributes:
         path: path of the folder.
         config: `config.json`, the configuration.
+        versions: `versions.json`, of Python, the libraries and the code that began the training.
         evaluations: `evaluations.csv`, a row for each evaluation, with the worst of its laps of either kind;
             `evaluations.json` holds the same.
         best: `best_policy.npz`, the policy of the best evaluation, for `load_policy`.
@@ -39,10 +41,14 @@ class RunFolder:
         self.config, self.evaluations = self.path / "config.json", self.path / "evaluations.csv"
         self.best, self.best_model = self.path / "best_policy.npz", self.path / "best_model.zip"
         self.last, self.checkpoint = self.path / "last_policy.npz", self.path / "checkpoint.zip"
-        self.logs = self.path / "tensorboard"
+        self.logs, self.versions = self.path / "tensorboard", self.path / "versions.json"
 
-    def begin(self, config: TrainingConfig) -> None:
+    def begin(self, config: RunConfig, versions: Mapping[str, str]) -> None:
         """Make the folder for a new training.
+
+        Args:
+            config: the configuration.
+            versions: see the class.
 
         Raises:
             FileExistsError: if there is something already.
@@ -53,9 +59,13 @@ class RunFolder:
             )
         self.path.mkdir(parents=True, exist_ok=True)
         write_json(self.config, {"format": _FORMAT, **config.plain()})
+        write_json(self.versions, dict(versions))
 
-    def read_config(self) -> TrainingConfig:
+    def read_config(self, kind: type[Config]) -> Config:
         """Read the configuration of the training in the folder.
+
+        Args:
+            kind: class of the configuration.
 
         Raises:
             FileNotFoundError: if there is no training.
@@ -67,18 +77,18 @@ class RunFolder:
             values = json.loads(self.config.read_text())
             if values.pop("format") != _FORMAT:
                 raise ValueError(f"this version reads format {_FORMAT}")
-            return TrainingConfig.of(values)
+            return kind.of(values)
         except (ValueError, TypeError, KeyError, AttributeError) as error:
             raise ValueError(f"{self.config}: not a training's configuration ({error})") from error
 
-    def check_same(self, config: TrainingConfig) -> None:
+    def check_same(self, config: RunConfig) -> None:
         """Check that the training in the folder is one of this configuration.
 
         Raises:
             FileNotFoundError: if there is no training.
             ValueError: naming the first parameter that differs.
         """
-        theirs = self.read_config()
+        theirs = self.read_config(type(config))
         differing = config.differences(theirs)
         if differing:
             name = differing[0]

@@ -14,7 +14,7 @@ from stable_baselines3.common.logger import configure
 from stable_baselines3.common.utils import LinearSchedule
 from stable_baselines3.common.vec_env import VecMonitor
 
-from flexarm_agents.checkpoint import WORST, Progress, load_checkpoint
+from flexarm_agents.checkpoint import Progress, load_checkpoint
 from flexarm_agents.config import TrainingConfig
 from flexarm_agents.environments import make_batch
 from flexarm_agents.export import MODULES
@@ -22,6 +22,7 @@ from flexarm_agents.follow import Follow
 from flexarm_agents.run_folder import RunFolder
 from flexarm_agents.stopping import StopSignals
 from flexarm_agents.vec_env import FlexArmVecEnv
+from flexarm_agents.versions import versions
 
 
 @dataclass(frozen=True)
@@ -62,13 +63,13 @@ def train(
     if resume:
         run.check_same(config)
     else:
-        run.begin(config)
-    with _one_thread(), StopSignals() as stop:
+        run.begin(config, versions([__name__]))
+    with one_thread(), StopSignals() as stop:
         if run.checkpoint.exists():
             model, found = load_checkpoint(run.checkpoint)
         else:
             model = new_model(config)
-            found = Progress([], None, WORST, config.evaluate_every, config.checkpoint_every)
+            found = Progress(next_evaluation=config.evaluate_every, next_checkpoint=config.checkpoint_every)
         model.set_logger(configure(str(run.logs), ["tensorboard"]))
         follow = Follow(config, run, found, stop, progress)
         try:
@@ -114,7 +115,7 @@ def new_model(config: TrainingConfig) -> PPO:
 
 
 @contextmanager
-def _one_thread() -> Iterator[None]:
+def one_thread() -> Iterator[None]:
     """Limit torch to one thread: on small networks more of them only wait for each other."""
     before = torch.get_num_threads()
     torch.set_num_threads(1)

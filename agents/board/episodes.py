@@ -31,6 +31,7 @@ Array = NDArray[np.float64]
 LANES = 16  # most episodes of a batch: two of the smallest blocks, so that fewer kernels are compiled
 COMPLETE = "truncated"
 NO_ACTION = "action"  # the end of an episode in which the policy's action is not finite
+RAISED = "policy"  # the end of an episode in which the policy itself gives up with an error
 _RECORDED = ("time", "state", "true_tip", "reference", "torque")
 
 
@@ -70,6 +71,8 @@ def run_points(row: Row, points: Sequence[Point]) -> list[dict[str, Any]]:
         try:
             settings[n] = Settings.of(point.environment_options(row.interface))
             row.contender(point.task)
+            if TASKS[point.task].hosted:
+                _hosted(row, point).close()  # refuses what the other engine cannot do
         except (TypeError, ValueError) as error:
             results[n] = {"not_applicable": str(error)}
             continue
@@ -108,7 +111,6 @@ def _run_some(row: Row, points: Sequence[Point], each: Sequence[Settings]) -> li
     contender = row.contender(points[0].task)
     nominal = contender.env.unwrapped
     assert isinstance(nominal, SimulatorView)
-    results: list[dict[str, Any]] = []
     if row.batched and not task.hosted:
         predict = predictor(contender.policy, deterministic=True)
         counts = [len(point.episodes) for point in points]
@@ -116,22 +118,35 @@ def _run_some(row: Row, points: Sequence[Point], each: Sequence[Settings]) -> li
         calls = [_Call(slice(end - count, end), predict, False) for end, count in zip(ends, counts, strict=True)]
         env = _batch([one for one, count in zip(each, counts, strict=True) for _ in range(count)])
         made = _run(env, env, nominal, [episode for point in points for episode in point.episodes], calls)
-        return [{"episodes": made[call.lanes]} for call in calls]
+        results = [{"episodes": made[call.lanes]} for call in calls]
+        # an error in a call ends all its episodes: they are run again, each alone, to see whose it is
+        again = [n for n, one in enumerate(results) if any(e["ended"] == RAISED for e in one["episodes"])]
+        alone = _one_by_one(row, [points[n] for n in again], [each[n] for n in again])
+        return [alone.pop(0) if n in again else one for n, one in enumerate(results)]
+    return _one_by_one(row, points, each)
+
+
+def _one_by_one(row: Row, points: Sequence[Point], each: Sequence[Settings]) -> list[dict[str, Any]]:
+    """Run every episode of some points of one task alone."""
+    results: list[dict[str, Any]] = []
     for point, one in zip(points, each, strict=True):
-        policy = contender.policy if row.batched else row.contender(point.task, fresh=True).policy
-        calls = [_Call(slice(0, 1), predictor(policy, deterministic=True), not row.batched)]
+        task, contender = TASKS[point.task], row.contender(point.task, fresh=not row.batched)
+        nominal: Any = contender.env.unwrapped
+        calls = [_Call(slice(0, 1), predictor(contender.policy, deterministic=True), not row.batched)]
         made = []
         for episode in point.episodes:
-            if task.hosted:
-                options = point.environment_options(row.interface)
-                hosted: Any = gymnasium.make_vec(task.environment, 1, vectorization_mode="sync", **options)
-                made += _run(hosted, hosted.envs[0].unwrapped, nominal, [episode], calls)
-                hosted.close()
-            else:
-                env = _batch([one])
-                made += _run(env, env, nominal, [episode], calls)
+            env: Any = _hosted(row, point) if task.hosted else _batch([one])
+            view = env.envs[0].unwrapped if task.hosted else env
+            made += _run(env, view, nominal, [episode], calls)
+            env.close()
         results.append({"episodes": made})
     return results
+
+
+def _hosted(row: Row, point: Point) -> Any:
+    """Make one environment whose arm is another engine's, as a vector environment."""
+    options = point.environment_options(row.interface)
+    return gymnasium.make_vec(TASKS[point.task].environment, 1, vectorization_mode="sync", **options)
 
 
 def _batch(each: Sequence[Settings]) -> FlexArmVectorEnv:
@@ -183,6 +198,7 @@ def _run(
     lengths, ended = np.full(count, steps + 1), [COMPLETE] * count
     memories: list[Any] = [None] * len(calls)
     alive, start, over = np.ones(count, bool), np.ones(count, bool), np.zeros(count, bool)
+    gave_up = np.zeros(count, bool)
     action = np.zeros(env.action_space.shape or (), dtype=np.float32)
     for k in range(steps):
         for name in _RECORDED[:-1]:
@@ -191,14 +207,20 @@ def _run(
             if alive[call.lanes].any():
                 seen = observation[call.lanes] if matrix is None else _converted(observation[call.lanes], matrix)
                 seen = seen[0] if call.single else seen.copy()
-                action[call.lanes], memories[n] = call.predict(seen, memories[n], start[call.lanes])
+                try:
+                    action[call.lanes], memories[n] = call.predict(seen, memories[n], start[call.lanes])
+                except (ArithmeticError, ValueError, np.linalg.LinAlgError):
+                    if k == 0:  # a policy that does not work at all
+                        raise
+                    gave_up[call.lanes], memories[n] = alive[call.lanes], None
         lost = np.array(~np.isfinite(action).all(axis=1))
         action[lost] = 0.0
         observation, _, terminated, truncated, infos = env.step(action)
         record["torque"][k] = infos["torque"]
-        for i in np.flatnonzero((terminated | lost) & alive).tolist():
-            lengths[i], ended[i] = k + 1, NO_ACTION if lost[i] else end_reason(infos["end_code"][i])
-        alive &= ~(terminated | lost)
+        for i in np.flatnonzero((terminated | lost | gave_up) & alive).tolist():
+            own = RAISED if gave_up[i] else NO_ACTION
+            lengths[i], ended[i] = k + 1, own if lost[i] or gave_up[i] else end_reason(infos["end_code"][i])
+        alive &= ~(terminated | lost | gave_up)
         start, over = over, terminated | truncated
         if not alive.any():
             break

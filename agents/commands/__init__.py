@@ -8,6 +8,7 @@ import sys
 from collections.abc import Sequence
 from importlib import import_module
 
+from flexarm_agents.commands.arguments import epilog
 from flexarm_env.command_line import run
 from flexarm_env.extras import needs_extra
 
@@ -16,20 +17,9 @@ VERBS = {
     "show": ("show", "the specification of an environment: spaces, reward, ends, options"),
     "evaluate": ("evaluate", "score controllers and trained policies on the two standard laps"),
     "train": ("train", "train an agent with PPO (needs the extra `train`)"),
+    "teach": ("teach", "teach a student by the best known plans (needs the extra `train`)"),
     "warm-up": ("warm_up", "compile what environments need, for images and clusters"),
 }
-EXAMPLES = """\
-examples:
-  flexarm list
-  flexarm show Square-v0
-  flexarm train --environment Square-v0 --seed 7 --folder runs/mine
-  flexarm train --environment Square-v0 --seed 7 --folder runs/mine --resume
-  flexarm evaluate runs/mine
-  flexarm evaluate --policy plan_lqr
-  flexarm evaluate my_module:MyPolicy --laps 10 --options '{"noise": 0.005}'
-  flexarm warm-up Square-v0 --num-envs 64
-
-exit status: 0 done; 1 error, with a message of one line; 2 wrong usage; 128 + its number after a signal"""
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -43,7 +33,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         prog="flexarm",
         usage="flexarm VERB [ARGUMENTS]",
         description=f"Environments of a flexible two-link arm, by the command line.\n\nverbs:\n{verbs}",
-        epilog=f"`flexarm VERB --help` shows more.\n\n{EXAMPLES}",
+        epilog=f"`flexarm VERB --help` shows more.\n\n{epilog(*VERBS)}",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("verb", choices=VERBS, metavar="VERB", help=argparse.SUPPRESS)

@@ -7,17 +7,47 @@ import json
 import shutil
 from typing import Any
 
+EXAMPLES = {
+    "list": ("flexarm list",),
+    "show": ("flexarm show Square-v0", "flexarm show FlexArm/Paper-v0 | less"),
+    "train": (
+        "flexarm train --environment Square-v0 --seed 7 --folder runs/mine",
+        "flexarm train --environment Square-v0 --seed 7 --folder runs/mine --resume",
+    ),
+    "teach": (
+        "flexarm teach --environment Square-v0 --seed 7 --folder runs/student",
+        "flexarm teach --environment SquareUnknown-v0 --lags 1 2 4 8 16 32",
+    ),
+    "evaluate": (
+        "flexarm evaluate runs/mine",
+        "flexarm evaluate --policy plan_lqr",
+        "flexarm evaluate my_module:MyPolicy --laps 10 --options '{\"noise\": 0.005}'",
+    ),
+    "warm-up": ("flexarm warm-up Square-v0 --num-envs 64",),
+}
+STATUS = "exit status: 0 done; 1 error, with a message of one line; 2 wrong usage; 128 + its number after a signal"
+
+
+def epilog(*verbs: str) -> str:
+    """Write examples of verbs, and what an exit status means, for the end of a help text."""
+    lines = [f"  {line}" for verb in verbs for line in EXAMPLES[verb]]
+    return "\n".join(("examples:", *lines, "", STATUS))
+
 
 def reader(verb: str, description: str) -> argparse.ArgumentParser:
     """Make a parser of a verb's arguments; options cannot be abbreviated: a new one never changes another.
 
     Args:
-        verb: e.g. "list".
+        verb: e.g. "list"; its examples end the help.
         description: the verb's help.
     """
     form = argparse.RawDescriptionHelpFormatter
     return argparse.ArgumentParser(
-        prog=f"flexarm {verb}", description=description, formatter_class=form, allow_abbrev=False
+        prog=f"flexarm {verb}",
+        description=description,
+        epilog=epilog(verb),
+        formatter_class=form,
+        allow_abbrev=False,
     )
 
 

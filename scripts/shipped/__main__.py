@@ -1,4 +1,4 @@
-"""Train the shipped agent anew with several seeds, ship the median one, and write its card and tables.
+"""Train the shipped agents anew with several seeds each, ship the median ones, and write their cards and tables.
 
 Interrupted trainings go on when the command is given again, and finished ones are taken over.
 """
@@ -11,23 +11,25 @@ from pathlib import Path
 
 import tyro
 
-from flexarm_agents import StandardScore, TrainingConfig, load_policy
+from flexarm_agents import StandardScore, load_policy
 from flexarm_agents.load import POLICIES
-from flexarm_env.validation import integer
+from flexarm_env.validation import choice, integer
 from scripts.common.command_line import run
 from scripts.common.markdown import DOCS, filled
 from scripts.shipped import tables
+from scripts.shipped.agents import AGENTS, configs
 from scripts.shipped.trainings import export, trained_all
 
-NAME = "square"
 PAGES = (DOCS.parent / "README.md", DOCS / "agents.md")
 COMMAND = "python -m scripts.shipped"
 
 
 @dataclass
 class Options:
-    """Train the shipped agent anew with several seeds, ship the median one, and write its card and tables."""
+    """Train the shipped agents anew with several seeds each, ship the median ones, and write cards and tables."""
 
+    only: tuple[str, ...] = ()
+    """Names of agents; without, all are trained."""
     seeds: int = 5
     """How many trainings, with the seeds from 0 on; an odd number."""
     jobs: int = 1
@@ -35,24 +37,25 @@ class Options:
     output: Path = Path("results/shipped")
     """Folder for the trainings and the tables."""
     train: bool = True
-    """Train and ship; without it, only the tables of the shipped agent are made anew."""
+    """Train and ship; without it, only the tables of the shipped agents are made anew."""
 
 
-def train_and_ship(seeds: int, jobs: int, output: Path) -> None:
-    """Train, choose and export.
+def train_and_ship(name: str, seeds: int, jobs: int, output: Path) -> None:
+    """Train, choose and export an agent.
 
     Args:
+        name: of the agent.
         seeds: how many trainings, an odd number.
         jobs: how many at once.
-        output: holds their folders.
+        output: holds a folder of that name with the trainings.
     """
     if integer("seeds", seeds, 1) % 2 == 0:
         raise ValueError(f"seeds = {seeds}: must be odd, so that one training is in the middle")
-    found = trained_all([TrainingConfig(seed=seed) for seed in range(seeds)], output, integer("jobs", jobs, 1))
+    found = trained_all(configs(name, seeds), output / name, integer("jobs", jobs, 1))
     for one in found:
-        print(f"seed {one.config.seed}: {StandardScore.of(one.best)}")
-    export(found, POLICIES, NAME, COMMAND)
-    print(f"{POLICIES / NAME}.npz, .json: seed {load_policy(NAME).notes['config']['seed']}")
+        print(f"{name}, seed {one.config.seed}: {StandardScore.of(one.best)}")
+    export(found, POLICIES, name, f"{COMMAND} --only {name} --seeds {seeds}")
+    print(f"{POLICIES / name}.npz, .json: seed {load_policy(name).notes['config']['seed']}")
 
 
 def write_tables(output: Path) -> None:
@@ -62,12 +65,14 @@ def write_tables(output: Path) -> None:
         output: folder for the tables.
     """
     output.mkdir(parents=True, exist_ok=True)
-    agent = load_policy(NAME)
-    card = json.loads((POLICIES / f"{NAME}.json").read_text())
+    cards = {name: json.loads((POLICIES / f"{name}.json").read_text()) for name in AGENTS}
     texts = {
-        "agent_scores": tables.scores(agent),
-        "agent_seeds": tables.seeds(card),
-        "agent_conditions": tables.conditions(agent),
+        "agent_scores": tables.scores(AGENTS),
+        "agent_seeds": tables.seeds(cards["square"]),
+        "agent_conditions": tables.conditions(load_policy("square")),
+        "student_seeds": tables.students(cards),
+        "student_conditions": tables.conditions(load_policy("student")),
+        "unknown_plant": tables.unknown_plant(AGENTS),
     }
     for name, text in texts.items():
         (output / f"{name}.md").write_text(text)
@@ -80,7 +85,8 @@ def main() -> None:
     """Command line."""
     options = tyro.cli(Options, prog=COMMAND)
     if options.train:
-        train_and_ship(options.seeds, options.jobs, options.output)
+        for name in options.only or AGENTS:
+            train_and_ship(choice("only", name, AGENTS), options.seeds, options.jobs, options.output)
     write_tables(options.output)
 
 

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
-from flexarm_agents import Score, StandardScore, Trained, evaluate
+from flexarm_agents import Score, Spread, StandardScore, Trained, evaluate, load_policy
+from flexarm_agents.board.columns import COLUMNS
+from flexarm_agents.board.episodes import run_points
+from flexarm_agents.board.rows import Row
+from flexarm_agents.board.summary import merged, point_summary
 from flexarm_agents.environments import make_one
 from flexarm_baselines import FLSAC, IFDC
 from flexarm_env.laps import LAPS
 from scripts.common.markdown import table
+from scripts.shipped.agents import TEXTS
 
 GAIN = "FlexArm/SquareGain-v0"
 CONDITIONS: dict[str, dict[str, Any]] = {
@@ -29,15 +34,14 @@ CONDITIONS: dict[str, dict[str, Any]] = {
 ERRORS = ("r.m.s. [m]", "after 2 s [m]", "maximum [m]")
 
 
-def scores(agent: Trained) -> str:
-    """Tabulate the scores of the shipped agent and of the paper's controllers, for the README.
+def scores(names: Iterable[str]) -> str:
+    """Tabulate the nominal scores of the shipped agents and of the paper's controllers, for the README.
 
     Args:
-        agent: the shipped one.
+        names: of the shipped agents.
     """
     env = make_one(GAIN)
-    found = {
-        ("PPO, shipped (`square`)", _environment(agent)): evaluate(agent.make_env(), agent.policy),
+    found = {(TEXTS[name], "`Square-v0`"): _nominal(load_policy(name)) for name in names} | {
         ("FLSAC", "`SquareGain-v0`"): evaluate(env, FLSAC.for_env(env)),
         ("IFDC", "`SquareGain-v0`"): evaluate(env, IFDC.for_env(env)),
     }
@@ -52,10 +56,10 @@ def scores(agent: Trained) -> str:
     )
 
 
-def _environment(agent: Trained) -> str:
-    """Write the environment that an agent was trained on, with its options."""
-    options = "".join(f", `{name}={value!r}`" for name, value in agent.options.items())
-    return f"`{agent.environment.partition('/')[2]}`{options}"
+def _nominal(agent: Trained) -> StandardScore:
+    """Score an agent on the nominal plant, with the observation that it was trained with."""
+    row = Row(agent.name).contender()
+    return evaluate(row.env, row.policy)
 
 
 def seeds(card: dict[str, Any]) -> str:
@@ -71,6 +75,49 @@ def seeds(card: dict[str, Any]) -> str:
         for lap, one in zip(LAPS, StandardScore.of(row), strict=True)
     )
     return table(("seed", "lap", *ERRORS, "torque change per step [N m]"), rows)
+
+
+def students(cards: Mapping[str, dict[str, Any]]) -> str:
+    """Tabulate what the trainings of each student scored on the nominal plant: median and worst of the seeds.
+
+    Args:
+        cards: data of all shipped agents.
+    """
+    rows = []
+    for name, card in cards.items():
+        scores = [StandardScore.of(row) for row in card["trainings"]]
+        if name == "square" or card["config"]["environment"] != "FlexArm/Square-v0":
+            continue
+        for lap in LAPS:
+            laps = [getattr(score, lap) for score in scores]
+            spreads = [Spread.of(getattr(one, figure) for one in laps) for figure in ("rms", "rms_after_2s")]
+            change = Spread.of(None if one.torque_change is None else max(one.torque_change) for one in laps)
+            rows.append((f"`{name}`", lap, str(len(scores)), *(_spread(one) for one in spreads), _spread(change, 1)))
+    header = ("student", "lap", "seeds", "r.m.s. [m]", "after 2 s [m]", "torque change per step [N m]")
+    return table(header, rows)
+
+
+def unknown_plant(names: Iterable[str]) -> str:
+    """Tabulate what shipped agents do on the board's 256 episodes of the unknown plant.
+
+    Args:
+        names: of the agents.
+    """
+    column, rows = COLUMNS["unknown"], []
+    for name in names:
+        found = point_summary(merged(run_points(Row(name), column.points)))
+        assert found is not None
+        for lap, one in found.items():
+            rms, later = one["rms"], one["rms_after_2s"]
+            errors = ("-",) * 3 if rms is None else (f"{rms['mean']:.3f}", f"{rms['most']:.3f}", f"{later['mean']:.3f}")
+            rows.append((f"`{name}`", lap, f"{one['lost']} of {one['episodes']}", *errors))
+    return table(("agent", "lap", "lost", "r.m.s., mean [m]", "worst [m]", "after 2 s, mean [m]"), rows)
+
+
+def _spread(spread: Spread, digits: int = 4) -> str:
+    """Write the median and the worst of several trainings."""
+    values = ("lost" if x is None else f"{x:.{digits}f}" for x in (spread.median, spread.worst))
+    return " / ".join(values)
 
 
 def conditions(agent: Trained) -> str:

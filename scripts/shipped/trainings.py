@@ -4,16 +4,20 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Sequence
+from math import isclose
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from flexarm_agents import StandardScore, TrainingConfig, evaluate, load_policy
-from flexarm_agents.follow import EVALUATION_SEED
+from flexarm_agents import StandardScore, TeachingConfig, TrainingConfig, evaluate, load_policy
+from flexarm_agents.config import RunConfig
+from flexarm_agents.evaluation import EVALUATION_SEED
 from flexarm_agents.run_folder import RunFolder, put, write_json
 from flexarm_agents.score import rank
-from flexarm_agents.training import train
+from flexarm_agents.teaching.training import teach
+from flexarm_agents.training import Outcome, train
 from scripts.common.worker_pool import worker_pool
 
+ROUNDING = 1e-3  # relative, of a lap's error
 RULE = "the median of {count} trainings that differ in their seeds, by the mean r.m.s. of both laps"
 
 
@@ -26,12 +30,12 @@ class Training(NamedTuple):
         best: the evaluation of its best policy, a row of `evaluations.json`.
     """
 
-    config: TrainingConfig
+    config: RunConfig
     folder: Path
     best: dict[str, Any]
 
 
-def trained(config: TrainingConfig, folder: Path) -> Training:
+def trained(config: RunConfig, folder: Path) -> Training:
     """Train, go on with an interrupted training, or take a finished one over.
 
     Args:
@@ -42,10 +46,10 @@ def trained(config: TrainingConfig, folder: Path) -> Training:
         ValueError: the training in the folder has another configuration, or was made by a version whose environments
             gave other scores.
     """
-    outcome = train(config, folder, resume=RunFolder(folder).config.exists(), progress=False)
+    outcome = carried_out(config, folder)
     policy = load_policy(folder)
     again = evaluate(policy.make_env(), policy.policy, EVALUATION_SEED)
-    if config.evaluation_laps == 1 and again != StandardScore.of(outcome.best):
+    if policy.notes["config"]["evaluation_laps"] == 1 and not _alike(again, StandardScore.of(outcome.best)):
         raise ValueError(
             f"folder = {folder}: its best policy scored {StandardScore.of(outcome.best)}, and now {again}; another "
             "version trained it, so remove the folder"
@@ -53,7 +57,27 @@ def trained(config: TrainingConfig, folder: Path) -> Training:
     return Training(config, folder, outcome.best)
 
 
-def trained_all(configs: Sequence[TrainingConfig], output: Path, jobs: int) -> list[Training]:
+def _alike(one: StandardScore, other: StandardScore) -> bool:
+    """Return whether two scores differ at most as a version that rounds otherwise makes them differ."""
+    errors = [(a.rms, b.rms) for a, b in zip(one, other, strict=True)]
+    return all(a is b is None or (a and b and isclose(a, b, rel_tol=ROUNDING)) for a, b in errors)
+
+
+def carried_out(config: RunConfig, folder: Path) -> Outcome:
+    """Train, or go on, by the kind of the configuration; students of one agent share their teacher's plans.
+
+    Raises:
+        TypeError: for another kind.
+    """
+    resume = RunFolder(folder).config.exists()
+    if isinstance(config, TeachingConfig):
+        return teach(config, folder, resume, plans=folder.parent / "plans")
+    if isinstance(config, TrainingConfig):
+        return train(config, folder, resume)
+    raise TypeError(f"config = {config!r}: must be a TrainingConfig or a TeachingConfig")
+
+
+def trained_all(configs: Sequence[RunConfig], output: Path, jobs: int) -> list[Training]:
     """Train each configuration in a folder of its own, on one core each.
 
     Args:
@@ -95,8 +119,7 @@ def export(trainings: Sequence[Training], policies: Path, name: str, command: st
     put(policies / f"{name}.npz", lambda aside: shutil.copyfile(RunFolder(chosen.folder).best, aside))
     card = {
         "command": command,
-        "config": chosen.config.plain(),
-        "evaluation": chosen.best,
+        **load_policy(policies / f"{name}.npz").notes,
         "choice": RULE.format(count=len(trainings)),
         "trainings": [{"seed": one.config.seed, **one.best} for one in trainings],
     }

@@ -55,6 +55,22 @@ def push(observation: Any) -> Any:
     return np.full(2, np.nan if observation[-3] < 0.0 else 0.0, dtype=np.float32)
 
 
+def refuse(observation: Any) -> Any:
+    """Work with nothing."""
+    raise ValueError("no observation")
+
+
+class Quits:
+    """No torque; on the swing lap it raises an error half-way."""
+
+    batched = True
+
+    def predict(self, observation: Any, state: Any, episode_start: Any, deterministic: bool) -> Any:
+        if np.any((observation[:, 1] < -0.1) & (observation[:, 3] > 0.0)):
+            raise ValueError("no solution")
+        return np.zeros((len(observation), 2), dtype=np.float32), state
+
+
 def points(values: list[float], seeds: range = range(1)) -> list[Point]:
     return [Point(x, {**SHORT, "noise": 0.001 * x}, SMALL, seeds=seeds) for x in values]
 
@@ -200,12 +216,24 @@ def test_a_lost_path_and_an_action_that_is_no_number_are_results_with_their_time
     assert wrong["episodes"][0]["duration"] > 0.0
 
 
+@pytest.mark.usefixtures("uncompiled")
+def test_an_error_of_the_policy_ends_its_own_episode_only() -> None:
+    row = Row(f"{HERE}:Quits", options={"observation": ["lap_phase", "joint_angles"]})
+    (found,) = run_points(row, points([0.0]))
+    assert [(one["lap"], one["ended"]) for one in found["episodes"]] == [("swing", "policy"), ("plain", "truncated")]
+    assert 0.0 < found["episodes"][0]["duration"] < SHORT["lap_time"]
+    with pytest.raises(ValueError, match="no observation"):  # from the first instant on: no result
+        run_points(Row(f"{HERE}:refuse"), points([0.0]))
+
+
 def test_where_a_row_cannot_be_run_it_says_why() -> None:
     late = Row("ifdc", "late", options={"law_sensor": "sensor", "sensor": "rigid"})
     point = COLUMNS["jitter"].points[-1]
     (result,) = run_points(late, [point])
     assert "must be 0 with law_sensor = 'sensor'" in result["not_applicable"]
     assert "refused" in Cell.of(late, point).depends
+    (result,) = run_points(late, [Point("chain", task="chain")])
+    assert "on a chain the paper's law acts on the joints' own angles" in result["not_applicable"]
 
 
 def test_a_group_has_at_most_as_many_episodes_as_a_batch() -> None:

@@ -63,4 +63,4 @@ def test_a_configuration_survives_a_file() -> None:
 def test_a_spoilt_configuration(tmp_path: Path, text: str) -> None:
     (tmp_path / "config.json").write_text(text)
     with pytest.raises(ValueError, match=r"config.json: not a training's configuration"):
-        RunFolder(tmp_path).read_config()
+        RunFolder(tmp_path).read_config(TrainingConfig)

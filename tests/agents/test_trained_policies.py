@@ -27,8 +27,13 @@ from flexarm_agents.score import rank
 from flexarm_agents.training import new_model
 from tests.support.trainings import ID, TINY, finished
 
-# What a training with the defaults reaches on each lap: r.m.s. over the lap, and after 2 s [m].
-GOALS = {"swing": (0.15, 0.13), "plain": (0.07, 0.07)}
+# What trainings reach on each lap: r.m.s. over the lap, and after 2 s [m].
+GOALS = {
+    "square": {"swing": (0.15, 0.13), "plain": (0.07, 0.07)},
+    "student": {"swing": (0.064, 0.033), "plain": (0.028, 0.033)},
+    "student_gauges": {"swing": (0.064, 0.033), "plain": (0.028, 0.033)},
+    "student_unknown": {"swing": (0.15, 0.13), "plain": (0.13, 0.13)},  # the worst of several plants
+}
 
 
 @pytest.fixture(scope="module")
@@ -119,15 +124,16 @@ def test_bad_policies(tmp_path: Path, run: Path) -> None:
 def test_a_shipped_policy_scores_what_it_says(name: str) -> None:
     trained = load_policy(name)
     path = Path(flexarm_agents.load.POLICIES) / f"{name}.npz"
-    assert path.stat().st_size < 300_000
+    assert path.stat().st_size < 1_000_000
     beside = json.loads(path.with_suffix(".json").read_text())
-    assert set(beside) == {"command", "config", "evaluation", "choice", "trainings"}
+    assert set(beside) >= {"command", "config", "evaluation", "choice", "trainings"}
     assert beside["config"] == trained.notes["config"]
     assert beside["evaluation"] == trained.notes["evaluation"]
-    again = evaluate(trained.make_env(), trained.policy, seed=1_000_003)
-    assert again.complete
-    for lap, (rms, rms_after_2s) in GOALS.items():
-        found = getattr(again, lap)
+    env, count = trained.make_env(), trained.notes["config"]["evaluation_laps"]
+    again = [evaluate(env, trained.policy, seed=1_000_003 + n) for n in range(count)]
+    assert all(one.complete for one in again)
+    for lap, (rms, rms_after_2s) in GOALS[name].items():
+        found = max((getattr(one, lap) for one in again), key=lambda one: one.rank)
         # another processor's matrix products may round otherwise, which a lap amplifies a little
         assert found.rms == pytest.approx(beside["evaluation"][lap]["rms"], rel=1e-3)
         assert found.rms <= rms
@@ -147,7 +153,7 @@ def test_a_shipped_policy_is_the_median_of_its_trainings(name: str) -> None:
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_the_defaults_reach_the_goal(tmp_path: Path, seed: int) -> None:
     best = train(TrainingConfig(seed=seed), tmp_path / "run").best
-    for lap, (rms, rms_after_2s) in GOALS.items():
+    for lap, (rms, rms_after_2s) in GOALS["square"].items():
         assert best[lap]["complete"]
         assert best[lap]["rms"] <= rms
         assert best[lap]["rms_after_2s"] <= rms_after_2s

@@ -60,7 +60,7 @@ def test_what_a_training_leaves(run: Path) -> None:
     names = {path.name for path in run.iterdir()}
     assert names == {
         "best_model.zip", "best_policy.npz", "checkpoint.zip", "config.json", "evaluations.csv", "evaluations.json",
-        "last_policy.npz", "tensorboard",
+        "last_policy.npz", "tensorboard", "versions.json",
     }  # fmt: skip
     assert list((run / "tensorboard").glob("events.out.tfevents.*"))
     rows = json.loads((run / "evaluations.json").read_text())

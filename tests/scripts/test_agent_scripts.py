@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
-from flexarm_agents import NetworkPolicy, Score, StandardScore, TrainingConfig
+from flexarm_agents import NetworkPolicy, Score, StandardScore, TrainingConfig, shipped_policies
 from flexarm_agents.commands import main
 from flexarm_agents.training import new_model
 from flexarm_env.laps import LAPS
@@ -127,10 +127,14 @@ def test_evaluate_scores_what_there_is(flexarm: Shell) -> None:
     result = flexarm("evaluate")
     assert result.returncode == 0, result.stderr
     rows = result.stdout.splitlines()[3:-1]
-    names = ["square", "ifdc", "flsac", "no torque", "random torque"]
+    shipped, others = shipped_policies(), ["ifdc", "flsac", "no torque", "random torque"]
+    names = [*shipped, *others]
     found = [(name, lap) for row in rows for name in names for lap in LAPS if re.match(rf"{name} .* {lap} ", row)]
-    assert found == [(name, lap) for name in names for lap in LAPS]
-    assert all("ENDED at " in row and not re.search(r"\d\.\d{3}", row) for row in rows[6:])
+    ranked = [name for name, _ in found[::2]]
+    assert found == [(name, lap) for name in ranked for lap in LAPS]
+    assert (set(ranked[: len(shipped)]), ranked[len(shipped) :]) == (set(shipped), others)
+    early = rows[2 * (len(shipped) + 2) :]  # the last two
+    assert all("ENDED at " in row and not re.search(r"\d\.\d{3}", row) for row in early)
     assert {line.partition(":")[0] for line in result.stderr.splitlines()} == set(names)
     laps = {one["name"]: one["laps"][0] for one in flexarm.evaluation()["results"]}
     assert laps["ifdc"]["swing"]["complete"]

@@ -31,7 +31,7 @@ def test_the_median_is_in_the_middle_and_early_ends_are_last() -> None:
     with refuses(ValueError, "trainings: must be an odd number", "got 4"):
         median(five[:4])
     with refuses(ValueError, "seeds = 4: must be odd"):
-        train_and_ship(4, 1, Path("nowhere"))
+        train_and_ship("square", 4, 1, Path("nowhere"))
 
 
 def test_a_finished_training_is_shipped_with_its_card(tmp_path: Path) -> None:
@@ -46,6 +46,7 @@ def test_a_finished_training_is_shipped_with_its_card(tmp_path: Path) -> None:
     assert card["trainings"] == [{"seed": 0, **first.best}]
     notes = load_policy(tmp_path / "mine.npz").notes
     assert (notes["config"], notes["evaluation"]) == (config.plain(), first.best)
+    assert card["versions"] == notes["versions"] == json.loads((tmp_path / "run" / "versions.json").read_text())
 
 
 def test_a_training_of_another_version_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from flexarm_agents import TrainingConfig, train
+from flexarm_agents import TeachingConfig, TrainingConfig, teach, train
 
 ID = "FlexArm/Square-v0"
 TINY: dict[str, Any] = {
@@ -20,6 +20,23 @@ TINY: dict[str, Any] = {
     "episode_steps": 50,
     "options": {"noise": 0.001, "randomisation": {"payload_mass": [0.0, 0.2]}},
 }
+TAUGHT: dict[str, Any] = {
+    "arms": 4,
+    "rounds": 2,
+    "updates": 30,
+    "batch": 64,
+    "hidden": [16, 8],
+    "lags": [1, 3],
+    "change_weight": 0.003,  # that of the plans that come with the package, which are then the teacher's
+    "options": {"noise": 0.001},
+}
+
+
+def taught(folder: Path) -> Path:
+    """Run a tiny teaching in a folder below this one."""
+    run = folder / "taught"
+    teach(TeachingConfig(**TAUGHT), run)
+    return run
 
 
 def finished(folder: Path) -> Path:

@@ -1,0 +1,96 @@
+"""Lessons: laps that student and teacher drive in turns, with what the teacher would have done in each period."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexarm_agents.network import NetworkPolicy
+from flexarm_agents.teaching.config import TeachingConfig
+from flexarm_agents.teaching.teacher import Pupils, Teacher
+from flexarm_env.envs.vector import FlexArmVectorEnv
+from flexarm_env.laps import LAPS
+
+Array = NDArray[np.float32]
+TURNS = 50  # [control periods] after which student and teacher are drawn anew
+BRANCHES = [lap.elbow_branch for lap in LAPS.values()]
+
+
+class Lesson(NamedTuple):
+    """Samples of n arms over T control periods, one period after the other.
+
+    Attributes:
+        observations: Shape (T * n, k).
+        ages: control periods since the arm's episode began. Shape (T * n,).
+        answers: what the teacher would have done. Shape (T * n, 2).
+        weights: of the samples in the fit. Shape (T * n,).
+        lost: episodes that ended early.
+    """
+
+    observations: Array
+    ages: NDArray[np.int64]
+    answers: Array
+    weights: Array
+    lost: int
+
+
+def give_lesson(
+    env: FlexArmVectorEnv,
+    teacher: Teacher,
+    student: NetworkPolicy | None,
+    config: TeachingConfig,
+    number: int,
+) -> Lesson:
+    """Run a lap on every arm; the result depends on nothing but the arguments.
+
+    Args:
+        env: batch of `config.arms` arms that start at rest on the first corner.
+        teacher: for them.
+        student: that drives a share of the time; None: the teacher drives alone.
+        config: of the teaching.
+        number: of the round.
+    """
+    random = np.random.default_rng([config.seed, number])
+    count = config.arms
+    seeds: Sequence[int] = random.integers(2**31, size=count).tolist()
+    branches = [BRANCHES[i % len(BRANCHES)] for i in range(count)]
+    observations, infos = env.reset(seed=seeds, options={"elbow_branch": branches})
+    noise = config.torque_noise * random.uniform(size=(count, 1))
+    share = teacher_share(config, number)
+    begun, age, pupils = np.ones(count, dtype=bool), np.zeros(count, dtype=np.int64), _pupils(env)
+    state, drives, lost = None, np.ones(count, dtype=bool), 0
+    rows: list[tuple[Array, NDArray[np.int64], Array, Array]] = []
+    for period in range(teacher.periods):
+        answers, feedback = teacher.actions(pupils, age, infos["state"])
+        weights = 1.0 / (1.0 + np.sum(feedback**2, axis=1) / config.knee**2)
+        rows.append((observations, age.copy(), answers, weights.astype(np.float32)))
+        chosen = answers
+        if student is not None:
+            if period % TURNS == 0:
+                drives = random.uniform(size=count) < share
+            own, state = student.predict(observations, state, begun, deterministic=True)
+            chosen = np.where(drives[:, None], answers, own)
+        disturbed = chosen + noise * random.normal(size=answers.shape)
+        observations, _, terminated, truncated, infos = env.step(disturbed.astype(np.float32))
+        begun = terminated | truncated
+        age = np.where(begun, 0, age + 1)
+        lost += int(terminated.sum())
+        if begun.any():
+            pupils = _pupils(env)
+    observations, ages, answers, weights = (np.concatenate(column) for column in zip(*rows, strict=True))
+    return Lesson(observations, ages, answers, weights, lost)
+
+
+def teacher_share(config: TeachingConfig, number: int) -> float:
+    """Return the share of the time in which the teacher drives: 1 in the first round, less in each one after it."""
+    half = max(config.rounds // 2, 1)
+    return 1.0 + (config.teacher_share - 1.0) * min(number / half, 1.0)
+
+
+def _pupils(env: FlexArmVectorEnv) -> Pupils:
+    episode = env.episode
+    lap = np.array([BRANCHES.index(branch) for branch in episode.elbow_branch.tolist()])
+    return Pupils(lap, episode.parameters)

@@ -1,0 +1,108 @@
+"""`Student`: the network that imitates the teacher, its optimiser, and its export as a policy."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch.optim.lr_scheduler import CosineAnnealingLR
+from torch.optim.swa_utils import AveragedModel
+
+from flexarm_agents.export import MODULES
+from flexarm_agents.history import History
+from flexarm_agents.network import NetworkPolicy
+from flexarm_agents.teaching.config import TeachingConfig
+from flexarm_agents.teaching.lessons import Lesson
+
+LEAST_SPREAD = 1e-3  # of an input, by which it is divided
+LOG_STD = -3.0  # of the exported policy: 5 % of the torque limits, where it is asked for randomness
+
+
+class Student:
+    """A network from observations and history to the torques, with inputs scaled by the first lesson's spread.
+
+    Attributes:
+        history: what it remembers.
+        loss: mean of the last fit's weighted square errors, in squared actions.
+    """
+
+    def __init__(self, config: TeachingConfig, history: History, first: Lesson) -> None:
+        """Make an untrained student; it draws its weights from torch's generator.
+
+        Args:
+            config: of the teaching.
+            history: what it remembers.
+            first: lesson that shows how far each input spreads.
+        """
+        self.history, self._config, self.loss = history, config, float("nan")
+        observations = first.observations
+        index = [*range(observations.shape[1]), *list(history.remembered) * len(history.lags)]
+        self._mean = torch.from_numpy(observations.mean(axis=0)[index])
+        self._spread = torch.from_numpy(np.maximum(observations.std(axis=0), LEAST_SPREAD)[index])
+        sizes = [len(index), *config.hidden]
+        layers: list[torch.nn.Module] = []
+        for inputs, outputs in zip(sizes, sizes[1:], strict=False):
+            layers += [torch.nn.Linear(inputs, outputs), MODULES[config.activation]()]
+        self.network = torch.nn.Sequential(*layers, torch.nn.Linear(sizes[-1], first.answers.shape[1]))
+        self.average = AveragedModel(self.network, avg_fn=self._mix)
+        self.optimiser = torch.optim.Adam(self.network.parameters(), lr=config.learning_rate)
+        self.schedule = CosineAnnealingLR(self.optimiser, config.rounds * config.updates)
+
+    def fit(self, lessons: Sequence[Lesson]) -> None:
+        """Take the optimiser's steps of one round, on samples of all lessons alike."""
+        config = self._config
+        observations = torch.from_numpy(np.concatenate([lesson.observations for lesson in lessons]))
+        ages = torch.from_numpy(np.concatenate([lesson.ages for lesson in lessons]))
+        answers = torch.from_numpy(np.concatenate([lesson.answers for lesson in lessons]))
+        weights = torch.from_numpy(np.concatenate([lesson.weights for lesson in lessons]))
+        total = 0.0
+        for _ in range(config.updates):
+            chosen = torch.randint(len(observations), (config.batch,))
+            inputs = (self._inputs(observations, ages, chosen) - self._mean) / self._spread
+            errors = torch.square(self.network(inputs) - answers[chosen]).mean(dim=1)
+            loss = torch.mean(weights[chosen] * errors)
+            self.optimiser.zero_grad()
+            loss.backward()  # type: ignore[no-untyped-call]
+            self.optimiser.step()
+            self.schedule.step()
+            self.average.update_parameters(self.network)
+            total += loss.item()
+        self.loss = total / config.updates
+
+    def policy(self) -> NetworkPolicy:
+        """Return the average of the network's weights as a policy, with the inputs' scaling in its first layer."""
+        layers = [layer for layer in self.average.module.modules() if isinstance(layer, torch.nn.Linear)]
+        weights, biases = ([_numbers(getattr(layer, name)) for layer in layers] for name in ("weight", "bias"))
+        weights[0] = weights[0] / _numbers(self._spread)
+        biases[0] = biases[0] - weights[0] @ _numbers(self._mean)
+        log_std = np.full(len(biases[-1]), LOG_STD, dtype=np.float32)
+        return NetworkPolicy(weights, biases, log_std, self._config.activation, history=self.history)
+
+    def state(self) -> dict[str, Any]:
+        """Return all that changes in a fit, tensors and plain values."""
+        return {name: getattr(self, name).state_dict() for name in ("network", "average", "optimiser", "schedule")}
+
+    def restore(self, state: dict[str, Any]) -> None:
+        """Go on from what `state` returned."""
+        for name, part in state.items():
+            getattr(self, name).load_state_dict(part)
+
+    def _inputs(self, observations: torch.Tensor, ages: torch.Tensor, chosen: torch.Tensor) -> torch.Tensor:
+        """Return samples with their histories; before an episode's first observation it was always that one."""
+        parts, remembered = [observations[chosen]], list(self.history.remembered)
+        for lag in self.history.lags:
+            back = torch.clamp(ages[chosen], max=lag) * self._config.arms
+            parts.append(observations[chosen - back][:, remembered])
+        return torch.cat(parts, dim=1)
+
+    def _mix(self, average: torch.Tensor, present: torch.Tensor, count: torch.Tensor | int) -> torch.Tensor:
+        """Average over the last tenth of the updates at first, then forget at the configured rate."""
+        share = max(1.0 - self._config.averaging, 10.0 / (int(count) + 10.0))
+        return torch.lerp(average, present, share)
+
+
+def _numbers(tensor: torch.Tensor) -> NDArray[np.float32]:
+    return tensor.detach().numpy().astype(np.float32, copy=True)

@@ -1,0 +1,173 @@
+"""`teach`: DAgger on a batch of arms, judged by the true score, with the best student kept.
+
+Source: Ross, Gordon & Bagnell, *A reduction of imitation learning and structured prediction to no-regret online
+learning*, AISTATS 2011.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import torch
+from stable_baselines3.common.logger import configure
+from tqdm import tqdm
+
+from flexarm_agents.environments import make_batch
+from flexarm_agents.evaluation import Evaluator, Found
+from flexarm_agents.history import History
+from flexarm_agents.network import NetworkPolicy
+from flexarm_agents.run_folder import RunFolder, put
+from flexarm_agents.stopping import StopSignals, TrainingStopped
+from flexarm_agents.teaching.config import TeachingConfig
+from flexarm_agents.teaching.lessons import Lesson, give_lesson
+from flexarm_agents.teaching.student import Student
+from flexarm_agents.teaching.teacher import Teacher
+from flexarm_agents.training import Outcome, one_thread
+from flexarm_agents.versions import versions
+from flexarm_env.envs.vector import FlexArmVectorEnv
+
+# Blocks that the task's clock alone decides: there is nothing to remember of them.
+CLOCKED = ("reference_position", "reference_velocity", "previews", "lap_phase")
+
+
+def teach(
+    config: TeachingConfig,
+    folder: str | Path | None = None,
+    resume: bool = False,
+    progress: bool = False,
+    plans: str | Path | None = None,
+) -> Outcome:
+    """Teach, on one thread; the same configuration gives the same numbers on the same machine, interrupted or not.
+
+    Args:
+        config: the configuration.
+        folder: for the results; None: `config.folder`. See `RunFolder` for what it holds.
+        resume: go on with the interrupted teaching in the folder, from the round that it was in.
+        progress: show a bar if stderr is a terminal; without a bar, the logger "flexarm_agents" gets a line for each
+            round.
+        plans: folder for the teacher's plans, which several teachings can share; None: `plans` in the folder.
+
+    Raises:
+        TrainingStopped: a `KeyboardInterrupt`, after SIGINT (Ctrl-C) or SIGTERM in the main thread: the round that runs
+            is finished and a checkpoint written. A second signal ends the process at once.
+        FileExistsError: if the folder is not empty and is not to be resumed.
+        FileNotFoundError: if there is no teaching to resume.
+        ValueError: if the teaching in the folder has another configuration, or the environment is not one of the
+            standard laps by torques.
+    """
+    run = RunFolder(config.folder if folder is None else folder)
+    if resume:
+        run.check_same(config)
+    else:
+        run.begin(config, versions([__name__]))
+    with one_thread(), StopSignals() as stop:
+        env = make_batch(config.environment, config.arms, config.options | {"start": "corner"})
+        try:
+            where = run.path / "plans" if plans is None else Path(plans)
+            teaching = _Teaching(config, run, env, Teacher.of(config, env.settings, where))
+            teaching.go_on(stop, progress and sys.stderr.isatty())
+        finally:
+            env.close()
+    found = teaching.found
+    assert found.best is not None
+    return Outcome(run.path, found.rows[found.best], found.rows[-1])
+
+
+class _Teaching:
+    """A teaching between two rounds.
+
+    A checkpoint holds no lessons: each is given again by the student that was given it, with the same result.
+
+    Attributes:
+        found: progress so far.
+    """
+
+    def __init__(self, config: TeachingConfig, run: RunFolder, env: FlexArmVectorEnv, teacher: Teacher) -> None:
+        self.config, self.run, self.env, self.teacher, self.found = config, run, env, teacher, Found()
+        torch.manual_seed(config.seed)
+        self.lessons = [self.lesson(None)]
+        self.student = Student(config, self.history(), self.lessons[0])
+        self.students: list[dict[str, Any]] = []  # after each round, averages alone
+        if run.checkpoint.exists():
+            self.load()
+
+    def history(self) -> History:
+        """Return what a student of this environment remembers."""
+        if not self.config.lags:
+            return History()
+        blocks = self.env.observation_blocks
+        measured = [n for name, part in blocks.items() if name not in CLOCKED for n in range(part.start, part.stop)]
+        return History(self.config.lags, tuple(sorted(measured)))
+
+    def lesson(self, student: NetworkPolicy | None) -> Lesson:
+        """Give the next lesson."""
+        number = 0 if student is None else len(self.lessons)
+        return give_lesson(self.env, self.teacher, student, self.config, number)
+
+    def go_on(self, stop: StopSignals, with_bar: bool) -> None:
+        """Run the rounds that are left."""
+        began, before = time.perf_counter(), self.found.seconds
+        steps = self.config.arms * self.teacher.periods
+        logger = configure(str(self.run.logs), ["tensorboard"])
+        evaluator = Evaluator(self.config, self.config.evaluation_laps, self.run, self.found)
+        bar = tqdm(total=self.config.rounds, initial=len(self.students), unit=" rounds") if with_bar else None
+        try:
+            while len(self.students) < self.config.rounds:
+                if self.students:
+                    self.lessons.append(self.lesson(self.student.policy()))
+                self.student.fit(self.lessons)
+                self.students.append(self.average())
+                self.found.seconds = before + time.perf_counter() - began
+                logger.record("teaching/loss", self.student.loss)
+                logger.record("teaching/lost_arms", self.lessons[-1].lost)
+                evaluator.judge(self.student.policy(), steps * len(self.students), logger)
+                if bar is not None:
+                    bar.update()
+                    bar.set_postfix_str(self.found.state)
+                else:
+                    evaluator.report()
+                self.save()
+                if stop.received is not None and len(self.students) < self.config.rounds:
+                    raise TrainingStopped(stop.received, steps * len(self.students))
+            evaluator.noted(self.student.policy()).save(self.run.last)
+        finally:
+            evaluator.close()
+            logger.close()
+            if bar is not None:
+                bar.close()
+
+    def average(self) -> dict[str, Any]:
+        """Return a copy of the averaged weights."""
+        return {name: value.clone() for name, value in self.student.average.state_dict().items()}
+
+    def save(self) -> None:
+        """Write a checkpoint."""
+        state = {
+            "found": asdict(self.found),
+            "student": self.student.state(),
+            "students": self.students,
+            "random": torch.get_rng_state(),
+        }
+        put(self.run.checkpoint, lambda aside: torch.save(state, aside))
+
+    def load(self) -> None:
+        """Go on from the checkpoint; nothing in it is executed.
+
+        Raises:
+            ValueError: if the file is not a checkpoint of a teaching.
+        """
+        try:
+            state = torch.load(self.run.checkpoint, weights_only=True)
+            self.found = Found(**state["found"])
+            for weights in state["students"][:-1]:
+                self.student.average.load_state_dict(weights)
+                self.lessons.append(self.lesson(self.student.policy()))
+            self.student.restore(state["student"])
+            self.students = state["students"]
+            torch.set_rng_state(state["random"])
+        except Exception as error:  # damage meets torch anywhere
+            raise ValueError(f"{self.run.checkpoint}: not a checkpoint of this teaching ({error})") from error

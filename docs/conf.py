@@ -1,0 +1,62 @@
+"""Settings of the site that `make site` builds; `scripts/docs/site.py` lays out its pages."""
+
+from __future__ import annotations
+
+import os
+import re
+
+from flexarm_env import __version__
+
+project = "FlexArm"
+author = "FlexArm contributors"
+project_copyright = author
+version = release = __version__
+
+extensions = [
+    "myst_parser",
+    "notfound.extension",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.napoleon",
+    "sphinx.ext.mathjax",
+]
+exclude_patterns: list[str] = []
+myst_heading_anchors = 4
+myst_enable_extensions = ["dollarmath"]
+myst_fence_as_directive = ["math"]
+suppress_warnings = ["myst.header"]  # sections of a page that a script writes may begin at a lower level
+
+html_theme = "furo"
+html_title = f"FlexArm {release}"
+html_copy_source = False
+# The page for wrong addresses is shown at any depth, so that its links begin where the site does, e.g. at "/flexarm".
+notfound_urls_prefix = f"{os.environ.get('SITE_PREFIX', '')}/"
+
+add_module_names = False
+autodoc_default_options = {"members": True, "show-inheritance": True}
+autodoc_member_order = "bysource"
+autodoc_typehints = "none"  # the signature has them
+autodoc_typehints_format = "short"
+# The site is built without them: what needs them is documented by its own text.
+autodoc_mock_imports = ["mujoco", "pygame", "rich", "stable_baselines3", "tensorboard", "torch", "tqdm", "tyro"]
+default_role = "code"
+napoleon_numpy_docstring = False
+napoleon_use_ivar = True
+
+
+def _as_plain_text(app, what, name, obj, options, lines) -> None:
+    """Keep the signs of formulas outside backquotes, |x|, a * b and x_, which docstrings do not mean as markup.
+
+    The specification of the environments is Markdown, and has pages of its own: of it the introduction is kept.
+    """
+    headings = [n for n, line in enumerate(lines) if line.startswith("## ")]
+    if headings:
+        lines[headings[0] :] = ["The pages of the environments have the whole specification."]
+    for n, line in enumerate(lines):
+        parts = re.split(r"(`+[^`]+`+)", line)
+        parts[::2] = [re.sub(r"([|*])|(?<=\w)(_)(?!\w)", r"\\\1\2", part) for part in parts[::2]]
+        lines[n] = "".join(parts)
+
+
+def setup(app) -> None:
+    """Register what changes docstrings, before Napoleon reads them."""
+    app.connect("autodoc-process-docstring", _as_plain_text, priority=100)

@@ -1,0 +1,250 @@
+"""Teacher and student: the teacher's plans, lessons, the student's network, the folder that a teaching leaves."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import signal
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+
+import flexarm_agents.teaching.training
+from flexarm_agents import NetworkPolicy, TeachingConfig, TrainingStopped, evaluate, load_policy, teach
+from flexarm_agents.environments import make_batch
+from flexarm_agents.teaching.lessons import Lesson, give_lesson, teacher_share
+from flexarm_agents.teaching.plans import Bank, bank
+from flexarm_agents.teaching.student import Student
+from flexarm_agents.teaching.teacher import Pupils, Teacher
+from flexarm_agents.teaching.training import _Teaching
+from flexarm_baselines.optimal import load_plan
+from flexarm_env import ArmParameters
+from flexarm_env.envs.settings import Settings
+from flexarm_env.laps import LAPS
+from tests.agents.test_training import same_policy
+from tests.support.refusals import refuses
+from tests.support.trainings import TAUGHT, taught
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Run the tiny teaching once; its folder must not be changed."""
+    return taught(tmp_path_factory.mktemp("runs"))
+
+
+@pytest.fixture(scope="module")
+def teacher(run: Path) -> Teacher:
+    return Teacher.of(TeachingConfig(**TAUGHT), Settings.of(TAUGHT["options"]), run / "plans")
+
+
+# --- the teacher ----------------------------------------------------------------------------------------------------
+
+
+def test_on_its_plan_the_teacher_does_what_the_plan_does(teacher: Teacher) -> None:
+    lap, period = np.array([0, 1, 1]), np.array([0, 700, 1599])
+    plans = [load_plan(f"default_{name}") for name in LAPS]
+    states = np.stack([plans[n].states[k] for n, k in zip(lap, period, strict=True)])
+    states[2, 0] += 4.0 * np.pi  # turned twice
+    found, feedback = teacher.actions(pupils(lap), period, states)
+    expected = [plans[n].torques[k] / [150.0, 50.0] for n, k in zip(lap, period, strict=True)]
+    np.testing.assert_allclose(found, expected, atol=1e-4)  # the plan was run again
+    np.testing.assert_allclose(feedback, 0.0, atol=1e-4)
+
+
+def test_torques_that_act_late_are_those_of_then(teacher: Teacher) -> None:
+    plan = load_plan("default_plain")
+    period, states = np.array([500, 500]), plan.states[[500, 500]]
+    found, _ = teacher.actions(pupils(np.array([1, 1]), actuation_delay=[0.02, 0.005]), period, states)
+    expected = [plan.torques[502], 0.5 * (plan.torques[500] + plan.torques[501])]
+    np.testing.assert_allclose(found, np.array(expected) / [150.0, 50.0], atol=1e-4)
+
+
+def test_between_the_plants_of_the_grid_plans_are_mixed() -> None:
+    random = np.random.default_rng(0)
+    one = Bank(
+        np.array([0.0, 1.0]),
+        np.array([0.8, 1.0, 1.2]),
+        np.zeros((2, 2, 3, 3, 16)),
+        random.normal(size=(2, 2, 3, 2, 2)),
+        np.zeros((2, 2, 3, 2, 2, 16)),
+    )
+    quick = Teacher(one, (10.0, 10.0), 0.01)
+    at = pupils(np.array([0, 1]), payload_mass=[0.25, 1.0], stiffness=[0.9, 1.2])
+    found, _ = quick.actions(at, np.array([1, 1]), np.zeros((2, 16)))
+    table = one.torques[0, :, :, 1]
+    mixed = 0.75 * (0.5 * table[0, 0] + 0.5 * table[0, 1]) + 0.25 * (0.5 * table[1, 0] + 0.5 * table[1, 1])
+    np.testing.assert_allclose(found, np.stack([mixed, one.torques[1, 1, 2, 1]]) / 10.0, atol=1e-6)
+
+
+def pupils(lap: Any, **parameters: list[float]) -> Pupils:
+    own = {"payload_mass": 0.0, "stiffness": 1.0, "actuation_delay": 0.0}
+    return Pupils(lap, {name: np.array(parameters.get(name, [value] * len(lap))) for name, value in own.items()})
+
+
+def test_plans_are_kept_and_those_of_another_weight_refused(run: Path) -> None:
+    files = sorted(path.name for path in (run / "plans").iterdir())
+    assert files == ["plain-payload-0-stiffness-1.npz", "swing-payload-0-stiffness-1.npz"]
+    with refuses(ValueError, "stiffness-1.npz: a plan of another arm, or not with {'change_weight': 0.1}; remove it"):
+        bank(ArmParameters(), [0.0], [1.0], run / "plans", {"change_weight": 0.1})
+
+
+@pytest.mark.parametrize(
+    "options", [{"action_mode": "residual"}, {"reference": "circle"}, {"direction": "either"}, {"control_period": 0.02}]
+)
+def test_other_tasks_are_refused(tmp_path: Path, options: dict[str, Any]) -> None:
+    (name,) = options
+    with refuses(ValueError, f"{name} = ", "the teacher has plans for"):
+        Teacher.of(TeachingConfig(), Settings.of(options), tmp_path)
+
+
+# --- lessons and student --------------------------------------------------------------------------------------------
+
+
+def test_the_teacher_drives_less_and_less() -> None:
+    config = TeachingConfig(rounds=8, teacher_share=0.2)
+    np.testing.assert_allclose([teacher_share(config, n) for n in (0, 2, 4, 7)], [1.0, 0.6, 0.2, 0.2])
+    assert teacher_share(TeachingConfig(rounds=1), 1) == pytest.approx(0.2)
+
+
+def test_a_lesson_depends_on_nothing_but_its_arguments(run: Path, teacher: Teacher) -> None:
+    config = TeachingConfig(**TAUGHT)
+    student = NetworkPolicy.load(run / "last_policy.npz")
+    env = make_batch(config.environment, config.arms, config.options | {"start": "corner"})
+    first, other, again = (give_lesson(env, teacher, student, config, number) for number in (1, 2, 1))
+    env.close()
+    for one, same in zip(first, again, strict=True):
+        np.testing.assert_array_equal(one, same)
+    assert not np.array_equal(first.observations, other.observations)
+    assert first.lost > 0  # by this student
+    assert first.ages.max() < 1600
+    assert np.all((first.weights > 0.0) & (first.weights <= 1.0))
+
+
+def test_numpy_predicts_what_the_students_network_does(run: Path) -> None:
+    """On the very inputs of the fit, histories included."""
+    config, random = TeachingConfig(**TAUGHT), np.random.default_rng(0)
+    history = NetworkPolicy.load(run / "last_policy.npz").history
+    count, periods = config.arms, 12
+    ages = np.repeat(np.r_[np.arange(5), np.arange(periods - 5)], count)  # a second episode begins
+    numbers = 1 + max(history.remembered)
+    shape = (count * periods, numbers)
+    lesson = Lesson(
+        random.normal(size=shape).astype(np.float32), ages, np.zeros((len(ages), 2), np.float32), np.ones(len(ages)), 0
+    )
+    student = Student(config, history, lesson)
+    chosen = torch.arange(len(ages))
+    inputs = student._inputs(torch.from_numpy(lesson.observations), torch.from_numpy(ages), chosen)
+    with torch.no_grad():
+        expected = student.average((inputs - student._mean) / student._spread).numpy()
+    policy, state = student.policy(), None
+    for k in range(periods):
+        rows = slice(k * count, (k + 1) * count)
+        begun = ages[rows] == 0
+        found, state = policy.predict(lesson.observations[rows], state, begun, deterministic=True)
+        np.testing.assert_allclose(found, np.clip(expected[rows], -1.0, 1.0), atol=1e-5)
+
+
+# --- the whole ------------------------------------------------------------------------------------------------------
+
+
+def test_what_a_teaching_leaves(run: Path) -> None:
+    assert {path.name for path in run.iterdir()} == {
+        "best_policy.npz", "checkpoint.zip", "config.json", "evaluations.csv", "evaluations.json", "last_policy.npz",
+        "plans", "tensorboard", "versions.json",
+    }  # fmt: skip
+    assert list((run / "tensorboard").glob("events.out.tfevents.*"))
+    rows = json.loads((run / "evaluations.json").read_text())
+    assert [row["steps"] for row in rows] == [6400, 12800]
+    trained = load_policy(run)
+    assert trained.policy.history.lags == (1, 3)
+    again = evaluate(trained.make_env(), trained.policy, seed=1_000_003)
+    assert again.as_mapping() == {lap: trained.notes["evaluation"][lap] for lap in LAPS}
+    assert set(trained.notes["versions"]) >= {"python", "code", "torch", "numpy"}
+
+
+def test_seconds_of_teaching_follow_both_laps(run: Path, tmp_path: Path) -> None:
+    """A training for real, though a small one: first the student loses the path at once, then it keeps to it."""
+    sizes = {"arms": 16, "rounds": 3, "updates": 400, "batch": 512, "hidden": [64, 64]}
+    config = TeachingConfig(**TAUGHT | sizes | {"lags": [], "averaging": 0.99, "learning_rate": 4e-3})
+    outcome = teach(config, tmp_path / "run", plans=run / "plans")
+    first = json.loads((tmp_path / "run" / "evaluations.json").read_text())[0]
+    assert all(first[lap]["duration"] < 4.0 for lap in LAPS)
+    assert all(outcome.best[lap]["rms"] < 0.2 for lap in LAPS)
+
+
+class Interrupted(Exception):  # noqa: N818
+    pass
+
+
+@pytest.fixture
+def broken_off(run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Break the tiny teaching off in its second lesson."""
+
+    class Breaking(_Teaching):
+        def lesson(self, student: NetworkPolicy | None) -> Lesson:
+            if student is not None:
+                raise Interrupted
+            return super().lesson(student)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(flexarm_agents.teaching.training, "_Teaching", Breaking)
+        with pytest.raises(Interrupted):
+            teach(TeachingConfig(**TAUGHT), tmp_path / "run", plans=run / "plans")
+    return tmp_path / "run"
+
+
+def test_an_interrupted_teaching_ends_in_the_same_bits(run: Path, broken_off: Path) -> None:
+    torch.manual_seed(5)  # what the generator did meanwhile has no influence
+    teach(TeachingConfig(**TAUGHT), broken_off, resume=True, plans=run / "plans")
+    assert same_policy(run / "last_policy.npz", broken_off / "last_policy.npz")
+    rows = [json.loads((folder / "evaluations.json").read_text()) for folder in (run, broken_off)]
+    assert all(row.pop("seconds") for each in rows for row in each)
+    assert rows[0] == rows[1]
+    before = (broken_off / "last_policy.npz").read_bytes()
+    outcome = teach(TeachingConfig(**TAUGHT), broken_off, resume=True, plans=run / "plans")  # it is complete
+    assert (broken_off / "last_policy.npz").read_bytes() == before
+    assert outcome.last["steps"] == 12800
+
+
+def test_a_signal_lets_the_round_finish(run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    fit = Student.fit
+
+    def signalled(student: Student, lessons: list[Lesson]) -> None:
+        os.kill(os.getpid(), signal.SIGTERM)
+        fit(student, lessons)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Student, "fit", signalled)
+        with pytest.raises(TrainingStopped) as caught:
+            teach(TeachingConfig(**TAUGHT), tmp_path / "run", plans=run / "plans")
+    assert (caught.value.signal, caught.value.steps) == (signal.SIGTERM, 6400)
+    (tmp_path / "run" / "checkpoint.zip").write_bytes(b"no checkpoint")
+    with refuses(ValueError, "checkpoint.zip: not a checkpoint of this teaching"):
+        teach(TeachingConfig(**TAUGHT), tmp_path / "run", resume=True, plans=run / "plans")
+
+
+def test_only_the_same_configuration_resumes(run: Path) -> None:
+    with pytest.raises(FileExistsError, match=re.escape(str(run))):
+        teach(TeachingConfig(**TAUGHT), run)
+    with refuses(ValueError, "knee = 0.5: the training in", "has 0.06; only the same configuration resumes"):
+        teach(TeachingConfig(**TAUGHT, knee=0.5), run, resume=True)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"arms": 3}, "arms = 3: must be even, half of them for each lap"),
+        ({"lags": [2, 1]}, "lags = (2, 1): must increase"),
+        ({"lags": 3}, "lags = 3: must be a list of ages"),
+        ({"averaging": 1.5}, "averaging = 1.5"),
+        ({"plants": [1, 3]}, "plants[0] = 1"),
+        ({"rouns": 3}, "rounds"),
+    ],
+)
+def test_bad_configurations(changes: dict[str, Any], words: str) -> None:
+    with refuses((TypeError, ValueError), words):
+        TeachingConfig.of(TAUGHT | changes)

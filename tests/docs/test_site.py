@@ -1,0 +1,54 @@
+"""The site: every page has its place, and what is built has no dead link."""
+
+from __future__ import annotations
+
+import importlib
+import re
+from pathlib import Path
+from urllib.parse import unquote
+
+import pytest
+
+from scripts.docs import site
+from tests.support.programs import ROOT, run_study
+
+PAGES = [path.relative_to(ROOT).with_suffix("").as_posix() for path in (ROOT / "docs").rglob("*.md")]
+
+
+def test_every_page_stands_once_in_the_contents() -> None:
+    listed = [page for pages in site.chapters(ROOT / "docs").values() for page in pages]
+    assert len(set(listed)) == len(listed)
+    assert {page for page in listed if page.startswith("docs/")} == set(PAGES)
+
+
+@pytest.mark.parametrize("name", site.MODULES)
+def test_the_reference_is_of_modules_with_public_names(name: str) -> None:
+    module = importlib.import_module(name)
+    assert module.__doc__
+
+
+def test_links_to_files_outside_docs_are_kept(tmp_path: Path) -> None:
+    site.lay_out(tmp_path / "pages")
+    contributing = (tmp_path / "pages/CONTRIBUTING.md").read_text(encoding="utf-8")
+    assert "](index.md)" in contributing
+    assert "](README.md)" not in contributing
+    for page in (tmp_path / "pages").rglob("*.md"):
+        for target in site.LINK.findall(page.read_text(encoding="utf-8")):
+            assert (page.parent / target).exists(), f"{page}: {target}"
+
+
+@pytest.mark.slow
+def test_the_site_has_no_dead_link() -> None:
+    for needed in ("sphinx", "myst_parser", "furo", "notfound"):
+        pytest.importorskip(needed, reason="the extra `site` brings it")
+    built = run_study("docs.site", cwd=ROOT)
+    assert built.returncode == 0, built.stdout + built.stderr
+    assert {"index.html", "404.html", "search.html"} <= {path.name for path in site.OUTPUT.iterdir()}
+    texts = {path.resolve(): path.read_text(encoding="utf-8") for path in site.OUTPUT.rglob("*.html")}
+    for page, text in texts.items():
+        links = [] if page.name == "404.html" else re.findall(r'(?:href|src)="([^"]+)"', text)
+        for link in (one for one in links if not re.match(r"[a-z]+:|//", one)):
+            file, _, anchor = link.partition("#")
+            target = (page.parent / unquote(file.partition("?")[0])).resolve() if file else page
+            assert target.exists(), f"{page}: {link}"
+            assert not anchor or target not in texts or f'id="{anchor}"' in texts[target], f"{page}: {link}"
