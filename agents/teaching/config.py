@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from flexarm_agents.config import Activation, RunConfig, checked_network
+from flexarm_agents.environments import check_id, check_options
 from flexarm_agents.history import LONGEST_LAG, checked_increasing
 from flexarm_env.validation import integer, number, pair, shown
 
@@ -14,6 +15,8 @@ from flexarm_env.validation import integer, number, pair, shown
 class TeachingConfig(RunConfig):
     """DAgger: a student imitates, in the situations that it gets into, a teacher that knows everything."""
 
+    lesson_options: dict[str, Any] = field(default_factory=dict)
+    """Options in which the lessons differ from the environment that the student is scored on, e.g. a wider box."""
     rounds: int = 4
     """Rounds of laps, each with a fit to the data of all rounds so far."""
     arms: int = 64
@@ -55,6 +58,7 @@ class TeachingConfig(RunConfig):
             raise ValueError(f"arms = {self.arms}: must be even, half of them for each lap")
         pair("plants", self.plants, least=2)
         return {name: integer(name, getattr(self, name), bound) for name, bound in least.items()} | {
+            "lesson_options": check_options(check_id(self.environment), self.lesson_options),
             "learning_rate": number("learning_rate", self.learning_rate, above=0.0, most=1.0),
             "averaging": number("averaging", self.averaging, least=0.0, most=1.0),
             "teacher_share": number("teacher_share", self.teacher_share, least=0.0, most=1.0),

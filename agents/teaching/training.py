@@ -65,7 +65,8 @@ def teach(
     else:
         run.begin(config, versions([__name__]))
     with one_thread(), StopSignals() as stop:
-        env = make_batch(config.environment, config.arms, config.options | {"start": "corner"})
+        lessons = config.options | config.lesson_options | {"start": "corner"}
+        env = make_batch(config.environment, config.arms, lessons)
         try:
             where = run.path / "plans" if plans is None else Path(plans)
             teaching = _Teaching(config, run, env, Teacher.of(config, env.settings, where))

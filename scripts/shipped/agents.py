@@ -24,7 +24,8 @@ AGENTS: dict[str, RunConfig] = {
     "student_gauges": TeachingConfig(),
     "student_unknown": TeachingConfig(
         environment="FlexArm/SquareUnknown-v0",
-        options={"last_actions": 1, "randomisation": WIDER},
+        options={"last_actions": 1},
+        lesson_options={"randomisation": WIDER},
         rounds=5,
         lags=HALF_A_SECOND,
         deflection_limit=1.1,  # a margin for what the student does not know at the start

@@ -243,6 +243,7 @@ def test_only_the_same_configuration_resumes(run: Path) -> None:
         ({"averaging": 1.5}, "averaging = 1.5"),
         ({"plants": [1, 3]}, "plants[0] = 1"),
         ({"rouns": 3}, "rounds"),
+        ({"lesson_options": {"noise": -1.0}}, "noise = -1.0"),
     ],
 )
 def test_bad_configurations(changes: dict[str, Any], words: str) -> None:
