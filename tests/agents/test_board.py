@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ast
-import json
 from pathlib import Path
 from typing import Any
 
@@ -21,17 +20,15 @@ from flexarm_agents.board.gauges import observation_map
 from flexarm_agents.board.rows import Row
 from flexarm_agents.board.summary import breaking, lap_summary, point_summary
 from flexarm_agents.board.terms import FIRST_SEED, INTERFACE, TASKS, interface_of
-from flexarm_agents.commands import evaluate, sweep
 from flexarm_agents.load import policy_file
 from flexarm_baselines.optimal.plan import PLANS
 from flexarm_env.envs.options import Options
 from flexarm_env.envs.per_env import common_values
 from flexarm_env.envs.settings import Settings
 from flexarm_env.laps import LAPS
+from tests.support.boards import SHORT, SMALL, points
 from tests.support.refusals import refuses
 
-SHORT = {"lap_time": 0.4, "side": 1.0, "control_period": 0.05, "physics_step": 0.0125}  # few periods of plain Python
-SMALL = {"modes_per_link": 1, "kinematics": "linear"}
 AGENT = "square"
 HERE = "tests.agents.test_board"
 
@@ -69,10 +66,6 @@ class Quits:
         if np.any((observation[:, 1] < -0.1) & (observation[:, 3] > 0.0)):
             raise ValueError("no solution")
         return np.zeros((len(observation), 2), dtype=np.float32), state
-
-
-def points(values: list[float], seeds: range = range(1)) -> list[Point]:
-    return [Point(x, {**SHORT, "noise": 0.001 * x}, SMALL, seeds=seeds) for x in values]
 
 
 # --- what a key is made of -------------------------------------------------------------------------------------
@@ -329,28 +322,3 @@ def test_an_axis_breaks_where_a_lap_is_lost_first_on_either_side() -> None:
     nowhere = {"low": None, "high": None}
     assert found["swing"] == {"lost": nowhere, "doubled": nowhere}
     assert found["plain"] == {"lost": {"low": 0.9, "high": 1.2}, "doubled": {"low": None, "high": 1.1}}
-
-
-# --- one row along one axis ------------------------------------------------------------------------------------
-
-
-@pytest.mark.usefixtures("uncompiled")
-def test_evaluate_sweeps_an_axis(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    tiny = {"noise": Column("Sensor noise", "mm", tuple(points([0.0, 1.0])), 0.0)}
-    monkeypatch.setattr(sweep, "COLUMNS", tiny)
-    output = tmp_path / "swept.json"
-    evaluate.run(["--policy", AGENT, "--sweep", "noise", "--output", str(output)])
-    told = capsys.readouterr().out
-    (results,) = [one["results"] for one in json.loads(output.read_text())["rows"]]
-    for point in results:
-        for one in point["episodes"]:
-            assert f"{one['figures']['rms']:.3f}" in told
-    assert "plain lap: never error doubled, never lost" in told
-    with refuses(ValueError, "sweep = 'noises'", "noise"):
-        evaluate.run(["--policy", AGENT, "--sweep", "noises"])
-    with refuses(ValueError, "nothing to sweep"):
-        evaluate.run(["--sweep", "noise"])
-    with refuses(ValueError, "the board sets them"):
-        evaluate.run(["--policy", AGENT, "--sweep", "noise", "--laps", "3"])

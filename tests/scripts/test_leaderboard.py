@@ -4,9 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-import subprocess
-import sys
-import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -31,11 +28,9 @@ from scripts.leaderboard.animation import animate
 from scripts.leaderboard.entries import entries
 from scripts.leaderboard.margins import delay_margins
 from scripts.leaderboard.tables import tables
-from tests.support.programs import ROOT, run_study
+from tests.support.boards import SHORT, SMALL, files
 from tests.support.refusals import refuses
 
-SHORT = {"lap_time": 0.4, "side": 1.0, "control_period": 0.05, "physics_step": 0.0125}  # few periods of plain Python
-SMALL = {"modes_per_link": 1, "kinematics": "linear"}
 PAYLOADS = (0.0, 0.2, 0.4)
 TINY = {
     "payload": Column("Payload", "kg", tuple(Point(x, SHORT, {**SMALL, "payload_mass": x}) for x in PAYLOADS), 0.0),
@@ -57,11 +52,6 @@ class Here:
             else:
                 self.points += [point.value for point in job.points]
                 yield n, function(job)
-
-
-def files(folder: Path) -> dict[str, bytes]:
-    whole = [path for path in folder.rglob("*.json") if not path.name.startswith(".")]  # others are being written
-    return {str(path.relative_to(folder)): path.read_bytes() for path in whole}
 
 
 @pytest.mark.usefixtures("uncompiled")
@@ -261,92 +251,3 @@ def test_the_committed_board_is_computed_again_to_its_digits(name: str, committe
     points = COLUMNS["nominal"].points[:2]
     found = study.rounded([point_summary(one) for one in run_points(row, points)])
     assert found == committed[name]["columns"]["nominal"]["points"][:2]
-
-
-# --- executors -------------------------------------------------------------------------------------------------
-
-BIG = {"lap_time": 8.0, "side": 6.0}
-REAL = {
-    "delay": Column("Delay", "ms", tuple(Point(x, BIG | {"delay": 1e-3 * x}, seeds=range(8)) for x in range(8)), 0.0)
-}
-"""Points for real workers, each with a job of its own."""
-
-
-def measured(folder: Path, where: Any) -> dict[str, bytes]:
-    study.measure(ROWS[:1], REAL, Store(folder / "cells"), where)
-    return files(folder / "cells")
-
-
-@pytest.fixture(scope="module")
-def by_one_process(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
-    folder = tmp_path_factory.mktemp("one")
-    return measured(folder, executor("processes", 1, folder))
-
-
-@pytest.mark.slow
-def test_two_processes_give_the_same_files(tmp_path: Path, by_one_process: dict[str, bytes]) -> None:
-    assert len(by_one_process) == len(REAL["delay"].points)
-    assert measured(tmp_path, executor("processes", 2, tmp_path)) == by_one_process
-
-
-@pytest.mark.slow
-def test_submitit_gives_the_same_files(tmp_path: Path, by_one_process: dict[str, bytes]) -> None:
-    pytest.importorskip("submitit", reason="the extra `slurm` is not installed")
-    assert measured(tmp_path, executor("submitit-local", 2, tmp_path / "submitit")) == by_one_process
-
-
-@pytest.mark.slow
-@pytest.mark.filterwarnings("ignore")  # Ray's own: sockets left open, deprecations
-def test_a_ray_cluster_of_which_a_node_is_killed_gives_the_same_files(
-    tmp_path: Path, by_one_process: dict[str, bytes]
-) -> None:
-    ray = pytest.importorskip("ray", reason="the extra `ray` is not installed")
-    from ray.cluster_utils import Cluster
-
-    cluster = Cluster(initialize_head=True, head_node_args={"num_cpus": 1, "include_dashboard": False})
-    other = cluster.add_node(num_cpus=1)
-    ray.init(address=cluster.address, log_to_driver=False, logging_level="error")
-    try:
-        cluster.wait_for_nodes()
-        assert sum(node["Alive"] for node in ray.nodes()) == 2
-        where = executor("ray", 2, tmp_path)
-
-        class KillsANode:
-            """Kills the second node, with what it is at, when the first job is done."""
-
-            def run(self, function: Callable[[Any], Any], jobs: Sequence[Any]) -> Iterator[tuple[int, Any]]:
-                for number, done in enumerate(where.run(function, jobs)):
-                    if number == 0:
-                        cluster.remove_node(other, allow_graceful=False)
-                    yield done
-
-        assert measured(tmp_path, KillsANode()) == by_one_process
-        limit = time.monotonic() + 120.0  # until Ray declares the node dead
-        while sum(node["Alive"] for node in ray.nodes()) > 1:
-            assert time.monotonic() < limit
-            time.sleep(0.2)
-    finally:
-        ray.shutdown()
-        cluster.shutdown()
-
-
-@pytest.mark.slow
-def test_kill_9_loses_what_is_being_computed_and_no_more(tmp_path: Path) -> None:
-    """Workers end with their parent; the next run computes what is missing, and the files are those of a whole run."""
-    arguments = ("--rows", "agent square", "--columns", "delay", "payload", "--jobs", "1")
-    whole = run_study("leaderboard", *arguments, "--output", str(tmp_path / "whole"), timeout=900)
-    assert whole.returncode == 0, whole.stderr
-    expected = files(tmp_path / "whole" / "cells")
-    command = [sys.executable, "-m", "scripts.leaderboard", *arguments, "--output", str(tmp_path / "killed")]
-    with subprocess.Popen(command, cwd=ROOT, stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL) as process:
-        limit = time.monotonic() + 600.0
-        while not files(tmp_path / "killed") and time.monotonic() < limit:
-            time.sleep(0.05)
-        process.kill()
-    left = files(tmp_path / "killed" / "cells")
-    assert 0 < len(left) < len(expected)
-    assert all(expected[name] == content for name, content in left.items())
-    again = run_study("leaderboard", *arguments, "--output", str(tmp_path / "killed"), timeout=900)
-    assert again.returncode == 0, again.stderr
-    assert f"{len(expected) - len(left)}/{len(expected) - len(left)}" in again.stderr
-    assert files(tmp_path / "killed" / "cells") == expected
