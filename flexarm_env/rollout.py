@@ -89,7 +89,8 @@ def run_policy(
     if len(rows) > 1 and ended == "truncated":
         rows[-1].update({name: rows[-2][name] for name in signals})
     arrays = {name: np.array([row[name] for row in rows]) for name in rows[0]}
-    return arm.record(**arrays, notes={"ended": ended})
+    measured = arrays.pop("true_tip")  # of another engine's arm no model's state tells it
+    return replace(arm.record(**arrays, notes={"ended": ended}), tip=measured)
 
 
 def _check_gain_limit(env: FlexArmEnv, policy: Any) -> None:
@@ -118,7 +119,7 @@ def _episode_arm(env: FlexArmEnv, drawn: dict[str, float]) -> FlexibleArm:
 
 
 def _row(info: dict[str, Any], reward: float) -> dict[str, Any]:
-    return {name: info[name] for name in ("time", "state", "reference", "sensed")} | {"reward": reward}
+    return {name: info[name] for name in ("time", "state", "true_tip", "reference", "sensed")} | {"reward": reward}
 
 
 def run_batch(

@@ -17,7 +17,7 @@ FIRST = 10  # control periods that do not count: something may be made at the fi
 
 
 def period_times(env: gymnasium.Env[Any, Any], policy: Any, most: int | None = None) -> NDArray[np.float64]:
-    """Time each action of the plain lap, or of as much of it as the policy stays on the path.
+    """Time each action of the plain lap; where the path is lost, the lap begins anew.
 
     The time is that of this process alone, on all its cores (`time.process_time`): other work on the machine counts
     little.
@@ -30,10 +30,13 @@ def period_times(env: gymnasium.Env[Any, Any], policy: Any, most: int | None = N
     Returns:
         Of each period but the first ones [ms].
     """
-    predict = predictor(policy, deterministic=True)
-    observation, _ = env.reset(seed=0, options=LAPS[LAP].reset_options())
-    memory, start, done, taken = None, np.ones(1, dtype=bool), False, list[float]()
-    while not done and (most is None or len(taken) < most):
+    predict, options = predictor(policy, deterministic=True), LAPS[LAP].reset_options()
+    periods = env.get_wrapper_attr("lap_steps") if most is None else most
+    done, taken = True, list[float]()
+    while len(taken) < periods:
+        if done:
+            observation, _ = env.reset(seed=0, options=options)
+            memory, start = None, np.ones(1, dtype=bool)
         begun = time.process_time()
         action, memory = predict(observation, memory, start)
         taken.append(1e3 * (time.process_time() - begun))

@@ -26,14 +26,7 @@ from scripts.leaderboard.tables import ranked
 
 Array = NDArray[np.float64]
 Board = Mapping[str, Any]
-SHOWN = (
-    "ifdc",
-    "agent square",
-    "lqg",
-    "nmpc",
-    "lqg_adaptive",
-    "plan_lqr",
-)  # in pictures with few rows, as far as there
+SHOWN = ("ifdc", "agent square", "agent student_unknown", "lqg", "lqg_adaptive")  # where there is room for few
 SHORT = {"sensor_position": "Sensor position"}  # headings where there is little room
 MARKS = "osD^vP*X<>ph8"
 

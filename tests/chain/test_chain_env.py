@@ -209,6 +209,18 @@ def test_the_pages_scores_are_what_laps_give() -> None:
             assert scores["rms_after_2s"] == pytest.approx(row["rms_after_2s"], rel=1e-6)
 
 
+def test_a_record_has_the_chains_own_tip() -> None:
+    """Not that of the model whose coordinates the gauges read; the two are apart where torques jump."""
+    from flexarm_env.rollout import run_policy
+
+    env = gym.make(CHAIN, max_episode_steps=20)
+    actions = iter(np.sign(np.sin(np.arange(21.0)))[:, None] * np.ones(2, dtype=np.float32))
+    run = run_policy(env, lambda observation: next(actions), lap="plain")
+    last = env.unwrapped.simulator.plant.chain.tip()
+    np.testing.assert_allclose(run.tip[-1], last, atol=1e-12)
+    assert np.linalg.norm(env.unwrapped.arm.tip(run.state[-1, :8]) - last) > 1e-4
+
+
 @pytest.mark.parametrize("kind", ["steps", "segments"])
 def test_the_pages_chains_converge(kind: str) -> None:
     import json

@@ -1,4 +1,4 @@
-"""Controllers that close their loop on any arm: the shipped agent, and regulators along an optimal plan.
+"""Controllers that close their loop on any arm: shipped agents, and regulators along an optimal plan.
 
 Each of them sees the arm through the model that it was made with: encoders read the arm itself, and strain gauges that
 part of its bending which the model's own shapes can express (`flexarm_env.chain.gauges`). An agent sees it through the
@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexarm_agents import Trained
+from flexarm_agents.board.terms import interface_of
 from flexarm_baselines.optimal import GOOD, Plan, PlanRegulator, RegulatorWeights, plan_lap
 from flexarm_env import ArmParameters, FlexibleArm, SquareParameters, inverse_kinematics, square
 from flexarm_env.chain.gauges import Gauges
@@ -90,7 +91,7 @@ def run_lap(controller: Controller, plant: Plant, seconds: float, models: Sequen
 
 
 class Agent:
-    """A trained agent, in the environment that it was trained on."""
+    """A trained agent, with the observations of its environment; nothing is drawn, and sensors have no noise."""
 
     def __init__(self, trained: Trained, lap: str) -> None:
         """Make it for a lap."""
@@ -99,7 +100,7 @@ class Agent:
     def begin(self, plant: Plant) -> Callable[[], Period]:
         """See `Controller`."""
         id_options = gymnasium.spec(self._trained.environment).kwargs
-        env = HostedEnv(plant, **(id_options | self._trained.options))
+        env = HostedEnv(plant, **interface_of(id_options | self._trained.options))
         limit = np.array(env.settings.action_limit)
         predict = predictor(self._trained.policy, deterministic=True)
         seen, _ = env.reset(seed=0, options=LAPS[self._lap].reset_options(env.settings.direction))

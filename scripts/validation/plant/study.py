@@ -18,6 +18,8 @@ from scripts.validation.engine.square import laws_on_chain, laws_on_model
 from scripts.validation.plant.drivers import PERIODS, WEIGHTS, Agent, Controller, Lap, Regulator, on_corner, run_lap
 
 Array = NDArray[np.float64]
+STUDENT = "student of the unknown plant"
+AGENTS = {"PPO agent": "square", STUDENT: "student_unknown"}  # shipped policies, by their names in the tables
 AHEAD, EVERY = 0.5, 0.25  # a prediction's length, and how often one starts [s]
 ELEMENTS = (10, 20)  # of the chains; their difference is the finer one's error, times three
 # From 8 s on, IFDC's undamped arm is through the straight pose, where millimetres decide which way the elbow goes.
@@ -50,7 +52,8 @@ def controllers(lap: str) -> dict[str, Controller]:
     regulators = {
         f"plan with {name} feedback": Regulator(ArmParameters(), lap, weights) for name, weights in WEIGHTS.items()
     }
-    return {"shipped agent": Agent(load_policy("square"), lap), **regulators}
+    agents = {name: Agent(load_policy(policy), lap) for name, policy in AGENTS.items()}
+    return {**agents, **regulators}
 
 
 def under_control(seconds: float, progress: Callable[[str], None]) -> tuple[list[dict[str, Any]], dict[str, Array]]:
@@ -99,8 +102,8 @@ def under_the_laws(seconds: Mapping[str, float], progress: Callable[[str], None]
 
 
 def damping(elements: Sequence[int], seconds: float, progress: Callable[[str], None]) -> list[dict[str, Any]]:
-    """Run the shipped agent on chains of more and more elements, damped by their material or by 1 % of every mode."""
-    agent, rows = Agent(load_policy("square"), "swing"), []
+    """Run a student on chains of more and more elements, damped by their material or by 1 % of every mode."""
+    agent, rows = Agent(load_policy(AGENTS[STUDENT]), "swing"), []
     for model, arm in (("material", ArmParameters()), ("modal", ArmParameters.linear())):
         last: Lap | None = None
         for count in elements:
