@@ -237,19 +237,18 @@ def _trajectories(loop: ClosedLoop, results: Results, gains: Array, ends: NDArra
         keep = slice(0, min(end, instants))
         observation = results.observation[keep, i]
         earned = _paper_reward(results.true_tip[keep, i], observation[:, blocks["reference_position"]])
-        trajectories.append(
-            loop.arm.record(
-                time[keep],
-                results.state[keep, i],
-                # known only once the period has begun, so one instant late
-                np.concatenate([results.torque[1:, i], results.torque[-1:, i]])[keep],
-                reference=observation[:, blocks["reference_position"]],
-                sensed=observation[:, blocks["sensed_position"]],
-                gain=gains[keep, i],
-                reward=earned,
-                notes={"ended": loop.failure(results.status[end, i]) if end < instants else "truncated"},
-            )
+        run = loop.arm.record(
+            time[keep],
+            results.state[keep, i],
+            # known only once the period has begun, so one instant late
+            np.concatenate([results.torque[1:, i], results.torque[-1:, i]])[keep],
+            reference=observation[:, blocks["reference_position"]],
+            sensed=observation[:, blocks["sensed_position"]],
+            gain=gains[keep, i],
+            reward=earned,
+            notes={"ended": loop.failure(results.status[end, i]) if end < instants else "truncated"},
         )
+        trajectories.append(replace(run, tip=results.true_tip[keep, i].copy()))
     return trajectories
 
 
