@@ -73,7 +73,7 @@ _RESET = "`reset(options=...)` takes:"
 _CHAIN_SCORES = """\
 The same controllers on the chain and on the default arm: shipped agents by torques, without noise, and IFDC by
 `action_mode="gain"`. Encoders and gauges of the chain read fast vibrations that the default arm does not have; the PPO
-agent, which has been on that arm alone, is thrown off by them."""
+agent, which has been on that arm alone, reacts to them and is worse there."""
 _CHAIN_STEPS = """\
 MuJoCo's `implicitfast`, semi-implicit Euler with implicit dampers, is of first order. Runge-Kutta's method is
 unstable even at 0.05 ms, since dampers of the material make the fastest segments stiff. A step of 0.5 ms is within a
