@@ -75,7 +75,7 @@ contract: $(HAS)-test  ## Check that imports follow the one-way flow (import-lin
 	$(VENV)/bin/lint-imports --no-logo --no-cache
 
 train: $(HAS)-train  ## Train an agent, e.g. make train ARGS="--seed 1"
-	$(PY) scripts/train.py $(ARGS)
+	$(PY) -m scripts.train $(ARGS)
 
 agent: $(HAS)-train  ## Make the shipped agent anew: trainings, the median one, its card, the tables of docs
 	$(PY) -m scripts.shipped $(ARGS)

@@ -10,15 +10,18 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import tyro
+from tqdm import tqdm
 
 from flexarm_agents import StandardScore, load_policy
 from flexarm_agents.load import POLICIES
 from flexarm_env.validation import choice, integer
 from scripts.common.command_line import run
+from scripts.common.executors import executor
 from scripts.common.markdown import DOCS, filled
+from scripts.common.trainings import trained_all
 from scripts.shipped import tables
 from scripts.shipped.agents import AGENTS, configs
-from scripts.shipped.trainings import export, trained_all
+from scripts.shipped.trainings import export
 
 PAGES = (DOCS / "agents.md",)
 COMMAND = "python -m scripts.shipped"
@@ -51,7 +54,11 @@ def train_and_ship(name: str, seeds: int, jobs: int, output: Path) -> None:
     """
     if integer("seeds", seeds, 1) % 2 == 0:
         raise ValueError(f"seeds = {seeds}: must be odd, so that one training is in the middle")
-    found = trained_all(configs(name, seeds), output / name, integer("jobs", jobs, 1))
+    wanted = [(config, output / name / f"seed-{config.seed}") for config in configs(name, seeds)]
+    with tqdm(total=seeds, unit="training", desc=name) as bar:
+        found, failed = trained_all(wanted, executor("processes", jobs, output), bar.update)
+    if failed:
+        raise OSError("; ".join(failed))
     for one in found:
         print(f"{name}, seed {one.config.seed}: {StandardScore.of(one.best)}")
     export(found, POLICIES, name, f"{COMMAND} --only {name} --seeds {seeds}")

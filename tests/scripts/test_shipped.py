@@ -10,9 +10,10 @@ import pytest
 
 from flexarm_agents import Score, StandardScore, TrainingConfig, load_policy
 from flexarm_agents.load import POLICIES
+from scripts.common.trainings import Training, trained
 from scripts.shipped import tables
 from scripts.shipped.__main__ import train_and_ship
-from scripts.shipped.trainings import Training, export, median, trained
+from scripts.shipped.trainings import export, median
 from tests.support.refusals import refuses
 from tests.support.trainings import TINY
 
@@ -54,7 +55,7 @@ def test_a_training_of_another_version_is_refused(tmp_path: Path, monkeypatch: p
     config = TrainingConfig(**TINY)
     trained(config, tmp_path / "run")
     elsewhere = training(0, 0.1)
-    monkeypatch.setattr("scripts.shipped.trainings.evaluate", lambda *given: StandardScore.of(elsewhere.best))
+    monkeypatch.setattr("scripts.common.trainings.evaluate", lambda *given: StandardScore.of(elsewhere.best))
     with refuses(ValueError, "run: its best policy scored swing lap: ended early", "remove the folder"):
         trained(config, tmp_path / "run")
 

@@ -1,0 +1,101 @@
+"""Trainings as jobs: begun, gone on with, or taken over where they are finished; wherever they run."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from math import isclose
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from flexarm_agents import StandardScore, TeachingConfig, TrainingConfig, evaluate, load_policy
+from flexarm_agents.config import RunConfig
+from flexarm_agents.evaluation import EVALUATION_SEED
+from flexarm_agents.run_folder import RunFolder
+from flexarm_agents.teaching.training import teach
+from flexarm_agents.training import Outcome, train
+from scripts.common.executors import Executor
+
+ROUNDING = 1e-3  # relative, of a lap's error
+Job = tuple[RunConfig, Path]
+
+
+class Training(NamedTuple):
+    """A finished training.
+
+    Attributes:
+        config: its configuration.
+        folder: where it lies.
+        best: the evaluation of its best policy, a row of `evaluations.json`.
+    """
+
+    config: RunConfig
+    folder: Path
+    best: dict[str, Any]
+
+
+def trained(config: RunConfig, folder: Path) -> Training:
+    """Train, go on with an interrupted training, or take a finished one over.
+
+    Args:
+        config: the configuration.
+        folder: for the results.
+
+    Raises:
+        ValueError: the training in the folder has another configuration, or was made by a version whose environments
+            gave other scores.
+    """
+    outcome = carried_out(config, folder)
+    policy = load_policy(folder)
+    again = evaluate(policy.make_env(), policy.policy, EVALUATION_SEED)
+    if policy.notes["config"]["evaluation_laps"] == 1 and not _alike(again, StandardScore.of(outcome.best)):
+        raise ValueError(
+            f"folder = {folder}: its best policy scored {StandardScore.of(outcome.best)}, and now {again}; another "
+            "version trained it, so remove the folder"
+        )
+    return Training(config, folder, outcome.best)
+
+
+def _alike(one: StandardScore, other: StandardScore) -> bool:
+    """Return whether two scores differ at most as a version that rounds otherwise makes them differ."""
+    errors = [(a.rms, b.rms) for a, b in zip(one, other, strict=True)]
+    return all(a is b is None or (a and b and isclose(a, b, rel_tol=ROUNDING)) for a, b in errors)
+
+
+def carried_out(config: RunConfig, folder: Path) -> Outcome:
+    """Train, or go on, by the kind of the configuration; students of one agent share their teacher's plans.
+
+    Raises:
+        TypeError: for another kind.
+    """
+    resume = RunFolder(folder).config.exists()
+    if isinstance(config, TeachingConfig):
+        return teach(config, folder, resume, plans=folder.parent / "plans")
+    if isinstance(config, TrainingConfig):
+        return train(config, folder, resume)
+    raise TypeError(f"config = {config!r}: must be a TrainingConfig or a TeachingConfig")
+
+
+def trained_all(jobs: Sequence[Job], where: Executor, tick: Callable[[], Any]) -> tuple[list[Training], list[str]]:
+    """Train each configuration in a folder of its own.
+
+    Args:
+        jobs: configurations and folders.
+        where: runs them, each on one core.
+        tick: called after each.
+
+    Returns:
+        The finished trainings, in the order of the jobs, and why others failed.
+    """
+    found: dict[int, Training] = {}
+    failed = []
+    for n, outcome in where.run(_trained, jobs) if jobs else ():
+        if isinstance(outcome, BaseException):
+            failed.append(f"{jobs[n][1]}: {outcome}")
+        else:
+            found[n] = outcome
+        tick()
+    return [found[n] for n in sorted(found)], failed
+
+
+def _trained(job: Job) -> Training:
+    return trained(*job)

@@ -1,0 +1,83 @@
+"""`python -m scripts.train --seeds --sweep`: every setting with every seed, taken over where finished."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from flexarm_agents import TrainingConfig
+from scripts import train
+from tests.support.programs import run_study
+from tests.support.refusals import refuses
+from tests.support.trainings import TINY
+
+
+class InProcess:
+    """Runs jobs in this process, the last one first."""
+
+    def __init__(self, *given: Any) -> None:
+        """Take what `executor` takes."""
+
+    def run(self, function: Callable[[Any], Any], jobs: Sequence[Any]) -> Iterator[tuple[int, Any]]:
+        for n, job in reversed(list(enumerate(jobs))):
+            try:
+                yield n, function(job)
+            except ValueError as error:
+                yield n, error
+
+
+def test_seeds_are_numbers_and_ranges() -> None:
+    assert train.seeds_of("7,0-2,1") == [0, 1, 2, 7]
+    for text in ("", "a", "3-1", "1-", "-1", "1.5"):
+        with refuses(ValueError, "seeds", "numbers and ranges"):
+            train.seeds_of(text)
+
+
+def test_a_sweep_has_all_combinations_and_each_its_folder() -> None:
+    settings = train.settings_of({"learning_rate": [1e-3, 2e-3], "options": [{}, {"noise": 0.01}]})
+    assert len(settings) == 4
+    jobs = train.jobs_of(TrainingConfig(), settings, [0, 1], Path("out"))
+    assert len({folder for _, folder in jobs}) == 8
+    assert {config.learning_rate for config, _ in jobs} == {1e-3, 2e-3}
+    (one, folder), *_ = train.jobs_of(TrainingConfig(), [{}], [0], Path("out"))
+    assert (one, folder.parent) == (TrainingConfig(), train.jobs_of(one, [{}], [5], Path("out"))[0][1].parent)
+    with refuses(ValueError, "sweep['envs'] = 3", "a list"):
+        train.settings_of({"envs": 3})
+    for name in ("learning_rates", "seed"):
+        with refuses(TypeError, name):
+            train.settings_of({name: [1]})
+
+
+def test_finished_trainings_are_taken_over_and_a_failed_one_hides_no_other(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "sweep.json").write_text(json.dumps({"learning_rate": [1e-3, 2e-3]}))
+    monkeypatch.setattr(train, "executor", InProcess)
+    base = TrainingConfig(**TINY)
+    options = train.Options(base, "0-1", tmp_path / "sweep.json", tmp_path / "out")
+    monkeypatch.setattr(train.tyro, "cli", lambda *given, **named: options)
+    train.main()
+    rows = json.loads((tmp_path / "out" / "trainings.json").read_text())["settings"]
+    assert [row["setting"] for row in rows] == [{"learning_rate": 1e-3}, {"learning_rate": 2e-3}]
+    assert [one["seed"] for row in rows for one in row["trainings"]] == [0, 1, 0, 1]
+    assert capsys.readouterr().out.count("| learning_rate = ") == 2
+    folders = [Path(one["folder"]) for row in rows for one in row["trainings"]]
+    before = [(folder / "checkpoint.zip").stat().st_mtime_ns for folder in folders]
+    written = json.loads((folders[3] / "config.json").read_text())
+    (folders[3] / "config.json").write_text(json.dumps(written | {"envs": 8}))  # another training is there
+    with refuses(OSError, "some trainings failed"):
+        train.main()
+    assert [(folder / "checkpoint.zip").stat().st_mtime_ns for folder in folders] == before
+    again = json.loads((tmp_path / "out" / "trainings.json").read_text())["settings"]
+    assert again[0] == rows[0]
+    assert [one["seed"] for one in again[1]["trainings"]] == [0]
+
+
+def test_a_seed_beside_seeds_is_refused() -> None:
+    ended = run_study("train", "--seeds", "0-1", "--seed", "3")
+    assert ended.returncode == 1
+    assert "seed = 3: must go without --seeds" in ended.stderr
