@@ -25,6 +25,7 @@ from tqdm import tqdm
 from flexarm_agents import Spread, StandardScore, TrainingConfig
 from flexarm_agents.commands import main as flexarm
 from flexarm_agents.commands.arguments import json_object
+from flexarm_env.laps import LAPS
 from flexarm_env.validation import known_names, mapping, shown
 from scripts.common.command_line import run
 from scripts.common.executors import executor
@@ -154,8 +155,8 @@ def _key(config: TrainingConfig) -> str:
 
 
 def _error(best: Mapping[str, Any]) -> float | None:
-    errors = [lap.rms for lap in StandardScore.of(best)]
-    return None if any(error is None for error in errors) else sum(errors) / len(errors)
+    errors = [lap.rms for lap in StandardScore.of(best) if lap.rms is not None]
+    return sum(errors) / len(LAPS) if len(errors) == len(LAPS) else None
 
 
 if __name__ == "__main__":
