@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from flexarm_agents import TrainingConfig
-from scripts import train
+from scripts import sweep
 from tests.support.programs import run_study
 from tests.support.refusals import refuses
 from tests.support.trainings import TINY
@@ -31,36 +31,36 @@ class InProcess:
 
 
 def test_seeds_are_numbers_and_ranges() -> None:
-    assert train.seeds_of("7,0-2,1") == [0, 1, 2, 7]
+    assert sweep.seeds_of("7,0-2,1") == [0, 1, 2, 7]
     for text in ("", "a", "3-1", "1-", "-1", "1.5"):
         with refuses(ValueError, "seeds", "numbers and ranges"):
-            train.seeds_of(text)
+            sweep.seeds_of(text)
 
 
 def test_a_sweep_has_all_combinations_and_each_its_folder() -> None:
-    settings = train.settings_of({"learning_rate": [1e-3, 2e-3], "options": [{}, {"noise": 0.01}]})
+    settings = sweep.settings_of({"learning_rate": [1e-3, 2e-3], "options": [{}, {"noise": 0.01}]})
     assert len(settings) == 4
-    jobs = train.jobs_of(TrainingConfig(), settings, [0, 1], Path("out"))
+    jobs = sweep.jobs_of(TrainingConfig(), settings, [0, 1], Path("out"))
     assert len({folder for _, folder in jobs}) == 8
     assert {config.learning_rate for config, _ in jobs} == {1e-3, 2e-3}
-    (one, folder), *_ = train.jobs_of(TrainingConfig(), [{}], [0], Path("out"))
-    assert (one, folder.parent) == (TrainingConfig(), train.jobs_of(one, [{}], [5], Path("out"))[0][1].parent)
+    (one, folder), *_ = sweep.jobs_of(TrainingConfig(), [{}], [0], Path("out"))
+    assert (one, folder.parent) == (TrainingConfig(), sweep.jobs_of(one, [{}], [5], Path("out"))[0][1].parent)
     with refuses(ValueError, "sweep['envs'] = 3", "a list"):
-        train.settings_of({"envs": 3})
+        sweep.settings_of({"envs": 3})
     for name in ("learning_rates", "seed"):
         with refuses(TypeError, name):
-            train.settings_of({name: [1]})
+            sweep.settings_of({name: [1]})
 
 
 def test_finished_trainings_are_taken_over_and_a_failed_one_hides_no_other(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "sweep.json").write_text(json.dumps({"learning_rate": [1e-3, 2e-3]}))
-    monkeypatch.setattr(train, "executor", InProcess)
+    monkeypatch.setattr(sweep, "executor", InProcess)
     base = TrainingConfig(**TINY)
-    options = train.Options(base, "0-1", tmp_path / "sweep.json", tmp_path / "out")
-    monkeypatch.setattr(train.tyro, "cli", lambda *given, **named: options)
-    train.main()
+    options = sweep.Options(base, "0-1", tmp_path / "sweep.json", tmp_path / "out")
+    monkeypatch.setattr(sweep.tyro, "cli", lambda *given, **named: options)
+    sweep.main()
     rows = json.loads((tmp_path / "out" / "trainings.json").read_text())["settings"]
     assert [row["setting"] for row in rows] == [{"learning_rate": 1e-3}, {"learning_rate": 2e-3}]
     assert [one["seed"] for row in rows for one in row["trainings"]] == [0, 1, 0, 1]
@@ -70,7 +70,7 @@ def test_finished_trainings_are_taken_over_and_a_failed_one_hides_no_other(
     written = json.loads((folders[3] / "config.json").read_text())
     (folders[3] / "config.json").write_text(json.dumps(written | {"envs": 8}))  # another training is there
     with refuses(OSError, "some trainings failed"):
-        train.main()
+        sweep.main()
     assert [(folder / "checkpoint.zip").stat().st_mtime_ns for folder in folders] == before
     again = json.loads((tmp_path / "out" / "trainings.json").read_text())["settings"]
     assert again[0] == rows[0]
