@@ -61,6 +61,22 @@ class RunFolder:
         write_json(self.config, {"format": _FORMAT, **config.plain()})
         write_json(self.versions, dict(versions))
 
+    def enter(self, config: RunConfig, versions: Mapping[str, str], resume: bool) -> None:
+        """Begin a training in the folder, or check that the one in it may go on.
+
+        Args:
+            config: its configuration.
+            versions: see `begin`.
+            resume: go on.
+
+        Raises:
+            FileExistsError, FileNotFoundError, ValueError: see `begin` and `check_same`.
+        """
+        if resume:
+            self.check_same(config)
+        else:
+            self.begin(config, versions)
+
     def read_config(self, kind: type[Config]) -> Config:
         """Read the configuration of the training in the folder.
 

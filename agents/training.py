@@ -60,10 +60,7 @@ def train(
         ValueError: if the training in the folder has another configuration.
     """
     run = RunFolder(config.folder if folder is None else folder)
-    if resume:
-        run.check_same(config)
-    else:
-        run.begin(config, versions([__name__]))
+    run.enter(config, versions([__name__]), resume)
     with one_thread(), StopSignals() as stop:
         if run.checkpoint.exists():
             model, found = load_checkpoint(run.checkpoint)

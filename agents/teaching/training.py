@@ -60,10 +60,7 @@ def teach(
             standard laps by torques.
     """
     run = RunFolder(config.folder if folder is None else folder)
-    if resume:
-        run.check_same(config)
-    else:
-        run.begin(config, versions([__name__]))
+    run.enter(config, versions([__name__]), resume)
     with one_thread(), StopSignals() as stop:
         lessons = config.options | config.lesson_options | {"start": "corner"}
         env = make_batch(config.environment, config.arms, lessons)

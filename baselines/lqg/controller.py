@@ -16,7 +16,7 @@ from flexarm_baselines.along_plans import PlanController
 from flexarm_baselines.arrays import Floats
 from flexarm_baselines.controller import Memory, Seen
 from flexarm_baselines.lqg.tables import FilterTables, RegulatorTables, product
-from flexarm_baselines.observers import KalmanFilter, NoiseModel
+from flexarm_baselines.observers import GAUGES, SENSORS, KalmanFilter, NoiseModel
 from flexarm_baselines.optimal import GOOD, LinearQuadratic, Plan, RegulatorWeights
 from flexarm_baselines.task import Task
 from flexarm_env.simulation.arm import FlexibleArm
@@ -58,7 +58,7 @@ class LQG(PlanController):
         integrates: it has integral action.
     """
 
-    blocks: ClassVar[tuple[str, ...]] = ("joint_angles", "joint_rates", "sensed_position", "lap_phase")
+    blocks: ClassVar[tuple[str, ...]] = (*SENSORS, "lap_phase")
 
     def __init__(
         self,
@@ -138,11 +138,4 @@ class LQG(PlanController):
 class GaugedLQG(LQG):
     """`LQG` that reads strain gauges, too."""
 
-    blocks: ClassVar[tuple[str, ...]] = (
-        "joint_angles",
-        "joint_rates",
-        "sensed_position",
-        "modal_coordinates",
-        "modal_rates",
-        "lap_phase",
-    )
+    blocks: ClassVar[tuple[str, ...]] = (*SENSORS, *GAUGES, "lap_phase")

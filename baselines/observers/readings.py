@@ -6,6 +6,10 @@ from typing import NamedTuple
 
 from flexarm_baselines.arrays import Array
 
+# Blocks of an observation that hold them: encoders and the late tip, and what strain gauges add.
+SENSORS = ("joint_angles", "joint_rates", "sensed_position")
+GAUGES = ("modal_coordinates", "modal_rates")
+
 
 class Readings(NamedTuple):
     """Readings of n arms at one instant; a NaN is a reading that is missing.

@@ -17,7 +17,7 @@ import numpy as np
 from flexarm_baselines.along_plans import PlanController, within_half_a_turn
 from flexarm_baselines.arrays import Floats
 from flexarm_baselines.controller import Memory, Seen
-from flexarm_baselines.observers import Estimate, KalmanFilter, NoiseModel, Readings
+from flexarm_baselines.observers import GAUGES, SENSORS, Estimate, KalmanFilter, NoiseModel, Readings
 from flexarm_baselines.optimal.plan import Plan
 from flexarm_baselines.predictive.guide import Guide, previewed
 from flexarm_baselines.predictive.iteration import Instant, RealTimeIteration
@@ -142,7 +142,7 @@ class NMPC(PredictiveController):
         filter: see `KalmanFilter`.
     """
 
-    blocks: ClassVar[tuple[str, ...]] = ("joint_angles", "joint_rates", "sensed_position", "lap_phase")
+    blocks: ClassVar[tuple[str, ...]] = (*SENSORS, "lap_phase")
 
     def __init__(
         self,
@@ -197,14 +197,7 @@ class NMPC(PredictiveController):
 class GaugedNMPC(NMPC):
     """`NMPC` that reads strain gauges, too."""
 
-    blocks: ClassVar[tuple[str, ...]] = (
-        "joint_angles",
-        "joint_rates",
-        "sensed_position",
-        "modal_coordinates",
-        "modal_rates",
-        "lap_phase",
-    )
+    blocks: ClassVar[tuple[str, ...]] = (*SENSORS, *GAUGES, "lap_phase")
 
 
 class StateNMPC(PredictiveController):

@@ -102,6 +102,7 @@ def with_links(page: Path, pages: Path) -> str:
     """
 
     def link(match: re.Match[str]) -> str:
+        """Return where a link leads on the site."""
         target = (page.parent / match[0]).resolve()
         if target == pages.resolve() / "README.md":
             return match[0].replace("README.md", FIRST)

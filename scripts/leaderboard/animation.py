@@ -45,6 +45,7 @@ def animate(runs: Mapping[str, Trajectory], path: Path) -> None:
     end = max(run.time[-1] for run in runs.values())
 
     def show(frame: int) -> list[Any]:
+        """Move every row's lines to a frame."""
         time = frame * SPEED / PICTURES_PER_SECOND
         for run, shape, points, trace, arm, target in lines:
             now = min(int(np.searchsorted(run.time, time)), len(run) - 1)
