@@ -60,17 +60,14 @@ def run_policy(
     inner = getattr(env, "unwrapped", env)
     if not isinstance(inner, FlexArmEnv):
         raise TypeError(f"env = {shown(env)}: must be a FlexArmEnv, wrapped or not")
-    if lap is not None and options is not None:
-        raise ValueError(f"lap = {shown(lap)} beside options = {shown(options)}: give one of them; a lap sets options")
-    if lap is not None:
-        options = LAPS[choice("lap", lap, LAPS)].reset_options(inner.settings.direction)
+    options = _start(inner, options, lap)
     predict = predictor(policy, deterministic)
     _check_gain_limit(inner, policy)
     if max_steps is None and (env.spec is None or env.spec.max_episode_steps is None):
         max_steps = inner.lap_steps
     if max_steps is None and env.spec is not None:
         warn_of_short_limit(env.spec, env.spec.max_episode_steps, inner.lap_steps)
-    observation, info = env.reset(seed=seed, options={"start": "corner"} if options is None else options)
+    observation, info = env.reset(seed=seed, options=options)
     arm = _episode_arm(inner, inner.episode.parameters)
     signals = ("gain", "torque") if "gain" in info else ("torque",)
     rows = [_row(info, reward=0.0)]
@@ -91,6 +88,15 @@ def run_policy(
     arrays = {name: np.array([row[name] for row in rows]) for name in rows[0]}
     measured = arrays.pop("true_tip")  # of another engine's arm no model's state tells it
     return replace(arm.record(**arrays, notes={"ended": ended}), tip=measured)
+
+
+def _start(env: FlexArmEnv, options: dict[str, Any] | None, lap: str | None) -> dict[str, Any]:
+    """Return the options of the reset that begins the episode."""
+    if lap is None:
+        return {"start": "corner"} if options is None else options
+    if options is not None:
+        raise ValueError(f"lap = {shown(lap)} beside options = {shown(options)}: give one of them; a lap sets options")
+    return LAPS[choice("lap", lap, LAPS)].reset_options(env.settings.direction)
 
 
 def _check_gain_limit(env: FlexArmEnv, policy: Any) -> None:

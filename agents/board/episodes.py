@@ -227,19 +227,26 @@ def _run(
     for name in _RECORDED[:-1]:
         record[name][steps] = infos[name]
     record["torque"][steps] = record["torque"][steps - 1]
-    success = infos.get("is_success")
-    found = []
+    success, found = infos.get("is_success"), []
     for i, episode in enumerate(episodes):
-        known = {name: values[: lengths[i], i] for name, values in record.items()}
-        one: dict[str, Any] = {"lap": episode.lap, "seed": episode.seed, "ended": ended[i]}
-        one["duration"] = float(known["time"][-1])
-        one["figures"] = _figures(view, known) if ended[i] == COMPLETE else None
+        one = _result(view, episode, ended[i], {name: values[: lengths[i], i] for name, values in record.items()})
         if success is not None:
             one["success"] = bool(success[i]) and ended[i] == COMPLETE
         if drawn is not None:
             one["drawn"] = drawn[i]
         found.append(one)
     return found
+
+
+def _result(view: SimulatorView, episode: Episode, ended: str, known: Mapping[str, Array]) -> dict[str, Any]:
+    """Return plain values of an episode from its record until its end."""
+    return {
+        "lap": episode.lap,
+        "seed": episode.seed,
+        "ended": ended,
+        "duration": float(known["time"][-1]),
+        "figures": _figures(view, known) if ended == COMPLETE else None,
+    }
 
 
 def _converted(observation: Any, matrix: Array) -> NDArray[np.float32]:
