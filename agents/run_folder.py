@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from flexarm_agents.config import RunConfig
+from flexarm_env.validation import short
 
 _FORMAT = 1
 Config = TypeVar("Config", bound=RunConfig)
@@ -94,8 +95,8 @@ class RunFolder:
             if values.pop("format") != _FORMAT:
                 raise ValueError(f"this version reads format {_FORMAT}")
             return kind.of(values)
-        except (ValueError, TypeError, KeyError, AttributeError) as error:
-            raise ValueError(f"{self.config}: not a training's configuration ({error})") from error
+        except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
+            raise ValueError(f"{self.config}: not a training's configuration ({short(str(error))})") from error
 
     def check_same(self, config: RunConfig) -> None:
         """Check that the training in the folder is one of this configuration.
