@@ -39,14 +39,14 @@ class Kind(NamedTuple):
 
     Attributes:
         name: of the file, which stays what it is.
-        content: a good one.
+        make: makes a good one in a folder, and returns its content.
         read: reads one, and returns what is in it as plain values and arrays.
         checked: the format finds any change: what is read is what was written. Where it is False, a change that leaves
             a good file of the format is that of another good file.
     """
 
     name: str
-    content: bytes
+    make: Callable[[Path], bytes]
     read: Callable[[Path], Any]
     checked: bool
 
@@ -88,25 +88,46 @@ def _read_config(path: Path) -> Any:
     return RunFolder(path.parent).read_config(TrainingConfig).plain()
 
 
-@cache
-def kinds() -> dict[str, Kind]:
-    """Make a good file of each kind."""
-    folder = Path(tempfile.mkdtemp(prefix="hardening-"))
-    FlexibleArm(ArmParameters.linear()).record(0.1 * np.arange(9), np.ones((9, 12)), np.ones((9, 2))).save(
-        folder / "run.npz"
-    )
+def _trained(folder: Path) -> bytes:
     train(TrainingConfig(**TINY), folder / "training", progress=False)
+    return (folder / "training" / "checkpoint.zip").read_bytes()
+
+
+def _configured(folder: Path) -> bytes:
+    RunFolder(folder / "run").begin(TrainingConfig(**TINY), {})
+    return (folder / "run" / "config.json").read_bytes()
+
+
+def _ran(folder: Path) -> bytes:
+    arm = FlexibleArm(ArmParameters.linear())
+    arm.record(0.1 * np.arange(9), np.ones((9, 12)), np.ones((9, 2))).save(folder / "run.npz")
+    return (folder / "run.npz").read_bytes()
+
+
+def _measured(folder: Path) -> bytes:
     store, cell = _cell()
-    found = {
-        "policy": Kind("policy.npz", (POLICIES / "student.npz").read_bytes(), _policy, True),
-        "plan": Kind("plan.npz", (PLANS / "default_plain.npz").read_bytes(), lambda p: _values(Plan.load(p)), True),
-        "run": Kind("run.npz", (folder / "run.npz").read_bytes(), lambda p: _values(Trajectory.load(p)), True),
-        "checkpoint": Kind("checkpoint.zip", (folder / "training" / "checkpoint.zip").read_bytes(), _checkpoint, True),
-        "cell of the board": Kind("cell.json", store.path(cell.key).read_bytes(), _read_cell, True),
-        "configuration": Kind("config.json", (folder / "training" / "config.json").read_bytes(), _read_config, False),
-    }
-    assert all(len(kind.content) < MOST_BYTES for kind in found.values())
-    return found
+    return store.path(cell.key).read_bytes()
+
+
+KINDS = {
+    "policy": Kind("policy.npz", lambda folder: (POLICIES / "student.npz").read_bytes(), _policy, True),
+    "plan": Kind(
+        "plan.npz", lambda folder: (PLANS / "default_plain.npz").read_bytes(), lambda p: _values(Plan.load(p)), True
+    ),
+    "run": Kind("run.npz", _ran, lambda p: _values(Trajectory.load(p)), True),
+    "checkpoint": Kind("checkpoint.zip", _trained, _checkpoint, True),
+    "cell of the board": Kind("cell.json", _measured, _read_cell, True),
+    "configuration": Kind("config.json", _configured, _read_config, False),
+}
+
+
+@cache
+def good_content(kind: str) -> bytes:
+    """Return the content of a good file of a kind."""
+    with tempfile.TemporaryDirectory(prefix="hardening-") as folder:
+        content = KINDS[kind].make(Path(folder))
+    assert len(content) < MOST_BYTES
+    return content
 
 
 class Damage(NamedTuple):
@@ -134,7 +155,7 @@ def drawn() -> st.SearchStrategy[Damage]:
     share = st.floats(0.0, 1.0)
     return st.builds(
         Damage,
-        kind=st.sampled_from(sorted(kinds())),
+        kind=st.sampled_from(sorted(KINDS)),
         flips=st.lists(st.tuples(share, st.integers(1, 255)), max_size=3),
         cut=st.just(1.0) | st.just(1.0) | share,
         inserted=st.tuples(share, st.just(b"") | st.binary(max_size=8)),
@@ -175,9 +196,9 @@ def _replaced(content: bytes, number: int, value: Any) -> bytes:
 @cache
 def _good(kind: str, folder: Path) -> Any:
     """Read the good file of a kind."""
-    path = folder / kinds()[kind].name
-    path.write_bytes(kinds()[kind].content)
-    return kinds()[kind].read(path)
+    path = folder / KINDS[kind].name
+    path.write_bytes(good_content(kind))
+    return KINDS[kind].read(path)
 
 
 @cache
@@ -191,11 +212,10 @@ def read_damaged(damage: Damage) -> Counter[str]:
     Raises:
         AssertionError: if an error is none that is documented, or other values are read than were written.
     """
-    kind, folder = kinds()[damage.kind], _folder()
+    kind, folder = KINDS[damage.kind], _folder()
     good = _good(damage.kind, folder)
     path = folder / kind.name
-    content = damaged(kind.content, damage)
-    path.write_bytes(content)
+    path.write_bytes(damaged(good_content(damage.kind), damage))
     try:
         found = kind.read(path)
     except Exception as error:

@@ -73,6 +73,11 @@ def subjects() -> dict[str, Subject]:
     return found | {type(one).__name__: _of(one) for one in examples}
 
 
+def _either(garbage: st.SearchStrategy[Any], sensible: st.SearchStrategy[Any] | None) -> st.SearchStrategy[Any]:
+    """Draw one or the other, as often."""
+    return garbage if sensible is None else st.booleans().flatmap(lambda good: sensible if good else garbage)
+
+
 def drawn() -> st.SearchStrategy[tuple[str, dict[str, Any]]]:
     """Draw a subject, and one to three of its fields."""
     garbage = st.sampled_from(GARBAGE)
@@ -83,7 +88,7 @@ def drawn() -> st.SearchStrategy[tuple[str, dict[str, Any]]]:
         name = draw(st.sampled_from(sorted(subjects())))
         own = subjects()[name].fields
         chosen = draw(st.lists(st.sampled_from(sorted(own)), min_size=1, max_size=3, unique=True))
-        return name, {one: draw(own[one] or garbage) if draw(st.booleans()) else draw(garbage) for one in chosen}
+        return name, {one: draw(_either(garbage, own[one])) for one in chosen}
 
     return draw_fields()
 
