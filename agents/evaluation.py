@@ -27,7 +27,7 @@ class Found:
     Attributes:
         rows: rows of the evaluations.
         best: index of the best row, None before the first.
-        best_rank: rank of that row, see `score.rank`.
+        best_rank: rank of that row, see `scoring.rank`.
         seconds: wall time of the training, compiling and evaluations included, in this process and those
             before [s].
     """

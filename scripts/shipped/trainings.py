@@ -15,7 +15,7 @@ RULE = "the median of {count} trainings that differ in their seeds, by the mean 
 
 
 def median(trainings: Sequence[Training]) -> Training:
-    """Return the training whose best policy is in the middle, by `score.rank`.
+    """Return the training whose best policy is in the middle, by `scoring.rank`.
 
     Args:
         trainings: an odd number.
