@@ -152,6 +152,8 @@ class Damage(NamedTuple):
 
 def drawn() -> st.SearchStrategy[Damage]:
     """Draw a kind of file, and damage."""
+    for kind in KINDS:  # a case's time is that of one damaged file
+        _good(kind, _folder())
     share = st.floats(0.0, 1.0)
     return st.builds(
         Damage,

@@ -17,6 +17,8 @@ from scripts.hardening.campaign import Part, Tally, run_block, run_part
 from scripts.hardening.files import Damage, damaged
 from scripts.hardening.kills import TASKS, kill_often
 from scripts.hardening.page import fuzzing_table, kills_table, soak_table
+from scripts.hardening.strategies import Contrary
+from scripts.hardening.values import construct
 from tests.support.programs import refusal
 
 SAMPLE = {"options": 25, "values": 60, "calls": 8, "files": 60}
@@ -56,6 +58,39 @@ def test_a_soak_has_the_same_bits_twice() -> None:
 @pytest.mark.parametrize("name", TASKS)
 def test_a_killed_task_loses_nothing(name: str, tmp_path: Path) -> None:
     assert kill_often(name, 1, 5, tmp_path / "killed")["kills"] == 1
+
+
+# --- faults that it found -----------------------------------------------------------------------------------------
+
+FOUND: list[tuple[str, dict[str, Any]]] = [
+    ("TeachingConfig", {"arms": None}),
+    ("TrainingConfig", {"batch": 10**5000}),
+    ("History", {"lags": True}),
+    ("History", {"remembered": 1j}),
+    ("NetworkPolicy", {"weights": None}),
+    ("NetworkPolicy", {"biases": 0.5}),
+    ("NetworkPolicy", {"history": {}}),
+    ("TrackingProblem", {"tip_weights": Contrary()}),
+    ("FLSAC", {"tip_weights": Contrary()}),
+]
+
+
+@pytest.mark.parametrize(("name", "values"), FOUND, ids=[f"{name} {next(iter(values))}" for name, values in FOUND])
+def test_fields_are_refused_by_name(name: str, values: dict[str, Any]) -> None:
+    assert construct((name, values)) == Counter(refused=1)
+
+
+@pytest.mark.parametrize("kind", ["cell of the board", "configuration"])
+def test_deep_nesting_is_refused(kind: str) -> None:
+    assert files.read_damaged(Damage(kind, [], 1.0, (0.0, b""), 20_000, None)) == Counter(refused=1)
+
+
+def test_a_changed_figure_of_a_cell_is_refused() -> None:
+    content = files.good_content("cell of the board")
+    places = [content.index(b"0.5"), content.index(b'"rms"')]
+    for place in places:
+        flip = [((place + 0.5) / (len(content) - 1), 1)]
+        assert files.read_damaged(Damage("cell of the board", flip, 1.0, (0.0, b""), 0, None)) == Counter(refused=1)
 
 
 # --- campaigns ----------------------------------------------------------------------------------------------------
