@@ -98,7 +98,7 @@ class PredictiveController(PlanController):
         """
 
     @abstractmethod
-    def update(self, seen: Seen, belief: Memory) -> tuple[Floats, dict[str, Any], Memory]:
+    def update(self, seen: Seen, belief: Memory) -> tuple[Floats, dict[str, Floats], Memory]:
         """Return states, quantities of the arms by name, and belief, after what has been observed."""
 
     def advance(self, belief: Memory, torque: Floats) -> Memory:
@@ -115,24 +115,18 @@ class PredictiveController(PlanController):
         state[:, :2] = seen["joint_angles"]
         off = state - self.iteration.guide.states[run, period]
         state += within_half_a_turn(off) - off
-        predictions = [self.iteration.predicted(int(one), int(at)) for one, at in zip(run, period, strict=True)]
-        states, torques = (np.stack(part) for part in zip(*predictions, strict=True))
-        return (run, np.zeros((len(seen), 2)), states, torques, *self.begin(seen, state))
+        return (run, np.zeros((len(seen), 2)), *self.iteration.predicted(run, period), *self.begin(seen, state))
 
     def torque(self, seen: Seen, memory: Memory) -> tuple[Floats, Memory]:
-        """Improve each arm's prediction, and apply its first torque."""
+        """Improve the arms' predictions, and apply their first torques."""
         run, before, states, torques, *rest = memory
         believed, quantities, belief = self.update(seen, tuple(rest))
-        ahead_states, ahead_torques, torque = np.empty_like(states), np.empty_like(torques), np.empty((len(seen), 2))
-        for arm, period in enumerate(self.period_of(seen)):
-            own = {name: float(value[arm]) for name, value in quantities.items()}
-            now = Instant(int(run[arm]), int(period), believed[arm], before[arm], own)
-            prediction = Rollout(states[arm], torques[arm])
-            for _ in range(self.iterations):
-                prediction = self.iteration.improve(prediction, now)
-            torque[arm] = prediction.torques[0]
-            ahead_states[arm], ahead_torques[arm] = self.iteration.shifted(prediction, now)
-        return torque, (run, torque, ahead_states, ahead_torques, *self.advance(belief, torque))
+        now = Instant(run, self.period_of(seen), believed, before, quantities)
+        prediction = Rollout(states, torques)
+        for _ in range(self.iterations):
+            prediction = self.iteration.improve(prediction, now)
+        torque = prediction.torques[:, 0].copy()
+        return torque, (run, torque, *self.iteration.shifted(prediction, now), *self.advance(belief, torque))
 
 
 class NMPC(PredictiveController):
@@ -171,7 +165,7 @@ class NMPC(PredictiveController):
         """Begin the filter's estimate."""
         return tuple(self.filter.start(state))
 
-    def update(self, seen: Seen, belief: Memory) -> tuple[Floats, dict[str, Any], Memory]:
+    def update(self, seen: Seen, belief: Memory) -> tuple[Floats, dict[str, Floats], Memory]:
         """Correct the estimate by the readings."""
         estimate = Estimate(*belief)
         joints = np.concatenate([seen["joint_angles"], seen["joint_rates"]], axis=1)
@@ -209,7 +203,7 @@ class StateNMPC(PredictiveController):
         """Keep the whole turns by which the guide's angle of the shoulder differs from the observed one [rad]."""
         return (state[:, 0] - seen["joint_angles"][:, 0],)
 
-    def update(self, seen: Seen, belief: Memory) -> tuple[Floats, dict[str, Any], Memory]:
+    def update(self, seen: Seen, belief: Memory) -> tuple[Floats, dict[str, Floats], Memory]:
         """Return the true state."""
         state = seen["state"]
         state[:, 0] += belief[0]

@@ -29,6 +29,7 @@ from flexarm_env.validation import finite_rows, number, real_array
 
 Array = NDArray[np.float64]
 LANES = 8  # of a block, where there is more than one arm
+KEPT = 64  # most rows of quantities whose constants are kept for the next call
 # Least and largest value of each quantity.
 RANGES = {"payload_mass": (0.0, HEAVIEST_PAYLOAD), "stiffness": (1e-3, 1e3), "damping": (0.0, 1.0)}
 
@@ -70,7 +71,7 @@ class HeldTorque(ABC):
     parameters: ArmParameters
     modes: tuple[LinkModes, LinkModes]
     constants: Constants
-    _latest: tuple[Array, tuple[Array, Array]] | None = None  # of `_shared_inputs`
+    _latest: tuple[Array, tuple[Array, Array]] | None = None  # of `_inputs_of`
 
     @abstractmethod
     def longest_step(self, damping: float | None = None) -> float:
@@ -152,11 +153,14 @@ class HeldTorque(ABC):
     def _own(self) -> tuple[Array, Array]:
         return self._kernel_inputs(self.changes.own[None])
 
-    def _shared_inputs(self, quantities: Array) -> tuple[Array, Array]:
-        """`_kernel_inputs` of one row for all arms; a controller asks for the same row several times in a period."""
-        if self._latest is None or not np.array_equal(self._latest[0], quantities):
-            self._latest = quantities, self._kernel_inputs(quantities)
-        return self._latest[1]
+    def _inputs_of(self, quantities: Array) -> tuple[Array, Array]:
+        """`_kernel_inputs`; a controller asks for the same few rows several times in a period."""
+        latest = self._latest
+        if latest is None or not np.array_equal(latest[0], quantities):
+            latest = quantities, self._kernel_inputs(quantities)
+            if len(quantities) <= KEPT:
+                self._latest = latest
+        return latest[1]
 
     def _kernel_inputs(self, quantities: Array) -> tuple[Array, Array]:
         """Constants of arms with these quantities for the kernels (`layout.arm_rows`), and their derivatives.
@@ -206,12 +210,11 @@ class HeldTorque(ABC):
         inputs = self._own
         if given:
             drawn = [given.get(name, own) for name, own in zip(ARM_QUANTITIES, self.changes.own, strict=True)]
-            if all(value.size == 1 for value in given.values()):
-                inputs = self._shared_inputs(np.array([[float(np.reshape(value, ())) for value in drawn]]))
-            else:
-                inputs = self._kernel_inputs(
-                    np.stack([np.broadcast_to(value, leading).ravel() for value in drawn], axis=-1)
-                )
+            rows = np.stack(np.broadcast_arrays(*drawn), axis=-1)
+            inputs = self._inputs_of(rows.reshape(-1, len(ARM_QUANTITIES)))
+            if len(inputs[0]) > 1:
+                known, derivatives = (_rows(table.reshape(*rows.shape[:-1], -1), leading) for table in inputs)
+                inputs = known, derivatives
         return Arms(leading, _rows(states, leading), inputs)
 
     def _kernels(self, lanes: int) -> tuple[ModuleType, Array]:

@@ -66,7 +66,7 @@ class Linear(NamedTuple):
         return 0.5 * (plus - minus), both - plus[:, None] - plus[None] + at
 
 
-def swept(problem: Linear, limits: np.ndarray = FREE) -> tuple[np.ndarray, np.ndarray, tuple[float, float]]:
+def swept(problem: Linear, limits: np.ndarray = FREE) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     found = sweep(Model(**problem._asdict()), limits)
     return found.forward, found.gains, found.expected
 
