@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
+from functools import lru_cache
 from types import ModuleType
 from typing import NamedTuple
 
@@ -15,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexarm_env.codegen import assembly, cache
+from flexarm_env.codegen.declarations import Program
 from flexarm_env.codegen.memory import aligned_zeros
 from flexarm_env.kernels.entries import extent
 from flexarm_env.kernels.step_jacobians import TANGENTS
@@ -217,11 +219,19 @@ class HeldTorque(ABC):
                 inputs = known, derivatives
         return Arms(leading, _rows(states, leading), inputs)
 
-    def _kernels(self, lanes: int) -> tuple[ModuleType, Array]:
-        """Load the kernels, and allocate their memory."""
-        complete, foreshortened = self.parameters.velocity_forces == "complete", self.constants.foreshortened
-        variant = Variant(TANGENTS, self.parameters.modes_per_link, complete, lanes, foreshortened=foreshortened)
-        return assembly.load(variant), aligned_zeros(lanes * extent(variant.rows))
+    def _kernels(self, program: Program, lanes: int) -> tuple[ModuleType, Array]:
+        """Load a program's kernels, and allocate their memory."""
+        own = self.parameters
+        complete, foreshortened = own.velocity_forces == "complete", self.constants.foreshortened
+        module, words = _loaded(program, own.modes_per_link, complete, lanes, foreshortened)
+        return module, aligned_zeros(words)
+
+
+@lru_cache
+def _loaded(program: Program, modes: int, complete: bool, lanes: int, foreshortened: bool) -> tuple[ModuleType, int]:
+    """Return kernels and the length of their arena; arguments as in `Variant`."""
+    variant = Variant(program, modes, complete, lanes, foreshortened=foreshortened)
+    return assembly.load(variant), lanes * extent(variant.rows)
 
 
 def _rows(array: Array, leading: tuple[int, ...]) -> Array:
@@ -264,7 +274,7 @@ class _Batch(NamedTuple):
     def advance(self, h: float, steps: int) -> Array:
         """See `FlexibleArm.step`."""
         states = self.states.copy()
-        module, arena = self.arm._kernels(self._lanes)
+        module, arena = self.arm._kernels(TANGENTS, self._lanes)
         cache.call(module.run_steps, arena, self.inputs[0], self.torques, h, steps, states)
         return states.reshape(*self.leading, states.shape[1])
 
@@ -272,7 +282,7 @@ class _Batch(NamedTuple):
         """See `FlexibleArm.step_jacobians`."""
         states, size = self.states.copy(), self.states.shape[1]
         jacobians = tuple(np.empty((len(states), size, columns)) for columns in (size, 2, len(ARM_QUANTITIES)))
-        module, arena = self.arm._kernels(self._lanes)
+        module, arena = self.arm._kernels(TANGENTS, self._lanes)
         cache.call(module.run_tangents, arena, *self.inputs, self.torques, h, steps, states, jacobians)
         shaped = (jacobian.reshape(*self.leading, *jacobian.shape[1:]) for jacobian in jacobians)
         return StepJacobians(states.reshape(*self.leading, size), *shaped)
