@@ -268,50 +268,6 @@ def update_value(
 
 
 @compiled
-def sweep_run(
-    by_state: Floats,
-    by_torque: Floats,
-    defects: Floats,
-    gradient: Floats,
-    hessian: Floats,
-    curvature: Floats,
-    weights: Floats,
-    torques: Floats,
-    limits: Floats,
-    regularisation: Floats,
-    feedforward: Floats,
-    gains: Floats,
-    slopes: Floats,
-    curvatures: Floats,
-    expected: Floats,
-) -> None:
-    """Sweep backward through one run; see `backward`, whose arguments have one more axis."""
-    periods, n = by_torque.shape[0], by_torque.shape[1]
-    size = n + TORQUES
-    vx, vxx, va = slopes[periods].copy(), curvatures[periods].copy(), np.zeros((n, n))
-    qz, qzz, quz = np.zeros(size), np.zeros((size, size)), np.zeros((TORQUES, size))
-    qu, quu, box = np.zeros(TORQUES), np.zeros((TORQUES, TORQUES)), np.zeros((2, TORQUES))
-    expected[:] = 0.0
-    for i in range(n):
-        vx[i] += gradient[periods, i]
-        for j in range(n):
-            vxx[i, j] += hessian[periods, i, j]
-    slopes[periods], curvatures[periods] = vx, vxx
-    for t in range(periods - 1, -1, -1):
-        for i in range(size):
-            for j in range(n):
-                vx[i] += vxx[i, j] * defects[min(t, defects.shape[0] - 1), j]
-        bent = curvature[min(t, curvature.shape[0] - 1)]
-        state_model(by_state[t], by_torque[t], gradient[t], hessian[t], bent, vx, vxx, va, qz, qzz)
-        torque_model(by_state[t], by_torque[t], bent, vx, vxx, va, qu, quu, quz)
-        add_torque_cost(weights, torques[t + 1], torques[t], qu, quu, quz, qz, qzz)
-        minimise(weights, torques[t + 1], limits, regularisation, qu, quu, quz, box, feedforward[t], gains[t])
-        expected[0] += feedforward[t, 0] * qu[0] + feedforward[t, 1] * qu[1]
-        expected[1] += update_value(feedforward[t], gains[t], qu, quu, quz, qz, qzz, vx, vxx)
-        slopes[t], curvatures[t] = vx, vxx
-
-
-@compiled
 def backward(
     by_state: Floats,
     by_torque: Floats,
@@ -356,21 +312,26 @@ def backward(
         expected: receives the first- and second-order part of the change of the cost that the model expects of the
             full step. Shape (R, 2).
     """
-    for run in range(by_torque.shape[0]):
-        sweep_run(
-            by_state[run],
-            by_torque[run],
-            defects[run],
-            gradient[run],
-            hessian[run],
-            curvature[run],
-            weights,
-            torques[run],
-            limits,
-            regularisation,
-            feedforward[run],
-            gains[run],
-            slopes[run],
-            curvatures[run],
-            expected[run],
-        )
+    runs, periods, n = by_torque.shape[:3]
+    size = n + TORQUES
+    vx, vxx, va = np.zeros(size), np.zeros((size, size)), np.zeros((n, n))
+    qz, qzz, quz = np.zeros(size), np.zeros((size, size)), np.zeros((TORQUES, size))
+    qu, quu, box = np.zeros(TORQUES), np.zeros((TORQUES, TORQUES)), np.zeros((2, TORQUES))
+    expected[:] = 0.0
+    for run in range(runs):
+        slopes[run, periods, :n] += gradient[run, periods]
+        curvatures[run, periods, :n, :n] += hessian[run, periods]
+        vx[:], vxx[:] = slopes[run, periods], curvatures[run, periods]
+        for t in range(periods - 1, -1, -1):
+            a, b, bent = by_state[run, t], by_torque[run, t], curvature[run, min(t, curvature.shape[1] - 1)]
+            u, before, change, law = torques[run, t + 1], torques[run, t], feedforward[run, t], gains[run, t]
+            for i in range(size):
+                for j in range(n):
+                    vx[i] += vxx[i, j] * defects[run, min(t, defects.shape[1] - 1), j]
+            state_model(a, b, gradient[run, t], hessian[run, t], bent, vx, vxx, va, qz, qzz)
+            torque_model(a, b, bent, vx, vxx, va, qu, quu, quz)
+            add_torque_cost(weights, u, before, qu, quu, quz, qz, qzz)
+            minimise(weights, u, limits, regularisation, qu, quu, quz, box, change, law)
+            expected[run, 0] += change[0] * qu[0] + change[1] * qu[1]
+            expected[run, 1] += update_value(change, law, qu, quu, quz, qz, qzz, vx, vxx)
+            slopes[run, t], curvatures[run, t] = vx, vxx

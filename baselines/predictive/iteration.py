@@ -138,13 +138,13 @@ class RealTimeIteration:
         off = _end(prediction) - _end(ahead.run)
         beyond = CostToGo(slopes + _times(curvatures, off), curvatures)
         runs = self._roll_out(prediction, now, ahead, self._sweep(prediction, now, ahead, beyond))
-        sound = _sound(runs.states).all(axis=(2, 3))
+        sound = _sound(runs.states, 2)
         states = np.where(sound[..., None, None], runs.states, ahead.run.states[:, None])
         off = _end(Rollout(states, runs.torques)) - _end(ahead.run)[:, None]
         total = self._costs(states, runs.torques, now, ahead) + (off @ slopes[..., None])[..., 0]
         total += 0.5 * np.sum(off @ curvatures * off, axis=2)
         arms, best = np.arange(len(total)), np.argmin(np.where(sound, total, np.inf), axis=1)
-        return Rollout(states[arms, best], _rows(sound.any(axis=1), runs.torques[arms, best], ahead.run.torques))
+        return Rollout(states[arms, best], _rows(np.any(sound, axis=1), runs.torques[arms, best], ahead.run.torques))
 
     def shifted(self, prediction: Rollout, now: Instant) -> Rollout:
         """Return predictions from the next instant on; the guide's feedback law appends a period."""
@@ -154,7 +154,7 @@ class RealTimeIteration:
         torque = guide.torques[now.run, last] + _times(guide.gains[now.run, last], off)
         torque = np.clip(torque, -self.limits, self.limits)
         state = self.model.step(states[:, -1], torque, self.period, step=self.step, **now.quantities)
-        state = _rows(_sound(state).all(axis=1), state, guide.states[now.run, last + 1])
+        state = _rows(_sound(state, 1), state, guide.states[now.run, last + 1])
         return Rollout(
             np.concatenate([states[:, 1:], state[:, None]], axis=1),
             np.concatenate([torques[:, 1:], torque[:, None]], axis=1),
@@ -215,7 +215,7 @@ class RealTimeIteration:
         """
         guided = _Law(np.zeros_like(found.forward), ahead.gains, *ahead.run, ahead.first)
         steps = _Law(found.forward, found.gains, *prediction, now.before)
-        sound = np.isfinite(found.gains).all(axis=(1, 2, 3)) & np.isfinite(found.forward).all(axis=(1, 2))
+        sound = _sound(found.gains, 1) & _sound(found.forward, 1)
         if not sound.all():
             chosen = (_rows(sound, one, other) for one, other in zip(steps, guided, strict=True))
             steps = _Law(*chosen)
@@ -269,9 +269,10 @@ def _times(matrices: Floats, vectors: Floats) -> Floats:
     return product
 
 
-def _sound(states: Floats) -> Bools:
-    """Say which numbers the arm's equations take. Shape (...)."""
-    return np.abs(states) <= LARGEST
+def _sound(numbers: Floats, leading: int) -> Bools:
+    """Say where all numbers after some leading axes are ones that the arm's equations take."""
+    sound: Bools = np.all(np.abs(numbers) <= LARGEST, axis=tuple(range(leading, numbers.ndim)))
+    return sound
 
 
 def _rows(chosen: Bools, one: Floats, other: Floats) -> Floats:

@@ -58,8 +58,7 @@ class FlexibleArm(FeedbackTorque):
             parameters: default `ArmParameters()`.
 
         Raises:
-            TypeError: if it is anything else.
-            ValueError: if its masses lie too far apart (`conditioning`).
+            TypeError, ValueError: if it is anything else, or its masses lie too far apart (`conditioning`).
         """
         parameters = ArmParameters() if parameters is None else parameters
         if not isinstance(parameters, ArmParameters):
@@ -215,8 +214,8 @@ class FlexibleArm(FeedbackTorque):
             damping: damping ratio; None: the arm's own.
         """
         own = self.parameters
-        other = damping is not None and damping != own.damping_ratio
-        return STEP_LIMIT / _fastest_rate(replace(own, damping_ratio=damping) if other else own)
+        ratio = own.damping_ratio if damping is None else damping
+        return STEP_LIMIT / _fastest_rate(own if ratio == own.damping_ratio else replace(own, damping_ratio=ratio))
 
     # --- simulation ------------------------------------------------------------------------------------------------
 

@@ -203,11 +203,9 @@ class HeldTorque(ABC):
 
     def _inputs_of(self, quantities: Array) -> tuple[Array, Array]:
         """`_kernel_inputs`; a controller asks for the same few rows several times in a period."""
-        latest = self._latest
-        if latest is None or not np.array_equal(latest[0], quantities):
+        if (latest := self._latest) is None or not np.array_equal(latest[0], quantities):
             latest = quantities, self._kernel_inputs(quantities)
-            if len(quantities) <= KEPT:
-                self._latest = latest
+            self._latest = latest if len(quantities) <= KEPT else None
         return latest[1]
 
     def _kernel_inputs(self, quantities: Array) -> tuple[Array, Array]:
@@ -267,15 +265,14 @@ class HeldTorque(ABC):
             rows = np.stack(np.broadcast_arrays(*drawn), axis=-1)
             inputs = self._inputs_of(rows.reshape(-1, len(ARM_QUANTITIES)))
             if len(inputs[0]) > 1:
-                known, derivatives = (_rows(table.reshape(*rows.shape[:-1], -1), leading) for table in inputs)
-                inputs = known, derivatives
+                one, other = (_rows(table.reshape(*rows.shape[:-1], -1), leading) for table in inputs)
+                inputs = one, other
         return Arms(leading, _rows(states, leading), inputs)
 
     def _kernels(self, program: Program, lanes: int) -> tuple[ModuleType, Array]:
         """Load a program's kernels, and allocate their memory."""
-        own = self.parameters
-        complete, foreshortened = own.velocity_forces == "complete", self.constants.foreshortened
-        module, words = _loaded(program, own.modes_per_link, complete, lanes, foreshortened)
+        complete, foreshortened = self.parameters.velocity_forces == "complete", self.constants.foreshortened
+        module, words = _loaded(program, self.parameters.modes_per_link, complete, lanes, foreshortened)
         return module, aligned_zeros(words)
 
 

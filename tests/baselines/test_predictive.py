@@ -11,7 +11,16 @@ import pytest
 
 from flexarm_baselines.optimal import Plan, Solution, SolverOptions, TrackingProblem, optimise
 from flexarm_baselines.optimal.laps import DEFLECTION
-from flexarm_baselines.predictive import NMPC, GaugedNMPC, Guide, Instant, RealTimeIteration, StateNMPC, previewed
+from flexarm_baselines.predictive import (
+    NMPC,
+    UNKNOWN,
+    GaugedNMPC,
+    Guide,
+    Instant,
+    RealTimeIteration,
+    StateNMPC,
+    previewed,
+)
 from flexarm_env.simulation.feedback import Rollout
 from tests.support.late_arm import ARM, BLOCKS, LIMITS, PERIODS, PLACES, SIZE, START, Plant, off_plan, task
 
@@ -101,6 +110,27 @@ def test_limits_are_kept() -> None:
     np.testing.assert_array_equal(shifted.states[:, :-1], better.states[:, 1:])
 
 
+def test_arms_of_a_batch_do_not_depend_on_each_other() -> None:
+    """At instants of their own, with quantities of their own, one of them with a prediction that is out of bounds."""
+    states, torques = solved().run
+    own, period = iteration(plan(), 10), np.array([0, 7, PERIODS - 3])
+    prediction = own.predicted(np.zeros(3, dtype=np.int64), period)
+    prediction.states[1] += 1e9
+    quantities = {"payload_mass": np.array([0.0, 0.2, 0.4]), "stiffness": np.array([1.0, 0.9, 1.2])}
+    off = np.array([0.01, -0.02, 0.005])[:, None] * np.ones(SIZE)
+    now = Instant(np.zeros(3, dtype=np.int64), period, states[period] + off, torques[period - 1], quantities)
+    better = own.improve(prediction, now)
+    later = own.shifted(better, now)
+    for n in range(3):
+        only = slice(n, n + 1)
+        alone = Instant(*(part[only] for part in now[:-1]), {name: value[only] for name, value in quantities.items()})
+        single = own.improve(Rollout(*(part[only] for part in prediction)), alone)
+        for part, whole in zip(single, better, strict=True):
+            np.testing.assert_array_equal(part[0], whole[n])
+        for part, whole in zip(own.shifted(single, alone), later, strict=True):
+            np.testing.assert_allclose(part[0], whole[n], rtol=1e-9, atol=1e-9)
+
+
 def test_a_preview_alone_gives_runs_on_both_sides() -> None:
     plans = previewed(ARM, task().reference, LIMITS, 0.01)
     assert [np.sign(found.states[0, 1]) for found in plans] == [1.0, -1.0]
@@ -154,6 +184,20 @@ def test_it_finds_an_unknown_payload_and_delay() -> None:
         plant.step(action)
     assert state[4][0, SIZE] == pytest.approx(0.2, abs=0.05)
     assert state[4][0, SIZE + 1] == pytest.approx(0.034, abs=2e-3)
+
+
+def test_an_estimate_that_lost_its_numbers_begins_anew() -> None:
+    following = controller(unknown=UNKNOWN)
+    plant, state = Plant(np.tile(START, (2, 1))), None
+    for k in range(8):
+        action, state = following.predict(plant.observe(), state)
+        assert np.isfinite(action).all()
+        assert all(np.isfinite(part).all() for part in state)
+        plant.step(action)
+        if k == 3:
+            state[4][0] = np.nan
+            state[5][0] = np.inf
+    np.testing.assert_allclose(plant.states[0, :2], plant.states[1, :2], atol=0.05)
 
 
 def test_a_batch_is_its_arms() -> None:
