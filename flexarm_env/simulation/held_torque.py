@@ -217,8 +217,7 @@ class HeldTorque(ABC):
         Returns:
             Shape (n, numbers), and (n, 3 * constants).
         """
-        flat = self.changes.constants(quantities)
-        known = flat
+        flat = known = self.changes.constants(quantities)
         if not self.constants.foreshortened:
             e = elimination(Constants.unflat(list(flat.T), self.parameters.modes_per_link))
             assert e is not None
