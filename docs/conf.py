@@ -19,7 +19,7 @@ extensions = [
     "sphinx.ext.napoleon",
     "sphinx.ext.mathjax",
 ]
-exclude_patterns: list[str] = []
+exclude_patterns = ["docs/_static"]
 myst_heading_anchors = 4
 myst_enable_extensions = ["dollarmath"]
 myst_fence_as_directive = ["math"]
@@ -28,6 +28,10 @@ suppress_warnings = ["myst.header"]  # sections of a page that a script writes m
 html_theme = "furo"
 html_title = f"FlexArm {release}"
 html_copy_source = False
+html_show_sphinx = False
+html_static_path = ["_static"]
+html_css_files = ["flexarm.css"]
+html_js_files = ["flexarm.js"]
 # The page for wrong addresses is shown at any depth, so that its links begin where the site does, e.g. at "/flexarm".
 notfound_urls_prefix = f"{os.environ.get('SITE_PREFIX', '')}/"
 
