@@ -30,6 +30,9 @@ window.flexarm = (() => {
     return element("label", { class: "fx-list" }, element("span", {}, text), select);
   }
 
+  /** Let a name break after its underlines, where there is little room. */
+  const breakable = (name) => name.replaceAll("_", "_\u200b");
+
   /** Return a function that reads colours of the theme from a node. */
   function colours(node) {
     const style = getComputedStyle(node);
@@ -64,10 +67,10 @@ window.flexarm = (() => {
     });
   }
 
-  /** Run a function once the page is there. */
+  /** Run a function once the page and its deferred scripts, which may hold data, are there. */
   function ready(run) {
-    if (document.readyState === "loading") document.addEventListener("DOMContentLoaded", run);
-    else run();
+    if (document.readyState === "complete") run();
+    else document.addEventListener("DOMContentLoaded", run, { once: true });
   }
 
   // Who wants no motion gets pictures that move by a still one; a click on it shows the motion.
@@ -89,5 +92,5 @@ window.flexarm = (() => {
     }
   });
 
-  return { element, choices, list, colours, onTheme, fitted, load, ready };
+  return { element, choices, list, breakable, colours, onTheme, fitted, load, ready };
 })();

@@ -1,7 +1,7 @@
 /* The leaderboard as a table that can be sorted and filtered; rows and columns are those of its data. */
 "use strict";
 (() => {
-  const { element, choices, list, ready } = flexarm;
+  const { element, choices, list, breakable, ready } = flexarm;
   const FIGURES = { rms: "whole lap", rms_after_2s: "after 2 s", maximum: "largest distance" };
   const OVERVIEW = "overview";
   const SVG = "http://www.w3.org/2000/svg";
@@ -89,7 +89,7 @@
   }
 
   function line(row, shown) {
-    const name = element("th", { scope: "row", class: "fx-name" }, row.name);
+    const name = element("th", { scope: "row", class: "fx-name" }, breakable(row.name));
     const reads = element("div", { class: "fx-reads" }, row.reads.join(", ") || "reads nothing");
     if (row.privileged) reads.prepend(element("b", {}, "privileged: "));
     name.append(reads);
@@ -128,7 +128,8 @@
 
   function caption() {
     const figure = state.view === OVERVIEW ? "" : `, ${FIGURES[state.figure]}`;
-    const nominal = state.view !== OVERVIEW && board.columns[state.view].nominal !== null ? " The column with a bar on top is nominal." : "";
+    const column = board.columns[state.view];
+    const nominal = column && column.values.includes(column.nominal) ? " The column with a bar on top is nominal." : "";
     return `Distance of the true tip from the reference in mm${state.figure === "maximum" && figure ? "" : " (r.m.s.)"}${figure}; "lost": the arm left the path; *: some laps were lost, the figure is the mean of the others.${nominal}`;
   }
 

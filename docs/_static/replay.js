@@ -1,7 +1,7 @@
 /* The replay viewer: two controllers on the same lap, side by side in time. scripts/docs/replays.py makes its data. */
 "use strict";
 (() => {
-  const { element, choices, list, colours, onTheme, fitted, load, ready } = flexarm;
+  const { element, choices, list, breakable, colours, onTheme, fitted, load, ready } = flexarm;
   const NOBODY = "";
   const REACH = 9.3; // of the picture's middle to its rim [m]
   const CLOSE = 0.9; // half the width of the close-up [m]
@@ -90,7 +90,10 @@
     });
   }
 
-  /** Return what was read from a lap at an instant; a lap that ended early stays where it ended. */
+  /** Return points of both links of a row's lap that was loaded, for whoever wants them. */
+  flexarm.linkPoints = (row, lap, n) => shape(laps.get(`${row}|${lap}`), n);
+
+  /** Return the number of the instant of a time; a lap that ended early stays where it ended. */
   const instant = (lap, time) => Math.min(lap.instants - 1, Math.round(time / lap.interval));
 
   function distances(lap, reference) {
@@ -138,7 +141,7 @@
     });
     parts.who.replaceChildren(...told);
     parts.told.textContent = `The ${state.lap} lap: ${index.laps[state.lap]}.`;
-    const heads = state.rows.map((name) => element("th", { scope: "col" }, name));
+    const heads = state.rows.map((name) => element("th", { scope: "col" }, breakable(name)));
     parts.heads.replaceChildren(element("th", {}), ...heads);
   }
 
@@ -274,7 +277,11 @@
   // --- traces ---
 
   const STRIPS = [
-    { title: "tip's distance from the reference [mm]", lines: (lap) => [lap.error.map((one) => 1000 * one)], zero: true },
+    {
+      title: "tip's distance from the reference [mm], logarithmic",
+      lines: (lap) => [lap.error.map((one) => Math.log10(Math.max(1, 1000 * one)))],
+      powers: true,
+    },
     { title: "torques [N m]: shoulder; elbow dashed", lines: (lap) => lap.torque },
     { title: "links' tips off their tangents [m]: link 1; link 2 dashed", lines: (lap) => lap.deflection },
   ];
@@ -286,17 +293,19 @@
       for (const line of strip.lines(lap)) for (const one of line) [least, most] = [Math.min(least, one), Math.max(most, one)];
     }
     const pad = 0.05 * (most - least);
-    return [strip.zero ? 0 : least - pad, most + pad];
+    return [strip.powers ? 0 : least - pad, most + pad];
   }
 
   /** Round numbers for an axis, three or four of them. */
-  function ticks([least, most]) {
+  function ticks([least, most], powers) {
+    if (powers) return { found: [0, 1, 2, 3].filter((one) => one <= most), text: (one) => `${10 ** one}` };
     const rough = (most - least) / 3;
     const power = 10 ** Math.floor(Math.log10(rough));
     const step = [1, 2, 5, 10].map((one) => one * power).find((one) => one >= rough * 0.8);
     const found = [];
     for (let n = Math.ceil(least / step); n * step <= most; n++) found.push(n * step);
-    return { found, digits: Math.max(0, -Math.floor(Math.log10(step) + 1e-9)) };
+    const digits = Math.max(0, -Math.floor(Math.log10(step) + 1e-9));
+    return { found, text: (one) => one.toFixed(digits) };
   }
 
   function still(width, height) {
@@ -313,7 +322,7 @@
       const [top, bottom] = [n * tall + GAP, (n + 1) * tall - 4];
       const range = span(strip);
       const y = (value) => bottom - ((value - range[0]) / (range[1] - range[0])) * (bottom - top);
-      const { found, digits } = ticks(range);
+      const { found, text } = ticks(range, strip.powers);
       context.lineWidth = 1;
       for (const value of found) {
         context.strokeStyle = colour("grid");
@@ -323,7 +332,7 @@
         context.stroke();
         context.fillStyle = colour("soft");
         context.textAlign = "right";
-        context.fillText(value.toFixed(digits), LEFT - 6, y(value) + 4);
+        context.fillText(text(value), LEFT - 6, y(value) + 4);
       }
       context.textAlign = "left";
       context.fillStyle = colour("text");

@@ -199,7 +199,7 @@ def _script(call: str, *values: Any) -> str:
 
 def text_of(row: str) -> str:
     """Return what a row is, in a line."""
-    return CONTROLLERS[row].text if row in CONTROLLERS else AGENTS[row]
+    return CONTROLLERS[row].text.replace("`", "") if row in CONTROLLERS else AGENTS[row]
 
 
 def record(row: Row) -> tuple[Contender, dict[str, Trajectory]]:

@@ -23,7 +23,7 @@ PAGES = ROOT / "build" / "site_pages"
 FIRST = "index.md"  # the README's name on the site
 TOP = ("README.md", "CONTRIBUTING.md", "CHANGELOG.md", "SECURITY.md", "CODE_OF_CONDUCT.md")
 LINK = re.compile(r"(?<=\]\()([^)#:\s]+)(?=[)#])")
-BARE = re.compile(r"\[[\w./-]+\.md\](?=\([\w./-]+\.md\))")  # a page by its file's name: the site has titles
+BARE = re.compile(r"\[[\w./-]+\.md\](?=\([\w./-]+\.md[#)])")  # a page by its file's name: the site has titles
 
 # The pages of docs by chapters; those that are not named come last.
 CHAPTERS: Mapping[str, Sequence[str]] = {
