@@ -9,7 +9,6 @@ from __future__ import annotations
 import json
 import os
 import platform
-import sys
 import tempfile
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -24,6 +23,7 @@ from tqdm import tqdm
 from flexarm_env.parameters import MAX_MODES
 from scripts.benchmarks import derivatives, environments, family, lap, peers, physics
 from scripts.benchmarks.timing import Group, measure
+from scripts.common import command_line
 
 
 @dataclass
@@ -82,6 +82,7 @@ def run(options: Options, cache: Path) -> dict[str, Any]:
         ("torque-driven arm", lambda: physics.torque_driven(modes, effort)),
         ("closed loop", lambda: physics.closed_loop(effort)),
         ("Jacobians", lambda: derivatives.jacobians(effort, everything=not options.quick)),
+        ("trajectory optimisation", lambda: derivatives.iterations(everything=not options.quick)),
         ("environments", lambda: environments.steps(effort)),
         ("first step", lambda: environments.first_step(1 if options.quick else options.cold, cache)),
         ("lap", lambda: lap.lap(seconds)),
@@ -174,7 +175,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    try:
-        main()
-    except (ValueError, TypeError) as error:
-        sys.exit(f"error: {error}")
+    command_line.run(main)
