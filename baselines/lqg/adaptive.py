@@ -170,7 +170,8 @@ class AdaptiveLQG(LQG):
         estimate[..., self._quantities.start : self._quantities.start + 2] = given[:, :2]
         late, variance = np.tile(given[:, 2], (shape[0], 1)), np.full(shape, LATENESS.deviation**2)
         beliefs = Beliefs(estimate, late, variance, np.zeros_like(estimate))
-        return (*beliefs, chosen, np.zeros((shape[0], 2)), np.zeros(shape), np.zeros(shape[0], dtype=np.int64))
+        believed: Array = np.zeros(shape[0], dtype=np.int64)
+        return (*beliefs, chosen, np.zeros((shape[0], 2)), np.zeros(shape), believed)
 
     def torque(self, seen: Seen, memory: Memory) -> tuple[Floats, Memory]:
         """Correct all estimates by the readings, command torques by the best ones, and predict the next estimates."""
