@@ -90,15 +90,17 @@ def under_control(seconds: float, progress: Callable[[str], None]) -> tuple[list
     return rows, arrays
 
 
-def under_others(seconds: float, progress: Callable[[str], None]) -> list[dict[str, Any]]:
-    """Run `OTHERS` on the finer chain and on models; a controller that gives up with an error has a row without scores.
+def under_others(names: Sequence[str], seconds: float, progress: Callable[[str], None]) -> list[dict[str, Any]]:
+    """Run further controllers on the finer chain and on the models that compete to be the default.
 
-    Returns:
-        Rows of the table.
+    Args:
+        names: of them, in `OTHERS`.
+        seconds: length of a run [s].
+        progress: called with a word on what is done.
     """
     rows = []
     for lap in LAPS:
-        for name in OTHERS:
+        for name in names:
             progress(f"{lap} lap, {name}, chain and models")
             controller = Hosted(name, lap)
             fine = run_lap(controller, on_corner(ArmParameters(), lap, ELEMENTS[-1]), seconds)
