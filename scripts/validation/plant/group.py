@@ -26,6 +26,7 @@ def run(settings: Settings) -> Findings:
     records: dict[str, Any] = {
         "control": rows,
         "others": study.under_others(others, seconds, settings.progress),
+        "start": study.at_the_start(seconds, settings.progress),
         "laws": study.under_the_laws(laws, settings.progress),
         "damping": study.damping((5, 10) if quick else (5, 10, 20), seconds, settings.progress),
     }
@@ -87,6 +88,9 @@ def _quoted(records: dict[str, Any]) -> dict[str, float]:
         quoted[f"{which}, torque change"] = row["torque_change"]
         if "ahead" in row:
             quoted[f"{which}, ahead median"] = 1e3 * row["ahead"]["median"]
+    for row in records["start"]:
+        quoted[f"{row['lap']}, start, {row['plant']}, share {row['share']:g}, rms"] = 1e3 * row["rms"]
+        quoted[f"{row['lap']}, start, share {row['share']:g}, bend"] = row["bend"]
     for row in records["laws"]:
         quoted |= {f"{row['law']}, {row['plant']}, {name}": 1e3 * row[name] for name in ("rms", "maximum")}
     for row in records["damping"]:
@@ -103,6 +107,7 @@ def tables(findings: Findings) -> dict[str, str]:
     return {
         "plant_control": _control_table(findings.records),
         "plant_others": _others_table(findings.records),
+        "plant_start": _start_table(findings.records),
         "plant_laws": _laws_table(findings.records),
         "plant_damping": _damping_table(findings.records),
     }
@@ -158,6 +163,17 @@ def _others_table(records: Mapping[str, Any]) -> str:
                 [lap, own["controller"], *aways, *scores, f"{chain['torque_change']:.3g}, {own['torque_change']:.3g}"]
             )
     return table(header, rows)
+
+
+def _start_table(records: Mapping[str, Any]) -> str:
+    rows = []
+    plants = list(dict.fromkeys(row["plant"] for row in records["start"]))
+    for lap in LAPS:
+        for share in study.SHARES:
+            own = [row for row in records["start"] if row["lap"] == lap and row["share"] == share]
+            aways = [f"{_mm(row['rms'])} / {_mm(row['maximum'])}" for row in (_row(own, plant=name) for name in plants)]
+            rows.append([lap, f"{share:g}", f"{own[0]['bend']:.2f}", *aways])
+    return table(["lap", "share of the torques", "largest deflection [m]", *plants], rows)
 
 
 def _laws_table(records: Mapping[str, Any]) -> str:
