@@ -1,32 +1,42 @@
 """Agents that learn: an adapter for stable-baselines3, training, and policies that were trained.
 
-What needs torch is imported at its first use: trained policies run without it.
+A name is imported at its first use: the command begins at once, and trained policies run without torch.
 """
 
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from flexarm_agents.config import TrainingConfig
-from flexarm_agents.load import Trained, load_policy, shipped_policies
-from flexarm_agents.network import NetworkPolicy
-from flexarm_agents.score import Score, StandardScore, evaluate, score
-from flexarm_agents.spread import Spread
-from flexarm_agents.stopping import TrainingStopped
-from flexarm_agents.teaching.config import TeachingConfig
-from flexarm_env.extras import needs_extra
-
 if TYPE_CHECKING:
+    from flexarm_agents.config import TrainingConfig
     from flexarm_agents.export import network_policy
+    from flexarm_agents.load import Trained, load_policy, shipped_policies
+    from flexarm_agents.network import NetworkPolicy
+    from flexarm_agents.scoring import Score, StandardScore, evaluate, score
+    from flexarm_agents.spread import Spread
+    from flexarm_agents.stopping import TrainingStopped
+    from flexarm_agents.teaching.config import TeachingConfig
     from flexarm_agents.teaching.training import teach
     from flexarm_agents.training import Outcome, train
     from flexarm_agents.vec_env import FlexArmVecEnv
 
-_LATE = {
-    "FlexArmVecEnv": "flexarm_agents.vec_env",
-    "Outcome": "flexarm_agents.training",
-    "network_policy": "flexarm_agents.export",
-    "teach": "flexarm_agents.teaching.training",
-    "train": "flexarm_agents.training",
+_MODULES = {
+    "FlexArmVecEnv": "vec_env",
+    "NetworkPolicy": "network",
+    "Outcome": "training",
+    "Score": "scoring",
+    "Spread": "spread",
+    "StandardScore": "scoring",
+    "TeachingConfig": "teaching.config",
+    "Trained": "load",
+    "TrainingConfig": "config",
+    "TrainingStopped": "stopping",
+    "evaluate": "scoring",
+    "load_policy": "load",
+    "network_policy": "export",
+    "score": "scoring",
+    "shipped_policies": "load",
+    "teach": "teaching.training",
+    "train": "training",
 }
 
 __all__ = [
@@ -51,7 +61,13 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    if name not in _LATE:
+    if name not in _MODULES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from flexarm_env.extras import needs_extra  # imports all of flexarm_env
+
     with needs_extra(name, "train"):
-        return getattr(import_module(_LATE[name]), name)
+        return getattr(import_module(f"{__name__}.{_MODULES[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -13,7 +13,7 @@ from flexarm_agents.config import RunConfig
 from flexarm_agents.environments import make_one
 from flexarm_agents.network import NetworkPolicy
 from flexarm_agents.run_folder import RunFolder, put
-from flexarm_agents.score import StandardScore, evaluate, rank
+from flexarm_agents.scoring import StandardScore, evaluate, rank
 
 _log = logging.getLogger(__name__)
 EVALUATION_SEED = 1_000_003  # not one of the training's, for any small seed
@@ -27,7 +27,7 @@ class Found:
     Attributes:
         rows: rows of the evaluations.
         best: index of the best row, None before the first.
-        best_rank: rank of that row, see `score.rank`.
+        best_rank: rank of that row, see `scoring.rank`.
         seconds: wall time of the training, compiling and evaluations included, in this process and those
             before [s].
     """

@@ -7,10 +7,10 @@ import os
 import sys
 from collections.abc import Sequence
 from importlib import import_module
+from types import ModuleType
 
+from flexarm_agents.command_line import importing, run
 from flexarm_agents.commands.arguments import epilog
-from flexarm_env.command_line import run
-from flexarm_env.extras import needs_extra
 
 VERBS = {
     "list": ("listing", "the environments, policies and controllers that come with the package"),
@@ -43,8 +43,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
     def verb() -> None:
         """Run the verb that was given."""
-        with needs_extra(f"flexarm {given.verb}", "train"):
-            module = import_module(f"{__name__}.{VERBS[given.verb][0]}")
+        module = _imported(given.verb)
         try:
             module.run(given.arguments)
             sys.stdout.flush()
@@ -53,3 +52,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
             sys.exit(1)
 
     run(verb)
+
+
+def _imported(verb: str) -> ModuleType:
+    with importing():
+        from flexarm_env.extras import needs_extra  # imports all of flexarm_env
+
+        with needs_extra(f"flexarm {verb}", "train"):
+            return import_module(f"{__name__}.{VERBS[verb][0]}")

@@ -26,7 +26,7 @@ from flexarm_agents.contenders import (
 from flexarm_agents.environments import make_one
 from flexarm_agents.load import shipped_policies
 from flexarm_agents.run_folder import write_json
-from flexarm_agents.score import StandardScore, evaluate, rank
+from flexarm_agents.scoring import StandardScore, evaluate, rank
 from flexarm_agents.spread import Spread
 from flexarm_baselines.registry import controller_names
 from flexarm_env.parameters import PRESETS

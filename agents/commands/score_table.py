@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Sequence
 
 from flexarm_agents.commands.text import columns
-from flexarm_agents.score import Score, StandardScore
+from flexarm_agents.scoring import Score, StandardScore
 from flexarm_agents.spread import Spread
 from flexarm_env.laps import LAPS
 

@@ -4,8 +4,8 @@ Each iteration differentiates all control periods of the present trajectory exac
 feedback gains that keep torques within their limits, and rolls the arm out under ``clip(u + alpha k + K (z - z0))``
 for several alpha at once, of which the best is taken. At first curvature of the dynamics is left out and that of the
 cost is Gauss-Newton's (iterative LQR), so that each sweep's model is convex. Where progress becomes slow, curvature of
-the dynamics comes in, by differences of the Jacobians, and iterations converge as Newton's. A Levenberg-Marquardt term
-bounds steps.
+the dynamics comes in, by differences of exact gradients, and iterations converge as Newton's. A Levenberg-Marquardt
+term bounds steps.
 
 Sources: Jacobson & Mayne, *Differential Dynamic Programming*, 1970; Li & Todorov, *Iterative linear quadratic regulator
 design for nonlinear biological movement systems*, ICINCO 2004; Tassa, Mansard & Todorov, *Control-limited differential
@@ -156,7 +156,7 @@ class _Search:
         residual, by_end = optimality(problem, self.run, self.slopes, self.expansion, self.gains)
         self.residual = residual / self.cost
         if self.exact:
-            self.curvature = dynamics_curvature(problem, self.run, self.slopes, by_end)
+            self.curvature = dynamics_curvature(problem, self.run, by_end)
         self.expected = self.backward(self.regularisation)
 
     def improve(self) -> tuple[float, float]:
@@ -259,32 +259,28 @@ def optimality(
     return float(np.sqrt(problem.periods * np.sum(projected**2))), by_end
 
 
-def dynamics_curvature(problem: TrackingProblem, run: Rollout, slopes: tuple[Floats, Floats], by_end: Floats) -> Floats:
+def dynamics_curvature(problem: TrackingProblem, run: Rollout, by_end: Floats) -> Floats:
     """Return second derivatives of each period's end by state and torque, in the direction of the cost's slope.
 
-    They are forward differences of the exact Jacobians. Nothing depends on theta1 but by a rotation, which is linear in
+    They are forward differences of the exact gradients. Nothing depends on theta1 but by a rotation, which is linear in
     it: its row and column are 0.
 
     Args:
         problem: the problem.
         run: a trajectory.
-        slopes: its derivatives of each period's end by state and torque.
         by_end: derivatives of the cost by the state at each period's end. Shape (n, 4 + 4 m).
     """
-
-    def along(by_state: Floats, by_torque: Floats) -> Floats:
-        both = np.concatenate([by_state, by_torque], axis=2)
-        return np.matmul(by_end[:, None], both)[:, 0]
-
     periods, size = by_end.shape
-    base, found = along(*slopes), np.zeros((periods, size + 2, size + 2))
+    inputs = np.concatenate([run.states[:-1], run.torques], axis=1)
+    shifts = np.full(size + 2, DIFFERENCE)
+    shifts[size:] *= 1e3
+
+    def along(states_and_torques: Floats) -> Floats:
+        states, torques = np.split(states_and_torques, [size], axis=-1)
+        found = problem.arm.step_gradients(states, torques, by_end, problem.period, step=problem.step)
+        return np.concatenate(found, axis=-1)
+
+    base, found = along(inputs), np.zeros((periods, size + 2, size + 2))
     for n in range(1, size + 2):
-        states, torques = run.states[:-1].copy(), run.torques.copy()
-        shift = DIFFERENCE if n < size else 1e3 * DIFFERENCE
-        if n < size:
-            states[:, n] += shift
-        else:
-            torques[:, n - size] += shift
-        moved = problem.arm.step_jacobians(states, torques, problem.period, step=problem.step)
-        found[:, n] = (along(moved.by_state, moved.by_torque) - base) / shift
+        found[:, n] = (along(inputs + shifts[n] * (np.arange(size + 2) == n)) - base) / shifts[n]
     return 0.5 * (found + found.swapaxes(1, 2))

@@ -15,8 +15,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexarm_env.codegen import assembly, cache
+from flexarm_env.codegen.declarations import Program
 from flexarm_env.codegen.memory import aligned_zeros
 from flexarm_env.kernels.entries import extent
+from flexarm_env.kernels.step_gradients import GRADIENTS
 from flexarm_env.kernels.step_jacobians import TANGENTS
 from flexarm_env.kernels.variants import Variant
 from flexarm_env.lazy import cached_property
@@ -48,6 +50,18 @@ class StepJacobians(NamedTuple):
     by_state: Array
     by_torque: Array
     by_quantity: Array
+
+
+class StepGradients(NamedTuple):
+    """Derivatives of a weighted sum of the entries of the state after a control period.
+
+    Attributes:
+        by_state: by each entry of the state before [1/x_j, in units of the sum]. Shape (..., 4 + 4 m).
+        by_torque: by the held torques of shoulder and elbow [1/(N m)]. Shape (..., 2).
+    """
+
+    by_state: Array
+    by_torque: Array
 
 
 class Arms(NamedTuple):
@@ -128,6 +142,39 @@ class HeldTorque(ABC):
         batch = self._batch(state, torque, (payload_mass, stiffness, damping))
         return batch.differentiate(*self._steps(period, step, stiffness, damping))
 
+    def step_gradients(
+        self,
+        state: ArrayLike,
+        torque: ArrayLike,
+        weights: ArrayLike,
+        period: float = 0.01,
+        *,
+        step: float = 1e-3,
+        payload_mass: ArrayLike | None = None,
+        stiffness: ArrayLike | None = None,
+        damping: ArrayLike | None = None,
+    ) -> StepGradients:
+        """Differentiate a weighted sum of the entries of `step`'s state, exactly to rounding error.
+
+        This is ``weights @ jacobian`` for the Jacobians of `step_jacobians`, by adjoints: it costs a third of them.
+
+        Args:
+            state: see `step`.
+            torque: see `step`.
+            weights: of the entries of the state after the period. Shape (..., 4 + 4 m).
+            period: see `step`.
+            step: see `step`.
+            payload_mass: see `step`.
+            stiffness: see `step`.
+            damping: see `step`.
+
+        Raises:
+            ValueError: see `step`.
+        """
+        given = finite_rows("weights", weights, 4 * self.parameters.modes_per_link + 4)
+        batch = self._batch(state, torque, (payload_mass, stiffness, damping), weights=given.shape[:-1])
+        return batch.pull_back(_rows(given, batch.leading), *self._steps(period, step, stiffness, damping))
+
     @cached_property
     def changes(self) -> ConstantChanges:
         """How the constants change with `constants.ARM_QUANTITIES`."""
@@ -175,10 +222,16 @@ class HeldTorque(ABC):
             known = np.concatenate([flat, np.stack(e.flat(), axis=-1)], axis=1)
         return known, self.changes.derivatives(quantities).reshape(len(quantities), -1)
 
-    def _batch(self, state: ArrayLike, torque: ArrayLike, quantities: tuple[ArrayLike | None, ...]) -> _Batch:
-        """Check the arguments, broadcast their leading axes, and bring all to the kernels' form."""
+    def _batch(
+        self,
+        state: ArrayLike,
+        torque: ArrayLike,
+        quantities: tuple[ArrayLike | None, ...],
+        **others: tuple[int, ...],
+    ) -> _Batch:
+        """Check the arguments, broadcast their leading axes and others', and bring all to the kernels' form."""
         torques = finite_rows("torque", torque, 2, LARGEST)
-        arms = self._arms(state, {"torque": torques.shape[:-1]}, quantities)
+        arms = self._arms(state, {"torque": torques.shape[:-1], **others}, quantities)
         return _Batch(self, arms.leading, arms.states, _rows(torques, arms.leading), arms.inputs)
 
     def _arms(
@@ -214,10 +267,10 @@ class HeldTorque(ABC):
                 )
         return Arms(leading, _rows(states, leading), inputs)
 
-    def _kernels(self, lanes: int) -> tuple[ModuleType, Array]:
-        """Load the kernels, and allocate their memory."""
+    def _kernels(self, program: Program, lanes: int) -> tuple[ModuleType, Array]:
+        """Load a program's kernels, and allocate their memory."""
         complete, foreshortened = self.parameters.velocity_forces == "complete", self.constants.foreshortened
-        variant = Variant(TANGENTS, self.parameters.modes_per_link, complete, lanes, foreshortened=foreshortened)
+        variant = Variant(program, self.parameters.modes_per_link, complete, lanes, foreshortened=foreshortened)
         return assembly.load(variant), aligned_zeros(lanes * extent(variant.rows))
 
 
@@ -261,7 +314,7 @@ class _Batch(NamedTuple):
     def advance(self, h: float, steps: int) -> Array:
         """See `FlexibleArm.step`."""
         states = self.states.copy()
-        module, arena = self.arm._kernels(self._lanes)
+        module, arena = self.arm._kernels(TANGENTS, self._lanes)
         cache.call(module.run_steps, arena, self.inputs[0], self.torques, h, steps, states)
         return states.reshape(*self.leading, states.shape[1])
 
@@ -269,10 +322,19 @@ class _Batch(NamedTuple):
         """See `FlexibleArm.step_jacobians`."""
         states, size = self.states.copy(), self.states.shape[1]
         jacobians = tuple(np.empty((len(states), size, columns)) for columns in (size, 2, len(ARM_QUANTITIES)))
-        module, arena = self.arm._kernels(self._lanes)
+        module, arena = self.arm._kernels(TANGENTS, self._lanes)
         cache.call(module.run_tangents, arena, *self.inputs, self.torques, h, steps, states, jacobians)
         shaped = (jacobian.reshape(*self.leading, *jacobian.shape[1:]) for jacobian in jacobians)
         return StepJacobians(states.reshape(*self.leading, size), *shaped)
+
+    def pull_back(self, weights: Array, h: float, steps: int) -> StepGradients:
+        """See `FlexibleArm.step_gradients`; a row of weights for each arm."""
+        count, size = self.states.shape
+        gradients = np.empty((count, size)), np.empty((count, 2))
+        module, arena = self.arm._kernels(GRADIENTS, self._lanes)
+        trail = aligned_zeros(steps * size * self._lanes).reshape(steps, 1, -1)
+        cache.call(module.run_gradients, arena, trail, self.inputs[0], self.torques, h, self.states, weights, gradients)
+        return StepGradients(*(found.reshape(*self.leading, found.shape[1]) for found in gradients))
 
     @property
     def _lanes(self) -> int:

@@ -9,7 +9,6 @@ from __future__ import annotations
 import json
 import os
 import platform
-import sys
 import tempfile
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -24,6 +23,7 @@ from tqdm import tqdm
 from flexarm_env.parameters import MAX_MODES
 from scripts.benchmarks import derivatives, environments, family, lap, peers, physics
 from scripts.benchmarks.timing import Group, measure
+from scripts.common import command_line
 
 
 @dataclass
@@ -174,7 +174,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    try:
-        main()
-    except (ValueError, TypeError) as error:
-        sys.exit(f"error: {error}")
+    command_line.run(main)

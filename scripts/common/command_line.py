@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from concurrent.futures.process import BrokenProcessPool
 
-from flexarm_env import command_line
+from flexarm_agents import command_line
 
 
 def run(main: Callable[[], None]) -> None:
-    """Run a study's `main`; see `flexarm_env.command_line.run`."""
+    """Run a study's `main`; see `flexarm_agents.command_line.run`."""
 
     def study() -> None:
         try:

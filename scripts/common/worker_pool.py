@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from multiprocessing.connection import wait
 from typing import Any
 
-from flexarm_env.command_line import STOPPING
+from flexarm_agents.command_line import STOPPING
 
 
 class WorkerPool:

@@ -8,7 +8,7 @@ from functools import partial
 from typing import Any
 
 from flexarm_agents.contenders import from_controller
-from flexarm_agents.score import StandardScore, score
+from flexarm_agents.scoring import StandardScore, score
 from flexarm_baselines.observers import NoiseModel
 from flexarm_env.laps import LAPS
 from flexarm_env.rollout import run_policy

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any, NamedTuple, Protocol
 
 from flexarm_agents.contenders import ENVIRONMENT, from_controller
-from flexarm_agents.score import Score, StandardScore, evaluate
+from flexarm_agents.scoring import Score, StandardScore, evaluate
 from scripts.common.worker_pool import worker_pool
 
 ERRORS = ("swing lap r.m.s. [m]", "after 2 s [m]", "plain lap r.m.s. [m]", "after 2 s [m]")

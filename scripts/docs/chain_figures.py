@@ -21,6 +21,7 @@ from flexarm_env.envs.documentation import table
 from flexarm_env.envs.registration import IDS, NAMESPACE
 from flexarm_env.laps import LAPS
 from flexarm_env.rollout import run_policy
+from scripts.common.command_line import run
 from scripts.common.markdown import DOCS
 from scripts.common.result_files import write_json
 
@@ -148,4 +149,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run(main)

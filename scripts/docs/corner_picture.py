@@ -16,6 +16,7 @@ from flexarm_agents.board.terms import SQUARE, interface_of
 from flexarm_baselines.registry import controller, make_controller
 from flexarm_env.metrics import elbow_changes, ended_early
 from flexarm_env.rollout import run_policy
+from scripts.common.command_line import run
 from scripts.common.markdown import DOCS
 
 PICTURE = DOCS / "figures" / "four_controllers.png"
@@ -74,4 +75,4 @@ def main(output: Path = PICTURE) -> None:
 
 
 if __name__ == "__main__":
-    tyro.cli(main, prog="python -m scripts.docs.corner_picture")
+    run(lambda: tyro.cli(main, prog="python -m scripts.docs.corner_picture"))

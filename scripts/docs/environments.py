@@ -18,6 +18,7 @@ from flexarm_env.envs.registration import IDS, NAMESPACE, Id
 from flexarm_env.envs.settings import Settings
 from flexarm_env.envs.single import FlexArmEnv
 from flexarm_env.envs.vector import FlexArmVectorEnv
+from scripts.common.command_line import run
 from scripts.common.markdown import DOCS
 from scripts.docs import chain_figures
 from scripts.docs.env_pictures import PICTURES, drawn
@@ -264,4 +265,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run(main)

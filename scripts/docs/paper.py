@@ -10,6 +10,7 @@ from pathlib import Path
 
 import tyro
 
+from scripts.common.command_line import run
 from scripts.common.markdown import DOCS, filled, quoting
 from scripts.docs.quoted import of_reproduction
 from scripts.paper.cases import Study
@@ -63,4 +64,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run(main)

@@ -12,6 +12,7 @@ from typing import Any
 
 import tyro
 
+from scripts.common.command_line import run
 from scripts.common.markdown import DOCS, filled, quoting
 from scripts.common.result_files import write_json
 from scripts.docs.quoted import of_validation
@@ -100,4 +101,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run(main)

@@ -8,14 +8,14 @@ from pathlib import Path
 
 from flexarm_agents import StandardScore, load_policy
 from flexarm_agents.run_folder import RunFolder, put, write_json
-from flexarm_agents.score import rank
+from flexarm_agents.scoring import rank
 from scripts.common.trainings import Training
 
 RULE = "the median of {count} trainings that differ in their seeds, by the mean r.m.s. of both laps"
 
 
 def median(trainings: Sequence[Training]) -> Training:
-    """Return the training whose best policy is in the middle, by `score.rank`.
+    """Return the training whose best policy is in the middle, by `scoring.rank`.
 
     Args:
         trainings: an odd number.

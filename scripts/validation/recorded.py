@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from scripts.common.command_line import run
 from scripts.validation.engine.motion import Motion, extrapolated
 from scripts.validation.engine.programmes import HELD, PROGRAMMES, Programme
 
@@ -70,4 +71,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run(main)

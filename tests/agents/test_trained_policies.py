@@ -23,7 +23,7 @@ from flexarm_agents import (
     train,
 )
 from flexarm_agents.environments import make_one
-from flexarm_agents.score import rank
+from flexarm_agents.scoring import rank
 from flexarm_agents.training import new_model
 from tests.support.trainings import ID, TINY, finished
 

@@ -54,7 +54,7 @@ VIOLATIONS = (
     ("flexarm_env/envs/vector.py", "import flexarm_baselines", "flexarm_env.envs.vector -> flexarm_baselines"),
     ("flexarm_env/envs/batch.py", "import flexarm_agents", "flexarm_env.envs.batch -> flexarm_agents"),
     ("flexarm_baselines/ifdc.py", "import flexarm_agents", "flexarm_baselines.ifdc -> flexarm_agents"),
-    ("flexarm_agents/score.py", "import flexarm_agents.training", "score -> flexarm_agents.training"),
+    ("flexarm_agents/scoring.py", "import flexarm_agents.training", "scoring -> flexarm_agents.training"),
     ("flexarm_agents/load.py", "import torch", "flexarm_agents.load -> torch"),
     ("flexarm_baselines/flsac.py", "import flexarm_env", "flexarm_baselines.flsac -> flexarm_env"),
     ("scripts/paper/tables.py", "import scripts.validation.checks", "scripts.paper.tables -> scripts.validation"),

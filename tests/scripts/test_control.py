@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from flexarm_agents.score import Score
+from flexarm_agents.scoring import Score
 from flexarm_baselines.joint_tracking import DECOUPLED, JointFeedback
 from flexarm_baselines.registry import controller_names
 from scripts.common.markdown import DOCS
