@@ -26,6 +26,7 @@ LINK = re.compile(r"(?<=\]\()([^)#:\s]+)(?=[)#])")
 CHAPTERS: Mapping[str, Sequence[str]] = {
     "Environments": ("environments/README", "environments/*", "metrics", "plant", "versioning"),
     "Control and learning": ("controllers", "lqg", "optimal", "agents", "leaderboard", "submit"),
+    "Recipes": ("recipes/README", "recipes/*"),
     "Theory": ("model", "analysis", "derivatives"),
     "Evidence": ("validation", "reproduction", "claims"),
 }
