@@ -18,7 +18,7 @@ from flexarm_env.codegen import assembly, cache
 from flexarm_env.codegen.declarations import Program
 from flexarm_env.codegen.memory import aligned_zeros
 from flexarm_env.kernels.entries import extent
-from flexarm_env.kernels.step_gradients import GRADIENTS
+from flexarm_env.kernels.step_gradients import GRADIENTS, trail_rows
 from flexarm_env.kernels.step_jacobians import TANGENTS
 from flexarm_env.kernels.variants import Variant
 from flexarm_env.lazy import cached_property
@@ -332,8 +332,9 @@ class _Batch(NamedTuple):
         count, size = self.states.shape
         gradients = np.empty((count, size)), np.empty((count, 2))
         module, arena = self.arm._kernels(GRADIENTS, self._lanes)
-        trail = aligned_zeros(steps * size * self._lanes).reshape(steps, 1, -1)
-        cache.call(module.run_gradients, arena, trail, self.inputs[0], self.torques, h, self.states, weights, gradients)
+        trail = aligned_zeros(steps * trail_rows(size // 2) * self._lanes)
+        known, moved = (arena, trail, self.inputs[0]), (self.states, weights)
+        cache.call(module.run_gradients, *known, self.torques, h, steps, *moved, gradients)
         return StepGradients(*(found.reshape(*self.leading, found.shape[1]) for found in gradients))
 
     @property
