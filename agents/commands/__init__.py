@@ -32,7 +32,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     Args:
         arguments: without the program's name; None: of this process.
     """
-    verbs = "\n".join(f"  {verb:<10}{text}" for verb, (_, text) in VERBS.items())
+    longest = max(map(len, VERBS))
+    verbs = "\n".join(f"  {verb:<{longest}}  {text}" for verb, (_, text) in VERBS.items())
     parser = argparse.ArgumentParser(
         prog="flexarm",
         usage="flexarm VERB [ARGUMENTS]",

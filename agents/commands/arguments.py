@@ -32,7 +32,7 @@ EXAMPLES = {
     "play": ("flexarm play", "flexarm play --arm paper --delay 60 --gain 0.5"),
     "leaderboard": (
         "flexarm leaderboard --rows ifdc joint_pd --columns nominal delay",
-        "flexarm leaderboard --add my_module:MyPolicy --rows my_module:MyPolicy",
+        "flexarm leaderboard --rows ifdc --add my_module:MyPolicy",
     ),
     "warm-up": ("flexarm warm-up Square-v0 --num-envs 64",),
 }
