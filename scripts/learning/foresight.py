@@ -141,7 +141,7 @@ def constant_errors(plant: Plant, lap: str) -> Floats:
     return rms(plant.errors(np.repeat(np.array(CONSTANTS)[:, None], plant.periods, axis=1), lap))
 
 
-def search(plant: Plant, lap: str, levels: Iterable[int] = LEVELS) -> Search:
+def search(plant: Plant, lap: str, levels: Iterable[int]) -> Search:
     """Find the best schedule of a lap on each level.
 
     Args:
@@ -188,7 +188,7 @@ def kept_search(plant: Plant, lap: str, path: Path) -> Search:
         if content["question"] != question:
             raise ValueError(f"{path}: has the schedule of another environment or search; remove it")
         return Search(content["constant"], tuple(tuple(one) for one in content["knots"]))
-    found = search(plant, lap)
+    found = search(plant, lap, LEVELS)
     path.parent.mkdir(parents=True, exist_ok=True)
     write_json(path, {"question": question, **asdict(found)})
     return found

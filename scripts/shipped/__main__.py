@@ -84,6 +84,7 @@ def write_tables(output: Path) -> None:
     texts = {
         "agent_scores": tables.scores(AGENTS),
         "agent_seeds": tables.seeds(cards["square"]),
+        "agent_costs": tables.costs(cards),
         "agent_conditions": tables.conditions(load_policy("square")),
         "student_conditions": tables.conditions(load_policy("student")),
         "nominal_plant": board.nominal(cards),

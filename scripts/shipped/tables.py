@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 from flexarm_agents import Score, StandardScore, Trained, evaluate, load_policy
@@ -72,6 +72,20 @@ def seeds(card: dict[str, Any]) -> str:
         for lap, one in zip(LAPS, StandardScore.of(row), strict=True)
     )
     return table(("seed", "lap", *ERRORS, "torque change per step [N m]"), rows)
+
+
+def costs(cards: Mapping[str, dict[str, Any]]) -> str:
+    """Tabulate what the trainings of each agent took until their best evaluation.
+
+    Args:
+        cards: data of the shipped agents, by name.
+    """
+    rows = []
+    for name, card in cards.items():
+        steps, seconds = ([one[what] for one in card["trainings"]] for what in ("steps", "seconds"))
+        least = f"{min(seconds) / 60.0:.1f}"
+        rows.append((f"`{name}`", str(len(seconds)), f"{min(steps):,} to {max(steps):,}", least))
+    return table(("agent", "seeds", "environment steps", "minutes, least of the seeds"), rows)
 
 
 def conditions(agent: Trained) -> str:
