@@ -4,8 +4,8 @@ Each iteration differentiates all control periods of the present trajectory exac
 feedback gains that keep torques within their limits, and rolls the arm out under ``clip(u + alpha k + K (z - z0))``
 for several alpha at once, of which the best is taken. At first curvature of the dynamics is left out and that of the
 cost is Gauss-Newton's (iterative LQR), so that each sweep's model is convex. Where progress becomes slow, curvature of
-the dynamics comes in, by differences of the Jacobians, and iterations converge as Newton's. A Levenberg-Marquardt term
-bounds steps.
+the dynamics comes in, by differences of exact gradients, and iterations converge as Newton's. A Levenberg-Marquardt
+term bounds steps.
 
 Sources: Jacobson & Mayne, *Differential Dynamic Programming*, 1970; Li & Todorov, *Iterative linear quadratic regulator
 design for nonlinear biological movement systems*, ICINCO 2004; Tassa, Mansard & Todorov, *Control-limited differential
@@ -113,7 +113,7 @@ def optimise(
         DivergingStartError: if the start's states do not stay finite.
     """
     options = SolverOptions() if options is None else options
-    search = _Search(problem, start)
+    search = Search(problem, start)
     log = [Iteration(search.cost, search.residual, 0.0, 0.0)]
     while log[-1].residual > options.tolerance and len(log) <= options.iterations:
         moved = search.improve()
@@ -125,10 +125,19 @@ def optimise(
     return Solution(search.run, search.gains, tuple(log), log[-1].residual <= options.tolerance)
 
 
-class _Search:
-    """A trajectory with the model about it."""
+class Search:
+    """A trajectory with the model about it.
+
+    Attributes:
+        run: the trajectory.
+        cost: its cost.
+        residual: of optimality, see `Iteration.residual`.
+        gains: on the state and on the torque of the period before. Shape (n, 2, 6 + 4 m).
+        exact: whether the model has the curvature of the dynamics.
+    """
 
     def __init__(self, problem: TrackingProblem, start: Rollout) -> None:
+        """Replay a start, and expand about it; arguments and errors as in `optimise`."""
         self.problem = problem
         self.limits = np.array(problem.limits)
         diverging = DivergingStartError("start: the arm's state does not stay finite")
@@ -193,7 +202,7 @@ class _Search:
             self.growth = max(FACTOR, self.growth * FACTOR)
             self.regularisation = max(REGULARISATION[0], self.regularisation) * self.growth
 
-    def backward(self, regularisation: float) -> tuple[float, float]:
+    def backward(self, regularisation: float) -> Floats:
         """Find steps and gains about the run; return the change of cost that they predict, by order."""
         problem, (gradient, hessian, weights) = self.problem, self.expansion
         torques = problem.with_torque_before(self.run.torques)
@@ -262,7 +271,7 @@ def optimality(
 def dynamics_curvature(problem: TrackingProblem, run: Rollout, slopes: tuple[Floats, Floats], by_end: Floats) -> Floats:
     """Return second derivatives of each period's end by state and torque, in the direction of the cost's slope.
 
-    They are forward differences of the exact Jacobians. Nothing depends on theta1 but by a rotation, which is linear in
+    They are forward differences of the exact gradients. Nothing depends on theta1 but by a rotation, which is linear in
     it: its row and column are 0.
 
     Args:
@@ -271,20 +280,18 @@ def dynamics_curvature(problem: TrackingProblem, run: Rollout, slopes: tuple[Flo
         slopes: its derivatives of each period's end by state and torque.
         by_end: derivatives of the cost by the state at each period's end. Shape (n, 4 + 4 m).
     """
-
-    def along(by_state: Floats, by_torque: Floats) -> Floats:
-        both = np.concatenate([by_state, by_torque], axis=2)
-        return np.matmul(by_end[:, None], both)[:, 0]
-
     periods, size = by_end.shape
-    base, found = along(*slopes), np.zeros((periods, size + 2, size + 2))
+    inputs = np.concatenate([run.states[:-1], run.torques], axis=1)
+    shifts = np.full(size + 2, DIFFERENCE)
+    shifts[size:] *= 1e3
+
+    def along(states_and_torques: Floats) -> Floats:
+        states, torques = np.split(states_and_torques, [size], axis=-1)
+        found = problem.arm.step_gradients(states, torques, by_end, problem.period, step=problem.step)
+        return np.concatenate(found, axis=-1)
+
+    base = np.concatenate([np.matmul(by_end[:, None], slope)[:, 0] for slope in slopes], axis=1)
+    found = np.zeros((periods, size + 2, size + 2))
     for n in range(1, size + 2):
-        states, torques = run.states[:-1].copy(), run.torques.copy()
-        shift = DIFFERENCE if n < size else 1e3 * DIFFERENCE
-        if n < size:
-            states[:, n] += shift
-        else:
-            torques[:, n - size] += shift
-        moved = problem.arm.step_jacobians(states, torques, problem.period, step=problem.step)
-        found[:, n] = (along(moved.by_state, moved.by_torque) - base) / shift
+        found[:, n] = (along(inputs + shifts[n] * (np.arange(size + 2) == n)) - base) / shifts[n]
     return 0.5 * (found + found.swapaxes(1, 2))

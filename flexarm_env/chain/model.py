@@ -25,6 +25,7 @@ step / 2 ("material") make it stable at any frequency: for the default arm up to
 from __future__ import annotations
 
 import math
+from bisect import bisect_left
 from collections.abc import Collection, Sequence
 
 import mujoco
@@ -260,7 +261,7 @@ def is_stable(model: mujoco.MjModel, seconds: float = 4.0, torque: float = 20.0)
 
 
 def stable_steps(model: mujoco.MjModel, time: float, longest: float) -> int:
-    """Return how many equal steps some time is to be divided into, so that the linear chain does not grow by itself.
+    """Return the least number of equal steps in some time with which the linear chain does not grow by itself.
 
     Args:
         model: the chain.
@@ -270,18 +271,23 @@ def stable_steps(model: mujoco.MjModel, time: float, longest: float) -> int:
     Raises:
         ValueError: if more than `MOST_STEPS` are needed.
     """
-    omega, count = float(frequencies(model)[-1]), math.ceil(time / longest * (1.0 - _ROUNDING))
-    if growth(model, _MARGIN * time / count) > 1.0 + _ROUNDING:
+    omega = float(frequencies(model)[-1])
+    fewest = count = math.ceil(time / longest * (1.0 - _ROUNDING))
+
+    def is_enough(steps: int) -> bool:
+        return growth(model, _MARGIN * time / steps) <= 1.0 + _ROUNDING
+
+    if not is_enough(count):  # enough without dampers, which seldom ask for more
         count = max(count, math.ceil(_MARGIN * time * omega / 2.0))
-    while count <= MOST_STEPS and growth(model, _MARGIN * time / count) > 1.0 + _ROUNDING:
+    while count <= MOST_STEPS and not is_enough(count):
         count = math.ceil(1.2 * count)
     if count > MOST_STEPS:
         raise ValueError(
             f"segments, arm: the chain's fastest vibration, {omega:.3g} rad/s, and the step that was asked for, "
-            f"{longest:g} s, take more than {MOST_STEPS} steps in {time:g} s; take fewer segments, a less stiff arm, "
-            "more damping in the hinges, or a longer step"
+            f"{longest:g} s, take more than {MOST_STEPS} steps in {time:g} s; take fewer segments, a less "
+            "stiff arm, more damping in the hinges, or a longer step"
         )
-    return count
+    return fewest + bisect_left(range(fewest, count), True, key=is_enough)
 
 
 def growth(model: mujoco.MjModel, step: float) -> float:

@@ -9,6 +9,7 @@ which rows its arenas have:
 - "environment": an environment (`episode`),
 - "second sensor": the environment has one (`Shape.groups`),
 - "tangents": Jacobians are carried along (`step_jacobians`),
+- "adjoint": a gradient is carried back (`step_gradients`),
 - "outputs": readings and tips with their Jacobians (`output_jacobians`).
 """
 
@@ -85,6 +86,7 @@ _TRACKING = ("tracking",)
 _ENVIRONMENT = ("environment",)
 _SECOND = tuple(SECOND_SENSOR)
 _TANGENTS = ("tangents",)
+_ADJOINT = ("adjoint",)
 _OUTPUTS = ("outputs",)
 
 
@@ -131,6 +133,11 @@ class Row(Names):
     TOTAL = Entry("weighted sum of V_STAGE and of RATE_STAGE", "rad/s, m/s, per s", lambda s: 2 * s.size, _TANGENTS)
     SLOPES = Entry("its derivatives by each input (`slope_ways`), of all stages", "per unit", _slopes, _TANGENTS)
     COLUMNS = Entry("derivatives of Y and V by each input at the start", "per unit", _columns, _TANGENTS)
+
+    GRADIENT = Entry("derivatives of a sum by Y and V", "per unit", lambda s: 2 * s.size, _ADJOINT)
+    STAGE_GRADIENT = Entry("by positions and rates of the stage", "per unit", lambda s: 2 * s.size, _ADJOINT)
+    GRADIENT_CHANGE = Entry("sum of STAGE_GRADIENT of a step's stages", "per unit", lambda s: 2 * s.size, _ADJOINT)
+    TORQUE_GRADIENT = Entry("derivatives of the sum by TAU", "per N m", 2, _ADJOINT)
 
     OUTPUTS = Entry("what sensors read, and tips (`sensing.Outputs`)", "as there", OUTPUTS, _OUTPUTS)
     OUTPUT_SLOPES = Entry("their derivatives by STATE", "per unit", lambda s: 2 * s.size * OUTPUTS, _OUTPUTS)

@@ -65,12 +65,12 @@ def stage_record(variant: Variant) -> Recorder:
     known = [*r.read("CONSTANTS"), *r.read("ELIMINATION")]
     rates = r.trace.call("slope", [*known, *y, *v, *tau, *sincos(dyn.elbow_turn(y))], len(v))
     total = plus_scaled(r.read("TOTAL"), weight, [*v, *rates])
-    factors = linear_algebra.factor(dyn.mass_matrix(k, y, *_angles(variant, k, y)[:2]))
+    factors = linear_algebra.factor(dyn.mass_matrix(k, y, *stage_angles(variant, k, y)[:2]))
     ways = slope_ways(variant.modes)
     dual_y = [y[0], *varied(y[1:], [way for way in ways if way[0] == "y"])]
     dual_v, dual_tau = (varied(x, [way for way in ways if way[0] == name]) for x, name in ((v, "v"), (tau, "tau")))
     dual_k = varied_constants(k, r.constant_derivatives(), [way for way in ways if way[0] == "quantity"])
-    angles = _angles(variant, dual_k, dual_y)
+    angles = stage_angles(variant, dual_k, dual_y)
     off = dyn.imbalance(dual_k, variant.complete, dual_y, dual_v, rates, dual_tau, angles)
     for name, values in (("V_STAGE", v), ("RATE_STAGE", rates), ("TOTAL", total)):
         r.write(name, values)
@@ -79,7 +79,7 @@ def stage_record(variant: Variant) -> Recorder:
     return r
 
 
-def _angles(variant: Variant, k: Constants, y: Sequence[Any]) -> tuple[Any, Any, Any]:
+def stage_angles(variant: Variant, k: Constants, y: Sequence[Any]) -> tuple[Any, Any, Any]:
     """Cosine and sine of a2 - a1, and the sine of theta2 where it is used."""
     sin, cos = sincos(dyn.elbow_turn(y))
     return cos, sin, None if variant.complete else sincos(dyn.joint_angles(k, y)[1])[0]
