@@ -64,7 +64,7 @@ def draw(curves: Curves, path: Path) -> None:
             axis.fill_between(
                 steps[some], shown[:, some].min(axis=0), shown[:, some].max(axis=0), color=colour, alpha=0.2
             )
-        axis.set(title=f"{lap} lap", xscale="log", yscale="log", xlabel="environment steps")
+        axis.set(title=f"{lap} lap", yscale="log", xlabel="environment steps")
     axes[0].set_ylabel("r.m.s. error of the evaluation lap [m]")
     figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=4, fontsize=9)
     figure.savefig(path)

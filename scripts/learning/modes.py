@@ -21,7 +21,7 @@ from scripts.learning.study import Found, Study
 
 RESIDUAL = "FlexArm/SquareResidual-v0"
 REFERENCE: dict[str, Any] = {"action_mode": "reference"}
-STEPS = 1_000_000
+STEPS = 500_000
 # The unknown plant without the motors' delay, which is a whole number of periods where the reference is shifted.
 DRAWN = {
     **UNKNOWN_PLANT,

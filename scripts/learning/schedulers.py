@@ -24,7 +24,7 @@ _PLANT = ("arm", "law_sensor", "sensor", "deflection_limit", "error_limit")
 PAPER: dict[str, Any] = {name: IDS["Paper-v0"].options[name] for name in _PLANT} | {"physics_step": None}
 PLANTS = {"square": Plant(GAIN, {}), "paper": Plant(GAIN, PAPER)}
 TEXTS = {"square": "`SquareGain-v0`", "paper": "the paper's plant"}
-STEPS = 1_000_000
+STEPS = 500_000
 
 
 def rows(found: Found, folder: Path) -> Iterator[tuple[str, ...]]:
