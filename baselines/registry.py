@@ -16,7 +16,7 @@ from flexarm_baselines.joint_tracking import DECOUPLED, STIFF, JointTracking
 from flexarm_baselines.lqg import LQG, AdaptiveLQG, GaugedLQG
 from flexarm_baselines.plan_follower import PlanFollower
 from flexarm_baselines.policy import Policy
-from flexarm_baselines.predictive import NMPC, UNKNOWN, StateNMPC
+from flexarm_baselines.predictive import DOUBTFUL, NMPC, UNKNOWN, StateNMPC
 from flexarm_env.validation import choice
 
 
@@ -110,8 +110,9 @@ CONTROLLERS: dict[str, Controller] = {
     ),
     "lqg_adaptive": Controller(
         AdaptiveLQG,
-        "the same as `lqg`, whose filter finds payload, stiffness, damping and how late sensor and motors are as well",
-        f"{LJUNG}; Friedland, IEEE Trans. Automatic Control 14, 1969",
+        "the same as `lqg`, with a bank of filters that find payload, stiffness, damping and how late sensor and "
+        "motors are as well",
+        f"{LJUNG}; Friedland, IEEE Trans. Automatic Control 14, 1969; Magill, IEEE Trans. Automatic Control 10, 1965",
     ),
     "nmpc": Controller(
         NMPC,
@@ -123,7 +124,7 @@ CONTROLLERS: dict[str, Controller] = {
         NMPC,
         "the same, whose filter finds payload, stiffness and the sensor's delay as well",
         f"{DIEHL}; {LJUNG}",
-        {"unknown": UNKNOWN},
+        {"unknown": UNKNOWN, "noise": DOUBTFUL},
     ),
     "nmpc_path": Controller(
         NMPC, "the same as `nmpc`, tied to a run of its own that was not optimised", DIEHL, {"reference": "path"}

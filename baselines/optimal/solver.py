@@ -202,7 +202,7 @@ class Search:
             self.growth = max(FACTOR, self.growth * FACTOR)
             self.regularisation = max(REGULARISATION[0], self.regularisation) * self.growth
 
-    def backward(self, regularisation: float) -> tuple[float, float]:
+    def backward(self, regularisation: float) -> Floats:
         """Find steps and gains about the run; return the change of cost that they predict, by order."""
         problem, (gradient, hessian, weights) = self.problem, self.expansion
         torques = problem.with_torque_before(self.run.torques)
