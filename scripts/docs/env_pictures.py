@@ -166,5 +166,5 @@ def write_moving(path: Path, pictures: Sequence[NDArray[np.uint8]]) -> None:
     """
     first, *others = (Image.fromarray(one).resize((SIZE, SIZE), Image.Resampling.LANCZOS) for one in pictures)
     durations = [round(1e3 * INTERVAL)] * len(others) + [round(1e3 * REST)]
-    options = {"duration": durations, "loop": 0, "quality": QUALITY, "method": 6, "minimize_size": True}
+    options: dict[str, Any] = {"duration": durations, "loop": 0, "quality": QUALITY, "method": 6, "minimize_size": True}
     write_whole(path, lambda aside: first.save(aside, save_all=True, append_images=others, **options))
