@@ -75,6 +75,16 @@ def _modes(settings: Settings) -> int:
     return settings.flexible_arm.parameters.modes_per_link
 
 
+def _direction_range(settings: Settings, workspace: Workspace) -> Range:
+    """Cosine and sine of an angle."""
+    return even_range(2, 1.0, 1.0 + 1e-9)
+
+
+def _half_turn_range(settings: Settings, workspace: Workspace) -> Range:
+    """Differences of two angles that are within half a turn."""
+    return even_range(2, 0.3, np.pi + 1e-9)
+
+
 def _state_range(settings: Settings) -> Range:
     """Put joints and modes together in the order of the state."""
     modes, rates = modal_range(settings, rates=False), modal_range(settings, rates=True)
@@ -97,7 +107,7 @@ BLOCKS: dict[str, Block] = {
         "1",
         "2",
         _rows("F_DIRECTIONS"),
-        lambda s, r: even_range(2, 1.0, 1.0 + 1e-9),
+        _direction_range,
         VECTOR,
         reads=ENCODERS,
     ),
@@ -106,7 +116,7 @@ BLOCKS: dict[str, Block] = {
         "1",
         "2",
         _rows("F_DIRECTIONS", 2),
-        lambda s, r: even_range(2, 1.0, 1.0 + 1e-9),
+        _direction_range,
         VECTOR,
         reads=ENCODERS,
     ),
@@ -125,7 +135,7 @@ BLOCKS: dict[str, Block] = {
         "rad",
         "2",
         _rows("F_JOINT_ERROR"),
-        lambda s, r: even_range(2, 0.3, np.pi + 1e-9),
+        _half_turn_range,
         ANGLE,
         reads=ENCODERS,
     ),
@@ -143,7 +153,7 @@ BLOCKS: dict[str, Block] = {
         "rad",
         "2",
         _rows("F_PRESENT_JOINT_ERROR"),
-        lambda s, r: even_range(2, 0.3, np.pi + 1e-9),
+        _half_turn_range,
         ANGLE,
         reads=ENCODERS,
     ),
@@ -279,7 +289,7 @@ BLOCKS: dict[str, Block] = {
         "1",
         "2",
         _rows("F_PHASE"),
-        lambda s, r: even_range(2, 1.0, 1.0 + 1e-9),
+        _direction_range,
         SCALAR,
         reads=None,
     ),

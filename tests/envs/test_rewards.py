@@ -60,8 +60,8 @@ def test_terms_without_weight_are_not_told() -> None:
 @pytest.mark.parametrize("env_id", IDS)
 def test_ending_early_never_pays(env_id: str, policy: Any) -> None:
     """No step's reward is negative, so that none that is missed could have been a loss."""
-    env = make(env_id, max_episode_steps=400)
-    signs = np.random.default_rng(0).choice([-1.0, 1.0], (400, *env.action_space.shape))
+    env = make(env_id, max_episode_steps=100)
+    signs = np.random.default_rng(0).choice([-1.0, 1.0], (100, *env.action_space.shape))
     env.reset(seed=0)
     for sign in signs:
         action = sign if policy == "bang-bang" else np.full_like(sign, policy)
