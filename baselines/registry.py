@@ -16,7 +16,7 @@ from flexarm_baselines.joint_tracking import DECOUPLED, STIFF, JointTracking
 from flexarm_baselines.lqg import LQG, AdaptiveLQG, GaugedLQG
 from flexarm_baselines.plan_follower import PlanFollower
 from flexarm_baselines.policy import Policy
-from flexarm_baselines.predictive import NMPC, UNKNOWN, StateNMPC
+from flexarm_baselines.predictive import DOUBTFUL, NMPC, UNKNOWN, StateNMPC
 from flexarm_env.validation import choice
 
 
@@ -123,7 +123,7 @@ CONTROLLERS: dict[str, Controller] = {
         NMPC,
         "the same, whose filter finds payload, stiffness and the sensor's delay as well",
         f"{DIEHL}; {LJUNG}",
-        {"unknown": UNKNOWN},
+        {"unknown": UNKNOWN, "noise": DOUBTFUL},
     ),
     "nmpc_path": Controller(
         NMPC, "the same as `nmpc`, tied to a run of its own that was not optimised", DIEHL, {"reference": "path"}

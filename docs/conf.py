@@ -13,13 +13,14 @@ project_copyright = author
 version = release = __version__
 
 extensions = [
-    "myst_parser",
+    "myst_nb",
     "notfound.extension",
     "sphinx.ext.autodoc",
     "sphinx.ext.napoleon",
     "sphinx.ext.mathjax",
 ]
-exclude_patterns: list[str] = []
+exclude_patterns = ["docs/_static"]
+nb_execution_mode = "off"  # notebooks are committed with their outputs; a test runs them
 myst_heading_anchors = 4
 myst_enable_extensions = ["dollarmath"]
 myst_fence_as_directive = ["math"]
@@ -28,6 +29,10 @@ suppress_warnings = ["myst.header"]  # sections of a page that a script writes m
 html_theme = "furo"
 html_title = f"FlexArm {release}"
 html_copy_source = False
+html_show_sphinx = False
+html_static_path = ["_static"]
+html_css_files = ["flexarm.css"]
+html_js_files = ["flexarm.js"]
 # The page for wrong addresses is shown at any depth, so that its links begin where the site does, e.g. at "/flexarm".
 notfound_urls_prefix = f"{os.environ.get('SITE_PREFIX', '')}/"
 

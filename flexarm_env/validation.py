@@ -7,6 +7,7 @@ value it got and what is allowed. Nothing is clipped or replaced.
 from __future__ import annotations
 
 import difflib
+import math
 import reprlib
 from collections.abc import Iterable, Mapping, Sequence
 from numbers import Integral, Real
@@ -87,27 +88,23 @@ def number(
         TypeError: if it is not a real number (booleans are not).
         ValueError: if it is not finite or out of range.
     """
+    given = _scalar(value)
+    real = isinstance(given, Real) and not isinstance(given, bool)
+    if real:
+        try:
+            x = float(given)  # type: ignore[arg-type]
+        except OverflowError:  # an integer beyond the largest float
+            x = math.inf
+        within = (above is None or x > above) and (least is None or x >= least) and (most is None or x <= most)
+        if within and math.isfinite(x):
+            return x
     bounds = [
         text
         for text, bound in ((f"> {above}", above), (f">= {least}", least), (f"<= {most}", most))
         if bound is not None
     ]
     allowed = " and ".join(["a finite number", *bounds]) + (f" [{unit}]" if unit else "")
-    given = _scalar(value)
-    if isinstance(given, bool) or not isinstance(given, Real):
-        raise TypeError(f"{name} = {shown(value)}: must be {allowed}")
-    try:
-        x = float(given)
-    except OverflowError:  # an integer beyond the largest float
-        x = np.inf
-    out_of_range = (
-        (above is not None and not x > above)
-        or (least is not None and not x >= least)
-        or (most is not None and not x <= most)
-    )
-    if not np.isfinite(x) or out_of_range:
-        raise ValueError(f"{name} = {shown(value)}: must be {allowed}")
-    return x
+    raise (ValueError if real else TypeError)(f"{name} = {shown(value)}: must be {allowed}")
 
 
 def integer(name: str, value: object, least: int, most: int | None = None) -> int:
@@ -208,8 +205,8 @@ def finite_values(name: str, value: ArrayLike, most: float = np.inf) -> NDArray[
 
 
 def _finite(name: str, array: NDArray[np.float64], most: float) -> NDArray[np.float64]:
-    inside = np.isfinite(array) & (np.abs(array) <= most)
-    if not np.all(inside):
+    inside = np.isfinite(array) if most == np.inf else np.abs(array) <= most
+    if not inside.all():
         index = tuple(int(i) for i in np.argwhere(~inside)[0])
         place = str(list(index)) if index else ""
         limit = "" if most == np.inf else f", at most {most:g} in magnitude"
@@ -232,6 +229,8 @@ def real_array(name: str, value: ArrayLike) -> NDArray[np.float64]:
         raise ValueError(f"{name}: must be an array of real numbers ({short(str(error))})") from None
     if array.dtype.kind not in "iuf" or isinstance(value, _TEXTS):
         raise ValueError(f"{name} = {shown(value)}: must be an array of real numbers")
+    if array.dtype == np.float64:
+        return array.copy()
     with np.errstate(over="ignore"):  # wider floats than ours become infinite, as their text would
         return array.astype(np.float64)
 

@@ -24,12 +24,13 @@ from flexarm_baselines.observers.noise import NoiseModel
 from flexarm_baselines.observers.readings import Readings
 from flexarm_env.physics.constants import ARM_QUANTITIES
 from flexarm_env.simulation.arm import FlexibleArm
+from flexarm_env.simulation.open_loop import LARGEST
 from flexarm_env.validation import choice, number
 
 OF_THE_ARM = tuple(ARM_QUANTITIES)  # columns of `StepJacobians.by_quantity`
 QUANTITIES = (*OF_THE_ARM, "delay")
-# An estimate stays within.
-RANGES = {"payload_mass": (0.0, 10.0), "stiffness": (0.3, 3.0), "damping": (0.0, 0.3), "delay": (0.0, 0.2)}
+# An estimate stays within, wherever a plant that differs in more than these would drive it.
+RANGES = {"payload_mass": (0.0, 1.5), "stiffness": (0.7, 1.4), "damping": (0.0, 0.1), "delay": (0.0, 0.15)}
 SUBSTEP = 1e-3  # [s]; longest integration step over a part of a period
 
 
@@ -153,6 +154,13 @@ class KalmanFilter:
         """Return the estimated quantities by name. Shape (n,) each."""
         columns = estimate.mean[:, self._states : self._known].T
         return dict(zip(self.quantities, columns, strict=True))
+
+    @staticmethod
+    def is_sound(estimate: Estimate) -> Bools:
+        """Say which estimates have numbers that the arm's equations take. Shape (n,)."""
+        mean, covariance = np.abs(estimate.mean).max(axis=1), np.abs(estimate.covariance).max(axis=(1, 2))
+        sound: Bools = (mean <= LARGEST) & (covariance <= LARGEST)
+        return sound
 
     # --- the filter ------------------------------------------------------------------------------------------------
 

@@ -1,4 +1,4 @@
-"""Compiled sweeps of differential dynamic programming: backward through a lap, box-constrained, nothing allocated.
+"""Compiled sweeps of differential dynamic programming: backward through runs, box-constrained, nothing allocated.
 
 The state of the recursion is z = (x, p), the arm's state and the torque of the period before, so that a weight on the
 change of the torque is a cost like the others. Shapes: n entries of x, N periods; z has n + 2 entries. The
@@ -283,54 +283,55 @@ def backward(
     gains: Floats,
     slopes: Floats,
     curvatures: Floats,
-) -> tuple[float, float]:
-    """Sweep backward through a trajectory: steps and gains that minimise the quadratic model of the cost.
+    expected: Floats,
+) -> None:
+    """Sweep backward through runs: steps and gains that minimise the quadratic model of each one's cost.
 
-    Torques stay within the limits (control-limited differential dynamic programming).
+    Torques stay within the limits (control-limited differential dynamic programming). R runs, independent of each
+    other.
 
     Args:
-        by_state: A of each period. Shape (N, n, n).
-        by_torque: B. Shape (N, n, 2).
-        defects: by how much each period of the trajectory ends beyond the next state; 0 where it follows the
-            dynamics. Shape (N, n), or (1, n) for all.
-        gradient: of the cost, by each state. Shape (N + 1, n).
-        hessian: Shape (N + 1, n, n).
+        by_state: A of each period. Shape (R, N, n, n).
+        by_torque: B. Shape (R, N, n, 2).
+        defects: by how much each period of a run ends beyond the next state; 0 where it follows the dynamics.
+            Shape (R, N, n), or (R, 1, n) for all periods.
+        gradient: of the cost, by each state. Shape (R, N + 1, n).
+        hessian: Shape (R, N + 1, n, n).
         curvature: of the dynamics, second derivatives of each period's end by state and torque in the direction of
-            the cost's slope there; 0 for iterative LQR. Shape (N, n + 2, n + 2), or (1, n + 2, n + 2) for all.
+            the cost's slope there; 0 for iterative LQR. Shape (R, N, n + 2, n + 2), or (R, 1, n + 2, n + 2) for all
+            periods.
         weights: on squared torques, and on their squared changes. Shape (2, 2).
-        torques: of the period before the first, then of each. Shape (N + 1, 2).
+        torques: of the period before the first, then of each. Shape (R, N + 1, 2).
         limits: largest magnitudes. Shape (2,).
         regularisation: added to the curvature by each torque. Shape (2,).
-        feedforward: receives the changes of the torques. Shape (N, 2).
-        gains: receives the gains on z. Shape (N, 2, n + 2).
+        feedforward: receives the changes of the torques. Shape (R, N, 2).
+        gains: receives the gains on z. Shape (R, N, 2, n + 2).
         slopes: of the cost from each instant on, by z; the last one is that of a cost beyond the end, to which the
-            end's own is added, the others are received. Shape (N + 1, n + 2).
-        curvatures: as `slopes`. Shape (N + 1, n + 2, n + 2).
-
-    Returns:
-        First- and second-order part of the change of the cost that the model expects of the full step.
+            end's own is added, the others are received. Shape (R, N + 1, n + 2).
+        curvatures: as `slopes`. Shape (R, N + 1, n + 2, n + 2).
+        expected: receives the first- and second-order part of the change of the cost that the model expects of the
+            full step. Shape (R, 2).
     """
-    periods, n = by_torque.shape[0], by_torque.shape[1]
+    runs, periods, n = by_torque.shape[:3]
     size = n + TORQUES
-    vx, vxx, va = slopes[periods].copy(), curvatures[periods].copy(), np.zeros((n, n))
+    vx, vxx, va = np.zeros(size), np.zeros((size, size)), np.zeros((n, n))
     qz, qzz, quz = np.zeros(size), np.zeros((size, size)), np.zeros((TORQUES, size))
     qu, quu, box = np.zeros(TORQUES), np.zeros((TORQUES, TORQUES)), np.zeros((2, TORQUES))
-    slope, curve = 0.0, 0.0
-    for i in range(n):
-        vx[i] += gradient[periods, i]
-        for j in range(n):
-            vxx[i, j] += hessian[periods, i, j]
-    slopes[periods], curvatures[periods] = vx, vxx
-    for t in range(periods - 1, -1, -1):
-        for i in range(size):
-            for j in range(n):
-                vx[i] += vxx[i, j] * defects[min(t, defects.shape[0] - 1), j]
-        bent = curvature[min(t, curvature.shape[0] - 1)]
-        state_model(by_state[t], by_torque[t], gradient[t], hessian[t], bent, vx, vxx, va, qz, qzz)
-        torque_model(by_state[t], by_torque[t], bent, vx, vxx, va, qu, quu, quz)
-        add_torque_cost(weights, torques[t + 1], torques[t], qu, quu, quz, qz, qzz)
-        minimise(weights, torques[t + 1], limits, regularisation, qu, quu, quz, box, feedforward[t], gains[t])
-        slope += feedforward[t, 0] * qu[0] + feedforward[t, 1] * qu[1]
-        curve += update_value(feedforward[t], gains[t], qu, quu, quz, qz, qzz, vx, vxx)
-        slopes[t], curvatures[t] = vx, vxx
-    return slope, curve
+    expected[:] = 0.0
+    for run in range(runs):
+        slopes[run, periods, :n] += gradient[run, periods]
+        curvatures[run, periods, :n, :n] += hessian[run, periods]
+        vx[:], vxx[:] = slopes[run, periods], curvatures[run, periods]
+        for t in range(periods - 1, -1, -1):
+            a, b, bent = by_state[run, t], by_torque[run, t], curvature[run, min(t, curvature.shape[1] - 1)]
+            u, before, change, law = torques[run, t + 1], torques[run, t], feedforward[run, t], gains[run, t]
+            for i in range(size):
+                for j in range(n):
+                    vx[i] += vxx[i, j] * defects[run, min(t, defects.shape[1] - 1), j]
+            state_model(a, b, gradient[run, t], hessian[run, t], bent, vx, vxx, va, qz, qzz)
+            torque_model(a, b, bent, vx, vxx, va, qu, quu, quz)
+            add_torque_cost(weights, u, before, qu, quu, quz, qz, qzz)
+            minimise(weights, u, limits, regularisation, qu, quu, quz, box, change, law)
+            expected[run, 0] += change[0] * qu[0] + change[1] * qu[1]
+            expected[run, 1] += update_value(change, law, qu, quu, quz, qz, qzz, vx, vxx)
+            slopes[run, t], curvatures[run, t] = vx, vxx

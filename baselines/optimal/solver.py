@@ -113,7 +113,7 @@ def optimise(
         DivergingStartError: if the start's states do not stay finite.
     """
     options = SolverOptions() if options is None else options
-    search = _Search(problem, start)
+    search = Search(problem, start)
     log = [Iteration(search.cost, search.residual, 0.0, 0.0)]
     while log[-1].residual > options.tolerance and len(log) <= options.iterations:
         moved = search.improve()
@@ -125,10 +125,19 @@ def optimise(
     return Solution(search.run, search.gains, tuple(log), log[-1].residual <= options.tolerance)
 
 
-class _Search:
-    """A trajectory with the model about it."""
+class Search:
+    """A trajectory with the model about it.
+
+    Attributes:
+        run: the trajectory.
+        cost: its cost.
+        residual: of optimality, see `Iteration.residual`.
+        gains: on the state and on the torque of the period before. Shape (n, 2, 6 + 4 m).
+        exact: whether the model has the curvature of the dynamics.
+    """
 
     def __init__(self, problem: TrackingProblem, start: Rollout) -> None:
+        """Replay a start, and expand about it; arguments and errors as in `optimise`."""
         self.problem = problem
         self.limits = np.array(problem.limits)
         diverging = DivergingStartError("start: the arm's state does not stay finite")
@@ -156,7 +165,7 @@ class _Search:
         residual, by_end = optimality(problem, self.run, self.slopes, self.expansion, self.gains)
         self.residual = residual / self.cost
         if self.exact:
-            self.curvature = dynamics_curvature(problem, self.run, by_end)
+            self.curvature = dynamics_curvature(problem, self.run, self.slopes, by_end)
         self.expected = self.backward(self.regularisation)
 
     def improve(self) -> tuple[float, float]:
@@ -193,7 +202,7 @@ class _Search:
             self.growth = max(FACTOR, self.growth * FACTOR)
             self.regularisation = max(REGULARISATION[0], self.regularisation) * self.growth
 
-    def backward(self, regularisation: float) -> tuple[float, float]:
+    def backward(self, regularisation: float) -> Floats:
         """Find steps and gains about the run; return the change of cost that they predict, by order."""
         problem, (gradient, hessian, weights) = self.problem, self.expansion
         torques = problem.with_torque_before(self.run.torques)
@@ -259,7 +268,7 @@ def optimality(
     return float(np.sqrt(problem.periods * np.sum(projected**2))), by_end
 
 
-def dynamics_curvature(problem: TrackingProblem, run: Rollout, by_end: Floats) -> Floats:
+def dynamics_curvature(problem: TrackingProblem, run: Rollout, slopes: tuple[Floats, Floats], by_end: Floats) -> Floats:
     """Return second derivatives of each period's end by state and torque, in the direction of the cost's slope.
 
     They are forward differences of the exact gradients. Nothing depends on theta1 but by a rotation, which is linear in
@@ -268,6 +277,7 @@ def dynamics_curvature(problem: TrackingProblem, run: Rollout, by_end: Floats) -
     Args:
         problem: the problem.
         run: a trajectory.
+        slopes: its derivatives of each period's end by state and torque.
         by_end: derivatives of the cost by the state at each period's end. Shape (n, 4 + 4 m).
     """
     periods, size = by_end.shape
@@ -280,7 +290,8 @@ def dynamics_curvature(problem: TrackingProblem, run: Rollout, by_end: Floats) -
         found = problem.arm.step_gradients(states, torques, by_end, problem.period, step=problem.step)
         return np.concatenate(found, axis=-1)
 
-    base, found = along(inputs), np.zeros((periods, size + 2, size + 2))
+    base = np.concatenate([np.matmul(by_end[:, None], slope)[:, 0] for slope in slopes], axis=1)
+    found = np.zeros((periods, size + 2, size + 2))
     for n in range(1, size + 2):
         found[:, n] = (along(inputs + shifts[n] * (np.arange(size + 2) == n)) - base) / shifts[n]
     return 0.5 * (found + found.swapaxes(1, 2))

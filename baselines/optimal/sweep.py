@@ -1,4 +1,4 @@
-"""A backward sweep of dynamic programming through a quadratic model of a run."""
+"""Backward sweeps of dynamic programming through quadratic models of runs."""
 
 from __future__ import annotations
 
@@ -11,17 +11,20 @@ from flexarm_baselines.optimal import kernels
 
 
 class Model(NamedTuple):
-    """A run of N periods with its dynamics to first order and its cost to second order.
+    """Runs of N periods with their dynamics to first order and their cost to second order; n entries of a state.
+
+    Leading axes, of any number, are those of the runs.
 
     Attributes:
-        by_state: derivatives of each period's end by the state. Shape (N, n, n).
-        by_torque: by the torque. Shape (N, n, 2).
-        gradient: of the cost, by each state. Shape (N + 1, n).
-        hessian: Shape (N + 1, n, n).
-        weights: on squared torques, and on their squared changes. Shape (2, 2).
-        torques: of the period before the first, then of each. Shape (N + 1, 2).
-        defects: by how much each period ends beyond the next state; None: the run follows the dynamics. Shape (N, n).
-        curvature: of the dynamics, see `kernels.backward`; None: 0. Shape (N, n + 2, n + 2).
+        by_state: derivatives of each period's end by the state. Shape (..., N, n, n).
+        by_torque: by the torque. Shape (..., N, n, 2).
+        gradient: of the cost, by each state. Shape (..., N + 1, n).
+        hessian: Shape (..., N + 1, n, n).
+        weights: on squared torques, and on their squared changes, of all runs. Shape (2, 2).
+        torques: of the period before the first, then of each. Shape (..., N + 1, 2).
+        defects: by how much each period ends beyond the next state; None: the runs follow the dynamics.
+            Shape (..., N, n).
+        curvature: of the dynamics, see `kernels.backward`; None: 0. Shape (..., N, n + 2, n + 2).
     """
 
     by_state: Floats
@@ -50,16 +53,16 @@ class Sweep(NamedTuple):
     """What a sweep found.
 
     Attributes:
-        forward: changes of the torques. Shape (N, 2).
-        gains: on z. Shape (N, 2, n + 2).
-        cost_to_go: of each instant. Shapes (N + 1, ...).
-        expected: first- and second-order part of the change of the cost that the model expects.
+        forward: changes of the torques. Shape (..., N, 2).
+        gains: on z. Shape (..., N, 2, n + 2).
+        cost_to_go: of each instant. Shapes (..., N + 1, n + 2), (..., N + 1, n + 2, n + 2).
+        expected: first- and second-order part of the change of the cost that the model expects. Shape (..., 2).
     """
 
     forward: Floats
     gains: Floats
     cost_to_go: CostToGo
-    expected: tuple[float, float]
+    expected: Floats
 
 
 def sweep(
@@ -68,32 +71,40 @@ def sweep(
     regularisation: Floats | None = None,
     beyond: CostToGo | None = None,
 ) -> Sweep:
-    """Minimise the model's cost over the torques.
+    """Minimise the model's cost over the torques, of each run for itself.
 
     Args:
         model: the model.
         limits: largest torques; None: no limit. Shape (2,).
         regularisation: added to the curvature by each torque; None: 0. Shape (2,).
-        beyond: cost of what follows the run's end; None: 0. Shapes (n + 2,), (n + 2, n + 2).
+        beyond: cost of what follows each run's end; None: 0. Shapes (..., n + 2), (..., n + 2, n + 2).
     """
-    periods, n, _ = model.by_torque.shape
-    forward, gains = np.empty((periods, 2)), np.empty((periods, 2, n + 2))
-    cost = CostToGo(np.empty((periods + 1, n + 2)), np.empty((periods + 1, n + 2, n + 2)))
-    cost.slopes[-1] = 0.0 if beyond is None else beyond.slopes
-    cost.curvatures[-1] = 0.0 if beyond is None else beyond.curvatures
-    expected = kernels.backward(
-        model.by_state,
-        model.by_torque,
-        np.zeros((1, n)) if model.defects is None else model.defects,
-        model.gradient,
-        model.hessian,
-        np.zeros((1, n + 2, n + 2)) if model.curvature is None else model.curvature,
+    *leading, periods, n, _ = model.by_torque.shape
+    forward, gains = np.empty((*leading, periods, 2)), np.empty((*leading, periods, 2, n + 2))
+    cost = CostToGo(np.empty((*leading, periods + 1, n + 2)), np.empty((*leading, periods + 1, n + 2, n + 2)))
+    cost.slopes[..., -1, :] = 0.0 if beyond is None else beyond.slopes
+    cost.curvatures[..., -1, :, :] = 0.0 if beyond is None else beyond.curvatures
+    expected = np.empty((*leading, 2))
+
+    def runs(table: Floats) -> Floats:
+        """Put the runs on one axis before the last ones."""
+        return np.ascontiguousarray(table).reshape(-1, *table.shape[len(leading) :])
+
+    kernels.backward(
+        runs(model.by_state),
+        runs(model.by_torque),
+        runs(np.zeros((*leading, 1, n)) if model.defects is None else model.defects),
+        runs(model.gradient),
+        runs(model.hessian),
+        runs(np.zeros((*leading, 1, n + 2, n + 2)) if model.curvature is None else model.curvature),
         model.weights,
-        model.torques,
+        runs(model.torques),
         np.full(2, np.inf) if limits is None else limits,
         np.zeros(2) if regularisation is None else regularisation,
-        forward,
-        gains,
-        *cost,
+        runs(forward),
+        runs(gains),
+        runs(cost.slopes),
+        runs(cost.curvatures),
+        runs(expected),
     )
     return Sweep(forward, gains, cost, expected)

@@ -10,12 +10,13 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any, ClassVar, Literal
 
 import numpy as np
 
 from flexarm_baselines.along_plans import PlanController, within_half_a_turn
-from flexarm_baselines.arrays import Floats
+from flexarm_baselines.arrays import Array, Floats
 from flexarm_baselines.controller import Memory, Seen
 from flexarm_baselines.observers import GAUGES, SENSORS, Estimate, KalmanFilter, NoiseModel, Readings
 from flexarm_baselines.optimal.plan import Plan
@@ -34,6 +35,9 @@ UNKNOWN = {"payload_mass": 0.5, "stiffness": 0.2, "delay": 0.02}  # standard dev
 # Encoders see vibrations of 70 Hz and more that no model integrates well, so that their rates are trusted little.
 # Noise on the torques, more than there is, buys robustness to an arm that is not the model.
 NOISE = NoiseModel(joint_angle=3e-4, joint_rate=0.1, tip=0.01, torque=(10.0, 4.0))
+# For a filter that estimates quantities, too: motors that are late, and vibrations that the model lacks, would else be
+# taken for another payload or stiffness.
+DOUBTFUL = replace(NOISE, joint_angle=3e-3, joint_rate=1.0)
 REFERENCES = ("plan", "path")
 
 
@@ -98,8 +102,14 @@ class PredictiveController(PlanController):
         """
 
     @abstractmethod
-    def update(self, seen: Seen, belief: Memory) -> tuple[Floats, dict[str, Any], Memory]:
-        """Return states, quantities of the arms by name, and belief, after what has been observed."""
+    def update(self, seen: Seen, belief: Memory, run: Array) -> tuple[Floats, dict[str, Floats], Memory]:
+        """Return states, quantities of the arms by name, and belief, after what has been observed.
+
+        Args:
+            seen: the observations.
+            belief: of this instant, before them.
+            run: places of the arms' runs in the guide. Shape (n,).
+        """
 
     def advance(self, belief: Memory, torque: Floats) -> Memory:
         """Return what is believed of the next instant, after torques that are held until then."""
@@ -111,28 +121,26 @@ class PredictiveController(PlanController):
         """Begin on the nearest run."""
         period = self.period_of(seen)
         run = self.nearest(seen["joint_angles"], period)
+        prediction = self.iteration.predicted(run, period)
+        return (run, np.zeros((len(seen), 2)), *prediction, *self.begin(seen, self.resting(seen, run)))
+
+    def resting(self, seen: Seen, run: Array) -> Floats:
+        """Return states at rest where the encoders say, within half a turn of the guide. Shape (n, 4 + 4 m)."""
         state = np.zeros((len(seen), 2 * self.iteration.model.size))
         state[:, :2] = seen["joint_angles"]
-        off = state - self.iteration.guide.states[run, period]
-        state += within_half_a_turn(off) - off
-        predictions = [self.iteration.predicted(int(one), int(at)) for one, at in zip(run, period, strict=True)]
-        states, torques = (np.stack(part) for part in zip(*predictions, strict=True))
-        return (run, np.zeros((len(seen), 2)), states, torques, *self.begin(seen, state))
+        off = state - self.iteration.guide.states[run, self.period_of(seen)]
+        return state + within_half_a_turn(off) - off
 
     def torque(self, seen: Seen, memory: Memory) -> tuple[Floats, Memory]:
-        """Improve each arm's prediction, and apply its first torque."""
+        """Improve the arms' predictions, and apply their first torques."""
         run, before, states, torques, *rest = memory
-        believed, quantities, belief = self.update(seen, tuple(rest))
-        ahead_states, ahead_torques, torque = np.empty_like(states), np.empty_like(torques), np.empty((len(seen), 2))
-        for arm, period in enumerate(self.period_of(seen)):
-            own = {name: float(value[arm]) for name, value in quantities.items()}
-            now = Instant(int(run[arm]), int(period), believed[arm], before[arm], own)
-            prediction = Rollout(states[arm], torques[arm])
-            for _ in range(self.iterations):
-                prediction = self.iteration.improve(prediction, now)
-            torque[arm] = prediction.torques[0]
-            ahead_states[arm], ahead_torques[arm] = self.iteration.shifted(prediction, now)
-        return torque, (run, torque, ahead_states, ahead_torques, *self.advance(belief, torque))
+        believed, quantities, belief = self.update(seen, tuple(rest), run)
+        now = Instant(run, self.period_of(seen), believed, before, quantities)
+        prediction = Rollout(states, torques)
+        for _ in range(self.iterations):
+            prediction = self.iteration.improve(prediction, now)
+        torque = prediction.torques[:, 0].copy()
+        return torque, (run, torque, *self.iteration.shifted(prediction, now), *self.advance(belief, torque))
 
 
 class NMPC(PredictiveController):
@@ -171,13 +179,19 @@ class NMPC(PredictiveController):
         """Begin the filter's estimate."""
         return tuple(self.filter.start(state))
 
-    def update(self, seen: Seen, belief: Memory) -> tuple[Floats, dict[str, Any], Memory]:
-        """Correct the estimate by the readings."""
+    def update(self, seen: Seen, belief: Memory, run: Array) -> tuple[Floats, dict[str, Floats], Memory]:
+        """Correct the estimate by the readings; one that lost its numbers begins anew."""
         estimate = Estimate(*belief)
         joints = np.concatenate([seen["joint_angles"], seen["joint_rates"]], axis=1)
         expected = self.filter.state(estimate)[:, :2]
         joints[:, :2] = expected + within_half_a_turn(joints[:, :2] - expected)
-        estimate, _ = self.filter.correct(estimate, Readings(joints, seen["sensed_position"], self.gauges(seen)))
+        with np.errstate(over="ignore", invalid="ignore"):
+            estimate, _ = self.filter.correct(estimate, Readings(joints, seen["sensed_position"], self.gauges(seen)))
+        lost = ~self.filter.is_sound(estimate)
+        if lost.any():
+            again = self.filter.start(self.resting(seen, run)[lost])
+            for part, begun in zip(estimate, again, strict=True):
+                part[lost] = begun
         values = {name: value for name, value in self.filter.values(estimate).items() if name in ARM_QUANTITIES}
         if "stiffness" in values:
             values["stiffness"] = np.minimum(values["stiffness"], self._stiffest)
@@ -185,7 +199,8 @@ class NMPC(PredictiveController):
 
     def advance(self, belief: Memory, torque: Floats) -> Memory:
         """Predict the estimate of the next instant."""
-        return tuple(self.filter.predict(Estimate(*belief), torque))
+        with np.errstate(over="ignore", invalid="ignore"):  # `update` begins an estimate anew that lost its numbers
+            return tuple(self.filter.predict(Estimate(*belief), torque))
 
     def gauges(self, seen: Seen) -> Floats | None:
         """Return the readings of the strain gauges, if there are any."""
@@ -209,7 +224,7 @@ class StateNMPC(PredictiveController):
         """Keep the whole turns by which the guide's angle of the shoulder differs from the observed one [rad]."""
         return (state[:, 0] - seen["joint_angles"][:, 0],)
 
-    def update(self, seen: Seen, belief: Memory) -> tuple[Floats, dict[str, Any], Memory]:
+    def update(self, seen: Seen, belief: Memory, run: Array) -> tuple[Floats, dict[str, Floats], Memory]:
         """Return the true state."""
         state = seen["state"]
         state[:, 0] += belief[0]

@@ -15,51 +15,87 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexarm_baselines.arrays import Floats
+from flexarm_baselines.arrays import Array, Bools, Floats
 from flexarm_baselines.optimal.solver import STEP_LENGTHS
 from flexarm_baselines.optimal.sweep import CostToGo, Model, Sweep, sweep
 from flexarm_baselines.predictive import kernels
 from flexarm_baselines.predictive.guide import Guide
-from flexarm_env.physics.sensing import Outputs
 from flexarm_env.simulation.arm import FlexibleArm
 from flexarm_env.simulation.feedback import Rollout
+from flexarm_env.simulation.open_loop import LARGEST
 
 ALPHAS = STEP_LENGTHS[:-1]  # with the guide's law they fill the lanes of a roll-out
 
 
 class Instant(NamedTuple):
-    """Where an arm is.
+    """Where n arms are, each at an instant of its own.
 
     Attributes:
-        run: place of its run in the guide.
-        period: control period of the lap that begins.
-        state: Shape (n,).
-        before: torque of the period that ends [N m]. Shape (2,).
-        quantities: of the arm, as `FlexibleArm.step` takes them.
+        run: places of their runs in the guide. Shape (n,).
+        period: control periods of the lap that begin. Shape (n,).
+        state: s entries each. Shape (n, s).
+        before: torques of the periods that end [N m]. Shape (n, 2).
+        quantities: of the arms, by name as `FlexibleArm.step` takes them. Shape (n,) each.
     """
 
-    run: int
-    period: int
+    run: Array
+    period: Array
     state: Floats
     before: Floats
-    quantities: dict[str, float]
+    quantities: dict[str, Floats]
+
+
+class _Ahead(NamedTuple):
+    """What the guide says of the horizons of n arms, each of N periods.
+
+    Attributes:
+        run: states and torques of the guide. Shapes (n, N + 1, s), (n, N, 2).
+        gains: its feedback, see `Guide`. Shape (n, N, 2, s + 2).
+        first: torque of the guide before the first period [N m]. Shape (n, 2).
+        reference: where the tip should be [m]. Shape (n, N + 1, 2).
+        tip_weights: Shape (n, N + 1).
+        beyond: the cost of what follows, in the deviation from the guide's end. Shapes (n, s + 2), (n, s + 2, s + 2).
+    """
+
+    run: Rollout
+    gains: Floats
+    first: Floats
+    reference: Floats
+    tip_weights: Floats
+    beyond: CostToGo
 
 
 class _Law(NamedTuple):
-    """A feedback law as `FlexibleArm.rollout` takes it; `gains` are on state and torque before."""
+    """Feedback laws of n arms about runs of N periods.
 
-    forward: Floats
+    Attributes:
+        change: of the torques, to be taken by several lengths. Shape (n, N, 2).
+        gains: on the deviation of state and torque before. Shape (n, N, 2, s + 2).
+        states: of the runs. Shape (n, N + 1, s).
+        torques: of the runs [N m]. Shape (n, N, 2).
+        first: of the period before the runs' first [N m]. Shape (n, 2).
+    """
+
+    change: Floats
     gains: Floats
-    references: Floats
+    states: Floats
+    torques: Floats
+    first: Floats
+
+    @property
+    def offset(self) -> Floats:
+        """Torques less what the gains make of the runs' own torques before [N m]. Shape (n, N, 2)."""
+        before = np.concatenate([self.first[:, None], self.torques[:, :-1]], axis=1)
+        return self.torques - _times(self.gains[..., self.states.shape[-1] :], before)
 
 
 class RealTimeIteration:
-    """Improves predictions of one arm.
+    """Improves predictions of arms of one kind; what it finds for an arm does not depend on the others.
 
     Attributes:
         model: the arm.
         guide: see `Guide`.
-        horizon: control periods.
+        horizon: control periods, N.
         limits: largest torques [N m]. Shape (2,).
         damping: regularisation of the sweep, in units of a weight on changes of the torques [m^2].
         step: integration step [s].
@@ -78,123 +114,167 @@ class RealTimeIteration:
         """Keep all; see the attributes."""
         self.model, self.guide, self.horizon = model, guide, horizon
         self.limits, self.period, self.step, self.damping = np.array(limits), period, step, damping
+        self._deflection_cost = float(guide.deflection_weight), float(guide.deflection_limit)
 
-    def predicted(self, run: int, period: int) -> Rollout:
-        """Return a run of the guide over the horizon from a control period on."""
-        end = period + self.horizon
-        return Rollout(self.guide.states[run, period : end + 1], self.guide.torques[run, period:end])
+    def predicted(self, run: Array, period: Array) -> Rollout:
+        """Return runs of the guide over the horizon from control periods on.
+
+        Args:
+            run: places of the runs in the guide. Shape (n,).
+            period: Shape (n,).
+        """
+        instants = period[:, None] + np.arange(self.horizon + 1)
+        return Rollout(self.guide.states[run[:, None], instants], self.guide.torques[run[:, None], instants[:, :-1]])
 
     def improve(self, prediction: Rollout, now: Instant) -> Rollout:
-        """Return a better prediction, which begins at the present state; its first torque is what to apply.
+        """Return better predictions, which begin at the present states; their first torques are what to apply.
 
         Args:
-            prediction: from about the present state on. Shapes (horizon + 1, n), (horizon, 2).
+            prediction: from about the present states on. Shapes (n, N + 1, s), (n, N, 2).
             now: the present.
         """
-        guide, last = self.guide, now.period + self.horizon
-        end = np.concatenate([guide.states[now.run, last], guide.torques[now.run, last - 1]])
-        slope, curvature = guide.slopes[now.run, last], guide.curvatures[now.run, last]
-        off = np.concatenate([prediction.states[-1], prediction.torques[-1]]) - end
-        found = self._sweep(prediction, now, CostToGo(slope + curvature @ off, curvature))
-        runs = self._roll_out(prediction, now, found)
-        finite = np.all(np.isfinite(runs.states), axis=(1, 2))
-        if not finite.any():
-            return self.predicted(now.run, now.period)
-        states = np.where(finite[:, None, None], runs.states, prediction.states)
-        off = np.concatenate([states[:, -1], runs.torques[:, -1]], axis=1) - end
-        total = self._costs(states, runs.torques, now) + off @ slope + 0.5 * np.sum(off @ curvature * off, axis=1)
-        best = int(np.argmin(np.where(finite, total, np.inf)))
-        return Rollout(states[best], runs.torques[best])
+        ahead = self._ahead(now)
+        slopes, curvatures = ahead.beyond
+        off = _end(prediction) - _end(ahead.run)
+        beyond = CostToGo(slopes + _times(curvatures, off), curvatures)
+        runs = self._roll_out(prediction, now, ahead, self._sweep(prediction, now, ahead, beyond))
+        sound = _sound(runs.states, 2)
+        states = np.where(sound[..., None, None], runs.states, ahead.run.states[:, None])
+        off = _end(Rollout(states, runs.torques)) - _end(ahead.run)[:, None]
+        total = self._costs(states, runs.torques, now, ahead) + (off @ slopes[..., None])[..., 0]
+        total += 0.5 * np.sum(off @ curvatures * off, axis=2)
+        arms, best = np.arange(len(total)), np.argmin(np.where(sound, total, np.inf), axis=1)
+        return Rollout(states[arms, best], _rows(np.any(sound, axis=1), runs.torques[arms, best], ahead.run.torques))
 
     def shifted(self, prediction: Rollout, now: Instant) -> Rollout:
-        """Return a prediction from the next instant on; the guide's feedback law appends a period."""
-        guide, end = self.guide, now.period + self.horizon
+        """Return predictions from the next instant on; the guide's feedback law appends a period."""
+        guide, last = self.guide, now.period + self.horizon
         states, torques = prediction
-        off = np.concatenate([states[-1] - guide.states[now.run, end], torques[-1] - guide.torques[now.run, end - 1]])
-        torque = guide.torques[now.run, end] + guide.gains[now.run, end] @ off
+        off = _end(prediction) - np.concatenate([guide.states[now.run, last], guide.torques[now.run, last - 1]], axis=1)
+        torque = guide.torques[now.run, last] + _times(guide.gains[now.run, last], off)
         torque = np.clip(torque, -self.limits, self.limits)
-        state = self.model.step(states[-1], torque, self.period, step=self.step, **now.quantities)
-        return Rollout(np.concatenate([states[1:], state[None]]), np.concatenate([torques[1:], torque[None]]))
+        state = self.model.step(states[:, -1], torque, self.period, step=self.step, **now.quantities)
+        state = _rows(_sound(state, 1), state, guide.states[now.run, last + 1])
+        return Rollout(
+            np.concatenate([states[:, 1:], state[:, None]], axis=1),
+            np.concatenate([torques[:, 1:], torque[:, None]], axis=1),
+        )
 
-    def _residuals(self, at: Outputs, now: Instant) -> tuple[Floats, Floats]:
-        """Return what costs something over the horizon, and the weights on its squares.
+    # --- inside -----------------------------------------------------------------------------------------------------
 
-        Residuals are the tip's errors, and the links' deflections beyond their limit [m]. The cost of the end is in
-        that of what follows.
+    def _ahead(self, now: Instant) -> _Ahead:
+        """Look up what the guide says of the horizons."""
+        guide, last = self.guide, now.period + self.horizon
+        instants = now.period[:, None] + np.arange(self.horizon + 1)
+        first = np.where(now.period[:, None] > 0, guide.torques[now.run, np.maximum(now.period, 1) - 1], 0.0)
+        return _Ahead(
+            self.predicted(now.run, now.period),
+            guide.gains[now.run[:, None], instants[:, :-1]],
+            first,
+            guide.reference[instants],
+            guide.tip_weights[instants],
+            CostToGo(guide.slopes[now.run, last], guide.curvatures[now.run, last]),
+        )
 
-        Args:
-            at: outputs of states over the horizon. Shapes (..., horizon + 1, k).
-            now: the present.
-
-        Returns:
-            Shape (..., horizon + 1, 4) each.
-        """
-        guide, horizon = self.guide, slice(now.period, now.period + self.horizon + 1)
-        limit = guide.deflection_limit
-        excess = at.deflection - np.clip(at.deflection, -limit, limit)
-        weights = np.empty((*excess.shape[:-1], 4))
-        weights[..., :2] = guide.tip_weights[horizon, None]
-        weights[..., 2:] = guide.deflection_weight * (excess != 0.0)
-        weights[..., -1, :] = 0.0
-        return np.concatenate([at.true_tip - guide.reference[horizon], excess], axis=-1), weights
-
-    def _sweep(self, prediction: Rollout, now: Instant, beyond: CostToGo) -> Sweep:
-        """Sweep backward through the prediction."""
+    def _sweep(self, prediction: Rollout, now: Instant, ahead: _Ahead, beyond: CostToGo) -> Sweep:
+        """Sweep backward through the predictions."""
         states, torques = prediction
-        moved = self.model.step_jacobians(states[:-1], torques, self.period, step=self.step, **now.quantities)
-        outputs, slopes = self.model.output_jacobians(states)
-        residuals, weights = self._residuals(outputs, now)
-        by_state = np.concatenate([slopes.true_tip, slopes.deflection], axis=-2)
-        gradient, hessian = np.empty(states.shape), np.empty((*states.shape, states.shape[1]))
-        kernels.expand(residuals, by_state, weights, gradient, hessian)
+        of_periods = {name: value[:, None] for name, value in now.quantities.items()}
+        moved = self.model.step_jacobians(states[:, :-1], torques, self.period, step=self.step, **of_periods)
+        at, slopes = self.model.output_jacobians(states)
+        gradient, hessian = np.empty(states.shape), np.empty((*states.shape, states.shape[-1]))
+        kernels.expand(
+            at.true_tip,
+            slopes.true_tip,
+            at.deflection,
+            slopes.deflection,
+            ahead.reference,
+            ahead.tip_weights,
+            self._deflection_cost,
+            gradient,
+            hessian,
+        )
         quadratic = Model(
             moved.by_state,
             moved.by_torque,
             gradient,
             hessian,
             self.guide.torque_weights,
-            np.concatenate([now.before[None], torques]),
-            defects=moved.state - states[1:],
+            np.concatenate([now.before[:, None], torques], axis=1),
+            defects=moved.state - states[:, 1:],
         )
         lap = len(self.guide.reference) - 1 - self.horizon
-        return sweep(quadratic, self.limits, 2.0 * self.damping / (lap * self.limits**2), beyond)
+        with np.errstate(over="ignore", invalid="ignore"):  # a prediction that is out of all bounds
+            return sweep(quadratic, self.limits, 2.0 * self.damping / (lap * self.limits**2), beyond)
 
-    def _roll_out(self, prediction: Rollout, now: Instant, found: Sweep) -> Rollout:
-        """Run the model from the present state under the guide's feedback law, and under all steps of the sweep.
+    def _roll_out(self, prediction: Rollout, now: Instant, ahead: _Ahead, found: Sweep) -> Rollout:
+        """Run the model from the present states under the guide's feedback law, and under all steps of the sweep.
 
-        A sweep through a prediction that is out of all bounds may overflow; it has no steps then.
+        A sweep through a prediction that is out of all bounds may overflow; the guide's law takes the place of its
+        steps then.
         """
-        guide, size = self.guide, 2 * self.model.size
-        along = now.run, slice(now.period, now.period + self.horizon)
-        first = guide.torques[now.run, now.period - 1] if now.period > 0 else np.zeros(2)
-        laws = [self._law(guide.gains[along], self.predicted(now.run, now.period), first)]
-        if np.all(np.isfinite(found.gains)) and np.all(np.isfinite(found.forward)):
-            about = self._law(found.gains, prediction, now.before)
-            laws += [about._replace(forward=about.forward + alpha * found.forward) for alpha in ALPHAS]
-        forward, gains, references = (np.stack(part) for part in zip(*laws, strict=True))
+        guided = _Law(np.zeros_like(found.forward), ahead.gains, *ahead.run, ahead.first)
+        steps = _Law(found.forward, found.gains, *prediction, now.before)
+        sound = _sound(found.gains, 1) & _sound(found.forward, 1)
+        if not sound.all():
+            chosen = (_rows(sound, one, other) for one, other in zip(steps, guided, strict=True))
+            steps = _Law(*chosen)
+        size, candidates = 2 * self.model.size, (len(sound), 1 + len(ALPHAS), self.horizon)
+        forward, references = np.empty((*candidates, 2)), np.empty((*candidates, size))
+        gains, torque_gains = np.empty((*candidates, 2, size)), np.empty((*candidates, 2, 2))
+        for law, lanes, lengths in ((guided, slice(0, 1), np.zeros(1)), (steps, slice(1, None), ALPHAS)):
+            forward[:, lanes] = law.offset[:, None] + lengths[:, None, None] * law.change[:, None]
+            references[:, lanes] = law.states[:, None, :-1]
+            gains[:, lanes] = law.gains[:, None, ..., :size]
+            torque_gains[:, lanes] = law.gains[:, None, ..., size:]
         return self.model.rollout(
-            now.state,
+            now.state[:, None],
             forward,
-            gains=gains[..., :size],
+            gains=gains,
             references=references,
-            torque_gains=gains[..., size:],
-            torque_before=now.before,
+            torque_gains=torque_gains,
+            torque_before=now.before[:, None],
             limits=(float(self.limits[0]), float(self.limits[1])),
             period=self.period,
             step=self.step,
-            **now.quantities,
+            **{name: value[:, None] for name, value in now.quantities.items()},
         )
 
-    def _law(self, gains: Floats, about: Rollout, first: Floats) -> _Law:
-        """Return the feedback law with gains on the deviation from a run; `first`: torque before the run's first."""
-        before = np.concatenate([first[None], about.torques[:-1]])
-        on_torque = gains[:, :, 2 * self.model.size :]
-        forward = about.torques - (on_torque @ before[..., None])[..., 0]
-        return _Law(forward, gains, about.states[:-1])
-
-    def _costs(self, states: Floats, torques: Floats, now: Instant) -> Floats:
-        """Return the cost of each run over the horizon. Shape (runs,)."""
-        outputs, _ = self.model.output_jacobians(states)
-        result = np.empty(len(states))
-        kernels.costs(*self._residuals(outputs, now), torques, now.before, self.guide.torque_weights, result)
+    def _costs(self, states: Floats, torques: Floats, now: Instant, ahead: _Ahead) -> Floats:
+        """Return the cost of each candidate over the horizon. Shape (n, candidates)."""
+        at, _ = self.model.output_jacobians(states)
+        result = np.empty(states.shape[:2])
+        kernels.costs(
+            at.true_tip,
+            at.deflection,
+            ahead.reference,
+            ahead.tip_weights,
+            self._deflection_cost,
+            torques,
+            now.before,
+            self.guide.torque_weights,
+            result,
+        )
         return result
+
+
+def _end(run: Rollout) -> Floats:
+    """Return the last state of runs, and the torque before it. Shape (..., s + 2)."""
+    return np.concatenate([run.states[..., -1, :], run.torques[..., -1, :]], axis=-1)
+
+
+def _times(matrices: Floats, vectors: Floats) -> Floats:
+    """Multiply vectors along the last axis by matrices. Shape (..., rows)."""
+    product: Floats = (matrices @ vectors[..., None])[..., 0]
+    return product
+
+
+def _sound(numbers: Floats, leading: int) -> Bools:
+    """Say where all numbers after some leading axes are ones that the arm's equations take."""
+    sound: Bools = np.all(np.abs(numbers) <= LARGEST, axis=tuple(range(leading, numbers.ndim)))
+    return sound
+
+
+def _rows(chosen: Bools, one: Floats, other: Floats) -> Floats:
+    """Return rows of an array where they are chosen, and those of another elsewhere."""
+    return np.where(chosen.reshape(-1, *(1,) * (one.ndim - 1)), one, other)

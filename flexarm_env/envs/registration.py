@@ -103,7 +103,10 @@ IDS: dict[str, Id] = {
         "Track the square by torques added to an inner joint-space law",
         "As `FlexArm/Square-v0`, but a spring and a damper in each joint already pull the arm along the reference. "
         "Alone (action 0) they keep the tip within 2 m of it: their torques depend neither on the links' bending nor "
-        "on the next corner. The agent adds torques; the sum is limited.",
+        "on the next corner. The agent adds torques; the sum is limited. The dampers act on joints that weigh little "
+        "beside the links' bending, which makes the fastest pole some ten times as fast as the arm's own: with the "
+        "default arm more integration steps are needed than in `FlexArm/Square-v0`, and a step takes longer in "
+        'proportion; weaker dampers (`inner_resistance`) or `arm="linear"` need fewer.',
     ),
     "SquareGain-v0": Id(
         _LAP,

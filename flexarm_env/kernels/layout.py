@@ -134,9 +134,6 @@ class Row(Names):
     SLOPES = Entry("its derivatives by each input (`slope_ways`), of all stages", "per unit", _slopes, _TANGENTS)
     COLUMNS = Entry("derivatives of Y and V by each input at the start", "per unit", _columns, _TANGENTS)
 
-    STAGES = Entry(
-        "positions, rates and acceleration of each stage", "rad, m; per s; per s^2", lambda s: 3 * _slots(s), _ADJOINT
-    )
     GRADIENT = Entry("derivatives of a sum by Y and V", "per unit", lambda s: 2 * s.size, _ADJOINT)
     STAGE_GRADIENT = Entry("by positions and rates of the stage", "per unit", lambda s: 2 * s.size, _ADJOINT)
     GRADIENT_CHANGE = Entry("sum of STAGE_GRADIENT of a step's stages", "per unit", lambda s: 2 * s.size, _ADJOINT)

@@ -15,13 +15,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from flexarm_env.codegen.arrays import Arena, LaneRecords, LaneRows
+from flexarm_env.codegen.arrays import Arena, LaneRows
 from flexarm_env.codegen.declarations import Program
 from flexarm_env.codegen.elementary import sincos
 from flexarm_env.codegen.tangents import tangents, varied
 from flexarm_env.kernels.entries import constant
 from flexarm_env.kernels.layout import row, slope_ways
-from flexarm_env.kernels.recorded import step_kernel
 from flexarm_env.kernels.recorder import Recorder, recorded_kernel
 from flexarm_env.kernels.states import ArmTable, States, internal_place, load_arms, load_rows, load_states
 from flexarm_env.kernels.step_jacobians import STAGES, stage_angles
@@ -34,22 +33,31 @@ from flexarm_env.physics.linear_algebra import plus_scaled
 Gradients = tuple[NDArray[np.float64], NDArray[np.float64]]
 
 
+def trail_rows(size: int) -> int:
+    """Return how many numbers of a lane a step leaves for the way back: of its stages, with `size` coordinates."""
+    return 3 * STAGES * size
+
+
 # --- recorded ---------------------------------------------------------------------------------------------------------
 
 
 def stages_record(variant: Variant) -> Recorder:
-    """Record coordinates, rates and accelerations of a step's stages."""
+    """Record a step: coordinates, rates and accelerations of its stages, and its end."""
     r = Recorder(variant)
     known, h = [*r.read("CONSTANTS"), *r.read("ELIMINATION")], r.trace.input("h")
     y, v = r.read("Y"), r.read("V")
-    stage_y, stage_v, stages = y, v, []
-    for ahead in (*(h * node for node in RK4_NODES[1:]), None):
+    stage_y, stage_v, total = y, v, [0.0] * (2 * len(y))
+    for number, (next_node, weight) in enumerate(zip((*RK4_NODES[1:], 0.0), RK4_WEIGHTS, strict=True)):
         turn = sincos(dyn.elbow_turn(stage_y))
         slope = r.trace.call("slope", [*known, *stage_y, *stage_v, *r.read("TAU"), *turn], len(v))
-        stages += [*stage_y, *stage_v, *slope]
-        if ahead is not None:
-            stage_y, stage_v = plus_scaled(y, ahead, stage_v), plus_scaled(v, ahead, slope)
-    r.write("STAGES", stages)
+        stage = [*stage_y, *stage_v, *slope]
+        r.store("stages", stage, number * len(stage))
+        total = plus_scaled(total, weight, [*stage_v, *slope])
+        ahead = h * next_node
+        stage_y, stage_v = plus_scaled(y, ahead, stage_v), plus_scaled(v, ahead, slope)
+    moved = plus_scaled([*y, *v], h / 6.0, total)
+    r.write("Y", moved[: variant.size])
+    r.write("V", moved[variant.size :])
     return r
 
 
@@ -82,8 +90,14 @@ def stage_gradient_record(variant: Variant) -> Recorder:
 
 
 @recorded_kernel(stages_record)
-def stages_kernel(arena: Arena, h: float) -> None:
-    """Compute the stages of the step of every lane that begins at Y, V."""
+def stages_kernel(arena: Arena, stages: LaneRows, h: float) -> None:
+    """Take every lane over a step.
+
+    Args:
+        arena: of one block.
+        stages: receives coordinates, rates and accelerations of the stages. Shape (stages * 3 * size, lanes).
+        h: step [s].
+    """
 
 
 @recorded_kernel(stage_gradient_record)
@@ -92,7 +106,7 @@ def stage_gradient_kernel(arena: Arena, stage: LaneRows, weight: float, ahead: f
 
     Args:
         arena: of one block; the gradient of the stage after this one in STAGE_GRADIENT, which receives the stage's own.
-        stage: rows of STAGES from the stage's first on.
+        stage: its coordinates, rates and acceleration. Shape (3 * size, lanes).
         weight: of the stage in the step [s].
         ahead: time of the stage after it from the step's start; 0 for the last one [s].
     """
@@ -103,10 +117,11 @@ def stage_gradient_kernel(arena: Arena, stage: LaneRows, weight: float, ahead: f
 
 def run_gradients(
     arena: Arena,
-    trail: LaneRecords,
+    trail: LaneRows,
     arms: ArmTable,
     torques: ArmTable,
     h: float,
+    steps: int,
     states: States,
     weights: States,
     gradients: Gradients,
@@ -115,47 +130,33 @@ def run_gradients(
 
     Args:
         arena: to work in.
-        trail: to work in; its length is the number of steps. Shape (steps, 1, 2 * size, lanes).
+        trail: to work in. Shape (steps * stages * 3 * size, lanes).
         arms: what kernels know of each (`layout.arm_rows`), or of all. Shape (arms or 1, numbers).
         torques: Shape (arms, 2) [N m].
         h: step [s].
+        steps: how many.
         states: before the steps, public. Shape (arms, 2 * size).
         weights: of the entries of the states after them. Shape (arms, 2 * size).
         gradients: receive the derivatives by states and torques. Shapes (arms, 2 * size), (arms, 2).
     """
+    rows = 3 * STAGES * variant.size  # of a step
     for first in range(0, states.shape[0], variant.lanes):
         load_arms(arena, row.CONSTANTS, arms, first)
         load_rows(arena, row.TAU, torques, first)
         load_states(arena, states, first)
-        for step in range(trail.shape[0]):
-            keep_state(arena, trail, step)
-            step_kernel(arena, h)
+        for step in range(steps):
+            stages: LaneRows = trail[step * rows : step * rows + rows]
+            stages_kernel(arena, stages, h)
         load_gradient(arena, weights, first)
-        for step in range(trail.shape[0] - 1, -1, -1):
-            restore_state(arena, trail, step)
-            stages_kernel(arena, h)
-            step_back(arena, h)
+        for back in range(steps):
+            begin = (steps - 1 - back) * rows
+            latest: LaneRows = trail[begin : begin + rows]
+            step_back(arena, latest, h)
         store_gradients(arena, gradients, first)
 
 
-def keep_state(arena: Arena, trail: LaneRecords, step: int) -> None:
-    """Enter Y and V into the trail."""
-    for r in range(variant.size):
-        for i in range(variant.lanes):
-            trail[step, 0, r, i] = arena[row.Y + r, i]
-            trail[step, 0, variant.size + r, i] = arena[row.V + r, i]
-
-
-def restore_state(arena: Arena, trail: LaneRecords, step: int) -> None:
-    """Set Y and V as they were."""
-    for r in range(variant.size):
-        for i in range(variant.lanes):
-            arena[row.Y + r, i] = trail[step, 0, r, i]
-            arena[row.V + r, i] = trail[step, 0, variant.size + r, i]
-
-
-def step_back(arena: Arena, h: float) -> None:
-    """Take the gradient back through a step whose STAGES are known."""
+def step_back(arena: Arena, stages: LaneRows, h: float) -> None:
+    """Take the gradient back through a step; `stages` of `stages_kernel`."""
     for r in range(2 * variant.size):
         for i in range(variant.lanes):
             arena[row.STAGE_GRADIENT + r, i] = 0.0
@@ -163,8 +164,8 @@ def step_back(arena: Arena, h: float) -> None:
     ahead = 0.0
     for back in range(STAGES):
         number = STAGES - 1 - back
-        begin = row.STAGES + 3 * variant.size * number
-        stage: LaneRows = arena[begin : begin + 3 * variant.size]
+        begin = 3 * variant.size * number
+        stage: LaneRows = stages[begin : begin + 3 * variant.size]
         stage_gradient_kernel(arena, stage, h * RK4_WEIGHTS[number] / 6.0, ahead)
         ahead = h * RK4_NODES[number]
     for r in range(2 * variant.size):

@@ -58,8 +58,7 @@ class FlexibleArm(FeedbackTorque):
             parameters: default `ArmParameters()`.
 
         Raises:
-            TypeError: if it is anything else.
-            ValueError: if its masses lie too far apart (`conditioning`).
+            TypeError, ValueError: if it is anything else, or its masses lie too far apart (`conditioning`).
         """
         parameters = ArmParameters() if parameters is None else parameters
         if not isinstance(parameters, ArmParameters):
@@ -215,7 +214,8 @@ class FlexibleArm(FeedbackTorque):
             damping: damping ratio; None: the arm's own.
         """
         own = self.parameters
-        return STEP_LIMIT / _fastest_rate(own if damping is None else replace(own, damping_ratio=damping))
+        ratio = own.damping_ratio if damping is None else damping
+        return STEP_LIMIT / _fastest_rate(own if ratio == own.damping_ratio else replace(own, damping_ratio=ratio))
 
     # --- simulation ------------------------------------------------------------------------------------------------
 

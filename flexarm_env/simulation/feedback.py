@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-from types import ModuleType
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexarm_env.codegen import assembly, cache
-from flexarm_env.codegen.memory import aligned_zeros
-from flexarm_env.kernels.entries import extent
+from flexarm_env.codegen import cache
 from flexarm_env.kernels.feedback import FEEDBACK
-from flexarm_env.kernels.variants import Variant
 from flexarm_env.simulation.held_torque import LANES, HeldTorque
 from flexarm_env.simulation.open_loop import LARGEST
-from flexarm_env.validation import finite_rows, pair, real_array
+from flexarm_env.validation import finite_rows, finite_values, pair
 
 Array = NDArray[np.float64]
 MOST_NUMBERS = 500_000_000  # of the states of a rollout, which then take 4 GB
@@ -95,7 +91,7 @@ class FeedbackTorque(HeldTorque):
         states, applied = np.empty((len(arms.states), count + 1, size)), np.empty((len(arms.states), count + 1, 2))
         states[:, 0], applied[:, 0] = arms.states, np.broadcast_to(before, (*arms.leading, 2)).reshape(-1, 2)
         rows = [_shared_or_each(tables[name], own[name], arms.leading) for name in tables]
-        module, arena = self._feedback_kernels()
+        module, arena = self._kernels(FEEDBACK, LANES)
         cache.call(module.run_feedback, arena, arms.inputs[0], *rows, bound, h, steps, states, applied)
         return Rollout(states.reshape(*arms.leading, count + 1, size), applied[:, 1:].reshape(*arms.leading, count, 2))
 
@@ -124,12 +120,6 @@ class FeedbackTorque(HeldTorque):
                 tables[name] = _sequences(name, value, count, last)
         return tables
 
-    def _feedback_kernels(self) -> tuple[ModuleType, Array]:
-        """Return the kernels, and memory for them to work in."""
-        complete, foreshortened = self.parameters.velocity_forces == "complete", self.constants.foreshortened
-        variant = Variant(FEEDBACK, self.parameters.modes_per_link, complete, LANES, foreshortened=foreshortened)
-        return assembly.load(variant), aligned_zeros(LANES * extent(variant.rows))
-
 
 # Axes of each argument after the leading ones.
 _AXES = {"torques": 2, "gains": 3, "references": 2, "torque_gains": 3}
@@ -147,14 +137,14 @@ def _sequences(name: str, value: ArrayLike, count: int | None, last: tuple[int, 
     Raises:
         ValueError: for another shape, or an entry that is not finite.
     """
-    array = real_array(name, value)
+    array = finite_values(name, value, LARGEST)
     axes = 1 + len(last)
     wanted = ", ".join(str(n) for n in ("...", "n" if count is None else count, *last))
     shape = array.shape[-axes:]
     fits = len(shape) == axes and shape[1:] == last and (shape[0] == count if count is not None else shape[0] > 0)
     if not fits:
         raise ValueError(f"{name}: must have shape ({wanted}), got {array.shape}")
-    return finite_rows(name, array, last[-1], LARGEST)
+    return array
 
 
 def _shared_or_each(array: Array, own: tuple[int, ...], leading: tuple[int, ...]) -> Array:
@@ -162,5 +152,6 @@ def _shared_or_each(array: Array, own: tuple[int, ...], leading: tuple[int, ...]
     rest = array.shape[len(own) :]
     if all(n == 1 for n in own):
         return array.reshape(1, *rest)
-    whole = np.broadcast_to(array, (*leading, *rest))
-    return np.array(whole, order="C").reshape(-1, *rest)  # writable, as the kernels are compiled for
+    if own != leading or not array.flags.c_contiguous:
+        array = np.array(np.broadcast_to(array, (*leading, *rest)), order="C")  # writable, as kernels want it
+    return array.reshape(-1, *rest)

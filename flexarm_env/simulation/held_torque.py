@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
+from functools import lru_cache
 from types import ModuleType
 from typing import NamedTuple
 
@@ -18,7 +19,7 @@ from flexarm_env.codegen import assembly, cache
 from flexarm_env.codegen.declarations import Program
 from flexarm_env.codegen.memory import aligned_zeros
 from flexarm_env.kernels.entries import extent
-from flexarm_env.kernels.step_gradients import GRADIENTS
+from flexarm_env.kernels.step_gradients import GRADIENTS, trail_rows
 from flexarm_env.kernels.step_jacobians import TANGENTS
 from flexarm_env.kernels.variants import Variant
 from flexarm_env.lazy import cached_property
@@ -31,6 +32,7 @@ from flexarm_env.validation import finite_rows, number, real_array
 
 Array = NDArray[np.float64]
 LANES = 8  # of a block, where there is more than one arm
+KEPT = 64  # most rows of quantities whose constants are kept for the next call
 # Least and largest value of each quantity.
 RANGES = {"payload_mass": (0.0, HEAVIEST_PAYLOAD), "stiffness": (1e-3, 1e3), "damping": (0.0, 1.0)}
 
@@ -84,7 +86,7 @@ class HeldTorque(ABC):
     parameters: ArmParameters
     modes: tuple[LinkModes, LinkModes]
     constants: Constants
-    _latest: tuple[Array, tuple[Array, Array]] | None = None  # of `_shared_inputs`
+    _latest: tuple[Array, tuple[Array, Array]] | None = None  # of `_inputs_of`
 
     @abstractmethod
     def longest_step(self, damping: float | None = None) -> float:
@@ -199,11 +201,12 @@ class HeldTorque(ABC):
     def _own(self) -> tuple[Array, Array]:
         return self._kernel_inputs(self.changes.own[None])
 
-    def _shared_inputs(self, quantities: Array) -> tuple[Array, Array]:
-        """`_kernel_inputs` of one row for all arms; a controller asks for the same row several times in a period."""
-        if self._latest is None or not np.array_equal(self._latest[0], quantities):
-            self._latest = quantities, self._kernel_inputs(quantities)
-        return self._latest[1]
+    def _inputs_of(self, quantities: Array) -> tuple[Array, Array]:
+        """`_kernel_inputs`; a controller asks for the same few rows several times in a period."""
+        if (latest := self._latest) is None or not np.array_equal(latest[0], quantities):
+            latest = quantities, self._kernel_inputs(quantities)
+            self._latest = latest if len(quantities) <= KEPT else None
+        return latest[1]
 
     def _kernel_inputs(self, quantities: Array) -> tuple[Array, Array]:
         """Constants of arms with these quantities for the kernels (`layout.arm_rows`), and their derivatives.
@@ -214,8 +217,7 @@ class HeldTorque(ABC):
         Returns:
             Shape (n, numbers), and (n, 3 * constants).
         """
-        flat = self.changes.constants(quantities)
-        known = flat
+        flat = known = self.changes.constants(quantities)
         if not self.constants.foreshortened:
             e = elimination(Constants.unflat(list(flat.T), self.parameters.modes_per_link))
             assert e is not None
@@ -259,19 +261,25 @@ class HeldTorque(ABC):
         inputs = self._own
         if given:
             drawn = [given.get(name, own) for name, own in zip(ARM_QUANTITIES, self.changes.own, strict=True)]
-            if all(value.size == 1 for value in given.values()):
-                inputs = self._shared_inputs(np.array([[float(np.reshape(value, ())) for value in drawn]]))
-            else:
-                inputs = self._kernel_inputs(
-                    np.stack([np.broadcast_to(value, leading).ravel() for value in drawn], axis=-1)
-                )
+            rows = np.stack(np.broadcast_arrays(*drawn), axis=-1)
+            inputs = self._inputs_of(rows.reshape(-1, len(ARM_QUANTITIES)))
+            if len(inputs[0]) > 1:
+                one, other = (_rows(table.reshape(*rows.shape[:-1], -1), leading) for table in inputs)
+                inputs = one, other
         return Arms(leading, _rows(states, leading), inputs)
 
     def _kernels(self, program: Program, lanes: int) -> tuple[ModuleType, Array]:
         """Load a program's kernels, and allocate their memory."""
         complete, foreshortened = self.parameters.velocity_forces == "complete", self.constants.foreshortened
-        variant = Variant(program, self.parameters.modes_per_link, complete, lanes, foreshortened=foreshortened)
-        return assembly.load(variant), aligned_zeros(lanes * extent(variant.rows))
+        module, words = _loaded(program, self.parameters.modes_per_link, complete, lanes, foreshortened)
+        return module, aligned_zeros(words)
+
+
+@lru_cache
+def _loaded(program: Program, modes: int, complete: bool, lanes: int, foreshortened: bool) -> tuple[ModuleType, int]:
+    """Return kernels and the length of their arena; arguments as in `Variant`."""
+    variant = Variant(program, modes, complete, lanes, foreshortened=foreshortened)
+    return assembly.load(variant), lanes * extent(variant.rows)
 
 
 def _rows(array: Array, leading: tuple[int, ...]) -> Array:
@@ -332,8 +340,9 @@ class _Batch(NamedTuple):
         count, size = self.states.shape
         gradients = np.empty((count, size)), np.empty((count, 2))
         module, arena = self.arm._kernels(GRADIENTS, self._lanes)
-        trail = aligned_zeros(steps * size * self._lanes).reshape(steps, 1, -1)
-        cache.call(module.run_gradients, arena, trail, self.inputs[0], self.torques, h, self.states, weights, gradients)
+        trail = aligned_zeros(steps * trail_rows(size // 2) * self._lanes)
+        known, moved = (arena, trail, self.inputs[0]), (self.states, weights)
+        cache.call(module.run_gradients, *known, self.torques, h, steps, *moved, gradients)
         return StepGradients(*(found.reshape(*self.leading, found.shape[1]) for found in gradients))
 
     @property

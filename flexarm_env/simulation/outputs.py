@@ -20,6 +20,8 @@ from flexarm_env.physics.sensing import OUTPUT_SIZES, Outputs
 
 Array = NDArray[np.float64]
 LANES = 8  # of a block
+_ENDS = np.cumsum(OUTPUT_SIZES).tolist()
+_PARTS = tuple(slice(end - size, end) for end, size in zip(_ENDS, OUTPUT_SIZES, strict=True))  # of the outputs
 
 
 def output_jacobians(k: Constants, tip: PointShape, sensor: PointShape, state: Array) -> tuple[Outputs, Outputs]:
@@ -40,11 +42,8 @@ def output_jacobians(k: Constants, tip: PointShape, sensor: PointShape, state: A
     states = np.array(state, order="C").reshape(-1, state.shape[-1])
     values, slopes = np.empty((len(states), OUTPUTS)), np.empty((len(states), OUTPUTS, states.shape[1]))
     cache.call(module.run_outputs, arena, states, values, slopes)
-    leading, ends = state.shape[:-1], np.cumsum(OUTPUT_SIZES)[:-1]
-    return (
-        Outputs(*np.split(values.reshape(*leading, OUTPUTS), ends, axis=-1)),
-        Outputs(*np.split(slopes.reshape(*leading, OUTPUTS, states.shape[1]), ends, axis=-2)),
-    )
+    values, slopes = (found.reshape(*state.shape[:-1], *found.shape[1:]) for found in (values, slopes))
+    return Outputs(*(values[..., part] for part in _PARTS)), Outputs(*(slopes[..., part, :] for part in _PARTS))
 
 
 @lru_cache(maxsize=64)

@@ -82,6 +82,7 @@ def run(options: Options, cache: Path) -> dict[str, Any]:
         ("torque-driven arm", lambda: physics.torque_driven(modes, effort)),
         ("closed loop", lambda: physics.closed_loop(effort)),
         ("Jacobians", lambda: derivatives.jacobians(effort, everything=not options.quick)),
+        ("trajectory optimisation", lambda: derivatives.iterations(everything=not options.quick)),
         ("environments", lambda: environments.steps(effort)),
         ("first step", lambda: environments.first_step(1 if options.quick else options.cold, cache)),
         ("lap", lambda: lap.lap(seconds)),

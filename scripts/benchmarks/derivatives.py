@@ -1,4 +1,4 @@
-"""Jacobians of a control period beside plain steps, and beside JAX's forward mode on the same formulas."""
+"""Jacobians of a control period beside plain steps and JAX's forward mode; iterations that plan a lap with them."""
 
 from __future__ import annotations
 
@@ -7,7 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from flexarm_baselines.optimal import lap_problem, load_plan
+from flexarm_baselines.optimal.solver import Search
 from flexarm_env import ArmParameters, FlexibleArm, formulas
+from flexarm_env.simulation.feedback import Rollout
 from scripts.benchmarks import peers
 from scripts.benchmarks.timing import Group, Ratio, Subject
 
@@ -42,6 +45,30 @@ def jacobians(effort: float, everything: bool) -> Group:
             subjects.append(Subject(f"{each} by JAX", forward, ARMS * steps * (2 * arm.size + 2)))
             ratios.append(Ratio(f"{each} by JAX", each, f"JAX's vmap(jacfwd) over ours, {name}"))
     return Group("jacobians", "Jacobians of a control period, batch of 1024", "ns", "step and arm", subjects, ratios)
+
+
+def iterations(everything: bool) -> Group:
+    """Time iterations of trajectory optimisation over a lap, about the plan of the package.
+
+    Args:
+        everything: of second order, and with the default arm, too.
+    """
+    subjects: list[Subject] = []
+    for name in ("linear", "default")[: 1 + everything]:
+        plan = load_plan(f"{name}_plain")
+        search = Search(lap_problem(plan.arm, "plain"), Rollout(plan.states, plan.torques))
+        for order in ("first", "second")[: 1 + everything]:
+            subjects.append(Subject(f"{name} arm, of {order} order", _iteration(search, order == "second")))
+    return Group("iterations", "Trajectory optimisation, 1600 control periods", "ms", "iteration", subjects, [])
+
+
+def _iteration(search: Search, exact: bool) -> Callable[[], None]:
+    def work() -> None:
+        search.exact = exact
+        search.forward_pass()
+        search.differentiate()
+
+    return work
 
 
 def _repeated(calls: int, function: Callable[..., Any], state: Any, step: float) -> Callable[[], None]:

@@ -212,6 +212,7 @@ def _facts(name: str, one: Id) -> str:
     rows = [
         ("Observation space", f"`Box({shape}, float32)`"),
         ("Control period", _milliseconds(env.settings)),
+        ("Integration", _integration(env.settings)),
         ("Episode", f"{one.steps} steps, {doc.figure(one.steps * period)} s"),
         ("Import", f'`gymnasium.make("flexarm_env:{NAMESPACE}/{name}")`'),
         ("Batch", f'`gymnasium.make_vec("flexarm_env:{NAMESPACE}/{name}", num_envs=16)`'),
@@ -219,6 +220,11 @@ def _facts(name: str, one: Id) -> str:
     if one.extra:
         rows.append(("Install", f'`pip install "flexarm[{one.extra}]"`'))
     return doc.table(("Action space", f"`{env.action_space}`"), rows)
+
+
+def _integration(settings: Settings) -> str:
+    step = 1e3 * settings.control_period / settings.substeps
+    return f"{settings.substeps} steps of {doc.figure(step)} ms in a control period"
 
 
 def _milliseconds(settings: Settings) -> str:

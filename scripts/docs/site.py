@@ -5,6 +5,7 @@ The pages are laid out in a folder of their own, with the README as the first on
 
 from __future__ import annotations
 
+import json
 import re
 import shutil
 import subprocess
@@ -14,6 +15,7 @@ from pathlib import Path
 
 from scripts.common.command_line import run
 from scripts.common.markdown import DOCS
+from scripts.docs.widgets import BOARD, STATIC, board_script, replay_names, with_widgets
 
 ROOT = DOCS.parent
 OUTPUT = ROOT / "build" / "site"
@@ -21,11 +23,12 @@ PAGES = ROOT / "build" / "site_pages"
 FIRST = "index.md"  # the README's name on the site
 TOP = ("README.md", "CONTRIBUTING.md", "CHANGELOG.md", "SECURITY.md", "CODE_OF_CONDUCT.md")
 LINK = re.compile(r"(?<=\]\()([^)#:\s]+)(?=[)#])")
+BARE = re.compile(r"\[[\w./-]+\.md\](?=\([\w./-]+\.md[#)])")  # a page by its file's name: the site has titles
 
 # The pages of docs by chapters; those that are not named come last.
 CHAPTERS: Mapping[str, Sequence[str]] = {
     "Environments": ("environments/README", "environments/*", "metrics", "plant", "versioning"),
-    "Control and learning": ("controllers", "lqg", "optimal", "agents", "leaderboard", "submit"),
+    "Control and learning": ("controllers", "lqg", "optimal", "agents", "leaderboard", "replays", "submit"),
     "Theory": ("model", "analysis", "derivatives"),
     "Evidence": ("validation", "reproduction", "claims"),
 }
@@ -80,11 +83,14 @@ def lay_out(pages: Path) -> None:
         pages: folder for them, which is made anew.
     """
     shutil.rmtree(pages, ignore_errors=True)
-    shutil.copytree(DOCS, pages / "docs", ignore=shutil.ignore_patterns("conf.py", "__pycache__"))
+    shutil.copytree(DOCS, pages / "docs", ignore=shutil.ignore_patterns("__pycache__"))
+    board = json.loads((DOCS / "leaderboard.json").read_text(encoding="utf-8"))
+    (pages / STATIC / BOARD).write_text(board_script(board, replay_names()), encoding="utf-8")
     for name in TOP:
         shutil.copy(ROOT / name, pages / (FIRST if name == "README.md" else name))
     for page in pages.rglob("*.md"):
-        page.write_text(with_links(page, pages), encoding="utf-8")
+        text = with_widgets(with_links(page, pages), page.relative_to(pages))
+        page.write_text(BARE.sub("[]", text), encoding="utf-8")
     with (pages / FIRST).open("a", encoding="utf-8") as file:
         file.writelines(f"\n{toctree(caption, names)}" for caption, names in chapters(DOCS).items())
     (pages / "api").mkdir()
@@ -119,7 +125,7 @@ def main() -> None:
     """Lay out the pages and run Sphinx."""
     lay_out(PAGES)
     shutil.rmtree(OUTPUT, ignore_errors=True)  # pages of an earlier build would stay
-    command = [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-q", "-b", "html", "-c", str(DOCS)]
+    command = [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-q", "-b", "html", "-c", str(PAGES / "docs")]
     ended = subprocess.run([*command, str(PAGES), str(OUTPUT)], cwd=ROOT, check=False)
     if ended.returncode != 0:
         raise ValueError("site: Sphinx found the faults above")

@@ -91,8 +91,9 @@ def test_the_gradient_is_that_of_the_cost() -> None:
 def test_curvature_of_the_dynamics_is_a_difference_of_the_gradient() -> None:
     """Of one period: the slope at its end, held, times the end at shifted states and torques."""
     case, run = problem(), rollout(problem(), 5.0 * np.random.default_rng(0).normal(size=(PERIODS, 2)))
+    slopes = ARM.step_jacobians(run.states[:-1], run.torques)
     by_end = np.random.default_rng(1).normal(size=(PERIODS, SIZE))
-    found = dynamics_curvature(case, run, by_end)
+    found = dynamics_curvature(case, run, (slopes.by_state, slopes.by_torque), by_end)
     np.testing.assert_array_equal(found, found.swapaxes(1, 2))
 
     def value(z: np.ndarray) -> float:

@@ -66,7 +66,7 @@ class Linear(NamedTuple):
         return 0.5 * (plus - minus), both - plus[:, None] - plus[None] + at
 
 
-def swept(problem: Linear, limits: np.ndarray = FREE) -> tuple[np.ndarray, np.ndarray, tuple[float, float]]:
+def swept(problem: Linear, limits: np.ndarray = FREE) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     found = sweep(Model(**problem._asdict()), limits)
     return found.forward, found.gains, found.expected
 
@@ -156,3 +156,16 @@ def test_the_gradient_is_a_difference_with_and_without_feedback(seed: int) -> No
         ends = [[problem.cost(applied(problem, sign * e, feedback)) for e in unit] for sign in (1.0, -1.0)]
         exact = (np.array(ends[0]) - ends[1]).reshape(N, 2) / 2e-4
         np.testing.assert_allclose(found, exact, rtol=1e-5, atol=1e-5)
+
+
+def test_runs_of_a_batch_do_not_depend_on_each_other() -> None:
+    drawn = [Linear.drawn(seed) for seed in range(3)]
+    drawn = [one._replace(weights=drawn[0].weights) for one in drawn]
+    tables = {name: np.stack([getattr(one, name) for one in drawn]) for name in Linear._fields if name != "weights"}
+    whole = sweep(Model(**tables, weights=drawn[0].weights), np.ones(2))
+    for n, one in enumerate(drawn):
+        alone = sweep(Model(**one._asdict()), np.ones(2))
+        np.testing.assert_array_equal(alone.forward, whole.forward[n])
+        np.testing.assert_array_equal(alone.gains, whole.gains[n])
+        np.testing.assert_array_equal(alone.cost_to_go.curvatures, whole.cost_to_go.curvatures[n])
+        np.testing.assert_array_equal(alone.expected, whole.expected[n])

@@ -11,12 +11,20 @@ import pytest
 
 from flexarm_baselines.optimal import Plan, Solution, SolverOptions, TrackingProblem, optimise
 from flexarm_baselines.optimal.laps import DEFLECTION
-from flexarm_baselines.predictive import NMPC, GaugedNMPC, Guide, Instant, RealTimeIteration, StateNMPC, previewed
+from flexarm_baselines.predictive import (
+    NMPC,
+    UNKNOWN,
+    GaugedNMPC,
+    Guide,
+    Instant,
+    RealTimeIteration,
+    StateNMPC,
+    previewed,
+)
 from flexarm_env.simulation.feedback import Rollout
 from tests.support.late_arm import ARM, BLOCKS, LIMITS, PERIODS, PLACES, SIZE, START, Plant, off_plan, task
 
 WEIGHT = 3e-3  # [m^2], on changes of the torques
-NO_QUANTITIES: dict[str, float] = {}
 
 
 def problem(**changes: Any) -> TrackingProblem:
@@ -41,7 +49,17 @@ def iteration(plan: Plan, horizon: int, damping: float = 0.0) -> RealTimeIterati
 
 def at(period: int, states: np.ndarray, torques: np.ndarray) -> Instant:
     before = torques[period - 1] if period else np.zeros(2)
-    return Instant(0, period, states[period], before, NO_QUANTITIES)
+    return Instant(np.array([0]), np.array([period]), states[period][None], before[None], {})
+
+
+def one(states: np.ndarray, torques: np.ndarray) -> Rollout:
+    """Return a prediction of a single arm."""
+    return Rollout(states[None], torques[None])
+
+
+def improved(iteration: RealTimeIteration, prediction: Rollout, now: Instant) -> Rollout:
+    """Return a better prediction of a single arm, without its leading axis."""
+    return Rollout(*(part[0] for part in iteration.improve(prediction, now)))
 
 
 # --- an iteration -----------------------------------------------------------------------------------------------------
@@ -52,7 +70,7 @@ def test_it_is_an_iteration_of_the_solver() -> None:
     start = ARM.rollout(START, np.tile([3.0, -1.0], (PERIODS, 1)))
     found = optimise(problem(), start, SolverOptions(iterations=1))
     own = iteration(Plan(ARM.parameters, *start, task().reference, LIMITS, 0.01, 1e-3), PERIODS, damping=0.1)
-    better = own.improve(start, at(0, *start))
+    better = improved(own, one(*start), at(0, *start))
     assert np.abs(better.torques - start.torques).max() > 1.0
     np.testing.assert_allclose(better.torques, found.run.torques, atol=1e-6)
     np.testing.assert_allclose(better.states, found.run.states, atol=1e-8)
@@ -63,7 +81,8 @@ def test_a_short_horizon_knows_what_follows(period: int) -> None:
     """On the best run nothing is to be improved, however near the horizon; it may reach beyond the end."""
     states, torques = solved().run
     own = iteration(plan(), 10)
-    better = own.improve(own.predicted(0, period), at(period, states, torques))
+    now = at(period, states, torques)
+    better = improved(own, own.predicted(now.run, now.period), now)
     length = min(10, PERIODS - period)
     np.testing.assert_allclose(better.torques[:length], torques[period : period + length], atol=0.1)
 
@@ -72,23 +91,44 @@ def test_a_short_horizon_knows_what_follows(period: int) -> None:
 def test_the_guide_leads_back_a_prediction_that_went_astray(off: float) -> None:
     states, torques = solved().run
     own = iteration(plan(), 15)
-    lost = Rollout(np.minimum(states[:16] + off, 1e12), torques[:15])
+    lost = one(np.minimum(states[:16] + off, 1e12), torques[:15])
     for _ in range(3):
         lost = own.improve(lost, at(0, states, torques))
-    np.testing.assert_allclose(lost.torques, torques[:15], atol=0.05)
+    np.testing.assert_allclose(lost.torques[0], torques[:15], atol=0.05)
 
 
 def test_limits_are_kept() -> None:
     states, torques = solved().run
     own = iteration(plan(), 20)
-    away = at(0, states, torques)._replace(state=START + np.array([0.5, -0.5, 0, 0, 0, 0, 0, 0]))
-    better = own.improve(Rollout(states[:21], torques[:20]), away)
+    away = at(0, states, torques)._replace(state=START[None] + np.array([0.5, -0.5, 0, 0, 0, 0, 0, 0]))
+    better = own.improve(one(states[:21], torques[:20]), away)
     assert np.all(np.abs(better.torques) <= LIMITS)
     assert np.any(np.abs(better.torques) >= np.array(LIMITS) - 1e-9)
-    assert better.states[0].tolist() == away.state.tolist()
+    assert better.states[:, 0].tolist() == away.state.tolist()
     shifted = own.shifted(better, away)
     assert np.all(np.abs(shifted.torques) <= LIMITS)
-    np.testing.assert_array_equal(shifted.states[:-1], better.states[1:])
+    np.testing.assert_array_equal(shifted.states[:, :-1], better.states[:, 1:])
+
+
+def test_arms_of_a_batch_do_not_depend_on_each_other() -> None:
+    """At instants of their own, with quantities of their own, one of them with a prediction that is out of bounds."""
+    states, torques = solved().run
+    own, period = iteration(plan(), 10), np.array([0, 7, PERIODS - 3])
+    prediction = own.predicted(np.zeros(3, dtype=np.int64), period)
+    prediction.states[1] += 1e9
+    quantities = {"payload_mass": np.array([0.0, 0.2, 0.4]), "stiffness": np.array([1.0, 0.9, 1.2])}
+    off = np.array([0.01, -0.02, 0.005])[:, None] * np.ones(SIZE)
+    now = Instant(np.zeros(3, dtype=np.int64), period, states[period] + off, torques[period - 1], quantities)
+    better = own.improve(prediction, now)
+    later = own.shifted(better, now)
+    for n in range(3):
+        only = slice(n, n + 1)
+        alone = Instant(*(part[only] for part in now[:-1]), {name: value[only] for name, value in quantities.items()})
+        single = own.improve(Rollout(*(part[only] for part in prediction)), alone)
+        for part, whole in zip(single, better, strict=True):
+            np.testing.assert_array_equal(part[0], whole[n])
+        for part, whole in zip(own.shifted(single, alone), later, strict=True):
+            np.testing.assert_allclose(part[0], whole[n], rtol=1e-9, atol=1e-9)
 
 
 def test_a_preview_alone_gives_runs_on_both_sides() -> None:
@@ -144,6 +184,20 @@ def test_it_finds_an_unknown_payload_and_delay() -> None:
         plant.step(action)
     assert state[4][0, SIZE] == pytest.approx(0.2, abs=0.05)
     assert state[4][0, SIZE + 1] == pytest.approx(0.034, abs=2e-3)
+
+
+def test_an_estimate_that_lost_its_numbers_begins_anew() -> None:
+    following = controller(unknown=UNKNOWN)
+    plant, state = Plant(np.tile(START, (2, 1))), None
+    for k in range(8):
+        action, state = following.predict(plant.observe(), state)
+        assert np.isfinite(action).all()
+        assert all(np.isfinite(part).all() for part in state)
+        plant.step(action)
+        if k == 3:
+            state[4][0] = np.nan
+            state[5][0] = np.inf
+    np.testing.assert_allclose(plant.states[0, :2], plant.states[1, :2], atol=0.05)
 
 
 def test_a_batch_is_its_arms() -> None:

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import importlib
-import re
 from pathlib import Path
-from urllib.parse import unquote
 
 import pytest
 
 from scripts.docs import site
-from tests.support.programs import ROOT, run_study
+from tests.support.programs import ROOT
 
 PAGES = [path.relative_to(ROOT).with_suffix("").as_posix() for path in (ROOT / "docs").rglob("*.md")]
 
@@ -35,20 +33,3 @@ def test_links_to_files_outside_docs_are_kept(tmp_path: Path) -> None:
     for page in (tmp_path / "pages").rglob("*.md"):
         for target in site.LINK.findall(page.read_text(encoding="utf-8")):
             assert (page.parent / target).exists(), f"{page}: {target}"
-
-
-@pytest.mark.slow
-def test_the_site_has_no_dead_link() -> None:
-    for needed in ("sphinx", "myst_parser", "furo", "notfound"):
-        pytest.importorskip(needed, reason="the extra `site` brings it")
-    built = run_study("docs.site", cwd=ROOT)
-    assert built.returncode == 0, built.stdout + built.stderr
-    assert {"index.html", "404.html", "search.html"} <= {path.name for path in site.OUTPUT.iterdir()}
-    texts = {path.resolve(): path.read_text(encoding="utf-8") for path in site.OUTPUT.rglob("*.html")}
-    for page, text in texts.items():
-        links = [] if page.name == "404.html" else re.findall(r'(?:href|src)="([^"]+)"', text)
-        for link in (one for one in links if not re.match(r"[a-z]+:|//", one)):
-            file, _, anchor = link.partition("#")
-            target = (page.parent / unquote(file.partition("?")[0])).resolve() if file else page
-            assert target.exists(), f"{page}: {link}"
-            assert not anchor or target not in texts or f'id="{anchor}"' in texts[target], f"{page}: {link}"

@@ -10,7 +10,8 @@ import pytest
 from scripts.benchmarks.lap import LAP, lap
 from tests.support.programs import help_of, refusal, run_study
 
-GROUPS = {"torque_driven", "closed_loop", "jacobians", "environment", "first_step", "lap", "batch", "learning"}
+GROUPS = {"torque_driven", "closed_loop", "jacobians", "iterations"}
+GROUPS |= {"environment", "first_step", "lap", "batch", "learning"}
 GROUPS |= {"chain"} if find_spec("mujoco") else set()
 
 

@@ -8,7 +8,7 @@ import pytest
 from flexarm_env import FlexibleArm
 from flexarm_env.codegen.declarations import plain_python
 from flexarm_env.kernels.entries import extent
-from flexarm_env.kernels.step_gradients import GRADIENTS, run_gradients
+from flexarm_env.kernels.step_gradients import GRADIENTS, run_gradients, trail_rows
 from flexarm_env.kernels.variants import Variant
 from flexarm_env.simulation.held_torque import LANES
 from tests.support.complex_steps import jacobian, stepped
@@ -32,8 +32,8 @@ def test_the_drivers_give_them_in_plain_python(modes: int, options: dict[str, An
     variant = Variant(GRADIENTS, modes, arm._complete, 1, foreshortened=arm.constants.foreshortened)
     found = np.zeros((1, size)), np.zeros((1, 2))
     with plain_python(variant):
-        arena, trail = np.zeros((extent(variant.rows), 1)), np.zeros((STEPS, 1, size, 1))
-        run_gradients(arena, trail, batch.inputs[0], batch.torques, h, batch.states, weights[None], found)
+        arena, trail = np.zeros((extent(variant.rows), 1)), np.zeros((STEPS * trail_rows(arm.size), 1))
+        run_gradients(arena, trail, batch.inputs[0], batch.torques, h, STEPS, batch.states, weights[None], found)
     by_state = jacobian(lambda x: stepped(arm, x, torque, drawn, h, STEPS), state)
     by_torque = jacobian(lambda tau: stepped(arm, state, tau, drawn, h, STEPS), torque)
     for own, exact in zip(found, (weights @ by_state, weights @ by_torque), strict=True):

@@ -100,9 +100,9 @@ class Modal:
 
     def follow(self, torques: Array) -> Array:
         """Hold each torque [N m] for `HELD`; where the tip is after each. Shape (n, 2)."""
-        run = self.arm.simulate(self.state, torques, len(torques) * HELD, HELD, self._substeps)
-        self.state = run.state[-1]
-        return run.tip[1:]
+        run = self.arm.rollout(self.state, torques, period=HELD, step=HELD / self._substeps)
+        self.state = run.states[-1]
+        return self.arm.tip(run.states[1:, : self.arm.size])
 
     def look(self) -> Sight:
         """Return the arm's present outputs."""

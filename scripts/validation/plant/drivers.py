@@ -1,8 +1,8 @@
-"""Controllers that close their loop on any arm: shipped agents, and regulators along an optimal plan.
+"""Controllers that close their loop on any arm: those of the registry, shipped agents, regulators along a plan.
 
 Each of them sees the arm through the model that it was made with: encoders read the arm itself, and strain gauges that
-part of its bending which the model's own shapes can express (`flexarm_env.chain.gauges`). An agent sees it through the
-drivers of its own environment.
+part of its bending which the model's own shapes can express (`flexarm_env.chain.gauges`). All but the regulators see
+it through the drivers of their own environment.
 """
 
 from __future__ import annotations
@@ -12,12 +12,10 @@ from functools import cache
 from itertools import count
 from typing import NamedTuple, Protocol
 
-import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
-from flexarm_agents import Trained
-from flexarm_agents.board.terms import interface_of
+from flexarm_agents.board.rows import Row
 from flexarm_baselines.optimal import GOOD, Plan, PlanRegulator, RegulatorWeights, plan_lap
 from flexarm_env import ArmParameters, FlexibleArm, SquareParameters, inverse_kinematics, square
 from flexarm_env.chain.gauges import Gauges
@@ -90,19 +88,18 @@ def run_lap(controller: Controller, plant: Plant, seconds: float, models: Sequen
     return Lap(np.concatenate(tips), np.array(torques), [np.array(rows) for rows in states])
 
 
-class Agent:
-    """A trained agent, with the observations of its environment; nothing is drawn, and sensors have no noise."""
+class Hosted:
+    """A controller of the registry or a shipped agent, in its environment; nothing is drawn, sensors have no noise."""
 
-    def __init__(self, trained: Trained, lap: str) -> None:
-        """Make it for a lap."""
-        self._trained, self._lap = trained, lap
+    def __init__(self, source: str, lap: str) -> None:
+        """Make it for a lap; its name is the board's."""
+        self._row, self._lap = Row(source), lap
 
     def begin(self, plant: Plant) -> Callable[[], Period]:
         """See `Controller`."""
-        id_options = gymnasium.spec(self._trained.environment).kwargs
-        env = HostedEnv(plant, **interface_of(id_options | self._trained.options))
-        limit = np.array(env.settings.action_limit)
-        predict = predictor(self._trained.policy, deterministic=True)
+        policy = self._row.contender(fresh=not self._row.batched).policy
+        env = HostedEnv(plant, **self._row.interface)
+        predict = predictor(policy, deterministic=True)
         seen, _ = env.reset(seed=0, options=LAPS[self._lap].reset_options(env.settings.direction))
         memory, start = None, np.ones(1, dtype=bool)
 
@@ -111,7 +108,7 @@ class Agent:
             action, memory = predict(seen, memory, start)
             start = np.zeros(1, dtype=bool)
             seen = env.step(action)[0]
-            return Period(np.clip(action, -1.0, 1.0) * limit, env.host.taken())
+            return Period(env.host.torque, env.host.taken())
 
         return do_period
 

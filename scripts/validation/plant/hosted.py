@@ -1,4 +1,4 @@
-"""The environment of a trained agent around any arm, so that the package's own drivers make what the agent sees."""
+"""The environment of a policy around any arm, so that the package's own drivers make what the policy sees."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class AnyArm:
     shapes can express (`flexarm_env.chain.gauges`).
 
     Attributes:
-        tips: where the tip was every `HELD` since `taken` was called.
+        torque: that acted last [N m]. Shape (2,).
     """
 
     def __init__(self, arm: Plant, settings: Settings) -> None:
@@ -50,6 +50,7 @@ class AnyArm:
             raise ValueError(f"settings: their physics step must be a multiple of {HELD} s")
         self._arm, self._settings, self._gauges = arm, settings, Gauges(own)
         self._tips: list[Array] = []
+        self.torque = np.zeros(2)
 
     def taken(self) -> Array:
         """Return where the tip was every `HELD` since the last call. Shape (n, 2)."""
@@ -68,6 +69,7 @@ class AnyArm:
 
     def advance(self, command: Array, reference: Four | None) -> Array:
         """See `envs.hosted.Plant.advance`."""
+        self.torque = np.array(command)
         self._tips.append(self._arm.advance(command, self._periods))
         return command
 

@@ -8,18 +8,22 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from flexarm_agents import load_policy
 from flexarm_env import ArmParameters, FlexibleArm, SquareParameters, square
 from flexarm_env.laps import LAPS, SETTLED
 from scripts.validation.engine.chain import Modal
 from scripts.validation.engine.motion import rms
 from scripts.validation.engine.programmes import HELD
 from scripts.validation.engine.square import laws_on_chain, laws_on_model
-from scripts.validation.plant.drivers import PERIODS, WEIGHTS, Agent, Controller, Lap, Regulator, on_corner, run_lap
+from scripts.validation.plant.drivers import PERIODS, WEIGHTS, Controller, Hosted, Lap, Regulator, on_corner, run_lap
 
 Array = NDArray[np.float64]
 STUDENT = "student of the unknown plant"
 AGENTS = {"PPO agent": "square", STUDENT: "student_unknown"}  # shipped policies, by their names in the tables
+# Every other controller of torques that reads sensors, and every other shipped agent; names as on the board.
+OTHERS = (
+    *("lqg", "lqg_gauges", "lqg_adaptive", "nmpc", "nmpc_path", "nmpc_adaptive"),
+    *("student", "student_gauges", "shaped", "computed_torque"),
+)
 AHEAD, EVERY = 0.5, 0.25  # a prediction's length, and how often one starts [s]
 ELEMENTS = (10, 20)  # of the chains; their difference is the finer one's error, times three
 # From 8 s on, IFDC's undamped arm is through the straight pose, where millimetres decide which way the elbow goes.
@@ -52,7 +56,7 @@ def controllers(lap: str) -> dict[str, Controller]:
     regulators = {
         f"plan with {name} feedback": Regulator(ArmParameters(), lap, weights) for name, weights in WEIGHTS.items()
     }
-    agents = {name: Agent(load_policy(policy), lap) for name, policy in AGENTS.items()}
+    agents = {name: Hosted(policy, lap) for name, policy in AGENTS.items()}
     return {**agents, **regulators}
 
 
@@ -86,6 +90,25 @@ def under_control(seconds: float, progress: Callable[[str], None]) -> tuple[list
     return rows, arrays
 
 
+def under_others(seconds: float, progress: Callable[[str], None]) -> list[dict[str, Any]]:
+    """Run `OTHERS` on the finer chain and on models; a controller that gives up with an error has a row without scores.
+
+    Returns:
+        Rows of the table.
+    """
+    rows = []
+    for lap in LAPS:
+        for name in OTHERS:
+            progress(f"{lap} lap, {name}, chain and models")
+            controller = Hosted(name, lap)
+            fine = run_lap(controller, on_corner(ArmParameters(), lap, ELEMENTS[-1]), seconds)
+            rows.append(_row(lap, name, f"chain, {ELEMENTS[-1]} elements", fine, fine))
+            for model in MODELS[1:]:
+                own = run_lap(controller, on_corner(model.parameters, lap), seconds)
+                rows.append(_row(lap, name, model.label, own, fine))
+    return rows
+
+
 def under_the_laws(seconds: Mapping[str, float], progress: Callable[[str], None]) -> list[dict[str, Any]]:
     """Run the paper's laws on undamped chains and models; the distance is from the extrapolated chain."""
     progress("the laws on the chain")
@@ -103,7 +126,7 @@ def under_the_laws(seconds: Mapping[str, float], progress: Callable[[str], None]
 
 def damping(elements: Sequence[int], seconds: float, progress: Callable[[str], None]) -> list[dict[str, Any]]:
     """Run a student on chains of more and more elements, damped by their material or by 1 % of every mode."""
-    agent, rows = Agent(load_policy(AGENTS[STUDENT]), "swing"), []
+    agent, rows = Hosted(AGENTS[STUDENT], "swing"), []
     for model, arm in (("material", ArmParameters()), ("modal", ArmParameters.linear())):
         last: Lap | None = None
         for count in elements:

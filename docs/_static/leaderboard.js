@@ -1,0 +1,240 @@
+/* The leaderboard as a table that can be sorted and filtered; rows and columns are those of its data. */
+"use strict";
+(() => {
+  const { element, choices, list, breakable, ready } = flexarm;
+  const FIGURES = { rms: "whole lap", rms_after_2s: "after 2 s", maximum: "largest distance" };
+  const OVERVIEW = "overview";
+  const SVG = "http://www.w3.org/2000/svg";
+  let board;
+  flexarm.board = (data) => { board = data; };
+
+  const state = { view: OVERVIEW, lap: 0, figure: "rms", barred: new Set(), text: "", sort: 1, down: false, marked: null };
+
+  /** Return a lap's figure at a point of a row: a value, or why there is none. */
+  function cell(row, column, point, lap = state.lap, figure = state.figure) {
+    const laps = row.columns[column] && row.columns[column][point];
+    if (!laps) return { rank: 2, text: "–", title: "not applicable" };
+    const found = laps[Math.min(lap, laps.length - 1)];
+    const [lost, episodes, first] = [found.lost, found.episodes, found.first_loss];
+    if (lost === episodes || found[figure] === null) {
+      return { rank: 1, text: "lost", title: `lost at ${first.toFixed(2)} s` };
+    }
+    const share = lost ? `, ${lost} of ${episodes} laps lost` : "";
+    return { rank: 0, value: found[figure], text: `${millimetres(found[figure])}${lost ? "*" : ""}`, title: `${millimetres(found[figure])} mm${share}` };
+  }
+
+  const millimetres = (metres) => (1000 * metres).toFixed(metres < 0.9995 ? 1 : 0);
+
+  /** Return the columns of the view: a heading and what a row has there. */
+  function columns() {
+    if (state.view === OVERVIEW) {
+      const found = [];
+      board.laps.forEach((lap, n) => {
+        found.push({ head: `${lap}\nlap`, at: (row) => cell(row, "nominal", 0, n, "rms") });
+        found.push({ head: `${lap}\nafter 2 s`, at: (row) => cell(row, "nominal", 0, n, "rms_after_2s") });
+      });
+      if (board.columns.unknown) {
+        board.laps.forEach((lap, n) => found.push({ head: `unknown\n${lap}`, at: (row) => cell(row, "unknown", 0, n, "rms") }));
+        found.push({ head: "unknown\nlost", at: lostShare, plain: true });
+      }
+      return found;
+    }
+    const column = board.columns[state.view];
+    const unit = column.unit && column.unit !== "1" ? `\n${column.unit}` : "";
+    const values = state.view === "unknown" ? ["all 256 plants"] : column.values;
+    return values.map((value, n) => ({
+      head: `${value}${unit}`, nominal: value === column.nominal, at: (row) => cell(row, state.view, n),
+    }));
+  }
+
+  function lostShare(row) {
+    const laps = row.columns.unknown && row.columns.unknown[0];
+    if (!laps) return { rank: 2, text: "–", title: "not applicable" };
+    const [lost, all] = ["lost", "episodes"].map((name) => laps.reduce((sum, lap) => sum + lap[name], 0));
+    return { rank: 0, value: lost / all, text: `${((100 * lost) / all).toFixed(1)} %`, title: `${lost} of ${all}` };
+  }
+
+  /** Return the rows that the filters leave, in the order that is asked for. */
+  function rows(shown) {
+    const wanted = state.text.trim().toLowerCase();
+    const left = board.rows.filter(
+      (row) => row.name.toLowerCase().includes(wanted) && !row.reads.some((one) => state.barred.has(one)),
+    );
+    const sign = state.down ? -1 : 1;
+    const column = shown[state.sort - 1];
+    const byName = (a, b) => a.name.localeCompare(b.name);
+    if (!column) return left.sort((a, b) => sign * byName(a, b));
+    const keys = new Map(left.map((row) => [row, column.at(row)]));
+    return left.sort((a, b) => {
+      const [one, other] = [keys.get(a), keys.get(b)];
+      return one.rank - other.rank || sign * ((one.value || 0) - (other.value || 0)) || byName(a, b);
+    });
+  }
+
+  function heading(text, n, more = "") {
+    const sorted = state.sort === n ? (state.down ? "descending" : "ascending") : "none";
+    const turn = () => {
+      state.down = state.sort === n && !state.down;
+      state.sort = n;
+      draw();
+      parts.table.querySelectorAll("thead button")[n].focus();
+    };
+    return element("th", { scope: "col", class: more || null, "aria-sort": sorted }, element("button", { type: "button", onclick: turn }, text));
+  }
+
+  /** Return a background for an error: none at a centimetre, full at a metre. */
+  function heat(value) {
+    const share = Math.min(1, Math.max(0, Math.log10(value / 0.01) / 2));
+    return `background-color: color-mix(in srgb, var(--fx-heat) ${Math.round(55 * share)}%, transparent)`;
+  }
+
+  function line(row, shown) {
+    const name = element("th", { scope: "row", class: "fx-name" }, breakable(row.name));
+    const reads = element("div", { class: "fx-reads" }, row.reads.join(", ") || "reads nothing");
+    if (row.privileged) reads.prepend(element("b", {}, "privileged: "));
+    name.append(reads);
+    if (row.replay) {
+      name.append(element("a", { class: "fx-play", href: `${board.replays}#${encodeURIComponent(row.name)}` }, "▶ replay"));
+    }
+    const cells = shown.map((column) => {
+      const one = column.at(row);
+      const tinted = one.rank === 0 && !column.plain ? heat(one.value) : null;
+      return element("td", { title: one.title, style: tinted, class: one.rank ? "fx-gone" : null }, one.text);
+    });
+    const mark = (on) => () => { state.marked = on ? row.name : null; marks(); };
+    return element(
+      "tr",
+      { "data-row": row.name, onmouseenter: mark(true), onmouseleave: mark(false), onfocusin: mark(true), onfocusout: mark(false) },
+      name, ...cells,
+    );
+  }
+
+  const parts = {};
+  function draw() {
+    const shown = columns();
+    if (state.sort > shown.length) state.sort = 1;
+    const found = rows(shown);
+    const heads = shown.map((column, n) => heading(column.head, n + 1, column.nominal ? "fx-nominal" : ""));
+    parts.table.replaceChildren(
+      element("caption", { class: "fx-hint", style: "caption-side: bottom; text-align: left; padding: 0.4rem 0.6rem" }, caption()),
+      element("thead", {}, element("tr", {}, heading("row", 0, "fx-name"), ...heads)),
+      element("tbody", {}, ...found.map((row) => line(row, shown))),
+    );
+    parts.count.textContent = `${found.length} of ${board.rows.length} rows`;
+    for (const part of [parts.lap, parts.figure]) part.hidden = state.view === OVERVIEW;
+    parts.chart.replaceChildren(...chart(found));
+    marks();
+  }
+
+  function caption() {
+    const figure = state.view === OVERVIEW ? "" : `, ${FIGURES[state.figure]}`;
+    const column = board.columns[state.view];
+    const nominal = column && column.values.includes(column.nominal) ? " The column with a bar on top is nominal." : "";
+    return `Distance of the true tip from the reference in mm${state.figure === "maximum" && figure ? "" : " (r.m.s.)"}${figure}; "lost": the arm left the path; *: some laps were lost, the figure is the mean of the others.${nominal}`;
+  }
+
+  function marks() {
+    for (const one of document.querySelectorAll("#flexarm-leaderboard [data-row]")) {
+      one.classList.toggle("fx-marked", one.dataset.row === state.marked);
+    }
+  }
+
+  // --- the chart of an axis of numbers ---
+
+  function drawn(tag, attributes, ...children) {
+    const made = document.createElementNS(SVG, tag);
+    for (const [name, value] of Object.entries(attributes)) made.setAttribute(name, value);
+    made.append(...children);
+    return made;
+  }
+
+  function chart(found) {
+    const column = board.columns[state.view];
+    if (!column || typeof column.values[0] !== "number") return [];
+    const [width, height, left, bottom, top, right] = [720, 260, 46, 36, 12, 110];
+    const [least, most] = [Math.min(...column.values), Math.max(...column.values)];
+    const [low, high] = [0.01, 2];
+    const x = (value) => left + ((value - least) / (most - least)) * (width - left - right);
+    const y = (error) => height - bottom - (Math.log(Math.min(high, Math.max(low, error)) / low) / Math.log(high / low)) * (height - bottom - top);
+    const unit = column.unit && column.unit !== "1" ? ` [${column.unit}]` : "";
+    const picture = drawn("svg", { class: "fx-chart", viewBox: `0 0 ${width} ${height}`, role: "img", "aria-label": `Errors of the rows along ${column.title}; the table below has the figures` });
+    for (const error of [0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2]) {
+      picture.append(drawn("line", { class: "fx-axis", x1: left, x2: width - right, y1: y(error), y2: y(error) }));
+      picture.append(drawn("text", { x: left - 6, y: y(error) + 4, "text-anchor": "end" }, `${1000 * error}`));
+    }
+    const step = Math.ceil(column.values.length / 9);
+    column.values.filter((_, n) => n % step === 0).forEach((value) => {
+      picture.append(drawn("text", { x: x(value), y: height - bottom + 16, "text-anchor": "middle" }, `${value}`));
+    });
+    picture.append(drawn("text", { x: (left + width - right) / 2, y: height - 4, "text-anchor": "middle" }, `${column.title}${unit}; errors in mm`));
+    if (typeof column.nominal === "number") {
+      picture.append(drawn("line", { class: "fx-here", x1: x(column.nominal), x2: x(column.nominal), y1: top, y2: height - bottom }));
+    }
+    for (const row of found) picture.append(curve(row, column, x, y));
+    return [picture];
+  }
+
+  function curve(row, column, x, y) {
+    const group = drawn("g", { "data-row": row.name }, drawn("title", {}, row.name));
+    let [path, last, pen] = ["", null, "M"];
+    column.values.forEach((value, n) => {
+      const one = cell(row, state.view, n);
+      if (one.rank) { pen = "M"; return; }
+      path += `${pen}${x(value).toFixed(1)} ${y(one.value).toFixed(1)}`;
+      [last, pen] = [[x(value), y(one.value)], "L"];
+      group.append(drawn("circle", { cx: x(value).toFixed(1), cy: y(one.value).toFixed(1), r: 2.2 }));
+    });
+    if (path) group.prepend(drawn("path", { d: path }));
+    if (last) {
+      const label = drawn("text", { class: "fx-label", x: (last[0] + 7).toFixed(1), y: (last[1] + 4).toFixed(1) }, row.name);
+      label.style.display = "none";
+      group.append(label);
+      new MutationObserver(() => { label.style.display = group.classList.contains("fx-marked") ? "" : "none"; })
+        .observe(group, { attributeFilter: ["class"] });
+    }
+    group.addEventListener("mouseenter", () => { state.marked = row.name; marks(); });
+    group.addEventListener("mouseleave", () => { state.marked = null; marks(); });
+    return group;
+  }
+
+  // --- controls ---
+
+  function toggles() {
+    const readings = board.readings.map((name) => {
+      const input = element("input", { type: "checkbox", name: "reads", value: name, checked: true });
+      input.addEventListener("change", () => {
+        if (input.checked) state.barred.delete(name);
+        else state.barred.add(name);
+        draw();
+      });
+      return element("label", {}, input, element("span", {}, name));
+    });
+    return element("fieldset", { class: "fx-toggles" }, element("legend", {}, "A row may read"), ...readings);
+  }
+
+  ready(() => {
+    const mount = document.getElementById("flexarm-leaderboard");
+    if (!mount || !board) return;
+    const views = [[OVERVIEW, "Overview"], ...Object.entries(board.columns).map(([name, one]) => [name, one.title])];
+    const search = element("input", { type: "search", placeholder: "lqg, agent, …" });
+    search.addEventListener("input", () => { state.text = search.value; draw(); });
+    const change = (name) => (value) => { state[name] = value; draw(); };
+    parts.lap = choices("Lap", "board-lap", board.laps.map((lap, n) => [String(n), lap]), "0", (value) => change("lap")(Number(value)));
+    parts.figure = list("Figure", Object.entries(FIGURES), state.figure, change("figure"));
+    parts.count = element("span", { class: "fx-hint", role: "status" });
+    parts.chart = element("div");
+    parts.table = element("table", { class: "fx-board" });
+    const turn = (value) => { state.view = value; state.sort = 1; state.down = false; draw(); };
+    mount.replaceChildren(
+      element(
+        "div", { class: "fx-controls" },
+        list("Axis", views, state.view, turn), parts.lap, parts.figure,
+        element("label", { class: "fx-list" }, element("span", {}, "Name"), search),
+      ),
+      element("div", { class: "fx-controls" }, toggles(), parts.count),
+      parts.chart,
+      element("div", { class: "fx-scroll", tabindex: 0, role: "region", "aria-label": "Leaderboard" }, parts.table),
+    );
+    draw();
+  });
+})();

@@ -1,0 +1,109 @@
+"""What moves on the site: a page marks the place of a widget, and what stands there where there is none.
+
+A place begins with `<!-- site: NAME -->` and ends with `<!-- site end -->`. The text between them is what a reader of
+the repository sees; on the site it is shown to readers without JavaScript.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from flexarm_env.envs.blocks import READINGS
+from flexarm_env.laps import LAPS
+from scripts.common.markdown import DOCS
+
+_PLACE = re.compile(r"<!-- site: (\w+) -->\n(.*?)<!-- site end -->", re.DOTALL)
+_FIGURES = ("rms", "rms_after_2s", "maximum")
+STATIC = "docs/_static"  # within the site's sources
+BOARD = "board.js"
+REPLAYS = "docs/replays"  # page of the viewer
+
+
+class Widget(NamedTuple):
+    """A part of a page that a script makes.
+
+    Attributes:
+        mount: id of the element that it fills.
+        scripts: files of `docs/_static`, in the order in which they are loaded.
+    """
+
+    mount: str
+    scripts: tuple[str, ...]
+
+
+WIDGETS: Mapping[str, Widget] = {
+    "leaderboard": Widget("flexarm-leaderboard", ("leaderboard.js", BOARD)),
+    "replays": Widget("flexarm-replay", ("replay.js", "replays/index.js")),
+}
+
+
+def with_widgets(text: str, page: Path) -> str:
+    """Return a page's text with its widgets.
+
+    Args:
+        text: of the page.
+        page: path of the page from the root of the site's sources.
+
+    Raises:
+        ValueError: for a widget that there is not.
+    """
+    static = os.path.relpath("_static", page.parent)  # where Sphinx puts it
+
+    def widget(place: re.Match[str]) -> str:
+        """Return what stands at a place."""
+        if place[1] not in WIDGETS:
+            raise ValueError(f"{page}: has a place for {place[1]!r}; must be one of {', '.join(WIDGETS)}")
+        one = WIDGETS[place[1]]
+        scripts = "".join(f'<script defer src="{static}/{name}"></script>\n' for name in one.scripts)
+        mount = f'<div id="{one.mount}" class="fx" data-files="{static}/replays/"></div>'
+        return f"{mount}\n{scripts}\n<noscript>\n\n{place[2]}\n</noscript>\n"
+
+    return _PLACE.sub(widget, text)
+
+
+def replay_names(folder: Path = DOCS / "_static" / "replays") -> list[str]:
+    """Return the names of the rows of which there are replays."""
+    text = (folder / "index.js").read_text(encoding="utf-8")
+    index = json.loads(text[text.index("(") + 1 : text.rindex(")")])
+    return [row["name"] for row in index["rows"]]
+
+
+def board_script(board: Mapping[str, Any], replayed: Sequence[str]) -> str:
+    """Write what the leaderboard's page shows, as a script.
+
+    Args:
+        board: contents of docs/leaderboard.json.
+        replayed: names of the rows of which there are replays.
+    """
+    read = {name for row in board["rows"] for name in row["reads"]}
+    data = {
+        "laps": list(LAPS),
+        "readings": [name for name in READINGS if name in read],
+        "replays": f"{Path(REPLAYS).name}.html",
+        "columns": board["columns"],
+        "rows": [_row(row, row["name"] in replayed) for row in board["rows"]],
+    }
+    return f"flexarm.board({json.dumps(data, allow_nan=False, separators=(',', ':'))});\n"
+
+
+def _row(row: Mapping[str, Any], replayed: bool) -> dict[str, Any]:
+    columns = {name: [_point(one) for one in column["points"]] for name, column in row["columns"].items()}
+    kept = {name: row[name] for name in ("name", "reads", "privileged")}
+    return {**kept, "replay": replayed, "columns": columns}
+
+
+def _point(point: Mapping[str, Any] | None) -> list[dict[str, Any]] | None:
+    """Return the mean figures of a point's laps, and how many were lost; None where a row is not applicable."""
+    if point is None or "not_applicable" in point:
+        return None
+    counts = ("lost", "episodes", "first_loss")
+    return [
+        {name: one[name] for name in counts}
+        | {name: None if one.get(name) is None else one[name]["mean"] for name in _FIGURES}
+        for one in point.values()
+    ]

@@ -1,0 +1,129 @@
+"""The site's data: replays fit the code and the leaderboard; the board's script has every row and column."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from flexarm_agents.board.rows import Row
+from flexarm_agents.board.summary import nominal_errors
+from flexarm_env.laps import LAPS
+from flexarm_env.simulation.arm import FlexibleArm
+from scripts.common.markdown import DOCS
+from scripts.docs import replays
+from scripts.docs.widgets import WIDGETS, board_script, replay_names, with_widgets
+from scripts.leaderboard.entries import entries
+
+BOARD = json.loads((DOCS / "leaderboard.json").read_text())
+MOST_BYTES = 60_000  # of a file
+ARM = FlexibleArm()
+
+
+def arguments(file: Path) -> list[Any]:
+    """Return the arguments of the call that a data file is."""
+    text = file.read_text()
+    assert text.startswith("flexarm.")
+    found: list[Any] = json.loads(f"[{text[text.index('(') + 1 : text.rindex(')')]}]")
+    return found
+
+
+INDEX = arguments(replays.FOLDER / replays.INDEX)[0]
+FILES = [(row["name"], lap, file) for row in INDEX["rows"] for lap, file in row["files"].items()]
+
+
+@given(st.lists(st.lists(st.integers(-(2**40), 2**40), min_size=5, max_size=5), min_size=1, max_size=4))
+def test_numbers_are_read_as_they_were_written(values: list[list[int]]) -> None:
+    text, orders = replays.packed([np.array(one, dtype=np.int64) for one in values])
+    assert replays.unpacked(text, orders, 5).tolist() == values
+
+
+def test_numbers_that_are_left_over_are_refused() -> None:
+    text, orders = replays.packed([np.arange(5)])
+    with pytest.raises(ValueError, match="more than 1 sequences of 4"):
+        replays.unpacked(text, orders, 4)
+
+
+def test_the_index_names_the_files_that_are_there() -> None:
+    there = {path.name for path in replays.FOLDER.iterdir()}
+    assert {file for _, _, file in FILES} | {replays.INDEX} == there
+    assert tuple(row["name"] for row in INDEX["rows"]) == replays.ROWS == tuple(replay_names())
+    assert set(replays.ROWS) <= {row.name for row in entries(())}
+    assert set(INDEX["laps"]) == set(LAPS)
+    assert all(row["text"] == replays.text_of(row["name"]) for row in INDEX["rows"])
+    assert INDEX["links"] == replays.shapes(ARM)
+
+
+@pytest.mark.parametrize(("name", "lap", "file"), FILES, ids=[file for _, _, file in FILES])
+def test_a_replay_has_the_error_of_the_board(name: str, lap: str, file: str) -> None:
+    path = replays.FOLDER / file
+    row, which, one = arguments(path)
+    assert (row, which) == (name, lap)
+    assert path.stat().st_size < MOST_BYTES
+    assert [channel[:2] for channel in one["channels"]] == [["joints", 2], ["modal", 6], ["sensed", 2], ["torque", 2]]
+    assert {channel: step for channel, _, step in one["channels"]} == replays.STEPS
+    told = INDEX["references"][lap]
+    reference = told["step"] * replays.unpacked(told["data"], told["orders"], told["instants"]).T
+    distance = np.linalg.norm(replays.tips(ARM, one) - reference[: one["instants"]], axis=1)
+    for row in BOARD["rows"]:
+        errors = nominal_errors(row)[lap] if row["name"] == name else None
+        if errors is not None:
+            assert one["ended"] == "truncated"
+            settled = np.arange(len(distance)) * one["interval"] >= 2.0
+            assert np.sqrt(np.mean(distance**2)) == pytest.approx(errors["rms"], abs=5e-6)
+            assert np.sqrt(np.mean(distance[settled] ** 2)) == pytest.approx(errors["rms_after_2s"], abs=5e-6)
+
+
+def test_a_lap_of_today_is_the_one_that_is_committed() -> None:
+    _, laps = replays.record(Row("student", "agent student"))
+    for lap, record in laps.items():
+        committed = arguments(replays.FOLDER / replays.file_name("agent student", lap))[2]
+        now, then = replays.channels(replays.replay(record)), replays.channels(committed)
+        for channel, step in replays.STEPS.items():
+            np.testing.assert_allclose(now[channel], then[channel], rtol=0.0, atol=1.5 * step)
+
+
+def test_a_record_without_a_reading_is_no_replay() -> None:
+    lap = ARM.record(np.zeros(1), np.zeros((1, 16)), np.zeros((1, 2)))
+    with pytest.raises(ValueError, match="no reading"):
+        replays.replay(lap)
+
+
+# --- the board, and where widgets stand -----------------------------------------------------------------------------
+
+
+def test_the_board_keeps_every_row_and_column() -> None:
+    script = board_script(BOARD, ["lqg"])
+    shown = json.loads(script[len("flexarm.board(") : script.rindex(")")])
+    assert [row["name"] for row in shown["rows"]] == [row["name"] for row in BOARD["rows"]]
+    assert shown["columns"] == BOARD["columns"]
+    assert [row["name"] for row in shown["rows"] if row["replay"]] == ["lqg"]
+    for row, own in zip(BOARD["rows"], shown["rows"], strict=True):
+        for name, column in row["columns"].items():
+            assert len(own["columns"][name]) == len(column["points"])
+    lqg = next(row for row in shown["rows"] if row["name"] == "lqg")
+    full = next(row for row in BOARD["rows"] if row["name"] == "lqg")
+    assert lqg["columns"]["nominal"][0][0]["rms"] == full["columns"]["nominal"]["points"][0]["swing"]["rms"]["mean"]
+
+
+def test_a_page_without_javascript_keeps_its_text() -> None:
+    page = with_widgets("a\n<!-- site: replays -->\nwithout\n<!-- site end -->\nb\n", Path("docs/replays.md"))
+    assert "<noscript>\n\nwithout\n\n</noscript>" in page
+    assert 'src="../_static/replay.js"' in page
+
+
+def test_every_widget_has_its_place_and_its_files() -> None:
+    pages = "".join(page.read_text() for page in DOCS.rglob("*.md"))
+    for name, widget in WIDGETS.items():
+        assert pages.count(f"<!-- site: {name} -->") == 1
+        assert all((DOCS / "_static" / file).exists() for file in widget.scripts if file != "board.js")
+
+
+def test_an_unknown_widget_is_refused() -> None:
+    with pytest.raises(ValueError, match="'clock'; must be one of"):
+        with_widgets("<!-- site: clock -->\n<!-- site end -->", Path("docs/page.md"))
