@@ -139,7 +139,8 @@ class TrainingConfig(RunConfig):
         size = self.rollout * self.envs
         if size < 2 or self.batch > size or size % self.batch:
             raise ValueError(
-                f"batch = {self.batch}: must divide rollout * envs = {self.rollout} * {self.envs} = {size}"
+                f"batch = {shown(self.batch)}: must divide rollout * envs = {shown(self.rollout)} * {shown(self.envs)} "
+                f"= {shown(size)}"
             )
         if self.final_learning_rate > self.learning_rate:
             raise ValueError(

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexarm_env.validation import integer
+from flexarm_env.validation import integer, listed
 
 Array = NDArray[np.float32]
 LONGEST_LAG = 1000  # [steps]
@@ -97,13 +97,13 @@ def memory_of(
     return memory
 
 
-def checked_increasing(name: str, values: Sequence[Any], least: int, most: int) -> tuple[int, ...]:
+def checked_increasing(name: str, values: object, least: int, most: int) -> tuple[int, ...]:
     """Check integers that increase.
 
     Raises:
-        TypeError, ValueError: naming the entry that is no integer or out of range, or the order.
+        TypeError, ValueError: naming what is no list, the entry that is no integer or out of range, or the order.
     """
-    checked = tuple(integer(f"{name}[{n}]", value, least, most) for n, value in enumerate(values))
+    checked = tuple(integer(f"{name}[{n}]", value, least, most) for n, value in enumerate(listed(name, values)))
     if list(checked) != sorted(set(checked)):
         raise ValueError(f"{name} = {checked}: must increase")
     return checked

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from flexarm_agents.history import History, memory_of
 from flexarm_env.simulation import archive
-from flexarm_env.validation import choice, integer, mapping, real_array, shown
+from flexarm_env.validation import choice, integer, listed, mapping, real_array, shown
 
 Array = NDArray[np.float32]
 _FORMAT = 1
@@ -61,6 +61,10 @@ class NetworkPolicy:
         """
         choice("activation", self.activation, ACTIVATIONS)
         mapping("notes", self.notes)
+        for name in ("weights", "biases"):
+            listed(name, getattr(self, name))
+        if not isinstance(self.history, History):
+            raise TypeError(f"history = {shown(self.history)}: must be a History")
         arrays = {f"weights[{n}]": weight for n, weight in enumerate(self.weights)}
         arrays |= {f"biases[{n}]": bias for n, bias in enumerate(self.biases)} | {"log_std": self.log_std}
         for name, array in arrays.items():

@@ -10,8 +10,10 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from flexarm_agents.config import RunConfig
+from flexarm_env.validation import short
 
 _FORMAT = 1
+_UNFINISHED = ".new-"
 Config = TypeVar("Config", bound=RunConfig)
 
 
@@ -53,7 +55,9 @@ class RunFolder:
         Raises:
             FileExistsError: if there is something already.
         """
-        if self.path.exists() and (not self.path.is_dir() or any(self.path.iterdir())):
+        if self.path.exists() and (
+            not self.path.is_dir() or any(not _is_unfinished(one) for one in self.path.iterdir())
+        ):
             raise FileExistsError(
                 f"folder = {self.path}: exists and is not empty; resume that training, remove it, or name another"
             )
@@ -94,8 +98,8 @@ class RunFolder:
             if values.pop("format") != _FORMAT:
                 raise ValueError(f"this version reads format {_FORMAT}")
             return kind.of(values)
-        except (ValueError, TypeError, KeyError, AttributeError) as error:
-            raise ValueError(f"{self.config}: not a training's configuration ({error})") from error
+        except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
+            raise ValueError(f"{self.config}: not a training's configuration ({short(str(error))})") from error
 
     def check_same(self, config: RunConfig) -> None:
         """Check that the training in the folder is one of this configuration.
@@ -134,9 +138,14 @@ def put(path: Path, write: Callable[[Path], Any]) -> None:
         path: path of the file; it keeps its ending while it is written.
         write: writes to the path it is given.
     """
-    aside = path.with_name(f".new-{path.name}")
+    aside = path.with_name(f"{_UNFINISHED}{path.name}")
     write(aside)
     os.replace(aside, path)
+
+
+def _is_unfinished(path: Path) -> bool:
+    """Whether a file is what a killed process left of one that it wrote."""
+    return path.name.startswith(_UNFINISHED)
 
 
 def write_json(path: Path, values: Any) -> None:

@@ -18,7 +18,7 @@ import numpy as np
 from flexarm_baselines.arrays import Floats
 from flexarm_baselines.fuzzy import PAPER_GAIN_RANGE, MamdaniSystem, paper_system
 from flexarm_baselines.policy import GainPolicy, env_attribute, env_gain_limit
-from flexarm_env.validation import choice, finite_array, number, shown
+from flexarm_env.validation import choice, finite_array, finite_values, number, shown
 
 REFERENCE_DEFLECTION = 0.2
 """Tip deflection [m] that counts as delta = 1: the tip value 2 A of the paper's mode shape (4)."""
@@ -58,7 +58,7 @@ class FLSAC(GainPolicy):
         number("K_n", self.K_n, above=0.0)
         number("K_s", self.K_s, above=0.5 if self.scale == "width" else 0.0)  # 0.5: see paper_system
         number("gain_limit", self.gain_limit, above=0.0)
-        weights = np.asarray(self.tip_weights)
+        weights = finite_values("tip_weights", self.tip_weights)
         weights = finite_array("tip_weights", [weights, weights] if weights.ndim == 1 else weights, (2, None))
         _check_modal_slice(self.modal_slice, weights.size)
         largest = self._output_scale * PAPER_GAIN_RANGE[1]

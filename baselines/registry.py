@@ -110,8 +110,9 @@ CONTROLLERS: dict[str, Controller] = {
     ),
     "lqg_adaptive": Controller(
         AdaptiveLQG,
-        "the same as `lqg`, whose filter finds payload, stiffness, damping and how late sensor and motors are as well",
-        f"{LJUNG}; Friedland, IEEE Trans. Automatic Control 14, 1969",
+        "the same as `lqg`, with a bank of filters that find payload, stiffness, damping and how late sensor and "
+        "motors are as well",
+        f"{LJUNG}; Friedland, IEEE Trans. Automatic Control 14, 1969; Magill, IEEE Trans. Automatic Control 10, 1965",
     ),
     "nmpc": Controller(
         NMPC,

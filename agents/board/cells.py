@@ -25,9 +25,9 @@ from flexarm_agents.run_folder import put
 from flexarm_env.envs.chain_options import ChainOptions
 from flexarm_env.envs.settings import Settings
 from flexarm_env.parameters import arm_parameters
-from flexarm_env.validation import shown
+from flexarm_env.validation import short, shown
 
-FORMAT = 1
+FORMAT = 2
 # Modules that the simulation imports and that have no part in a result: what shows, documents, declares and checks
 # options, whose values a key holds; and derivatives, which only controllers use.
 WITHOUT_PART = (
@@ -67,8 +67,13 @@ class Cell(NamedTuple):
     @property
     def key(self) -> str:
         """Name of its file."""
-        text = json.dumps(self.depends, sort_keys=True, allow_nan=False)
-        return hashlib.sha256(text.encode()).hexdigest()[:32]
+        return _content_hash(self.depends)
+
+
+def _content_hash(*values: Any) -> str:
+    """Return the hash of plain values."""
+    text = "\n".join(json.dumps(one, sort_keys=True, allow_nan=False) for one in values)
+    return hashlib.sha256(text.encode()).hexdigest()[:32]
 
 
 def _environment(row: Row, point: Point) -> dict[str, Any]:
@@ -121,11 +126,13 @@ class Store:
             content = json.loads(path.read_text())
             if content["format"] != FORMAT:
                 raise ValueError(f"format = {shown(content['format'])}: must be {FORMAT}")
+            if content["hash"] != _content_hash(cell.depends, content["result"]):
+                raise ValueError("it is damaged")
             result: dict[str, Any] = content["result"]
         except FileNotFoundError:
             return None
-        except (ValueError, KeyError, TypeError) as error:
-            raise ValueError(f"{path}: is no cell; remove it ({error})") from error
+        except (ValueError, KeyError, TypeError, RecursionError) as error:
+            raise ValueError(f"{path}: is no cell; remove it ({short(str(error))})") from error
         return result
 
     def missing(self, cells: Iterable[Cell]) -> list[Cell]:
@@ -137,7 +144,8 @@ class Store:
         """Write a cell; the file is complete or absent."""
         path = self.path(cell.key)
         path.parent.mkdir(parents=True, exist_ok=True)
-        content = {"format": FORMAT, "depends": cell.depends, "result": result}
+        own_hash = _content_hash(cell.depends, result)
+        content = {"format": FORMAT, "depends": cell.depends, "result": result, "hash": own_hash}
         text = json.dumps(content, allow_nan=False, sort_keys=True) + "\n"
         put(path, lambda aside: aside.write_text(text))
 

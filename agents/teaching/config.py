@@ -52,10 +52,8 @@ class TeachingConfig(RunConfig):
 
     def _checked(self) -> dict[str, Any]:
         least = {"rounds": 1, "arms": 2, "updates": 1, "batch": 1, "evaluation_laps": 1}
-        if not isinstance(self.lags, list | tuple):
-            raise TypeError(f"lags = {shown(self.lags)}: must be a list of ages")
-        if self.arms % 2:
-            raise ValueError(f"arms = {self.arms}: must be even, half of them for each lap")
+        if integer("arms", self.arms, 2) % 2:
+            raise ValueError(f"arms = {shown(self.arms)}: must be even, half of them for each lap")
         pair("plants", self.plants, least=2)
         return {name: integer(name, getattr(self, name), bound) for name, bound in least.items()} | {
             "lesson_options": check_options(check_id(self.environment), self.lesson_options),

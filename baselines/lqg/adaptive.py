@@ -2,7 +2,9 @@
 
 Sources: Ljung, IEEE Trans. Automatic Control 24, 1979 (joint estimation of state and parameters); Friedland, IEEE
 Trans. Automatic Control 14, 1969 (a filter for the state and one for a constant beside it: how late the motors are);
-Rugh and Shamma, *Research on gain scheduling*, Automatica 36, 2000.
+Magill, IEEE Trans. Automatic Control 10, 1965 (a bank of filters, one for each hypothesis); Morse, Mayne and Goodwin,
+IEEE Trans. Automatic Control 37, 1992 (switching between them with hysteresis); Rugh and Shamma, *Research on gain
+scheduling*, Automatica 36, 2000.
 """
 
 from __future__ import annotations
@@ -29,17 +31,15 @@ NOISE = NoiseModel(joint_angle=3e-3, joint_rate=3.0, tip=0.01, torque=(5.0, 2.0)
 
 
 class Unknown(NamedTuple):
-    """What is thought of a quantity before an episode.
+    """How a quantity is thought of.
 
     Attributes:
-        mean: expected value; None: that of the task.
-        deviation: standard deviation.
+        deviation: standard deviation before an episode.
         drift: how far it may wander in a second, as a share of that.
         least: estimates stay above.
         most: estimates stay below.
     """
 
-    mean: float | None
     deviation: float
     drift: float
     least: float
@@ -47,23 +47,69 @@ class Unknown(NamedTuple):
 
 
 QUANTITIES = {
-    "payload_mass": Unknown(0.3, 0.4, 0.2, 0.0, 1.1),  # [kg]
-    "stiffness": Unknown(0.9, 0.15, 0.1, 0.75, 1.35),
-    "damping": Unknown(None, 0.003, 0.1, 0.001, 0.03),
-    "delay": Unknown(None, 0.02, 0.1, 0.0, 0.08),  # [s]
+    "payload_mass": Unknown(0.4, 0.2, 0.0, 1.1),  # [kg]
+    "stiffness": Unknown(0.15, 0.1, 0.75, 1.35),
+    "damping": Unknown(0.003, 0.1, 0.001, 0.03),
+    "delay": Unknown(0.02, 0.1, 0.0, 0.08),  # [s]
 }
-LATENESS = Unknown(4e-3, 3e-3, 0.03, 0.0, 0.01)  # of the motors [s]
+LATENESS = Unknown(3e-3, 0.03, 0.0, 0.01)  # of the motors [s]
 OF_THE_ARM = ("payload_mass", "stiffness", "damping")
 PAYLOADS = (0.0, 0.25, 0.5, 0.75, 1.0)  # [kg]
 STIFFNESSES = (0.8, 1.0, 1.25)
 
 
+class Hypothesis(NamedTuple):
+    """With what a filter of the bank begins; with the task's damping and delay beside it.
+
+    Attributes:
+        payload_mass: [kg].
+        stiffness: factor on that of both links.
+        late: how late the motors are [s].
+    """
+
+    payload_mass: float
+    stiffness: float
+    late: float
+
+
+# The first is believed before anything is read. A filter that began far off may settle on an arm which is not there:
+# one without payload, with more damping and later motors, in the place of a heavy one.
+HYPOTHESES = (Hypothesis(0.3, 0.9, 4e-3), Hypothesis(0.8, 0.9, 4e-3), Hypothesis(0.0, 1.0, 0.0))
+MEMORY = 0.97  # share of a period's doubt that is left after the next
+MARGIN = 10.0  # by which another hypothesis must be less in doubt than the one believed
+
+
+class Beliefs(NamedTuple):
+    """What the filters of the bank think, n arms times the hypotheses.
+
+    Attributes:
+        estimate: z of `FilterTables`. Shape (n, h, d), or (n h, d).
+        late: how late the motors are [s]. Shape (n, h), or (n h,).
+        variance: of that [s^2]. Shape (n, h), or (n h,).
+        slope: derivative of the estimate by lateness as a share of the period. Shape (n, h, d), or (n h, d).
+    """
+
+    estimate: Floats
+    late: Floats
+    variance: Floats
+    slope: Floats
+
+    def flat(self) -> Beliefs:
+        """Return them with one leading axis for arms and hypotheses."""
+        return Beliefs(*(part.reshape(-1, *part.shape[2:]) for part in self))
+
+    def by_arm(self, count: int) -> Beliefs:
+        """Return them with a leading axis for arms and one for hypotheses."""
+        return Beliefs(*(part.reshape(count, -1, *part.shape[1:]) for part in self))
+
+
 class AdaptiveLQG(LQG):
     """LQG for an arm, a sensor and motors that differ from what is published.
 
-    It has plans, filters and regulators for a grid of payloads and stiffnesses. The filter estimates these with the
-    state, with damping and the sensor's delay; each arm goes by the tables nearest to its own estimates, which
-    reckon with what is left to first order. A second filter estimates how late the motors are.
+    It has plans, filters and regulators for a grid of payloads and stiffnesses. A filter estimates these with the
+    state, with damping and the sensor's delay; it goes by the tables nearest to its own estimates, which
+    reckon with what is left to first order. A second filter estimates how late the motors are. A bank of such pairs
+    begins with other values each; the arm is driven by the one whose innovations are the least.
 
     Attributes:
         filter: tables of all nodes of the grid, for each of these those of all plans.
@@ -116,36 +162,55 @@ class AdaptiveLQG(LQG):
         self._least, self._most = np.array([(one.least, one.most) for one in QUANTITIES.values()]).T
 
     def start(self, seen: Seen) -> Memory:
-        """Begin on the nearest plan, with what is thought of the quantities before an episode."""
-        count, period = len(seen), self.period_of(seen)
+        """Begin on the nearest plan, with all hypotheses."""
+        shape, period = (len(seen), len(HYPOTHESES)), self.period_of(seen)
         chosen = self.nearest(seen["joint_angles"], period)
-        estimate = self.filter.nominal[chosen, period].astype(np.float64)
-        for column, one in enumerate(QUANTITIES.values(), self._quantities.start):
-            if one.mean is not None:
-                estimate[:, column] = one.mean
-        late = np.full(count, LATENESS.mean), np.full(count, LATENESS.deviation**2)
-        return estimate, chosen, np.zeros((count, 2)), *late, np.zeros_like(estimate)
+        estimate = np.repeat(self.filter.nominal[chosen, period].astype(np.float64)[:, None], shape[1], axis=1)
+        given = np.array(HYPOTHESES)
+        estimate[..., self._quantities.start : self._quantities.start + 2] = given[:, :2]
+        late, variance = np.tile(given[:, 2], (shape[0], 1)), np.full(shape, LATENESS.deviation**2)
+        beliefs = Beliefs(estimate, late, variance, np.zeros_like(estimate))
+        believed: Array = np.zeros(shape[0], dtype=np.int64)
+        return (*beliefs, chosen, np.zeros((shape[0], 2)), np.zeros(shape), believed)
 
     def torque(self, seen: Seen, memory: Memory) -> tuple[Floats, Memory]:
-        """Correct the estimates by the readings, command torques, and predict the next estimates."""
-        estimate, chosen, before, late, variance, slope = memory
-        period, tables = self.period_of(seen), self.filter
-        at = self._nearest_node(chosen, estimate), period
-        residual = tables.residual(estimate, self._readings(seen))
-        seen_slope = slope[:, tables.rows]
+        """Correct all estimates by the readings, command torques by the best ones, and predict the next estimates."""
+        chosen, before, doubt, believed = memory[4:]
+        count, bank = doubt.shape
+        arms = np.repeat(np.arange(count), bank)
+        plans, periods = chosen[arms], self.period_of(seen)[arms]
+        beliefs, squares = self._corrected(plans, periods, Beliefs(*memory[:4]).flat(), self._readings(seen)[arms])
+        doubt = MEMORY * doubt + squares.reshape(count, bank)
+        believed = least_in_doubt(doubt, believed)
+
+        at, share = (self._nearest_node(plans, beliefs.estimate), periods), beliefs.late[:, None] / self.task.period
+        own = bank * np.arange(count) + believed
+        here = at[0][own], at[1][own]
+        off = (beliefs.estimate[own] - self.filter.nominal[here])[:, : self._of_the_arm]
+        torque = self.limited(self.regulator.torques(here, off, before, share[own], off[:, :0]))
+        moves = before[arms], torque[arms], share
+        slope = self.filter.by_lateness(at, beliefs.slope, *moves)
+        beliefs = beliefs._replace(estimate=self.filter.predict(at, beliefs.estimate, *moves), slope=slope)
+        return torque, (*beliefs.by_arm(count), chosen, torque, doubt, believed)
+
+    def _corrected(self, plans: Array, periods: Array, beliefs: Beliefs, readings: Floats) -> tuple[Beliefs, Floats]:
+        """Return what is thought after the readings, and the normalised squares of the innovations. Shape (n h,).
+
+        Args:
+            plans: of each. Shape (n h,).
+            periods: of the lap. Shape (n h,).
+            beliefs: before them, flat.
+            readings: Shape (n h, r).
+        """
+        estimate, late, variance, slope = beliefs
+        at, tables = (self._nearest_node(plans, estimate), periods), self.filter
+        residual, seen_slope = tables.residual(estimate, readings), slope[:, tables.rows]
         change, variance = self._later(at, residual, seen_slope, late, variance)
-        late = late + change
         gain, scaled = tables.gain[at], change[:, None] / self.task.period
         estimate = estimate + scaled * slope + product(gain, residual - scaled * seen_slope)
-        slope = slope - product(gain, seen_slope)
         estimate[:, self._quantities] = estimate[:, self._quantities].clip(self._least, self._most)
-
-        at, share = (self._nearest_node(chosen, estimate), period), late[:, None] / self.task.period
-        off = (estimate - tables.nominal[at])[:, : self._of_the_arm]
-        torque = self.limited(self.regulator.torques(at, off, before, share, off[:, :0]))
-        slope = tables.by_lateness(at, slope, before, torque, share)
-        estimate = tables.predict(at, estimate, before, torque, share)
-        return torque, (estimate, chosen, torque, late, variance, slope)
+        squares = np.sum(residual * product(tables.information[at], residual), axis=1)
+        return Beliefs(estimate, late + change, variance, slope - product(gain, seen_slope)), squares
 
     def _later(
         self, at: Place, residual: Floats, slope: Floats, late: Floats, variance: Floats
@@ -175,3 +240,14 @@ class AdaptiveLQG(LQG):
             for n, values in enumerate(self._grid)
         )
         return np.asarray((payload * len(self._grid[1]) + stiffness) * len(self.plans) + chosen)
+
+
+def least_in_doubt(doubt: Floats, believed: Array) -> Array:
+    """Return the hypothesis that each arm goes by: another one only if it is clearly less in doubt. Shape (n,).
+
+    Args:
+        doubt: Shape (n, h).
+        believed: the one so far. Shape (n,).
+    """
+    arms, least = np.arange(len(doubt)), np.argmin(doubt, axis=1)
+    return np.where(doubt[arms, least] < doubt[arms, believed] - MARGIN, least, believed)

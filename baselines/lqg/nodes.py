@@ -14,6 +14,9 @@ from flexarm_env.simulation.arm import FlexibleArm
 
 NAMES = ("payload_mass", "stiffness")
 LONGEST = (0.25, 0.25)  # of a step towards another arm: [kg], [1]
+BEND = 0.9  # [m]; of a link's tip off its root tangent; an episode ends at 1.5
+EXCESS = 0.05  # [m]; beyond that, what weighs as much as the deviations of `RegulatorWeights` do
+EASINGS = 4
 
 
 class Node(NamedTuple):
@@ -31,8 +34,12 @@ class Node(NamedTuple):
 
     @classmethod
     def of(cls, values: Floats, plan: Plan, arm: FlexibleArm, weights: RegulatorWeights) -> Node:
-        """Linearise the arm with these values along the plan."""
-        return cls(values, plan, LinearQuadratic.along(plan, weights, arm, **named(values)))
+        """Linearise the arm with these values along the plan; where links bend far, their bending costs, too."""
+        problem = LinearQuadratic.along(plan, weights, arm, **named(values))
+        bend, by_state = _bending(plan, arm)
+        far = (np.abs(bend) > BEND) / EXCESS**2
+        costly = np.einsum("tl,li,lj->tij", far, by_state, by_state)
+        return cls(values, plan, replace(problem, cost=problem.cost + costly))
 
     def towards(self, values: Floats, arm: FlexibleArm, weights: RegulatorWeights) -> Node:
         """Make the node of other values.
@@ -40,28 +47,65 @@ class Node(NamedTuple):
         Each step towards them is one of Gauss and Newton's: a regulator that knows the change ahead drives the arm so
         changed. What it does is a motion of that arm, and close to the best one.
         """
-        count, size = int(np.ceil(np.max(np.abs(values - self.values) / LONGEST) - 1e-9)), 2 * arm.size
+        count = int(np.ceil(np.max(np.abs(values - self.values) / LONGEST) - 1e-9))
         node = self
         for next_values in np.linspace(self.values, values, count + 1)[1:]:
-            gains, plan = node.problem.with_quantities(NAMES).gains(), node.plan
-            run = arm.rollout(
-                plan.states[0],
-                plan.torques + gains[:, :, size:] @ (next_values - node.values),
-                gains=np.ascontiguousarray(gains[:, :, :size]),
-                references=plan.states[:-1],
-                limits=plan.limits,
-                period=plan.period,
-                step=plan.step,
-                **named(next_values),
-            )
-            node = Node.of(next_values, replace(plan, states=run.states, torques=run.torques), arm, weights)
+            gains, size = node.problem.with_quantities(NAMES).gains(), 2 * arm.size
+            forward = gains[:, :, size:] @ (next_values - node.values)
+            node = node._moved(next_values, forward, gains[:, :, :size], arm, weights)
         return node
+
+    def eased(self, arm: FlexibleArm, weights: RegulatorWeights) -> Node:
+        """Make the node whose plan bends the links by little more than `BEND`, in steps of Gauss and Newton."""
+        node = self
+        for _ in range(EASINGS):
+            bend, by_state = _bending(node.plan, arm)
+            excess = np.sign(bend) * np.maximum(np.abs(bend) - BEND, 0.0)
+            if not excess.any():
+                break
+            node = node._moved(node.values, *node.problem.improved(excess @ by_state / EXCESS**2), arm, weights)
+        return node
+
+    def _moved(
+        self, values: Floats, forward: Floats, gains: Floats, arm: FlexibleArm, weights: RegulatorWeights
+    ) -> Node:
+        """Make the node of what an arm does along the plan.
+
+        Args:
+            values: of the arm. Shape (2,).
+            forward: changes of the plan's torques [N m]. Shape (n, 2).
+            gains: on deviations from the plan [N m/x]. Shape (n, 2, 4 + 4 m).
+            arm: see `grid`.
+            weights: see `grid`.
+        """
+        plan = self.plan
+        run = arm.rollout(
+            plan.states[0],
+            plan.torques + forward,
+            gains=np.ascontiguousarray(gains),
+            references=plan.states[:-1],
+            limits=plan.limits,
+            period=plan.period,
+            step=plan.step,
+            **named(values),
+        )
+        return Node.of(values, replace(plan, states=run.states, torques=run.torques), arm, weights)
+
+
+def _bending(plan: Plan, arm: FlexibleArm) -> tuple[Floats, Floats]:
+    """Return deflections of both links' tips [m], Shape (n + 1, 2), and their derivatives, Shape (2, 4 + 4 m)."""
+    by_state, modes = np.zeros((2, plan.states.shape[1])), arm.parameters.modes_per_link
+    for link, modal in enumerate(arm.modes):
+        by_state[link, 2 + link * modes : 2 + (link + 1) * modes] = modal.tip_values
+    return plan.states @ by_state.T, by_state
 
 
 def grid(
     plan: Plan, arm: FlexibleArm, payloads: Sequence[float], stiffnesses: Sequence[float], weights: RegulatorWeights
 ) -> list[Node]:
     """Make the nodes of a grid, from the plan for the arm's own payload and stiffness.
+
+    Plans of other values are eased: who goes by them has just begun to find out what the arm is, and bends it further.
 
     Args:
         plan: the plan.
@@ -78,7 +122,7 @@ def grid(
     row = [own.towards(np.array([own.values[0], stiffness]), arm, weights) for stiffness in stiffnesses]
     for payload in payloads:
         row = [node.towards(np.array([payload, node.values[1]]), arm, weights) for node in row]
-        found += row
+        found += [node if node.plan is plan else node.eased(arm, weights) for node in row]
     return found
 
 

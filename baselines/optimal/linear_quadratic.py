@@ -132,17 +132,26 @@ class LinearQuadratic:
 
     def gains(self) -> Floats:
         """Solve the Riccati recursion backward from the last linearisation's enduring regulator. Shape (n, 2, d)."""
+        return self.improved(np.zeros(self.cost.shape[:2]))[1]
+
+    def improved(self, gradient: Floats) -> tuple[Floats, Floats]:
+        """Return changes of the torques, Shape (n, 2), and gains, as `gains` does, if z has a linear cost as well.
+
+        Args:
+            gradient: of the cost by z, at each instant. Shape (n + 1, d).
+        """
         more, size = round(ENDURING / self.period), self.by_torque.shape[1]
-        periods = len(self.by_torque) + more
+        count = len(self.by_torque)
         model = Model(
             _prolonged(self.by_state, more),
             _prolonged(self.by_torque, more),
-            np.zeros((periods + 1, size)),
+            np.concatenate([gradient, np.zeros((more, size))]),
             _prolonged(self.cost, more),
             np.array([0.5 / np.square(self.torque), np.zeros(2)]),
-            np.zeros((periods + 1, 2)),
+            np.zeros((count + more + 1, 2)),
         )
-        return np.ascontiguousarray(sweep(model).gains[: len(self.by_torque), :, :size])
+        found = sweep(model)
+        return found.forward[:count], np.ascontiguousarray(found.gains[:count, :, :size])
 
 
 def _prolonged(table: Floats, more: int) -> Floats:

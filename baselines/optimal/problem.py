@@ -16,7 +16,7 @@ from flexarm_env.formulas import tip
 from flexarm_env.physics.linear_algebra import dot
 from flexarm_env.simulation.arm import FlexibleArm
 from flexarm_env.simulation.feedback import Rollout
-from flexarm_env.validation import finite_array, number, pair, shown
+from flexarm_env.validation import finite_array, finite_values, number, pair, shown
 
 # From the state's 4 + 4 m numbers (or arrays, an entry for each instant) and the time [s] to numbers whose squares are
 # added to the cost. It is differentiated by dual numbers: sums, products, quotients, and `codegen.elementary`.
@@ -98,8 +98,11 @@ class TrackingProblem:
             raise ValueError(f"reference: must have two instants at least, got {len(self.reference)}")
         put(self, "limits", pair("limits", self.limits, "N m", above=0.0))
         put(self, "torque_before", pair("torque_before", self.torque_before, "N m"))
-        weights = np.broadcast_to(self.tip_weights, len(self.reference)) if np.ndim(self.tip_weights) == 0 else None
-        weights = finite_array("tip_weights", self.tip_weights if weights is None else weights, (len(self.reference),))
+        weights = finite_values("tip_weights", self.tip_weights)
+        one_for_all = weights.ndim == 0
+        weights = finite_array(
+            "tip_weights", np.full(len(self.reference), weights) if one_for_all else weights, (len(self.reference),)
+        )
         if np.any(weights < 0.0):
             raise ValueError(f"tip_weights[{int(np.argmin(weights))}] = {weights.min()}: must be >= 0")
         put(self, "tip_weights", weights)

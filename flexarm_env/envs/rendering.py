@@ -14,6 +14,7 @@ import numpy as np
 from gymnasium.error import DependencyNotInstalled
 from numpy.typing import NDArray
 
+from flexarm_env.envs.window import Window
 from flexarm_env.extras import install_hint
 from flexarm_env.validation import choice, integer
 
@@ -84,6 +85,7 @@ class Renderer:
         render_mode: "human" or "rgb_array".
         size: side of the picture [px].
         fps: pictures a second that the window shows at most [1/s].
+        dismissed: somebody has closed the window; what is drawn is shown no more until `close`.
     """
 
     def __init__(self, render_mode: str, size: int = 600, fps: int = 50) -> None:
@@ -95,16 +97,16 @@ class Renderer:
         self.render_mode = choice("render_mode", render_mode, RENDER_MODES)
         self.size = integer("size", size, *SIZE_LIMITS)
         self.fps = integer("fps", fps, 1)
+        self.dismissed = False
         self._canvas: _Canvas | None = None
-        self._window: Any = None
-        self._clock: Any = None
+        self._window: Window | None = None
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave out pygame's objects, which cannot be copied; a copy makes its own when it draws."""
-        return self.__dict__ | {"_canvas": None, "_window": None, "_clock": None}
+        return self.__dict__ | {"_canvas": None, "_window": None}
 
     def draw(self, snapshot: Snapshot) -> NDArray[np.uint8] | None:
-        """Draw one picture; the same snapshot gives the same pixels.
+        """Draw one picture; the same snapshot gives the same pixels. A window that is paused waits (see `Window`).
 
         Returns:
             "rgb_array": a new array. Shape (size, size, 3). "human": None; the picture is in the window.
@@ -112,7 +114,9 @@ class Renderer:
         Raises:
             gymnasium.error.DependencyNotInstalled: if pygame is missing.
         """
-        canvas = self._canvas = self._canvas or _Canvas(_import_pygame(), self.size)
+        if self.dismissed:
+            return None
+        canvas = self._canvas = self._canvas or _Canvas(import_pygame(), self.size)
         canvas.clear()
         _draw_scene(canvas, snapshot)
         _draw_panels(canvas, snapshot)
@@ -125,21 +129,19 @@ class Renderer:
 
     def close(self) -> None:
         """Close the window, if there is one; drawing again opens another."""
-        if self._window is not None and self._canvas is not None:
-            self._canvas.pygame.display.quit()
-        self._canvas = self._window = self._clock = None
+        if self._window is not None:
+            self._window.close()
+        self._canvas = self._window = None
+        self.dismissed = False
 
     def _show(self, pygame: Any, picture: Any) -> None:
-        """Put a picture into the window, no sooner than 1 / fps after the last."""
-        if self._window is None or pygame.display.get_surface() is None:  # another environment may have closed it
-            pygame.display.init()
-            self._window = pygame.display.set_mode((self.size, self.size))
-            pygame.display.set_caption("FlexArm")
-            self._clock = pygame.time.Clock()
-        self._window.blit(picture, (0, 0))
-        pygame.event.pump()
-        self._clock.tick(self.fps)
-        pygame.display.flip()
+        """Put a picture into the window."""
+        if self._window is None or not self._window.alive:
+            self._window = Window(pygame, (self.size, self.size))
+        self._window.show(picture, self.fps)
+        if self._window.closed:
+            self._window.close()
+            self._window, self.dismissed = None, True
 
 
 class _Canvas:
@@ -209,7 +211,12 @@ class _Canvas:
             return self._fonts[size].render(text, True, INK)
 
 
-def _import_pygame() -> Any:
+def import_pygame() -> Any:
+    """Import pygame, which prints nothing.
+
+    Raises:
+        gymnasium.error.DependencyNotInstalled: if it is missing, naming the extra.
+    """
     os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")  # a library does not print
     try:
         import pygame

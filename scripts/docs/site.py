@@ -29,6 +29,7 @@ BARE = re.compile(r"\[[\w./-]+\.md\](?=\([\w./-]+\.md[#)])")  # a page by its fi
 CHAPTERS: Mapping[str, Sequence[str]] = {
     "Environments": ("environments/README", "environments/*", "metrics", "plant", "versioning"),
     "Control and learning": ("controllers", "lqg", "optimal", "agents", "leaderboard", "replays", "submit"),
+    "Recipes": ("recipes/README", "recipes/*"),
     "Theory": ("model", "analysis", "derivatives"),
     "Evidence": ("validation", "reproduction", "claims"),
 }

@@ -31,6 +31,7 @@ from flexarm_agents import (
 )
 from flexarm_agents.environments import make_batch
 from flexarm_agents.follow import Follow
+from flexarm_agents.run_folder import RunFolder
 from flexarm_agents.stopping import StopSignals
 from flexarm_agents.training import new_model
 from flexarm_env.kernels.layout import Row
@@ -202,6 +203,15 @@ def test_resuming_what_is_complete_changes_nothing(run: Path, tmp_path: Path) ->
     outcome = train(TrainingConfig(**TINY), tmp_path / "run", resume=True)
     assert files(tmp_path / "run") == before
     assert outcome.last["steps"] == 512
+
+
+def test_what_a_killed_process_left_of_a_file_does_not_count(tmp_path: Path) -> None:
+    """Killed while it wrote the first file, a training can be begun again."""
+    (tmp_path / ".new-config.json").write_text("{")
+    config = TrainingConfig(**TINY)
+    folder = RunFolder(tmp_path)
+    folder.begin(config, {})
+    assert folder.read_config(TrainingConfig) == config
 
 
 def test_a_folder_is_never_overwritten(run: Path, tmp_path: Path) -> None:

@@ -6,8 +6,9 @@ import gymnasium
 import numpy as np
 import pytest
 
-from flexarm_baselines.lqg import LQG, AdaptiveLQG
-from flexarm_baselines.lqg.nodes import grid
+from flexarm_baselines.lqg import LQG, AdaptiveLQG, nodes
+from flexarm_baselines.lqg.adaptive import Beliefs, least_in_doubt
+from flexarm_baselines.lqg.nodes import BEND, Node, grid
 from flexarm_baselines.lqg.tables import FilterTables
 from flexarm_baselines.observers import KalmanFilter, Readings
 from flexarm_baselines.optimal import GOOD
@@ -31,6 +32,25 @@ def test_the_plan_for_another_arm_is_its_motion_along_the_same_way() -> None:
         for states in (found.states, as_planned.states)
     )
     assert off < 0.2 * idle
+
+
+def test_a_plan_is_eased_where_links_bend_far(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Far is brought near, so that a plan of 1.6 s is enough; the tip stays close to its way."""
+    bends = ARM.modes[0].tip_values
+    most = np.abs(PLAN.states[:, 2:3] @ bends).max()
+    assert most < BEND
+    monkeypatch.setattr(nodes, "BEND", 0.7 * most)
+    monkeypatch.setattr(nodes, "EXCESS", 0.05 * most)
+    node = Node.of(np.array([0.0, 1.0]), PLAN, ARM, GOOD)
+    eased = node.eased(ARM, GOOD)
+    assert np.abs(eased.plan.states[:, 2:3] @ bends).max() < 0.8 * most
+    off = ARM.tip(eased.plan.states[:, :4]) - ARM.tip(PLAN.states[:, :4])
+    assert 0.0 < np.sqrt(np.mean(off**2)) < 0.02
+
+
+def test_another_hypothesis_is_believed_if_it_is_clearly_less_in_doubt() -> None:
+    doubt = np.array([[20.0, 15.0, 30.0], [20.0, 9.0, 8.0], [20.0, 9.0, 8.0]])
+    assert least_in_doubt(doubt, np.array([0, 0, 1])).tolist() == [0, 2, 1]
 
 
 def test_lateness_and_what_it_changes() -> None:
@@ -76,7 +96,8 @@ def test_it_finds_out_and_stays_closer_than_one_that_does_not() -> None:
             off.append(ARM.tip(plant.states[:, :4]) - ARM.tip(PLAN.states[plant.period, :4]))
         errors.append(np.sqrt(np.mean(np.sum(np.square(off[80:]), axis=-1))))
     assert state is not None
-    estimate, late = state[0], state[3]
+    beliefs, believed = Beliefs(*state[:4]), (np.arange(2), state[-1])
+    estimate, late = beliefs.estimate[believed], beliefs.late[believed]
     assert estimate[:, SIZE] == pytest.approx([0.3, 0.3], abs=0.05)
     assert estimate[:, SIZE + 1] == pytest.approx([0.8, 0.8], abs=0.05)
     assert estimate[:, SIZE + 3] == pytest.approx([0.0234, 0.0234], abs=3e-3)

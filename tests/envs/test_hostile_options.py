@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import fields
-from decimal import Decimal
-from fractions import Fraction
 from typing import Any
 
 import numpy as np
@@ -16,159 +14,12 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from flexarm_env import ArmParameters, FlexibleArm, LawParameters, SensorParameters, SquareParameters
-from flexarm_env.actions import MODES
-from flexarm_env.allowed import Flag, Integer, Number, OneOf, Optional, Pair
-from flexarm_env.envs.blocks import BLOCKS
 from flexarm_env.envs.settings import Settings
 from flexarm_env.envs.single import FlexArmEnv
-from flexarm_env.episode.reward import TERMS
-from flexarm_env.kernels.entries import DRAWN
 from flexarm_env.physics.paths import ReferencePath, inverse_kinematics, square, way_points
+from scripts.hardening.strategies import GARBAGE, NAMES, SETTINGS_FIELDS, any_options, check_refusal, declared_arms
 
 LONGEST = 5.0  # [s], for what an environment does below on a busy machine, nothing to be compiled
-
-
-class Contrary:
-    """Refuses to be shown or converted."""
-
-    def __repr__(self) -> str:
-        raise RuntimeError("no repr")
-
-    def __float__(self) -> float:
-        raise RuntimeError("no float")
-
-    def __array__(self, *arguments: Any, **named: Any) -> Any:
-        raise RuntimeError("no array")
-
-
-GARBAGE: list[Any] = [
-    *(None, True, False, 0, -1, 3, 0.0, -0.0, 1.5, -1.0, 1e-320, 1e-12, 1e12, 1e300, -1e308, math.nan, math.inf, 1j),
-    *(
-        10**400,
-        10**5000,
-        Fraction(1, 3),
-        Decimal("0.1"),
-        "",
-        "x",
-        "square",
-        "\x00",
-        "x" * 100_000,
-        b"ab",
-        bytearray(b"ab"),
-    ),
-    *(memoryview(b"ab"), [], (), [1.0], (1.0, 2.0), [1.0, 2.0, 3.0], [[1.0, 2.0], [3.0, 4.0]], [None, 1.0], ["x", "y"]),
-    *(
-        {},
-        {"x": 1.0},
-        {1: 2},
-        {"effort": 1.0},
-        {"noise": (0.0, 1.0)},
-        {1.0, 2.0},
-        frozenset((1.0, 2.0)),
-        range(2),
-        object(),
-    ),
-    *(
-        np.float32(0.5),
-        np.int8(1),
-        np.bool_(True),
-        np.array(0.5),
-        np.array(True),
-        np.array("true"),
-        np.zeros(0),
-        np.ones(2),
-    ),
-    *(
-        np.ones((2, 2)),
-        np.array([1, 2]),
-        np.array(["a", "b"]),
-        np.array([1.0, None]),
-        np.datetime64("2026-01-01"),
-        np.ones(2) * 1j,
-    ),
-    *(
-        np.longdouble("1e4000"),
-        np.float16(0.1),
-        np.array([np.nan, 1.0]),
-        np.zeros((0, 2)),
-        iter((1.0, 2.0)),
-        Contrary(),
-        len,
-        int,
-    ),
-]
-
-
-def numbers(least: float, most: float) -> st.SearchStrategy[float]:
-    """Draw the bounds, what is just beyond them, and magnitudes evenly between them."""
-    edges = [least, most, float(np.nextafter(least, -np.inf)), float(np.nextafter(most, np.inf))]
-    low = max(least, 1e-9)
-    exponents = st.floats(math.log10(low), math.log10(most))
-    return st.sampled_from(edges) | exponents.map(lambda x: min(max(10.0**x, least), most))
-
-
-def inside(allowed: Any) -> st.SearchStrategy[Any]:
-    """Values that a declaration allows by itself, or nearly."""
-    if isinstance(allowed, Optional):
-        return st.none() | inside(allowed.other)
-    if isinstance(allowed, Pair):
-        one = numbers(allowed.least, allowed.most)
-        return st.tuples(one, one)
-    if isinstance(allowed, Number):
-        return numbers(allowed.least, allowed.most)
-    if isinstance(allowed, Integer):
-        return st.integers(allowed.least, allowed.most)
-    if isinstance(allowed, OneOf):
-        return st.sampled_from(allowed.names)
-    if isinstance(allowed, Flag):
-        return st.booleans()
-    return st.nothing()
-
-
-def declared_arms(*left_out: str) -> st.SearchStrategy[dict[str, Any]]:
-    every = {one.name: inside(one.metadata["allowed"]) for one in fields(ArmParameters) if one.name not in left_out}
-    return st.fixed_dictionaries({}, optional=every)
-
-
-def ranges() -> st.SearchStrategy[dict[str, Any]]:
-    two = st.tuples(numbers(1e-6, 10.0), numbers(1e-6, 10.0)).map(sorted)
-    return st.dictionaries(st.sampled_from(sorted(DRAWN)), two, max_size=3)
-
-
-# Options whose declaration is a function.
-CUSTOM: dict[str, st.SearchStrategy[Any]] = {
-    "arm": st.sampled_from(["default", "paper"]) | declared_arms("modes_per_link", "kinematics"),  # few kernels
-    "action_mode": st.sampled_from([name for name in MODES if name != "torque_rate"]),  # few kernels
-    "delay": numbers(0.0, 10.0) | st.tuples(numbers(0.0, 10.0), numbers(0.0, 10.0)),
-    "hold": numbers(1e-6, 10.0),
-    "observation": st.lists(st.sampled_from(sorted(BLOCKS)), min_size=1, max_size=5, unique=True),
-    "previews": st.lists(numbers(1e-6, 1e5), max_size=4),
-    "reference": st.sampled_from(["square", "circle", "line", "figure_eight", "moves", "waypoints"]),
-    "waypoints": st.lists(st.tuples(numbers(1e-3, 1e6), numbers(1e-3, 8.0)), max_size=4),
-    "randomisation": ranges(),
-    "reward_weights": st.dictionaries(st.sampled_from(sorted(TERMS)), numbers(0.0, 1e12), min_size=1, max_size=3),
-}
-SENSIBLE = {one.name: CUSTOM.get(one.name, inside(one.metadata["allowed"])) for one in fields(Settings)}
-SETTINGS_FIELDS = {one.name: one.metadata["allowed"] for one in fields(Settings)}
-NAMES = sorted(SENSIBLE)
-
-
-@st.composite
-def any_options(draw: st.DrawFn, garbage: bool = True) -> dict[str, Any]:
-    """Draw a few options: allowed by themselves, at the edges of it, or none of it."""
-    chosen = draw(st.lists(st.sampled_from(NAMES), min_size=1, max_size=4, unique=True))
-    bad = draw(st.sampled_from([None, *chosen])) if garbage else None
-    return {name: draw(st.sampled_from(GARBAGE) if name == bad else SENSIBLE[name]) for name in chosen}
-
-
-def refusal_names_it(error: Exception, names: Iterable[str]) -> None:
-    """Check that the message is short and begins with one of the names, or an option's or an arm's field."""
-    text = str(error)
-    assert type(error) in (TypeError, ValueError), repr(error)
-    assert len(text) < 2000
-    # one that was not given may be refused for one that was
-    known = [*names, *ArmParameters.__dataclass_fields__, *Settings.__dataclass_fields__]
-    assert text.startswith(tuple(known)), text
 
 
 def taken(options: dict[str, Any]) -> Settings | None:
@@ -176,7 +27,7 @@ def taken(options: dict[str, Any]) -> Settings | None:
     try:
         return Settings.of(options)
     except Exception as error:
-        refusal_names_it(error, options)
+        check_refusal(error, options)
         return None
     finally:
         assert time.perf_counter() - began < LONGEST
@@ -198,7 +49,7 @@ def test_garbage_is_refused_by_name(name: str) -> None:
         try:
             SETTINGS_FIELDS[name].check(name, value)  # what is taken is put together above
         except Exception as error:
-            refusal_names_it(error, {name: value})
+            check_refusal(error, {name: value})
 
 
 @pytest.mark.slow
@@ -218,7 +69,7 @@ def test_what_is_taken_runs(options: dict[str, Any], seed: int) -> None:
     try:
         env = FlexArmEnv(**options)
     except ValueError as error:  # starts too fast for the reference
-        refusal_names_it(error, options)
+        check_refusal(error, options)
         return
     env.reset(seed=seed)  # compiles
     rng = np.random.default_rng(seed)
@@ -238,7 +89,7 @@ def finite_arm(parameters: dict[str, Any], seed: int) -> None:
     try:
         arm = FlexibleArm(ArmParameters.linear(**parameters))
     except (TypeError, ValueError) as error:
-        refusal_names_it(error, parameters)
+        check_refusal(error, parameters)
         return
     rng = np.random.default_rng(seed)
     n, (length_1, length_2) = arm.size, arm.parameters.link_lengths
@@ -276,7 +127,7 @@ def test_garbage_among_parameters_is_refused_by_name(kind: type) -> None:
             try:
                 kind(**{one.name: value})
             except Exception as error:
-                refusal_names_it(error, {one.metadata["name"] or one.name: value})
+                check_refusal(error, {one.metadata["name"] or one.name: value})
 
 
 ARM = FlexibleArm(ArmParameters.linear())
@@ -310,4 +161,4 @@ def test_garbage_as_an_argument_is_refused_by_name(name: str) -> None:
             try:
                 CALLS[name](given_value)
             except Exception as error:
-                refusal_names_it(error, [name.partition(" ")[0], "state"])
+                check_refusal(error, [name.partition(" ")[0], "state"])

@@ -19,11 +19,10 @@ from scripts.validation.plant.drivers import PERIODS, WEIGHTS, Controller, Hoste
 Array = NDArray[np.float64]
 STUDENT = "student of the unknown plant"
 AGENTS = {"PPO agent": "square", STUDENT: "student_unknown"}  # shipped policies, by their names in the tables
-# Every other controller of torques that reads sensors, and every other shipped agent; names as on the board.
-OTHERS = (
-    *("lqg", "lqg_gauges", "lqg_adaptive", "nmpc", "nmpc_path", "nmpc_adaptive"),
-    *("student", "student_gauges", "shaped", "computed_torque"),
-)
+# Every other controller of the board within 60 mm on the swing lap that reads sensors, by its name there.
+OTHERS = ("lqg", "lqg_gauges", "lqg_adaptive", "nmpc", "nmpc_adaptive", "student", "student_gauges")
+START = 0.5  # [s]; the torques of so long are also applied open loop, and parts of them
+SHARES = (1.0, 0.5, 0.25, 0.125)
 AHEAD, EVERY = 0.5, 0.25  # a prediction's length, and how often one starts [s]
 ELEMENTS = (10, 20)  # of the chains; their difference is the finer one's error, times three
 # From 8 s on, IFDC's undamped arm is through the straight pose, where millimetres decide which way the elbow goes.
@@ -90,15 +89,17 @@ def under_control(seconds: float, progress: Callable[[str], None]) -> tuple[list
     return rows, arrays
 
 
-def under_others(seconds: float, progress: Callable[[str], None]) -> list[dict[str, Any]]:
-    """Run `OTHERS` on the finer chain and on models; a controller that gives up with an error has a row without scores.
+def under_others(names: Sequence[str], seconds: float, progress: Callable[[str], None]) -> list[dict[str, Any]]:
+    """Run further controllers on the finer chain and on the models that compete to be the default.
 
-    Returns:
-        Rows of the table.
+    Args:
+        names: of them, in `OTHERS`.
+        seconds: length of a run [s].
+        progress: called with a word on what is done.
     """
     rows = []
     for lap in LAPS:
-        for name in OTHERS:
+        for name in names:
             progress(f"{lap} lap, {name}, chain and models")
             controller = Hosted(name, lap)
             fine = run_lap(controller, on_corner(ArmParameters(), lap, ELEMENTS[-1]), seconds)
@@ -106,6 +107,44 @@ def under_others(seconds: float, progress: Callable[[str], None]) -> list[dict[s
             for model in MODELS[1:]:
                 own = run_lap(controller, on_corner(model.parameters, lap), seconds)
                 rows.append(_row(lap, name, model.label, own, fine))
+    return rows
+
+
+def at_the_start(seconds: float, progress: Callable[[str], None]) -> list[dict[str, Any]]:
+    """Apply shares of a lap's first torques to the chain and to models, open loop, from rest.
+
+    What the shapes cannot follow is linear in the torques, and its share stays as they become less; what the kinematics
+    leave out of the bent links' geometry goes faster than they do.
+
+    Args:
+        seconds: of the lap that are applied, `START` at most.
+        progress: called with a word on what is done.
+
+    Returns:
+        Rows of the table: distances from the finer chain over the share [m].
+    """
+    rows = []
+    models = {model.label: (model.parameters, None) for model in MODELS}
+    chains = {f"chain, {n} elements": (ArmParameters(), n) for n in (ELEMENTS[-1], 2 * ELEMENTS[-1])}
+    for lap in LAPS:
+        progress(f"{lap} lap, its start")
+        gentle = Regulator(ArmParameters(), lap, next(iter(WEIGHTS.values())))
+        torques = run_lap(gentle, on_corner(ArmParameters(), lap, ELEMENTS[-1]), min(seconds, START)).torque
+        for share in SHARES:
+            tips, bend = {}, 0.0
+            for label, (parameters, elements) in (chains | models).items():
+                plant = on_corner(parameters, lap, elements)
+                parts = []
+                for torque in torques:
+                    parts.append(plant.advance(share * torque, PERIODS))
+                    if elements == ELEMENTS[-1]:
+                        bend = max(bend, float(np.abs(plant.look().deflection).max()))
+                tips[label] = np.concatenate(parts)
+            truth, *others = tips
+            for label in others:
+                away = np.linalg.norm(tips[label] - tips[truth], axis=1) / share
+                row = {"lap": lap, "share": share, "plant": label, "bend": bend}
+                rows.append(row | {"rms": rms(away), "maximum": float(away.max())})
     return rows
 
 

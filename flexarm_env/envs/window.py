@@ -1,0 +1,88 @@
+"""`Window`: shows pictures, keeps their pace, and can be paused and closed by whoever looks at it.
+
+The space bar pauses and goes on, the right arrow shows one picture more while it is paused; Escape, Q and the window's
+own button close it.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+TITLE = "FlexArm"
+HINT = "paused: space goes on, → one step, Esc closes"
+HINT_SIZE = 20  # [px]
+PATIENCE = 50  # between two looks at the keys while paused [ms]
+
+
+class Window:
+    """A window.
+
+    Attributes:
+        paused: no further picture is shown until somebody lets it go on.
+        closed: somebody has closed it; it shows nothing more.
+    """
+
+    def __init__(self, pygame: Any, size: tuple[int, int]) -> None:
+        """Open the window.
+
+        Args:
+            pygame: the module.
+            size: width and height [px].
+        """
+        self.paused = self.closed = False
+        self._pygame = pygame
+        self._once = False
+        pygame.display.init()
+        self._surface = pygame.display.set_mode(size)
+        pygame.display.set_caption(TITLE)
+        self._clock = pygame.time.Clock()
+
+    @property
+    def alive(self) -> bool:
+        """Whether pygame still has it; another environment may have closed all windows."""
+        return self._pygame.display.get_surface() is not None
+
+    def show(self, picture: Any, fps: int) -> None:
+        """Show a picture, no sooner than 1 / fps after the last; while it is paused, wait.
+
+        Args:
+            picture: a surface of the window's size.
+            fps: pictures a second, at most.
+        """
+        self._surface.blit(picture, (0, 0))
+        self._clock.tick(fps)
+        self._pygame.display.flip()
+        self.look()
+        while self.paused and not self._once and not self.closed:
+            self._write_hint()
+            self._pygame.time.wait(PATIENCE)
+            self.look()
+        self._once = False
+
+    def look(self) -> list[Any]:
+        """Look at the keys, and return what happened beside that."""
+        pygame = self._pygame
+        rest = []
+        for event in pygame.event.get():
+            key = event.key if event.type == pygame.KEYDOWN else None
+            if event.type == pygame.QUIT or key in (pygame.K_ESCAPE, pygame.K_q):
+                self.closed = True
+            elif key == pygame.K_SPACE:
+                self.paused = not self.paused
+            elif key == pygame.K_RIGHT and self.paused:
+                self._once = True
+            else:
+                rest.append(event)
+        return rest
+
+    def close(self) -> None:
+        """Close the window."""
+        self._pygame.display.quit()
+
+    def _write_hint(self) -> None:
+        pygame = self._pygame
+        pygame.font.init()
+        text = pygame.font.Font(None, HINT_SIZE).render(HINT, True, (255, 255, 255), (38, 44, 56))
+        width, height = self._surface.get_size()
+        self._surface.blit(text, ((width - text.get_width()) // 2, height - 2 * text.get_height()))
+        pygame.display.flip()

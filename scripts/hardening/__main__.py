@@ -1,0 +1,171 @@
+"""Fuzz, soak and kill the package as often as asked, and write what came of it.
+
+The fuzzing goes on where it was interrupted, as long as the code is the same. The exit status is 1 if there are faults.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import tyro
+from tqdm import tqdm
+
+from flexarm_agents.board.code_version import code_version
+from flexarm_env.validation import choice, integer
+from scripts.common.command_line import run
+from scripts.common.executors import THREADS
+from scripts.common.markdown import DOCS, filled
+from scripts.common.result_files import write_json, write_whole
+from scripts.common.worker_pool import worker_pool
+from scripts.hardening import calls, files, options, values
+from scripts.hardening.campaign import Tally, run_part
+from scripts.hardening.kills import TASKS, kill_often
+from scripts.hardening.page import FLAT, fuzzing_table, kills_table, soak_table
+from scripts.hardening.soak import PROCESSES, soak
+
+PARTS = {"options": options.PART, "values": values.PART, "calls": calls.PART, "files": files.PART}
+ALL = (*PARTS, "soak", "kills")
+PAGE = "reliability.md"
+SHOWING = tuple(f"flexarm_env.envs.{name}" for name in ("documentation", "drawing", "rendering", "scene"))
+
+
+@dataclass
+class Options:
+    """Fuzz, soak and kill."""
+
+    parts: tuple[str, ...] = ALL
+    """What is done."""
+    options: int = 100_000
+    """Option sets of which environments are made."""
+    values: int = 20_000
+    """Sets of fields of parameters, configurations, controllers and plans."""
+    calls: int = 100_000
+    """Resets and steps."""
+    files: int = 10_000
+    """Damaged files."""
+    soak: int = 100_000_000
+    """Steps of each process of the soak."""
+    kills: int = 20
+    """How often each task is killed."""
+    seed: int = 0
+    """Of all that is drawn."""
+    jobs: int = 1
+    """Processes of the soak that run at the same time."""
+    output: Path = Path("results/hardening")
+    """Folder for the counts."""
+    docs: bool = False
+    """Bring docs/reliability.md up to date with the counts of the folder."""
+
+
+def fuzz(name: str, count: int, seed: int, path: Path) -> Tally:
+    """Try the cases of a part, as far as they were not tried before.
+
+    Args:
+        name: of the part.
+        count: how much is to be tried in all.
+        seed: of the campaign.
+        path: of the counts so far, which are kept after each block.
+    """
+    stamp = {"code": code_version([f"scripts.hardening.{name}"], SHOWING), "seed": seed}
+    known = json.loads(path.read_text()) if path.exists() else {}
+    tally = Tally.of(known["tally"]) if known.get("stamp") == stamp else Tally()
+    with tqdm(total=count, initial=min(count, tally.total), unit=f" {PARTS[name].counted}", desc=name) as bar:
+
+        def tick(done: int) -> None:
+            """Keep the counts."""
+            write_json(path, {"stamp": stamp, "tally": tally.plain()})
+            bar.update(min(done, bar.total - bar.n))
+
+        run_part(PARTS[name], seed, count, tally, tick)
+    return tally
+
+
+def soaked(steps: int, seed: int, jobs: int) -> list[dict[str, Any]]:
+    """Run the soak in processes of its own.
+
+    Raises:
+        AssertionError: if their bits differ, or memory has grown.
+    """
+    os.environ.update(THREADS)
+    found = []
+    for first in range(0, PROCESSES, jobs):
+        with worker_pool(min(jobs, PROCESSES - first)) as pool:
+            running = [pool.submit(soak, steps, seed) for _ in range(min(jobs, PROCESSES - first))]
+            found += [one.result() for one in running]
+    assert len({one["hash"] for one in found}) == 1, f"soak: processes differ: {found}"
+    grown = max(one["end"] - one["settled"] for one in found)
+    assert grown < FLAT, f"soak: memory grew by {grown:.1f} MB"
+    return found
+
+
+def kept(path: Path, make: Callable[[], Any]) -> Any:
+    """Make results and keep them in a file."""
+    found = make()
+    write_json(path, found)
+    return found
+
+
+def update_page(folder: Path) -> None:
+    """Write the tables of the page, of all that the folder has."""
+    tallies = {
+        name: Tally.of(json.loads((folder / f"{name}.json").read_text())["tally"])
+        for name in PARTS
+        if (folder / f"{name}.json").exists()
+    }
+    machine = (
+        f"Python {platform.python_version()}, numpy {version('numpy')}, numba {version('numba')}, "
+        f"{platform.system()} on {platform.machine()}.\n"
+    )
+    tables = {"fuzzing": fuzzing_table(PARTS, tallies), "machine": machine}
+    tables["soak"] = soak_table(json.loads((folder / "soak.json").read_text()))
+    found = {name: json.loads((folder / f"kills_{name}.json").read_text()) for name in TASKS}
+    tables["kills"] = kills_table(found)
+    for name, text in tables.items():
+        write_whole(folder / f"{name}.md", lambda aside, text=text: aside.write_text(text))  # type: ignore[misc]
+    page = DOCS / PAGE
+    page.write_text(filled(page.read_text(), folder))
+    print(f"{page}: up to date")
+
+
+def main() -> None:
+    """Command line.
+
+    Raises:
+        ValueError: for a bad argument.
+        OSError: if there are faults.
+    """
+    given = tyro.cli(Options, prog="python -m scripts.hardening")
+    for name in given.parts:
+        choice("parts", name, ALL)
+    for name in ALL:
+        integer(name, getattr(given, name), 1)
+    given.output.mkdir(parents=True, exist_ok=True)
+    faults: list[str] = []
+    for name in (one for one in PARTS if one in given.parts):
+        tally = fuzz(name, getattr(given, name), given.seed, given.output / f"{name}.json")
+        faults += [f"{name}: {fault}" for fault in tally.faults]
+    try:
+        if "soak" in given.parts:
+            kept(given.output / "soak.json", lambda: soaked(given.soak, given.seed, given.jobs))
+        for name in TASKS if "kills" in given.parts else ():
+            path = given.output / f"kills_{name}.json"
+            kept(path, lambda name=name: kill_often(name, given.kills, given.seed, given.output / "killed"))  # type: ignore[misc]
+            print(f"kills, {name}: done", flush=True)
+    except AssertionError as error:
+        faults.append(str(error))
+    if faults:
+        print(*faults, sep="\n\n")
+        raise OSError(f"{len(faults)} faults, see above")
+    if given.docs:
+        update_page(given.output)
+
+
+if __name__ == "__main__":
+    run(main)

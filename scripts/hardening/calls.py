@@ -1,0 +1,186 @@
+"""Resets and steps of compiled environments, hostile ones among them: a twin that gets only the good ones agrees."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from functools import cache
+from typing import Any, NamedTuple
+
+import gymnasium
+import numpy as np
+from hypothesis import strategies as st
+
+import flexarm_env  # noqa: F401  (registers the ids)
+from flexarm_env.envs.choices import STARTS
+from flexarm_env.envs.reset_options import OPTIONS
+from flexarm_env.envs.single import FlexArmEnv
+from flexarm_env.kernels.entries import DRAWN
+from scripts.hardening.campaign import Part
+from scripts.hardening.strategies import GARBAGE, MOST_CHARACTERS, numbers
+
+IDS = ("FlexArm/Square-v0", "FlexArm/SquareUnknown-v0", "FlexArm/Reach-v0", "FlexArm/Paper-v0")
+CALLS = 20  # of a case
+# An error of a call begins with one of these.
+NAMED = ("action", "options", "Seed", "seed")
+
+
+class Call(NamedTuple):
+    """A call of an environment.
+
+    Attributes:
+        seed: of a reset.
+        options: of a reset.
+        action: of a step; None: the call is a reset.
+    """
+
+    seed: Any = None
+    options: Any = None
+    action: Any = None
+
+
+class Twins(NamedTuple):
+    """Three environments that must agree: one gets every call, the others only those that it takes.
+
+    Attributes:
+        tried: gets every call.
+        single: the same environment.
+        batch: a batch of one.
+    """
+
+    tried: FlexArmEnv
+    single: FlexArmEnv
+    batch: Any
+
+
+@cache
+def twins(name: str) -> Twins:
+    """Make the environments of an id."""
+    tried, single = (gymnasium.make(name).unwrapped for _ in range(2))
+    assert isinstance(tried, FlexArmEnv)
+    assert isinstance(single, FlexArmEnv)
+    batch = gymnasium.make_vec(name, num_envs=1, max_episode_steps=10**6)
+    for env in (tried, single, batch):
+        env.reset(seed=0)
+    return Twins(tried, single, batch)
+
+
+def _resets() -> st.SearchStrategy[Call]:
+    """Draw resets, with good and bad options."""
+    garbage = st.sampled_from(GARBAGE)
+    sensible = {
+        "start": st.sampled_from(sorted(STARTS)),
+        "time": numbers(0.0, 20.0),
+        "elbow_branch": st.sampled_from(["positive", "negative"]),
+        "direction": st.sampled_from(["clockwise", "counterclockwise"]),
+        "parameters": st.dictionaries(st.sampled_from(sorted(DRAWN)), numbers(1e-6, 2.0) | garbage, max_size=2),
+        "state": st.lists(numbers(1e-9, 1e3), min_size=8, max_size=16),
+    }
+    known = st.fixed_dictionaries({}, optional={name: sensible.get(name, garbage) for name in OPTIONS})
+    spoiled = st.dictionaries(st.sampled_from([*OPTIONS, "x"]), garbage, max_size=2)
+    seeds = st.none() | st.integers(0, 2**32)
+    return (
+        seeds.map(lambda seed: Call(seed=seed))
+        | st.tuples(seeds, known).map(lambda both: Call(*both))
+        | st.tuples(seeds | garbage, spoiled | garbage).map(lambda both: Call(*both))
+    )
+
+
+def _steps(size: int) -> st.SearchStrategy[Call]:
+    """Draw steps, most of them with good actions, of so many numbers."""
+
+    def arrays(one: st.SearchStrategy[float], most: int = size) -> st.SearchStrategy[Any]:
+        return st.lists(one, min_size=size, max_size=most).map(lambda found: np.array(found, np.float32))
+
+    good, large = arrays(st.floats(-1.5, 1.5, width=32)), arrays(st.floats(width=32), size + 1)
+    bad = st.sampled_from([one for one in GARBAGE if one is not None])
+    return (good | good | good | large | bad).map(lambda action: Call(action=action))
+
+
+def drawn() -> st.SearchStrategy[tuple[str, list[Call]]]:
+    """Draw an id and calls of it."""
+
+    def calls(name: str) -> st.SearchStrategy[tuple[str, list[Call]]]:
+        size = math.prod(twins(name).tried.action_space.shape or ())
+        steps = _steps(size)
+        listed = st.lists(steps | steps | steps | _resets(), min_size=CALLS, max_size=CALLS)
+        return listed.map(lambda found: (name, found))
+
+    return st.sampled_from(IDS).flatmap(calls)
+
+
+def tried(case: tuple[str, list[Call]]) -> Counter[str]:
+    """Make the calls.
+
+    Raises:
+        AssertionError: if an error names nothing, an observation is outside of its space, or twins differ.
+    """
+    name, calls = case
+    three = twins(name)
+    for env in three:
+        env.reset(seed=1)
+    ends: Counter[str] = Counter()
+    for call in calls:
+        try:
+            found = _done(three.tried, call)
+        except Exception as error:
+            _check_error(error)
+            ends["refused"] += 1
+            continue
+        _check_outcome(three, found)
+        _check_same(found, _done(three.single, call), f"{name} and its twin differ after {call}")
+        if call.action is not None and found[2]:  # the batch would begin another episode in its next step
+            _check_same(found, _first(_done(three.batch, call)), f"{name} and its batch differ after {call}")
+            for env in three:
+                env.reset(seed=2)
+        else:
+            _check_same(found, _first(_done(three.batch, call)), f"{name} and its batch differ after {call}")
+        ends["resets" if call.action is None else "steps"] += 1
+    return ends
+
+
+def _done(env: Any, call: Call) -> tuple[Any, ...]:
+    """Make a call; return observation, reward and whether the episode ended."""
+    if call.action is None:
+        return env.reset(seed=call.seed, options=call.options)[0], 0.0, False
+    action = call.action if isinstance(env, FlexArmEnv) else [call.action]
+    observation, reward, terminated, truncated, _ = env.step(action)
+    return observation, reward, terminated | truncated
+
+
+def _first(found: tuple[Any, ...]) -> tuple[Any, ...]:
+    """Return what a batch gave for its only environment."""
+    observation, reward, ended = found
+    return observation[0], float(np.asarray(reward).ravel()[0]), bool(np.asarray(ended).ravel()[0])
+
+
+def _check_error(error: Exception) -> None:
+    documented = (TypeError, ValueError, gymnasium.error.Error)
+    assert isinstance(error, documented), repr(error)
+    text = str(error)
+    assert text.startswith(NAMED), text
+    assert len(text) < MOST_CHARACTERS, f"a message of {len(text)} characters"
+
+
+def _check_outcome(three: Twins, found: tuple[Any, ...]) -> None:
+    observation, reward, ended = found
+    assert np.isfinite(reward), reward
+    assert ended or three.tried.observation_space.contains(observation), observation
+    assert np.isfinite(observation).all(), observation
+
+
+def _check_same(one: tuple[Any, ...], other: tuple[Any, ...], text: str) -> None:
+    assert one[0].tobytes() == other[0].tobytes(), text
+    assert float(one[1]).hex() == float(other[1]).hex(), text
+    assert bool(one[2]) == bool(other[2]), text
+
+
+PART = Part(
+    f"resets and steps of {', '.join(IDS)} with good, bad and odd seeds, options and actions; the bits of a twin and "
+    "of a batch of one that get only the good ones are compared",
+    "call",
+    drawn,
+    tried,
+    limit=60.0,
+    size=100,
+)

@@ -1,0 +1,253 @@
+"""Damaged files: they are refused by their names, or what is read is what was written, to the last bit."""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from collections import Counter
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from hypothesis import strategies as st
+
+from flexarm_agents import TrainingConfig, train
+from flexarm_agents.board.cells import Cell, Store
+from flexarm_agents.board.columns import COLUMNS
+from flexarm_agents.board.rows import Row
+from flexarm_agents.checkpoint import load_checkpoint
+from flexarm_agents.load import POLICIES, load_policy
+from flexarm_agents.run_folder import RunFolder
+from flexarm_baselines.optimal.plan import PLANS, Plan
+from flexarm_env import ArmParameters, FlexibleArm, Trajectory
+from scripts.hardening.campaign import Part
+from scripts.hardening.strategies import MOST_CHARACTERS
+
+TINY: dict[str, Any] = {"envs": 2, "rollout": 8, "batch": 16, "epochs": 1, "steps": 16, "hidden": (4,)}
+MOST_BYTES = 2**20  # of a file that is damaged: larger ones are slow to write
+_JSON = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=20),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=8), inner, max_size=3),
+    max_leaves=6,
+)
+
+
+class Kind(NamedTuple):
+    """A kind of file.
+
+    Attributes:
+        name: of the file, which stays what it is.
+        make: makes a good one in a folder, and returns its content.
+        read: reads one, and returns what is in it as plain values and arrays.
+        checked: the format finds any change: what is read is what was written. Where it is False, a change that leaves
+            a good file of the format is that of another good file.
+    """
+
+    name: str
+    make: Callable[[Path], bytes]
+    read: Callable[[Path], Any]
+    checked: bool
+
+
+def _values(made: Any) -> dict[str, Any]:
+    """Return the fields of what was read."""
+    return {name: value for name, value in vars(made).items() if not name.startswith("_")}
+
+
+def _policy(path: Path) -> Any:
+    return _values(load_policy(path).policy)
+
+
+def _checkpoint(path: Path) -> Any:
+    model, progress = load_checkpoint(path)
+    return {name: value.numpy() for name, value in model.policy.state_dict().items()} | _values(progress)
+
+
+@cache
+def _cell() -> tuple[Store, Cell]:
+    """Write a cell of the board."""
+    store = Store(Path(tempfile.mkdtemp(prefix="hardening-")))
+    cell = Cell.of(Row("joint_pd"), COLUMNS["nominal"].points[0])
+    store.write(cell, {"episodes": [{"lap": "swing", "rms": 0.5, "ended": "truncated"}], "lost": 1})
+    return store, cell
+
+
+def _read_cell(path: Path) -> Any:
+    store, cell = _cell()
+    target = store.path(cell.key)
+    target.write_bytes(path.read_bytes())
+    try:
+        return store.read(cell)
+    except ValueError as error:
+        raise ValueError(str(error).replace(str(target), str(path))) from error
+
+
+def _read_config(path: Path) -> Any:
+    return RunFolder(path.parent).read_config(TrainingConfig).plain()
+
+
+def _trained(folder: Path) -> bytes:
+    train(TrainingConfig(**TINY), folder / "training", progress=False)
+    return (folder / "training" / "checkpoint.zip").read_bytes()
+
+
+def _configured(folder: Path) -> bytes:
+    RunFolder(folder / "run").begin(TrainingConfig(**TINY), {})
+    return (folder / "run" / "config.json").read_bytes()
+
+
+def _ran(folder: Path) -> bytes:
+    arm = FlexibleArm(ArmParameters.linear())
+    arm.record(0.1 * np.arange(9), np.ones((9, 12)), np.ones((9, 2))).save(folder / "run.npz")
+    return (folder / "run.npz").read_bytes()
+
+
+def _measured(folder: Path) -> bytes:
+    store, cell = _cell()
+    return store.path(cell.key).read_bytes()
+
+
+KINDS = {
+    "policy": Kind("policy.npz", lambda folder: (POLICIES / "student.npz").read_bytes(), _policy, True),
+    "plan": Kind(
+        "plan.npz", lambda folder: (PLANS / "default_plain.npz").read_bytes(), lambda p: _values(Plan.load(p)), True
+    ),
+    "run": Kind("run.npz", _ran, lambda p: _values(Trajectory.load(p)), True),
+    "checkpoint": Kind("checkpoint.zip", _trained, _checkpoint, True),
+    "cell of the board": Kind("cell.json", _measured, _read_cell, True),
+    "configuration": Kind("config.json", _configured, _read_config, False),
+}
+
+
+@cache
+def good_content(kind: str) -> bytes:
+    """Return the content of a good file of a kind."""
+    with tempfile.TemporaryDirectory(prefix="hardening-") as folder:
+        content = KINDS[kind].make(Path(folder))
+    assert len(content) < MOST_BYTES
+    return content
+
+
+class Damage(NamedTuple):
+    """What happens to a file.
+
+    Attributes:
+        kind: name of the kind.
+        flips: bytes that are changed: their places as shares of the length, and what is exclusive-ored.
+        cut: share of the length that is left.
+        inserted: bytes, and their place.
+        nested: opening brackets that are inserted there, too: parsers recurse.
+        value: of a JSON file: a leaf by its number, and what replaces it; None: none.
+    """
+
+    kind: str
+    flips: list[tuple[float, int]]
+    cut: float
+    inserted: tuple[float, bytes]
+    nested: int
+    value: tuple[int, Any] | None
+
+
+def drawn() -> st.SearchStrategy[Damage]:
+    """Draw a kind of file, and damage."""
+    for kind in KINDS:  # a case's time is that of one damaged file
+        _good(kind, _folder())
+    share = st.floats(0.0, 1.0)
+    return st.builds(
+        Damage,
+        kind=st.sampled_from(sorted(KINDS)),
+        flips=st.lists(st.tuples(share, st.integers(1, 255)), max_size=3),
+        cut=st.just(1.0) | st.just(1.0) | share,
+        inserted=st.tuples(share, st.just(b"") | st.binary(max_size=8)),
+        nested=st.just(0) | st.just(0) | st.integers(0, 20_000),
+        value=st.none() | st.tuples(st.integers(0, 200), _JSON),
+    )
+
+
+def damaged(content: bytes, damage: Damage) -> bytes:
+    """Damage a file's content."""
+    if damage.value is not None and content.startswith(b"{"):
+        content = _replaced(content, *damage.value)
+    changed = bytearray(content)
+    for place, value in damage.flips:
+        changed[int(place * (len(changed) - 1))] ^= value
+    place, new = damage.inserted
+    new += b"[" * damage.nested
+    at = int(place * len(changed))
+    return bytes(changed[:at] + new + changed[at:])[: int(damage.cut * (len(changed) + len(new)))]
+
+
+def _replaced(content: bytes, number: int, value: Any) -> bytes:
+    """Replace a value somewhere in JSON."""
+    whole = json.loads(content)
+    places: list[tuple[Any, Any]] = []
+    waiting = [whole]
+    while waiting:
+        one = waiting.pop()
+        if isinstance(one, dict | list):
+            for key in one if isinstance(one, dict) else range(len(one)):
+                places.append((one, key))
+                waiting.append(one[key])
+    holder, key = places[number % len(places)]
+    holder[key] = value
+    return json.dumps(whole).encode()
+
+
+@cache
+def _good(kind: str, folder: Path) -> Any:
+    """Read the good file of a kind."""
+    path = folder / KINDS[kind].name
+    path.write_bytes(good_content(kind))
+    return KINDS[kind].read(path)
+
+
+@cache
+def _folder() -> Path:
+    return Path(tempfile.mkdtemp(prefix="hardening-"))
+
+
+def read_damaged(damage: Damage) -> Counter[str]:
+    """Read a damaged file.
+
+    Raises:
+        AssertionError: if an error is none that is documented, or other values are read than were written.
+    """
+    kind, folder = KINDS[damage.kind], _folder()
+    good = _good(damage.kind, folder)
+    path = folder / kind.name
+    path.write_bytes(damaged(good_content(damage.kind), damage))
+    try:
+        found = kind.read(path)
+    except Exception as error:
+        assert type(error) is ValueError, repr(error)
+        text = str(error)
+        assert text.startswith(f"{path}: "), text
+        assert len(text) < MOST_CHARACTERS + len(str(path)), f"a message of {len(text)} characters"
+        return Counter(refused=1)
+    if kind.checked:
+        assert _same(found, good), f"{damage.kind}: other values are read than were written"
+    return Counter({"unharmed" if _same(found, good) else "another good file": 1})
+
+
+def _same(one: Any, other: Any) -> bool:
+    """Return whether values and arrays are the same, to the last bit."""
+    if isinstance(one, np.ndarray) and isinstance(other, np.ndarray):
+        return one.dtype == other.dtype and one.shape == other.shape and one.tobytes() == other.tobytes()
+    if isinstance(one, dict) and isinstance(other, dict):
+        return one.keys() == other.keys() and all(_same(one[name], other[name]) for name in one)
+    if isinstance(one, list | tuple) and type(one) is type(other):
+        return len(one) == len(other) and all(map(_same, one, other))
+    return type(one) is type(other) and bool(one == other)
+
+
+PART = Part(
+    "files with bytes flipped, inserted or cut off, and JSON with other values: policies, plans, runs, checkpoints, "
+    "cells of the board, configurations",
+    "damaged file",
+    drawn,
+    read_damaged,
+    limit=60.0,
+    size=200,
+)

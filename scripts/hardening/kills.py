@@ -1,0 +1,215 @@
+"""`kill -9` at random moments: nothing is lost, nothing is half, and what comes out in the end is the same.
+
+Each task is done once undisturbed. Then it is begun in another folder, killed, checked, and begun again, until it has
+been killed as often as asked; the last run is left alone, and what it leaves is compared with the undisturbed one.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import random
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from flexarm_agents.load import load_policy
+from flexarm_agents.run_folder import RunFolder
+from flexarm_env import Trajectory
+from scripts.common.markdown import DOCS
+
+LONGEST = 600.0  # of a task [s]
+LEAST = 0.05  # before a kill [s]
+FLEXARM = "from flexarm_agents.commands import main; main()"
+EPISODE = """
+import hashlib
+import gymnasium
+env = gymnasium.make("flexarm_env:FlexArm/Paper-v0")
+found, _ = env.reset(seed=0)
+digest = hashlib.sha256(found.tobytes())
+for _ in range(50):
+    digest.update(env.step(env.action_space.high)[0].tobytes())
+print(digest.hexdigest())
+"""
+
+
+class Task(NamedTuple):
+    """What is killed.
+
+    Attributes:
+        text: what it is, for the page.
+        command: makes the arguments of Python for a folder, begun or not.
+        check: checks that a folder holds nothing half, and returns how much it holds.
+        result: returns what is compared in the end, from a folder and what the command printed.
+        cache: the folder is the one of compiled kernels.
+    """
+
+    text: str
+    command: Callable[[Path], list[str]]
+    check: Callable[[Path], int]
+    result: Callable[[Path, str], Any]
+    cache: bool = False
+
+
+def _train(folder: Path) -> list[str]:
+    arguments = "train --environment Square-v0 --seed 3 --envs 4 --rollout 32 --batch 64 --epochs 2 --steps 1536"
+    arguments += " --hidden 16 8 --evaluate-every 500 --checkpoint-every 250 --episode-steps 50 --no-progress"
+    resume = ["--resume"] if (folder / "config.json").exists() else []
+    return ["-c", FLEXARM, *arguments.split(), "--folder", str(folder), *resume]
+
+
+def _check_training(folder: Path) -> int:
+    """Read all that a training leaves; return how many evaluations it has."""
+    run = RunFolder(folder)
+    for path in (run.best, run.last):
+        if path.exists():
+            load_policy(path)
+    if run.checkpoint.exists():
+        from flexarm_agents.checkpoint import load_checkpoint
+
+        load_checkpoint(run.checkpoint)
+    evaluations = run.evaluations.with_suffix(".json")
+    return len(json.loads(evaluations.read_text())) if evaluations.exists() else 0
+
+
+def _training(folder: Path, printed: str) -> Any:
+    """Return the policies' weights, and the evaluations but for their times."""
+    rows = json.loads((folder / "evaluations.json").read_text())
+    policies = [load_policy(folder, last).policy for last in (False, True)]
+    weights = [[array.tobytes() for array in (*one.weights, *one.biases, one.log_std)] for one in policies]
+    return weights, [{name: value for name, value in row.items() if name != "seconds"} for row in rows]
+
+
+def _board(folder: Path) -> list[str]:
+    rows = "--rows ifdc joint_pd --columns nominal --no-pictures --jobs 2"
+    return ["-m", "scripts.leaderboard", *rows.split(), "--output", str(folder)]
+
+
+def _check_board(folder: Path) -> int:
+    cells = list((folder / "cells").rglob("[0-9a-f]*.json"))
+    for path in cells:
+        json.loads(path.read_text())
+    return len(cells)
+
+
+def _reproduce(folder: Path) -> list[str]:
+    arguments = "--no-sweeps --no-figures --controllers ifdc --places tip --lap-time 4 --workers 2 --output"
+    return ["-m", "scripts.paper", *arguments.split(), str(folder / "paper")]
+
+
+def _check_reproduction(folder: Path) -> int:
+    """Check that the results are complete or absent."""
+    results = folder / "paper"
+    if not results.exists():
+        return 0
+    json.loads((results / "summary.json").read_text())
+    for path in results.glob("runs/*.npz"):
+        Trajectory.load(path)
+    return 1
+
+
+def _reproduced(folder: Path, printed: str) -> Any:
+    runs = sorted((folder / "paper").glob("runs/*.npz"))
+    left = sorted(path.name for path in folder.iterdir())
+    return left, {path.name: {n: a.tobytes() for n, a in Trajectory.load(path).arrays().items()} for path in runs}
+
+
+def _compiled(folder: Path) -> int:
+    """Return how many kernels are kept; the next process checks each by its hash."""
+    return len([path for path in folder.rglob("*") if path.is_file() and path.suffix != ".lock"])
+
+
+TASKS = {
+    "training": Task("`flexarm train`, 1536 steps, resumed after each kill", _train, _check_training, _training),
+    "leaderboard": Task(
+        "`make leaderboard`, 2 rows on one axis, two workers",
+        _board,
+        _check_board,
+        lambda folder, printed: (folder / "leaderboard.json").read_bytes(),
+    ),
+    "reproduction": Task(
+        "`make reproduce`, the runs of one controller in 4 s, two workers", _reproduce, _check_reproduction, _reproduced
+    ),
+    "compiling": Task(
+        "the first episode with an empty folder of kernels",
+        lambda folder: ["-c", EPISODE],
+        _compiled,
+        lambda folder, printed: printed,
+        cache=True,
+    ),
+}
+
+
+def kill_often(name: str, count: int, seed: int, folder: Path) -> dict[str, Any]:
+    """Kill a task at random moments.
+
+    Args:
+        name: of the task.
+        count: how often.
+        seed: of the moments.
+        folder: for the results, which is made anew.
+
+    Returns:
+        How often it was killed, how often it came to its end with the result of the undisturbed one, and how long
+        that one took [s].
+
+    Raises:
+        AssertionError: if something was lost or half, or comes out otherwise.
+    """
+    task, rng = TASKS[name], random.Random(f"{seed} {name}")
+    shutil.rmtree(folder, ignore_errors=True)
+    whole, killed = folder / "whole", folder / "killed"
+    for one in (whole, killed):
+        one.mkdir(parents=True)
+    began = time.monotonic()
+    wanted = _finished(task, whole, _begin(task, whole).communicate(timeout=LONGEST)[0])
+    takes = time.monotonic() - began
+    kills = finished = held = 0
+    while kills < count:
+        process = _begin(task, killed)
+        try:
+            printed = process.communicate(timeout=rng.uniform(LEAST, takes))[0]
+        except subprocess.TimeoutExpired:
+            os.killpg(process.pid, signal.SIGKILL)
+            process.communicate()
+            kills += 1
+            now = task.check(killed)
+            assert now >= held, f"{name}: held {held}, holds {now} after {kills} kills"
+            held = now
+        else:  # quicker than the moment that was drawn
+            assert _finished(task, killed, printed) == wanted, f"{name}: another result after {kills} kills"
+            shutil.rmtree(killed)
+            killed.mkdir()
+            finished, held = finished + 1, 0
+    printed = _begin(task, killed).communicate(timeout=LONGEST)[0]
+    assert _finished(task, killed, printed) == wanted, f"{name}: another result after {kills} kills"
+    shutil.rmtree(folder)
+    return {"kills": kills, "finished": finished + 1, "seconds": takes}
+
+
+def _finished(task: Task, folder: Path, printed: str) -> Any:
+    """Check what a task has left, and return its result."""
+    task.check(folder)
+    return task.result(folder, printed)
+
+
+def _begin(task: Task, folder: Path) -> subprocess.Popen[str]:
+    """Begin a task, with its workers in a group of processes of its own."""
+    environment = os.environ | {"PYTHONPATH": str(DOCS.parent)}
+    if task.cache:
+        environment["FLEXARM_CACHE_DIR"] = str(folder)
+    command = [sys.executable, *task.command(folder)]
+    return subprocess.Popen(
+        command,
+        cwd=DOCS.parent,
+        env=environment,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
+        start_new_session=True,
+    )

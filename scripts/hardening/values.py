@@ -1,0 +1,131 @@
+"""Fields of parameter sets, configurations, controllers, plans and policies, one to three of which are garbage."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import fields, replace
+from functools import cache
+from typing import Any, NamedTuple
+
+import numpy as np
+from hypothesis import strategies as st
+
+from flexarm_agents import TeachingConfig, TrainingConfig
+from flexarm_agents.history import History
+from flexarm_agents.load import load_policy
+from flexarm_baselines.flsac import FLSAC
+from flexarm_baselines.ifdc import IFDC
+from flexarm_baselines.joint_tracking import JointFeedback, Shape
+from flexarm_baselines.observers.noise import NoiseModel
+from flexarm_baselines.optimal.linear_quadratic import RegulatorWeights
+from flexarm_baselines.optimal.plan import load_plan
+from flexarm_baselines.optimal.problem import TrackingProblem
+from flexarm_env import ArmParameters, FlexibleArm, LawParameters, SensorParameters, SquareParameters
+from scripts.hardening.campaign import Part
+from scripts.hardening.strategies import GARBAGE, check_refusal, inside
+
+LARGEST_STATE = 1e12
+
+
+class Subject(NamedTuple):
+    """What is made of fields.
+
+    Attributes:
+        make: makes it of the fields that are changed.
+        fields: names of the fields, with the strategies of sensible values; None: garbage only.
+    """
+
+    make: Callable[..., Any]
+    fields: dict[str, st.SearchStrategy[Any] | None]
+
+
+def _declared(kind: Any, make: Callable[..., Any] | None = None) -> Subject:
+    """Return the subject of a dataclass; declarations say what its fields may be, where there are any."""
+    found = {}
+    for one in fields(kind):
+        if one.init:
+            allowed = one.metadata.get("allowed")
+            sensible = None if allowed is None else inside(allowed)
+            found[one.name] = None if sensible is None or sensible.is_empty else sensible
+    return Subject(make or kind, found)
+
+
+def _of(example: Any) -> Subject:
+    """Return the subject of a dataclass that needs arguments: an example with other fields."""
+    return _declared(type(example), lambda **changes: replace(example, **changes))
+
+
+@cache
+def subjects() -> dict[str, Subject]:
+    """Return all subjects, by name."""
+    plan, policy = load_plan("default_plain"), load_policy("square").policy
+    arm = plan.arm
+    kinds = (ArmParameters, SensorParameters, LawParameters, SquareParameters, TrainingConfig, TeachingConfig)
+    others = (JointFeedback, Shape, RegulatorWeights, NoiseModel, History, IFDC)
+    found = {kind.__name__: _declared(kind) for kind in (*kinds, *others)}
+    examples = (
+        plan,
+        policy,
+        TrackingProblem(arm, plan.states[0], plan.reference[:20], plan.limits),
+        FLSAC(slice(0, 2), np.ones(1)),
+    )
+    return found | {type(one).__name__: _of(one) for one in examples}
+
+
+def _either(garbage: st.SearchStrategy[Any], sensible: st.SearchStrategy[Any] | None) -> st.SearchStrategy[Any]:
+    """Draw one or the other, as often."""
+    return garbage if sensible is None else st.booleans().flatmap(lambda good: sensible if good else garbage)
+
+
+def drawn() -> st.SearchStrategy[tuple[str, dict[str, Any]]]:
+    """Draw a subject, and one to three of its fields."""
+    garbage = st.sampled_from(GARBAGE)
+
+    @st.composite
+    def draw_fields(draw: st.DrawFn) -> tuple[str, dict[str, Any]]:
+        """Draw."""
+        name = draw(st.sampled_from(sorted(subjects())))
+        own = subjects()[name].fields
+        chosen = draw(st.lists(st.sampled_from(sorted(own)), min_size=1, max_size=3, unique=True))
+        return name, {one: draw(_either(garbage, own[one])) for one in chosen}
+
+    return draw_fields()
+
+
+def construct(case: tuple[str, dict[str, Any]]) -> Counter[str]:
+    """Make it; of an arm's parameters the arm, too, all of whose numbers are finite."""
+    name, values = case
+    subject = subjects()[name]
+    try:
+        made = subject.make(**values)
+    except Exception as error:
+        check_refusal(error, [*values, *subject.fields, "sensor"])
+        return Counter(refused=1)
+    if isinstance(made, ArmParameters):
+        return _arm(made)
+    return Counter(taken=1)
+
+
+def _arm(parameters: ArmParameters) -> Counter[str]:
+    """Make an arm, and compute with it at rest and at the largest states."""
+    try:
+        arm = FlexibleArm(parameters)
+    except Exception as error:
+        check_refusal(error, ())
+        return Counter(refused=1)
+    for state in (np.zeros(2 * arm.size), np.full(2 * arm.size, LARGEST_STATE)):
+        found = (arm.acceleration(state, (1e3, -1e3)), arm.tip(state[: arm.size]), *arm.energy(state))
+        assert all(np.isfinite(one).all() for one in found), parameters
+    return Counter(taken=1)
+
+
+PART = Part(
+    "parameters of arm, sensor, law and square; configurations of trainings; parameters of controllers and filters; "
+    "fields of plans, tracking problems and policies: one to three of them allowed, at an edge, or garbage",
+    "set of fields",
+    drawn,
+    construct,
+    limit=20.0,
+    size=500,
+)

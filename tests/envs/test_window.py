@@ -1,0 +1,84 @@
+"""`Window`: keys that pause, step and close it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from flexarm_env.envs.rendering import Renderer
+from tests.envs.test_rendering import SCENE, SIZE
+
+
+def press(pygame: Any, *keys: int) -> None:
+    for key in keys:
+        pygame.event.post(pygame.event.Event(pygame.KEYDOWN, key=key))
+
+
+def test_the_space_bar_pauses_and_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    pygame = pytest.importorskip("pygame")
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    window = Renderer("human", SIZE, fps=1000)
+    window.draw(SCENE)
+    before = pygame.surfarray.array3d(pygame.display.get_surface())
+    waits: list[int] = []
+
+    def wait(time: int) -> None:
+        """Let it go on at the third look, in place of waiting."""
+        waits.append(time)
+        if len(waits) == 1:
+            assert (pygame.surfarray.array3d(pygame.display.get_surface()) != before).any()  # it says that it is paused
+        if len(waits) == 3:
+            press(pygame, pygame.K_SPACE)
+
+    monkeypatch.setattr(pygame.time, "wait", wait)
+    press(pygame, pygame.K_SPACE)
+    window.draw(SCENE)
+    assert len(waits) == 3
+    window.draw(SCENE)
+    assert len(waits) == 3
+    np.testing.assert_array_equal(pygame.surfarray.array3d(pygame.display.get_surface()), before)
+    window.close()
+
+
+def test_a_paused_window_steps(monkeypatch: pytest.MonkeyPatch) -> None:
+    pygame = pytest.importorskip("pygame")
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    window = Renderer("human", SIZE, fps=1000)
+    window.draw(SCENE)
+    waits: list[int] = []
+
+    def wait(time: int) -> None:
+        waits.append(time)
+        press(pygame, pygame.K_RIGHT)
+
+    monkeypatch.setattr(pygame.time, "wait", wait)
+    press(pygame, pygame.K_SPACE)
+    for n in (1, 2, 3):
+        window.draw(SCENE)
+        assert len(waits) == n  # it is paused again after each picture
+    press(pygame, pygame.K_ESCAPE)
+    window.draw(SCENE)
+    window.close()
+
+
+@pytest.mark.parametrize("how", ["escape", "q", "button"])
+def test_a_window_that_is_closed_stays_closed(monkeypatch: pytest.MonkeyPatch, how: str) -> None:
+    pygame = pytest.importorskip("pygame")
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    window = Renderer("human", 64, fps=1000)
+    window.draw(SCENE)
+    if how == "button":
+        pygame.event.post(pygame.event.Event(pygame.QUIT))
+    else:
+        press(pygame, pygame.K_SPACE, {"escape": pygame.K_ESCAPE, "q": pygame.K_q}[how])  # paused, too
+    window.draw(SCENE)
+    assert window.dismissed
+    assert not pygame.display.get_init()
+    window.draw(SCENE)
+    assert not pygame.display.get_init()
+    window.close()
+    window.draw(SCENE)
+    assert pygame.display.get_init()
+    window.close()

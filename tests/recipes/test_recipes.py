@@ -1,0 +1,101 @@
+"""The recipes run as they stand on their pages; one of a library that is not installed is skipped, naming it."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+
+from flexarm_env.envs import batch
+from tests.support.programs import ROOT
+
+FOLDER = ROOT / "docs" / "recipes"
+FENCE = re.compile(r"^```(python|console)\n(.*?)^```", re.DOTALL | re.MULTILINE)
+OWN = ("vector_loop", "python_control")  # with what the extra `test` brings
+LIBRARIES = {
+    "casadi": ("casadi",),
+    "cleanrl": ("torch", "tyro"),
+    "minari": ("minari", "h5py"),
+    "rl_zoo3": ("rl_zoo3", "optuna", "requests", "pandas"),
+    "rllib": ("ray.rllib",),
+    "sbx": ("sbx",),
+    "tianshou": ("tianshou",),
+    "torchrl": ("torchrl",),
+}
+WITHOUT_SNIPPETS = ("README", "wrappers")
+
+
+class Fence(NamedTuple):
+    """A snippet of a page.
+
+    Attributes:
+        language: "python" or "console".
+        text: what stands in it.
+    """
+
+    language: str
+    text: str
+
+
+def fences(page: str) -> list[Fence]:
+    """Return the snippets of a recipe, in their order."""
+    return [Fence(*found) for found in FENCE.findall((FOLDER / f"{page}.md").read_text(encoding="utf-8"))]
+
+
+def is_installed(module: str) -> bool:
+    """Return whether a module is there, without importing it: rl_zoo3 changes Gymnasium when it is imported."""
+    try:
+        return importlib.util.find_spec(module) is not None
+    except ModuleNotFoundError:
+        return False
+
+
+def commands(fence: Fence) -> list[list[str]]:
+    """Return what a snippet runs; what it installs is there, or the test is skipped."""
+    if fence.language == "python":
+        return [[sys.executable, "-c", fence.text]]
+    lines = fence.text.replace("\\\n", " ").splitlines()
+    found = [shlex.split(line, comments=True) for line in lines if line and not line.startswith("pip ")]
+    return [[sys.executable, *words[1:]] for words in found if words and words[0] == "python"]
+
+
+def test_every_recipe_is_tried() -> None:
+    assert {path.stem for path in FOLDER.glob("*.md")} == {*OWN, *LIBRARIES, *WITHOUT_SNIPPETS}
+    for page in (*OWN, *LIBRARIES):
+        assert fences(page)
+        for fence in fences(page):
+            lines = fence.text.replace("\\\n", " ").splitlines()
+            assert fence.language == "python" or all(re.match(r"(pip|python) ", line) for line in lines), page
+
+
+@pytest.mark.parametrize("page", OWN)
+def test_our_own_recipes_run(page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(batch, "COSTS", {8: 1.0})  # however many environments: the blocks that other tests compile
+    for fence in fences(page):
+        if fence.language == "python":
+            exec(compile(fence.text, f"{page}.md", "exec"), {"__name__": "__main__"})
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("page", LIBRARIES)
+def test_recipes_of_libraries_run(page: str, tmp_path: Path) -> None:
+    missing = [name for name in LIBRARIES[page] if not is_installed(name)]
+    if missing:
+        pytest.skip(f"needs {', '.join(missing)}, see docs/recipes/{page}.md")
+    environment = os.environ | {"PYTHONPATH": str(ROOT), "MINARI_DATASETS_PATH": str(tmp_path / "datasets")}
+    (tmp_path / "agents").symlink_to(ROOT / "agents")  # the pages' commands are those of a clone
+    (tmp_path / "docs").symlink_to(ROOT / "docs")
+    for fence in fences(page):
+        for command in commands(fence):
+            done = subprocess.run(
+                command, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=900, check=False
+            )
+            assert done.returncode == 0, f"{command}\n{done.stdout[-3000:]}\n{done.stderr[-3000:]}"
