@@ -83,6 +83,7 @@ _SHARED = {
         Variant(TORQUE, 3, True, lanes, **_DEFAULT_ARM, disturbed=True),
         Variant(TRACKING, 2, True, lanes, **_LINEAR_ARM),
         Variant(GAIN, 1, False, lanes),
+        Variant(GAIN, 3, True, lanes, **_DEFAULT_ARM),
     )
 }
 # What a test does with kernels that no other test compiles: to be used with the fixture `kernels`, `indirect=True`.
