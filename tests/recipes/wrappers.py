@@ -127,6 +127,12 @@ SINGLE = (
         each_observation(lambda x: x.reshape(21, 2)),
     ),
     Row(
+        "RescaleObservation",
+        lambda env: wrappers.RescaleObservation(env, np.float32(0.0), np.float32(1.0)),
+        "from 0 to 1 between the bounds, which are wide: the environment's own `scaled` says more",
+        checks.rescales,
+    ),
+    Row(
         "NormalizeObservation",
         wrappers.NormalizeObservation,
         "finite; observations are scaled already",
@@ -202,6 +208,12 @@ BATCH = (
         lambda env: vector.DtypeObservation(env, np.float64),
         "the same numbers in float64; Gymnasium warns of an overflow when it casts the bounds",
         each_observation(lambda x: x),
+    ),
+    Row(
+        "RescaleObservation",
+        lambda env: vector.RescaleObservation(env, np.float32(0.0), np.float32(1.0)),
+        "from 0 to 1 between the bounds, which are wide: the environment's own `scaled` says more",
+        checks.rescales,
     ),
     Row(
         "NormalizeObservation",
