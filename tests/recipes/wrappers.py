@@ -218,10 +218,10 @@ BATCH = (
     Row(
         "NormalizeObservation",
         vector.NormalizeObservation,
-        "finite; observations are scaled already",
+        "finite; with `NextStep` only",
         checks.normalises,
     ),
-    Row("NormalizeReward", vector.NormalizeReward, "finite; `NextStep` only", checks.normalises_rewards),
+    Row("NormalizeReward", vector.NormalizeReward, "finite", checks.normalises_rewards),
     Row(
         "TransformReward",
         lambda env: vector.TransformReward(env, lambda r: r - 1.0),
