@@ -113,7 +113,7 @@ def kept(path: Path, make: Callable[[], Any]) -> Any:
 
 
 def update_page(folder: Path) -> None:
-    """Write the tables of the page, of all that the folder has."""
+    """Write the tables of the page, of all that the folder has; what was not run has no line."""
     tallies = {
         name: Tally.of(json.loads((folder / f"{name}.json").read_text())["tally"])
         for name in PARTS
@@ -124,9 +124,10 @@ def update_page(folder: Path) -> None:
         f"{platform.system()} on {platform.machine()}.\n"
     )
     tables = {"fuzzing": fuzzing_table(PARTS, tallies), "machine": machine}
-    tables["soak"] = soak_table(json.loads((folder / "soak.json").read_text()))
-    found = {name: json.loads((folder / f"kills_{name}.json").read_text()) for name in TASKS}
-    tables["kills"] = kills_table(found)
+    soak_file = folder / "soak.json"
+    tables["soak"] = soak_table(json.loads(soak_file.read_text()) if soak_file.exists() else [])
+    kill_files = {name: folder / f"kills_{name}.json" for name in TASKS}
+    tables["kills"] = kills_table({n: json.loads(one.read_text()) for n, one in kill_files.items() if one.exists()})
     for name, text in tables.items():
         write_whole(folder / f"{name}.md", lambda aside, text=text: aside.write_text(text))  # type: ignore[misc]
     page = DOCS / PAGE

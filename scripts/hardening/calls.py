@@ -182,6 +182,6 @@ PART = Part(
     "call",
     drawn,
     tried,
-    limit=60.0,
+    limit=120.0,
     size=100,
 )

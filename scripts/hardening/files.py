@@ -248,6 +248,6 @@ PART = Part(
     "damaged file",
     drawn,
     read_damaged,
-    limit=60.0,
+    limit=120.0,
     size=200,
 )

@@ -28,6 +28,6 @@ PART = Part(
     "option set",
     any_options,
     construct,
-    limit=20.0,
+    limit=120.0,
     size=500,
 )

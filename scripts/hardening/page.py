@@ -25,7 +25,7 @@ def fuzzing_table(parts: Mapping[str, Part], tallies: Mapping[str, Tally]) -> st
         for name, part in parts.items()
         if name in tallies
     ]
-    return table(["what is tried", "how often", "what came of it", "slowest case", "faults"], rows)
+    return table(["what is tried", "how often", "what came of it", "slowest case, processor time", "faults"], rows)
 
 
 def soak_table(runs: list[dict[str, Any]]) -> str:

@@ -126,6 +126,6 @@ PART = Part(
     "set of fields",
     drawn,
     construct,
-    limit=20.0,
+    limit=120.0,
     size=500,
 )
