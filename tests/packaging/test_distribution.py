@@ -96,6 +96,8 @@ def test_a_plain_install_imports_by_all_names(installed: Path, tmp_path: Path) -
         (("show", "Square-v0"), ("FlexArm/Square-v0: ", "ACTION SPACE", "OPTIONS")),
         (("evaluate", "--policy", "square"), ("square: swing lap: ", "evaluation.json: written")),
         (("evaluate", "--policy", "plan_lqr"), ("plan_lqr: swing lap: ", "evaluation.json: written")),
+        (("render", "joint_pd", "--lap", "plain", "--output", "lap.png"), ("plain lap, complete", "lap.png: written")),
+        (("leaderboard", "--rows", "joint_pd", "--columns", "nominal", "--jobs", "1"), ("1 of 1 rows",)),
     ],
     ids=lambda value: " ".join(value),
 )
@@ -107,3 +109,25 @@ def test_the_command_works_outside_the_repository(
     assert result.returncode == 0, result.stderr
     for word in words:
         assert word in result.stdout + result.stderr
+
+
+USER = """
+from flexarm_agents import load_policy
+from flexarm_env import ArmParameters, FlexibleArm, Trajectory
+
+run: Trajectory = FlexibleArm(ArmParameters.linear()).simulate([0.0] * 12, None, 0.1)
+reveal_type(run.tip)
+reveal_type(load_policy("square").environment)
+wrong: str = FlexibleArm(ArmParameters.linear()).size
+"""
+
+
+def test_type_checkers_see_the_types_of_a_wheel(installed: Path, tmp_path: Path) -> None:
+    (tmp_path / "user.py").write_text(USER)
+    command = ["-m", "mypy", "--follow-imports=silent", "--ignore-missing-imports", "user.py"]
+    result = run_bare(sys.executable, *command, cwd=tmp_path, MYPYPATH=str(installed))
+    said = result.stdout
+    assert said.count("error:") == 1, said
+    assert 'expression has type "int", variable has type "str"' in said
+    assert "numpy.ndarray" in said or "ndarray[" in said
+    assert 'Revealed type is "str"' in said or "builtins.str" in said
