@@ -33,6 +33,7 @@ from scripts.hardening.soak import PROCESSES, soak
 PARTS = {"options": options.PART, "values": values.PART, "calls": calls.PART, "files": files.PART}
 ALL = (*PARTS, "soak", "kills")
 PAGE = "reliability.md"
+HEAD, NOTHING = 2, "Not run on this tree.\n"  # lines of a table without rows, and what stands in its place
 SHOWING = tuple(f"flexarm_env.envs.{name}" for name in ("documentation", "drawing", "rendering", "scene"))
 
 
@@ -129,6 +130,7 @@ def update_page(folder: Path) -> None:
     kill_files = {name: folder / f"kills_{name}.json" for name in TASKS}
     tables["kills"] = kills_table({n: json.loads(one.read_text()) for n, one in kill_files.items() if one.exists()})
     for name, text in tables.items():
+        text = text if text.count("\n") != HEAD else NOTHING
         write_whole(folder / f"{name}.md", lambda aside, text=text: aside.write_text(text))  # type: ignore[misc]
     page = DOCS / PAGE
     page.write_text(filled(page.read_text(), folder))
