@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from multiprocessing import get_context
 from typing import Any
 
 import numpy as np
@@ -13,6 +11,7 @@ from numpy.typing import NDArray
 from flexarm_env import ArmParameters
 from flexarm_env.laps import LAPS
 from scripts.common.markdown import table
+from scripts.common.worker_pool import worker_pool
 from scripts.validation.checks import Check, Findings, Settings
 from scripts.validation.engine.motion import rms
 from scripts.validation.plant.drivers import PERIODS, WEIGHTS, Hosted, Regulator, on_corner, run_lap
@@ -79,11 +78,12 @@ def under_others(
     """
     tasks = [(lap, name, seconds) for name in names for lap in LAPS]
     rows, arrays = [], {}
-    with ProcessPoolExecutor(WORKERS, get_context("spawn")) as pool:
-        for (lap, name, _), (found, away) in zip(tasks, pool.map(_laps_of, *zip(*tasks, strict=True)), strict=True):
+    with worker_pool(WORKERS) as pool:
+        futures = [pool.submit(_laps_of, *task) for task in tasks]
+        for (lap, name, _), future in zip(tasks, futures, strict=True):
             progress(f"{lap} lap, {name}")
+            found, arrays[f"{lap}, {name}"] = future.result()
             rows += found
-            arrays[f"{lap}, {name}"] = away
     return rows, arrays
 
 
