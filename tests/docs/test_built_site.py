@@ -38,8 +38,9 @@ PAGES = (
     "index.html",
     "docs/environments/square.html",
     "api/flexarm_env.html",
-    "404.html",
     "search.html",
+    "docs/tutorials/first_agent.html",
+    "docs/notebooks/control_engineers.html",
 )
 
 
