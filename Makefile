@@ -16,6 +16,7 @@ HAS    := $(VENV)/.stamp
 EXTRAS_plot  := plot
 EXTRAS_draw  := plot,render
 EXTRAS_train := train
+EXTRAS_agent := plot,train,chain
 EXTRAS_bench := plot,bench
 EXTRAS_validate := validate
 EXTRAS_board := plot,chain
@@ -26,6 +27,7 @@ EXTRAS_site  := site
 # every platform; the benchmark goes on without them and says so, and `make validate` checks the rest and then fails.
 COVERS_draw  := plot
 COVERS_validate := plot
+COVERS_agent := plot train
 COVERS_test  := plot draw validate
 INSTEAD_bench := plot
 INSTEAD_validate := plot
@@ -55,7 +57,7 @@ control: $(HAS)-plot  ## Compare controllers on the standard laps: tables of wha
 	$(PY) -m scripts.control $(ARGS)
 
 test: lint typecheck contract  ## Run every check: lint, typecheck, contract, and pytest without the slow tests
-	$(PY) -m pytest -n $(JOBS) --dist loadfile $(ARGS)
+	$(PY) -m pytest -n $(JOBS) --dist worksteal $(ARGS)
 
 test-slow: $(HAS)-test  ## Run the slow tests alone
 	$(PY) -m pytest -m slow $(ARGS)
@@ -77,7 +79,7 @@ contract: $(HAS)-test  ## Check that imports follow the one-way flow (import-lin
 train: $(HAS)-train  ## Train an agent, e.g. make train ARGS="--seed 1"
 	$(PY) -m scripts.train $(ARGS)
 
-agent: $(HAS)-train  ## Make the shipped agent anew: trainings, the median one, its card, the tables of docs
+agent: $(HAS)-agent  ## Make the shipped agents anew: trainings, the median ones, their cards, the tables of docs
 	$(PY) -m scripts.shipped $(ARGS)
 
 evaluate: $(HAS)-train  ## Score the controllers, the shipped policy and trained runs

@@ -8,7 +8,7 @@ author writes it, with an expression in braces for each figure, as in an f-strin
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -23,13 +23,23 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     return "".join("| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |\n" for line in lines)
 
 
-def filled(page: str, results: Path) -> str:
-    """Replace every generated block of a page's text by the table of that name.
+def filled(page: str, results: Path, names: Collection[str] | None = None) -> str:
+    """Replace generated blocks of a page's text by the tables of their names.
+
+    Args:
+        page: the page's text.
+        results: folder that has the tables.
+        names: of the blocks, where several studies share the page; None: all.
 
     Raises:
         FileNotFoundError: if the results lack a table.
     """
-    return _BLOCK.sub(lambda block: block[1] + (results / f"{block[2]}.md").read_text() + block[3], page)
+
+    def written(block: re.Match[str]) -> str:
+        chosen = names is None or block[2] in names
+        return block[1] + (results / f"{block[2]}.md").read_text() + block[3] if chosen else block[0]
+
+    return _BLOCK.sub(written, page)
 
 
 def quoting(page: str, figures: Mapping[str, Any]) -> str:

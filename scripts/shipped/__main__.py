@@ -13,14 +13,17 @@ import tyro
 from tqdm import tqdm
 
 from flexarm_agents import StandardScore, load_policy
+from flexarm_agents.board.cells import Store
 from flexarm_agents.load import POLICIES
 from flexarm_env.validation import choice, integer
 from scripts.common.command_line import run
+from scripts.common.curves import keep_curves
 from scripts.common.executors import executor
 from scripts.common.markdown import DOCS, filled
 from scripts.common.trainings import trained_all
-from scripts.shipped import tables
+from scripts.shipped import board, tables
 from scripts.shipped.agents import AGENTS, configs
+from scripts.shipped.board import measured
 from scripts.shipped.trainings import export
 
 PAGES = (DOCS / "agents.md",)
@@ -41,6 +44,8 @@ class Options:
     """Folder for the trainings and the tables."""
     train: bool = True
     """Train and ship; without it, only the tables of the shipped agents are made anew."""
+    tables: bool = True
+    """Bring the tables of docs/agents.md up to date."""
 
 
 def train_and_ship(name: str, seeds: int, jobs: int, output: Path) -> None:
@@ -61,7 +66,10 @@ def train_and_ship(name: str, seeds: int, jobs: int, output: Path) -> None:
         raise OSError("; ".join(failed))
     for one in found:
         print(f"{name}, seed {one.config.seed}: {StandardScore.of(one.best)}")
-    export(found, POLICIES, name, f"{COMMAND} --only {name} --seeds {seeds}")
+    keep_curves({name: found})
+    cells = Store(output / "cells")
+    boards = [measured(one.folder, cells) for one in tqdm(found, unit="training", desc="board")]
+    export(found, boards, POLICIES, name, f"{COMMAND} --only {name} --seeds {seeds}")
     print(f"{POLICIES / name}.npz, .json: seed {load_policy(name).notes['config']['seed']}")
 
 
@@ -76,15 +84,16 @@ def write_tables(output: Path) -> None:
     texts = {
         "agent_scores": tables.scores(AGENTS),
         "agent_seeds": tables.seeds(cards["square"]),
+        "agent_costs": tables.costs(cards),
         "agent_conditions": tables.conditions(load_policy("square")),
-        "student_seeds": tables.students(cards),
         "student_conditions": tables.conditions(load_policy("student")),
-        "unknown_plant": tables.unknown_plant(AGENTS),
+        "nominal_plant": board.nominal(cards),
+        "unknown_plant": board.unknown(cards),
     }
     for name, text in texts.items():
         (output / f"{name}.md").write_text(text)
     for page in PAGES:
-        page.write_text(filled(page.read_text(), output))
+        page.write_text(filled(page.read_text(), output, texts))
         print(f"{page}: tables up to date")
 
 
@@ -94,7 +103,8 @@ def main() -> None:
     if options.train:
         for name in options.only or AGENTS:
             train_and_ship(choice("only", name, AGENTS), options.seeds, options.jobs, options.output)
-    write_tables(options.output)
+    if options.tables:
+        write_tables(options.output)
 
 
 if __name__ == "__main__":

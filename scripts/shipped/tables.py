@@ -5,11 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
-from flexarm_agents import Score, Spread, StandardScore, Trained, evaluate, load_policy
-from flexarm_agents.board.columns import COLUMNS
-from flexarm_agents.board.episodes import run_points
+from flexarm_agents import Score, StandardScore, Trained, evaluate, load_policy
 from flexarm_agents.board.rows import Row
-from flexarm_agents.board.summary import merged, point_summary
 from flexarm_agents.environments import make_one
 from flexarm_baselines import FLSAC, IFDC
 from flexarm_env.laps import LAPS
@@ -77,72 +74,46 @@ def seeds(card: dict[str, Any]) -> str:
     return table(("seed", "lap", *ERRORS, "torque change per step [N m]"), rows)
 
 
-def students(cards: Mapping[str, dict[str, Any]]) -> str:
-    """Tabulate what the trainings of each student scored on the nominal plant: median and worst of the seeds.
+def costs(cards: Mapping[str, dict[str, Any]]) -> str:
+    """Tabulate what the trainings of each agent took until their best evaluation.
 
     Args:
-        cards: data of all shipped agents.
+        cards: data of the shipped agents, by name.
     """
     rows = []
     for name, card in cards.items():
-        scores = [StandardScore.of(row) for row in card["trainings"]]
-        if name == "square" or card["config"]["environment"] != "FlexArm/Square-v0":
-            continue
-        for lap in LAPS:
-            laps = [getattr(score, lap) for score in scores]
-            spreads = [Spread.of(getattr(one, figure) for one in laps) for figure in ("rms", "rms_after_2s")]
-            change = Spread.of(None if one.torque_change is None else max(one.torque_change) for one in laps)
-            rows.append((f"`{name}`", lap, str(len(scores)), *(_spread(one) for one in spreads), _spread(change, 1)))
-    header = ("student", "lap", "seeds", "r.m.s. [m]", "after 2 s [m]", "torque change per step [N m]")
-    return table(header, rows)
+        steps, seconds = ([one[what] for one in card["trainings"]] for what in ("steps", "seconds"))
+        least = f"{min(seconds) / 60.0:.1f}"
+        rows.append((f"`{name}`", str(len(seconds)), f"{min(steps):,} to {max(steps):,}", least))
+    return table(("agent", "seeds", "environment steps", "minutes, least of the seeds"), rows)
 
 
-def unknown_plant(names: Iterable[str]) -> str:
-    """Tabulate what shipped agents do on the board's 256 episodes of the unknown plant.
-
-    Args:
-        names: of the agents.
-    """
-    column, rows = COLUMNS["unknown"], []
-    for name in names:
-        found = point_summary(merged(run_points(Row(name), column.points)))
-        assert found is not None
-        for lap, one in found.items():
-            rms, later = one["rms"], one["rms_after_2s"]
-            errors = ("-",) * 3 if rms is None else (f"{rms['mean']:.3f}", f"{rms['most']:.3f}", f"{later['mean']:.3f}")
-            rows.append((f"`{name}`", lap, f"{one['lost']} of {one['episodes']}", *errors))
-    return table(("agent", "lap", "lost", "r.m.s., mean [m]", "worst [m]", "after 2 s, mean [m]"), rows)
-
-
-def _spread(spread: Spread, digits: int = 4) -> str:
-    """Write the median and the worst of several trainings."""
-    values = ("lost" if x is None else f"{x:.{digits}f}" for x in (spread.median, spread.worst))
-    return " / ".join(values)
-
-
-def conditions(agent: Trained) -> str:
+def conditions(agent: Trained, names: Iterable[str] = CONDITIONS) -> str:
     """Tabulate the shipped agent's scores under changed conditions.
 
     Args:
         agent: the shipped one.
+        names: of which conditions.
     """
     return table(
         ("condition", "lap", *ERRORS),
         (
             (condition, lap, *errors(one))
-            for condition, score in condition_scores(agent)
+            for condition, score in condition_scores(agent, names)
             for lap, one in zip(LAPS, score, strict=True)
         ),
     )
 
 
-def condition_scores(agent: Trained) -> Iterator[tuple[str, StandardScore]]:
-    """Run both laps under each of `CONDITIONS`.
+def condition_scores(agent: Trained, names: Iterable[str] = CONDITIONS) -> Iterator[tuple[str, StandardScore]]:
+    """Run both laps under each of some conditions.
 
     Args:
         agent: the shipped one.
+        names: of which of `CONDITIONS`.
     """
-    for name, options in CONDITIONS.items():
+    for name in names:
+        options = CONDITIONS[name]
         own = {"preset": agent.options.get("arm", "default")}
         env = agent.make_env(**options | ({"arm": own | options["arm"]} if "arm" in options else {}))
         yield name, evaluate(env, agent.policy)

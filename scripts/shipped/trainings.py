@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from flexarm_agents import StandardScore, load_policy
 from flexarm_agents.run_folder import RunFolder, put, write_json
@@ -29,11 +30,14 @@ def median(trainings: Sequence[Training]) -> Training:
     return ranked[len(ranked) // 2]
 
 
-def export(trainings: Sequence[Training], policies: Path, name: str, command: str) -> None:
+def export(
+    trainings: Sequence[Training], boards: Sequence[dict[str, Any]], policies: Path, name: str, command: str
+) -> None:
     """Put the median training's best policy into the package, with its card beside it.
 
     Args:
         trainings: all of them; the card has the scores of each.
+        boards: what each does on the board, for the card.
         policies: the package's folder of policies.
         name: name of the shipped policy.
         command: what made it.
@@ -44,6 +48,8 @@ def export(trainings: Sequence[Training], policies: Path, name: str, command: st
         "command": command,
         **load_policy(policies / f"{name}.npz").notes,
         "choice": RULE.format(count=len(trainings)),
-        "trainings": [{"seed": one.config.seed, **one.best} for one in trainings],
+        "trainings": [
+            {"seed": one.config.seed, **one.best, "board": board} for one, board in zip(trainings, boards, strict=True)
+        ],
     }
     write_json(policies / f"{name}.json", card)

@@ -5,12 +5,15 @@ from __future__ import annotations
 import json
 import re
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from flexarm_agents import load_policy
+from flexarm_agents.board.cells import Store
 from flexarm_agents.load import POLICIES
-from scripts.shipped import tables
+from flexarm_env.laps import LAPS
+from scripts.shipped import board, tables
 from scripts.shipped.agents import AGENTS
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "agents.md"
@@ -24,28 +27,56 @@ def committed() -> dict[str, str]:
     return dict(BLOCK.findall(PAGE.read_text()))
 
 
-def test_every_table_of_scores_is_on_the_page() -> None:
-    students = {"student_seeds", "student_conditions", "unknown_plant"}
-    assert set(committed()) == {"agent_scores", "agent_seeds", "agent_conditions"} | students
+def cards() -> dict[str, dict[str, Any]]:
+    """Read the cards of all shipped agents."""
+    return {name: json.loads((POLICIES / f"{name}.json").read_text()) for name in AGENTS}
+
+
+def test_every_table_is_on_the_page() -> None:
+    shipped = {"agent_scores", "agent_seeds", "agent_costs", "agent_conditions", "student_conditions"}
+    assert set(committed()) == shipped | {"nominal_plant", "unknown_plant"}
 
 
 def test_the_scores_are_what_laps_give() -> None:
     assert committed()["agent_scores"] == tables.scores(AGENTS)
 
 
-@pytest.mark.parametrize(("block", "name"), [("agent_conditions", "square"), ("student_conditions", "student")])
+PAGES = [("agent_conditions", "square"), ("student_conditions", "student")]
+OF_THEIR_OWN = {"linear kinematics"}  # conditions whose kernels no other test uses
+
+
+@pytest.mark.parametrize(("block", "name"), PAGES)
 def test_the_conditions_give_what_the_page_says(block: str, name: str) -> None:
+    head, rule, *lines = committed()[block].splitlines()
+    told = [line.split(" | ")[0].strip("| ") for line in lines]
+    assert told == [condition for condition in tables.CONDITIONS for _ in LAPS]
+    kept = [line for line, condition in zip(lines, told, strict=True) if condition not in OF_THEIR_OWN]
+    names = [condition for condition in tables.CONDITIONS if condition not in OF_THEIR_OWN]
+    assert [head, rule, *kept] == tables.conditions(load_policy(name), names).splitlines()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("block", "name"), PAGES)
+def test_all_conditions_give_what_the_page_says(block: str, name: str) -> None:
     assert committed()[block] == tables.conditions(load_policy(name))
 
 
-def test_the_unknown_plant_is_as_the_page_says() -> None:
-    lines = committed()["unknown_plant"].splitlines()
-    assert [line for line in lines if "`student_unknown`" in line] == tables.unknown_plant(
-        ["student_unknown"]
-    ).splitlines()[2:]
+@pytest.mark.parametrize(
+    "part", ["square", *(pytest.param(one, marks=pytest.mark.slow) for one in ("chain", "unknown"))]
+)
+def test_the_shipped_student_is_one_of_its_card(part: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its laps give what the card says of that seed."""
+    card = cards()["student_unknown"]
+    (shipped,) = (one for one in card["trainings"] if one["seed"] == card["config"]["seed"])
+    monkeypatch.setattr(board, "MEASURED", {part: board.MEASURED[part]})
+    found = board.measured(POLICIES / "student_unknown.npz", Store(tmp_path))
+    assert found == {part: shipped["board"][part]}
 
 
-def test_the_seeds_are_those_of_the_card() -> None:
-    cards = {name: json.loads((POLICIES / f"{name}.json").read_text()) for name in AGENTS}
-    assert committed()["agent_seeds"] == tables.seeds(cards["square"])
-    assert committed()["student_seeds"] == tables.students(cards)
+def test_the_tables_of_seeds_are_those_of_the_cards() -> None:
+    """And of the published board, where controllers stand beside."""
+    page = committed()
+    assert page["agent_seeds"] == tables.seeds(cards()["square"])
+    assert page["agent_costs"] == tables.costs(cards())
+    assert page["nominal_plant"] == board.nominal(cards())
+    assert page["unknown_plant"] == board.unknown(cards())

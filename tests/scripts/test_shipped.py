@@ -11,7 +11,7 @@ import pytest
 from flexarm_agents import Score, StandardScore, TrainingConfig, load_policy
 from flexarm_agents.load import POLICIES
 from scripts.common.trainings import Training, trained
-from scripts.shipped import tables
+from scripts.shipped import board, tables
 from scripts.shipped.__main__ import train_and_ship
 from scripts.shipped.trainings import export, median
 from tests.support.refusals import refuses
@@ -40,11 +40,12 @@ def test_a_finished_training_is_shipped_with_its_card(tmp_path: Path) -> None:
     first = trained(config, tmp_path / "run")
     again = trained(config, tmp_path / "run")  # taken over
     assert again == first
-    export([first], tmp_path, "mine", "a command")
+    figures = {"unknown": {"swing": {"lost": 3}}}
+    export([first], [figures], tmp_path, "mine", "a command")
     card = json.loads((tmp_path / "mine.json").read_text())
     assert card["choice"] == "the median of 1 trainings that differ in their seeds, by the mean r.m.s. of both laps"
     assert (card["command"], card["config"], card["evaluation"]) == ("a command", config.plain(), first.best)
-    assert card["trainings"] == [{"seed": 0, **first.best}]
+    assert card["trainings"] == [{"seed": 0, **first.best, "board": figures}]
     notes = load_policy(tmp_path / "mine.npz").notes
     assert (notes["config"], notes["evaluation"]) == (config.plain(), first.best)
     assert card["versions"] == notes["versions"] == json.loads((tmp_path / "run" / "versions.json").read_text())
@@ -65,3 +66,20 @@ def test_an_early_end_is_marked_in_each_figure() -> None:
     assert tables.errors(lap) == ("ended early: error after 16.0 s", "ended", "ended")
     card = json.loads((POLICIES / "square.json").read_text())
     assert tables.seeds(card).count(", shipped |") == 2
+
+
+def test_agents_stand_beside_controllers() -> None:
+    """With all seeds that were measured; a card without measured ones has the published row of the shipped policy."""
+    card = json.loads((POLICIES / "student.json").read_text())
+    for one in card["trainings"]:
+        one.pop("board", None)
+    rows, _ = board.published()
+    lines = dict(board.compared({"student": card}))
+    assert lines["agent `student`"] == [rows["agent student"]]
+    assert lines["`lqg`"] == [rows["lqg"]]
+    several = [rows["agent student"], rows["agent student_unknown"], rows["agent student_unknown"]]
+    for one, figures in zip(card["trainings"], several, strict=False):
+        one["board"] = figures
+    line = board.unknown({"student": card}).splitlines()[-1]
+    lost = [sum(lap["lost"] for lap in figures["unknown"].values()) for figures in several]
+    assert line.startswith(f"| agent `student` | 3 | {lost[1]} / {sum(lost) / 3:.0f} / {lost[0]} |")

@@ -1,0 +1,86 @@
+"""Training curves: errors of the evaluation laps by environment steps, of all seeds of an agent, as data and picture.
+
+The data of an agent stay in the file until its trainings are made anew, since trainings themselves are not committed.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib import pyplot as plt
+
+from flexarm_agents import StandardScore
+from flexarm_agents.run_folder import RunFolder
+from flexarm_env.laps import LAPS
+from scripts.common.markdown import DOCS
+from scripts.common.plotting import COLOURS
+from scripts.common.result_files import write_json
+from scripts.common.trainings import Training
+
+FOLDER = DOCS / "figures" / "agents"
+DATA, PICTURE = "curves.json", "curves.png"
+Curves = Mapping[str, Sequence[Mapping[str, Any]]]  # of each agent, of each seed
+
+
+def curve(training: Training) -> dict[str, Any]:
+    """Return the evaluations of a training: steps and seconds, and each lap's r.m.s. error [m], None for a lost one."""
+    rows = json.loads(RunFolder(training.folder).evaluations.with_suffix(".json").read_text())
+    found: dict[str, Any] = {name: [row[name] for row in rows] for name in ("steps", "seconds")}
+    scores = [StandardScore.of(row) for row in rows]
+    laps = {lap: [_rounded(getattr(score, lap).rms) for score in scores] for lap in LAPS}
+    return {"seed": training.config.seed, **found, **laps}
+
+
+def keep_curves(found: Mapping[str, Sequence[Training]], folder: Path = FOLDER) -> None:
+    """Bring data and picture up to date.
+
+    Args:
+        found: trainings of agents, by their names; the others' curves stay.
+        folder: has both.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / DATA
+    known = json.loads(path.read_text()) if path.is_file() else {}
+    known |= {name: [curve(one) for one in trainings] for name, trainings in found.items()}
+    write_json(path, known, levels=3)
+    draw(known, folder / PICTURE)
+
+
+def draw(curves: Curves, path: Path) -> None:
+    """Draw for both laps the median over the seeds, and the range from the best to the worst."""
+    figure, axes = plt.subplots(1, len(LAPS), figsize=(10.5, 4.6), sharey=True)
+    for axis, lap in zip(axes, LAPS, strict=True):
+        for n, (name, seeds) in enumerate(curves.items()):
+            steps, errors = _aligned(seeds, lap)
+            shown, style = np.where(np.isfinite(errors), errors, np.nan), ("-", "--")[n // len(COLOURS) % 2]
+            colour, label = COLOURS[n % len(COLOURS)], f"{name} ({len(seeds)})"
+            median = np.median(errors, axis=0)
+            axis.plot(steps, np.where(np.isfinite(median), median, np.nan), style, color=colour, label=label)
+            some = np.isfinite(errors).all(axis=0)
+            axis.fill_between(
+                steps[some], shown[:, some].min(axis=0), shown[:, some].max(axis=0), color=colour, alpha=0.2
+            )
+        axis.set(title=f"{lap} lap", yscale="log", xlabel="environment steps")
+    axes[0].set_ylabel("r.m.s. error of the evaluation lap [m]")
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=4, fontsize=9)
+    figure.savefig(path)
+    plt.close(figure)
+
+
+def _aligned(seeds: Sequence[Mapping[str, Any]], lap: str) -> tuple[np.ndarray, np.ndarray]:
+    """Return steps and errors [m] of all seeds, infinite where lost; trainings of one agent are judged at the same."""
+    count = min(len(seed["steps"]) for seed in seeds)
+    errors = [[np.inf if error is None else error for error in seed[lap][:count]] for seed in seeds]
+    return np.array(seeds[0]["steps"][:count], dtype=float), np.array(errors, dtype=float)
+
+
+def _range(errors: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    return errors.min(axis=0), errors.max(axis=0)
+
+
+def _rounded(error: float | None) -> float | None:
+    return None if error is None else float(f"{error:.5g}")

@@ -1,0 +1,189 @@
+"""What the board says of agents: measured for every training, and published for rows beside them."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from flexarm_agents import Spread
+from flexarm_agents.board.cells import Cell, Store, compute, jobs_of
+from flexarm_agents.board.columns import COLUMNS, Point
+from flexarm_agents.board.rows import Row
+from flexarm_agents.board.summary import merged, point_summary
+from flexarm_agents.board.terms import SQUARE
+from flexarm_env.laps import LAPS
+from scripts.common.markdown import DOCS, table
+from scripts.common.spreads import spread_text
+
+Figures = Mapping[str, Any]  # by `TASKS` of the board and "unknown", then by lap
+Card = Mapping[str, Any]  # of a shipped agent
+SCORED = ("rms", "rms_after_2s", "torque_change")
+PUBLISHED = DOCS / "leaderboard.json"
+MEASURED: dict[str, tuple[Point, ...]] = {
+    **{str(point.value): (point,) for point in COLUMNS["nominal"].points if point.value in ("square", "chain")},
+    "unknown": COLUMNS["unknown"].points,
+}
+# Controllers that know the model, where the board has them; the first sees the true state, too.
+CONTROLLERS = {
+    "plan_lqr": "true state, best plan (`plan_lqr`)",
+    "lqg": "`lqg`",
+    "lqg_adaptive": "`lqg_adaptive`",
+    "nmpc": "`nmpc`",
+    "nmpc_adaptive": "`nmpc_adaptive`",
+}
+
+
+class Nominal(NamedTuple):
+    """A nominal lap; None where it is lost, or not known.
+
+    Attributes:
+        rms: r.m.s. error [m].
+        rms_after_2s: the same from 2 s on [m].
+        torque_change: of shoulder and elbow from one control period to the next, r.m.s. after 2 s [N m].
+    """
+
+    rms: float | None
+    rms_after_2s: float | None
+    torque_change: Sequence[float] | None
+
+
+def measured(source: Path, cells: Store) -> dict[str, Any]:
+    """Run a training's best policy on the nominal laps, on the chain and on the unknown plant.
+
+    Args:
+        source: folder of the training, or its policy.
+        cells: keep what was run.
+
+    Returns:
+        `point_summary` of each of `MEASURED`; on the nominal laps with the change of the torques [N m].
+    """
+    row, found = Row(str(source)), {}
+    for name, points in MEASURED.items():
+        own = [Cell.of(row, point) for point in points]
+        by_key = {cell.key: cell for cell in own}
+        for job in jobs_of(cells.missing(own)):
+            for key, result in zip(job.keys, compute(job), strict=True):
+                cells.write(by_key[key], result)
+        whole = merged([cells.read(cell) for cell in own])
+        summary = point_summary(whole)
+        assert whole is not None
+        assert summary is not None
+        if name == "square":
+            for one in whole["episodes"]:
+                summary[one["lap"]]["torque_change"] = one["figures"] and one["figures"]["torque_change_after_2s"]
+        found[name] = summary
+    return found
+
+
+def published() -> tuple[Mapping[str, Figures], Mapping[str, Mapping[str, float]]]:
+    """Return what `measured` gives of each row of the published board, and the errors of the best plans known."""
+    board = json.loads(PUBLISHED.read_text())
+    tasks = board["columns"]["nominal"]["values"]
+    rows = {
+        row["name"]: dict(zip(tasks, row["columns"]["nominal"]["points"], strict=True))
+        | {"unknown": row["columns"]["unknown"]["points"][0]}
+        for row in board["rows"]
+    }
+    return rows, board["references"]
+
+
+def compared(cards: Mapping[str, Card]) -> Iterator[tuple[str, list[Figures]]]:
+    """Yield controllers and agents with their figures, those of an agent for each training that was measured.
+
+    Args:
+        cards: of the shipped agents, by name. One that was trained before trainings were measured has the published
+            row of the shipped policy instead.
+    """
+    rows, _ = published()
+    for name, text in CONTROLLERS.items():
+        if name in rows:
+            yield text, [rows[name]]
+    for name, card in cards.items():
+        own = [one["board"] for one in card["trainings"] if "board" in one]
+        yield f"agent `{name}`", own or [rows[f"agent {name}"]]
+
+
+def nominal(cards: Mapping[str, Card]) -> str:
+    """Tabulate the nominal laps beside the best plans known."""
+    _, plans = published()
+    lines = [("best plans known", "-", *(cell for lap in LAPS for cell in _plan_cells(plans[lap])), "-")]
+    scored = {f"agent `{name}`": card["trainings"] for name, card in cards.items() if _nominally_scored(card)}
+    for text, several in compared(cards):
+        laps = [_laps(one["square"]) for one in several]
+        if text in scored:
+            laps = [{lap: Nominal(*(one[lap][name] for name in SCORED)) for lap in LAPS} for one in scored[text]]
+        cells = [cell for lap in LAPS for cell in _nominal_cells([one[lap] for one in laps], plans[lap])]
+        pairs = [lap.torque_change for one in laps for lap in one.values()]
+        change = "-" if None in pairs else f"{max(max(pair) for pair in pairs if pair is not None):.1f}"
+        lines.append((text, str(len(laps)), *cells, change))
+    heads = [f"{lap}: {what}" for lap in LAPS for what in ("lap [m]", "times the plan", "after 2 s [m]")]
+    return table(("", "seeds", *heads, "torque change, most [N m]"), lines)
+
+
+def unknown(cards: Mapping[str, Card]) -> str:
+    """Tabulate the unknown plant, and the chain beside the nominal laps."""
+    lines = []
+    for text, several in compared(cards):
+        unknown = [one["unknown"] for one in several]
+        lost = Spread.of(float(sum(lap["lost"] for lap in one.values())) for one in unknown)
+        cells = [_spread([_of(one[lap], "rms", "mean") for one in unknown]) for lap in LAPS]
+        both = _spread([_mean([_of(lap, "rms", "mean") for lap in one.values()]) for one in unknown])
+        worst = _spread([_most([_of(lap, "rms", "most") for lap in one.values()]) for one in unknown])
+        chain = [_spread([_times(one, lap) for one in several], 2) for lap in LAPS]
+        lines.append((text, str(len(several)), spread_text(lost, 0), both, *cells, worst, *chain))
+    episodes = sum(len(point.episodes) for point in MEASURED["unknown"])
+    means = [f"{lap}: mean [m]" for lap in LAPS]
+    chain_heads = [f"chain, times the nominal {lap} lap" for lap in LAPS]
+    return table(("", "seeds", f"lost of {episodes}", "mean [m]", *means, "worst [m]", *chain_heads), lines)
+
+
+def _plan_cells(plan: Mapping[str, float]) -> tuple[str, ...]:
+    return f"{plan['rms']:.4f}", "1", f"{plan['rms_after_2s']:.4f}"
+
+
+def _nominal_cells(laps: list[Nominal], plan: Mapping[str, float]) -> tuple[str, ...]:
+    errors = [lap.rms for lap in laps]
+    median = Spread.of(errors).median
+    times = "-" if median is None else f"{median / plan['rms']:.2f}"
+    return _spread(errors, 4), times, _spread([lap.rms_after_2s for lap in laps], 4)
+
+
+def _nominally_scored(card: Card) -> bool:
+    """Return whether the evaluations of an agent's trainings were its nominal laps."""
+    config = card["config"]
+    return bool(config["environment"] == SQUARE and config["evaluation_laps"] == 1)
+
+
+def _laps(summary: Mapping[str, Any]) -> dict[str, Nominal]:
+    return {
+        lap: Nominal(_of(one, "rms", "mean"), _of(one, "rms_after_2s", "mean"), one.get("torque_change"))
+        for lap, one in summary.items()
+    }
+
+
+def _of(lap: Mapping[str, Any], figure: str, what: str) -> float | None:
+    """Return a figure of a summary; None where no lap was complete."""
+    return None if lap[figure] is None else float(lap[figure][what])
+
+
+def _times(figures: Figures, lap: str) -> float | None:
+    """Return how many times the nominal error a lap on the chain has."""
+    if "not_applicable" in figures["chain"]:
+        return None
+    chain, own = (_of(figures[task][lap], "rms", "mean") for task in ("chain", "square"))
+    return None if chain is None or own is None or figures["chain"][lap]["lost"] else chain / own
+
+
+def _mean(values: list[float | None]) -> float | None:
+    known = [value for value in values if value is not None]
+    return sum(known) / len(known) if len(known) == len(values) else None
+
+
+def _most(values: list[float | None]) -> float | None:
+    return max((value for value in values if value is not None), default=None)
+
+
+def _spread(values: list[float | None], digits: int = 3) -> str:
+    return spread_text(Spread.of(values), digits)
