@@ -95,12 +95,12 @@ def _metres(error: float | None) -> str:
 
 
 STUDY = Study(
-    "what learning adds to a joint-space law: r.m.s. error [m] for each seed",
+    "what learning adds to a joint-space law: r.m.s. error [m], of each seed",
     {
         "residual": TrainingConfig(environment=RESIDUAL, steps=STEPS),
         "reference": TrainingConfig(options=REFERENCE, steps=STEPS),
     },
-    2,
+    1,
     tables,
     ("action_modes",),
 )
