@@ -57,7 +57,7 @@ control: $(HAS)-plot  ## Compare controllers on the standard laps: tables of wha
 	$(PY) -m scripts.control $(ARGS)
 
 test: lint typecheck contract  ## Run every check: lint, typecheck, contract, and pytest without the slow tests
-	$(PY) -m pytest -n $(JOBS) --dist loadfile $(ARGS)
+	$(PY) -m pytest -n $(JOBS) --dist worksteal $(ARGS)
 
 test-slow: $(HAS)-test  ## Run the slow tests alone
 	$(PY) -m pytest -m slow $(ARGS)

@@ -20,6 +20,7 @@ extensions = [
     "sphinx.ext.mathjax",
 ]
 exclude_patterns = ["docs/_static"]
+nb_merge_streams = True
 nb_execution_mode = "off"  # notebooks are committed with their outputs; a test runs them
 myst_heading_anchors = 4
 myst_enable_extensions = ["dollarmath"]

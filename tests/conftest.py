@@ -1,6 +1,8 @@
 """Settings of the processes that run the tests, and of those that the tests start; with which kernels tests run."""
 
 import os
+from collections.abc import Iterator
+from typing import Any
 
 import pytest
 
@@ -9,6 +11,17 @@ import pytest
 # numpy is imported, which is after this file.
 for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(variable, "1")
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_protocol(item: pytest.Item) -> Iterator[Any]:
+    """Compile only kernels that tests share, for a test and the fixtures that it makes; see `support.plain`."""
+    from tests.support.plain import compile_what_is_shared  # after the variables above are set
+
+    with pytest.MonkeyPatch.context() as patch:
+        if not any(item.iter_markers("slow")) and not any(item.iter_markers("compiled")):
+            compile_what_is_shared(patch)
+        return (yield)
 
 
 @pytest.fixture

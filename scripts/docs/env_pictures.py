@@ -1,17 +1,24 @@
-"""The pictures of docs/environments: each id at a telling moment, under a simple policy."""
+"""The moving pictures of docs/environments: each id up to a telling moment, under a simple policy."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import gymnasium
 import numpy as np
 from numpy.typing import NDArray
+from PIL import Image  # matplotlib, of the extra `plot`, brings it
 
 from flexarm_env.envs.registration import NAMESPACE
 from flexarm_env.envs.single import FlexArmEnv
 from flexarm_env.envs.termination import end_reason
+from scripts.common.result_files import write_whole
+
+FRAMES = 60  # of a picture, at most
+INTERVAL, REST = 0.08, 1.2  # between frames, and on the last one [s]
+SIZE, QUALITY = 400, 60  # [px], and of the WebP in percent
 
 
 class Picture(NamedTuple):
@@ -21,7 +28,7 @@ class Picture(NamedTuple):
         caption: what it shows.
         policy: makes an action of an environment and its observation.
         reset: options of the reset.
-        steps: control periods before it is taken.
+        steps: control periods before the last of its frames.
         seed: seed of the reset.
     """
 
@@ -124,17 +131,40 @@ PICTURES = {
 }
 
 
-def drawn(name: str) -> NDArray[np.uint8]:
-    """Draw the picture of an id. Shape (size, size, 3)."""
+def frames(name: str, most: int = FRAMES) -> list[NDArray[np.uint8]]:
+    """Draw the last frames of an id's picture, `INTERVAL` apart. Shape (size, size, 3) each.
+
+    Args:
+        name: of the id.
+        most: number of frames, at most.
+    """
     wanted = PICTURES[name]
     made = gymnasium.make(f"{NAMESPACE}/{name}", render_mode="rgb_array", error_limit=None)  # the policies are poor
     env = made.unwrapped
     assert isinstance(env, FlexArmEnv)
+    stride = max(1, round(INTERVAL / env.settings.control_period))
     observation, _ = made.reset(seed=wanted.seed, options=wanted.reset)
-    for _ in range(wanted.steps):
+    found = []
+    for step in range(1, wanted.steps + 1):
         observation, _, terminated, _, info = made.step(wanted.policy(env, observation))
         assert not terminated, f"{name}: {end_reason(info['end_code'])} after {info['time']} s"
-    picture = env.render()
-    assert picture is not None
+        left, odd = divmod(wanted.steps - step, stride)
+        if left < most and not odd:
+            picture = env.render()
+            assert picture is not None
+            found.append(picture)
     made.close()
-    return picture
+    return found
+
+
+def write_moving(path: Path, pictures: Sequence[NDArray[np.uint8]]) -> None:
+    """Write frames as an animated WebP, which repeats and rests on the last one.
+
+    Args:
+        path: of the file.
+        pictures: Shape (size, size, 3) each.
+    """
+    first, *others = (Image.fromarray(one).resize((SIZE, SIZE), Image.Resampling.LANCZOS) for one in pictures)
+    durations = [round(1e3 * INTERVAL)] * len(others) + [round(1e3 * REST)]
+    options: dict[str, Any] = {"duration": durations, "loop": 0, "quality": QUALITY, "method": 6, "minimize_size": True}
+    write_whole(path, lambda aside: first.save(aside, save_all=True, append_images=others, **options))

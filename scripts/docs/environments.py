@@ -1,4 +1,4 @@
-"""Write docs/environments: an index, and for each id a page and a picture, all from the code's declarations."""
+"""Write docs/environments: an index, and for each id a page and a moving picture, all from the code's declarations."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import matplotlib.image
 import tyro
 
 from flexarm_env.envs import documentation as doc
@@ -21,7 +20,7 @@ from flexarm_env.envs.vector import FlexArmVectorEnv
 from scripts.common.command_line import run
 from scripts.common.markdown import DOCS
 from scripts.docs import chain_figures
-from scripts.docs.env_pictures import PICTURES, drawn
+from scripts.docs.env_pictures import PICTURES, frames, write_moving
 
 PAGES = DOCS / "environments"
 WIDTH = 118  # of prose
@@ -145,7 +144,7 @@ def page(name: str, one: Id) -> str:
         **(_chain_sections() if name == chain_figures.CHAIN else {}),
         "Version history": ["\n".join(f"- {version}" for version in one.history)],
     }
-    picture = f"![{NAMESPACE}/{name}]({stem(name)}.png)\n\n*{PICTURES[name].caption}*"
+    picture = f"![{NAMESPACE}/{name}]({stem(name)}.webp)\n\n*{PICTURES[name].caption}*"
     family = "[FlexArm's environments](README.md) explains what they share: batches, frames, the late sensor, seeds."
     return _assembled(
         f"{NAMESPACE}/{name}", [_wrapped(f"{one.summary}. {family}"), picture, _facts(name, one)], sections
@@ -266,7 +265,7 @@ def main() -> None:
     print(f"{options.docs}: {len(IDS) + 1} pages up to date")
     if options.pictures:
         for name in IDS:
-            matplotlib.image.imsave(options.docs / f"{stem(name)}.png", drawn(name))
+            write_moving(options.docs / f"{stem(name)}.webp", frames(name))
         print(f"{options.docs}: {len(IDS)} pictures up to date")
 
 

@@ -22,11 +22,16 @@ OUTPUT = ROOT / "build" / "site"
 PAGES = ROOT / "build" / "site_pages"
 FIRST = "index.md"  # the README's name on the site
 TOP = ("README.md", "CONTRIBUTING.md", "CHANGELOG.md", "SECURITY.md", "CODE_OF_CONDUCT.md")
+KINDS = ("md", "ipynb")  # of pages
 LINK = re.compile(r"(?<=\]\()([^)#:\s]+)(?=[)#])")
 BARE = re.compile(r"\[[\w./-]+\.md\](?=\([\w./-]+\.md[#)])")  # a page by its file's name: the site has titles
 
 # The pages of docs by chapters; those that are not named come last.
 CHAPTERS: Mapping[str, Sequence[str]] = {
+    "Tutorials": (
+        *("tutorials/first_agent", "tutorials/your_controller", "tutorials/late_sensor", "tutorials/sim_to_chain"),
+        "notebooks/*",
+    ),
     "Environments": ("environments/README", "environments/*", "metrics", "plant", "versioning"),
     "Control and learning": ("controllers", "lqg", "optimal", "agents", "leaderboard", "replays", "submit"),
     "Recipes": ("recipes/README", "recipes/*"),
@@ -58,7 +63,7 @@ def chapters(docs: Path) -> dict[str, list[str]]:
     Args:
         docs: folder of the pages.
     """
-    left = {path.relative_to(docs).with_suffix("").as_posix() for path in docs.rglob("*.md")}
+    left = {page.relative_to(docs).with_suffix("").as_posix() for kind in KINDS for page in docs.rglob(f"*.{kind}")}
     found = {}
     for chapter, patterns in CHAPTERS.items():
         pages: list[str] = []

@@ -88,29 +88,32 @@ def costs(cards: Mapping[str, dict[str, Any]]) -> str:
     return table(("agent", "seeds", "environment steps", "minutes, least of the seeds"), rows)
 
 
-def conditions(agent: Trained) -> str:
+def conditions(agent: Trained, names: Iterable[str] = CONDITIONS) -> str:
     """Tabulate the shipped agent's scores under changed conditions.
 
     Args:
         agent: the shipped one.
+        names: of which conditions.
     """
     return table(
         ("condition", "lap", *ERRORS),
         (
             (condition, lap, *errors(one))
-            for condition, score in condition_scores(agent)
+            for condition, score in condition_scores(agent, names)
             for lap, one in zip(LAPS, score, strict=True)
         ),
     )
 
 
-def condition_scores(agent: Trained) -> Iterator[tuple[str, StandardScore]]:
-    """Run both laps under each of `CONDITIONS`.
+def condition_scores(agent: Trained, names: Iterable[str] = CONDITIONS) -> Iterator[tuple[str, StandardScore]]:
+    """Run both laps under each of some conditions.
 
     Args:
         agent: the shipped one.
+        names: of which of `CONDITIONS`.
     """
-    for name, options in CONDITIONS.items():
+    for name in names:
+        options = CONDITIONS[name]
         own = {"preset": agent.options.get("arm", "default")}
         env = agent.make_env(**options | ({"arm": own | options["arm"]} if "arm" in options else {}))
         yield name, evaluate(env, agent.policy)

@@ -21,7 +21,6 @@ ID = "flexarm_env:FlexArm/Square-v0"
 COUNT, LIMIT = 5, 23
 # Errors of 0.4 m end an episode soon under random torque: every kind of end comes within some hundred steps.
 OPTIONS: dict[str, Any] = {
-    "arm": "linear",
     "error_limit": 0.4,
     "randomisation": {"payload_mass": (0.0, 0.5)},
     "noise": 1e-3,
@@ -122,7 +121,7 @@ def test_only_what_ended_carries_an_info() -> None:
 
 def test_options_of_single_environments() -> None:
     ours, theirs = pair()
-    state = np.zeros(12)
+    state = np.zeros(16)
     wanted = [{"start": "corner"}, {}, {"time": 3.0}, {"start": "corner"}, {"state": state}]
     for options in (wanted, wanted, None, {"state": state}, [{}] * COUNT):
         for env in (ours, theirs):

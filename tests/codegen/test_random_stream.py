@@ -28,7 +28,7 @@ BITS = st.integers(0, 2**64 - 1)
 @pytest.fixture(scope="module")
 def compiled() -> SimpleNamespace:
     """Compile the functions as a kernel module has them, each with a loop over arrays around it."""
-    module = assembly.load(Variant(TORQUE, 2, True, 1, "true", disturbed=True))
+    module = assembly.load(Variant(TORQUE, 3, True, 1, "true", law_on_sensor=False, foreshortened=True, disturbed=True))
     uniform, normal, arctan2, sincos = module.uniform, module.normal, module.arctan2, module.sincos
     angles, rates = module.joint_angles_for, module.joint_rates_for
 

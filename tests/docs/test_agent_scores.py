@@ -12,6 +12,7 @@ import pytest
 from flexarm_agents import load_policy
 from flexarm_agents.board.cells import Store
 from flexarm_agents.load import POLICIES
+from flexarm_env.laps import LAPS
 from scripts.learning.__main__ import STUDIES
 from scripts.shipped import board, tables
 from scripts.shipped.agents import AGENTS
@@ -42,8 +43,23 @@ def test_the_scores_are_what_laps_give() -> None:
     assert committed()["agent_scores"] == tables.scores(AGENTS)
 
 
-@pytest.mark.parametrize(("block", "name"), [("agent_conditions", "square"), ("student_conditions", "student")])
+PAGES = [("agent_conditions", "square"), ("student_conditions", "student")]
+OF_THEIR_OWN = {"linear kinematics"}  # conditions whose kernels no other test uses
+
+
+@pytest.mark.parametrize(("block", "name"), PAGES)
 def test_the_conditions_give_what_the_page_says(block: str, name: str) -> None:
+    head, rule, *lines = committed()[block].splitlines()
+    told = [line.split(" | ")[0].strip("| ") for line in lines]
+    assert told == [condition for condition in tables.CONDITIONS for _ in LAPS]
+    kept = [line for line, condition in zip(lines, told, strict=True) if condition not in OF_THEIR_OWN]
+    names = [condition for condition in tables.CONDITIONS if condition not in OF_THEIR_OWN]
+    assert [head, rule, *kept] == tables.conditions(load_policy(name), names).splitlines()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("block", "name"), PAGES)
+def test_all_conditions_give_what_the_page_says(block: str, name: str) -> None:
     assert committed()[block] == tables.conditions(load_policy(name))
 
 

@@ -14,7 +14,8 @@ from flexarm_env.envs import batch
 
 ROOT = Path(__file__).resolve().parents[2]
 README = ROOT / "README.md"
-PAGES = [README, *sorted((ROOT / "docs").glob("*.md")), *sorted((ROOT / "docs/environments").glob("*.md"))]
+FOLDERS = ("docs", "docs/environments", "docs/tutorials")
+PAGES = [README, *(page for folder in FOLDERS for page in sorted((ROOT / folder).glob("*.md")))]
 LONG = {ROOT / f"docs/{name}.md" for name in ("derivatives", "optimal")}  # whose kernels other tests do not compile
 
 

@@ -13,6 +13,7 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 import pytest
+from PIL import Image
 
 from flexarm_env import FlexibleArm
 from flexarm_env.actions import MODES, modes_reading
@@ -27,7 +28,7 @@ from flexarm_env.envs.settings import Settings
 from flexarm_env.envs.single import FlexArmEnv
 from flexarm_env.envs.termination import ENDS
 from flexarm_env.episode.reward import TERMS
-from scripts.docs import environments
+from scripts.docs import env_pictures, environments
 from tests.support.envs import terms_of
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -82,10 +83,15 @@ def test_the_committed_pages_are_what_the_code_says() -> None:
         assert text == (DOCS / file).read_text(encoding="utf-8"), f"{file}: run python -m scripts.docs.environments"
 
 
-def test_every_id_has_its_picture() -> None:
-    pictures = {f"{environments.stem(name)}.png" for name in IDS}
-    assert pictures == {path.name for path in DOCS.glob("*.png")}
+def test_every_id_has_its_moving_picture() -> None:
+    pictures = {f"{environments.stem(name)}.webp" for name in IDS}
+    assert pictures == {path.name for path in DOCS.glob("*.webp")}
     assert set(environments.PICTURES) == set(IDS)
+    for name in pictures:
+        with Image.open(DOCS / name) as picture:
+            assert picture.size == (env_pictures.SIZE, env_pictures.SIZE)
+            assert 20 <= picture.n_frames <= env_pictures.FRAMES  # type: ignore[attr-defined]
+        assert (DOCS / name).stat().st_size < 150_000
 
 
 def test_the_script_writes_where_it_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -94,11 +100,15 @@ def test_the_script_writes_where_it_is_told(tmp_path: Path, monkeypatch: pytest.
     assert {path.name for path in tmp_path.iterdir()} == set(environments.pages())
 
 
-def test_a_picture_is_drawn() -> None:
-    picture = environments.drawn("Reach-v0")
-    assert picture.shape == (600, 600, 3)
-    assert picture.dtype == np.uint8
-    assert len(np.unique(picture.reshape(-1, 3), axis=0)) > 50
+def test_a_moving_picture_is_drawn(tmp_path: Path) -> None:
+    pictures = env_pictures.frames("Reach-v0", most=2)
+    assert [picture.shape for picture in pictures] == [(600, 600, 3)] * 2
+    assert (pictures[0] != pictures[1]).any()
+    assert len(np.unique(pictures[1].reshape(-1, 3), axis=0)) > 50
+    env_pictures.write_moving(tmp_path / "reach.webp", pictures)
+    with Image.open(tmp_path / "reach.webp") as picture:
+        assert picture.n_frames == 2  # type: ignore[attr-defined]
+        assert picture.info["loop"] == 0
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,11 @@ import pytest
 from scripts.docs import site
 from tests.support.programs import ROOT
 
-PAGES = [path.relative_to(ROOT).with_suffix("").as_posix() for path in (ROOT / "docs").rglob("*.md")]
+PAGES = [
+    path.relative_to(ROOT).with_suffix("").as_posix()
+    for kind in ("md", "ipynb")
+    for path in (ROOT / "docs").rglob(f"*.{kind}")
+]
 
 
 def test_every_page_stands_once_in_the_contents() -> None:

@@ -220,7 +220,7 @@ def test_the_lap_goes_on_after_its_end() -> None:
 # --- worker processes ---------------------------------------------------------------------------------------
 
 WORKERS = 2
-OPTIONS = RANDOM | POOR_SENSOR | {"max_episode_steps": 7, "arm": "linear"}
+OPTIONS = RANDOM | POOR_SENSOR | {"max_episode_steps": 7}
 
 
 def played(env: Any, steps: int = 20) -> list[Any]:

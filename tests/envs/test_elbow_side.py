@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from flexarm_baselines import IFDC
+from flexarm_baselines import FLSAC
 from flexarm_env import ArmParameters, FlexibleArm
 from flexarm_env.codegen.declarations import plain_python
 from flexarm_env.envs.single import FlexArmEnv
@@ -20,23 +20,23 @@ from flexarm_env.kernels.layout import row
 from flexarm_env.kernels.variants import Variant
 from flexarm_env.metrics import elbow_changes
 from flexarm_env.physics.inverse_kinematics import STRAIGHT
-from tests.support.envs import GAIN, bare, make
+from tests.support.envs import PAPER, bare, make
 
 
 def test_changes_of_the_elbows_side_are_counted() -> None:
-    """IFDC takes the elbow through the straight arm: metrics and infos count alike; a new episode counts from 0."""
-    env = make(GAIN)
+    """FLSAC takes the elbow through the straight arm: metrics and infos count alike; a new episode counts from 0."""
+    env = make(PAPER)
     inner = env.unwrapped
-    policy = IFDC.for_env(env)
+    policy = FLSAC.for_env(env)
     observation, info = env.reset(seed=0, options={"start": "corner"})
     states, sides, changes = [info["state"]], [info["elbow_side"]], [info["elbow_changes"]]
-    for _ in range(900):
+    for _ in range(5000):
         observation, *_, info = env.step(policy.predict(observation)[0])
         states.append(info["state"])
         sides.append(info["elbow_side"])
         changes.append(info["elbow_changes"])
     np.testing.assert_array_equal(changes, np.cumsum([0.0, *(np.diff(sides) != 0.0)]))
-    none, time = np.zeros((901, 2)), 0.01 * np.arange(901.0)
+    none, time = np.zeros((5001, 2)), 1e-3 * np.arange(5001.0)
     run = inner.arm.record(time, np.array(states), none, reference=none)
     assert changes[-1] == len(elbow_changes(run)) >= 1
     bent = [abs(math.sin(state[1])) > math.sin(1.001 * STRAIGHT) for state in states]

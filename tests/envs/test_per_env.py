@@ -19,7 +19,7 @@ from tests.support.refusals import refuses
 
 # What each environment has for itself, in two sets of kernels that the blocks' tests compile, too.
 ARMS = [
-    {"preset": "linear", **changes}
+    {"preset": "default", **changes}
     for changes in (
         {},
         {"masses_per_length": (0.4, 0.3)},

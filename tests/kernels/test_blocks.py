@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from flexarm_env.envs.settings import Settings
-from tests.support.envs import GAIN, SQUARE, actions_for, same_as_alone, vector
+from tests.support.envs import FORESHORTENED, GAIN, SQUARE, actions_for, same_as_alone, vector
 from tests.support.plain import KERNELS
 
 REACH = "FlexArm/Reach-v0"
@@ -105,7 +105,7 @@ def test_each_disturbance_acts_by_itself(count: int, options: dict[str, Any]) ->
     """Kernels leave disturbances out where none can occur: no option that brings one may be forgotten there."""
     assert not Settings.of({}).disturbed
     assert Settings.of(options).disturbed
-    disturbed, exact = (vector(SQUARE, count, start="corner", **each) for each in (options, {}))
+    disturbed, exact = (vector(SQUARE, count, start="corner", **FORESHORTENED | each) for each in (options, {}))
     disturbed.reset(seed=0)
     exact.reset(seed=0)
     farthest = np.zeros(count)

@@ -193,6 +193,7 @@ def test_an_observation_shows_where_the_reference_goes() -> None:
 # --- all together -----------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.compiled
 @pytest.mark.parametrize(
     ("env_id", "count", "options"),
     [
@@ -200,7 +201,12 @@ def test_an_observation_shows_where_the_reference_goes() -> None:
         (
             RESIDUAL,
             1,
-            {"action_mode": "reference", "shift_limit": (0.2, 0.1), "reference": ["square", "line", "circle"]},
+            {
+                "arm": "linear",
+                "action_mode": "reference",
+                "shift_limit": (0.2, 0.1),
+                "reference": ["square", "line", "circle"],
+            },
         ),
         (PAPER, 1, {"compensation": "per_joint"}),
     ],

@@ -97,6 +97,14 @@ def normalises(env: Any, bare: Trace, actions: Any) -> None:
     assert np.abs(found).max() < 10.0
 
 
+def rescales(env: Any, bare: Trace, actions: Any) -> None:
+    found, space = observations(trace(env, actions)), env.observation_space
+    np.testing.assert_array_equal(space.low, np.zeros_like(space.low))
+    assert (found >= 0.0).all()
+    assert (found <= 1.0).all()
+    assert np.ptp(found, axis=0).max() > 0.0
+
+
 def normalises_rewards(env: Any, bare: Trace, actions: Any) -> None:
     found = rewards(trace(env, actions))
     assert np.isfinite(found).all()

@@ -8,6 +8,7 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 import pytest
+from gymnasium.wrappers import vector
 
 from tests.recipes import wrappers
 from tests.recipes.checks import LIMIT, trace
@@ -38,6 +39,12 @@ def test_wrappers_of_one_environment(row: Row, tmp_path: Path, monkeypatch: pyte
 def test_wrappers_of_a_batch(row: Row, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     checked(row, wrappers.batch)
+
+
+@pytest.mark.parametrize("mode", ["SameStep", "Disabled"])
+def test_running_means_of_observations_need_next_step(mode: str) -> None:
+    with pytest.raises(ValueError, match="NEXT_STEP"):
+        vector.NormalizeObservation(wrappers.batch({"autoreset_mode": mode}))
 
 
 @pytest.mark.parametrize("kind", cases(VECTORS))

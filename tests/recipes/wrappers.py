@@ -127,6 +127,12 @@ SINGLE = (
         each_observation(lambda x: x.reshape(21, 2)),
     ),
     Row(
+        "RescaleObservation",
+        lambda env: wrappers.RescaleObservation(env, np.float32(0.0), np.float32(1.0)),
+        "from 0 to 1 between the bounds, which are wide: the environment's own `scaled` says more",
+        checks.rescales,
+    ),
+    Row(
         "NormalizeObservation",
         wrappers.NormalizeObservation,
         "finite; observations are scaled already",
@@ -204,12 +210,18 @@ BATCH = (
         each_observation(lambda x: x),
     ),
     Row(
+        "RescaleObservation",
+        lambda env: vector.RescaleObservation(env, np.float32(0.0), np.float32(1.0)),
+        "from 0 to 1 between the bounds, which are wide: the environment's own `scaled` says more",
+        checks.rescales,
+    ),
+    Row(
         "NormalizeObservation",
         vector.NormalizeObservation,
-        "finite; observations are scaled already",
+        "finite; with `NextStep` only",
         checks.normalises,
     ),
-    Row("NormalizeReward", vector.NormalizeReward, "finite; `NextStep` only", checks.normalises_rewards),
+    Row("NormalizeReward", vector.NormalizeReward, "finite", checks.normalises_rewards),
     Row(
         "TransformReward",
         lambda env: vector.TransformReward(env, lambda r: r - 1.0),

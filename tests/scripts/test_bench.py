@@ -8,7 +8,7 @@ from importlib.util import find_spec
 import pytest
 
 from scripts.benchmarks.lap import LAP, lap
-from tests.support.programs import refusal, run_study
+from tests.support.programs import help_of, refusal, run_study
 
 GROUPS = {"torque_driven", "closed_loop", "jacobians", "iterations"}
 GROUPS |= {"environment", "first_step", "lap", "batch", "learning"}
@@ -92,6 +92,6 @@ def test_bad_options_are_refused_before_any_work(arguments, named, tmp_path):
 
 
 def test_help_explains_the_options():
-    text = run("--help").stdout
+    text = help_of("benchmarks")
     for option in ("--output", "--quick", "--repeats", "--cold", "--modes"):
         assert option in text

@@ -11,7 +11,7 @@ from flexarm_env import Trajectory
 from scripts.docs import paper
 from scripts.paper import cases, checks, claims, tables, verdicts
 from scripts.paper.measures import Workspace, measures
-from tests.support.programs import ROOT, refusal, run_study
+from tests.support.programs import ROOT, help_of, refusal, run_study
 
 VERDICTS = {"reproduced", "reproduced under condition", "not reproduced"}
 run_script = partial(run_study, "paper")
@@ -219,7 +219,7 @@ def test_a_folder_that_is_no_result_is_not_replaced(tmp_path: Path) -> None:
 
 
 def test_help_explains_the_options() -> None:
-    text = run_script("--help").stdout
+    text = help_of("paper")
     for option in ("--output", "--controllers", "--K-s", "--lap-time", "--parameters"):
         assert option in text
 

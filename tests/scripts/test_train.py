@@ -11,7 +11,7 @@ import pytest
 
 from flexarm_agents import TrainingConfig
 from scripts import sweep
-from tests.support.programs import run_study
+from tests.support.programs import run_here
 from tests.support.refusals import refuses
 from tests.support.trainings import TINY
 
@@ -78,6 +78,6 @@ def test_finished_trainings_are_taken_over_and_a_failed_one_hides_no_other(
 
 
 def test_a_seed_beside_seeds_is_refused() -> None:
-    ended = run_study("train", "--seeds", "0-1", "--seed", "3")
-    assert ended.returncode == 1
-    assert "seed = 3: must go without --seeds" in ended.stderr
+    status, printed = run_here("sweep", "--seeds", "0-1", "--seed", "3")
+    assert status == 1
+    assert "seed = 3: must go without --seeds" in printed

@@ -40,6 +40,11 @@ RANDOMISATION = {
 }
 # All that is random at once; the last three not where the law acts on the sensor.
 RANDOM: dict[str, Any] = {"randomisation": RANDOMISATION, "encoder_noise": (1e-3, 1e-2), "start": "mix"}
+# What is drawn without disturbances, which kernels leave out.
+CALM: dict[str, Any] = {
+    "randomisation": {name: RANDOMISATION[name] for name in ("payload_mass", "stiffness", "damping", "delay")},
+    "start": "mix",
+}
 POOR_SENSOR: dict[str, Any] = {"jitter": 0.01, "hold": 0.015, "dropout": 0.1}
 FORESHORTENED = {"arm": "default"}
 

@@ -1,6 +1,8 @@
-"""Kernels in plain Python: slow to step, but nothing is compiled.
+"""Kernels in plain Python: slow to step, but nothing is compiled, and the same but for rounding.
 
-`run_plainly` exchanges them below whatever uses kernels; `PlainEnvironment` is a batch of one without Gymnasium.
+To compile kernels takes as long as some hundred periods in plain Python. Tests step a few kernels often: these are
+compiled (`is_shared`). All others of environments run in plain Python, unless a test is marked `compiled` or `slow`.
+`run_plainly` exchanges kernels below whatever uses them; `PlainEnvironment` is a batch of one without Gymnasium.
 """
 
 from __future__ import annotations
@@ -17,17 +19,30 @@ from flexarm_env.codegen import assembly, cache
 from flexarm_env.codegen.declarations import AnyVariant, plain_python
 from flexarm_env.envs.batch import BatchSimulator
 from flexarm_env.envs.settings import Settings
-from flexarm_env.episode.step import HOST_PROGRAMS, PROGRAMS, step_only
+from flexarm_env.episode.step import GAIN, HOST_PROGRAMS, PROGRAMS, TORQUE, TRACKING, step_only
 from flexarm_env.kernels.entries import word
 from flexarm_env.kernels.loop import LOOP
+from flexarm_env.kernels.variants import Variant
 
 
-def run_plainly(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let environments and closed loops step in plain Python; what else uses kernels compiles them as ever."""
+def is_shared(variant: AnyVariant) -> bool:
+    """Whether many tests step these kernels: the square's for both arms, and those of the paper's environment."""
+    return variant in _SHARED
+
+
+def run_plainly(
+    monkeypatch: pytest.MonkeyPatch, compiled: Callable[[AnyVariant], bool] = lambda variant: False
+) -> None:
+    """Let environments and closed loops step in plain Python; what else uses kernels compiles them as ever.
+
+    Args:
+        monkeypatch: undoes it.
+        compiled: whether a variant is compiled all the same.
+    """
     load, compiled_entry = assembly.load, cache.compiled_entry
 
     def load_plain(variant: AnyVariant) -> Any:
-        if variant.program not in (LOOP, *PROGRAMS.values(), *HOST_PROGRAMS.values()):
+        if variant.program not in (LOOP, *_EPISODES) or compiled(variant):
             return load(variant)
         entries = variant.program.entries(variant.lanes)
         return SimpleNamespace(**{entry.__name__: _PlainEntry(entry, variant) for entry in entries})
@@ -37,6 +52,11 @@ def run_plainly(monkeypatch: pytest.MonkeyPatch) -> None:
 
     monkeypatch.setattr(assembly, "load", load_plain)
     monkeypatch.setattr(cache, "compiled_entry", plain_entry)
+
+
+def compile_what_is_shared(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let environments step in plain Python unless their kernels are shared; closed loops are compiled."""
+    run_plainly(monkeypatch, lambda variant: variant.program is LOOP or is_shared(variant))
 
 
 class _PlainEntry(NamedTuple):
@@ -51,6 +71,21 @@ class _PlainEntry(NamedTuple):
             return self.entry(*arguments)
 
 
+_EPISODES = (*PROGRAMS.values(), *HOST_PROGRAMS.values())
+_LINEAR_ARM: dict[str, Any] = {"sensor": "true", "law_on_sensor": False}
+_DEFAULT_ARM = _LINEAR_ARM | {"foreshortened": True}
+_SHARED = {
+    variant
+    for lanes in (1, 8)
+    for variant in (
+        Variant(TORQUE, 2, True, lanes, **_LINEAR_ARM),
+        Variant(TORQUE, 3, True, lanes, **_DEFAULT_ARM),
+        Variant(TORQUE, 3, True, lanes, **_DEFAULT_ARM, disturbed=True),
+        Variant(TRACKING, 2, True, lanes, **_LINEAR_ARM),
+        Variant(GAIN, 1, False, lanes),
+        Variant(GAIN, 3, True, lanes, **_DEFAULT_ARM),
+    )
+}
 # What a test does with kernels that no other test compiles: to be used with the fixture `kernels`, `indirect=True`.
 KERNELS = ("plain", pytest.param("compiled", marks=pytest.mark.slow))
 

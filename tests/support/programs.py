@@ -7,9 +7,8 @@ import subprocess
 import sys
 from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
+from typing import Any
 from unittest.mock import patch
-
-import pytest
 
 from scripts.common.command_line import run
 
@@ -32,16 +31,27 @@ def run_bare(*command: str | Path, cwd: Path, **environment: str) -> subprocess.
     return subprocess.run(arguments, cwd=cwd, env=env, capture_output=True, text=True, timeout=300, check=False)
 
 
+def run_here(module: str, *arguments: object) -> tuple[Any, str]:
+    """Run a study in this process, which is faster than another one; return its exit status and all that it printed."""
+    main = importlib.import_module(f"scripts.{module}").main
+    printed, status = io.StringIO(), None
+    with patch.object(sys, "argv", [module, *map(str, arguments)]), redirect_stdout(printed), redirect_stderr(printed):
+        try:
+            run(main)
+        except SystemExit as end:
+            status = end.code
+    return status, printed.getvalue()
+
+
 def refusal(module: str, *arguments: object) -> str:
-    """Return what a study says of bad input before it ends, in this process, which is faster than another one."""
-    main = importlib.import_module(f"scripts.{module}.__main__").main
-    said = io.StringIO()
-    with (
-        patch.object(sys, "argv", [module, *map(str, arguments)]),
-        redirect_stdout(said),
-        redirect_stderr(said),
-        pytest.raises(SystemExit) as ended,
-    ):
-        run(main)
-    assert ended.value.code not in (0, None)
-    return f"{said.getvalue()}{ended.value.code}"
+    """Return what a study says of bad input before it ends."""
+    status, printed = run_here(f"{module}.__main__", *arguments)
+    assert status not in (0, None)
+    return f"{printed}{status}"
+
+
+def help_of(module: str) -> str:
+    """Return a study's help."""
+    status, printed = run_here(f"{module}.__main__", "--help")
+    assert status == 0
+    return printed

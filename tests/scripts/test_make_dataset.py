@@ -1,0 +1,57 @@
+"""Data sets for Minari: what is recorded, and what is refused; tests/recipes writes and loads one."""
+
+from __future__ import annotations
+
+import importlib.util
+from typing import Any
+
+import numpy as np
+import pytest
+
+from scripts import make_dataset
+from scripts.make_dataset import Options, contender, dataset_id, recorded, summary
+
+
+def test_an_episode_is_recorded_whole() -> None:
+    one = contender("random", {"arm": "linear", "delay": 0.02, "noise": 0.001, "max_episode_steps": 20})
+    episode, again, other = (recorded(one, seed, "plain") for seed in (3, 3, 4))
+    assert episode.observations.shape == (21, *one.env.observation_space.shape)  # type: ignore[misc]
+    assert (episode.actions.shape, episode.rewards.shape, episode.tip_errors.shape) == ((20, 2), (20,), (21,))
+    assert (episode.ended, episode.options["elbow_branch"]) == ("truncated", "negative")
+    np.testing.assert_array_equal(episode.observations, again.observations)
+    assert (episode.actions != other.actions).any()
+    told = summary("name", [episode, other])
+    assert (told["episodes"], told["complete"], told["steps"]) == (2, 2, 40)
+
+
+def test_a_controller_acts_in_its_own_environment() -> None:
+    one = contender("ifdc", {"arm": "linear", "delay": 0.02, "max_episode_steps": 3})
+    assert recorded(one, 0, "swing").actions.shape == (3, 1)  # the gain
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"episodes": 0}, "episodes = 0"),
+        ({"contenders": ("lgq",)}, "contender = 'lgq'"),
+        ({"delays": (0.0312, 0.0313)}, "must differ by a millisecond"),
+        ({"delays": (-0.1,)}, r"delay = -0\.1"),
+    ],
+)
+def test_bad_options_are_refused_at_once(
+    monkeypatch: pytest.MonkeyPatch, changes: dict[str, Any], message: str
+) -> None:
+    monkeypatch.setattr(make_dataset, "_minari", lambda: None)
+    with pytest.raises(ValueError, match=message):
+        make_dataset.check(Options(**changes))
+
+
+def test_without_minari_the_extra_is_named() -> None:
+    if importlib.util.find_spec("minari") is not None:
+        pytest.skip("Minari is installed")
+    with pytest.raises(ModuleNotFoundError, match=r"flexarm\[recipes\]"):
+        make_dataset.check(Options())
+
+
+def test_names_say_whose_they_are() -> None:
+    assert dataset_id("lqg_gauges", 0.0312) == "flexarm/square/lqg-gauges-31ms-v0"
