@@ -148,9 +148,33 @@ def _is_unfinished(path: Path) -> bool:
     return path.name.startswith(_UNFINISHED)
 
 
-def write_json(path: Path, values: Any) -> None:
-    """Write strict JSON."""
-    put(path, lambda aside: aside.write_text(json.dumps(values, indent=1, allow_nan=False) + "\n"))
+def write_json(path: Path, values: Any, levels: int | None = None) -> None:
+    """Write strict JSON; see `json_text`. The file is complete or absent."""
+    text = json_text(values, levels)
+    put(path, lambda aside: aside.write_text(text))
+
+
+def json_text(values: Any, levels: int | None = None) -> str:
+    """Write strict JSON.
+
+    Args:
+        values: plain values.
+        levels: levels of nesting whose items have lines of their own; None: all.
+    """
+    return (json.dumps(values, indent=1, allow_nan=False) if levels is None else _lines(values, levels)) + "\n"
+
+
+def _lines(value: Any, levels: int, margin: str = "") -> str:
+    """Write JSON with a line for each item of the outer levels."""
+    if not levels or not isinstance(value, dict | list) or not value:
+        return json.dumps(value, allow_nan=False)
+    inner = margin + " "
+    if isinstance(value, list):
+        items = [_lines(one, levels - 1, inner) for one in value]
+    else:
+        items = [f"{json.dumps(name)}: {_lines(one, levels - 1, inner)}" for name, one in value.items()]
+    ends = "[]" if isinstance(value, list) else "{}"
+    return ends[0] + ",".join(f"\n{inner}{item}" for item in items) + f"\n{margin}{ends[1]}"
 
 
 def _flat(row: dict[str, Any]) -> dict[str, Any]:

@@ -21,9 +21,9 @@ from tqdm import tqdm
 
 from flexarm_agents import Spread, StandardScore, TrainingConfig
 from flexarm_agents.commands.arguments import json_object
+from flexarm_agents.executors import executor
 from flexarm_env.laps import LAPS
 from flexarm_env.validation import known_names, mapping, shown
-from scripts.common.executors import executor
 from scripts.common.markdown import table
 from scripts.common.result_files import write_json, write_whole
 from scripts.common.trainings import Job, Training, trained_all

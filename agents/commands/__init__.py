@@ -16,6 +16,10 @@ VERBS = {
     "list": ("listing", "the environments, policies and controllers that come with the package"),
     "show": ("show", "the specification of an environment: spaces, reward, ends, options"),
     "evaluate": ("evaluate", "score controllers and trained policies on the two standard laps"),
+    "leaderboard": ("leaderboard", "measure controllers and policies on every axis of the leaderboard"),
+    "render": ("render", "show an episode of a policy in a window, or write a picture or film (extra `render`)"),
+    "replay": ("replay", "show a recorded run in a window, or write a picture or film (extra `render`)"),
+    "play": ("play", "move delay, sensor and gain while the paper's law runs (extra `render`)"),
     "train": ("train", "train an agent with PPO (needs the extra `train`)"),
     "teach": ("teach", "teach a student by the best known plans (needs the extra `train`)"),
     "warm-up": ("warm_up", "compile what environments need, for images and clusters"),
@@ -28,7 +32,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     Args:
         arguments: without the program's name; None: of this process.
     """
-    verbs = "\n".join(f"  {verb:<10}{text}" for verb, (_, text) in VERBS.items())
+    longest = max(map(len, VERBS))
+    verbs = "\n".join(f"  {verb:<{longest}}  {text}" for verb, (_, text) in VERBS.items())
     parser = argparse.ArgumentParser(
         prog="flexarm",
         usage="flexarm VERB [ARGUMENTS]",

@@ -23,6 +23,17 @@ EXAMPLES = {
         "flexarm evaluate --policy plan_lqr",
         "flexarm evaluate my_module:MyPolicy --laps 10 --options '{\"noise\": 0.005}'",
     ),
+    "render": (
+        "flexarm render student",
+        "flexarm render lqg --lap plain --output lap.mp4 --save lap.npz",
+        "flexarm render runs/mine --output last.png --time 4",
+    ),
+    "replay": ("flexarm replay lap.npz", "flexarm replay lap.npz --speed 0.25 --output slow.gif --size 400"),
+    "play": ("flexarm play", "flexarm play --arm paper --delay 60 --gain 0.5"),
+    "leaderboard": (
+        "flexarm leaderboard --rows ifdc joint_pd --columns nominal delay",
+        "flexarm leaderboard --rows ifdc --add my_module:MyPolicy",
+    ),
     "warm-up": ("flexarm warm-up Square-v0 --num-envs 64",),
 }
 STATUS = "exit status: 0 done; 1 error, with a message of one line; 2 wrong usage; 128 + its number after a signal"

@@ -10,17 +10,16 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from flexarm_agents.board.columns import COLUMNS
-from flexarm_agents.commands.arguments import add_options, reader
+from flexarm_agents.commands.arguments import reader
 from flexarm_agents.commands.score_table import Spreads, group_table, lap_table, spreads_of
+from flexarm_agents.commands.sources import POLICY, add_environment, from_source, is_model, is_training
 from flexarm_agents.commands.sweep import sweep
 from flexarm_agents.constant import ConstantPolicy
 from flexarm_agents.contenders import (
     ENVIRONMENT,
     Contender,
     changed,
-    from_attribute,
     from_controller,
-    from_model,
     from_training,
 )
 from flexarm_agents.environments import make_one
@@ -28,8 +27,6 @@ from flexarm_agents.load import shipped_policies
 from flexarm_agents.run_folder import write_json
 from flexarm_agents.scoring import StandardScore, evaluate, rank
 from flexarm_agents.spread import Spread
-from flexarm_baselines.registry import controller_names
-from flexarm_env.parameters import PRESETS
 from flexarm_env.validation import integer
 
 PAPER = ("ifdc", "flsac")  # controllers that are scored unless others are asked for
@@ -38,13 +35,6 @@ Score controllers and trained policies on the two standard laps, from rest on th
 true tip from the reference. The swing lap begins with the elbow bent to the side from which it has to swing through
 the straight arm, the plain lap with the other one. Policies are ranked by the mean r.m.s. of both; those with laps that
 ended early come last, and these laps are marked."""
-POLICIES = """\
-folder of a training, or its npz file; name of a shipped policy or of a controller, as `flexarm list` has them;
-module:attribute, a class with for_env(env) or without arguments, an object with predict, or a function from an
-observation to an action"""
-MODELS = """\
-score stable-baselines3 models (*.zip), of this class: PPO, SAC, or module:Class as in sb3_contrib:TQC. Reading such a
-file unpickles it, which can execute code: only files that you trust"""
 
 
 class Result(NamedTuple):
@@ -112,7 +102,7 @@ def _scores(contender: Contender, laps: int, seed: int) -> list[StandardScore]:
 
 def _read(arguments: Sequence[str]) -> argparse.Namespace:
     parser = reader("evaluate", DESCRIPTION)
-    parser.add_argument("policies", nargs="*", default=[], metavar="POLICY", help=POLICIES)
+    parser.add_argument("policies", nargs="*", default=[], metavar="POLICY", help=POLICY)
     switch = argparse.BooleanOptionalAction
     alone = "score this one, as POLICY, without the baselines and shipped policies; may be repeated"
     parser.add_argument("--policy", action="append", default=[], metavar="POLICY", help=alone)
@@ -124,14 +114,7 @@ def _read(arguments: Sequence[str]) -> argparse.Namespace:
         "--laps", type=int, default=1, metavar="N", help="run both laps with N seeds, from --seed on; 1"
     )
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="of what is random in the first lap; 0")
-    add_options(parser, "options of the environments, for all")
-    parser.add_argument("--arm", choices=tuple(PRESETS), help="arm of all environments; without it, as each was made")
-    parser.add_argument(
-        "--environment",
-        metavar="ID",
-        help=f"of controllers, module:attribute and stable-baselines3 models; {ENVIRONMENT}",
-    )
-    parser.add_argument("--stable-baselines3", metavar="CLASS", help=MODELS)
+    add_environment(parser)
     swept = f"run POLICY along an axis of the leaderboard, with its seeds: {', '.join(COLUMNS)}"
     parser.add_argument("--sweep", metavar="AXIS", help=swept)
     output = Path("results/evaluation/evaluation.json")
@@ -141,23 +124,11 @@ def _read(arguments: Sequence[str]) -> argparse.Namespace:
     for group in ("baselines", "shipped"):
         if getattr(given, group) is None:
             setattr(given, group, not given.policy)
-    if given.stable_baselines3 is not None and not any(map(_is_model, given.policies)):
+    if given.stable_baselines3 is not None and not any(map(is_model, given.policies)):
         parser.error("--stable-baselines3: there is no zip file among the policies")
-    if given.environment is not None and all(_is_training(one) for one in given.policies):
+    if given.environment is not None and all(is_training(one) for one in given.policies):
         parser.error("--environment: is for controllers, module:attribute and zip files; trainings have their own")
     return given
-
-
-def _is_model(source: str) -> bool:
-    return source.endswith(".zip") and Path(source).is_file()
-
-
-def _is_attribute(source: str) -> bool:
-    return ":" in source and not Path(source).exists()
-
-
-def _is_training(source: str) -> bool:
-    return not (_is_model(source) or _is_attribute(source) or source in controller_names())
 
 
 def _contenders(given: argparse.Namespace) -> Iterator[Contender]:
@@ -171,19 +142,8 @@ def _contenders(given: argparse.Namespace) -> Iterator[Contender]:
             yield Contender(name, ConstantPolicy(2, spread, given.seed), env, ENVIRONMENT, options)
     for name in shipped_policies() if given.shipped else ():
         yield from_training(name, given.options, given.arm)
-    environment = given.environment or ENVIRONMENT
     for source in given.policies:
-        if source in controller_names():
-            yield from_controller(source, environment, options)
-            continue
-        if _is_model(source):
-            if given.stable_baselines3 is None:
-                raise ValueError(f"{source}: needs --stable-baselines3 CLASS, since reading it can execute code")
-            yield from_model(source, given.stable_baselines3, environment, options)
-        elif _is_attribute(source):
-            yield from_attribute(source, environment, options)
-        else:
-            yield from_training(source, given.options, given.arm)
+        yield from_source(source, given)
 
 
 def _groups(results: Sequence[Result]) -> list[Group]:

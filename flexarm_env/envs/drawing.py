@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexarm_env.envs.settings import Settings
+from flexarm_env.simulation.arm import FlexibleArm
 
 Array = NDArray[np.float64]
 POINTS = 24  # of a link's centre line
@@ -34,8 +35,21 @@ def drawing_of(settings: Settings, state: Array) -> Drawing:
     """
     arm = settings.flexible_arm
     q = np.nan_to_num(state[: arm.size], posinf=0.0, neginf=0.0)
+    return Drawing(centre_lines(arm, q), arm.position(q, 2, settings.sensor_position))
+
+
+def centre_lines(arm: FlexibleArm, q: Array) -> tuple[Array, Array]:
+    """Return points of the bent links, from root to tip.
+
+    Args:
+        arm: the arm.
+        q: joint angles and modal coordinates. Shape (2 + 2 m,).
+
+    Returns:
+        Points of link 1 and of link 2 [m]. Shape (n, 2) each.
+    """
     first, second = (
         arm.position(np.tile(q, (POINTS, 1)), link, np.linspace(0.0, length, POINTS))
         for link, length in enumerate(arm.parameters.link_lengths, 1)
     )
-    return Drawing((first, second), arm.position(q, 2, settings.sensor_position))
+    return first, second

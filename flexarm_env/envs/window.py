@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import Any
 
 TITLE = "FlexArm"
-HINT = "paused: space goes on, → one step, Esc closes"
+HINT = "paused: space goes on, right arrow steps, Esc closes"
 HINT_SIZE = 20  # [px]
 PATIENCE = 50  # between two looks at the keys while paused [ms]
 
@@ -22,14 +22,16 @@ class Window:
         closed: somebody has closed it; it shows nothing more.
     """
 
-    def __init__(self, pygame: Any, size: tuple[int, int]) -> None:
+    def __init__(self, pygame: Any, size: tuple[int, int], steps: bool = True) -> None:
         """Open the window.
 
         Args:
             pygame: the module.
             size: width and height [px].
+            steps: while it is paused, the right arrow shows one picture more.
         """
         self.paused = self.closed = False
+        self._steps = steps
         self._pygame = pygame
         self._once = False
         pygame.display.init()
@@ -49,15 +51,19 @@ class Window:
             picture: a surface of the window's size.
             fps: pictures a second, at most.
         """
-        self._surface.blit(picture, (0, 0))
-        self._clock.tick(fps)
-        self._pygame.display.flip()
+        self.put(picture, fps)
         self.look()
         while self.paused and not self._once and not self.closed:
             self._write_hint()
             self._pygame.time.wait(PATIENCE)
             self.look()
         self._once = False
+
+    def put(self, picture: Any, fps: int) -> None:
+        """Show a picture, no sooner than 1 / fps after the last, paused or not; arguments as of `show`."""
+        self._surface.blit(picture, (0, 0))
+        self._clock.tick(fps)
+        self._pygame.display.flip()
 
     def look(self) -> list[Any]:
         """Look at the keys, and return what happened beside that."""
@@ -69,7 +75,7 @@ class Window:
                 self.closed = True
             elif key == pygame.K_SPACE:
                 self.paused = not self.paused
-            elif key == pygame.K_RIGHT and self.paused:
+            elif key == pygame.K_RIGHT and self.paused and self._steps:
                 self._once = True
             else:
                 rest.append(event)

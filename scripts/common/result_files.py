@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import os
 import re
@@ -14,6 +13,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+
+from flexarm_agents.run_folder import json_text
 
 try:
     import fcntl
@@ -31,22 +32,8 @@ def write_json(path: Path, data: Any, levels: int | None = None) -> None:
         data: mappings, lists, arrays and numbers.
         levels: levels of nesting whose items have lines of their own; None: all.
     """
-    plain = _plain(data)
-    text = json.dumps(plain, indent=1, allow_nan=False) if levels is None else _lines(plain, levels)
-    write_whole(path, lambda aside: aside.write_text(text + "\n"))
-
-
-def _lines(value: Any, levels: int, margin: str = "") -> str:
-    """Write JSON with a line for each item of the outer levels."""
-    if not levels or not isinstance(value, dict | list) or not value:
-        return json.dumps(value, allow_nan=False)
-    inner = margin + " "
-    if isinstance(value, list):
-        items = [_lines(one, levels - 1, inner) for one in value]
-    else:
-        items = [f"{json.dumps(name)}: {_lines(one, levels - 1, inner)}" for name, one in value.items()]
-    ends = "[]" if isinstance(value, list) else "{}"
-    return ends[0] + ",".join(f"\n{inner}{item}" for item in items) + f"\n{margin}{ends[1]}"
+    text = json_text(_plain(data), levels)
+    write_whole(path, lambda aside: aside.write_text(text))
 
 
 def write_whole(path: Path, write: Callable[[Path], Any]) -> None:

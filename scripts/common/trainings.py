@@ -10,10 +10,10 @@ from typing import Any, NamedTuple
 from flexarm_agents import StandardScore, TeachingConfig, TrainingConfig, evaluate, load_policy
 from flexarm_agents.config import RunConfig
 from flexarm_agents.evaluation import EVALUATION_SEED
+from flexarm_agents.executors import Executor
 from flexarm_agents.run_folder import RunFolder
 from flexarm_agents.teaching.training import teach
 from flexarm_agents.training import Outcome, train
-from scripts.common.executors import Executor
 
 ROUNDING = 1e-3  # relative, of a lap's error
 Job = tuple[RunConfig, Path]

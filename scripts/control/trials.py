@@ -8,7 +8,7 @@ from typing import Any, NamedTuple, Protocol
 
 from flexarm_agents.contenders import ENVIRONMENT, from_controller
 from flexarm_agents.scoring import Score, StandardScore, evaluate
-from scripts.common.worker_pool import worker_pool
+from flexarm_agents.worker_pool import worker_pool
 
 ERRORS = ("swing lap r.m.s. [m]", "after 2 s [m]", "plain lap r.m.s. [m]", "after 2 s [m]")
 

@@ -20,6 +20,7 @@ import tyro
 from numpy.typing import NDArray
 from tqdm import tqdm
 
+from flexarm_agents.board.entries import entries
 from flexarm_agents.board.rows import Row
 from flexarm_agents.contenders import Contender
 from flexarm_baselines.registry import CONTROLLERS
@@ -31,7 +32,6 @@ from flexarm_env.validation import choice
 from scripts.common.command_line import run
 from scripts.common.markdown import DOCS
 from scripts.common.result_files import replacing, write_whole
-from scripts.leaderboard.entries import entries
 
 Array = NDArray[np.float64]
 Whole = NDArray[np.int64]

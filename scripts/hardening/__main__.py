@@ -18,12 +18,12 @@ import tyro
 from tqdm import tqdm
 
 from flexarm_agents.board.code_version import code_version
+from flexarm_agents.executors import THREADS
+from flexarm_agents.worker_pool import worker_pool
 from flexarm_env.validation import choice, integer
 from scripts.common.command_line import run
-from scripts.common.executors import THREADS
 from scripts.common.markdown import DOCS, filled
 from scripts.common.result_files import write_json, write_whole
-from scripts.common.worker_pool import worker_pool
 from scripts.hardening import calls, files, options, values
 from scripts.hardening.campaign import Tally, run_part
 from scripts.hardening.kills import TASKS, kill_often

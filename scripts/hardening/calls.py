@@ -16,6 +16,7 @@ from flexarm_env.envs.choices import STARTS
 from flexarm_env.envs.reset_options import OPTIONS
 from flexarm_env.envs.single import FlexArmEnv
 from flexarm_env.kernels.entries import DRAWN
+from flexarm_env.validation import shown
 from scripts.hardening.campaign import Part
 from scripts.hardening.strategies import GARBAGE, MOST_CHARACTERS, numbers
 
@@ -128,13 +129,13 @@ def tried(case: tuple[str, list[Call]]) -> Counter[str]:
             ends["refused"] += 1
             continue
         _check_outcome(three, found)
-        _check_same(found, _done(three.single, call), f"{name} and its twin differ after {call}")
+        _check_same(found, _done(three.single, call), f"{name} and its twin differ after {shown(call)}")
         if call.action is not None and found[2]:  # the batch would begin another episode in its next step
-            _check_same(found, _first(_done(three.batch, call)), f"{name} and its batch differ after {call}")
+            _check_same(found, _first(_done(three.batch, call)), f"{name} and its batch differ after {shown(call)}")
             for env in three:
                 env.reset(seed=2)
         else:
-            _check_same(found, _first(_done(three.batch, call)), f"{name} and its batch differ after {call}")
+            _check_same(found, _first(_done(three.batch, call)), f"{name} and its batch differ after {shown(call)}")
         ends["resets" if call.action is None else "steps"] += 1
     return ends
 

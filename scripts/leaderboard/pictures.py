@@ -16,13 +16,13 @@ from matplotlib.ticker import LogLocator, NullFormatter
 from numpy.typing import NDArray
 
 from flexarm_agents.board.summary import nominal_errors
+from flexarm_agents.board.tables import ranked
 from flexarm_baselines.optimal.plan import PLANS
 from flexarm_env.laps import LAPS, SETTLED
 from flexarm_env.metrics import ended_early
 from flexarm_env.simulation.trajectory import Trajectory
 from scripts.common.plotting import COLOURS, save
 from scripts.leaderboard.runs import Runs
-from scripts.leaderboard.tables import ranked
 
 Array = NDArray[np.float64]
 Board = Mapping[str, Any]

@@ -11,9 +11,9 @@ from typing import Any
 
 from tqdm import tqdm
 
+from flexarm_agents.worker_pool import worker_pool
 from flexarm_env import Trajectory
 from scripts.common.result_files import write_json
-from scripts.common.worker_pool import worker_pool
 from scripts.paper import figures, sweep_figures, tables, verdicts
 from scripts.paper.cases import COLUMNS, CONTROLLERS, Case, Study, load_runs, simulate_column
 from scripts.paper.checks import PRONOUNCED

@@ -14,11 +14,11 @@ from tqdm import tqdm
 
 from flexarm_agents import StandardScore, load_policy
 from flexarm_agents.board.cells import Store
+from flexarm_agents.executors import executor
 from flexarm_agents.load import POLICIES
 from flexarm_env.validation import choice, integer
 from scripts.common.command_line import run
 from scripts.common.curves import keep_curves
-from scripts.common.executors import executor
 from scripts.common.markdown import DOCS, filled
 from scripts.common.trainings import trained_all
 from scripts.shipped import board, tables

@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from flexarm_agents.board.entries import entries
 from flexarm_agents.board.rows import Row
 from flexarm_agents.board.summary import nominal_errors
 from flexarm_env.laps import LAPS
@@ -18,7 +19,6 @@ from flexarm_env.simulation.arm import FlexibleArm
 from scripts.common.markdown import DOCS
 from scripts.docs import replays
 from scripts.docs.widgets import WIDGETS, board_script, replay_names, with_widgets
-from scripts.leaderboard.entries import entries
 
 BOARD = json.loads((DOCS / "leaderboard.json").read_text())
 MOST_BYTES = 60_000  # of a file

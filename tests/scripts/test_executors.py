@@ -11,11 +11,11 @@ from typing import Any
 
 import pytest
 
+from flexarm_agents.board import measure as measuring
 from flexarm_agents.board.cells import Store
 from flexarm_agents.board.columns import Column, Point
 from flexarm_agents.board.rows import Row
-from scripts.common.executors import executor
-from scripts.leaderboard import __main__ as study
+from flexarm_agents.executors import executor
 from tests.support.boards import files
 from tests.support.programs import ROOT, run_study
 
@@ -28,7 +28,7 @@ REAL = {
 
 
 def measured(folder: Path, where: Any) -> dict[str, bytes]:
-    study.measure(ROWS, REAL, Store(folder / "cells"), where)
+    measuring.measure(ROWS, REAL, Store(folder / "cells"), where)
     return files(folder / "cells")
 
 

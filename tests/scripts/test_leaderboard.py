@@ -12,22 +12,24 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from flexarm_agents.board import measure as measuring
 from flexarm_agents.board.cells import Store
 from flexarm_agents.board.columns import COLUMNS, Column, Point
+from flexarm_agents.board.entries import entries
 from flexarm_agents.board.episodes import run_points
+from flexarm_agents.board.margins import delay_margins
 from flexarm_agents.board.rows import Row
 from flexarm_agents.board.summary import nominal_errors, point_summary
+from flexarm_agents.board.tables import tables
 from flexarm_agents.board.terms import BOARD
+from flexarm_agents.commands import leaderboard as verb
+from flexarm_agents.executors import executor
 from flexarm_env import FlexibleArm, SensorParameters
 from flexarm_env.analysis import delay_margin, law_loop
-from scripts.common.executors import executor
 from scripts.common.markdown import DOCS
 from scripts.leaderboard import __main__ as study
 from scripts.leaderboard import pictures
 from scripts.leaderboard.animation import animate
-from scripts.leaderboard.entries import entries
-from scripts.leaderboard.margins import delay_margins
-from scripts.leaderboard.tables import tables
 from tests.support.boards import SHORT, SMALL, files
 from tests.support.refusals import refuses
 
@@ -57,7 +59,7 @@ class Here:
 @pytest.mark.usefixtures("uncompiled")
 def test_a_tiny_board_goes_on_after_a_cell_is_lost(tmp_path: Path) -> None:
     store, first = Store(tmp_path / "cells"), Here()
-    results, failed = study.measure(ROWS[:1], TINY, store, first)
+    results, failed = measuring.measure(ROWS[:1], TINY, store, first)
     assert failed == []
     assert first.points == list(PAYLOADS)
     before = files(store.folder)
@@ -65,11 +67,11 @@ def test_a_tiny_board_goes_on_after_a_cell_is_lost(tmp_path: Path) -> None:
     lost = sorted(before)[1]
     (store.folder / lost).unlink()
     second = Here()
-    assert study.measure(ROWS[:1], TINY, store, second) == (results, [])
+    assert measuring.measure(ROWS[:1], TINY, store, second) == (results, [])
     assert len(second.points) == 1
     assert files(store.folder) == before
     third = Here()
-    study.measure(ROWS, TINY, store, third)  # the second row is the same policy with the same options: the same cells
+    measuring.measure(ROWS, TINY, store, third)  # the second row has the same cells
     assert third.points == []
 
 
@@ -77,7 +79,7 @@ def test_a_tiny_board_goes_on_after_a_cell_is_lost(tmp_path: Path) -> None:
 def test_a_row_that_lacks_cells_is_left_out_and_the_others_are_kept(tmp_path: Path) -> None:
     store = Store(tmp_path / "cells")
     others = Row("square", "other", options={"frame": "world"})
-    board, failed = study.measure([ROWS[0], others], TINY, store, Here(1))
+    board, failed = measuring.measure([ROWS[0], others], TINY, store, Here(1))
     assert [row["name"] for row in board["rows"]] == ["agent"]
     assert failed == ["other: killed"]
     assert len(files(store.folder)) == 3
@@ -154,7 +156,7 @@ def test_tables_rank_by_error_and_never_hide_a_loss() -> None:
     rows = [row("ifdc", 0.8, 0.7), row("lost", None, 0.01), row("best", 0.06, 0.02, privileged=True)]
     references = {name: {"rms": rms} for name, rms in (("swing", 0.05), ("plain", 0.02))}
     columns = {name: COLUMNS[name] for name in ("nominal", "payload", "unknown")}
-    board = study.board(rows, columns) | {"references": references}
+    board = measuring.board(rows, columns) | {"references": references}
     assert board["board"] == BOARD
     found = tables(board)
     lines = found["ranking"].splitlines()[2:]
@@ -191,7 +193,7 @@ def test_pictures_are_drawn_of_what_the_board_has(tmp_path: Path) -> None:
     for one in rows:
         one["columns"]["delay"] = {"points": [point] * 25, "breaking": BREAKING}
         one["delay_margin"] = {"least": 0.05, "most": 0.06} if one["name"] == "lost" else None
-    board = study.board(rows, {name: COLUMNS[name] for name in ("nominal", "delay", "payload", "unknown")})
+    board = measuring.board(rows, {name: COLUMNS[name] for name in ("nominal", "delay", "payload", "unknown")})
     runs = {name: {"swing": run, "plain": run} for name in names}
     pictures.draw(board, runs, tmp_path)
     animate(dict.fromkeys(names[:2], run), tmp_path / "four.gif")
@@ -229,9 +231,9 @@ GOLDEN = {
 
 @pytest.fixture(scope="module")
 def committed() -> dict[str, dict[str, Any]]:
-    if not (DOCS / study.DATA).is_file():
+    if not (DOCS / measuring.DATA).is_file():
         pytest.skip("the board has no page yet: make leaderboard ARGS='--docs --times'")
-    board = json.loads((DOCS / study.DATA).read_text())
+    board = json.loads((DOCS / measuring.DATA).read_text())
     assert board["board"] == BOARD
     return {row["name"]: row for row in board["rows"]}
 
@@ -250,5 +252,44 @@ def test_the_nominal_figures_of_the_committed_board_are_in_their_bands(
 def test_the_committed_board_is_computed_again_to_its_digits(name: str, committed: dict[str, dict[str, Any]]) -> None:
     (row,) = [one for one in entries(()) if one.name == name]
     points = COLUMNS["nominal"].points[:2]
-    found = study.rounded([point_summary(one) for one in run_points(row, points)])
+    found = measuring.rounded([point_summary(one) for one in run_points(row, points)])
     assert found == committed[name]["columns"]["nominal"]["points"][:2]
+
+
+# --- the verb -----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.usefixtures("uncompiled")
+def test_the_verb_measures_what_it_is_asked_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(measuring, "entries", lambda added: ROWS)
+    monkeypatch.setattr(measuring, "COLUMNS", TINY)
+    monkeypatch.setattr(verb, "executor", lambda *arguments: Here())
+    verb.run(["--rows", "agent", "--columns", "payload", "--output", str(tmp_path)])
+    assert capsys.readouterr().out.endswith("1 of 1 rows; tables beside it\n")
+    board = json.loads((tmp_path / measuring.DATA).read_text())
+    assert [row["name"] for row in board["rows"]] == ["agent"]
+    monkeypatch.setattr(verb, "executor", lambda *arguments: Here(0))
+    with pytest.raises(OSError, match="the other rows lack cells"):
+        verb.run(["--rows", "again", "--columns", "payload", "--output", str(tmp_path / "other")])
+    assert "again: killed" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--rows", "nobody"), "rows = 'nobody': must be one of 'ifdc'"),
+        (("--columns", "colour"), "columns = 'colour': must be one of 'nominal'"),
+        (("--jobs", "0"), "jobs = 0: must be an integer >= 1"),
+    ],
+)
+def test_the_verb_refuses(arguments: tuple[str, ...], words: str) -> None:
+    with pytest.raises(ValueError, match=words):
+        verb.run(arguments)
+
+
+def test_added_rows_are_wanted_beside_those_that_are_named() -> None:
+    rows = measuring.chosen_rows(["ifdc"], (), ["tests.support.boards:Nobody"])
+    assert [row.name for row in rows] == ["ifdc", "tests.support.boards:Nobody"]
+    assert [row.name for row in measuring.chosen_rows(["ifdc", "lqg"], ["lqg"])] == ["ifdc"]

@@ -21,7 +21,7 @@ import os, sys, time
 from pathlib import Path
 from scripts.common.command_line import run
 from scripts.common.result_files import replacing
-from scripts.common.worker_pool import worker_pool
+from flexarm_agents.worker_pool import worker_pool
 
 def job(folder, seconds):
     (folder / str(os.getpid())).touch()

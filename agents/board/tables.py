@@ -7,10 +7,10 @@ from functools import partial
 from typing import Any
 
 from flexarm_agents.board.columns import COLUMNS
+from flexarm_agents.board.references import gap
 from flexarm_agents.board.summary import nominal_errors
+from flexarm_agents.markdown import table
 from flexarm_env.laps import LAPS
-from scripts.common.markdown import table
-from scripts.leaderboard.references import gap
 
 Board = Mapping[str, Any]
 MOST_VALUES = 13  # columns of an axis's table

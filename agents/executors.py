@@ -12,9 +12,9 @@ from concurrent.futures import as_completed
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
+from flexarm_agents.worker_pool import worker_pool
 from flexarm_env.extras import needs_extra
 from flexarm_env.validation import choice, integer, shown
-from scripts.common.worker_pool import worker_pool
 
 Job = TypeVar("Job")
 Result = TypeVar("Result")

@@ -1,0 +1,140 @@
+"""The board: cells that are missing are computed, and all are added up, to JSON and tables."""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from flexarm_agents.board.cells import Cell, Store, compute, jobs_of
+from flexarm_agents.board.columns import COLUMNS, Column
+from flexarm_agents.board.entries import entries
+from flexarm_agents.board.margins import delay_margins
+from flexarm_agents.board.references import references
+from flexarm_agents.board.rows import Row
+from flexarm_agents.board.summary import row_summary
+from flexarm_agents.board.tables import tables
+from flexarm_agents.board.terms import BOARD
+from flexarm_agents.executors import Executor
+from flexarm_agents.run_folder import put, write_json
+from flexarm_env.validation import choice
+
+Progress = Callable[[int], AbstractContextManager[Callable[[int], Any]]]
+DATA = "leaderboard.json"
+DIGITS = 6  # of the figures in the board's file
+
+
+def chosen_rows(names: Sequence[str], without: Sequence[str] = (), added: Sequence[str] = ()) -> list[Row]:
+    """Return rows by their names.
+
+    Args:
+        names: those that are wanted; none: all.
+        without: those that are left out.
+        added: further rows, see `entries`; they are wanted, too.
+
+    Raises:
+        ValueError: for an unknown name, or a row that there cannot be.
+    """
+    rows, own = entries(added), [row.name for row in entries(())]
+    for what, given in (("rows", names), ("without", without)):
+        for name in given:
+            choice(what, name, tuple(row.name for row in rows))
+    wanted = [row for row in rows if not names or row.name in names or row.name not in own]
+    return [row for row in wanted if row.name not in without]
+
+
+def chosen_columns(names: Sequence[str]) -> dict[str, Column]:
+    """Return columns by their names.
+
+    Raises:
+        ValueError: for an unknown name.
+    """
+    for name in names:
+        choice("columns", name, tuple(COLUMNS))
+    return {name: column for name, column in COLUMNS.items() if name in names}
+
+
+def measure(
+    rows: Sequence[Row],
+    columns: Mapping[str, Column],
+    store: Store,
+    where: Executor,
+    progress: Progress = lambda total: nullcontext(lambda done: None),
+) -> tuple[dict[str, Any], list[str]]:
+    """Compute the missing cells, and add all up.
+
+    Args:
+        rows: who is measured.
+        columns: on what, by name.
+        store: has the cells, and gets those that are missing.
+        where: computes them.
+        progress: makes, for a number of cells, what is called with the number of those that are done.
+
+    Returns:
+        The board of the rows that have all their cells, and why cells of the others could not be computed.
+    """
+    cells = {
+        row.name: {name: [Cell.of(row, point) for point in column.points] for name, column in columns.items()}
+        for row in rows
+    }
+    wanted = [cell for own in cells.values() for column in own.values() for cell in column]
+    missing = store.missing(wanted)
+    by_key = {cell.key: cell for cell in missing}
+    jobs, failed = jobs_of(missing), []
+    with progress(len(missing)) as tick:
+        for n, outcome in where.run(compute, jobs) if jobs else ():
+            if isinstance(outcome, BaseException):
+                failed.append(f"{jobs[n].row.name}: {outcome}")
+            else:
+                for key, result in zip(jobs[n].keys, outcome, strict=True):
+                    store.write(by_key[key], result)
+            tick(len(jobs[n].keys))
+    whole = {
+        row.name: {name: list(map(store.read, column)) for name, column in cells[row.name].items()} for row in rows
+    }
+    found = [
+        row_summary(row, columns, whole[row.name]) | {"delay_margin": delay_margins(row)}
+        for row in rows
+        if all(one is not None for column in whole[row.name].values() for one in column)
+    ]
+    return board(found, columns), list(dict.fromkeys(failed))
+
+
+def board(rows: Sequence[Mapping[str, Any]], columns: Mapping[str, Column]) -> dict[str, Any]:
+    """Put rows together to a board, as plain values."""
+    names = ("flexarm", "gymnasium", "numpy", "numba", "scipy")
+    return {
+        "board": BOARD,
+        "versions": {"python": platform.python_version(), **{name: version(name) for name in names}},
+        "references": references(),
+        "columns": {
+            name: {
+                "title": column.title,
+                "unit": column.unit,
+                "values": [point.value for point in column.points],
+                "nominal": column.nominal,
+            }
+            for name, column in columns.items()
+        },
+        "rows": list(rows),
+    }
+
+
+def write(results: Mapping[str, Any], folder: Path) -> None:
+    """Write the board's JSON and tables into a folder, which is made."""
+    folder.mkdir(parents=True, exist_ok=True)
+    write_json(folder / DATA, rounded(results), levels=5)
+    for name, text in tables(results).items():
+        put(folder / f"{name}.md", lambda aside, text=text: aside.write_text(text))  # type: ignore[misc]
+
+
+def rounded(value: Any) -> Any:
+    """Round figures for the board's file; cells have all digits."""
+    if isinstance(value, dict):
+        return {name: rounded(one) for name, one in value.items()}
+    if isinstance(value, list):
+        return [rounded(one) for one in value]
+    return float(f"{value:.{DIGITS}g}") if isinstance(value, float) else value

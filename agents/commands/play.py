@@ -1,0 +1,30 @@
+"""`flexarm play`: a window in which delay, place and gain can be moved while the paper's law runs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from flexarm_agents.commands.arguments import reader
+from flexarm_agents.live import LEAST_PLACE, MOST_DELAY, MOST_GAIN, Knobs, LiveArm
+from flexarm_agents.viewer import Viewer
+from flexarm_env.parameters import PRESETS
+
+DESCRIPTION = """\
+Watch the paper's law follow the square on a late sensor, in real time, and move sliders: the sensor's delay, its place
+on link 2, and the law's gain. All act at once: the arm keeps its state, and with another delay or place the sensor's
+memory begins anew. Drag, or choose by Tab and move by the arrow keys; space pauses, R begins a lap, Esc closes."""
+
+
+def run(arguments: Sequence[str]) -> None:
+    """Open the window."""
+    parser = reader("play", DESCRIPTION)
+    start = Knobs()
+    parser.add_argument("--arm", choices=tuple(PRESETS), default="paper", help="arm; paper")
+    delay = f"of the sensor at the beginning, 0 to {1e3 * MOST_DELAY:g} ms; {1e3 * start.delay:g}"
+    parser.add_argument("--delay", type=float, default=1e3 * start.delay, metavar="MS", help=delay)
+    place = f"of the sensor from the elbow, from {LEAST_PLACE:g} m to the tip; {start.place:g}"
+    parser.add_argument("--place", type=float, default=start.place, metavar="M", help=place)
+    gain = f"of the law, 0 to {MOST_GAIN:g}; {start.gain:g}"
+    parser.add_argument("--gain", type=float, default=start.gain, metavar="X", help=gain)
+    given = parser.parse_args(arguments)
+    Viewer(LiveArm(given.arm, Knobs(1e-3 * given.delay, given.place, given.gain))).run()

@@ -1,0 +1,61 @@
+"""`Progress`: how far a command is, in one line of the terminal, once it takes longer than a second."""
+
+from __future__ import annotations
+
+import sys
+import time
+from types import TracebackType
+from typing import Self
+
+from flexarm_agents.commands.arguments import width
+
+PATIENCE = 1.0  # before the first line [s]
+PAUSE = 0.1  # between two lines [s]
+BAR = 30  # characters
+
+
+class Progress:
+    """A bar on stderr, for the length of a `with`; nothing where there is no terminal."""
+
+    def __init__(self, total: int, unit: str) -> None:
+        """Prepare.
+
+        Args:
+            total: how much there is to do.
+            unit: what it is, e.g. "pictures".
+        """
+        self._total, self._unit = total, unit
+        self._done, self._shown = 0, False
+        self._began = self._last = time.monotonic()
+        self._terminal = sys.stderr.isatty()
+
+    def __enter__(self) -> Self:
+        """Begin."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        """Take the line away."""
+        if self._shown:
+            sys.stderr.write(f"\r{' ' * (width() - 1)}\r")
+            sys.stderr.flush()
+
+    def __call__(self, done: int = 1) -> None:
+        """Go on.
+
+        Args:
+            done: how much was done since the last call.
+        """
+        self._done += done
+        now = time.monotonic()
+        if self._terminal and now - self._began >= PATIENCE and now - self._last >= PAUSE:
+            self._last, self._shown = now, True
+            sys.stderr.write(f"\r{self._line(now - self._began)[: width() - 1]}")
+            sys.stderr.flush()
+
+    def _line(self, taken: float) -> str:
+        filled = BAR * self._done // max(self._total, 1)
+        left = taken * (self._total - self._done) / max(self._done, 1)
+        bar = "█" * filled + "·" * (BAR - filled)
+        return f"{bar} {self._done} of {self._total} {self._unit}, {left:.0f} s left "

@@ -1,0 +1,59 @@
+"""`flexarm render`: an episode of a policy or controller, in a window or as a file."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from flexarm_agents.commands.arguments import reader
+from flexarm_agents.commands.replay import add_film, play
+from flexarm_agents.commands.sources import POLICY, add_environment, from_source
+from flexarm_agents.film import SENSOR
+from flexarm_env.laps import LAPS
+from flexarm_env.rollout import run_policy
+from flexarm_env.simulation.trajectory import Trajectory
+from flexarm_env.validation import integer
+
+OWN = "own"
+DESCRIPTION = """\
+Run an episode of a policy or a controller, and show it in a window, where space pauses, or write it to a file.
+--save keeps the run itself, for `flexarm replay` and `flexarm_env.Trajectory.load`."""
+
+
+def run(arguments: Sequence[str]) -> None:
+    """Run the episode, show or write it."""
+    parser = reader("render", DESCRIPTION)
+    parser.add_argument("policy", metavar="POLICY", help=POLICY)
+    lap = f"standard lap, {' or '.join(LAPS)}, or {OWN}: a start that the environment draws; swing"
+    parser.add_argument("--lap", choices=(*LAPS, OWN), default="swing", help=lap)
+    parser.add_argument("--seed", type=int, default=0, metavar="N", help="of what is random; 0")
+    parser.add_argument("--save", type=Path, metavar="FILE", help="keep the run in this npz file")
+    add_environment(parser)
+    add_film(parser)
+    given = parser.parse_args(arguments)
+    if given.save is not None and given.save.suffix != ".npz":
+        parser.error(f"--save: must end in .npz, got {given.save}")
+    played = episode(given)
+    ended = played.notes["ended"]
+    end = "complete" if ended == "truncated" else f"ended by {ended} at {played.time[-1]:.2f} s"
+    print(f"{given.policy}: {given.lap} lap, {end}")
+    if given.save is not None:
+        given.save.parent.mkdir(parents=True, exist_ok=True)
+        played.save(given.save)
+        print(f"{given.save}: written")
+    play(played, given)
+
+
+def episode(given: argparse.Namespace) -> Trajectory:
+    """Run the episode that the arguments name; its notes say of what it is."""
+    contender = from_source(given.policy, given)
+    try:
+        start: dict[str, object] = {"options": {}} if given.lap == OWN else {"lap": given.lap}
+        found = run_policy(contender.env, contender.policy, seed=integer("seed", given.seed, 0), **start)  # type: ignore[arg-type]
+        place = contender.env.unwrapped.settings.sensor_position  # type: ignore[attr-defined]
+    finally:
+        contender.env.close()
+    about = {"policy": given.policy, "environment": contender.environment, "lap": given.lap, SENSOR: place}
+    return replace(found, notes=found.notes | about)

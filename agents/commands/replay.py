@@ -1,0 +1,58 @@
+"""`flexarm replay`: a recorded run, in a window or as a file."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+
+from flexarm_agents.commands.arguments import reader
+from flexarm_agents.commands.progress import Progress
+from flexarm_agents.film import SUFFIXES, Film
+from flexarm_env.simulation.trajectory import Trajectory
+from flexarm_env.validation import choice
+
+DESCRIPTION = """\
+Show a recorded run in a window, where space pauses and the right arrow goes on by one picture, or write it to a file. A
+run is what flexarm_env.Trajectory.save wrote: by `flexarm render --save`, by run_policy, or by `make reproduce`."""
+
+
+def run(arguments: Sequence[str]) -> None:
+    """Show or write the run."""
+    parser = reader("replay", DESCRIPTION)
+    parser.add_argument("run", type=Path, metavar="RUN", help="npz file of the run")
+    add_film(parser)
+    given = parser.parse_args(arguments)
+    play(Trajectory.load(given.run), given)
+
+
+def add_film(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments that say how a run is shown."""
+    output = f"write this file ({', '.join(SUFFIXES)}; moving ones need the extra `video`) in place of a window"
+    parser.add_argument("--output", type=Path, metavar="FILE", help=output)
+    parser.add_argument("--fps", type=int, default=25, metavar="N", help="pictures a second; 25")
+    parser.add_argument("--speed", type=float, default=1.0, metavar="X", help="0.25: four times slower; 1")
+    parser.add_argument("--size", type=int, default=600, metavar="N", help="side of a picture [px]; 600")
+    parser.add_argument("--time", type=float, metavar="S", help="moment that a .png shows [s]; the last one")
+
+
+def play(played: Trajectory, given: argparse.Namespace) -> None:
+    """Show a run in a window, or write it.
+
+    Args:
+        played: the run.
+        given: has the arguments of `add_film`.
+
+    Raises:
+        ValueError: for a bad argument.
+    """
+    film = Film(played, given.fps, given.speed, given.size)
+    if given.output is None:
+        if given.time is not None:
+            raise ValueError(f"time = {given.time:g} s: is for a .png file, see --output")
+        film.show()
+        return
+    choice("output's suffix", given.output.suffix.lower(), SUFFIXES)
+    with Progress(1 if given.output.suffix.lower() == ".png" else len(film), "pictures") as tick:
+        film.write(given.output, given.time, tick)
+    print(f"{given.output}: written")

@@ -1,0 +1,207 @@
+"""`Film`, and the verbs `render` and `replay`: recorded runs as pictures."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from flexarm_agents.commands import main
+from flexarm_agents.film import SENSOR, Film
+from flexarm_env import ArmParameters, FlexibleArm, Trajectory
+from tests.support.refusals import refuses
+
+PIXELS = 64
+
+
+@pytest.fixture
+def run() -> Trajectory:
+    """Half a second of an arm that turns."""
+    arm = FlexibleArm(ArmParameters.linear())
+    time = 0.01 * np.arange(51)
+    state = np.zeros((51, 12))
+    state[:, 0] = time
+    found = arm.record(time, state, np.ones((51, 2)), reference=np.full((51, 2), 4.0), sensed=np.ones((51, 2)))
+    return replace(found, notes={SENSOR: 4.0, "ended": "truncated"})
+
+
+def status(*arguments: object) -> Any:
+    try:
+        main([str(one) for one in arguments])
+    except SystemExit as end:
+        return end.code
+    return 0
+
+
+# --- which instants -----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("fps", "speed", "instants"),
+    [
+        (10, 1.0, [0, 10, 20, 30, 40, 50]),
+        (10, 2.5, [0, 25, 50]),
+        (4, 0.5, [0, 13, 25, 38, 50]),
+        (1, 100.0, [0]),
+    ],
+)
+def test_pictures_are_evenly_in_time(run: Trajectory, fps: int, speed: float, instants: list[int]) -> None:
+    film = Film(run, fps, speed, PIXELS)
+    assert film.instants() == instants
+    assert len(film) == len(instants)
+
+
+def test_a_picture_shows_its_instant(run: Trajectory) -> None:
+    shot = Film(run).snapshot(30)
+    assert shot.time == run.time[30]
+    np.testing.assert_allclose(shot.links[1][-1], run.tip[30], atol=1e-12)
+    np.testing.assert_allclose(np.hypot(*(shot.sensor - run.elbow[30])), 4.0)
+    np.testing.assert_array_equal(shot.trace, run.tip[:31])
+    assert shot.gain is None
+    bare = Film(replace(run, reference=None, sensed=None, gain=np.full(51, 2.0), notes={})).snapshot(0)
+    assert np.isnan([*bare.reference, *bare.sensed, *bare.sensor]).all()
+    assert (bare.gain, bare.gain_limit) == (2.0, 2.0)
+
+
+# --- files --------------------------------------------------------------------------------------------------------
+
+
+def test_a_png_shows_one_moment(run: Trajectory, tmp_path: Path) -> None:
+    pygame = pytest.importorskip("pygame")
+    film = Film(run, size=PIXELS)
+    for name, time in (("last.png", None), ("same.png", 0.5), ("first.png", 0.0)):
+        film.write(tmp_path / "folder" / name, time)
+    last, same, first = (
+        pygame.surfarray.array3d(pygame.image.load(tmp_path / "folder" / f"{name}.png"))
+        for name in ("last", "same", "first")
+    )
+    assert last.shape == (PIXELS, PIXELS, 3)
+    np.testing.assert_array_equal(last, same)
+    assert (last != first).any()
+
+
+def test_a_gif_moves(run: Trajectory, tmp_path: Path) -> None:
+    pytest.importorskip("pygame")
+    image = pytest.importorskip("PIL.Image")
+    ticks: list[int] = []
+    Film(run, 10, 1.0, PIXELS).write(tmp_path / "run.gif", tick=lambda: ticks.append(1))
+    with image.open(tmp_path / "run.gif") as found:
+        assert (found.n_frames, found.size, found.info["duration"]) == (6, (PIXELS, PIXELS), 100)
+    assert len(ticks) == 6
+    assert [path.name for path in tmp_path.iterdir()] == ["run.gif"]
+
+
+def test_an_mp4_is_written(run: Trajectory, tmp_path: Path) -> None:
+    pytest.importorskip("pygame")
+    pytest.importorskip("moviepy")
+    Film(run, 10, 1.0, PIXELS + 1).write(tmp_path / "run.mp4")
+    assert (tmp_path / "run.mp4").read_bytes()[4:8] == b"ftyp"
+
+
+def test_what_writes_files_is_named_with_its_extra(
+    run: Trajectory, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("pygame")
+    monkeypatch.setitem(sys.modules, "PIL", None)
+    with refuses(ModuleNotFoundError, "gif: PIL is not installed", "flexarm[video]"):
+        Film(run, 10, 1.0, PIXELS).write(tmp_path / "run.gif")
+    assert list(tmp_path.iterdir()) == []
+
+
+# --- bad input ----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"fps": 0}, "fps = 0: must be an integer from 1 to 100"),
+        ({"speed": 0.0}, "speed = 0.0"),
+        ({"size": 10}, "size = 10: must be an integer from 64"),
+    ],
+)
+def test_bad_arguments(run: Trajectory, changes: dict[str, Any], words: str) -> None:
+    with refuses(ValueError, words):
+        Film(run, **changes)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"time": np.full(51, np.nan)}, "time: must be finite"),
+        ({"time": -0.01 * np.arange(51)}, "time: must be finite, and must not run backwards"),
+        ({"time": 1e6 * np.arange(51)}, "at most 100000"),
+        ({"notes": {SENSOR: "x"}}, "sensor_position = 'x'"),
+    ],
+)
+def test_runs_of_strangers(run: Trajectory, changes: dict[str, Any], words: str) -> None:
+    with pytest.raises((TypeError, ValueError), match=words):
+        Film(replace(run, **changes))
+
+
+def test_runs_with_wild_numbers_are_shown(run: Trajectory, tmp_path: Path) -> None:
+    pytest.importorskip("pygame")
+    wild = {name: np.full_like(getattr(run, name), bad) for name, bad in (("state", np.inf), ("torque", np.nan))}
+    Film(replace(run, **wild), size=PIXELS).write(tmp_path / "run.png")
+    assert (tmp_path / "run.png").exists()
+
+
+# --- verbs --------------------------------------------------------------------------------------------------------
+
+
+def test_replay_writes_a_picture(run: Trajectory, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("pygame")
+    run.save(tmp_path / "run.npz")
+    picture = tmp_path / "run.png"
+    assert status("replay", tmp_path / "run.npz", "--output", picture, "--time", "0.2", "--size", PIXELS) == 0
+    assert picture.exists()
+    assert capsys.readouterr().out == f"{picture}: written\n"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--output", "x.txt"), "output's suffix = '.txt': must be one of '.png', '.gif', '.mp4'"),
+        (("--output", "x.gif", "--time", "1"), "time = 1 s: is for .png files"),
+        (("--output", "x.png", "--time", "9"), "time = 9.0: must be a finite number"),
+        (("--time", "1"), "time = 1 s: is for a .png file, see --output"),
+        (("--fps", "0"), "fps = 0"),
+    ],
+)
+def test_replay_refuses(
+    run: Trajectory, tmp_path: Path, capsys: pytest.CaptureFixture[str], arguments: tuple[str, ...], words: str
+) -> None:
+    run.save(tmp_path / "run.npz")
+    given = [tmp_path / one if one.startswith("x.") else one for one in arguments]
+    assert status("replay", tmp_path / "run.npz", *given) == 1
+    assert words in capsys.readouterr().err
+    assert [path.name for path in tmp_path.iterdir()] == ["run.npz"]
+
+
+def test_replay_opens_a_window(run: Trajectory, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pygame = pytest.importorskip("pygame")
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    run.save(tmp_path / "run.npz")
+    assert status("replay", tmp_path / "run.npz", "--fps", "100", "--size", PIXELS, "--speed", "10") == 0
+    assert not pygame.display.get_init()
+
+
+def test_render_runs_an_episode_that_replay_shows_again(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("pygame")
+    saved, one, other = (tmp_path / name for name in ("lap.npz", "one.png", "other.png"))
+    assert status("render", "joint_pd", "--lap", "plain", "--save", saved, "--output", one, "--size", PIXELS) == 0
+    assert capsys.readouterr().out.startswith("joint_pd: plain lap, complete\n")
+    assert Trajectory.load(saved).notes == {
+        "ended": "truncated", "policy": "joint_pd", "environment": "FlexArm/Square-v0", "lap": "plain", SENSOR: 4.5,
+    }  # fmt: skip
+    assert status("replay", saved, "--output", other, "--size", PIXELS) == 0
+    assert one.read_bytes() == other.read_bytes()
+
+
+def test_render_refuses(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert status("render", "nobody") == 1
+    assert "source = 'nobody'" in capsys.readouterr().err
+    assert status("render", "ifdc", "--save", tmp_path / "x.txt") == 2
