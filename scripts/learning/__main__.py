@@ -12,10 +12,10 @@ from pathlib import Path
 import tyro
 from tqdm import tqdm
 
+from flexarm_agents.executors import executor
 from flexarm_env.validation import choice, integer
 from scripts.common.command_line import run
 from scripts.common.curves import keep_curves
-from scripts.common.executors import executor
 from scripts.common.markdown import DOCS, filled
 from scripts.common.result_files import write_whole
 from scripts.common.trainings import trained_all
