@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from flexarm_agents.worker_pool import worker_pool
 from flexarm_env import ArmParameters
 from flexarm_env.laps import LAPS
 from scripts.common.markdown import table
-from scripts.common.worker_pool import worker_pool
 from scripts.validation.checks import Check, Findings, Settings
 from scripts.validation.engine.motion import rms
 from scripts.validation.plant.drivers import PERIODS, WEIGHTS, Hosted, Regulator, on_corner, run_lap
