@@ -36,7 +36,7 @@ INSTEAD_board := plot
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 .NOTPARALLEL:  # two installs into one environment must not overlap, and `make -j` buys nothing here
-.PHONY: help reproduce validate analyse optimise control test test-slow lint typecheck contract train agent evaluate leaderboard bench docs site dist clean
+.PHONY: help reproduce validate analyse optimise control test test-slow lint typecheck contract train agent learning evaluate leaderboard bench docs site dist clean
 
 help:  ## List the verbs
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-11s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -81,6 +81,9 @@ train: $(HAS)-train  ## Train an agent, e.g. make train ARGS="--seed 1"
 
 agent: $(HAS)-agent  ## Make the shipped agents anew: trainings, the median ones, their cards, the tables of docs
 	$(PY) -m scripts.shipped $(ARGS)
+
+learning: $(HAS)-agent  ## Compare what learning gives beside classical laws: trainings and tables
+	$(PY) -m scripts.learning $(ARGS)
 
 evaluate: $(HAS)-train  ## Score the controllers, the shipped policy and trained runs
 	$(PY) scripts/evaluate.py $(ARGS)

@@ -57,6 +57,9 @@ def _as_plain_text(app, what, name, obj, options, lines) -> None:
     headings = [n for n, line in enumerate(lines) if line.startswith("## ")]
     if headings:
         lines[headings[0] :] = ["The pages of the environments have the whole specification."]
+    for n, line in enumerate(lines[:-1]):
+        if re.fullmatch(r"\s*(Returns|Yields):", line):  # Napoleon takes what stands before the first colon for a type
+            lines[n + 1] = re.sub(r"^(\s*)", r"\1: ", lines[n + 1])
     for n, line in enumerate(lines):
         parts = re.split(r"(`+[^`]+`+)", line)
         parts[::2] = [re.sub(r"([|*])|(?<=\w)(_)(?!\w)", r"\\\1\2", part) for part in parts[::2]]

@@ -55,6 +55,8 @@ class ChainGauges:
         deflection: map of each link, from bend angles to the tip's deflection [m]. Shape (segments - 1,) each.
         bends: map of each link, from modal coordinates to bend angles, so that `modal` gives them back. Shape
             (segments - 1, m) each.
+        elbow: what the model's shapes leave out of the slope of link 1's tip [rad], from its bend angles. Shape
+            (segments - 1,).
     """
 
     def __init__(self, arm: FlexibleArm, segments: int) -> None:
@@ -75,6 +77,7 @@ class ChainGauges:
         self.deflection = [read[-1] for read in reads]
         lifted = [_bends(link, segments) for link in arm.modes]
         self.bends = [lift @ np.linalg.inv(read @ lift) for read, lift in zip(self.modal, lifted, strict=True)]
+        self.elbow = 1.0 - arm.modes[0].slope(arm.modes[0].length) @ self.modal[0]
 
 
 def _deflections(length: float, segments: int) -> Array:

@@ -101,7 +101,8 @@ class ChainPlant:
         for angles in (data.qpos, data.qvel):
             bends = angles.reshape(2, -1)[:, 1:]
             modal = [read @ bend for read, bend in zip(self._gauges.modal, bends, strict=True)]
-            halves += [angles[at], *modal]
+            # theta2 is that of a link 1 whose tip has the fitted slope, so that the state says where link 2 lies
+            halves += [angles[at] + [0.0, self._gauges.elbow @ bends[0]], *modal]
             deflections.append([float(row @ bend) for row, bend in zip(self._gauges.deflection, bends, strict=True)])
         return Truth(
             state=list(np.concatenate(halves)),
@@ -133,4 +134,4 @@ class ChainPlant:
         """Angles of the chain's joints from public coordinates, or rates from rates. Shape (2 segments,)."""
         joints, modal = half[:2], half[2:].reshape(2, -1)
         bends = [lift @ q for lift, q in zip(self._gauges.bends, modal, strict=True)]
-        return np.concatenate([joints[:1], bends[0], joints[1:], bends[1]])
+        return np.concatenate([joints[:1], bends[0], joints[1:] - self._gauges.elbow @ bends[0], bends[1]])

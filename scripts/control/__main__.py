@@ -15,7 +15,7 @@ from flexarm_env.validation import choice, integer
 from scripts.common.command_line import run
 from scripts.common.markdown import DOCS, filled
 from scripts.common.result_files import write_json, write_whole
-from scripts.control import feedback, joint, parts, predictive, registered, shaping, unknown
+from scripts.control import feedback, joint, parts, predictive, registered, robust, shaping, unknown
 from scripts.control.trials import Study, scores_of
 
 STUDIES: dict[str, Study] = {
@@ -25,6 +25,7 @@ STUDIES: dict[str, Study] = {
     "joint_feedback": feedback.STUDY,
     "lqg_parts": parts.STUDY,
     "lqg_unknown": unknown.STUDY,
+    "lqg_robust": robust.STUDY,
     "predictive": predictive.STUDY,
 }
 

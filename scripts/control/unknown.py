@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import gymnasium
@@ -60,17 +61,19 @@ class UnknownTrial:
 
     Attributes:
         controller: its name in the registry.
+        design: keyword arguments of its `for_env`.
         seed: of the episodes.
     """
 
     controller: str
+    design: Mapping[str, Any] = field(default_factory=dict)
     seed: int = 0
 
     def score(self) -> UnknownScore:
         """Run them side by side."""
         entry = controller(self.controller)
         envs = gymnasium.make_vec(ENVIRONMENT, num_envs=EPISODES, **entry.options | UNKNOWN_PLANT)
-        policy = entry.make(envs)
+        policy = entry.make(envs, **self.design)
         sides = [lap.elbow_branch for lap in LAPS.values()] * (EPISODES // len(LAPS))
         observations, infos = envs.reset(seed=self.seed, options={"start": "corner", "elbow_branch": sides})
         squares, running, state = [infos["tip_error"] ** 2], np.ones(EPISODES, dtype=bool), None

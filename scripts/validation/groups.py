@@ -81,6 +81,7 @@ GROUPS = (
         ("plant_distance",),
         ("mujoco",),
     ),
+    _group("controllers", "Controllers on the chain", "plant.others", "controllers_distance", needs=("mujoco",)),
     _group("drift", "Invariants over ten minutes", "drift", "drift_time", "drift_step"),
     _group("orders", "Orders of the integrators", "orders", "orders"),
     _group("coriolis", "The paper's dropped Coriolis terms", "coriolis", "coriolis"),

@@ -81,7 +81,7 @@ def applied(problem: Linear, forward: np.ndarray, gains: np.ndarray) -> np.ndarr
     return np.array(changes)
 
 
-@settings(deadline=None, max_examples=20)  # the first one compiles
+@settings(max_examples=20)
 @given(st.integers(0, 10_000))
 def test_a_sweep_solves_the_linear_quadratic_problem(seed: int) -> None:
     problem = Linear.drawn(seed)
@@ -128,7 +128,6 @@ def test_steps_keep_the_limits_and_a_held_torque_has_no_gain() -> None:
     assert np.all(np.abs(gains[~held]).max(axis=1) > 0.0)
 
 
-@settings(deadline=None)
 @given(small, small, small, small, small, st.tuples(small, small), st.tuples(small, small))
 def test_the_minimum_over_a_rectangle(
     a: float, b: float, c: float, q1: float, q2: float, one: tuple[float, float], two: tuple[float, float]
@@ -143,7 +142,7 @@ def test_the_minimum_over_a_rectangle(
     np.testing.assert_allclose(moved, step, atol=1e-9)
 
 
-@settings(deadline=None, max_examples=20)  # the first one compiles
+@settings(max_examples=20)
 @given(st.integers(0, 10_000))
 def test_the_gradient_is_a_difference_with_and_without_feedback(seed: int) -> None:
     problem = Linear.drawn(seed)._replace(defects=np.zeros((N, SIZE)))

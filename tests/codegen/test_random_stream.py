@@ -107,7 +107,7 @@ def reference_uniform(key: int, place: int) -> float:
     return (mixed(key ^ mixed((place + 1) * 0x9E3779B97F4A7C15 % 2**64)) >> 11) / 2**53
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(BITS, st.integers(0, 10**9))
 def test_uniform_is_the_same_in_any_arithmetic(compiled: SimpleNamespace, key: int, place: int) -> None:
     expected = reference_uniform(key, place)

@@ -13,6 +13,7 @@ from flexarm_agents import load_policy
 from flexarm_agents.board.cells import Store
 from flexarm_agents.load import POLICIES
 from flexarm_env.laps import LAPS
+from scripts.learning.__main__ import STUDIES
 from scripts.shipped import board, tables
 from scripts.shipped.agents import AGENTS
 
@@ -34,7 +35,8 @@ def cards() -> dict[str, dict[str, Any]]:
 
 def test_every_table_is_on_the_page() -> None:
     shipped = {"agent_scores", "agent_seeds", "agent_costs", "agent_conditions", "student_conditions"}
-    assert set(committed()) == shipped | {"nominal_plant", "unknown_plant"}
+    compared = {"nominal_plant", "unknown_plant", *(name for study in STUDIES.values() for name in study.names)}
+    assert set(committed()) == shipped | compared
 
 
 def test_the_scores_are_what_laps_give() -> None:

@@ -9,7 +9,10 @@ import json
 import re
 import shutil
 from collections.abc import Callable, Iterator
+from functools import partial
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
+from threading import Thread
 from typing import Any
 from urllib.parse import unquote
 
@@ -35,8 +38,9 @@ PAGES = (
     "index.html",
     "docs/environments/square.html",
     "api/flexarm_env.html",
-    "404.html",
     "search.html",
+    "docs/tutorials/first_agent.html",
+    "docs/notebooks/control_engineers.html",
 )
 
 
@@ -143,10 +147,37 @@ def test_a_page_fits_and_its_pictures_are_there(browser: Browser, page: str, siz
     if page in WIDGET_PAGES:
         browser.until(f"document.querySelector('{WIDGET_PAGES[page]}') !== null")
     assert browser.run("return document.documentElement.scrollWidth") <= size[0]
-    if page != "404.html":  # its links begin where the site does
-        missing = "return [...document.images].filter(one => one.complete && !one.naturalWidth).map(one => one.src)"
-        assert browser.run(missing) == []
-    browser.complaints() if page == "404.html" else None
+    missing = "return [...document.images].filter(one => one.complete && !one.naturalWidth).map(one => one.src)"
+    assert browser.run(missing) == []
+
+
+def test_a_wrong_address_has_a_page_of_the_site(browser: Browser) -> None:
+    """Its links begin where the site does, so that a server must answer."""
+
+    class Server(SimpleHTTPRequestHandler):
+        def send_error(self, code: int, message: str | None = None, explain: str | None = None) -> None:
+            self.send_response(200)
+            self.end_headers()
+            self.wfile.write((browser.folder / "404.html").read_bytes())
+
+        def log_message(self, format: str, *values: Any) -> None:
+            pass
+
+    with ThreadingHTTPServer(("127.0.0.1", 0), partial(Server, directory=str(browser.folder))) as server:
+        thread = Thread(target=server.serve_forever)
+        thread.start()
+        try:
+            browser.driver.get(f"http://127.0.0.1:{server.server_port}/docs/no/such_page.html")
+            assert "Page not found" in browser.run("return document.body.textContent")
+            assert browser.run("return getComputedStyle(document.querySelector('.sidebar-drawer')).display") == "flex"
+        finally:
+            server.shutdown()
+            thread.join()
+
+
+def test_the_reference_takes_no_sentence_for_a_type(built: Path) -> None:
+    pages = {path.name: path.read_text(encoding="utf-8") for path in (built / "api").glob("*.html")}
+    assert [name for name, text in pages.items() if "Return type" in text] == []
 
 
 # --- the leaderboard ------------------------------------------------------------------------------------------------

@@ -126,7 +126,7 @@ def options_of_any_kind(draw: st.DrawFn) -> dict[str, Any]:
     return with_effect(options | {"action_mode": mode})
 
 
-@settings(max_examples=25, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=25, suppress_health_check=list(HealthCheck))
 @given(options_of_any_kind(), st.sampled_from(POLICIES), st.integers(0, 2**32 - 1))
 def test_no_options_leave_the_bounds(options: dict[str, Any], policy: str, seed: int) -> None:
     with pytest.MonkeyPatch.context() as patch:
@@ -135,7 +135,7 @@ def test_no_options_leave_the_bounds(options: dict[str, Any], policy: str, seed:
 
 
 @pytest.mark.slow
-@settings(max_examples=100, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=100, suppress_health_check=list(HealthCheck))
 @given(options_of_any_kind(), st.sampled_from(POLICIES), st.integers(0, 2**32 - 1))
 def test_no_options_leave_the_bounds_for_long(options: dict[str, Any], policy: str, seed: int) -> None:
     play(make(max_episode_steps=50, **options), policy, 60, seed)

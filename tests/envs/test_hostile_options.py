@@ -33,8 +33,8 @@ def taken(options: dict[str, Any]) -> Settings | None:
         assert time.perf_counter() - began < LONGEST
 
 
-FAST = settings(max_examples=60, deadline=None, suppress_health_check=list(HealthCheck))
-THOROUGH = settings(max_examples=1500, deadline=None, suppress_health_check=list(HealthCheck))
+FAST = settings(max_examples=60, suppress_health_check=list(HealthCheck))
+THOROUGH = settings(max_examples=1500, suppress_health_check=list(HealthCheck))
 
 
 @FAST

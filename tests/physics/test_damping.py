@@ -53,7 +53,7 @@ def test_the_linear_arms_clamped_modes_are_damped_by_one_percent() -> None:
     assert clamped_ratio(linear) == pytest.approx(0.01, rel=1e-12)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(arms())
 def test_unit_damping_follows_its_scaling_laws(arm: ArmParameters) -> None:
     """A stiffness factor on both links scales the frequency by its root and leaves the shape alone."""

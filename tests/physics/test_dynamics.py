@@ -80,7 +80,7 @@ def test_angular_momentum_is_the_masses_moment_of_momentum(pair: tuple[FlexibleA
 # --- the mass matrix --------------------------------------------------------------------------------------------------
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(parameters=arms(), seed=st.integers(0, 2**32 - 1))
 def test_mass_matrix_is_symmetric_and_positive_definite(parameters: ArmParameters, seed: int) -> None:
     arm = FlexibleArm(parameters)
@@ -93,7 +93,7 @@ def test_mass_matrix_is_symmetric_and_positive_definite(parameters: ArmParameter
     assert np.linalg.eigvalsh(scale[:, None] * matrix * scale).min() > 1e-8
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(parameters=arms(), seed=st.integers(0, 2**32 - 1))
 def test_energies_are_positive_and_quadratic(parameters: ArmParameters, seed: int) -> None:
     arm = FlexibleArm(parameters)
@@ -105,7 +105,7 @@ def test_energies_are_positive_and_quadratic(parameters: ArmParameters, seed: in
     assert arm.energy(faster).kinetic == pytest.approx(4.0 * energy.kinetic, rel=1e-13)  # powers of two are exact
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(parameters=arms(), seed=st.integers(0, 2**32 - 1), turn=st.floats(-10.0, 10.0))
 def test_only_the_shoulders_frame_knows_theta1(parameters: ArmParameters, seed: int, turn: float) -> None:
     arm = FlexibleArm(parameters)
@@ -211,7 +211,7 @@ def test_energy_changes_by_torque_friction_and_damping_only(modes: int) -> None:
         assert gained == pytest.approx(-lost, abs=1e-8 * float(sum(arm.energy(state))))
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(parameters=arms(), seed=st.integers(0, 2**32 - 1))
 def test_straight_arm_at_rest_stays_at_rest(parameters: ArmParameters, seed: int) -> None:
     arm = FlexibleArm(parameters)

@@ -56,7 +56,7 @@ def test_numbers_come_back_from_their_flat_form() -> None:
     hubs=st.floats(0.0, 5.0),
     seed=st.integers(0, 1000),
 )
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 def test_elimination_solves_the_mass_matrix(
     modes: int, shapes: str, payload: float, tip: float, hubs: float, seed: int
 ) -> None:

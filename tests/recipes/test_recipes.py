@@ -100,3 +100,25 @@ def test_recipes_of_libraries_run(page: str, tmp_path: Path) -> None:
                 command, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=900, check=False
             )
             assert done.returncode == 0, f"{command}\n{done.stdout[-3000:]}\n{done.stderr[-3000:]}"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("algorithm", ["sac", "tqc", "ppo_lstm"])
+def test_the_zoo_reads_the_settings(algorithm: str, tmp_path: Path) -> None:
+    if not is_installed("rl_zoo3"):
+        pytest.skip("needs rl_zoo3, see docs/recipes/rl_zoo3.md")
+    file = ROOT / "agents" / "hyperparams" / f"{'recurrent_ppo' if algorithm == 'ppo_lstm' else algorithm}.yml"
+    command = [sys.executable, "-m", "rl_zoo3.train", "--algo", algorithm, "--env", "FlexArm/Square-v0"]
+    command += ["--gym-packages", "flexarm_env", "--conf-file", str(file), "--device", "cpu", "--eval-freq", "-1"]
+    command += ["-n", "64", "--hyperparams", "n_envs:2"]
+    done = subprocess.run(
+        command,
+        cwd=tmp_path,
+        env=os.environ | {"PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        timeout=900,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr[-3000:]
+    assert list(tmp_path.glob(f"logs/{algorithm}/*/FlexArm-Square-v0.zip"))

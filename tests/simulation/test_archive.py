@@ -90,7 +90,7 @@ DAMAGE = (
     st.lists(st.tuples(st.floats(0.0, 1.0), st.integers(1, 255)), max_size=4),
     st.just(1.0) | st.floats(0.0, 1.0),
 )
-QUIET = settings(max_examples=150, deadline=None, suppress_health_check=list(HealthCheck))
+QUIET = settings(max_examples=150, suppress_health_check=list(HealthCheck))
 
 
 @QUIET

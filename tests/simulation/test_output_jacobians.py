@@ -93,7 +93,7 @@ def parts(numbers: Any) -> list[Any]:
     return [x for group in features(known) for x in group]
 
 
-@settings(deadline=None, max_examples=50)
+@settings(max_examples=50)
 @given(seed=st.integers(0, 10_000))
 def test_features_have_derivatives(seed: int) -> None:
     point, h = np.random.default_rng(seed).uniform(-1.0, 1.0, 19), 1e-6

@@ -144,7 +144,7 @@ def test_another_arm_is_the_arm_with_other_parameters() -> None:
     np.testing.assert_allclose(found, other.step(states, torque), rtol=1e-10)
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(seed=st.integers(0, 10_000), turn=st.floats(-3.0, 3.0))
 def test_symmetries(small: Case, seed: int, turn: float) -> None:
     """The arm has no preferred direction, and its mirror image moves as it does."""
@@ -159,7 +159,7 @@ def test_symmetries(small: Case, seed: int, turn: float) -> None:
     np.testing.assert_array_equal(found.by_quantity[2], -found.by_quantity[0])
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(seed=st.integers(0, 10_000))
 def test_two_periods_are_one_by_the_chain_rule(small: Case, seed: int) -> None:
     states = np.array([random_state(small.arm.parameters, seed + n) for n in range(2)])

@@ -43,7 +43,7 @@ def test_fastest_rate_holds_for_the_bent_arm(modes: int) -> None:
         assert np.abs(np.linalg.eigvals(matrix)).max() < 1.1 * arm.fastest_rate()
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(parameters=arms(), theta2=st.floats(-np.pi, np.pi))
 def test_fastest_rate_holds_at_any_elbow_angle(parameters: ArmParameters, theta2: float) -> None:
     arm = FlexibleArm(parameters)

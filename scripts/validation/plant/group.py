@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from flexarm_env.laps import LAPS
 from scripts.common.markdown import table
 from scripts.validation.checks import Check, Findings, Settings
 from scripts.validation.plant import study
@@ -21,12 +20,9 @@ def run(settings: Settings) -> Findings:
     quick = settings.quick
     seconds = 0.5 if quick else 16.0
     rows, arrays = study.under_control(seconds, settings.progress)
-    others = study.OTHERS[:1] if quick else study.OTHERS
     laws = dict.fromkeys(study.LAW_SECONDS, 0.5) if quick else study.LAW_SECONDS
     records: dict[str, Any] = {
         "control": rows,
-        "others": study.under_others(others, seconds, settings.progress),
-        "start": study.at_the_start(seconds, settings.progress),
         "laws": study.under_the_laws(laws, settings.progress),
         "damping": study.damping((5, 10) if quick else (5, 10, 20), seconds, settings.progress),
     }
@@ -80,7 +76,7 @@ def _row(rows: list[dict[str, Any]], **wanted: str) -> dict[str, Any]:
 def _quoted(records: dict[str, Any]) -> dict[str, float]:
     """Return what the docs quote, lengths in mm."""
     quoted = {}
-    for row in [*records["control"], *records["others"]]:
+    for row in records["control"]:
         which = f"{row['lap']}, {row['controller']}, {row['plant']}"
         for name in ("rms", "maximum", "after_2s", "score", "score_after_2s"):
             if name in row:
@@ -88,9 +84,6 @@ def _quoted(records: dict[str, Any]) -> dict[str, float]:
         quoted[f"{which}, torque change"] = row["torque_change"]
         if "ahead" in row:
             quoted[f"{which}, ahead median"] = 1e3 * row["ahead"]["median"]
-    for row in records["start"]:
-        quoted[f"{row['lap']}, start, {row['plant']}, share {row['share']:g}, rms"] = 1e3 * row["rms"]
-        quoted[f"{row['lap']}, start, share {row['share']:g}, bend"] = row["bend"]
     for row in records["laws"]:
         quoted |= {f"{row['law']}, {row['plant']}, {name}": 1e3 * row[name] for name in ("rms", "maximum")}
     for row in records["damping"]:
@@ -106,8 +99,6 @@ def tables(findings: Findings) -> dict[str, str]:
     """Return the tables of docs/plant.md."""
     return {
         "plant_control": _control_table(findings.records),
-        "plant_others": _others_table(findings.records),
-        "plant_start": _start_table(findings.records),
         "plant_laws": _laws_table(findings.records),
         "plant_damping": _damping_table(findings.records),
     }
@@ -135,45 +126,6 @@ def _control_table(records: Mapping[str, Any]) -> str:
         change = f"{row['torque_change']:.3g}"
         rows.append([row["lap"], row["controller"], row["plant"], away, ahead, score, change])
     return table(header, rows)
-
-
-def _others_table(records: Mapping[str, Any]) -> str:
-    """Return a row for each controller and lap, those nearest to the chain first."""
-    header = (
-        "lap",
-        "controller",
-        "default arm from the chain [mm]: r.m.s. / after 2 s / largest",
-        "4 polynomials from the chain [mm]",
-        "score on the chain [mm]: lap / after 2 s",
-        "on the default arm [mm]",
-        "torque change on the chain, on the default arm [N m]",
-    )
-    every = [*records["control"], *records["others"]]
-    rows = []
-    nearest = sorted((row for row in every if row["plant"] == DEFAULT), key=lambda row: row["rms"])
-    for lap in LAPS:
-        for own in (row for row in nearest if row["lap"] == lap):
-            finer, chain = (
-                _row(every, lap=lap, controller=own["controller"], plant=plant)
-                for plant in (study.MODELS[-1].label, f"chain, {study.ELEMENTS[-1]} elements")
-            )
-            aways = [" / ".join(_mm(row[name]) for name in ("rms", "after_2s", "maximum")) for row in (own, finer)]
-            scores = [f"{1e3 * row['score']:.1f} / {1e3 * row['score_after_2s']:.1f}" for row in (chain, own)]
-            rows.append(
-                [lap, own["controller"], *aways, *scores, f"{chain['torque_change']:.3g}, {own['torque_change']:.3g}"]
-            )
-    return table(header, rows)
-
-
-def _start_table(records: Mapping[str, Any]) -> str:
-    rows = []
-    plants = list(dict.fromkeys(row["plant"] for row in records["start"]))
-    for lap in LAPS:
-        for share in study.SHARES:
-            own = [row for row in records["start"] if row["lap"] == lap and row["share"] == share]
-            aways = [f"{_mm(row['rms'])} / {_mm(row['maximum'])}" for row in (_row(own, plant=name) for name in plants)]
-            rows.append([lap, f"{share:g}", f"{own[0]['bend']:.2f}", *aways])
-    return table(["lap", "share of the torques", "largest deflection [m]", *plants], rows)
 
 
 def _laws_table(records: Mapping[str, Any]) -> str:

@@ -19,10 +19,6 @@ from scripts.validation.plant.drivers import PERIODS, WEIGHTS, Controller, Hoste
 Array = NDArray[np.float64]
 STUDENT = "student of the unknown plant"
 AGENTS = {"PPO agent": "square", STUDENT: "student_unknown"}  # shipped policies, by their names in the tables
-# Every other controller of the board within 60 mm on the swing lap that reads sensors, by its name there.
-OTHERS = ("lqg", "lqg_gauges", "lqg_adaptive", "nmpc", "nmpc_adaptive", "student", "student_gauges")
-START = 0.5  # [s]; the torques of so long are also applied open loop, and parts of them
-SHARES = (1.0, 0.5, 0.25, 0.125)
 AHEAD, EVERY = 0.5, 0.25  # a prediction's length, and how often one starts [s]
 ELEMENTS = (10, 20)  # of the chains; their difference is the finer one's error, times three
 # From 8 s on, IFDC's undamped arm is through the straight pose, where millimetres decide which way the elbow goes.
@@ -74,78 +70,19 @@ def under_control(seconds: float, progress: Callable[[str], None]) -> tuple[list
                 models = [FlexibleArm(model.parameters) for model in MODELS] if elements == ELEMENTS[-1] else []
                 chains.append(run_lap(controller, on_corner(ArmParameters(), lap, elements), seconds, models))
             coarse, fine = chains
-            rows.append(_row(lap, name, f"chain, {ELEMENTS[0]} elements", coarse, fine))
-            rows.append(_row(lap, name, f"chain, {ELEMENTS[1]} elements", fine, fine))
+            rows.append(row_of(lap, name, f"chain, {ELEMENTS[0]} elements", coarse, fine))
+            rows.append(row_of(lap, name, f"chain, {ELEMENTS[1]} elements", fine, fine))
             arrays[f"{lap}, {name}, chain"] = fine.tip[::PERIODS]
             ahead = dict(zip(MODELS, fine.states, strict=True))
             for model in (*MODELS, FORMER):
                 progress(f"{lap} lap, {name}, {model.label}")
                 own = run_lap(controller, on_corner(model.parameters, lap), seconds)
-                row = _row(lap, name, model.label, own, fine)
+                row = row_of(lap, name, model.label, own, fine)
                 if model in ahead:
                     row["ahead"] = half_a_second_ahead(FlexibleArm(model.parameters), ahead[model], fine)
                 rows.append(row)
                 arrays[f"{lap}, {name}, {model.label}"] = own.tip[::PERIODS]
     return rows, arrays
-
-
-def under_others(names: Sequence[str], seconds: float, progress: Callable[[str], None]) -> list[dict[str, Any]]:
-    """Run further controllers on the finer chain and on the models that compete to be the default.
-
-    Args:
-        names: of them, in `OTHERS`.
-        seconds: length of a run [s].
-        progress: called with a word on what is done.
-    """
-    rows = []
-    for lap in LAPS:
-        for name in names:
-            progress(f"{lap} lap, {name}, chain and models")
-            controller = Hosted(name, lap)
-            fine = run_lap(controller, on_corner(ArmParameters(), lap, ELEMENTS[-1]), seconds)
-            rows.append(_row(lap, name, f"chain, {ELEMENTS[-1]} elements", fine, fine))
-            for model in MODELS[1:]:
-                own = run_lap(controller, on_corner(model.parameters, lap), seconds)
-                rows.append(_row(lap, name, model.label, own, fine))
-    return rows
-
-
-def at_the_start(seconds: float, progress: Callable[[str], None]) -> list[dict[str, Any]]:
-    """Apply shares of a lap's first torques to the chain and to models, open loop, from rest.
-
-    What the shapes cannot follow is linear in the torques, and its share stays as they become less; what the kinematics
-    leave out of the bent links' geometry goes faster than they do.
-
-    Args:
-        seconds: of the lap that are applied, `START` at most.
-        progress: called with a word on what is done.
-
-    Returns:
-        Rows of the table: distances from the finer chain over the share [m].
-    """
-    rows = []
-    models = {model.label: (model.parameters, None) for model in MODELS}
-    chains = {f"chain, {n} elements": (ArmParameters(), n) for n in (ELEMENTS[-1], 2 * ELEMENTS[-1])}
-    for lap in LAPS:
-        progress(f"{lap} lap, its start")
-        gentle = Regulator(ArmParameters(), lap, next(iter(WEIGHTS.values())))
-        torques = run_lap(gentle, on_corner(ArmParameters(), lap, ELEMENTS[-1]), min(seconds, START)).torque
-        for share in SHARES:
-            tips, bend = {}, 0.0
-            for label, (parameters, elements) in (chains | models).items():
-                plant = on_corner(parameters, lap, elements)
-                parts = []
-                for torque in torques:
-                    parts.append(plant.advance(share * torque, PERIODS))
-                    if elements == ELEMENTS[-1]:
-                        bend = max(bend, float(np.abs(plant.look().deflection).max()))
-                tips[label] = np.concatenate(parts)
-            truth, *others = tips
-            for label in others:
-                away = np.linalg.norm(tips[label] - tips[truth], axis=1) / share
-                row = {"lap": lap, "share": share, "plant": label, "bend": bend}
-                rows.append(row | {"rms": rms(away), "maximum": float(away.max())})
-    return rows
 
 
 def under_the_laws(seconds: Mapping[str, float], progress: Callable[[str], None]) -> list[dict[str, Any]]:
@@ -177,7 +114,8 @@ def damping(elements: Sequence[int], seconds: float, progress: Callable[[str], N
     return rows
 
 
-def _row(lap: str, controller: str, plant: str, own: Lap, truth: Lap) -> dict[str, Any]:
+def row_of(lap: str, controller: str, plant: str, own: Lap, truth: Lap) -> dict[str, Any]:
+    """Return a row of the tables: scores of a lap and, unless it is the truth itself, how far it is from that."""
     away = apart(own.tip, truth.tip) if own is not truth else {}
     return {"lap": lap, "controller": controller, "plant": plant, **away, **_scores(own)}
 

@@ -58,7 +58,7 @@ class Plant:
         return np.asarray(ARM.tip(state[:, : ARM.size]))
 
 
-@settings(max_examples=15, deadline=None)  # the first example loads kernels
+@settings(max_examples=15)
 @given(delay=st.one_of(st.sampled_from([0.0, 0.01, 0.03]), st.floats(1e-3, 0.08)))
 def test_without_noise_the_prediction_is_the_plant(delay: float) -> None:
     """Readings late by any fraction of a period leave nothing to correct, but for rounding."""

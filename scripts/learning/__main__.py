@@ -1,0 +1,92 @@
+"""Compare what learning gives: agents trained with several seeds each, beside classical laws and limits.
+
+Finished trainings are taken over, interrupted ones go on. Each study is a module of this folder with a `STUDY`, and a
+line in `STUDIES`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import tyro
+from tqdm import tqdm
+
+from flexarm_agents.executors import executor
+from flexarm_env.validation import choice, integer
+from scripts.common.command_line import run
+from scripts.common.curves import keep_curves
+from scripts.common.markdown import DOCS, filled
+from scripts.common.result_files import write_whole
+from scripts.common.trainings import trained_all
+from scripts.learning import modes, schedulers
+from scripts.learning.study import Study, by_agent, jobs_of
+
+STUDIES: dict[str, Study] = {"schedulers": schedulers.STUDY, "modes": modes.STUDY}
+PAGE = DOCS / "agents.md"
+
+
+@dataclass
+class Options:
+    """Compare what learning gives."""
+
+    only: tuple[str, ...] = tuple(STUDIES)
+    """Names of studies."""
+    seeds: int | None = None
+    """How many trainings of each agent, with the seeds from 0 on; without, as many as the study has."""
+    jobs: int = 1
+    """How many trainings run at once, on one core each."""
+    output: Path = Path("results/learning")
+    """Folder for the trainings and the tables."""
+    tables: bool = True
+    """Write the tables; without it, only train."""
+    docs: bool = False
+    """Bring docs/agents.md up to date."""
+
+
+def study_tables(name: str, options: Options) -> None:
+    """Train the agents of a study, and write its tables.
+
+    Raises:
+        OSError: if trainings failed; what the others made is kept.
+    """
+    study, folder = STUDIES[name], options.output / name
+    jobs = jobs_of(study, study.seeds if options.seeds is None else options.seeds, folder)
+    with tqdm(total=len(jobs), unit="training", desc=name) as bar:
+        found, failed = trained_all(jobs, executor("processes", options.jobs, options.output), bar.update)
+    if failed:
+        raise OSError("; ".join(failed))
+    if not options.tables:
+        return
+    agents = by_agent(found)
+    if options.docs:
+        keep_curves({f"{name}: {agent}": trainings for agent, trainings in agents.items()})
+    for table, text in study.tables(agents, folder).items():
+        write_whole(options.output / f"{table}.md", lambda path, text=text: path.write_text(text))  # type: ignore[misc]
+        print(f"\n{study.text}:\n\n{text}")
+
+
+def main() -> None:
+    """Command line.
+
+    Raises:
+        ValueError: for an unknown study, a bad number, or the page without tables.
+    """
+    options = tyro.cli(Options, prog="python -m scripts.learning")
+    integer("jobs", options.jobs, 1)
+    if options.seeds is not None:
+        integer("seeds", options.seeds, 1)
+    if options.docs and not options.tables:
+        raise ValueError("docs = True: the page shows the tables; must go with tables")
+    for name in options.only:
+        choice("only", name, tuple(STUDIES))
+    for name in options.only:
+        study_tables(name, options)
+    if options.docs:
+        names = [table for name in options.only for table in STUDIES[name].names]
+        PAGE.write_text(filled(PAGE.read_text(), options.output, names))
+        print(f"{PAGE}: tables up to date")
+
+
+if __name__ == "__main__":
+    run(main)

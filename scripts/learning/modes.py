@@ -1,0 +1,106 @@
+"""What learning adds to classical control: torques beside a joint-space law, or shifts of that law's reference."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexarm_agents import TrainingConfig
+from flexarm_agents.board.columns import Point
+from flexarm_agents.board.episodes import run_points
+from flexarm_agents.board.rows import Row
+from flexarm_agents.board.summary import merged
+from flexarm_env.envs.registration import UNKNOWN_PLANT
+from flexarm_env.laps import LAPS
+from scripts.common.markdown import table
+from scripts.learning.study import Found, Study
+
+RESIDUAL = "FlexArm/SquareResidual-v0"
+REFERENCE: dict[str, Any] = {"action_mode": "reference"}
+STEPS = 500_000
+# The unknown plant without the motors' delay, which is a whole number of periods where the reference is shifted.
+DRAWN = {
+    **UNKNOWN_PLANT,
+    "randomisation": {name: x for name, x in UNKNOWN_PLANT["randomisation"].items() if name != "actuation_delay"},
+}
+NOMINAL = Point("nominal")
+PARTS = tuple(Point(str(n), DRAWN, seeds=range(n, n + 16), paired=False) for n in range(0, 64, 16))
+TEXTS = {
+    "residual": f"torques added to it, learned (PPO, {STEPS:,} steps)",
+    "reference": f"shifts of its reference, learned (PPO, {STEPS:,} steps)",
+    "torque": "no law: torques, learned (PPO, shipped `square`)",
+}
+
+
+class LawAlone:
+    """The action 0: the joint-space law without a learner."""
+
+    batched: ClassVar[bool] = True
+
+    def predict(self, observation: Any) -> NDArray[np.float32]:
+        """Return zeros, for one observation or a batch."""
+        return np.zeros((*np.shape(observation)[:-1], 2), dtype=np.float32)
+
+
+def tables(found: Found, folder: Path) -> Mapping[str, str]:
+    """Write the table of this study: nominal laps and drawn plants, with mean and worst episode."""
+    drawn = f"{sum(len(part.episodes) for part in PARTS)} drawn plants"
+    head = ("action", "seeds", *(f"{lap} lap [m]" for lap in LAPS), f"{drawn}: lost", "mean [m]", "worst [m]")
+    return {"action_modes": table(head, _lines(found))}
+
+
+def _lines(found: Found) -> Iterator[tuple[str, ...]]:
+    yield _line("the joint-space law alone", [Row(f"{__name__}:{LawAlone.__name__}", "alone", RESIDUAL)])
+    for name in ("residual", "reference"):
+        yield _line(TEXTS[name], [Row(str(one.folder)) for one in found[name]])
+    yield _line(TEXTS["torque"], [Row("square")])
+
+
+def _line(text: str, rows: Sequence[Row]) -> tuple[str, ...]:
+    """Write a figure of each training in every cell."""
+    cells: list[list[str]] = []
+    for row in rows:
+        nominal = [_metres(_rms(one)) for one in _episodes(row, [NOMINAL])]
+        errors = [_rms(one) for one in _episodes(row, PARTS)]
+        whole = [error for error in errors if error is not None]
+        mean, worst = (float(np.mean(whole)), max(whole)) if whole else (None, None)
+        cells.append([*nominal, str(len(errors) - len(whole)), _metres(mean), _metres(worst)])
+    return (text, str(len(rows)), *(" / ".join(several) for several in zip(*cells, strict=True)))
+
+
+def _episodes(row: Row, points: Sequence[Point]) -> list[dict[str, Any]]:
+    """Return the episodes of a row at some points.
+
+    Raises:
+        ValueError: if the row cannot be run there.
+    """
+    whole = merged(run_points(row, points))
+    if whole is None or "not_applicable" in whole:
+        raise ValueError(f"row {row.name}: {whole}")
+    found: list[dict[str, Any]] = whole["episodes"]
+    return found
+
+
+def _rms(episode: Mapping[str, Any]) -> float | None:
+    """Return the error of a complete episode [m]; None for a lost one."""
+    return None if episode["figures"] is None else float(episode["figures"]["rms"])
+
+
+def _metres(error: float | None) -> str:
+    return "lost" if error is None else f"{error:.3f}"
+
+
+STUDY = Study(
+    "what learning adds to a joint-space law: r.m.s. error [m], of each seed",
+    {
+        "residual": TrainingConfig(environment=RESIDUAL, steps=STEPS),
+        "reference": TrainingConfig(options=REFERENCE, steps=STEPS),
+    },
+    1,
+    tables,
+    ("action_modes",),
+)

@@ -1,0 +1,140 @@
+"""`python -m scripts.learning`: schedules of gains, tables in their page, curves."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from flexarm_agents import Score, StandardScore, TrainingConfig
+from flexarm_agents.run_folder import write_json
+from scripts.common.curves import DATA, PICTURE, keep_curves
+from scripts.common.markdown import filled
+from scripts.common.spreads import spread_text
+from scripts.common.trainings import Training
+from scripts.learning import foresight
+from scripts.learning.__main__ import PAGE, STUDIES
+from scripts.learning.foresight import Schedule, kept_search, weights
+from scripts.learning.modes import LawAlone
+from scripts.learning.schedulers import PLANTS
+from scripts.learning.study import by_agent, jobs_of, lap_spread
+from tests.support.programs import refusal
+from tests.support.refusals import refuses
+
+
+def training(seed: int, rms: float | None, folder: Path = Path("somewhere")) -> Training:
+    ended = "truncated" if rms is not None else "error"
+    lap = Score(ended, 16.0, rms, rms, rms, rms, (1.0, 1.0), 0, (0.1, 0.1), (1.0, 1.0), 0.0)
+    config = TrainingConfig(seed=seed)
+    return Training(config, folder / f"seed-{seed}", {"steps": 1, **StandardScore(lap, lap).as_mapping()})
+
+
+def test_every_table_stands_in_its_page() -> None:
+    blocks = dict(re.findall(r"<!-- generated: (\w+) -->\n(.*?)<!-- end -->", PAGE.read_text(), re.DOTALL))
+    for study in STUDIES.values():
+        for name in study.names:
+            assert len(blocks[name].splitlines()) > 3
+
+
+def test_trainings_differ_in_seed_and_folder() -> None:
+    study = STUDIES["schedulers"]
+    jobs = jobs_of(study, 2, Path("here"))
+    assert [config.seed for config, _ in jobs] == [0, 0, 1, 1]  # a first figure of each agent comes early
+    assert jobs[3] == (replace(study.agents["paper"], seed=1), Path("here/paper/seed-1"))
+    found = [Training(config, folder, {}) for config, folder in jobs]
+    assert {name: [one.config.seed for one in own] for name, own in by_agent(found).items()} == {
+        "square": [0, 1],
+        "paper": [0, 1],
+    }
+
+
+def test_spreads() -> None:
+    three = [training(seed, rms) for seed, rms in enumerate((0.1, None, 0.3))]
+    assert spread_text(lap_spread(three, "swing", "rms")) == "0.300 / lost / lost"
+    assert spread_text(lap_spread(three[:1], "plain", "rms"), 1) == "0.1"
+
+
+def test_a_schedule_is_linear_between_its_knots() -> None:
+    np.testing.assert_allclose(weights(2, 4), [[0.75, 0.25, 0, 0], [0.25, 0.75, 0.75, 0.25], [0, 0, 0.25, 0.75]])
+    schedule, state, gains = Schedule((0.0, 1.0, 0.5), 4), None, []
+    for _ in range(4):
+        action, state = schedule.predict(np.zeros(3), state)
+        gains.append((action.item() + 1.0) / 2.0)
+    np.testing.assert_allclose(gains, [0.25, 0.75, 0.875, 0.625])
+
+
+def test_the_search_finds_what_is_best(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """On a plant whose error is the gain's distance from a line. The file keeps the schedule."""
+    wanted = np.linspace(0.2, 0.8, 30)
+
+    def errors(plant: Any, gains: np.ndarray, lap: str) -> np.ndarray:
+        return np.stack([gains - wanted, 0.0 * gains], axis=-1)
+
+    monkeypatch.setattr(foresight.Plant, "errors", errors)
+    monkeypatch.setattr(foresight.Plant, "periods", 30)
+    monkeypatch.setattr(foresight, "LEVELS", (2, 4))
+    plant = PLANTS["square"]
+    found = kept_search(plant, "swing", tmp_path / "search.json")
+    assert found.constant == 0.5
+    assert [len(one) for one in found.knots] == [3, 5]
+    np.testing.assert_allclose(Schedule(found.knots[-1], 30).actions[:, 0], 2.0 * wanted - 1.0, atol=1e-3)
+    assert kept_search(plant, "swing", tmp_path / "search.json") == found
+    with refuses(ValueError, "search.json: has the schedule of another"):
+        kept_search(plant, "plain", tmp_path / "search.json")
+
+
+def test_a_schedule_scores_the_same_in_batch_and_alone() -> None:
+    """The fit's errors are those of the standard score."""
+    plant = PLANTS["square"]
+    schedule = Schedule((0.5, 0.9, 0.6), plant.periods)
+    gains = (schedule.actions[:, 0].astype(float) + 1.0) / 2.0
+    several = foresight.rms(plant.errors(np.stack([gains, 0.0 * gains + 0.7]), "plain"))
+    alone = plant.score(schedule, "plain").rms
+    assert alone == pytest.approx(several[0], rel=1e-3)  # the score has the lap's first instant, too
+    assert several[0] != pytest.approx(several[1], rel=1e-2)
+
+
+def test_the_law_alone_adds_nothing() -> None:
+    assert LawAlone().predict(np.ones((5, 7))).shape == (5, 2)
+    assert not LawAlone().predict(np.ones(7)).any()
+
+
+def test_curves_are_kept(tmp_path: Path) -> None:
+    """Of all agents, those that were not trained now included; a lost lap has no error."""
+    laps = [training(0, rms).best | {"steps": 100 * n, "seconds": 1.0} for n, rms in enumerate((None, 0.2, 0.1), 1)]
+    for seed in range(2):
+        folder = tmp_path / "mine" / f"seed-{seed}"
+        folder.mkdir(parents=True)
+        write_json(folder / "evaluations.json", laps)
+    found = [training(seed, 0.1, tmp_path / "mine") for seed in range(2)]
+    keep_curves({"first": found}, tmp_path)
+    keep_curves({"second": found[:1]}, tmp_path)
+    data = json.loads((tmp_path / DATA).read_text())
+    assert list(data) == ["first", "second"]
+    assert data["first"][1] == {
+        "seed": 1,
+        "steps": [100, 200, 300],
+        "seconds": [1.0, 1.0, 1.0],
+        "swing": [None, 0.2, 0.1],
+        "plain": [None, 0.2, 0.1],
+    }
+    assert (tmp_path / PICTURE).stat().st_size > 10_000
+
+
+def test_studies_fill_their_own_blocks(tmp_path: Path) -> None:
+    page = "<!-- generated: mine -->\nold\n<!-- end -->\n<!-- generated: theirs -->\nold\n<!-- end -->\n"
+    (tmp_path / "mine.md").write_text("new\n")
+    assert filled(page, tmp_path, ["mine"]) == page.replace("old", "new", 1)
+    with pytest.raises(FileNotFoundError):
+        filled(page, tmp_path)
+
+
+def test_what_is_refused() -> None:
+    assert "only = 'none': must be one of 'schedulers'" in refusal("learning", "--only", "none")
+    assert "seeds = 0" in refusal("learning", "--seeds", 0)
+    assert "the page shows the tables" in refusal("learning", "--docs", "--no-tables")
