@@ -1,7 +1,7 @@
 """Make Minari data sets of controllers, of a trained agent and of random actions, with a sensor late by several delays.
 
 A data set holds episodes of one contender at one delay, which take turns with the two standard laps; the sensor's noise
-makes them differ. Its environment is made again by `recover_environment`.
+makes them differ. Minari makes its environment again from it.
 """
 
 from __future__ import annotations

@@ -126,4 +126,4 @@ def test_every_widget_has_its_place_and_its_files() -> None:
 
 def test_an_unknown_widget_is_refused() -> None:
     with pytest.raises(ValueError, match="'clock'; must be one of"):
-        with_widgets("<!-- site: clock -->\n<!-- site end -->", Path("docs/page.md"))
+        with_widgets("<!-- site: clock -->\n<!-- site end -->", Path("page"))
