@@ -25,6 +25,7 @@ from flexarm_baselines.task import Task
 from flexarm_env import FlexibleArm
 from flexarm_env.envs.registration import UNKNOWN_PLANT
 from flexarm_env.laps import LAPS
+from scripts.common.command_line import run
 from scripts.common.markdown import table
 from scripts.control.trials import Study, Trial, cell
 from scripts.control.unknown import Errors, UnknownScore, UnknownTrial
@@ -180,5 +181,11 @@ def rows(scores: dict[str, Any]) -> str:
 
 STUDY = Study("LQG that is designed for the worst cases, and fixed", trials, rows, "lqg.md")
 
-if __name__ == "__main__":
+
+def main() -> None:
+    """Search a design anew; it takes an hour or more."""
     print(search())
+
+
+if __name__ == "__main__":
+    run(main)

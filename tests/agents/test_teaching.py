@@ -239,7 +239,7 @@ def test_only_the_same_configuration_resumes(run: Path) -> None:
     [
         ({"arms": 3}, "arms = 3: must be even, half of them for each lap"),
         ({"lags": [2, 1]}, "lags = (2, 1): must increase"),
-        ({"lags": 3}, "lags = 3: must be a list of ages"),
+        ({"lags": 3}, "lags = 3: must be a list or a tuple"),
         ({"averaging": 1.5}, "averaging = 1.5"),
         ({"plants": [1, 3]}, "plants[0] = 1"),
         ({"rouns": 3}, "rounds"),

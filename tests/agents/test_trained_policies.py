@@ -146,7 +146,8 @@ def test_a_shipped_policy_is_the_median_of_its_trainings(name: str) -> None:
     ranks = sorted((rank([StandardScore.of(row)]), row["seed"]) for row in beside["trainings"])
     assert len(ranks) % 2 == 1
     assert ranks[len(ranks) // 2][1] == beside["config"]["seed"]
-    assert {"seed": beside["config"]["seed"], **beside["evaluation"]} in beside["trainings"]
+    of_policy = {"seed": beside["config"]["seed"], **beside["evaluation"]}
+    assert any(of_policy.items() <= training.items() for training in beside["trainings"])
 
 
 @pytest.mark.slow
