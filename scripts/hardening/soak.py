@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-import resource
+import mmap
 import sys
 import time
 from pathlib import Path
@@ -68,4 +68,4 @@ def resident() -> float:
         OSError: on a system without /proc.
     """
     pages = int(Path("/proc/self/statm").read_text().split()[1])
-    return pages * resource.getpagesize() / 1e6
+    return pages * mmap.PAGESIZE / 1e6

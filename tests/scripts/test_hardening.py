@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections import Counter
 from dataclasses import replace
 from pathlib import Path
@@ -60,6 +61,7 @@ def test_a_killed_task_loses_nothing(name: str, tmp_path: Path) -> None:
     assert kill_often(name, 1, 5, tmp_path / "killed")["kills"] == 1
 
 
+@pytest.mark.skipif(not hasattr(os, "killpg"), reason="needs groups of processes")
 @pytest.mark.parametrize(
     ("program", "words"),
     [("raise SystemExit(3)", "quick: ends with status 3"), ("import time; time.sleep(60)", "quick: takes longer than")],
