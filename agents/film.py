@@ -25,8 +25,25 @@ SUFFIXES = (".png", ".gif", ".mp4")
 MOST_FPS = 100  # [1/s]
 MOST_PICTURES = 100_000
 GIF_CLOCK = 100  # GIF files count time in hundredths of a second
+GIF_FPS = tuple(fps for fps in range(1, 51) if GIF_CLOCK % fps == 0)  # browsers slow down what is quicker
 SENSOR = "sensor_position"  # in a run's notes: distance of the sensor from the elbow [m]
 UNKNOWN = np.full(2, np.nan)  # a point that is not shown
+
+
+def checked_suffix(path: Path, fps: int) -> str:
+    """Return the suffix of a film's file, in lower case.
+
+    Args:
+        path: path of the file.
+        fps: pictures a second [1/s].
+
+    Raises:
+        ValueError: if it is none of `SUFFIXES`, or a .gif that cannot have this rate.
+    """
+    suffix = choice("output's suffix", path.suffix.lower(), SUFFIXES)
+    if suffix == ".gif" and fps not in GIF_FPS:
+        raise ValueError(f"fps = {fps}: must be one of {', '.join(map(str, GIF_FPS))} for a .gif file")
+    return suffix
 
 
 class Film:
@@ -112,9 +129,10 @@ class Film:
 
         Raises:
             ImportError: without what writes it, naming the extra.
-            ValueError: for another suffix, or a time beside a moving picture or outside of the run.
+            ValueError: for another suffix, a rate that a .gif cannot have, or a time beside a moving picture or outside
+                of the run.
         """
-        suffix = choice("suffix", path.suffix.lower(), SUFFIXES)
+        suffix = checked_suffix(path, self.fps)
         path.parent.mkdir(parents=True, exist_ok=True)
         if suffix == ".png":
             n = len(self.run) - 1 if time is None else self._instant(time)
@@ -149,8 +167,8 @@ class Film:
         with needs_extra("gif", "video"):
             from PIL import Image
         frames = [Image.fromarray(one).quantize(64, dither=Image.Dither.NONE) for one in self._pictures(tick)]
-        hundredths = max(2, round(GIF_CLOCK / self.fps))  # browsers slow down what is quicker
-        frames[0].save(path, save_all=True, append_images=frames[1:], duration=10 * hundredths, loop=0, optimize=True)
+        duration = 1000 // self.fps  # [ms]
+        frames[0].save(path, save_all=True, append_images=frames[1:], duration=duration, loop=0, optimize=True)
 
     def _write_mp4(self, path: Path, tick: Tick) -> None:
         with needs_extra("mp4", "video"):

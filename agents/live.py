@@ -107,11 +107,7 @@ class LiveArm:
         before, self.knobs = self.knobs, self._checked(self.knobs._replace(**changes))
         if self.ended is not None or self.knobs._replace(gain=before.gain) == before:
             return
-        state = self._info["state"]
-        if self.knobs.place != before.place:
-            self._env.close()
-            self._env = self._make()
-        self._begin({"state": state, "time": self.phase})
+        self._begin({"state": self._info["state"], "time": self.phase})
 
     def advance(self, periods: int) -> None:
         """Run for some control periods, or until the arm is lost.
@@ -144,6 +140,9 @@ class LiveArm:
         return FlexArmEnv(render_mode="rgb_array", **whole)
 
     def _begin(self, options: dict[str, Any]) -> None:
+        if self._env.settings.sensor_position != self.knobs.place:
+            self._env.close()
+            self._env = self._make()
         parameters = {"parameters": {"delay": self.knobs.delay}}
         _, self._info = self._env.reset(seed=0, options=options | parameters)
         self._note()

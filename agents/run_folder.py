@@ -132,15 +132,18 @@ class RunFolder:
 
 
 def put(path: Path, write: Callable[[Path], Any]) -> None:
-    """Have a file written beside its place and put it there when it is complete.
+    """Have a file written beside its place and put it there when it is complete; after an error nothing is left.
 
     Args:
         path: path of the file; it keeps its ending while it is written.
         write: writes to the path it is given.
     """
     aside = path.with_name(f"{_UNFINISHED}{path.name}")
-    write(aside)
-    os.replace(aside, path)
+    try:
+        write(aside)
+        os.replace(aside, path)
+    finally:
+        aside.unlink(missing_ok=True)
 
 
 def _is_unfinished(path: Path) -> bool:

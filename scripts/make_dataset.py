@@ -208,6 +208,9 @@ def check(options: Options) -> None:
     """
     _minari()
     integer("episodes", options.episodes, 1)
+    integer("seed", options.seed, 0)
+    if len(set(options.contenders)) < len(options.contenders):
+        raise ValueError(f"contenders = {options.contenders}: must differ, since they name the data sets")
     for name in options.contenders:
         choice("contender", name, (*controller_names(), *shipped_policies(), RANDOM))
     ids = [dataset_id("x", number("delay", delay, "s", least=0.0)) for delay in options.delays]

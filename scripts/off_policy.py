@@ -34,6 +34,7 @@ from scripts.common.result_files import write_json, write_whole
 HYPERPARAMS = DOCS.parent / "agents" / "hyperparams"
 MODULES = {"sac": "stable_baselines3", "tqc": "sb3_contrib"}
 PAGE, DATA, PICTURE = (DOCS / "recipes" / f"off_policy.{ending}" for ending in ("md", "json", "png"))
+MARKERS = (".", "x", "s", "^")  # one for each round of the colours
 EVALUATION_SEED = 1_000_003
 Settings = dict[str, Any]
 Curve = dict[str, Any]
@@ -155,13 +156,13 @@ def trained(options: Options) -> Curve:
     environment = check_id(options.environment)
     settings = settings_of(options.algorithm, environment)
     steps = int(settings["n_timesteps"]) if options.steps is None else integer("steps", options.steps, 1)
-    every = integer("evaluate_every", options.evaluate_every, 1)
-    curve: Curve = {"algorithm": options.algorithm, "environment": environment, "seed": options.seed, "steps": steps}
+    every, seed = integer("evaluate_every", options.evaluate_every, 1), integer("seed", options.seed, 0)
+    curve: Curve = {"algorithm": options.algorithm, "environment": environment, "seed": seed, "steps": steps}
     curve["settings"] = settings
-    path = options.output / f"{options.algorithm}-{environment.partition('/')[2]}-{options.seed}.json"
+    path = options.output / f"{options.algorithm}-{environment.partition('/')[2]}-{seed}.json"
     options.output.mkdir(parents=True, exist_ok=True)
     torch.set_num_threads(1)
-    model = model_of(options.algorithm, settings, environment, options.seed)
+    model = model_of(options.algorithm, settings, environment, seed)
     with tqdm(total=steps, unit=" steps", unit_scale=True) as bar:
         follow = Follow(environment, every, bar, lambda rows: write_json(path, curve | {"rows": rows}))
         model.learn(steps, follow)
@@ -213,16 +214,16 @@ def draw(curves: Sequence[Curve], path: Path) -> None:
     from scripts.common.plotting import COLOURS  # sets the look of all pictures
 
     figure, axes = plt.subplots(1, 2, figsize=(10.0, 3.8))
-    for colour, curve in zip(COLOURS, curves, strict=False):
+    for n, curve in enumerate(curves):
+        colour, marker = COLOURS[n % len(COLOURS)], MARKERS[n // len(COLOURS) % len(MARKERS)]
         rows, name = curve["rows"], curve["environment"].removeprefix("FlexArm/")
         label = f"{curve['algorithm'].upper()}, {name}, seed {curve['seed']}"
         steps = [row["steps"] for row in rows]
-        axes[0].plot(
-            steps, [np.nan if row["return"] is None else row["return"] for row in rows], color=colour, label=label
-        )
+        returns = [np.nan if row["return"] is None else row["return"] for row in rows]
+        axes[0].plot(steps, returns, color=colour, marker=marker, label=label)
         for lap, style in (("swing", "-"), ("plain", "--")):
             errors = [np.nan if row["laps"][lap]["rms"] is None else row["laps"][lap]["rms"] for row in rows]
-            axes[1].plot(steps, errors, style, color=colour, marker=".")
+            axes[1].plot(steps, errors, style, color=colour, marker=marker)
     axes[0].set(xlabel="environment steps", ylabel="mean return of training episodes")
     axes[1].set(xlabel="environment steps", ylabel="r.m.s. error, complete laps [m]", ylim=(0.0, None))
     axes[0].legend(fontsize=8)

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 from flexarm_agents.board.columns import COLUMNS
 from flexarm_agents.commands.arguments import reader
 from flexarm_agents.commands.score_table import Spreads, group_table, lap_table, spreads_of
-from flexarm_agents.commands.sources import POLICY, add_environment, from_source, is_model, is_training
+from flexarm_agents.commands.sources import POLICY, add_environment, check_environment, from_source
 from flexarm_agents.commands.sweep import sweep
 from flexarm_agents.constant import ConstantPolicy
 from flexarm_agents.contenders import (
@@ -124,10 +124,7 @@ def _read(arguments: Sequence[str]) -> argparse.Namespace:
     for group in ("baselines", "shipped"):
         if getattr(given, group) is None:
             setattr(given, group, not given.policy)
-    if given.stable_baselines3 is not None and not any(map(is_model, given.policies)):
-        parser.error("--stable-baselines3: there is no zip file among the policies")
-    if given.environment is not None and all(is_training(one) for one in given.policies):
-        parser.error("--environment: is for controllers, module:attribute and zip files; trainings have their own")
+    check_environment(parser, given, given.policies)
     return given
 
 

@@ -8,8 +8,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from flexarm_agents.commands.arguments import reader
-from flexarm_agents.commands.replay import add_film, play
-from flexarm_agents.commands.sources import POLICY, add_environment, from_source
+from flexarm_agents.commands.replay import add_film, check_film, play
+from flexarm_agents.commands.sources import POLICY, add_environment, check_environment, from_source
 from flexarm_agents.film import SENSOR
 from flexarm_env.laps import LAPS
 from flexarm_env.rollout import run_policy
@@ -35,6 +35,8 @@ def run(arguments: Sequence[str]) -> None:
     given = parser.parse_args(arguments)
     if given.save is not None and given.save.suffix != ".npz":
         parser.error(f"--save: must end in .npz, got {given.save}")
+    check_environment(parser, given, [given.policy])
+    check_film(given)
     played = episode(given)
     ended = played.notes["ended"]
     end = "complete" if ended == "truncated" else f"ended by {ended} at {played.time[-1]:.2f} s"

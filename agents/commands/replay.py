@@ -8,9 +8,8 @@ from pathlib import Path
 
 from flexarm_agents.commands.arguments import reader
 from flexarm_agents.commands.progress import Progress
-from flexarm_agents.film import SUFFIXES, Film
+from flexarm_agents.film import SUFFIXES, Film, checked_suffix
 from flexarm_env.simulation.trajectory import Trajectory
-from flexarm_env.validation import choice
 
 DESCRIPTION = """\
 Show a recorded run in a window, where space pauses and the right arrow goes on by one picture, or write it to a file. A
@@ -36,6 +35,18 @@ def add_film(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--time", type=float, metavar="S", help="moment that a .png shows [s]; the last one")
 
 
+def check_film(given: argparse.Namespace) -> None:
+    """Check arguments of `add_film`, as far as that needs no run.
+
+    Raises:
+        ValueError: for a bad one.
+    """
+    if given.output is not None:
+        checked_suffix(given.output, given.fps)
+    elif given.time is not None:
+        raise ValueError(f"time = {given.time:g} s: is for a .png file, see --output")
+
+
 def play(played: Trajectory, given: argparse.Namespace) -> None:
     """Show a run in a window, or write it.
 
@@ -46,13 +57,11 @@ def play(played: Trajectory, given: argparse.Namespace) -> None:
     Raises:
         ValueError: for a bad argument.
     """
+    check_film(given)
     film = Film(played, given.fps, given.speed, given.size)
     if given.output is None:
-        if given.time is not None:
-            raise ValueError(f"time = {given.time:g} s: is for a .png file, see --output")
         film.show()
         return
-    choice("output's suffix", given.output.suffix.lower(), SUFFIXES)
     with Progress(1 if given.output.suffix.lower() == ".png" else len(film), "pictures") as tick:
         film.write(given.output, given.time, tick)
     print(f"{given.output}: written")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 from pathlib import Path
 
 from flexarm_agents.commands.arguments import add_options
@@ -39,14 +40,28 @@ def add_environment(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--stable-baselines3", metavar="CLASS", help=MODELS)
 
 
-def is_model(source: str) -> bool:
+def check_environment(parser: argparse.ArgumentParser, given: argparse.Namespace, sources: Sequence[str]) -> None:
+    """End with wrong usage if an argument of `add_environment` is for none of the policies.
+
+    Args:
+        parser: reports it.
+        given: has the arguments.
+        sources: each one's POLICY.
+    """
+    if given.stable_baselines3 is not None and not any(map(_is_model, sources)):
+        parser.error("--stable-baselines3: there is no zip file among the policies")
+    if given.environment is not None and all(map(_is_training, sources)):
+        parser.error("--environment: is for controllers, module:attribute and zip files; trainings have their own")
+
+
+def _is_model(source: str) -> bool:
     """Return whether POLICY is a model of stable-baselines3."""
     return source.endswith(".zip") and Path(source).is_file()
 
 
-def is_training(source: str) -> bool:
+def _is_training(source: str) -> bool:
     """Return whether POLICY is a training, which has its own environment."""
-    return not (is_model(source) or _is_attribute(source) or source in controller_names())
+    return not (_is_model(source) or _is_attribute(source) or source in controller_names())
 
 
 def from_source(source: str, given: argparse.Namespace) -> Contender:
@@ -59,7 +74,7 @@ def from_source(source: str, given: argparse.Namespace) -> Contender:
     Raises:
         FileNotFoundError, ImportError, TypeError, ValueError: see `flexarm_agents.contenders`.
     """
-    if is_training(source):
+    if _is_training(source):
         return from_training(source, given.options, given.arm)
     environment = given.environment or ENVIRONMENT
     options = changed({}, given.options, given.arm)

@@ -18,7 +18,7 @@ from flexarm_agents.run_folder import RunFolder
 from flexarm_env.laps import LAPS
 from scripts.common.markdown import DOCS
 from scripts.common.plotting import COLOURS
-from scripts.common.result_files import write_json
+from scripts.common.result_files import write_json, write_whole
 from scripts.common.trainings import Training
 
 FOLDER = DOCS / "figures" / "agents"
@@ -67,7 +67,7 @@ def draw(curves: Curves, path: Path) -> None:
         axis.set(title=f"{lap} lap", yscale="log", xlabel="environment steps")
     axes[0].set_ylabel("r.m.s. error of the evaluation lap [m]")
     figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=4, fontsize=9)
-    figure.savefig(path)
+    write_whole(path, figure.savefig)
     plt.close(figure)
 
 
@@ -76,10 +76,6 @@ def _aligned(seeds: Sequence[Mapping[str, Any]], lap: str) -> tuple[np.ndarray, 
     count = min(len(seed["steps"]) for seed in seeds)
     errors = [[np.inf if error is None else error for error in seed[lap][:count]] for seed in seeds]
     return np.array(seeds[0]["steps"][:count], dtype=float), np.array(errors, dtype=float)
-
-
-def _range(errors: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    return errors.min(axis=0), errors.max(axis=0)
 
 
 def _rounded(error: float | None) -> float | None:

@@ -107,7 +107,8 @@ def soaked(steps: int, seed: int, jobs: int) -> list[dict[str, Any]]:
 
 
 def kept(path: Path, make: Callable[[], Any]) -> Any:
-    """Make results and keep them in a file."""
+    """Make results and keep them in a file, which is absent if they cannot be made: it never holds older ones."""
+    path.unlink(missing_ok=True)
     found = make()
     write_json(path, found)
     return found
@@ -133,7 +134,8 @@ def update_page(folder: Path) -> None:
         text = text if text.count("\n") != HEAD else NOTHING
         write_whole(folder / f"{name}.md", lambda aside, text=text: aside.write_text(text))  # type: ignore[misc]
     page = DOCS / PAGE
-    page.write_text(filled(page.read_text(), folder))
+    updated = filled(page.read_text(), folder)
+    write_whole(page, lambda aside: aside.write_text(updated))
     print(f"{page}: up to date")
 
 
@@ -149,6 +151,8 @@ def main() -> None:
         choice("parts", name, ALL)
     for name in ALL:
         integer(name, getattr(given, name), 1)
+    integer("seed", given.seed, 0)
+    integer("jobs", given.jobs, 1)
     given.output.mkdir(parents=True, exist_ok=True)
     faults: list[str] = []
     for name in (one for one in PARTS if one in given.parts):

@@ -167,35 +167,64 @@ def kill_often(name: str, count: int, seed: int, folder: Path) -> dict[str, Any]
     for one in (whole, killed):
         one.mkdir(parents=True)
     began = time.monotonic()
-    wanted = _finished(task, whole, _begin(task, whole).communicate(timeout=LONGEST)[0])
+    wanted = _finished(task, whole)
     takes = time.monotonic() - began
     kills = finished = held = 0
     while kills < count:
-        process = _begin(task, killed)
-        try:
-            printed = process.communicate(timeout=rng.uniform(LEAST, takes))[0]
-        except subprocess.TimeoutExpired:
-            os.killpg(process.pid, signal.SIGKILL)
-            process.communicate()
+        printed = _run(task, killed, rng.uniform(LEAST, takes))
+        if printed is None:
             kills += 1
             now = task.check(killed)
             assert now >= held, f"{name}: held {held}, holds {now} after {kills} kills"
             held = now
         else:  # quicker than the moment that was drawn
-            assert _finished(task, killed, printed) == wanted, f"{name}: another result after {kills} kills"
+            assert _result(task, killed, printed) == wanted, f"{name}: another result after {kills} kills"
             shutil.rmtree(killed)
             killed.mkdir()
             finished, held = finished + 1, 0
-    printed = _begin(task, killed).communicate(timeout=LONGEST)[0]
-    assert _finished(task, killed, printed) == wanted, f"{name}: another result after {kills} kills"
+    assert _finished(task, killed) == wanted, f"{name}: another result after {kills} kills"
     shutil.rmtree(folder)
     return {"kills": kills, "finished": finished + 1, "seconds": takes}
 
 
-def _finished(task: Task, folder: Path, printed: str) -> Any:
+def _finished(task: Task, folder: Path) -> Any:
+    """Run a task to its end, and return its result."""
+    printed = _run(task, folder, LONGEST)
+    assert printed is not None, f"{task.text}: takes longer than {LONGEST:g} s"
+    return _result(task, folder, printed)
+
+
+def _result(task: Task, folder: Path, printed: str) -> Any:
     """Check what a task has left, and return its result."""
     task.check(folder)
     return task.result(folder, printed)
+
+
+def _run(task: Task, folder: Path, longest: float) -> str | None:
+    """Run a task, and kill it with its workers if it takes longer, or if this process is interrupted.
+
+    Args:
+        task: what is run.
+        folder: its folder, begun or not.
+        longest: time that it has [s].
+
+    Returns:
+        What it printed; None if it was killed.
+
+    Raises:
+        AssertionError: if it fails by itself.
+    """
+    with _begin(task, folder) as process:
+        try:
+            printed = process.communicate(timeout=longest)[0]
+        except subprocess.TimeoutExpired:
+            return None
+        finally:
+            if process.returncode is None:
+                os.killpg(process.pid, signal.SIGKILL)
+                process.communicate()
+    assert process.returncode == 0, f"{task.text}: ends with status {process.returncode}"
+    return printed
 
 
 def _begin(task: Task, folder: Path) -> subprocess.Popen[str]:

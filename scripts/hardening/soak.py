@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import mmap
 import sys
 import time
 from pathlib import Path
@@ -67,4 +68,4 @@ def resident() -> float:
         OSError: on a system without /proc.
     """
     pages = int(Path("/proc/self/statm").read_text().split()[1])
-    return pages * 4096 / 1e6
+    return pages * mmap.PAGESIZE / 1e6

@@ -84,7 +84,8 @@ def main() -> None:
         study_tables(name, options)
     if options.docs:
         names = [table for name in options.only for table in STUDIES[name].names]
-        PAGE.write_text(filled(PAGE.read_text(), options.output, names))
+        page = filled(PAGE.read_text(), options.output, names)
+        write_whole(PAGE, lambda aside: aside.write_text(page))
         print(f"{PAGE}: tables up to date")
 
 

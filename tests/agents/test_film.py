@@ -169,6 +169,7 @@ def test_replay_writes_a_picture(run: Trajectory, tmp_path: Path, capsys: pytest
         (("--output", "x.png", "--time", "9"), "time = 9.0: must be a finite number"),
         (("--time", "1"), "time = 1 s: is for a .png file, see --output"),
         (("--fps", "0"), "fps = 0"),
+        (("--output", "x.gif", "--fps", "30"), "fps = 30: must be one of 1, 2, 4, 5, 10, 20, 25, 50 for a .gif file"),
     ],
 )
 def test_replay_refuses(
@@ -205,3 +206,27 @@ def test_render_refuses(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> N
     assert status("render", "nobody") == 1
     assert "source = 'nobody'" in capsys.readouterr().err
     assert status("render", "ifdc", "--save", tmp_path / "x.txt") == 2
+    assert status("render", "square", "--environment", "Square-v0") == 2
+    assert "--environment: is for controllers" in capsys.readouterr().err
+    assert status("render", "ifdc", "--stable-baselines3", "PPO") == 2
+    assert "--stable-baselines3: there is no zip file" in capsys.readouterr().err
+
+
+def test_render_refuses_a_file_before_the_episode(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("flexarm_agents.commands.render.episode", lambda given: pytest.fail("the episode was run"))
+    assert status("render", "ifdc", "--output", tmp_path / "x.avi") == 1
+    assert "output's suffix = '.avi'" in capsys.readouterr().err
+
+
+def test_what_is_interrupted_leaves_nothing(run: Trajectory, tmp_path: Path) -> None:
+    pytest.importorskip("pygame")
+    pytest.importorskip("moviepy")
+
+    def interrupt() -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        Film(run, 10, 1.0, PIXELS).write(tmp_path / "run.mp4", tick=interrupt)
+    assert list(tmp_path.iterdir()) == []

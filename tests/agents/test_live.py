@@ -72,10 +72,11 @@ def test_a_late_sensor_loses_the_arm_and_a_lap_begins_anew(live: LiveArm) -> Non
     live.turn(delay=MOST_DELAY)
     live.advance(1600)
     assert live.ended == "error"
-    live.turn(delay=0.0)  # waits for the next lap
+    live.turn(delay=0.0, place=2.0)  # waits for the next lap
     live.advance(10)
     assert live.ended == "error"
     live.restart()
+    assert live._env.settings.sensor_position == 2.0
     live.advance(10)
     assert live.ended is None
     assert live._env.episode.parameters["delay"] == 0.0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections import Counter
 from dataclasses import replace
 from pathlib import Path
@@ -11,11 +12,11 @@ from typing import Any
 import pytest
 from hypothesis import strategies as st
 
-from scripts.hardening import calls, files
-from scripts.hardening.__main__ import PARTS, fuzz, soaked
+from scripts.hardening import calls, files, kills
+from scripts.hardening.__main__ import PARTS, fuzz, kept, soaked
 from scripts.hardening.campaign import Part, Tally, run_block, run_part
 from scripts.hardening.files import Damage, damaged
-from scripts.hardening.kills import TASKS, kill_often
+from scripts.hardening.kills import TASKS, Task, kill_often
 from scripts.hardening.page import fuzzing_table, kills_table, soak_table
 from scripts.hardening.strategies import Contrary
 from scripts.hardening.values import construct
@@ -58,6 +59,32 @@ def test_a_soak_has_the_same_bits_twice() -> None:
 @pytest.mark.parametrize("name", TASKS)
 def test_a_killed_task_loses_nothing(name: str, tmp_path: Path) -> None:
     assert kill_often(name, 1, 5, tmp_path / "killed")["kills"] == 1
+
+
+@pytest.mark.skipif(not hasattr(os, "killpg"), reason="needs groups of processes")
+@pytest.mark.parametrize(
+    ("program", "words"),
+    [("raise SystemExit(3)", "quick: ends with status 3"), ("import time; time.sleep(60)", "quick: takes longer than")],
+)
+def test_a_task_that_does_not_come_to_its_end_is_a_fault(
+    program: str, words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Without this, a task that always fails would agree with itself."""
+    task = Task("quick", lambda folder: ["-c", program], lambda folder: 0, lambda folder, printed: printed)
+    monkeypatch.setitem(TASKS, "quick", task)
+    monkeypatch.setattr(kills, "LONGEST", 1.0 if "sleep" in program else 60.0)
+    with pytest.raises(AssertionError, match=words):
+        kill_often("quick", 1, 5, tmp_path / "killed")
+
+
+def test_results_of_an_earlier_run_are_not_those_of_one_that_fails(tmp_path: Path) -> None:
+    def fail() -> None:
+        raise AssertionError("lost")
+
+    kept(tmp_path / "kills.json", lambda: [1])
+    with pytest.raises(AssertionError, match="lost"):
+        kept(tmp_path / "kills.json", fail)
+    assert not (tmp_path / "kills.json").exists()
 
 
 # --- faults that it found -----------------------------------------------------------------------------------------
@@ -187,3 +214,4 @@ def test_tables() -> None:
 def test_bad_arguments_are_refused() -> None:
     assert "parts = 'x': must be one of 'options', 'values'" in refusal("hardening", "--parts", "x")
     assert "kills = 0: must be an integer >= 1" in refusal("hardening", "--kills", "0")
+    assert "jobs = 0: must be an integer >= 1" in refusal("hardening", "--parts", "soak", "--jobs", "0")

@@ -33,6 +33,8 @@ def test_a_controller_acts_in_its_own_environment() -> None:
     ("changes", "message"),
     [
         ({"episodes": 0}, "episodes = 0"),
+        ({"seed": -1}, "seed = -1"),
+        ({"contenders": ("lqg", "lqg")}, "contenders = .*: must differ"),
         ({"contenders": ("lgq",)}, "contender = 'lgq'"),
         ({"delays": (0.0312, 0.0313)}, "must differ by a millisecond"),
         ({"delays": (-0.1,)}, r"delay = -0\.1"),
