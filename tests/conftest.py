@@ -1,7 +1,8 @@
 """Settings of the processes that run the tests, and of those that the tests start; with which kernels tests run."""
 
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
 from typing import Any
 
 import pytest
@@ -19,6 +20,23 @@ settings.register_profile("no deadline", deadline=None)
 settings.load_profile("no deadline")
 
 
+def _with_room() -> Callable[[Callable[[], None]], None]:
+    """Make a function that makes a call from a frame of 512 KiB.
+
+    CPython 3.11 keeps frames in chunks of 16 KiB. Where a kernel in plain Python happens to call from the end of a chunk,
+    each of its calls maps and unmaps the next one, which can take most of a test's time. The frame gets a chunk of its
+    own of twice its size, whose rest has room for all that a test calls.
+    """
+    found: dict[str, Any] = {}
+    names = " = ".join(f"x{n}" for n in range(1 << 16))
+    exec(f"def call(function):\n    return function()\n    {names} = None", found)  # noqa: S102 (no source file can have so long a line)
+    made: Callable[[Callable[[], None]], None] = found["call"]
+    return made
+
+
+_call_with_room = _with_room()
+
+
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_protocol(item: pytest.Item) -> Iterator[Any]:
     """Compile only kernels that tests share, for a test and the fixtures that it makes; see `support.plain`."""
@@ -27,6 +45,7 @@ def pytest_runtest_protocol(item: pytest.Item) -> Iterator[Any]:
     with pytest.MonkeyPatch.context() as patch:
         if not any(item.iter_markers("slow")) and not any(item.iter_markers("compiled")):
             compile_what_is_shared(patch)
+        patch.setattr(item, "runtest", partial(_call_with_room, item.runtest))
         return (yield)
 
 

@@ -123,7 +123,7 @@ def _arm(parameters: ArmParameters) -> Counter[str]:
 PART = Part(
     "parameters of arm, sensor, law and square; configurations of trainings; parameters of controllers and filters; "
     "fields of plans, tracking problems and policies: one to three of them allowed, at an edge, or garbage",
-    "set of fields",
+    "field set",
     drawn,
     construct,
     limit=120.0,
