@@ -23,13 +23,13 @@ settings.load_profile("no deadline")
 def _with_room() -> Callable[[Callable[[], None]], None]:
     """Make a function that makes a call from a frame of 512 KiB.
 
-    CPython 3.11 keeps frames in chunks of 16 KiB. Where a kernel in plain Python happens to call from the end of a chunk,
-    each of its calls maps and unmaps the next one, which can take most of a test's time. The frame gets a chunk of its
-    own of twice its size, whose rest has room for all that a test calls.
+    CPython 3.11 keeps frames in chunks of 16 KiB. Where a kernel in plain Python happens to call from the end of
+    a chunk, each of its calls maps and unmaps the next one, which can take most of a test's time. The frame gets a
+    chunk of its own of twice its size, whose rest has room for all that a test calls.
     """
     found: dict[str, Any] = {}
     names = " = ".join(f"x{n}" for n in range(1 << 16))
-    exec(f"def call(function):\n    return function()\n    {names} = None", found)  # noqa: S102 (no source file can have so long a line)
+    exec(f"def call(function):\n    return function()\n    {names} = None", found)
     made: Callable[[Callable[[], None]], None] = found["call"]
     return made
 
