@@ -25,11 +25,12 @@ from tqdm import tqdm
 
 from flexarm_agents import FlexArmVecEnv, evaluate
 from flexarm_agents.environments import check_id, make_one
+from flexarm_agents.run_folder import put
 from flexarm_env.extras import needs_extra
 from flexarm_env.validation import choice, integer
 from scripts.common.command_line import run
 from scripts.common.markdown import DOCS, filled, table
-from scripts.common.result_files import write_json, write_whole
+from scripts.common.result_files import write_json
 
 HYPERPARAMS = DOCS.parent / "agents" / "hyperparams"
 MODULES = {"sac": "stable_baselines3", "tqc": "sb3_contrib"}
@@ -228,7 +229,7 @@ def draw(curves: Sequence[Curve], path: Path) -> None:
     axes[1].set(xlabel="environment steps", ylabel="r.m.s. error, complete laps [m]", ylim=(0.0, None))
     axes[0].legend(fontsize=8)
     axes[1].set_title("swing lap: solid, plain lap: dashed", fontsize=9)
-    write_whole(path, figure.savefig)
+    put(path, figure.savefig)
     plt.close(figure)
 
 
@@ -241,9 +242,9 @@ def write_docs(curves: Sequence[Curve], folder: Path) -> None:
     """
     write_json(DATA, {"curves": list(curves)}, levels=3)
     draw(curves, PICTURE)
-    write_whole(folder / "off_policy.md", lambda aside: aside.write_text(table(HEAD, rows_of(curves))))
+    put(folder / "off_policy.md", lambda aside: aside.write_text(table(HEAD, rows_of(curves))))
     page = filled(PAGE.read_text(encoding="utf-8"), folder)
-    write_whole(PAGE, lambda aside: aside.write_text(page, encoding="utf-8"))
+    put(PAGE, lambda aside: aside.write_text(page, encoding="utf-8"))
 
 
 def main() -> None:

@@ -22,10 +22,11 @@ from tqdm import tqdm
 from flexarm_agents import Spread, StandardScore, TrainingConfig
 from flexarm_agents.commands.arguments import json_object
 from flexarm_agents.executors import executor
+from flexarm_agents.run_folder import put
 from flexarm_env.laps import LAPS
 from flexarm_env.validation import known_names, mapping, shown
 from scripts.common.markdown import table
-from scripts.common.result_files import write_json, write_whole
+from scripts.common.result_files import write_json
 from scripts.common.trainings import Job, Training, trained_all
 
 Setting = dict[str, Any]
@@ -136,7 +137,7 @@ def main() -> None:
     rows = summary(settings, options.config, found)
     write_json(options.output / "trainings.json", {"settings": rows})
     text = summary_table(rows)
-    write_whole(options.output / "trainings.md", lambda aside: aside.write_text(text))
+    put(options.output / "trainings.md", lambda aside: aside.write_text(text))
     print(text, end="")
     if failed:
         print(*failed, sep="\n", file=sys.stderr)

@@ -1,11 +1,12 @@
 """Settings of the processes that run the tests, and of those that the tests start; with which kernels tests run."""
 
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from functools import partial
 from typing import Any
 
 import pytest
+from _pytest.runner import runtestprotocol
 from hypothesis import settings
 
 # One thread for linear algebra: matrices here have a few hundred rows at most, and threads that wait for each other in
@@ -20,7 +21,7 @@ settings.register_profile("no deadline", deadline=None)
 settings.load_profile("no deadline")
 
 
-def _with_room() -> Callable[[Callable[[], None]], None]:
+def _with_room() -> Callable[[Callable[[], object]], object]:
     """Make a function that makes a call from a frame of 512 KiB.
 
     CPython 3.11 keeps frames in chunks of 16 KiB. Where a kernel in plain Python happens to call from the end of
@@ -30,23 +31,25 @@ def _with_room() -> Callable[[Callable[[], None]], None]:
     found: dict[str, Any] = {}
     names = " = ".join(f"x{n}" for n in range(1 << 16))
     exec(f"def call(function):\n    return function()\n    {names} = None", found)
-    made: Callable[[Callable[[], None]], None] = found["call"]
+    made: Callable[[Callable[[], object]], object] = found["call"]
     return made
 
 
 _call_with_room = _with_room()
 
 
-@pytest.hookimpl(wrapper=True)
-def pytest_runtest_protocol(item: pytest.Item) -> Iterator[Any]:
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> bool:
     """Compile only kernels that tests share, for a test and the fixtures that it makes; see `support.plain`."""
     from tests.support.plain import compile_what_is_shared  # after the variables above are set
 
+    item.ihook.pytest_runtest_logstart(nodeid=item.nodeid, location=item.location)
     with pytest.MonkeyPatch.context() as patch:
         if not any(item.iter_markers("slow")) and not any(item.iter_markers("compiled")):
             compile_what_is_shared(patch)
-        patch.setattr(item, "runtest", partial(_call_with_room, item.runtest))
-        return (yield)
+        _call_with_room(partial(runtestprotocol, item, nextitem=nextitem))
+    item.ihook.pytest_runtest_logfinish(nodeid=item.nodeid, location=item.location)
+    return True
 
 
 @pytest.fixture

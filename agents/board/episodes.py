@@ -48,6 +48,15 @@ class _Call(NamedTuple):
     predict: Predictor
     single: bool
 
+    def choose(
+        self, observations: NDArray[np.float32], matrix: Array | None, memory: Any, start: NDArray[np.bool_]
+    ) -> tuple[Any, Any]:
+        """Choose the episodes' actions from the whole batch's observations; see `Predictor` and `observation_map`."""
+        own = observations[self.lanes].copy()
+        if matrix is not None:  # of these alone: a product's rounding errors may depend on how many it has
+            own = (own @ matrix.T).astype(np.float32)
+        return self.predict(own[0] if self.single else own, memory, start[self.lanes])
+
 
 def run_points(row: Row, points: Sequence[Point]) -> list[dict[str, Any]]:
     """Run a row at some points.
@@ -205,10 +214,8 @@ def _run(
             record[name][k] = infos[name]
         for n, call in enumerate(calls):
             if alive[call.lanes].any():
-                seen = observation[call.lanes] if matrix is None else _converted(observation[call.lanes], matrix)
-                seen = seen[0] if call.single else seen.copy()
                 try:
-                    action[call.lanes], memories[n] = call.predict(seen, memories[n], start[call.lanes])
+                    action[call.lanes], memories[n] = call.choose(observation, matrix, memories[n], start)
                 except (ArithmeticError, ValueError, np.linalg.LinAlgError):
                     if k == 0:  # a policy that does not work at all
                         raise
@@ -247,10 +254,6 @@ def _result(view: SimulatorView, episode: Episode, ended: str, known: Mapping[st
         "duration": float(known["time"][-1]),
         "figures": _figures(view, known) if ended == COMPLETE else None,
     }
-
-
-def _converted(observation: Any, matrix: Array) -> NDArray[np.float32]:
-    return np.asarray((observation @ matrix.T).astype(np.float32))
 
 
 def _drawn(view: SimulatorView, count: int) -> list[dict[str, float]] | None:

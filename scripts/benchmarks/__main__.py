@@ -20,6 +20,7 @@ import llvmlite.binding
 import tyro
 from tqdm import tqdm
 
+from flexarm_agents.run_folder import put
 from flexarm_env.parameters import MAX_MODES
 from scripts.benchmarks import derivatives, environments, family, lap, peers, physics
 from scripts.benchmarks.timing import Group, measure
@@ -154,9 +155,7 @@ def _number(value: float) -> str:
 def write(results: dict[str, Any], path: Path) -> None:
     """Write strict JSON; the file is complete or absent."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    aside = path.with_name(f".{path.name}.tmp")
-    aside.write_text(json.dumps(results, indent=1, allow_nan=False) + "\n")
-    os.replace(aside, path)
+    put(path, lambda aside: aside.write_text(json.dumps(results, indent=1, allow_nan=False) + "\n"))
 
 
 def main() -> None:

@@ -14,11 +14,11 @@ import numpy as np
 from matplotlib import pyplot as plt
 
 from flexarm_agents import StandardScore
-from flexarm_agents.run_folder import RunFolder
+from flexarm_agents.run_folder import RunFolder, put
 from flexarm_env.laps import LAPS
 from scripts.common.markdown import DOCS
 from scripts.common.plotting import COLOURS
-from scripts.common.result_files import write_json, write_whole
+from scripts.common.result_files import write_json
 from scripts.common.trainings import Training
 
 FOLDER = DOCS / "figures" / "agents"
@@ -67,7 +67,7 @@ def draw(curves: Curves, path: Path) -> None:
         axis.set(title=f"{lap} lap", yscale="log", xlabel="environment steps")
     axes[0].set_ylabel("r.m.s. error of the evaluation lap [m]")
     figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=4, fontsize=9)
-    write_whole(path, figure.savefig)
+    put(path, figure.savefig)
     plt.close(figure)
 
 

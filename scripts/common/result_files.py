@@ -7,14 +7,14 @@ import os
 import re
 import shutil
 import tempfile
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from flexarm_agents.run_folder import json_text
+from flexarm_agents.run_folder import json_text, put
 
 try:
     import fcntl
@@ -33,22 +33,7 @@ def write_json(path: Path, data: Any, levels: int | None = None) -> None:
         levels: levels of nesting whose items have lines of their own; None: all.
     """
     text = json_text(_plain(data), levels)
-    write_whole(path, lambda aside: aside.write_text(text))
-
-
-def write_whole(path: Path, write: Callable[[Path], Any]) -> None:
-    """Write a file so that it is complete or absent.
-
-    Args:
-        path: of the file; its suffix stays.
-        write: writes it, given a path beside it.
-    """
-    aside = path.with_name(f".{path.stem}.tmp{path.suffix}")
-    try:
-        write(aside)
-        os.replace(aside, path)
-    finally:
-        aside.unlink(missing_ok=True)
+    put(path, lambda aside: aside.write_text(text))
 
 
 def _plain(value: Any) -> Any:

@@ -11,10 +11,11 @@ from pathlib import Path
 import tyro
 from tqdm import tqdm
 
+from flexarm_agents.run_folder import put
 from flexarm_env.validation import choice, integer
 from scripts.common.command_line import run
 from scripts.common.markdown import DOCS, filled
-from scripts.common.result_files import write_json, write_whole
+from scripts.common.result_files import write_json
 from scripts.control import feedback, joint, parts, predictive, registered, robust, shaping, unknown
 from scripts.control.trials import Study, scores_of
 
@@ -75,7 +76,7 @@ def make(name: str, options: Options) -> None:
         scores = scores_of(trials, options.jobs, lambda label: bar.update())
     text = study.table(scores)
     write_json(options.output / f"{name}.json", {label: score.as_mapping() for label, score in scores.items()})
-    write_whole(options.output / f"{name}.md", lambda path: path.write_text(text))
+    put(options.output / f"{name}.md", lambda path: path.write_text(text))
     print(f"\n{study.text}:\n\n{text}")
 
 

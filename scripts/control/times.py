@@ -9,12 +9,12 @@ import numpy as np
 import tyro
 
 from flexarm_agents.contenders import ENVIRONMENT, from_controller
+from flexarm_agents.run_folder import put
 from flexarm_baselines.registry import controller_names
 from flexarm_env.validation import choice, integer
 from scripts.common.command_line import run
 from scripts.common.markdown import table
 from scripts.common.period_times import FIRST, period_times
-from scripts.common.result_files import write_whole
 
 
 @dataclass
@@ -42,7 +42,7 @@ def main() -> None:
         lines.append([f"`{name}`", *(f"{value:.2f}" for value in figures)])
     text = table(["controller", "median [ms]", "99th percentile [ms]", "longest [ms]"], lines)
     options.output.mkdir(parents=True, exist_ok=True)
-    write_whole(options.output / "computing_times.md", lambda path: path.write_text(text))
+    put(options.output / "computing_times.md", lambda path: path.write_text(text))
     print(text)
 
 

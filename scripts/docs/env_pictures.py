@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image  # matplotlib, of the extra `plot`, brings it
 
+from flexarm_agents.run_folder import put
 from flexarm_env.envs.registration import NAMESPACE
 from flexarm_env.envs.single import FlexArmEnv
 from flexarm_env.envs.termination import end_reason
-from scripts.common.result_files import write_whole
 
 FRAMES = 60  # of a picture, at most
 INTERVAL, REST = 0.08, 1.2  # between frames, and on the last one [s]
@@ -167,4 +167,4 @@ def write_moving(path: Path, pictures: Sequence[NDArray[np.uint8]]) -> None:
     first, *others = (Image.fromarray(one).resize((SIZE, SIZE), Image.Resampling.LANCZOS) for one in pictures)
     durations = [round(1e3 * INTERVAL)] * len(others) + [round(1e3 * REST)]
     options: dict[str, Any] = {"duration": durations, "loop": 0, "quality": QUALITY, "method": 6, "minimize_size": True}
-    write_whole(path, lambda aside: first.save(aside, save_all=True, append_images=others, **options))
+    put(path, lambda aside: first.save(aside, save_all=True, append_images=others, **options))

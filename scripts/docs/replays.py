@@ -23,6 +23,7 @@ from tqdm import tqdm
 from flexarm_agents.board.entries import entries
 from flexarm_agents.board.rows import Row
 from flexarm_agents.contenders import Contender
+from flexarm_agents.run_folder import put
 from flexarm_baselines.registry import CONTROLLERS
 from flexarm_env.laps import LAPS
 from flexarm_env.rollout import run_policy
@@ -31,7 +32,7 @@ from flexarm_env.simulation.trajectory import Trajectory
 from flexarm_env.validation import choice
 from scripts.common.command_line import run
 from scripts.common.markdown import DOCS
-from scripts.common.result_files import replacing, write_whole
+from scripts.common.result_files import replacing
 
 Array = NDArray[np.float64]
 Whole = NDArray[np.int64]
@@ -223,7 +224,7 @@ def write(names: Sequence[str], folder: Path) -> None:
         contender, laps = record(known[choice("rows", name, tuple(known))])
         for lap, one in laps.items():
             text = _script("replay", name, lap, replay(one))
-            write_whole(folder / file_name(name, lap), lambda aside, text=text: aside.write_text(text))  # type: ignore[misc]
+            put(folder / file_name(name, lap), lambda aside, text=text: aside.write_text(text))  # type: ignore[misc]
         files = {lap: file_name(name, lap) for lap in laps}
         reads, privileged = list(contender.reads), contender.privileged
         index["rows"].append(
@@ -231,7 +232,7 @@ def write(names: Sequence[str], folder: Path) -> None:
         )
         index.setdefault("links", shapes(FlexibleArm(next(iter(laps.values())).parameters)))
         index.setdefault("references", _references(laps))
-    write_whole(folder / INDEX, lambda aside: aside.write_text(_script("replays", index)))
+    put(folder / INDEX, lambda aside: aside.write_text(_script("replays", index)))
 
 
 def main() -> None:

@@ -19,11 +19,12 @@ from tqdm import tqdm
 
 from flexarm_agents.board.code_version import code_version
 from flexarm_agents.executors import THREADS
+from flexarm_agents.run_folder import put
 from flexarm_agents.worker_pool import worker_pool
 from flexarm_env.validation import choice, integer
 from scripts.common.command_line import run
 from scripts.common.markdown import DOCS, filled
-from scripts.common.result_files import write_json, write_whole
+from scripts.common.result_files import write_json
 from scripts.hardening import calls, files, options, values
 from scripts.hardening.campaign import Tally, run_part
 from scripts.hardening.kills import TASKS, kill_often
@@ -132,10 +133,10 @@ def update_page(folder: Path) -> None:
     tables["kills"] = kills_table({n: json.loads(one.read_text()) for n, one in kill_files.items() if one.exists()})
     for name, text in tables.items():
         text = text if text.count("\n") != HEAD else NOTHING
-        write_whole(folder / f"{name}.md", lambda aside, text=text: aside.write_text(text))  # type: ignore[misc]
+        put(folder / f"{name}.md", lambda aside, text=text: aside.write_text(text))  # type: ignore[misc]
     page = DOCS / PAGE
     updated = filled(page.read_text(), folder)
-    write_whole(page, lambda aside: aside.write_text(updated))
+    put(page, lambda aside: aside.write_text(updated))
     print(f"{page}: up to date")
 
 

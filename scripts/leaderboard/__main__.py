@@ -25,10 +25,11 @@ from flexarm_agents.board.terms import BOARD
 from flexarm_agents.commands.arguments import json_object
 from flexarm_agents.commands.progress import Progress
 from flexarm_agents.executors import EXECUTORS, executor
+from flexarm_agents.run_folder import put
 from flexarm_env.validation import choice
 from scripts.common.command_line import run
 from scripts.common.markdown import DOCS, filled
-from scripts.common.result_files import write_json, write_whole
+from scripts.common.result_files import write_json
 from scripts.leaderboard.animation import animate
 from scripts.leaderboard.pictures import SHOWN, draw
 from scripts.leaderboard.runs import nominal_runs
@@ -129,7 +130,7 @@ def main() -> None:
         with tqdm(total=len(rows), unit="row", desc="timing") as bar:
             found = times(rows, bar.update)
         write_json(options.output / TIMES, found)
-        write_whole(options.output / "times.md", lambda aside: aside.write_text(times_table(found)))
+        put(options.output / "times.md", lambda aside: aside.write_text(times_table(found)))
     if options.pictures:
         names = {row["name"] for row in results["rows"]}
         illustrate([row for row in rows if row.name in names], results, options.output / "figures")

@@ -10,10 +10,10 @@ import numpy as np
 from matplotlib import pyplot as plt
 from matplotlib.animation import FuncAnimation, PillowWriter
 
+from flexarm_agents.run_folder import put
 from flexarm_env.simulation.arm import FlexibleArm
 from flexarm_env.simulation.trajectory import Trajectory
 from scripts.common.plotting import COLOURS
-from scripts.common.result_files import write_whole
 
 PICTURES_PER_SECOND = 10
 SPEED = 2.0  # times as fast as the arm
@@ -57,7 +57,7 @@ def animate(runs: Mapping[str, Trajectory], path: Path) -> None:
 
     frames = int(end * PICTURES_PER_SECOND / SPEED) + 1
     moving = FuncAnimation(figure, show, frames=frames)
-    write_whole(path, lambda aside: moving.save(aside, writer=PillowWriter(fps=PICTURES_PER_SECOND)))
+    put(path, lambda aside: moving.save(aside, writer=PillowWriter(fps=PICTURES_PER_SECOND)))
     plt.close(figure)
 
 

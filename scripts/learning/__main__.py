@@ -13,11 +13,11 @@ import tyro
 from tqdm import tqdm
 
 from flexarm_agents.executors import executor
+from flexarm_agents.run_folder import put
 from flexarm_env.validation import choice, integer
 from scripts.common.command_line import run
 from scripts.common.curves import keep_curves
 from scripts.common.markdown import DOCS, filled
-from scripts.common.result_files import write_whole
 from scripts.common.trainings import trained_all
 from scripts.learning import modes, schedulers
 from scripts.learning.study import Study, by_agent, jobs_of
@@ -62,7 +62,7 @@ def study_tables(name: str, options: Options) -> None:
     if options.docs:
         keep_curves({f"{name}: {agent}": trainings for agent, trainings in agents.items()})
     for table, text in study.tables(agents, folder).items():
-        write_whole(options.output / f"{table}.md", lambda path, text=text: path.write_text(text))  # type: ignore[misc]
+        put(options.output / f"{table}.md", lambda path, text=text: path.write_text(text))  # type: ignore[misc]
         print(f"\n{study.text}:\n\n{text}")
 
 
@@ -85,7 +85,7 @@ def main() -> None:
     if options.docs:
         names = [table for name in options.only for table in STUDIES[name].names]
         page = filled(PAGE.read_text(), options.output, names)
-        write_whole(PAGE, lambda aside: aside.write_text(page))
+        put(PAGE, lambda aside: aside.write_text(page))
         print(f"{PAGE}: tables up to date")
 
 

@@ -18,6 +18,7 @@ from typing import Any
 import tyro
 from tqdm import tqdm
 
+from flexarm_agents.run_folder import put
 from flexarm_baselines.optimal import Iteration, Plan, load_plan
 from flexarm_baselines.optimal.laps import CHANGE_WEIGHT
 from flexarm_baselines.optimal.plan import PLANS
@@ -27,7 +28,7 @@ from flexarm_env.physics.paths import PATHS
 from flexarm_env.validation import choice
 from scripts.common.command_line import run
 from scripts.common.markdown import DOCS, filled
-from scripts.common.result_files import write_json, write_whole
+from scripts.common.result_files import write_json
 from scripts.optimise import reach
 from scripts.optimise.pareto import ITERATIONS, WEIGHTS, curve
 from scripts.optimise.score import regulated, score
@@ -137,7 +138,7 @@ def _optimise(arm: str, path: str, lap: str, options: Options) -> None:
         earlier = _earlier_curve(output / f"{name}.json", report)
         if follow_curve or earlier:
             report["pareto"] = earlier or curve(best, lap, path, output / name, tick)
-    write_whole(output / f"{name}.npz", best.save)
+    put(output / f"{name}.npz", best.save)
     write_json(output / f"{name}.json", report)
     figures = report["score"]
     print(

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from flexarm_agents.run_folder import put
 from flexarm_baselines.optimal import (
     Branch,
     DivergingStartError,
@@ -30,7 +31,6 @@ from flexarm_baselines.optimal.solver import rollout
 from flexarm_env.parameters import ArmParameters
 from flexarm_env.simulation.arm import FlexibleArm
 from flexarm_env.simulation.feedback import Rollout
-from scripts.common.result_files import write_whole
 
 SIDES = {"square": 4, "line": 2}  # between points at which the reference turns at once; other paths: 1
 SIGNS = {"positive": "+", "negative": "-"}
@@ -189,7 +189,7 @@ def improved(
     if plan is None:
         solution = optimise(problem, start(), SolverOptions(iterations), lambda line: tick(path.stem, line))
         plan = Plan.of(problem, solution, **settings)
-        write_whole(path, plan.save)
+        put(path, plan.save)
     else:
         tick(path.stem, None)
     return Candidate(sequence, plan, plan.notes["log"]["cost"][-1])
