@@ -1,4 +1,4 @@
-"""The algorithms of `train`, and their tuned settings, which the files of `hyperparams` alone hold (rl-zoo's format)."""
+"""The algorithms of `train`; their tuned settings lie in the files of `hyperparams` alone, in rl-zoo's format."""
 
 from __future__ import annotations
 
@@ -104,7 +104,7 @@ def tuned(algorithm: str, environment: str) -> Values:
     """
     choice("algorithm", algorithm, ALL)
     files = _read(algorithm)
-    return settings_of(algorithm, files.get(environment, files[HOME]))
+    return settings_of(algorithm, files.get(environment) or files[HOME])
 
 
 def settings_of(algorithm: str, zoo: Mapping[str, Any]) -> Values:
@@ -119,7 +119,8 @@ def settings_of(algorithm: str, zoo: Mapping[str, Any]) -> Values:
         inner = _arguments(value) if name == "policy_kwargs" else value
         flat |= {f"{name}.{key}": one for key, one in inner.items()} if isinstance(inner, Mapping) else {name: value}
     own = {SETTINGS[name].name: name for name in own_settings(algorithm)}
-    for text, names in (("has no use for", flat.keys() - own.keys() - set(IMPLIED)), ("lacks", own.keys() - flat.keys())):
+    unused, missing = flat.keys() - own.keys() - set(IMPLIED), own.keys() - flat.keys()
+    for text, names in (("has no use for", unused), ("lacks", missing)):
         if names:
             raise ValueError(f"hyperparams/{algorithm}.yml: {text} {', '.join(sorted(names))}")
     return {name: _plain(name, flat[key]) for key, name in own.items()}

@@ -41,11 +41,14 @@ class Progress(Found):
     next_checkpoint: int
 
 
-def save_checkpoint(path: Path, model: BaseAlgorithm, progress: Progress, complete: bool = False) -> None:
+def save_checkpoint(
+    path: Path, config: TrainingConfig, model: BaseAlgorithm, progress: Progress, complete: bool = False
+) -> None:
     """Write a checkpoint between two rollouts.
 
     Args:
         path: path of the file; complete or as before.
+        config: configuration of the training.
         model: made by `models.new_model`.
         progress: progress of the training.
         complete: the training is over, so that what was to be learned from is not needed any more.
@@ -56,6 +59,7 @@ def save_checkpoint(path: Path, model: BaseAlgorithm, progress: Progress, comple
     assert isinstance(batch, FlexArmVecEnv)
     fronted = unwrap_vec_wrapper(monitor, FrontedVecEnv)
     rest = {
+        "config": config.plain(),
         "progress": progress,
         "env": batch.env,
         "front": () if fronted is None else fronted.memory,
@@ -75,12 +79,11 @@ def save_checkpoint(path: Path, model: BaseAlgorithm, progress: Progress, comple
     put(path, write)
 
 
-def load_checkpoint(path: Path, config: TrainingConfig) -> tuple[BaseAlgorithm, Progress]:
+def load_checkpoint(path: Path) -> tuple[BaseAlgorithm, Progress]:
     """Read a checkpoint, which must be from a source that you trust: reading it can execute code.
 
     Args:
         path: path of the file.
-        config: configuration of the training.
 
     Returns:
         The model with its environments as they were, and the training's progress; the global random generators are
@@ -99,15 +102,18 @@ def load_checkpoint(path: Path, config: TrainingConfig) -> tuple[BaseAlgorithm, 
             f"{path}: a checkpoint of another version ({error}); resume it with the version that wrote it, or train "
             "anew in another folder"
         ) from error
+    if "config" not in rest:
+        raise ValueError(f"{path}: a checkpoint of a version that had PPO alone; train anew in another folder")
+    config = TrainingConfig.of(rest["config"])
     monitor = VecMonitor(batch_for(config, rest["env"]))
     monitor.episode_returns, monitor.episode_lengths = rest["episodes"]
     fronted = unwrap_vec_wrapper(monitor, FrontedVecEnv)
     if fronted is not None:
         fronted.memory = rest["front"]
     model = model_class(config.algorithm).load(io.BytesIO(model_bytes), env=monitor, device="cpu", force_reset=False)
-    if rest.get("lstm") is not None:
+    if rest["lstm"] is not None:
         model._last_lstm_states = rest["lstm"]
-    _restore_replay(model, rest.get("replay"))
+    _restore_replay(model, rest["replay"])
     python, numpy, torch_state = rest["random"]
     random.setstate(python)
     np.random.set_state(numpy)  # noqa: NPY002

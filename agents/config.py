@@ -94,9 +94,7 @@ def checked_network(hidden: Any, activation: Any) -> dict[str, Any]:
     }
 
 
-def _tuned() -> Any:
-    """Return the default of a field whose value is that of the tuned settings unless it is given."""
-    return field(default=None)
+_TUNED: Any = None  # a value that is that of the tuned settings unless it is given
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,23 +106,23 @@ class TrainingConfig(RunConfig):
 
     algorithm: AlgorithmName = "ppo"
     """Which one: PPO, or RecurrentPPO, SAC, TQC."""
-    steps: int = _tuned()
+    steps: int = _TUNED
     """Environment steps of the training, rounded up to whole rollouts."""
-    envs: int = _tuned()
+    envs: int = _TUNED
     """Environments side by side."""
-    batch: int = _tuned()
+    batch: int = _TUNED
     """Steps in a minibatch; of PPO it must divide rollout times envs."""
-    episode_steps: int = _tuned()
+    episode_steps: int = _TUNED
     """Control periods after which a training episode is cut off, its value bootstrapped."""
-    gamma: float = _tuned()
+    gamma: float = _TUNED
     """Discount of a step."""
-    learning_rate: float = _tuned()
+    learning_rate: float = _TUNED
     """At the beginning; it falls linearly."""
     final_learning_rate: float = 2e-5
     """At the end."""
-    hidden: tuple[int, ...] = _tuned()
+    hidden: tuple[int, ...] = _TUNED
     """Sizes of the hidden layers, of the policy and of the value each."""
-    activation: Activation = _tuned()
+    activation: Activation = _TUNED
     """Between the layers."""
     rollout: int | None = None
     """PPO: steps of each environment between two updates."""
@@ -165,11 +163,11 @@ class TrainingConfig(RunConfig):
     observer: ObserverName = "none"
     """PPO: Kalman filter whose estimate the policy sees in the place of late readings: none, one of the nominal delay,
     or one that estimates the delay."""
-    evaluate_every: int = _tuned()
+    evaluate_every: int = _TUNED
     """Steps between two evaluations, rounded up to whole rollouts; SAC and TQC: 5000, else 50 000."""
     evaluation_laps: int = 1
     """How often an evaluation runs each of the two standard laps; more than once where episodes differ."""
-    checkpoint_every: int = _tuned()
+    checkpoint_every: int = _TUNED
     """Steps between two checkpoints, rounded up to whole rollouts; SAC and TQC: 25 000, else 250 000."""
 
     def __post_init__(self) -> None:
@@ -192,7 +190,7 @@ class TrainingConfig(RunConfig):
                 )
         if self.buffer is not None and (self.buffer % self.envs or self.buffer < self.batch):
             raise ValueError(
-                f"buffer = {shown(self.buffer)}: must be a multiple of envs = {self.envs}, batch = {self.batch} at least"
+                f"buffer = {shown(self.buffer)}: must be a multiple of envs = {self.envs}, and >= batch = {self.batch}"
             )
         if self.dropped_quantiles is not None and self.dropped_quantiles >= (self.quantiles or 0):
             raise ValueError(f"dropped_quantiles = {self.dropped_quantiles}: must be < quantiles = {self.quantiles}")

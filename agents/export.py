@@ -33,7 +33,8 @@ def network_policy(model: BaseAlgorithm, notes: dict[str, Any] | None = None) ->
             be a `FrontedVecEnv`.
         notes: to keep with it.
     """
-    policy, kept = model.policy, dict(notes or {})
+    policy: Any = model.policy
+    kept = dict(notes or {})
     actor = getattr(policy, "actor", None)
     if actor is not None:
         weights, biases = _layers([*actor.latent_pi, actor.mu])
@@ -67,8 +68,9 @@ def _front(model: BaseAlgorithm) -> Front | None:
     return None if fronted is None else fronted.front
 
 
-def _lstm(layer: torch.nn.LSTM) -> Lstm:
-    bias = _numbers(layer.bias_ih_l0) + _numbers(layer.bias_hh_l0)
+def _lstm(layer: Any) -> Lstm:
+    """Take the only layer of torch's LSTM."""
+    bias = np.add(_numbers(layer.bias_ih_l0), _numbers(layer.bias_hh_l0))
     return Lstm(_numbers(layer.weight_ih_l0), _numbers(layer.weight_hh_l0), bias)
 
 

@@ -33,12 +33,15 @@ class FrontedVecEnv(VecEnvWrapper):
 
     def reset(self) -> Array:
         """Begin an episode in every environment."""
-        inputs, self.memory = self.front.begin(self.venv.reset())
+        observations = self.venv.reset()
+        assert isinstance(observations, np.ndarray)
+        inputs, self.memory = self.front.begin(observations)
         return inputs
 
     def step_wait(self) -> VecEnvStepReturn:
         """Return what the step gave; also the last observation of an episode goes through the front."""
         observations, rewards, dones, infos = self.venv.step_wait()
+        assert isinstance(observations, np.ndarray)
         if not dones.any():
             inputs, self.memory = self.front.go_on(observations, self.memory)
             return inputs, rewards, dones, infos

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexarm_agents.history import Array, History
 
-Memory = tuple[NDArray[np.floating], ...]  # each with a leading axis of n arms
+Memory = tuple[NDArray[Any], ...]  # each with a leading axis of n arms
 # Blocks that the task's clock alone decides: there is nothing to remember of them.
 CLOCKED = ("reference_position", "reference_velocity", "previews", "lap_phase")
 

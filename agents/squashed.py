@@ -63,7 +63,7 @@ class SquashedPolicy(NetworkPolicy):
             hidden = ACTIVATIONS[self.activation](hidden @ weight.T + bias)
         action = hidden @ self.weights[-1].T + self.biases[-1]
         if not deterministic:
-            log_std = np.clip(hidden @ self.spread.T + self.log_std, *map(np.float32, LOG_STD_LIMITS))
+            log_std = np.clip(hidden @ self.spread.T + self.log_std, *LOG_STD_LIMITS).astype(np.float32)
             noise = self.__dict__["_generator"].standard_normal(action.shape, dtype=np.float32)
             action = action + np.exp(log_std) * noise
         return np.tanh(action), state

@@ -60,7 +60,7 @@ def train(
     run.enter(config, versions([__name__]), resume)
     with one_thread(), StopSignals() as stop:
         if run.checkpoint.exists():
-            model, found = load_checkpoint(run.checkpoint, config)
+            model, found = load_checkpoint(run.checkpoint)
         else:
             model = new_model(config)
             found = Progress(next_evaluation=config.evaluate_every, next_checkpoint=config.checkpoint_every)
