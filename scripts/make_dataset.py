@@ -123,7 +123,8 @@ def recorded(one: Contender, seed: int, lap: str) -> Episode:
     env.action_space.seed(seed)
     observation, info = env.reset(seed=seed, options=options)
     act = predictor(one.policy, deterministic=True)
-    observations, actions, rewards, errors = [observation], [], [], [info["tip_error"]]
+    observations, rewards, errors = [observation], [], [info["tip_error"]]
+    actions: list[np.ndarray] = []
     memory, start, ended = None, np.ones(1, dtype=bool), None
     while ended is None:
         action, memory = act(observation, memory, start)
