@@ -211,17 +211,21 @@ class _Canvas:
             return self._fonts[size].render(text, True, INK)
 
 
+class PygameNotInstalledError(DependencyNotInstalled, ImportError):
+    """What draws is missing: both Gymnasium's error and Python's, so that whoever expects either of them catches it."""
+
+
 def import_pygame() -> Any:
     """Import pygame, which prints nothing.
 
     Raises:
-        gymnasium.error.DependencyNotInstalled: if it is missing, naming the extra.
+        PygameNotInstalledError: if it is missing, naming the extra.
     """
     os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")  # a library does not print
     try:
         import pygame
     except ImportError as error:
-        raise DependencyNotInstalled(install_hint("pygame", "render")) from error
+        raise PygameNotInstalledError(install_hint("pygame", "render")) from error
     return pygame
 
 
