@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from flexarm_agents.run_folder import check_place, put
 from flexarm_env.actions import TORQUE_LIMIT
 from flexarm_env.envs.drawing import centre_lines
-from flexarm_env.envs.rendering import SIZE_LIMITS, Renderer, Snapshot, import_pygame
+from flexarm_env.envs.rendering import SIZE_LIMITS, Renderer, Snapshot
 from flexarm_env.envs.scene import MARGIN
-from flexarm_env.extras import needs_extra
+from flexarm_env.extras import import_pygame, needs_extra
 from flexarm_env.simulation.arm import FlexibleArm
 from flexarm_env.simulation.trajectory import Trajectory
 from flexarm_env.validation import choice, integer, number

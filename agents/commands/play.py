@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from flexarm_agents.commands.arguments import reader
 from flexarm_agents.live import LEAST_PLACE, MOST_DELAY, MOST_GAIN, Knobs, LiveArm
 from flexarm_agents.viewer import Viewer
-from flexarm_env.envs.rendering import import_pygame
+from flexarm_env.extras import import_pygame
 from flexarm_env.parameters import PRESETS
 
 DESCRIPTION = """\

@@ -9,7 +9,7 @@ from pathlib import Path
 from flexarm_agents.commands.arguments import reader
 from flexarm_agents.commands.progress import Progress
 from flexarm_agents.film import SUFFIXES, Film, check_look, check_output
-from flexarm_env.envs.rendering import import_pygame
+from flexarm_env.extras import import_pygame
 from flexarm_env.simulation.trajectory import Trajectory
 
 DESCRIPTION = """\
