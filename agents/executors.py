@@ -7,6 +7,7 @@ moves jobs away from a node that dies.
 from __future__ import annotations
 
 import os
+import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import as_completed
 from pathlib import Path
@@ -111,7 +112,7 @@ class Ray:
                 try:
                     yield n, ray.get(done)
                 except ray.exceptions.RayError as error:
-                    yield n, error
+                    yield n, _own_error(error)
         finally:
             if started:
                 ray.shutdown()
@@ -122,6 +123,15 @@ class Ray:
             self.ray.init(address=os.environ.get("RAY_ADDRESS", "auto"), **quiet)
         except ConnectionError:  # there is no cluster
             self.ray.init(num_cpus=self.count, include_dashboard=False, **quiet)
+
+
+def _own_error(error: Exception) -> Exception:
+    """Return what a job raised, with Ray's account of where as a note; Ray's own error where no job raised one."""
+    cause = getattr(error, "cause", None)
+    if not isinstance(cause, Exception):
+        return error
+    cause.add_note(str(error))
+    return cause
 
 
 class Submitit:
@@ -171,5 +181,6 @@ class _Share:
             try:
                 results.append(self.function(job))
             except Exception as error:  # that of one job; the others go on
+                error.add_note(traceback.format_exc())  # a pickled error has no traceback of its own
                 results.append(error)
         return results

@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexarm_agents.run_folder import put
+from flexarm_agents.run_folder import check_place, put
 from flexarm_env.actions import TORQUE_LIMIT
 from flexarm_env.envs.drawing import centre_lines
 from flexarm_env.envs.rendering import SIZE_LIMITS, Renderer, Snapshot
 from flexarm_env.envs.scene import MARGIN
-from flexarm_env.extras import needs_extra
+from flexarm_env.extras import import_pygame, needs_extra
 from flexarm_env.simulation.arm import FlexibleArm
 from flexarm_env.simulation.trajectory import Trajectory
 from flexarm_env.validation import choice, integer, number
@@ -30,20 +30,70 @@ SENSOR = "sensor_position"  # in a run's notes: distance of the sensor from the 
 UNKNOWN = np.full(2, np.nan)  # a point that is not shown
 
 
-def checked_suffix(path: Path, fps: int) -> str:
-    """Return the suffix of a film's file, in lower case.
+def check_look(fps: int, speed: float, size: int) -> tuple[int, float, int]:
+    """Check how a run is shown; there need not be a run.
+
+    Args:
+        fps: pictures a second [1/s].
+        speed: seconds of the run in a second.
+        size: side of a picture [px].
+
+    Returns:
+        The three, as plain numbers.
+
+    Raises:
+        TypeError, ValueError: for a bad one, naming it, its value and what is allowed.
+    """
+    return (
+        integer("fps", fps, 1, MOST_FPS),
+        number("speed", speed, least=0.01, most=100.0),
+        integer("size", size, *SIZE_LIMITS),
+    )
+
+
+def check_output(path: Path, fps: int, time: float | None) -> str:
+    """Check that a film can be written to a file; there need not be a film. The file's folder is made.
 
     Args:
         path: path of the file.
         fps: pictures a second [1/s].
+        time: of the picture in a .png [s].
+
+    Returns:
+        Its suffix, in lower case.
 
     Raises:
-        ValueError: if it is none of `SUFFIXES`, or a .gif that cannot have this rate.
+        ImportError: without what draws or writes it, naming the extra.
+        OSError: if there can be no such file.
+        ValueError: if the suffix is none of `SUFFIXES`, for a .gif that cannot have this rate, or for a time that is
+            negative or of a moving picture.
     """
     suffix = choice("output's suffix", path.suffix.lower(), SUFFIXES)
     if suffix == ".gif" and fps not in GIF_FPS:
         raise ValueError(f"fps = {fps}: must be one of {', '.join(map(str, GIF_FPS))} for a .gif file")
+    if time is not None:
+        if suffix != ".png":
+            raise ValueError(f"time = {time:g} s: is for .png files; {suffix} shows the whole run")
+        number("time", time, "s", least=0.0)
+    import_pygame()
+    if suffix != ".png":
+        (_pillow if suffix == ".gif" else _ffmpeg)()
+    check_place("output", path)
     return suffix
+
+
+def _pillow() -> Any:
+    """Import what writes .gif files."""
+    with needs_extra("gif", "video"):
+        from PIL import Image
+    return Image
+
+
+def _ffmpeg() -> Any:
+    """Import what writes .mp4 files."""
+    with needs_extra("mp4", "video"):
+        from moviepy.video.io.ffmpeg_writer import FFMPEG_VideoWriter
+    return FFMPEG_VideoWriter
 
 
 class Film:
@@ -63,9 +113,7 @@ class Film:
             TypeError, ValueError: for a bad one, naming it, its value and what is allowed.
         """
         self.run = run
-        self.fps = integer("fps", fps, 1, MOST_FPS)
-        self.speed = number("speed", speed, least=0.01, most=100.0)
-        self.size = integer("size", size, *SIZE_LIMITS)
+        self.fps, self.speed, self.size = check_look(fps, speed, size)
         self._arm = FlexibleArm(run.parameters)
         place = run.notes.get(SENSOR)
         self._place = None if place is None else number(SENSOR, place, "m", least=0.0)
@@ -128,19 +176,15 @@ class Film:
             tick: called after each picture.
 
         Raises:
-            ImportError: without what writes it, naming the extra.
-            ValueError: for another suffix, a rate that a .gif cannot have, or a time beside a moving picture or outside
-                of the run.
+            ImportError, OSError, ValueError: see `check_output`.
+            ValueError: for a time outside of the run.
         """
-        suffix = checked_suffix(path, self.fps)
-        path.parent.mkdir(parents=True, exist_ok=True)
+        suffix = check_output(path, self.fps, time)
         if suffix == ".png":
             n = len(self.run) - 1 if time is None else self._instant(time)
             put(path, lambda aside: self._write_png(aside, n))
             tick()
             return
-        if time is not None:
-            raise ValueError(f"time = {time:g} s: is for .png files; {suffix} shows the whole run")
         put(path, lambda aside: (self._write_gif if suffix == ".gif" else self._write_mp4)(aside, tick))
 
     def _instant(self, time: float) -> int:
@@ -158,22 +202,19 @@ class Film:
 
     def _write_png(self, path: Path, n: int) -> None:
         picture = Renderer("rgb_array", self.size).draw(self.snapshot(n))
-        import pygame  # the renderer has found it
-
+        pygame = import_pygame()
         assert picture is not None
         pygame.image.save(pygame.surfarray.make_surface(picture.swapaxes(0, 1)), str(path))
 
     def _write_gif(self, path: Path, tick: Tick) -> None:
-        with needs_extra("gif", "video"):
-            from PIL import Image
-        frames = [Image.fromarray(one).quantize(64, dither=Image.Dither.NONE) for one in self._pictures(tick)]
+        image = _pillow()
+        frames = [image.fromarray(one).quantize(64, dither=image.Dither.NONE) for one in self._pictures(tick)]
         duration = 1000 // self.fps  # [ms]
         frames[0].save(path, save_all=True, append_images=frames[1:], duration=duration, loop=0, optimize=True)
 
     def _write_mp4(self, path: Path, tick: Tick) -> None:
-        with needs_extra("mp4", "video"):
-            from moviepy.video.io.ffmpeg_writer import FFMPEG_VideoWriter
+        writer_of = _ffmpeg()
         even = self.size - self.size % 2  # the codec takes even sizes only
-        with FFMPEG_VideoWriter(str(path), (even, even), self.fps, preset="fast") as writer:
+        with writer_of(str(path), (even, even), self.fps, preset="fast") as writer:
             for picture in self._pictures(tick):
                 writer.write_frame(np.ascontiguousarray(picture[:even, :even]))

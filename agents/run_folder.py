@@ -5,7 +5,10 @@ from __future__ import annotations
 import csv
 import json
 import os
+import secrets
+import time
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -14,6 +17,7 @@ from flexarm_env.validation import short
 
 _FORMAT = 1
 _UNFINISHED = ".new-"
+_FORGOTTEN = 86400.0  # age of an unfinished file that nobody writes any more [s]
 Config = TypeVar("Config", bound=RunConfig)
 
 
@@ -134,16 +138,46 @@ class RunFolder:
 def put(path: Path, write: Callable[[Path], Any]) -> None:
     """Have a file written beside its place and put it there when it is complete; after an error nothing is left.
 
+    Processes that write the same file do not meet: each writes aside under a name of its own, and the last one stays.
+    What killed processes left aside is removed when it is a day old: nobody is still writing it.
+
     Args:
         path: path of the file; it keeps its ending while it is written.
         write: writes to the path it is given.
     """
-    aside = path.with_name(f"{_UNFINISHED}{path.name}")
+    _sweep(path)
+    aside = path.with_name(f"{_UNFINISHED}{secrets.token_hex(4)}-{path.name}")
     try:
         write(aside)
         os.replace(aside, path)
     finally:
         aside.unlink(missing_ok=True)
+
+
+def _sweep(path: Path) -> None:
+    """Remove what killed processes left of a file that they wrote."""
+    for other in path.parent.glob(f"{_UNFINISHED}*"):
+        if other.name.endswith(f"-{path.name}"):
+            with suppress(FileNotFoundError):  # it was finished meanwhile, or removed by another process
+                if time.time() - other.stat().st_mtime > _FORGOTTEN:
+                    other.unlink()
+
+
+def check_place(name: str, path: Path) -> None:
+    """Check that a file can be put at a path; its folder is made.
+
+    Args:
+        name: of the parameter that has the path.
+        path: of the file; one that is there may be replaced.
+
+    Raises:
+        OSError: if there can be no such file.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    if path.is_dir():
+        raise IsADirectoryError(f"{name} = {path}: is a folder; must be a file")
+    if not os.access(path.parent, os.W_OK):
+        raise PermissionError(f"{name} = {path}: must be in a folder that may be written to")
 
 
 def _is_unfinished(path: Path) -> bool:

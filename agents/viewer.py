@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 
 from flexarm_agents.live import LEAST_PLACE, MEMORY, MOST_DELAY, MOST_GAIN, LiveArm
-from flexarm_env.envs.rendering import BLUE, GREY, INK, ORANGE, PAPER, PURPLE, TRACK, Color, import_pygame
+from flexarm_env.envs.rendering import BLUE, GREY, INK, ORANGE, PAPER, PURPLE, TRACK, Color
 from flexarm_env.envs.window import Window
+from flexarm_env.extras import import_pygame
 
 SIDE = 600  # of the arm's picture [px]
 LEFT, RIGHT = SIDE + 30, SIDE + 330  # of what stands beside it [px]

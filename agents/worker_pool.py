@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ProcessPoolExecutor
 from contextlib import contextmanager
 from multiprocessing.connection import wait
+from multiprocessing.context import SpawnContext, SpawnProcess
 from typing import Any
 
 from flexarm_agents.command_line import STOPPING
@@ -32,6 +33,23 @@ class WorkerPool:
             return self._executor.submit(job, *arguments)
 
 
+class _Spawning(SpawnContext):
+    """Spawns processes, and keeps them: the caller may have other children, which are not ours to kill.
+
+    Attributes:
+        made: the processes.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.made: list[SpawnProcess] = []
+
+    def Process(self, *arguments: Any, **named: Any) -> SpawnProcess:  # type: ignore[override]
+        """Make a process; see `multiprocessing.Process`."""
+        self.made.append(SpawnProcess(*arguments, **named))
+        return self.made[-1]
+
+
 @contextmanager
 def worker_pool(count: int) -> Iterator[WorkerPool]:
     """Worker processes for a block.
@@ -42,14 +60,14 @@ def worker_pool(count: int) -> Iterator[WorkerPool]:
     Args:
         count: how many.
     """
-    context = multiprocessing.get_context("spawn")
+    context = _Spawning()
     with _blocked_signals():  # this starts multiprocessing's resource tracker, which knows nothing of SIGHUP
         executor = ProcessPoolExecutor(count, mp_context=context, initializer=_end_with_parent)
     try:
         yield WorkerPool(executor)
     except BaseException:
         executor.shutdown(wait=False, cancel_futures=True)
-        workers = multiprocessing.active_children()
+        workers = [one for one in multiprocessing.active_children() if one in context.made]
         for worker in workers:
             worker.kill()
         for worker in workers:

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Any
+
+from gymnasium.error import DependencyNotInstalled
 
 
 def install_hint(package: str, extra: str) -> str:
@@ -37,3 +41,21 @@ def needs_extra(what: str, extra: str) -> Iterator[None]:
         if not missing or missing.startswith("flexarm_"):
             raise
         raise ModuleNotFoundError(f"{what}: {install_hint(missing, extra)}", name=missing) from error
+
+
+class PygameNotInstalledError(DependencyNotInstalled, ImportError):
+    """What draws is missing: both Gymnasium's error and Python's, so that whoever expects either of them catches it."""
+
+
+def import_pygame() -> Any:
+    """Import pygame, which prints nothing.
+
+    Raises:
+        PygameNotInstalledError: if it is missing, naming the extra.
+    """
+    os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")  # a library does not print
+    try:
+        import pygame
+    except ImportError as error:
+        raise PygameNotInstalledError(install_hint("pygame", "render")) from error
+    return pygame

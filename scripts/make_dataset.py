@@ -8,8 +8,10 @@ from __future__ import annotations
 
 import importlib
 import os
+import shutil
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -27,14 +29,15 @@ from flexarm_env.envs.single import FlexArmEnv
 from flexarm_env.extras import needs_extra
 from flexarm_env.laps import LAPS
 from flexarm_env.predictor import predictor
-from flexarm_env.validation import choice, integer, number
+from flexarm_env.validation import choice, integer, number, shown
 from scripts.common.command_line import run
 from scripts.common.markdown import table
-from scripts.common.result_files import write_json
+from scripts.common.result_files import replacing, write_json
 
 RANDOM = "random"
 NAMES = ("id", "episodes", "complete", "steps")
 ROOT = "MINARI_DATASETS_PATH"  # where Minari reads and writes
+CONTENT = "data"  # Minari's folder in that of a data set
 
 
 @dataclass
@@ -109,6 +112,10 @@ def recorded(one: Contender, seed: int, lap: str) -> Episode:
         one: acts.
         seed: of the reset, and of random actions.
         lap: one of `LAPS`.
+
+    Raises:
+        ValueError: if an action is outside of its space; the environment would clip it, and the data set would not say
+            what moved the arm.
     """
     env = one.env
     assert isinstance(env.unwrapped, FlexArmEnv)
@@ -116,12 +123,17 @@ def recorded(one: Contender, seed: int, lap: str) -> Episode:
     env.action_space.seed(seed)
     observation, info = env.reset(seed=seed, options=options)
     act = predictor(one.policy, deterministic=True)
-    observations, actions, rewards, errors = [observation], [], [], [info["tip_error"]]
+    observations, rewards, errors = [observation], [], [info["tip_error"]]
+    actions: list[np.ndarray] = []
     memory, start, ended = None, np.ones(1, dtype=bool), None
     while ended is None:
         action, memory = act(observation, memory, start)
         start = np.zeros(1, dtype=bool)
-        action = np.clip(np.asarray(action, env.action_space.dtype), -1.0, 1.0)
+        action = np.asarray(action, env.action_space.dtype)
+        if not env.action_space.contains(action):
+            raise ValueError(
+                f"action = {shown(action)} of {one.name} in step {len(actions)}: not in {env.action_space}"
+            )
         observation, reward, terminated, truncated, info = env.step(action)
         observations.append(observation)
         actions.append(action)
@@ -135,30 +147,51 @@ def recorded(one: Contender, seed: int, lap: str) -> Episode:
     return Episode(seed, options, *arrays, ended)
 
 
-def saved(name: str, one: Contender, episodes: list[Episode]) -> None:
-    """Write a data set, in the place of one of the same id.
+def saved(folder: Path, name: str, one: Contender, episodes: list[Episode]) -> None:
+    """Write a data set aside, and put it in the place of one of the same id when it is complete.
 
     Args:
+        folder: of the data sets.
         name: id.
         one: whose it is.
         episodes: what it holds.
+
+    Raises:
+        ValueError: if something that is no data set lies there.
     """
     minari = _minari()
-    if name in minari.list_local_datasets():
-        minari.delete_dataset(name)
-    with warnings.catch_warnings():
-        # Minari asks for an address and a link to the code, which whoever publishes the data set adds.
-        warnings.simplefilter("ignore", UserWarning)
-        minari.create_dataset_from_buffers(
-            name,
-            [buffer(index, episode) for index, episode in enumerate(episodes)],
-            env=one.env.spec,
-            algorithm_name=one.name,
-            author="FlexArm contributors",
-            description=f"Laps of the square by {one.name}; docs/recipes/minari.md",
-            requirements=["flexarm"],
-            data_format="hdf5",
-        )
+    with replacing(folder / name, CONTENT) as work:
+        aside = work / "aside"
+        with _minari_folder(aside), warnings.catch_warnings():
+            # Minari asks for an address and a link to the code, which whoever publishes the data set adds.
+            warnings.simplefilter("ignore", UserWarning)
+            minari.create_dataset_from_buffers(
+                name,
+                [buffer(index, episode) for index, episode in enumerate(episodes)],
+                env=one.env.spec,
+                algorithm_name=one.name,
+                author="FlexArm contributors",
+                description=f"Laps of the square by {one.name}; docs/recipes/minari.md",
+                requirements=["flexarm"],
+                data_format="hdf5",
+            )
+        os.replace(aside / name / CONTENT, work / CONTENT)
+        for path in aside.rglob("*.json"):  # of the namespaces that the id names; uploading needs them
+            os.replace(path, folder / path.relative_to(aside))
+        shutil.rmtree(aside)
+
+
+@contextmanager
+def _minari_folder(folder: Path) -> Iterator[None]:
+    """Let Minari write into a folder within the block."""
+    before = os.environ.get(ROOT)
+    os.environ[ROOT] = str(folder.resolve())
+    try:
+        yield
+    finally:
+        del os.environ[ROOT]
+        if before is not None:
+            os.environ[ROOT] = before
 
 
 def buffer(index: int, episode: Episode) -> Any:
@@ -239,7 +272,7 @@ def make(options: Options, tick: Callable[[], Any]) -> list[dict[str, Any]]:
             for n in range(options.episodes):
                 episodes.append(recorded(one, options.seed + n, laps[n % len(laps)]))
                 tick()
-            saved(dataset_id(name, delay), one, episodes)
+            saved(options.folder, dataset_id(name, delay), one, episodes)
             rows.append(summary(dataset_id(name, delay), episodes))
             one.env.close()
     return rows
@@ -254,8 +287,6 @@ def main() -> None:
     """Command line: data sets, `datasets.json`, and a table on the terminal."""
     options = tyro.cli(Options, prog="python -m scripts.make_dataset", description=__doc__)
     check(options)
-    options.folder.mkdir(parents=True, exist_ok=True)
-    os.environ[ROOT] = str(options.folder.resolve())
     with tqdm(total=len(options.contenders) * len(options.delays) * options.episodes, unit="episode") as bar:
         rows = make(options, bar.update)
     write_json(options.folder / "datasets.json", {"datasets": rows})

@@ -9,7 +9,6 @@ from __future__ import annotations
 import hashlib
 import json
 import re
-import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from itertools import product
@@ -23,6 +22,7 @@ from flexarm_agents import Spread, StandardScore, TrainingConfig
 from flexarm_agents.commands.arguments import json_object
 from flexarm_agents.commands.training_verb import tuned_for
 from flexarm_agents.executors import executor
+from flexarm_agents.failures import check_failures
 from flexarm_agents.run_folder import put
 from flexarm_env.laps import LAPS
 from flexarm_env.validation import known_names, mapping, shown
@@ -140,9 +140,7 @@ def main() -> None:
     text = summary_table(rows)
     put(options.output / "trainings.md", lambda aside: aside.write_text(text))
     print(text, end="")
-    if failed:
-        print(*failed, sep="\n", file=sys.stderr)
-        raise OSError("some trainings failed, for the reasons above; the others are kept")
+    check_failures(failed, options.output, "the other trainings are kept")
 
 
 def _key(config: TrainingConfig) -> str:

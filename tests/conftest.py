@@ -1,5 +1,6 @@
 """Settings of the processes that run the tests, and of those that the tests start; with which kernels tests run."""
 
+import gc
 import os
 from collections.abc import Callable
 from functools import partial
@@ -36,6 +37,16 @@ def _with_room() -> Callable[[Callable[[], object]], object]:
 
 
 _call_with_room = _with_room()
+
+
+def pytest_collection_finish() -> None:
+    """Let the garbage collector leave what is there for the whole run, all modules and tests, and go round less often.
+
+    It goes through millions of objects again and again, of which a test leaves hardly any.
+    """
+    gc.collect()
+    gc.freeze()
+    gc.set_threshold(20_000, 20, 20)
 
 
 @pytest.hookimpl(tryfirst=True)

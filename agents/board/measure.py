@@ -19,11 +19,13 @@ from flexarm_agents.board.summary import row_summary
 from flexarm_agents.board.tables import tables
 from flexarm_agents.board.terms import BOARD
 from flexarm_agents.executors import Executor
+from flexarm_agents.failures import Failure
 from flexarm_agents.run_folder import put, write_json
 from flexarm_env.validation import choice
 
 Progress = Callable[[int], AbstractContextManager[Callable[[int], Any]]]
 DATA = "leaderboard.json"
+INCOMPLETE = "their rows lack cells, the cells that were computed are kept"  # after a failure
 DIGITS = 6  # of the figures in the board's file
 
 
@@ -63,7 +65,7 @@ def measure(
     store: Store,
     where: Executor,
     progress: Progress = lambda total: nullcontext(lambda done: None),
-) -> tuple[dict[str, Any], list[str]]:
+) -> tuple[dict[str, Any], list[Failure]]:
     """Compute the missing cells, and add all up.
 
     Args:
@@ -74,7 +76,7 @@ def measure(
         progress: makes, for a number of cells, what is called with the number of those that are done.
 
     Returns:
-        The board of the rows that have all their cells, and why cells of the others could not be computed.
+        The board of the rows that have all their cells, and the jobs of the others that failed.
     """
     cells = {
         row.name: {name: [Cell.of(row, point) for point in column.points] for name, column in columns.items()}
@@ -87,7 +89,7 @@ def measure(
     with progress(len(missing)) as tick:
         for n, outcome in where.run(compute, jobs) if jobs else ():
             if isinstance(outcome, BaseException):
-                failed.append(f"{jobs[n].row.name}: {outcome}")
+                failed.append(Failure(jobs[n].row.name, outcome))
             else:
                 for key, result in zip(jobs[n].keys, outcome, strict=True):
                     store.write(by_key[key], result)
@@ -100,7 +102,7 @@ def measure(
         for row in rows
         if all(one is not None for column in whole[row.name].values() for one in column)
     ]
-    return board(found, columns), list(dict.fromkeys(failed))
+    return board(found, columns), failed
 
 
 def board(rows: Sequence[Mapping[str, Any]], columns: Mapping[str, Column]) -> dict[str, Any]:

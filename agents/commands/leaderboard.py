@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 
 from flexarm_agents.board.cells import Store
 from flexarm_agents.board.columns import COLUMNS
-from flexarm_agents.board.measure import DATA, chosen_columns, chosen_rows, measure, write
+from flexarm_agents.board.measure import DATA, INCOMPLETE, chosen_columns, chosen_rows, measure, write
 from flexarm_agents.board.tables import tables
 from flexarm_agents.board.terms import BOARD
 from flexarm_agents.commands.arguments import json_object, reader, width
 from flexarm_agents.commands.progress import Progress
 from flexarm_agents.commands.text import from_markdown
 from flexarm_agents.executors import EXECUTORS, executor
+from flexarm_agents.failures import check_failures
 
 DESCRIPTION = f"""\
 Measure controllers and policies on the leaderboard's tasks and axes: {", ".join(COLUMNS)}. Cells are kept in the
@@ -53,6 +53,4 @@ def run(arguments: Sequence[str]) -> None:
     for text in [found["ranking"]] if "ranking" in found else found.values():
         print(f"{from_markdown(text, width())}\n")
     print(f"{given.output / DATA}: board {BOARD}, {len(results['rows'])} of {len(rows)} rows; tables beside it")
-    if failed:
-        print(*failed, sep="\n", file=sys.stderr)
-        raise OSError("the other rows lack cells, for the reasons above; what was computed is kept")
+    check_failures(failed, given.output, INCOMPLETE)

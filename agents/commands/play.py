@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from flexarm_agents.commands.arguments import reader
 from flexarm_agents.live import LEAST_PLACE, MOST_DELAY, MOST_GAIN, Knobs, LiveArm
 from flexarm_agents.viewer import Viewer
+from flexarm_env.extras import import_pygame
 from flexarm_env.parameters import PRESETS
 
 DESCRIPTION = """\
@@ -27,4 +28,5 @@ def run(arguments: Sequence[str]) -> None:
     gain = f"of the law, 0 to {MOST_GAIN:g}; {start.gain:g}"
     parser.add_argument("--gain", type=float, default=start.gain, metavar="X", help=gain)
     given = parser.parse_args(arguments)
+    import_pygame()  # before a kernel is compiled
     Viewer(LiveArm(given.arm, Knobs(1e-3 * given.delay, given.place, given.gain))).run()

@@ -1,4 +1,4 @@
-"""`Progress`: how far a command is, in one line of the terminal, once it takes longer than a second."""
+"""`Progress`: how far a command is: one line of the terminal once it takes longer than a second, or lines of a log."""
 
 from __future__ import annotations
 
@@ -10,12 +10,13 @@ from typing import Self
 from flexarm_agents.commands.arguments import width
 
 PATIENCE = 1.0  # before the first line [s]
-PAUSE = 0.1  # between two lines [s]
+PAUSE = 0.1  # before the line is written again [s]
+LOG = 30.0  # between two lines without a terminal, and before the first [s]
 BAR = 30  # characters
 
 
 class Progress:
-    """A bar on stderr, for the length of a `with`; nothing where there is no terminal."""
+    """A bar on stderr, for the length of a `with`; a line every half minute where there is no terminal."""
 
     def __init__(self, total: int, unit: str) -> None:
         """Prepare.
@@ -49,7 +50,11 @@ class Progress:
         """
         self._done += done
         now = time.monotonic()
-        if self._terminal and now - self._began >= PATIENCE and now - self._last >= PAUSE:
+        if not self._terminal:
+            if now - self._last >= LOG:
+                self._last = now
+                print(self._line(now - self._began).strip(), file=sys.stderr, flush=True)
+        elif now - self._began >= PATIENCE and now - self._last >= PAUSE:
             self._last, self._shown = now, True
             sys.stderr.write(f"\r{self._line(now - self._began)[: width() - 1]}")
             sys.stderr.flush()

@@ -11,6 +11,7 @@ from flexarm_agents.commands.arguments import reader
 from flexarm_agents.commands.replay import add_film, check_film, play
 from flexarm_agents.commands.sources import POLICY, add_environment, check_environment, from_source
 from flexarm_agents.film import SENSOR
+from flexarm_agents.run_folder import check_place
 from flexarm_env.laps import LAPS
 from flexarm_env.rollout import run_policy
 from flexarm_env.simulation.trajectory import Trajectory
@@ -36,13 +37,15 @@ def run(arguments: Sequence[str]) -> None:
     if given.save is not None and given.save.suffix != ".npz":
         parser.error(f"--save: must end in .npz, got {given.save}")
     check_environment(parser, given, [given.policy])
+    integer("seed", given.seed, 0)
+    if given.save is not None:
+        check_place("save", given.save)
     check_film(given)
     played = episode(given)
     ended = played.notes["ended"]
     end = "complete" if ended == "truncated" else f"ended by {ended} at {played.time[-1]:.2f} s"
     print(f"{given.policy}: {given.lap} lap, {end}")
     if given.save is not None:
-        given.save.parent.mkdir(parents=True, exist_ok=True)
         played.save(given.save)
         print(f"{given.save}: written")
     play(played, given)
@@ -53,7 +56,7 @@ def episode(given: argparse.Namespace) -> Trajectory:
     contender = from_source(given.policy, given)
     try:
         start: dict[str, object] = {"options": {}} if given.lap == OWN else {"lap": given.lap}
-        found = run_policy(contender.env, contender.policy, seed=integer("seed", given.seed, 0), **start)  # type: ignore[arg-type]
+        found = run_policy(contender.env, contender.policy, seed=given.seed, **start)  # type: ignore[arg-type]
         place = contender.env.unwrapped.settings.sensor_position  # type: ignore[attr-defined]
     finally:
         contender.env.close()

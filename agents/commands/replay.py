@@ -8,7 +8,8 @@ from pathlib import Path
 
 from flexarm_agents.commands.arguments import reader
 from flexarm_agents.commands.progress import Progress
-from flexarm_agents.film import SUFFIXES, Film, checked_suffix
+from flexarm_agents.film import SUFFIXES, Film, check_look, check_output
+from flexarm_env.extras import import_pygame
 from flexarm_env.simulation.trajectory import Trajectory
 
 DESCRIPTION = """\
@@ -22,6 +23,7 @@ def run(arguments: Sequence[str]) -> None:
     parser.add_argument("run", type=Path, metavar="RUN", help="npz file of the run")
     add_film(parser)
     given = parser.parse_args(arguments)
+    check_film(given)
     play(Trajectory.load(given.run), given)
 
 
@@ -39,12 +41,16 @@ def check_film(given: argparse.Namespace) -> None:
     """Check arguments of `add_film`, as far as that needs no run.
 
     Raises:
-        ValueError: for a bad one.
+        ImportError: without what draws or writes, naming the extra.
+        OSError, TypeError, ValueError: for a bad one.
     """
+    check_look(given.fps, given.speed, given.size)
     if given.output is not None:
-        checked_suffix(given.output, given.fps)
-    elif given.time is not None:
+        check_output(given.output, given.fps, given.time)
+        return
+    if given.time is not None:
         raise ValueError(f"time = {given.time:g} s: is for a .png file, see --output")
+    import_pygame()
 
 
 def play(played: Trajectory, given: argparse.Namespace) -> None:
@@ -55,9 +61,8 @@ def play(played: Trajectory, given: argparse.Namespace) -> None:
         given: has the arguments of `add_film`.
 
     Raises:
-        ValueError: for a bad argument.
+        ValueError: for a time outside of the run, or a run with too many pictures.
     """
-    check_film(given)
     film = Film(played, given.fps, given.speed, given.size)
     if given.output is None:
         film.show()

@@ -7,15 +7,13 @@ their edges; text is written on the result. pygame is imported when the first pi
 
 from __future__ import annotations
 
-import os
 from typing import Any, NamedTuple
 
 import numpy as np
-from gymnasium.error import DependencyNotInstalled
 from numpy.typing import NDArray
 
 from flexarm_env.envs.window import Window
-from flexarm_env.extras import install_hint
+from flexarm_env.extras import import_pygame
 from flexarm_env.validation import choice, integer
 
 Array = NDArray[np.float64]
@@ -209,20 +207,6 @@ class _Canvas:
             self.pygame.font.init()
             self._fonts[size] = self.pygame.font.Font(None, max(1, round(size * self._size / SIDE)))
             return self._fonts[size].render(text, True, INK)
-
-
-def import_pygame() -> Any:
-    """Import pygame, which prints nothing.
-
-    Raises:
-        gymnasium.error.DependencyNotInstalled: if it is missing, naming the extra.
-    """
-    os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")  # a library does not print
-    try:
-        import pygame
-    except ImportError as error:
-        raise DependencyNotInstalled(install_hint("pygame", "render")) from error
-    return pygame
 
 
 def _draw_scene(canvas: _Canvas, shot: Snapshot) -> None:

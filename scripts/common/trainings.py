@@ -11,6 +11,7 @@ from flexarm_agents import StandardScore, TeachingConfig, TrainingConfig, evalua
 from flexarm_agents.config import RunConfig
 from flexarm_agents.evaluation import EVALUATION_SEED
 from flexarm_agents.executors import Executor
+from flexarm_agents.failures import Failure
 from flexarm_agents.run_folder import RunFolder
 from flexarm_agents.teaching.training import teach
 from flexarm_agents.training import Outcome, train
@@ -75,7 +76,7 @@ def carried_out(config: RunConfig, folder: Path) -> Outcome:
     raise TypeError(f"config = {config!r}: must be a TrainingConfig or a TeachingConfig")
 
 
-def trained_all(jobs: Sequence[Job], where: Executor, tick: Callable[[], Any]) -> tuple[list[Training], list[str]]:
+def trained_all(jobs: Sequence[Job], where: Executor, tick: Callable[[], Any]) -> tuple[list[Training], list[Failure]]:
     """Train each configuration in a folder of its own.
 
     Args:
@@ -84,13 +85,13 @@ def trained_all(jobs: Sequence[Job], where: Executor, tick: Callable[[], Any]) -
         tick: called after each.
 
     Returns:
-        The finished trainings, in the order of the jobs, and why others failed.
+        The finished trainings, in the order of the jobs, and the jobs that failed.
     """
     found: dict[int, Training] = {}
     failed = []
     for n, outcome in where.run(_trained, jobs) if jobs else ():
         if isinstance(outcome, BaseException):
-            failed.append(f"{jobs[n][1]}: {outcome}")
+            failed.append(Failure(str(jobs[n][1]), outcome))
         else:
             found[n] = outcome
         tick()

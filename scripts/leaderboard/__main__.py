@@ -7,7 +7,6 @@ where it was, and a changed policy recomputes its own row only. docs/submit.md t
 from __future__ import annotations
 
 import shutil
-import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,13 +17,14 @@ from tqdm import tqdm
 
 from flexarm_agents.board.cells import Store
 from flexarm_agents.board.columns import COLUMNS, Column
-from flexarm_agents.board.measure import DATA, chosen_columns, chosen_rows, measure, write
+from flexarm_agents.board.measure import DATA, INCOMPLETE, chosen_columns, chosen_rows, measure, write
 from flexarm_agents.board.rows import Row
 from flexarm_agents.board.tables import tables
 from flexarm_agents.board.terms import BOARD
 from flexarm_agents.commands.arguments import json_object
 from flexarm_agents.commands.progress import Progress
 from flexarm_agents.executors import EXECUTORS, executor
+from flexarm_agents.failures import check_failures
 from flexarm_agents.run_folder import put
 from flexarm_env.validation import choice
 from scripts.common.command_line import run
@@ -136,9 +136,7 @@ def main() -> None:
         illustrate([row for row in rows if row.name in names], results, options.output / "figures")
     print(tables(results).get("ranking", ""), end="")
     print(f"{options.output}: board {BOARD}, {len(results['rows'])} of {len(rows)} rows")
-    if failed:
-        print(*failed, sep="\n", file=sys.stderr)
-        raise OSError("the other rows lack cells, for the reasons above; what was computed is kept")
+    check_failures(failed, options.output, INCOMPLETE)
     if options.docs:
         update_docs(options.output)
 

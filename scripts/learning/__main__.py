@@ -13,6 +13,7 @@ import tyro
 from tqdm import tqdm
 
 from flexarm_agents.executors import executor
+from flexarm_agents.failures import check_failures
 from flexarm_agents.run_folder import put
 from flexarm_env.validation import choice, integer
 from scripts.common.command_line import run
@@ -54,8 +55,7 @@ def study_tables(name: str, options: Options) -> None:
     jobs = jobs_of(study, study.seeds if options.seeds is None else options.seeds, folder)
     with tqdm(total=len(jobs), unit="training", desc=name) as bar:
         found, failed = trained_all(jobs, executor("processes", options.jobs, options.output), bar.update)
-    if failed:
-        raise OSError("; ".join(failed))
+    check_failures(failed, folder, "the other trainings are kept")
     if not options.tables:
         return
     agents = by_agent(found)

@@ -15,6 +15,7 @@ from tqdm import tqdm
 from flexarm_agents import StandardScore, load_policy
 from flexarm_agents.board.cells import Store
 from flexarm_agents.executors import executor
+from flexarm_agents.failures import check_failures
 from flexarm_agents.load import POLICIES
 from flexarm_env.validation import choice, integer
 from scripts.common.command_line import run
@@ -62,8 +63,7 @@ def train_and_ship(name: str, seeds: int, jobs: int, output: Path) -> None:
     wanted = [(config, output / name / f"seed-{config.seed}") for config in configs(name, seeds)]
     with tqdm(total=seeds, unit="training", desc=name) as bar:
         found, failed = trained_all(wanted, executor("processes", jobs, output), bar.update)
-    if failed:
-        raise OSError("; ".join(failed))
+    check_failures(failed, output / name, "the other trainings are kept")
     for one in found:
         print(f"{name}, seed {one.config.seed}: {StandardScore.of(one.best)}")
     keep_curves({name: found})

@@ -82,6 +82,7 @@ GROUPS = (
         ("mujoco",),
     ),
     _group("controllers", "Controllers on the chain", "plant.others", "controllers_distance", needs=("mujoco",)),
+    _group("smooth", "Smooth plans on the chain", "plant.smooth", "smooth_plans", needs=("mujoco",)),
     _group("drift", "Invariants over ten minutes", "drift", "drift_time", "drift_step"),
     _group("orders", "Orders of the integrators", "orders", "orders"),
     _group("coriolis", "The paper's dropped Coriolis terms", "coriolis", "coriolis"),

@@ -212,12 +212,45 @@ def test_render_refuses(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> N
     assert "--stable-baselines3: there is no zip file" in capsys.readouterr().err
 
 
-def test_render_refuses_a_file_before_the_episode(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--output", "x.avi"), "output's suffix = '.avi'"),
+        (("--output", "folder.png"), "folder.png: is a folder"),
+        (("--output", "x.png", "--time", "-1"), "time = -1.0: must be a finite number and >= 0.0 [s]"),
+        (("--output", "x.gif", "--time", "1"), "time = 1 s: is for .png files"),
+        (("--save", "folder.npz"), "folder.npz: is a folder"),
+        (("--fps", "0"), "fps = 0: must be an integer from 1 to 100"),
+        (("--speed", "0"), "speed = 0.0: must be a finite number"),
+        (("--size", "5"), "size = 5: must be an integer from 64"),
+        (("--seed", "-1"), "seed = -1: must be an integer >= 0"),
+    ],
+)
+def test_render_refuses_before_the_episode(
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+    arguments: tuple[str, ...],
+    words: str,
 ) -> None:
+    pytest.importorskip("pygame")
     monkeypatch.setattr("flexarm_agents.commands.render.episode", lambda given: pytest.fail("the episode was run"))
-    assert status("render", "ifdc", "--output", tmp_path / "x.avi") == 1
-    assert "output's suffix = '.avi'" in capsys.readouterr().err
+    for name in ("folder.png", "folder.npz"):
+        (tmp_path / name).mkdir()
+    given = [tmp_path / one if "." in one else one for one in arguments]
+    assert status("render", "ifdc", *given) == 1
+    assert words in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("verb", ["render", "play"])
+def test_what_draws_is_missed_before_anything_runs(
+    verb: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "pygame", None)
+    for name in ("render.episode", "play.LiveArm"):
+        monkeypatch.setattr(f"flexarm_agents.commands.{name}", lambda *given: pytest.fail("something ran"))
+    assert status(verb, *(["ifdc"] if verb == "render" else [])) == 1
+    assert "flexarm[render]" in capsys.readouterr().err
 
 
 def test_what_is_interrupted_leaves_nothing(run: Trajectory, tmp_path: Path) -> None:

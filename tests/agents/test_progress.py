@@ -1,4 +1,4 @@
-"""`Progress`: a line where there is a terminal, once it takes long."""
+"""`Progress`: a line of the terminal, once it takes long, or lines of a log."""
 
 from __future__ import annotations
 
@@ -32,11 +32,11 @@ def test_a_line_is_shown_after_a_second_and_taken_away(
     assert capsys.readouterr().err.strip() == ""
 
 
-@pytest.mark.parametrize("seconds", [0.5, 100.0])
-def test_without_a_terminal_nothing_is_shown(
-    clock: list[float], capsys: pytest.CaptureFixture[str], seconds: float
+def test_without_a_terminal_a_line_is_written_every_half_minute(
+    clock: list[float], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    with Progress(2, "cells") as tick:
-        clock[0] = seconds
-        tick()
+    with Progress(4, "cells") as tick:
+        for clock[0], line in ((29.0, ""), (31.0, f"{'█' * 15}{'·' * 15} 2 of 4 cells, 31 s left\n"), (60.0, "")):
+            tick()
+            assert capsys.readouterr().err == line
     assert capsys.readouterr().err == ""

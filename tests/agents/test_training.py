@@ -11,6 +11,7 @@ import shutil
 import signal
 import sys
 import threading
+import time
 from pathlib import Path
 
 import numpy as np
@@ -32,7 +33,7 @@ from flexarm_agents import (
 from flexarm_agents.environments import make_batch
 from flexarm_agents.follow import Follow
 from flexarm_agents.models import new_model
-from flexarm_agents.run_folder import RunFolder
+from flexarm_agents.run_folder import RunFolder, put
 from flexarm_agents.stopping import StopSignals
 from flexarm_env.kernels.layout import Row
 from flexarm_env.laps import LAPS
@@ -212,6 +213,23 @@ def test_what_a_killed_process_left_of_a_file_does_not_count(tmp_path: Path) -> 
     folder = RunFolder(tmp_path)
     folder.begin(config, {})
     assert folder.read_config(TrainingConfig) == config
+
+
+def test_two_that_write_a_file_do_not_meet_and_leftovers_go_after_a_day(tmp_path: Path) -> None:
+    path = tmp_path / "file.txt"
+    for name, age in (("old", 2.0), ("new", 0.5)):
+        left = tmp_path / f".new-{name}-file.txt"
+        left.write_text("half")
+        os.utime(left, (time.time() - age * 86400.0,) * 2)
+
+    def write(aside: Path) -> None:
+        aside.write_text("outer")
+        put(path, lambda own: own.write_text("inner"))
+        assert path.read_text() == "inner"
+
+    put(path, write)
+    assert path.read_text() == "outer"
+    assert sorted(one.name for one in tmp_path.iterdir()) == [".new-new-file.txt", "file.txt"]
 
 
 def test_a_folder_is_never_overwritten(run: Path, tmp_path: Path) -> None:

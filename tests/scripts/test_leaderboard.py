@@ -81,7 +81,7 @@ def test_a_row_that_lacks_cells_is_left_out_and_the_others_are_kept(tmp_path: Pa
     others = Row("square", "other", options={"frame": "world"})
     board, failed = measuring.measure([ROWS[0], others], TINY, store, Here(1))
     assert [row["name"] for row in board["rows"]] == ["agent"]
-    assert failed == ["other: killed"]
+    assert list(map(str, failed)) == ["other: OSError: killed"]
     assert len(files(store.folder)) == 3
 
 
@@ -273,9 +273,9 @@ def test_the_verb_measures_what_it_is_asked_for(
     board = json.loads((tmp_path / measuring.DATA).read_text())
     assert [row["name"] for row in board["rows"]] == ["agent"]
     monkeypatch.setattr(verb, "executor", lambda *arguments: Here(0))
-    with pytest.raises(OSError, match="the other rows lack cells"):
+    with pytest.raises(OSError, match="1 failed, see above; their rows lack cells"):
         verb.run(["--rows", "again", "--columns", "payload", "--output", str(tmp_path / "other")])
-    assert "again: killed" in capsys.readouterr().err
+    assert "again: OSError: killed" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import importlib.util
+import os
+from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
 from scripts import make_dataset
-from scripts.make_dataset import Options, contender, dataset_id, recorded, summary
+from scripts.make_dataset import CONTENT, ROOT, Options, contender, dataset_id, recorded, saved, summary
 
 
 def test_an_episode_is_recorded_whole() -> None:
@@ -27,6 +30,41 @@ def test_an_episode_is_recorded_whole() -> None:
 def test_a_controller_acts_in_its_own_environment() -> None:
     one = contender("ifdc", {"arm": "linear", "delay": 0.02, "max_episode_steps": 3})
     assert recorded(one, 0, "swing").actions.shape == (3, 1)  # the gain
+
+
+def test_an_action_outside_of_its_space_is_refused() -> None:
+    one = contender("random", {"arm": "linear", "max_episode_steps": 3})
+    with pytest.raises(ValueError, match=r"action = .*1\.5.* of random in step 0: not in Box"):
+        recorded(one._replace(policy=lambda observation: np.array([0.0, 1.5])), 0, "plain")
+
+
+def test_a_data_set_stays_until_the_next_one_is_complete(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Minari's part is played by a function that writes what it is told, or fails with half of it written."""
+    name = dataset_id("random", 0.0)
+    content = tmp_path / name / CONTENT / "main_data.hdf5"
+
+    def write(name: str, *arguments: Any, algorithm_name: str, **named: Any) -> None:
+        folder = Path(os.environ[ROOT], name, CONTENT)
+        folder.mkdir(parents=True)
+        (folder.parents[1] / "namespace_metadata.json").write_text("{}")
+        (folder / content.name).write_text(algorithm_name)
+        if algorithm_name == "fails":
+            raise OSError("no space left")
+
+    monkeypatch.setattr(make_dataset, "_minari", lambda: SimpleNamespace(create_dataset_from_buffers=write))
+    monkeypatch.setenv(ROOT, "before")
+    one = contender("random", {"arm": "linear"})
+    for algorithm in ("first", "second"):
+        saved(tmp_path, name, one._replace(name=algorithm), [])
+        assert content.read_text() == algorithm
+    with pytest.raises(OSError, match="no space left"):
+        saved(tmp_path, name, one._replace(name="fails"), [])
+    assert content.read_text() == "second"
+    assert sorted(path.name for path in content.parents[2].iterdir()) == [
+        "namespace_metadata.json",
+        content.parents[1].name,
+    ]
+    assert os.environ[ROOT] == "before"
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,6 @@
 """Scripts that are stopped by signals, as real processes: nothing goes on running, nothing half made stays."""
 
+import multiprocessing
 import os
 import signal
 import subprocess
@@ -10,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from flexarm_agents.worker_pool import worker_pool
 from scripts.common.result_files import OLD, PARTIAL, replacing, write_json
 from tests.support.programs import ROOT
 
@@ -75,6 +77,28 @@ class Running:
 
     def errors(self) -> str:
         return self.process.communicate(timeout=30)[1].strip()
+
+
+def test_an_error_ends_the_pools_workers_and_no_other_child() -> None:
+    children = [multiprocessing.get_context("spawn").Process(target=time.sleep, args=(600.0,)) for _ in range(2)]
+    workers: list[int] = []
+
+    def work() -> None:
+        with worker_pool(1) as pool:
+            workers.append(pool.submit(os.getpid).result())
+            children[1].start()
+            raise KeyError
+
+    try:
+        children[0].start()
+        with pytest.raises(KeyError):
+            work()
+        assert not is_running(*workers)
+        assert all(child.is_alive() for child in children)
+    finally:
+        for child in children:
+            child.kill()
+            child.join()
 
 
 @pytest.fixture

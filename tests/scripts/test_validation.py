@@ -19,7 +19,10 @@ from scripts.validation import __main__ as validate
 from tests.support.programs import ROOT, refusal, run_here, run_study
 
 DOCS = ROOT / "docs"
-NAMES = ("links", "arm", "engine", "cables", "two_engines", "plant", "controllers", "drift", "orders", "coriolis")
+NAMES = (
+    *("links", "arm", "engine", "cables", "two_engines", "plant", "controllers", "smooth", "drift", "orders"),
+    "coriolis",
+)
 UNCHANGED = ("links", "orders", "coriolis")  # the same work in the short version
 run_script = partial(run_study, "validation")
 

@@ -23,6 +23,7 @@ from flexarm_env.episode.step import GAIN, HOST_PROGRAMS, PROGRAMS, TORQUE, TRAC
 from flexarm_env.kernels.entries import word
 from flexarm_env.kernels.loop import LOOP
 from flexarm_env.kernels.variants import Variant
+from tests.support.quick import run_quickly
 
 
 def is_shared(variant: AnyVariant) -> bool:
@@ -52,6 +53,7 @@ def run_plainly(
 
     monkeypatch.setattr(assembly, "load", load_plain)
     monkeypatch.setattr(cache, "compiled_entry", plain_entry)
+    run_quickly(monkeypatch)
 
 
 def compile_what_is_shared(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from flexarm_agents.board.rows import Row
 from flexarm_baselines.optimal import GOOD, Plan, PlanRegulator, RegulatorWeights, plan_lap
+from flexarm_baselines.optimal.laps import CHANGE_WEIGHT
 from flexarm_env import ArmParameters, FlexibleArm, SquareParameters, inverse_kinematics, square
 from flexarm_env.chain.gauges import Gauges
 from flexarm_env.laps import LAPS
@@ -114,12 +115,15 @@ class Hosted:
 
 
 class Regulator:
-    """Feedback along the best plan known for an arm."""
+    """Feedback along a plan for an arm."""
 
-    def __init__(self, arm: ArmParameters, lap: str, weights: RegulatorWeights) -> None:
-        """Plan the lap, and compute the gains."""
-        self._regulator = PlanRegulator(_plan(arm, lap), weights)
-        self._gauges = Gauges(self._regulator.plan.arm)
+    def __init__(
+        self, arm: ArmParameters, lap: str, weights: RegulatorWeights, change_weight: float = CHANGE_WEIGHT
+    ) -> None:
+        """Plan the lap with a weight on changes of the torques (`TrackingProblem`), and compute the gains."""
+        self.plan = _plan(arm, lap, change_weight)
+        self._regulator = PlanRegulator(self.plan, weights)
+        self._gauges = Gauges(self.plan.arm)
 
     def begin(self, plant: Plant) -> Callable[[], Period]:
         """See `Controller`."""
@@ -133,8 +137,8 @@ class Regulator:
 
 
 @cache
-def _plan(arm: ArmParameters, lap: str) -> Plan:
-    return plan_lap(FlexibleArm(arm), lap)
+def _plan(arm: ArmParameters, lap: str, change_weight: float) -> Plan:
+    return plan_lap(FlexibleArm(arm), lap, change_weight=change_weight)
 
 
 def on_corner(parameters: ArmParameters, lap: str, elements: int | None = None) -> Plant:
