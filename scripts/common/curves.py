@@ -22,7 +22,6 @@ from scripts.common.result_files import write_json
 from scripts.common.trainings import Training
 
 FOLDER = DOCS / "figures" / "agents"
-DATA, PICTURE = "curves.json", "curves.png"
 Curves = Mapping[str, Sequence[Mapping[str, Any]]]  # of each agent, of each seed
 
 
@@ -35,19 +34,20 @@ def curve(training: Training) -> dict[str, Any]:
     return {"seed": training.config.seed, **found, **laps}
 
 
-def keep_curves(found: Mapping[str, Sequence[Training]], folder: Path = FOLDER) -> None:
+def keep_curves(found: Mapping[str, Sequence[Training]], folder: Path = FOLDER, name: str = "curves") -> None:
     """Bring data and picture up to date.
 
     Args:
         found: trainings of agents, by their names; the others' curves stay.
         folder: has both.
+        name: of both files.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    path = folder / DATA
+    path = folder / f"{name}.json"
     known = json.loads(path.read_text()) if path.is_file() else {}
     known |= {name: [curve(one) for one in trainings] for name, trainings in found.items()}
     write_json(path, known, levels=3)
-    draw(known, folder / PICTURE)
+    draw(known, path.with_suffix(".png"))
 
 
 def draw(curves: Curves, path: Path) -> None:

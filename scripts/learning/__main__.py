@@ -6,6 +6,7 @@ line in `STUDIES`.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,16 +15,16 @@ from tqdm import tqdm
 
 from flexarm_agents.executors import executor
 from flexarm_agents.failures import check_failures
-from flexarm_agents.run_folder import put
+from flexarm_agents.run_folder import RunFolder, put
 from flexarm_env.validation import choice, integer
 from scripts.common.command_line import run
 from scripts.common.curves import keep_curves
 from scripts.common.markdown import DOCS, filled
-from scripts.common.trainings import trained_all
-from scripts.learning import modes, schedulers
+from scripts.common.trainings import Job, trained_all
+from scripts.learning import delays, modes, schedulers
 from scripts.learning.study import Study, by_agent, jobs_of
 
-STUDIES: dict[str, Study] = {"schedulers": schedulers.STUDY, "modes": modes.STUDY}
+STUDIES: dict[str, Study] = {"schedulers": schedulers.STUDY, "modes": modes.STUDY, "delays": delays.STUDY}
 PAGE = DOCS / "agents.md"
 
 
@@ -39,6 +40,8 @@ class Options:
     """How many trainings run at once, on one core each."""
     output: Path = Path("results/learning")
     """Folder for the trainings and the tables."""
+    train: bool = True
+    """Train; without it, tables have the trainings that are finished."""
     tables: bool = True
     """Write the tables; without it, only train."""
     docs: bool = False
@@ -53,6 +56,8 @@ def study_tables(name: str, options: Options) -> None:
     """
     study, folder = STUDIES[name], options.output / name
     jobs = jobs_of(study, study.seeds if options.seeds is None else options.seeds, folder)
+    if not options.train:
+        jobs = finished(study, jobs)
     with tqdm(total=len(jobs), unit="training", desc=name) as bar:
         found, failed = trained_all(jobs, executor("processes", options.jobs, options.output), bar.update)
     check_failures(failed, folder, "the other trainings are kept")
@@ -60,10 +65,31 @@ def study_tables(name: str, options: Options) -> None:
         return
     agents = by_agent(found)
     if options.docs:
-        keep_curves({f"{name}: {agent}": trainings for agent, trainings in agents.items()})
+        keep_curves({f"{name}: {agent}": trainings for agent, trainings in agents.items()}, name=study.curves)
     for table, text in study.tables(agents, folder).items():
         put(options.output / f"{table}.md", lambda path, text=text: path.write_text(text))  # type: ignore[misc]
         print(f"\n{study.text}:\n\n{text}")
+    if options.docs:
+        for picture, shown in study.pictures.items():
+            put(shown, lambda path, drawn=folder / picture: path.write_bytes(drawn.read_bytes()))  # type: ignore[misc]
+
+
+def finished(study: Study, jobs: Sequence[Job]) -> list[Job]:
+    """Return the trainings that are complete.
+
+    Args:
+        study: the comparison.
+        jobs: its trainings.
+
+    Raises:
+        ValueError: if there is none of an agent that the study cannot do without.
+    """
+    found = [(config, folder) for config, folder in jobs if RunFolder(folder).last.is_file()]
+    agents = {folder.parent.name for _, folder in found}
+    lacking = [name for name in study.agents if name not in agents]
+    if lacking and (not study.partial or not agents):
+        raise ValueError(f"train = False: no training of {', '.join(lacking)} is finished; train first")
+    return found
 
 
 def main() -> None:
@@ -76,8 +102,8 @@ def main() -> None:
     integer("jobs", options.jobs, 1)
     if options.seeds is not None:
         integer("seeds", options.seeds, 1)
-    if options.docs and not options.tables:
-        raise ValueError("docs = True: the page shows the tables; must go with tables")
+    if not options.tables and (options.docs or not options.train):
+        raise ValueError("tables = False: must go with train, and without docs, which shows the tables")
     for name in options.only:
         choice("only", name, tuple(STUDIES))
     for name in options.only:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import NamedTuple
 
 from flexarm_agents import Score, Spread, StandardScore
@@ -23,6 +24,9 @@ class Study(NamedTuple):
         seeds: how many trainings of each, with the seeds from 0 on.
         tables: returns tables, Markdown, by name; the folder is for what is computed once and kept.
         names: of the tables.
+        pictures: files in the study's folder, drawn with the tables, and where the page has them.
+        partial: the tables can do without some of the agents, whose trainings take long.
+        curves: name of the files that have its training curves, see `keep_curves`.
     """
 
     text: str
@@ -30,6 +34,9 @@ class Study(NamedTuple):
     seeds: int
     tables: Callable[[Found, Path], Mapping[str, str]]
     names: tuple[str, ...]
+    pictures: Mapping[str, Path] = MappingProxyType({})
+    partial: bool = False
+    curves: str = "curves"
 
 
 def jobs_of(study: Study, seeds: int, folder: Path) -> list[Job]:

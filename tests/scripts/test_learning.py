@@ -13,12 +13,12 @@ import pytest
 
 from flexarm_agents import Score, StandardScore, TrainingConfig
 from flexarm_agents.run_folder import write_json
-from scripts.common.curves import DATA, PICTURE, keep_curves
+from scripts.common.curves import keep_curves
 from scripts.common.markdown import filled
 from scripts.common.spreads import spread_text
 from scripts.common.trainings import Training
 from scripts.learning import foresight
-from scripts.learning.__main__ import PAGE, STUDIES
+from scripts.learning.__main__ import PAGE, STUDIES, finished
 from scripts.learning.foresight import Schedule, kept_search, weights
 from scripts.learning.modes import LawAlone
 from scripts.learning.schedulers import PLANTS
@@ -114,7 +114,7 @@ def test_curves_are_kept(tmp_path: Path) -> None:
     found = [training(seed, 0.1, tmp_path / "mine") for seed in range(2)]
     keep_curves({"first": found}, tmp_path)
     keep_curves({"second": found[:1]}, tmp_path)
-    data = json.loads((tmp_path / DATA).read_text())
+    data = json.loads((tmp_path / "curves.json").read_text())
     assert list(data) == ["first", "second"]
     assert data["first"][1] == {
         "seed": 1,
@@ -123,7 +123,7 @@ def test_curves_are_kept(tmp_path: Path) -> None:
         "swing": [None, 0.2, 0.1],
         "plain": [None, 0.2, 0.1],
     }
-    assert (tmp_path / PICTURE).stat().st_size > 10_000
+    assert (tmp_path / "curves.png").stat().st_size > 10_000
 
 
 def test_studies_fill_their_own_blocks(tmp_path: Path) -> None:
@@ -137,4 +137,19 @@ def test_studies_fill_their_own_blocks(tmp_path: Path) -> None:
 def test_what_is_refused() -> None:
     assert "only = 'none': must be one of 'schedulers'" in refusal("learning", "--only", "none")
     assert "seeds = 0" in refusal("learning", "--seeds", 0)
-    assert "the page shows the tables" in refusal("learning", "--docs", "--no-tables")
+    assert "tables = False: must go with train, and without docs" in refusal("learning", "--docs", "--no-tables")
+    assert "tables = False" in refusal("learning", "--no-train", "--no-tables")
+
+
+def test_tables_of_what_is_finished(tmp_path: Path) -> None:
+    """A study says whether it can do without some of its agents."""
+    study = STUDIES["delays"]
+    jobs = jobs_of(study, 2, tmp_path)
+    with refuses(ValueError, "no training of known-none, ", "is finished; train first"):
+        finished(study, jobs)
+    for _, folder in jobs[:3]:
+        folder.mkdir(parents=True)
+        (folder / "last_policy.npz").touch()
+    assert finished(study, jobs) == jobs[:3]
+    with refuses(ValueError, "train = False: no training of "):
+        finished(study._replace(partial=False), jobs)

@@ -1,0 +1,169 @@
+"""What helps against a late sensor: nothing, past actions, past readings, a memory, or an observer in front."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import product
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from matplotlib import pyplot as plt
+
+from flexarm_agents import TrainingConfig
+from flexarm_agents.board.columns import Point
+from flexarm_agents.board.rows import Row
+from flexarm_agents.observer import FILTERED
+from flexarm_agents.run_folder import put
+from flexarm_env.envs.registration import IDS
+from flexarm_env.laps import LAPS
+from scripts.common.curves import FOLDER
+from scripts.common.markdown import table
+from scripts.common.plotting import COLOURS
+from scripts.learning.measured import (
+    Errors,
+    errors_at,
+    mean_of_laps,
+    median_and_worst,
+    plot_median,
+    seconds_per_million,
+)
+from scripts.learning.study import Found, Study
+
+STEPS = 1_000_000
+DELAYS = (0, 10, 20, 31, 40, 50, 60, 70, 80, 90, 100, 110, 120)  # [ms]
+SHOWN = (0, 31, 60, 90, 120)  # of these, in the table
+POINTS = tuple(Point(float(delay), {"delay": 1e-3 * delay}) for delay in DELAYS)
+TRAINED = {"known": "31 ms", "unknown": "0 to 60 ms"}
+ENVIRONMENTS = {"known": "FlexArm/SquareDelayEasy-v0", "unknown": "FlexArm/SquareDelayMedium-v0"}
+LATE = list(IDS["SquareDelayEasy-v0"].options["observation"])
+OBSERVED = [*(name for name in LATE if not name.startswith("sensor_error")), *FILTERED]
+REMEDIES = {
+    "none": "none",
+    "actions": "last eight actions",
+    "stacked": "past readings, up to 80 ms",
+    "recurrent": "recurrent (RecurrentPPO)",
+    "observer": "Kalman filter in front",
+}
+YARDSTICKS = {
+    "known": {"lqg": "`lqg`", "student": "taught (`student`)"},
+    "unknown": {"lqg_adaptive": "`lqg_adaptive`", "student_unknown": "taught (`student_unknown`)"},
+}
+PICTURE = "delays.png"
+
+
+class Line(NamedTuple):
+    """A row of the table.
+
+    Attributes:
+        trained: a name in `TRAINED`.
+        text: what it is.
+        samples: environment steps of a training.
+        seconds: processor time of a million of them [s]; None: it did not learn by reward.
+        errors: of each seed.
+    """
+
+    trained: str
+    text: str
+    samples: str
+    seconds: float | None
+    errors: list[Errors]
+
+
+def agents() -> dict[str, TrainingConfig]:
+    """Return the configurations: each remedy at the known delay, then at the unknown one; those that take long last."""
+    pairs = sorted(product(TRAINED, REMEDIES), key=lambda pair: pair[1] == "recurrent")
+    return {f"{trained}-{remedy}": config_of(trained, remedy) for trained, remedy in pairs}
+
+
+def config_of(trained: str, remedy: str) -> TrainingConfig:
+    """Return the configuration of an agent.
+
+    Args:
+        trained: a name in `TRAINED`.
+        remedy: a name in `REMEDIES`.
+    """
+    own: dict[str, Any] = {}
+    options: dict[str, Any] = {"last_actions": 8 if remedy == "actions" else 1}
+    if remedy == "stacked":
+        own["lags"] = (1, 2, 3, 4, 6, 8)
+    if remedy == "recurrent":
+        own["algorithm"] = "recurrent_ppo"
+    if remedy == "observer":
+        own["observer"] = {"known": "nominal", "unknown": "delay"}[trained]
+        options["observation"] = OBSERVED
+    laps = {"known": 1, "unknown": 3}[trained]
+    return TrainingConfig(
+        environment=ENVIRONMENTS[trained],
+        options=options,
+        steps=STEPS,
+        evaluate_every=STEPS // 10,
+        evaluation_laps=laps,
+        **own,
+    )
+
+
+def lines(found: Found, folder: Path) -> Iterator[Line]:
+    """Yield what was measured of the yardsticks and of each remedy."""
+    cells = folder / "cells"
+    for trained in TRAINED:
+        for source, text in YARDSTICKS[trained].items():
+            yield Line(trained, text, "-", None, [errors_at(Row(source), POINTS, cells)])
+        for remedy, text in REMEDIES.items():
+            name = f"{trained}-{remedy}"
+            if name not in found:
+                continue
+            errors = [errors_at(Row(str(one.folder), name), POINTS, cells) for one in found[name]]
+            cost = seconds_per_million(config_of(trained, remedy), folder / "costs" / f"{name}.json")
+            yield Line(trained, text, f"{STEPS:,}", cost, errors)
+
+
+def tables(found: Found, folder: Path) -> Mapping[str, str]:
+    """Write the table, and draw the picture beside it."""
+    measured = list(lines(found, folder))
+    draw(measured, folder / PICTURE)
+    head = (
+        "delay in training or design",
+        "remedy",
+        "seeds",
+        "steps",
+        "seconds a million",
+        *(f"{delay} ms" for delay in SHOWN),
+    )
+    rows = []
+    for line in measured:
+        errors = [median_and_worst([mean_of_laps(one, DELAYS.index(delay)) for one in line.errors]) for delay in SHOWN]
+        seconds = "-" if line.seconds is None else f"{line.seconds:.0f}"
+        rows.append((TRAINED[line.trained], line.text, str(len(line.errors)), line.samples, seconds, *errors))
+    return {"delay_remedies": table(head, rows)}
+
+
+def draw(measured: Sequence[Line], path: Path) -> None:
+    """Draw the errors of both laps over the delay, of agents that learned at the known delay and at unknown ones."""
+    figure, axes = plt.subplots(len(TRAINED), len(LAPS), figsize=(10.5, 8.0), sharex=True, sharey=True)
+    for row, trained in zip(axes, TRAINED, strict=True):
+        own = [line for line in measured if line.trained == trained]
+        for axis, lap in zip(row, LAPS, strict=True):
+            for n, line in enumerate(own):
+                look = ("--" if line.seconds is None else "-", ("0.3", "0.6", *COLOURS)[n])
+                several = [one[lap] for one in line.errors]
+                plot_median(axis, DELAYS, several, linestyle=look[0], color=look[1], marker=".", label=line.text)
+            axis.set(title=f"{lap} lap, trained at {TRAINED[trained]}", yscale="log")
+        row[0].set_ylabel("r.m.s. error [m]")
+        row[0].legend(fontsize=8)
+    for axis in axes[-1]:
+        axis.set_xlabel("delay of the sensor [ms]")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    put(path, figure.savefig)
+    plt.close(figure)
+
+
+STUDY = Study(
+    "what helps against a late sensor: mean r.m.s. error of both laps by the delay [m], of seeds median and worst",
+    agents(),
+    3,
+    tables,
+    ("delay_remedies",),
+    {PICTURE: FOLDER / PICTURE},
+    partial=True,
+    curves="delays_curves",
+)

@@ -1,0 +1,104 @@
+"""What studies measure of agents: errors of laps at the points of an axis, kept as cells, and what learning costs."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from flexarm_agents import Spread, TrainingConfig
+from flexarm_agents.board.cells import Cell, Store, compute, jobs_of
+from flexarm_agents.board.columns import Point
+from flexarm_agents.board.rows import Row
+from flexarm_agents.models import new_model
+from flexarm_agents.training import one_thread
+from flexarm_env.laps import LAPS
+from scripts.common.result_files import write_json
+
+Errors = dict[str, list[float | None]]  # of each lap, at each point [m]; None for a lost lap
+SAMPLE = 65_536  # steps whose time is measured
+
+
+def errors_at(row: Row, points: Sequence[Point], folder: Path) -> Errors:
+    """Return the r.m.s. errors of a row's laps at some points; cells are kept.
+
+    Args:
+        row: the agent.
+        points: where, with one seed.
+        folder: of the cells.
+
+    Raises:
+        ValueError: if the agent cannot be run at one of them.
+    """
+    store, cells = Store(folder), [Cell.of(row, point) for point in points]
+    for job in jobs_of(store.missing(cells)):
+        known = {cell.key: cell for cell in cells}
+        for key, made in zip(job.keys, compute(job), strict=True):
+            store.write(known[key], made)
+    found: Errors = {lap: [] for lap in LAPS}
+    for cell in cells:
+        result = store.read(cell)
+        assert result is not None
+        if "not_applicable" in result:
+            raise ValueError(f"row {row.name} at {cell.point.value}: {result['not_applicable']}")
+        for episode in result["episodes"]:
+            figures = episode["figures"]
+            found[episode["lap"]].append(None if figures is None else float(figures["rms"]))
+    return found
+
+
+def mean_of_laps(errors: Errors, n: int) -> float | None:
+    """Return the mean over the laps at a point [m]; None if one of them is lost."""
+    values = [errors[lap][n] for lap in LAPS]
+    return None if None in values else float(np.mean([value for value in values if value is not None]))
+
+
+def median_and_worst(values: Sequence[float | None], digits: int = 3) -> str:
+    """Write the median and the worst of several agents' figures; one figure of one agent."""
+    spread = Spread.of(values)
+    both = (spread.median, spread.worst)[: 2 if spread.total > 1 else 1]
+    return " / ".join("lost" if value is None else f"{value:.{digits}f}" for value in both)
+
+
+def seconds_per_million(config: TrainingConfig, path: Path) -> float:
+    """Return the processor time that a million steps of a training take [s], without evaluations; it is kept.
+
+    Args:
+        config: of the training.
+        path: of the file that keeps it.
+    """
+    if path.is_file():
+        return float(json.loads(path.read_text())["seconds"])
+    size = config.envs * (config.rollout or 1)
+    steps = -(-SAMPLE // size) * size
+    with one_thread():
+        model = new_model(replace(config, steps=size + steps))
+        model.learn(size)  # compiles
+        began = time.process_time()
+        model.learn(steps)
+        seconds = 1e6 * (time.process_time() - began) / steps
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_json(path, {"seconds": round(seconds, 1), "steps": steps})
+    return round(seconds, 1)
+
+
+def plot_median(axis: Axes, x: Sequence[float], several: Sequence[Sequence[float | None]], **look: str) -> None:
+    """Draw the median of several agents over an axis, and the range from the best to the worst; gaps where lost.
+
+    Args:
+        axis: where.
+        x: values of the axis.
+        several: figures of each agent.
+        **look: label, colour and style of the line.
+    """
+    errors = np.array([[np.inf if value is None else value for value in one] for one in several])
+    median = np.median(errors, axis=0)
+    axis.plot(x, np.where(np.isfinite(median), median, np.nan), **look)  # type: ignore[arg-type]
+    shown = np.isfinite(errors).all(axis=0)
+    low, high = (np.where(shown, end, np.nan) for end in (errors.min(axis=0), errors.max(axis=0)))
+    axis.fill_between(x, low, high, color=look["color"], alpha=0.15, linewidth=0.0)
