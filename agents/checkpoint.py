@@ -8,18 +8,24 @@ import random
 import zipfile
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
-from stable_baselines3 import PPO
-from stable_baselines3.common.vec_env import VecMonitor
+from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.buffers import ReplayBuffer
+from stable_baselines3.common.vec_env import VecMonitor, unwrap_vec_wrapper
 
+from flexarm_agents.config import TrainingConfig
 from flexarm_agents.evaluation import Found
+from flexarm_agents.fronted_vec_env import FrontedVecEnv
+from flexarm_agents.models import batch_for, model_class
 from flexarm_agents.run_folder import put
 from flexarm_agents.vec_env import FlexArmVecEnv
 from flexarm_env.kernels.stamp import LayoutError
 
 _MODEL, _REST = "model.zip", "rest.pickle"
+_KEPT = ("observations", "next_observations", "actions", "rewards", "dones", "timeouts")  # arrays of a replay buffer
 
 
 @dataclass(kw_only=True)
@@ -35,21 +41,31 @@ class Progress(Found):
     next_checkpoint: int
 
 
-def save_checkpoint(path: Path, model: PPO, progress: Progress) -> None:
+def save_checkpoint(
+    path: Path, config: TrainingConfig, model: BaseAlgorithm, progress: Progress, complete: bool = False
+) -> None:
     """Write a checkpoint between two rollouts.
 
     Args:
         path: path of the file; complete or as before.
-        model: whose environment is a `VecMonitor` over a `FlexArmVecEnv`.
+        config: configuration of the training.
+        model: made by `models.new_model`.
         progress: progress of the training.
+        complete: the training is over, so that what was to be learned from is not needed any more.
     """
     monitor = model.get_env()
     assert isinstance(monitor, VecMonitor)
-    assert isinstance(monitor.venv, FlexArmVecEnv)
+    batch = monitor.unwrapped
+    assert isinstance(batch, FlexArmVecEnv)
+    fronted = unwrap_vec_wrapper(monitor, FrontedVecEnv)
     rest = {
+        "config": config.plain(),
         "progress": progress,
-        "env": monitor.venv.env,
+        "env": batch.env,
+        "front": () if fronted is None else fronted.memory,
         "episodes": (monitor.episode_returns, monitor.episode_lengths),
+        "lstm": getattr(model, "_last_lstm_states", None),
+        "replay": None if complete else _replay(model),
         "random": (random.getstate(), np.random.get_state(), torch.get_rng_state()),  # noqa: NPY002  (what SB3 uses)
     }
     buffer = io.BytesIO()
@@ -63,7 +79,7 @@ def save_checkpoint(path: Path, model: PPO, progress: Progress) -> None:
     put(path, write)
 
 
-def load_checkpoint(path: Path) -> tuple[PPO, Progress]:
+def load_checkpoint(path: Path) -> tuple[BaseAlgorithm, Progress]:
     """Read a checkpoint, which must be from a source that you trust: reading it can execute code.
 
     Args:
@@ -86,11 +102,38 @@ def load_checkpoint(path: Path) -> tuple[PPO, Progress]:
             f"{path}: a checkpoint of another version ({error}); resume it with the version that wrote it, or train "
             "anew in another folder"
         ) from error
-    monitor = VecMonitor(FlexArmVecEnv(rest["env"]))
+    if "config" not in rest:
+        raise ValueError(f"{path}: a checkpoint of a version that had PPO alone; train anew in another folder")
+    config = TrainingConfig.of(rest["config"])
+    monitor = VecMonitor(batch_for(config, rest["env"]))
     monitor.episode_returns, monitor.episode_lengths = rest["episodes"]
-    model = PPO.load(io.BytesIO(model_bytes), env=monitor, device="cpu", force_reset=False)
+    fronted = unwrap_vec_wrapper(monitor, FrontedVecEnv)
+    if fronted is not None:
+        fronted.memory = rest["front"]
+    model = model_class(config.algorithm).load(io.BytesIO(model_bytes), env=monitor, device="cpu", force_reset=False)
+    if rest["lstm"] is not None:
+        model._last_lstm_states = rest["lstm"]
+    _restore_replay(model, rest["replay"])
     python, numpy, torch_state = rest["random"]
     random.setstate(python)
     np.random.set_state(numpy)  # noqa: NPY002
     torch.set_rng_state(torch_state)
     return model, rest["progress"]
+
+
+def _replay(model: BaseAlgorithm) -> dict[str, Any] | None:
+    """Return what a replay buffer holds, as far as it is filled; None for an algorithm without one."""
+    buffer = getattr(model, "replay_buffer", None)
+    if not isinstance(buffer, ReplayBuffer):
+        return None
+    arrays = {name: getattr(buffer, name)[: buffer.size()].copy() for name in _KEPT}
+    return {"pos": buffer.pos, "full": buffer.full, "arrays": arrays}
+
+
+def _restore_replay(model: BaseAlgorithm, kept: dict[str, Any] | None) -> None:
+    buffer = getattr(model, "replay_buffer", None)
+    if kept is None or not isinstance(buffer, ReplayBuffer):
+        return
+    buffer.pos, buffer.full = kept["pos"], kept["full"]
+    for name, values in kept["arrays"].items():
+        getattr(buffer, name)[: len(values)] = values

@@ -4,16 +4,22 @@ from __future__ import annotations
 
 import json
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field, fields
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal, Self
 
-from flexarm_agents.environments import check_id, check_options
+from flexarm_agents.algorithms import ALGORITHMS, SETTINGS, own_settings, tuned
+from flexarm_agents.environments import check_id, check_options, settings_of
+from flexarm_agents.history import LONGEST_LAG, checked_increasing
 from flexarm_agents.network import ACTIVATIONS
-from flexarm_env.validation import choice, integer, known_names, number, shown
+from flexarm_agents.observer import KINDS, check_observed
+from flexarm_env.validation import choice, flag, integer, known_names, number, shown
 
 Activation = Literal["elu", "tanh", "relu"]
+AlgorithmName = Literal["ppo", "recurrent_ppo", "sac", "tqc"]
+ObserverName = Literal["none", "nominal", "delay"]
 LARGEST_SEED = 2**32 - 1
 
 
@@ -88,75 +94,168 @@ def checked_network(hidden: Any, activation: Any) -> dict[str, Any]:
     }
 
 
+_TUNED: Any = None  # a value that is that of the tuned settings unless it is given
+
+
 @dataclass(frozen=True, kw_only=True)
 class TrainingConfig(RunConfig):
-    """PPO on one environment; the defaults are tuned on `FlexArm/Square-v0`."""
+    """A training by reward. What is not given is as the tuned settings of the algorithm have it (`algorithms.tuned`).
 
-    steps: int = 2_000_000
+    Fields that the algorithm does not have are None, and cannot be given.
+    """
+
+    algorithm: AlgorithmName = "ppo"
+    """Which one: PPO, or RecurrentPPO, SAC, TQC."""
+    steps: int = _TUNED
     """Environment steps of the training, rounded up to whole rollouts."""
-    envs: int = 64
+    envs: int = _TUNED
     """Environments side by side."""
-    rollout: int = 64
-    """Steps of each environment between two updates."""
-    batch: int = 1024
-    """Steps in a minibatch; must divide rollout times envs."""
-    epochs: int = 6
-    """Passes through a rollout in an update."""
-    episode_steps: int = 600
+    batch: int = _TUNED
+    """Steps in a minibatch; of PPO it must divide rollout times envs."""
+    episode_steps: int = _TUNED
     """Control periods after which a training episode is cut off, its value bootstrapped."""
-    gamma: float = 0.985
+    gamma: float = _TUNED
     """Discount of a step."""
-    gae_lambda: float = 0.95
-    """Smoothing of the advantages."""
-    learning_rate: float = 1.5e-3
+    learning_rate: float = _TUNED
     """At the beginning; it falls linearly."""
     final_learning_rate: float = 2e-5
     """At the end."""
-    clip: float = 0.2
-    """Range of the probabilities' ratio."""
-    entropy: float = 0.0
-    """Weight of the entropy."""
-    log_std: float = -0.7
-    """Logarithm of the actions' standard deviation at the beginning."""
-    hidden: tuple[int, ...] = (128, 128)
+    hidden: tuple[int, ...] = _TUNED
     """Sizes of the hidden layers, of the policy and of the value each."""
-    activation: Activation = "elu"
+    activation: Activation = _TUNED
     """Between the layers."""
-    evaluate_every: int = 50_000
-    """Steps between two evaluations, rounded up to whole rollouts."""
+    rollout: int | None = None
+    """PPO: steps of each environment between two updates."""
+    epochs: int | None = None
+    """PPO: passes through a rollout in an update."""
+    gae_lambda: float | None = None
+    """PPO: smoothing of the advantages."""
+    clip: float | None = None
+    """PPO: range of the probabilities' ratio."""
+    entropy: float | None = None
+    """PPO: weight of the entropy."""
+    log_std: float | None = None
+    """PPO: logarithm of the actions' standard deviation at the beginning."""
+    lstm: int | None = None
+    """RecurrentPPO: size of the memory, an LSTM."""
+    critic_lstm: bool | None = None
+    """RecurrentPPO: the value has an LSTM of its own; else it sees what the policy's remembers."""
+    buffer: int | None = None
+    """SAC, TQC: steps that are kept for learning; must be a multiple of envs."""
+    learning_starts: int | None = None
+    """SAC, TQC: steps of random actions before the first update."""
+    tau: float | None = None
+    """SAC, TQC: how quickly the target networks follow."""
+    train_every: int | None = None
+    """SAC, TQC: steps of each environment between updates."""
+    updates: int | None = None
+    """SAC, TQC: how many updates there are then."""
+    temperature: float | None = None
+    """SAC, TQC: weight of the entropy at the beginning; it is learned."""
+    critics: int | None = None
+    """SAC, TQC: how many there are."""
+    quantiles: int | None = None
+    """TQC: of each critic."""
+    dropped_quantiles: int | None = None
+    """TQC: of these, how many of the largest do not count."""
+    lags: tuple[int, ...] = ()
+    """PPO: ages of the readings that the policy sees beside the present ones [control periods]."""
+    observer: ObserverName = "none"
+    """PPO: Kalman filter whose estimate the policy sees in the place of late readings: none, one of the nominal delay,
+    or one that estimates the delay."""
+    evaluate_every: int = _TUNED
+    """Steps between two evaluations, rounded up to whole rollouts; SAC and TQC: 5000, else 50 000."""
     evaluation_laps: int = 1
     """How often an evaluation runs each of the two standard laps; more than once where episodes differ."""
-    checkpoint_every: int = 250_000
-    """Steps between two checkpoints, rounded up to whole rollouts."""
+    checkpoint_every: int = _TUNED
+    """Steps between two checkpoints, rounded up to whole rollouts; SAC and TQC: 25 000, else 250 000."""
 
     def __post_init__(self) -> None:
-        """Validate, each field and what they are together.
+        """Take what is not given from the tuned settings; validate, each field and what they are together.
 
         Raises:
+            ModuleNotFoundError: without what reads the settings, naming the extra.
             TypeError, ValueError: naming the parameter, its value and what is allowed.
         """
+        for name, value in self._defaults().items():
+            if getattr(self, name) is None:
+                object.__setattr__(self, name, value)
         super().__post_init__()
-        size = self.rollout * self.envs
-        if size < 2 or self.batch > size or size % self.batch:
+        if self.rollout is not None:
+            size = self.rollout * self.envs
+            if size < 2 or self.batch > size or size % self.batch:
+                raise ValueError(
+                    f"batch = {shown(self.batch)}: must divide rollout * envs = {shown(self.rollout)} * "
+                    f"{shown(self.envs)} = {shown(size)}"
+                )
+        if self.buffer is not None and (self.buffer % self.envs or self.buffer < self.batch):
             raise ValueError(
-                f"batch = {shown(self.batch)}: must divide rollout * envs = {shown(self.rollout)} * {shown(self.envs)} "
-                f"= {shown(size)}"
+                f"buffer = {shown(self.buffer)}: must be a multiple of envs = {self.envs}, and >= batch = {self.batch}"
             )
+        if self.dropped_quantiles is not None and self.dropped_quantiles >= (self.quantiles or 0):
+            raise ValueError(f"dropped_quantiles = {self.dropped_quantiles}: must be < quantiles = {self.quantiles}")
         if self.final_learning_rate > self.learning_rate:
             raise ValueError(
                 f"final_learning_rate = {self.final_learning_rate}: must be <= learning_rate = {self.learning_rate}"
             )
+        if self.lags and self.observer != "none":
+            raise ValueError(f"lags = {self.lags}, observer = {self.observer!r}: a policy has one of them at most")
+        if self.observer != "none":
+            check_observed(settings_of(self.environment, self.options))
+
+    def _defaults(self) -> dict[str, Any]:
+        """Return the values of fields that are not given, after a check that those given have an effect."""
+        algorithm = ALGORITHMS[choice("algorithm", self.algorithm, ALGORITHMS)]
+        own = own_settings(self.algorithm)
+        foreign = [name for name in SETTINGS if name not in own and getattr(self, name) is not None]
+        if self.algorithm != "ppo":
+            foreign += [name for name, given in (("lags", self.lags), ("observer", self.observer != "none")) if given]
+        if foreign:
+            name = foreign[0]
+            raise ValueError(
+                f"{name} = {shown(getattr(self, name))}: has no effect with algorithm = {self.algorithm!r}, whose "
+                f"settings are {', '.join(own)}"
+            )
+        every = {"evaluate_every": algorithm.evaluate_every, "checkpoint_every": algorithm.checkpoint_every}
+        given = all(getattr(self, name) is not None for name in own)
+        return every if given else {**tuned(self.algorithm, check_id(self.environment)), **every}
 
     def _checked(self) -> dict[str, Any]:
-        least = {"rollout": 1, "envs": 1, "batch": 2, "epochs": 1, "episode_steps": 1, "steps": 1}
-        least |= {"evaluate_every": 1, "evaluation_laps": 1, "checkpoint_every": 1}
-        return {name: integer(name, getattr(self, name), bound) for name, bound in least.items()} | {
+        choice("observer", self.observer, KINDS)
+        return {
+            "steps": integer("steps", self.steps, 1),
+            "envs": integer("envs", self.envs, 1),
+            "batch": integer("batch", self.batch, 2),
+            "episode_steps": integer("episode_steps", self.episode_steps, 1),
+            "evaluate_every": integer("evaluate_every", self.evaluate_every, 1),
+            "evaluation_laps": integer("evaluation_laps", self.evaluation_laps, 1),
+            "checkpoint_every": integer("checkpoint_every", self.checkpoint_every, 1),
             "gamma": number("gamma", self.gamma, least=0.0, most=1.0),
-            "gae_lambda": number("gae_lambda", self.gae_lambda, least=0.0, most=1.0),
             "learning_rate": number("learning_rate", self.learning_rate, above=0.0, most=1.0),
             "final_learning_rate": number("final_learning_rate", self.final_learning_rate, least=0.0),
-            "clip": number("clip", self.clip, above=0.0),
-            "entropy": number("entropy", self.entropy, least=0.0),
-            "log_std": number("log_std", self.log_std, least=-10.0, most=2.0),
+            "lags": checked_increasing("lags", self.lags, 1, LONGEST_LAG),
             **checked_network(self.hidden, self.activation),
+            **{name: _OWN[name](name, getattr(self, name)) for name in own_settings(self.algorithm) if name in _OWN},
         }
+
+
+# How fields that only some algorithms have are checked.
+_OWN: dict[str, Callable[[str, Any], Any]] = {
+    "rollout": partial(integer, least=1),
+    "epochs": partial(integer, least=1),
+    "gae_lambda": partial(number, least=0.0, most=1.0),
+    "clip": partial(number, above=0.0),
+    "entropy": partial(number, least=0.0),
+    "log_std": partial(number, least=-10.0, most=2.0),
+    "lstm": partial(integer, least=1),
+    "critic_lstm": flag,
+    "buffer": partial(integer, least=1),
+    "learning_starts": partial(integer, least=0),
+    "tau": partial(number, above=0.0, most=1.0),
+    "train_every": partial(integer, least=1),
+    "updates": partial(integer, least=1),
+    "temperature": partial(number, above=0.0),
+    "critics": partial(integer, least=1),
+    "quantiles": partial(integer, least=1),
+    "dropped_quantiles": partial(integer, least=0),
+}

@@ -59,8 +59,21 @@ def check_options(environment: str, options: object) -> dict[str, Any]:
         plain: dict[str, Any] = json.loads(json.dumps(given, allow_nan=False))
     except (TypeError, ValueError) as error:
         raise TypeError(f"options = {shown(options)}: must be plain values (JSON): {error}") from None
-    Settings.of(gymnasium.registry[environment].kwargs | plain)
+    settings_of(environment, plain)
     return plain
+
+
+def settings_of(environment: str, options: Mapping[str, Any]) -> Settings:
+    """Return all options of an environment, checked.
+
+    Args:
+        environment: its id, checked.
+        options: those that differ from the id's own.
+
+    Raises:
+        TypeError, ValueError: for an unknown or a bad one.
+    """
+    return Settings.of(gymnasium.registry[environment].kwargs | dict(options))
 
 
 def make_one(environment: str, options: Mapping[str, Any] | None = None) -> gymnasium.Env[Any, Any]:

@@ -1,38 +1,89 @@
-"""From a stable-baselines3 model to a `NetworkPolicy`."""
+"""From a stable-baselines3 model to a policy that numpy alone runs."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
 import torch
-from stable_baselines3 import PPO
+from numpy.typing import NDArray
+from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.vec_env import unwrap_vec_wrapper
 
+from flexarm_agents.fronted import FrontedPolicy
+from flexarm_agents.fronted_vec_env import FrontedVecEnv
+from flexarm_agents.fronts import Front, Stacked
+from flexarm_agents.history import History
+from flexarm_agents.lstm import Lstm
 from flexarm_agents.network import ACTIVATIONS, NetworkPolicy
+from flexarm_agents.observer import Observer
+from flexarm_agents.squashed import SquashedPolicy
 
 MODULES: dict[str, type[torch.nn.Module]] = {"elu": torch.nn.ELU, "tanh": torch.nn.Tanh, "relu": torch.nn.ReLU}
 assert set(MODULES) == set(ACTIVATIONS)
+Numbers = NDArray[np.float32]
 
 
-def network_policy(model: PPO, notes: dict[str, Any] | None = None) -> NetworkPolicy:
+def network_policy(model: BaseAlgorithm, notes: dict[str, Any] | None = None) -> NetworkPolicy:
     """Extract the policy of a model, as numbers.
 
     Args:
-        model: with stable-baselines3's "MlpPolicy" on vectors.
+        model: PPO, SAC or TQC with "MlpPolicy", or RecurrentPPO with "MlpLstmPolicy", on vectors; its environment may
+            be a `FrontedVecEnv`.
         notes: to keep with it.
     """
-    policy = model.policy
-    hidden = policy.mlp_extractor.policy_net
-    layers = [layer for layer in (*hidden, policy.action_net) if isinstance(layer, torch.nn.Linear)]
-    (activation,) = [name for name, module in MODULES.items() if policy.activation_fn is module]
+    policy: Any = model.policy
+    kept = dict(notes or {})
+    actor = getattr(policy, "actor", None)
+    if actor is not None:
+        weights, biases = _layers([*actor.latent_pi, actor.mu])
+        return SquashedPolicy(
+            weights,
+            biases,
+            _numbers(actor.log_std.bias),
+            _activation(actor.activation_fn),
+            kept,
+            spread=_numbers(actor.log_std.weight),
+        )
+    weights, biases = _layers([*policy.mlp_extractor.policy_net, policy.action_net])
+    common: dict[str, Any] = {
+        "weights": weights,
+        "biases": biases,
+        "log_std": _numbers(policy.log_std),
+        "activation": _activation(policy.activation_fn),
+        "notes": kept,
+    }
+    memory = getattr(policy, "lstm_actor", None)
+    front = _front(model) if memory is None else _lstm(memory)
+    if isinstance(front, Lstm | Observer):
+        return FrontedPolicy(**common, front=front)
+    return NetworkPolicy(**common, history=front.history if isinstance(front, Stacked) else History())
 
-    def numbers(parameter: torch.Tensor) -> np.ndarray[Any, np.dtype[np.float32]]:
-        return parameter.detach().cpu().numpy().astype(np.float32, copy=True)
 
-    return NetworkPolicy(
-        [numbers(layer.weight) for layer in layers],
-        [numbers(layer.bias) for layer in layers],
-        numbers(policy.log_std),
-        activation,
-        dict(notes or {}),
-    )
+def _front(model: BaseAlgorithm) -> Front | None:
+    """Return what stands in front of a model's network."""
+    env = model.get_env()
+    fronted = None if env is None else unwrap_vec_wrapper(env, FrontedVecEnv)
+    return None if fronted is None else fronted.front
+
+
+def _lstm(layer: Any) -> Lstm:
+    """Take the only layer of torch's LSTM."""
+    bias = np.add(_numbers(layer.bias_ih_l0), _numbers(layer.bias_hh_l0))
+    return Lstm(_numbers(layer.weight_ih_l0), _numbers(layer.weight_hh_l0), bias)
+
+
+def _layers(modules: Iterable[torch.nn.Module]) -> tuple[list[Numbers], list[Numbers]]:
+    """Return weights and biases of the layers among some modules."""
+    layers = [layer for layer in modules if isinstance(layer, torch.nn.Linear)]
+    return [_numbers(layer.weight) for layer in layers], [_numbers(layer.bias) for layer in layers]
+
+
+def _activation(wanted: type[torch.nn.Module]) -> str:
+    (name,) = [name for name, module in MODULES.items() if wanted is module]
+    return name
+
+
+def _numbers(parameter: torch.Tensor) -> Numbers:
+    return parameter.detach().cpu().numpy().astype(np.float32, copy=True)

@@ -6,7 +6,7 @@ import sys
 import time
 from typing import Any
 
-from stable_baselines3 import PPO
+from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
 from tqdm import tqdm
 
@@ -21,7 +21,7 @@ from flexarm_agents.stopping import StopSignals, TrainingStopped
 class Follow(BaseCallback):
     """Callback of `train`."""
 
-    model: PPO
+    model: BaseAlgorithm
 
     def __init__(
         self, config: TrainingConfig, run: RunFolder, found: Progress, stop: StopSignals, progress: bool
@@ -53,7 +53,7 @@ class Follow(BaseCallback):
         self._look_after(last=False)
         if self._stop.received is not None:
             if self.num_timesteps > 0:  # before, there is nothing to go on from
-                save_checkpoint(self._run.checkpoint, self.model, self._found)
+                save_checkpoint(self._run.checkpoint, self._config, self.model, self._found)
             raise TrainingStopped(self._stop.received, self.num_timesteps)
 
     def _on_training_end(self) -> None:
@@ -76,7 +76,7 @@ class Follow(BaseCallback):
             found.next_evaluation = _after(steps, self._config.evaluate_every)
         if last or steps >= found.next_checkpoint:
             found.next_checkpoint = _after(steps, self._config.checkpoint_every)
-            save_checkpoint(self._run.checkpoint, self.model, found)
+            save_checkpoint(self._run.checkpoint, self._config, self.model, found, complete=last)
 
     def _evaluate(self) -> None:
         if self._evaluator.judge(network_policy(self.model), self.num_timesteps, self.logger):

@@ -1,4 +1,4 @@
-"""`train`: PPO on a batch of arms, judged by the true score, with the best policy kept."""
+"""`train`: reinforcement learning on a batch of arms, judged by the true score, with the best policy kept."""
 
 from __future__ import annotations
 
@@ -9,19 +9,14 @@ from pathlib import Path
 from typing import Any
 
 import torch
-from stable_baselines3 import PPO
 from stable_baselines3.common.logger import configure
-from stable_baselines3.common.utils import LinearSchedule
-from stable_baselines3.common.vec_env import VecMonitor
 
 from flexarm_agents.checkpoint import Progress, load_checkpoint
 from flexarm_agents.config import TrainingConfig
-from flexarm_agents.environments import make_batch
-from flexarm_agents.export import MODULES
 from flexarm_agents.follow import Follow
+from flexarm_agents.models import model_class, new_model
 from flexarm_agents.run_folder import RunFolder
 from flexarm_agents.stopping import StopSignals
-from flexarm_agents.vec_env import FlexArmVecEnv
 from flexarm_agents.versions import versions
 
 
@@ -55,10 +50,12 @@ def train(
     Raises:
         TrainingStopped: a `KeyboardInterrupt`, after SIGINT (Ctrl-C) or SIGTERM in the main thread: the rollout that
             runs is finished and a checkpoint written. A second signal ends the process at once.
+        ModuleNotFoundError: without the algorithm's package, naming the extra.
         FileExistsError: if the folder is not empty and is not to be resumed.
         FileNotFoundError: if there is no training to resume.
         ValueError: if the training in the folder has another configuration.
     """
+    model_class(config.algorithm)  # before anything is written
     run = RunFolder(config.folder if folder is None else folder)
     run.enter(config, versions([__name__]), resume)
     with one_thread(), StopSignals() as stop:
@@ -80,35 +77,6 @@ def train(
                 env.close()
     assert found.best is not None
     return Outcome(run.path, found.rows[found.best], found.rows[-1])
-
-
-def new_model(config: TrainingConfig) -> PPO:
-    """Make an untrained model with its environments.
-
-    Args:
-        config: the configuration.
-    """
-    options = {"max_episode_steps": config.episode_steps, **config.options}
-    env = VecMonitor(FlexArmVecEnv(make_batch(config.environment, config.envs, options)))
-    return PPO(
-        "MlpPolicy",
-        env,
-        learning_rate=LinearSchedule(config.learning_rate, config.final_learning_rate, 1.0),
-        n_steps=config.rollout,
-        batch_size=config.batch,
-        n_epochs=config.epochs,
-        gamma=config.gamma,
-        gae_lambda=config.gae_lambda,
-        clip_range=config.clip,
-        ent_coef=config.entropy,
-        policy_kwargs={
-            "net_arch": list(config.hidden),
-            "activation_fn": MODULES[config.activation],
-            "log_std_init": config.log_std,
-        },
-        seed=config.seed,
-        device="cpu",
-    )
 
 
 @contextmanager

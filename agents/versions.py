@@ -9,7 +9,7 @@ from importlib.metadata import version
 
 from flexarm_agents.board.code_version import code_version
 
-LIBRARIES = ("numpy", "numba", "torch", "stable_baselines3", "gymnasium")
+LIBRARIES = ("numpy", "numba", "torch", "stable_baselines3", "sb3_contrib", "gymnasium")
 WITHOUT_PART = ("flexarm_agents.commands", "flexarm_env.envs.rendering", "flexarm_env.envs.documentation")
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 import json
 import re
+import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from itertools import product
@@ -20,6 +21,7 @@ from tqdm import tqdm
 
 from flexarm_agents import Spread, StandardScore, TrainingConfig
 from flexarm_agents.commands.arguments import json_object
+from flexarm_agents.commands.training_verb import tuned_for
 from flexarm_agents.executors import executor
 from flexarm_agents.failures import check_failures
 from flexarm_agents.run_folder import put
@@ -125,7 +127,7 @@ def main() -> None:
     Raises:
         OSError: if trainings failed; what the others made is kept.
     """
-    options = tyro.cli(Options, prog="python -m scripts.train")
+    options = tyro.cli(Options, prog="python -m scripts.train", default=Options(tuned_for(sys.argv[1:])))
     if options.config.seed:
         raise ValueError(f"seed = {options.config.seed}: must go without --seeds and --sweep, which say what seeds")
     sweep = {} if options.sweep is None else json_object(options.sweep.read_text())

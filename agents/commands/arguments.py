@@ -13,6 +13,7 @@ EXAMPLES = {
     "train": (
         "flexarm train --environment Square-v0 --seed 7 --folder runs/mine",
         "flexarm train --environment Square-v0 --seed 7 --folder runs/mine --resume",
+        "flexarm train --algorithm sac --environment SquareResidual-v0",
     ),
     "teach": (
         "flexarm teach --environment Square-v0 --seed 7 --folder runs/student",

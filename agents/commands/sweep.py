@@ -51,17 +51,18 @@ def _table(name: str, column: Column, points: Sequence[Summary | None]) -> str:
     rows = [(value, *_cells(point)) for value, point in zip(values, points, strict=True)]
     lines = columns([header, *rows], right=True)
     if all(isinstance(point.value, float) for point in column.points):
-        lines += "".join(f"\n{lap} lap: {_fails(ends)}" for lap, ends in breaking(column, points).items())
+        lines += "".join(f"\n{lap} lap: {fails(ends)}" for lap, ends in breaking(column, points).items())
     return lines
 
 
-def _fails(ends: Mapping[str, Mapping[str, Any]]) -> str:
+def fails(ends: Mapping[str, Mapping[str, Any]]) -> str:
     """Say where a lap's error is doubled first, and where it is lost."""
     told = []
     for what, words in (("doubled", "error doubled"), ("lost", "lost")):
-        values = [_number(x) for x in ends[what].values() if x is not None]
-        told.append(f"{words} from {' and '.join(values)} on" if values else f"never {words}")
-    return ", ".join(told)
+        sides = (("low", "{} and below"), ("high", "{} and above"))
+        where = [side.format(_number(ends[what][end])) for end, side in sides if ends[what][end] is not None]
+        told.append(f"{words} at {', '.join(where)}" if where else f"never {words}")
+    return "; ".join(told)
 
 
 def _number(value: float | str) -> str:

@@ -1,4 +1,4 @@
-"""`flexarm train`: PPO on an environment; logs, evaluations, the best policy and checkpoints in one folder."""
+"""`flexarm train`: learning by reward; logs, evaluations, the best policy and checkpoints in one folder."""
 
 from __future__ import annotations
 
@@ -8,12 +8,15 @@ from dataclasses import dataclass, field
 import tyro
 
 from flexarm_agents import TrainingConfig, train
-from flexarm_agents.commands.training_verb import RunOptions, carry_out, options_of
+from flexarm_agents.commands.training_verb import RunOptions, carry_out, options_of, tuned_for
 
 
 @dataclass
 class Options(RunOptions):
-    """Train an agent with PPO."""
+    """Train an agent by reward, with PPO, RecurrentPPO, SAC or TQC.
+
+    Defaults are the tuned settings of the algorithm and the environment; settings that show None are another's.
+    """
 
     config: tyro.conf.OmitArgPrefixes[TrainingConfig] = field(default_factory=TrainingConfig)
     """What is trained and how."""
@@ -21,6 +24,6 @@ class Options(RunOptions):
 
 def run(arguments: Sequence[str]) -> None:
     """Train, and print what came out."""
-    given = options_of(Options, "train", arguments)
+    given = options_of(Options, "train", arguments, Options(config=tuned_for(arguments)))
     folder = given.folder or given.config.folder
     carry_out(lambda: train(given.config, folder, given.resume, given.progress), folder)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import json
 import logging
 import sys
@@ -13,7 +14,7 @@ from typing import Any, TypeVar
 
 import tyro
 
-from flexarm_agents import StandardScore, TrainingStopped
+from flexarm_agents import StandardScore, TrainingConfig, TrainingStopped
 from flexarm_agents.commands.arguments import epilog, json_object
 from flexarm_agents.training import Outcome
 
@@ -33,13 +34,30 @@ class RunOptions:
 Given = TypeVar("Given", bound=RunOptions)
 
 
-def options_of(kind: type[Given], verb: str, arguments: Sequence[str]) -> Given:
+def tuned_for(arguments: Sequence[str]) -> TrainingConfig:
+    """Return the tuned configuration of the algorithm and the environment that arguments name.
+
+    Args:
+        arguments: others count for nothing.
+
+    Raises:
+        ValueError: if there is no such algorithm or environment.
+    """
+    parser = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
+    for name in ("algorithm", "environment"):
+        parser.add_argument(f"--{name}", default=getattr(TrainingConfig, name))
+    given, _ = parser.parse_known_args(list(arguments))
+    return TrainingConfig(algorithm=given.algorithm, environment=given.environment)
+
+
+def options_of(kind: type[Given], verb: str, arguments: Sequence[str], default: Given | None = None) -> Given:
     """Read a verb's arguments; mappings are JSON.
 
     Args:
         kind: class of the options.
         verb: e.g. "train"; its examples end the help.
         arguments: without the verb.
+        default: options without arguments; None: those of the class.
     """
     registry = tyro.constructors.ConstructorRegistry()
     _read_mappings_as_json(registry)
@@ -48,6 +66,7 @@ def options_of(kind: type[Given], verb: str, arguments: Sequence[str]) -> Given:
         prog=f"flexarm {verb}",
         description=f"{kind.__doc__}\n\n{epilog(verb)}",
         args=list(arguments),
+        default=kind() if default is None else default,
         registry=registry,
     )
 

@@ -18,6 +18,7 @@ from tqdm import tqdm
 
 from flexarm_agents.environments import make_batch
 from flexarm_agents.evaluation import Evaluator, Found
+from flexarm_agents.fronts import readings_history
 from flexarm_agents.history import History
 from flexarm_agents.network import NetworkPolicy
 from flexarm_agents.run_folder import RunFolder, put
@@ -29,9 +30,6 @@ from flexarm_agents.teaching.teacher import Teacher
 from flexarm_agents.training import Outcome, one_thread
 from flexarm_agents.versions import versions
 from flexarm_env.envs.vector import FlexArmVectorEnv
-
-# Blocks that the task's clock alone decides: there is nothing to remember of them.
-CLOCKED = ("reference_position", "reference_velocity", "previews", "lap_phase")
 
 
 def teach(
@@ -95,11 +93,7 @@ class _Teaching:
 
     def history(self) -> History:
         """Return what a student of this environment remembers."""
-        if not self.config.lags:
-            return History()
-        blocks = self.env.observation_blocks
-        measured = [n for name, part in blocks.items() if name not in CLOCKED for n in range(part.start, part.stop)]
-        return History(self.config.lags, tuple(sorted(measured)))
+        return readings_history(self.config.lags, self.env.observation_blocks)
 
     def lesson(self, student: NetworkPolicy | None) -> Lesson:
         """Give the next lesson."""

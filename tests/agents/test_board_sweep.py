@@ -26,10 +26,23 @@ def test_evaluate_sweeps_an_axis(
     for point in results:
         for one in point["episodes"]:
             assert f"{one['figures']['rms']:.3f}" in told
-    assert "plain lap: never error doubled, never lost" in told
+    assert "plain lap: never error doubled; never lost" in told
     with refuses(ValueError, "sweep = 'noises'", "noise"):
         evaluate.run(["--policy", "square", "--sweep", "noises"])
     with refuses(ValueError, "nothing to sweep"):
         evaluate.run(["--sweep", "noise"])
     with refuses(ValueError, "the board sets them"):
         evaluate.run(["--policy", "square", "--sweep", "noise", "--laps", "3"])
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "said"),
+    [
+        (5.0, 60.0, "error doubled at 5 and below, 60 and above"),
+        (None, 60.0, "error doubled at 60 and above"),
+        (None, None, "never error doubled"),
+    ],
+)
+def test_both_ends_of_what_fails_are_told(low: float | None, high: float | None, said: str) -> None:
+    ends = {"doubled": {"low": low, "high": high}, "lost": {"low": None, "high": None}}
+    assert sweep.fails(ends) == f"{said}; never lost"

@@ -1,18 +1,22 @@
-"""The settings in rl-zoo3's format name real ids and real arguments; PPO's are those of `flexarm train`."""
+"""The settings in rl-zoo3's format name real ids and real arguments, and are those of `flexarm train`."""
 
 from __future__ import annotations
 
 import importlib
 import inspect
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
+import torch
 import yaml
 
 import flexarm_agents
 from flexarm_agents import TrainingConfig
+from flexarm_agents.algorithms import settings_of
 from flexarm_agents.environments import check_id, make_one
+from flexarm_agents.models import arguments
 
 FOLDER = Path(flexarm_agents.__file__).parent / "hyperparams"
 CLASSES = {
@@ -36,7 +40,6 @@ def test_every_file_is_of_an_algorithm() -> None:
 @pytest.mark.parametrize("algorithm", CLASSES)
 def test_settings_are_arguments_of_the_algorithm(algorithm: str) -> None:
     module, name = CLASSES[algorithm]
-    pytest.importorskip(module, reason="the extra `recipes` brings it")
     known = inspect.signature(getattr(importlib.import_module(module), name)).parameters
     for environment, one in settings(algorithm).items():
         assert check_id(environment) == environment  # the zoo looks for the whole id
@@ -46,19 +49,37 @@ def test_settings_are_arguments_of_the_algorithm(algorithm: str) -> None:
             assert one["n_envs"] * one["n_steps"] % one["batch_size"] == 0
 
 
-def test_ppo_is_that_of_flexarm_train() -> None:
-    config, one = TrainingConfig(), settings("ppo")["FlexArm/Square-v0"]
-    found = {
-        "steps": one["n_timesteps"], "envs": one["n_envs"], "rollout": one["n_steps"], "batch": one["batch_size"],
-        "epochs": one["n_epochs"], "episode_steps": one["env_kwargs"]["max_episode_steps"], "gamma": one["gamma"],
-        "gae_lambda": one["gae_lambda"], "clip": one["clip_range"], "entropy": one["ent_coef"],
-        "learning_rate": float(one["learning_rate"].removeprefix("lin_")),
-    }  # fmt: skip
-    assert found == {name: getattr(config, name) for name in found}
-    assert one["policy_kwargs"] == (
-        f"dict(net_arch={list(config.hidden)}, activation_fn=nn.{config.activation.upper()}, "
-        f"log_std_init={config.log_std})"
-    )
+def test_the_files_are_the_only_source() -> None:
+    """`flexarm train` has what the file has; an id that the file lacks has the settings of the first id."""
+    config = TrainingConfig()
+    assert (config.steps, config.envs, config.rollout, config.batch) == (2_000_000, 64, 64, 1024)
+    assert (config.learning_rate, config.hidden, config.activation) == (1.5e-3, (128, 128), "elu")
+    assert (config.log_std, config.episode_steps, config.lstm, config.buffer) == (-0.7, 600, None, None)
+    assert replace(config, environment="FlexArm/Track-v0") == TrainingConfig(environment="Track-v0")
+    assert TrainingConfig(algorithm="sac", environment="SquareResidual-v0").steps == 100_000
+    assert TrainingConfig(algorithm="sac", environment="SquareEncoders-v0").steps == 500_000
+
+
+@pytest.mark.parametrize("algorithm", CLASSES)
+def test_every_setting_reaches_the_model(algorithm: str) -> None:
+    """What the model is made with is what the file says, by the names of the library."""
+    for environment, one in settings(algorithm).items():
+        found = arguments(TrainingConfig(algorithm=algorithm, environment=environment))
+        assert found.pop("learning_rate")(1.0) == float(one["learning_rate"].removeprefix("lin_"))
+        policy = eval(one["policy_kwargs"], {"nn": torch.nn})
+        assert {**found, "policy_kwargs": dict(found["policy_kwargs"])} == {
+            name: value for name, value in one.items() if name not in {*ZOOS, "policy", "learning_rate"}
+        } | {"policy_kwargs": policy}
+
+
+def test_settings_that_are_not_the_algorithms_are_refused() -> None:
+    one = settings("ppo")["FlexArm/Square-v0"]
+    with pytest.raises(ValueError, match=r"hyperparams/ppo.yml: has no use for tau"):
+        settings_of("ppo", one | {"tau": 0.1})
+    with pytest.raises(ValueError, match=r"hyperparams/ppo.yml: lacks gamma"):
+        settings_of("ppo", {name: value for name, value in one.items() if name != "gamma"})
+    with pytest.raises(ValueError, match=r"policy_kwargs = '__import__\(\"os\"\)': must be dict"):
+        settings_of("ppo", one | {"policy_kwargs": '__import__("os")'})
 
 
 def test_the_environments_take_the_options() -> None:

@@ -23,8 +23,8 @@ from flexarm_agents import (
     train,
 )
 from flexarm_agents.environments import make_one
+from flexarm_agents.models import new_model
 from flexarm_agents.scoring import rank
-from flexarm_agents.training import new_model
 from tests.support.trainings import ID, TINY, finished
 
 # What trainings reach on each lap: r.m.s. over the lap, and after 2 s [m].

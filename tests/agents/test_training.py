@@ -32,9 +32,9 @@ from flexarm_agents import (
 )
 from flexarm_agents.environments import make_batch
 from flexarm_agents.follow import Follow
+from flexarm_agents.models import new_model
 from flexarm_agents.run_folder import RunFolder, put
 from flexarm_agents.stopping import StopSignals
-from flexarm_agents.training import new_model
 from flexarm_env.kernels.layout import Row
 from flexarm_env.laps import LAPS
 from tests.support.trainings import ID, TINY, finished

@@ -15,7 +15,7 @@ import pytest
 
 from flexarm_agents import NetworkPolicy, Score, StandardScore, TrainingConfig, shipped_policies
 from flexarm_agents.commands import main
-from flexarm_agents.training import new_model
+from flexarm_agents.models import new_model
 from flexarm_env.laps import LAPS
 from tests.support.programs import ROOT
 from tests.support.trainings import TINY as CONFIG

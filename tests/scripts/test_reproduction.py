@@ -177,14 +177,14 @@ def test_part_of_the_cases(tmp_path: Path) -> None:
     parameters = tmp_path / "arm.toml"
     parameters.write_text("payload_mass = 0.2\n")
     chosen = ["--controllers", "flsac", "--sensings", "nmp", "--places", "tip", "--no-sweeps", "--no-figures"]
-    options = ["--K-s", "2", "--lap-time", "20", "--parameters", str(parameters)]
+    options = ["--K-s", "2", "--lap-time", "8", "--parameters", str(parameters)]
     done = run_script("--output", str(output), *chosen, *options)
     assert done.returncode == 0, done.stderr
     assert not (output / "old").exists()
     assert not (output / "claims.json").exists()
     run = Trajectory.load(output / "runs" / "paper__flsac_nmp_tip.npz")
     assert run.parameters.payload_mass == 0.2
-    assert run.time[-1] == pytest.approx(20.0)
+    assert run.time[-1] == pytest.approx(8.0)
     assert run.gain is not None
     assert run.gain.max() > 5.0 / 6.0  # K_s = 2 reaches beyond the fuzzy system's own range
 

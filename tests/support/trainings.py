@@ -20,6 +20,22 @@ TINY: dict[str, Any] = {
     "episode_steps": 50,
     "options": {"noise": 0.001, "randomisation": {"payload_mass": [0.0, 0.2]}},
 }
+_ON_POLICY = {name: TINY[name] for name in ("rollout", "epochs")}
+_ALIKE = {name: value for name, value in TINY.items() if name not in _ON_POLICY}
+_OFF_POLICY = {"buffer": 400, "learning_starts": 60, "train_every": 4, "updates": 1}
+_READINGS = ("joint_angles", "joint_rates", "sensed_position", "reference_position", "reference_velocity")
+TINIES: dict[str, dict[str, Any]] = {
+    "recurrent_ppo": {**TINY, "algorithm": "recurrent_ppo", "lstm": 8},
+    "sac": {**_ALIKE, **_OFF_POLICY, "algorithm": "sac"},
+    "tqc": {**_ALIKE, **_OFF_POLICY, "algorithm": "tqc", "quantiles": 5},
+    "lags": {**TINY, "lags": [1, 3]},
+    "observer": {
+        **TINY,
+        "observer": "nominal",
+        "options": {**TINY["options"], "observation": [*_READINGS, "last_actions"]},
+    },
+}
+"""Tiny trainings of the other algorithms, and of PPO with something in front of its network."""
 TAUGHT: dict[str, Any] = {
     "arms": 4,
     "rounds": 2,

@@ -1,0 +1,210 @@
+"""Algorithms beside plain PPO, and what stands in front of a network: folders, resuming, the same actions by numpy."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+
+import flexarm_agents.models
+import flexarm_agents.training
+from flexarm_agents import NetworkPolicy, TrainingConfig, evaluate, load_policy, network_policy, train
+from flexarm_agents.follow import Follow
+from flexarm_agents.fronted import FrontedPolicy
+from flexarm_agents.fronts import Stacked
+from flexarm_agents.history import History
+from flexarm_agents.lstm import Lstm
+from flexarm_agents.models import new_model
+from flexarm_agents.squashed import SquashedPolicy
+from flexarm_agents.vec_env import FlexArmVecEnv
+from flexarm_env.laps import LAPS
+from tests.support.trainings import ID, TINIES, TINY
+
+KINDS = {"sac": SquashedPolicy, "tqc": SquashedPolicy, "recurrent_ppo": FrontedPolicy, "observer": FrontedPolicy}
+
+
+class Interrupted(Exception):  # noqa: N818
+    pass
+
+
+class Breaking(Follow):
+    def _on_step(self) -> bool:
+        if self.num_timesteps >= 400:
+            raise Interrupted
+        return True
+
+
+def numbers(policy: NetworkPolicy) -> list[Any]:
+    return [*policy.weights, *policy.biases, policy.log_std]
+
+
+@pytest.mark.parametrize("name", TINIES)
+def test_interrupted_or_not_a_training_ends_in_the_same_bits(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Replay buffers, an LSTM's memory and a front's memory are in the checkpoint; the file scores what it says."""
+    config = TrainingConfig(**TINIES[name])
+    train(config, tmp_path / "whole")
+    with monkeypatch.context() as patch:
+        patch.setattr(flexarm_agents.training, "Follow", Breaking)
+        with pytest.raises(Interrupted):
+            train(config, tmp_path / "broken")
+    np.random.seed(5)  # noqa: NPY002
+    torch.manual_seed(5)
+    train(config, tmp_path / "broken", resume=True)
+    whole, broken = (load_policy(tmp_path / folder, last=True) for folder in ("whole", "broken"))
+    assert type(whole.policy) is KINDS.get(name, NetworkPolicy)
+    for mine, theirs in zip(numbers(whole.policy), numbers(broken.policy), strict=True):
+        np.testing.assert_array_equal(mine, theirs)
+    best = load_policy(tmp_path / "whole")
+    again = evaluate(best.make_env(), best.policy, seed=1_000_003)
+    assert again.as_mapping() == {lap: best.notes["evaluation"][lap] for lap in LAPS}
+    assert TrainingConfig.of(best.notes["config"]) == config
+    with pytest.raises(ValueError, match=r"seed = 1: the training in"):
+        train(TrainingConfig(**TINIES[name], seed=1), tmp_path / "whole", resume=True)
+    assert json.loads((tmp_path / "whole" / "versions.json").read_text())["sb3_contrib"]
+
+
+@pytest.mark.parametrize("name", ["sac", "tqc", "recurrent_ppo"])
+def test_numpy_predicts_what_torch_predicts(name: str, tmp_path: Path) -> None:
+    """Over several steps, with episodes that begin among them; from a file too."""
+    model = new_model(TrainingConfig(**TINIES[name]))
+    with torch.no_grad():
+        for parameter in model.policy.parameters():
+            parameter.add_(0.2 * torch.randn_like(parameter))
+    network_policy(model, {"config": {"environment": ID, "options": {}}}).save(tmp_path / "policy.npz")
+    policy = load_policy(tmp_path / "policy.npz").policy
+    rng, theirs, ours = np.random.default_rng(0), None, None
+    for step in range(4):
+        observations = rng.normal(size=(5, policy.observation_size)).astype(np.float32)
+        starts = np.arange(5) == step
+        expected, theirs = model.predict(observations, theirs, starts, deterministic=True)
+        found, ours = policy.predict(observations, ours, starts, deterministic=True)
+        np.testing.assert_allclose(found, expected, atol=1e-5)
+        assert found.dtype == np.float32
+    assert policy.predict(observations[0], deterministic=True)[0].shape == (2,)
+
+
+def test_the_noise_of_a_squashed_policy_is_torchs() -> None:
+    """Mean and spread of the actions before tanh."""
+    model = new_model(TrainingConfig(**TINIES["sac"]))
+    with torch.no_grad():
+        model.policy.actor.log_std.bias.fill_(-1.0)
+    policy = network_policy(model)
+    policy.seed(1)
+    observation = np.random.default_rng(0).normal(size=policy.observation_size).astype(np.float32)
+    mean, log_std, _ = model.policy.actor.get_action_dist_params(torch.from_numpy(observation[None]))
+    drawn = np.arctanh(policy.predict(np.tile(observation, (20_000, 1)))[0].astype(np.float64))
+    np.testing.assert_allclose(drawn.mean(axis=0), mean.detach().numpy()[0], atol=0.01)
+    np.testing.assert_allclose(drawn.std(axis=0), log_std.exp().detach().numpy()[0], rtol=0.03)
+
+
+@pytest.mark.parametrize("name", ["lags", "observer"])
+def test_what_a_network_learns_on_is_what_its_policy_sees(name: str) -> None:
+    """Also where episodes end: the batch shows the inputs that the exported policy makes of plain observations."""
+    config = TrainingConfig(**{**TINIES[name], "episode_steps": 6})
+    model = new_model(config)
+    policy = network_policy(model)
+    options = {**config.options, "max_episode_steps": 6}
+    plain, monitor = FlexArmVecEnv.make(config.environment, config.envs, **options), model.get_env()
+    assert monitor is not None
+    for env in (plain, monitor):
+        env.seed(3)
+    seen, shown, state = plain.reset(), monitor.reset(), None
+    starts, rng = np.ones(config.envs, dtype=bool), np.random.default_rng(0)
+    for _ in range(15):
+        head = NetworkPolicy(policy.weights, policy.biases, policy.log_std, policy.activation)
+        found, state = policy.predict(seen, state, starts, deterministic=True)
+        np.testing.assert_allclose(found, head.predict(shown, deterministic=True)[0], atol=1e-6)
+        action = rng.uniform(-0.2, 0.2, size=(config.envs, 2)).astype(np.float32)
+        seen, _, starts, infos = plain.step(action)
+        shown, _, _, theirs = monitor.step(action)
+        for one, other in zip(infos, theirs, strict=True):
+            if "terminal_observation" in one:
+                assert len(other["terminal_observation"]) == shown.shape[1] > len(one["terminal_observation"]) - 4
+                np.testing.assert_array_equal(one["TimeLimit.truncated"], other["TimeLimit.truncated"])
+
+
+def test_stacked_readings_begin_alike() -> None:
+    stacked = Stacked(History((1, 2), (0,)), 2)
+    inputs, memory = stacked.begin(np.float32([[1, 5]]))
+    np.testing.assert_array_equal(inputs, [[1, 5, 1, 1]])
+    inputs, memory = stacked.go_on(np.float32([[2, 6]]), memory)
+    inputs, memory = stacked.go_on(np.float32([[3, 7]]), memory)
+    np.testing.assert_array_equal(inputs, [[3, 7, 2, 1]])
+    assert stacked.inputs == 4
+
+
+def test_a_missing_package_is_named_before_anything_is_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(name: str) -> None:
+        raise ModuleNotFoundError(f"No module named {name!r}", name=name)
+
+    monkeypatch.setattr(flexarm_agents.models, "import_module", fail)
+    with pytest.raises(ModuleNotFoundError, match=r"algorithm = 'tqc': sb3_contrib is not installed; .*\[train\]"):
+        train(TrainingConfig(**TINIES["tqc"]), tmp_path / "run")
+    assert not (tmp_path / "run").exists()
+
+
+def saved(path: Path, name: str) -> dict[str, Any]:
+    network_policy(new_model(TrainingConfig(**TINIES[name])), {"config": {"environment": ID, "options": {}}}).save(path)
+    with np.load(path) as file:
+        return dict(file)
+
+
+@pytest.mark.parametrize(
+    ("name", "changes", "message"),
+    [
+        ("recurrent_ppo", {"lstm_bias": np.zeros(3, np.float32)}, r"must have shapes \(4 h, k\)"),
+        ("recurrent_ppo", {"lstm_input": np.zeros((32, 4))}, "lstm_input: must hold float32"),
+        ("recurrent_ppo", {"lstm_memory": None}, "no entry 'lstm_memory'"),
+        ("sac", {"spread": np.zeros((1, 8), np.float32)}, "spread: must hold float32 in the shape"),
+        ("sac", {"other": np.zeros(1, np.float32)}, "'other': no such array"),
+        ("observer", {"observer_scale": np.ones(5, np.float32)}, "observer_scale: is another than that of"),
+    ],
+)
+def test_files_that_do_not_fit_are_refused(tmp_path: Path, name: str, changes: dict[str, Any], message: str) -> None:
+    path = tmp_path / "policy.npz"
+    arrays = {key: value for key, value in (saved(path, name) | changes).items() if value is not None}
+    np.savez(path, **arrays)
+    with pytest.raises(ValueError, match=message):
+        load_policy(path)
+
+
+def test_a_file_of_another_kind_is_never_read_as_a_plain_network(tmp_path: Path) -> None:
+    for name in ("recurrent_ppo", "sac", "observer"):
+        saved(tmp_path / "policy.npz", name)
+        with pytest.raises(ValueError, match="no such array"):
+            NetworkPolicy.load(tmp_path / "policy.npz")
+
+
+def test_a_front_and_its_network_fit_together() -> None:
+    lstm = Lstm(np.zeros((8, 3), np.float32), np.zeros((8, 2), np.float32), np.zeros(8, np.float32))
+    weights, biases = [np.zeros((2, 2), np.float32)], [np.zeros(2, np.float32)]
+    policy = FrontedPolicy(weights, biases, np.zeros(2, np.float32), front=lstm)
+    _, state = policy.predict(np.zeros((3, 3), np.float32))
+    with pytest.raises(ValueError, match=r"state: must be what predict returned for as many observations, 2"):
+        policy.predict(np.zeros((2, 3), np.float32), state)
+    with pytest.raises(ValueError, match=r"front: gives 2 numbers, and the network takes 5"):
+        FrontedPolicy([np.zeros((2, 5), np.float32)], biases, np.zeros(2, np.float32), front=lstm)
+    with pytest.raises(TypeError, match=r"front = None: must be"):
+        FrontedPolicy(weights, biases, np.zeros(2, np.float32))
+
+
+def test_a_checkpoint_of_ppo_alone_is_refused(tmp_path: Path) -> None:
+    import pickle
+    import zipfile
+
+    train(TrainingConfig(**{**TINY, "steps": 128}), tmp_path / "run")
+    path = tmp_path / "run" / "checkpoint.zip"
+    with zipfile.ZipFile(path) as file:
+        model, rest = file.read("model.zip"), pickle.loads(file.read("rest.pickle"))
+    del rest["config"]
+    with zipfile.ZipFile(path, "w") as file:
+        file.writestr("model.zip", model)
+        file.writestr("rest.pickle", pickle.dumps(rest))
+    with pytest.raises(ValueError, match=r"checkpoint.zip: a checkpoint of a version that had PPO alone"):
+        train(TrainingConfig(**{**TINY, "steps": 128}), tmp_path / "run", resume=True)
