@@ -61,6 +61,8 @@ class Options:
     """Steps of each process of the soak."""
     kills: int = 20
     """How often each task is killed."""
+    tasks: tuple[str, ...] = tuple(TASKS)
+    """Tasks that are killed."""
     seed: int = 0
     """Of all that is drawn."""
     jobs: int = 1
@@ -181,6 +183,8 @@ def main() -> None:
     given = tyro.cli(Options, prog="python -m scripts.hardening")
     for name in given.parts:
         choice("parts", name, ALL)
+    for name in given.tasks:
+        choice("tasks", name, tuple(TASKS))
     for name in ALL:
         integer(name, getattr(given, name), 1)
     integer("seed", given.seed, 0)
@@ -194,9 +198,9 @@ def main() -> None:
         if "soak" in given.parts:
             stamp = stamp_of("soak", given.seed)
             kept(given.output / "soak.json", stamp, lambda: soaked(given.soak, given.seed, given.jobs))
-        for name in TASKS if "kills" in given.parts else ():
+        for name in given.tasks if "kills" in given.parts else ():
             path, stamp = given.output / f"{kill_file(name)}.json", stamp_of("kills", given.seed)
-            kill = partial(kill_often, name, given.kills, given.seed, given.output / "killed")
+            kill = partial(kill_often, name, given.kills, given.seed, given.output / "killed" / name)
             found = kept(path, stamp, kill)
             faults += found["faults"]
             print(f"kills, {name}: {found['kills']}", flush=True)

@@ -291,5 +291,6 @@ def test_the_page_says_what_other_code_has_made(
 
 def test_bad_arguments_are_refused() -> None:
     assert "parts = 'x': must be one of 'options', 'values'" in refusal("hardening", "--parts", "x")
+    assert "tasks = 'x': must be one of 'training', 'leaderboard'" in refusal("hardening", "--tasks", "x")
     assert "kills = 0: must be an integer >= 1" in refusal("hardening", "--kills", "0")
     assert "jobs = 0: must be an integer >= 1" in refusal("hardening", "--parts", "soak", "--jobs", "0")
