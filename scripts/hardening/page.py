@@ -10,7 +10,7 @@ from scripts.hardening.campaign import Part, Tally
 from scripts.hardening.kills import TASKS
 
 FLAT = 5.0  # growth that counts as none [MB]
-OTHER = "other code"  # than that which is there now
+OTHER = ", other code"  # than that which is there now
 
 
 class Code(NamedTuple):
@@ -25,8 +25,8 @@ class Code(NamedTuple):
     now: str
 
     def __str__(self) -> str:
-        """Write the stamp, or that the code is another one now."""
-        return f"`{self.made[:8]}`" if self.made == self.now else OTHER
+        """Write the stamp, and whether the code is another one now."""
+        return f"`{self.made[:8]}`{'' if self.made == self.now else OTHER}"
 
 
 def fuzzing_table(parts: Mapping[str, Part], tallies: Mapping[str, Tally], codes: Mapping[str, Code]) -> str:
