@@ -23,6 +23,7 @@ from flexarm_agents.models import batch_for, model_class
 from flexarm_agents.run_folder import put
 from flexarm_agents.vec_env import FlexArmVecEnv
 from flexarm_env.kernels.stamp import LayoutError
+from flexarm_env.validation import short
 
 _MODEL, _REST = "model.zip", "rest.pickle"
 _KEPT = ("observations", "next_observations", "actions", "rewards", "dones", "timeouts")  # arrays of a replay buffer
@@ -92,10 +93,15 @@ def load_checkpoint(path: Path) -> tuple[BaseAlgorithm, Progress]:
     Raises:
         ValueError: if the file is not a checkpoint, or one of a version whose batches this one cannot continue.
     """
+    with path.open("rb") as stream:  # errors of opening are others than those of reading
+        try:
+            with zipfile.ZipFile(stream) as file:
+                model_bytes, pickled = file.read(_MODEL), file.read(_REST)
+        except Exception as error:  # damage meets zipfile and zlib anywhere: any of their errors says that it is there
+            raise ValueError(f"{path}: not a checkpoint ({short(str(error))})") from error
     try:
-        with zipfile.ZipFile(path) as file:
-            model_bytes, rest = file.read(_MODEL), pickle.loads(file.read(_REST))
-    except (zipfile.BadZipFile, KeyError, pickle.UnpicklingError, EOFError) as error:
+        rest = pickle.loads(pickled)
+    except (pickle.UnpicklingError, EOFError) as error:
         raise ValueError(f"{path}: not a checkpoint ({error})") from error
     except (LayoutError, AttributeError, ImportError) as error:  # the last two: a name of another version
         raise ValueError(

@@ -28,6 +28,26 @@ myst_fence_as_directive = ["math"]
 suppress_warnings = ["myst.header"]  # sections of a page that a script writes may begin at a lower level
 
 html_theme = "furo"
+# Of the widgets, by light and in the dark; flexarm.css and flexarm.js use them.
+COLOURS = {
+    "fx-a": ("#0072b2", "#5cb8f2"),
+    "fx-b": ("#d55e00", "#ff9d57"),
+    "fx-late": ("#8a3b8f", "#e29be6"),
+    "fx-target": ("#1d2433", "#eef2f8"),
+    "fx-path": ("#c3cad5", "#4a5465"),
+    "fx-grid": ("#e4e8ee", "#2a303b"),
+    "fx-text": ("#1d2433", "#e6ebf3"),
+    "fx-soft": ("#5b6576", "#a3aec0"),
+    "fx-panel": ("#f7f9fb", "#1a1e25"),
+    "fx-line": ("#d9dfe7", "#343c49"),
+    "fx-heat": ("#d55e00", "#ff8a3d"),
+    "fx-lost": ("#6d7686", "#8b95a7"),
+    "fx-accent": ("#0a5cc2", "#7db7ff"),
+}
+html_theme_options = {
+    f"{scheme}_css_variables": {name: pair[n] for name, pair in COLOURS.items()}
+    for n, scheme in enumerate(("light", "dark"))
+}
 html_title = f"FlexArm {release}"
 html_copy_source = False
 html_show_sphinx = False

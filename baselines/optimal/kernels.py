@@ -14,6 +14,7 @@ from flexarm_env.codegen.cache import kept_on_disk
 
 compiled = kept_on_disk(__file__, "sweeps of differential dynamic programming")
 TORQUES = 2
+LEAST_SHARE = 1e-14  # of the least curvature by the torques in the mean one; rounding takes some 1e-16
 
 
 @compiled
@@ -186,7 +187,8 @@ def minimise(
 ) -> None:
     """Find the best change of a period's torque within its limits, and its gains on z.
 
-    Where the model bends less than the torques' own cost does, it is bent as much (a modified Newton method).
+    Where the model bends less than the torques' own cost does, it is bent as much (a modified Newton method); where
+    that is lost in rounding, a little more.
 
     Args:
         weights: see `backward`.
@@ -205,7 +207,7 @@ def minimise(
     own_1, own_2 = 2.0 * (weights[0, 0] + weights[1, 0]), 2.0 * (weights[0, 1] + weights[1, 1])
     mean, half = 0.5 * (quu[0, 0] / own_1 + quu[1, 1] / own_2), 0.5 * (quu[0, 0] / own_1 - quu[1, 1] / own_2)
     least = mean - np.sqrt(half * half + quu[0, 1] * quu[0, 1] / (own_1 * own_2))
-    lacking = max(1.0 - least, 0.0)
+    lacking = max(max(1.0, LEAST_SHARE * mean) - least, 0.0)
     h11, h22 = quu[0, 0] + lacking * own_1 + regularisation[0], quu[1, 1] + lacking * own_2 + regularisation[1]
     h12 = quu[0, 1]
     determinant = h11 * h22 - h12 * h12

@@ -1,8 +1,8 @@
 """`ChainPlant`: the chain as the arm of an environment (`envs.hosted.Plant`).
 
-What an environment asks of an arm is declared here, for a chain: joint angles and rates are those of the two motors'
-hinges; modal coordinates are those of the environment's arm whose deflection fits the chain's best (`gauges`); tips,
-deflections and sensors' points are the chain's own. An episode begins with the bend angles whose fit is the state that
+What an environment asks of an arm is declared here, for a chain: encoders read the two motors' hinges; modal
+coordinates are those of the environment's arm whose deflection fits the chain's best (`gauges`); tips, deflections and
+sensors' points are the chain's own. An episode begins with the bend angles whose fit is the state that
 was drawn or asked for.
 """
 
@@ -85,14 +85,16 @@ class ChainPlant:
 
     def readings(self) -> Array:
         """See `Plant.readings`."""
-        chain, at = self.chain, self.chain.shoulder_and_elbow
-        if SENSOR_MODELS[self._settings.sensor].reading == "angles":
-            read = [chain.data.qpos[at], chain.data.qvel[at]]
-        else:
-            read = [chain.point(self._sensor)]
+        angles, chain = SENSOR_MODELS[self._settings.sensor].reading == "angles", self.chain
+        read = [self.encoders() if angles else chain.point(self._sensor)]
         if self._second is not None:
             read.append(chain.point(self._second))
         return np.concatenate(read)
+
+    def encoders(self) -> Array:
+        """See `Plant.encoders`."""
+        data, at = self.chain.data, self.chain.shoulder_and_elbow
+        return np.concatenate([data.qpos[at], data.qvel[at]])
 
     def truth(self) -> Truth:
         """See `Plant.truth`."""

@@ -58,8 +58,15 @@ class Plant(Protocol):
             there is one. Shape (4,) or (8,).
         """
 
+    def encoders(self) -> Array:
+        """Return the joints' angles and rates, as the encoders would read them without noise. Shape (4,)."""
+
     def truth(self) -> Truth:
-        """Return the arm now; the state as the settings' arm has it, which is what encoders and strain gauges tell."""
+        """Return the arm now.
+
+        The state is that of the settings' arm which is nearest. Strain gauges read its modal coordinates. Its joint
+        angles say where the links lie, and are not those of the encoders where its shapes cannot follow a link's slope.
+        """
 
     def drawing(self) -> Drawing:
         """Return where its lines are now."""
@@ -167,6 +174,7 @@ class HostedSimulator(BatchSimulator):
     def _enter_truth(self) -> None:
         for name, values in self.plant.truth()._asdict().items():
             self._enter(name.upper(), values)
+        self._enter("JOINTS", self.plant.encoders())
 
     def _enter(self, name: str, values: Any) -> None:
         first, count = self._rows[name]

@@ -101,7 +101,10 @@ def update_measurements(
     for r in range(4):
         at = r if r < 2 else variant.size + r - 2
         for i in range(variant.lanes):
-            arena[row.ENCODERS + r, i] = arena[row.STATE + at, i]
+            if variant.hosted:
+                arena[row.ENCODERS + r, i] = arena[row.JOINTS + r, i]
+            else:
+                arena[row.ENCODERS + r, i] = arena[row.STATE + at, i]
         if variant.disturbed:
             noisy = 0
             for i in range(variant.lanes):

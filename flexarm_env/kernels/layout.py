@@ -7,6 +7,7 @@ which rows its arenas have:
 - "tracking": the joint-space law tracks the reference (`joint_tracking`),
 - "loop": the paper's closed loop (`loop`),
 - "environment": an environment (`episode`),
+- "hosted": an environment whose arm is another engine's (`envs.hosted`),
 - "second sensor": the environment has one (`Shape.groups`),
 - "tangents": Jacobians are carried along (`step_jacobians`),
 - "adjoint": a gradient is carried back (`step_gradients`),
@@ -84,6 +85,7 @@ _MEASURED = ("loop", "environment", "outputs")
 _LAW = ("law",)
 _TRACKING = ("tracking",)
 _ENVIRONMENT = ("environment",)
+_HOSTED = ("hosted",)
 _SECOND = tuple(SECOND_SENSOR)
 _TANGENTS = ("tangents",)
 _ADJOINT = ("adjoint",)
@@ -169,6 +171,7 @@ class Row(Names):
     DROPOUT = Entry("share of the readings that are lost", "1", 1, _ENVIRONMENT)
     ENCODER_NOISE = Entry("standard deviation of encoder angles and rates", "rad, rad/s", 2, _ENVIRONMENT)
     ENCODERS = Entry("joint angles and rates by the encoders", "rad, rad/s", 4, _ENVIRONMENT)
+    JOINTS = Entry("those of another engine's arm itself", "rad, rad/s", 4, _HOSTED)
     REFERENCE_JOINTS = Entry(
         "joint angles and rates of the rigid arm on the reference, on the branch of inverse kinematics",
         "rad, rad/s",

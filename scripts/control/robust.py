@@ -130,29 +130,52 @@ def errors(envs: Any, design: RobustDesign) -> NDArray[np.float64]:
     return np.asarray(np.sqrt(total / (envs.unwrapped.lap_steps + 1)))
 
 
-def search(evaluations: int = EVALUATIONS) -> RobustDesign:
-    """Minimise the mean of the worst errors, and print each design that is better than those before."""
-    count = len(LAPS) * int(np.prod([len(values) for values in CORNERS.values()]))
-    envs = gymnasium.make_vec(ENVIRONMENT, num_envs=count, **LQG.options() | UNKNOWN_PLANT)
-    best, most = START, np.inf
+class Cost:
+    """The mean of the worst errors of a design [m], as a function of the point that is searched.
 
-    def cost(point: NDArray[np.float64]) -> float:
-        nonlocal best, most
+    Attributes:
+        design: the best design so far.
+        least: its cost [m].
+    """
+
+    def __init__(self, envs: Any) -> None:
+        """Keep the batch.
+
+        Args:
+            envs: see `errors`.
+        """
+        self._envs = envs
+        self.design, self.least = START, np.inf
+
+    def __call__(self, point: NDArray[np.float64]) -> float:
+        """Measure a design, and print it if it is better than those before."""
         design = RobustDesign(*point[:LINEAR].tolist(), *np.exp(point[LINEAR:]).tolist())
-        found = np.sort(errors(envs, design))
-        value = float(np.mean(found[-round(SHARE * count) :]))
-        if value < most:
-            best, most = design, value
+        found = np.sort(errors(self._envs, design))
+        value = float(np.mean(found[-round(SHARE * len(found)) :]))
+        if value < self.least:
+            self.design, self.least = design, value
             print(f"{value:.4f}, all {np.mean(found):.4f}, lost {np.mean(found > 1.0):.3f}: {design}", flush=True)
         return value
 
-    def searched(design: Any) -> NDArray[np.float64]:
-        values = np.array(design, dtype=np.float64)
-        return np.concatenate([values[:LINEAR], np.log(values[LINEAR:])])
 
+def searched(design: Any) -> NDArray[np.float64]:
+    """Return the point that stands for a design, or for bounds of designs; `Cost` converts it back."""
+    values = np.array(design, dtype=np.float64)
+    return np.concatenate([values[:LINEAR], np.log(values[LINEAR:])])
+
+
+def search(evaluations: int = EVALUATIONS) -> RobustDesign:
+    """Minimise the mean of the worst errors, and print each design that is better than those before.
+
+    Args:
+        evaluations: designs that are measured at most.
+    """
+    count = len(LAPS) * int(np.prod([len(values) for values in CORNERS.values()]))
+    envs = gymnasium.make_vec(ENVIRONMENT, num_envs=count, **LQG.options() | UNKNOWN_PLANT)
+    cost = Cost(envs)
     minimize(cost, searched(START), method="Powell", bounds=searched(BOUNDS), options={"maxfev": evaluations})
     envs.close()
-    return best
+    return cost.design
 
 
 def trials(quick: bool) -> dict[str, Trial | UnknownTrial]:

@@ -10,6 +10,7 @@ import os
 import platform
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -28,7 +29,7 @@ from scripts.common.result_files import write_json
 from scripts.hardening import calls, files, options, values
 from scripts.hardening.campaign import Tally, run_part
 from scripts.hardening.kills import TASKS, kill_often
-from scripts.hardening.page import FLAT, fuzzing_table, kills_table, soak_table
+from scripts.hardening.page import FLAT, OTHER, Code, fuzzing_table, kills_table, soak_table
 from scripts.hardening.soak import PROCESSES, soak
 
 PARTS = {"options": options.PART, "values": values.PART, "calls": calls.PART, "files": files.PART}
@@ -36,6 +37,10 @@ ALL = (*PARTS, "soak", "kills")
 PAGE = "reliability.md"
 HEAD, NOTHING = 2, "Not run on this tree.\n"  # lines of a table without rows, and what stands in its place
 SHOWING = tuple(f"flexarm_env.envs.{name}" for name in ("documentation", "drawing", "rendering", "scene"))
+
+
+# What is run by tasks that are killed.
+KILLED = {"kills": ("flexarm_agents.commands.train", "scripts.leaderboard.__main__", "scripts.paper.__main__")}
 
 
 @dataclass
@@ -56,6 +61,8 @@ class Options:
     """Steps of each process of the soak."""
     kills: int = 20
     """How often each task is killed."""
+    tasks: tuple[str, ...] = tuple(TASKS)
+    """Tasks that are killed."""
     seed: int = 0
     """Of all that is drawn."""
     jobs: int = 1
@@ -64,6 +71,11 @@ class Options:
     """Folder for the counts."""
     docs: bool = False
     """Bring docs/reliability.md up to date with the counts of the folder."""
+
+
+def stamp_of(name: str, seed: int = 0) -> dict[str, Any]:
+    """Return what the counts of a part depend on."""
+    return {"code": code_version([f"scripts.hardening.{name}", *KILLED.get(name, ())], SHOWING), "seed": seed}
 
 
 def fuzz(name: str, count: int, seed: int, path: Path) -> Tally:
@@ -75,7 +87,7 @@ def fuzz(name: str, count: int, seed: int, path: Path) -> Tally:
         seed: of the campaign.
         path: of the counts so far, which are kept after each block.
     """
-    stamp = {"code": code_version([f"scripts.hardening.{name}"], SHOWING), "seed": seed}
+    stamp = stamp_of(name, seed)
     known = json.loads(path.read_text()) if path.exists() else {}
     tally = Tally.of(known["tally"]) if known.get("stamp") == stamp else Tally()
     with tqdm(total=count, initial=min(count, tally.total), unit=f" {PARTS[name].counted}", desc=name) as bar:
@@ -107,37 +119,58 @@ def soaked(steps: int, seed: int, jobs: int) -> list[dict[str, Any]]:
     return found
 
 
-def kept(path: Path, make: Callable[[], Any]) -> Any:
-    """Make results and keep them in a file, which is absent if they cannot be made: it never holds older ones."""
+def kept(path: Path, stamp: dict[str, Any], make: Callable[[], Any]) -> Any:
+    """Make results and keep them in a file, which is absent if they cannot be made: it never holds older ones.
+
+    Args:
+        path: of the file.
+        stamp: what the results depend on.
+        make: makes them.
+    """
     path.unlink(missing_ok=True)
     found = make()
-    write_json(path, found)
+    write_json(path, {"stamp": stamp, "found": found})
     return found
 
 
 def update_page(folder: Path) -> None:
-    """Write the tables of the page, of all that the folder has; what was not run has no line."""
-    tallies = {
-        name: Tally.of(json.loads((folder / f"{name}.json").read_text())["tally"])
-        for name in PARTS
-        if (folder / f"{name}.json").exists()
+    """Write the tables of the page, of all that the folder has; what was not run has no line.
+
+    Counts that were made by another code than the present one are marked.
+    """
+    known = {
+        name: json.loads(path.read_text())
+        for name in (*PARTS, "soak", *map(kill_file, TASKS))
+        if (path := folder / f"{name}.json").exists()
     }
+    codes = {name: Code(one["stamp"]["code"], stamp_of(name.partition("_")[0])["code"]) for name, one in known.items()}
+    tallies = {name: Tally.of(known[name]["tally"]) for name in PARTS if name in known}
+    killed = {name: known[kill_file(name)]["found"] for name in TASKS if kill_file(name) in known}
     machine = (
         f"Python {platform.python_version()}, numpy {version('numpy')}, numba {version('numba')}, "
         f"{platform.system()} on {platform.machine()}.\n"
     )
-    tables = {"fuzzing": fuzzing_table(PARTS, tallies), "machine": machine}
-    soak_file = folder / "soak.json"
-    tables["soak"] = soak_table(json.loads(soak_file.read_text()) if soak_file.exists() else [])
-    kill_files = {name: folder / f"kills_{name}.json" for name in TASKS}
-    tables["kills"] = kills_table({n: json.loads(one.read_text()) for n, one in kill_files.items() if one.exists()})
+    tables = {
+        "machine": machine,
+        "fuzzing": fuzzing_table(PARTS, tallies, codes),
+        "soak": soak_table(known["soak"]["found"], codes["soak"]) if "soak" in known else NOTHING,
+        "kills": kills_table(killed, {name: codes[kill_file(name)] for name in killed}),
+    }
     for name, text in tables.items():
         text = text if text.count("\n") != HEAD else NOTHING
         put(folder / f"{name}.md", lambda aside, text=text: aside.write_text(text))  # type: ignore[misc]
     page = DOCS / PAGE
     updated = filled(page.read_text(), folder)
     put(page, lambda aside: aside.write_text(updated))
+    stale = [name for name, code in codes.items() if str(code).endswith(OTHER)]
     print(f"{page}: up to date")
+    if stale:
+        print(f"made by other code than the present one: {', '.join(stale)}")
+
+
+def kill_file(name: str) -> str:
+    """Return the name of the file with the counts of a task that is killed."""
+    return f"kills_{name}"
 
 
 def main() -> None:
@@ -150,6 +183,8 @@ def main() -> None:
     given = tyro.cli(Options, prog="python -m scripts.hardening")
     for name in given.parts:
         choice("parts", name, ALL)
+    for name in given.tasks:
+        choice("tasks", name, tuple(TASKS))
     for name in ALL:
         integer(name, getattr(given, name), 1)
     integer("seed", given.seed, 0)
@@ -161,11 +196,14 @@ def main() -> None:
         faults += [f"{name}: {fault}" for fault in tally.faults]
     try:
         if "soak" in given.parts:
-            kept(given.output / "soak.json", lambda: soaked(given.soak, given.seed, given.jobs))
-        for name in TASKS if "kills" in given.parts else ():
-            path = given.output / f"kills_{name}.json"
-            kept(path, lambda name=name: kill_often(name, given.kills, given.seed, given.output / "killed"))  # type: ignore[misc]
-            print(f"kills, {name}: done", flush=True)
+            stamp = stamp_of("soak", given.seed)
+            kept(given.output / "soak.json", stamp, lambda: soaked(given.soak, given.seed, given.jobs))
+        for name in given.tasks if "kills" in given.parts else ():
+            path, stamp = given.output / f"{kill_file(name)}.json", stamp_of("kills", given.seed)
+            kill = partial(kill_often, name, given.kills, given.seed, given.output / "killed" / name)
+            found = kept(path, stamp, kill)
+            faults += found["faults"]
+            print(f"kills, {name}: {found['kills']}", flush=True)
     except AssertionError as error:
         faults.append(str(error))
     if faults:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import atexit
 import json
+import shutil
 import tempfile
 from collections import Counter
 from collections.abc import Callable
@@ -68,7 +70,7 @@ def _checkpoint(path: Path) -> Any:
 @cache
 def _cell() -> tuple[Store, Cell]:
     """Write a cell of the board."""
-    store = Store(Path(tempfile.mkdtemp(prefix="hardening-")))
+    store = Store(_folder() / "cells")
     cell = Cell.of(Row("joint_pd"), COLUMNS["nominal"].points[0])
     store.write(cell, {"episodes": [{"lap": "swing", "rms": 0.5, "ended": "truncated"}], "lost": 1})
     return store, cell
@@ -205,7 +207,10 @@ def _good(kind: str, folder: Path) -> Any:
 
 @cache
 def _folder() -> Path:
-    return Path(tempfile.mkdtemp(prefix="hardening-"))
+    """Make a folder that goes with this process."""
+    folder = Path(tempfile.mkdtemp(prefix="hardening-"))
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    return folder
 
 
 def read_damaged(damage: Damage) -> Counter[str]:

@@ -2,33 +2,52 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
 
 from scripts.common.markdown import table
 from scripts.hardening.campaign import Part, Tally
 from scripts.hardening.kills import TASKS
 
 FLAT = 5.0  # growth that counts as none [MB]
+OTHER = ", other code"  # than that which is there now
 
 
-def fuzzing_table(parts: Mapping[str, Part], tallies: Mapping[str, Tally]) -> str:
-    """Write what was tried, how often, and what came of it."""
+class Code(NamedTuple):
+    """By which code counts were made.
+
+    Attributes:
+        made: stamp of the code that made them.
+        now: stamp of the code as it is.
+    """
+
+    made: str
+    now: str
+
+    def __str__(self) -> str:
+        """Write the stamp, and whether the code is another one now."""
+        return f"`{self.made[:8]}`{'' if self.made == self.now else OTHER}"
+
+
+def fuzzing_table(parts: Mapping[str, Part], tallies: Mapping[str, Tally], codes: Mapping[str, Code]) -> str:
+    """Write what was tried, how often, what came of it, and by which code."""
     rows = [
         [
             part.text,
             f"{tallies[name].total:,} {part.counted}s",
             ", ".join(f"{count:,} {end}" for end, count in sorted(tallies[name].ends.items())),
             f"{tallies[name].longest:.2f} s",
-            str(len(tallies[name].faults) or "none"),
+            _count(tallies[name].faults),
+            str(codes[name]),
         ]
         for name, part in parts.items()
         if name in tallies
     ]
-    return table(["what is tried", "how often", "what came of it", "slowest case, processor time", "faults"], rows)
+    head = ["what is tried", "how often", "what came of it", "slowest case, processor time", "faults", "code"]
+    return table(head, rows)
 
 
-def soak_table(runs: list[dict[str, Any]]) -> str:
+def soak_table(runs: list[dict[str, Any]], code: Code) -> str:
     """Write a line for each process of the soak."""
     rows = [
         [
@@ -38,19 +57,32 @@ def soak_table(runs: list[dict[str, Any]]) -> str:
             f"{run['settled']:.0f} MB, {run['end']:.0f} MB",
             f"`{run['hash'][:16]}`",
             f"{run['seconds']:.0f} s",
+            str(code),
         ]
         for n, run in enumerate(runs, 1)
     ]
-    head = ["process", "steps", "episodes", "memory early on, at the end", "hash of what it gave out", "processor time"]
+    what = "hash of what it gave out"
+    head = ["process", "steps", "episodes", "memory early on, at the end", what, "processor time", "code"]
     return table(head, rows)
 
 
-def kills_table(found: Mapping[str, Mapping[str, Any]]) -> str:
-    """Write how often each task was killed."""
+def kills_table(found: Mapping[str, Mapping[str, Any]], codes: Mapping[str, Code]) -> str:
+    """Write how often each task was killed, and what came of it."""
     rows = [
-        [task.text, f"{found[name]['kills']}", f"{found[name]['finished']}", f"{found[name]['seconds']:.0f} s", "none"]
+        [
+            task.text,
+            f"{found[name]['kills']}",
+            f"{found[name]['finished']}",
+            f"{found[name]['seconds']:.0f} s",
+            _count(found[name]["faults"]),
+            str(codes[name]),
+        ]
         for name, task in TASKS.items()
         if name in found
     ]
-    head = ["task", "killed", "came to its end", "takes undisturbed", "lost, half or different"]
+    head = ["task", "killed", "came to its end", "takes undisturbed", "lost, half, different or left running", "code"]
     return table(head, rows)
+
+
+def _count(faults: Sequence[str]) -> str:
+    return str(len(faults) or "none")

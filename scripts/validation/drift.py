@@ -211,19 +211,18 @@ def _drift_checks(label: str, same: list[dict[str, Any]]) -> list[Check]:
     return [check for checks, bound in bounds if bound < USEFUL for check in checks]
 
 
+def _energy_order(where: str, order: float) -> Check:
+    """Check the order of the energy's drift in the step."""
+    why = "a loss of (omega h)^6 / 72 in each of 1 / h steps a second: order 5"
+    return Check("drift", f"order of the energy's drift in the step, {where}", order, why, least=4.7, most=5.3)
+
+
 def _order_checks(undamped: list[dict[str, Any]]) -> list[Check]:
     """How the drift goes with the step: the arm of one mode from the bent start, and the foreshortened arms."""
     rows = [row for row in undamped if row["arm"] == "1 mode" and row["start"] == "bent"]
     steps = [1.0 / row["step"] for row in rows]
     return [
-        Check(
-            "drift",
-            "order of the energy's drift in the step, 1 mode, bent start",
-            rate(steps, [row["energy"] for row in rows]),
-            "a loss of (omega h)^6 / 72 in each of 1 / h steps a second: order 5",
-            least=4.7,
-            most=5.3,
-        ),
+        _energy_order("1 mode, bent start", rate(steps, [row["energy"] for row in rows])),
         Check(
             "drift",
             "order of the angular momentum's drift in the step, 1 mode, bent start",
@@ -233,14 +232,7 @@ def _order_checks(undamped: list[dict[str, Any]]) -> list[Check]:
             most=4.3,
         ),
         *(
-            Check(
-                "drift",
-                f"order of the energy's drift in the step, {arm}, that furthest from 5",
-                max(orders, key=lambda order: abs(order - 5.0)),
-                "a loss of (omega h)^6 / 72 in each of 1 / h steps a second: order 5",
-                least=4.7,
-                most=5.3,
-            )
+            _energy_order(f"{arm}, that furthest from 5", max(orders, key=lambda order: abs(order - 5.0)))
             for arm, orders in foreshortened_orders(undamped).items()
         ),
     ]

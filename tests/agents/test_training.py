@@ -30,6 +30,7 @@ from flexarm_agents import (
     load_policy,
     train,
 )
+from flexarm_agents.checkpoint import load_checkpoint
 from flexarm_agents.environments import make_batch
 from flexarm_agents.follow import Follow
 from flexarm_agents.models import new_model
@@ -249,7 +250,13 @@ def test_a_folder_is_never_overwritten(run: Path, tmp_path: Path) -> None:
 
 def test_a_spoilt_checkpoint(run: Path, tmp_path: Path) -> None:
     shutil.copytree(run, tmp_path / "run")
-    (tmp_path / "run" / "checkpoint.zip").write_bytes(b"no zip")
+    checkpoint = tmp_path / "run" / "checkpoint.zip"
+    moved = bytearray(checkpoint.read_bytes())
+    moved[-3] ^= 1  # the zip's list of contents is elsewhere, which the system refuses to look up
+    checkpoint.write_bytes(moved)
+    with pytest.raises(ValueError, match=r"checkpoint.zip: not a checkpoint"):
+        load_checkpoint(checkpoint)
+    checkpoint.write_bytes(b"no zip")
     with pytest.raises(ValueError, match=r"checkpoint.zip: not a checkpoint"):
         train(TrainingConfig(**TINY), tmp_path / "run", resume=True)
 

@@ -114,6 +114,19 @@ def test_it_expects_the_decrease_that_comes() -> None:
     np.testing.assert_allclose(slope, -2.0 * curve, rtol=1e-9)
 
 
+def test_motors_that_do_the_same_at_hardly_any_cost_have_finite_steps() -> None:
+    """The curvature by their torques is singular to rounding."""
+    problem = Linear.drawn(4)
+    alike = np.repeat(problem.by_torque[:, :, :1], 2, axis=2)
+    problem = problem._replace(
+        by_torque=alike, curvature=np.zeros_like(problem.curvature), weights=np.full((2, 2), 1e-20)
+    )
+    forward, gains, expected = swept(problem)
+    assert np.isfinite(forward).all()
+    assert np.isfinite(gains).all()
+    assert expected[0] < 0.0
+
+
 def test_steps_keep_the_limits_and_a_held_torque_has_no_gain() -> None:
     problem = Linear.drawn(2)
     limits = np.full(2, 0.3)

@@ -151,8 +151,20 @@ def test_gauges_of_a_chain_are_those_of_any_arm() -> None:
     plant.chain.pose(*np.random.default_rng(2).normal(scale=(0.02, 1.0), size=(*shape, 2)).T)
     truth, sight = plant.truth(), plant.chain.look()
     np.testing.assert_allclose(truth.state, Gauges(env.unwrapped.arm).state(plant.chain.bend()), atol=1e-11)
+    np.testing.assert_array_equal(plant.encoders(), [*sight.joints, *sight.rates])
     assert abs(truth.state[1] - sight.joints[1]) > 1e-3  # the encoder has the slope of all vibrations
     np.testing.assert_allclose(truth.deflection, sight.deflection, atol=1e-13)
+
+
+def test_encoders_read_the_motors_hinges() -> None:
+    """Not the joint angles of the state, which are those of shapes that fit the links."""
+    env = make(segments=12, start="corner", observation=("joint_angles", "joint_rates"))
+    env.reset(seed=0)
+    for _ in range(3):
+        observation, *_, info = env.step(np.ones(2, np.float32))
+        hinges = env.unwrapped.simulator.plant.encoders()
+        np.testing.assert_allclose(observation * env.unwrapped.observation_scale, hinges, rtol=1e-6)
+    assert abs(info["state"][1] - hinges[1]) > 1e-3
 
 
 def test_a_fine_chain_moves_as_many_shapes_do() -> None:

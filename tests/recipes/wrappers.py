@@ -42,6 +42,49 @@ class Row(NamedTuple):
     slow: bool = False
 
 
+def alike(of: Any) -> dict[str, Row]:
+    """Return rows of wrappers that environments and batches have by the same names, by these.
+
+    Args:
+        of: Gymnasium's module.
+    """
+    rows = (
+        Row(
+            "RescaleAction",
+            lambda env: of.RescaleAction(env, np.float32(-2.0), np.float32(2.0)),
+            "doubled actions are the same",
+            each_action(lambda a: 2.0 * np.clip(a, -1.0, 1.0)),
+        ),
+        Row(
+            "DtypeObservation",
+            lambda env: of.DtypeObservation(env, np.float64),
+            "the same numbers in float64; Gymnasium warns of an overflow when it casts the bounds",
+            each_observation(lambda x: x),
+        ),
+        Row(
+            "RescaleObservation",
+            lambda env: of.RescaleObservation(env, np.float32(0.0), np.float32(1.0)),
+            "from 0 to 1 between the bounds, which are wide: the environment's own `scaled` says more",
+            checks.rescales,
+        ),
+        Row("NormalizeReward", of.NormalizeReward, "finite", checks.normalises_rewards),
+        Row(
+            "TransformReward",
+            lambda env: of.TransformReward(env, lambda r: r - 1.0),
+            "rewards are changed",
+            each_reward(lambda r: r - 1.0),
+        ),
+        Row(
+            "ClipReward",
+            lambda env: of.ClipReward(env, 0.0, 0.3),
+            "rewards are limited",
+            each_reward(lambda r: np.clip(r, 0.0, 0.3)),
+        ),
+    )
+    return {row.name: row for row in rows}
+
+
+ONE, ALL = alike(wrappers), alike(vector)
 PICTURES = {"render_mode": "rgb_array"}
 SHORT = {"max_episode_steps": LIMIT}
 SINGLE = (
@@ -83,12 +126,7 @@ SINGLE = (
         "changes nothing: the environment limits actions itself",
         each_action(lambda a: a),
     ),
-    Row(
-        "RescaleAction",
-        lambda env: wrappers.RescaleAction(env, np.float32(-2.0), np.float32(2.0)),
-        "doubled actions are the same",
-        each_action(lambda a: 2.0 * np.clip(a, -1.0, 1.0)),
-    ),
+    ONE["RescaleAction"],
     Row(
         "TransformAction",
         lambda env: wrappers.TransformAction(env, np.negative, env.action_space),
@@ -114,24 +152,14 @@ SINGLE = (
         "observations are changed",
         each_observation(lambda x: 0.5 * x),
     ),
-    Row(
-        "DtypeObservation",
-        lambda env: wrappers.DtypeObservation(env, np.float64),
-        "the same numbers in float64; Gymnasium warns of an overflow when it casts the bounds",
-        each_observation(lambda x: x),
-    ),
+    ONE["DtypeObservation"],
     Row(
         "ReshapeObservation",
         lambda env: wrappers.ReshapeObservation(env, (21, 2)),
         "the same numbers in another shape",
         each_observation(lambda x: x.reshape(21, 2)),
     ),
-    Row(
-        "RescaleObservation",
-        lambda env: wrappers.RescaleObservation(env, np.float32(0.0), np.float32(1.0)),
-        "from 0 to 1 between the bounds, which are wide: the environment's own `scaled` says more",
-        checks.rescales,
-    ),
+    ONE["RescaleObservation"],
     Row(
         "NormalizeObservation",
         wrappers.NormalizeObservation,
@@ -154,19 +182,9 @@ SINGLE = (
         checks.delays,
     ),
     Row("TimeAwareObservation", wrappers.TimeAwareObservation, "the last number grows", checks.knows_time),
-    Row("NormalizeReward", wrappers.NormalizeReward, "finite", checks.normalises_rewards),
-    Row(
-        "TransformReward",
-        lambda env: wrappers.TransformReward(env, lambda r: r - 1.0),
-        "rewards are changed",
-        each_reward(lambda r: r - 1.0),
-    ),
-    Row(
-        "ClipReward",
-        lambda env: wrappers.ClipReward(env, 0.0, 0.3),
-        "rewards are limited",
-        each_reward(lambda r: np.clip(r, 0.0, 0.3)),
-    ),
+    ONE["NormalizeReward"],
+    ONE["TransformReward"],
+    ONE["ClipReward"],
     Row(
         "AddRenderObservation", wrappers.AddRenderObservation, "pictures as observations", checks.draws, PICTURES, True
     ),
@@ -191,49 +209,24 @@ BATCH = (
         SHORT,
     ),
     Row("ClipAction", vector.ClipAction, "changes nothing", each_action(lambda a: a)),
-    Row(
-        "RescaleAction",
-        lambda env: vector.RescaleAction(env, np.float32(-2.0), np.float32(2.0)),
-        "doubled actions are the same",
-        each_action(lambda a: 2.0 * np.clip(a, -1.0, 1.0)),
-    ),
+    ALL["RescaleAction"],
     Row(
         "TransformObservation",
         lambda env: vector.TransformObservation(env, lambda x: 0.5 * x),
         "observations are changed",
         each_observation(lambda x: 0.5 * x),
     ),
-    Row(
-        "DtypeObservation",
-        lambda env: vector.DtypeObservation(env, np.float64),
-        "the same numbers in float64; Gymnasium warns of an overflow when it casts the bounds",
-        each_observation(lambda x: x),
-    ),
-    Row(
-        "RescaleObservation",
-        lambda env: vector.RescaleObservation(env, np.float32(0.0), np.float32(1.0)),
-        "from 0 to 1 between the bounds, which are wide: the environment's own `scaled` says more",
-        checks.rescales,
-    ),
+    ALL["DtypeObservation"],
+    ALL["RescaleObservation"],
     Row(
         "NormalizeObservation",
         vector.NormalizeObservation,
         "finite; with `NextStep` only",
         checks.normalises,
     ),
-    Row("NormalizeReward", vector.NormalizeReward, "finite", checks.normalises_rewards),
-    Row(
-        "TransformReward",
-        lambda env: vector.TransformReward(env, lambda r: r - 1.0),
-        "rewards are changed",
-        each_reward(lambda r: r - 1.0),
-    ),
-    Row(
-        "ClipReward",
-        lambda env: vector.ClipReward(env, 0.0, 0.3),
-        "rewards are limited",
-        each_reward(lambda r: np.clip(r, 0.0, 0.3)),
-    ),
+    ALL["NormalizeReward"],
+    ALL["TransformReward"],
+    ALL["ClipReward"],
     Row("DictInfoToList", vector.DictInfoToList, "an info for each environment", checks.lists),
     Row(
         "RecordVideo",

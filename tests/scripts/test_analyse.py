@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from tests.support.programs import ROOT, help_of, refusal, run_study
+from tests.support.programs import ROOT, help_of, refusal, results_of, run_study
 
 PAGE = ROOT / "docs" / "analysis.md"
 BLOCK = re.compile(r"<!-- generated: (\w+) -->\n(.*?)<!-- end -->", re.DOTALL)
@@ -20,18 +20,12 @@ run_script = partial(run_study, "analysis")
 
 @pytest.fixture(scope="module")
 def quick(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    output = tmp_path_factory.mktemp("analysis") / "quick"
-    done = run_script("--quick", "--output", str(output))
-    assert done.returncode == 0, done.stderr
-    return output
+    return results_of("analysis", tmp_path_factory.mktemp("analysis") / "quick", "--quick")
 
 
 @pytest.fixture(scope="module")
 def full(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    output = tmp_path_factory.mktemp("analysis") / "full"
-    done = run_script("--output", str(output))
-    assert done.returncode == 0, done.stderr
-    return output
+    return results_of("analysis", tmp_path_factory.mktemp("analysis") / "full")
 
 
 def committed() -> dict[str, str]:

@@ -8,12 +8,14 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from flexarm_agents.scoring import Score
 from flexarm_baselines.joint_tracking import DECOUPLED, JointFeedback
 from flexarm_baselines.registry import controller_names
 from scripts.common.markdown import DOCS
+from scripts.control import robust
 from scripts.control.__main__ import STUDIES
 from scripts.control.joint import slowest_decay
 from scripts.control.trials import Trial, cell
@@ -73,3 +75,19 @@ def test_a_quick_run_writes_tables(tmp_path: Path) -> None:
         assert len((tmp_path / f"{name}.md").read_text().splitlines()) == 3
         (scores,) = json.loads((tmp_path / f"{name}.json").read_text()).values()
         assert set(scores) == {"swing", "plain"}
+
+
+def test_a_robust_search_keeps_the_best_of_its_designs(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The cost is the mean of the worst quarter of the corners, here of 2 of 8."""
+
+    def errors(envs: object, design: robust.RobustDesign) -> np.ndarray:
+        return np.arange(8.0) * design.tip / robust.START.tip
+
+    monkeypatch.setattr(robust, "errors", errors)
+    cost = robust.Cost(None)
+    better, worse = (robust.START._replace(tip=factor * robust.START.tip) for factor in (0.5, 2.0))
+    assert [round(cost(robust.searched(one)), 9) for one in (robust.START, better, worse)] == [6.5, 3.25, 13.0]
+    assert cost.design.tip == pytest.approx(better.tip)
+    assert capsys.readouterr().out.count("RobustDesign") == 2

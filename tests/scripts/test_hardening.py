@@ -5,19 +5,22 @@ from __future__ import annotations
 import json
 import os
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pytest
 from hypothesis import strategies as st
 
+from scripts.hardening import __main__ as hardening
 from scripts.hardening import calls, files, kills
-from scripts.hardening.__main__ import PARTS, fuzz, kept, soaked
+from scripts.hardening.__main__ import PARTS, fuzz, kept, soaked, stamp_of, update_page
 from scripts.hardening.campaign import Part, Tally, run_block, run_part
 from scripts.hardening.files import Damage, damaged
 from scripts.hardening.kills import TASKS, Task, kill_often
-from scripts.hardening.page import fuzzing_table, kills_table, soak_table
+from scripts.hardening.page import Code, fuzzing_table, kills_table, soak_table
 from scripts.hardening.strategies import Contrary
 from scripts.hardening.values import construct
 from tests.support.programs import refusal
@@ -58,7 +61,8 @@ def test_a_soak_has_the_same_bits_twice() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", TASKS)
 def test_a_killed_task_loses_nothing(name: str, tmp_path: Path) -> None:
-    assert kill_often(name, 1, 5, tmp_path / "killed")["kills"] == 1
+    found = kill_often(name, 1, 5, tmp_path / "killed")
+    assert (found["kills"], found["faults"]) == (1, [])
 
 
 @pytest.mark.skipif(not hasattr(os, "killpg"), reason="needs groups of processes")
@@ -77,13 +81,66 @@ def test_a_task_that_does_not_come_to_its_end_is_a_fault(
         kill_often("quick", 1, 5, tmp_path / "killed")
 
 
+# Counts to five, keeping what it has in a file.
+COUNTS = """
+import os, sys, time
+from pathlib import Path
+path = Path(sys.argv[1], "count")
+for n in range(int(path.read_text()) if path.exists() else 0, 5):
+    time.sleep(0.05)
+    {forget}
+    Path(sys.argv[1], "new").write_text(str(n + 1))
+    os.replace(Path(sys.argv[1], "new"), path)
+{child}
+print("done")
+"""
+FORGETS = "path.unlink(missing_ok=True); time.sleep(0.1)"
+CHILD = "import subprocess; subprocess.Popen(['sleep', '60'], stdout=subprocess.DEVNULL); time.sleep(0.3)"
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="needs /proc")
+@pytest.mark.parametrize(
+    ("forget", "child", "words"),
+    [("pass", "", ""), (FORGETS, "", "AssertionError: held "), ("pass", CHILD, "go on without their parent")],
+)
+def test_what_is_lost_or_left_running_is_counted(
+    forget: str, child: str, words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def check(folder: Path) -> int:
+        return int((folder / "count").read_text()) if (folder / "count").exists() else 0
+
+    program = COUNTS.format(forget=forget, child=child)
+    task = Task("counts", lambda folder: ["-c", program, str(folder)], check, lambda folder, printed: printed)
+    monkeypatch.setitem(TASKS, "counts", task)
+    monkeypatch.setattr(kills, "LINGER", 0.2)
+    monkeypatch.setattr(kills, "MOST_FAULTS", 1)
+    monkeypatch.setattr(kills, "ALONE", 1.0)
+    found = kill_often("counts", 12 if words else 3, 5, tmp_path / "killed")
+    assert bool(found["faults"]) == bool(words)
+    assert all(words in fault for fault in found["faults"])
+    assert found["kills"] >= 1
+
+
+def test_files_are_damaged_in_a_folder_that_goes_with_the_process(monkeypatch: pytest.MonkeyPatch) -> None:
+    at_exit: list[Callable[[], Any]] = []
+    monkeypatch.setattr(
+        files.atexit, "register", lambda call, *given, **named: at_exit.append(partial(call, *given, **named))
+    )
+    folder = files._folder.__wrapped__()
+    assert folder.is_dir()
+    (end,) = at_exit
+    end()
+    assert not folder.exists()
+
+
 def test_results_of_an_earlier_run_are_not_those_of_one_that_fails(tmp_path: Path) -> None:
     def fail() -> None:
         raise AssertionError("lost")
 
-    kept(tmp_path / "kills.json", lambda: [1])
+    kept(tmp_path / "kills.json", {"code": "x"}, lambda: [1])
+    assert json.loads((tmp_path / "kills.json").read_text()) == {"stamp": {"code": "x"}, "found": [1]}
     with pytest.raises(AssertionError, match="lost"):
-        kept(tmp_path / "kills.json", fail)
+        kept(tmp_path / "kills.json", {"code": "x"}, fail)
     assert not (tmp_path / "kills.json").exists()
 
 
@@ -203,15 +260,37 @@ def test_other_values_than_were_written_are_a_fault(monkeypatch: pytest.MonkeyPa
 
 def test_tables() -> None:
     tally = Tally(blocks=1, cases=3, ends=Counter(taken=2, refused=1), longest=0.5)
-    text = fuzzing_table(PARTS, {"options": tally})
-    assert "| 3 option sets | 1 refused, 2 taken | 0.50 s | none |" in text
+    new, old = Code("0123456789", "0123456789"), Code("0123456789", "9876543210")
+    text = fuzzing_table(PARTS, {"options": tally}, {"options": new})
+    assert "| 3 option sets | 1 refused, 2 taken | 0.50 s | none | `01234567` |" in text
     run = {"steps": 256, "episodes": 2, "settled": 99.9, "end": 100.2, "hash": "0a" * 16, "seconds": 1.2}
-    assert "| 1 | 256 | 2 | 100 MB, 100 MB | `0a0a0a0a0a0a0a0a` | 1 s |" in soak_table([run])
-    found = {name: {"kills": 7, "finished": 2, "seconds": 3.0} for name in TASKS}
-    assert kills_table(found).count("| 7 | 2 | 3 s | none |") == len(TASKS)
+    assert "| `0a0a0a0a0a0a0a0a` | 1 s | `01234567`, other code |" in soak_table([run], old)
+    found = {name: {"kills": 7, "finished": 2, "seconds": 3.0, "faults": []} for name in TASKS}
+    found["training"]["faults"] = ["lost"]
+    text = kills_table(found, dict.fromkeys(TASKS, new))
+    assert text.count("| 7 | 2 | 3 s | none | `01234567` |") == len(TASKS) - 1
+    assert text.count("| 7 | 2 | 3 s | 1 | `01234567` |") == 1
+
+
+def test_the_page_says_what_other_code_has_made(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(hardening, "DOCS", tmp_path)
+    page = tmp_path / "reliability.md"
+    page.write_text("".join(f"<!-- generated: {name} -->\n<!-- end -->\n" for name in ("fuzzing", "soak", "kills")))
+    found = {"kills": 3, "finished": 1, "seconds": 2.0, "faults": []}
+    for name, code in (("training", stamp_of("kills")["code"]), ("compiling", "0" * 32)):
+        kept(tmp_path / f"kills_{name}.json", {"code": code, "seed": 0}, lambda: found)
+    update_page(tmp_path)
+    lines = page.read_text().splitlines()
+    marked = [line.endswith(", other code |") for line in lines if line.startswith("| `flexarm") or "kernels" in line]
+    assert marked == [False, True]
+    assert lines.count("Not run on this tree.") == 2
+    assert "made by other code than the present one: kills_compiling" in capsys.readouterr().out
 
 
 def test_bad_arguments_are_refused() -> None:
     assert "parts = 'x': must be one of 'options', 'values'" in refusal("hardening", "--parts", "x")
+    assert "tasks = 'x': must be one of 'training', 'leaderboard'" in refusal("hardening", "--tasks", "x")
     assert "kills = 0: must be an integer >= 1" in refusal("hardening", "--kills", "0")
     assert "jobs = 0: must be an integer >= 1" in refusal("hardening", "--parts", "soak", "--jobs", "0")

@@ -11,7 +11,7 @@ from flexarm_env import Trajectory
 from scripts.docs import paper
 from scripts.paper import cases, checks, claims, tables, verdicts
 from scripts.paper.measures import Workspace, measures
-from tests.support.programs import ROOT, help_of, refusal, run_study
+from tests.support.programs import ROOT, help_of, refusal, results_of, run_study
 
 VERDICTS = {"reproduced", "reproduced under condition", "not reproduced"}
 run_script = partial(run_study, "paper")
@@ -20,10 +20,7 @@ run_script = partial(run_study, "paper")
 @pytest.fixture(scope="module")
 def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """One whole reproduction, shared by the tests below."""
-    output = tmp_path_factory.mktemp("reproduction") / "paper"
-    done = run_script("--output", str(output))
-    assert done.returncode == 0, done.stderr
-    return output
+    return results_of("paper", tmp_path_factory.mktemp("reproduction") / "paper")
 
 
 @pytest.fixture(scope="module")

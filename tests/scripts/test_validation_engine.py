@@ -312,9 +312,10 @@ def test_encoders_of_a_hosted_chain_read_its_own_joints() -> None:
 
     chain = EngineChain(4, ArmParameters())
     chain.place(np.array([0.3, 1.1]), np.array([0.0, 5.0]))
-    state = np.array(AnyArm(chain, Settings.of({})).truth().state)
-    np.testing.assert_allclose(state[:2], [0.3, 1.1], atol=1e-12)
-    assert abs(Gauges(FlexibleArm()).state(chain.bend())[1] - 1.1) > 1e-4
+    host = AnyArm(chain, Settings.of({}))
+    np.testing.assert_allclose(host.encoders()[:2], [0.3, 1.1], atol=1e-12)
+    np.testing.assert_array_equal(host.truth().state, Gauges(FlexibleArm()).state(chain.bend()))
+    assert abs(host.truth().state[1] - 1.1) > 1e-4
 
 
 def test_an_arm_is_hosted_where_the_episode_begins_with_its_sensor_at_the_end() -> None:

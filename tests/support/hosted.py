@@ -57,6 +57,10 @@ class ModalPlant:
             read = [*read, *sensing.point_reading(self.arm.constants, place, y, v, settings.second_sensor[0])]
         return np.array(read)
 
+    def encoders(self) -> Array:
+        y, v = self._internal()
+        return np.array(sensing.angles_reading(self.arm.constants, self.arm.place(2, 0.0), y, v))
+
     def truth(self) -> sensing.Truth:
         tip = self.arm.place(2, self.arm.parameters.link_lengths[1])
         return sensing.truth(self.arm.constants, tip, *self._internal())

@@ -24,6 +24,13 @@ def run_study(module: str, *arguments: str | Path, **options: object) -> subproc
     return subprocess.run(command, env=environment, capture_output=True, text=True, check=False, **options)  # type: ignore[call-overload, no-any-return]
 
 
+def results_of(module: str, output: Path, *arguments: str) -> Path:
+    """Run a study that must succeed, and return the folder of its results."""
+    done = run_study(module, *arguments, "--output", output)
+    assert done.returncode == 0, done.stderr
+    return output
+
+
 def run_bare(*command: str | Path, cwd: Path, **environment: str) -> subprocess.CompletedProcess[str]:
     """Run a command without what the caller's PYTHONPATH would add."""
     env = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"} | environment

@@ -30,10 +30,12 @@ def run(settings: Settings) -> Findings:
 
 
 def _checks(records: dict[str, Any]) -> list[Check]:
-    gentle = _row(records["control"], lap="plain", controller=GENTLE, plant=DEFAULT)
-    former = _row(records["control"], lap="plain", controller=GENTLE, plant=study.FORMER.label)
-    coarse = _row(records["control"], lap="plain", controller=GENTLE, plant=f"chain, {study.ELEMENTS[0]} elements")
-    laws = [_row(records["laws"], law=law, plant=DEFAULT) for law in study.LAW_SECONDS]
+    gentle = study.find_row(records["control"], lap="plain", controller=GENTLE, plant=DEFAULT)
+    former = study.find_row(records["control"], lap="plain", controller=GENTLE, plant=study.FORMER.label)
+    coarse = study.find_row(
+        records["control"], lap="plain", controller=GENTLE, plant=f"chain, {study.ELEMENTS[0]} elements"
+    )
+    laws = [study.find_row(records["laws"], law=law, plant=DEFAULT) for law in study.LAW_SECONDS]
     return [
         Check(
             GROUP,
@@ -67,10 +69,6 @@ def _checks(records: dict[str, Any]) -> list[Check]:
             most=30.0,
         ),
     ]
-
-
-def _row(rows: list[dict[str, Any]], **wanted: str) -> dict[str, Any]:
-    return next(row for row in rows if all(row[name] == value for name, value in wanted.items()))
 
 
 def _quoted(records: dict[str, Any]) -> dict[str, float]:
@@ -133,7 +131,7 @@ def _laws_table(records: Mapping[str, Any]) -> str:
     plants = list(dict.fromkeys(row["plant"] for row in records["laws"]))
     rows = []
     for plant in plants:
-        found = [_row(records["laws"], law=law, plant=plant) for law in laws]
+        found = [study.find_row(records["laws"], law=law, plant=plant) for law in laws]
         rows.append([plant, *(f"{_mm(row['rms'])} / {_mm(row['maximum'])}" for row in found)])
     header = [f"{law.upper()}, {study.LAW_SECONDS[law]:g} s: r.m.s. / largest [mm]" for law in laws]
     return table(["plant, undamped", *header], rows)

@@ -77,11 +77,14 @@ class AnyArm:
         """See `envs.hosted.Plant.readings`."""
         return self._arm.end()
 
+    def encoders(self) -> Array:
+        """See `envs.hosted.Plant.encoders`."""
+        sight = self._arm.look()
+        return np.concatenate([sight.joints, sight.rates])
+
     def truth(self) -> Truth:
         """See `envs.hosted.Plant.truth`; the deflection is that of the settings' arm in its state."""
         sight, state = self._arm.look(), self._gauges.state(self._arm.bend())
-        half = len(state) // 2
-        state[:2], state[half : half + 2] = sight.joints, sight.rates  # not what a model's tip slope makes of them
         own = self._settings.flexible_arm
         deflections = [own.tip_deflection(half) for half in np.split(state, 2)]
         return Truth(

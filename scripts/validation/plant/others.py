@@ -15,7 +15,7 @@ from scripts.common.markdown import table
 from scripts.validation.checks import Check, Findings, Settings
 from scripts.validation.engine.motion import rms
 from scripts.validation.plant.drivers import PERIODS, WEIGHTS, Hosted, Regulator, on_corner, run_lap
-from scripts.validation.plant.study import ELEMENTS, MODELS, row_of
+from scripts.validation.plant.study import ELEMENTS, MODELS, find_row, row_of
 
 Array = NDArray[np.float64]
 GROUP = "controllers"
@@ -154,10 +154,6 @@ def tables(findings: Findings) -> dict[str, str]:
     return {"plant_others": _laps_table(findings.records), "plant_start": _start_table(findings.records)}
 
 
-def _row(rows: Sequence[dict[str, Any]], **wanted: Any) -> dict[str, Any]:
-    return next(row for row in rows if all(row[name] == value for name, value in wanted.items()))
-
-
 def _distances(row: Mapping[str, Any]) -> str:
     lengths = (row[name] for name in ("rms", "after_2s", "maximum"))
     return " / ".join("-" if length is None else f"{1e3 * length:.3g}" for length in lengths)
@@ -177,7 +173,7 @@ def _laps_table(records: Mapping[str, Any]) -> str:
     for lap in LAPS:
         every = [row for row in records["laps"] if row["lap"] == lap]
         for own in sorted((row for row in every if row["plant"] == DEFAULT), key=lambda row: row["rms"]):
-            four, chain = (_row(every, controller=own["controller"], plant=plant) for plant in (FOUR, CHAIN))
+            four, chain = (find_row(every, controller=own["controller"], plant=plant) for plant in (FOUR, CHAIN))
             scores = f"{1e3 * chain['score']:.1f}, {1e3 * own['score']:.1f}"
             changes = f"{chain['torque_change']:.3g}, {own['torque_change']:.3g}"
             rows.append([lap, f"`{own['controller']}`", _distances(own), _distances(four), scores, changes])
@@ -192,7 +188,7 @@ def _start_table(records: Mapping[str, Any]) -> str:
             own = [row for row in records["start"] if row["lap"] == lap and row["share"] == share]
             aways = [
                 f"{1e3 * row['rms']:.3g} / {1e3 * row['maximum']:.3g}"
-                for row in (_row(own, plant=name) for name in plants)
+                for row in (find_row(own, plant=name) for name in plants)
             ]
             rows.append([lap, f"{share:g}", f"{own[0]['bend']:.2f}", *aways])
     return table(["lap", "share of the torques", "largest deflection [m]", *plants], rows)

@@ -114,6 +114,15 @@ def damping(elements: Sequence[int], seconds: float, progress: Callable[[str], N
     return rows
 
 
+def find_row(rows: Sequence[dict[str, Any]], **wanted: Any) -> dict[str, Any]:
+    """Return the first row with these entries.
+
+    Raises:
+        StopIteration: if there is none.
+    """
+    return next(row for row in rows if all(row[name] == value for name, value in wanted.items()))
+
+
 def row_of(lap: str, controller: str, plant: str, own: Lap, truth: Lap) -> dict[str, Any]:
     """Return a row of the tables: scores of a lap and, unless it is the truth itself, how far it is from that."""
     away = apart(own.tip, truth.tip) if own is not truth else {}
