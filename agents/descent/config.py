@@ -6,8 +6,9 @@ from dataclasses import dataclass, fields
 from typing import Any
 
 from flexarm_agents.config import Activation, RunConfig, checked_network
-from flexarm_agents.environments import check_id, check_options, settings_of
-from flexarm_env.validation import integer, listed, names, number, shown
+from flexarm_agents.environments import settings_of
+from flexarm_env.envs.blocks import BLOCKS
+from flexarm_env.validation import choice, integer, listed, names, number, shown
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,8 +77,8 @@ class DescentConfig(RunConfig):
         shares = ("gamma", "critic_lambda", "critic_averaging")
         weights = ("change_weight", "excess_weight", "deflection_weight")
         blocks = tuple(listed("critic_observation", self.critic_observation))
-        if blocks:
-            check_options(check_id(self.environment), {"observation": names("critic_observation", blocks)})
+        for n, name in enumerate(names("critic_observation", blocks) if blocks else ()):
+            choice(f"critic_observation[{n}]", name, BLOCKS)
         if self.critic_epochs == 0:
             self._refuse_critic()
         return {

@@ -66,9 +66,9 @@ class Learner:
             last.bias.zero_()
         self.critic = fully_connected(len(observations.scale), config.hidden, 1, config.activation)
         self.target = copy.deepcopy(self.critic)
+        networks = [self.policy_network, self.critic] if config.critic_epochs else [self.policy_network]
         self._optimisers = [
-            torch.optim.Adam(network.parameters(), lr=config.learning_rate, betas=MOMENTS)
-            for network in (self.policy_network, self.critic)
+            torch.optim.Adam(one.parameters(), lr=config.learning_rate, betas=MOMENTS) for one in networks
         ]
         self._schedules = [LinearLR(one, 1.0, 0.0, config.rounds * config.windows) for one in self._optimisers]
 
