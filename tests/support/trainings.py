@@ -36,6 +36,22 @@ TINIES: dict[str, dict[str, Any]] = {
         "observer": "nominal",
         "options": {**TINY["options"], "observation": [*_READINGS, "last_actions"]},
     },
+    "lessons": {**TINY, "lesson_options": {"lap_time": 32.0, "deflection_limit": None}, "lesson_steps": 200},
+    "recurrent lessons": {
+        **TINY,
+        "algorithm": "recurrent_ppo",
+        "lstm": 8,
+        "lesson_options": {"start": "moving"},
+        "lesson_steps": 450,
+    },
+    "sac lessons": {
+        **_ALIKE,
+        **_OFF_POLICY,
+        "algorithm": "sac",
+        "lesson_options": {"start": "moving"},
+        "lesson_steps": 300,
+    },
+    "initial": {**TINY, "options": {}, "hidden": [128, 128], "initial_policy": "student_gauges"},
 }
 """Tiny trainings of the other algorithms, and of PPO with something in front of its network."""
 TAUGHT: dict[str, Any] = {
