@@ -15,7 +15,7 @@ from flexarm_agents.environments import check_id, check_options, settings_of
 from flexarm_agents.history import LONGEST_LAG, checked_increasing
 from flexarm_agents.network import ACTIVATIONS
 from flexarm_agents.observer import KINDS, check_observed
-from flexarm_env.validation import choice, flag, integer, known_names, number, shown
+from flexarm_env.validation import choice, flag, integer, known_names, mapping, number, shown
 
 Activation = Literal["elu", "tanh", "relu"]
 AlgorithmName = Literal["ppo", "recurrent_ppo", "sac", "tqc"]
@@ -163,6 +163,14 @@ class TrainingConfig(RunConfig):
     observer: ObserverName = "none"
     """PPO: Kalman filter whose estimate the policy sees in the place of late readings: none, one of the nominal delay,
     or one that estimates the delay."""
+    initial_policy: str | None = None
+    """PPO: policy whose network the training begins with, its value untrained: folder of a training or a teaching, its
+    npz file, or the name of a shipped policy. It must have the observation, action, layers and lags of this one."""
+    lesson_options: dict[str, Any] = field(default_factory=dict)
+    """Options in which the environments of the training differ from the one that the agent is scored on, e.g. a slower
+    lap; observation and action must be alike."""
+    lesson_steps: int | None = None
+    """Steps until which `lesson_options` hold, rounded up to whole rollouts; None: to the end."""
     evaluate_every: int = _TUNED
     """Steps between two evaluations, rounded up to whole rollouts; SAC and TQC: 5000, else 50 000."""
     evaluation_laps: int = 1
@@ -198,6 +206,15 @@ class TrainingConfig(RunConfig):
             raise ValueError(
                 f"final_learning_rate = {self.final_learning_rate}: must be <= learning_rate = {self.learning_rate}"
             )
+        if self.initial_policy is not None and self.observer != "none":
+            raise ValueError(
+                f"initial_policy = {shown(self.initial_policy)}, observer = {self.observer!r}: the network behind an "
+                "observer begins untrained"
+            )
+        if self.lesson_steps is not None and (not self.lesson_options or self.lesson_steps >= self.steps):
+            raise ValueError(
+                f"lesson_steps = {self.lesson_steps}: must go with lesson_options, and be < steps = {self.steps}"
+            )
         if self.lags and self.observer != "none":
             raise ValueError(f"lags = {self.lags}, observer = {self.observer!r}: a policy has one of them at most")
         if self.observer != "none":
@@ -209,7 +226,12 @@ class TrainingConfig(RunConfig):
         own = own_settings(self.algorithm)
         foreign = [name for name in SETTINGS if name not in own and getattr(self, name) is not None]
         if self.algorithm != "ppo":
-            foreign += [name for name, given in (("lags", self.lags), ("observer", self.observer != "none")) if given]
+            alone = {
+                "lags": self.lags,
+                "observer": self.observer != "none",
+                "initial_policy": self.initial_policy is not None,
+            }
+            foreign += [name for name, given in alone.items() if given]
         if foreign:
             name = foreign[0]
             raise ValueError(
@@ -222,7 +244,15 @@ class TrainingConfig(RunConfig):
 
     def _checked(self) -> dict[str, Any]:
         choice("observer", self.observer, KINDS)
+        if self.initial_policy is not None and (not isinstance(self.initial_policy, str) or not self.initial_policy):
+            raise TypeError(f"initial_policy = {shown(self.initial_policy)}: must be a folder, a file or a name")
+        if self.lesson_steps is not None:
+            integer("lesson_steps", self.lesson_steps, 1)
+        environment = check_id(self.environment)
+        whole = {**mapping("options", self.options), **mapping("lesson_options", self.lesson_options)}
+        lessons = check_options(environment, whole)
         return {
+            "lesson_options": {name: lessons[name] for name in self.lesson_options},
             "steps": integer("steps", self.steps, 1),
             "envs": integer("envs", self.envs, 1),
             "batch": integer("batch", self.batch, 2),

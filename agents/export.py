@@ -61,6 +61,27 @@ def network_policy(model: BaseAlgorithm, notes: dict[str, Any] | None = None) ->
     return NetworkPolicy(**common, history=front.history if isinstance(front, Stacked) else History())
 
 
+def set_network(model: BaseAlgorithm, policy: NetworkPolicy) -> None:
+    """Give a model the network of a policy; its value and its actions' deviation stay as they are.
+
+    Args:
+        model: PPO with "MlpPolicy", on vectors.
+        policy: of the same layers.
+
+    Raises:
+        ValueError: if the layers have other sizes.
+    """
+    target: Any = model.policy
+    layers = _linear([*target.mlp_extractor.policy_net, target.action_net])
+    sizes = [tuple(layer.weight.shape) for layer in layers]
+    if sizes != [np.shape(weight) for weight in policy.weights]:
+        raise ValueError(f"policy: must have layers {sizes}, got {[np.shape(weight) for weight in policy.weights]}")
+    with torch.no_grad():
+        for layer, weight, bias in zip(layers, policy.weights, policy.biases, strict=True):
+            layer.weight.copy_(torch.from_numpy(np.array(weight)))
+            layer.bias.copy_(torch.from_numpy(np.array(bias)))
+
+
 def _front(model: BaseAlgorithm) -> Front | None:
     """Return what stands in front of a model's network."""
     env = model.get_env()
@@ -76,8 +97,12 @@ def _lstm(layer: Any) -> Lstm:
 
 def _layers(modules: Iterable[torch.nn.Module]) -> tuple[list[Numbers], list[Numbers]]:
     """Return weights and biases of the layers among some modules."""
-    layers = [layer for layer in modules if isinstance(layer, torch.nn.Linear)]
+    layers = _linear(modules)
     return [_numbers(layer.weight) for layer in layers], [_numbers(layer.bias) for layer in layers]
+
+
+def _linear(modules: Iterable[torch.nn.Module]) -> list[torch.nn.Linear]:
+    return [layer for layer in modules if isinstance(layer, torch.nn.Linear)]
 
 
 def _activation(wanted: type[torch.nn.Module]) -> str:

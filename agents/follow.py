@@ -1,4 +1,4 @@
-"""`Follow`: the work between the rollouts of a training: evaluation laps, the best policy, checkpoints, progress."""
+"""`Follow`: what is done between a training's rollouts: evaluation laps, the best policy, checkpoints, progress."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from flexarm_agents.checkpoint import Progress, save_checkpoint
 from flexarm_agents.config import TrainingConfig
 from flexarm_agents.evaluation import Evaluator
 from flexarm_agents.export import network_policy
+from flexarm_agents.models import end_lessons
 from flexarm_agents.run_folder import RunFolder, put
 from flexarm_agents.stopping import StopSignals, TrainingStopped
 
@@ -39,6 +40,7 @@ class Follow(BaseCallback):
         self._config, self._run, self._found, self._stop = config, run, found, stop
         self._evaluator = Evaluator(config, config.evaluation_laps, run, found)
         self._began, self._before = time.perf_counter(), found.seconds
+        self._before_rollout = 0  # steps
         self._with_bar = progress and sys.stderr.isatty()
         self._bar: tqdm[Any] | None = None
 
@@ -50,11 +52,17 @@ class Follow(BaseCallback):
         return True
 
     def _on_rollout_start(self) -> None:
+        self._before_rollout = self.num_timesteps
         self._look_after(last=False)
         if self._stop.received is not None:
             if self.num_timesteps > 0:  # before, there is nothing to go on from
                 save_checkpoint(self._run.checkpoint, self._config, self.model, self._found)
             raise TrainingStopped(self._stop.received, self.num_timesteps)
+
+    def _on_rollout_end(self) -> None:
+        end = self._config.lesson_steps
+        if end is not None and self._before_rollout < end <= self.num_timesteps:
+            end_lessons(self._config, self.model)
 
     def _on_training_end(self) -> None:
         self._look_after(last=True)

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from importlib import import_module
 from typing import Any
 
+import numpy as np
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.utils import LinearSchedule
 from stable_baselines3.common.vec_env import VecEnv, VecMonitor
 
 from flexarm_agents.algorithms import ALGORITHMS, SETTINGS, own_settings
 from flexarm_agents.config import TrainingConfig
-from flexarm_agents.environments import make_batch
+from flexarm_agents.environments import make_batch, make_one
 from flexarm_agents.export import MODULES
 from flexarm_agents.fronted_vec_env import FrontedVecEnv
 from flexarm_agents.fronts import Front, Stacked, readings_history
@@ -44,19 +46,52 @@ def new_model(config: TrainingConfig) -> BaseAlgorithm:
         config: the configuration.
     """
     made = model_class(config.algorithm)
-    options = {"max_episode_steps": config.episode_steps, **config.options}
-    env = VecMonitor(batch_for(config, make_batch(config.environment, config.envs, options)))
+    env = environments(config, config.lesson_options)
     return made(ALGORITHMS[config.algorithm].policy, env, **arguments(config), seed=config.seed, device="cpu")
+
+
+def end_lessons(config: TrainingConfig, model: BaseAlgorithm) -> None:
+    """Go on in environments without `lesson_options`; episodes begin in all of them.
+
+    Args:
+        config: of the training.
+        model: made by `new_model`, between two rollouts.
+    """
+    lessons = model.get_env()
+    assert lessons is not None
+    lessons.close()
+    env = environments(config, {})
+    env.seed(config.seed)
+    model.set_env(env)
+    model._last_obs = env.reset()  # type: ignore[assignment]
+    model._last_episode_starts = np.ones(config.envs, dtype=bool)
+
+
+def environments(config: TrainingConfig, lesson_options: Mapping[str, Any]) -> VecMonitor:
+    """Make the environments of a training.
+
+    Args:
+        config: its configuration.
+        lesson_options: that hold in them.
+    """
+    options = {"max_episode_steps": config.episode_steps, **config.options, **lesson_options}
+    return VecMonitor(batch_for(config, make_batch(config.environment, config.envs, options)))
 
 
 def batch_for(config: TrainingConfig, env: FlexArmVectorEnv) -> VecEnv:
     """Put what the configuration has in front of the network over a batch.
+
+    Lessons have the space of the observations that the agent is judged with: bounds beyond which a lesson may go.
 
     Args:
         config: the configuration.
         env: the batch.
     """
     plain = FlexArmVecEnv(env)
+    if config.lesson_options:
+        judged = make_one(config.environment, config.options)
+        plain.observation_space = judged.observation_space
+        judged.close()
     front = front_of(config, env.observation_blocks)
     return plain if front is None else FrontedVecEnv(plain, front)
 

@@ -33,6 +33,7 @@ class RunFolder:
         best: `best_policy.npz`, the policy of the best evaluation, for `load_policy`.
         best_model: `best_model.zip`, the same as a stable-baselines3 model.
         last: `last_policy.npz`, the policy at the end.
+        initial: `initial_policy.npz`, the policy whose network the training began with, if there is one.
         checkpoint: `checkpoint.zip`, from which the training resumes.
         logs: `tensorboard/`.
     """
@@ -47,6 +48,7 @@ class RunFolder:
         self.config, self.evaluations = self.path / "config.json", self.path / "evaluations.csv"
         self.best, self.best_model = self.path / "best_policy.npz", self.path / "best_model.zip"
         self.last, self.checkpoint = self.path / "last_policy.npz", self.path / "checkpoint.zip"
+        self.initial = self.path / "initial_policy.npz"
         self.logs, self.versions = self.path / "tensorboard", self.path / "versions.json"
 
     def begin(self, config: RunConfig, versions: Mapping[str, str]) -> None:

@@ -11,11 +11,13 @@ from typing import Any
 import torch
 from stable_baselines3.common.logger import configure
 
+from flexarm_agents.beginnings import check_lessons, initial_policy
 from flexarm_agents.checkpoint import Progress, load_checkpoint
 from flexarm_agents.config import TrainingConfig
+from flexarm_agents.export import set_network
 from flexarm_agents.follow import Follow
 from flexarm_agents.models import model_class, new_model
-from flexarm_agents.run_folder import RunFolder
+from flexarm_agents.run_folder import RunFolder, put
 from flexarm_agents.stopping import StopSignals
 from flexarm_agents.versions import versions
 
@@ -52,17 +54,24 @@ def train(
             runs is finished and a checkpoint written. A second signal ends the process at once.
         ModuleNotFoundError: without the algorithm's package, naming the extra.
         FileExistsError: if the folder is not empty and is not to be resumed.
-        FileNotFoundError: if there is no training to resume.
-        ValueError: if the training in the folder has another configuration.
+        FileNotFoundError: if there is no training to resume, or no such initial policy.
+        ValueError: if the training in the folder has another configuration, or lessons or the initial policy do not
+            fit it.
     """
-    model_class(config.algorithm)  # before anything is written
     run = RunFolder(config.folder if folder is None else folder)
+    model_class(config.algorithm)  # this and what follows before anything is written
+    check_lessons(config)
+    first = None if run.checkpoint.exists() else initial_policy(config, run)
     run.enter(config, versions([__name__]), resume)
+    if first is not None:
+        put(run.initial, first.save)
     with one_thread(), StopSignals() as stop:
         if run.checkpoint.exists():
             model, found = load_checkpoint(run.checkpoint)
         else:
             model = new_model(config)
+            if first is not None:
+                set_network(model, first)
             found = Progress(next_evaluation=config.evaluate_every, next_checkpoint=config.checkpoint_every)
         model.set_logger(configure(str(run.logs), ["tensorboard"]))
         follow = Follow(config, run, found, stop, progress)

@@ -14,6 +14,7 @@ EXAMPLES = {
         "flexarm train --environment Square-v0 --seed 7 --folder runs/mine",
         "flexarm train --environment Square-v0 --seed 7 --folder runs/mine --resume",
         "flexarm train --algorithm sac --environment SquareResidual-v0",
+        "flexarm train --initial-policy student_gauges --log-std -2.5 --learning-rate 3e-4",
     ),
     "teach": (
         "flexarm teach --environment Square-v0 --seed 7 --folder runs/student",

@@ -24,7 +24,14 @@ from flexarm_agents.vec_env import FlexArmVecEnv
 from flexarm_env.laps import LAPS
 from tests.support.trainings import ID, TINIES, TINY
 
-KINDS = {"sac": SquashedPolicy, "tqc": SquashedPolicy, "recurrent_ppo": FrontedPolicy, "observer": FrontedPolicy}
+KINDS = {
+    "sac": SquashedPolicy,
+    "sac lessons": SquashedPolicy,
+    "tqc": SquashedPolicy,
+    "recurrent_ppo": FrontedPolicy,
+    "recurrent lessons": FrontedPolicy,
+    "observer": FrontedPolicy,
+}
 
 
 class Interrupted(Exception):  # noqa: N818

@@ -50,6 +50,44 @@ from tests.support.trainings import ID, TINY
             ValueError,
             r"action_mode = 'residual': must be 'torque' with an observer",
         ),
+        ({"initial_policy": ""}, TypeError, r"initial_policy = '': must be a folder, a file or a name"),
+        (
+            {"initial_policy": "square", "algorithm": "sac"},
+            ValueError,
+            r"initial_policy = 'square': has no effect with",
+        ),
+        ({"lesson_options": {"noize": 1.0}}, TypeError, r"keyword argument 'noize'; did you mean 'noise'"),
+        ({"lesson_options": [1]}, TypeError, r"lesson_options = \[1\]: must be a mapping"),
+        ({"lesson_steps": 10}, ValueError, r"lesson_steps = 10: must go with lesson_options, and be < steps = 2000000"),
+        (
+            {"lesson_options": {"noise": 0.1}, "lesson_steps": 500, "steps": 500},
+            ValueError,
+            r"lesson_steps = 500: must go with lesson_options, and be < steps = 500",
+        ),
+        (
+            {"lesson_options": {"noise": 0.1}, "lesson_steps": 0},
+            ValueError,
+            r"lesson_steps = 0: must be an integer >= 1",
+        ),
+        (
+            {
+                "initial_policy": "square",
+                "observer": "nominal",
+                "environment": "SquareDelayEasy-v0",
+                "options": {
+                    "observation": [
+                        "joint_angles",
+                        "joint_rates",
+                        "sensed_position",
+                        "reference_position",
+                        "reference_velocity",
+                        "last_actions",
+                    ]
+                },
+            },
+            ValueError,
+            r"initial_policy = 'square', observer = 'nominal': the network behind an observer begins untrained",
+        ),
         ({"activation": "selu"}, ValueError, r"activation = 'selu': must be one of 'elu', 'tanh', 'relu'"),
     ],
 )

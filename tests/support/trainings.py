@@ -5,7 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from flexarm_agents import TeachingConfig, TrainingConfig, teach, train
+import numpy as np
+
+from flexarm_agents import NetworkPolicy, TeachingConfig, TrainingConfig, teach, train
 
 ID = "FlexArm/Square-v0"
 TINY: dict[str, Any] = {
@@ -34,6 +36,22 @@ TINIES: dict[str, dict[str, Any]] = {
         "observer": "nominal",
         "options": {**TINY["options"], "observation": [*_READINGS, "last_actions"]},
     },
+    "lessons": {**TINY, "lesson_options": {"lap_time": 32.0, "deflection_limit": None}, "lesson_steps": 200},
+    "recurrent lessons": {
+        **TINY,
+        "algorithm": "recurrent_ppo",
+        "lstm": 8,
+        "lesson_options": {"start": "moving"},
+        "lesson_steps": 450,
+    },
+    "sac lessons": {
+        **_ALIKE,
+        **_OFF_POLICY,
+        "algorithm": "sac",
+        "lesson_options": {"start": "moving"},
+        "lesson_steps": 300,
+    },
+    "initial": {**TINY, "options": {}, "hidden": [128, 128], "initial_policy": "student_gauges"},
 }
 """Tiny trainings of the other algorithms, and of PPO with something in front of its network."""
 TAUGHT: dict[str, Any] = {
@@ -60,3 +78,12 @@ def finished(folder: Path) -> Path:
     run = folder / "tiny"
     train(TrainingConfig(**TINY), run)
     return run
+
+
+def same_policy(one: Path, other: Path) -> bool:
+    """Return whether two files have the networks of one policy, to the last bit."""
+    first, second = NetworkPolicy.load(one), NetworkPolicy.load(other)
+    pairs = zip(
+        [*first.weights, *first.biases, first.log_std], [*second.weights, *second.biases, second.log_std], strict=True
+    )
+    return all(np.array_equal(a, b) for a, b in pairs)

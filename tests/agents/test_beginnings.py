@@ -1,0 +1,111 @@
+"""What trainings begin with: the network of a policy, and lessons that end."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import flexarm_agents.training
+from flexarm_agents import NetworkPolicy, TrainingConfig, load_policy, network_policy, train
+from flexarm_agents.follow import Follow
+from flexarm_agents.models import end_lessons, new_model
+from flexarm_agents.run_folder import RunFolder
+from flexarm_agents.vec_env import FlexArmVecEnv
+from tests.support.trainings import TINIES, TINY
+
+INITIAL = TINIES["initial"]
+
+
+class Interrupted(Exception):  # noqa: N818
+    pass
+
+
+def same_network(one: NetworkPolicy, other: NetworkPolicy) -> bool:
+    pairs = zip([*one.weights, *one.biases], [*other.weights, *other.biases], strict=True)
+    return all(np.array_equal(a, b) for a, b in pairs)
+
+
+def test_a_training_begins_with_the_policy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The actions' deviation is the configuration's; the folder keeps the policy, from which it resumes."""
+    student = load_policy("student_gauges").policy
+    student.save(tmp_path / "mine.npz")
+    begun: list[NetworkPolicy] = []
+
+    class Begun(Follow):
+        def _on_training_start(self) -> None:
+            begun.append(network_policy(self.model))
+            if len(begun) == 1:
+                raise Interrupted
+
+    monkeypatch.setattr(flexarm_agents.training, "Follow", Begun)
+    config = TrainingConfig(**{**INITIAL, "initial_policy": str(tmp_path / "mine.npz"), "log_std": -2.0})
+    with pytest.raises(Interrupted):
+        train(config, tmp_path / "run")
+    (tmp_path / "mine.npz").unlink()
+    train(config, tmp_path / "run", resume=True)
+    for policy in begun:
+        assert same_network(policy, student)
+        np.testing.assert_allclose(policy.log_std, -2.0)
+    assert not same_network(load_policy(tmp_path / "run", last=True).policy, student)
+    assert same_network(NetworkPolicy.load(RunFolder(tmp_path / "run").initial), student)
+    assert RunFolder(tmp_path / "run").read_config(TrainingConfig) == config
+
+
+@pytest.mark.parametrize(
+    ("changes", "error", "message"),
+    [
+        ({"initial_policy": "nobody"}, FileNotFoundError, r"'nobody': neither a folder or file nor a shipped policy"),
+        (
+            {"hidden": [64, 64]},
+            ValueError,
+            r"initial_policy = 'student_gauges': its hidden must be \(64, 64\), got \(128",
+        ),
+        ({"activation": "tanh"}, ValueError, r"'student_gauges': its activation must be 'tanh', got 'elu'"),
+        ({"lags": [1]}, ValueError, r"'student_gauges': its lags must be \(1,\), got History"),
+        ({"initial_policy": "student"}, ValueError, r"'student': was trained on .* with another observation or action"),
+        ({"options": {"frame": "world"}}, ValueError, r"'student_gauges': was trained on .* another observation"),
+    ],
+)
+def test_a_policy_that_does_not_fit(
+    changes: dict[str, Any], error: type[Exception], message: str, tmp_path: Path
+) -> None:
+    with pytest.raises(error, match=message):
+        train(TrainingConfig(**{**INITIAL, **changes}), tmp_path / "run")
+    assert not (tmp_path / "run").exists()
+
+
+def test_a_policy_of_another_kind(tmp_path: Path) -> None:
+    train(TrainingConfig(**{**TINIES["sac"], "steps": 80, "evaluate_every": 80}), tmp_path / "sac")
+    with pytest.raises(ValueError, match=r"must be a fully connected network, as PPO and teaching make it"):
+        train(TrainingConfig(**{**TINY, "initial_policy": str(tmp_path / "sac")}), tmp_path / "run")
+
+
+def test_lessons_end() -> None:
+    """Episodes begin anew, without the lessons' options; what is observed has the same space."""
+    config = TrainingConfig(**TINIES["lessons"])
+    model = new_model(config)
+    lessons = model.get_env()
+    assert lessons is not None
+    batch = lessons.unwrapped
+    assert isinstance(batch, FlexArmVecEnv)
+    assert (batch.env.settings.lap_time, batch.env.settings.deflection_limit) == (32.0, None)
+    model.learn(128)
+    end_lessons(config, model)
+    after = model.get_env()
+    assert after is not None
+    judged = after.unwrapped
+    assert isinstance(judged, FlexArmVecEnv)
+    assert (judged.env.settings.lap_time, judged.env.settings.deflection_limit) == (16.0, 1.5)
+    assert after.observation_space == lessons.observation_space == judged.env.single_observation_space
+    model.learn(256, reset_num_timesteps=False)
+
+
+def test_lessons_with_another_observation(tmp_path: Path) -> None:
+    for options in ({"last_actions": 2}, {"scaled": False}, {"torque_limit": [100.0, 50.0]}):
+        config = TrainingConfig(**{**TINY, "lesson_options": options})
+        with pytest.raises(ValueError, match=r"lesson_options = .*: must leave observation and action of the environ"):
+            train(config, tmp_path / "run")
+    assert not (tmp_path / "run").exists()
