@@ -11,7 +11,7 @@ from flexarm_agents import TrainingConfig, load_policy, train
 from flexarm_agents.environments import make_batch
 from tests.support.trainings import ID
 
-EPISODES, PERIODS = 64, 150
+EPISODES, PERIODS = 8, 150
 
 
 def mean_return(actions: NDArray[np.float32] | None, folder: Path) -> float:
@@ -35,15 +35,16 @@ def mean_return(actions: NDArray[np.float32] | None, folder: Path) -> float:
 
 
 def test_a_small_agent_learns(tmp_path: Path) -> None:
-    """It earns a twentieth more than motors at rest, which earn half as much again as random torques.
+    """It earns a tenth more than motors at rest, which earn half as much again as random torques.
 
-    Five seeds earned 9 to 33 % more than motors at rest, this one the most. Another processor rounds otherwise, which
+    Three seeds earned 26 to 44 % more than motors at rest. Another processor rounds otherwise, which
     makes of a training another draw.
     """
     config = TrainingConfig(
         seed=1,
         steps=150_000,
-        rollout=32,
+        envs=8,
+        rollout=256,
         batch=512,
         learning_rate=2e-3,
         hidden=(64, 64),
@@ -52,4 +53,4 @@ def test_a_small_agent_learns(tmp_path: Path) -> None:
     )
     train(config, tmp_path / "run")
     still = mean_return(np.zeros((EPISODES, 2), dtype=np.float32), tmp_path / "run")
-    assert mean_return(None, tmp_path / "run") > 1.05 * still
+    assert mean_return(None, tmp_path / "run") > 1.1 * still
