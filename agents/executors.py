@@ -27,13 +27,15 @@ class Executor(Protocol):
     """Runs jobs."""
 
     def run(
-        self, function: Callable[[Job], Result], jobs: Sequence[Job]
+        self, function: Callable[[Job], Result], jobs: Sequence[Job], stoppable: bool = False
     ) -> Iterator[tuple[int, Result | BaseException]]:
         """Run a function on each job.
 
         Args:
             function: of a module that every worker can import.
             jobs: its arguments; they and the results can be pickled.
+            stoppable: the function heeds `StopSignals`. Processes of this machine are then asked to stop, and waited
+                for, when this one is stopped; those of Ray end at once, and tasks of Slurm go on.
 
         Yields:
             The index of a job and its result, or what it raised, as soon as it is done.
@@ -71,11 +73,11 @@ class Processes:
         self.count = count
 
     def run(
-        self, function: Callable[[Job], Result], jobs: Sequence[Job]
+        self, function: Callable[[Job], Result], jobs: Sequence[Job], stoppable: bool = False
     ) -> Iterator[tuple[int, Result | BaseException]]:
         """See `Executor.run`."""
         os.environ.update(THREADS)  # of workers, which start with this process's environment
-        with worker_pool(min(self.count, len(jobs))) as pool:
+        with worker_pool(min(self.count, len(jobs)), stoppable) as pool:
             waiting = {pool.submit(function, job): n for n, job in enumerate(jobs)}
             for done in as_completed(waiting):
                 error = done.exception()
@@ -96,7 +98,7 @@ class Ray:
         self.ray, self.count = ray, count
 
     def run(
-        self, function: Callable[[Job], Result], jobs: Sequence[Job]
+        self, function: Callable[[Job], Result], jobs: Sequence[Job], stoppable: bool = False
     ) -> Iterator[tuple[int, Result | BaseException]]:
         """See `Executor.run`."""
         ray = self.ray
@@ -155,7 +157,7 @@ class Submitit:
         self.parameters = {"name": "flexarm", "cpus_per_task": 1, "timeout_min": 24 * 60, **parameters}
 
     def run(
-        self, function: Callable[[Job], Result], jobs: Sequence[Job]
+        self, function: Callable[[Job], Result], jobs: Sequence[Job], stoppable: bool = False
     ) -> Iterator[tuple[int, Result | BaseException]]:
         """See `Executor.run`; the results of a task come together, when it is done."""
         chosen = self.submitit.AutoExecutor(folder=self.folder, cluster=self.cluster)

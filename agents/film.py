@@ -51,6 +51,28 @@ def check_look(fps: int, speed: float, size: int) -> tuple[int, float, int]:
     )
 
 
+def check_pictures(fps: int, speed: float, duration: float) -> int:
+    """Check how many pictures a run has; there need not be a run.
+
+    Args:
+        fps: pictures a second [1/s].
+        speed: seconds of the run in a second.
+        duration: of the run [s].
+
+    Returns:
+        How many.
+
+    Raises:
+        ValueError: if they are more than `MOST_PICTURES`.
+    """
+    count = int(min(duration * fps / speed, 1e9)) + 1
+    if count > MOST_PICTURES:
+        raise ValueError(
+            f"fps = {fps} at speed = {speed:g}: makes {count} pictures of {duration:g} s; at most {MOST_PICTURES}"
+        )
+    return count
+
+
 def check_output(path: Path, fps: int, time: float | None) -> str:
     """Check that a film can be written to a file; there need not be a film. The file's folder is made.
 
@@ -119,12 +141,11 @@ class Film:
         self._place = None if place is None else number(SENSOR, place, "m", least=0.0)
         if not (np.isfinite(run.time).all() and (np.diff(run.time) >= 0.0).all()):
             raise ValueError("time: must be finite, and must not run backwards")
-        if len(self) > MOST_PICTURES:
-            raise ValueError(f"fps = {self.fps}: makes {len(self)} pictures of this run; at most {MOST_PICTURES}")
+        self._count = check_pictures(self.fps, self.speed, float(run.time[-1] - run.time[0]))
 
     def __len__(self) -> int:
         """Return the number of pictures."""
-        return int(min((self.run.time[-1] - self.run.time[0]) * self.fps / self.speed, 1e9)) + 1
+        return self._count
 
     def instants(self) -> list[int]:
         """Return the index of the run's instant that each picture shows."""

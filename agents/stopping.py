@@ -1,4 +1,7 @@
-"""`StopSignals`: a training that gets a signal stops at the next moment from which it can be resumed."""
+"""`StopSignals`: a training that is asked to stop does so at the next moment from which it can be resumed.
+
+A signal asks the training of the process that gets it; `ask_to_stop`, called in a worker, that of the worker.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +11,17 @@ from types import FrameType, TracebackType
 from typing import Any
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
+_ASKED = threading.Event()
+
+
+def ask_to_stop() -> None:
+    """Have the training of this process, and each that it begins later, stop as after SIGTERM."""
+    _ASKED.set()
+
+
+def is_asked_to_stop() -> bool:
+    """Return whether `ask_to_stop` was called."""
+    return _ASKED.is_set()
 
 
 class TrainingStopped(KeyboardInterrupt):
@@ -24,20 +38,26 @@ class TrainingStopped(KeyboardInterrupt):
         self.signal = number
         self.steps = steps
 
+    def __reduce__(self) -> tuple[type[TrainingStopped], tuple[int, int]]:
+        """Pickle: a worker's error travels to its parent."""
+        return TrainingStopped, (self.signal, self.steps)
+
 
 class StopSignals:
     """Within `with`, the first SIGINT or SIGTERM is noted; the second one has its usual effect.
 
     In another thread than the main one, where Python has no handlers, nothing is changed.
-
-    Attributes:
-        received: number of the signal that came, None before.
     """
 
     def __init__(self) -> None:
         """Prepare; handlers are set when the block begins."""
-        self.received: int | None = None
+        self._noted: int | None = None
         self._before: dict[int, Any] = {}
+
+    @property
+    def received(self) -> int | None:
+        """Number of the signal that came, None before."""
+        return signal.SIGTERM if self._noted is None and is_asked_to_stop() else self._noted
 
     def __enter__(self) -> StopSignals:
         """Set the handlers."""
@@ -52,7 +72,7 @@ class StopSignals:
         self._restore()
 
     def _note(self, number: int, frame: FrameType | None) -> None:
-        self.received = number
+        self._noted = number
         self._restore()
 
     def _restore(self) -> None:

@@ -1,19 +1,28 @@
-"""Worker processes that never outlive their parent, however it ends."""
+"""Worker processes that never outlive their parent, however it ends.
+
+A parent that ends early, by an error or a signal, kills its workers, or asks them to stop where they can go on later
+and waits for them.
+"""
 
 from __future__ import annotations
 
 import multiprocessing
 import os
 import signal
+import sys
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor
 from contextlib import contextmanager
-from multiprocessing.connection import wait
+from multiprocessing.connection import Connection, wait
 from multiprocessing.context import SpawnContext, SpawnProcess
+from multiprocessing.process import BaseProcess
 from typing import Any
 
 from flexarm_agents.command_line import STOPPING
+from flexarm_agents.stopping import StopSignals, TrainingStopped, ask_to_stop, is_asked_to_stop
+
+GLANCE = 0.1  # between two looks for a second signal [s]
 
 
 class WorkerPool:
@@ -30,7 +39,7 @@ class WorkerPool:
         terminal sends Ctrl-C to both.
         """
         with _blocked_signals():
-            return self._executor.submit(job, *arguments)
+            return self._executor.submit(_carry_out, job, *arguments)
 
 
 class _Spawning(SpawnContext):
@@ -51,23 +60,28 @@ class _Spawning(SpawnContext):
 
 
 @contextmanager
-def worker_pool(count: int) -> Iterator[WorkerPool]:
+def worker_pool(count: int, stoppable: bool = False) -> Iterator[WorkerPool]:
     """Worker processes for a block.
 
-    After an error, or a signal, workers are killed at once; jobs in progress are lost. If the parent is killed itself,
-    its workers notice and end.
+    After an error, or a signal, workers are killed at once, and jobs in progress are lost; stoppable ones are waited
+    for, until a second signal comes. If the parent is killed itself, its workers notice and end.
 
     Args:
         count: how many.
+        stoppable: the jobs heed `StopSignals`.
     """
     context = _Spawning()
+    asked, asking = context.Pipe(duplex=False)  # workers are asked to stop by the end of what they could read
     with _blocked_signals():  # this starts multiprocessing's resource tracker, which knows nothing of SIGHUP
-        executor = ProcessPoolExecutor(count, mp_context=context, initializer=_end_with_parent)
+        executor = ProcessPoolExecutor(count, mp_context=context, initializer=_follow_parent, initargs=(asked,))
     try:
         yield WorkerPool(executor)
     except BaseException:
         executor.shutdown(wait=False, cancel_futures=True)
+        asking.close()
         workers = [one for one in multiprocessing.active_children() if one in context.made]
+        if stoppable:
+            _wait_for(workers)
         for worker in workers:
             worker.kill()
         for worker in workers:
@@ -75,6 +89,19 @@ def worker_pool(count: int) -> Iterator[WorkerPool]:
         raise
     finally:
         executor.shutdown()
+        asking.close()
+        asked.close()
+
+
+def _wait_for(workers: Sequence[BaseProcess]) -> None:
+    """Wait until workers have ended, or a signal comes."""
+    left = [worker for worker in workers if worker.is_alive()]
+    if left:
+        sys.stderr.write("\nwaiting until the jobs can be resumed; another signal ends them at once\n")
+    with StopSignals() as stop:
+        while left and stop.received is None:
+            wait([worker.sentinel for worker in left], GLANCE)
+            left = [worker for worker in left if worker.is_alive()]
 
 
 @contextmanager
@@ -90,13 +117,26 @@ def _blocked_signals() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _end_with_parent() -> None:
-    """Watch, in a worker, for the parent's end. Its sentinel is a pipe that the system closes with the parent."""
+def _follow_parent(asked: Connection) -> None:
+    """Watch, in a worker, for the parent: what it asks for, and its end.
+
+    Args:
+        asked: ends when the parent asks to stop. The system closes it, and the parent's sentinel, with the parent.
+    """
     parent = multiprocessing.parent_process()
     assert parent is not None
 
     def watch() -> None:
-        wait([parent.sentinel])
+        if asked in wait([asked, parent.sentinel]):
+            ask_to_stop()
+            wait([parent.sentinel])
         os._exit(1)
 
     threading.Thread(target=watch, daemon=True).start()
+
+
+def _carry_out(job: Callable[..., Any], *arguments: Any) -> Any:
+    """Do a job in a worker, unless it is to stop: the pool hands out a job more than it has workers."""
+    if is_asked_to_stop():
+        raise TrainingStopped(signal.SIGTERM, 0)
+    return job(*arguments)

@@ -59,6 +59,18 @@ class DescentConfig(RunConfig):
     evaluation_laps: int = 1
     """How often an evaluation runs each of the two standard laps; more than once where episodes differ."""
 
+    def __post_init__(self) -> None:
+        """Validate, each field and what they are together.
+
+        Raises:
+            TypeError, ValueError: naming the parameter, its value and what is allowed.
+        """
+        super().__post_init__()
+        for one in fields(self) if self.critic_epochs == 0 else ():
+            if one.name.startswith("critic_") and one.name != "critic_epochs":
+                if (given := getattr(self, one.name)) != one.default:
+                    raise ValueError(f"{one.name} = {shown(given)}: has no effect with critic_epochs = 0")
+
     @property
     def steps(self) -> int:
         """Environment steps of a round."""
@@ -79,8 +91,6 @@ class DescentConfig(RunConfig):
         blocks = tuple(listed("critic_observation", self.critic_observation))
         for n, name in enumerate(names("critic_observation", blocks) if blocks else ()):
             choice(f"critic_observation[{n}]", name, BLOCKS)
-        if self.critic_epochs == 0:
-            self._refuse_critic()
         return {
             **{name: integer(name, getattr(self, name), bound) for name, bound in least.items()},
             **{name: number(name, getattr(self, name), least=0.0, most=1.0) for name in shares},
@@ -92,14 +102,3 @@ class DescentConfig(RunConfig):
             "critic_observation": blocks,
             **checked_network(self.hidden, self.activation),
         }
-
-    def _refuse_critic(self) -> None:
-        """Refuse settings of a critic where there is none.
-
-        Raises:
-            ValueError: naming the setting.
-        """
-        for one in fields(self):
-            if one.name.startswith("critic_") and one.name != "critic_epochs":
-                if (given := getattr(self, one.name)) != one.default:
-                    raise ValueError(f"{one.name} = {shown(given)}: has no effect with critic_epochs = 0")

@@ -82,6 +82,8 @@ def carried_out(config: RunConfig, folder: Path) -> Outcome:
 def trained_all(jobs: Sequence[Job], where: Executor, tick: Callable[[], Any]) -> tuple[list[Training], list[Failure]]:
     """Train each configuration in a folder of its own.
 
+    When this process is stopped, each training that runs finishes its rollout and keeps a checkpoint.
+
     Args:
         jobs: configurations and folders.
         where: runs them, each on one core.
@@ -92,7 +94,7 @@ def trained_all(jobs: Sequence[Job], where: Executor, tick: Callable[[], Any]) -
     """
     found: dict[int, Training] = {}
     failed = []
-    for n, outcome in where.run(_trained, jobs) if jobs else ():
+    for n, outcome in where.run(_trained, jobs, stoppable=True) if jobs else ():
         if isinstance(outcome, BaseException):
             failed.append(Failure(str(jobs[n][1]), outcome))
         else:

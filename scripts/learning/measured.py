@@ -22,6 +22,7 @@ from scripts.common.result_files import write_json
 
 Errors = dict[str, list[float | None]]  # of each lap, at each point [m]; None for a lost lap
 SAMPLE = 65_536  # steps whose time is measured
+UPDATES = 1000  # of SAC and TQC, where it is theirs
 
 
 def errors_at(row: Row, points: Sequence[Point], folder: Path) -> Errors:
@@ -74,13 +75,16 @@ def seconds_per_million(config: TrainingConfig, path: Path) -> float:
     """
     if path.is_file():
         return float(json.loads(path.read_text())["seconds"])
-    size = config.envs * (config.rollout or 1)
-    steps = -(-SAMPLE // size) * size
+    size = config.envs * (config.rollout or config.train_every or 1)
+    first, sample = max(size, config.learning_starts or 0), SAMPLE
+    if config.updates is not None:
+        sample = UPDATES // config.updates * size
+    steps = -(-sample // size) * size
     with one_thread():
-        model = new_model(replace(config, steps=size + steps))
-        model.learn(size)  # compiles
+        model = new_model(replace(config, steps=first + steps))
+        model.learn(first)  # compiles, and fills a replay buffer for the first update
         began = time.process_time()
-        model.learn(steps)
+        model.learn(steps, reset_num_timesteps=False)
         seconds = 1e6 * (time.process_time() - began) / steps
     path.parent.mkdir(parents=True, exist_ok=True)
     write_json(path, {"seconds": round(seconds, 1), "steps": steps})

@@ -23,7 +23,7 @@ from scripts.common.curves import keep_curves
 from scripts.common.markdown import DOCS, filled
 from scripts.common.trainings import trained_all
 from scripts.shipped import board, tables
-from scripts.shipped.agents import AGENTS, configs
+from scripts.shipped.agents import AGENTS
 from scripts.shipped.board import measured
 from scripts.shipped.trainings import export
 
@@ -37,37 +37,44 @@ class Options:
 
     only: tuple[str, ...] = ()
     """Names of agents; without, all are trained."""
-    seeds: int = 5
-    """How many trainings, with the seeds from 0 on; an odd number."""
+    seeds: int | None = None
+    """How many trainings of each, with the seeds from 0 on; an odd number. Without, as many as are shipped."""
     jobs: int = 1
     """How many trainings run at once, on one core each."""
     output: Path = Path("results/shipped")
     """Folder for the trainings and the tables."""
+    studies: Path = Path("results/learning")
+    """Folder of `scripts.learning`, for trainings that belong to a study."""
     train: bool = True
     """Train and ship; without it, only the tables of the shipped agents are made anew."""
     tables: bool = True
     """Bring the tables of docs/agents.md up to date."""
 
 
-def train_and_ship(name: str, seeds: int, jobs: int, output: Path) -> None:
+def train_and_ship(name: str, options: Options) -> None:
     """Train, choose and export an agent.
 
     Args:
         name: of the agent.
-        seeds: how many trainings, an odd number.
-        jobs: how many at once.
-        output: holds a folder of that name with the trainings.
+        options: of the command.
+
+    Raises:
+        ValueError: for an even number of trainings.
+        OSError: if trainings failed; the others are kept.
     """
-    if integer("seeds", seeds, 1) % 2 == 0:
+    agent = AGENTS[name]
+    seeds = agent.seeds if options.seeds is None else integer("seeds", options.seeds, 1)
+    if seeds % 2 == 0:
         raise ValueError(f"seeds = {seeds}: must be odd, so that one training is in the middle")
-    wanted = [(config, output / name / f"seed-{config.seed}") for config in configs(name, seeds)]
+    jobs = agent.jobs(name, seeds, options.output, options.studies)
     with tqdm(total=seeds, unit="training", desc=name) as bar:
-        found, failed = trained_all(wanted, executor("processes", jobs, output), bar.update)
-    check_failures(failed, output / name, "the other trainings are kept")
+        found, failed = trained_all(jobs, executor("processes", options.jobs, options.output), bar.update)
+    check_failures(failed, jobs[0][1].parent, "the other trainings are kept")
     for one in found:
         print(f"{name}, seed {one.config.seed}: {StandardScore.of(one.best)}")
-    keep_curves({name: found})
-    cells = Store(output / "cells")
+    if not agent.study:
+        keep_curves({name: found})
+    cells = Store(options.output / "cells")
     boards = [measured(one.folder, cells) for one in tqdm(found, unit="training", desc="board")]
     export(found, boards, POLICIES, name, f"{COMMAND} --only {name} --seeds {seeds}")
     print(f"{POLICIES / name}.npz, .json: seed {load_policy(name).notes['config']['seed']}")
@@ -102,7 +109,7 @@ def main() -> None:
     options = tyro.cli(Options, prog=COMMAND)
     if options.train:
         for name in options.only or AGENTS:
-            train_and_ship(choice("only", name, AGENTS), options.seeds, options.jobs, options.output)
+            train_and_ship(choice("only", name, AGENTS), options)
     if options.tables:
         write_tables(options.output)
 

@@ -11,7 +11,7 @@ from flexarm_agents.environments import make_one
 from flexarm_baselines import FLSAC, IFDC
 from flexarm_env.laps import LAPS
 from scripts.common.markdown import table
-from scripts.shipped.agents import TEXTS
+from scripts.shipped.agents import AGENTS
 
 GAIN = "FlexArm/SquareGain-v0"
 CONDITIONS: dict[str, dict[str, Any]] = {
@@ -38,7 +38,8 @@ def scores(names: Iterable[str]) -> str:
         names: of the shipped agents.
     """
     env = make_one(GAIN)
-    found = {(TEXTS[name], "`Square-v0`"): _nominal(load_policy(name)) for name in names} | {
+    agents = {name: load_policy(name) for name in names}
+    found = {(AGENTS[name].text, f"`{_observed(agent)}`"): _nominal(agent) for name, agent in agents.items()} | {
         ("FLSAC", "`SquareGain-v0`"): evaluate(env, FLSAC.for_env(env)),
         ("IFDC", "`SquareGain-v0`"): evaluate(env, IFDC.for_env(env)),
     }
@@ -57,6 +58,11 @@ def _nominal(agent: Trained) -> StandardScore:
     """Score an agent on the nominal plant, with the observation that it was trained with."""
     row = Row(agent.name).contender()
     return evaluate(row.env, row.policy)
+
+
+def _observed(agent: Trained) -> str:
+    """Return the id whose plant an agent is scored on here: the default arm with torques, or with the law's gain."""
+    return "SquareGain-v0" if agent.environment == GAIN else "Square-v0"
 
 
 def seeds(card: dict[str, Any]) -> str:

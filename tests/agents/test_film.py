@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from flexarm_agents.commands import main
+from flexarm_agents.commands.progress import Progress
 from flexarm_agents.film import SENSOR, Film
 from flexarm_env import ArmParameters, FlexibleArm, Trajectory
 from tests.support.refusals import refuses
@@ -190,11 +191,16 @@ def test_replay_opens_a_window(run: Trajectory, tmp_path: Path, monkeypatch: pyt
     assert not pygame.display.get_init()
 
 
-def test_render_runs_an_episode_that_replay_shows_again(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_render_runs_an_episode_that_replay_shows_again(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     pytest.importorskip("pygame")
+    steps: list[int] = []
+    monkeypatch.setattr(Progress, "__call__", lambda self, done=1: steps.append(self._total))
     saved, one, other = (tmp_path / name for name in ("lap.npz", "one.png", "other.png"))
     assert status("render", "joint_pd", "--lap", "plain", "--save", saved, "--output", one, "--size", PIXELS) == 0
     assert capsys.readouterr().out.startswith("joint_pd: plain lap, complete\n")
+    assert steps == [1600] * 1600 + [1]  # of the episode, and the picture
     assert Trajectory.load(saved).notes == {
         "ended": "truncated", "policy": "joint_pd", "environment": "FlexArm/Square-v0", "lap": "plain", SENSOR: 4.5,
     }  # fmt: skip
@@ -224,6 +230,10 @@ def test_render_refuses(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> N
         (("--speed", "0"), "speed = 0.0: must be a finite number"),
         (("--size", "5"), "size = 5: must be an integer from 64"),
         (("--seed", "-1"), "seed = -1: must be an integer >= 0"),
+        (
+            ("--fps", "100", "--speed", "0.01"),
+            "fps = 100 at speed = 0.01: makes 160001 pictures of 16 s; at most 100000",
+        ),
     ],
 )
 def test_render_refuses_before_the_episode(
@@ -234,10 +244,10 @@ def test_render_refuses_before_the_episode(
     words: str,
 ) -> None:
     pytest.importorskip("pygame")
-    monkeypatch.setattr("flexarm_agents.commands.render.episode", lambda given: pytest.fail("the episode was run"))
+    monkeypatch.setattr("flexarm_agents.commands.render.episode", lambda *given: pytest.fail("the episode was run"))
     for name in ("folder.png", "folder.npz"):
         (tmp_path / name).mkdir()
-    given = [tmp_path / one if "." in one else one for one in arguments]
+    given = [tmp_path / one if one.startswith(("x.", "folder.")) else one for one in arguments]
     assert status("render", "ifdc", *given) == 1
     assert words in capsys.readouterr().err
 

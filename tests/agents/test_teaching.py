@@ -25,9 +25,8 @@ from flexarm_baselines.optimal import load_plan
 from flexarm_env import ArmParameters
 from flexarm_env.envs.settings import Settings
 from flexarm_env.laps import LAPS
-from tests.agents.test_training import same_policy
 from tests.support.refusals import refuses
-from tests.support.trainings import TAUGHT, taught
+from tests.support.trainings import TAUGHT, same_policy, taught
 
 
 @pytest.fixture(scope="module")

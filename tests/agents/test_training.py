@@ -23,7 +23,6 @@ from stable_baselines3.common.callbacks import BaseCallback
 import flexarm_agents.training
 from flexarm_agents import (
     FlexArmVecEnv,
-    NetworkPolicy,
     TrainingConfig,
     TrainingStopped,
     evaluate,
@@ -38,7 +37,7 @@ from flexarm_agents.run_folder import RunFolder, put
 from flexarm_agents.stopping import StopSignals
 from flexarm_env.kernels.layout import Row
 from flexarm_env.laps import LAPS
-from tests.support.trainings import ID, TINY, finished
+from tests.support.trainings import ID, TINY, finished, same_policy
 
 
 @pytest.fixture(scope="module")
@@ -49,14 +48,6 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def files(folder: Path) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in folder.iterdir() if path.is_file()}
-
-
-def same_policy(one: Path, other: Path) -> bool:
-    first, second = NetworkPolicy.load(one), NetworkPolicy.load(other)
-    pairs = zip(
-        [*first.weights, *first.biases, first.log_std], [*second.weights, *second.biases, second.log_std], strict=True
-    )
-    return all(np.array_equal(a, b) for a, b in pairs)
 
 
 def test_what_a_training_leaves(run: Path) -> None:

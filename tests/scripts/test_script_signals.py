@@ -8,6 +8,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -17,20 +18,31 @@ from tests.support.programs import ROOT
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="POSIX signals")
 
-# A script as ours are, with jobs that only sleep; each worker leaves a file named after its process.
+# A script as ours are. Its jobs sleep, or wait like a training until they are to stop; each worker leaves a file named
+# after its process.
 SCRIPT = """
 import os, sys, time
 from pathlib import Path
+from flexarm_agents.stopping import StopSignals, TrainingStopped
+from flexarm_agents.worker_pool import worker_pool
 from scripts.common.command_line import run
 from scripts.common.result_files import replacing
-from flexarm_agents.worker_pool import worker_pool
 
-def job(folder, seconds):
+def sleeping(folder, seconds):
     (folder / str(os.getpid())).touch()
     time.sleep(seconds)
 
+def training(folder, seconds):
+    with StopSignals() as stop:
+        (folder / str(os.getpid())).touch()
+        while stop.received is None:
+            time.sleep(0.01)
+    Path(f"kept-{os.getpid()}").touch()
+    raise TrainingStopped(stop.received, 1)
+
 def main():
-    with replacing(Path("results"), "marker") as work, worker_pool(2) as pool:
+    job, stoppable = globals()[sys.argv[2]], bool(int(sys.argv[3]))
+    with replacing(Path("results"), "marker") as work, worker_pool(2, stoppable) as pool:
         jobs = [pool.submit(job, Path("pids"), float(sys.argv[1])) for _ in range(4)]
         (work / "half").touch()
         for one in jobs:
@@ -40,6 +52,7 @@ def main():
 if __name__ == "__main__":
     run(main)
 """
+WAITING = "waiting until the jobs can be resumed; another signal ends them at once"
 
 
 def wait_for(condition: Callable[[], object], seconds: float = 30.0) -> None:
@@ -62,12 +75,12 @@ def is_running(process: int) -> bool:
 class Running:
     """The script at work, with both workers busy."""
 
-    def __init__(self, folder: Path, seconds: float = 600.0) -> None:
+    def __init__(self, folder: Path, seconds: float = 600.0, job: str = "sleeping", stoppable: bool = False) -> None:
         self.folder = folder
         self.pids = folder / "pids"
         self.pids.mkdir(exist_ok=True)
         (folder / "script.py").write_text(SCRIPT)
-        command = [sys.executable, "script.py", str(seconds)]
+        command = [sys.executable, "script.py", str(seconds), job, str(int(stoppable))]
         environment = os.environ | {"PYTHONPATH": str(ROOT)}
         self.process = subprocess.Popen(
             command, cwd=folder, env=environment, stderr=subprocess.PIPE, text=True, start_new_session=True
@@ -77,6 +90,18 @@ class Running:
 
     def errors(self) -> str:
         return self.process.communicate(timeout=30)[1].strip()
+
+    def send(self, number: signal.Signals, to_all: bool) -> None:
+        """Send a signal; a terminal sends Ctrl-C to the workers, too."""
+        (os.killpg if to_all else os.kill)(self.process.pid, number)
+
+    def close(self) -> None:
+        for process in (self.process.pid, *self.workers):
+            if is_running(process):
+                os.kill(process, signal.SIGKILL)
+        self.process.wait()
+        assert self.process.stderr is not None
+        self.process.stderr.close()
 
 
 def test_an_error_ends_the_pools_workers_and_no_other_child() -> None:
@@ -102,15 +127,21 @@ def test_an_error_ends_the_pools_workers_and_no_other_child() -> None:
 
 
 @pytest.fixture
-def running(tmp_path: Path) -> Iterator[Running]:
-    script = Running(tmp_path)
-    yield script
-    for process in (script.process.pid, *script.workers):
-        if is_running(process):
-            os.kill(process, signal.SIGKILL)
-    script.process.wait()
-    assert script.process.stderr is not None
-    script.process.stderr.close()
+def start(tmp_path: Path) -> Iterator[Callable[..., Running]]:
+    started: list[Running] = []
+
+    def begin(**given: Any) -> Running:
+        started.append(Running(tmp_path, **given))
+        return started[-1]
+
+    yield begin
+    for script in started:
+        script.close()
+
+
+@pytest.fixture
+def running(start: Callable[..., Running]) -> Running:
+    return start()
 
 
 @pytest.mark.parametrize(
@@ -119,15 +150,36 @@ def running(tmp_path: Path) -> Iterator[Running]:
     ids=["SIGINT", "SIGTERM", "SIGHUP", "Ctrl-C"],
 )
 def test_a_stopped_script_leaves_nothing(running: Running, number: signal.Signals, to_all: bool) -> None:
-    """A terminal sends Ctrl-C to the workers too."""
-    if to_all:
-        os.killpg(running.process.pid, number)
-    else:
-        running.process.send_signal(number)
+    running.send(number, to_all)
     assert running.errors() == f"stopped by {number.name}"
     assert running.process.returncode == 128 + number
     assert not any(is_running(worker) for worker in running.workers)
     assert {path.name for path in running.folder.iterdir()} == {"pids", "script.py"}
+
+
+@pytest.mark.parametrize(("number", "to_all"), [(signal.SIGTERM, False), (signal.SIGINT, True)])
+def test_jobs_that_can_be_resumed_are_asked_to_stop(
+    start: Callable[..., Running], number: signal.Signals, to_all: bool
+) -> None:
+    """Each keeps what it has; those that had not begun do not begin."""
+    script = start(job="training", stoppable=True)
+    script.send(number, to_all)
+    assert script.errors().splitlines() == [WAITING, "", f"stopped by {number.name}"]
+    assert script.process.returncode == 128 + number
+    assert not any(is_running(worker) for worker in script.workers)
+    kept = {f"kept-{worker}" for worker in script.workers}
+    assert {path.name for path in script.folder.iterdir()} == {"pids", "script.py", *kept}
+
+
+def test_a_second_signal_ends_jobs_that_are_waited_for(start: Callable[..., Running]) -> None:
+    script = start(stoppable=True)
+    script.send(signal.SIGTERM, to_all=False)
+    assert script.process.stderr is not None
+    assert [script.process.stderr.readline() for _ in range(2)] == ["\n", f"{WAITING}\n"]
+    script.send(signal.SIGTERM, to_all=False)
+    assert script.errors() == "stopped by SIGTERM"
+    assert script.process.returncode == 128 + signal.SIGTERM
+    assert not any(is_running(worker) for worker in script.workers)
 
 
 def test_workers_end_with_a_killed_parent_and_the_next_run_sweeps(running: Running) -> None:

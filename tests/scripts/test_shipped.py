@@ -11,8 +11,10 @@ import pytest
 from flexarm_agents import Score, StandardScore, TrainingConfig, load_policy
 from flexarm_agents.load import POLICIES
 from scripts.common.trainings import Training, trained
+from scripts.learning.__main__ import STUDIES
 from scripts.shipped import board, tables
-from scripts.shipped.__main__ import train_and_ship
+from scripts.shipped.__main__ import Options, train_and_ship
+from scripts.shipped.agents import AGENTS
 from scripts.shipped.trainings import export, median
 from tests.support.refusals import refuses
 from tests.support.trainings import TINY
@@ -32,7 +34,20 @@ def test_the_median_is_in_the_middle_and_early_ends_are_last() -> None:
     with refuses(ValueError, "trainings: must be an odd number", "got 4"):
         median(five[:4])
     with refuses(ValueError, "seeds = 4: must be odd"):
-        train_and_ship("square", 4, 1, Path("nowhere"))
+        train_and_ship("square", Options(seeds=4))
+
+
+def test_trainings_of_a_study_lie_with_it() -> None:
+    """An agent that a study trains, too, is trained once."""
+    own, studies = Path("own"), Path("studies")
+    for name, agent in AGENTS.items():
+        assert agent.seeds % 2 == 1
+        (config, folder), *others = agent.jobs(name, 3, own, studies)
+        assert (config, len(others)) == (agent.config, 2)
+        assert folder == (studies / agent.study if agent.study else own / name) / "seed-0"
+        if agent.study:
+            study, _, trained_there = agent.study.partition("/")
+            assert STUDIES[study].agents[trained_there] == config
 
 
 def test_a_finished_training_is_shipped_with_its_card(tmp_path: Path) -> None:
@@ -45,6 +60,9 @@ def test_a_finished_training_is_shipped_with_its_card(tmp_path: Path) -> None:
     card = json.loads((tmp_path / "mine.json").read_text())
     assert card["choice"] == "the median of 1 trainings that differ in their seeds, by the mean r.m.s. of both laps"
     assert (card["command"], card["config"], card["evaluation"]) == ("a command", config.plain(), first.best)
+    assert sum(card["observes"].values()) == load_policy(tmp_path / "mine.npz").policy.observation_size
+    of_one = card["spread"]["plain"]["rms"]
+    assert of_one["median"] == of_one["interquartile_mean"] == of_one["worst"] == first.best["plain"]["rms"]
     assert card["trainings"] == [{"seed": 0, **first.best, "board": figures}]
     notes = load_policy(tmp_path / "mine.npz").notes
     assert (notes["config"], notes["evaluation"]) == (config.plain(), first.best)

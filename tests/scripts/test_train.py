@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 import json
+import os
+import signal
+import subprocess
+import sys
+import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from flexarm_agents import TrainingConfig
+from flexarm_agents import TrainingConfig, train
 from scripts import sweep
-from tests.support.programs import run_here
+from tests.support.programs import ROOT, run_here
 from tests.support.refusals import refuses
-from tests.support.trainings import TINY
+from tests.support.trainings import TINY, same_policy
 
 
 class InProcess:
@@ -22,7 +27,9 @@ class InProcess:
     def __init__(self, *given: Any) -> None:
         """Take what `executor` takes."""
 
-    def run(self, function: Callable[[Any], Any], jobs: Sequence[Any]) -> Iterator[tuple[int, Any]]:
+    def run(
+        self, function: Callable[[Any], Any], jobs: Sequence[Any], stoppable: bool = False
+    ) -> Iterator[tuple[int, Any]]:
         for n, job in reversed(list(enumerate(jobs))):
             try:
                 yield n, function(job)
@@ -81,3 +88,29 @@ def test_a_seed_beside_seeds_is_refused() -> None:
     status, printed = run_here("sweep", "--seeds", "0-1", "--seed", "3")
     assert status == 1
     assert "seed = 3: must go without --seeds" in printed
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(os.name != "posix", reason="POSIX signals")
+def test_a_signal_keeps_what_all_trainings_have(tmp_path: Path) -> None:
+    """Each finishes its rollout and keeps a checkpoint, though none is due; what goes on ends in the same bits."""
+    config = {name: value for name, value in TINY.items() if name != "options"}
+    config |= {"steps": 20_480, "evaluate_every": 5_120, "checkpoint_every": 10**6}
+    command = [sys.executable, "-m", "scripts.train", "--seeds", "0-1", "--jobs", "2", "--output", str(tmp_path)]
+    for name, value in config.items():
+        command += [f"--{name.replace('_', '-')}", *map(str, value if isinstance(value, list) else [value])]
+    with subprocess.Popen(command, cwd=ROOT, stderr=subprocess.PIPE, text=True) as process:
+        limit = time.monotonic() + 300.0
+        while len(list(tmp_path.glob("*/*/evaluations.csv"))) < 2 and time.monotonic() < limit:
+            time.sleep(0.05)
+        process.send_signal(signal.SIGTERM)
+        _, errors = process.communicate(timeout=120)
+    assert process.returncode == 128 + signal.SIGTERM, errors
+    assert "stopped by SIGTERM" in errors
+    folders = sorted(tmp_path.glob("*/seed-*"))
+    assert [(folder / "checkpoint.zip").exists() for folder in folders] == [True, True]
+    assert not list(tmp_path.glob("*/*/last_policy.npz"))
+    again = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=600, check=False)
+    assert again.returncode == 0, again.stderr
+    train(TrainingConfig(**config), tmp_path / "undisturbed")
+    assert same_policy(folders[0] / "last_policy.npz", tmp_path / "undisturbed" / "last_policy.npz")

@@ -5,7 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from flexarm_agents import DescentConfig, TeachingConfig, TrainingConfig, descend, teach, train
+import numpy as np
+
+from flexarm_agents import DescentConfig, NetworkPolicy, TeachingConfig, TrainingConfig, descend, teach, train
 
 ID = "FlexArm/Square-v0"
 TINY: dict[str, Any] = {
@@ -85,3 +87,12 @@ def finished(folder: Path) -> Path:
     run = folder / "tiny"
     train(TrainingConfig(**TINY), run)
     return run
+
+
+def same_policy(one: Path, other: Path) -> bool:
+    """Return whether two files have the networks of one policy, to the last bit."""
+    first, second = NetworkPolicy.load(one), NetworkPolicy.load(other)
+    pairs = zip(
+        [*first.weights, *first.biases, first.log_std], [*second.weights, *second.biases, second.log_std], strict=True
+    )
+    return all(np.array_equal(a, b) for a, b in pairs)

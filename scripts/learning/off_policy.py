@@ -1,0 +1,154 @@
+"""Whether algorithms with a replay buffer or a memory learn, beside PPO after as many steps and as many seconds."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from matplotlib import pyplot as plt
+
+from flexarm_agents import TrainingConfig
+from flexarm_agents.algorithms import ALGORITHMS
+from flexarm_agents.run_folder import put
+from flexarm_env.laps import LAPS
+from scripts.common.curves import FOLDER, curve
+from scripts.common.markdown import table
+from scripts.common.plotting import COLOURS
+from scripts.common.spreads import spread_text
+from scripts.common.trainings import Training
+from scripts.learning.measured import plot_median, seconds_per_million
+from scripts.learning.study import Found, Study, lap_spread
+
+RESIDUAL, SQUARE, ENCODERS = "SquareResidual-v0", "Square-v0", "SquareEncoders-v0"
+PAIRS = {
+    RESIDUAL: ("ppo", "sac", "tqc"),
+    SQUARE: ("ppo", "sac"),
+    ENCODERS: ("ppo", "recurrent_ppo"),
+}
+LIKE = {RESIDUAL: 500_000, SQUARE: 1_000_000, ENCODERS: 1_000_000}  # steps of PPO and RecurrentPPO
+PICTURE = "off_policy.png"
+
+
+class Line(NamedTuple):
+    """What trainings of one algorithm on one environment came to.
+
+    Attributes:
+        algorithm: a name in `ALGORITHMS`.
+        environment: its id without the namespace.
+        config: of all of them.
+        seconds: processor time of a million steps [s].
+        trainings: of the seeds.
+    """
+
+    algorithm: str
+    environment: str
+    config: TrainingConfig
+    seconds: float
+    trainings: Sequence[Training]
+
+
+def config_of(environment: str, algorithm: str) -> TrainingConfig:
+    """Return the configuration of an agent: the tuned settings.
+
+    Args:
+        environment: a name in `PAIRS`.
+        algorithm: a name in `ALGORITHMS`.
+    """
+    common = TrainingConfig(environment=environment, algorithm=algorithm)  # type: ignore[arg-type]
+    if algorithm not in ("ppo", "recurrent_ppo"):
+        return common
+    steps = LIKE[environment]
+    return TrainingConfig(
+        environment=environment,
+        algorithm=algorithm,  # type: ignore[arg-type]
+        steps=steps,
+        evaluate_every=steps // 20,
+    )
+
+
+def updates(config: TrainingConfig) -> int:
+    """Return how many steps of the optimisers a training has."""
+    if config.updates is None or config.train_every is None or config.learning_starts is None:
+        assert config.epochs is not None
+        return config.steps * config.epochs // config.batch
+    return (config.steps - config.learning_starts) // (config.train_every * config.envs) * config.updates
+
+
+def lines(found: Found, folder: Path) -> list[Line]:
+    """Return what was trained, with its cost."""
+    made = []
+    for environment, algorithms in PAIRS.items():
+        for algorithm in algorithms:
+            name = f"{environment}-{algorithm}"
+            if name in found:
+                config = config_of(environment, algorithm)
+                seconds = seconds_per_million(config, folder / "costs" / f"{name}.json")
+                made.append(Line(algorithm, environment, config, seconds, found[name]))
+    return made
+
+
+def tables(found: Found, folder: Path) -> Mapping[str, str]:
+    """Write the table, and draw the curves by steps and by seconds."""
+    trained = lines(found, folder)
+    draw(trained, folder / PICTURE)
+    head = ("environment", "algorithm", "seeds", "steps", "updates", "minutes of one core")
+    rows = [
+        (
+            f"`{line.environment}`",
+            ALGORITHMS[line.algorithm].text,
+            str(len(line.trainings)),
+            f"{line.config.steps:,}",
+            f"{updates(line.config):,}",
+            f"{line.seconds * line.config.steps / 60e6:.1f}",
+            *(spread_text(lap_spread(line.trainings, lap, "rms")) for lap in LAPS),
+        )
+        for line in trained
+    ]
+    return {"off_policy": table((*head, *(f"{lap} lap [m]" for lap in LAPS)), rows)}
+
+
+def draw(trained: Sequence[Line], path: Path) -> None:
+    """Draw the mean error of both laps over steps and over seconds of one core, an environment in each row."""
+    shown = [name for name in PAIRS if any(line.environment == name for line in trained)]
+    figure, axes = plt.subplots(len(shown), 2, figsize=(10.5, 0.6 + 3.6 * len(shown)), sharey=True, squeeze=False)
+    for row, environment in zip(axes, shown, strict=True):
+        for line in (line for line in trained if line.environment == environment):
+            n = list(ALGORITHMS).index(line.algorithm)
+            several = [curve(one) for one in line.trainings]
+            count = min(len(one["steps"]) for one in several)
+            steps = several[0]["steps"][:count]
+            errors = [[_mean(one, k) for k in range(count)] for one in several]
+            look = {"color": COLOURS[n], "marker": ".", "label": ALGORITHMS[line.algorithm].text}
+            plot_median(row[0], steps, errors, **look)
+            plot_median(row[1], [1e-6 * line.seconds * step for step in steps], errors, **look)
+        row[0].set(title=environment, ylabel="mean r.m.s. error of both laps [m]", yscale="log")
+        row[0].legend(fontsize=9)
+    axes[-1][0].set_xlabel("environment steps")
+    axes[-1][1].set_xlabel("processor time [s]")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    put(path, figure.savefig)
+    plt.close(figure)
+
+
+def _mean(one: Mapping[str, Sequence[float | None]], n: int) -> float | None:
+    """Return the mean error of both laps in an evaluation [m]; None if one was lost."""
+    errors = [error for lap in LAPS if (error := one[lap][n]) is not None]
+    return float(np.mean(errors)) if len(errors) == len(LAPS) else None
+
+
+STUDY = Study(
+    "SAC, TQC and RecurrentPPO beside PPO: r.m.s. errors of the best evaluation, of seeds median, middle mean, worst",
+    {
+        f"{environment}-{algorithm}": config_of(environment, algorithm)
+        for environment, algorithms in PAIRS.items()
+        for algorithm in algorithms
+    },
+    1,
+    tables,
+    ("off_policy",),
+    {PICTURE: FOLDER / PICTURE},
+    partial=True,
+    curves="off_policy_curves",
+)

@@ -1,0 +1,93 @@
+"""The study of exploration: what its agents differ in, figures of the swing lap's start, and its tables."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from flexarm_agents import load_policy
+from flexarm_agents.environments import make_one
+from flexarm_agents.run_folder import RunFolder
+from flexarm_env.laps import LAPS
+from scripts.common.trainings import Training
+from scripts.learning import exploration
+from scripts.learning.exploration import Driver, Noisy, config_of, start_of
+
+SHIPPED = load_policy("square").policy
+
+
+@pytest.fixture(scope="module")
+def driver() -> Iterator[Driver]:
+    env = make_one(exploration.SQUARE)
+    yield Driver(env, SHIPPED)
+    env.close()
+
+
+def test_ways_differ_in_what_they_say() -> None:
+    """All are judged on the registered environment with the same observation, after as many steps."""
+    usual = config_of("mix")
+    assert usual.plain() | {"steps": 0, "evaluate_every": 0} == exploration.TrainingConfig().plain() | {
+        "steps": 0,
+        "evaluate_every": 0,
+    }
+    for name, way in exploration.WAYS.items():
+        assert set(config_of(name).differences(usual)) <= set(way.settings)
+    assert exploration.STUDY.agents.keys() == exploration.WAYS.keys()
+
+
+def test_figures_of_the_start(driver: Driver) -> None:
+    """They are those of the lap's score, split at 2 s."""
+    run = driver.laps()["swing"]
+    found = start_of(run)
+    errors = np.hypot(*(run.tip - run.reference).T)  # type: ignore[misc,operator]
+    assert found.rms == pytest.approx(np.sqrt(np.mean(errors**2)))
+    assert found.first == pytest.approx(np.sqrt(np.mean(errors[:201] ** 2)))
+    assert found.later == pytest.approx(np.sqrt(np.mean(errors[201:] ** 2)))
+    assert found.passed == pytest.approx(0.2, abs=0.05)
+    assert start_of(driver.laps()["plain"]).passed is None
+
+
+def test_noise_costs_reward(driver: Driver, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(exploration, "EPISODES", 2)
+    exact, noisy = (driver.noisy_reward(deviation, "plain") for deviation in (0.0, 0.3))
+    assert exact == pytest.approx(188.4, abs=2.0)
+    assert noisy < exact - 10.0
+    observation, _ = driver.env.reset(seed=0)
+    first, again, other = (Noisy(SHIPPED, 0.1, seed).predict(observation)[0] for seed in (1, 1, 2))
+    np.testing.assert_array_equal(first, again)
+    assert not np.array_equal(first, other)
+    np.testing.assert_array_equal(
+        Noisy(SHIPPED, 0.0, 1).predict(observation)[0], driver.policy.predict(observation, deterministic=True)[0]
+    )
+
+
+def test_tables_and_picture(driver: Driver, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two seeds of one way; the others' trainings are not finished."""
+    folders = [tmp_path / "mix" / f"seed-{seed}" for seed in range(2)]
+    for folder in folders:
+        folder.mkdir(parents=True)
+        SHIPPED.save(RunFolder(folder).best)
+    laps = driver.laps()
+    monkeypatch.setattr(Driver, "laps", lambda self: laps)
+    monkeypatch.setattr(Driver, "noisy_reward", lambda self, deviation, lap: 100.0 - deviation)
+    found = {"mix": [Training(config_of("mix"), folder, {"swing": {"rms": 0.1}}) for folder in folders]}
+    made = exploration.tables(found, tmp_path)
+    assert set(made) == set(exploration.STUDY.names)
+    lines = made["exploration"].splitlines()
+    assert len(lines) == 2 + 3
+    cells = [cell.strip() for cell in lines[-1].split("|")[1:-1]]
+    assert cells[:2] == [exploration.WAYS["mix"].text, "2"]
+    assert [len(cell.split(" / ")) for cell in cells[2:]] == [3, 3, 3, 1, 1, 3]
+    assert len(made["exploration_rewards"].splitlines()) == 2 + 3 * len(LAPS)
+    assert made["exploration_rewards"].splitlines()[-1].endswith("| 100.0 | 99.9 | 99.7 |")
+    assert (tmp_path / exploration.PICTURE).stat().st_size > 10_000
+
+
+def test_without_the_usual_agent(driver: Driver, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    laps: dict[str, Any] = driver.laps()
+    monkeypatch.setattr(Driver, "laps", lambda self: laps)
+    assert set(exploration.tables({}, tmp_path)) == {"exploration"}
