@@ -26,7 +26,7 @@ class Window(NamedTuple):
         states: at each instant. Shape (T + 1, n, 4 + 4 m).
         readings: latest ones of the sensor on link 2 [m]. Shape (T + 1, n, 2).
         ages: control periods since the episode began. Shape (T + 1, n).
-        wanted: what the network wants. Shape (T, n, 2).
+        wanted: what the network wants, disturbed. Shape (T, n, 2).
         actions: what is done: that, limited to [-1, 1]. Shape (T, n, 2).
         earlier: action of the period before, 0 where an episode begins. Shape (T, n, 2).
         after: states at the ends of the periods, of the episodes that end there. Shape (T, n, 4 + 4 m).
@@ -53,14 +53,17 @@ class Window(NamedTuple):
 class Driver:
     """A batch between two windows; pickles as it is."""
 
-    def __init__(self, env: FlexArmVectorEnv, seed: int) -> None:
+    def __init__(self, env: FlexArmVectorEnv, seed: int, noise: float = 0.0) -> None:
         """Begin episodes.
 
         Args:
             env: the batch; an episode begins in the step that ends the one before.
-            seed: of the episodes.
+            seed: of the episodes, and of what disturbs the actions.
+            noise: largest standard deviation of that; the first arm has next to none, the last one the largest.
         """
         self.env = env
+        self._random = np.random.default_rng(seed)
+        self._noise = noise * np.linspace(0.0, 1.0, env.num_envs + 1)[1:, None]
         self._observations, infos = env.reset(seed=seed)
         self._states, self._readings = infos["state"].copy(), infos["sensed"].copy()
         self._ages = np.zeros(env.num_envs, dtype=np.int64)
@@ -75,7 +78,7 @@ class Driver:
         """
         instants, done = [self._instant()], []
         for _ in range(periods):
-            wanted = np.asarray(network(self._observations), dtype=np.float64)
+            wanted = network(self._observations) + self._noise * self._random.normal(size=self._earlier.shape)
             actions, earlier = np.clip(wanted, -1.0, 1.0).astype(np.float32), self._earlier
             self._observations, _, lost, cut, infos = self.env.step(actions)
             ended = lost | cut

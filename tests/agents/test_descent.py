@@ -63,7 +63,9 @@ class Chain:
         self.discounts = 0.95 ** np.arange(self.periods)[:, None] * np.ones((1, self.arms))
 
     def window(self, weights: Floats) -> Window:
-        return Driver(self.env, 3).window(lambda seen: seen.astype(np.float64) @ weights.T + self.wishes, self.periods)
+        return Driver(self.env, 3, 0.1).window(
+            lambda seen: seen.astype(np.float64) @ weights.T + self.wishes, self.periods
+        )
 
     def total(self, weights: Floats) -> float:
         window = self.window(weights)
@@ -159,6 +161,15 @@ def test_what_derivatives_do_not_run_through_is_refused(tmp_path: Path, options:
     assert not (tmp_path / "run").exists()
 
 
+@pytest.mark.parametrize(
+    ("lessons", "words"), [({"noise": 0.01}, "noise = 0.01"), ({"frame": "world"}, "lesson_options = ")]
+)
+def test_lessons_are_checked_before_anything_is_written(tmp_path: Path, lessons: dict[str, Any], words: str) -> None:
+    with refuses(ValueError, words):
+        descend(DescentConfig(lesson_options=lessons), tmp_path / "run")
+    assert not (tmp_path / "run").exists()
+
+
 # --- costs and configuration ----------------------------------------------------------------------------------------
 
 
@@ -182,6 +193,8 @@ def test_the_cost_of_an_error_is_a_square_and_then_a_line() -> None:
         ({"critic_observation": ["state", "state"]}, "each only once"),
         ({"critic_epochs": 0, "critic_batch": 64}, "critic_batch = 64: has no effect with critic_epochs = 0"),
         ({"hidden": []}, "hidden = "),
+        ({"lesson_options": {"noise": -1.0}}, "noise = -1.0"),
+        ({"torque_noise": 2.0}, "torque_noise = 2.0"),
     ],
 )
 def test_bad_settings_are_refused(changes: dict[str, Any], words: str) -> None:
