@@ -51,14 +51,16 @@ def descend(
     run = RunFolder(config.folder if folder is None else folder)
     run.enter(config, versions([__name__]), resume)
     with one_thread(), StopSignals() as stop:
-        descent = _Descent(config, run)
+        descent = Descent(config, run)
         try:
+            if run.checkpoint.exists():
+                descent.load()
             return descent.go_on(config, config.rounds, config.steps, config.evaluation_laps, stop, progress)
         finally:
             descent.driver.env.close()
 
 
-class _Descent(Rounds):
+class Descent(Rounds):
     """A training between two rounds.
 
     Attributes:
@@ -67,6 +69,12 @@ class _Descent(Rounds):
     """
 
     def __init__(self, config: DescentConfig, run: RunFolder) -> None:
+        """Begin; nothing is read or written.
+
+        Args:
+            config: the configuration.
+            run: folder of the training.
+        """
         super().__init__(run)
         self.config, self._done = config, 0
         torch.manual_seed(config.seed)
@@ -76,8 +84,6 @@ class _Descent(Rounds):
         blocks = self.driver.env.observation_blocks
         own = settings_of(config.environment, config.options).observation
         self.learner = Learner(config, Observations(self.driver.env), max(blocks[name].stop for name in own))
-        if run.checkpoint.exists():
-            self.load()
 
     @property
     def done(self) -> int:

@@ -20,7 +20,7 @@ from flexarm_agents.descent.costs import costs, error_cost, largest_cost
 from flexarm_agents.descent.learner import Figures
 from flexarm_agents.descent.observations import Observations
 from flexarm_agents.descent.readings import instants
-from flexarm_agents.descent.training import _Descent
+from flexarm_agents.descent.training import Descent
 from flexarm_agents.descent.window import Driver, Window
 from flexarm_agents.environments import make_batch
 from flexarm_agents.run_folder import RunFolder
@@ -240,7 +240,7 @@ class Interrupted(Exception):  # noqa: N818
 def test_an_interrupted_descent_ends_in_the_same_bits(
     run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    class Breaking(_Descent):
+    class Breaking(Descent):
         def window(self) -> Figures:
             if self.done == 1:
                 raise Interrupted
@@ -248,7 +248,7 @@ def test_an_interrupted_descent_ends_in_the_same_bits(
 
     config = DescentConfig(**DESCENDED)
     with monkeypatch.context() as patch:
-        patch.setattr(flexarm_agents.descent.training, "_Descent", Breaking)
+        patch.setattr(flexarm_agents.descent.training, "Descent", Breaking)
         with pytest.raises(Interrupted):
             descend(config, tmp_path / "run")
     torch.manual_seed(5)  # what the generator did meanwhile has no influence
@@ -267,14 +267,14 @@ def test_an_interrupted_descent_ends_in_the_same_bits(
 
 
 def test_a_signal_lets_the_round_finish(run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    class Signalled(_Descent):
+    class Signalled(Descent):
         def window(self) -> Figures:
             os.kill(os.getpid(), signal.SIGTERM)
             return super().window()
 
     config = DescentConfig(**{**DESCENDED, "windows": 1, "rounds": 4})
     with monkeypatch.context() as patch:
-        patch.setattr(flexarm_agents.descent.training, "_Descent", Signalled)
+        patch.setattr(flexarm_agents.descent.training, "Descent", Signalled)
         with pytest.raises(TrainingStopped) as caught:
             descend(config, tmp_path / "run")
     assert (caught.value.signal, caught.value.steps) == (signal.SIGTERM, 32)
@@ -286,7 +286,7 @@ def test_the_first_third_of_a_second_is_learned_at_once(tmp_path: Path) -> None:
     """A training for real, though a small one: every window is the lap's beginning."""
     lap = {"start": "corner", "elbow_branch": "negative"}
     sizes: dict[str, Any] = {"arms": 2, "episode_steps": 32, "hidden": (32,), "critic_epochs": 0}
-    training = _Descent(DescentConfig(windows=40, rounds=1, options=lap, **sizes), RunFolder(tmp_path))
+    training = Descent(DescentConfig(windows=40, rounds=1, options=lap, **sizes), RunFolder(tmp_path))
     figures = [training.window() for _ in range(40)]
     training.driver.env.close()
     assert figures[-1].error < 0.35 * figures[0].error
