@@ -81,6 +81,7 @@ class Descent(Rounds):
         self.driver = Driver(
             make_batch(config.environment, config.arms, config.batch_options), config.seed, config.torque_noise
         )
+        self.driver.stagger(config.episode_steps)
         blocks = self.driver.env.observation_blocks
         own = settings_of(config.environment, config.options).observation
         self.learner = Learner(config, Observations(self.driver.env), max(blocks[name].stop for name in own))

@@ -69,6 +69,24 @@ class Driver:
         self._ages = np.zeros(env.num_envs, dtype=np.int64)
         self._earlier = np.zeros((env.num_envs, 2), dtype=np.float32)
 
+    def stagger(self, periods: int) -> None:
+        """Begin the arms' episodes anew, one after the other and without torques: windows then see all ages alike.
+
+        Args:
+            periods: over which they begin.
+        """
+        count = len(self._ages)
+        turns = np.arange(count) * periods // count
+        for turn in range(periods):
+            if (mask := turns == turn).any():
+                self._observations, infos = self.env.reset(options={"reset_mask": mask})
+                some = mask[:, None]
+                self._states = np.where(some, infos["state"], self._states)
+                self._readings = np.where(some, infos["sensed"], self._readings)
+                self._earlier = np.where(some, np.float32(0.0), self._earlier)
+                self._ages = np.where(mask, 0, self._ages)
+            self.window(lambda seen: np.zeros((count, 2)), 1)
+
     def window(self, network: Network, periods: int) -> Window:
         """Run a window.
 

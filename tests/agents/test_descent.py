@@ -170,6 +170,17 @@ def test_lessons_are_checked_before_anything_is_written(tmp_path: Path, lessons:
     assert not (tmp_path / "run").exists()
 
 
+def test_episodes_begin_one_after_the_other() -> None:
+    env = make_batch(ID, 4, {"start": "corner", "elbow_branch": "negative", "max_episode_steps": 100})
+    driver = Driver(env, 0, 0.1)
+    driver.stagger(20)
+    window = driver.window(lambda seen: np.zeros((4, 2)), 1)
+    np.testing.assert_array_equal(window.ages[0], [20, 15, 10, 5])
+    assert np.unique(window.states[0], axis=0).shape[0] == 4
+    np.testing.assert_array_equal(window.earlier != 0.0, True)
+    env.close()
+
+
 # --- costs and configuration ----------------------------------------------------------------------------------------
 
 
