@@ -21,14 +21,13 @@ from scripts.common.command_line import run
 from scripts.common.curves import keep_curves
 from scripts.common.markdown import DOCS, filled
 from scripts.common.trainings import Job, trained_all
-from scripts.learning import delays, exploration, modes, schedulers, spillover
+from scripts.learning import delays, exploration, modes, schedulers
 from scripts.learning.study import Study, by_agent, jobs_of
 
 STUDIES: dict[str, Study] = {
     "schedulers": schedulers.STUDY,
     "modes": modes.STUDY,
     "delays": delays.STUDY,
-    "spillover": spillover.STUDY,
     "exploration": exploration.STUDY,
 }
 PAGE = DOCS / "agents.md"
