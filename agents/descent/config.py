@@ -15,9 +15,10 @@ from flexarm_env.validation import choice, integer, listed, mapping, names, numb
 class DescentConfig(RunConfig):
     """A short-horizon actor-critic: costs of a window of control periods, differentiated through the simulation."""
 
-    lesson_options: dict[str, Any] = field(default_factory=dict)
-    """Options in which the environments of the training differ from the one that the agent is scored on."""
-    rounds: int = 20
+    lesson_options: dict[str, Any] = field(default_factory=lambda: {"start": "corners"})
+    """Options in which the environments of the training differ from the one that the agent is scored on. Unless others are
+    given, episodes begin at rest on a corner: nothing else shows what a start is worth."""
+    rounds: int = 12
     """Each one ends with an evaluation and a checkpoint."""
     windows: int = 80
     """Windows in a round, each with one step of the policy's optimiser."""
@@ -25,9 +26,9 @@ class DescentConfig(RunConfig):
     """Control periods of a window, through which derivatives run."""
     arms: int = 64
     """Arms side by side."""
-    episode_steps: int = 600
+    episode_steps: int = 450
     """Control periods after which a training episode is cut off."""
-    torque_noise: float = 0.1
+    torque_noise: float = 0.04
     """Largest standard deviation of what disturbs the torques in training, as a share of their limits; half of it in
     the mean over the arms."""
     gamma: float = 0.99

@@ -18,7 +18,6 @@ from scripts.common.trainings import Training
 from scripts.learning.measured import seconds_per_million
 from scripts.learning.study import Found, Study
 
-ROUNDS = 12  # about as many steps as PPO's
 GAUGES, LATE_TIP = ("modal_coordinates", "modal_rates"), ("sensor_error", "sensor_error_rate")
 PPO = "ppo"
 
@@ -58,7 +57,7 @@ def agents() -> dict[str, RunConfig]:
     found: dict[str, RunConfig] = {}
     for name, way in WAYS.items():
         windows = periods // int(way.settings.get("horizon", common.horizon))
-        found[name] = DescentConfig(**{"rounds": ROUNDS, "windows": windows, **way.settings})
+        found[name] = DescentConfig(**{"windows": windows, **way.settings})
     return {**found, PPO: TrainingConfig()}
 
 
@@ -85,18 +84,20 @@ def tables(found: Found, folder: Path) -> Mapping[str, str]:
     return {"gradients": table((*head, *laps), _lines(found, folder))}
 
 
+def all_steps(config: RunConfig) -> int:
+    """Return environment steps of a training by first-order gradients."""
+    assert isinstance(config, DescentConfig)
+    return config.rounds * config.steps
+
+
 def _lines(found: Found, folder: Path) -> Iterator[tuple[str, ...]]:
     configs = agents()
     paid = {name: seconds_per_million(configs[name], folder / "costs" / f"{name}.json") for name in found}
     for name, way in WAYS.items():
         if name in found:
-            steps = configs[name].steps * ROUNDS  # type: ignore[attr-defined]
-            yield _line("first-order gradients", way.text, found[name], steps, paid[name])
+            yield _line("first-order gradients", way.text, found[name], all_steps(configs[name]), paid[name])
     if PPO in found:
-        registered = configs["registered"]
-        assert isinstance(registered, DescentConfig)
-        steps = registered.steps * ROUNDS
-        text = WAYS["registered"].text
+        steps, text = all_steps(configs["registered"]), WAYS["registered"].text
         yield _line("PPO, as many steps", text, found[PPO], steps, paid[PPO])
         if "registered" in paid:
             fewer = int(steps * paid["registered"] / paid[PPO])

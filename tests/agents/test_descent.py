@@ -50,9 +50,14 @@ class Chain:
     periods, arms = 18, 4
 
     def __init__(self, **options: Any) -> None:
-        given = {**OPTIONS, "start": "moving", **options}
+        given, lessons = {**OPTIONS, **options}, {"start": "moving"}
         self.config = DescentConfig(
-            horizon=self.periods, arms=self.arms, episode_steps=13, options=given, deflection_share=0.01
+            horizon=self.periods,
+            arms=self.arms,
+            episode_steps=13,
+            options=given,
+            lesson_options=lessons,
+            deflection_share=0.01,
         )
         self.env = make_batch(ID, self.arms, self.config.batch_options)
         self.model = Observations(self.env)
@@ -297,7 +302,8 @@ def test_the_first_third_of_a_second_is_learned_at_once(tmp_path: Path) -> None:
     """A training for real, though a small one: every window is the lap's beginning."""
     lap = {"start": "corner", "elbow_branch": "negative"}
     sizes: dict[str, Any] = {"arms": 2, "episode_steps": 32, "hidden": (32,), "critic_epochs": 0}
-    training = Descent(DescentConfig(windows=40, rounds=1, options=lap, **sizes), RunFolder(tmp_path))
+    sizes["torque_noise"] = 0.0
+    training = Descent(DescentConfig(windows=40, rounds=1, lesson_options=lap, **sizes), RunFolder(tmp_path))
     figures = [training.window() for _ in range(40)]
     training.driver.env.close()
     assert figures[-1].error < 0.35 * figures[0].error
