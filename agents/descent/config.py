@@ -16,8 +16,8 @@ class DescentConfig(RunConfig):
     """A short-horizon actor-critic: costs of a window of control periods, differentiated through the simulation."""
 
     lesson_options: dict[str, Any] = field(default_factory=lambda: {"start": "corners"})
-    """Options in which the environments of the training differ from the one that the agent is scored on. Unless others are
-    given, episodes begin at rest on a corner: nothing else shows what a start is worth."""
+    """Options in which the environments of the training differ from the one that the agent is scored on. Unless others
+    are given, episodes begin at rest on a corner: nothing else shows what a start is worth."""
     rounds: int = 12
     """Each one ends with an evaluation and a checkpoint."""
     windows: int = 80
