@@ -40,12 +40,12 @@ class Way(NamedTuple):
 
 
 WAYS = {
-    "state": Way("the true state: encoders and strain gauges", {"options": {"observation": without(*LATE_TIP)}}),
     "registered": Way("the registered observation, late tip and strain gauges included", {}),
     "encoders": Way(
         "encoders and the late tip, four past actions",
         {"options": {"observation": without(*GAUGES), "last_actions": 4}},
     ),
+    "state": Way("the true state: encoders and strain gauges", {"options": {"observation": without(*LATE_TIP)}}),
     "no_critic": Way("the registered observation, no critic, windows of 64", {"critic_epochs": 0, "horizon": 64}),
 }
 
