@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexarm_env.envs.vector import FlexArmVectorEnv
+from flexarm_env.simulation.open_loop import LARGEST
 
 Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]
@@ -29,7 +30,8 @@ class Window(NamedTuple):
         wanted: what the network wants, disturbed. Shape (T, n, 2).
         actions: what is done: that, limited to [-1, 1]. Shape (T, n, 2).
         earlier: action of the period before, 0 where an episode begins. Shape (T, n, 2).
-        after: states at the ends of the periods, of the episodes that end there. Shape (T, n, 4 + 4 m).
+        after: states at the ends of the periods, of the episodes that end there; of an arm that flew apart, the last one
+            before. Shape (T, n, 4 + 4 m).
         references: where the tip should be then [m]. Shape (T, n, 2).
         last: observations then. Shape (T, n, k).
         ended: the episode ends with the period. Shape (T, n).
@@ -48,6 +50,17 @@ class Window(NamedTuple):
     last: Singles
     ended: Flags
     lost: Flags
+
+
+def usable(states: Floats, before: Floats) -> Floats:
+    """Return states, and for arms that flew apart those before: an episode ends there, so that nothing follows.
+
+    Args:
+        states: Shape (..., 4 + 4 m).
+        before: of the same arms. Shape (..., 4 + 4 m).
+    """
+    whole = (np.abs(states) <= LARGEST).all(axis=-1, keepdims=True)
+    return np.where(whole, states, before)
 
 
 class Driver:
@@ -105,6 +118,7 @@ class Driver:
                 final, last = infos["final_info"], last.copy()
                 after[ended], references[ended] = final["state"][ended], final["reference"][ended]
                 last[ended] = np.stack(list(infos["final_obs"][ended]))
+                after = usable(after, self._states)
             self._states, self._readings = infos["state"], infos["sensed"]
             self._ages = np.where(ended, 0, self._ages + 1)
             self._earlier = np.where(ended[:, None], np.float32(0.0), actions)

@@ -186,6 +186,19 @@ def test_episodes_begin_one_after_the_other() -> None:
     env.close()
 
 
+@pytest.mark.parametrize("torque", [1e4, 1e8])
+def test_arms_that_fly_apart_are_left_out(tmp_path: Path, torque: float) -> None:
+    """Neither their states nor their derivatives are numbers."""
+    options = {"torque_limit": [torque, torque], "deflection_limit": None, "error_limit": None}
+    config = DescentConfig(arms=4, horizon=8, episode_steps=20, torque_noise=1.0, hidden=(8,), options=options)
+    training = Descent(config, RunFolder(tmp_path))
+    figures = [training.window() for _ in range(3)]
+    training.driver.env.close()
+    assert min(one.lost for one in figures) > 0
+    assert np.isfinite(figures).all()
+    assert all(np.isfinite(weight).all() for weight in training.policy().weights)
+
+
 # --- costs and configuration ----------------------------------------------------------------------------------------
 
 
