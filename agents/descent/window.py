@@ -30,7 +30,7 @@ class Window(NamedTuple):
         wanted: what the network wants, disturbed. Shape (T, n, 2).
         actions: what is done: that, limited to [-1, 1]. Shape (T, n, 2).
         earlier: action of the period before, 0 where an episode begins. Shape (T, n, 2).
-        after: states at the ends of the periods, of the episodes that end there; of an arm that flew apart, the last one
+        after: states at the ends of the periods, of the episodes that end there; of an arm that flew apart, the one
             before. Shape (T, n, 4 + 4 m).
         references: where the tip should be then [m]. Shape (T, n, 2).
         last: observations then. Shape (T, n, k).
