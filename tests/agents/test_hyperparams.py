@@ -56,7 +56,7 @@ def test_the_files_are_the_only_source() -> None:
     assert (config.learning_rate, config.hidden, config.activation) == (1.5e-3, (128, 128), "elu")
     assert (config.log_std, config.episode_steps, config.lstm, config.buffer) == (-0.7, 600, None, None)
     assert replace(config, environment="FlexArm/Track-v0") == TrainingConfig(environment="Track-v0")
-    assert TrainingConfig(algorithm="sac", environment="SquareResidual-v0").steps == 100_000
+    assert TrainingConfig(algorithm="sac", environment="SquareResidual-v0").steps == 200_000
     assert TrainingConfig(algorithm="sac", environment="SquareEncoders-v0").steps == 500_000
 
 
