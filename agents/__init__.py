@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from flexarm_agents.config import TrainingConfig
+    from flexarm_agents.descent.config import DescentConfig
+    from flexarm_agents.descent.training import descend
     from flexarm_agents.export import network_policy
     from flexarm_agents.load import Trained, load_policy, shipped_policies
     from flexarm_agents.network import NetworkPolicy
@@ -20,6 +22,7 @@ if TYPE_CHECKING:
     from flexarm_agents.vec_env import FlexArmVecEnv
 
 _MODULES = {
+    "DescentConfig": "descent.config",
     "FlexArmVecEnv": "vec_env",
     "NetworkPolicy": "network",
     "Outcome": "training",
@@ -30,6 +33,7 @@ _MODULES = {
     "Trained": "load",
     "TrainingConfig": "config",
     "TrainingStopped": "stopping",
+    "descend": "descent.training",
     "evaluate": "scoring",
     "load_policy": "load",
     "network_policy": "export",
@@ -40,6 +44,7 @@ _MODULES = {
 }
 
 __all__ = [
+    "DescentConfig",
     "FlexArmVecEnv",
     "NetworkPolicy",
     "Outcome",
@@ -50,6 +55,7 @@ __all__ = [
     "Trained",
     "TrainingConfig",
     "TrainingStopped",
+    "descend",
     "evaluate",
     "load_policy",
     "network_policy",

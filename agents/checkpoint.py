@@ -6,6 +6,7 @@ import io
 import pickle
 import random
 import zipfile
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -72,12 +73,7 @@ def save_checkpoint(
     buffer = io.BytesIO()
     model.save(buffer)
 
-    def write(aside: Path) -> None:
-        with zipfile.ZipFile(aside, "w") as file:
-            file.writestr(_MODEL, buffer.getvalue())
-            file.writestr(_REST, pickle.dumps(rest))
-
-    put(path, write)
+    write_parts(path, {_MODEL: buffer.getvalue(), _REST: pickle.dumps(rest)})
 
 
 def load_checkpoint(path: Path) -> tuple[BaseAlgorithm, Progress]:
@@ -93,21 +89,8 @@ def load_checkpoint(path: Path) -> tuple[BaseAlgorithm, Progress]:
     Raises:
         ValueError: if the file is not a checkpoint, or one of a version whose batches this one cannot continue.
     """
-    with path.open("rb") as stream:  # errors of opening are others than those of reading
-        try:
-            with zipfile.ZipFile(stream) as file:
-                model_bytes, pickled = file.read(_MODEL), file.read(_REST)
-        except Exception as error:  # damage meets zipfile and zlib anywhere: any of their errors says that it is there
-            raise ValueError(f"{path}: not a checkpoint ({short(str(error))})") from error
-    try:
-        rest = pickle.loads(pickled)
-    except (pickle.UnpicklingError, EOFError) as error:
-        raise ValueError(f"{path}: not a checkpoint ({error})") from error
-    except (LayoutError, AttributeError, ImportError) as error:  # the last two: a name of another version
-        raise ValueError(
-            f"{path}: a checkpoint of another version ({error}); resume it with the version that wrote it, or train "
-            "anew in another folder"
-        ) from error
+    model_bytes, pickled = read_parts(path, (_MODEL, _REST))
+    rest = unpickled(path, pickled)
     if "config" not in rest:
         raise ValueError(f"{path}: a checkpoint of a version that had PPO alone; train anew in another folder")
     config = TrainingConfig.of(rest["config"])
@@ -125,6 +108,62 @@ def load_checkpoint(path: Path) -> tuple[BaseAlgorithm, Progress]:
     np.random.set_state(numpy)  # noqa: NPY002
     torch.set_rng_state(torch_state)
     return model, rest["progress"]
+
+
+def write_parts(path: Path, parts: Mapping[str, bytes]) -> None:
+    """Write a checkpoint's parts into one file, which is complete or as before.
+
+    Args:
+        path: path of the file.
+        parts: by name.
+    """
+
+    def write(aside: Path) -> None:
+        with zipfile.ZipFile(aside, "w") as file:
+            for name, content in parts.items():
+                file.writestr(name, content)
+
+    put(path, write)
+
+
+def read_parts(path: Path, names: Iterable[str]) -> list[bytes]:
+    """Read parts that `write_parts` wrote.
+
+    Args:
+        path: path of the file.
+        names: of the parts.
+
+    Raises:
+        OSError: if the file cannot be opened.
+        ValueError: if it does not hold them, or is damaged.
+    """
+    with path.open("rb") as stream:  # errors of opening are others than those of reading
+        try:
+            with zipfile.ZipFile(stream) as file:
+                return [file.read(name) for name in names]
+        except Exception as error:  # damage meets zipfile and zlib anywhere: any of their errors says that it is there
+            raise ValueError(f"{path}: not a checkpoint ({short(str(error))})") from error
+
+
+def unpickled(path: Path, content: bytes) -> Any:
+    """Read what a checkpoint keeps, which can execute code.
+
+    Args:
+        path: of the checkpoint, for messages.
+        content: from it.
+
+    Raises:
+        ValueError: if it is damaged, or has what this version cannot continue.
+    """
+    try:
+        return pickle.loads(content)
+    except (pickle.UnpicklingError, EOFError) as error:
+        raise ValueError(f"{path}: not a checkpoint ({error})") from error
+    except (LayoutError, AttributeError, ImportError) as error:  # the last two: a name of another version
+        raise ValueError(
+            f"{path}: a checkpoint of another version ({error}); resume it with the version that wrote it, or train "
+            "anew in another folder"
+        ) from error
 
 
 def _replay(model: BaseAlgorithm) -> dict[str, Any] | None:

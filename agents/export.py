@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.vec_env import unwrap_vec_wrapper
 
@@ -15,14 +13,11 @@ from flexarm_agents.fronted import FrontedPolicy
 from flexarm_agents.fronted_vec_env import FrontedVecEnv
 from flexarm_agents.fronts import Front, Stacked
 from flexarm_agents.history import History
+from flexarm_agents.layers import MODULES, linear_layers, numbers, weights_and_biases
 from flexarm_agents.lstm import Lstm
-from flexarm_agents.network import ACTIVATIONS, NetworkPolicy
+from flexarm_agents.network import NetworkPolicy
 from flexarm_agents.observer import Observer
 from flexarm_agents.squashed import SquashedPolicy
-
-MODULES: dict[str, type[torch.nn.Module]] = {"elu": torch.nn.ELU, "tanh": torch.nn.Tanh, "relu": torch.nn.ReLU}
-assert set(MODULES) == set(ACTIVATIONS)
-Numbers = NDArray[np.float32]
 
 
 def network_policy(model: BaseAlgorithm, notes: dict[str, Any] | None = None) -> NetworkPolicy:
@@ -37,20 +32,20 @@ def network_policy(model: BaseAlgorithm, notes: dict[str, Any] | None = None) ->
     kept = dict(notes or {})
     actor = getattr(policy, "actor", None)
     if actor is not None:
-        weights, biases = _layers([*actor.latent_pi, actor.mu])
+        weights, biases = weights_and_biases([*actor.latent_pi, actor.mu])
         return SquashedPolicy(
             weights,
             biases,
-            _numbers(actor.log_std.bias),
+            numbers(actor.log_std.bias),
             _activation(actor.activation_fn),
             kept,
-            spread=_numbers(actor.log_std.weight),
+            spread=numbers(actor.log_std.weight),
         )
-    weights, biases = _layers([*policy.mlp_extractor.policy_net, policy.action_net])
+    weights, biases = weights_and_biases([*policy.mlp_extractor.policy_net, policy.action_net])
     common: dict[str, Any] = {
         "weights": weights,
         "biases": biases,
-        "log_std": _numbers(policy.log_std),
+        "log_std": numbers(policy.log_std),
         "activation": _activation(policy.activation_fn),
         "notes": kept,
     }
@@ -72,7 +67,7 @@ def set_network(model: BaseAlgorithm, policy: NetworkPolicy) -> None:
         ValueError: if the layers have other sizes.
     """
     target: Any = model.policy
-    layers = _linear([*target.mlp_extractor.policy_net, target.action_net])
+    layers = linear_layers([*target.mlp_extractor.policy_net, target.action_net])
     sizes = [tuple(layer.weight.shape) for layer in layers]
     if sizes != [np.shape(weight) for weight in policy.weights]:
         raise ValueError(f"policy: must have layers {sizes}, got {[np.shape(weight) for weight in policy.weights]}")
@@ -91,24 +86,10 @@ def _front(model: BaseAlgorithm) -> Front | None:
 
 def _lstm(layer: Any) -> Lstm:
     """Take the only layer of torch's LSTM."""
-    bias = np.add(_numbers(layer.bias_ih_l0), _numbers(layer.bias_hh_l0))
-    return Lstm(_numbers(layer.weight_ih_l0), _numbers(layer.weight_hh_l0), bias)
-
-
-def _layers(modules: Iterable[torch.nn.Module]) -> tuple[list[Numbers], list[Numbers]]:
-    """Return weights and biases of the layers among some modules."""
-    layers = _linear(modules)
-    return [_numbers(layer.weight) for layer in layers], [_numbers(layer.bias) for layer in layers]
-
-
-def _linear(modules: Iterable[torch.nn.Module]) -> list[torch.nn.Linear]:
-    return [layer for layer in modules if isinstance(layer, torch.nn.Linear)]
+    bias = np.add(numbers(layer.bias_ih_l0), numbers(layer.bias_hh_l0))
+    return Lstm(numbers(layer.weight_ih_l0), numbers(layer.weight_hh_l0), bias)
 
 
 def _activation(wanted: type[torch.nn.Module]) -> str:
     (name,) = [name for name, module in MODULES.items() if wanted is module]
     return name
-
-
-def _numbers(parameter: torch.Tensor) -> Numbers:
-    return parameter.detach().cpu().numpy().astype(np.float32, copy=True)

@@ -14,9 +14,9 @@ from stable_baselines3.common.vec_env import VecEnv, VecMonitor
 from flexarm_agents.algorithms import ALGORITHMS, SETTINGS, own_settings
 from flexarm_agents.config import TrainingConfig
 from flexarm_agents.environments import make_batch, make_one
-from flexarm_agents.export import MODULES
 from flexarm_agents.fronted_vec_env import FrontedVecEnv
 from flexarm_agents.fronts import Front, Stacked, readings_history
+from flexarm_agents.layers import MODULES
 from flexarm_agents.observer import Observer
 from flexarm_agents.vec_env import FlexArmVecEnv
 from flexarm_env.envs.vector import FlexArmVectorEnv

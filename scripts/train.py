@@ -1,4 +1,4 @@
-"""Train an agent with PPO: `flexarm train`, from a clone; or many, with `--seeds` and `--sweep` (`scripts.sweep`)."""
+"""Train an agent by reward: `flexarm train`, from a clone; or many, with `--seeds` and `--sweep` (`scripts.sweep`)."""
 
 import sys
 

@@ -20,8 +20,9 @@ VERBS = {
     "render": ("render", "show an episode of a policy in a window, or write a picture or film (extra `render`)"),
     "replay": ("replay", "show a recorded run in a window, or write a picture or film (extra `render`)"),
     "play": ("play", "move delay, sensor and gain while the paper's law runs (extra `render`)"),
-    "train": ("train", "train an agent with PPO (needs the extra `train`)"),
+    "train": ("train", "train an agent by reward (needs the extra `train`)"),
     "teach": ("teach", "teach a student by the best known plans (needs the extra `train`)"),
+    "descend": ("descend", "train an agent by derivatives of the simulation (needs the extra `train`)"),
     "warm-up": ("warm_up", "compile what environments need, for images and clusters"),
 }
 

@@ -20,6 +20,10 @@ EXAMPLES = {
         "flexarm teach --environment Square-v0 --seed 7 --folder runs/student",
         "flexarm teach --environment SquareUnknown-v0 --lags 1 2 4 8 16 32",
     ),
+    "descend": (
+        "flexarm descend --environment Square-v0 --seed 7 --folder runs/descent",
+        'flexarm descend --rounds 40 --options \'{"observation": ["state", "previews", "reference_position"]}\'',
+    ),
     "evaluate": (
         "flexarm evaluate runs/mine",
         "flexarm evaluate --policy plan_lqr",

@@ -11,9 +11,11 @@ from typing import Any, NamedTuple
 
 from flexarm_agents.board.columns import COLUMNS
 from flexarm_agents.commands.arguments import reader
+from flexarm_agents.commands.progress import Progress
 from flexarm_agents.commands.score_table import Spreads, group_table, lap_table, spreads_of
 from flexarm_agents.commands.sources import POLICY, add_environment, check_environment, from_source
 from flexarm_agents.commands.sweep import sweep
+from flexarm_agents.commands.watching import Watched, episode_steps
 from flexarm_agents.constant import ConstantPolicy
 from flexarm_agents.contenders import (
     ENVIRONMENT,
@@ -27,6 +29,7 @@ from flexarm_agents.load import shipped_policies
 from flexarm_agents.run_folder import write_json
 from flexarm_agents.scoring import StandardScore, evaluate, rank
 from flexarm_agents.spread import Spread
+from flexarm_env.laps import LAPS
 from flexarm_env.validation import integer
 
 PAPER = ("ifdc", "flsac")  # controllers that are scored unless others are asked for
@@ -93,7 +96,9 @@ def run(arguments: Sequence[str]) -> None:
 
 def _scores(contender: Contender, laps: int, seed: int) -> list[StandardScore]:
     try:
-        return [evaluate(contender.env, contender.policy, seed + n) for n in range(laps)]
+        with Progress(laps * len(LAPS) * episode_steps(contender.env), "steps") as tick:
+            env = Watched(contender.env, tick)
+            return [evaluate(env, contender.policy, seed + n) for n in range(laps)]
     except (TypeError, ValueError) as error:
         raise ValueError(f"{contender.name}: {error}") from error
     finally:

@@ -8,12 +8,13 @@ from dataclasses import replace
 from pathlib import Path
 
 from flexarm_agents.commands.arguments import reader
+from flexarm_agents.commands.progress import Progress
 from flexarm_agents.commands.replay import add_film, check_film, play
 from flexarm_agents.commands.sources import POLICY, add_environment, check_environment, from_source
+from flexarm_agents.commands.watching import Watched, episode_steps
 from flexarm_agents.contenders import Contender
 from flexarm_agents.film import SENSOR, check_pictures
 from flexarm_agents.run_folder import check_place
-from flexarm_env.envs.single import FlexArmEnv
 from flexarm_env.laps import LAPS
 from flexarm_env.rollout import run_policy
 from flexarm_env.simulation.trajectory import Trajectory
@@ -45,8 +46,10 @@ def run(arguments: Sequence[str]) -> None:
     check_film(given)
     contender = from_source(given.policy, given)
     try:
-        check_pictures(given.fps, given.speed, longest(contender))
-        played = episode(contender, given)
+        steps = episode_steps(contender.env)
+        check_pictures(given.fps, given.speed, steps * contender.env.unwrapped.control_period)  # type: ignore[attr-defined]
+        with Progress(steps, "steps") as tick:
+            played = episode(contender._replace(env=Watched(contender.env, tick)), given)
     finally:
         contender.env.close()
     ended = played.notes["ended"]
@@ -56,14 +59,6 @@ def run(arguments: Sequence[str]) -> None:
         played.save(given.save)
         print(f"{given.save}: written")
     play(played, given)
-
-
-def longest(contender: Contender) -> float:
-    """Return how long an episode lasts unless it ends early [s]: to the time limit, or a lap where there is none."""
-    spec, inner = contender.env.spec, contender.env.unwrapped
-    assert isinstance(inner, FlexArmEnv)
-    limit = None if spec is None else spec.max_episode_steps
-    return (inner.lap_steps if limit is None else limit) * inner.control_period
 
 
 def episode(contender: Contender, given: argparse.Namespace) -> Trajectory:

@@ -7,12 +7,11 @@ from typing import Any
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch.optim.lr_scheduler import CosineAnnealingLR
 from torch.optim.swa_utils import AveragedModel
 
-from flexarm_agents.export import MODULES
 from flexarm_agents.history import History
+from flexarm_agents.layers import fully_connected, numbers, weights_and_biases
 from flexarm_agents.network import NetworkPolicy
 from flexarm_agents.teaching.config import TeachingConfig
 from flexarm_agents.teaching.lessons import Lesson
@@ -42,11 +41,7 @@ class Student:
         index = [*range(observations.shape[1]), *list(history.remembered) * len(history.lags)]
         self._mean = torch.from_numpy(observations.mean(axis=0)[index])
         self._spread = torch.from_numpy(np.maximum(observations.std(axis=0), LEAST_SPREAD)[index])
-        sizes = [len(index), *config.hidden]
-        layers: list[torch.nn.Module] = []
-        for inputs, outputs in zip(sizes, sizes[1:], strict=False):
-            layers += [torch.nn.Linear(inputs, outputs), MODULES[config.activation]()]
-        self.network = torch.nn.Sequential(*layers, torch.nn.Linear(sizes[-1], first.answers.shape[1]))
+        self.network = fully_connected(len(index), config.hidden, first.answers.shape[1], config.activation)
         self.average = AveragedModel(self.network, avg_fn=self._mix)
         self.optimiser = torch.optim.Adam(self.network.parameters(), lr=config.learning_rate)
         self.schedule = CosineAnnealingLR(self.optimiser, config.rounds * config.updates)
@@ -74,10 +69,9 @@ class Student:
 
     def policy(self) -> NetworkPolicy:
         """Return the average of the network's weights as a policy, with the inputs' scaling in its first layer."""
-        layers = [layer for layer in self.average.module.modules() if isinstance(layer, torch.nn.Linear)]
-        weights, biases = ([_numbers(getattr(layer, name)) for layer in layers] for name in ("weight", "bias"))
-        weights[0] = weights[0] / _numbers(self._spread)
-        biases[0] = biases[0] - weights[0] @ _numbers(self._mean)
+        weights, biases = weights_and_biases(self.average.module.modules())
+        weights[0] = weights[0] / numbers(self._spread)
+        biases[0] = biases[0] - weights[0] @ numbers(self._mean)
         log_std = np.full(len(biases[-1]), LOG_STD, dtype=np.float32)
         return NetworkPolicy(weights, biases, log_std, self._config.activation, history=self.history)
 
@@ -102,7 +96,3 @@ class Student:
         """Average over the last tenth of the updates at first, then forget at the configured rate."""
         share = max(1.0 - self._config.averaging, 10.0 / (int(count) + 10.0))
         return torch.lerp(average, present, share)
-
-
-def _numbers(tensor: torch.Tensor) -> NDArray[np.float32]:
-    return tensor.detach().numpy().astype(np.float32, copy=True)

@@ -6,23 +6,21 @@ learning*, AISTATS 2011.
 
 from __future__ import annotations
 
-import sys
-import time
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import torch
-from stable_baselines3.common.logger import configure
-from tqdm import tqdm
+from stable_baselines3.common.logger import Logger
 
 from flexarm_agents.environments import make_batch
-from flexarm_agents.evaluation import Evaluator, Found
+from flexarm_agents.evaluation import Found
 from flexarm_agents.fronts import readings_history
 from flexarm_agents.history import History
 from flexarm_agents.network import NetworkPolicy
+from flexarm_agents.rounds import Rounds
 from flexarm_agents.run_folder import RunFolder, put
-from flexarm_agents.stopping import StopSignals, TrainingStopped
+from flexarm_agents.stopping import StopSignals
 from flexarm_agents.teaching.config import TeachingConfig
 from flexarm_agents.teaching.lessons import Lesson, give_lesson
 from flexarm_agents.teaching.student import Student
@@ -65,25 +63,21 @@ def teach(
         try:
             where = run.path / "plans" if plans is None else Path(plans)
             teaching = _Teaching(config, run, env, Teacher.of(config, env.settings, where))
-            teaching.go_on(stop, progress and sys.stderr.isatty())
+            steps = config.arms * teaching.teacher.periods
+            return teaching.go_on(config, config.rounds, steps, config.evaluation_laps, stop, progress)
         finally:
             env.close()
-    found = teaching.found
-    assert found.best is not None
-    return Outcome(run.path, found.rows[found.best], found.rows[-1])
 
 
-class _Teaching:
+class _Teaching(Rounds):
     """A teaching between two rounds.
 
     A checkpoint holds no lessons: each is given again by the student that was given it, with the same result.
-
-    Attributes:
-        found: progress so far.
     """
 
     def __init__(self, config: TeachingConfig, run: RunFolder, env: FlexArmVectorEnv, teacher: Teacher) -> None:
-        self.config, self.run, self.env, self.teacher, self.found = config, run, env, teacher, Found()
+        super().__init__(run)
+        self.config, self.env, self.teacher = config, env, teacher
         torch.manual_seed(config.seed)
         self.lessons = [self.lesson(None)]
         self.student = Student(config, self.history(), self.lessons[0])
@@ -100,51 +94,37 @@ class _Teaching:
         number = 0 if student is None else len(self.lessons)
         return give_lesson(self.env, self.teacher, student, self.config, number)
 
-    def go_on(self, stop: StopSignals, with_bar: bool) -> None:
-        """Run the rounds that are left."""
-        began, before = time.perf_counter(), self.found.seconds
-        steps = self.config.arms * self.teacher.periods
-        logger = configure(str(self.run.logs), ["tensorboard"])
-        evaluator = Evaluator(self.config, self.config.evaluation_laps, self.run, self.found)
-        bar = tqdm(total=self.config.rounds, initial=len(self.students), unit=" rounds") if with_bar else None
-        try:
-            while len(self.students) < self.config.rounds:
-                if self.students:
-                    self.lessons.append(self.lesson(self.student.policy()))
-                self.student.fit(self.lessons)
-                self.students.append(self.average())
-                self.found.seconds = before + time.perf_counter() - began
-                logger.record("teaching/loss", self.student.loss)
-                logger.record("teaching/lost_arms", self.lessons[-1].lost)
-                evaluator.judge(self.student.policy(), steps * len(self.students), logger)
-                if bar is not None:
-                    bar.update()
-                    bar.set_postfix_str(self.found.state)
-                else:
-                    evaluator.report()
-                self.save()
-                if stop.received is not None and len(self.students) < self.config.rounds:
-                    raise TrainingStopped(stop.received, steps * len(self.students))
-            evaluator.noted(self.student.policy()).save(self.run.last)
-        finally:
-            evaluator.close()
-            logger.close()
-            if bar is not None:
-                bar.close()
+    @property
+    def done(self) -> int:
+        """See `Rounds`."""
+        return len(self.students)
+
+    def next_round(self, logger: Logger) -> None:
+        """See `Rounds`."""
+        if self.students:
+            self.lessons.append(self.lesson(self.student.policy()))
+        self.student.fit(self.lessons)
+        self.students.append(self.average())
+        logger.record("teaching/loss", self.student.loss)
+        logger.record("teaching/lost_arms", self.lessons[-1].lost)
+
+    def policy(self) -> NetworkPolicy:
+        """See `Rounds`."""
+        return self.student.policy()
 
     def average(self) -> dict[str, Any]:
         """Return a copy of the averaged weights."""
         return {name: value.clone() for name, value in self.student.average.state_dict().items()}
 
-    def save(self) -> None:
-        """Write a checkpoint."""
+    def save(self, path: Path) -> None:
+        """See `Rounds`."""
         state = {
             "found": asdict(self.found),
             "student": self.student.state(),
             "students": self.students,
             "random": torch.get_rng_state(),
         }
-        put(self.run.checkpoint, lambda aside: torch.save(state, aside))
+        put(path, lambda aside: torch.save(state, aside))
 
     def load(self) -> None:
         """Go on from the checkpoint; nothing in it is executed.

@@ -7,8 +7,9 @@ from math import isclose
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from flexarm_agents import StandardScore, TeachingConfig, TrainingConfig, evaluate, load_policy
+from flexarm_agents import DescentConfig, StandardScore, TeachingConfig, TrainingConfig, evaluate, load_policy
 from flexarm_agents.config import RunConfig
+from flexarm_agents.descent.training import descend
 from flexarm_agents.evaluation import EVALUATION_SEED
 from flexarm_agents.executors import Executor
 from flexarm_agents.failures import Failure
@@ -71,9 +72,11 @@ def carried_out(config: RunConfig, folder: Path) -> Outcome:
     resume = RunFolder(folder).config.exists()
     if isinstance(config, TeachingConfig):
         return teach(config, folder, resume, plans=folder.parent / "plans")
+    if isinstance(config, DescentConfig):
+        return descend(config, folder, resume)
     if isinstance(config, TrainingConfig):
         return train(config, folder, resume)
-    raise TypeError(f"config = {config!r}: must be a TrainingConfig or a TeachingConfig")
+    raise TypeError(f"config = {config!r}: must be a TrainingConfig, a TeachingConfig or a DescentConfig")
 
 
 def trained_all(jobs: Sequence[Job], where: Executor, tick: Callable[[], Any]) -> tuple[list[Training], list[Failure]]:

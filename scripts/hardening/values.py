@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from hypothesis import strategies as st
 
-from flexarm_agents import TeachingConfig, TrainingConfig
+from flexarm_agents import DescentConfig, TeachingConfig, TrainingConfig
 from flexarm_agents.history import History
 from flexarm_agents.load import load_policy
 from flexarm_baselines.flsac import FLSAC
@@ -61,7 +61,8 @@ def subjects() -> dict[str, Subject]:
     """Return all subjects, by name."""
     plan, policy = load_plan("default_plain"), load_policy("square").policy
     arm = plan.arm
-    kinds = (ArmParameters, SensorParameters, LawParameters, SquareParameters, TrainingConfig, TeachingConfig)
+    trained = (TrainingConfig, TeachingConfig, DescentConfig)
+    kinds = (ArmParameters, SensorParameters, LawParameters, SquareParameters, *trained)
     others = (JointFeedback, Shape, RegulatorWeights, NoiseModel, History, IFDC)
     found = {kind.__name__: _declared(kind) for kind in (*kinds, *others)}
     examples = (

@@ -7,9 +7,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from flexarm_agents import StandardScore, load_policy
+from flexarm_agents import Spread, StandardScore, load_policy
 from flexarm_agents.run_folder import RunFolder, put, write_json
 from flexarm_agents.scoring import rank
+from flexarm_env.laps import LAPS
 from scripts.common.trainings import Training
 
 RULE = "the median of {count} trainings that differ in their seeds, by the mean r.m.s. of both laps"
@@ -44,12 +45,32 @@ def export(
     """
     chosen = median(trainings)
     put(policies / f"{name}.npz", lambda aside: shutil.copyfile(RunFolder(chosen.folder).best, aside))
+    policy = load_policy(policies / f"{name}.npz")
+    env = policy.make_env()
+    blocks = env.get_wrapper_attr("observation_blocks")
+    env.close()
     card = {
         "command": command,
-        **load_policy(policies / f"{name}.npz").notes,
+        **policy.notes,
+        "observes": {block: part.stop - part.start for block, part in blocks.items()},
+        "spread": _spread(trainings),
         "choice": RULE.format(count=len(trainings)),
         "trainings": [
             {"seed": one.config.seed, **one.best, "board": board} for one, board in zip(trainings, boards, strict=True)
         ],
     }
     write_json(policies / f"{name}.json", card)
+
+
+def _spread(trainings: Sequence[Training]) -> dict[str, dict[str, dict[str, float | None]]]:
+    """Return median, interquartile mean and worst of the laps' errors [m], each by itself; None where lost."""
+    scores = [StandardScore.of(one.best) for one in trainings]
+    found: dict[str, dict[str, dict[str, float | None]]] = {}
+    for lap in LAPS:
+        laps = [getattr(score, lap) for score in scores]
+        spreads = {figure: Spread.of(getattr(one, figure) for one in laps) for figure in ("rms", "rms_after_2s")}
+        found[lap] = {
+            figure: {what: getattr(spread, what) for what in ("median", "interquartile_mean", "worst")}
+            for figure, spread in spreads.items()
+        }
+    return found

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from flexarm_agents.commands import main
+from flexarm_agents.commands.progress import Progress
 from flexarm_agents.film import SENSOR, Film
 from flexarm_env import ArmParameters, FlexibleArm, Trajectory
 from tests.support.refusals import refuses
@@ -190,11 +191,16 @@ def test_replay_opens_a_window(run: Trajectory, tmp_path: Path, monkeypatch: pyt
     assert not pygame.display.get_init()
 
 
-def test_render_runs_an_episode_that_replay_shows_again(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_render_runs_an_episode_that_replay_shows_again(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     pytest.importorskip("pygame")
+    steps: list[int] = []
+    monkeypatch.setattr(Progress, "__call__", lambda self, done=1: steps.append(self._total))
     saved, one, other = (tmp_path / name for name in ("lap.npz", "one.png", "other.png"))
     assert status("render", "joint_pd", "--lap", "plain", "--save", saved, "--output", one, "--size", PIXELS) == 0
     assert capsys.readouterr().out.startswith("joint_pd: plain lap, complete\n")
+    assert steps == [1600] * 1600 + [1]  # of the episode, and the picture
     assert Trajectory.load(saved).notes == {
         "ended": "truncated", "policy": "joint_pd", "environment": "FlexArm/Square-v0", "lap": "plain", SENSOR: 4.5,
     }  # fmt: skip

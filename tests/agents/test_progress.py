@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import gymnasium
 import pytest
 
 from flexarm_agents.commands import progress
 from flexarm_agents.commands.progress import Progress
+from flexarm_agents.commands.watching import Watched, episode_steps
+from flexarm_env.envs.single import FlexArmEnv
 
 
 @pytest.fixture
@@ -40,3 +43,17 @@ def test_without_a_terminal_a_line_is_written_every_half_minute(
             tick()
             assert capsys.readouterr().err == line
     assert capsys.readouterr().err == ""
+
+
+def test_each_step_of_an_episode_counts(monkeypatch: pytest.MonkeyPatch) -> None:
+    steps: list[int] = []
+    env = FlexArmEnv()
+    monkeypatch.setattr(env, "step", lambda action: (action, 0.0, False, False, {}))
+    watched = Watched(env, lambda: steps.append(1))
+    assert [watched.step(n)[0] for n in range(3)] == [0, 1, 2]
+    assert len(steps) == 3
+
+
+def test_how_long_an_episode_is() -> None:
+    assert episode_steps(gymnasium.make("FlexArm/Square-v0", max_episode_steps=70)) == 70
+    assert episode_steps(FlexArmEnv(control_period=0.02, lap_time=8.0)) == 400

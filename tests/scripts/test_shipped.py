@@ -60,6 +60,9 @@ def test_a_finished_training_is_shipped_with_its_card(tmp_path: Path) -> None:
     card = json.loads((tmp_path / "mine.json").read_text())
     assert card["choice"] == "the median of 1 trainings that differ in their seeds, by the mean r.m.s. of both laps"
     assert (card["command"], card["config"], card["evaluation"]) == ("a command", config.plain(), first.best)
+    assert sum(card["observes"].values()) == load_policy(tmp_path / "mine.npz").policy.observation_size
+    of_one = card["spread"]["plain"]["rms"]
+    assert of_one["median"] == of_one["interquartile_mean"] == of_one["worst"] == first.best["plain"]["rms"]
     assert card["trainings"] == [{"seed": 0, **first.best, "board": figures}]
     notes = load_policy(tmp_path / "mine.npz").notes
     assert (notes["config"], notes["evaluation"]) == (config.plain(), first.best)

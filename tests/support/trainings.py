@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from flexarm_agents import NetworkPolicy, TeachingConfig, TrainingConfig, teach, train
+from flexarm_agents import DescentConfig, NetworkPolicy, TeachingConfig, TrainingConfig, descend, teach, train
 
 ID = "FlexArm/Square-v0"
 TINY: dict[str, Any] = {
@@ -64,6 +64,15 @@ TAUGHT: dict[str, Any] = {
     "change_weight": 0.003,  # that of the plans that come with the package, which are then the teacher's
     "options": {"noise": 0.001},
 }
+
+DESCENDED: dict[str, Any] = {"arms": 4, "rounds": 2, "windows": 2, "horizon": 8, "hidden": [16, 8], "critic_batch": 16}
+
+
+def descended(folder: Path) -> Path:
+    """Run a tiny training by first-order gradients in a folder below this one."""
+    run = folder / "descended"
+    descend(DescentConfig(**DESCENDED), run)
+    return run
 
 
 def taught(folder: Path) -> Path:

@@ -1,0 +1,219 @@
+"""`Observations`: what a policy observes as a function of states, late readings and past actions, with its derivatives.
+
+The formulas are those of the environment (`flexarm_env.episode.features`), run on dual numbers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexarm_env.codegen.tangents import jacobian
+from flexarm_env.envs.blocks import BLOCKS
+from flexarm_env.envs.settings import Settings
+from flexarm_env.envs.vector import FlexArmVectorEnv
+from flexarm_env.episode.features import Measurements, features, in_frame, joint_errors
+from flexarm_env.validation import shown
+
+Floats = NDArray[np.float64]
+# What environments must be for the chain of derivatives to be complete: nothing random between arm and policy, and
+# nothing late but the sensor.
+NEEDED: dict[str, Any] = {
+    "action_mode": "torque",
+    "sensor": "true",
+    "randomisation": {},
+    "noise": 0.0,
+    "jitter": 0.0,
+    "hold": 0.0,
+    "dropout": 0.0,
+    "encoder_noise": (0.0, 0.0),
+    "actuation_delay": 0.0,
+    "second_sensor_link": None,
+}
+NUMBERS = 8  # of which features depend: two joint angles, two rates, the reading, the reading before
+
+
+class Seen(NamedTuple):
+    """Of what observations are made, at some instants.
+
+    Attributes:
+        states: of the arms. Shape (..., 4 + 4 m).
+        readings: latest ones of the sensor on link 2 [m]. Shape (..., 2).
+        earlier: those a control period before [m]. Shape (..., 2).
+        actions: past ones, the newest first. Shape (..., actions, 2).
+    """
+
+    states: Floats
+    readings: Floats
+    earlier: Floats
+    actions: Floats
+
+
+class Task(NamedTuple):
+    """Of what observations are made beside it: the task alone decides these, and they are in the world's frame.
+
+    Attributes:
+        reference: position [m] and velocity [m/s]. Shape (..., 4).
+        aim: joint angles and rates of the rigid arm on the reference. Shape (..., 4).
+        present_aim: the same with the elbow on its present side. Shape (..., 4).
+        sensor_reference: where the tip should have been at the time of the reading [m]. Shape (..., 2).
+        sensor_velocity: how that changes between two readings [m/s]. Shape (..., 2).
+        previews: how far the reference will have moved [m]. Shape (..., 2 per horizon).
+        phase: cosine and sine of the lap's phase. Shape (..., 2).
+    """
+
+    reference: Floats
+    aim: Floats
+    present_aim: Floats
+    sensor_reference: Floats
+    sensor_velocity: Floats
+    previews: Floats
+    phase: Floats
+
+
+class Observations:
+    """The observations of a batch.
+
+    Attributes:
+        settings: of the environments.
+        blocks: where each block lies in an observation.
+        scale: divisor of each number. Shape (k,).
+        encoders: indices in a state of what encoders read.
+        by_state: derivatives by what is in the state, and observed as it is. Shape (k, 4 + 4 m).
+        by_actions: derivatives by past actions, the newest first. Shape (k, 2 per action).
+    """
+
+    def __init__(self, env: FlexArmVectorEnv) -> None:
+        """Take the layout.
+
+        Args:
+            env: the batch.
+
+        Raises:
+            ValueError: for an option with which the derivatives are not complete.
+        """
+        self.settings, self.blocks, self.scale = env.settings, env.observation_blocks, env.observation_scale
+        check_differentiable(self.settings)
+        size = self.settings.flexible_arm.size
+        self.encoders = [0, 1, size, size + 1]
+        self.by_state = self._selected("STATE", 2 * size)
+        first, count = 2 * len(self.settings.previews), 2 * self.settings.last_actions
+        self.by_actions = self._selected("TAIL", first + count)[:, first:]
+
+    def task(self, observations: NDArray[np.float32], seen: Seen) -> Task:
+        """Recover what the task alone decides from observations; where no block has it, it is 0.
+
+        Args:
+            observations: Shape (..., k).
+            seen: of what they were made.
+        """
+        numbers = observations * self.scale
+        encoders = np.moveaxis(seen.states[..., self.encoders], -1, 0)
+
+        def observed(name: str, count: int = 2) -> Floats:
+            """Return the numbers of a block."""
+            return numbers[..., self.blocks[name]] if name in self.blocks else np.zeros((*numbers.shape[:-1], count))
+
+        def world(name: str, count: int = 2) -> Floats:
+            """Return vectors of a block in the world's frame."""
+            back = -encoders[0] if self.settings.frame == "link" else 0.0 * encoders[0]
+            parts = np.moveaxis(observed(name, count), -1, 0)
+            pairs = zip(parts[::2], parts[1::2], strict=True)
+            turned = [x for pair in pairs for x in in_frame([np.cos(back), np.sin(back)], pair)]
+            return np.stack(turned, axis=-1) if turned else np.zeros((*numbers.shape[:-1], 0))
+
+        def aim(name: str) -> Floats:
+            """Return what a block of joint errors and that of their rates are the difference to."""
+            errors = np.concatenate([observed(name), observed(f"{name}_rate")], axis=-1)
+            return np.asarray(errors + np.moveaxis(encoders, 0, -1))
+
+        return Task(
+            np.concatenate([world("reference_position"), world("reference_velocity")], axis=-1),
+            aim("joint_error"),
+            aim("present_joint_error"),
+            world("sensor_error") + seen.readings,
+            world("sensor_error_rate") + (seen.readings - seen.earlier) / self.settings.control_period,
+            world("previews", 2 * len(self.settings.previews)),
+            observed("lap_phase"),
+        )
+
+    def values(self, seen: Seen, task: Task) -> Floats:
+        """Compute observations. Shape (..., k)."""
+        point = np.moveaxis(_point(seen, self.encoders), -1, 0)
+        found = [np.broadcast_to(number, point.shape[1:]) for number in self._numbers(list(point), seen, task)]
+        return np.stack(found, axis=-1)
+
+    def slopes(self, seen: Seen, task: Task) -> Floats:
+        """Compute derivatives by encoders, reading and earlier reading. Shape (..., k, 8)."""
+        point = _point(seen, self.encoders)
+        return jacobian(lambda numbers: self._numbers(numbers, seen, task), point)[1]
+
+    def _numbers(self, point: Sequence[Any], seen: Seen, task: Task) -> list[Any]:
+        """Write the numbers of an observation as plain functions of eight numbers; see `slopes`."""
+        encoders, reading, earlier = point[:4], point[4:6], point[6:]
+        reference, aim, present_aim, sensor_reference, sensor_velocity, previews, phase = (
+            list(np.moveaxis(part, -1, 0)) for part in task
+        )
+        period = self.settings.control_period
+        known = Measurements(
+            encoders,
+            reference,
+            aim,
+            reading,
+            [there - x for there, x in zip(sensor_reference, reading, strict=True)],
+            [v - (x - y) / period for v, x, y in zip(sensor_velocity, reading, earlier, strict=True)],
+            self.settings.flexible_arm.parameters.link_lengths,
+            phase=0.0,
+            frame=1.0 if self.settings.frame == "link" else 0.0,
+        )
+        found = features(known)
+        present_error, present_rate = joint_errors(present_aim, encoders)
+        pairs = zip(previews[::2], previews[1::2], strict=True)
+        ahead = [x for pair in pairs for x in in_frame(found.frame_axis, pair)]
+        past = np.moveaxis(seen.actions.reshape(*seen.actions.shape[:-2], -1), -1, 0)
+        rows = {f"F_{name.upper()}": values for name, values in found._asdict().items()} | {
+            "F_PHASE": phase,
+            "F_PRESENT_JOINT_ERROR": present_error,
+            "F_PRESENT_JOINT_ERROR_RATE": present_rate,
+            "ENCODERS": encoders,
+            "STATE": list(np.moveaxis(seen.states, -1, 0)),
+            "TAIL": [*ahead, *past],
+            "EFFECTIVE_GAIN": [0.0],
+        }
+        numbers = []
+        for name in self.blocks:
+            part, first, count = BLOCKS[name].rows(self.settings)
+            numbers += rows[part][first : first + count]
+        return [x * (1.0 / scale) for x, scale in zip(numbers, self.scale, strict=True)]
+
+    def _selected(self, part: str, count: int) -> Floats:
+        """Return derivatives of an observation by the numbers of a part of which it shows some as they are."""
+        slopes = np.zeros((len(self.scale), count))
+        for name, place in self.blocks.items():
+            own, first, size = BLOCKS[name].rows(self.settings)
+            if own == part:
+                rows = np.arange(place.start, place.stop)
+                slopes[rows, first + np.arange(size)] = 1.0 / self.scale[rows]
+        return slopes
+
+
+def check_differentiable(settings: Settings) -> None:
+    """Refuse an environment through which derivatives do not run.
+
+    Args:
+        settings: of the environment.
+
+    Raises:
+        ValueError: naming the option.
+    """
+    for name, value in NEEDED.items():
+        if (given := getattr(settings, name)) != value:
+            raise ValueError(f"{name} = {shown(given)}: derivatives run through {value!r} only")
+
+
+def _point(seen: Seen, encoders: Sequence[int]) -> Floats:
+    """Put together the numbers on which features depend. Shape (..., 8)."""
+    return np.concatenate([seen.states[..., encoders], seen.readings, seen.earlier], axis=-1)

@@ -1,0 +1,96 @@
+"""`Window`: what a batch of arms went through over some control periods; `Driver`: what runs it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexarm_env.envs.vector import FlexArmVectorEnv
+
+Floats = NDArray[np.float64]
+Singles = NDArray[np.float32]
+Flags = NDArray[np.bool_]
+Network = Callable[[Singles], NDArray[np.floating]]
+
+
+class Window(NamedTuple):
+    """T control periods of n arms. Instant t is the beginning of period t; the last one is the end of the last period.
+
+    At an instant at which an episode begins, all is that of the new one.
+
+    Attributes:
+        observations: at each instant. Shape (T + 1, n, k).
+        states: at each instant. Shape (T + 1, n, 4 + 4 m).
+        readings: latest ones of the sensor on link 2 [m]. Shape (T + 1, n, 2).
+        ages: control periods since the episode began. Shape (T + 1, n).
+        wanted: what the network wants. Shape (T, n, 2).
+        actions: what is done: that, limited to [-1, 1]. Shape (T, n, 2).
+        earlier: action of the period before, 0 where an episode begins. Shape (T, n, 2).
+        after: states at the ends of the periods, of the episodes that end there. Shape (T, n, 4 + 4 m).
+        references: where the tip should be then [m]. Shape (T, n, 2).
+        last: observations then. Shape (T, n, k).
+        ended: the episode ends with the period. Shape (T, n).
+        lost: and not because of its time limit. Shape (T, n).
+    """
+
+    observations: Singles
+    states: Floats
+    readings: Floats
+    ages: NDArray[np.int64]
+    wanted: Floats
+    actions: Singles
+    earlier: Singles
+    after: Floats
+    references: Floats
+    last: Singles
+    ended: Flags
+    lost: Flags
+
+
+class Driver:
+    """A batch between two windows; pickles as it is."""
+
+    def __init__(self, env: FlexArmVectorEnv, seed: int) -> None:
+        """Begin episodes.
+
+        Args:
+            env: the batch; an episode begins in the step that ends the one before.
+            seed: of the episodes.
+        """
+        self.env = env
+        self._observations, infos = env.reset(seed=seed)
+        self._states, self._readings = infos["state"].copy(), infos["sensed"].copy()
+        self._ages = np.zeros(env.num_envs, dtype=np.int64)
+        self._earlier = np.zeros((env.num_envs, 2), dtype=np.float32)
+
+    def window(self, network: Network, periods: int) -> Window:
+        """Run a window.
+
+        Args:
+            network: chooses actions by observations.
+            periods: how many.
+        """
+        instants, done = [self._instant()], []
+        for _ in range(periods):
+            wanted = np.asarray(network(self._observations), dtype=np.float64)
+            actions, earlier = np.clip(wanted, -1.0, 1.0).astype(np.float32), self._earlier
+            self._observations, _, lost, cut, infos = self.env.step(actions)
+            ended = lost | cut
+            after, references, last = infos["state"].copy(), infos["reference"].copy(), self._observations
+            if ended.any():
+                final, last = infos["final_info"], last.copy()
+                after[ended], references[ended] = final["state"][ended], final["reference"][ended]
+                last[ended] = np.stack(list(infos["final_obs"][ended]))
+            self._states, self._readings = infos["state"], infos["sensed"]
+            self._ages = np.where(ended, 0, self._ages + 1)
+            self._earlier = np.where(ended[:, None], np.float32(0.0), actions)
+            done.append((wanted, actions, earlier, after, references, last, ended, lost))
+            instants.append(self._instant())
+        at, over = (map(np.stack, zip(*rows, strict=True)) for rows in (instants, done))
+        return Window(*at, *over)
+
+    def _instant(self) -> tuple[Singles, Floats, Floats, NDArray[np.int64]]:
+        return self._observations, self._states, self._readings, self._ages

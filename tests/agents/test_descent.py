@@ -1,0 +1,279 @@
+"""First-order gradients: the chain rule through arm, sensor and network beside differences of real runs; trainings."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+from numpy.typing import NDArray
+
+import flexarm_agents.descent.training
+from flexarm_agents import DescentConfig, TrainingStopped, descend, evaluate, load_policy
+from flexarm_agents.descent.adjoint import seen_in, wanted_gradients
+from flexarm_agents.descent.costs import costs, error_cost, largest_cost
+from flexarm_agents.descent.learner import Figures
+from flexarm_agents.descent.observations import Observations
+from flexarm_agents.descent.readings import instants
+from flexarm_agents.descent.training import _Descent
+from flexarm_agents.descent.window import Driver, Window
+from flexarm_agents.environments import make_batch
+from flexarm_agents.run_folder import RunFolder
+from flexarm_env.envs.blocks import BLOCKS
+from flexarm_env.envs.settings import Settings
+from flexarm_env.laps import LAPS
+from tests.agents.test_training import same_policy
+from tests.support.refusals import refuses
+from tests.support.trainings import DESCENDED, descended
+
+Floats = NDArray[np.float64]
+ID = "FlexArm/Square-v0"
+ELSEWHERE = ("torque", "inner_gain", "second_sensed_position", "second_sensor_error")  # with other options
+OBSERVATION = [name for name in BLOCKS if name not in ELSEWHERE]
+OPTIONS: dict[str, Any] = {"observation": OBSERVATION, "last_actions": 3}
+
+
+# --- the chain ------------------------------------------------------------------------------------------------------
+
+
+class Chain:
+    """A window of a linear policy in double precision, and the derivatives of its costs and of a linear value after it.
+
+    The environment's own observations and actions are in single precision.
+    """
+
+    periods, arms = 18, 4
+
+    def __init__(self, **options: Any) -> None:
+        given = {**OPTIONS, "start": "moving", **options}
+        self.config = DescentConfig(
+            horizon=self.periods, arms=self.arms, episode_steps=13, options=given, deflection_share=0.01
+        )
+        self.env = make_batch(ID, self.arms, self.config.batch_options)
+        self.model = Observations(self.env)
+        random, size = np.random.default_rng(0), len(self.model.scale)
+        self.weights = 0.03 * random.normal(size=(2, size))
+        self.value = random.normal(size=size)
+        self.wishes = np.array([[1.5, 0.1], [-0.2, -1.4], [0.3, -0.3], [0.0, 0.2]])  # of each arm; some are too large
+        self.discounts = 0.95 ** np.arange(self.periods)[:, None] * np.ones((1, self.arms))
+
+    def window(self, weights: Floats) -> Window:
+        return Driver(self.env, 3).window(lambda seen: seen.astype(np.float64) @ weights.T + self.wishes, self.periods)
+
+    def total(self, weights: Floats) -> float:
+        window = self.window(weights)
+        found = costs(window, self.env.settings, self.config)
+        after = np.where(window.ended[-1], 0.0, window.last[-1].astype(np.float64) @ self.value)
+        return float((self.discounts * found.total).sum() + after.sum())
+
+    def gradient(self) -> Floats:
+        window = self.window(self.weights)
+        assert window.ended.any()
+        assert not window.ended[-1].any()
+        assert (np.abs(window.wanted) > 1.0).any()
+        found = costs(window, self.env.settings, self.config)
+        network = np.broadcast_to(self.weights, (self.periods, self.arms, *self.weights.shape))
+        at_end = np.tile(self.value, (self.arms, 1))
+        by_wanted = wanted_gradients(self.model, window, found, network, at_end, self.discounts)
+        return np.einsum("tni,tnk->ik", by_wanted, window.observations[:-1].astype(np.float64))
+
+
+@pytest.mark.parametrize("delay", [None, 0.0, 0.004, 0.02, 0.0437])
+def test_the_gradient_is_that_of_the_environment(delay: float | None) -> None:
+    """Network's weights to costs: by differences of runs of the very environment, block by block."""
+    chain = Chain(delay=delay)
+    gradient, step = chain.gradient(), 3e-4
+    for name, place in chain.env.observation_blocks.items():
+        way = np.zeros_like(gradient)
+        way[:, place] = gradient[:, place] / np.linalg.norm(gradient[:, place])
+        difference = chain.total(chain.weights + step * way) - chain.total(chain.weights - step * way)
+        assert difference / (2.0 * step) == pytest.approx((gradient * way).sum(), rel=3e-3), name
+    chain.env.close()
+
+
+def test_in_the_worlds_frame_and_without_scales() -> None:
+    chain = Chain(frame="world", scaled=False)
+    chain.weights *= 0.2
+    gradient, step = chain.gradient(), 1e-4
+    way = gradient / np.linalg.norm(gradient)
+    difference = chain.total(chain.weights + step * way) - chain.total(chain.weights - step * way)
+    assert difference / (2.0 * step) == pytest.approx((gradient * way).sum(), rel=3e-3)
+    chain.env.close()
+
+
+@pytest.mark.parametrize("delay", [None, 0.0, 0.004, 0.02, 0.0437])
+def test_readings_are_those_of_the_environment(delay: float | None) -> None:
+    env = make_batch(ID, 2, {"start": "corner", "delay": delay, "max_episode_steps": 100})
+    window = Driver(env, 0).window(lambda seen: np.full((2, 2), [[0.4, -0.2], [-0.3, 0.5]]), 12)
+    settings, arm = env.settings, env.arm
+    step = settings.control_period / settings.substeps
+    torques = window.actions * np.array(settings.motor_limit)
+    found = np.zeros((6, 2, 2))
+    for one in instants(settings):
+        first = slice(6 - one.periods, 12 - one.periods)
+        states = window.states[first]
+        if one.substeps:
+            states = arm.step(states, torques[first], one.substeps * step, step=step)
+        sensed = arm.output_jacobians(states)[0].sensed
+        found += one.position * sensed[..., :2] + one.rate * sensed[..., 2:]
+    np.testing.assert_allclose(found, window.readings[6:12], atol=1e-9)
+    env.close()
+
+
+@pytest.mark.parametrize("frame", ["link", "world"])
+def test_observations_are_those_of_the_environment(frame: str) -> None:
+    """What the task decides is recovered from one arm's observations and completes those of another arm."""
+    options = {**OPTIONS, "frame": frame, "start": "corner", "elbow_branch": "negative", "max_episode_steps": 100}
+    env = make_batch(ID, 2, options)
+    window = Driver(env, 0).window(lambda seen: np.array([[0.4, -0.2], [-0.3, 0.5]]), 14)
+    model, seen = Observations(env), seen_in(window, 3)
+    task = model.task(window.observations, seen)
+    swapped = type(task)(*(part[:, ::-1] for part in task))
+    known = slice(5, None)  # of the first readings, those before the episode are not in the window
+    found = model.values(seen, swapped)[known]
+    assert np.abs(np.diff(window.observations[known], axis=1)).max(axis=(0, 1)).min() == 0.0  # the task's own numbers
+    np.testing.assert_allclose(found, window.observations[known], atol=3e-6)
+    env.close()
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"action_mode": "torque_rate"},
+        {"sensor": "rigid"},
+        {"randomisation": {"payload_mass": [0.0, 1.0]}},
+        {"noise": 0.01},
+        {"encoder_noise": [0.0, 0.01]},
+        {"actuation_delay": 0.01},
+        {"second_sensor_link": 1, "observation": ["joint_error", "second_sensed_position"]},
+    ],
+)
+def test_what_derivatives_do_not_run_through_is_refused(tmp_path: Path, options: dict[str, Any]) -> None:
+    with refuses(ValueError, f"{next(iter(options))} = ", "derivatives run through"):
+        descend(DescentConfig(options=options), tmp_path / "run")
+    assert not (tmp_path / "run").exists()
+
+
+# --- costs and configuration ----------------------------------------------------------------------------------------
+
+
+def test_the_cost_of_an_error_is_a_square_and_then_a_line() -> None:
+    squares = np.array([1e-6, 0.04, 25.0])
+    cost, slope = error_cost(squares, 0.2)
+    np.testing.assert_allclose(cost[[0, 2]], [1e-6 / 0.4, 5.0 - 0.2], rtol=1e-3)
+    np.testing.assert_allclose((error_cost(squares + 1e-7, 0.2)[0] - cost) / 1e-7, slope, rtol=1e-3)
+    farther = error_cost(np.array(2.5**2), 0.3)[0]
+    assert largest_cost(Settings(), DescentConfig(error_knee=0.3)) == pytest.approx(float(farther))
+    assert largest_cost(Settings(error_limit=None), DescentConfig(error_knee=0.3)) == pytest.approx(17.7, rel=1e-2)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"horizon": 1}, "horizon = 1: must be an integer >= 2"),
+        ({"gamma": 1.5}, "gamma = 1.5"),
+        ({"error_knee": 0.0}, "error_knee = 0.0"),
+        ({"critic_observation": ["sight"]}, "sight"),
+        ({"critic_observation": ["state", "state"]}, "each only once"),
+        ({"critic_epochs": 0, "critic_batch": 64}, "critic_batch = 64: has no effect with critic_epochs = 0"),
+        ({"hidden": []}, "hidden = "),
+    ],
+)
+def test_bad_settings_are_refused(changes: dict[str, Any], words: str) -> None:
+    with refuses((TypeError, ValueError), words):
+        DescentConfig.of(changes)
+
+
+def test_what_the_critic_alone_sees_comes_last() -> None:
+    late = {"observation": ["joint_error", "sensor_error"]}
+    assert DescentConfig(options=late).batch_options["observation"] == [
+        "joint_error", "sensor_error", "modal_coordinates", "modal_rates",
+    ]  # fmt: skip
+    assert DescentConfig(options=late, critic_epochs=0).batch_options["observation"] == late["observation"]
+
+
+# --- the whole ------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Run the tiny training once; its folder must not be changed."""
+    return descended(tmp_path_factory.mktemp("runs"))
+
+
+def test_what_a_descent_leaves(run: Path) -> None:
+    assert {path.name for path in run.iterdir()} == {
+        "best_policy.npz", "checkpoint.zip", "config.json", "evaluations.csv", "evaluations.json", "last_policy.npz",
+        "tensorboard", "versions.json",
+    }  # fmt: skip
+    assert list((run / "tensorboard").glob("events.out.tfevents.*"))
+    rows = json.loads((run / "evaluations.json").read_text())
+    assert [row["steps"] for row in rows] == [64, 128]
+    trained = load_policy(run)
+    again = evaluate(trained.make_env(), trained.policy, seed=1_000_003)
+    assert again.as_mapping() == {lap: trained.notes["evaluation"][lap] for lap in LAPS}
+    assert set(trained.notes["versions"]) >= {"python", "code", "torch", "numpy"}
+
+
+class Interrupted(Exception):  # noqa: N818
+    pass
+
+
+def test_an_interrupted_descent_ends_in_the_same_bits(
+    run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Breaking(_Descent):
+        def window(self) -> Figures:
+            if self.done == 1:
+                raise Interrupted
+            return super().window()
+
+    config = DescentConfig(**DESCENDED)
+    with monkeypatch.context() as patch:
+        patch.setattr(flexarm_agents.descent.training, "_Descent", Breaking)
+        with pytest.raises(Interrupted):
+            descend(config, tmp_path / "run")
+    torch.manual_seed(5)  # what the generator did meanwhile has no influence
+    descend(config, tmp_path / "run", resume=True)
+    assert same_policy(run / "last_policy.npz", tmp_path / "run" / "last_policy.npz")
+    rows = [json.loads((folder / "evaluations.json").read_text()) for folder in (run, tmp_path / "run")]
+    assert all(row.pop("seconds") for each in rows for row in each)
+    assert rows[0] == rows[1]
+    before = (tmp_path / "run" / "last_policy.npz").read_bytes()
+    outcome = descend(config, tmp_path / "run", resume=True)  # it is complete
+    assert (tmp_path / "run" / "last_policy.npz").read_bytes() == before
+    assert outcome.last["steps"] == 128
+    (tmp_path / "run" / "checkpoint.zip").write_bytes(b"no zip")
+    with refuses(ValueError, "checkpoint.zip: not a checkpoint"):
+        descend(config, tmp_path / "run", resume=True)
+
+
+def test_a_signal_lets_the_round_finish(run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    class Signalled(_Descent):
+        def window(self) -> Figures:
+            os.kill(os.getpid(), signal.SIGTERM)
+            return super().window()
+
+    config = DescentConfig(**{**DESCENDED, "windows": 1, "rounds": 4})
+    with monkeypatch.context() as patch:
+        patch.setattr(flexarm_agents.descent.training, "_Descent", Signalled)
+        with pytest.raises(TrainingStopped) as caught:
+            descend(config, tmp_path / "run")
+    assert (caught.value.signal, caught.value.steps) == (signal.SIGTERM, 32)
+    assert descend(config, tmp_path / "run", resume=True).last["steps"] == 128
+    assert same_policy(run / "last_policy.npz", tmp_path / "run" / "last_policy.npz")
+
+
+def test_the_first_third_of_a_second_is_learned_at_once(tmp_path: Path) -> None:
+    """A training for real, though a small one: every window is the lap's beginning."""
+    lap = {"start": "corner", "elbow_branch": "negative"}
+    sizes: dict[str, Any] = {"arms": 2, "episode_steps": 32, "hidden": (32,), "critic_epochs": 0}
+    training = _Descent(DescentConfig(windows=40, rounds=1, options=lap, **sizes), RunFolder(tmp_path))
+    figures = [training.window() for _ in range(40)]
+    training.driver.env.close()
+    assert figures[-1].error < 0.35 * figures[0].error
