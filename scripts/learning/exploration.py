@@ -35,7 +35,12 @@ STEPS = 1_000_000
 SQUARE = "FlexArm/Square-v0"
 FINER = {"tracking_wide": 0.4, "tracking_middle": 0.25, "tracking_fine": 0.35}
 LIMITLESS: dict[str, Any] = {"deflection_limit": None, "error_limit": None}
-TAUGHT: dict[str, Any] = {"initial_policy": "student_gauges", "log_std": -2.5}
+TAUGHT: dict[str, Any] = {
+    "initial_policy": "student_gauges",
+    "log_std": -2.5,
+    "learning_rate": 3e-5,
+    "final_learning_rate": 3e-6,
+}
 NOISES = (0.0, 0.1, 0.3)  # standard deviations of the noise on actions
 EPISODES = 8  # of each lap with noise
 PICTURE = "exploration.png"
@@ -65,10 +70,10 @@ WAYS = {
         "curriculum: laps of 32 s for a third", {"lesson_options": {"lap_time": 32.0}, "lesson_steps": STEPS // 3}
     ),
     "taught": Way(
-        "begins as `student_gauges`, little noise, small steps",
-        {**TAUGHT, "learning_rate": 3e-5, "final_learning_rate": 3e-6},
+        "begins as `student_gauges`, value first, on the corners",
+        {**TAUGHT, "value_steps": STEPS // 10, "options": {"start": "corners"}},
     ),
-    "taught_fast": Way("begins as `student_gauges`, little noise, larger steps", {**TAUGHT, "learning_rate": 3e-4}),
+    "taught_rash": Way("begins as `student_gauges`, its value untrained", TAUGHT),
     "noise": Way("more noise at the beginning", {"log_std": 0.0}),
     "corners": Way("at rest on one of the corners", {"options": {"start": "corners"}}),
     "spread": Way("moving starts four times as far off", {"options": {"start_spread": [0.2, 0.2]}}),

@@ -56,6 +56,13 @@ from tests.support.trainings import ID, TINY
             ValueError,
             r"initial_policy = 'square': has no effect with",
         ),
+        ({"value_steps": 5}, ValueError, r"value_steps = 5: must go with initial_policy, and be < steps = 2000000"),
+        (
+            {"initial_policy": "square", "value_steps": 2_000_000},
+            ValueError,
+            r"value_steps = 2000000: must go with initial_policy, and be < steps = 2000000",
+        ),
+        ({"value_learning_rate": 0.0}, ValueError, r"value_learning_rate = 0.0: must be .* > 0.0"),
         ({"lesson_options": {"noize": 1.0}}, TypeError, r"keyword argument 'noize'; did you mean 'noise'"),
         ({"lesson_options": [1]}, TypeError, r"lesson_options = \[1\]: must be a mapping"),
         ({"lesson_steps": 10}, ValueError, r"lesson_steps = 10: must go with lesson_options, and be < steps = 2000000"),
