@@ -2,7 +2,7 @@
 # make, python3 (3.11 or newer) and pip's access to a package index.
 # Another interpreter: make PYTHON=python3.12    Arguments for a script: make bench ARGS="--help"
 # Processes that share the tests: make test JOBS=4
-# Another set of versions, in an environment of its own: make test VENV=build/lowest CONSTRAINTS=constraints-lowest.txt
+# Another set of versions, in an environment of its own: make test-fast VENV=build/lowest CONSTRAINTS=constraints-lowest.txt
 
 PYTHON ?= python3
 VENV   ?= .venv
@@ -36,7 +36,7 @@ INSTEAD_board := plot
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 .NOTPARALLEL:  # two installs into one environment must not overlap, and `make -j` buys nothing here
-.PHONY: help reproduce validate analyse optimise control test test-slow lint typecheck contract train agent learning evaluate leaderboard bench docs site dist clean
+.PHONY: help reproduce validate analyse optimise control test test-fast test-slow lint typecheck contract train agent learning evaluate leaderboard bench docs site dist clean
 
 help:  ## List the verbs
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-11s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -56,7 +56,9 @@ optimise: $(HAS)-plot  ## Find the best known laps by trajectory optimisation
 control: $(HAS)-plot  ## Compare controllers on the standard laps: tables of what was tried
 	$(PY) -m scripts.control $(ARGS)
 
-test: lint typecheck contract  ## Run every check: lint, typecheck, contract, and pytest without the slow tests
+test: lint typecheck contract test-fast  ## Run every check: lint, typecheck, contract, and pytest without the slow tests
+
+test-fast: $(HAS)-test  ## Run pytest alone, without the slow tests: mypy reads the types of the newest libraries only
 	$(PY) -m pytest -n $(JOBS) --dist worksteal $(ARGS)
 
 test-slow: $(HAS)-test  ## Run the slow tests alone
