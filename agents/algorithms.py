@@ -82,6 +82,8 @@ SETTINGS = {
     "quantiles": Setting("policy_kwargs.n_quantiles", ("tqc",)),
     "dropped_quantiles": Setting("top_quantiles_to_drop_per_net", ("tqc",)),
 }
+LESSONS = "lesson_options"  # the field for all else that a file says of the environment
+_ENVIRONMENT = "env_kwargs."
 # What a file has beside them: the policy follows from the algorithm, `shared_lstm` from `enable_critic_lstm`.
 IMPLIED = ("policy", "policy_kwargs.shared_lstm")
 
@@ -96,7 +98,7 @@ def tuned(algorithm: str, environment: str) -> Values:
 
     Args:
         algorithm: a name in `ALGORITHMS`.
-        environment: its id; one that the file lacks has the settings of `HOME`.
+        environment: its id; one that the file lacks has the settings of `HOME`, without its lessons.
 
     Raises:
         ModuleNotFoundError: without what reads the file, naming the extra.
@@ -104,7 +106,9 @@ def tuned(algorithm: str, environment: str) -> Values:
     """
     choice("algorithm", algorithm, ALL)
     files = _read(algorithm)
-    return settings_of(algorithm, files.get(environment) or files[HOME])
+    if environment in files:
+        return settings_of(algorithm, files[environment])
+    return {**settings_of(algorithm, files[HOME]), LESSONS: {}}
 
 
 def settings_of(algorithm: str, zoo: Mapping[str, Any]) -> Values:
@@ -118,12 +122,18 @@ def settings_of(algorithm: str, zoo: Mapping[str, Any]) -> Values:
     for name, value in zoo.items():
         inner = _arguments(value) if name == "policy_kwargs" else value
         flat |= {f"{name}.{key}": one for key, one in inner.items()} if isinstance(inner, Mapping) else {name: value}
+    lessons = {key.removeprefix(_ENVIRONMENT): flat.pop(key) for key in [*flat] if _of_lessons(key)}
     own = {SETTINGS[name].name: name for name in own_settings(algorithm)}
     unused, missing = flat.keys() - own.keys() - set(IMPLIED), own.keys() - flat.keys()
     for text, names in (("has no use for", unused), ("lacks", missing)):
         if names:
             raise ValueError(f"hyperparams/{algorithm}.yml: {text} {', '.join(sorted(names))}")
-    return {name: _plain(name, flat[key]) for key, name in own.items()}
+    return {LESSONS: lessons, **{name: _plain(name, flat[key]) for key, name in own.items()}}
+
+
+def _of_lessons(key: str) -> bool:
+    """Return whether a setting is an option of the environments in which an agent learns."""
+    return key.startswith(_ENVIRONMENT) and key != SETTINGS["episode_steps"].name
 
 
 @cache

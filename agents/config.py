@@ -10,7 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Literal, Self
 
-from flexarm_agents.algorithms import ALGORITHMS, SETTINGS, own_settings, tuned
+from flexarm_agents.algorithms import ALGORITHMS, LESSONS, SETTINGS, own_settings, tuned
 from flexarm_agents.environments import check_id, check_options, settings_of
 from flexarm_agents.history import LONGEST_LAG, checked_increasing
 from flexarm_agents.network import ACTIVATIONS
@@ -166,9 +166,9 @@ class TrainingConfig(RunConfig):
     initial_policy: str | None = None
     """PPO: policy whose network the training begins with, its value untrained: folder of a training or a teaching, its
     npz file, or the name of a shipped policy. It must have the observation, action, layers and lags of this one."""
-    lesson_options: dict[str, Any] = field(default_factory=dict)
+    lesson_options: dict[str, Any] = _TUNED
     """Options in which the environments of the training differ from the one that the agent is scored on, e.g. a slower
-    lap; observation and action must be alike."""
+    lap; observation and action must be alike. Tuned ones give way to `options` that speak of the same."""
     lesson_steps: int | None = None
     """Steps until which `lesson_options` hold, rounded up to whole rollouts; None: to the end."""
     evaluate_every: int = _TUNED
@@ -239,8 +239,25 @@ class TrainingConfig(RunConfig):
                 f"settings are {', '.join(own)}"
             )
         every = {"evaluate_every": algorithm.evaluate_every, "checkpoint_every": algorithm.checkpoint_every}
-        given = all(getattr(self, name) is not None for name in own)
-        return every if given else {**tuned(self.algorithm, check_id(self.environment)), **every}
+        if all(getattr(self, name) is not None for name in [*own, LESSONS]):
+            return every
+        found = tuned(self.algorithm, check_id(self.environment))
+        return {**found, **every, LESSONS: self._fitting(found[LESSONS])}
+
+    def _fitting(self, lessons: dict[str, Any]) -> dict[str, Any]:
+        """Return tuned lessons as far as the options leave them a meaning."""
+        options = mapping("options", self.options)
+        own = {name: value for name, value in lessons.items() if name not in options}
+        try:
+            check_options(check_id(self.environment), {**options, **own})
+        except (TypeError, ValueError):  # either the options are bad by themselves, which is found later, or own ones
+            return {}
+        return own
+
+    @classmethod
+    def of(cls, values: Mapping[str, Any]) -> Self:
+        """Read what `plain` gave; files of versions without lessons have none."""
+        return super().of({LESSONS: {}, **values})
 
     def _checked(self) -> dict[str, Any]:
         choice("observer", self.observer, KINDS)

@@ -79,7 +79,8 @@ def config_of(way: str) -> TrainingConfig:
     Args:
         way: a name in `WAYS`.
     """
-    return TrainingConfig(steps=STEPS, evaluate_every=STEPS // 10, **WAYS[way].settings)
+    settings: dict[str, Any] = {"lesson_options": {}, **WAYS[way].settings}
+    return TrainingConfig(steps=STEPS, evaluate_every=STEPS // 10, **settings)
 
 
 class Start(NamedTuple):

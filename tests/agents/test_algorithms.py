@@ -116,7 +116,7 @@ def test_what_a_network_learns_on_is_what_its_policy_sees(name: str) -> None:
     config = TrainingConfig(**{**TINIES[name], "episode_steps": 6})
     model = new_model(config)
     policy = network_policy(model)
-    options = {**config.options, "max_episode_steps": 6}
+    options = {**config.options, **config.lesson_options, "max_episode_steps": 6}
     plain, monitor = FlexArmVecEnv.make(config.environment, config.envs, **options), model.get_env()
     assert monitor is not None
     for env in (plain, monitor):

@@ -58,7 +58,11 @@ from tests.support.trainings import ID, TINY
         ),
         ({"lesson_options": {"noize": 1.0}}, TypeError, r"keyword argument 'noize'; did you mean 'noise'"),
         ({"lesson_options": [1]}, TypeError, r"lesson_options = \[1\]: must be a mapping"),
-        ({"lesson_steps": 10}, ValueError, r"lesson_steps = 10: must go with lesson_options, and be < steps = 2000000"),
+        (
+            {"lesson_steps": 10, "lesson_options": {}},
+            ValueError,
+            r"lesson_steps = 10: must go with lesson_options, and be < steps = 2000000",
+        ),
         (
             {"lesson_options": {"noise": 0.1}, "lesson_steps": 500, "steps": 500},
             ValueError,

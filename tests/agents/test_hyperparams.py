@@ -50,14 +50,26 @@ def test_settings_are_arguments_of_the_algorithm(algorithm: str) -> None:
 
 
 def test_the_files_are_the_only_source() -> None:
-    """`flexarm train` has what the file has; an id that the file lacks has the settings of the first id."""
+    """`flexarm train` has what the file has; an id that the file lacks has the settings of the first id, no lessons."""
     config = TrainingConfig()
     assert (config.steps, config.envs, config.rollout, config.batch) == (2_000_000, 64, 64, 1024)
     assert (config.learning_rate, config.hidden, config.activation) == (1.5e-3, (128, 128), "elu")
     assert (config.log_std, config.episode_steps, config.lstm, config.buffer) == (-0.7, 600, None, None)
-    assert replace(config, environment="FlexArm/Track-v0") == TrainingConfig(environment="Track-v0")
+    other = replace(config, environment="FlexArm/Track-v0", lesson_options={})
+    assert other == TrainingConfig(environment="Track-v0")
     assert TrainingConfig(algorithm="sac", environment="SquareResidual-v0").steps == 100_000
     assert TrainingConfig(algorithm="sac", environment="SquareEncoders-v0").steps == 500_000
+
+
+def test_lessons_leave_what_the_options_say() -> None:
+    """Tuned starts hold unless the options speak of starts; what a file of before lessons holds had none."""
+    assert TrainingConfig().lesson_options == {"start": "corners"}
+    assert TrainingConfig(options={"noise": 0.001}).lesson_options == {"start": "corners"}
+    for options in ({"start": "moving"}, {"start_spread": [0.2, 0.2]}):
+        assert TrainingConfig(options=options).lesson_options == {}
+    before = TrainingConfig().plain()
+    del before["lesson_options"]
+    assert TrainingConfig.of(before) == TrainingConfig(lesson_options={})
 
 
 @pytest.mark.parametrize("algorithm", CLASSES)

@@ -21,7 +21,7 @@ def mean_return(actions: NDArray[np.float32] | None, folder: Path) -> float:
         actions: constant ones; None: those of the last policy.
         folder: of the training.
     """
-    env = make_batch(ID, EPISODES, {"max_episode_steps": PERIODS})
+    env = make_batch(ID, EPISODES, {"max_episode_steps": PERIODS, "start": "corners"})
     observations, _ = env.reset(seed=7)
     policy = load_policy(folder, last=True).policy
     total, running = np.zeros(EPISODES), np.ones(EPISODES, dtype=bool)
@@ -35,22 +35,22 @@ def mean_return(actions: NDArray[np.float32] | None, folder: Path) -> float:
 
 
 def test_a_small_agent_learns(tmp_path: Path) -> None:
-    """It earns a tenth more than motors at rest, which earn half as much again as random torques.
+    """It earns one and a half times what motors at rest earn.
 
-    Three seeds earned 26 to 44 % more than motors at rest. Another processor rounds otherwise, which
-    makes of a training another draw.
+    Three seeds earned 2.3 to 3.7 times as much. Another processor rounds otherwise, which makes of a training another
+    draw.
     """
     config = TrainingConfig(
         seed=1,
-        steps=150_000,
+        steps=100_000,
         envs=8,
         rollout=256,
         batch=512,
         learning_rate=2e-3,
         hidden=(64, 64),
         episode_steps=PERIODS,
-        evaluate_every=150_000,
+        evaluate_every=100_000,
     )
     train(config, tmp_path / "run")
     still = mean_return(np.zeros((EPISODES, 2), dtype=np.float32), tmp_path / "run")
-    assert mean_return(None, tmp_path / "run") > 1.1 * still
+    assert mean_return(None, tmp_path / "run") > 1.5 * still
