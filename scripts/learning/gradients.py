@@ -45,6 +45,10 @@ WAYS = {
         "encoders and the late tip, four past actions",
         {"options": {"observation": without(*GAUGES), "last_actions": 4}},
     ),
+    "encoders_longer": Way(
+        "encoders and the late tip, eight past actions, twice as long",
+        {"options": {"observation": without(*GAUGES), "last_actions": 8}, "rounds": 2 * DescentConfig.rounds},
+    ),
     "state": Way("the true state: encoders and strain gauges", {"options": {"observation": without(*LATE_TIP)}}),
     "no_critic": Way("the registered observation, no critic, windows of 64", {"critic_epochs": 0, "horizon": 64}),
 }
