@@ -25,7 +25,7 @@ from flexarm_env.metrics import elbow_changes
 from flexarm_env.predictor import predictor
 from flexarm_env.rollout import run_policy
 from flexarm_env.simulation.trajectory import Trajectory
-from scripts.common.curves import FOLDER
+from scripts.common.curves import FOLDER, curve
 from scripts.common.markdown import table
 from scripts.common.plotting import COLOURS
 from scripts.common.spreads import spread_text
@@ -42,6 +42,7 @@ TAUGHT: dict[str, Any] = {
     "learning_rate": 3e-5,
     "final_learning_rate": 3e-6,
 }
+Runs = Mapping[str, Sequence[Mapping[str, Trajectory]]]  # of each agent, of each seed, by the lap
 NOISES = (0.0, 0.1, 0.3)  # standard deviations of the noise on actions
 EPISODES = 8  # of each lap with noise
 PICTURE = "exploration.png"
@@ -202,11 +203,13 @@ def tables(found: Found, folder: Path) -> Mapping[str, str]:
         "taught (`student_gauges`)": Driver(env, load_policy("student_gauges").policy),
     }
     runs = {text: [driver.laps()] for text, driver in yardsticks.items()}
+    ends: dict[str, list[float | None]] = {}
     for name in (name for name in WAYS if name in found):
+        ends[WAYS[name].text] = [curve(one)["swing"][-1] for one in found[name]]
         drivers = [Driver(env, load_policy(one.folder).policy) for one in found[name]]
         runs[WAYS[name].text] = [driver.laps() for driver in drivers]
     draw(runs, folder / PICTURE)
-    made = {"exploration": _table(runs)}
+    made = {"exploration": _table(runs, ends)}
     if "mix" in found:
         median = Driver(env, load_policy(_median(found["mix"]).folder).policy)
         made["exploration_rewards"] = rewards(yardsticks | {"PPO, tuned settings, median seed": median})
@@ -215,13 +218,14 @@ def tables(found: Found, folder: Path) -> Mapping[str, str]:
     return made
 
 
-def _table(runs: Mapping[str, Sequence[Mapping[str, Trajectory]]]) -> str:
-    """Tabulate the laps of each agent's seeds."""
+def _table(runs: Runs, ends: Mapping[str, Sequence[float | None]]) -> str:
+    """Tabulate the laps of each agent's seeds; those that learned by reward also have the error at the end."""
     swing = ("swing: lap [m]", "first 2 s [m]", "after 2 s [m]", "bends link 1 by [m]", "elbow straight at [s]")
-    return table(("what is other", "seeds", *swing, "plain: lap [m]"), list(_rows(runs)))
+    head = ("what is other", "seeds", *swing, "at the end of the training: lap [m]", "plain: lap [m]")
+    return table(head, list(_rows(runs, ends)))
 
 
-def _rows(runs: Mapping[str, Sequence[Mapping[str, Trajectory]]]) -> Iterator[tuple[str, ...]]:
+def _rows(runs: Runs, ends: Mapping[str, Sequence[float | None]]) -> Iterator[tuple[str, ...]]:
     for text, several in runs.items():
         swings = [start_of(one["swing"]) for one in several]
         plains = [start_of(one["plain"]) for one in several]
@@ -233,11 +237,12 @@ def _rows(runs: Mapping[str, Sequence[Mapping[str, Trajectory]]]) -> Iterator[tu
             *map(spread_text, errors),
             f"{np.median([one.deflection for one in swings]):.2f}",
             "-" if passed is None else f"{passed:.2f}",
+            spread_text(Spread.of(ends[text])) if text in ends else "-",
             spread_text(Spread.of(one.rms for one in plains)),
         )
 
 
-def draw(runs: Mapping[str, Sequence[Mapping[str, Trajectory]]], path: Path) -> None:
+def draw(runs: Runs, path: Path) -> None:
     """Draw error and deflection of link 1 over the first seconds of the swing lap, of each agent's median seed."""
     figure, axes = plt.subplots(1, 2, figsize=(10.5, 5.6))
     for n, (text, several) in enumerate(runs.items()):
