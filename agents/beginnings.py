@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from flexarm_agents.config import TrainingConfig
+from flexarm_agents.config import RunConfig, TrainingConfig
 from flexarm_agents.environments import make_one
 from flexarm_agents.fronts import readings_history
 from flexarm_agents.load import load_policy
@@ -17,15 +17,19 @@ from flexarm_env.envs.single import FlexArmEnv
 from flexarm_env.validation import shown
 
 
-def check_lessons(config: TrainingConfig) -> None:
+def check_lessons(config: RunConfig, lesson_options: Mapping[str, Any]) -> None:
     """Check that an agent observes and does in its lessons what it observes and does where it is judged.
 
+    Args:
+        config: of the training.
+        lesson_options: options in which the lessons differ.
+
     Raises:
-        ValueError: if `lesson_options` change the observation or the action.
+        ValueError: if these change the observation or the action.
     """
-    if config.lesson_options and not _alike(config.environment, config.options, config.options | config.lesson_options):
+    if lesson_options and not _alike(config.environment, config.options, config.options | dict(lesson_options)):
         raise ValueError(
-            f"lesson_options = {shown(config.lesson_options)}: must leave observation and action of the environment as "
+            f"lesson_options = {shown(lesson_options)}: must leave observation and action of the environment as "
             "they are"
         )
 

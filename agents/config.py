@@ -166,6 +166,10 @@ class TrainingConfig(RunConfig):
     initial_policy: str | None = None
     """PPO: policy whose network the training begins with, its value untrained: folder of a training or a teaching, its
     npz file, or the name of a shipped policy. It must have the observation, action, layers and lags of this one."""
+    value_steps: int = 0
+    """After `initial_policy`: steps at the beginning in which the value learns alone, whole rollouts of them."""
+    value_learning_rate: float = 1e-3
+    """In these steps; they have no part in the fall of `learning_rate`."""
     lesson_options: dict[str, Any] = _TUNED
     """Options in which the environments of the training differ from the one that the agent is scored on, e.g. a slower
     lap; observation and action must be alike. Tuned ones give way to `options` that speak of the same."""
@@ -210,6 +214,10 @@ class TrainingConfig(RunConfig):
             raise ValueError(
                 f"initial_policy = {shown(self.initial_policy)}, observer = {self.observer!r}: the network behind an "
                 "observer begins untrained"
+            )
+        if self.value_steps and (self.initial_policy is None or self.value_steps >= self.steps):
+            raise ValueError(
+                f"value_steps = {self.value_steps}: must go with initial_policy, and be < steps = {self.steps}"
             )
         if self.lesson_steps is not None and (not self.lesson_options or self.lesson_steps >= self.steps):
             raise ValueError(
@@ -280,6 +288,8 @@ class TrainingConfig(RunConfig):
             "gamma": number("gamma", self.gamma, least=0.0, most=1.0),
             "learning_rate": number("learning_rate", self.learning_rate, above=0.0, most=1.0),
             "final_learning_rate": number("final_learning_rate", self.final_learning_rate, least=0.0),
+            "value_steps": integer("value_steps", self.value_steps, 0),
+            "value_learning_rate": number("value_learning_rate", self.value_learning_rate, above=0.0, most=1.0),
             "lags": checked_increasing("lags", self.lags, 1, LONGEST_LAG),
             **checked_network(self.hidden, self.activation),
             **{name: _OWN[name](name, getattr(self, name)) for name in own_settings(self.algorithm) if name in _OWN},

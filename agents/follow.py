@@ -14,7 +14,7 @@ from flexarm_agents.checkpoint import Progress, save_checkpoint
 from flexarm_agents.config import TrainingConfig
 from flexarm_agents.evaluation import Evaluator
 from flexarm_agents.export import network_policy
-from flexarm_agents.models import end_lessons
+from flexarm_agents.models import end_lessons, hold_policy
 from flexarm_agents.run_folder import RunFolder, put
 from flexarm_agents.stopping import StopSignals, TrainingStopped
 
@@ -60,6 +60,8 @@ class Follow(BaseCallback):
             raise TrainingStopped(self._stop.received, self.num_timesteps)
 
     def _on_rollout_end(self) -> None:
+        if self._config.value_steps:
+            hold_policy(self.model, held=self.num_timesteps <= self._config.value_steps)
         end = self._config.lesson_steps
         if end is not None and self._before_rollout < end <= self.num_timesteps:
             end_lessons(self._config, self.model)

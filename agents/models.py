@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from importlib import import_module
 from typing import Any
 
@@ -22,7 +23,45 @@ from flexarm_agents.vec_env import FlexArmVecEnv
 from flexarm_env.envs.vector import FlexArmVectorEnv
 from flexarm_env.extras import needs_extra
 
+ROUNDING = 1e-9  # of shares of a training
 _OF_THE_ENVIRONMENT = ("n_timesteps", "n_envs", "env_kwargs.max_episode_steps")
+
+
+@dataclass(frozen=True)
+class ValueFirst:
+    """A learning rate that has a level of its own while the value learns alone, before the schedule begins.
+
+    Attributes:
+        schedule: from the share of a training that is left to the rate.
+        level: the rate before it.
+        share: of the training, before it.
+    """
+
+    schedule: LinearSchedule
+    level: float
+    share: float
+
+    def __call__(self, left: float) -> float:
+        """Return the rate.
+
+        Args:
+            left: share of the training that is left.
+        """
+        rest = left / (1.0 - self.share)
+        return self.level if rest >= 1.0 - ROUNDING else self.schedule(rest)
+
+
+def hold_policy(model: BaseAlgorithm, held: bool) -> None:
+    """Keep the policy of PPO as it is in the next updates, so that its value learns alone; or let it learn.
+
+    Args:
+        model: PPO with "MlpPolicy".
+        held: keep it.
+    """
+    policy: Any = model.policy
+    for part in (policy.mlp_extractor.policy_net, policy.action_net):
+        part.requires_grad_(not held)
+    policy.log_std.requires_grad_(not held)
 
 
 def model_class(algorithm: str) -> Any:
@@ -124,5 +163,7 @@ def arguments(config: TrainingConfig) -> dict[str, Any]:
         policy["shared_lstm"] = not config.critic_lstm
     if config.temperature is not None:
         found["ent_coef"] = f"auto_{config.temperature}"
-    found["learning_rate"] = LinearSchedule(config.learning_rate, config.final_learning_rate, 1.0)
+    found["learning_rate"] = rate = LinearSchedule(config.learning_rate, config.final_learning_rate, 1.0)
+    if config.value_steps:
+        found["learning_rate"] = ValueFirst(rate, config.value_learning_rate, config.value_steps / config.steps)
     return {**found, "policy_kwargs": policy}

@@ -60,7 +60,7 @@ def train(
     """
     run = RunFolder(config.folder if folder is None else folder)
     model_class(config.algorithm)  # this and what follows before anything is written
-    check_lessons(config)
+    check_lessons(config, config.lesson_options)
     first = None if run.checkpoint.exists() else initial_policy(config, run)
     run.enter(config, versions([__name__]), resume)
     if first is not None:

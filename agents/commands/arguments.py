@@ -14,7 +14,8 @@ EXAMPLES = {
         "flexarm train --environment Square-v0 --seed 7 --folder runs/mine",
         "flexarm train --environment Square-v0 --seed 7 --folder runs/mine --resume",
         "flexarm train --algorithm sac --environment SquareResidual-v0",
-        "flexarm train --initial-policy student_gauges --log-std -2.5 --learning-rate 3e-4",
+        "flexarm train --initial-policy student_gauges --log-std -2.5 --learning-rate 3e-5 --final-learning-rate 3e-6 "
+        "--value-steps 100000",
     ),
     "teach": (
         "flexarm teach --environment Square-v0 --seed 7 --folder runs/student",

@@ -6,10 +6,11 @@ import argparse
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from flexarm_agents.board.columns import COLUMNS, Column
+from flexarm_agents.board.columns import COLUMNS, Column, Point
 from flexarm_agents.board.episodes import run_points
 from flexarm_agents.board.rows import Row
 from flexarm_agents.board.summary import breaking, merged, point_summary
+from flexarm_agents.commands.progress import Progress
 from flexarm_agents.commands.text import columns
 from flexarm_agents.run_folder import write_json
 from flexarm_env.laps import LAPS
@@ -34,13 +35,23 @@ def sweep(given: argparse.Namespace) -> None:
         algorithm = given.stable_baselines3 if source.endswith(".zip") else None
         environment = {} if given.environment is None else {"environment": given.environment}
         row = Row(source, options=given.options, algorithm=algorithm, **environment)
-        results = run_points(row, column.points)
+        results = _results(row, column.points)
         points = [point_summary(merged(results))] if column.sample else [point_summary(one) for one in results]
         print(_table(row.name, column, points), end="\n\n")
         written.append({"row": row.plain(), "results": results})
     given.output.parent.mkdir(parents=True, exist_ok=True)
     write_json(given.output, {"sweep": given.sweep, "rows": written})
     print(f"{given.output}: written")
+
+
+def _results(row: Row, points: Sequence[Point]) -> list[dict[str, Any]]:
+    """Run a row at some points, one after the other, so that it is seen to go on: the results are the same."""
+    found = []
+    with Progress(len(points), "points") as tick:
+        for point in points:
+            found += run_points(row, [point])
+            tick()
+    return found
 
 
 def _table(name: str, column: Column, points: Sequence[Summary | None]) -> str:

@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 from flexarm_agents.descent.costs import Costs
 from flexarm_agents.descent.observations import Observations, Seen
 from flexarm_agents.descent.readings import Instant, instants
-from flexarm_agents.descent.window import Window
+from flexarm_agents.descent.window import Window, usable
 
 Floats = NDArray[np.float64]
+MOST = 1e9  # [m]; a larger derivative by what is wanted is that of an arm that flies apart
 
 
 def seen_in(window: Window, actions: int) -> Seen:
@@ -42,6 +43,7 @@ class Adjoint:
     Attributes:
         by_state: by the state at each instant, as far as they have come. Shape (T + 1, n, 4 + 4 m).
         by_action: by the action of each period, apart from its effect on the arm. Shape (T, n, 2).
+        left_out: arms whose derivatives are too large, and count for nothing. Shape (n,).
     """
 
     def __init__(self, observations: Observations, window: Window) -> None:
@@ -66,6 +68,7 @@ class Adjoint:
         }
         self._within: dict[tuple[int, int], Floats] = {}  # by states within a period: of the period and the stop
         self.by_state, self.by_action = np.zeros_like(window.states), np.zeros(window.actions.shape)
+        self.left_out = np.zeros(window.actions.shape[1], dtype=bool)
 
     def observe(self, t: int, weights: Floats) -> None:
         """Add what an observation gives.
@@ -98,7 +101,8 @@ class Adjoint:
         weights = by_after + np.where(self._window.ended[t][:, None], 0.0, self.by_state[t + 1])
         by_torque, end = np.zeros((len(weights), 2)), self._substeps
         for stop, states in self._stops.items():
-            span = (end - stop) * self._step
+            self.left_out |= ~np.isfinite(weights).all(axis=1)
+            weights, span = np.where(self.left_out[:, None], 0.0, weights), (end - stop) * self._step
             found = self._arm.step_gradients(states[t], self._torques[t], weights, span, step=self._step)
             weights, by_torque, end = found.by_state, by_torque + found.by_torque, stop
             if (t, stop) in self._within:
@@ -123,7 +127,8 @@ class Adjoint:
         """Return the states so many integration steps after the beginning of each period, or at each instant."""
         if stop == 0:
             return self._window.states
-        return self._arm.step(self._window.states[:-1], self._torques, stop * self._step, step=self._step)
+        states = self._window.states[:-1]
+        return usable(self._arm.step(states, self._torques, stop * self._step, step=self._step), states)
 
 
 def wanted_gradients(
@@ -146,7 +151,8 @@ def wanted_gradients(
         discounts: of each period's costs. Shape (T, n).
 
     Returns:
-        The derivatives, the effect on what is wanted later included. Shape (T, n, 2).
+        The derivatives, the effect on what is wanted later included; 0 for arms whose derivatives are larger than
+        `MOST`. Shape (T, n, 2).
     """
     adjoint, size = Adjoint(observations, window), network.shape[-1]
     found, weights = np.zeros(window.wanted.shape), discounts[..., None]
@@ -161,4 +167,6 @@ def wanted_gradients(
             by_observation = np.zeros(at_end.shape)
             by_observation[:, :size] = np.matmul(found[t][:, None], network[t])[:, 0]
             adjoint.observe(t, by_observation)
+    adjoint.left_out |= ~(np.abs(found) <= MOST).all(axis=(0, 2))
+    found[:, adjoint.left_out] = 0.0
     return found

@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from typing import Any
 
 from flexarm_agents.config import Activation, RunConfig, checked_network
-from flexarm_agents.environments import settings_of
+from flexarm_agents.environments import check_id, check_options, settings_of
 from flexarm_env.envs.blocks import BLOCKS
-from flexarm_env.validation import choice, integer, listed, names, number, shown
+from flexarm_env.validation import choice, integer, listed, mapping, names, number, shown
 
 
 @dataclass(frozen=True, kw_only=True)
 class DescentConfig(RunConfig):
     """A short-horizon actor-critic: costs of a window of control periods, differentiated through the simulation."""
 
-    rounds: int = 20
+    lesson_options: dict[str, Any] = field(default_factory=lambda: {"start": "corners"})
+    """Options in which the environments of the training differ from the one that the agent is scored on. Unless others
+    are given, episodes begin at rest on a corner: nothing else shows what a start is worth."""
+    rounds: int = 12
     """Each one ends with an evaluation and a checkpoint."""
     windows: int = 80
     """Windows in a round, each with one step of the policy's optimiser."""
@@ -23,8 +26,11 @@ class DescentConfig(RunConfig):
     """Control periods of a window, through which derivatives run."""
     arms: int = 64
     """Arms side by side."""
-    episode_steps: int = 600
+    episode_steps: int = 450
     """Control periods after which a training episode is cut off."""
+    torque_noise: float = 0.04
+    """Largest standard deviation of what disturbs the torques in training, as a share of their limits; half of it in
+    the mean over the arms."""
     gamma: float = 0.99
     """Discount of a control period."""
     critic_epochs: int = 2
@@ -81,17 +87,21 @@ class DescentConfig(RunConfig):
         """Options of the batch that is trained on: what the critic alone sees follows the policy's observation."""
         own = settings_of(self.environment, self.options).observation
         more = [name for name in self.critic_observation if name not in own] if self.critic_epochs else []
-        return {"max_episode_steps": self.episode_steps, **self.options, "observation": [*own, *more]}
+        lessons = self.options | self.lesson_options
+        return {"max_episode_steps": self.episode_steps, **lessons, "observation": [*own, *more]}
 
     def _checked(self) -> dict[str, Any]:
         least = {"rounds": 1, "windows": 1, "horizon": 2, "arms": 1, "episode_steps": 1, "critic_epochs": 0}
         least |= {"critic_batch": 1, "evaluation_laps": 1}
-        shares = ("gamma", "critic_lambda", "critic_averaging")
+        shares = ("torque_noise", "gamma", "critic_lambda", "critic_averaging")
         weights = ("change_weight", "excess_weight", "deflection_weight")
+        whole = {**mapping("options", self.options), **mapping("lesson_options", self.lesson_options)}
+        lessons = check_options(check_id(self.environment), whole)
         blocks = tuple(listed("critic_observation", self.critic_observation))
         for n, name in enumerate(names("critic_observation", blocks) if blocks else ()):
             choice(f"critic_observation[{n}]", name, BLOCKS)
         return {
+            "lesson_options": {name: lessons[name] for name in self.lesson_options},
             **{name: integer(name, getattr(self, name), bound) for name, bound in least.items()},
             **{name: number(name, getattr(self, name), least=0.0, most=1.0) for name in shares},
             **{name: number(name, getattr(self, name), "m", least=0.0) for name in weights},

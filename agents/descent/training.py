@@ -9,6 +9,7 @@ import numpy as np
 import torch
 from stable_baselines3.common.logger import Logger
 
+from flexarm_agents.beginnings import check_lessons
 from flexarm_agents.checkpoint import read_parts, unpickled, write_parts
 from flexarm_agents.descent.config import DescentConfig
 from flexarm_agents.descent.learner import Figures, Learner
@@ -42,21 +43,24 @@ def descend(
             is finished and a checkpoint written. A second signal ends the process at once.
         FileExistsError: if the folder is not empty and is not to be resumed.
         FileNotFoundError: if there is no training to resume.
-        ValueError: if the training in the folder has another configuration, or the environment has an option through
-            which derivatives do not run.
+        ValueError: if the training in the folder has another configuration, the lessons have another observation or
+            action, or derivatives do not run through one of their options.
     """
-    check_differentiable(settings_of(config.environment, config.options))  # before anything is written
+    check_lessons(config, config.lesson_options)  # this and what follows before anything is written
+    check_differentiable(settings_of(config.environment, config.options | config.lesson_options))
     run = RunFolder(config.folder if folder is None else folder)
     run.enter(config, versions([__name__]), resume)
     with one_thread(), StopSignals() as stop:
-        descent = _Descent(config, run)
+        descent = Descent(config, run)
         try:
+            if run.checkpoint.exists():
+                descent.load()
             return descent.go_on(config, config.rounds, config.steps, config.evaluation_laps, stop, progress)
         finally:
             descent.driver.env.close()
 
 
-class _Descent(Rounds):
+class Descent(Rounds):
     """A training between two rounds.
 
     Attributes:
@@ -65,15 +69,22 @@ class _Descent(Rounds):
     """
 
     def __init__(self, config: DescentConfig, run: RunFolder) -> None:
+        """Begin; nothing is read or written.
+
+        Args:
+            config: the configuration.
+            run: folder of the training.
+        """
         super().__init__(run)
         self.config, self._done = config, 0
         torch.manual_seed(config.seed)
-        self.driver = Driver(make_batch(config.environment, config.arms, config.batch_options), config.seed)
+        self.driver = Driver(
+            make_batch(config.environment, config.arms, config.batch_options), config.seed, config.torque_noise
+        )
+        self.driver.stagger(config.episode_steps)
         blocks = self.driver.env.observation_blocks
         own = settings_of(config.environment, config.options).observation
         self.learner = Learner(config, Observations(self.driver.env), max(blocks[name].stop for name in own))
-        if run.checkpoint.exists():
-            self.load()
 
     @property
     def done(self) -> int:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexarm_env.envs.vector import FlexArmVectorEnv
+from flexarm_env.simulation.open_loop import LARGEST
 
 Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]
@@ -26,10 +27,11 @@ class Window(NamedTuple):
         states: at each instant. Shape (T + 1, n, 4 + 4 m).
         readings: latest ones of the sensor on link 2 [m]. Shape (T + 1, n, 2).
         ages: control periods since the episode began. Shape (T + 1, n).
-        wanted: what the network wants. Shape (T, n, 2).
+        wanted: what the network wants, disturbed. Shape (T, n, 2).
         actions: what is done: that, limited to [-1, 1]. Shape (T, n, 2).
         earlier: action of the period before, 0 where an episode begins. Shape (T, n, 2).
-        after: states at the ends of the periods, of the episodes that end there. Shape (T, n, 4 + 4 m).
+        after: states at the ends of the periods, of the episodes that end there; of an arm that flew apart, the one
+            before. Shape (T, n, 4 + 4 m).
         references: where the tip should be then [m]. Shape (T, n, 2).
         last: observations then. Shape (T, n, k).
         ended: the episode ends with the period. Shape (T, n).
@@ -50,21 +52,53 @@ class Window(NamedTuple):
     lost: Flags
 
 
+def usable(states: Floats, before: Floats) -> Floats:
+    """Return states, and for arms that flew apart those before: an episode ends there, so that nothing follows.
+
+    Args:
+        states: Shape (..., 4 + 4 m).
+        before: of the same arms. Shape (..., 4 + 4 m).
+    """
+    whole = (np.abs(states) <= LARGEST).all(axis=-1, keepdims=True)
+    return np.where(whole, states, before)
+
+
 class Driver:
     """A batch between two windows; pickles as it is."""
 
-    def __init__(self, env: FlexArmVectorEnv, seed: int) -> None:
+    def __init__(self, env: FlexArmVectorEnv, seed: int, noise: float = 0.0) -> None:
         """Begin episodes.
 
         Args:
             env: the batch; an episode begins in the step that ends the one before.
-            seed: of the episodes.
+            seed: of the episodes, and of what disturbs the actions.
+            noise: largest standard deviation of that; the first arm has next to none, the last one the largest.
         """
         self.env = env
+        self._random = np.random.default_rng(seed)
+        self._noise = noise * np.linspace(0.0, 1.0, env.num_envs + 1)[1:, None]
         self._observations, infos = env.reset(seed=seed)
         self._states, self._readings = infos["state"].copy(), infos["sensed"].copy()
         self._ages = np.zeros(env.num_envs, dtype=np.int64)
         self._earlier = np.zeros((env.num_envs, 2), dtype=np.float32)
+
+    def stagger(self, periods: int) -> None:
+        """Begin the arms' episodes anew, one after the other and without torques: windows then see all ages alike.
+
+        Args:
+            periods: over which they begin.
+        """
+        count = len(self._ages)
+        turns = np.arange(count) * periods // count
+        for turn in range(periods):
+            if (mask := turns == turn).any():
+                self._observations, infos = self.env.reset(options={"reset_mask": mask})
+                some = mask[:, None]
+                self._states = np.where(some, infos["state"], self._states)
+                self._readings = np.where(some, infos["sensed"], self._readings)
+                self._earlier = np.where(some, np.float32(0.0), self._earlier)
+                self._ages = np.where(mask, 0, self._ages)
+            self.window(lambda seen: np.zeros((count, 2)), 1)
 
     def window(self, network: Network, periods: int) -> Window:
         """Run a window.
@@ -75,7 +109,7 @@ class Driver:
         """
         instants, done = [self._instant()], []
         for _ in range(periods):
-            wanted = np.asarray(network(self._observations), dtype=np.float64)
+            wanted = network(self._observations) + self._noise * self._random.normal(size=self._earlier.shape)
             actions, earlier = np.clip(wanted, -1.0, 1.0).astype(np.float32), self._earlier
             self._observations, _, lost, cut, infos = self.env.step(actions)
             ended = lost | cut
@@ -84,6 +118,7 @@ class Driver:
                 final, last = infos["final_info"], last.copy()
                 after[ended], references[ended] = final["state"][ended], final["reference"][ended]
                 last[ended] = np.stack(list(infos["final_obs"][ended]))
+                after = usable(after, self._states)
             self._states, self._readings = infos["state"], infos["sensed"]
             self._ages = np.where(ended, 0, self._ages + 1)
             self._earlier = np.where(ended[:, None], np.float32(0.0), actions)

@@ -21,7 +21,7 @@ from scripts.common.command_line import run
 from scripts.common.curves import keep_curves
 from scripts.common.markdown import DOCS, filled
 from scripts.common.trainings import Job, trained_all
-from scripts.learning import delays, exploration, modes, schedulers
+from scripts.learning import delays, exploration, gradients, modes, off_policy, schedulers
 from scripts.learning.study import Study, by_agent, jobs_of
 
 STUDIES: dict[str, Study] = {
@@ -29,6 +29,8 @@ STUDIES: dict[str, Study] = {
     "modes": modes.STUDY,
     "delays": delays.STUDY,
     "exploration": exploration.STUDY,
+    "gradients": gradients.STUDY,
+    "off_policy": off_policy.STUDY,
 }
 PAGE = DOCS / "agents.md"
 

@@ -11,11 +11,14 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 
-from flexarm_agents import Spread, TrainingConfig
+from flexarm_agents import DescentConfig, Spread, TrainingConfig
 from flexarm_agents.board.cells import Cell, Store, compute, jobs_of
 from flexarm_agents.board.columns import Point
 from flexarm_agents.board.rows import Row
+from flexarm_agents.config import RunConfig
+from flexarm_agents.descent.training import Descent
 from flexarm_agents.models import new_model
+from flexarm_agents.run_folder import RunFolder
 from flexarm_agents.training import one_thread
 from flexarm_env.laps import LAPS
 from scripts.common.result_files import write_json
@@ -66,7 +69,7 @@ def median_and_worst(values: Sequence[float | None], digits: int = 3) -> str:
     return " / ".join("lost" if value is None else f"{value:.{digits}f}" for value in both)
 
 
-def seconds_per_million(config: TrainingConfig, path: Path) -> float:
+def seconds_per_million(config: RunConfig, path: Path) -> float:
     """Return the processor time that a million steps of a training take [s], without evaluations; it is kept.
 
     Args:
@@ -75,20 +78,45 @@ def seconds_per_million(config: TrainingConfig, path: Path) -> float:
     """
     if path.is_file():
         return float(json.loads(path.read_text())["seconds"])
+    with one_thread():
+        seconds, steps = _sample(config) if isinstance(config, TrainingConfig) else _sample_of_descent(config)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    seconds = round(1e6 * seconds / steps, 1)
+    write_json(path, {"seconds": seconds, "steps": steps})
+    return seconds
+
+
+def _sample(config: TrainingConfig) -> tuple[float, int]:
+    """Return processor time [s] and steps of a sample of a training by reward."""
     size = config.envs * (config.rollout or config.train_every or 1)
     first, sample = max(size, config.learning_starts or 0), SAMPLE
     if config.updates is not None:
         sample = UPDATES // config.updates * size
     steps = -(-sample // size) * size
-    with one_thread():
-        model = new_model(replace(config, steps=first + steps))
-        model.learn(first)  # compiles, and fills a replay buffer for the first update
-        began = time.process_time()
-        model.learn(steps, reset_num_timesteps=False)
-        seconds = 1e6 * (time.process_time() - began) / steps
-    path.parent.mkdir(parents=True, exist_ok=True)
-    write_json(path, {"seconds": round(seconds, 1), "steps": steps})
-    return round(seconds, 1)
+    model = new_model(replace(config, steps=first + steps))
+    model.learn(first)  # compiles, and fills a replay buffer for the first update
+    began = time.process_time()
+    model.learn(steps, reset_num_timesteps=False)
+    return time.process_time() - began, steps
+
+
+def _sample_of_descent(config: RunConfig) -> tuple[float, int]:
+    """Return processor time [s] and steps of a sample of a training by first-order gradients.
+
+    Raises:
+        TypeError: for another kind of training.
+    """
+    if not isinstance(config, DescentConfig):
+        raise TypeError(f"config = {config!r}: must be a TrainingConfig or a DescentConfig")
+    descent = Descent(config, RunFolder(config.folder))
+    windows = -(-SAMPLE // (config.horizon * config.arms))
+    descent.window()  # compiles
+    began = time.process_time()
+    for _ in range(windows):
+        descent.window()
+    seconds = time.process_time() - began
+    descent.driver.env.close()
+    return seconds, windows * config.horizon * config.arms
 
 
 def plot_median(axis: Axes, x: Sequence[float], several: Sequence[Sequence[float | None]], **look: str) -> None:

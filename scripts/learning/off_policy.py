@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -56,23 +57,16 @@ def config_of(environment: str, algorithm: str) -> TrainingConfig:
         environment: a name in `PAIRS`.
         algorithm: a name in `ALGORITHMS`.
     """
-    common = TrainingConfig(environment=environment, algorithm=algorithm)  # type: ignore[arg-type]
-    if algorithm not in ("ppo", "recurrent_ppo"):
-        return common
-    steps = LIKE[environment]
-    return TrainingConfig(
-        environment=environment,
-        algorithm=algorithm,  # type: ignore[arg-type]
-        steps=steps,
-        evaluate_every=steps // 20,
-    )
+    own = TrainingConfig(environment=environment, algorithm=algorithm)  # type: ignore[arg-type]
+    steps = own.steps if own.rollout is None else LIKE[environment]
+    return replace(own, steps=steps, evaluate_every=steps // 10)
 
 
 def updates(config: TrainingConfig) -> int:
     """Return how many steps of the optimisers a training has."""
-    if config.updates is None or config.train_every is None or config.learning_starts is None:
-        assert config.epochs is not None
+    if config.epochs is not None:
         return config.steps * config.epochs // config.batch
+    assert config.updates is not None and config.train_every is not None and config.learning_starts is not None
     return (config.steps - config.learning_starts) // (config.train_every * config.envs) * config.updates
 
 

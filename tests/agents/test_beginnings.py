@@ -54,6 +54,29 @@ def test_a_training_begins_with_the_policy(tmp_path: Path, monkeypatch: pytest.M
     assert RunFolder(tmp_path / "run").read_config(TrainingConfig) == config
 
 
+def test_the_value_learns_alone_at_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """In two of four rollouts, at its own rate; then the policy's rate falls from its beginning to its end."""
+    student, found = load_policy("student_gauges").policy, []
+
+    class Watched(Follow):
+        def _on_rollout_start(self) -> None:
+            super()._on_rollout_start()
+            (rate,) = [group["lr"] for group in self.model.policy.optimizer.param_groups]  # type: ignore[union-attr]
+            value = self.model.policy.value_net.weight.detach().numpy().copy()  # type: ignore[union-attr,operator]
+            found.append((rate, network_policy(self.model), value))
+
+    monkeypatch.setattr(flexarm_agents.training, "Follow", Watched)
+    train(TrainingConfig(**{**INITIAL, "steps": 512, "value_steps": 256}), tmp_path / "run")
+    rates, policies, values = zip(*found, strict=True)
+    last = load_policy(tmp_path / "run", last=True).policy
+    assert [same_network(policy, student) for policy in (*policies, last)] == [True, True, True, False, False]
+    for one, other in zip(values, values[1:], strict=False):
+        assert not np.array_equal(one, other)
+    assert rates[1:3] == (3e-3, 3e-3)
+    assert rates[3] == pytest.approx((1.5e-3 + 2e-5) / 2)
+    np.testing.assert_array_equal(policies[2].log_std, policies[0].log_std)
+
+
 @pytest.mark.parametrize(
     ("changes", "error", "message"),
     [

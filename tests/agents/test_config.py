@@ -38,7 +38,7 @@ from tests.support.trainings import ID, TINY
         ({"algorithm": "dqn"}, ValueError, r"algorithm = 'dqn': must be one of 'ppo', 'recurrent_ppo', 'sac', 'tqc'"),
         ({"algorithm": "sac", "clip": 0.2}, ValueError, r"clip = 0.2: has no effect with algorithm = 'sac', whose"),
         ({"buffer": 1000}, ValueError, r"buffer = 1000: has no effect with algorithm = 'ppo', whose settings are"),
-        ({"algorithm": "sac", "buffer": 999}, ValueError, r"buffer = 999: must be a multiple of envs = 16, and >="),
+        ({"algorithm": "sac", "buffer": 999}, ValueError, r"buffer = 999: must be a multiple of envs = 32, and >="),
         ({"algorithm": "tqc", "quantiles": 2}, ValueError, r"dropped_quantiles = 2: must be < quantiles = 2"),
         ({"algorithm": "recurrent_ppo", "lstm": 0}, ValueError, r"lstm = 0: must be an integer >= 1"),
         ({"algorithm": "recurrent_ppo", "lags": (1,)}, ValueError, r"lags = \(1,\): has no effect with"),
@@ -56,6 +56,13 @@ from tests.support.trainings import ID, TINY
             ValueError,
             r"initial_policy = 'square': has no effect with",
         ),
+        ({"value_steps": 5}, ValueError, r"value_steps = 5: must go with initial_policy, and be < steps = 2000000"),
+        (
+            {"initial_policy": "square", "value_steps": 2_000_000},
+            ValueError,
+            r"value_steps = 2000000: must go with initial_policy, and be < steps = 2000000",
+        ),
+        ({"value_learning_rate": 0.0}, ValueError, r"value_learning_rate = 0.0: must be .* > 0.0"),
         ({"lesson_options": {"noize": 1.0}}, TypeError, r"keyword argument 'noize'; did you mean 'noise'"),
         ({"lesson_options": [1]}, TypeError, r"lesson_options = \[1\]: must be a mapping"),
         (

@@ -20,7 +20,7 @@ from flexarm_agents.descent.costs import costs, error_cost, largest_cost
 from flexarm_agents.descent.learner import Figures
 from flexarm_agents.descent.observations import Observations
 from flexarm_agents.descent.readings import instants
-from flexarm_agents.descent.training import _Descent
+from flexarm_agents.descent.training import Descent
 from flexarm_agents.descent.window import Driver, Window
 from flexarm_agents.environments import make_batch
 from flexarm_agents.run_folder import RunFolder
@@ -50,9 +50,14 @@ class Chain:
     periods, arms = 18, 4
 
     def __init__(self, **options: Any) -> None:
-        given = {**OPTIONS, "start": "moving", **options}
+        given, lessons = {**OPTIONS, **options}, {"start": "moving"}
         self.config = DescentConfig(
-            horizon=self.periods, arms=self.arms, episode_steps=13, options=given, deflection_share=0.01
+            horizon=self.periods,
+            arms=self.arms,
+            episode_steps=13,
+            options=given,
+            lesson_options=lessons,
+            deflection_share=0.01,
         )
         self.env = make_batch(ID, self.arms, self.config.batch_options)
         self.model = Observations(self.env)
@@ -63,7 +68,9 @@ class Chain:
         self.discounts = 0.95 ** np.arange(self.periods)[:, None] * np.ones((1, self.arms))
 
     def window(self, weights: Floats) -> Window:
-        return Driver(self.env, 3).window(lambda seen: seen.astype(np.float64) @ weights.T + self.wishes, self.periods)
+        return Driver(self.env, 3, 0.1).window(
+            lambda seen: seen.astype(np.float64) @ weights.T + self.wishes, self.periods
+        )
 
     def total(self, weights: Floats) -> float:
         window = self.window(weights)
@@ -159,6 +166,39 @@ def test_what_derivatives_do_not_run_through_is_refused(tmp_path: Path, options:
     assert not (tmp_path / "run").exists()
 
 
+@pytest.mark.parametrize(
+    ("lessons", "words"), [({"noise": 0.01}, "noise = 0.01"), ({"frame": "world"}, "lesson_options = ")]
+)
+def test_lessons_are_checked_before_anything_is_written(tmp_path: Path, lessons: dict[str, Any], words: str) -> None:
+    with refuses(ValueError, words):
+        descend(DescentConfig(lesson_options=lessons), tmp_path / "run")
+    assert not (tmp_path / "run").exists()
+
+
+def test_episodes_begin_one_after_the_other() -> None:
+    env = make_batch(ID, 4, {"start": "corner", "elbow_branch": "negative", "max_episode_steps": 100})
+    driver = Driver(env, 0, 0.1)
+    driver.stagger(20)
+    window = driver.window(lambda seen: np.zeros((4, 2)), 1)
+    np.testing.assert_array_equal(window.ages[0], [20, 15, 10, 5])
+    assert np.unique(window.states[0], axis=0).shape[0] == 4
+    np.testing.assert_array_equal(window.earlier != 0.0, True)
+    env.close()
+
+
+@pytest.mark.parametrize("torque", [1e4, 1e8])
+def test_arms_that_fly_apart_are_left_out(tmp_path: Path, torque: float) -> None:
+    """Neither their states nor their derivatives are numbers."""
+    options = {"torque_limit": [torque, torque], "deflection_limit": None, "error_limit": None}
+    config = DescentConfig(arms=4, horizon=8, episode_steps=20, torque_noise=1.0, hidden=(8,), options=options)
+    training = Descent(config, RunFolder(tmp_path))
+    figures = [training.window() for _ in range(3)]
+    training.driver.env.close()
+    assert min(one.lost for one in figures) > 0
+    assert np.isfinite(figures).all()
+    assert all(np.isfinite(weight).all() for weight in training.policy().weights)
+
+
 # --- costs and configuration ----------------------------------------------------------------------------------------
 
 
@@ -182,6 +222,8 @@ def test_the_cost_of_an_error_is_a_square_and_then_a_line() -> None:
         ({"critic_observation": ["state", "state"]}, "each only once"),
         ({"critic_epochs": 0, "critic_batch": 64}, "critic_batch = 64: has no effect with critic_epochs = 0"),
         ({"hidden": []}, "hidden = "),
+        ({"lesson_options": {"noise": -1.0}}, "noise = -1.0"),
+        ({"torque_noise": 2.0}, "torque_noise = 2.0"),
     ],
 )
 def test_bad_settings_are_refused(changes: dict[str, Any], words: str) -> None:
@@ -227,7 +269,7 @@ class Interrupted(Exception):  # noqa: N818
 def test_an_interrupted_descent_ends_in_the_same_bits(
     run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    class Breaking(_Descent):
+    class Breaking(Descent):
         def window(self) -> Figures:
             if self.done == 1:
                 raise Interrupted
@@ -235,7 +277,7 @@ def test_an_interrupted_descent_ends_in_the_same_bits(
 
     config = DescentConfig(**DESCENDED)
     with monkeypatch.context() as patch:
-        patch.setattr(flexarm_agents.descent.training, "_Descent", Breaking)
+        patch.setattr(flexarm_agents.descent.training, "Descent", Breaking)
         with pytest.raises(Interrupted):
             descend(config, tmp_path / "run")
     torch.manual_seed(5)  # what the generator did meanwhile has no influence
@@ -254,14 +296,14 @@ def test_an_interrupted_descent_ends_in_the_same_bits(
 
 
 def test_a_signal_lets_the_round_finish(run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    class Signalled(_Descent):
+    class Signalled(Descent):
         def window(self) -> Figures:
             os.kill(os.getpid(), signal.SIGTERM)
             return super().window()
 
     config = DescentConfig(**{**DESCENDED, "windows": 1, "rounds": 4})
     with monkeypatch.context() as patch:
-        patch.setattr(flexarm_agents.descent.training, "_Descent", Signalled)
+        patch.setattr(flexarm_agents.descent.training, "Descent", Signalled)
         with pytest.raises(TrainingStopped) as caught:
             descend(config, tmp_path / "run")
     assert (caught.value.signal, caught.value.steps) == (signal.SIGTERM, 32)
@@ -273,7 +315,8 @@ def test_the_first_third_of_a_second_is_learned_at_once(tmp_path: Path) -> None:
     """A training for real, though a small one: every window is the lap's beginning."""
     lap = {"start": "corner", "elbow_branch": "negative"}
     sizes: dict[str, Any] = {"arms": 2, "episode_steps": 32, "hidden": (32,), "critic_epochs": 0}
-    training = _Descent(DescentConfig(windows=40, rounds=1, options=lap, **sizes), RunFolder(tmp_path))
+    sizes["torque_noise"] = 0.0
+    training = Descent(DescentConfig(windows=40, rounds=1, lesson_options=lap, **sizes), RunFolder(tmp_path))
     figures = [training.window() for _ in range(40)]
     training.driver.env.close()
     assert figures[-1].error < 0.35 * figures[0].error

@@ -57,7 +57,7 @@ def test_the_files_are_the_only_source() -> None:
     assert (config.log_std, config.episode_steps, config.lstm, config.buffer) == (-0.7, 600, None, None)
     other = replace(config, environment="FlexArm/Track-v0", lesson_options={})
     assert other == TrainingConfig(environment="Track-v0")
-    assert TrainingConfig(algorithm="sac", environment="SquareResidual-v0").steps == 100_000
+    assert TrainingConfig(algorithm="sac", environment="SquareResidual-v0").steps == 200_000
     assert TrainingConfig(algorithm="sac", environment="SquareEncoders-v0").steps == 500_000
 
 

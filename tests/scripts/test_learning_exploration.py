@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from flexarm_agents import load_policy
+from flexarm_agents import TrainingConfig, load_policy
 from flexarm_agents.environments import make_one
 from flexarm_agents.run_folder import RunFolder
 from flexarm_env.laps import LAPS
@@ -30,10 +31,7 @@ def driver() -> Iterator[Driver]:
 def test_ways_differ_in_what_they_say() -> None:
     """All are judged on the registered environment with the same observation, after as many steps."""
     usual = config_of("mix")
-    assert usual.plain() | {"steps": 0, "evaluate_every": 0} == exploration.TrainingConfig().plain() | {
-        "steps": 0,
-        "evaluate_every": 0,
-    }
+    assert set(usual.differences(TrainingConfig())) == {"steps", "evaluate_every", "lesson_options"}
     for name, way in exploration.WAYS.items():
         assert set(config_of(name).differences(usual)) <= set(way.settings)
     assert exploration.STUDY.agents.keys() == exploration.WAYS.keys()
@@ -71,17 +69,21 @@ def test_tables_and_picture(driver: Driver, tmp_path: Path, monkeypatch: pytest.
     for folder in folders:
         folder.mkdir(parents=True)
         SHIPPED.save(RunFolder(folder).best)
+        monkeypatch.setattr(exploration, "curve", lambda one: {"swing": [0.5, 0.2 + 0.1 * one.config.seed]})
     laps = driver.laps()
     monkeypatch.setattr(Driver, "laps", lambda self: laps)
     monkeypatch.setattr(Driver, "noisy_reward", lambda self, deviation, lap: 100.0 - deviation)
-    found = {"mix": [Training(config_of("mix"), folder, {"swing": {"rms": 0.1}}) for folder in folders]}
+    configs = [replace(config_of("mix"), seed=seed) for seed in range(2)]
+    laid = zip(configs, folders, strict=True)
+    found = {"mix": [Training(config, folder, {"swing": {"rms": 0.1}}) for config, folder in laid]}
     made = exploration.tables(found, tmp_path)
     assert set(made) == set(exploration.STUDY.names)
     lines = made["exploration"].splitlines()
     assert len(lines) == 2 + 3
     cells = [cell.strip() for cell in lines[-1].split("|")[1:-1]]
     assert cells[:2] == [exploration.WAYS["mix"].text, "2"]
-    assert [len(cell.split(" / ")) for cell in cells[2:]] == [3, 3, 3, 1, 1, 3]
+    assert [len(cell.split(" / ")) for cell in cells[2:]] == [3, 3, 3, 1, 1, 3, 3]
+    assert cells[7] == "0.250 / 0.250 / 0.300"
     assert len(made["exploration_rewards"].splitlines()) == 2 + 3 * len(LAPS)
     assert made["exploration_rewards"].splitlines()[-1].endswith("| 100.0 | 99.9 | 99.7 |")
     assert (tmp_path / exploration.PICTURE).stat().st_size > 10_000

@@ -51,7 +51,14 @@ TINIES: dict[str, dict[str, Any]] = {
         "lesson_options": {"start": "moving"},
         "lesson_steps": 300,
     },
-    "initial": {**TINY, "options": {}, "hidden": [128, 128], "initial_policy": "student_gauges"},
+    "initial": {
+        **TINY,
+        "options": {},
+        "hidden": [128, 128],
+        "initial_policy": "student_gauges",
+        "value_steps": 300,
+        "value_learning_rate": 3e-3,
+    },
 }
 """Tiny trainings of the other algorithms, and of PPO with something in front of its network."""
 TAUGHT: dict[str, Any] = {
