@@ -212,7 +212,7 @@ def tables(found: Found, folder: Path) -> Mapping[str, str]:
     made = {"exploration": _table(runs, ends)}
     if "mix" in found:
         median = Driver(env, load_policy(_median(found["mix"]).folder).policy)
-        made["exploration_rewards"] = rewards(yardsticks | {"PPO, tuned settings, median seed": median})
+        made["exploration_rewards"] = rewards(yardsticks | {"PPO, nothing other, median seed": median})
     for one in (env, plan.env):
         one.close()
     return made
