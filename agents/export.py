@@ -13,7 +13,7 @@ from flexarm_agents.fronted import FrontedPolicy
 from flexarm_agents.fronted_vec_env import FrontedVecEnv
 from flexarm_agents.fronts import Front, Stacked
 from flexarm_agents.history import History
-from flexarm_agents.layers import MODULES, linear_layers, numbers, weights_and_biases
+from flexarm_agents.layers import MODULES, numbers, set_layers, weights_and_biases
 from flexarm_agents.lstm import Lstm
 from flexarm_agents.network import NetworkPolicy
 from flexarm_agents.observer import Observer
@@ -67,14 +67,7 @@ def set_network(model: BaseAlgorithm, policy: NetworkPolicy) -> None:
         ValueError: if the layers have other sizes.
     """
     target: Any = model.policy
-    layers = linear_layers([*target.mlp_extractor.policy_net, target.action_net])
-    sizes = [tuple(layer.weight.shape) for layer in layers]
-    if sizes != [np.shape(weight) for weight in policy.weights]:
-        raise ValueError(f"policy: must have layers {sizes}, got {[np.shape(weight) for weight in policy.weights]}")
-    with torch.no_grad():
-        for layer, weight, bias in zip(layers, policy.weights, policy.biases, strict=True):
-            layer.weight.copy_(torch.from_numpy(np.array(weight)))
-            layer.bias.copy_(torch.from_numpy(np.array(bias)))
+    set_layers([*target.mlp_extractor.policy_net, target.action_net], policy)
 
 
 def _front(model: BaseAlgorithm) -> Front | None:

@@ -8,7 +8,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from flexarm_agents.network import ACTIVATIONS
+from flexarm_agents.network import ACTIVATIONS, NetworkPolicy
 
 MODULES: dict[str, type[torch.nn.Module]] = {"elu": torch.nn.ELU, "tanh": torch.nn.Tanh, "relu": torch.nn.ReLU}
 assert set(MODULES) == set(ACTIVATIONS)
@@ -40,6 +40,26 @@ def weights_and_biases(modules: Iterable[torch.nn.Module]) -> tuple[list[Numbers
     """Return weights and biases of the layers among some modules."""
     layers = linear_layers(modules)
     return [numbers(layer.weight) for layer in layers], [numbers(layer.bias) for layer in layers]
+
+
+def set_layers(modules: Iterable[torch.nn.Module], policy: NetworkPolicy) -> None:
+    """Give the layers among some modules the weights and biases of a policy.
+
+    Args:
+        modules: of a network.
+        policy: of the same layers.
+
+    Raises:
+        ValueError: if the layers have other sizes.
+    """
+    layers = linear_layers(modules)
+    sizes = [tuple(layer.weight.shape) for layer in layers]
+    if sizes != [np.shape(weight) for weight in policy.weights]:
+        raise ValueError(f"policy: must have layers {sizes}, got {[np.shape(weight) for weight in policy.weights]}")
+    with torch.no_grad():
+        for layer, weight, bias in zip(layers, policy.weights, policy.biases, strict=True):
+            layer.weight.copy_(torch.from_numpy(np.array(weight)))
+            layer.bias.copy_(torch.from_numpy(np.array(bias)))
 
 
 def numbers(tensor: torch.Tensor) -> Numbers:

@@ -6,9 +6,16 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from flexarm_agents import DescentConfig, Spread, TrainingConfig
+import numpy as np
+
+from flexarm_agents import DescentConfig, NetworkPolicy, Spread, TrainingConfig
 from flexarm_agents.board.references import references
 from flexarm_agents.config import RunConfig
+from flexarm_agents.descent.costs import costs
+from flexarm_agents.descent.training import Descent
+from flexarm_agents.layers import set_layers
+from flexarm_agents.run_folder import RunFolder
+from flexarm_agents.training import one_thread
 from flexarm_env.envs.choices import DEFAULT_OBSERVATION
 from flexarm_env.laps import LAPS
 from scripts.common.curves import curve
@@ -20,6 +27,7 @@ from scripts.learning.study import Found, Study
 
 GAUGES, LATE_TIP = ("modal_coordinates", "modal_rates"), ("sensor_error", "sensor_error_rate")
 PPO = "ppo"
+HORIZONS = (8, 16, 32, 64)  # of windows whose derivatives are compared; an untrained arm is soon lost
 
 
 def without(*blocks: str) -> list[str]:
@@ -44,6 +52,10 @@ WAYS = {
     "encoders": Way(
         "encoders and the late tip, four past actions",
         {"options": {"observation": without(*GAUGES), "last_actions": 4}},
+    ),
+    "encoders_longer": Way(
+        "encoders and the late tip, eight past actions, twice as long",
+        {"options": {"observation": without(*GAUGES), "last_actions": 8}, "rounds": 2 * DescentConfig.rounds},
     ),
     "state": Way("the true state: encoders and strain gauges", {"options": {"observation": without(*LATE_TIP)}}),
     "no_critic": Way("the registered observation, no critic, windows of 64", {"critic_epochs": 0, "horizon": 64}),
@@ -78,10 +90,36 @@ def _mean(errors: Mapping[str, float | None]) -> float:
 
 
 def tables(found: Found, folder: Path) -> Mapping[str, str]:
-    """Write the table: what each way comes to, and PPO after as many steps and after as many seconds."""
+    """Write what each way comes to, PPO after as many steps and as many seconds; and how far derivatives reach."""
     head = ("learning", "observation", "seeds", "steps", "seconds of one core")
     laps = (cell for lap in LAPS for cell in (f"{lap} lap [m]", "times the plan"))
-    return {"gradients": table((*head, *laps), _lines(found, folder))}
+    made = {"gradients": table((*head, *laps), _lines(found, folder))}
+    if "registered" in found:
+        policy = NetworkPolicy.load(RunFolder(found["registered"][0].folder).last)
+        rows = [(str(n), *(f"{first_action_slope(n, one):.3f}" for one in (None, policy))) for n in HORIZONS]
+        made["gradient_horizons"] = table(("horizon [periods]", "untrained [m]", "trained [m]"), rows)
+    return made
+
+
+def first_action_slope(horizon: int, policy: NetworkPolicy | None) -> float:
+    """Return the derivative of a window's costs by the first action [m]: its norm, the median over the arms.
+
+    Args:
+        horizon: control periods of the window, without a critic and undiscounted.
+        policy: whose network drives, on the registered observation; None: an untrained one.
+    """
+    config = DescentConfig(horizon=horizon, critic_epochs=0, torque_noise=0.0, gamma=1.0)
+    with one_thread():
+        descent = Descent(config, RunFolder(config.folder))
+        if policy is not None:
+            set_layers(descent.learner.policy_network, policy)
+            descent.driver.window(descent.learner.wanted, config.episode_steps)  # all arms are under way
+        window = descent.driver.window(descent.learner.wanted, horizon)
+        settings = descent.driver.env.settings
+        gradients = descent.learner.gradients(window, costs(window, settings, config))
+        descent.driver.env.close()
+    whole = ~window.ended.any(axis=0)
+    return float(np.median(np.linalg.norm(gradients[0, whole], axis=-1)))
 
 
 def all_steps(config: RunConfig) -> int:
@@ -120,7 +158,7 @@ STUDY = Study(
     agents(),
     3,
     tables,
-    ("gradients",),
+    ("gradients", "gradient_horizons"),
     partial=True,
     curves="gradients_curves",
 )

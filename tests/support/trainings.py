@@ -72,7 +72,15 @@ TAUGHT: dict[str, Any] = {
     "options": {"noise": 0.001},
 }
 
-DESCENDED: dict[str, Any] = {"arms": 4, "rounds": 2, "windows": 2, "horizon": 8, "hidden": [16, 8], "critic_batch": 16}
+DESCENDED: dict[str, Any] = {
+    "arms": 4,
+    "rounds": 2,
+    "windows": 2,
+    "horizon": 8,
+    "episode_steps": 40,
+    "hidden": [16, 8],
+    "critic_batch": 16,
+}
 
 
 def descended(folder: Path) -> Path:
