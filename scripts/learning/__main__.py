@@ -21,7 +21,7 @@ from scripts.common.command_line import run
 from scripts.common.curves import keep_curves
 from scripts.common.markdown import DOCS, filled
 from scripts.common.trainings import Job, trained_all
-from scripts.learning import delays, exploration, gradients, modes, off_policy, schedulers
+from scripts.learning import delays, exploration, gradients, modes, off_policy, schedulers, spillover
 from scripts.learning.study import Study, by_agent, jobs_of
 
 STUDIES: dict[str, Study] = {
@@ -31,6 +31,7 @@ STUDIES: dict[str, Study] = {
     "exploration": exploration.STUDY,
     "gradients": gradients.STUDY,
     "off_policy": off_policy.STUDY,
+    "spillover": spillover.STUDY,
 }
 PAGE = DOCS / "agents.md"
 

@@ -54,10 +54,7 @@ class Shipped(NamedTuple):
 AGENTS: dict[str, Shipped] = {
     "square": Shipped("PPO, shipped (`square`)", TrainingConfig()),
     "filtered": Shipped(
-        "PPO behind a Kalman filter (`filtered`)", delays.config_of("known", "observer"), 3, "delays/known-observer"
-    ),
-    "recurrent": Shipped(
-        "RecurrentPPO (`recurrent`)", delays.config_of("known", "recurrent"), 3, "delays/known-recurrent"
+        "PPO behind a Kalman filter (`filtered`)", delays.config_of("unknown", "observer"), 3, "delays/unknown-observer"
     ),
     "scheduler": Shipped(
         "gain scheduler, PPO (`scheduler`)", schedulers.STUDY.agents["square"], 11, "schedulers/square"

@@ -1,0 +1,63 @@
+"""Whether agents that learned on an arm of two shapes a link can drive arms with more, and the chain."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from flexarm_agents import TrainingConfig
+from flexarm_agents.board.columns import COLUMNS
+from flexarm_agents.board.rows import Row
+from flexarm_env.envs.registration import UNKNOWN_PLANT
+from scripts.common.markdown import table
+from scripts.learning.measured import errors_at, mean_of_laps, median_and_worst
+from scripts.learning.study import Found, Study
+
+STEPS = 1_000_000
+POINTS = tuple(
+    point for point in COLUMNS["model"].points if point.value in ("2 shapes", "3 shapes", "4 shapes", "chain")
+)
+HIGH = {name: list(UNKNOWN_PLANT["randomisation"][name]) for name in ("stiffness", "damping")}
+RANDOMISATIONS: dict[str, dict[str, Any]] = {"fixed": {}, "drawn": {"randomisation": HIGH}}
+TEXTS = {
+    "fixed": "PPO, trained on two shapes",
+    "drawn": "PPO, trained on two shapes, stiffness and damping drawn",
+}
+YARDSTICKS = {"lqg": "`lqg`, designed on three shapes", "student": "taught on three shapes (`student`)"}
+
+
+def rows(found: Found, folder: Path) -> Iterator[tuple[str, ...]]:
+    """Yield the lines of the table: mean error of both laps on each arm."""
+    cells = folder / "cells"
+    several = {text: [Row(source)] for source, text in YARDSTICKS.items()}
+    several |= {TEXTS[name]: [Row(str(one.folder), name) for one in trainings] for name, trainings in found.items()}
+    for text, own in several.items():
+        errors = [errors_at(row, POINTS, cells) for row in own]
+        means = [[mean_of_laps(one, n) for one in errors] for n in range(len(POINTS))]
+        yield text, str(len(own)), *(median_and_worst(values) for values in means)
+
+
+def tables(found: Found, folder: Path) -> Mapping[str, str]:
+    """Write the table of this study."""
+    return {"spillover": table(("agent", "seeds", *(str(point.value) for point in POINTS)), rows(found, folder))}
+
+
+STUDY = Study(
+    "arms of more shapes than in training: mean r.m.s. error of both laps [m], of seeds median and worst",
+    {
+        name: TrainingConfig(
+            environment="FlexArm/SquareDelayEasy-v0",
+            options={"arm": {"modes_per_link": 2}, **more},
+            steps=STEPS,
+            evaluate_every=STEPS // 10,
+            evaluation_laps=3 if more else 1,
+        )
+        for name, more in RANDOMISATIONS.items()
+    },
+    3,
+    tables,
+    ("spillover",),
+    partial=True,
+    curves="spillover_curves",
+)
