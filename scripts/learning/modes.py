@@ -100,7 +100,7 @@ STUDY = Study(
         "residual": TrainingConfig(environment=RESIDUAL, steps=STEPS),
         "reference": TrainingConfig(options=REFERENCE, steps=STEPS),
     },
-    1,
+    5,
     tables,
     ("action_modes",),
 )
