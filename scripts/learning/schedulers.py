@@ -81,7 +81,7 @@ STUDY = Study(
         name: TrainingConfig(environment=plant.environment, options=dict(plant.options), steps=STEPS)
         for name, plant in PLANTS.items()
     },
-    2,
+    11,
     tables,
     ("schedulers", "foresight"),
 )
