@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tempfile
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -29,8 +30,7 @@ def executed(path: Path, folder: Path) -> Any:
         nbclient.exceptions.CellExecutionError: if a cell fails.
     """
     with needs_extra("notebooks", "test"):
-        import nbclient
-        import nbformat
+        nbclient, nbformat = map(import_module, ("nbclient", "nbformat"))
     found = nbformat.read(path, as_version=nbformat.NO_CONVERT)
     language = found.metadata.get("language_info")
     place = {"metadata": {"path": str(folder)}}
@@ -44,7 +44,7 @@ def executed(path: Path, folder: Path) -> Any:
 def main() -> None:
     """Command line."""
     with needs_extra("notebooks", "test"):
-        import nbformat
+        nbformat = import_module("nbformat")
     for path in sorted(FOLDER.glob("*.ipynb")):
         with tempfile.TemporaryDirectory() as folder:
             found = executed(path, Path(folder))
