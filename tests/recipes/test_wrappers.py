@@ -31,6 +31,8 @@ def checked(row: Row, make: Any) -> None:
 
 @pytest.mark.parametrize("row", cases(SINGLE))
 def test_wrappers_of_one_environment(row: Row, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    if row.name == "DiscretizeAction" and not hasattr(gym.wrappers, row.name):
+        pytest.skip("this Gymnasium is older than the wrapper")
     monkeypatch.chdir(tmp_path)
     checked(row, wrappers.single)
 
