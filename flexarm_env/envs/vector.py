@@ -76,6 +76,7 @@ class FlexArmVectorEnv(
         Raises:
             TypeError, ValueError: for a bad argument, naming it, its value and what is allowed.
         """
+        self.closed = True  # Gymnasium closes what is let go of; until the end there is nothing to close
         self.num_envs = integer("num_envs", num_envs, 1)
         limit = None if max_episode_steps in (None, -1) else integer("max_episode_steps", max_episode_steps, 1, LONGEST)
         if render_mode is not None:
@@ -101,6 +102,7 @@ class FlexArmVectorEnv(
         self._started = False
         parts = self.simulator.parts
         self._reward, self._status, self._time = (parts[name].start for name in ("REWARD", "STATUS", "TIME"))
+        self.closed = False
 
     @property
     def spec(self) -> EnvSpec | None:

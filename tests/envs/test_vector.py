@@ -263,3 +263,11 @@ def test_a_batch_says_when_its_episodes_begin() -> None:
         env = vector(SQUARE, 1, autoreset_mode=mode)
         assert env.autoreset_mode is mode
         assert env.metadata["autoreset_mode"] is mode
+
+
+def test_what_could_not_be_made_can_be_let_go_of() -> None:
+    """Gymnasium calls `close` for it, some versions from `__del__`."""
+    batch = FlexArmVectorEnv.__new__(FlexArmVectorEnv)
+    with pytest.raises(ValueError, match="noise"):
+        batch.__init__(2, noise=-1.0)  # type: ignore[misc]
+    batch.close()
