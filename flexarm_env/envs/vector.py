@@ -49,6 +49,8 @@ class FlexArmVectorEnv(
         "render_fps": FASTEST_VIDEO,
         "autoreset_mode": AutoresetMode.NEXT_STEP,
     }
+    # Gymnasium closes what is let go of. Until one is made, or read from a pickle, there is nothing to close.
+    closed = True
 
     def __init__(
         self,
@@ -76,7 +78,6 @@ class FlexArmVectorEnv(
         Raises:
             TypeError, ValueError: for a bad argument, naming it, its value and what is allowed.
         """
-        self.closed = True  # Gymnasium closes what is let go of; until the end there is nothing to close
         self.num_envs = integer("num_envs", num_envs, 1)
         limit = None if max_episode_steps in (None, -1) else integer("max_episode_steps", max_episode_steps, 1, LONGEST)
         if render_mode is not None:

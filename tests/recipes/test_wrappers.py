@@ -45,7 +45,7 @@ def test_wrappers_of_a_batch(row: Row, tmp_path: Path, monkeypatch: pytest.Monke
 
 @pytest.mark.parametrize("mode", ["SameStep", "Disabled"])
 def test_running_means_of_observations_need_next_step(mode: str) -> None:
-    with pytest.raises(ValueError, match="NEXT_STEP"):
+    with pytest.raises((ValueError, AssertionError)):  # Gymnasium 1.2 asserts, without a message
         vector.NormalizeObservation(wrappers.batch({"autoreset_mode": mode}))
 
 
