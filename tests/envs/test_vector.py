@@ -266,7 +266,7 @@ def test_a_batch_says_when_its_episodes_begin() -> None:
 
 
 def test_what_could_not_be_made_can_be_let_go_of() -> None:
-    """Gymnasium calls `close` for it, some versions from `__del__`."""
+    """Gymnasium calls `close` for it, in some versions when it is let go of."""
     batch = FlexArmVectorEnv.__new__(FlexArmVectorEnv)
     with pytest.raises(ValueError, match="noise"):
         batch.__init__(2, noise=-1.0)  # type: ignore[misc]
