@@ -12,7 +12,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from flexarm_agents import DescentConfig, Spread, TrainingConfig
-from flexarm_agents.board.cells import Cell, Store, compute, jobs_of
+from flexarm_agents.board.cells import Cell, Store
 from flexarm_agents.board.columns import Point
 from flexarm_agents.board.rows import Row
 from flexarm_agents.config import RunConfig
@@ -21,6 +21,7 @@ from flexarm_agents.models import new_model
 from flexarm_agents.run_folder import RunFolder
 from flexarm_agents.training import one_thread
 from flexarm_env.laps import LAPS
+from scripts.common.cells import results
 from scripts.common.result_files import write_json
 
 Errors = dict[str, list[float | None]]  # of each lap, at each point [m]; None for a lost lap
@@ -39,17 +40,11 @@ def errors_at(row: Row, points: Sequence[Point], folder: Path) -> Errors:
     Raises:
         ValueError: if the agent cannot be run at one of them.
     """
-    store, cells = Store(folder), [Cell.of(row, point) for point in points]
-    for job in jobs_of(store.missing(cells)):
-        known = {cell.key: cell for cell in cells}
-        for key, made in zip(job.keys, compute(job), strict=True):
-            store.write(known[key], made)
     found: Errors = {lap: [] for lap in LAPS}
-    for cell in cells:
-        result = store.read(cell)
-        assert result is not None
+    made = results([Cell.of(row, point) for point in points], Store(folder))
+    for point, result in zip(points, made, strict=True):
         if "not_applicable" in result:
-            raise ValueError(f"row {row.name} at {cell.point.value}: {result['not_applicable']}")
+            raise ValueError(f"row {row.name} at {point.value}: {result['not_applicable']}")
         for episode in result["episodes"]:
             figures = episode["figures"]
             found[episode["lap"]].append(None if figures is None else float(figures["rms"]))

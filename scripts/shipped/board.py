@@ -8,12 +8,13 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from flexarm_agents import Spread
-from flexarm_agents.board.cells import Cell, Store, compute, jobs_of
+from flexarm_agents.board.cells import Cell, Store
 from flexarm_agents.board.columns import COLUMNS, Point
 from flexarm_agents.board.rows import Row
 from flexarm_agents.board.summary import merged, point_summary
 from flexarm_agents.board.terms import SQUARE
 from flexarm_env.laps import LAPS
+from scripts.common.cells import results
 from scripts.common.markdown import DOCS, table
 from scripts.common.spreads import spread_text
 
@@ -61,12 +62,7 @@ def measured(source: Path, cells: Store) -> dict[str, Any]:
     """
     row, found = Row(str(source)), {}
     for name, points in MEASURED.items():
-        own = [Cell.of(row, point) for point in points]
-        by_key = {cell.key: cell for cell in own}
-        for job in jobs_of(cells.missing(own)):
-            for key, result in zip(job.keys, compute(job), strict=True):
-                cells.write(by_key[key], result)
-        whole = merged([cells.read(cell) for cell in own])
+        whole = merged(results([Cell.of(row, point) for point in points], cells))
         summary = point_summary(whole)
         assert whole is not None
         assert summary is not None

@@ -14,6 +14,7 @@ from flexarm_agents import TrainingConfig
 from flexarm_agents.board.columns import Point
 from flexarm_agents.board.rows import Row
 from flexarm_env.laps import LAPS
+from scripts.common import cells
 from scripts.common.trainings import Training
 from scripts.learning import delays, measured
 from tests.support.trainings import TINY
@@ -48,13 +49,13 @@ def test_laps_are_run_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
             results.append({"episodes": [{"lap": lap, "figures": one} for lap, one in figures.items()]})
         return results
 
-    monkeypatch.setattr(measured, "compute", compute)
+    monkeypatch.setattr(cells, "compute", compute)
     for _ in range(2):
         found = measured.errors_at(Row("student"), POINTS, tmp_path)
         assert found == {"swing": [0.1, 50.1], "plain": [0.3, None]}
     assert asked == [0.0, 50.0]
     assert [measured.mean_of_laps(found, n) for n in range(2)] == [pytest.approx(0.2), None]
-    monkeypatch.setattr(measured, "compute", lambda job: [{"not_applicable": "why"} for _ in job.points])
+    monkeypatch.setattr(cells, "compute", lambda job: [{"not_applicable": "why"} for _ in job.points])
     with pytest.raises(ValueError, match=r"row student at 0.0: why"):
         measured.errors_at(Row("student"), POINTS, tmp_path / "other")
 
