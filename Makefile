@@ -74,6 +74,8 @@ typecheck: $(HAS)-test  ## Check types (mypy)
 	@ln -sfn ../../baselines build/types/flexarm_baselines
 	@ln -sfn ../../agents build/types/flexarm_agents
 	$(PY) -m mypy
+	$(PY) -m scripts.docs.snippets
+	$(PY) -m mypy build/snippets docs/recipes/cleanrl_ppo.py
 
 contract: $(HAS)-test  ## Check that imports follow the one-way flow (import-linter)
 	$(VENV)/bin/lint-imports --no-logo --no-cache

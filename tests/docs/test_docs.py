@@ -1,8 +1,6 @@
 """The snippets in README and docs run as they stand: the README's each alone, a page's one after the other."""
 
 import re
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -11,12 +9,13 @@ from sybil import Sybil
 from sybil.parsers.markdown import PythonCodeBlockParser
 
 from flexarm_env.envs import batch
+from scripts.docs import snippets
+from scripts.docs.snippets import LONG
 
 ROOT = Path(__file__).resolve().parents[2]
 README = ROOT / "README.md"
 FOLDERS = ("docs", "docs/environments", "docs/tutorials")
 PAGES = [README, *(page for folder in FOLDERS for page in sorted((ROOT / folder).glob("*.md")))]
-LONG = {ROOT / f"docs/{name}.md" for name in ("derivatives", "optimal")}  # whose kernels other tests do not compile
 
 
 def page_case(page: Path) -> Any:
@@ -38,26 +37,19 @@ def test_snippets_run(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatc
         example.evaluate()
 
 
-# The snippets' own functions have no annotations, and torch's tensors stand for sequences.
-CHECKED = '# mypy: allow-untyped-defs, allow-untyped-calls, disable-error-code="arg-type"\n'
+def test_long_snippets_are_written_for_the_check_of_types(tmp_path: Path) -> None:
+    """`make typecheck` reads the snippets that the fast tests do not run, all of them and in their order."""
+    snippets.main(tmp_path)
+    assert {path.name for path in tmp_path.iterdir()} == {f"{page.stem}_snippets.py" for page in LONG}
+    for page in LONG:
+        written = (tmp_path / f"{page.stem}_snippets.py").read_text()
+        document = Sybil(parsers=[PythonCodeBlockParser()]).parse(page)
+        assert written == snippets.HEAD + "".join(str(example.parsed) for example in document.examples())
 
 
-def test_long_snippets_agree_with_the_types(tmp_path: Path) -> None:
-    """The snippets that the fast tests do not run: what they import, and the names and arguments that they use."""
-    types = ROOT / "build" / "types"  # as `make typecheck`
-    types.mkdir(parents=True, exist_ok=True)
-    for folder in ("baselines", "agents"):
-        if not (types / f"flexarm_{folder}").exists():
-            (types / f"flexarm_{folder}").symlink_to(ROOT / folder)
-    files = []
-    for page in sorted(LONG):
-        snippets = re.findall(r"^```python\n(.*?)^```", page.read_text(), re.DOTALL | re.MULTILINE)
-        assert len(snippets) == page.read_text().count("```python")
-        files.append(tmp_path / f"{page.stem}_snippets.py")
-        files[-1].write_text(CHECKED + "".join(snippets))
-    command = [sys.executable, "-m", "mypy", *map(str, files), "docs/recipes/cleanrl_ppo.py"]
-    checked = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
-    assert checked.returncode == 0, checked.stdout + checked.stderr
+def test_a_snippet_that_is_not_found_is_an_error() -> None:
+    with pytest.raises(ValueError, match=r"has 2 snippets, of which 1 begin and end a line"):
+        snippets.module("```python\na = 1\n```\n\n  ```python\n  b = 2\n  ```\n")
 
 
 def test_pictures_and_links_exist() -> None:

@@ -1,0 +1,49 @@
+"""Write the pages' long snippets as modules, which `make typecheck` gives to mypy: the fast tests do not run them.
+
+A page's snippets run one after the other, so they are one module.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import tyro
+
+from scripts.common.command_line import run
+from scripts.common.markdown import DOCS
+
+LONG = tuple(DOCS / f"{name}.md" for name in ("derivatives", "optimal"))  # whose kernels no other fast test compiles
+SNIPPET = re.compile(r"^```python\n(.*?)^```", re.DOTALL | re.MULTILINE)
+# The snippets' own functions have no annotations, and torch's tensors stand for sequences.
+HEAD = '# mypy: allow-untyped-defs, allow-untyped-calls, disable-error-code="arg-type"\n'
+
+
+def module(page: str) -> str:
+    """Return the snippets of a page as the text of one module.
+
+    Args:
+        page: its text.
+
+    Raises:
+        ValueError: if there is a snippet that is not found, since it is indented or has no end.
+    """
+    found, marks = SNIPPET.findall(page), page.count("```python")
+    if len(found) != marks:
+        raise ValueError(f"page = {page[:60]!r}...: has {marks} snippets, of which {len(found)} begin and end a line")
+    return HEAD + "".join(found)
+
+
+def main(folder: Path = DOCS.parent / "build" / "snippets") -> None:
+    """Command line.
+
+    Args:
+        folder: for the modules.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    for page in LONG:
+        (folder / f"{page.stem}_snippets.py").write_text(module(page.read_text(encoding="utf-8")), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    run(lambda: tyro.cli(main))
