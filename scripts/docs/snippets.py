@@ -46,4 +46,4 @@ def main(folder: Path = DOCS.parent / "build" / "snippets") -> None:
 
 
 if __name__ == "__main__":
-    run(lambda: tyro.cli(main))
+    run(lambda: tyro.cli(main, prog="python -m scripts.docs.snippets"))

@@ -29,7 +29,7 @@ from scripts.common.result_files import write_json
 from scripts.hardening import calls, files, options, values
 from scripts.hardening.campaign import Tally, run_part
 from scripts.hardening.kills import TASKS, kill_often
-from scripts.hardening.page import FLAT, OTHER, Code, fuzzing_table, kills_table, soak_table
+from scripts.hardening.page import BLOCK, FLAT, OTHER, Code, fuzzing_table, joined, kills_table, soak_table
 from scripts.hardening.soak import PROCESSES, soak
 
 PARTS = {"options": options.PART, "values": values.PART, "calls": calls.PART, "files": files.PART}
@@ -134,7 +134,7 @@ def kept(path: Path, stamp: dict[str, Any], make: Callable[[], Any]) -> Any:
 
 
 def update_page(folder: Path) -> None:
-    """Write the tables of the page, of all that the folder has; what was not run has no line.
+    """Write the tables of the page, of all that the folder has; lines of what was not run there stay, of this machine.
 
     Counts that were made by another code than the present one are marked.
     """
@@ -143,7 +143,8 @@ def update_page(folder: Path) -> None:
         for name in (*PARTS, "soak", *map(kill_file, TASKS))
         if (path := folder / f"{name}.json").exists()
     }
-    codes = {name: Code(one["stamp"]["code"], stamp_of(name.partition("_")[0])["code"]) for name, one in known.items()}
+    now = {name: stamp_of(name)["code"] for name in ALL}
+    codes = {name: Code(one["stamp"]["code"], now[name.partition("_")[0]]) for name, one in known.items()}
     tallies = {name: Tally.of(known[name]["tally"]) for name in PARTS if name in known}
     killed = {name: known[kill_file(name)]["found"] for name in TASKS if kill_file(name) in known}
     machine = (
@@ -151,21 +152,28 @@ def update_page(folder: Path) -> None:
         f"{platform.system()} on {platform.machine()}.\n"
     )
     tables = {
-        "machine": machine,
         "fuzzing": fuzzing_table(PARTS, tallies, codes),
-        "soak": soak_table(known["soak"]["found"], codes["soak"]) if "soak" in known else NOTHING,
+        "soak": soak_table(known["soak"]["found"] if "soak" in known else [], codes.get("soak")),
         "kills": kills_table(killed, {name: codes[kill_file(name)] for name in killed}),
     }
-    for name, text in tables.items():
-        text = text if text.count("\n") != HEAD else NOTHING
-        put(folder / f"{name}.md", lambda aside, text=text: aside.write_text(text))  # type: ignore[misc]
+    lines = {
+        "fuzzing": {part.text: now[name] for name, part in PARTS.items()},
+        "soak": {f"{n}": now["soak"] for n in range(1, PROCESSES + 1)},
+        "kills": {task.text: now["kills"] for task in TASKS.values()},
+    }
     page = DOCS / PAGE
-    updated = filled(page.read_text(), folder)
+    text = page.read_text()
+    former = dict(BLOCK.findall(text))
+    if former.get("machine") == machine:
+        tables = {name: joined(one, former.get(name, ""), lines[name]) for name, one in tables.items()}
+    for name, one in ({"machine": machine} | tables).items():
+        written = NOTHING if name != "machine" and one.count("\n") == HEAD else one
+        put(folder / f"{name}.md", lambda aside, written=written: aside.write_text(written))  # type: ignore[misc]
+    updated = filled(text, folder)
     put(page, lambda aside: aside.write_text(updated))
-    stale = [name for name, code in codes.items() if str(code).endswith(OTHER)]
     print(f"{page}: up to date")
-    if stale:
-        print(f"made by other code than the present one: {', '.join(stale)}")
+    if stale := sum(one.count(OTHER) for one in tables.values()):
+        print(f"lines that were made by other code than the present one: {stale}")
 
 
 def kill_file(name: str) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -11,6 +12,8 @@ from scripts.hardening.kills import TASKS
 
 FLAT = 5.0  # growth that counts as none [MB]
 OTHER = ", other code"  # than that which is there now
+BLOCK = re.compile(r"<!-- generated: (\w+) -->\n(.*?)<!-- end -->", re.DOTALL)
+STAMP = re.compile(rf"`([0-9a-f]{{8}})`(?:{OTHER})? \|$")  # at the end of a line
 
 
 class Code(NamedTuple):
@@ -47,7 +50,7 @@ def fuzzing_table(parts: Mapping[str, Part], tallies: Mapping[str, Tally], codes
     return table(head, rows)
 
 
-def soak_table(runs: list[dict[str, Any]], code: Code) -> str:
+def soak_table(runs: list[dict[str, Any]], code: Code | None) -> str:
     """Write a line for each process of the soak."""
     rows = [
         [
@@ -82,6 +85,30 @@ def kills_table(found: Mapping[str, Mapping[str, Any]], codes: Mapping[str, Code
     ]
     head = ["task", "killed", "came to its end", "takes undisturbed", "lost, half, different or left running", "code"]
     return table(head, rows)
+
+
+def joined(new: str, former: str, now: Mapping[str, str]) -> str:
+    """Return a table with those lines of a former one for which it has none.
+
+    Args:
+        new: the table.
+        former: the block of the page in which it will stand.
+        now: first cell of each line that may be there, in their order, and the stamp of its code as it is now.
+    """
+    head, rule, *lines = new.splitlines()
+    known = {_first(line): _marked(line, now[_first(line)]) for line in former.splitlines() if _first(line) in now}
+    known |= {_first(line): line for line in lines}
+    return "".join(f"{line}\n" for line in (head, rule, *(known[one] for one in now if one in known)))
+
+
+def _first(line: str) -> str:
+    """Return the first cell of a line."""
+    return line.removeprefix("| ").partition(" | ")[0]
+
+
+def _marked(line: str, now: str) -> str:
+    """Say anew whether the code of a line is another one now."""
+    return STAMP.sub(lambda found: f"{Code(found[1], now[:8])} |", line)
 
 
 def _count(faults: Sequence[str]) -> str:

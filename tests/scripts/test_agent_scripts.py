@@ -24,6 +24,7 @@ SCRIPTS = ROOT / "scripts"
 TINY = ["--envs", "4", "--rollout", "32", "--batch", "64", "--epochs", "2", "--hidden", "16", "8"]
 TINY += ["--episode-steps", "50", "--evaluate-every", "200", "--checkpoint-every", "200"]
 ALONE = ("--no-baselines", "--no-shipped")
+BAR = ("█", "·")  # how a line of progress begins
 
 
 class Ended(NamedTuple):
@@ -135,7 +136,8 @@ def test_evaluate_scores_what_there_is(flexarm: Shell) -> None:
     assert (set(ranked[: len(shipped)]), ranked[len(shipped) :]) == (set(shipped), others)
     early = rows[2 * (len(shipped) + 2) :]  # the last two
     assert all("ENDED at " in row and not re.search(r"\d\.\d{3}", row) for row in early)
-    assert {line.partition(":")[0] for line in result.stderr.splitlines()} == set(names)
+    told = [line for line in result.stderr.splitlines() if not line.startswith(BAR)]  # a slow machine shows bars
+    assert {line.partition(":")[0] for line in told} == set(names)
     laps = {one["name"]: one["laps"][0] for one in flexarm.evaluation()["results"]}
     assert laps["ifdc"]["swing"]["complete"]
     assert laps["ifdc"]["swing"]["rms"] == pytest.approx(0.848, abs=5e-3)

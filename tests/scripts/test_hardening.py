@@ -288,7 +288,45 @@ def test_the_page_says_what_other_code_has_made(
     marked = [line.endswith(", other code |") for line in lines if line.startswith("| `flexarm") or "kernels" in line]
     assert marked == [False, True]
     assert lines.count("Not run on this tree.") == 2
-    assert "made by other code than the present one: kills_compiling" in capsys.readouterr().out
+    assert "lines that were made by other code than the present one: 1" in capsys.readouterr().out
+
+
+def test_the_page_keeps_what_was_not_run_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Lines of this machine, whose results are elsewhere; each says anew whether the code is another one now."""
+    page = tmp_path / "reliability.md"
+    page.write_text((hardening.DOCS / "reliability.md").read_text())
+    monkeypatch.setattr(hardening, "DOCS", tmp_path)
+    results = tmp_path / "results"
+    results.mkdir()
+    for name in (*PARTS, "soak", *map(hardening.kill_file, TASKS)):  # all of them, by other code
+        found = {"kills": 7, "finished": 2, "seconds": 3.0, "faults": []}
+        run = {"steps": 256, "episodes": 2, "settled": 99.9, "end": 100.2, "hash": "0a" * 16, "seconds": 1.2}
+        tally = Tally(blocks=1, cases=3, ends=Counter(taken=2, refused=1), longest=0.5)
+        stamp, runs = {"code": "0" * 32}, [run, run] if name == "soak" else found
+        (results / f"{name}.json").write_text(json.dumps({"stamp": stamp, "found": runs, "tally": tally.plain()}))
+    update_page(results)
+    assert page.read_text().count("`00000000`, other code |") == len(PARTS) + 2 + len(TASKS)
+    for path in results.iterdir():
+        path.unlink()
+    training = {"kills": 8, "finished": 1, "seconds": 2.0, "faults": []}
+    kept(results / "kills_training.json", stamp_of("kills"), lambda: training)
+    whole = page.read_text()
+    update_page(results)
+    (was, now), *others = [
+        pair for pair in zip(whole.splitlines(), page.read_text().splitlines(), strict=True) if pair[0] != pair[1]
+    ]
+    assert not others
+    assert was.endswith("| 7 | 2 | 3 s | none | `00000000`, other code |")
+    assert now.endswith(f"| 8 | 1 | 2 s | none | `{stamp_of('kills')['code'][:8]}` |")
+    monkeypatch.setattr(hardening, "stamp_of", lambda name: {"code": "0" * 32})
+    update_page(results)
+    assert page.read_text().count("`00000000` |") == len(PARTS) + 2 + len(TASKS) - 1
+    page.write_text(page.read_text().replace("Python 3.", "Python 2."))  # another machine's
+    update_page(results)
+    assert page.read_text().count("`00000000`") == 0
+    assert page.read_text().splitlines().count("Not run on this tree.") == 2
 
 
 def test_bad_arguments_are_refused() -> None:
