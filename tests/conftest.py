@@ -8,7 +8,8 @@ from typing import Any
 
 import pytest
 from _pytest.runner import runtestprotocol
-from hypothesis import settings
+from hypothesis import given, seed, settings
+from hypothesis import strategies as st
 
 # One thread for linear algebra: matrices here have a few hundred rows at most, and threads that wait for each other in
 # every process cost far more than they save. Libraries read this when
@@ -39,13 +40,21 @@ def _with_room() -> Callable[[Callable[[], object]], object]:
 _call_with_room = _with_room()
 
 
+@seed(0)
+@settings(max_examples=1, database=None)
+@given(st.none())
+def _try_once(_: None) -> None:
+    """Let hypothesis make its random numbers: it asks the garbage collector who holds them, and warns if nobody does."""
+
+
 def pytest_collection_finish() -> None:
     """Let the garbage collector leave what is there for the whole run, all modules and tests, and go round less often.
 
     It goes through millions of objects again and again, of which a test leaves hardly any.
     """
+    _try_once()
     gc.collect()
-    gc.freeze()
+    gc.freeze()  # from now on the collector does not say who holds these
     gc.set_threshold(20_000, 20, 20)
 
 
