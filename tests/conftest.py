@@ -44,7 +44,7 @@ _call_with_room = _with_room()
 @settings(max_examples=1, database=None)
 @given(st.none())
 def _try_once(_: None) -> None:
-    """Let hypothesis make its random numbers: it asks the garbage collector who holds them, and warns if nobody does."""
+    """Let hypothesis make its random numbers: it asks the garbage collector who holds them and warns if nobody does."""
 
 
 def pytest_collection_finish() -> None:
