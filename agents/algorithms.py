@@ -22,7 +22,7 @@ class Algorithm(NamedTuple):
     Attributes:
         text: its name.
         module: module that has its class.
-        policy: its policy's name.
+        policy: its policy's name there, or "module:class".
         evaluate_every: steps between two evaluations, unless told otherwise.
         checkpoint_every: steps between two checkpoints, unless told otherwise.
     """
@@ -36,7 +36,7 @@ class Algorithm(NamedTuple):
 
 ALGORITHMS = {
     "ppo": Algorithm("PPO", "stable_baselines3", "MlpPolicy", 50_000, 250_000),
-    "recurrent_ppo": Algorithm("RecurrentPPO", "sb3_contrib", "MlpLstmPolicy", 50_000, 250_000),
+    "recurrent_ppo": Algorithm("RecurrentPPO", "sb3_contrib", "flexarm_agents.recurrent:SequencePolicy", 50_000, 250_000),
     "sac": Algorithm("SAC", "stable_baselines3", "MlpPolicy", 5_000, 25_000),
     "tqc": Algorithm("TQC", "sb3_contrib", "MlpPolicy", 5_000, 25_000),
 }

@@ -78,6 +78,16 @@ def model_class(algorithm: str) -> Any:
         return getattr(import_module(one.module), one.text)
 
 
+def policy_class(algorithm: str) -> str | type:
+    """Return the policy with which a model is made: its name in stable-baselines3, or a class of ours.
+
+    Args:
+        algorithm: a name in `ALGORITHMS`.
+    """
+    module, _, name = ALGORITHMS[algorithm].policy.rpartition(":")
+    return getattr(import_module(module), name) if module else name
+
+
 def new_model(config: TrainingConfig) -> BaseAlgorithm:
     """Make an untrained model with its environments.
 
@@ -86,7 +96,7 @@ def new_model(config: TrainingConfig) -> BaseAlgorithm:
     """
     made = model_class(config.algorithm)
     env = environments(config, config.lesson_options)
-    return made(ALGORITHMS[config.algorithm].policy, env, **arguments(config), seed=config.seed, device="cpu")
+    return made(policy_class(config.algorithm), env, **arguments(config), seed=config.seed, device="cpu")
 
 
 def end_lessons(config: TrainingConfig, model: BaseAlgorithm) -> None:
