@@ -36,7 +36,9 @@ class Algorithm(NamedTuple):
 
 ALGORITHMS = {
     "ppo": Algorithm("PPO", "stable_baselines3", "MlpPolicy", 50_000, 250_000),
-    "recurrent_ppo": Algorithm("RecurrentPPO", "sb3_contrib", "flexarm_agents.recurrent:SequencePolicy", 50_000, 250_000),
+    "recurrent_ppo": Algorithm(
+        "RecurrentPPO", "sb3_contrib", "flexarm_agents.recurrent:SequencePolicy", 50_000, 250_000
+    ),
     "sac": Algorithm("SAC", "stable_baselines3", "MlpPolicy", 5_000, 25_000),
     "tqc": Algorithm("TQC", "sb3_contrib", "MlpPolicy", 5_000, 25_000),
 }

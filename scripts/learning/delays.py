@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 from matplotlib import pyplot as plt
 
-from flexarm_agents import TrainingConfig
+from flexarm_agents import Spread, TrainingConfig
 from flexarm_agents.board.columns import Point
 from flexarm_agents.board.rows import Row
 from flexarm_agents.observer import FILTERED
@@ -19,11 +19,11 @@ from flexarm_env.laps import LAPS
 from scripts.common.curves import FOLDER
 from scripts.common.markdown import table
 from scripts.common.plotting import COLOURS
+from scripts.common.spreads import spread_text
 from scripts.learning.measured import (
     Errors,
     errors_at,
     mean_of_laps,
-    median_and_worst,
     plot_median,
     seconds_per_million,
 )
@@ -131,7 +131,8 @@ def tables(found: Found, folder: Path) -> Mapping[str, str]:
     )
     rows = []
     for line in measured:
-        errors = [median_and_worst([mean_of_laps(one, DELAYS.index(delay)) for one in line.errors]) for delay in SHOWN]
+        means = [[mean_of_laps(one, DELAYS.index(delay)) for one in line.errors] for delay in SHOWN]
+        errors = [spread_text(Spread.of(several)) for several in means]
         seconds = "-" if line.seconds is None else f"{line.seconds:.0f}"
         rows.append((TRAINED[line.trained], line.text, str(len(line.errors)), line.samples, seconds, *errors))
     return {"delay_remedies": table(head, rows)}
@@ -158,9 +159,9 @@ def draw(measured: Sequence[Line], path: Path) -> None:
 
 
 STUDY = Study(
-    "what helps against a late sensor: mean r.m.s. error of both laps by the delay [m], of seeds median and worst",
+    "what helps against a late sensor: mean r.m.s. error of both laps by the delay [m], of seeds median, middle mean, worst",
     agents(),
-    3,
+    11,
     tables,
     ("delay_remedies",),
     {PICTURE: FOLDER / PICTURE},

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 
-from flexarm_agents import DescentConfig, Spread, TrainingConfig
+from flexarm_agents import DescentConfig, TrainingConfig
 from flexarm_agents.board.cells import Cell, Store
 from flexarm_agents.board.columns import Point
 from flexarm_agents.board.rows import Row
@@ -55,13 +55,6 @@ def mean_of_laps(errors: Errors, n: int) -> float | None:
     """Return the mean over the laps at a point [m]; None if one of them is lost."""
     values = [errors[lap][n] for lap in LAPS]
     return None if None in values else float(np.mean([value for value in values if value is not None]))
-
-
-def median_and_worst(values: Sequence[float | None], digits: int = 3) -> str:
-    """Write the median and the worst of several agents' figures; one figure of one agent."""
-    spread = Spread.of(values)
-    both = (spread.median, spread.worst)[: 2 if spread.total > 1 else 1]
-    return " / ".join("lost" if value is None else f"{value:.{digits}f}" for value in both)
 
 
 def seconds_per_million(config: RunConfig, path: Path) -> float:

@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from flexarm_agents import TrainingConfig
+from flexarm_agents import Spread, TrainingConfig
 from flexarm_agents.board.columns import Point
 from flexarm_agents.board.episodes import run_points
 from flexarm_agents.board.rows import Row
@@ -17,6 +17,7 @@ from flexarm_agents.board.summary import merged
 from flexarm_env.envs.registration import UNKNOWN_PLANT
 from flexarm_env.laps import LAPS
 from scripts.common.markdown import table
+from scripts.common.spreads import spread_text
 from scripts.learning.study import Found, Study
 
 RESIDUAL = "FlexArm/SquareResidual-v0"
@@ -61,15 +62,19 @@ def _lines(found: Found) -> Iterator[tuple[str, ...]]:
 
 
 def _line(text: str, rows: Sequence[Row]) -> tuple[str, ...]:
-    """Write a figure of each training in every cell."""
-    cells: list[list[str]] = []
+    """Write the spread of the trainings in every cell; mean and worst are of the episodes that are complete."""
+    nominal: list[list[float | None]] = []
+    lost: list[float | None] = []
+    drawn: list[tuple[float | None, float | None]] = []
     for row in rows:
-        nominal = [_metres(_rms(one)) for one in _episodes(row, [NOMINAL])]
+        nominal.append([_rms(one) for one in _episodes(row, [NOMINAL])])
         errors = [_rms(one) for one in _episodes(row, PARTS)]
         whole = [error for error in errors if error is not None]
-        mean, worst = (float(np.mean(whole)), max(whole)) if whole else (None, None)
-        cells.append([*nominal, str(len(errors) - len(whole)), _metres(mean), _metres(worst)])
-    return (text, str(len(rows)), *(" / ".join(several) for several in zip(*cells, strict=True)))
+        lost.append(len(errors) - len(whole))
+        drawn.append((float(np.mean(whole)), max(whole)) if whole else (None, None))
+    metres = [spread_text(Spread.of(several)) for several in (*zip(*nominal, strict=True), *zip(*drawn, strict=True))]
+    count = spread_text(Spread.of(lost), 0)
+    return (text, str(len(rows)), *metres[: len(LAPS)], count, *metres[len(LAPS) :])
 
 
 def _episodes(row: Row, points: Sequence[Point]) -> list[dict[str, Any]]:
@@ -90,17 +95,13 @@ def _rms(episode: Mapping[str, Any]) -> float | None:
     return None if episode["figures"] is None else float(episode["figures"]["rms"])
 
 
-def _metres(error: float | None) -> str:
-    return "lost" if error is None else f"{error:.3f}"
-
-
 STUDY = Study(
-    "what learning adds to a joint-space law: r.m.s. error [m], of each seed",
+    "what learning adds to a joint-space law: r.m.s. error [m], of seeds median, middle mean, worst",
     {
         "residual": TrainingConfig(environment=RESIDUAL, steps=STEPS),
         "reference": TrainingConfig(options=REFERENCE, steps=STEPS),
     },
-    5,
+    11,
     tables,
     ("action_modes",),
 )

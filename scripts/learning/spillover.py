@@ -6,12 +6,13 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from flexarm_agents import TrainingConfig
+from flexarm_agents import Spread, TrainingConfig
 from flexarm_agents.board.columns import COLUMNS
 from flexarm_agents.board.rows import Row
 from flexarm_env.envs.registration import UNKNOWN_PLANT
 from scripts.common.markdown import table
-from scripts.learning.measured import errors_at, mean_of_laps, median_and_worst
+from scripts.common.spreads import spread_text
+from scripts.learning.measured import errors_at, mean_of_laps
 from scripts.learning.study import Found, Study
 
 STEPS = 1_000_000
@@ -35,7 +36,7 @@ def rows(found: Found, folder: Path) -> Iterator[tuple[str, ...]]:
     for text, own in several.items():
         errors = [errors_at(row, POINTS, cells) for row in own]
         means = [[mean_of_laps(one, n) for one in errors] for n in range(len(POINTS))]
-        yield text, str(len(own)), *(median_and_worst(values) for values in means)
+        yield text, str(len(own)), *(spread_text(Spread.of(values)) for values in means)
 
 
 def tables(found: Found, folder: Path) -> Mapping[str, str]:
@@ -44,7 +45,7 @@ def tables(found: Found, folder: Path) -> Mapping[str, str]:
 
 
 STUDY = Study(
-    "arms of more shapes than in training: mean r.m.s. error of both laps [m], of seeds median and worst",
+    "arms of more shapes than in training: mean r.m.s. error of both laps [m], of seeds median, middle mean, worst",
     {
         name: TrainingConfig(
             environment="FlexArm/SquareDelayEasy-v0",
@@ -55,7 +56,7 @@ STUDY = Study(
         )
         for name, more in RANDOMISATIONS.items()
     },
-    3,
+    11,
     tables,
     ("spillover",),
     partial=True,

@@ -54,7 +54,10 @@ class Shipped(NamedTuple):
 AGENTS: dict[str, Shipped] = {
     "square": Shipped("PPO, shipped (`square`)", TrainingConfig()),
     "filtered": Shipped(
-        "PPO behind a Kalman filter (`filtered`)", delays.config_of("unknown", "observer"), 3, "delays/unknown-observer"
+        "PPO behind a Kalman filter (`filtered`)",
+        delays.config_of("unknown", "observer"),
+        11,
+        "delays/unknown-observer",
     ),
     "scheduler": Shipped(
         "gain scheduler, PPO (`scheduler`)", schedulers.STUDY.agents["square"], 11, "schedulers/square"

@@ -39,9 +39,7 @@ def outcome(policy: type[RecurrentActorCriticPolicy], starts: np.ndarray, seed: 
 )
 def test_the_library_gives_the_same(starts: list[list[bool]], seed: int) -> None:
     """Episodes may begin anywhere; in double precision, to a few roundings."""
-    ours, theirs = (
-        outcome(policy, np.array(starts), seed) for policy in (SequencePolicy, RecurrentActorCriticPolicy)
-    )
+    ours, theirs = (outcome(policy, np.array(starts), seed) for policy in (SequencePolicy, RecurrentActorCriticPolicy))
     for one, other in zip(ours, theirs, strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-13)
 

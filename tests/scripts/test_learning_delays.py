@@ -60,13 +60,6 @@ def test_laps_are_run_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
         measured.errors_at(Row("student"), POINTS, tmp_path / "other")
 
 
-def test_median_and_worst() -> None:
-    assert measured.median_and_worst([0.1, 0.3, 0.2]) == "0.200 / 0.300"
-    assert measured.median_and_worst([0.1, None, 0.2]) == "0.200 / lost"
-    assert measured.median_and_worst([0.1]) == "0.100"
-    assert measured.median_and_worst([None]) == "lost"
-
-
 def test_what_learning_costs_is_measured_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(measured, "SAMPLE", 256)
     seconds = measured.seconds_per_million(TrainingConfig(**TINY), tmp_path / "cost.json")
