@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, cast
 
 import torch
 from sb3_contrib.common.recurrent.policies import RecurrentActorCriticPolicy
@@ -19,7 +19,7 @@ class SequencePolicy(RecurrentActorCriticPolicy):
     """
 
     @staticmethod
-    def _process_sequence(
+    def _process_sequence(  # type: ignore[override]  # the library declares a tensor where it returns the memory
         features: torch.Tensor, lstm_states: Memory, episode_starts: torch.Tensor, lstm: Any
     ) -> tuple[torch.Tensor, Memory]:
         """Run the layer through sequences.
@@ -36,7 +36,8 @@ class SequencePolicy(RecurrentActorCriticPolicy):
         sequences = lstm_states[0].shape[1]
         starts = episode_starts.reshape(sequences, -1)
         if torch.any(starts[:, 1:]):
-            return RecurrentActorCriticPolicy._process_sequence(features, lstm_states, episode_starts, lstm)
+            whole = RecurrentActorCriticPolicy._process_sequence(features, lstm_states, episode_starts, lstm)
+            return cast("tuple[torch.Tensor, Memory]", whole)
         kept = (1.0 - starts[:, 0]).view(1, sequences, 1)
         periods = features.reshape(sequences, -1, lstm.input_size).swapaxes(0, 1)
         outputs, memory = lstm(periods, (kept * lstm_states[0], kept * lstm_states[1]))

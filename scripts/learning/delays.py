@@ -159,7 +159,7 @@ def draw(measured: Sequence[Line], path: Path) -> None:
 
 
 STUDY = Study(
-    "what helps against a late sensor: mean r.m.s. error of both laps by the delay [m], of seeds median, middle mean, worst",
+    "what helps against a late sensor: mean error of both laps by the delay [m], of seeds median, middle mean, worst",
     agents(),
     11,
     tables,

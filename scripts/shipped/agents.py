@@ -56,11 +56,10 @@ AGENTS: dict[str, Shipped] = {
     "filtered": Shipped(
         "PPO behind a Kalman filter (`filtered`)",
         delays.config_of("unknown", "observer"),
-        11,
-        "delays/unknown-observer",
+        study="delays/unknown-observer",
     ),
     "scheduler": Shipped(
-        "gain scheduler, PPO (`scheduler`)", schedulers.STUDY.agents["square"], 11, "schedulers/square"
+        "gain scheduler, PPO (`scheduler`)", schedulers.STUDY.agents["square"], study="schedulers/square"
     ),
     "student": Shipped("taught, encoders and late tip (`student`)", TeachingConfig(options=LATE_TIP)),
     "student_gauges": Shipped("taught, strain gauges too (`student_gauges`)", TeachingConfig()),

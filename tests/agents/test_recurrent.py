@@ -18,7 +18,7 @@ INPUTS, SIZE = 3, 5
 
 
 def outcome(policy: type[RecurrentActorCriticPolicy], starts: np.ndarray, seed: int) -> list[np.ndarray]:
-    """Outputs, memory, and gradients of a sum over both by weights, features and memory."""
+    """Return outputs, memory, and gradients of a sum over both by weights, features and memory."""
     torch.manual_seed(seed)
     sequences, periods = starts.shape
     lstm = torch.nn.LSTM(INPUTS, SIZE).double()

@@ -25,7 +25,7 @@ POINTS = [Point(0.0, {"delay": 0.0}), Point(50.0, {"delay": 0.05})]
 def test_remedies_differ_in_nothing_else() -> None:
     """Environment, steps, seeds and evaluations are those of the agent without a remedy."""
     own = {"algorithm", "lags", "observer", "options", "envs", "rollout", "learning_rate", "hidden", "lstm"}
-    own |= {"critic_lstm", "lesson_options"}
+    own |= {"critic_lstm", "lesson_options", "epochs"}
     for trained in delays.TRAINED:
         without = delays.config_of(trained, "none")
         for remedy in delays.REMEDIES:
@@ -99,8 +99,8 @@ def test_the_table_and_the_picture(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     ]
     cells = [cell.strip() for cell in own.split("|")[1:-1]]
     assert cells[:5] == ["31 ms", "none", "2", "1,000,000", "40"]
-    assert cells[5] == "0.100 / 0.100"
-    assert cells[-1] == "lost / lost"
+    assert cells[5] == "0.100 / 0.100 / 0.100"
+    assert cells[-1] == "lost / lost / lost"
     for axis in drawn[0].axes:
         assert len(axis.lines) == len(delays.REMEDIES) + 2
         assert np.isnan(axis.lines[-1].get_ydata()[-1]) == axis.get_title().startswith("plain")
