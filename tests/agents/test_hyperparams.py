@@ -52,7 +52,7 @@ def test_settings_are_arguments_of_the_algorithm(algorithm: str) -> None:
 def test_the_files_are_the_only_source() -> None:
     """`flexarm train` has what the file has; an id that the file lacks has the settings of the first id, no lessons."""
     config = TrainingConfig()
-    assert (config.steps, config.envs, config.rollout, config.batch) == (2_000_000, 64, 64, 1024)
+    assert (config.steps, config.envs, config.rollout, config.batch) == (2_000_000, 64, 64, 512)
     assert (config.learning_rate, config.hidden, config.activation) == (1.5e-3, (128, 128), "elu")
     assert (config.log_std, config.episode_steps, config.lstm, config.buffer) == (-0.7, 600, None, None)
     other = replace(config, environment="FlexArm/Track-v0", lesson_options={})
