@@ -156,7 +156,7 @@ def _line(learning: str, seen: str, trainings: Sequence[Training], steps: int, p
 STUDY = Study(
     "first-order gradients beside PPO: r.m.s. error of the laps [m]; of seeds median, interquartile mean, worst",
     agents(),
-    3,
+    10,
     tables,
     ("gradients", "gradient_horizons"),
     partial=True,
