@@ -25,7 +25,7 @@ POINTS = [Point(0.0, {"delay": 0.0}), Point(50.0, {"delay": 0.05})]
 def test_remedies_differ_in_nothing_else() -> None:
     """Environment, steps, seeds and evaluations are those of the agent without a remedy."""
     own = {"algorithm", "lags", "observer", "options", "envs", "rollout", "learning_rate", "hidden", "lstm"}
-    own |= {"critic_lstm", "lesson_options", "epochs"}
+    own |= {"critic_lstm", "lesson_options", "epochs", "batch"}
     for trained in delays.TRAINED:
         without = delays.config_of(trained, "none")
         for remedy in delays.REMEDIES:
