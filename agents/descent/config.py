@@ -19,7 +19,13 @@ class DescentConfig(RunConfig):
     """Options in which the environments of the training differ from the one that the agent is scored on. Unless others
     are given, episodes begin at rest on a corner: nothing else shows what a start is worth."""
     rounds: int = 12
-    """Each one ends with an evaluation and a checkpoint."""
+    """Of the policy in the end; each one ends with an evaluation and a checkpoint."""
+    candidates: int = 4
+    """Untrained policies that the training begins with, one after the other, in the same episodes; the best one goes
+    on. A gradient leads to the nearest valley, which is not always the deepest."""
+    trial_rounds: int = 2
+    """Rounds of each candidate, after which the last evaluations are compared; they are among the `rounds` of the one
+    that goes on. With one candidate there is nothing to compare."""
     windows: int = 80
     """Windows in a round, each with one step of the policy's optimiser."""
     horizon: int = 32
@@ -76,11 +82,19 @@ class DescentConfig(RunConfig):
             if one.name.startswith("critic_") and one.name != "critic_epochs":
                 if (given := getattr(self, one.name)) != one.default:
                     raise ValueError(f"{one.name} = {shown(given)}: has no effect with critic_epochs = 0")
+        if self.trial_rounds > self.rounds and self.candidates > 1:
+            bound = f"rounds = {self.rounds}, with more than one of candidates"
+            raise ValueError(f"trial_rounds = {self.trial_rounds}: must be at most {bound}")
 
     @property
     def steps(self) -> int:
         """Environment steps of a round."""
         return self.windows * self.horizon * self.arms
+
+    @property
+    def all_rounds(self) -> int:
+        """Rounds of the whole training: those of the candidates that do not go on, too."""
+        return self.rounds + (self.candidates - 1) * self.trial_rounds
 
     @property
     def batch_options(self) -> dict[str, Any]:
@@ -91,7 +105,16 @@ class DescentConfig(RunConfig):
         return {"max_episode_steps": self.episode_steps, **lessons, "observation": [*own, *more]}
 
     def _checked(self) -> dict[str, Any]:
-        least = {"rounds": 1, "windows": 1, "horizon": 2, "arms": 1, "episode_steps": 1, "critic_epochs": 0}
+        least = {
+            "rounds": 1,
+            "candidates": 1,
+            "trial_rounds": 1,
+            "windows": 1,
+            "horizon": 2,
+            "arms": 1,
+            "episode_steps": 1,
+            "critic_epochs": 0,
+        }
         least |= {"critic_batch": 1, "evaluation_laps": 1}
         shares = ("torque_noise", "gamma", "critic_lambda", "critic_averaging")
         weights = ("change_weight", "excess_weight", "deflection_weight")

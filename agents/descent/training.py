@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pickle
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
@@ -19,6 +20,7 @@ from flexarm_agents.environments import make_batch, settings_of
 from flexarm_agents.network import NetworkPolicy
 from flexarm_agents.rounds import Rounds
 from flexarm_agents.run_folder import RunFolder
+from flexarm_agents.scoring import StandardScore, rank
 from flexarm_agents.stopping import StopSignals
 from flexarm_agents.training import Outcome, one_thread
 from flexarm_agents.versions import versions
@@ -55,9 +57,23 @@ def descend(
         try:
             if run.checkpoint.exists():
                 descent.load()
-            return descent.go_on(config, config.rounds, config.steps, config.evaluation_laps, stop, progress)
+            return descent.go_on(config, config.all_rounds, config.steps, config.evaluation_laps, stop, progress)
         finally:
-            descent.driver.env.close()
+            descent.close()
+
+
+class Candidate(NamedTuple):
+    """A policy after its trial.
+
+    Attributes:
+        rank: of its last evaluation, smaller is better.
+        driver: of its batch.
+        learner: of its networks.
+    """
+
+    rank: tuple[int, float]
+    driver: Driver
+    learner: Learner
 
 
 class Descent(Rounds):
@@ -66,7 +82,11 @@ class Descent(Rounds):
     Attributes:
         driver: of the batch.
         learner: of the networks.
+        leading: the best candidate whose trial is over; None before the first, and after the last.
     """
+
+    driver: Driver
+    learner: Learner
 
     def __init__(self, config: DescentConfig, run: RunFolder) -> None:
         """Begin; nothing is read or written.
@@ -77,14 +97,24 @@ class Descent(Rounds):
         """
         super().__init__(run)
         self.config, self._done = config, 0
+        self.leading: Candidate | None = None
         torch.manual_seed(config.seed)
+        self._begin()
+
+    def _begin(self) -> None:
+        """Begin with an untrained policy, in the episodes of the configuration's seed."""
+        config = self.config
         self.driver = Driver(
             make_batch(config.environment, config.arms, config.batch_options), config.seed, config.torque_noise
         )
         self.driver.stagger(config.episode_steps)
-        blocks = self.driver.env.observation_blocks
-        own = settings_of(config.environment, config.options).observation
-        self.learner = Learner(config, Observations(self.driver.env), max(blocks[name].stop for name in own))
+        self.learner = self._untrained(self.driver)
+
+    def _untrained(self, driver: Driver) -> Learner:
+        """Return untrained networks for a driver's batch."""
+        blocks = driver.env.observation_blocks
+        own = settings_of(self.config.environment, self.config.options).observation
+        return Learner(self.config, Observations(driver.env), max(blocks[name].stop for name in own))
 
     @property
     def done(self) -> int:
@@ -93,10 +123,32 @@ class Descent(Rounds):
 
     def next_round(self, logger: Logger) -> None:
         """See `Rounds`."""
+        trial, candidates = self.config.trial_rounds, self.config.candidates
+        if candidates > 1 and 0 < self._done <= candidates * trial and self._done % trial == 0:
+            self._end_trial(last=self._done == candidates * trial)
         rows = [self.window() for _ in range(self.config.windows)]
         for name, values in zip(Figures._fields, zip(*rows, strict=True), strict=True):
             logger.record(f"descent/{name}", float(np.mean(values)))
         self._done += 1
+
+    def _end_trial(self, last: bool) -> None:
+        """Remember the policy if it is the best candidate so far; go on with the next one, or after the last the best.
+
+        Args:
+            last: no other follows.
+        """
+        judged = StandardScore.of(self.found.rows[-1])
+        present = Candidate(rank([judged]), self.driver, self.learner)
+        best, other = present, self.leading
+        if other is not None:
+            if other.rank <= present.rank:
+                best, other = other, present
+            other.driver.env.close()
+        if last:
+            self.driver, self.learner, self.leading = best.driver, best.learner, None
+        else:
+            self.leading = best
+            self._begin()
 
     def window(self) -> Figures:
         """Run a window, and learn from it."""
@@ -108,11 +160,12 @@ class Descent(Rounds):
 
     def save(self, path: Path) -> None:
         """See `Rounds`."""
+        leading = self.leading
         state = {
             "found": self.found,
             "done": self._done,
-            "driver": self.driver,
-            "learner": self.learner.state(),
+            "present": (self.driver, self.learner.state()),
+            "leading": None if leading is None else (leading.rank, (leading.driver, leading.learner.state())),
             "random": torch.get_rng_state(),
         }
         write_parts(path, {_STATE: pickle.dumps(state)})
@@ -126,7 +179,20 @@ class Descent(Rounds):
         """
         (content,) = read_parts(self.run.checkpoint, [_STATE])
         state = unpickled(self.run.checkpoint, content)
-        self.driver.env.close()
-        self.found, self._done, self.driver = state["found"], state["done"], state["driver"]
-        self.learner.restore(state["learner"])
+        self.close()
+        self.found, self._done, leading = state["found"], state["done"], state["leading"]
+        self.driver, self.learner = self._restored(*state["present"])
+        self.leading = None if leading is None else Candidate(leading[0], *self._restored(*leading[1]))
         torch.set_rng_state(state["random"])
+
+    def _restored(self, driver: Driver, learned: dict[str, Any]) -> tuple[Driver, Learner]:
+        """Return a driver and its learner, from what a checkpoint has of them."""
+        learner = self._untrained(driver)
+        learner.restore(learned)
+        return driver, learner
+
+    def close(self) -> None:
+        """Let go of the environments."""
+        self.driver.env.close()
+        if self.leading is not None:
+            self.leading.driver.env.close()

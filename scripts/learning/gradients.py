@@ -1,32 +1,31 @@
-"""What first-order gradients learn through arm and sensor, beside PPO after as many steps and as many seconds."""
+"""What first-order gradients learn through arm and sensor, with and without a search, beside PPO."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+import json
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexarm_agents import DescentConfig, NetworkPolicy, Spread, TrainingConfig
+from flexarm_agents import DescentConfig, NetworkPolicy, Spread, StandardScore, TrainingConfig
 from flexarm_agents.board.references import references
 from flexarm_agents.config import RunConfig
 from flexarm_agents.descent.costs import costs
 from flexarm_agents.descent.training import Descent
 from flexarm_agents.layers import set_layers
+from flexarm_agents.load import POLICIES
 from flexarm_agents.run_folder import RunFolder
 from flexarm_agents.training import one_thread
 from flexarm_env.envs.choices import DEFAULT_OBSERVATION
 from flexarm_env.laps import LAPS
-from scripts.common.curves import curve
 from scripts.common.markdown import table
 from scripts.common.spreads import spread_text
-from scripts.common.trainings import Training
 from scripts.learning.measured import seconds_per_million
 from scripts.learning.study import Found, Study
 
 GAUGES, LATE_TIP = ("modal_coordinates", "modal_rates"), ("sensor_error", "sensor_error_rate")
-PPO = "ppo"
 HORIZONS = (8, 16, 32, 64)  # of windows whose derivatives are compared; an untrained arm is soon lost
 
 
@@ -49,51 +48,44 @@ class Way(NamedTuple):
 
 WAYS = {
     "registered": Way("the registered observation, late tip and strain gauges included", {}),
+    "one": Way("the same, one candidate", {"candidates": 1}),
     "encoders": Way(
         "encoders and the late tip, four past actions",
         {"options": {"observation": without(*GAUGES), "last_actions": 4}},
     ),
-    "encoders_longer": Way(
-        "encoders and the late tip, eight past actions, twice as long",
-        {"options": {"observation": without(*GAUGES), "last_actions": 8}, "rounds": 2 * DescentConfig.rounds},
-    ),
     "state": Way("the true state: encoders and strain gauges", {"options": {"observation": without(*LATE_TIP)}}),
-    "no_critic": Way("the registered observation, no critic, windows of 64", {"critic_epochs": 0, "horizon": 64}),
 }
+PPO = "square"  # the shipped agent whose trainings stand beside
 
 
 def agents() -> dict[str, RunConfig]:
-    """Return the configurations; the windows of all have as many control periods."""
-    common = DescentConfig()
-    periods = common.windows * common.horizon
-    found: dict[str, RunConfig] = {}
-    for name, way in WAYS.items():
-        windows = periods // int(way.settings.get("horizon", common.horizon))
-        found[name] = DescentConfig(**{"windows": windows, **way.settings})
-    return {**found, PPO: TrainingConfig()}
+    """Return the configurations."""
+    return {name: DescentConfig(**way.settings) for name, way in WAYS.items()}
 
 
-def best_until(training: Training, steps: float) -> dict[str, float | None]:
-    """Return each lap's error at the best evaluation until then [m]; None for a lost lap.
+class Line(NamedTuple):
+    """A row of the table.
 
-    Args:
-        training: finished.
-        steps: of its environments.
+    Attributes:
+        name: of what was trained.
+        learning: how.
+        seen: what the policy observes.
+        config: of the trainings.
+        scores: of their best evaluations.
     """
-    known = curve(training)
-    errors = [{lap: known[lap][n] for lap in LAPS} for n, done in enumerate(known["steps"]) if done <= steps]
-    return min(errors, key=_mean)
 
-
-def _mean(errors: Mapping[str, float | None]) -> float:
-    return sum(float("inf") if error is None else error for error in errors.values()) / len(errors)
+    name: str
+    learning: str
+    seen: str
+    config: RunConfig
+    scores: Sequence[StandardScore]
 
 
 def tables(found: Found, folder: Path) -> Mapping[str, str]:
-    """Write what each way comes to, PPO after as many steps and as many seconds; and how far derivatives reach."""
+    """Write what each way comes to, beside PPO; and how far derivatives reach."""
     head = ("learning", "observation", "seeds", "steps", "seconds of one core")
     laps = (cell for lap in LAPS for cell in (f"{lap} lap [m]", "times the plan"))
-    made = {"gradients": table((*head, *laps), _lines(found, folder))}
+    made = {"gradients": table((*head, *laps), [_cells(line, folder) for line in lines(found)])}
     if "registered" in found:
         policy = NetworkPolicy.load(RunFolder(found["registered"][0].folder).last)
         rows = [(str(n), *(f"{first_action_slope(n, one):.3f}" for one in (None, policy))) for n in HORIZONS]
@@ -123,31 +115,40 @@ def first_action_slope(horizon: int, policy: NetworkPolicy | None) -> float:
 
 
 def all_steps(config: RunConfig) -> int:
-    """Return environment steps of a training by first-order gradients."""
-    assert isinstance(config, DescentConfig)
-    return config.rounds * config.steps
+    """Return environment steps of a training.
+
+    Args:
+        config: of one by first-order gradients, or by reward.
+
+    Raises:
+        TypeError: for another kind of training.
+    """
+    if isinstance(config, DescentConfig):
+        return config.all_rounds * config.steps
+    if isinstance(config, TrainingConfig):
+        return config.steps
+    raise TypeError(f"config = {config!r}: must be a TrainingConfig or a DescentConfig")
 
 
-def _lines(found: Found, folder: Path) -> Iterator[tuple[str, ...]]:
-    configs = agents()
-    paid = {name: seconds_per_million(configs[name], folder / "costs" / f"{name}.json") for name in found}
-    for name, way in WAYS.items():
-        if name in found:
-            yield _line("first-order gradients", way.text, found[name], all_steps(configs[name]), paid[name])
-    if PPO in found:
-        steps, text = all_steps(configs["registered"]), WAYS["registered"].text
-        yield _line("PPO, as many steps", text, found[PPO], steps, paid[PPO])
-        if "registered" in paid:
-            fewer = int(steps * paid["registered"] / paid[PPO])
-            yield _line("PPO, as many seconds", text, found[PPO], fewer, paid[PPO])
+def lines(found: Found) -> list[Line]:
+    """Return what the trainings of each way came to, and those of the shipped PPO agent."""
+    made = []
+    for name, trainings in found.items():
+        scores = [StandardScore.of(one.best) for one in trainings]
+        made.append(Line(name, "first-order gradients", WAYS[name].text, trainings[0].config, scores))
+    card = json.loads((POLICIES / f"{PPO}.json").read_text())
+    scores = [StandardScore.of(one) for one in card["trainings"]]
+    config = TrainingConfig.of(card["config"])
+    return [*made, Line("ppo", f"PPO (`{PPO}`)", WAYS["registered"].text, config, scores)]
 
 
-def _line(learning: str, seen: str, trainings: Sequence[Training], steps: int, paid: float) -> tuple[str, ...]:
+def _cells(line: Line, folder: Path) -> tuple[str, ...]:
     """Write a line; the median of the seeds is compared with the plan."""
-    plans, best = references(), [best_until(one, steps) for one in trainings]
-    cells = [learning, seen, str(len(trainings)), f"{steps:,}", f"{steps * paid / 1e6:.0f}"]
+    plans, steps = references(), all_steps(line.config)
+    paid = seconds_per_million(line.config, folder / "costs" / f"{line.name}.json")
+    cells = [line.learning, line.seen, str(len(line.scores)), f"{steps:,}", f"{steps * paid / 1e6:.0f}"]
     for lap in LAPS:
-        spread = Spread.of(one[lap] for one in best)
+        spread = Spread.of(getattr(score, lap).rms for score in line.scores)
         times = "-" if spread.median is None else f"{spread.median / plans[lap]['rms']:.2f}"
         cells += [spread_text(spread, 4), times]
     return tuple(cells)

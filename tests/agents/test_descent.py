@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 import torch
 from numpy.typing import NDArray
+from stable_baselines3.common.logger import Logger
 
 import flexarm_agents.descent.training
 from flexarm_agents import DescentConfig, TrainingStopped, descend, evaluate, load_policy
@@ -29,7 +30,7 @@ from flexarm_env.envs.settings import Settings
 from flexarm_env.laps import LAPS
 from tests.agents.test_training import same_policy
 from tests.support.refusals import refuses
-from tests.support.trainings import DESCENDED, descended
+from tests.support.trainings import DESCENDED, descended, row
 
 Floats = NDArray[np.float64]
 ID = "FlexArm/Square-v0"
@@ -224,6 +225,8 @@ def test_the_cost_of_an_error_is_a_square_and_then_a_line() -> None:
         ({"hidden": []}, "hidden = "),
         ({"lesson_options": {"noise": -1.0}}, "noise = -1.0"),
         ({"torque_noise": 2.0}, "torque_noise = 2.0"),
+        ({"candidates": 0}, "candidates = 0: must be an integer >= 1"),
+        ({"rounds": 1}, "trial_rounds = 2: must be at most rounds = 1, with more than one of candidates"),
     ],
 )
 def test_bad_settings_are_refused(changes: dict[str, Any], words: str) -> None:
@@ -255,7 +258,7 @@ def test_what_a_descent_leaves(run: Path) -> None:
     }  # fmt: skip
     assert list((run / "tensorboard").glob("events.out.tfevents.*"))
     rows = json.loads((run / "evaluations.json").read_text())
-    assert [row["steps"] for row in rows] == [64, 128]
+    assert [row["steps"] for row in rows] == [64, 128, 192, 256]
     trained = load_policy(run)
     again = evaluate(trained.make_env(), trained.policy, seed=1_000_003)
     assert again.as_mapping() == {lap: trained.notes["evaluation"][lap] for lap in LAPS}
@@ -266,12 +269,15 @@ class Interrupted(Exception):  # noqa: N818
     pass
 
 
+@pytest.mark.parametrize("rounds", [1, 2, 3])
 def test_an_interrupted_descent_ends_in_the_same_bits(
-    run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    rounds: int, run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """In the trial of the second candidate or of the third, or in the last round."""
+
     class Breaking(Descent):
         def window(self) -> Figures:
-            if self.done == 1:
+            if self.done == rounds:
                 raise Interrupted
             return super().window()
 
@@ -289,26 +295,65 @@ def test_an_interrupted_descent_ends_in_the_same_bits(
     before = (tmp_path / "run" / "last_policy.npz").read_bytes()
     outcome = descend(config, tmp_path / "run", resume=True)  # it is complete
     assert (tmp_path / "run" / "last_policy.npz").read_bytes() == before
-    assert outcome.last["steps"] == 128
+    assert outcome.last["steps"] == 256
     (tmp_path / "run" / "checkpoint.zip").write_bytes(b"no zip")
     with refuses(ValueError, "checkpoint.zip: not a checkpoint"):
         descend(config, tmp_path / "run", resume=True)
 
 
 def test_a_signal_lets_the_round_finish(run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    sent: list[int] = []
+
     class Signalled(Descent):
         def window(self) -> Figures:
-            os.kill(os.getpid(), signal.SIGTERM)
+            if not sent:
+                os.kill(os.getpid(), signal.SIGTERM)
+                sent.append(signal.SIGTERM)  # a second one would end the process
             return super().window()
 
-    config = DescentConfig(**{**DESCENDED, "windows": 1, "rounds": 4})
+    config = DescentConfig(**DESCENDED)
     with monkeypatch.context() as patch:
         patch.setattr(flexarm_agents.descent.training, "Descent", Signalled)
         with pytest.raises(TrainingStopped) as caught:
             descend(config, tmp_path / "run")
-    assert (caught.value.signal, caught.value.steps) == (signal.SIGTERM, 32)
-    assert descend(config, tmp_path / "run", resume=True).last["steps"] == 128
+    assert (caught.value.signal, caught.value.steps) == (signal.SIGTERM, 64)
+    assert descend(config, tmp_path / "run", resume=True).last["steps"] == 256
     assert same_policy(run / "last_policy.npz", tmp_path / "run" / "last_policy.npz")
+
+
+@pytest.mark.parametrize(
+    ("errors", "best"),
+    [([0.3, 0.1, 0.2], 1), ([0.1, 0.1, 0.2], 0), ([None, 0.4, 0.3], 2), ([0.4, None, None], 0)],
+)
+def test_the_best_candidate_goes_on(errors: list[float | None], best: int, tmp_path: Path) -> None:
+    """By the evaluation after its trial; it goes on where it was, in its own episodes."""
+    training = Descent(DescentConfig(**DESCENDED), RunFolder(tmp_path))
+    logger = Logger(folder=None, output_formats=[])
+    learners, drivers = [], []
+    for error in errors:
+        training.next_round(logger)
+        training.found.rows.append(row(64, error, 0.05))
+        learners.append(training.learner)
+        drivers.append(training.driver)
+    assert len(set(map(id, learners))) == len(errors)
+    training.next_round(logger)
+    assert training.learner is learners[best]
+    assert training.driver is drivers[best]
+    training.close()
+
+
+def test_candidates_differ_and_meet_the_same_episodes(tmp_path: Path) -> None:
+    training = Descent(DescentConfig(**DESCENDED), RunFolder(tmp_path))
+
+    def at_rest() -> Window:
+        return training.driver.window(lambda seen: np.zeros((len(seen), 2)), 3)
+
+    policy, window = training.policy(), at_rest()
+    training.found.rows.append(row(64, 0.1, 0.1))
+    training._end_trial(last=False)
+    assert not np.array_equal(policy.weights[0], training.policy().weights[0])
+    assert np.array_equal(window.states, at_rest().states)
+    training.close()
 
 
 def test_the_first_third_of_a_second_is_learned_at_once(tmp_path: Path) -> None:

@@ -9,20 +9,20 @@ from pathlib import Path
 
 import pytest
 
-from flexarm_agents import DescentConfig, NetworkPolicy
-from flexarm_agents.run_folder import RunFolder
+from flexarm_agents import DescentConfig, NetworkPolicy, TeachingConfig
+from flexarm_agents.load import POLICIES
 from scripts.common.trainings import Training
 from scripts.learning import gradients, measured
-from tests.scripts.test_learning_off_policy import row
-from tests.support.trainings import DESCENDED
+from tests.support.trainings import DESCENDED, row
 
 
-def test_all_ways_but_one_have_as_many_steps() -> None:
-    agents = gradients.agents()
-    steps = {name: gradients.all_steps(one) for name, one in agents.items() if isinstance(one, DescentConfig)}
-    assert steps.pop("encoders_longer") == 2 * steps["encoders"]
-    (each,) = set(steps.values())
-    assert each == pytest.approx(agents["ppo"].steps, rel=0.05)  # type: ignore[attr-defined]
+def test_steps_of_all_candidates_count() -> None:
+    agents = {name: replace(one, rounds=5) for name, one in gradients.agents().items()}
+    steps = {name: gradients.all_steps(one) for name, one in agents.items()}
+    one = steps.pop("one")
+    assert set(steps.values()) == {one * (5 + 3 * 2) // 5}
+    with pytest.raises(TypeError, match="must be a TrainingConfig or a DescentConfig"):
+        gradients.all_steps(TeachingConfig())
 
 
 def test_what_a_step_costs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -34,28 +34,23 @@ def test_what_a_step_costs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
         measured.seconds_per_million(object(), tmp_path / "other.json")  # type: ignore[arg-type]
 
 
-def test_ppo_is_shown_after_as_many_steps_and_seconds(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """An evaluation with a lost lap is not the best one, and one that came later does not count."""
-    found = {}
-    for name in ("registered", "ppo"):
-        config = gradients.agents()[name]
-        folder = tmp_path / name / "seed-0"
-        folder.mkdir(parents=True)
-        rows = [row(1000, None, 0.01), row(900_000, 0.3, 0.2), row(1_500_000, 0.103, 0.037), row(3_000_000, 0.01, 0.01)]
-        RunFolder(folder).evaluations.with_suffix(".json").write_text(json.dumps(rows))
-        found[name] = [Training(replace(config, seed=0), folder, rows[2])]
+def test_table(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Trainings by gradients are those that are found, PPO's those of the shipped agent's card."""
+    config = gradients.agents()["registered"]
+    found = {"registered": [Training(config, tmp_path, row(1000, 0.103, 0.037))]}
     monkeypatch.setattr(NetworkPolicy, "load", lambda path: None)
     monkeypatch.setattr(gradients, "HORIZONS", (2, 4))
     monkeypatch.setattr(gradients, "first_action_slope", lambda horizon, policy: 0.5 * horizon)
-    paid = {"registered": 30.0, "ppo": 60.0}
-    monkeypatch.setattr(gradients, "seconds_per_million", lambda config, path: paid[path.stem])
+    monkeypatch.setattr(
+        gradients, "seconds_per_million", lambda config, path: {"registered": 30.0, "ppo": 60.0}[path.stem]
+    )
     made = gradients.tables(found, tmp_path)
-    lines = made["gradients"].splitlines()
-    rows_of = [[cell.strip() for cell in line.split("|")[1:-1]] for line in lines[2:]]
-    assert [cells[0] for cells in rows_of] == ["first-order gradients", "PPO, as many steps", "PPO, as many seconds"]
-    assert [cells[3:5] for cells in rows_of] == [["1,966,080", "59"], ["1,966,080", "118"], ["983,040", "59"]]
-    assert rows_of[0][5:] == ["0.1030", "2.00", "0.0370", "2.00"]
-    assert rows_of[2][5::2] == ["0.3000", "0.2000"]
+    one, ppo = ([cell.strip() for cell in line.split("|")[1:-1]] for line in made["gradients"].splitlines()[2:])
+    steps = config.all_rounds * config.steps  # type: ignore[attr-defined]
+    assert one[2:] == ["1", f"{steps:,}", f"{30e-6 * steps:.0f}", "0.1030", "2.00", "0.0370", "2.00"]
+    card = json.loads((POLICIES / "square.json").read_text())
+    assert ppo[2:5] == [str(len(card["trainings"])), f"{card['config']['steps']:,}", "120"]
+    assert ppo[5].startswith(f"{card['spread']['swing']['rms']['median']:.4f} / ")
     assert made["gradient_horizons"].splitlines()[2:] == ["| 2 | 1.000 | 1.000 |", "| 4 | 2.000 | 2.000 |"]
 
 

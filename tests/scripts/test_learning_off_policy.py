@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from matplotlib import pyplot as plt
 
-from flexarm_agents import Score, StandardScore, TrainingConfig
+from flexarm_agents import TrainingConfig
 from flexarm_agents.run_folder import RunFolder
 from scripts.common.trainings import Training
 from scripts.learning import measured, off_policy
-from tests.support.trainings import TINIES
+from tests.support.trainings import TINIES, row
 
 
 def test_settings_are_the_tuned_ones() -> None:
@@ -42,14 +42,6 @@ def test_what_learning_costs(name: str, tmp_path: Path, monkeypatch: pytest.Monk
     assert measured.seconds_per_million(config, tmp_path / "cost.json") > 0.0
     steps = json.loads((tmp_path / "cost.json").read_text())["steps"]
     assert steps == (256 if config.updates is None else 10 * config.envs * 4)
-
-
-def row(steps: int, swing: float | None, plain: float | None) -> dict[str, object]:
-    scores = []
-    for rms in (swing, plain):
-        ended = "error" if rms is None else "truncated"
-        scores.append(Score(ended, 16.0, rms, rms, rms, rms, (1.0, 1.0), 0, (0.1, 0.1), (1.0, 1.0), 0.0))
-    return {"steps": steps, "seconds": 1.0, **StandardScore(*scores).as_mapping()}
 
 
 def test_table_and_picture(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

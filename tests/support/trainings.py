@@ -1,4 +1,4 @@
-"""A training so small that it takes a second, for the tests of agents."""
+"""Trainings so small that they take a second, and rows of evaluations, for the tests of agents."""
 
 from __future__ import annotations
 
@@ -7,7 +7,17 @@ from typing import Any
 
 import numpy as np
 
-from flexarm_agents import DescentConfig, NetworkPolicy, TeachingConfig, TrainingConfig, descend, teach, train
+from flexarm_agents import (
+    DescentConfig,
+    NetworkPolicy,
+    Score,
+    StandardScore,
+    TeachingConfig,
+    TrainingConfig,
+    descend,
+    teach,
+    train,
+)
 
 ID = "FlexArm/Square-v0"
 TINY: dict[str, Any] = {
@@ -75,12 +85,23 @@ TAUGHT: dict[str, Any] = {
 DESCENDED: dict[str, Any] = {
     "arms": 4,
     "rounds": 2,
+    "candidates": 3,
+    "trial_rounds": 1,
     "windows": 2,
     "horizon": 8,
     "episode_steps": 40,
     "hidden": [16, 8],
     "critic_batch": 16,
 }
+
+
+def row(steps: int, swing: float | None, plain: float | None) -> dict[str, Any]:
+    """Return a row of evaluations: errors of both laps [m], None for a lap that was lost."""
+    scores = []
+    for rms in (swing, plain):
+        ended = "error" if rms is None else "truncated"
+        scores.append(Score(ended, 16.0, rms, rms, rms, rms, (1.0, 1.0), 0, (0.1, 0.1), (1.0, 1.0), 0.0))
+    return {"steps": steps, "seconds": 1.0, **StandardScore(*scores).as_mapping()}
 
 
 def descended(folder: Path) -> Path:
