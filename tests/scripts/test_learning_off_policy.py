@@ -1,4 +1,4 @@
-"""The study of algorithms with a buffer or a memory: their settings, their updates, its table and picture."""
+"""The study of algorithms with a replay buffer: their settings, their updates, its table and picture."""
 
 from __future__ import annotations
 
