@@ -138,6 +138,6 @@ def policy_file(source: str | Path, last: bool = False) -> Path:
     if str(source) not in shipped_policies():
         raise FileNotFoundError(
             f"source = {shown(str(source))}: neither a folder or file nor a shipped policy; these are "
-            f"{shipped_policies()}"
+            f"{', '.join(shipped_policies())}"
         )
     return POLICIES / f"{source}.npz"

@@ -16,8 +16,10 @@ from flexarm_agents.contenders import (
     from_model,
     from_training,
 )
+from flexarm_agents.load import shipped_policies
 from flexarm_baselines.registry import controller_names
 from flexarm_env.parameters import PRESETS
+from flexarm_env.validation import shown
 
 POLICY = """\
 folder of a training, or its npz file; name of a shipped policy or of a controller, as `flexarm list` has them;
@@ -75,6 +77,9 @@ def from_source(source: str, given: argparse.Namespace) -> Contender:
         FileNotFoundError, ImportError, TypeError, ValueError: see `flexarm_agents.contenders`.
     """
     if _is_training(source):
+        if not Path(source).exists() and source not in shipped_policies():
+            names = f"shipped policies are {', '.join(shipped_policies())}; controllers {', '.join(controller_names())}"
+            raise FileNotFoundError(f"policy {shown(source)}: neither a file or folder nor a known name; {names}")
         return from_training(source, given.options, given.arm)
     environment = given.environment or ENVIRONMENT
     options = changed({}, given.options, given.arm)

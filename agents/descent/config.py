@@ -20,12 +20,12 @@ class DescentConfig(RunConfig):
     are given, episodes begin at rest on a corner: nothing else shows what a start is worth."""
     rounds: int = 12
     """Of the policy in the end; each one ends with an evaluation and a checkpoint."""
-    candidates: int = 4
+    candidates: int = 3
     """Untrained policies that the training begins with, one after the other, in the same episodes; the best one goes
     on. A gradient leads to the nearest valley, which is not always the deepest."""
-    trial_rounds: int = 2
+    trial_rounds: int = 4
     """Rounds of each candidate, after which the last evaluations are compared; they are among the `rounds` of the one
-    that goes on. With one candidate there is nothing to compare."""
+    that goes on. After fewer, errors do not tell yet which valley a policy is in."""
     windows: int = 80
     """Windows in a round, each with one step of the policy's optimiser."""
     horizon: int = 32

@@ -62,7 +62,7 @@ def test_wrong_usage_ends_with_2(capsys: Captured, arguments: tuple[str, ...]) -
     ("arguments", "message"),
     [
         (("show", "Sqare-v0"), "error: environment = 'Sqare-v0': must be one of 'FlexArm/Paper-v0', "),
-        (("evaluate", "nobody"), "error: source = 'nobody': neither a folder or file nor a shipped policy"),
+        (("evaluate", "nobody"), "error: policy 'nobody': neither a file or folder nor a known name; shipped "),
         (("evaluate", "--laps", "0"), "error: laps = 0: must be an integer >= 1"),
         (("evaluate", "--no-baselines", "--no-shipped"), "error: policies: nothing to score"),
         (("evaluate", "--no-baselines", "--options", '{"noize": 1}'), "error: "),

@@ -226,7 +226,7 @@ def test_the_cost_of_an_error_is_a_square_and_then_a_line() -> None:
         ({"lesson_options": {"noise": -1.0}}, "noise = -1.0"),
         ({"torque_noise": 2.0}, "torque_noise = 2.0"),
         ({"candidates": 0}, "candidates = 0: must be an integer >= 1"),
-        ({"rounds": 1}, "trial_rounds = 2: must be at most rounds = 1, with more than one of candidates"),
+        ({"rounds": 1}, "trial_rounds = 4: must be at most rounds = 1, with more than one of candidates"),
     ],
 )
 def test_bad_settings_are_refused(changes: dict[str, Any], words: str) -> None:
