@@ -361,7 +361,9 @@ def test_the_first_third_of_a_second_is_learned_at_once(tmp_path: Path) -> None:
     lap = {"start": "corner", "elbow_branch": "negative"}
     sizes: dict[str, Any] = {"arms": 2, "episode_steps": 32, "hidden": (32,), "critic_epochs": 0}
     sizes["torque_noise"] = 0.0
-    training = Descent(DescentConfig(windows=40, rounds=1, lesson_options=lap, **sizes), RunFolder(tmp_path))
+    training = Descent(
+        DescentConfig(windows=40, rounds=1, candidates=1, lesson_options=lap, **sizes), RunFolder(tmp_path)
+    )
     figures = [training.window() for _ in range(40)]
     training.driver.env.close()
     assert figures[-1].error < 0.35 * figures[0].error
