@@ -38,6 +38,11 @@ class Trained:
     options: dict[str, Any]
     notes: dict[str, Any]
 
+    @property
+    def has_own_arm(self) -> bool:
+        """Whether it was trained on another arm than the default one, which is the board's."""
+        return "arm" in self.options
+
     def make_env(self, **options: Any) -> gymnasium.Env[Any, Any]:
         """Make the environment that it was trained on.
 

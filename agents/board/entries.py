@@ -1,4 +1,4 @@
-"""Who is on the board: the controllers by their names, the shipped policies, and those whom a user adds."""
+"""Who is on the board: the controllers by their names, shipped policies of the default arm, those whom a user adds."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from flexarm_agents.board.rows import Row
-from flexarm_agents.load import shipped_policies
+from flexarm_agents.load import load_policy, shipped_policies
 from flexarm_baselines.registry import controller_names
 from flexarm_env.validation import known_names, mapping
 
@@ -30,7 +30,7 @@ def entries(added: Sequence[str]) -> list[Row]:
         ValueError: if two have the same name, or a file is none of a row.
     """
     rows = [Row(name) for name in controller_names()] + list(LATE)
-    rows += [Row(name, f"agent {name}") for name in shipped_policies()]
+    rows += [Row(name, f"agent {name}") for name in shipped_policies() if not load_policy(name).has_own_arm]
     rows += [_added(source) for source in added]
     names = [row.name for row in rows]
     for name in names:

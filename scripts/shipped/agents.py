@@ -38,6 +38,11 @@ class Shipped(NamedTuple):
     seeds: int = 11
     study: str = ""
 
+    @property
+    def on_board(self) -> bool:
+        """Whether its arm is the board's."""
+        return "arm" not in self.config.options
+
     def jobs(self, name: str, seeds: int, own: Path, studies: Path) -> list[Job]:
         """Return its trainings, with the seeds from 0 on.
 
@@ -60,6 +65,11 @@ AGENTS: dict[str, Shipped] = {
     ),
     "scheduler": Shipped(
         "gain scheduler, PPO (`scheduler`)", schedulers.STUDY.agents["square"], study="schedulers/square"
+    ),
+    "scheduler_paper": Shipped(
+        "gain scheduler on the paper's plant, PPO (`scheduler_paper`)",
+        schedulers.STUDY.agents["paper"],
+        study="schedulers/paper",
     ),
     "student": Shipped("taught, encoders and late tip (`student`)", TeachingConfig(options=LATE_TIP)),
     "student_gauges": Shipped("taught, strain gauges too (`student_gauges`)", TeachingConfig()),

@@ -86,7 +86,7 @@ def published() -> tuple[Mapping[str, Figures], Mapping[str, Mapping[str, float]
 
 
 def compared(cards: Mapping[str, Card]) -> Iterator[tuple[str, list[Figures]]]:
-    """Yield controllers and agents with their figures, those of an agent for each training that was measured.
+    """Yield controllers and agents of the board's arm with figures, an agent's for each training that was measured.
 
     Args:
         cards: of the shipped agents, by name. One that was trained before trainings were measured has the published
@@ -97,6 +97,8 @@ def compared(cards: Mapping[str, Card]) -> Iterator[tuple[str, list[Figures]]]:
         if name in rows:
             yield text, [rows[name]]
     for name, card in cards.items():
+        if "arm" in card["config"]["options"]:
+            continue  # which is not the board's
         own = [one["board"] for one in card["trainings"] if "board" in one]
         yield f"agent `{name}`", own or [rows[f"agent {name}"]]
 

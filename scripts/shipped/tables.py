@@ -39,7 +39,7 @@ def scores(names: Iterable[str]) -> str:
     """
     env = make_one(GAIN)
     agents = {name: load_policy(name) for name in names}
-    found = {(AGENTS[name].text, f"`{_observed(agent)}`"): _nominal(agent) for name, agent in agents.items()} | {
+    found = {(AGENTS[name].text, _observed(agent)): _nominal(agent) for name, agent in agents.items()} | {
         ("FLSAC", "`SquareGain-v0`"): evaluate(env, FLSAC.for_env(env)),
         ("IFDC", "`SquareGain-v0`"): evaluate(env, IFDC.for_env(env)),
     }
@@ -55,14 +55,17 @@ def scores(names: Iterable[str]) -> str:
 
 
 def _nominal(agent: Trained) -> StandardScore:
-    """Score an agent on the nominal plant, with the observation that it was trained with."""
+    """Score an agent on the nominal plant, or on its own arm, with the observation that it was trained with."""
+    if agent.has_own_arm:
+        return evaluate(agent.make_env(), agent.policy)
     row = Row(agent.name).contender()
     return evaluate(row.env, row.policy)
 
 
 def _observed(agent: Trained) -> str:
     """Return the id whose plant an agent is scored on here: the default arm with torques, or with the law's gain."""
-    return "SquareGain-v0" if agent.environment == GAIN else "Square-v0"
+    name = "SquareGain-v0" if agent.environment == GAIN else "Square-v0"
+    return f"`{name}`{', its own arm' * agent.has_own_arm}"
 
 
 def seeds(card: dict[str, Any]) -> str:

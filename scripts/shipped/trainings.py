@@ -38,7 +38,7 @@ def export(
 
     Args:
         trainings: all of them; the card has the scores of each.
-        boards: what each does on the board, for the card.
+        boards: what each does on the board, for the card; none if its arm is not the board's.
         policies: the package's folder of policies.
         name: name of the shipped policy.
         command: what made it.
@@ -56,7 +56,8 @@ def export(
         "spread": _spread(trainings),
         "choice": RULE.format(count=len(trainings)),
         "trainings": [
-            {"seed": one.config.seed, **one.best, "board": board} for one, board in zip(trainings, boards, strict=True)
+            {"seed": one.config.seed, **one.best, **({"board": boards[n]} if boards else {})}
+            for n, one in enumerate(trainings)
         ],
     }
     write_json(policies / f"{name}.json", card)

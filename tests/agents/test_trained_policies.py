@@ -31,6 +31,7 @@ from tests.support.trainings import ID, TINY, finished
 GOALS = {
     "filtered": {"swing": (0.08, 0.06), "plain": (0.06, 0.06)},
     "scheduler": {"swing": (0.8, 0.8), "plain": (0.9, 0.9)},
+    "scheduler_paper": {"swing": (0.8, 0.8), "plain": (0.75, 0.8)},
     "square": {"swing": (0.068, 0.04), "plain": (0.037, 0.037)},
     "student": {"swing": (0.064, 0.033), "plain": (0.028, 0.033)},
     "student_gauges": {"swing": (0.064, 0.033), "plain": (0.028, 0.033)},

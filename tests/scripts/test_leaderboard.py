@@ -89,6 +89,7 @@ def test_the_board_has_everybody_once() -> None:
     names = [row.name for row in entries(())]
     assert len(set(names)) == len(names)
     assert {"ifdc", "ifdc_late", "plan_lqr", "agent square"} <= set(names)
+    assert "agent scheduler_paper" not in names  # its arm is not the board's
     with refuses(ValueError, "two have the name 'ifdc'"):
         entries(("ifdc",))
 

@@ -64,6 +64,8 @@ def test_a_finished_training_is_shipped_with_its_card(tmp_path: Path) -> None:
     of_one = card["spread"]["plain"]["rms"]
     assert of_one["median"] == of_one["interquartile_mean"] == of_one["worst"] == first.best["plain"]["rms"]
     assert card["trainings"] == [{"seed": 0, **first.best, "board": figures}]
+    export([first], [], tmp_path, "elsewhere", "a command")  # its arm is not the board's
+    assert json.loads((tmp_path / "elsewhere.json").read_text())["trainings"] == [{"seed": 0, **first.best}]
     notes = load_policy(tmp_path / "mine.npz").notes
     assert (notes["config"], notes["evaluation"]) == (config.plain(), first.best)
     assert card["versions"] == notes["versions"] == json.loads((tmp_path / "run" / "versions.json").read_text())
