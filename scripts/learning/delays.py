@@ -1,7 +1,12 @@
-"""What helps against a late sensor: nothing, past actions, past readings, a memory, or an observer in front."""
+"""What helps against a late sensor: nothing, past actions, past readings, a memory, or an observer in front.
+
+What was measured of an agent stays in the data file beside the picture until its trainings are made anew, since
+trainings themselves are not committed.
+"""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import product
 from pathlib import Path
@@ -19,6 +24,7 @@ from flexarm_env.laps import LAPS
 from scripts.common.curves import FOLDER
 from scripts.common.markdown import table
 from scripts.common.plotting import COLOURS
+from scripts.common.result_files import write_json
 from scripts.common.spreads import spread_text
 from scripts.learning.measured import (
     Errors,
@@ -48,23 +54,23 @@ YARDSTICKS = {
     "known": {"lqg": "`lqg`", "student": "taught (`student`)"},
     "unknown": {"lqg_adaptive": "`lqg_adaptive`", "student_unknown": "taught (`student_unknown`)"},
 }
-PICTURE = "delays.png"
+PICTURE, DATA = "delays.png", "delays.json"
 
 
 class Line(NamedTuple):
     """A row of the table.
 
     Attributes:
+        agent: its name; "": a yardstick.
         trained: a name in `TRAINED`.
         text: what it is.
-        samples: environment steps of a training.
-        seconds: processor time of a million of them [s]; None: it did not learn by reward.
+        seconds: processor time of a million steps of a training [s]; None: it did not learn by reward.
         errors: of each seed.
     """
 
+    agent: str
     trained: str
     text: str
-    samples: str
     seconds: float | None
     errors: list[Errors]
 
@@ -102,25 +108,34 @@ def config_of(trained: str, remedy: str) -> TrainingConfig:
     )
 
 
+def kept() -> dict[str, Any]:
+    """Return what is known of agents, by their names: configuration, seconds a million steps, errors of each seed."""
+    path = FOLDER / DATA
+    return json.loads(path.read_text()) if path.is_file() else {}
+
+
 def lines(found: Found, folder: Path) -> Iterator[Line]:
-    """Yield what was measured of the yardsticks and of each remedy."""
-    cells = folder / "cells"
+    """Yield what was measured of the yardsticks and of each remedy, now or before with the same configuration."""
+    cells, known = folder / "cells", kept()
     for trained in TRAINED:
         for source, text in YARDSTICKS[trained].items():
-            yield Line(trained, text, "-", None, [errors_at(Row(source), POINTS, cells)])
+            yield Line("", trained, text, None, [errors_at(Row(source), POINTS, cells)])
         for remedy, text in REMEDIES.items():
             name = f"{trained}-{remedy}"
-            if name not in found:
-                continue
-            errors = [errors_at(Row(str(one.folder), name), POINTS, cells) for one in found[name]]
-            cost = seconds_per_million(config_of(trained, remedy), folder / "costs" / f"{name}.json")
-            yield Line(trained, text, f"{STEPS:,}", cost, errors)
+            config = config_of(trained, remedy)
+            if name in found:
+                errors = [errors_at(Row(str(one.folder), name), POINTS, cells) for one in found[name]]
+                cost = seconds_per_million(config, folder / "costs" / f"{name}.json")
+                yield Line(name, trained, text, cost, errors)
+            elif name in known and known[name]["config"] == config.plain():
+                yield Line(name, trained, text, known[name]["seconds"], known[name]["errors"])
 
 
 def tables(found: Found, folder: Path) -> Mapping[str, str]:
-    """Write the table, and draw the picture beside it."""
+    """Write the table; draw the picture and write the data beside it."""
     measured = list(lines(found, folder))
     draw(measured, folder / PICTURE)
+    write_json(folder / DATA, {one.agent: _plain(one) for one in measured if one.agent}, levels=2)
     head = (
         "delay in training or design",
         "remedy",
@@ -134,8 +149,19 @@ def tables(found: Found, folder: Path) -> Mapping[str, str]:
         means = [[mean_of_laps(one, DELAYS.index(delay)) for one in line.errors] for delay in SHOWN]
         errors = [spread_text(Spread.of(several)) for several in means]
         seconds = "-" if line.seconds is None else f"{line.seconds:.0f}"
-        rows.append((TRAINED[line.trained], line.text, str(len(line.errors)), line.samples, seconds, *errors))
+        steps = f"{STEPS:,}" if line.agent else "-"
+        rows.append((TRAINED[line.trained], line.text, str(len(line.errors)), steps, seconds, *errors))
     return {"delay_remedies": table(head, rows)}
+
+
+def _plain(line: Line) -> dict[str, Any]:
+    """Return what is kept of a line; errors with six digits."""
+    trained, _, remedy = line.agent.partition("-")
+    errors = [
+        {lap: [None if value is None else float(f"{value:.6g}") for value in several] for lap, several in one.items()}
+        for one in line.errors
+    ]
+    return {"config": config_of(trained, remedy).plain(), "seconds": line.seconds, "errors": errors}
 
 
 def draw(measured: Sequence[Line], path: Path) -> None:
@@ -164,7 +190,7 @@ STUDY = Study(
     11,
     tables,
     ("delay_remedies",),
-    {PICTURE: FOLDER / PICTURE},
+    {name: FOLDER / name for name in (PICTURE, DATA)},
     partial=True,
     curves="delays_curves",
 )

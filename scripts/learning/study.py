@@ -24,7 +24,7 @@ class Study(NamedTuple):
         seeds: how many trainings of each, with the seeds from 0 on.
         tables: returns tables, Markdown, by name; the folder is for what is computed once and kept.
         names: of the tables.
-        pictures: files in the study's folder, drawn with the tables, and where the page has them.
+        pictures: files made with the tables in the study's folder, and where the page has them; data of pictures, too.
         partial: the tables can do without some of the agents, whose trainings take long.
         curves: name of the files that have its training curves, see `keep_curves`.
     """

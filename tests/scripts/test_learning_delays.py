@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -107,6 +108,26 @@ def test_the_table_and_the_picture(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     plt.close(drawn[0])
     assert (tmp_path / delays.PICTURE).stat().st_size > 10_000
     assert len(drawn[0].axes) == len(LAPS) * len(delays.TRAINED)
+
+
+def test_what_was_measured_before_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where an agent's trainings are not there, and its configuration is the one of then."""
+    monkeypatch.setattr(delays, "FOLDER", tmp_path)
+    monkeypatch.setattr(delays, "Row", FakeRow)
+    points = len(delays.POINTS)
+    monkeypatch.setattr(delays, "errors_at", lambda *given: {"swing": [1.0 / 7.0] * points, "plain": [None] * points})
+    monkeypatch.setattr(delays, "seconds_per_million", lambda config, path: 40.0)
+    assert delays.kept() == {}
+    folder = tmp_path / "known-stacked" / "seed-0"
+    found = {"known-stacked": [Training(delays.agents()["known-stacked"], folder, {})]}
+    first = delays.tables(found, tmp_path)
+    known = delays.kept()
+    assert set(known) == set(found)
+    assert known["known-stacked"]["errors"] == [{"swing": [0.142857] * points, "plain": [None] * points}]
+    assert delays.tables({}, tmp_path) == first
+    known["known-stacked"]["config"]["gamma"] = 0.9
+    (tmp_path / delays.DATA).write_text(json.dumps(known))
+    assert [line.agent for line in delays.lines({}, tmp_path) if line.agent] == []
 
 
 class FakeRow:
