@@ -48,12 +48,15 @@ class Way(NamedTuple):
 
 WAYS = {
     "registered": Way("the registered observation, late tip and strain gauges included", {}),
-    "one": Way("the same, one candidate", {"candidates": 1}),
+    "one": Way("the same; one candidate", {"candidates": 1}),
     "encoders": Way(
         "encoders and the late tip, four past actions",
         {"options": {"observation": without(*GAUGES), "last_actions": 4}},
     ),
-    "state": Way("the true state: encoders and strain gauges", {"options": {"observation": without(*LATE_TIP)}}),
+    "state": Way(
+        "the true state: encoders and strain gauges; one candidate",
+        {"options": {"observation": without(*LATE_TIP)}, "candidates": 1},
+    ),
 }
 PPO = "square"  # the shipped agent whose trainings stand beside
 
