@@ -292,7 +292,7 @@ def tables() -> str:
         ("A batch", BATCH, "gymnasium.wrappers.vector"),
     ):
         lines = [[f"`{row.name}`", row.result] for row in rows]
-        parts.append(f"## {title}: `gymnasium.{where}`\n\n{table(['wrapper', 'what is seen'], lines)}")
+        parts.append(f"## {title}: `{where}`\n\n{table(['wrapper', 'what is seen'], lines)}")
     vectors = [[one.name, "bitwise what the batch gives"] for one in VECTORS]
     parts.append(f"## Several environments\n\n{table(['made by', 'what is seen'], vectors)}")
     return "\n".join(parts)
