@@ -162,6 +162,22 @@ def repeats(env: Any, bare: Trace, actions: Any) -> None:
     assert found[1][-1]["time"] == 4 * bare[1].info["time"]
 
 
+def repeats_and_adds(env: Any, bare: Trace, actions: Any) -> None:
+    again = trace(env.unwrapped, [actions[0]] * 4)
+    env.reset(seed=3)
+    found = Step(*env.step(actions[0]))
+    same(found.observation, again[-1].observation)
+    np.testing.assert_allclose(found.reward, rewards(again).sum(), rtol=1e-6)
+
+
+def bins(env: Any, bare: Trace, actions: Any) -> None:
+    found, space, own = observations(trace(env, actions)), env.observation_space, env.unwrapped.observation_space
+    assert all(one in space for one in found)
+    same(space.nvec, np.full(own.shape, 9))
+    edges = np.linspace(own.low, own.high, 10)[1:-1]  # of the bins of each number
+    same(found, (observations(bare)[:, None] >= edges).sum(axis=1))
+
+
 def discretises(env: Any, bare: Trace, actions: Any) -> None:
     assert env.action_space.n == 25
     found = trace(env, [12] * 3)  # the middle: no torque

@@ -1,4 +1,4 @@
-"""What of Gymnasium works with these environments: a row for each wrapper and each kind of vector.
+"""What of Gymnasium works with these environments: a row for each wrapper; see `tests.recipes.vectors` for vectors.
 
 `python -m tests.recipes.wrappers` writes the tables of docs/recipes/wrappers.md from these rows.
 """
@@ -15,6 +15,7 @@ from gymnasium.wrappers import vector
 from scripts.common.markdown import DOCS, table
 from tests.recipes import checks
 from tests.recipes.checks import LIMIT, Trace, each_action, each_observation, each_reward
+from tests.recipes.vectors import VECTORS
 from tests.support.envs import actions_for, make
 from tests.support.envs import vector as make_batch
 
@@ -141,6 +142,12 @@ SINGLE = (
         checks.repeats,
     ),
     Row(
+        "RepeatAction",
+        lambda env: wrappers.RepeatAction(env, 4),
+        "four control periods a step, whose rewards are added",
+        checks.repeats_and_adds,
+    ),
+    Row(
         "DiscretizeAction",
         lambda env: wrappers.DiscretizeAction(env, 5),
         "25 actions, the middle one is no torque",
@@ -160,6 +167,12 @@ SINGLE = (
         each_observation(lambda x: x.reshape(21, 2)),
     ),
     ONE["RescaleObservation"],
+    Row(
+        "DiscretizeObservation",
+        lambda env: wrappers.DiscretizeObservation(env, 9, multidiscrete=True),
+        "nine bins a number, with `multidiscrete=True`; without it, their product is no index that a computer can hold",
+        checks.bins,
+    ),
     Row(
         "NormalizeObservation",
         wrappers.NormalizeObservation,
@@ -211,10 +224,39 @@ BATCH = (
     Row("ClipAction", vector.ClipAction, "changes nothing", each_action(lambda a: a)),
     ALL["RescaleAction"],
     Row(
+        "TransformAction",
+        lambda envs: vector.TransformAction(envs, np.negative),
+        "negated actions are the same",
+        each_action(np.negative),
+    ),
+    Row(
+        "VectorizeTransformAction",
+        lambda envs: vector.VectorizeTransformAction(
+            envs, wrappers.TransformAction, func=np.negative, action_space=envs.single_action_space
+        ),
+        "the same by the wrapper of one environment",
+        each_action(np.negative),
+    ),
+    Row(
         "TransformObservation",
         lambda env: vector.TransformObservation(env, lambda x: 0.5 * x),
         "observations are changed",
         each_observation(lambda x: 0.5 * x),
+    ),
+    Row(
+        "VectorizeTransformObservation",
+        lambda envs: vector.VectorizeTransformObservation(
+            envs, wrappers.TransformObservation, func=lambda x: 0.5 * x, observation_space=envs.single_observation_space
+        ),
+        "the same by the wrapper of one environment",
+        each_observation(lambda x: 0.5 * x),
+    ),
+    Row("FlattenObservation", vector.FlattenObservation, "changes nothing", each_observation(lambda x: x)),
+    Row(
+        "ReshapeObservation",
+        lambda envs: vector.ReshapeObservation(envs, (21, 2)),
+        "the same numbers in another shape",
+        each_observation(lambda x: x.reshape(-1, 21, 2)),
     ),
     ALL["DtypeObservation"],
     ALL["RescaleObservation"],
@@ -226,6 +268,12 @@ BATCH = (
     ),
     ALL["NormalizeReward"],
     ALL["TransformReward"],
+    Row(
+        "VectorizeTransformReward",
+        lambda envs: vector.VectorizeTransformReward(envs, wrappers.TransformReward, func=lambda r: r - 1.0),
+        "rewards are changed",
+        each_reward(lambda r: r - 1.0),
+    ),
     ALL["ClipReward"],
     Row("DictInfoToList", vector.DictInfoToList, "an info for each environment", checks.lists),
     Row(
@@ -234,36 +282,6 @@ BATCH = (
         "one film of all",
         checks.films,
         PICTURES | SHORT,
-        True,
-    ),
-)
-
-
-class Vector(NamedTuple):
-    """A way to step several environments.
-
-    Attributes:
-        name: how it is asked for.
-        arguments: of `gymnasium.make_vec`.
-        slow: starts processes.
-    """
-
-    name: str
-    arguments: dict[str, Any]
-    slow: bool = False
-
-
-VECTORS = (
-    Vector("`make_vec(id, n)`: the batch", {}),
-    Vector('`vectorization_mode="sync"`', {"vectorization_mode": "sync"}),
-    Vector(
-        '`vectorization_mode="async"`, processes forked',
-        {"vectorization_mode": "async", "vector_kwargs": {"context": "fork"}},
-        True,
-    ),
-    Vector(
-        '`vectorization_mode="async"`, processes spawned',
-        {"vectorization_mode": "async", "vector_kwargs": {"context": "spawn"}},
         True,
     ),
 )
@@ -304,7 +322,8 @@ HEAD = """# Gymnasium's wrappers and vectors
 
 Each row is a test (`tests/recipes/test_wrappers.py`): the wrapped environment against the bare one, with the same seed
 and actions. Wrappers for pictures and for dict observations are left out, since observations are vectors of numbers;
-`NumpyToTorch` and its kin need `array-api-compat`, which none of our extras brings, and were not tried.
+so is `HumanRendering`, since `render_mode="human"` has a window of its own. `NumpyToTorch` and its kin need
+`array-api-compat`, which none of our extras brings, and were not tried.
 
 """
 
