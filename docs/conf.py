@@ -5,6 +5,11 @@ from __future__ import annotations
 import os
 import re
 
+from docutils import nodes
+from docutils.utils.math import MathError
+from docutils.utils.math.latex2mathml import tex2mathml
+from sphinx.util import logging
+
 from flexarm_env import __version__
 
 project = "FlexArm"
@@ -17,7 +22,6 @@ extensions = [
     "notfound.extension",
     "sphinx.ext.autodoc",
     "sphinx.ext.napoleon",
-    "sphinx.ext.mathjax",
 ]
 exclude_patterns = ["docs/_static"]
 nb_merge_streams = True
@@ -27,6 +31,7 @@ myst_enable_extensions = ["dollarmath"]
 myst_fence_as_directive = ["math"]
 suppress_warnings = ["myst.header"]  # sections of a page that a script writes may begin at a lower level
 
+html_math_renderer = "mathml"  # which browsers draw by themselves; MathJax would come from the network
 html_theme = "furo"
 # Of the widgets, by light and in the dark; flexarm.css and flexarm.js use them.
 COLOURS = {
@@ -69,6 +74,9 @@ napoleon_numpy_docstring = False
 napoleon_use_ivar = True
 
 
+EMPHASIS = r"(?<![\w*])\*[^\s*](?:[^*\n]|\n(?!\n))*?[^\s*]\*(?![\w*])"
+
+
 def _as_plain_text(app, what, name, obj, options, lines) -> None:
     """Keep the signs of formulas outside backquotes, |x|, a * b and x_, which docstrings do not mean as markup.
 
@@ -77,15 +85,35 @@ def _as_plain_text(app, what, name, obj, options, lines) -> None:
     headings = [n for n, line in enumerate(lines) if line.startswith("## ")]
     if headings:
         lines[headings[0] :] = ["The pages of the environments have the whole specification."]
+    if what == "property" and lines:
+        lines[0] = f": {lines[0]}"  # Napoleon takes what stands before the first colon for a type
     for n, line in enumerate(lines[:-1]):
-        if re.fullmatch(r"\s*(Returns|Yields):", line):  # Napoleon takes what stands before the first colon for a type
+        if re.fullmatch(r"\s*(Returns|Yields):", line):  # here too
             lines[n + 1] = re.sub(r"^(\s*)", r"\1: ", lines[n + 1])
-    for n, line in enumerate(lines):
-        parts = re.split(r"(`+[^`]+`+)", line)
-        parts[::2] = [re.sub(r"([|*])|(?<=\w)(_)(?!\w)", r"\\\1\2", part) for part in parts[::2]]
-        lines[n] = "".join(parts)
+    parts = re.split(rf"(`+[^`]+`+|{EMPHASIS})", "\n".join(lines))
+    parts[::2] = [re.sub(r"([|*])|(?<=\w)(_)(?!\w)", r"\\\1\2", part) for part in parts[::2]]
+    lines[:] = "".join(parts).split("\n")
+
+
+def _skip_numbered(app, what, name, obj, skip, options) -> bool:
+    """Leave out a named tuple's fields one by one: its docstring has them."""
+    return skip or type(obj).__name__ == "_tuplegetter"
+
+
+def _formula(writer, node) -> None:
+    """Write a formula as MathML."""
+    block = isinstance(node, nodes.math_block)
+    try:
+        formula = tex2mathml(node.astext(), as_block=block).replace("<mo>'</mo>", '<mo lspace="0" rspace="0">′</mo>')
+    except MathError as error:
+        logging.getLogger(__name__).warning("formula %r: %s", node.astext(), error, location=node)
+        formula = ""
+    writer.body.append(f'<div class="formula">{formula}</div>' if block else formula)
+    raise nodes.SkipNode
 
 
 def setup(app) -> None:
-    """Register what changes docstrings, before Napoleon reads them."""
+    """Register how formulas are written, and what changes docstrings, before Napoleon reads them."""
     app.connect("autodoc-process-docstring", _as_plain_text, priority=100)
+    app.connect("autodoc-skip-member", _skip_numbered)
+    app.add_html_math_renderer("mathml", (_formula, None), (_formula, None))

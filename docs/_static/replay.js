@@ -390,7 +390,7 @@
   }
 
   function draw() {
-    if (!reference) return;
+    if (!reference || !parts.traces.clientWidth) return; // not laid out: hidden, or another page is being opened
     whole();
     close();
     strips();

@@ -33,10 +33,19 @@ CHAPTERS: Mapping[str, Sequence[str]] = {
         "notebooks/*",
     ),
     "Environments": ("environments/README", "environments/*", "metrics", "plant", "versioning"),
-    "Control and learning": ("controllers", "lqg", "optimal", "agents", "leaderboard", "replays", "submit"),
+    "Control and learning": (
+        "controllers",
+        "lqg",
+        "predictive",
+        "optimal",
+        "agents",
+        "leaderboard",
+        "replays",
+        "submit",
+    ),
     "Recipes": ("recipes/README", "recipes/*"),
     "Theory": ("model", "analysis", "derivatives"),
-    "Evidence": ("validation", "reproduction", "claims"),
+    "Evidence": ("validation", "reproduction", "claims", "reliability"),
 }
 MODULES = (
     "flexarm_env",

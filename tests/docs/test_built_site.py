@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import json
 import re
-import shutil
 from collections.abc import Callable, Iterator
 from functools import partial
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
@@ -23,15 +22,11 @@ from flexarm_env.simulation.arm import FlexibleArm
 from scripts.docs import replays, site
 from scripts.docs.widgets import replay_names
 from tests.docs.test_replays import BOARD, arguments
+from tests.support.browser import DESK, PHONE, Browser, chromium_at
 from tests.support.programs import ROOT, run_study
 
 pytestmark = pytest.mark.slow
 
-FLAGS = (
-    *("--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run"),
-    *("--disable-background-networking", "--disable-component-update", "--disable-sync"),
-)
-PHONE, DESK = (390, 844), (1280, 1000)
 WIDGET_PAGES = {"docs/leaderboard.html": "#flexarm-leaderboard table", "docs/replays.html": "#flexarm-replay canvas"}
 PAGES = (
     *WIDGET_PAGES,
@@ -66,68 +61,19 @@ def test_the_site_has_no_dead_link(built: Path) -> None:
             assert not anchor or target not in texts or f'id="{anchor}"' in texts[target], f"{page}: {link}"
 
 
+def test_the_site_takes_nothing_from_the_network(built: Path) -> None:
+    texts = {path.relative_to(built).as_posix(): path.read_text(encoding="utf-8") for path in built.rglob("*.html")}
+    taken = r"<(?:script|link|img|iframe|source)\b[^>]*?\b(?:src|href)=\"(?:https?:)?//[^\"]*"
+    assert {page: found for page, text in texts.items() if (found := re.findall(taken, text))} == {}
+
+
 # --- in a browser ---------------------------------------------------------------------------------------------------
-
-
-class Browser:
-    """A headless Chromium that looks at pages of the site from the disk."""
-
-    def __init__(self, driver: Any, folder: Path) -> None:
-        self.driver, self.folder = driver, folder
-
-    def emulate(self, size: tuple[int, int] = DESK, **media: str) -> None:
-        width, height = size
-        metrics = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": size == PHONE}
-        self.driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
-        features = [{"name": name.replace("_", "-"), "value": value} for name, value in media.items()]
-        self.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": features})
-
-    def open(self, page: str) -> None:
-        self.driver.get("about:blank")
-        self.driver.get(f"{self.folder.as_uri()}/{page}")
-
-    def run(self, script: str, *values: Any) -> Any:
-        return self.driver.execute_script(script, *values)
-
-    def until(self, script: str) -> None:
-        from selenium.webdriver.support.ui import WebDriverWait
-
-        WebDriverWait(self.driver, 60).until(lambda driver: driver.execute_script(f"return {script}"), script)
-
-    def press(self, *keys: str) -> None:
-        from selenium.webdriver import ActionChains
-
-        ActionChains(self.driver).send_keys(*keys).perform()
-
-    def choose(self, label: str, value: str) -> None:
-        self.run(
-            "const lists = [...document.querySelectorAll('.fx-list')];"
-            "const own = lists.find(one => one.textContent.startsWith(arguments[0]));"
-            "const list = own.querySelector('select'); list.value = arguments[1];"
-            "list.dispatchEvent(new Event('change'))",
-            label,
-            value,
-        )
-
-    def complaints(self) -> list[str]:
-        return [entry["message"] for entry in self.driver.get_log("browser") if entry["level"] in ("SEVERE", "WARNING")]
 
 
 @pytest.fixture(scope="module")
 def chromium(built: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
-    webdriver = pytest.importorskip("selenium.webdriver", reason="selenium comes with the extra `test`")
-    program = shutil.which("chromium") or shutil.which("google-chrome")
-    driver = shutil.which("chromedriver")
-    if program is None or driver is None:
-        pytest.skip("no chromium with chromedriver here: apt-get install chromium chromium-driver")
-    options = webdriver.ChromeOptions()
-    options.binary_location = program
-    for flag in (*FLAGS, f"--user-data-dir={tmp_path_factory.mktemp('chromium')}"):
-        options.add_argument(flag)
-    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
-    opened = webdriver.Chrome(options=options, service=webdriver.ChromeService(driver))
-    yield Browser(opened, built)
-    opened.quit()
+    with chromium_at(built, tmp_path_factory.mktemp("chromium")) as opened:
+        yield opened
 
 
 @pytest.fixture
@@ -177,7 +123,13 @@ def test_a_wrong_address_has_a_page_of_the_site(browser: Browser) -> None:
 
 def test_the_reference_takes_no_sentence_for_a_type(built: Path) -> None:
     pages = {path.name: path.read_text(encoding="utf-8") for path in (built / "api").glob("*.html")}
-    assert [name for name, text in pages.items() if "Return type" in text] == []
+    assert [name for name, text in pages.items() if "Return type" in text or ">Type<" in text] == []
+
+
+def test_the_reference_has_neither_raw_markup_nor_numbered_fields(built: Path) -> None:
+    pages = {path.name: path.read_text(encoding="utf-8") for path in (built / "api").glob("*.html")}
+    raw = r"Alias for field|[( ]\*\w[^*<]*\w\*[ ,.)]"
+    assert {name: found for name, text in pages.items() if (found := re.findall(raw, text))} == {}
 
 
 # --- the leaderboard ------------------------------------------------------------------------------------------------
@@ -288,6 +240,23 @@ def test_the_viewer_shows_the_errors_of_the_board(viewer: Browser, name: str, la
     if row is not None:
         error = row["columns"]["nominal"]["points"][0][lap]["rms"]["mean"]
         assert float(shown) == pytest.approx(1000.0 * error, abs=0.051)
+
+
+def test_the_viewer_may_be_hidden_and_shown(viewer: Browser) -> None:
+    before = viewer.run(PICTURE)
+    mount = "document.getElementById('flexarm-replay').style.display"
+    for shown in ("none", "block"):
+        viewer.run(f"{mount} = '{shown}'; document.body.dataset.theme = 'light'")
+        viewer.driver.execute_async_script("requestAnimationFrame(() => requestAnimationFrame(arguments[0]))")
+    assert viewer.run(PICTURE) == before
+
+
+def test_formulas_are_drawn_without_a_script(browser: Browser) -> None:
+    browser.open("docs/model.html")
+    wide = "return [...document.querySelectorAll('math')].map(one => one.getBoundingClientRect().width)"
+    assert len(browser.run(wide)) > 20
+    assert min(browser.run(wide)) > 0.0
+    assert "\\theta" not in browser.run("return document.querySelector('article').textContent")
 
 
 def test_the_traces_move_the_time(viewer: Browser) -> None:

@@ -16,7 +16,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("default")]  # the li
 
 @pytest.mark.parametrize("read_infos", [False, True])
 def test_torchrl_runs_one_environment(read_infos: bool) -> None:
-    envs = pytest.importorskip("torchrl.envs", reason="needs torchrl, which no extra brings")
+    envs = pytest.importorskip("torchrl.envs", reason="the extra `recipes` brings it")
     env = envs.GymEnv(f"flexarm_env:{SQUARE}")
     if read_infos:
         env.auto_register_info_dict()
@@ -26,7 +26,7 @@ def test_torchrl_runs_one_environment(read_infos: bool) -> None:
 
 
 def test_torchrl_runs_a_batch() -> None:
-    envs = pytest.importorskip("torchrl.envs", reason="needs torchrl, which no extra brings")
+    envs = pytest.importorskip("torchrl.envs", reason="the extra `recipes` brings it")
     env = envs.GymWrapper(gym.make_vec(SQUARE, num_envs=3, autoreset_mode="SameStep", max_episode_steps=4))
     envs.check_env_specs(env)
     found = env.rollout(12, break_when_any_done=False)
@@ -35,8 +35,8 @@ def test_torchrl_runs_a_batch() -> None:
 
 
 def test_minari_records_infos(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    minari = pytest.importorskip("minari", reason="needs minari[create,hdf5], which no extra brings")
-    pytest.importorskip("jax", reason="needs minari[create,hdf5], which no extra brings")
+    minari = pytest.importorskip("minari", reason="the extra `recipes` brings it")
+    pytest.importorskip("jax", reason="needs minari[create], which no extra brings")
     monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path))
     env: Any = minari.DataCollector(make(max_episode_steps=20), record_infos=True)
     env.reset(seed=0)
