@@ -85,7 +85,7 @@ def _as_plain_text(app, what, name, obj, options, lines) -> None:
     headings = [n for n, line in enumerate(lines) if line.startswith("## ")]
     if headings:
         lines[headings[0] :] = ["The pages of the environments have the whole specification."]
-    if what == "property" and lines:
+    if what in ("attribute", "property") and lines:
         lines[0] = f": {lines[0]}"  # Napoleon takes what stands before the first colon for a type
     for n, line in enumerate(lines[:-1]):
         if re.fullmatch(r"\s*(Returns|Yields):", line):  # here too
