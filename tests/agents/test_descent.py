@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 import torch
 from numpy.typing import NDArray
-from stable_baselines3.common.logger import Logger
 
 import flexarm_agents.descent.training
 from flexarm_agents import DescentConfig, TrainingStopped, descend, evaluate, load_policy
@@ -30,7 +29,7 @@ from flexarm_env.envs.settings import Settings
 from flexarm_env.laps import LAPS
 from tests.agents.test_training import same_policy
 from tests.support.refusals import refuses
-from tests.support.trainings import DESCENDED, descended, row
+from tests.support.trainings import DESCENDED, descended
 
 Floats = NDArray[np.float64]
 ID = "FlexArm/Square-v0"
@@ -319,41 +318,6 @@ def test_a_signal_lets_the_round_finish(run: Path, tmp_path: Path, monkeypatch: 
     assert (caught.value.signal, caught.value.steps) == (signal.SIGTERM, 64)
     assert descend(config, tmp_path / "run", resume=True).last["steps"] == 256
     assert same_policy(run / "last_policy.npz", tmp_path / "run" / "last_policy.npz")
-
-
-@pytest.mark.parametrize(
-    ("errors", "best"),
-    [([0.3, 0.1, 0.2], 1), ([0.1, 0.1, 0.2], 0), ([None, 0.4, 0.3], 2), ([0.4, None, None], 0)],
-)
-def test_the_best_candidate_goes_on(errors: list[float | None], best: int, tmp_path: Path) -> None:
-    """By the evaluation after its trial; it goes on where it was, in its own episodes."""
-    training = Descent(DescentConfig(**DESCENDED), RunFolder(tmp_path))
-    logger = Logger(folder=None, output_formats=[])
-    learners, drivers = [], []
-    for error in errors:
-        training.next_round(logger)
-        training.found.rows.append(row(64, error, 0.05))
-        learners.append(training.learner)
-        drivers.append(training.driver)
-    assert len(set(map(id, learners))) == len(errors)
-    training.next_round(logger)
-    assert training.learner is learners[best]
-    assert training.driver is drivers[best]
-    training.close()
-
-
-def test_candidates_differ_and_meet_the_same_episodes(tmp_path: Path) -> None:
-    training = Descent(DescentConfig(**DESCENDED), RunFolder(tmp_path))
-
-    def at_rest() -> Window:
-        return training.driver.window(lambda seen: np.zeros((len(seen), 2)), 3)
-
-    policy, window = training.policy(), at_rest()
-    training.found.rows.append(row(64, 0.1, 0.1))
-    training._end_trial(last=False)
-    assert not np.array_equal(policy.weights[0], training.policy().weights[0])
-    assert np.array_equal(window.states, at_rest().states)
-    training.close()
 
 
 def test_the_first_third_of_a_second_is_learned_at_once(tmp_path: Path) -> None:
