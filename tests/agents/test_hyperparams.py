@@ -58,7 +58,7 @@ def test_the_files_are_the_only_source() -> None:
     other = replace(config, environment="FlexArm/Track-v0", lesson_options={})
     assert other == TrainingConfig(environment="Track-v0")
     assert TrainingConfig(algorithm="sac", environment="SquareResidual-v0").steps == 200_000
-    assert TrainingConfig(algorithm="sac", environment="SquareEncoders-v0").steps == 250_000
+    assert TrainingConfig(algorithm="sac", environment="SquareEncoders-v0").steps == 500_000
 
 
 def test_lessons_leave_what_the_options_say() -> None:
