@@ -166,7 +166,7 @@ def _plain(line: Line) -> dict[str, Any]:
 
 def draw(measured: Sequence[Line], path: Path) -> None:
     """Draw the errors of both laps over the delay, of agents that learned at the known delay and at unknown ones."""
-    figure, axes = plt.subplots(len(TRAINED), len(LAPS), figsize=(10.5, 8.0), sharex=True, sharey=True)
+    figure, axes = plt.subplots(len(TRAINED), len(LAPS), figsize=(12.5, 8.0), sharex=True, sharey=True)
     for row, trained in zip(axes, TRAINED, strict=True):
         own = [line for line in measured if line.trained == trained]
         for axis, lap in zip(row, LAPS, strict=True):
@@ -176,7 +176,7 @@ def draw(measured: Sequence[Line], path: Path) -> None:
                 plot_median(axis, DELAYS, several, linestyle=look[0], color=look[1], marker=".", label=line.text)
             axis.set(title=f"{lap} lap, trained at {TRAINED[trained]}", yscale="log")
         row[0].set_ylabel("r.m.s. error [m]")
-        row[0].legend(fontsize=8)
+        row[1].legend(fontsize=8, loc="upper left", bbox_to_anchor=(1.01, 1.0))
     for axis in axes[-1]:
         axis.set_xlabel("delay of the sensor [ms]")
     path.parent.mkdir(parents=True, exist_ok=True)
