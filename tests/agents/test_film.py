@@ -210,7 +210,7 @@ def test_render_runs_an_episode_that_replay_shows_again(
 
 def test_render_refuses(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert status("render", "nobody") == 1
-    assert "source = 'nobody'" in capsys.readouterr().err
+    assert "policy 'nobody'" in capsys.readouterr().err
     assert status("render", "ifdc", "--save", tmp_path / "x.txt") == 2
     assert status("render", "square", "--environment", "Square-v0") == 2
     assert "--environment: is for controllers" in capsys.readouterr().err
