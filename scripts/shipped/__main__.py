@@ -75,7 +75,8 @@ def train_and_ship(name: str, options: Options) -> None:
     if not agent.study:
         keep_curves({name: found})
     cells = Store(options.output / "cells")
-    measurable = tqdm(found, unit="training", desc="board") if agent.on_board else ()
+    own_arm = load_policy(found[0].folder).has_own_arm
+    measurable = () if own_arm else tqdm(found, unit="training", desc="board")
     boards = [measured(one.folder, cells) for one in measurable]
     export(found, boards, POLICIES, name, f"{COMMAND} --only {name} --seeds {seeds}")
     print(f"{POLICIES / name}.npz, .json: seed {load_policy(name).notes['config']['seed']}")

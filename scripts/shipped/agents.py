@@ -38,11 +38,6 @@ class Shipped(NamedTuple):
     seeds: int = 11
     study: str = ""
 
-    @property
-    def on_board(self) -> bool:
-        """Whether its arm is the board's."""
-        return "arm" not in self.config.options
-
     def jobs(self, name: str, seeds: int, own: Path, studies: Path) -> list[Job]:
         """Return its trainings, with the seeds from 0 on.
 

@@ -13,6 +13,7 @@ from flexarm_agents.board.columns import COLUMNS, Point
 from flexarm_agents.board.rows import Row
 from flexarm_agents.board.summary import merged, point_summary
 from flexarm_agents.board.terms import SQUARE
+from flexarm_agents.load import load_policy
 from flexarm_env.laps import LAPS
 from scripts.common.cells import results
 from scripts.common.markdown import DOCS, table
@@ -97,8 +98,8 @@ def compared(cards: Mapping[str, Card]) -> Iterator[tuple[str, list[Figures]]]:
         if name in rows:
             yield text, [rows[name]]
     for name, card in cards.items():
-        if "arm" in card["config"]["options"]:
-            continue  # which is not the board's
+        if load_policy(name).has_own_arm:
+            continue  # the board is of the default one
         own = [one["board"] for one in card["trainings"] if "board" in one]
         yield f"agent `{name}`", own or [rows[f"agent {name}"]]
 
