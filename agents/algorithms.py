@@ -21,26 +21,26 @@ class Algorithm(NamedTuple):
 
     Attributes:
         text: its name.
-        module: module that has its class.
-        policy: its policy's name there, or "module:class".
+        kind: its class, as "module:class".
+        policy: its policy's name in the library, or "module:class".
         evaluate_every: steps between two evaluations, unless told otherwise.
         checkpoint_every: steps between two checkpoints, unless told otherwise.
     """
 
     text: str
-    module: str
+    kind: str
     policy: str
     evaluate_every: int
     checkpoint_every: int
 
 
 ALGORITHMS = {
-    "ppo": Algorithm("PPO", "stable_baselines3", "MlpPolicy", 50_000, 250_000),
+    "ppo": Algorithm("PPO", "flexarm_agents.ppo:LeanPPO", "MlpPolicy", 50_000, 250_000),
     "recurrent_ppo": Algorithm(
-        "RecurrentPPO", "sb3_contrib", "flexarm_agents.recurrent:SequencePolicy", 50_000, 250_000
+        "RecurrentPPO", "sb3_contrib:RecurrentPPO", "flexarm_agents.recurrent:SequencePolicy", 50_000, 250_000
     ),
-    "sac": Algorithm("SAC", "stable_baselines3", "MlpPolicy", 5_000, 25_000),
-    "tqc": Algorithm("TQC", "sb3_contrib", "MlpPolicy", 5_000, 25_000),
+    "sac": Algorithm("SAC", "stable_baselines3:SAC", "MlpPolicy", 5_000, 25_000),
+    "tqc": Algorithm("TQC", "sb3_contrib:TQC", "MlpPolicy", 5_000, 25_000),
 }
 ALL, ON_POLICY, OFF_POLICY = tuple(ALGORITHMS), ("ppo", "recurrent_ppo"), ("sac", "tqc")
 

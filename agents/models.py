@@ -73,9 +73,9 @@ def model_class(algorithm: str) -> Any:
     Raises:
         ModuleNotFoundError: without its package, naming the extra.
     """
-    one = ALGORITHMS[algorithm]
+    module, _, name = ALGORITHMS[algorithm].kind.rpartition(":")
     with needs_extra(f"algorithm = {algorithm!r}", "train"):
-        return getattr(import_module(one.module), one.text)
+        return getattr(import_module(module), name)
 
 
 def policy_class(algorithm: str) -> str | type:
