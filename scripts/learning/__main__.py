@@ -1,7 +1,8 @@
 """Compare what learning gives: agents trained with several seeds each, beside classical laws and limits.
 
-Finished trainings are taken over, interrupted ones go on. Each study is a module of this folder with a `STUDY`, and a
-line in `STUDIES`.
+Finished trainings are taken over, interrupted ones go on. What was measured of each stays as data beside the page
+(`scripts.learning.records`), and tables have that of trainings that are not there. Each study is a module of this
+folder with a `STUDY`, and a line in `STUDIES`.
 """
 
 from __future__ import annotations
@@ -18,11 +19,11 @@ from flexarm_agents.failures import check_failures
 from flexarm_agents.run_folder import RunFolder, put
 from flexarm_env.validation import choice, integer
 from scripts.common.command_line import run
-from scripts.common.curves import keep_curves
+from scripts.common.curves import FOLDER, draw
 from scripts.common.markdown import DOCS, filled
 from scripts.common.trainings import Job, trained_all
-from scripts.learning import delays, exploration, gradients, modes, off_policy, schedulers, spillover
-from scripts.learning.study import Study, by_agent, jobs_of
+from scripts.learning import delays, exploration, gradients, modes, off_policy, records, schedulers, spillover
+from scripts.learning.study import Records, Study, jobs_of
 
 STUDIES: dict[str, Study] = {
     "schedulers": schedulers.STUDY,
@@ -49,7 +50,9 @@ class Options:
     output: Path = Path("results/learning")
     """Folder for the trainings and the tables."""
     train: bool = True
-    """Train; without it, tables have the trainings that are finished."""
+    """Train; without it, tables have the trainings that are finished, and what is known of others."""
+    missing: bool = False
+    """Train only those of which nothing is known."""
     tables: bool = True
     """Write the tables; without it, only train."""
     docs: bool = False
@@ -61,43 +64,56 @@ def study_tables(name: str, options: Options) -> None:
 
     Raises:
         OSError: if trainings failed; what the others made is kept.
+        ValueError: if there is nothing of an agent that the study cannot do without.
     """
-    study, folder = STUDIES[name], options.output / name
+    study, folder, data = STUDIES[name], options.output / name, FOLDER / f"{name}.json"
+    known = records.read(study, data)
     jobs = jobs_of(study, study.seeds if options.seeds is None else options.seeds, folder)
     if not options.train:
-        jobs = finished(study, jobs)
+        jobs = [job for job in jobs if RunFolder(job[1]).last.is_file()]
+    elif options.missing:
+        jobs = missing(jobs, known)
     with tqdm(total=len(jobs), unit="training", desc=name) as bar:
         found, failed = trained_all(jobs, executor("processes", options.jobs, options.output), bar.update)
     check_failures(failed, folder, "the other trainings are kept")
     if not options.tables:
         return
-    agents = by_agent(found)
-    if options.docs:
-        keep_curves({f"{name}: {agent}": trainings for agent, trainings in agents.items()}, name=study.curves)
+    agents = records.renewed(study, found, folder, known)
+    check_complete(study, agents)
     for table, text in study.tables(agents, folder).items():
         put(options.output / f"{table}.md", lambda path, text=text: path.write_text(text))  # type: ignore[misc]
         print(f"\n{study.text}:\n\n{text}")
     if options.docs:
-        for picture, shown in study.pictures.items():
-            put(shown, lambda path, drawn=folder / picture: path.write_bytes(drawn.read_bytes()))  # type: ignore[misc]
+        records.write(agents, data)
+        draw(records.curves(agents), FOLDER / f"{name}_curves.png")
+        if study.picture:
+            put(FOLDER / study.picture, lambda path: path.write_bytes((folder / study.picture).read_bytes()))
 
 
-def finished(study: Study, jobs: Sequence[Job]) -> list[Job]:
-    """Return the trainings that are complete.
+def missing(jobs: Sequence[Job], known: Records) -> list[Job]:
+    """Return the trainings of which there are no records.
+
+    Args:
+        jobs: of one study.
+        known: its records.
+    """
+    seeds = {name: {one.seed for one in agent.trainings} for name, agent in known.items()}
+    return [(config, folder) for config, folder in jobs if config.seed not in seeds.get(folder.parent.name, ())]
+
+
+def check_complete(study: Study, agents: Records) -> None:
+    """Refuse to write tables without an agent that they need.
 
     Args:
         study: the comparison.
-        jobs: its trainings.
+        agents: what is known.
 
     Raises:
-        ValueError: if there is none of an agent that the study cannot do without.
+        ValueError: naming what lacks.
     """
-    found = [(config, folder) for config, folder in jobs if RunFolder(folder).last.is_file()]
-    agents = {folder.parent.name for _, folder in found}
     lacking = [name for name in study.agents if name not in agents]
     if lacking and (not study.partial or not agents):
         raise ValueError(f"train = False: no training of {', '.join(lacking)} is finished; train first")
-    return found
 
 
 def main() -> None:

@@ -1,12 +1,7 @@
-"""What helps against a late sensor: nothing, past actions, past readings, a memory, or an observer in front.
-
-What was measured of an agent stays in the data file beside the picture until its trainings are made anew, since
-trainings themselves are not committed.
-"""
+"""What helps against a late sensor: nothing, past actions, past readings, a memory, or an observer in front."""
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import product
 from pathlib import Path
@@ -21,19 +16,12 @@ from flexarm_agents.observer import FILTERED
 from flexarm_agents.run_folder import put
 from flexarm_env.envs.registration import IDS
 from flexarm_env.laps import LAPS
-from scripts.common.curves import FOLDER
 from scripts.common.markdown import table
 from scripts.common.plotting import COLOURS
-from scripts.common.result_files import write_json
 from scripts.common.spreads import spread_text
-from scripts.learning.measured import (
-    Errors,
-    errors_at,
-    mean_of_laps,
-    plot_median,
-    seconds_per_million,
-)
-from scripts.learning.study import Found, Study
+from scripts.common.trainings import Training
+from scripts.learning.measured import Errors, errors_at, mean_of_laps, plot_median
+from scripts.learning.study import Records, Study
 
 STEPS = 1_000_000
 DELAYS = (0, 10, 20, 31, 40, 50, 60, 70, 80, 90, 100, 110, 120)  # [ms]
@@ -54,7 +42,7 @@ YARDSTICKS = {
     "known": {"lqg": "`lqg`", "student": "taught (`student`)"},
     "unknown": {"lqg_adaptive": "`lqg_adaptive`", "student_unknown": "taught (`student_unknown`)"},
 }
-PICTURE, DATA = "delays.png", "delays.json"
+PICTURE = "delays.png"
 
 
 class Line(NamedTuple):
@@ -108,34 +96,27 @@ def config_of(trained: str, remedy: str) -> TrainingConfig:
     )
 
 
-def kept() -> dict[str, Any]:
-    """Return what is known of agents, by their names: configuration, seconds a million steps, errors of each seed."""
-    path = FOLDER / DATA
-    return json.loads(path.read_text()) if path.is_file() else {}
+def measure(training: Training, folder: Path) -> dict[str, Any]:
+    """Return the errors of both laps at each delay."""
+    return {"errors": errors_at(Row(str(training.folder), training.folder.parent.name), POINTS, folder / "cells")}
 
 
-def lines(found: Found, folder: Path) -> Iterator[Line]:
-    """Yield what was measured of the yardsticks and of each remedy, now or before with the same configuration."""
-    cells, known = folder / "cells", kept()
+def lines(agents: Records, folder: Path) -> Iterator[Line]:
+    """Yield what was measured of the yardsticks and of each remedy."""
     for trained in TRAINED:
         for source, text in YARDSTICKS[trained].items():
-            yield Line("", trained, text, None, [errors_at(Row(source), POINTS, cells)])
+            yield Line("", trained, text, None, [errors_at(Row(source), POINTS, folder / "cells")])
         for remedy, text in REMEDIES.items():
             name = f"{trained}-{remedy}"
-            config = config_of(trained, remedy)
-            if name in found:
-                errors = [errors_at(Row(str(one.folder), name), POINTS, cells) for one in found[name]]
-                cost = seconds_per_million(config, folder / "costs" / f"{name}.json")
-                yield Line(name, trained, text, cost, errors)
-            elif name in known and known[name]["config"] == config.plain():
-                yield Line(name, trained, text, known[name]["seconds"], known[name]["errors"])
+            if name in agents:
+                errors = [one.measured["errors"] for one in agents[name].trainings]
+                yield Line(name, trained, text, agents[name].seconds, errors)
 
 
-def tables(found: Found, folder: Path) -> Mapping[str, str]:
-    """Write the table; draw the picture and write the data beside it."""
-    measured = list(lines(found, folder))
+def tables(agents: Records, folder: Path) -> Mapping[str, str]:
+    """Write the table, and draw the picture."""
+    measured = list(lines(agents, folder))
     draw(measured, folder / PICTURE)
-    write_json(folder / DATA, {one.agent: _plain(one) for one in measured if one.agent}, levels=2)
     head = (
         "delay in training or design",
         "remedy",
@@ -152,16 +133,6 @@ def tables(found: Found, folder: Path) -> Mapping[str, str]:
         steps = f"{STEPS:,}" if line.agent else "-"
         rows.append((TRAINED[line.trained], line.text, str(len(line.errors)), steps, seconds, *errors))
     return {"delay_remedies": table(head, rows)}
-
-
-def _plain(line: Line) -> dict[str, Any]:
-    """Return what is kept of a line; errors with six digits."""
-    trained, _, remedy = line.agent.partition("-")
-    errors = [
-        {lap: [None if value is None else float(f"{value:.6g}") for value in several] for lap, several in one.items()}
-        for one in line.errors
-    ]
-    return {"config": config_of(trained, remedy).plain(), "seconds": line.seconds, "errors": errors}
 
 
 def draw(measured: Sequence[Line], path: Path) -> None:
@@ -190,7 +161,8 @@ STUDY = Study(
     11,
     tables,
     ("delay_remedies",),
-    {name: FOLDER / name for name in (PICTURE, DATA)},
+    measure,
+    timed=True,
+    picture=PICTURE,
     partial=True,
-    curves="delays_curves",
 )

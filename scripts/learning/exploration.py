@@ -25,12 +25,11 @@ from flexarm_env.metrics import elbow_changes
 from flexarm_env.predictor import predictor
 from flexarm_env.rollout import run_policy
 from flexarm_env.simulation.trajectory import Trajectory
-from scripts.common.curves import FOLDER, curve
 from scripts.common.markdown import table
 from scripts.common.plotting import COLOURS
 from scripts.common.spreads import spread_text
 from scripts.common.trainings import Training
-from scripts.learning.study import Found, Study
+from scripts.learning.study import Records, Study
 
 STEPS = 1_000_000
 SQUARE = "FlexArm/Square-v0"
@@ -41,9 +40,11 @@ TAUGHT: dict[str, Any] = {
     "final_learning_rate": 3e-6,
     "value_steps": STEPS // 10,
 }
-Runs = Mapping[str, Sequence[Mapping[str, Trajectory]]]  # of each agent, of each seed, by the lap
+Laps = Mapping[str, Any]  # what `laps_of` returns
 NOISES = (0.0, 0.1, 0.3)  # standard deviations of the noise on actions
 EPISODES = 8  # of each lap with noise
+PERIOD = 0.01  # of control [s]
+STRIDE = 2  # of the control periods in the picture
 PICTURE = "exploration.png"
 
 
@@ -143,7 +144,7 @@ class Driver(NamedTuple):
         found = []
         for seed in range(EPISODES if deviation else 1):
             noisy = Noisy(self.policy, deviation, seed)
-            run = run_policy(self.env, noisy, seed=0, max_steps=round(SETTLED / 0.01), lap=lap)
+            run = run_policy(self.env, noisy, seed=0, max_steps=round(SETTLED / PERIOD), lap=lap)
             found.append(_rewards(run).sum())
         return float(np.mean(found))
 
@@ -171,79 +172,106 @@ class Noisy:
         return np.clip(action + noise, -1.0, 1.0).astype(np.float32), state
 
 
-def rewards(drivers: Mapping[str, Driver]) -> str:
-    """Tabulate what the reward makes of motions: does it prefer the best plan's, and with noise as well?"""
-    discount, rows = config_of("mix").gamma, []
-    for text, driver in drivers.items():
-        for lap, run in driver.laps().items():
-            own = _rewards(run)
-            discounted = float(own @ discount ** np.arange(len(own)))
-            noisy = [f"{driver.noisy_reward(deviation, lap):.1f}" for deviation in NOISES]
-            first = start_of(run).first
-            error = "lost" if first is None else f"{first:.3f}"
-            rows.append((text, lap, error, f"{own.sum():.0f}", f"{discounted:.1f}", *noisy))
-    head = ("motion", "lap", "error, first 2 s [m]", "reward of the lap", f"discounted by {discount:g}")
-    return table((*head, *(f"first 2 s, noise {deviation:g}" for deviation in NOISES)), rows)
+def measure(training: Training, folder: Path) -> dict[str, Any]:
+    """Return what `laps_of` does, of the best policy."""
+    env = make_one(SQUARE)
+    try:
+        return laps_of(Driver(env, load_policy(training.folder).policy))
+    finally:
+        env.close()
 
 
-def tables(found: Found, folder: Path) -> Mapping[str, str]:
+def laps_of(driver: Driver) -> dict[str, Any]:
+    """Return what was measured of both laps, by their names.
+
+    That is the fields of `Start`; the first seconds of distance and deflection of link 1 [m], as the picture has them;
+    the rewards' sum and discounted sum, and the sums of the first 2 s by the noise on the actions.
+    """
+    discount, found = config_of("mix").gamma, {}
+    for lap, run in driver.laps().items():
+        shown, own = run.time <= SETTLED, _rewards(run)
+        found[lap] = {
+            **start_of(run)._asdict(),
+            "distances": distances(run)[shown][::STRIDE].tolist(),
+            "deflections": run.tip_deflection[shown, 0][::STRIDE].tolist(),
+            "reward": float(own.sum()),
+            "discounted": float(own @ discount ** np.arange(len(own))),
+            "noisy": [driver.noisy_reward(deviation, lap) for deviation in NOISES],
+        }
+    return found
+
+
+def tables(agents: Records, folder: Path) -> Mapping[str, str]:
     """Write the tables, and draw the picture of the swing lap's start."""
     env, plan = make_one(SQUARE), from_controller("plan_lqr", SQUARE, {})
-    yardsticks = {
-        "best plan, true state (`plan_lqr`)": Driver(plan.env, plan.policy),
-        "taught (`student_gauges`)": Driver(env, load_policy("student_gauges").policy),
+    several: dict[str, list[Laps]] = {
+        "best plan, true state (`plan_lqr`)": [laps_of(Driver(plan.env, plan.policy))],
+        "taught (`student_gauges`)": [laps_of(Driver(env, load_policy("student_gauges").policy))],
     }
-    runs = {text: [driver.laps()] for text, driver in yardsticks.items()}
-    ends: dict[str, list[float | None]] = {}
-    for name in (name for name in WAYS if name in found):
-        ends[WAYS[name].text] = [curve(one)["swing"][-1] for one in found[name]]
-        drivers = [Driver(env, load_policy(one.folder).policy) for one in found[name]]
-        runs[WAYS[name].text] = [driver.laps() for driver in drivers]
-    draw(runs, folder / PICTURE)
-    made = {"exploration": _table(runs, ends)}
-    if "mix" in found:
-        median = Driver(env, load_policy(_median(found["mix"]).folder).policy)
-        made["exploration_rewards"] = rewards(yardsticks | {"PPO, nothing other, median seed": median})
     for one in (env, plan.env):
         one.close()
+    preferred = {text: laps for text, (laps,) in several.items()}
+    ends: dict[str, list[float | None]] = {}
+    for name, agent in agents.items():
+        several[WAYS[name].text] = [one.measured for one in agent.trainings]
+        ends[WAYS[name].text] = [one.curve["swing"][-1] for one in agent.trainings]
+    draw(several, folder / PICTURE)
+    made = {"exploration": _table(several, ends)}
+    if "mix" in agents:
+        preferred["PPO, nothing other, median seed"] = _median(several[WAYS["mix"].text])
+        made["exploration_rewards"] = rewards(preferred)
     return made
 
 
-def _table(runs: Runs, ends: Mapping[str, Sequence[float | None]]) -> str:
+def rewards(motions: Mapping[str, Laps]) -> str:
+    """Tabulate what the reward makes of motions: does it prefer the best plan's, and with noise as well?"""
+    rows = []
+    for text, laps in motions.items():
+        for lap, one in laps.items():
+            error = "lost" if one["first"] is None else f"{one['first']:.3f}"
+            noisy = (f"{value:.1f}" for value in one["noisy"])
+            rows.append((text, lap, error, f"{one['reward']:.0f}", f"{one['discounted']:.1f}", *noisy))
+    discount = f"discounted by {config_of('mix').gamma:g}"
+    head = ("motion", "lap", "error, first 2 s [m]", "reward of the lap", discount)
+    return table((*head, *(f"first 2 s, noise {deviation:g}" for deviation in NOISES)), rows)
+
+
+def _table(several: Mapping[str, Sequence[Laps]], ends: Mapping[str, Sequence[float | None]]) -> str:
     """Tabulate the laps of each agent's seeds; those that learned by reward also have the error at the end."""
     swing = ("swing: lap [m]", "first 2 s [m]", "after 2 s [m]", "bends link 1 by [m]", "elbow straight at [s]")
-    head = ("what is other", "seeds", *swing, "at the end of the training: lap [m]", "plain: lap [m]")
-    return table(head, list(_rows(runs, ends)))
+    counted = "seeds that swing"
+    head = ("what is other", "seeds", counted, *swing, "at the end of the training: lap [m]", "plain: lap [m]")
+    return table(head, list(_rows(several, ends)))
 
 
-def _rows(runs: Runs, ends: Mapping[str, Sequence[float | None]]) -> Iterator[tuple[str, ...]]:
-    for text, several in runs.items():
-        swings = [start_of(one["swing"]) for one in several]
-        plains = [start_of(one["plain"]) for one in several]
-        errors = [Spread.of(getattr(one, name) for one in swings) for name in ("rms", "first", "later")]
-        passed = Spread.of(one.passed for one in swings).median
+def _rows(
+    several: Mapping[str, Sequence[Laps]], ends: Mapping[str, Sequence[float | None]]
+) -> Iterator[tuple[str, ...]]:
+    for text, seeds in several.items():
+        swings = [one["swing"] for one in seeds]
+        errors = [Spread.of(one[name] for one in swings) for name in ("rms", "first", "later")]
+        passed = Spread.of(one["passed"] for one in swings)
         yield (
             text,
-            str(len(several)),
+            str(len(seeds)),
+            str(passed.complete),
             *map(spread_text, errors),
-            f"{np.median([one.deflection for one in swings]):.2f}",
-            "-" if passed is None else f"{passed:.2f}",
+            f"{np.median([one['deflection'] for one in swings]):.2f}",
+            "-" if passed.median is None else f"{passed.median:.2f}",
             spread_text(Spread.of(ends[text])) if text in ends else "-",
-            spread_text(Spread.of(one.rms for one in plains)),
+            spread_text(Spread.of(one["plain"]["rms"] for one in seeds)),
         )
 
 
-def draw(runs: Runs, path: Path) -> None:
+def draw(several: Mapping[str, Sequence[Laps]], path: Path) -> None:
     """Draw error and deflection of link 1 over the first seconds of the swing lap, of each agent's median seed."""
     figure, axes = plt.subplots(1, 2, figsize=(10.5, 5.6))
-    for n, (text, several) in enumerate(runs.items()):
-        swings = sorted((one["swing"] for one in several), key=lambda run: start_of(run).rms or np.inf)
-        run = swings[(len(swings) - 1) // 2]
-        shown = run.time <= SETTLED
+    for n, (text, seeds) in enumerate(several.items()):
+        lap = _median(seeds)["swing"]
         style = ("-", "--", ":")[n // len(COLOURS) % 3]
         look: dict[str, Any] = {"color": COLOURS[n % len(COLOURS)], "linestyle": style, "label": text}
-        axes[0].plot(run.time[shown], distances(run)[shown], **look)
-        axes[1].plot(run.time[shown], run.tip_deflection[shown, 0], **look)
+        for axis, name in zip(axes, ("distances", "deflections"), strict=True):
+            axis.plot(STRIDE * PERIOD * np.arange(len(lap[name])), lap[name], **look)
     axes[0].set(xlabel="time [s]", ylabel="distance from the reference [m]", title="swing lap")
     axes[1].set(xlabel="time [s]", ylabel="deflection of link 1 [m]", title="swing lap")
     figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=2, fontsize=8)
@@ -252,9 +280,9 @@ def draw(runs: Runs, path: Path) -> None:
     plt.close(figure)
 
 
-def _median(trainings: Sequence[Training]) -> Training:
-    """Return the training whose best policy has the median error of the swing lap."""
-    ranked = sorted(trainings, key=lambda one: one.best["swing"]["rms"] or np.inf)
+def _median(seeds: Sequence[Laps]) -> Laps:
+    """Return the laps of the seed whose swing lap has the median error."""
+    ranked = sorted(seeds, key=lambda one: one["swing"]["rms"] or np.inf)
     return ranked[(len(ranked) - 1) // 2]
 
 
@@ -274,7 +302,7 @@ STUDY = Study(
     10,
     tables,
     ("exploration", "exploration_rewards"),
-    {PICTURE: FOLDER / PICTURE},
+    measure,
+    picture=PICTURE,
     partial=True,
-    curves="exploration_curves",
 )

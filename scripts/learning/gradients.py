@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexarm_agents import DescentConfig, NetworkPolicy, Spread, StandardScore, TrainingConfig
+from flexarm_agents import DescentConfig, NetworkPolicy, Spread, TrainingConfig, load_policy
 from flexarm_agents.board.references import references
 from flexarm_agents.config import RunConfig
 from flexarm_agents.descent.costs import costs
@@ -23,7 +23,7 @@ from flexarm_env.laps import LAPS
 from scripts.common.markdown import table
 from scripts.common.spreads import spread_text
 from scripts.learning.measured import seconds_per_million
-from scripts.learning.study import Found, Study
+from scripts.learning.study import Agent, Record, Records, Study
 
 GAUGES, LATE_TIP = ("modal_coordinates", "modal_rates"), ("sensor_error", "sensor_error_rate")
 HORIZONS = (8, 16, 32, 64)  # of windows whose derivatives are compared; an untrained arm is soon lost
@@ -70,30 +70,28 @@ class Line(NamedTuple):
     """A row of the table.
 
     Attributes:
-        name: of what was trained.
         learning: how.
         seen: what the policy observes.
-        config: of the trainings.
-        scores: of their best evaluations.
+        agent: what is known of it.
     """
 
-    name: str
     learning: str
     seen: str
-    config: RunConfig
-    scores: Sequence[StandardScore]
+    agent: Agent
 
 
-def tables(found: Found, folder: Path) -> Mapping[str, str]:
+def tables(agents: Records, folder: Path) -> Mapping[str, str]:
     """Write what each way comes to, beside PPO; and how far derivatives reach."""
     head = ("learning", "observation", "seeds", "steps", "seconds of one core")
     laps = (cell for lap in LAPS for cell in (f"{lap} lap [m]", "times the plan"))
-    made = {"gradients": table((*head, *laps), [_cells(line, folder) for line in lines(found)])}
-    if "registered" in found:
-        policy = NetworkPolicy.load(RunFolder(found["registered"][0].folder).last)
-        rows = [(str(n), *(f"{first_action_slope(n, one):.3f}" for one in (None, policy))) for n in HORIZONS]
-        made["gradient_horizons"] = table(("horizon [periods]", "untrained [m]", "trained [m]"), rows)
-    return made
+    rows = [_cells(line) for line in lines(agents, folder)]
+    network = load_policy(PPO).policy
+    assert isinstance(network, NetworkPolicy)
+    slopes = [(str(n), *(f"{first_action_slope(n, one):.3f}" for one in (None, network))) for n in HORIZONS]
+    return {
+        "gradients": table((*head, *laps, "torque change, most [N m]"), rows),
+        "gradient_horizons": table(("horizon [periods]", "untrained [m]", f"`{PPO}` [m]"), slopes),
+    }
 
 
 def first_action_slope(horizon: int, policy: NetworkPolicy | None) -> float:
@@ -101,7 +99,8 @@ def first_action_slope(horizon: int, policy: NetworkPolicy | None) -> float:
 
     Args:
         horizon: control periods of the window, without a critic and undiscounted.
-        policy: whose network drives, on the registered observation; None: an untrained one.
+        policy: whose network drives, on the registered observation, of the sizes that `DescentConfig` has; None: an
+            untrained one.
     """
     config = DescentConfig(horizon=horizon, critic_epochs=0, torque_noise=0.0, gamma=1.0)
     with one_thread():
@@ -133,28 +132,34 @@ def all_steps(config: RunConfig) -> int:
     raise TypeError(f"config = {config!r}: must be a TrainingConfig or a DescentConfig")
 
 
-def lines(found: Found) -> list[Line]:
+def lines(agents: Records, folder: Path) -> list[Line]:
     """Return what the trainings of each way came to, and those of the shipped PPO agent."""
-    made = []
-    for name, trainings in found.items():
-        scores = [StandardScore.of(one.best) for one in trainings]
-        made.append(Line(name, "first-order gradients", WAYS[name].text, trainings[0].config, scores))
+    made = [Line("first-order gradients", WAYS[name].text, agent) for name, agent in agents.items()]
     card = json.loads((POLICIES / f"{PPO}.json").read_text())
-    scores = [StandardScore.of(one) for one in card["trainings"]]
     config = TrainingConfig.of(card["config"])
-    return [*made, Line("ppo", f"PPO (`{PPO}`)", WAYS["registered"].text, config, scores)]
+    seconds = seconds_per_million(config, folder / "costs" / "ppo.json")
+    trainings = [Record(one["seed"], one, {}, {}) for one in card["trainings"]]
+    return [*made, Line(f"PPO (`{PPO}`)", WAYS["registered"].text, Agent(config, seconds, trainings))]
 
 
-def _cells(line: Line, folder: Path) -> tuple[str, ...]:
+def _cells(line: Line) -> tuple[str, ...]:
     """Write a line; the median of the seeds is compared with the plan."""
-    plans, steps = references(), all_steps(line.config)
-    paid = seconds_per_million(line.config, folder / "costs" / f"{line.name}.json")
-    cells = [line.learning, line.seen, str(len(line.scores)), f"{steps:,}", f"{steps * paid / 1e6:.0f}"]
+    agent, plans = line.agent, references()
+    assert agent.seconds is not None
+    steps = all_steps(agent.config)
+    cells = [line.learning, line.seen, str(len(agent.trainings)), f"{steps:,}", f"{steps * agent.seconds / 1e6:.0f}"]
     for lap in LAPS:
-        spread = Spread.of(getattr(score, lap).rms for score in line.scores)
+        spread = agent.spread(lap, "rms")
         times = "-" if spread.median is None else f"{spread.median / plans[lap]['rms']:.2f}"
         cells += [spread_text(spread, 4), times]
-    return tuple(cells)
+    changes = [_torque_change(one) for one in agent.trainings]
+    return (*cells, "-" if None in changes else spread_text(Spread.of(changes), 1))
+
+
+def _torque_change(one: Record) -> float | None:
+    """Return the largest change of the torques [N m], of joints and laps; None where it was not kept, or a lap lost."""
+    laps = [one.best[lap]["torque_change"] for lap in LAPS]
+    return None if None in laps else float(max(map(max, laps)))
 
 
 STUDY = Study(
@@ -163,6 +168,6 @@ STUDY = Study(
     10,
     tables,
     ("gradients", "gradient_horizons"),
+    timed=True,
     partial=True,
-    curves="gradients_curves",
 )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -18,7 +18,8 @@ from flexarm_env.envs.registration import UNKNOWN_PLANT
 from flexarm_env.laps import LAPS
 from scripts.common.markdown import table
 from scripts.common.spreads import spread_text
-from scripts.learning.study import Found, Study
+from scripts.common.trainings import Training
+from scripts.learning.study import Records, Study
 
 RESIDUAL = "FlexArm/SquareResidual-v0"
 REFERENCE: dict[str, Any] = {"action_mode": "reference"}
@@ -47,34 +48,43 @@ class LawAlone:
         return np.zeros((*np.shape(observation)[:-1], 2), dtype=np.float32)
 
 
-def tables(found: Found, folder: Path) -> Mapping[str, str]:
+def measure(training: Training, folder: Path) -> dict[str, Any]:
+    """Return the errors of the nominal laps and of each drawn plant [m]; None for a lost one."""
+    return measured(Row(str(training.folder)))
+
+
+def measured(row: Row) -> dict[str, Any]:
+    """Return what `measure` does, of any row."""
+    return {
+        name: [_rms(one) for one in _episodes(row, points)]
+        for name, points in (("nominal", [NOMINAL]), ("drawn", PARTS))
+    }
+
+
+def tables(agents: Records, folder: Path) -> Mapping[str, str]:
     """Write the table of this study: nominal laps and drawn plants, with mean and worst episode."""
     drawn = f"{sum(len(part.episodes) for part in PARTS)} drawn plants"
     head = ("action", "seeds", *(f"{lap} lap [m]" for lap in LAPS), f"{drawn}: lost", "mean [m]", "worst [m]")
-    return {"action_modes": table(head, _lines(found))}
+    several: dict[str, list[Mapping[str, Any]]] = {
+        "the joint-space law alone": [measured(Row(f"{__name__}:{LawAlone.__name__}", "alone", RESIDUAL))]
+    }
+    several |= {TEXTS[name]: [one.measured for one in agents[name].trainings] for name in ("residual", "reference")}
+    several[TEXTS["torque"]] = [measured(Row("square"))]
+    return {"action_modes": table(head, [_line(text, found) for text, found in several.items()])}
 
 
-def _lines(found: Found) -> Iterator[tuple[str, ...]]:
-    yield _line("the joint-space law alone", [Row(f"{__name__}:{LawAlone.__name__}", "alone", RESIDUAL)])
-    for name in ("residual", "reference"):
-        yield _line(TEXTS[name], [Row(str(one.folder)) for one in found[name]])
-    yield _line(TEXTS["torque"], [Row("square")])
-
-
-def _line(text: str, rows: Sequence[Row]) -> tuple[str, ...]:
+def _line(text: str, found: Sequence[Mapping[str, Sequence[float | None]]]) -> tuple[str, ...]:
     """Write the spread of the trainings in every cell; mean and worst are of the episodes that are complete."""
-    nominal: list[list[float | None]] = []
     lost: list[float | None] = []
     drawn: list[tuple[float | None, float | None]] = []
-    for row in rows:
-        nominal.append([_rms(one) for one in _episodes(row, [NOMINAL])])
-        errors = [_rms(one) for one in _episodes(row, PARTS)]
-        whole = [error for error in errors if error is not None]
-        lost.append(len(errors) - len(whole))
+    for one in found:
+        whole = [error for error in one["drawn"] if error is not None]
+        lost.append(len(one["drawn"]) - len(whole))
         drawn.append((float(np.mean(whole)), max(whole)) if whole else (None, None))
-    metres = [spread_text(Spread.of(several)) for several in (*zip(*nominal, strict=True), *zip(*drawn, strict=True))]
+    nominal = zip(*(one["nominal"] for one in found), strict=True)
+    metres = [spread_text(Spread.of(several)) for several in (*nominal, *zip(*drawn, strict=True))]
     count = spread_text(Spread.of(lost), 0)
-    return (text, str(len(rows)), *metres[: len(LAPS)], count, *metres[len(LAPS) :])
+    return (text, str(len(found)), *metres[: len(LAPS)], count, *metres[len(LAPS) :])
 
 
 def _episodes(row: Row, points: Sequence[Point]) -> list[dict[str, Any]]:
@@ -104,4 +114,5 @@ STUDY = Study(
     11,
     tables,
     ("action_modes",),
+    measure,
 )

@@ -14,13 +14,11 @@ from flexarm_agents import TrainingConfig
 from flexarm_agents.algorithms import ALGORITHMS
 from flexarm_agents.run_folder import put
 from flexarm_env.laps import LAPS
-from scripts.common.curves import FOLDER, curve
 from scripts.common.markdown import table
 from scripts.common.plotting import COLOURS
 from scripts.common.spreads import spread_text
-from scripts.common.trainings import Training
-from scripts.learning.measured import plot_median, seconds_per_million
-from scripts.learning.study import Found, Study, lap_spread
+from scripts.learning.measured import plot_median
+from scripts.learning.study import Agent, Records, Study
 
 RESIDUAL, SQUARE = "SquareResidual-v0", "Square-v0"
 PAIRS = {RESIDUAL: ("ppo", "sac", "tqc"), SQUARE: ("ppo", "sac")}
@@ -35,15 +33,18 @@ class Line(NamedTuple):
         algorithm: a name in `ALGORITHMS`.
         environment: its id without the namespace.
         config: of all of them.
-        seconds: processor time of a million steps [s].
-        trainings: of the seeds.
+        agent: what is known of them.
     """
 
     algorithm: str
     environment: str
     config: TrainingConfig
-    seconds: float
-    trainings: Sequence[Training]
+    agent: Agent
+
+    def seconds(self, steps: int) -> float:
+        """Return the processor time of some steps [s]."""
+        assert self.agent.seconds is not None
+        return 1e-6 * self.agent.seconds * steps
 
 
 def config_of(environment: str, algorithm: str) -> TrainingConfig:
@@ -66,33 +67,30 @@ def updates(config: TrainingConfig) -> int:
     return (config.steps - config.learning_starts) // (config.train_every * config.envs) * config.updates
 
 
-def lines(found: Found, folder: Path) -> list[Line]:
-    """Return what was trained, with its cost."""
-    made = []
-    for environment, algorithms in PAIRS.items():
-        for algorithm in algorithms:
-            name = f"{environment}-{algorithm}"
-            if name in found:
-                config = config_of(environment, algorithm)
-                seconds = seconds_per_million(config, folder / "costs" / f"{name}.json")
-                made.append(Line(algorithm, environment, config, seconds, found[name]))
-    return made
+def lines(agents: Records) -> list[Line]:
+    """Return what was trained, in the order of the pairs."""
+    return [
+        Line(algorithm, environment, config_of(environment, algorithm), agents[name])
+        for environment, algorithms in PAIRS.items()
+        for algorithm in algorithms
+        if (name := f"{environment}-{algorithm}") in agents
+    ]
 
 
-def tables(found: Found, folder: Path) -> Mapping[str, str]:
+def tables(agents: Records, folder: Path) -> Mapping[str, str]:
     """Write the table, and draw the curves by steps and by seconds."""
-    trained = lines(found, folder)
+    trained = lines(agents)
     draw(trained, folder / PICTURE)
     head = ("environment", "algorithm", "seeds", "steps", "updates", "minutes of one core")
     rows = [
         (
             f"`{line.environment}`",
             ALGORITHMS[line.algorithm].text,
-            str(len(line.trainings)),
+            str(len(line.agent.trainings)),
             f"{line.config.steps:,}",
             f"{updates(line.config):,}",
-            f"{line.seconds * line.config.steps / 60e6:.1f}",
-            *(spread_text(lap_spread(line.trainings, lap, "rms")) for lap in LAPS),
+            f"{line.seconds(line.config.steps) / 60:.1f}",
+            *(spread_text(line.agent.spread(lap, "rms")) for lap in LAPS),
         )
         for line in trained
     ]
@@ -106,13 +104,13 @@ def draw(trained: Sequence[Line], path: Path) -> None:
     for row, environment in zip(axes, shown, strict=True):
         for line in (line for line in trained if line.environment == environment):
             n = list(ALGORITHMS).index(line.algorithm)
-            several = [curve(one) for one in line.trainings]
+            several = [one.curve for one in line.agent.trainings]
             count = min(len(one["steps"]) for one in several)
             steps = several[0]["steps"][:count]
             errors = [[_mean(one, k) for k in range(count)] for one in several]
             look = {"color": COLOURS[n], "marker": ".", "label": ALGORITHMS[line.algorithm].text}
             plot_median(row[0], steps, errors, **look)
-            plot_median(row[1], [1e-6 * line.seconds * step for step in steps], errors, **look)
+            plot_median(row[1], [line.seconds(step) for step in steps], errors, **look)
         row[0].set(title=environment, ylabel="mean r.m.s. error of both laps [m]", yscale="log")
         row[0].legend(fontsize=9)
     axes[-1][0].set_xlabel("environment steps")
@@ -138,7 +136,7 @@ STUDY = Study(
     10,
     tables,
     ("off_policy",),
-    {PICTURE: FOLDER / PICTURE},
+    timed=True,
+    picture=PICTURE,
     partial=True,
-    curves="off_policy_curves",
 )

@@ -16,7 +16,7 @@ from flexarm_env.laps import LAPS
 from scripts.common.markdown import table
 from scripts.common.spreads import spread_text
 from scripts.learning.foresight import CONSTANTS, LEVELS, Plant, Schedule, Search, constant_errors, kept_search
-from scripts.learning.study import Found, Study, lap_spread
+from scripts.learning.study import Records, Study
 
 GAIN = "FlexArm/SquareGain-v0"
 # The plant of `Paper-v0`, with its gain set 100 times a second and the observation of `Square-v0`.
@@ -27,7 +27,7 @@ TEXTS = {"square": "`SquareGain-v0`", "paper": "the paper's plant"}
 STEPS = 500_000
 
 
-def rows(found: Found, folder: Path) -> Iterator[tuple[str, ...]]:
+def rows(agents: Records, folder: Path) -> Iterator[tuple[str, ...]]:
     """Yield the lines of the table: each scheduler on each plant."""
     for name, plant in PLANTS.items():
         env = make_one(plant.environment, plant.options)
@@ -38,9 +38,9 @@ def rows(found: Found, folder: Path) -> Iterator[tuple[str, ...]]:
         constant = IFDC.for_env(env, gain=best)
         yield TEXTS[name], f"best constant, {best:g}", "-", *_cells({lap: plant.score(constant, lap) for lap in LAPS})
         env.close()
-        trainings = found[name]
-        spreads = [lap_spread(trainings, lap, figure) for lap in LAPS for figure in ("rms", "rms_after_2s")]
-        yield TEXTS[name], f"learned (PPO, {STEPS:,} steps)", str(len(trainings)), *map(spread_text, spreads)
+        spreads = [agents[name].spread(lap, figure) for lap in LAPS for figure in ("rms", "rms_after_2s")]
+        seeds = str(len(agents[name].trainings))
+        yield TEXTS[name], f"learned (PPO, {STEPS:,} steps)", seeds, *map(spread_text, spreads)
         searches = _searches(name, plant, folder)
         last = {lap: Schedule(searches[lap].knots[-1], plant.periods) for lap in LAPS}
         cells = _cells({lap: plant.score(last[lap], lap) for lap in LAPS})
@@ -59,11 +59,11 @@ def knots(folder: Path) -> str:
     return table(("plant", "lap", "constant", *(f"{level + 1} gains" for level in LEVELS)), lines)
 
 
-def tables(found: Found, folder: Path) -> Mapping[str, str]:
+def tables(agents: Records, folder: Path) -> Mapping[str, str]:
     """Write the tables of this study."""
     errors = [f"{lap}: {figure} [m]" for lap in LAPS for figure in ("lap", "after 2 s")]
     head = ("plant", "scheduler", "seeds", *errors)
-    return {"schedulers": table(head, rows(found, folder)), "foresight": knots(folder)}
+    return {"schedulers": table(head, rows(agents, folder)), "foresight": knots(folder)}
 
 
 def _searches(name: str, plant: Plant, folder: Path) -> dict[str, Search]:

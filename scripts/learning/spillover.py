@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -12,8 +12,9 @@ from flexarm_agents.board.rows import Row
 from flexarm_env.envs.registration import UNKNOWN_PLANT
 from scripts.common.markdown import table
 from scripts.common.spreads import spread_text
+from scripts.common.trainings import Training
 from scripts.learning.measured import errors_at, mean_of_laps
-from scripts.learning.study import Found, Study
+from scripts.learning.study import Records, Study
 
 STEPS = 1_000_000
 POINTS = tuple(
@@ -28,20 +29,20 @@ TEXTS = {
 YARDSTICKS = {"lqg": "`lqg`, designed on three shapes", "student": "taught on three shapes (`student`)"}
 
 
-def rows(found: Found, folder: Path) -> Iterator[tuple[str, ...]]:
-    """Yield the lines of the table: mean error of both laps on each arm."""
-    cells = folder / "cells"
-    several = {text: [Row(source)] for source, text in YARDSTICKS.items()}
-    several |= {TEXTS[name]: [Row(str(one.folder), name) for one in trainings] for name, trainings in found.items()}
-    for text, own in several.items():
-        errors = [errors_at(row, POINTS, cells) for row in own]
+def measure(training: Training, folder: Path) -> dict[str, Any]:
+    """Return the errors of both laps on each arm."""
+    return {"errors": errors_at(Row(str(training.folder), training.folder.parent.name), POINTS, folder / "cells")}
+
+
+def tables(agents: Records, folder: Path) -> Mapping[str, str]:
+    """Write the table of this study: mean error of both laps on each arm."""
+    several = {text: [errors_at(Row(source), POINTS, folder / "cells")] for source, text in YARDSTICKS.items()}
+    several |= {TEXTS[name]: [one.measured["errors"] for one in agent.trainings] for name, agent in agents.items()}
+    lines = []
+    for text, errors in several.items():
         means = [[mean_of_laps(one, n) for one in errors] for n in range(len(POINTS))]
-        yield text, str(len(own)), *(spread_text(Spread.of(values)) for values in means)
-
-
-def tables(found: Found, folder: Path) -> Mapping[str, str]:
-    """Write the table of this study."""
-    return {"spillover": table(("agent", "seeds", *(str(point.value) for point in POINTS)), rows(found, folder))}
+        lines.append((text, str(len(errors)), *(spread_text(Spread.of(values)) for values in means)))
+    return {"spillover": table(("agent", "seeds", *(str(point.value) for point in POINTS)), lines)}
 
 
 STUDY = Study(
@@ -56,9 +57,9 @@ STUDY = Study(
         )
         for name, more in RANDOMISATIONS.items()
     },
-    11,
+    10,
     tables,
     ("spillover",),
+    measure,
     partial=True,
-    curves="spillover_curves",
 )

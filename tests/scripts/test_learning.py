@@ -17,14 +17,15 @@ from scripts.common.curves import keep_curves
 from scripts.common.markdown import filled
 from scripts.common.spreads import spread_text
 from scripts.common.trainings import Training
-from scripts.learning import foresight
-from scripts.learning.__main__ import PAGE, STUDIES, finished
+from scripts.learning import foresight, records
+from scripts.learning.__main__ import PAGE, STUDIES, check_complete, missing
 from scripts.learning.foresight import Schedule, kept_search, weights
 from scripts.learning.modes import LawAlone
 from scripts.learning.schedulers import PLANTS
-from scripts.learning.study import by_agent, jobs_of, lap_spread
+from scripts.learning.study import Study, by_agent, jobs_of
 from tests.support.programs import refusal
 from tests.support.refusals import refuses
+from tests.support.trainings import recorded, row
 
 
 def training(seed: int, rms: float | None, folder: Path = Path("somewhere")) -> Training:
@@ -54,9 +55,11 @@ def test_trainings_differ_in_seed_and_folder() -> None:
 
 
 def test_spreads() -> None:
-    three = [training(seed, rms) for seed, rms in enumerate((0.1, None, 0.3))]
-    assert spread_text(lap_spread(three, "swing", "rms")) == "0.300 / lost / lost"
-    assert spread_text(lap_spread(three[:1], "plain", "rms"), 1) == "0.1"
+    laps = {"swing": [[0.1], [None], [0.3]], "plain": [[0.1], [0.1], [0.1]]}
+    three = recorded(TrainingConfig(), {}, {}, {}, **laps)
+    assert spread_text(three.spread("swing", "rms")) == "0.300 / lost / lost"
+    one = three._replace(trainings=three.trainings[:1])
+    assert spread_text(one.spread("plain", "rms"), 1) == "0.1"
 
 
 def test_a_schedule_is_linear_between_its_knots() -> None:
@@ -141,15 +144,62 @@ def test_what_is_refused() -> None:
     assert "tables = False" in refusal("learning", "--no-train", "--no-tables")
 
 
-def test_tables_of_what_is_finished(tmp_path: Path) -> None:
-    """A study says whether it can do without some of its agents."""
+def laid(study: Study, name: str, seed: int, rms: float, folder: Path) -> Training:
+    """Lay a finished training's evaluations into a study's folder."""
+    path = folder / name / f"seed-{seed}"
+    path.mkdir(parents=True)
+    best = row(100, rms, None)
+    write_json(path / "evaluations.json", [best])
+    return Training(replace(study.agents[name], seed=seed), path, best)
+
+
+def test_records_are_kept(tmp_path: Path) -> None:
+    """Of trainings that are gone, too, while their configuration is the same; those that are there replace theirs."""
+    asked = []
+
+    def measure(training: Training, folder: Path) -> dict[str, Any]:
+        asked.append((training.folder, folder))
+        return {"errors": [1.0 / 7.0, None]}
+
+    study = STUDIES["delays"]._replace(measure=measure, timed=False)
+    data = tmp_path / "kept.json"
+    assert records.read(study, data) == {}
+    first = [laid(study, "known-stacked", seed, 0.1, tmp_path / "first") for seed in range(2)]
+    agents = records.renewed(study, first, tmp_path, {})
+    assert asked == [(one.folder, tmp_path) for one in first]
+    records.write(agents, data)
+    assert records.read(study, data) == agents
+    assert data.read_text().count("\n   {") == 2  # a line for each training
+    again = [laid(study, "known-stacked", 1, 0.2, tmp_path / "again"), laid(study, "known-none", 3, 0.3, tmp_path)]
+    agents = records.renewed(study, again, tmp_path, records.read(study, data))
+    assert list(agents) == ["known-none", "known-stacked"]
+    stacked = agents["known-stacked"].trainings
+    assert [(one.seed, one.best["swing"]["rms"]) for one in stacked] == [(0, 0.1), (1, 0.2)]
+    assert stacked[0].measured == {"errors": [0.142857, None]}
+    assert stacked[0].best["plain"]["rms"] is None
+    assert stacked[1].curve == {"steps": [100], "seconds": [1.0], "swing": [0.2], "plain": [None]}
+    assert [curve["swing"] for curve in records.curves(agents)["known-stacked"]] == [[0.1], [0.2]]
+    records.write(agents, data)
+    lost = replace(study.agents["known-stacked"], gamma=0.9)  # type: ignore[type-var]
+    other = study._replace(agents={**study.agents, "known-stacked": lost})
+    assert list(records.read(other, data)) == ["known-none"]
+
+
+def test_only_what_is_missing_is_trained(tmp_path: Path) -> None:
     study = STUDIES["delays"]
     jobs = jobs_of(study, 2, tmp_path)
+    known = {"known-none": recorded(study.agents["known-none"], {}), "known-actions": recorded(jobs[0][0], {}, {})}
+    lacking = {(folder.parent.name, config.seed) for config, folder in missing(jobs, known)}
+    whole = {(name, seed) for name in study.agents for seed in range(2)}
+    assert whole - lacking == {("known-none", 0), ("known-actions", 0), ("known-actions", 1)}
+
+
+def test_tables_of_what_is_known() -> None:
+    """A study says whether it can do without some of its agents."""
+    study = STUDIES["delays"]
+    known = {"known-none": recorded(study.agents["known-none"], {})}
+    check_complete(study, known)
     with refuses(ValueError, "no training of known-none, ", "is finished; train first"):
-        finished(study, jobs)
-    for _, folder in jobs[:3]:
-        folder.mkdir(parents=True)
-        (folder / "last_policy.npz").touch()
-    assert finished(study, jobs) == jobs[:3]
-    with refuses(ValueError, "train = False: no training of "):
-        finished(study._replace(partial=False), jobs)
+        check_complete(study, {})
+    with refuses(ValueError, "train = False: no training of known-actions, "):
+        check_complete(study._replace(partial=False), known)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +16,7 @@ from flexarm_env.laps import LAPS
 from scripts.common import cells
 from scripts.common.trainings import Training
 from scripts.learning import delays, measured
-from tests.support.trainings import TINY
+from tests.support.trainings import TINY, recorded
 
 POINTS = [Point(0.0, {"delay": 0.0}), Point(50.0, {"delay": 0.05})]
 
@@ -69,26 +67,32 @@ def test_what_learning_costs_is_measured_once(tmp_path: Path, monkeypatch: pytes
     assert measured.seconds_per_million(TrainingConfig(**TINY), tmp_path / "cost.json") == seconds
 
 
-def test_the_table_and_the_picture(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Of two seeds each, one of which loses the plain lap at the largest delay."""
+def test_a_training_is_measured(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """At all delays, under the name of its agent."""
 
     def errors(row: Row, points: Any, folder: Path) -> measured.Errors:
-        lost = None if row.source.endswith("seed-1") else 0.5
-        values = [0.1 + 0.01 * n for n in range(len(points) - 1)]
-        return {"swing": [*values, 0.5], "plain": [*values, lost]}
+        assert (row.name, points, folder) == ("known-stacked", delays.POINTS, tmp_path / "cells")
+        return {"swing": [0.1], "plain": [None]}
 
-    drawn: list[Any] = []
     monkeypatch.setattr(delays, "errors_at", errors)
-    monkeypatch.setattr(delays, "seconds_per_million", lambda config, path: 40.0)
-    monkeypatch.setattr(plt, "close", drawn.append)
-    found = {
-        name: [Training(replace(config, seed=seed), tmp_path / name / f"seed-{seed}", {}) for seed in range(2)]
-        for name, config in delays.agents().items()
-    }
     monkeypatch.setattr(delays, "Row", FakeRow)
-    lines = delays.tables(found, tmp_path)["delay_remedies"].splitlines()
+    training = Training(delays.config_of("known", "stacked"), tmp_path / "known-stacked" / "seed-0", {})
+    assert delays.measure(training, tmp_path) == {"errors": {"swing": [0.1], "plain": [None]}}
+
+
+def test_the_table_and_the_picture(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of two seeds each, one of which loses the plain lap at the largest delay."""
+    values = [0.1 + 0.01 * n for n in range(len(delays.POINTS) - 1)]
+    several = [{"errors": {"swing": [*values, 0.5], "plain": [*values, last]}} for last in (0.5, None)]
+    drawn: list[Any] = []
+    monkeypatch.setattr(delays, "errors_at", lambda *given: several[0]["errors"])
+    monkeypatch.setattr(plt, "close", drawn.append)
+    agents = {name: recorded(config, *several) for name, config in delays.agents().items()}
+    lines = delays.tables(agents, tmp_path)["delay_remedies"].splitlines()
+    without = delays.tables({"known-none": agents["known-none"]}, tmp_path)["delay_remedies"].splitlines()
     monkeypatch.undo()
     assert len(lines) == 2 + 2 * (len(delays.REMEDIES) + 2)
+    assert len(without) == 2 + 1 + 2 * 2
     assert lines[0].count("|") == lines[2].count("|")
     taught, own = lines[3], lines[4]
     assert [cell.strip() for cell in taught.split("|")[1:6]] == [
@@ -99,37 +103,18 @@ def test_the_table_and_the_picture(tmp_path: Path, monkeypatch: pytest.MonkeyPat
         "-",
     ]
     cells = [cell.strip() for cell in own.split("|")[1:-1]]
-    assert cells[:5] == ["31 ms", "none", "2", "1,000,000", "40"]
+    assert cells[:5] == ["31 ms", "none", "2", "1,000,000", "120"]
     assert cells[5] == "0.100 / 0.100 / 0.100"
     assert cells[-1] == "lost / lost / lost"
     for axis in drawn[0].axes:
         assert len(axis.lines) == len(delays.REMEDIES) + 2
         assert np.isnan(axis.lines[-1].get_ydata()[-1]) == axis.get_title().startswith("plain")
-    plt.close(drawn[0])
+    for figure in drawn:
+        plt.close(figure)
     assert (tmp_path / delays.PICTURE).stat().st_size > 10_000
     assert len(drawn[0].axes) == len(LAPS) * len(delays.TRAINED)
 
 
-def test_what_was_measured_before_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Where an agent's trainings are not there, and its configuration is the one of then."""
-    monkeypatch.setattr(delays, "FOLDER", tmp_path)
-    monkeypatch.setattr(delays, "Row", FakeRow)
-    points = len(delays.POINTS)
-    monkeypatch.setattr(delays, "errors_at", lambda *given: {"swing": [1.0 / 7.0] * points, "plain": [None] * points})
-    monkeypatch.setattr(delays, "seconds_per_million", lambda config, path: 40.0)
-    assert delays.kept() == {}
-    folder = tmp_path / "known-stacked" / "seed-0"
-    found = {"known-stacked": [Training(delays.agents()["known-stacked"], folder, {})]}
-    first = delays.tables(found, tmp_path)
-    known = delays.kept()
-    assert set(known) == set(found)
-    assert known["known-stacked"]["errors"] == [{"swing": [0.142857] * points, "plain": [None] * points}]
-    assert delays.tables({}, tmp_path) == first
-    known["known-stacked"]["config"]["gamma"] = 0.9
-    (tmp_path / delays.DATA).write_text(json.dumps(known))
-    assert [line.agent for line in delays.lines({}, tmp_path) if line.agent] == []
-
-
 class FakeRow:
     def __init__(self, source: str, name: str = "") -> None:
-        self.source = source
+        self.source, self.name = source, name

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -18,6 +17,7 @@ from flexarm_env.metrics import elbow_changes
 from scripts.common.trainings import Training
 from scripts.learning import exploration
 from scripts.learning.exploration import Driver, Noisy, config_of, start_of
+from tests.support.trainings import recorded
 
 SHIPPED = load_policy("square").policy
 
@@ -66,33 +66,44 @@ def test_noise_costs_reward(driver: Driver, monkeypatch: pytest.MonkeyPatch) -> 
     )
 
 
-def test_tables_and_picture(driver: Driver, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Two seeds of one way; the others' trainings are not finished."""
-    folders = [tmp_path / "mix" / f"seed-{seed}" for seed in range(2)]
-    for folder in folders:
-        folder.mkdir(parents=True)
-        SHIPPED.save(RunFolder(folder).best)
-        monkeypatch.setattr(exploration, "curve", lambda one: {"swing": [0.5, 0.2 + 0.1 * one.config.seed]})
+def test_what_is_measured_of_laps(driver: Driver, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of a training: the laps of its best policy, as plain data."""
+    monkeypatch.setattr(exploration, "EPISODES", 1)
+    folder = tmp_path / "mix" / "seed-0"
+    folder.mkdir(parents=True)
+    SHIPPED.save(RunFolder(folder).best)
+    found = exploration.measure(Training(config_of("mix"), folder, {}), tmp_path)
+    assert json.loads(json.dumps(found)) == found
     laps = driver.laps()
-    monkeypatch.setattr(Driver, "laps", lambda self: laps)
+    for lap, run in laps.items():
+        one, start = found[lap], start_of(run)
+        assert {name: one[name] for name in start._fields} == start._asdict()
+        assert run.reward is not None
+        assert one["reward"] == pytest.approx(run.reward[1:].sum())
+        assert one["discounted"] == pytest.approx(sum(0.985**n * own for n, own in enumerate(run.reward[1:])))
+        assert one["noisy"][0] > one["noisy"][2]
+        assert len(one["distances"]) == len(one["deflections"]) == 101
+        assert one["distances"][50] == pytest.approx(exploration.distances(run)[100])
+
+
+def test_tables_and_picture(driver: Driver, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two seeds of one way, one of which does not swing; nothing is known of the others."""
     monkeypatch.setattr(Driver, "noisy_reward", lambda self, deviation, lap: 100.0 - deviation)
-    configs = [replace(config_of("mix"), seed=seed) for seed in range(2)]
-    laid = zip(configs, folders, strict=True)
-    found = {"mix": [Training(config, folder, {"swing": {"rms": 0.1}}) for config, folder in laid]}
-    made = exploration.tables(found, tmp_path)
+    laps = exploration.laps_of(driver)
+    other = {**laps, "swing": {**laps["swing"], "rms": 0.3, "passed": None}}
+    monkeypatch.setattr(exploration, "laps_of", lambda driver: laps)
+    several = {"mix": recorded(config_of("mix"), laps, other, swing=[[0.5, 0.2], [0.5, 0.3]])}
+    made = exploration.tables(several, tmp_path)
     assert set(made) == set(exploration.STUDY.names)
     lines = made["exploration"].splitlines()
     assert len(lines) == 2 + 3
     cells = [cell.strip() for cell in lines[-1].split("|")[1:-1]]
-    assert cells[:2] == [exploration.WAYS["mix"].text, "2"]
-    assert [len(cell.split(" / ")) for cell in cells[2:]] == [3, 3, 3, 1, 1, 3, 3]
-    assert cells[7] == "0.250 / 0.250 / 0.300"
+    assert cells[:3] == [exploration.WAYS["mix"].text, "2", "1"]
+    assert [len(cell.split(" / ")) for cell in cells[3:]] == [3, 3, 3, 1, 1, 3, 3]
+    assert cells[3].endswith(" / 0.300")
+    assert cells[7] == "-"
+    assert cells[8] == "0.250 / 0.250 / 0.300"
     assert len(made["exploration_rewards"].splitlines()) == 2 + 3 * len(LAPS)
     assert made["exploration_rewards"].splitlines()[-1].endswith("| 100.0 | 99.9 | 99.7 |")
     assert (tmp_path / exploration.PICTURE).stat().st_size > 10_000
-
-
-def test_without_the_usual_agent(driver: Driver, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    laps: dict[str, Any] = driver.laps()
-    monkeypatch.setattr(Driver, "laps", lambda self: laps)
     assert set(exploration.tables({}, tmp_path)) == {"exploration"}

@@ -9,11 +9,11 @@ from pathlib import Path
 
 import pytest
 
-from flexarm_agents import DescentConfig, NetworkPolicy, TeachingConfig
+from flexarm_agents import DescentConfig, NetworkPolicy, TeachingConfig, load_policy
 from flexarm_agents.load import POLICIES
-from scripts.common.trainings import Training
+from flexarm_env.laps import LAPS
 from scripts.learning import gradients, measured
-from tests.support.trainings import DESCENDED, row
+from tests.support.trainings import DESCENDED, recorded
 
 
 def test_steps_of_all_candidates_count() -> None:
@@ -35,23 +35,38 @@ def test_what_a_step_costs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
 
 
 def test_table(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Trainings by gradients are those that are found, PPO's those of the shipped agent's card."""
+    """PPO's trainings are those of the shipped agent's card; a torque change that was not kept has no figure."""
     config = gradients.agents()["registered"]
-    found = {"registered": [Training(config, tmp_path, row(1000, 0.103, 0.037))]}
-    monkeypatch.setattr(NetworkPolicy, "load", lambda path: None)
+    one = recorded(config, {}, swing=[[0.2, 0.103]], plain=[[0.1, 0.037]])
+    older = recorded(config, {}, swing=[[0.2, 0.103]], plain=[[0.1, 0.037]])
+    older.trainings[0].best["plain"]["torque_change"] = None  # type: ignore[index]
     monkeypatch.setattr(gradients, "HORIZONS", (2, 4))
-    monkeypatch.setattr(gradients, "first_action_slope", lambda horizon, policy: 0.5 * horizon)
+    slopes = {None: 0.5, NetworkPolicy: 0.25}
     monkeypatch.setattr(
-        gradients, "seconds_per_million", lambda config, path: {"registered": 30.0, "ppo": 60.0}[path.stem]
+        gradients, "first_action_slope", lambda horizon, policy: horizon * slopes[policy and type(policy)]
     )
-    made = gradients.tables(found, tmp_path)
-    one, ppo = ([cell.strip() for cell in line.split("|")[1:-1]] for line in made["gradients"].splitlines()[2:])
+    monkeypatch.setattr(gradients, "seconds_per_million", lambda config, path: {"ppo": 60.0}[path.stem])
+    made = gradients.tables({"registered": one, "one": older}, tmp_path)
+    lines = [[cell.strip() for cell in line.split("|")[1:-1]] for line in made["gradients"].splitlines()[2:]]
     steps = config.all_rounds * config.steps  # type: ignore[attr-defined]
-    assert one[2:] == ["1", f"{steps:,}", f"{30e-6 * steps:.0f}", "0.1030", "2.00", "0.0370", "2.00"]
+    assert lines[0][2:] == ["1", f"{steps:,}", f"{120e-6 * steps:.0f}", "0.1030", "2.00", "0.0370", "2.00", "1.0"]
+    assert lines[1][-1] == "-"
     card = json.loads((POLICIES / "square.json").read_text())
+    ppo = lines[2]
     assert ppo[2:5] == [str(len(card["trainings"])), f"{card['config']['steps']:,}", "120"]
     assert ppo[5].startswith(f"{card['spread']['swing']['rms']['median']:.4f} / ")
-    assert made["gradient_horizons"].splitlines()[2:] == ["| 2 | 1.000 | 1.000 |", "| 4 | 2.000 | 2.000 |"]
+    changes = [max(max(one[lap]["torque_change"]) for lap in LAPS) for one in card["trainings"]]
+    assert ppo[-1].endswith(f" / {max(changes):.1f}")
+    assert made["gradient_horizons"].splitlines()[2:] == ["| 2 | 1.000 | 0.500 |", "| 4 | 2.000 | 1.000 |"]
+
+
+def test_derivatives_at_a_trained_network(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The shipped agent's network fits, and holds the arm, so that they are smaller than those of an untrained one."""
+    monkeypatch.setattr(gradients, "DescentConfig", partial(DescentConfig, arms=4, episode_steps=40))
+    policy = load_policy(gradients.PPO).policy
+    assert isinstance(policy, NetworkPolicy)
+    trained, untrained = (gradients.first_action_slope(16, one) for one in (policy, None))
+    assert 0.0 < trained < 0.5 * untrained
 
 
 def test_derivatives_of_an_untrained_network_grow_as_a_square(monkeypatch: pytest.MonkeyPatch) -> None:

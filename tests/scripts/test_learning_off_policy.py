@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,10 +10,11 @@ import pytest
 from matplotlib import pyplot as plt
 
 from flexarm_agents import TrainingConfig
-from flexarm_agents.run_folder import RunFolder
-from scripts.common.trainings import Training
+from scripts.common.curves import FOLDER
 from scripts.learning import measured, off_policy
-from tests.support.trainings import TINIES, row
+from scripts.learning.__main__ import PAGE
+from scripts.learning.records import read
+from tests.support.trainings import TINIES, recorded
 
 
 def test_settings_are_the_tuned_ones() -> None:
@@ -46,21 +46,14 @@ def test_what_learning_costs(name: str, tmp_path: Path, monkeypatch: pytest.Monk
 
 def test_table_and_picture(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Two algorithms on one environment; an evaluation with a lost lap is a gap in the curve."""
-    found = {}
+    agents = {}
     for algorithm in ("ppo", "sac"):
         config = off_policy.config_of("SquareResidual-v0", algorithm)
-        trainings = []
-        for seed in range(2):
-            folder = tmp_path / algorithm / f"seed-{seed}"
-            folder.mkdir(parents=True)
-            rows = [row(1000, None, 0.5), row(2000, 0.3 + 0.1 * seed, 0.2)]
-            RunFolder(folder).evaluations.with_suffix(".json").write_text(json.dumps(rows))
-            trainings.append(Training(replace(config, seed=seed), folder, rows[1]))
-        found[f"SquareResidual-v0-{algorithm}"] = trainings
+        laps = {"swing": [[None, 0.3], [None, 0.4]], "plain": [[0.5, 0.2], [0.5, 0.2]]}
+        agents[f"SquareResidual-v0-{algorithm}"] = recorded(config, {}, {}, **laps)
     drawn = []
-    monkeypatch.setattr(off_policy, "seconds_per_million", lambda config, path: 120.0)
     monkeypatch.setattr(plt, "close", drawn.append)
-    lines = off_policy.tables(found, tmp_path)["off_policy"].splitlines()
+    lines = off_policy.tables(agents, tmp_path)["off_policy"].splitlines()
     monkeypatch.undo()
     assert len(lines) == 4
     cells = [cell.strip() for cell in lines[2].split("|")[1:-1]]
@@ -74,3 +67,8 @@ def test_table_and_picture(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
     np.testing.assert_allclose(seconds.lines[0].get_xdata(), [0.12, 0.24])
     plt.close(drawn[0])
     assert (tmp_path / off_policy.PICTURE).stat().st_size > 10_000
+
+
+def test_the_page_has_what_the_data_say(tmp_path: Path) -> None:
+    known = read(off_policy.STUDY, FOLDER / "off_policy.json")
+    assert off_policy.tables(known, tmp_path)["off_policy"] in PAGE.read_text()
