@@ -36,13 +36,12 @@ def renewed(study: Study, found: Sequence[Training], folder: Path, known: Record
         for name, config in study.agents.items():
             old = known.get(name)
             records = {one.seed: one for one in (old.trainings if old else ())}
-            seconds = old.seconds if old else None
             for one in trained.get(name, ()):
                 records[one.config.seed] = record(study, one, folder)
                 bar.update()
-            if study.timed and name in trained:
-                seconds = seconds_per_million(config, folder / "costs" / f"{name}.json")
             if records:
+                # All on one machine, so that they compare.
+                seconds = seconds_per_million(config, folder / "costs" / f"{name}.json") if study.timed else None
                 agents[name] = Agent(config, seconds, [records[seed] for seed in sorted(records)])
     return agents
 
