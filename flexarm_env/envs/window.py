@@ -10,7 +10,8 @@ from typing import Any
 
 TITLE = "FlexArm"
 HINT = "paused: space goes on, right arrow steps, Esc closes"
-HINT_SIZE = 20  # [px]
+HINT_SIZE = 1.0 / 30.0  # of its letters, as a share of the window's width
+HINT_PLACE = 0.88  # of its upper edge, as a share of the window's height: above the gauges
 PATIENCE = 50  # between two looks at the keys while paused [ms]
 
 
@@ -88,7 +89,8 @@ class Window:
     def _write_hint(self) -> None:
         pygame = self._pygame
         pygame.font.init()
-        text = pygame.font.Font(None, HINT_SIZE).render(HINT, True, (255, 255, 255), (38, 44, 56))
         width, height = self._surface.get_size()
-        self._surface.blit(text, ((width - text.get_width()) // 2, height - 2 * text.get_height()))
+        font = pygame.font.Font(None, round(HINT_SIZE * width))
+        text = font.render(HINT, True, (255, 255, 255), (38, 44, 56))
+        self._surface.blit(text, ((width - text.get_width()) // 2, round(HINT_PLACE * height)))
         pygame.display.flip()

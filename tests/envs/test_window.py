@@ -42,6 +42,32 @@ def test_the_space_bar_pauses_and_goes_on(monkeypatch: pytest.MonkeyPatch) -> No
     window.close()
 
 
+@pytest.mark.parametrize("size", [200, 600])
+def test_the_hint_of_a_paused_window_covers_no_gauge(monkeypatch: pytest.MonkeyPatch, size: int) -> None:
+    pygame = pytest.importorskip("pygame")
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    window = Renderer("human", size, fps=1000)
+    window.draw(SCENE)
+    before = pygame.surfarray.array3d(pygame.display.get_surface())
+    changed = []
+
+    def wait(time: int) -> None:
+        """Note which pixels the hint takes, and go on."""
+        changed.append((pygame.surfarray.array3d(pygame.display.get_surface()) != before).any(axis=2))
+        press(pygame, pygame.K_SPACE)
+
+    monkeypatch.setattr(pygame.time, "wait", wait)
+    press(pygame, pygame.K_SPACE)
+    window.draw(SCENE)
+    window.close()
+    (across, down) = (np.flatnonzero(changed[0].any(axis=axis)) for axis in (1, 0))
+    assert across.min() > 0.1 * size
+    assert across.max() < 0.9 * size  # the whole text is in the window
+    assert down.min() > 0.85 * size  # below the path
+    assert down.max() < 0.91 * size  # above the gauges
+    assert changed[0][across.min() : across.max(), down.min() : down.max()].mean() > 0.9
+
+
 def test_a_paused_window_steps(monkeypatch: pytest.MonkeyPatch) -> None:
     pygame = pytest.importorskip("pygame")
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
