@@ -8,6 +8,7 @@ import re
 from docutils import nodes
 from docutils.utils.math import MathError
 from docutils.utils.math.latex2mathml import tex2mathml
+from sphinx.transforms.post_transforms import SphinxPostTransform
 from sphinx.util import logging
 
 from flexarm_env import __version__
@@ -37,6 +38,7 @@ html_theme = "furo"
 COLOURS = {
     "fx-a": ("#0072b2", "#5cb8f2"),
     "fx-b": ("#d55e00", "#ff9d57"),
+    "fx-b-text": ("#b04d00", "#ff9d57"),  # the same in letters, which need more contrast
     "fx-late": ("#8a3b8f", "#e29be6"),
     "fx-target": ("#1d2433", "#eef2f8"),
     "fx-path": ("#c3cad5", "#4a5465"),
@@ -74,6 +76,9 @@ napoleon_numpy_docstring = False
 napoleon_use_ivar = True
 
 
+# A table's cell with more characters may be broken into lines, and gets some width for that.
+LENGTHS = {"fx-long": 16, "fx-longer": 100, "fx-longest": 200}
+LITERAL = r"(?<=::)\n\n(?:[ \t][^\n]*(?:\n|$)|\n)+"  # what is indented after a colon
 EMPHASIS = r"(?<![\w*])\*[^\s*](?:[^*\n]|\n(?!\n))*?[^\s*]\*(?![\w*])"
 
 
@@ -90,7 +95,8 @@ def _as_plain_text(app, what, name, obj, options, lines) -> None:
     for n, line in enumerate(lines[:-1]):
         if re.fullmatch(r"\s*(Returns|Yields):", line):  # here too
             lines[n + 1] = re.sub(r"^(\s*)", r"\1: ", lines[n + 1])
-    parts = re.split(rf"(`+[^`]+`+|{EMPHASIS})", "\n".join(lines))
+    text = re.sub(r"(?<=[^\s:]:)\n\n(?=[ \t])", ":\n\n", "\n".join(lines))
+    parts = re.split(rf"({LITERAL}|`+[^`]+`+|{EMPHASIS})", text)
     parts[::2] = [re.sub(r"([|*])|(?<=\w)(_)(?!\w)", r"\\\1\2", part) for part in parts[::2]]
     lines[:] = "".join(parts).split("\n")
 
@@ -112,8 +118,21 @@ def _formula(writer, node) -> None:
     raise nodes.SkipNode
 
 
+class LongCells(SphinxPostTransform):
+    """Marks the cells of tables that are long: the others are not broken into lines (flexarm.css)."""
+
+    default_priority = 900
+
+    def run(self, **kwargs) -> None:
+        """Mark those of a page."""
+        for row in (row for body in self.document.findall(nodes.tbody) for row in body.children):
+            for cell in row.children:
+                cell["classes"] += [name for name, least in LENGTHS.items() if len(cell.astext()) > least]
+
+
 def setup(app) -> None:
-    """Register how formulas are written, and what changes docstrings, before Napoleon reads them."""
+    """Register how formulas are written, marks of cells, and what changes docstrings, before Napoleon reads them."""
+    app.add_post_transform(LongCells)
     app.connect("autodoc-process-docstring", _as_plain_text, priority=100)
     app.connect("autodoc-skip-member", _skip_numbered)
     app.add_html_math_renderer("mathml", (_formula, None), (_formula, None))

@@ -9,6 +9,7 @@ from flexarm_agents.live import LEAST_PLACE, MOST_DELAY, MOST_GAIN, Knobs, LiveA
 from flexarm_agents.viewer import Viewer
 from flexarm_env.extras import import_pygame
 from flexarm_env.parameters import PRESETS
+from flexarm_env.validation import number
 
 DESCRIPTION = """\
 Watch the paper's law follow the square on a late sensor, in real time, and move sliders: the sensor's delay, its place
@@ -29,4 +30,5 @@ def run(arguments: Sequence[str]) -> None:
     parser.add_argument("--gain", type=float, default=start.gain, metavar="X", help=gain)
     given = parser.parse_args(arguments)
     import_pygame()  # before a kernel is compiled
-    Viewer(LiveArm(given.arm, Knobs(1e-3 * given.delay, given.place, given.gain))).run()
+    late = 1e-3 * number("delay", given.delay, "ms", least=0.0, most=1e3 * MOST_DELAY)
+    Viewer(LiveArm(given.arm, Knobs(late, given.place, given.gain))).run()

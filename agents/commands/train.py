@@ -13,10 +13,7 @@ from flexarm_agents.commands.training_verb import RunOptions, carry_out, options
 
 @dataclass
 class Options(RunOptions):
-    """Train an agent by reward, with PPO, RecurrentPPO, SAC or TQC.
-
-    Defaults are the tuned settings of the algorithm and the environment; settings that show None are another's.
-    """
+    """Train an agent by reward: PPO, RecurrentPPO, SAC or TQC; defaults are tuned, None is for another algorithm."""
 
     config: tyro.conf.OmitArgPrefixes[TrainingConfig] = field(default_factory=TrainingConfig)
     """What is trained and how."""

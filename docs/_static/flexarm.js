@@ -92,5 +92,8 @@ window.flexarm = (() => {
     }
   });
 
+  // A page on a disk may not fetch others: search there lists what it finds without the words around it.
+  if (location.protocol === "file:") DOCUMENTATION_OPTIONS.SHOW_SEARCH_SUMMARY = false;
+
   return { element, choices, list, breakable, colours, onTheme, fitted, load, ready };
 })();

@@ -140,8 +140,9 @@ def main() -> None:
     """Lay out the pages and run Sphinx."""
     lay_out(PAGES)
     shutil.rmtree(OUTPUT, ignore_errors=True)  # pages of an earlier build would stay
-    command = [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-q", "-b", "html", "-c", str(PAGES / "docs")]
-    ended = subprocess.run([*command, str(PAGES), str(OUTPUT)], cwd=ROOT, check=False)
+    command = [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-b", "html", "-c", str(PAGES / "docs")]
+    quiet = [] if sys.stdout.isatty() else ["-q"]  # in a terminal Sphinx tells how far it is
+    ended = subprocess.run([*command, *quiet, str(PAGES), str(OUTPUT)], cwd=ROOT, check=False)
     if ended.returncode != 0:
         raise ValueError("site: Sphinx found the faults above")
     print(f"{OUTPUT / 'index.html'}: written")

@@ -97,6 +97,33 @@ def test_a_page_fits_and_its_pictures_are_there(browser: Browser, page: str, siz
     assert browser.run(missing) == []
 
 
+def test_what_is_short_in_a_table_takes_a_line(browser: Browser) -> None:
+    browser.emulate(PHONE)
+    browser.open("docs/leaderboard.html")
+    broken = (
+        "const cells = [...document.querySelectorAll('table.docutils tbody td')];"
+        "const lines = cell => cell.querySelector('p').getClientRects().length ?"
+        " Math.round(cell.querySelector('p').clientHeight / parseFloat(getComputedStyle(cell.querySelector('p')).lineHeight)) : 0;"
+        "return [cells.length, cells.filter(cell => cell.textContent.trim().length <= 16 && lines(cell) !== 1).map(cell => cell.textContent)]"
+    )
+    count, found = browser.run(broken)
+    assert count > 1000
+    assert found == []
+
+
+def test_the_index_is_not_cut_off_on_a_phone(browser: Browser) -> None:
+    browser.emulate(PHONE)
+    browser.open("genindex.html")
+    ends = "return [...document.querySelectorAll('.genindextable a')].map(one => one.getBoundingClientRect().right)"
+    assert max(browser.run(ends)) <= PHONE[0]
+
+
+def test_search_works_from_the_disk(browser: Browser) -> None:
+    browser.open("search.html?q=delay")
+    browser.until("document.querySelectorAll('#search-results li').length > 5")
+    browser.until("!document.querySelector('#search-results').textContent.includes('Searching')")
+
+
 def test_a_wrong_address_has_a_page_of_the_site(browser: Browser) -> None:
     """Its links begin where the site does, so that a server must answer."""
 
@@ -130,6 +157,8 @@ def test_the_reference_has_neither_raw_markup_nor_numbered_fields(built: Path) -
     pages = {path.name: path.read_text(encoding="utf-8") for path in (built / "api").glob("*.html")}
     raw = r"Alias for field|[( ]\*\w[^*<]*\w\*[ ,.)]"
     assert {name: found for name, text in pages.items() if (found := re.findall(raw, text))} == {}
+    assert [name for name, text in pages.items() if "<blockquote" in text] == []  # formulas and code are literal
+    assert "mean_t" in "".join(re.findall(r"<pre>(.*?)</pre>", pages["flexarm_baselines.optimal.html"], re.DOTALL))
 
 
 # --- the leaderboard ------------------------------------------------------------------------------------------------
