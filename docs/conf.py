@@ -76,8 +76,8 @@ napoleon_numpy_docstring = False
 napoleon_use_ivar = True
 
 
-# A table's cell with more characters may be broken into lines, and gets some width for that.
-LENGTHS = {"fx-long": 16, "fx-longer": 100, "fx-longest": 200}
+# A table's cell with more characters may be broken into lines, and gets some width for that: flexarm.css.
+LENGTHS = {"fx-pair": 8, "fx-long": 16, "fx-longer": 100, "fx-longest": 200}
 LITERAL = r"(?<=::)\n\n(?:[ \t][^\n]*(?:\n|$)|\n)+"  # what is indented after a colon
 EMPHASIS = r"(?<![\w*])\*[^\s*](?:[^*\n]|\n(?!\n))*?[^\s*]\*(?![\w*])"
 
