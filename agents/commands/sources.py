@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
+from threading import Timer
 
 from flexarm_agents.commands.arguments import add_options
 from flexarm_agents.contenders import (
@@ -20,6 +23,8 @@ from flexarm_agents.load import shipped_policies
 from flexarm_baselines.registry import controller_names
 from flexarm_env.parameters import PRESETS
 from flexarm_env.validation import shown
+
+PATIENCE = 1.0  # before a line says what takes so long [s]
 
 POLICY = """\
 folder of a training, or its npz file; name of a shipped policy or of a controller, as `flexarm list` has them;
@@ -84,7 +89,8 @@ def from_source(source: str, given: argparse.Namespace) -> Contender:
     environment = given.environment or ENVIRONMENT
     options = changed({}, given.options, given.arm)
     if source in controller_names():
-        return from_controller(source, environment, options)
+        with _said_if_long(f"{source}: the controller is designed"):
+            return from_controller(source, environment, options)
     if _is_attribute(source):
         return from_attribute(source, environment, options)
     if given.stable_baselines3 is None:
@@ -94,3 +100,15 @@ def from_source(source: str, given: argparse.Namespace) -> Contender:
 
 def _is_attribute(source: str) -> bool:
     return ":" in source and not Path(source).exists()
+
+
+@contextmanager
+def _said_if_long(what: str) -> Iterator[None]:
+    """Say on stderr what goes on, once it takes longer than a second."""
+    timer = Timer(PATIENCE, print, (what,), {"file": sys.stderr, "flush": True})
+    timer.daemon = True
+    timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import time
+
 import gymnasium
 import pytest
 
-from flexarm_agents.commands import progress
+from flexarm_agents.commands import progress, sources
 from flexarm_agents.commands.progress import Progress
 from flexarm_agents.commands.watching import Watched, episode_steps
 from flexarm_env.envs.single import FlexArmEnv
@@ -57,3 +59,20 @@ def test_each_step_of_an_episode_counts(monkeypatch: pytest.MonkeyPatch) -> None
 def test_how_long_an_episode_is() -> None:
     assert episode_steps(gymnasium.make("FlexArm/Square-v0", max_episode_steps=70)) == 70
     assert episode_steps(FlexArmEnv(control_period=0.02, lap_time=8.0)) == 400
+
+
+def test_what_takes_longer_than_a_moment_is_said(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sources, "PATIENCE", 0.05)
+    with sources._said_if_long("slow: the controller is designed"):
+        before, waited = capsys.readouterr().err, 0
+        while not (said := capsys.readouterr().err) and waited < 200:
+            time.sleep(0.05)
+            waited += 1
+    assert before == ""
+    assert said == "slow: the controller is designed\n"
+    monkeypatch.setattr(sources, "PATIENCE", 60.0)
+    with sources._said_if_long("quick: the controller is designed"):
+        pass
+    assert capsys.readouterr().err == ""
