@@ -131,12 +131,15 @@ def chain(modes: Sequence[int], effort: float) -> Group:
 
 
 def learning(effort: float) -> Group:
-    """PPO of Stable-Baselines3 on the batch through the adapter, and on an environment that does nothing.
+    """PPO: on the batch and on an environment that does nothing; with its gradients written out and as the library is.
 
     Args:
         effort: factor on the work of a timed call.
     """
+    from stable_baselines3 import PPO
+
     from flexarm_agents import FlexArmVecEnv
+    from flexarm_agents.ppo import LeanPPO
 
     frames = max(2 * peers.ROLLOUT, round(effort * LEARNING_FRAMES))
     env = gymnasium.make(f"flexarm_env:{SQUARE}")
@@ -151,9 +154,39 @@ def learning(effort: float) -> Group:
         lambda: _learn(lambda n: peers.empty_vec_env(n, *sizes), frames),
         frames + peers.ROLLOUT,
     )
-    ratio = Ratio(empty.name, ours.name, "PPO's rate on FlexArm over that on an empty environment")
-    return Group("learning", "PPO, one core", "us", "frame", [ours, empty], [ratio], share=0.4)
+    library = _training("a training, updates by stable-baselines3", PPO, frames)
+    lean = _training("a training", LeanPPO, frames)
+    ratios = [
+        Ratio(empty.name, ours.name, "PPO's rate on FlexArm over that on an empty environment"),
+        Ratio(library.name, lean.name, "a training with the library's updates over one with gradients written out"),
+    ]
+    return Group("learning", "PPO, one core", "us", "frame", [ours, empty, library, lean], ratios, share=0.4)
 
 
 def _learn(make: Any, frames: int) -> None:
     peers.ppo_rate(make, LEARNERS, frames)
+
+
+def _training(name: str, kind: Any, frames: int) -> Subject:
+    """Rollouts and updates of a training with the tuned settings, without its evaluations.
+
+    Args:
+        name: of the subject.
+        kind: class whose `train` does the updates.
+        frames: environment steps, rounded up to whole rollouts.
+    """
+    from flexarm_agents import TrainingConfig
+    from flexarm_agents.models import new_model
+    from flexarm_agents.training import one_thread
+
+    config = TrainingConfig()
+    model: Any = new_model(config)
+    model.train = lambda: kind.train(model)
+    assert config.rollout is not None
+    rollout = config.rollout * config.envs
+
+    def work() -> None:
+        with one_thread():
+            model.learn(frames, reset_num_timesteps=False)
+
+    return Subject(name, work, -(-frames // rollout) * rollout)
