@@ -184,20 +184,23 @@ def measure(training: Training, folder: Path) -> dict[str, Any]:
 def laps_of(driver: Driver) -> dict[str, Any]:
     """Return what was measured of both laps, by their names.
 
-    That is the fields of `Start`; the first seconds of distance and deflection of link 1 [m], as the picture has them;
-    the rewards' sum and discounted sum, and the sums of the first 2 s by the noise on the actions.
+    That is the fields of `Start`; the rewards' sum and discounted sum, and the sums of the first 2 s by the noise on
+    the actions; of the swing lap, as the picture has them, distances and deflections of link 1 in the first 2 s [m].
     """
-    discount, found = config_of("mix").gamma, {}
-    for lap, run in driver.laps().items():
-        shown, own = run.time <= SETTLED, _rewards(run)
+    discount, found, runs = config_of("mix").gamma, {}, driver.laps()
+    for lap, run in runs.items():
+        own = _rewards(run)
         found[lap] = {
             **start_of(run)._asdict(),
-            "distances": distances(run)[shown][::STRIDE].tolist(),
-            "deflections": run.tip_deflection[shown, 0][::STRIDE].tolist(),
             "reward": float(own.sum()),
             "discounted": float(own @ discount ** np.arange(len(own))),
             "noisy": [driver.noisy_reward(deviation, lap) for deviation in NOISES],
         }
+    swing = runs["swing"]
+    drawn = {"distances": distances(swing), "deflections": swing.tip_deflection[:, 0]}
+    found["swing"] |= {
+        name: values[swing.time <= SETTLED][::STRIDE].round(4).tolist() for name, values in drawn.items()
+    }
     return found
 
 

@@ -82,8 +82,10 @@ def test_what_is_measured_of_laps(driver: Driver, tmp_path: Path, monkeypatch: p
         assert one["reward"] == pytest.approx(run.reward[1:].sum())
         assert one["discounted"] == pytest.approx(sum(0.985**n * own for n, own in enumerate(run.reward[1:])))
         assert one["noisy"][0] > one["noisy"][2]
-        assert len(one["distances"]) == len(one["deflections"]) == 101
-        assert one["distances"][50] == pytest.approx(exploration.distances(run)[100])
+    swing = found["swing"]
+    assert len(swing["distances"]) == len(swing["deflections"]) == 101
+    assert swing["distances"][50] == pytest.approx(exploration.distances(laps["swing"])[100], abs=5e-5)
+    assert "distances" not in found["plain"]
 
 
 def test_tables_and_picture(driver: Driver, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
