@@ -110,7 +110,7 @@ class FlatParameters:
         """Take parameters and the state of the optimiser; they are the policy's again after `give_back`.
 
         Args:
-            policy: with an Adam of one group of parameters.
+            policy: with an Adam of one group of parameters, which has stepped all of them together.
         """
         self._parameters: list[Tensor] = list(policy.parameters())
         self._optimizer = policy.optimizer
@@ -121,13 +121,13 @@ class FlatParameters:
             for vector in (self._vector, self._gradient)
         )
         group, states = policy.optimizer.param_groups[0], [policy.optimizer.state[one] for one in self._parameters]
+        known = all(states)
         self._settings = {
             "lr": group["lr"],
             "beta1": group["betas"][0],
             "beta2": group["betas"][1],
             "eps": group["eps"],
         }
-        known = all(states)
         self._moments = {
             name: _joined([state[name] for state in states]) if known else torch.zeros_like(self._vector)
             for name in _MOMENTS
@@ -237,11 +237,17 @@ def _alternate(hidden: torch.nn.Module) -> bool:
     )
 
 
+def _in_step(policy: ActorCriticPolicy) -> bool:
+    """Return whether the optimiser has taken as many steps with each parameter; not so where some were held."""
+    states = [policy.optimizer.state.get(one, {}) for one in policy.parameters()]
+    return len({float(state.get("step", 0.0)) for state in states}) == 1
+
+
 class LeanPPO(PPO):
     """PPO as stable-baselines3 has it; `train` does for its "MlpPolicy" what the library does, in less time.
 
     Where something is not as that policy has it (another distribution, extractor or optimiser, parameters that are
-    held, a clipped value, a largest divergence), the library's own `train` runs.
+    held or were held, a clipped value, a largest divergence), the library's own `train` runs.
     """
 
     def train(self) -> None:
@@ -276,6 +282,8 @@ class LeanPPO(PPO):
             and _alternate(policy.mlp_extractor.policy_net)
             and _alternate(policy.mlp_extractor.value_net)
             and all(one.requires_grad for one in policy.parameters())
+            and _in_step(policy)
+            and len(self.observation_space.shape or ()) == 1
             and self.clip_range_vf is None
             and self.target_kl is None
             and self.normalize_advantage
