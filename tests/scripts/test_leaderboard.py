@@ -250,13 +250,34 @@ def test_the_nominal_figures_of_the_committed_board_are_in_their_bands(
         assert low <= one["rms"] <= high
 
 
+def leaves(value: Any, place: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield what is in nested mappings and lists, with its place."""
+    if isinstance(value, dict | list):
+        for key, part in value.items() if isinstance(value, dict) else enumerate(value):
+            yield from leaves(part, f"{place}/{key}")
+    else:
+        yield place, value
+
+
+# The gains of LQG come from linear algebra, which OpenBLAS rounds in another way on each kind of processor: errors of
+# some micrometres, what float32 actions leave on the circle after 2 s, differ by some nanometres.
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["ifdc", "shaped", "lqg", "agent square"])
-def test_the_committed_board_is_computed_again_to_its_digits(name: str, committed: dict[str, dict[str, Any]]) -> None:
+@pytest.mark.parametrize(
+    ("name", "tolerance"),
+    [("ifdc", 0.0), ("shaped", 0.0), ("lqg", 3e-8), ("agent square", 0.0)],
+    ids=["ifdc", "shaped", "lqg", "agent square"],
+)
+def test_the_committed_board_is_computed_again_to_its_digits(
+    name: str, tolerance: float, committed: dict[str, dict[str, Any]]
+) -> None:
     (row,) = [one for one in entries(()) if one.name == name]
     points = COLUMNS["nominal"].points[:2]
-    found = measuring.rounded([point_summary(one) for one in run_points(row, points)])
-    assert found == committed[name]["columns"]["nominal"]["points"][:2]
+    found = dict(leaves(measuring.rounded([point_summary(one) for one in run_points(row, points)])))
+    expected = dict(leaves(committed[name]["columns"]["nominal"]["points"][:2]))
+    assert found.keys() == expected.keys()
+    assert len(expected) > 30
+    for place, figure in expected.items():
+        assert found[place] == (pytest.approx(figure, rel=0.0, abs=tolerance) if isinstance(figure, float) else figure)
 
 
 # --- the verb -----------------------------------------------------------------------------------------------------
