@@ -51,15 +51,20 @@ def iterations(everything: bool) -> Group:
     """Time iterations of trajectory optimisation over a lap, about the plan of the package.
 
     Args:
-        everything: of second order, and with the default arm, too.
+        everything: with the default arm, too.
     """
     subjects: list[Subject] = []
+    ratios: list[Ratio] = []
     for name in ("linear", "default")[: 1 + everything]:
         plan = load_plan(f"{name}_plain")
         search = Search(lap_problem(plan.arm, "plain"), Rollout(plan.states, plan.torques))
-        for order in ("first", "second")[: 1 + everything]:
-            subjects.append(Subject(f"{name} arm, of {order} order", _iteration(search, order == "second")))
-    return Group("iterations", "Trajectory optimisation, 1600 control periods", "ms", "iteration", subjects, [])
+        first, second = (
+            Subject(f"{name} arm, of {order} order", _iteration(search, order == "second"))
+            for order in ("first", "second")
+        )
+        subjects += [first, second]
+        ratios.append(Ratio(second.name, first.name, f"an iteration of second order over one of first, {name} arm"))
+    return Group("iterations", "Trajectory optimisation, 1600 control periods", "ms", "iteration", subjects, ratios)
 
 
 def _iteration(search: Search, exact: bool) -> Callable[[], None]:
