@@ -15,7 +15,7 @@ from scripts.common.markdown import table
 from scripts.validation.checks import Check, Findings, Settings
 from scripts.validation.engine.motion import rms
 from scripts.validation.plant.drivers import PERIODS, WEIGHTS, Hosted, Regulator, on_corner, run_lap
-from scripts.validation.plant.study import ELEMENTS, MODELS, find_row, row_of
+from scripts.validation.plant.study import ELEMENTS, MODELS, distances, find_row, row_of
 
 Array = NDArray[np.float64]
 GROUP = "controllers"
@@ -139,7 +139,9 @@ def _quoted(records: dict[str, Any]) -> dict[str, float]:
     quoted: dict[str, float] = {}
     for row in records["laps"]:
         which = f"{row['lap']}, {row['controller']}, {row['plant']}"
-        quoted |= {f"{which}, {name}": 1e3 * row[name] for name in ("rms", "after_2s", "score") if name in row}
+        quoted |= {
+            f"{which}, {name}": 1e3 * row[name] for name in ("rms", "after_2s", "score") if row.get(name) is not None
+        }
     for row in records["start"]:
         quoted[f"{row['lap']}, start, {row['plant']}, share {row['share']:g}, rms"] = 1e3 * row["rms"]
         quoted[f"{row['lap']}, start, share {row['share']:g}, bend"] = 1e3 * row["bend"]
@@ -152,11 +154,6 @@ def _quoted(records: dict[str, Any]) -> dict[str, float]:
 def tables(findings: Findings) -> dict[str, str]:
     """Return the tables of docs/plant.md."""
     return {"plant_others": _laps_table(findings.records), "plant_start": _start_table(findings.records)}
-
-
-def _distances(row: Mapping[str, Any]) -> str:
-    lengths = (row[name] for name in ("rms", "after_2s", "maximum"))
-    return " / ".join("-" if length is None else f"{1e3 * length:.3g}" for length in lengths)
 
 
 def _laps_table(records: Mapping[str, Any]) -> str:
@@ -176,7 +173,7 @@ def _laps_table(records: Mapping[str, Any]) -> str:
             four, chain = (find_row(every, controller=own["controller"], plant=plant) for plant in (FOUR, CHAIN))
             scores = f"{1e3 * chain['score']:.1f}, {1e3 * own['score']:.1f}"
             changes = f"{chain['torque_change']:.3g}, {own['torque_change']:.3g}"
-            rows.append([lap, f"`{own['controller']}`", _distances(own), _distances(four), scores, changes])
+            rows.append([lap, f"`{own['controller']}`", distances(own), distances(four), scores, changes])
     return table(header, rows)
 
 

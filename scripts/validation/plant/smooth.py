@@ -11,7 +11,7 @@ from flexarm_env.laps import LAPS
 from scripts.common.markdown import table
 from scripts.validation.checks import Check, Findings, Settings
 from scripts.validation.plant.drivers import GENTLE, Regulator, on_corner, run_lap
-from scripts.validation.plant.study import ELEMENTS, MODELS, row_of
+from scripts.validation.plant.study import ELEMENTS, MODELS, distances, row_of
 
 GROUP = "smooth"
 CHANGE_WEIGHTS = (CHANGE_WEIGHT, 0.03, 0.1, 0.3, 1.0)  # on changes of the torques [m^2]; first the shipped plans'
@@ -19,27 +19,27 @@ SMOOTH = 0.3  # the least of them with which both laps stay within the goal
 GOAL = 5.0  # [mm]
 WORKERS = 2
 CHAIN = "chain"
+LENGTH = 16.0  # of a run [s]
 
 
 def run(settings: Settings) -> Findings:
-    """Run all laps."""
+    """Run all laps, whole ones in the short version, too: the checks are of these."""
     weights = (SMOOTH,) if settings.quick else CHANGE_WEIGHTS
-    seconds = 0.5 if settings.quick else 16.0
-    tasks = [(lap, weight, seconds) for weight in weights for lap in LAPS]
+    tasks = [(lap, weight) for weight in weights for lap in LAPS]
     laps: list[dict[str, Any]] = []
     with worker_pool(WORKERS) as pool:
         futures = [pool.submit(_laps_with, *task) for task in tasks]
-        for (lap, weight, _), future in zip(tasks, futures, strict=True):
+        for (lap, weight), future in zip(tasks, futures, strict=True):
             settings.progress(f"{lap} lap, changes of the torques weigh {weight:g}")
             laps += future.result()
     return Findings(_checks(laps), {}, {"laps": laps}, _quoted(laps))
 
 
-def _laps_with(lap: str, weight: float, seconds: float) -> list[dict[str, Any]]:
+def _laps_with(lap: str, weight: float) -> list[dict[str, Any]]:
     """Follow a plan on the chain, on the default arm and on four polynomials: rows of the table."""
     controller = Regulator(ArmParameters(), lap, GENTLE, weight)
-    truth = run_lap(controller, on_corner(ArmParameters(), lap, ELEMENTS[-1]), seconds)
-    own = {model.label: run_lap(controller, on_corner(model.parameters, lap), seconds) for model in MODELS[1:]}
+    truth = run_lap(controller, on_corner(ArmParameters(), lap, ELEMENTS[-1]), LENGTH)
+    own = {model.label: run_lap(controller, on_corner(model.parameters, lap), LENGTH) for model in MODELS[1:]}
     torques = controller.plan.torques
     shared = {"change_weight": weight, "first_torque": float(abs(torques[0, 0]))}
     rows = [row_of(lap, "smooth plan", label, run, truth) for label, run in {CHAIN: truth, **own}.items()]
@@ -72,7 +72,7 @@ def _quoted(laps: list[dict[str, Any]]) -> dict[str, float]:
         f"{row['lap']}, {row['plant']}, {row['change_weight']:g}, {name}": 1e3 * row[name]
         for row in laps
         for name in names
-        if name in row
+        if row.get(name) is not None
     }
 
 
@@ -91,7 +91,7 @@ def tables(findings: Findings) -> dict[str, str]:
     for lap in LAPS:
         for weight in dict.fromkeys(row["change_weight"] for row in laps):
             chain, *models = _found(laps, lap, weight)
-            away = (" / ".join(f"{1e3 * row[name]:.3g}" for name in ("rms", "after_2s", "maximum")) for row in models)
+            away = (distances(row) for row in models)
             scores = f"{1e3 * models[0]['score']:.1f}, {1e3 * chain['score']:.1f}"
             rows.append([lap, f"{weight:g}", f"{chain['first_torque']:.0f}", scores, *away])
     return {"plant_smooth": table(header, rows)}

@@ -55,8 +55,14 @@ def controllers(lap: str) -> dict[str, Controller]:
     return {**agents, **regulators}
 
 
-def under_control(seconds: float, progress: Callable[[str], None]) -> tuple[list[dict[str, Any]], dict[str, Array]]:
+def under_control(
+    seconds: Callable[[str, str], float], progress: Callable[[str], None]
+) -> tuple[list[dict[str, Any]], dict[str, Array]]:
     """Run all controllers on chains and models.
+
+    Args:
+        seconds: returns the length of the runs of a lap and a controller [s].
+        progress: called with a word on what is done.
 
     Returns:
         Rows of the tables, and tips [m] every control period by their labels.
@@ -64,11 +70,11 @@ def under_control(seconds: float, progress: Callable[[str], None]) -> tuple[list
     rows, arrays = [], {}
     for lap in LAPS:
         for name, controller in controllers(lap).items():
-            chains = []
+            chains, length = [], seconds(lap, name)
             for elements in ELEMENTS:
                 progress(f"{lap} lap, {name}, chain of {elements} elements")
                 models = [FlexibleArm(model.parameters) for model in MODELS] if elements == ELEMENTS[-1] else []
-                chains.append(run_lap(controller, on_corner(ArmParameters(), lap, elements), seconds, models))
+                chains.append(run_lap(controller, on_corner(ArmParameters(), lap, elements), length, models))
             coarse, fine = chains
             rows.append(row_of(lap, name, f"chain, {ELEMENTS[0]} elements", coarse, fine))
             rows.append(row_of(lap, name, f"chain, {ELEMENTS[1]} elements", fine, fine))
@@ -76,7 +82,7 @@ def under_control(seconds: float, progress: Callable[[str], None]) -> tuple[list
             ahead = dict(zip(MODELS, fine.states, strict=True))
             for model in (*MODELS, FORMER):
                 progress(f"{lap} lap, {name}, {model.label}")
-                own = run_lap(controller, on_corner(model.parameters, lap), seconds)
+                own = run_lap(controller, on_corner(model.parameters, lap), length)
                 row = row_of(lap, name, model.label, own, fine)
                 if model in ahead:
                     row["ahead"] = half_a_second_ahead(FlexibleArm(model.parameters), ahead[model], fine)
@@ -129,24 +135,33 @@ def row_of(lap: str, controller: str, plant: str, own: Lap, truth: Lap) -> dict[
     return {"lap": lap, "controller": controller, "plant": plant, **away, **_scores(own)}
 
 
-def _scores(own: Lap) -> dict[str, float]:
-    """Return the distances from the reference [m] as the benchmark takes them, and the torque's mean change [N m]."""
+def _scores(own: Lap) -> dict[str, float | None]:
+    """Return the distances from the reference [m] as the benchmark takes them, and the torque's mean change [N m].
+
+    There is no distance after 2 s of a run that was shorter.
+    """
     times = HELD * PERIODS * np.arange(len(own.torque) + 1)
     miss = np.linalg.norm(own.tip[::PERIODS] - square(SquareParameters()).position(times), axis=1)
     later = miss[times >= SETTLED]
     return {
         "score": rms(miss),
-        "score_after_2s": rms(later) if len(later) else float("nan"),
+        "score_after_2s": rms(later) if len(later) else None,
         "torque_change": float(np.abs(np.diff(own.torque[:, 0])).mean()),
     }
 
 
-def apart(tip: Array, other: Array) -> dict[str, float]:
-    """Return the r.m.s., the largest distance, and the r.m.s. after 2 s of two runs' tips [m]."""
+def apart(tip: Array, other: Array) -> dict[str, float | None]:
+    """Return the r.m.s., the largest distance, and the r.m.s. after 2 s, if any, of two runs' tips [m]."""
     count = min(len(tip), len(other))
     away = np.linalg.norm(tip[:count] - other[:count], axis=1)
     later = away[round(SETTLED / HELD) :]
-    return {"rms": rms(away), "maximum": float(away.max()), "after_2s": rms(later) if len(later) else float("nan")}
+    return {"rms": rms(away), "maximum": float(away.max()), "after_2s": rms(later) if len(later) else None}
+
+
+def distances(row: Mapping[str, Any]) -> str:
+    """Write a row's distances from the truth [mm], a dash for one that there is not."""
+    lengths = (row[name] for name in ("rms", "after_2s", "maximum"))
+    return " / ".join("-" if length is None else f"{1e3 * length:.3g}" for length in lengths)
 
 
 def half_a_second_ahead(arm: FlexibleArm, states: Array, lap: Lap) -> dict[str, float]:
