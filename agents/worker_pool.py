@@ -77,7 +77,10 @@ def worker_pool(count: int, stoppable: bool = False) -> Iterator[WorkerPool]:
     try:
         yield WorkerPool(executor)
     except BaseException:
-        executor.shutdown(wait=False, cancel_futures=True)
+        # In a thread, since it waits for the workers; without waiting, the executor would forget its own thread, which
+        # may then close what the interpreter, as it ends, writes to.
+        closing = threading.Thread(target=executor.shutdown, kwargs={"cancel_futures": True})
+        closing.start()
         asking.close()
         workers = [one for one in multiprocessing.active_children() if one in context.made]
         if stoppable:
@@ -86,6 +89,7 @@ def worker_pool(count: int, stoppable: bool = False) -> Iterator[WorkerPool]:
             worker.kill()
         for worker in workers:
             worker.join()
+        closing.join()
         raise
     finally:
         executor.shutdown()
@@ -96,9 +100,9 @@ def worker_pool(count: int, stoppable: bool = False) -> Iterator[WorkerPool]:
 def _wait_for(workers: Sequence[BaseProcess]) -> None:
     """Wait until workers have ended, or a signal comes."""
     left = [worker for worker in workers if worker.is_alive()]
-    if left:
-        sys.stderr.write("\nwaiting until the jobs can be resumed; another signal ends them at once\n")
-    with StopSignals() as stop:
+    with StopSignals() as stop:  # before the line, whose reader may send the other signal at once
+        if left:
+            sys.stderr.write("\nwaiting until the jobs can be resumed; another signal ends them at once\n")
         while left and stop.received is None:
             wait([worker.sentinel for worker in left], GLANCE)
             left = [worker for worker in left if worker.is_alive()]

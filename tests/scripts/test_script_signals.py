@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -12,6 +13,7 @@ from typing import Any
 
 import pytest
 
+from flexarm_agents import worker_pool as worker_pool_module
 from flexarm_agents.worker_pool import worker_pool
 from scripts.common.result_files import OLD, PARTIAL, replacing, write_json
 from tests.support.programs import ROOT
@@ -180,6 +182,42 @@ def test_a_second_signal_ends_jobs_that_are_waited_for(start: Callable[..., Runn
     assert script.errors() == "stopped by SIGTERM"
     assert script.process.returncode == 128 + signal.SIGTERM
     assert not any(is_running(worker) for worker in script.workers)
+
+
+def test_a_signal_that_comes_with_the_line_ends_the_wait(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where signals were ignored until then, as they are once one has come."""
+
+    class Reader:
+        def write(self, line: str) -> None:
+            os.kill(os.getpid(), signal.SIGTERM)
+
+    worker = multiprocessing.get_context("spawn").Process(target=time.sleep, args=(20.0,))
+    worker.start()
+    before = signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    try:
+        with monkeypatch.context() as patched:
+            patched.setattr(sys, "stderr", Reader())
+            worker_pool_module._wait_for([worker])
+        assert worker.is_alive()
+    finally:
+        signal.signal(signal.SIGTERM, before)
+        worker.kill()
+        worker.join()
+
+
+def test_no_thread_of_a_pool_outlives_an_error() -> None:
+    """One that did could close, while the interpreter ends, what that writes to."""
+
+    def fails() -> None:
+        with worker_pool(1) as pool:
+            pool.submit(time.sleep, 0.0).result()
+            pool.submit(time.sleep, 600.0)
+            raise KeyError
+
+    before = set(threading.enumerate())
+    with pytest.raises(KeyError):
+        fails()
+    assert set(threading.enumerate()) <= before
 
 
 def test_workers_end_with_a_killed_parent_and_the_next_run_sweeps(running: Running) -> None:
