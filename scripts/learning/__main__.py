@@ -128,6 +128,8 @@ def main() -> None:
         integer("seeds", options.seeds, 1)
     if not options.tables and (options.docs or not options.train):
         raise ValueError("tables = False: must go with train, and without docs, which shows the tables")
+    if options.missing and not options.train:
+        raise ValueError("missing = True: says what is trained, and must go with train")
     for name in options.only:
         choice("only", name, tuple(STUDIES))
     for name in options.only:

@@ -19,8 +19,7 @@ from flexarm_env.laps import LAPS
 from scripts.common.markdown import table
 from scripts.common.plotting import COLOURS
 from scripts.common.spreads import spread_text
-from scripts.common.trainings import Training
-from scripts.learning.measured import Errors, errors_at, mean_of_laps, plot_median
+from scripts.learning.measured import Errors, errors_at, mean_of_laps, measure_at, plot_median
 from scripts.learning.study import Records, Study
 
 STEPS = 1_000_000
@@ -96,11 +95,6 @@ def config_of(trained: str, remedy: str) -> TrainingConfig:
     )
 
 
-def measure(training: Training, folder: Path) -> dict[str, Any]:
-    """Return the errors of both laps at each delay."""
-    return {"errors": errors_at(Row(str(training.folder), training.folder.parent.name), POINTS, folder / "cells")}
-
-
 def lines(agents: Records, folder: Path) -> Iterator[Line]:
     """Yield what was measured of the yardsticks and of each remedy."""
     for trained in TRAINED:
@@ -161,7 +155,7 @@ STUDY = Study(
     11,
     tables,
     ("delay_remedies",),
-    measure,
+    measure_at(POINTS),
     timed=True,
     picture=PICTURE,
     partial=True,

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -23,6 +24,7 @@ from flexarm_agents.training import one_thread
 from flexarm_env.laps import LAPS
 from scripts.common.cells import results
 from scripts.common.result_files import write_json
+from scripts.common.trainings import Training
 
 Errors = dict[str, list[float | None]]  # of each lap, at each point [m]; None for a lost lap
 SAMPLE = 65_536  # steps whose time is measured
@@ -49,6 +51,20 @@ def errors_at(row: Row, points: Sequence[Point], folder: Path) -> Errors:
             figures = episode["figures"]
             found[episode["lap"]].append(None if figures is None else float(figures["rms"]))
     return found
+
+
+def measure_at(points: Sequence[Point]) -> Callable[[Training, Path], dict[str, Any]]:
+    """Return a study's `measure`: the errors of both laps at some points, under "errors".
+
+    Args:
+        points: see `errors_at`.
+    """
+
+    def measure(training: Training, folder: Path) -> dict[str, Any]:
+        row = Row(str(training.folder), training.folder.parent.name)
+        return {"errors": errors_at(row, points, folder / "cells")}
+
+    return measure
 
 
 def mean_of_laps(errors: Errors, n: int) -> float | None:

@@ -12,8 +12,7 @@ from flexarm_agents.board.rows import Row
 from flexarm_env.envs.registration import UNKNOWN_PLANT
 from scripts.common.markdown import table
 from scripts.common.spreads import spread_text
-from scripts.common.trainings import Training
-from scripts.learning.measured import errors_at, mean_of_laps
+from scripts.learning.measured import errors_at, mean_of_laps, measure_at
 from scripts.learning.study import Records, Study
 
 STEPS = 1_000_000
@@ -27,11 +26,6 @@ TEXTS = {
     "drawn": "PPO, trained on two shapes, stiffness and damping drawn",
 }
 YARDSTICKS = {"lqg": "`lqg`, designed on three shapes", "student": "taught on three shapes (`student`)"}
-
-
-def measure(training: Training, folder: Path) -> dict[str, Any]:
-    """Return the errors of both laps on each arm."""
-    return {"errors": errors_at(Row(str(training.folder), training.folder.parent.name), POINTS, folder / "cells")}
 
 
 def tables(agents: Records, folder: Path) -> Mapping[str, str]:
@@ -60,6 +54,6 @@ STUDY = Study(
     10,
     tables,
     ("spillover",),
-    measure,
+    measure_at(POINTS),
     partial=True,
 )

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flexarm_agents import Score, StandardScore, TrainingConfig
+from flexarm_agents import TrainingConfig
 from flexarm_agents.run_folder import write_json
 from scripts.common.curves import keep_curves
 from scripts.common.markdown import filled
@@ -26,13 +26,6 @@ from scripts.learning.study import Study, by_agent, jobs_of
 from tests.support.programs import refusal
 from tests.support.refusals import refuses
 from tests.support.trainings import recorded, row
-
-
-def training(seed: int, rms: float | None, folder: Path = Path("somewhere")) -> Training:
-    ended = "truncated" if rms is not None else "error"
-    lap = Score(ended, 16.0, rms, rms, rms, rms, (1.0, 1.0), 0, (0.1, 0.1), (1.0, 1.0), 0.0)
-    config = TrainingConfig(seed=seed)
-    return Training(config, folder / f"seed-{seed}", {"steps": 1, **StandardScore(lap, lap).as_mapping()})
 
 
 def test_every_table_stands_in_its_page() -> None:
@@ -109,12 +102,11 @@ def test_the_law_alone_adds_nothing() -> None:
 
 def test_curves_are_kept(tmp_path: Path) -> None:
     """Of all agents, those that were not trained now included; a lost lap has no error."""
-    laps = [training(0, rms).best | {"steps": 100 * n, "seconds": 1.0} for n, rms in enumerate((None, 0.2, 0.1), 1)]
-    for seed in range(2):
-        folder = tmp_path / "mine" / f"seed-{seed}"
-        folder.mkdir(parents=True)
-        write_json(folder / "evaluations.json", laps)
-    found = [training(seed, 0.1, tmp_path / "mine") for seed in range(2)]
+    laps = [row(100 * n, rms, rms) for n, rms in enumerate((None, 0.2, 0.1), 1)]
+    found = [Training(TrainingConfig(seed=seed), tmp_path / "mine" / f"seed-{seed}", laps[-1]) for seed in range(2)]
+    for one in found:
+        one.folder.mkdir(parents=True)
+        write_json(one.folder / "evaluations.json", laps)
     keep_curves({"first": found}, tmp_path)
     keep_curves({"second": found[:1]}, tmp_path)
     data = json.loads((tmp_path / "curves.json").read_text())
@@ -142,6 +134,7 @@ def test_what_is_refused() -> None:
     assert "seeds = 0" in refusal("learning", "--seeds", 0)
     assert "tables = False: must go with train, and without docs" in refusal("learning", "--docs", "--no-tables")
     assert "tables = False" in refusal("learning", "--no-train", "--no-tables")
+    assert "missing = True" in refusal("learning", "--no-train", "--missing")
 
 
 def laid(study: Study, name: str, seed: int, rms: float, folder: Path) -> Training:

@@ -74,10 +74,10 @@ def test_a_training_is_measured(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
         assert (row.name, points, folder) == ("known-stacked", delays.POINTS, tmp_path / "cells")
         return {"swing": [0.1], "plain": [None]}
 
-    monkeypatch.setattr(delays, "errors_at", errors)
-    monkeypatch.setattr(delays, "Row", FakeRow)
+    monkeypatch.setattr(measured, "errors_at", errors)
+    monkeypatch.setattr(measured, "Row", FakeRow)
     training = Training(delays.config_of("known", "stacked"), tmp_path / "known-stacked" / "seed-0", {})
-    assert delays.measure(training, tmp_path) == {"errors": {"swing": [0.1], "plain": [None]}}
+    assert delays.STUDY.measure(training, tmp_path) == {"errors": {"swing": [0.1], "plain": [None]}}
 
 
 def test_the_table_and_the_picture(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
