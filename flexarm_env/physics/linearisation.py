@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexarm_env.codegen.elementary import sincos
 from flexarm_env.codegen.tangents import Dual, tangents, value
 from flexarm_env.physics import dynamics as dyn
 from flexarm_env.physics.constants import Constants
@@ -66,11 +65,18 @@ def _acceleration(
     k: Constants, e: Elimination | None, complete: bool, y: list[Dual], v: list[Dual], tau: list[Dual]
 ) -> tuple[Array, Array]:
     """v', and its tangents by the rule of implicit functions: M dv' = d(imbalance). Shapes (n,), (n, directions)."""
-    sin, cos = sincos(dyn.elbow_turn(y))
-    angles = (cos, sin, sincos(dyn.joint_angles(k, y)[1])[0])
+    sin, cos = _sincos(dyn.elbow_turn(y))
+    angles = (cos, sin, _sincos(dyn.joint_angles(k, y)[1])[0])
     at_y, at_v, at_tau = ([value(x) for x in part] for part in (y, v, tau))
     at = value(cos), value(sin), value(angles[2])
     rates = dyn.acceleration(k, e, complete, at_y, at_v, at_tau, at)
     off = dyn.imbalance(k, complete, y, v, rates, tau, angles)
     inertia = dyn.inertia(k, e, at_y, *at[:2])
     return np.array(rates), np.array(dyn.solve(k, e, inertia, [tangents(force)[None] for force in off]))
+
+
+def _sincos(angle: Dual) -> tuple[Any, Any]:
+    """Sine and cosine at any angle; the kernels' (`codegen.elementary.sincos`) are for what an arm reaches as it moves."""
+    at = value(angle)
+    turn, sin, cos = angle - at, np.sin(at), np.cos(at)  # turn: zero, with the angle's tangents
+    return sin + turn * cos, cos - turn * sin

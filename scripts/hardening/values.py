@@ -116,7 +116,8 @@ def _arm(parameters: ArmParameters) -> Counter[str]:
         check_refusal(error, ())
         return Counter(refused=1)
     for state in (np.zeros(2 * arm.size), np.full(2 * arm.size, LARGEST_STATE)):
-        found = (arm.acceleration(state, (1e3, -1e3)), arm.tip(state[: arm.size]), *arm.energy(state))
+        solved = arm.acceleration(state, (1e3, -1e3)), arm.linearise(state).A
+        found = (*solved, arm.tip(state[: arm.size]), *arm.energy(state))
         assert all(np.isfinite(one).all() for one in found), parameters
     return Counter(taken=1)
 

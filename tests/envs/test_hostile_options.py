@@ -33,6 +33,14 @@ def taken(options: dict[str, Any]) -> Settings | None:
         assert time.perf_counter() - began < LONGEST
 
 
+STEEP = {  # a modal coordinate of 1e12 turns link 1's tip by 1e17 rad, where the kernels' sine is beyond all bounds
+    "kinematics": "foreshortened",
+    "mode_shapes": "polynomial",
+    "modes_per_link": 3,
+    "mode_scale": 100.0,
+    "link_lengths": (0.001, 4.5),
+}
+
 FAST = settings(max_examples=60, suppress_health_check=list(HealthCheck))
 THOROUGH = settings(max_examples=1500, suppress_health_check=list(HealthCheck))
 
@@ -109,6 +117,7 @@ def finite_arm(parameters: dict[str, Any], seed: int) -> None:
 @given(declared_arms(), st.integers(0, 2**32 - 1))
 @example({"elbow_mass": 10.0, "kinematics": "foreshortened", "mode_scale": 1e6}, 0)  # the inertia was singular
 @example({"elbow_mass": 10.0, "kinematics": "foreshortened", "mode_scale": 1e3}, 0)
+@example(STEEP, 0)  # linearised, the inertia was singular
 def test_arms_compute_finite_numbers(parameters: dict[str, Any], seed: int) -> None:
     finite_arm(parameters, seed)
 
