@@ -76,7 +76,7 @@ def _acceleration(
 
 
 def _sincos(angle: Dual) -> tuple[Any, Any]:
-    """Sine and cosine at any angle; the kernels' (`codegen.elementary.sincos`) are for what an arm reaches as it moves."""
+    """Sine and cosine at any angle; those of the kernels (`codegen.elementary.sincos`) have bounds up to 1e15 rad."""
     at = value(angle)
     turn, sin, cos = angle - at, np.sin(at), np.cos(at)  # turn: zero, with the angle's tangents
     return sin + turn * cos, cos - turn * sin
