@@ -33,6 +33,8 @@ class Browser:
     def open(self, page: str) -> None:
         self.driver.get("about:blank")
         self.driver.get(f"{self.folder.as_uri()}/{page}")
+        # A large page may not be there yet on a busy machine.
+        self.until("location.protocol === 'file:' && document.readyState === 'complete'")
 
     def run(self, script: str, *values: Any) -> Any:
         return self.driver.execute_script(script, *values)
