@@ -76,7 +76,7 @@ def _acceleration(
 
 
 def _sincos(angle: Dual) -> tuple[Any, Any]:
-    """Sine and cosine at any angle; those of the kernels (`codegen.elementary.sincos`) have bounds up to 1e15 rad."""
+    """Return sine and cosine of any angle; the kernels' (`codegen.elementary.sincos`) exceed 1 beyond 1e15 rad."""
     at = value(angle)
     turn, sin, cos = angle - at, np.sin(at), np.cos(at)  # turn: zero, with the angle's tangents
     return sin + turn * cos, cos - turn * sin

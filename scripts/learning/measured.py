@@ -78,15 +78,16 @@ def seconds_per_million(config: RunConfig, path: Path) -> float:
 
     Args:
         config: of the training.
-        path: of the file that keeps it.
+        path: of the file that keeps it, with the configuration that was measured.
     """
-    if path.is_file():
-        return float(json.loads(path.read_text())["seconds"])
+    known = json.loads(path.read_text()) if path.is_file() else {}
+    if known.get("config") == config.plain():
+        return float(known["seconds"])
     with one_thread():
         seconds, steps = _sample(config) if isinstance(config, TrainingConfig) else _sample_of_descent(config)
     path.parent.mkdir(parents=True, exist_ok=True)
     seconds = round(1e6 * seconds / steps, 1)
-    write_json(path, {"seconds": seconds, "steps": steps})
+    write_json(path, {"config": config.plain(), "seconds": seconds, "steps": steps})
     return seconds
 
 

@@ -21,7 +21,7 @@ from scripts.learning.measured import plot_median
 from scripts.learning.study import Agent, Records, Study
 
 RESIDUAL, SQUARE = "SquareResidual-v0", "Square-v0"
-PAIRS = {RESIDUAL: ("ppo", "sac", "tqc"), SQUARE: ("ppo", "sac")}
+PAIRS = {RESIDUAL: ("ppo", "sac", "tqc"), SQUARE: ("ppo", "sac", "tqc")}
 LIKE = {RESIDUAL: 500_000, SQUARE: 1_000_000}  # steps of PPO
 PICTURE = "off_policy.png"
 

@@ -39,7 +39,7 @@ from tests.support.trainings import ID, TINY
         ({"algorithm": "sac", "clip": 0.2}, ValueError, r"clip = 0.2: has no effect with algorithm = 'sac', whose"),
         ({"buffer": 1000}, ValueError, r"buffer = 1000: has no effect with algorithm = 'ppo', whose settings are"),
         ({"algorithm": "sac", "buffer": 999}, ValueError, r"buffer = 999: must be a multiple of envs = 32, and >="),
-        ({"algorithm": "tqc", "quantiles": 2}, ValueError, r"dropped_quantiles = 2: must be < quantiles = 2"),
+        ({"algorithm": "tqc", "quantiles": 2}, ValueError, r"dropped_quantiles = 3: must be < quantiles = 2"),
         ({"algorithm": "recurrent_ppo", "lstm": 0}, ValueError, r"lstm = 0: must be an integer >= 1"),
         ({"algorithm": "recurrent_ppo", "lags": (1,)}, ValueError, r"lags = \(1,\): has no effect with"),
         ({"lags": (2, 1)}, ValueError, r"lags = \(2, 1\): must increase"),

@@ -23,7 +23,7 @@ LIBRARIES = {
     "casadi": ("casadi",),
     "cleanrl": ("torch", "tyro"),
     "minari": ("minari", "h5py"),
-    "off_policy": ("stable_baselines3", "sb3_contrib", "yaml"),
+    "off_policy": ("stable_baselines3", "sb3_contrib", "yaml", "optuna"),
     "rl_zoo3": ("rl_zoo3", "optuna", "requests", "pandas"),
     "rllib": ("ray.rllib",),
     "sbx": ("sbx",),

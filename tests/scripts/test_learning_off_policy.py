@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -42,6 +43,15 @@ def test_what_learning_costs(name: str, tmp_path: Path, monkeypatch: pytest.Monk
     assert measured.seconds_per_million(config, tmp_path / "cost.json") > 0.0
     steps = json.loads((tmp_path / "cost.json").read_text())["steps"]
     assert steps == (256 if config.updates is None else 10 * config.envs * 4)
+
+
+def test_what_another_configuration_cost_does_not_count(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A kept figure is taken over for the configuration that was measured alone."""
+    measuring = iter([(2.0, 1000), (3.0, 1000)])
+    monkeypatch.setattr(measured, "_sample", lambda config: next(measuring))
+    config, path = TrainingConfig(**TINIES["sac"]), tmp_path / "cost.json"
+    assert [measured.seconds_per_million(config, path) for _ in range(2)] == [2000.0, 2000.0]
+    assert measured.seconds_per_million(replace(config, gamma=0.9), path) == 3000.0
 
 
 def test_table_and_picture(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
