@@ -80,9 +80,10 @@ def seconds_per_million(config: RunConfig, path: Path) -> float:
         config: of the training.
         path: of the file that keeps it, with the configuration that was measured.
     """
-    known = json.loads(path.read_text()) if path.is_file() else {}
-    if known.get("config") == config.plain():
-        return float(known["seconds"])
+    if path.is_file():
+        known = json.loads(path.read_text())
+        if known.get("config") == config.plain():
+            return float(known["seconds"])
     with one_thread():
         seconds, steps = _sample(config) if isinstance(config, TrainingConfig) else _sample_of_descent(config)
     path.parent.mkdir(parents=True, exist_ok=True)
