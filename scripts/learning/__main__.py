@@ -80,6 +80,7 @@ def study_tables(name: str, options: Options) -> None:
         return
     agents = records.renewed(study, found, folder, known)
     check_complete(study, agents)
+    options.output.mkdir(parents=True, exist_ok=True)
     for table, text in study.tables(agents, folder).items():
         put(options.output / f"{table}.md", lambda path, text=text: path.write_text(text))  # type: ignore[misc]
         print(f"\n{study.text}:\n\n{text}")

@@ -18,7 +18,7 @@ from scripts.common.markdown import filled
 from scripts.common.spreads import spread_text
 from scripts.common.trainings import Training
 from scripts.learning import foresight, records
-from scripts.learning.__main__ import PAGE, STUDIES, check_complete, missing
+from scripts.learning.__main__ import PAGE, STUDIES, Options, check_complete, missing, study_tables
 from scripts.learning.foresight import Schedule, kept_search, weights
 from scripts.learning.modes import LawAlone
 from scripts.learning.schedulers import PLANTS
@@ -119,6 +119,13 @@ def test_curves_are_kept(tmp_path: Path) -> None:
         "plain": [None, 0.2, 0.1],
     }
     assert (tmp_path / "curves.png").stat().st_size > 10_000
+
+
+def test_a_clone_has_no_folder_for_tables(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Tables of data alone are written where nothing was trained."""
+    monkeypatch.setitem(STUDIES, "mine", Study("mine", {}, 1, lambda agents, folder: {"mine": "new"}, ("mine",)))
+    study_tables("mine", Options(train=False, output=tmp_path / "results" / "learning"))
+    assert (tmp_path / "results" / "learning" / "mine.md").read_text() == "new"
 
 
 def test_studies_fill_their_own_blocks(tmp_path: Path) -> None:
