@@ -36,6 +36,7 @@ from flexarm_env.codegen.cache_folder import (
     find_folder,
     logger,
     note_use,
+    read_own,
     remove_unused_files_once,
     say_once,
     write_aside,
@@ -166,7 +167,7 @@ class _Folder:
         if self.path is None:
             yield
             return
-        lock = filelock.FileLock(self.path / f"{self.module}.lock")
+        lock = filelock.FileLock(self.path / f"{self.module}.lock", mode=0o644)
         with suppress(OSError, NotImplementedError):
             try:
                 lock.acquire(blocking=False)
@@ -203,9 +204,9 @@ class _KernelCache(NullCache):
             yield
 
     def is_kept(self, signature: Any) -> bool:
-        """Say whether there is a file for arguments of these types."""
+        """Say whether there is a file for arguments of these types that may be loaded."""
         path = self._path(signature)
-        return path is not None and path.exists()
+        return path is not None and read_own(path) is not None
 
     # --- what numba calls ---------------------------------------------------------------------------------------
 
@@ -245,11 +246,8 @@ class _KernelCache(NullCache):
     def _read(self, path: Path | None) -> Any:
         if path is None:
             return None
-        try:
-            data = path.read_bytes()
-        except OSError:
-            return None
-        if hashlib.sha256(data[_DIGEST:]).digest() != data[:_DIGEST]:
+        data = read_own(path)
+        if data is None or hashlib.sha256(data[_DIGEST:]).digest() != data[:_DIGEST]:
             return None
         try:
             # What machine code links to. To refresh the whole context, as for a compilation, would take longer.

@@ -1,6 +1,7 @@
 """The folder of compiled kernels: where it is, who may write to it, and what is removed from it.
 
-Code in its files is run, so only this user and root may be able to write them.
+Code in its files is run, so only this user and root may be able to write them, or to put others in their place: the
+owners and modes of the folder, of all through which its path leads, and of each file that is read are checked.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ import uuid
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
-from stat import S_IMODE
+from stat import S_IMODE, S_ISLNK, S_ISREG, S_ISVTX
 
 import platformdirs
 
@@ -35,7 +36,7 @@ def find_folder() -> Path | None:
     """Find, or make, the folder of compiled kernels.
 
     It is FLEXARM_CACHE_DIR, else the user's cache folder, else one in the system's temporary folder. One rule holds for
-    all of them: the folder belongs to this user or to root, and nobody else can write to it.
+    all of them: the folder belongs to this user or to root, and nobody else can write to it, or move it (`_fault`).
 
     Returns:
         The folder; None if there is none. FLEXARM_CACHE_DIR may be read-only, as one that was filled beforehand is.
@@ -50,15 +51,15 @@ def find_folder() -> Path | None:
     reasons: list[str] = []
     for folder in (Path(platformdirs.user_cache_dir("flexarm")), Path(tempfile.gettempdir()) / f"flexarm{owner}"):
         try:
-            folder.mkdir(mode=0o755, parents=True, exist_ok=True)
+            _make(folder)
             fault = _fault(folder)
         except OSError as error:
-            fault = f"cannot be used ({error.strerror})"
+            fault = f"{folder} cannot be used ({error.strerror})"
         if fault is None and os.access(folder, os.W_OK | os.X_OK):
             if reasons:
                 say_once(f"compiled kernels are kept in {folder}, since {reasons[0]}")
             return folder
-        reasons.append(f"{folder} {fault or 'cannot be written to'}")
+        reasons.append(fault or f"{folder} cannot be written to")
     say_once(f"kernels are compiled at every start, since {' and '.join(reasons)}; set {VARIABLE} to another folder")
     return None
 
@@ -66,7 +67,7 @@ def find_folder() -> Path | None:
 def _chosen_folder(chosen: str) -> Path | None:
     folder = Path(chosen).absolute()
     try:
-        folder.mkdir(mode=0o755, parents=True, exist_ok=True)
+        _make(folder)
     except (FileExistsError, NotADirectoryError):
         allowed = "a folder, or a path where one can be made"
         raise NotADirectoryError(f"{VARIABLE} = {chosen!r}: must be {allowed}") from None
@@ -76,20 +77,57 @@ def _chosen_folder(chosen: str) -> Path | None:
     fault = _fault(folder)
     if fault is not None:
         raise PermissionError(
-            f"{VARIABLE} = {chosen!r}: {fault}, and code in it is run; "
-            "must be a folder of this user or of root, writable by no one else (chmod go-w)"
+            f"{VARIABLE} = {chosen!r}: {fault}, and code in the folder is run; must be a folder of this user or of "
+            "root, below such folders, writable by no one else (chmod go-w)"
         )
     return folder
 
 
+def _make(folder: Path) -> None:
+    """Make a folder and those above it that are missing, writable by this user alone whatever the umask."""
+    for place in (*reversed(folder.parents), folder):
+        if not place.is_dir():
+            place.mkdir(mode=0o755, exist_ok=True)
+
+
 def _fault(folder: Path) -> str | None:
-    """Say why code in a folder cannot be trusted; None if it can."""
+    """Say why code in a folder cannot be trusted; None if it can.
+
+    As OpenSSH does, all through which the path leads is checked: who can write to a folder above can put another in its
+    place. In a sticky folder, such as /tmp, nobody can do that to what belongs to this user.
+    """
     if not hasattr(os, "getuid"):
         return None
-    for found in (folder.lstat(), folder.stat()):  # a link, and where it leads
-        if found.st_uid not in (os.getuid(), 0):
-            return f"belongs to another user ({found.st_uid})"
-    if found.st_mode & 0o022:
+    here, left = Path(folder.anchor), [*reversed(folder.parts[1:])]
+    while True:
+        found = here.lstat()
+        fault = _fault_of(found, above=bool(left))
+        if fault is not None:
+            return f"{here} {fault}"
+        if S_ISLNK(found.st_mode):
+            target = here.readlink()
+            here = here.parent / target.anchor
+            left += reversed(target.relative_to(target.anchor).parts)
+        elif left:
+            part = left.pop()
+            here = here.parent if part == ".." else here / part
+        else:
+            return None
+
+
+def _fault_of(found: os.stat_result, above: bool = False) -> str | None:
+    """Say who else can change a file or a folder; None if nobody can.
+
+    Args:
+        found: its owner and mode.
+        above: it is a folder that leads to the one in question.
+    """
+    trusted = {os.getuid(), 0}
+    if above:  # in a user namespace without root, as of a container, "/" and its like seem to be nobody's
+        trusted.add(os.stat("/").st_uid)
+    if found.st_uid not in trusted:
+        return f"belongs to another user ({found.st_uid})"
+    if found.st_mode & 0o022 and not S_ISLNK(found.st_mode) and not (above and found.st_mode & S_ISVTX):
         return f"can be written to by others (mode {S_IMODE(found.st_mode):04o})"
     return None
 
@@ -113,11 +151,31 @@ def remove_unused_files(folder: Path) -> None:
 remove_unused_files_once = cache(remove_unused_files)
 
 
+def read_own(path: Path) -> bytes | None:
+    """Read a file; None if there is none, or others could have written it: it may be older than the folder's mode."""
+    try:
+        with open(path, "rb", opener=_open_file) as file:
+            found = os.fstat(file.fileno())
+            fault = _fault_of(found) if hasattr(os, "getuid") else None
+            if fault is None and S_ISREG(found.st_mode):
+                return file.read()
+    except OSError:
+        return None
+    say_once(f"{path} {fault or 'is no file'}, so it is not loaded")
+    return None
+
+
+def _open_file(path: str, flags: int) -> int:
+    """Open the file itself, not what a link leads to; do not wait for the writer of a pipe."""
+    return os.open(path, flags | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0))
+
+
 def write_aside(path: Path, data: bytes) -> None:
-    """Write a file aside and rename it, so that no process reads half of it."""
+    """Write a file aside and rename it, so that no process reads half of it; only this user can write to it."""
     aside = path.with_name(f"{path.name}.{uuid.uuid4().hex[:8]}.tmp")
     try:
-        aside.write_bytes(data)
+        with open(aside, "xb", opener=lambda name, flags: os.open(name, flags, 0o644)) as file:
+            file.write(data)
         os.replace(aside, path)
     except BaseException:
         with suppress(OSError):

@@ -4,6 +4,7 @@ import errno
 import logging
 import os
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -55,6 +56,63 @@ def test_a_chosen_folder_of_another_user_is_refused(
         cache_folder.find_folder()
 
 
+def widen(place: Path) -> None:
+    place.chmod(0o775)
+
+
+def give_away(place: Path) -> None:
+    if os.getuid() != 0:
+        pytest.skip("only root can give something away")
+    os.chown(place, 12345, -1, follow_symlinks=False)
+
+
+@pytest.mark.parametrize("change", [widen, give_away])
+@pytest.mark.parametrize("which", ["above", "above the target", "the link's own"])
+def test_who_could_put_another_folder_in_its_place_is_found(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, which: str, change: Callable[[Path], None]
+) -> None:
+    """The path leads through `near`, a relative link in `links`, and `far`."""
+    places = {"above": folder / "near", "the link's own": folder / "links", "above the target": folder / "far"}
+    for place in places.values():
+        place.mkdir(parents=True)
+    (folder / "links" / "one").symlink_to("../far")
+    (folder / "near" / "two").symlink_to(folder / "links" / "." / "one")
+    monkeypatch.setenv(cache_folder.VARIABLE, str(folder / "near" / "two" / "cache"))
+    found = cache_folder.find_folder()
+    assert found is not None
+    change(places[which])
+    with pytest.raises(PermissionError, match=rf"FLEXARM_CACHE_DIR = .*: {places[which]} .*chmod go-w"):
+        cache_folder.find_folder()
+    places[which].chmod(0o1777)
+    if change is widen:
+        assert cache_folder.find_folder() == found
+
+
+def test_a_link_of_another_user_is_refused(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (folder / "mine").mkdir(parents=True)
+    (folder / "link").symlink_to("mine")
+    give_away(folder / "link")
+    monkeypatch.setenv(cache_folder.VARIABLE, str(folder / "link" / "cache"))
+    with pytest.raises(PermissionError, match=rf"{folder / 'link'} belongs to another user"):
+        cache_folder.find_folder()
+
+
+def test_above_the_folder_the_owner_of_everything_is_trusted(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """In a user namespace without root, "/" seems to be nobody's."""
+    give_away(folder.parent)
+    own = os.stat
+
+    def stat(path: Any, **arguments: Any) -> os.stat_result:
+        found = own(path, **arguments)
+        return os.stat_result((*found[:4], 12345, *found[5:])) if path == "/" else found
+
+    monkeypatch.setattr(os, "stat", stat)
+    assert cache_folder.find_folder() == folder
+    give_away(folder)
+    with pytest.raises(PermissionError, match="another user"):
+        cache_folder.find_folder()
+
+
 @pytest.mark.parametrize("below", ["", "cache"])
 def test_a_file_in_the_place_of_the_chosen_folder_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, below: str
@@ -96,7 +154,7 @@ def test_folders_of_ours_can_be_written_by_nobody_else_whatever_the_umask(homes:
     finally:
         os.umask(before)
     assert folder == homes[0] / "flexarm"
-    assert folder.stat().st_mode & 0o777 == 0o755
+    assert [place.stat().st_mode & 0o777 for place in (folder, homes[0])] == [0o755, 0o755]
     assert cache_folder.find_folder() == folder
 
 

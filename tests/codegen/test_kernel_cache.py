@@ -6,6 +6,7 @@ import hashlib
 import inspect
 import logging
 import os
+import pickle
 import runpy
 import signal
 import subprocess
@@ -14,6 +15,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from stat import S_IMODE
 from types import ModuleType
 from typing import Any
 
@@ -132,6 +134,67 @@ def test_a_damaged_file_is_compiled_anew(folder: Path, damage: Callable[[bytes],
     assert run(load())
 
 
+@pytest.mark.parametrize("umask", [0o000, 0o002, 0o077])
+def test_nobody_else_can_write_to_a_file_whatever_the_umask(folder: Path, umask: int) -> None:
+    before = os.umask(umask)
+    try:
+        run(load())
+    finally:
+        os.umask(before)
+    assert {S_IMODE(file.stat().st_mode) for file in folder.iterdir()} <= {0o600, 0o644}
+
+
+class Trap:
+    """Makes a file as soon as it is unpickled."""
+
+    def __init__(self, mark: Path) -> None:
+        self.mark = mark
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Path.touch, (self.mark,)
+
+
+def widen(file: Path) -> None:
+    file.chmod(0o664)
+
+
+def give_away(file: Path) -> None:
+    if os.getuid() != 0:
+        pytest.skip("only root can give a file away")
+    os.chown(file, 12345, -1)
+
+
+def link(file: Path) -> None:
+    file.rename(file.with_name("elsewhere"))
+    file.symlink_to("elsewhere")
+
+
+def pipe(file: Path) -> None:
+    file.unlink()
+    os.mkfifo(file)
+
+
+@pytest.mark.parametrize("change", [widen, give_away, link, pipe])
+def test_what_others_could_have_written_is_not_run_though_the_folder_is_safe(
+    folder: Path, tmp_path: Path, caplog: pytest.LogCaptureFixture, change: Callable[[Path], None]
+) -> None:
+    """As a file is that was there before `chmod go-w`."""
+    run(load())
+    (file,) = files(folder)
+    payload = pickle.dumps(Trap(tmp_path / "mark"))
+    file.write_bytes(hashlib.sha256(payload).digest() + payload)
+    change(file)
+    assert not cache.is_kept(sys.modules[NAME].successor)
+    assert not run(load())
+    assert not (tmp_path / "mark").exists()
+    if change is not link:
+        assert any(str(file) in line for line in warnings_of(caplog))
+    assert run(load())
+    file.write_bytes(hashlib.sha256(payload).digest() + payload)
+    assert not run(load())
+    assert (tmp_path / "mark").exists()  # the trap works
+
+
 def test_source_code_in_the_folder_is_never_run(folder: Path) -> None:
     run(load())
     marker = folder / "marker"
@@ -170,11 +233,10 @@ def test_without_a_folder_kernels_live_in_memory(
 def test_a_full_disk_costs_the_cache_only(
     folder: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    def full(path: Path, data: bytes) -> int:
-        path.touch()
+    def full(old: Path, new: Path) -> None:
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    monkeypatch.setattr(Path, "write_bytes", full)
+    monkeypatch.setattr(cache_folder.os, "replace", full)
     assert not run(load())
     assert not cache.is_kept(sys.modules[NAME].successor)
     assert not run(load())
