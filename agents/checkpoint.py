@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import json
 import pickle
 import random
 import zipfile
@@ -17,7 +18,7 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.buffers import ReplayBuffer
 from stable_baselines3.common.vec_env import VecMonitor, unwrap_vec_wrapper
 
-from flexarm_agents.config import TrainingConfig
+from flexarm_agents.config import RunConfig, TrainingConfig
 from flexarm_agents.evaluation import Found
 from flexarm_agents.fronted_vec_env import FrontedVecEnv
 from flexarm_agents.models import batch_for, model_class
@@ -26,7 +27,7 @@ from flexarm_agents.vec_env import FlexArmVecEnv
 from flexarm_env.kernels.stamp import LayoutError
 from flexarm_env.validation import short
 
-_MODEL, _REST = "model.zip", "rest.pickle"
+_CONFIG, _MODEL, _REST = "config.json", "model.zip", "rest.pickle"
 _KEPT = ("observations", "next_observations", "actions", "rewards", "dones", "timeouts")  # arrays of a replay buffer
 
 
@@ -61,7 +62,6 @@ def save_checkpoint(
     assert isinstance(batch, FlexArmVecEnv)
     fronted = unwrap_vec_wrapper(monitor, FrontedVecEnv)
     rest = {
-        "config": config.plain(),
         "progress": progress,
         "env": batch.env,
         "front": () if fronted is None else fronted.memory,
@@ -73,27 +73,26 @@ def save_checkpoint(
     buffer = io.BytesIO()
     model.save(buffer)
 
-    write_parts(path, {_MODEL: buffer.getvalue(), _REST: pickle.dumps(rest)})
+    write_parts(path, config, {_MODEL: buffer.getvalue(), _REST: pickle.dumps(rest)})
 
 
-def load_checkpoint(path: Path) -> tuple[BaseAlgorithm, Progress]:
+def load_checkpoint(path: Path, config: TrainingConfig) -> tuple[BaseAlgorithm, Progress]:
     """Read a checkpoint, which must be from a source that you trust: reading it can execute code.
 
     Args:
         path: path of the file.
+        config: configuration of the training.
 
     Returns:
         The model with its environments as they were, and the training's progress; the global random generators are
         set to what they were.
 
     Raises:
-        ValueError: if the file is not a checkpoint, or one of a version whose batches this one cannot continue.
+        ValueError: if the file is not a checkpoint of such a training, or one of a version whose batches this one
+            cannot continue.
     """
-    model_bytes, pickled = read_parts(path, (_MODEL, _REST))
+    model_bytes, pickled = read_parts(path, config, (_MODEL, _REST))
     rest = unpickled(path, pickled)
-    if "config" not in rest:
-        raise ValueError(f"{path}: a checkpoint of a version that had PPO alone; train anew in another folder")
-    config = TrainingConfig.of(rest["config"])
     monitor = VecMonitor(batch_for(config, rest["env"]))
     monitor.episode_returns, monitor.episode_lengths = rest["episodes"]
     fronted = unwrap_vec_wrapper(monitor, FrontedVecEnv)
@@ -110,39 +109,44 @@ def load_checkpoint(path: Path) -> tuple[BaseAlgorithm, Progress]:
     return model, rest["progress"]
 
 
-def write_parts(path: Path, parts: Mapping[str, bytes]) -> None:
+def write_parts(path: Path, config: RunConfig, parts: Mapping[str, bytes]) -> None:
     """Write a checkpoint's parts into one file, which is complete or as before.
 
     Args:
         path: path of the file.
+        config: configuration of the training.
         parts: by name.
     """
 
     def write(aside: Path) -> None:
         with zipfile.ZipFile(aside, "w") as file:
-            for name, content in parts.items():
+            for name, content in {_CONFIG: json.dumps(config.plain()).encode(), **parts}.items():
                 file.writestr(name, content)
 
     put(path, write)
 
 
-def read_parts(path: Path, names: Iterable[str]) -> list[bytes]:
+def read_parts(path: Path, config: RunConfig, names: Iterable[str]) -> list[bytes]:
     """Read parts that `write_parts` wrote.
 
     Args:
         path: path of the file.
+        config: configuration of the training that goes on.
         names: of the parts.
 
     Raises:
         OSError: if the file cannot be opened.
-        ValueError: if it does not hold them, or is damaged.
+        ValueError: if it does not hold them, is damaged, or is the checkpoint of a training of another configuration.
     """
     with path.open("rb") as stream:  # errors of opening are others than those of reading
         try:
             with zipfile.ZipFile(stream) as file:
-                return [file.read(name) for name in names]
+                theirs, *parts = [file.read(name) for name in (_CONFIG, *names)]
+            began = type(config).of(json.loads(theirs))
         except Exception as error:  # damage meets zipfile and zlib anywhere: any of their errors says that it is there
-            raise ValueError(f"{path}: not a checkpoint ({short(str(error))})") from error
+            raise ValueError(f"{path}: not a checkpoint of this version ({short(str(error))})") from error
+    config.check_same(began, path)
+    return parts
 
 
 def unpickled(path: Path, content: bytes) -> Any:

@@ -79,6 +79,24 @@ class RunConfig(ABC):
         mine, theirs = self.plain(), other.plain()
         return [name for name in mine if mine[name] != theirs[name]]
 
+    def check_same(self, other: RunConfig, place: Path) -> None:
+        """Check that this configuration goes on with what another one began.
+
+        Args:
+            other: of the same kind.
+            place: where it was found, for the message.
+
+        Raises:
+            ValueError: naming the first parameter that differs.
+        """
+        differing = self.differences(other)
+        if differing:
+            name = differing[0]
+            raise ValueError(
+                f"{name} = {getattr(self, name)!r}: the training in {place} has {getattr(other, name)!r}; "
+                f"only the same configuration resumes (different: {', '.join(differing)})"
+            )
+
 
 def checked_network(hidden: Any, activation: Any) -> dict[str, Any]:
     """Check sizes and activation of a network's hidden layers.

@@ -80,10 +80,11 @@ class RunFolder:
             resume: go on.
 
         Raises:
-            FileExistsError, FileNotFoundError, ValueError: see `begin` and `check_same`.
+            FileExistsError: see `begin`.
+            FileNotFoundError, ValueError: see `read_config`, and if it has another configuration.
         """
         if resume:
-            self.check_same(config)
+            config.check_same(self.read_config(type(config)), self.path)
         else:
             self.begin(config, versions)
 
@@ -106,22 +107,6 @@ class RunFolder:
             return kind.of(values)
         except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
             raise ValueError(f"{self.config}: not a training's configuration ({short(str(error))})") from error
-
-    def check_same(self, config: RunConfig) -> None:
-        """Check that the training in the folder is one of this configuration.
-
-        Raises:
-            FileNotFoundError: if there is no training.
-            ValueError: naming the first parameter that differs.
-        """
-        theirs = self.read_config(type(config))
-        differing = config.differences(theirs)
-        if differing:
-            name = differing[0]
-            raise ValueError(
-                f"{name} = {getattr(config, name)!r}: the training in {self.path} has {getattr(theirs, name)!r}; "
-                f"only the same configuration resumes (different: {', '.join(differing)})"
-            )
 
     def write_evaluations(self, rows: list[dict[str, Any]]) -> None:
         """Write all evaluations, as CSV and as JSON."""

@@ -67,7 +67,7 @@ def train(
         put(run.initial, first.save)
     with one_thread(), StopSignals() as stop:
         if run.checkpoint.exists():
-            model, found = load_checkpoint(run.checkpoint)
+            model, found = load_checkpoint(run.checkpoint, config)
         else:
             model = new_model(config)
             if first is not None:

@@ -168,7 +168,7 @@ class Descent(Rounds):
             "leading": None if leading is None else (leading.rank, (leading.driver, leading.learner.state())),
             "random": torch.get_rng_state(),
         }
-        write_parts(path, {_STATE: pickle.dumps(state)})
+        write_parts(path, self.config, {_STATE: pickle.dumps(state)})
 
     def load(self) -> None:
         """Go on from the checkpoint, which must be from a source that you trust: reading it can execute code.
@@ -177,7 +177,7 @@ class Descent(Rounds):
             ValueError: if the file is not a checkpoint of such a training, or one of a version that this one cannot
                 continue.
         """
-        (content,) = read_parts(self.run.checkpoint, [_STATE])
+        (content,) = read_parts(self.run.checkpoint, self.config, [_STATE])
         state = unpickled(self.run.checkpoint, content)
         self.close()
         self.found, self._done, leading = state["found"], state["done"], state["leading"]

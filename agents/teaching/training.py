@@ -6,6 +6,7 @@ learning*, AISTATS 2011.
 
 from __future__ import annotations
 
+import io
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -13,13 +14,14 @@ from typing import Any
 import torch
 from stable_baselines3.common.logger import Logger
 
+from flexarm_agents.checkpoint import read_parts, write_parts
 from flexarm_agents.environments import make_batch
 from flexarm_agents.evaluation import Found
 from flexarm_agents.fronts import readings_history
 from flexarm_agents.history import History
 from flexarm_agents.network import NetworkPolicy
 from flexarm_agents.rounds import Rounds
-from flexarm_agents.run_folder import RunFolder, put
+from flexarm_agents.run_folder import RunFolder
 from flexarm_agents.stopping import StopSignals
 from flexarm_agents.teaching.config import TeachingConfig
 from flexarm_agents.teaching.lessons import Lesson, give_lesson
@@ -28,6 +30,8 @@ from flexarm_agents.teaching.teacher import Teacher
 from flexarm_agents.training import Outcome, one_thread
 from flexarm_agents.versions import versions
 from flexarm_env.envs.vector import FlexArmVectorEnv
+
+_STATE = "state.pt"
 
 
 def teach(
@@ -124,7 +128,9 @@ class _Teaching(Rounds):
             "students": self.students,
             "random": torch.get_rng_state(),
         }
-        put(path, lambda aside: torch.save(state, aside))
+        content = io.BytesIO()
+        torch.save(state, content)
+        write_parts(path, self.config, {_STATE: content.getvalue()})
 
     def load(self) -> None:
         """Go on from the checkpoint; nothing in it is executed.
@@ -132,8 +138,9 @@ class _Teaching(Rounds):
         Raises:
             ValueError: if the file is not a checkpoint of a teaching.
         """
+        (content,) = read_parts(self.run.checkpoint, self.config, [_STATE])
         try:
-            state = torch.load(self.run.checkpoint, weights_only=True)
+            state = torch.load(io.BytesIO(content), weights_only=True)
             self.found = Found(**state["found"])
             for weights in state["students"][:-1]:
                 self.student.average.load_state_dict(weights)

@@ -63,7 +63,7 @@ def _policy(path: Path) -> Any:
 
 
 def _checkpoint(path: Path) -> Any:
-    model, progress = load_checkpoint(path)
+    model, progress = load_checkpoint(path, TrainingConfig(**TINY))
     return {name: value.numpy() for name, value in model.policy.state_dict().items()} | _values(progress)
 
 

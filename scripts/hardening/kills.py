@@ -76,8 +76,9 @@ def _check_training(folder: Path) -> int:
             load_policy(path)
     if run.checkpoint.exists():
         from flexarm_agents.checkpoint import load_checkpoint
+        from flexarm_agents.config import TrainingConfig
 
-        load_checkpoint(run.checkpoint)
+        load_checkpoint(run.checkpoint, run.read_config(TrainingConfig))
     evaluations = run.evaluations.with_suffix(".json")
     return len(json.loads(evaluations.read_text())) if evaluations.exists() else 0
 

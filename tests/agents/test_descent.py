@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import signal
 from pathlib import Path
 from typing import Any
@@ -318,6 +319,14 @@ def test_a_signal_lets_the_round_finish(run: Path, tmp_path: Path, monkeypatch: 
     assert (caught.value.signal, caught.value.steps) == (signal.SIGTERM, 64)
     assert descend(config, tmp_path / "run", resume=True).last["steps"] == 256
     assert same_policy(run / "last_policy.npz", tmp_path / "run" / "last_policy.npz")
+
+
+def test_the_checkpoint_of_another_descent_is_refused(run: Path, tmp_path: Path) -> None:
+    other = RunFolder(tmp_path / "other")
+    other.begin(DescentConfig(**DESCENDED, seed=1), json.loads((run / "versions.json").read_text()))
+    shutil.copy(run / "checkpoint.zip", other.checkpoint)
+    with refuses(ValueError, f"seed = 1: the training in {other.checkpoint} has 0; only the same"):
+        descend(DescentConfig(**DESCENDED, seed=1), other.path, resume=True)
 
 
 def test_the_first_third_of_a_second_is_learned_at_once(tmp_path: Path) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import re
+import shutil
 import signal
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,7 @@ import torch
 import flexarm_agents.teaching.training
 from flexarm_agents import NetworkPolicy, TeachingConfig, TrainingStopped, evaluate, load_policy, teach
 from flexarm_agents.environments import make_batch
+from flexarm_agents.run_folder import RunFolder
 from flexarm_agents.teaching.lessons import Lesson, give_lesson, teacher_share
 from flexarm_agents.teaching.plans import Bank, bank
 from flexarm_agents.teaching.student import Student
@@ -222,7 +224,7 @@ def test_a_signal_lets_the_round_finish(run: Path, tmp_path: Path, monkeypatch: 
             teach(TeachingConfig(**TAUGHT), tmp_path / "run", plans=run / "plans")
     assert (caught.value.signal, caught.value.steps) == (signal.SIGTERM, 6400)
     (tmp_path / "run" / "checkpoint.zip").write_bytes(b"no checkpoint")
-    with refuses(ValueError, "checkpoint.zip: not a checkpoint of this teaching"):
+    with refuses(ValueError, "checkpoint.zip: not a checkpoint"):
         teach(TeachingConfig(**TAUGHT), tmp_path / "run", resume=True, plans=run / "plans")
 
 
@@ -231,6 +233,14 @@ def test_only_the_same_configuration_resumes(run: Path) -> None:
         teach(TeachingConfig(**TAUGHT), run)
     with refuses(ValueError, "knee = 0.5: the training in", "has 0.06; only the same configuration resumes"):
         teach(TeachingConfig(**TAUGHT, knee=0.5), run, resume=True)
+
+
+def test_the_checkpoint_of_another_teaching_is_refused(run: Path, tmp_path: Path) -> None:
+    other = RunFolder(tmp_path / "other")
+    other.begin(TeachingConfig(**TAUGHT, seed=1), json.loads((run / "versions.json").read_text()))
+    shutil.copy(run / "checkpoint.zip", other.checkpoint)
+    with refuses(ValueError, f"seed = 1: the training in {other.checkpoint} has 0; only the same"):
+        teach(TeachingConfig(**TAUGHT, seed=1), other.path, resume=True)
 
 
 @pytest.mark.parametrize(

@@ -23,13 +23,14 @@ from stable_baselines3.common.callbacks import BaseCallback
 import flexarm_agents.training
 from flexarm_agents import (
     FlexArmVecEnv,
+    TeachingConfig,
     TrainingConfig,
     TrainingStopped,
     evaluate,
     load_policy,
     train,
 )
-from flexarm_agents.checkpoint import load_checkpoint
+from flexarm_agents.checkpoint import load_checkpoint, read_parts
 from flexarm_agents.environments import make_batch
 from flexarm_agents.follow import Follow
 from flexarm_agents.models import new_model
@@ -37,7 +38,8 @@ from flexarm_agents.run_folder import RunFolder, put
 from flexarm_agents.stopping import StopSignals
 from flexarm_env.kernels.layout import Row
 from flexarm_env.laps import LAPS
-from tests.support.trainings import ID, TINY, finished, same_policy
+from tests.support.refusals import refuses
+from tests.support.trainings import ID, TAUGHT, TINY, finished, same_policy
 
 
 @pytest.fixture(scope="module")
@@ -239,6 +241,23 @@ def test_a_folder_is_never_overwritten(run: Path, tmp_path: Path) -> None:
         train(TrainingConfig(**TINY), tmp_path / "file")
 
 
+def test_the_checkpoint_of_another_training_is_refused(run: Path, tmp_path: Path) -> None:
+    """Its weights would end under this one's name."""
+    other = TrainingConfig(**{**TINY, "gamma": 0.9, "seed": 4})
+    checkpoint = shutil.copytree(run, tmp_path / "run") / "checkpoint.zip"
+    RunFolder(tmp_path / "other").begin(other, json.loads((run / "versions.json").read_text()))
+    shutil.copy(checkpoint, tmp_path / "other")
+    before = files(tmp_path / "other")
+    with refuses(
+        ValueError, f"seed = 4: the training in {tmp_path / 'other' / 'checkpoint.zip'} has 0", "seed, gamma)"
+    ):
+        train(other, tmp_path / "other", resume=True)
+    assert files(tmp_path / "other") == before
+    shutil.copy(checkpoint, taught := tmp_path / "taught.zip")
+    with refuses(ValueError, "taught.zip: not a checkpoint", "TeachingConfig"):
+        read_parts(taught, TeachingConfig(**TAUGHT), [])
+
+
 def test_a_spoilt_checkpoint(run: Path, tmp_path: Path) -> None:
     shutil.copytree(run, tmp_path / "run")
     checkpoint = tmp_path / "run" / "checkpoint.zip"
@@ -246,7 +265,7 @@ def test_a_spoilt_checkpoint(run: Path, tmp_path: Path) -> None:
     moved[-3] ^= 1  # the zip's list of contents is elsewhere, which the system refuses to look up
     checkpoint.write_bytes(moved)
     with pytest.raises(ValueError, match=r"checkpoint.zip: not a checkpoint"):
-        load_checkpoint(checkpoint)
+        load_checkpoint(checkpoint, TrainingConfig(**TINY))
     checkpoint.write_bytes(b"no zip")
     with pytest.raises(ValueError, match=r"checkpoint.zip: not a checkpoint"):
         train(TrainingConfig(**TINY), tmp_path / "run", resume=True)
