@@ -41,8 +41,8 @@ class Seen:
 
     @property
     def period(self) -> Array:
-        """Number of the lap's control period that begins; needs the block `lap_phase`. Shape (n,)."""
-        return np.round(self.time / self.task.period).astype(np.int64)
+        """Number of the lap's control period that begins, by the block `lap_phase`; 0 where it is NaN. Shape (n,)."""
+        return np.round(np.nan_to_num(self.time / self.task.period)).astype(np.int64)
 
     def of(self, arms: Array) -> Seen:
         """Return what some of the arms observe."""

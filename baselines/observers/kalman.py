@@ -19,12 +19,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexarm_baselines.arrays import Bools, Floats
+from flexarm_baselines.arrays import Bools, Floats, chosen_rows, is_sound
 from flexarm_baselines.observers.noise import NoiseModel
 from flexarm_baselines.observers.readings import Readings
 from flexarm_env.physics.constants import ARM_QUANTITIES
 from flexarm_env.simulation.arm import FlexibleArm
-from flexarm_env.simulation.open_loop import LARGEST
 from flexarm_env.validation import choice, number
 
 OF_THE_ARM = tuple(ARM_QUANTITIES)  # columns of `StepJacobians.by_quantity`
@@ -158,9 +157,7 @@ class KalmanFilter:
     @staticmethod
     def is_sound(estimate: Estimate) -> Bools:
         """Say which estimates have numbers that the arm's equations take. Shape (n,)."""
-        mean, covariance = np.abs(estimate.mean).max(axis=1), np.abs(estimate.covariance).max(axis=(1, 2))
-        sound: Bools = (mean <= LARGEST) & (covariance <= LARGEST)
-        return sound
+        return is_sound(estimate.mean) & is_sound(estimate.covariance)
 
     # --- the filter ------------------------------------------------------------------------------------------------
 
@@ -208,7 +205,8 @@ class KalmanFilter:
         seen, part = after, self._until
         if part < self.period:
             seen = self.arm.step_jacobians(state, torque, part, step=_substep(part), **values)
-        outputs, slopes = self.arm.output_jacobians(seen.state, self.sensor_position)
+        at = chosen_rows(is_sound(seen.state), seen.state, state)  # one without numbers has none in `after`
+        outputs, slopes = self.arm.output_jacobians(at, self.sensor_position)
         sensed, velocity = slopes.sensed[:, :2], outputs.sensed[:, 2:4]
         matrix = np.zeros((len(state), self.size, self.size))
         matrix[:, : self._states, : self._states] = after.by_state

@@ -14,7 +14,7 @@ from flexarm_env.codegen.cache import kept_on_disk
 
 compiled = kept_on_disk(__file__, "sweeps of differential dynamic programming")
 TORQUES = 2
-LEAST_SHARE = 1e-14  # of the least curvature by the torques in the mean one; rounding takes some 1e-16
+LEAST_SHARE = 1e-14  # of the least curvature by the torques in the one of largest magnitude; rounding takes some 1e-16
 
 
 @compiled
@@ -206,8 +206,8 @@ def minimise(
         box[0, k], box[1, k] = -limits[k] - torque[k], limits[k] - torque[k]
     own_1, own_2 = 2.0 * (weights[0, 0] + weights[1, 0]), 2.0 * (weights[0, 1] + weights[1, 1])
     mean, half = 0.5 * (quu[0, 0] / own_1 + quu[1, 1] / own_2), 0.5 * (quu[0, 0] / own_1 - quu[1, 1] / own_2)
-    least = mean - np.sqrt(half * half + quu[0, 1] * quu[0, 1] / (own_1 * own_2))
-    lacking = max(max(1.0, LEAST_SHARE * mean) - least, 0.0)
+    spread = np.sqrt(half * half + quu[0, 1] * quu[0, 1] / (own_1 * own_2))
+    lacking = max(max(1.0, LEAST_SHARE * (abs(mean) + spread)) - (mean - spread), 0.0)
     h11, h22 = quu[0, 0] + lacking * own_1 + regularisation[0], quu[1, 1] + lacking * own_2 + regularisation[1]
     h12 = quu[0, 1]
     determinant = h11 * h22 - h12 * h12

@@ -16,6 +16,7 @@ from flexarm_env.formulas import tip
 from flexarm_env.physics.linear_algebra import dot
 from flexarm_env.simulation.arm import FlexibleArm
 from flexarm_env.simulation.feedback import Rollout
+from flexarm_env.simulation.open_loop import LARGEST
 from flexarm_env.validation import finite_array, finite_values, number, pair, shown
 
 # From the state's 4 + 4 m numbers (or arrays, an entry for each instant) and the time [s] to numbers whose squares are
@@ -23,6 +24,7 @@ from flexarm_env.validation import finite_array, finite_values, number, pair, sh
 Residuals = Callable[[Sequence[Any], Any], Sequence[Any]]
 
 DEFLECTION_WEIGHT = 100.0  # on squared deflections beyond the limit
+LEAST_WEIGHT = 1e-30  # on squared torques [m^2]; products of it are still more than 0
 
 
 class Expansion(NamedTuple):
@@ -57,7 +59,7 @@ class TrackingProblem:
         reference: where the tip should be at each instant [m]. Shape (n + 1, 2).
         limits: largest torques of shoulder and elbow [N m].
         tip_weights: w at each instant [1]; one number for all. Shape (n + 1,).
-        torque_weight: [m^2]; positive, or there may be no best torque.
+        torque_weight: [m^2]; 1e-30 at least: without one there may be no best torque.
         change_weight: [m^2].
         torque_before: torque before the first period [N m].
         deflection_limit: of the links' tip deflections d [m]; None: none. It is soft: leave a margin.
@@ -96,7 +98,7 @@ class TrackingProblem:
         put(self, "reference", finite_array("reference", self.reference, (None, 2)))
         if len(self.reference) < 2:
             raise ValueError(f"reference: must have two instants at least, got {len(self.reference)}")
-        put(self, "limits", pair("limits", self.limits, "N m", above=0.0))
+        put(self, "limits", pair("limits", self.limits, "N m", least=1.0 / LARGEST, most=LARGEST))
         put(self, "torque_before", pair("torque_before", self.torque_before, "N m"))
         weights = finite_values("tip_weights", self.tip_weights)
         one_for_all = weights.ndim == 0
@@ -106,7 +108,7 @@ class TrackingProblem:
         if np.any(weights < 0.0):
             raise ValueError(f"tip_weights[{int(np.argmin(weights))}] = {weights.min()}: must be >= 0")
         put(self, "tip_weights", weights)
-        number("torque_weight", self.torque_weight, "m^2", above=0.0)
+        number("torque_weight", self.torque_weight, "m^2", least=LEAST_WEIGHT)
         number("change_weight", self.change_weight, "m^2", least=0.0)
         if self.deflection_limit is not None:
             number("deflection_limit", self.deflection_limit, "m", above=0.0)

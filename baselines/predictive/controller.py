@@ -16,7 +16,7 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 
 from flexarm_baselines.along_plans import PlanController, within_half_a_turn
-from flexarm_baselines.arrays import Array, Floats
+from flexarm_baselines.arrays import Array, Floats, chosen_rows, is_sound
 from flexarm_baselines.controller import Memory, Seen
 from flexarm_baselines.observers import GAUGES, SENSORS, Estimate, KalmanFilter, NoiseModel, Readings
 from flexarm_baselines.optimal.plan import Plan
@@ -125,16 +125,22 @@ class PredictiveController(PlanController):
         return (run, np.zeros((len(seen), 2)), *prediction, *self.begin(seen, self.resting(seen, run)))
 
     def resting(self, seen: Seen, run: Array) -> Floats:
-        """Return states at rest where the encoders say, within half a turn of the guide. Shape (n, 4 + 4 m)."""
-        state = np.zeros((len(seen), 2 * self.iteration.model.size))
+        """Return states at rest where the encoders say, within half a turn of the guide. Shape (n, 4 + 4 m).
+
+        An arm whose encoders read no numbers is taken to be where the guide is.
+        """
+        guide = self.iteration.guide.states[run, self.period_of(seen)]
+        state = np.zeros_like(guide)
         state[:, :2] = seen["joint_angles"]
-        off = state - self.iteration.guide.states[run, self.period_of(seen)]
+        state[:, :2] = chosen_rows(is_sound(state), state, guide)[:, :2]
+        off = state - guide
         return state + within_half_a_turn(off) - off
 
     def torque(self, seen: Seen, memory: Memory) -> tuple[Floats, Memory]:
         """Improve the arms' predictions, and apply their first torques."""
         run, before, states, torques, *rest = memory
         believed, quantities, belief = self.update(seen, tuple(rest), run)
+        believed = chosen_rows(is_sound(believed), believed, states[:, 0])  # without numbers: as predicted
         now = Instant(run, self.period_of(seen), believed, before, quantities)
         prediction = Rollout(states, torques)
         for _ in range(self.iterations):
@@ -222,7 +228,8 @@ class StateNMPC(PredictiveController):
 
     def begin(self, seen: Seen, state: Floats) -> Memory:
         """Keep the whole turns by which the guide's angle of the shoulder differs from the observed one [rad]."""
-        return (state[:, 0] - seen["joint_angles"][:, 0],)
+        turns = state[:, 0] - seen["joint_angles"][:, 0]
+        return (np.where(np.isfinite(turns), turns, 0.0),)
 
     def update(self, seen: Seen, belief: Memory, run: Array) -> tuple[Floats, dict[str, Floats], Memory]:
         """Return the true state."""

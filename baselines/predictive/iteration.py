@@ -15,14 +15,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexarm_baselines.arrays import Array, Bools, Floats
+from flexarm_baselines.arrays import Array, Floats, chosen_rows, is_sound
 from flexarm_baselines.optimal.solver import STEP_LENGTHS
 from flexarm_baselines.optimal.sweep import CostToGo, Model, Sweep, sweep
 from flexarm_baselines.predictive import kernels
 from flexarm_baselines.predictive.guide import Guide
 from flexarm_env.simulation.arm import FlexibleArm
 from flexarm_env.simulation.feedback import Rollout
-from flexarm_env.simulation.open_loop import LARGEST
 
 ALPHAS = STEP_LENGTHS[:-1]  # with the guide's law they fill the lanes of a roll-out
 
@@ -138,13 +137,14 @@ class RealTimeIteration:
         off = _end(prediction) - _end(ahead.run)
         beyond = CostToGo(slopes + _times(curvatures, off), curvatures)
         runs = self._roll_out(prediction, now, ahead, self._sweep(prediction, now, ahead, beyond))
-        sound = _sound(runs.states, 2)
+        sound = is_sound(runs.states, 2)
         states = np.where(sound[..., None, None], runs.states, ahead.run.states[:, None])
         off = _end(Rollout(states, runs.torques)) - _end(ahead.run)[:, None]
         total = self._costs(states, runs.torques, now, ahead) + (off @ slopes[..., None])[..., 0]
         total += 0.5 * np.sum(off @ curvatures * off, axis=2)
         arms, best = np.arange(len(total)), np.argmin(np.where(sound, total, np.inf), axis=1)
-        return Rollout(states[arms, best], _rows(np.any(sound, axis=1), runs.torques[arms, best], ahead.run.torques))
+        torques = chosen_rows(np.any(sound, axis=1), runs.torques[arms, best], ahead.run.torques)
+        return Rollout(states[arms, best], torques)
 
     def shifted(self, prediction: Rollout, now: Instant) -> Rollout:
         """Return predictions from the next instant on; the guide's feedback law appends a period."""
@@ -154,7 +154,7 @@ class RealTimeIteration:
         torque = guide.torques[now.run, last] + _times(guide.gains[now.run, last], off)
         torque = np.clip(torque, -self.limits, self.limits)
         state = self.model.step(states[:, -1], torque, self.period, step=self.step, **now.quantities)
-        state = _rows(_sound(state, 1), state, guide.states[now.run, last + 1])
+        state = chosen_rows(is_sound(state), state, guide.states[now.run, last + 1])
         return Rollout(
             np.concatenate([states[:, 1:], state[:, None]], axis=1),
             np.concatenate([torques[:, 1:], torque[:, None]], axis=1),
@@ -215,9 +215,9 @@ class RealTimeIteration:
         """
         guided = _Law(np.zeros_like(found.forward), ahead.gains, *ahead.run, ahead.first)
         steps = _Law(found.forward, found.gains, *prediction, now.before)
-        sound = _sound(found.gains, 1) & _sound(found.forward, 1)
+        sound = is_sound(found.gains) & is_sound(found.forward)
         if not sound.all():
-            chosen = (_rows(sound, one, other) for one, other in zip(steps, guided, strict=True))
+            chosen = (chosen_rows(sound, one, other) for one, other in zip(steps, guided, strict=True))
             steps = _Law(*chosen)
         size, candidates = 2 * self.model.size, (len(sound), 1 + len(ALPHAS), self.horizon)
         forward, references = np.empty((*candidates, 2)), np.empty((*candidates, size))
@@ -267,14 +267,3 @@ def _times(matrices: Floats, vectors: Floats) -> Floats:
     """Multiply vectors along the last axis by matrices. Shape (..., rows)."""
     product: Floats = (matrices @ vectors[..., None])[..., 0]
     return product
-
-
-def _sound(numbers: Floats, leading: int) -> Bools:
-    """Say where all numbers after some leading axes are ones that the arm's equations take."""
-    sound: Bools = np.all(np.abs(numbers) <= LARGEST, axis=tuple(range(leading, numbers.ndim)))
-    return sound
-
-
-def _rows(chosen: Bools, one: Floats, other: Floats) -> Floats:
-    """Return rows of an array where they are chosen, and those of another elsewhere."""
-    return np.where(chosen.reshape(-1, *(1,) * (one.ndim - 1)), one, other)

@@ -127,6 +127,18 @@ def test_motors_that_do_the_same_at_hardly_any_cost_have_finite_steps() -> None:
     assert expected[0] < 0.0
 
 
+def test_a_model_bent_downward_beyond_all_measure_has_finite_steps() -> None:
+    """Its curvature by the torques is negative and of rank one to rounding, and far more than their own cost."""
+    torque, step, gains = np.zeros(2), np.zeros(2), np.zeros((2, 3))
+    across = np.array([4565.14378166, -9380.57261558])
+    bent = -np.outer(across, across) / across[0]
+    for size in 10.0 ** np.arange(0, 13):
+        arguments = (np.full((2, 2), 1e-15), torque, np.full(2, 1.0), np.zeros(2), np.ones(2), size * bent)
+        kernels.minimise(*arguments, np.ones((2, 3)), np.zeros((2, 2)), step, gains)
+        assert np.isfinite(step).all()
+        assert np.isfinite(gains).all()
+
+
 def test_steps_keep_the_limits_and_a_held_torque_has_no_gain() -> None:
     problem = Linear.drawn(2)
     limits = np.full(2, 0.3)

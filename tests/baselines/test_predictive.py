@@ -200,6 +200,39 @@ def test_an_estimate_that_lost_its_numbers_begins_anew() -> None:
     np.testing.assert_allclose(plant.states[0, :2], plant.states[1, :2], atol=0.05)
 
 
+@pytest.mark.parametrize("since", [0, 3])
+@pytest.mark.parametrize("block", ["joint_angles", "lap_phase", "state", None])
+@pytest.mark.parametrize("kind", [NMPC, StateNMPC])
+def test_observations_without_numbers_are_of_one_arm_alone(kind: type[NMPC], block: str | None, since: int) -> None:
+    following = controller(kind)
+    torques = []
+    for spoilt in (False, True):
+        plant, state = Plant(np.tile(START, (2, 1))), None
+        for k in range(5):
+            observation = plant.observe()
+            if spoilt and k >= since:
+                observation[0, BLOCKS[block] if block else slice(None)] = np.nan
+            action, state = following.predict(observation, state)
+            assert np.isfinite(action).all()
+            plant.step(action)
+            torques.append(action[1])
+    np.testing.assert_array_equal(torques[:5], torques[5:])
+
+
+def test_an_estimate_that_loses_its_numbers_on_the_way_begins_anew() -> None:
+    """Its rates are such that the model has no next state."""
+    following = controller()
+    plant = Plant(np.tile(START, (2, 1)))
+    _, state = following.predict(plant.observe())
+    fast = state[4].copy()
+    fast[0, SIZE // 2 : SIZE] = 1e11
+    good, lost = (following.advance((mean, state[5]), np.zeros((2, 2))) for mean in (state[4], fast))
+    assert not np.isfinite(lost[0][0]).all()
+    for one, other in zip(good, lost, strict=True):
+        np.testing.assert_array_equal(other[1], one[1])
+    assert np.isfinite(following.predict(plant.observe(), (*state[:4], *lost))[0]).all()
+
+
 def test_a_batch_is_its_arms() -> None:
     starts = START + np.array([[0.02, 0.01, 0, 0, 0, 0, 0, 0], [-0.01, 0.02, 0, 0, 0, 0, 0, 0]])
     following, single = controller(), []
