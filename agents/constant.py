@@ -31,7 +31,7 @@ class ConstantPolicy:
         observation: Any,
         state: State = None,
         episode_start: NDArray[Any] | None = None,
-        deterministic: bool = False,
+        deterministic: bool = True,
     ) -> tuple[NDArray[np.float32], State]:
         """Choose actions, for one observation or a batch; the state comes back as it is."""
         shape = (*np.shape(observation)[:-1], self._size)

@@ -6,10 +6,12 @@ import importlib
 import sys
 from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import gymnasium
 
+from flexarm_agents.board.terms import INTERFACE
 from flexarm_agents.environments import check_id, make_one
 from flexarm_agents.load import check_fits, load_policy
 from flexarm_baselines.registry import controller
@@ -19,7 +21,8 @@ from flexarm_env.extras import needs_extra
 from flexarm_env.validation import shown
 
 Options = Mapping[str, Any]
-ENVIRONMENT = "FlexArm/Square-v0"  # on which controllers are scored, and others unless they say otherwise
+ENVIRONMENT = "FlexArm/Square-v0"  # of the standard laps
+WITHOUT = "none"  # in the place of a file of statistics
 
 
 class Contender(NamedTuple):
@@ -32,6 +35,7 @@ class Contender(NamedTuple):
         environment: id of that.
         options: options of the environment, where they differ from the id's own.
         config: configuration of the training that it comes from, None for others.
+        plant: those of the options that are not a policy's own (`flexarm_agents.board.terms.INTERFACE`).
     """
 
     name: str
@@ -40,6 +44,7 @@ class Contender(NamedTuple):
     environment: str
     options: dict[str, Any]
     config: dict[str, Any] | None = None
+    plant: Options = MappingProxyType({})
 
     @property
     def reads(self) -> tuple[str, ...]:
@@ -61,6 +66,29 @@ class Contender(NamedTuple):
     def privileged(self) -> bool:
         """Whether it reads what no sensor delivers."""
         return not set(PRIVILEGED).isdisjoint(self.reads)
+
+
+class Normalized:
+    """A stable-baselines3 model behind the statistics by which `VecNormalize` scaled its observations."""
+
+    batched = True
+
+    def __init__(self, model: Any, statistics: Any) -> None:
+        """Keep both.
+
+        Args:
+            model: the model.
+            statistics: the `VecNormalize`.
+        """
+        self._model, self._statistics = model, statistics
+
+    def predict(
+        self, observation: Any, state: Any = None, episode_start: Any = None, deterministic: bool = True
+    ) -> tuple[Any, Any]:
+        """Choose actions, as the model does."""
+        scaled = self._statistics.normalize_obs(observation) if self._statistics.norm_obs else observation
+        found: tuple[Any, Any] = self._model.predict(scaled, state, episode_start, deterministic)
+        return found
 
 
 def changed(own: Options, options: Options, arm: str | None) -> dict[str, Any]:
@@ -88,7 +116,13 @@ def from_training(source: str, options: Options, arm: str | None) -> Contender:
     trained = load_policy(source)
     whole = changed(trained.options, options, arm)
     config = trained.notes["config"]
-    return Contender(source, trained.policy, trained.make_env(**whole), trained.environment, whole, config)
+    env, plant = trained.make_env(**whole), plant_of(whole)
+    return Contender(source, trained.policy, env, trained.environment, whole, config, plant)
+
+
+def plant_of(options: Options) -> dict[str, Any]:
+    """Return the options that say what a policy is run on, without those that say what it observes and how it acts."""
+    return {name: value for name, value in options.items() if name not in INTERFACE}
 
 
 def from_controller(name: str, environment: str, options: Options, **design: Any) -> Contender:
@@ -107,23 +141,6 @@ def from_controller(name: str, environment: str, options: Options, **design: Any
     whole = changed(entry.options, options, None)
     env = make_one(environment, whole)
     return Contender(name, entry.make(env, **design), env, check_id(environment), whole)
-
-
-def from_attribute(source: str, environment: str, options: Options) -> Contender:
-    """Make a policy from a module: a class with `for_env` or without arguments, an object, or a function.
-
-    Args:
-        source: "module:attribute"; the module is looked for in the working directory, too.
-        environment: id.
-        options: options of the environment.
-
-    Raises:
-        ImportError: if there is no such module.
-        TypeError, ValueError: for another name, a class that needs arguments, a bad id or option.
-    """
-    found = imported(source)
-    env = make_one(environment, options)
-    return Contender(source, made_for(env, found, source), env, check_id(environment), dict(options))
 
 
 def made_for(env: gymnasium.Env[Any, Any], found: Any, source: str) -> Any:
@@ -147,27 +164,29 @@ def made_for(env: gymnasium.Env[Any, Any], found: Any, source: str) -> Any:
         raise TypeError(f"policy {source}: needs a classmethod for_env(env), or no arguments ({error})") from error
 
 
-def from_model(source: str, algorithm: str, environment: str, options: Options) -> Contender:
+def loaded_model(source: str, algorithm: str, env: gymnasium.Env[Any, Any], vec_normalize: str = "") -> Any:
     """Load a stable-baselines3 model, which must be from a source that you trust: reading it can execute code.
 
     Args:
         source: its zip file.
         algorithm: its class, a name in stable-baselines3, "PPO", or "module:Class", "sb3_contrib:TQC".
-        environment: id.
-        options: options of the environment.
+        env: environment that it is for.
+        vec_normalize: file of the statistics by which `VecNormalize` scaled its observations, which reading executes
+            code, too; `WITHOUT`: there are none; "": none, unless such a file lies beside the model.
 
     Raises:
         ImportError: without the package.
-        TypeError, ValueError: for another class, a bad file, id or option, or a model for another environment.
+        TypeError, ValueError: for another class, a bad file, a model for another environment, or statistics that lie
+            beside the model and are not mentioned.
     """
-    env = make_one(environment, options)
-    return Contender(source, loaded_model(source, algorithm, env), env, check_id(environment), dict(options))
-
-
-def loaded_model(source: str, algorithm: str, env: gymnasium.Env[Any, Any]) -> Any:
-    """Load a stable-baselines3 model for an environment; arguments and errors as of `from_model`."""
+    beside = sorted(Path(source).parent.glob("*vec*normalize*.pkl"))
+    if beside and not vec_normalize:
+        raise ValueError(
+            f"{source}: {beside[0]} lies beside it; vec_normalize = '': must be the file by which the model's "
+            f"observations were scaled (--vec-normalize {beside[0]}), or {WITHOUT!r} if they were not"
+        )
     with needs_extra(source, "train"):
-        importlib.import_module("stable_baselines3")
+        from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
     kind = imported(algorithm if ":" in algorithm else f"stable_baselines3:{algorithm}")
     if not hasattr(kind, "load"):
         raise TypeError(f"algorithm = {shown(algorithm)}: must be a class of stable-baselines3's models")
@@ -176,7 +195,15 @@ def loaded_model(source: str, algorithm: str, env: gymnasium.Env[Any, Any]) -> A
     except Exception as error:  # whatever reading something else ends in
         raise ValueError(f"{source}: is no model of {algorithm} ({error})") from error
     check_fits(source, model.observation_space.shape, model.action_space.shape, env)
-    return model
+    if vec_normalize in ("", WITHOUT):
+        return model
+    try:
+        statistics = VecNormalize.load(vec_normalize, DummyVecEnv([lambda: env]))
+        return Normalized(model, statistics)
+    except Exception as error:  # whatever reading something else ends in
+        raise ValueError(
+            f"vec_normalize = {shown(vec_normalize)}: is no file of VecNormalize.save ({error})"
+        ) from error
 
 
 def imported(source: str) -> Any:

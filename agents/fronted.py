@@ -69,7 +69,7 @@ class FrontedPolicy(NetworkPolicy):
         observation: Any,
         state: tuple[NDArray[Any], ...] | None = None,
         episode_start: NDArray[Any] | None = None,
-        deterministic: bool = False,
+        deterministic: bool = True,
     ) -> tuple[Array, tuple[NDArray[Any], ...] | None]:
         """Choose actions; see `NetworkPolicy.predict`.
 

@@ -91,7 +91,7 @@ class NetworkPolicy:
         observation: Any,
         state: tuple[NDArray[Any], ...] | None = None,
         episode_start: NDArray[Any] | None = None,
-        deterministic: bool = False,
+        deterministic: bool = True,
     ) -> tuple[Array, tuple[NDArray[Any], ...] | None]:
         """Choose actions.
 
@@ -99,7 +99,7 @@ class NetworkPolicy:
             observation: one or a batch. Shape (k,) or (n, k).
             state: what the call before returned; None: every arm's episode begins. Without a history it is not read.
             episode_start: arms whose episode begins, where there is a history. Shape (n,).
-            deterministic: the mean, without noise.
+            deterministic: the mean, without noise. It is the default here; stable-baselines3's own models have False.
 
         Returns:
             Actions in [-1, 1], Shape (actions,) or (n, actions), and the state: the memory of the history, or as it

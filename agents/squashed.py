@@ -54,7 +54,7 @@ class SquashedPolicy(NetworkPolicy):
         observation: Any,
         state: tuple[NDArray[Any], ...] | None = None,
         episode_start: NDArray[Any] | None = None,
-        deterministic: bool = False,
+        deterministic: bool = True,
     ) -> tuple[Array, tuple[NDArray[Any], ...] | None]:
         """Choose actions; see `NetworkPolicy.predict`."""
         x = checked_observation(observation, self.observation_size).astype(np.float32, copy=False)

@@ -82,7 +82,8 @@ class TorqueController(ABC):
     @classmethod
     def options(cls) -> dict[str, Any]:
         """Return the options with which an environment gives the controller what it reads."""
-        return {"action_mode": "torque", "observation": cls.blocks, "frame": "world", "scaled": False}
+        options = {"action_mode": "torque", "observation": cls.blocks, "frame": "world", "scaled": False}
+        return options | {"last_actions": 1}  # some ids have another number, which nothing would use
 
     @classmethod
     def for_env(cls, env: Any, **design: Any) -> Self:
@@ -125,7 +126,7 @@ class TorqueController(ABC):
         observation: Observation,
         state: State = None,
         episode_start: Array | None = None,
-        deterministic: bool = False,
+        deterministic: bool = True,
     ) -> tuple[Float32s, State]:
         """Choose actions; see `Policy.predict`. Without a state, every arm's episode begins.
 

@@ -73,7 +73,7 @@ class FLSAC(GainPolicy):
     @classmethod
     def options(cls) -> dict[str, Any]:
         """Return the options with which an environment's action is the gain, and the deflections are observed."""
-        return super().options() | {"observation": ("modal_coordinates",)}
+        return super().options() | {"observation": ("modal_coordinates",), "last_actions": 1}
 
     @classmethod
     def for_env(cls, env: Any, **options: Any) -> FLSAC:

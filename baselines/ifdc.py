@@ -39,7 +39,7 @@ class IFDC(GainPolicy):
     @classmethod
     def options(cls) -> dict[str, Any]:
         """Return the options with which an environment's action is the gain; of its observation nothing is used."""
-        return super().options() | {"observation": ("inner_gain",)}
+        return super().options() | {"observation": ("inner_gain",), "last_actions": 1}
 
     @classmethod
     def for_env(cls, env: Any, gain: float = 1.0) -> IFDC:

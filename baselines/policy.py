@@ -28,7 +28,7 @@ class Policy(Protocol):
         observation: Observation,
         state: State = None,
         episode_start: Array | None = None,
-        deterministic: bool = False,
+        deterministic: bool = True,
     ) -> tuple[Array, State]:
         """Choose actions.
 
@@ -98,7 +98,7 @@ class GainPolicy(ABC):
         observation: Observation,
         state: State = None,
         episode_start: Array | None = None,
-        deterministic: bool = False,
+        deterministic: bool = True,
     ) -> tuple[Float32s, State]:
         """Choose actions; see `Policy.predict`. The state comes back as it was given.
 

@@ -17,7 +17,7 @@ LATE = (
     Row("ifdc", "ifdc_late", options=_LATE),
     Row("ifdc", "ifdc_late_rates", options={**_LATE, "delayed": "position+rate"}),
 )
-FIELDS = ("source", "name", "environment", "options", "algorithm")
+FIELDS = ("source", "name", "environment", "options", "algorithm", "vec_normalize")
 
 
 def entries(added: Sequence[str]) -> list[Row]:

@@ -13,9 +13,9 @@ from typing import Any
 import gymnasium
 
 from flexarm_agents.board.code_version import code_version, file_hash
-from flexarm_agents.board.terms import SQUARE, TASKS, interface_of, nominal_options
-from flexarm_agents.contenders import Contender, imported, loaded_model, made_for
-from flexarm_agents.environments import check_id, make_one
+from flexarm_agents.board.terms import INTERFACE, SQUARE, TASKS, interface_of, nominal_options, row_options
+from flexarm_agents.contenders import WITHOUT, Contender, imported, loaded_model, made_for
+from flexarm_agents.environments import check_id, make_one, settings_of
 from flexarm_agents.load import check_fits, load_policy, policy_file
 from flexarm_agents.network import NetworkPolicy
 from flexarm_baselines.controller import TorqueController
@@ -37,7 +37,8 @@ class Row:
         name: shown in tables; "": the source, of a file or folder its name.
         environment: id of the environment that observation and action are those of, for module:attribute and models.
         options: options of that environment, those that are a row's to choose (`terms.INTERFACE`).
-        algorithm: class of the model, see `flexarm_agents.contenders.from_model`.
+        algorithm: class of the model, see `flexarm_agents.contenders.loaded_model`.
+        vec_normalize: file of its statistics, see there.
     """
 
     source: str
@@ -45,6 +46,7 @@ class Row:
     environment: str = SQUARE
     options: Mapping[str, Any] = field(default_factory=dict)
     algorithm: str | None = None
+    vec_normalize: str = ""
 
     def __post_init__(self) -> None:
         """Check the id, the options and the name.
@@ -67,6 +69,7 @@ class Row:
             "environment": self.environment,
             "options": dict(self.options),
             "algorithm": self.algorithm,
+            "vec_normalize": self.vec_normalize,
         }
 
     @property
@@ -86,6 +89,21 @@ class Row:
         """
         make = _contender.__wrapped__ if fresh else _contender
         return make(_text(self), task)
+
+    def on(self, environment: str, options: Mapping[str, Any]) -> Contender:
+        """Return the policy with any environment, both made anew.
+
+        Args:
+            environment: id of the environment, checked.
+            options: of the environment beside the row's own.
+
+        Raises:
+            TypeError, ValueError: for a bad option, or an environment that does not fit the policy.
+        """
+        recipe = _recipe(_text(self))
+        whole = {**row_options(recipe.interface), **options}
+        env = make_one(environment, whole)
+        return Contender(self.source, recipe.make(env), env, environment, whole, recipe.config, dict(options))
 
     @property
     def batched(self) -> bool:
@@ -112,6 +130,7 @@ class Recipe:
         label: what identifies it beside its code and files.
         files: its data.
         modules: names of modules beside that of its class.
+        config: configuration of its training; None for others.
     """
 
     interface: dict[str, Any]
@@ -119,6 +138,7 @@ class Recipe:
     label: dict[str, str] = field(default_factory=dict)
     files: tuple[Path, ...] = ()
     modules: tuple[str, ...] = ()
+    config: dict[str, Any] | None = None
 
 
 def _text(row: Row) -> str:
@@ -154,14 +174,16 @@ def _recipe(text: str) -> Recipe:
         algorithm = row.algorithm
 
         def load(env: gymnasium.Env[Any, Any]) -> Any:
-            return loaded_model(row.source, algorithm, env)
+            return loaded_model(row.source, algorithm, env, row.vec_normalize)
 
         own = interface_of({**declared, **row.options})
-        return Recipe(own, load, {"algorithm": algorithm}, (Path(row.source),))
+        files = [row.source] + [row.vec_normalize] * (row.vec_normalize not in ("", WITHOUT))
+        return Recipe(own, load, {"algorithm": algorithm}, tuple(map(Path, files)))
     if ":" in row.source and not Path(row.source).exists():
         found = imported(row.source)
         wanted = found.options() if hasattr(found, "options") else {}
-        own = interface_of({**declared, **wanted, **row.options})
+        counted = {"last_actions": 1} if "observation" in wanted else {}  # else the id's own, which may have no effect
+        own = interface_of({**declared, **counted, **wanted, **row.options})
         module = row.source.partition(":")[0]
         return Recipe(own, lambda env: made_for(env, found, row.source), {"attribute": row.source}, modules=(module,))
     return _trained(row)
@@ -169,11 +191,11 @@ def _recipe(text: str) -> Recipe:
 
 def _trained(row: Row) -> Recipe:
     trained = load_policy(row.source)
-    declared = IDS[trained.environment.partition("/")[2]].options
-    own = interface_of({**declared, **trained.options, **row.options})
+    settings = settings_of(trained.environment, trained.options)
+    own = {name: getattr(settings, name) for name in INTERFACE} | interface_of(row.options)
 
     def check(env: gymnasium.Env[Any, Any]) -> Any:
         check_fits(row.source, (trained.policy.observation_size,), trained.policy.log_std.shape, env)
         return trained.policy
 
-    return Recipe(own, check, files=(policy_file(row.source),))
+    return Recipe(own, check, files=(policy_file(row.source),), config=trained.notes["config"])

@@ -65,6 +65,17 @@ def interface_of(options: Mapping[str, Any], strict: bool = False) -> dict[str, 
     return {name: value for name, value in options.items() if name in INTERFACE}
 
 
+def row_options(interface: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the options that a row brings to any environment: its own, and what the board sets for its actions.
+
+    Args:
+        interface: see `interface_of`.
+    """
+    gain = IDS["SquareGain-v0"].options
+    own = _BY_MODE.get(interface.get("action_mode", "torque"), ())
+    return {**{name: gain[name] for name in own}, **interface}
+
+
 def nominal_options(interface: Mapping[str, Any], task: str) -> dict[str, Any]:
     """Return the options of a row's nominal environment on a task.
 
@@ -72,6 +83,4 @@ def nominal_options(interface: Mapping[str, Any], task: str) -> dict[str, Any]:
         interface: see `interface_of`.
         task: a name in `TASKS`.
     """
-    own = _BY_MODE.get(interface.get("action_mode", "torque"), ())
-    gain = IDS["SquareGain-v0"].options
-    return {"start": "corner", **{name: gain[name] for name in own}, **interface, **TASKS[task].options}
+    return {"start": "corner", **row_options(interface), **TASKS[task].options}

@@ -5,28 +5,22 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from flexarm_agents.board.columns import COLUMNS
 from flexarm_agents.commands.arguments import reader
 from flexarm_agents.commands.progress import Progress
-from flexarm_agents.commands.score_table import Spreads, group_table, lap_table, spreads_of
+from flexarm_agents.commands.score_table import Spreads, group_table, lap_table, legend, spreads_of
 from flexarm_agents.commands.sources import POLICY, add_environment, check_environment, from_source
 from flexarm_agents.commands.sweep import sweep
 from flexarm_agents.commands.watching import Watched, episode_steps
 from flexarm_agents.constant import ConstantPolicy
-from flexarm_agents.contenders import (
-    ENVIRONMENT,
-    Contender,
-    changed,
-    from_controller,
-    from_training,
-)
-from flexarm_agents.environments import make_one
+from flexarm_agents.contenders import ENVIRONMENT, Contender, changed, plant_of
+from flexarm_agents.environments import check_id, make_one
 from flexarm_agents.load import shipped_policies
-from flexarm_agents.run_folder import write_json
+from flexarm_agents.run_folder import check_place, write_json
 from flexarm_agents.scoring import StandardScore, evaluate, rank
 from flexarm_agents.spread import Spread
 from flexarm_env.laps import LAPS
@@ -36,8 +30,9 @@ PAPER = ("ifdc", "flsac")  # controllers that are scored unless others are asked
 DESCRIPTION = """\
 Score controllers and trained policies on the two standard laps, from rest on the first corner, by the distance of the
 true tip from the reference. The swing lap begins with the elbow bent to the side from which it has to swing through
-the straight arm, the plain lap with the other one. Policies are ranked by the mean r.m.s. of both; those with laps that
-ended early come last, and these laps are marked."""
+the straight arm, the plain lap with the other one. All run on the nominal plant, that of FlexArm/Square-v0, unless
+asked for another; a policy with an arm of its own has a table of its own. Policies of a table are ranked by the mean
+r.m.s. of both laps; those with laps that ended early come last, and these laps are marked."""
 
 
 class Result(NamedTuple):
@@ -50,7 +45,12 @@ class Result(NamedTuple):
         """Return plain values for a file."""
         one = self.contender
         about: dict[str, Any] = {"name": one.name, "reads": one.reads, "privileged": one.privileged}
-        about |= {"environment": one.environment, "options": one.options, "config": one.config}
+        about |= {
+            "environment": one.environment,
+            "plant": dict(one.plant),
+            "options": one.options,
+            "config": one.config,
+        }
         laps = [{"seed": seed + n, **score.as_mapping()} for n, score in enumerate(self.scores)]
         return about | {"laps": laps} | _plain(spreads_of(self.scores))
 
@@ -63,16 +63,22 @@ class Group(NamedTuple):
 
 
 def run(arguments: Sequence[str]) -> None:
-    """Score, print a table, write a file."""
+    """Score, print tables, and write a file if one is asked for."""
     given = _read(arguments)
-    if given.sweep is not None:
-        sweep(given)
-        return
+    if given.output is not None:
+        check_place("output", given.output)
+    found = _scored(given) if given.sweep is None else sweep(given)
+    if given.output is not None:
+        write_json(given.output, found)
+        print(f"{given.output}: written")
+
+
+def _scored(given: argparse.Namespace) -> dict[str, Any]:
+    """Score the policies, print their tables, and return plain values for a file."""
     laps, seed = integer("laps", given.laps, 1), integer("seed", given.seed, 0)
     contenders = list(_contenders(given))  # all of them before the first lap, so that a bad name is refused at once
     if not contenders:
         raise ValueError("policies: nothing to score; name one, or leave --baselines or --shipped on")
-    given.output.parent.mkdir(parents=True, exist_ok=True)
     results = []
     for contender in contenders:
         scores = _scores(contender, laps, seed)
@@ -84,14 +90,38 @@ def run(arguments: Sequence[str]) -> None:
         )
         print(f"{contender.name}: {told}", file=sys.stderr, flush=True)
     results.sort(key=lambda result: rank(result.scores))
-    groups = _groups(results)
-    about = {"seed": seed, "laps": laps, "options": given.options, "arm": given.arm}
-    settings = [{"trainings": group.names} | _plain(group.spreads) for group in groups]
-    write_json(given.output, about | {"results": [each.plain(seed) for each in results], "settings": settings})
-    print(lap_table([(each.contender.name, _environment(each.contender), each.scores) for each in results]))
+    plants: dict[str, list[Result]] = {}
+    for each in results:
+        plants.setdefault(_plant(each.contender.environment, each.contender.plant), []).append(each)
+    print(legend(laps))
+    for plant in sorted(plants, key=len):  # the nominal one has the shortest name
+        print(f"\n{lap_table(plant, [(each.contender.name, each.scores) for each in plants[plant]])}")
+    groups = _groups(results) if given.pool else []
     if groups:
         print(f"\n{group_table([(', '.join(group.names), group.spreads) for group in groups])}")
-    print(f"{given.output}: written")
+    if not (given.own or given.environment or given.options or given.arm):
+        _tell_own(results)
+    about = {"seed": seed, "laps": laps, "options": given.options, "arm": given.arm}
+    settings = [{"trainings": group.names} | _plain(group.spreads) for group in groups]
+    return about | {"results": [each.plain(seed) for each in results], "settings": settings}
+
+
+def _plant(environment: str, plant: Mapping[str, Any]) -> str:
+    """Return the name of what policies are run on."""
+    return environment.partition("/")[2] + (f" with {json.dumps(plant)}" if plant else "")
+
+
+def _tell_own(results: Sequence[Result]) -> None:
+    """Name the policies that were trained on another plant than the nominal one, on which they are scored."""
+    others = []
+    for each in results:
+        one = each.contender
+        if one.config is not None:
+            own = _plant(one.config["environment"], plant_of(one.config["options"]))
+            if own != _plant(one.environment, one.plant):
+                others.append(f"{one.name} on {own}")
+    if others:
+        print(f"\nTrained elsewhere, where --own scores them: {'; '.join(others)}")
 
 
 def _scores(contender: Contender, laps: int, seed: int) -> list[StandardScore]:
@@ -119,33 +149,36 @@ def _read(arguments: Sequence[str]) -> argparse.Namespace:
         "--laps", type=int, default=1, metavar="N", help="run both laps with N seeds, from --seed on; 1"
     )
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="of what is random in the first lap; 0")
-    add_environment(parser)
+    add_environment(parser, ENVIRONMENT)
+    own = "run trained policies in the environments that they were trained in, each with a table of its own"
+    parser.add_argument("--own", action="store_true", help=own)
+    pool = "also pool trainings that differ in their seeds alone"
+    parser.add_argument("--pool", action="store_true", help=pool)
     swept = f"run POLICY along an axis of the leaderboard, with its seeds: {', '.join(COLUMNS)}"
     parser.add_argument("--sweep", metavar="AXIS", help=swept)
-    output = Path("results/evaluation/evaluation.json")
-    parser.add_argument("--output", type=Path, default=output, help=f"JSON, replaced if it exists; {output}")
+    parser.add_argument("--output", type=Path, metavar="FILE", help="write all figures here as JSON")
     given = parser.parse_args(arguments)
     given.policies += given.policy
     for group in ("baselines", "shipped"):
         if getattr(given, group) is None:
             setattr(given, group, not given.policy)
     check_environment(parser, given, given.policies)
+    if given.own and given.environment is not None:
+        parser.error("--own: cannot go with --environment")
     return given
 
 
 def _contenders(given: argparse.Namespace) -> Iterator[Contender]:
     """Yield everything that the command line names."""
-    options = changed({}, given.options, given.arm)
+    names = [*PAPER] if given.baselines else []
+    for name in (*names, *(shipped_policies() if given.shipped else ()), *given.policies):
+        yield from_source(name, given, given.own)
     if given.baselines:
-        for name in PAPER:
-            yield from_controller(name, ENVIRONMENT, options)
+        environment, options = check_id(given.environment or ENVIRONMENT), changed({}, given.options, given.arm)
         for name, spread in (("no torque", 0.0), ("random torque", 1.0)):
-            env = make_one(ENVIRONMENT, options)
-            yield Contender(name, ConstantPolicy(2, spread, given.seed), env, ENVIRONMENT, options)
-    for name in shipped_policies() if given.shipped else ():
-        yield from_training(name, given.options, given.arm)
-    for source in given.policies:
-        yield from_source(source, given)
+            env = make_one(environment, options)
+            policy = ConstantPolicy(2, spread, given.seed)
+            yield Contender(name, policy, env, environment, options, plant=plant_of(options))
 
 
 def _groups(results: Sequence[Result]) -> list[Group]:
@@ -169,7 +202,3 @@ def _groups(results: Sequence[Result]) -> list[Group]:
 
 def _plain(spreads: Spreads) -> dict[str, Any]:
     return {lap: {name: spread._asdict() for name, spread in figures.items()} for lap, figures in spreads.items()}
-
-
-def _environment(contender: Contender) -> str:
-    return contender.environment.partition("/")[2] + ("*" if contender.options else "")

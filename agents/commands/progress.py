@@ -27,6 +27,7 @@ class Progress:
         """
         self._total, self._unit = total, unit
         self._done, self._shown = 0, False
+        self._first: tuple[float, int] | None = None  # when something was done first, and how much: compiling is in it
         self._began = self._last = time.monotonic()
         self._terminal = sys.stderr.isatty()
 
@@ -50,17 +51,26 @@ class Progress:
         """
         self._done += done
         now = time.monotonic()
+        if self._first is None:
+            self._first = now, self._done
         if not self._terminal:
             if now - self._last >= LOG:
                 self._last = now
-                print(self._line(now - self._began).strip(), file=sys.stderr, flush=True)
+                print(self._line(now).strip(), file=sys.stderr, flush=True)
         elif now - self._began >= PATIENCE and now - self._last >= PAUSE:
             self._last, self._shown = now, True
-            sys.stderr.write(f"\r{self._line(now - self._began)[: width() - 1]}")
+            sys.stderr.write(f"\r{self._line(now)[: width() - 1]}")
             sys.stderr.flush()
 
-    def _line(self, taken: float) -> str:
+    def _line(self, now: float) -> str:
         filled = BAR * self._done // max(self._total, 1)
-        left = taken * (self._total - self._done) / max(self._done, 1)
         bar = "█" * filled + "·" * (BAR - filled)
-        return f"{bar} {self._done} of {self._total} {self._unit}, {left:.0f} s left "
+        return f"{bar} {self._done} of {self._total} {self._unit}{self._left(now)} "
+
+    def _left(self, now: float) -> str:
+        """Estimate the time left, once what came after the first part has taken as long as that."""
+        assert self._first is not None
+        at, done = self._first
+        if self._done == done or now - at < at - self._began:
+            return ""
+        return f", {(now - at) * (self._total - self._done) / (self._done - done):.0f} s left"

@@ -12,7 +12,7 @@ from flexarm_agents.commands.progress import Progress
 from flexarm_agents.commands.replay import add_film, check_film, play
 from flexarm_agents.commands.sources import POLICY, add_environment, check_environment, from_source
 from flexarm_agents.commands.watching import Watched, episode_steps
-from flexarm_agents.contenders import Contender
+from flexarm_agents.contenders import ENVIRONMENT, Contender
 from flexarm_agents.film import SENSOR, check_pictures
 from flexarm_agents.run_folder import check_place
 from flexarm_env.laps import LAPS
@@ -34,7 +34,7 @@ def run(arguments: Sequence[str]) -> None:
     parser.add_argument("--lap", choices=(*LAPS, OWN), default="swing", help=lap)
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="of what is random; 0")
     parser.add_argument("--save", type=Path, metavar="FILE", help="keep the run in this npz file")
-    add_environment(parser)
+    add_environment(parser, f"{ENVIRONMENT}, and for trainings that which they were trained in")
     add_film(parser)
     given = parser.parse_args(arguments)
     if given.save is not None and given.save.suffix != ".npz":
@@ -44,7 +44,7 @@ def run(arguments: Sequence[str]) -> None:
     if given.save is not None:
         check_place("save", given.save)
     check_film(given)
-    contender = from_source(given.policy, given)
+    contender = from_source(given.policy, given, own=True)
     try:
         steps = episode_steps(contender.env)
         check_pictures(given.fps, given.speed, steps * contender.env.unwrapped.control_period)  # type: ignore[attr-defined]

@@ -10,45 +10,54 @@ from flexarm_agents.scoring import Score, StandardScore
 from flexarm_agents.spread import Spread
 from flexarm_env.laps import LAPS
 
-LEGEND = "Pairs: shoulder / elbow, or link 1 / link 2. *: with changed options. Laps that ended early have no errors."
+LEGEND = "Pairs: shoulder / elbow, or link 1 / link 2. Laps that ended early have no errors."
 SPREAD_LEGEND = """\
 Errors: median [best .. worst] of the laps, where one that ended early counts as infinite; peaks: the largest of all
-laps. Pairs: shoulder / elbow, or link 1 / link 2. *: with changed options."""
+laps. Pairs: shoulder / elbow, or link 1 / link 2."""
 GROUP_LEGEND = "Trainings of one setting, by their seeds; each counts with the median of its laps:"
 _HEADER = (
     (
-        *("", "environment", "lap", "r.m.s.", "after 2 s", "maximum"),
+        *("", "lap", "r.m.s.", "after 2 s", "maximum"),
         *("torque change", "peak deflection", "peak torque", "end"),
     ),
-    ("", "", "", "[m]", "r.m.s. [m]", "[m]", "r.m.s. [N m]", "[m]", "[N m]", ""),
+    ("", "", "[m]", "r.m.s. [m]", "[m]", "r.m.s. [N m]", "[m]", "[N m]", ""),
 )
 _SPREAD_HEADER = (
     (
-        *("", "environment", "lap", "r.m.s. [m]", "after 2 s r.m.s. [m]", "maximum [m]"),
+        *("", "lap", "r.m.s. [m]", "after 2 s r.m.s. [m]", "maximum [m]"),
         *("peak deflection [m]", "peak torque [N m]", "end"),
     ),
 )
 _GROUP_HEADER = (("trainings", "lap", "figure", "median [m]", "interquartile mean [m]", "best [m]", "worst [m]"),)
 FIGURES = {"rms": "r.m.s.", "rms_after_2s": "after 2 s r.m.s.", "maximum": "maximum"}  # of a lap
 
-Named = tuple[str, str, Sequence[StandardScore]]
+Named = tuple[str, Sequence[StandardScore]]
 Spreads = dict[str, dict[str, Spread]]  # by lap and figure
 
 
-def lap_table(results: Sequence[Named]) -> str:
+def legend(laps: int) -> str:
+    """Return what the columns of `lap_table` mean.
+
+    Args:
+        laps: seeds of each lap.
+    """
+    return LEGEND if laps == 1 else SPREAD_LEGEND
+
+
+def lap_table(title: str, results: Sequence[Named]) -> str:
     """Make a table with a row for each policy and lap.
 
     Args:
-        results: name, environment and scores (one, or the same number each), in order.
+        title: of the table.
+        results: name and scores (one, or the same number each), in order.
     """
-    single = len(results[0][2]) == 1
+    single = len(results[0][1]) == 1
     rows = [
-        (name, environment, lap, *(_figures(laps[0]) if single else _spreads(laps)))
-        for name, environment, scores in results
+        (name, lap, *(_figures(laps[0]) if single else _spreads(laps)))
+        for name, scores in results
         for lap, laps in zip(LAPS, zip(*scores, strict=True), strict=True)
     ]
-    legend, header = (LEGEND, _HEADER) if single else (SPREAD_LEGEND, _SPREAD_HEADER)
-    return f"{legend}\n{columns([*header, *rows], right=True)}"
+    return f"{title}\n{columns([*(_HEADER if single else _SPREAD_HEADER), *rows], right=True)}"
 
 
 def group_table(groups: Sequence[tuple[str, Spreads]]) -> str:

@@ -9,17 +9,12 @@ from contextlib import contextmanager
 from pathlib import Path
 from threading import Timer
 
+from flexarm_agents.board.rows import Row
+from flexarm_agents.board.terms import interface_of
 from flexarm_agents.commands.arguments import add_options
-from flexarm_agents.contenders import (
-    ENVIRONMENT,
-    Contender,
-    changed,
-    from_attribute,
-    from_controller,
-    from_model,
-    from_training,
-)
-from flexarm_agents.load import shipped_policies
+from flexarm_agents.contenders import ENVIRONMENT, WITHOUT, Contender, Options, changed, from_training, plant_of
+from flexarm_agents.environments import check_id
+from flexarm_agents.load import load_policy, shipped_policies
 from flexarm_baselines.registry import controller_names
 from flexarm_env.parameters import PRESETS
 from flexarm_env.validation import shown
@@ -35,16 +30,23 @@ stable-baselines3 models (*.zip), of this class: PPO, SAC, or module:Class as in
 file unpickles it, which can execute code: only files that you trust"""
 
 
-def add_environment(parser: argparse.ArgumentParser) -> None:
-    """Add arguments that say where policies run: `--options`, `--arm`, `--environment`, `--stable-baselines3`."""
+STATISTICS = f"""\
+file by which VecNormalize scaled what these models observe; unpickled, too. {WITHOUT}: they were trained without one"""
+
+
+def add_environment(parser: argparse.ArgumentParser, where: str) -> None:
+    """Add arguments that say where policies run, and how models are read.
+
+    Args:
+        parser: gets `--options`, `--arm`, `--environment`, `--stable-baselines3` and `--vec-normalize`.
+        where: policies run without `--environment`.
+    """
     add_options(parser, "options of the environments, for all")
     parser.add_argument("--arm", choices=tuple(PRESETS), help="arm of all environments; without it, as each was made")
-    parser.add_argument(
-        "--environment",
-        metavar="ID",
-        help=f"of controllers, module:attribute and stable-baselines3 models; {ENVIRONMENT}",
-    )
+    environment = f"environment in which all policies run; without it, {where}"
+    parser.add_argument("--environment", metavar="ID", help=environment)
     parser.add_argument("--stable-baselines3", metavar="CLASS", help=MODELS)
+    parser.add_argument("--vec-normalize", metavar="FILE", default="", help=STATISTICS)
 
 
 def check_environment(parser: argparse.ArgumentParser, given: argparse.Namespace, sources: Sequence[str]) -> None:
@@ -55,10 +57,9 @@ def check_environment(parser: argparse.ArgumentParser, given: argparse.Namespace
         given: has the arguments.
         sources: each one's POLICY.
     """
-    if given.stable_baselines3 is not None and not any(map(_is_model, sources)):
-        parser.error("--stable-baselines3: there is no zip file among the policies")
-    if given.environment is not None and all(map(_is_training, sources)):
-        parser.error("--environment: is for controllers, module:attribute and zip files; trainings have their own")
+    for name in ("stable_baselines3", "vec_normalize"):
+        if getattr(given, name) and not any(map(_is_model, sources)):
+            parser.error(f"--{name.replace('_', '-')}: there is no zip file among the policies")
 
 
 def _is_model(source: str) -> bool:
@@ -71,31 +72,46 @@ def _is_training(source: str) -> bool:
     return not (_is_model(source) or _is_attribute(source) or source in controller_names())
 
 
-def from_source(source: str, given: argparse.Namespace) -> Contender:
+def from_source(source: str, given: argparse.Namespace, own: bool) -> Contender:
     """Make what POLICY names, with its environment.
 
     Args:
         source: POLICY.
         given: has the arguments of `add_environment`.
+        own: a training runs in the environment that it was trained in, as one with an arm of its own always does.
 
     Raises:
-        FileNotFoundError, ImportError, TypeError, ValueError: see `flexarm_agents.contenders`.
+        FileNotFoundError, ImportError, TypeError, ValueError: see `flexarm_agents.contenders` and `Row.on`.
     """
     if _is_training(source):
         if not Path(source).exists() and source not in shipped_policies():
             names = f"shipped policies are {', '.join(shipped_policies())}; controllers {', '.join(controller_names())}"
             raise FileNotFoundError(f"policy {shown(source)}: neither a file or folder nor a known name; {names}")
-        return from_training(source, given.options, given.arm)
-    environment = given.environment or ENVIRONMENT
-    options = changed({}, given.options, given.arm)
-    if source in controller_names():
-        with _said_if_long(f"{source}: the controller is designed"):
-            return from_controller(source, environment, options)
-    if _is_attribute(source):
-        return from_attribute(source, environment, options)
+        if given.environment is None and (own or load_policy(source).has_own_arm):
+            return from_training(source, given.options, given.arm)
+    row = row_of(source, given, interface_of(given.options))
+    with _said_if_long(f"{source}: the policy is made"):
+        return row.on(check_id(given.environment or ENVIRONMENT), changed({}, plant_of(given.options), given.arm))
+
+
+def row_of(source: str, given: argparse.Namespace, options: Options) -> Row:
+    """Return what POLICY names as a row of the board; arguments as of `from_source`.
+
+    Args:
+        source: POLICY.
+        given: has the arguments of `add_environment`.
+        options: the row's own.
+
+    Raises:
+        ValueError: for a model without `--stable-baselines3`.
+    """
+    name = Path(source).stem if Path(source).exists() else source
+    if not _is_model(source):
+        return Row(source, name, given.environment or ENVIRONMENT, options)
     if given.stable_baselines3 is None:
         raise ValueError(f"{source}: needs --stable-baselines3 CLASS, since reading it can execute code")
-    return from_model(source, given.stable_baselines3, environment, options)
+    environment = given.environment or ENVIRONMENT
+    return Row(source, name, environment, options, given.stable_baselines3, given.vec_normalize)
 
 
 def _is_attribute(source: str) -> bool:

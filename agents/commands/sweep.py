@@ -11,37 +11,36 @@ from flexarm_agents.board.episodes import run_points
 from flexarm_agents.board.rows import Row
 from flexarm_agents.board.summary import breaking, merged, point_summary
 from flexarm_agents.commands.progress import Progress
+from flexarm_agents.commands.sources import row_of
 from flexarm_agents.commands.text import columns
-from flexarm_agents.run_folder import write_json
 from flexarm_env.laps import LAPS
 from flexarm_env.validation import choice
 
 Summary = Mapping[str, Any]
 
 
-def sweep(given: argparse.Namespace) -> None:
-    """Run the policies along an axis of the board, print a table for each, and write a file.
+def sweep(given: argparse.Namespace) -> dict[str, Any]:
+    """Run the policies along an axis of the board, and print a table for each.
+
+    Returns:
+        Plain values for a file.
 
     Raises:
         ValueError: without a policy, or for an option that the axis sets.
     """
     if not given.policies:
         raise ValueError("policies: nothing to sweep; name one, e.g. --policy ifdc")
-    if given.arm is not None or given.laps != 1 or given.seed != 0:
-        raise ValueError("arm, laps, seed: the board sets them; they must be left out with --sweep")
+    if given.arm is not None or given.laps != 1 or given.seed != 0 or given.own or given.pool:
+        raise ValueError("arm, laps, seed, own, pool: the board sets them; they must be left out with --sweep")
     column = COLUMNS[choice("sweep", given.sweep, COLUMNS)]
     written = []
     for source in given.policies:
-        algorithm = given.stable_baselines3 if source.endswith(".zip") else None
-        environment = {} if given.environment is None else {"environment": given.environment}
-        row = Row(source, options=given.options, algorithm=algorithm, **environment)
+        row = row_of(source, given, given.options)
         results = _results(row, column.points)
         points = [point_summary(merged(results))] if column.sample else [point_summary(one) for one in results]
         print(_table(row.name, column, points), end="\n\n")
         written.append({"row": row.plain(), "results": results})
-    given.output.parent.mkdir(parents=True, exist_ok=True)
-    write_json(given.output, {"sweep": given.sweep, "rows": written})
-    print(f"{given.output}: written")
+    return {"sweep": given.sweep, "rows": written}
 
 
 def _results(row: Row, points: Sequence[Point]) -> list[dict[str, Any]]:

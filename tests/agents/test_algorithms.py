@@ -105,7 +105,7 @@ def test_the_noise_of_a_squashed_policy_is_torchs() -> None:
     policy.seed(1)
     observation = np.random.default_rng(0).normal(size=policy.observation_size).astype(np.float32)
     mean, log_std, _ = model.policy.actor.get_action_dist_params(torch.from_numpy(observation[None]))
-    drawn = np.arctanh(policy.predict(np.tile(observation, (20_000, 1)))[0].astype(np.float64))
+    drawn = np.arctanh(policy.predict(np.tile(observation, (20_000, 1)), deterministic=False)[0].astype(np.float64))
     np.testing.assert_allclose(drawn.mean(axis=0), mean.detach().numpy()[0], atol=0.01)
     np.testing.assert_allclose(drawn.std(axis=0), log_std.exp().detach().numpy()[0], rtol=0.03)
 

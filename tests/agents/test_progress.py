@@ -30,7 +30,7 @@ def test_a_line_is_shown_after_a_second_and_taken_away(
         assert capsys.readouterr().err == ""
         clock[0] = 2.0
         tick(3)
-        assert capsys.readouterr().err == f"\r{'█' * 15}{'·' * 15} 4 of 8 cells, 2 s left "
+        assert capsys.readouterr().err == f"\r{'█' * 15}{'·' * 15} 4 of 8 cells, 1 s left "
         clock[0] = 2.05  # too soon for another
         tick()
         assert capsys.readouterr().err == ""
@@ -41,10 +41,21 @@ def test_without_a_terminal_a_line_is_written_every_half_minute(
     clock: list[float], capsys: pytest.CaptureFixture[str]
 ) -> None:
     with Progress(4, "cells") as tick:
-        for clock[0], line in ((29.0, ""), (31.0, f"{'█' * 15}{'·' * 15} 2 of 4 cells, 31 s left\n"), (60.0, "")):
+        for clock[0], line in ((29.0, ""), (31.0, f"{'█' * 15}{'·' * 15} 2 of 4 cells\n"), (60.0, "")):
             tick()
             assert capsys.readouterr().err == line
     assert capsys.readouterr().err == ""
+
+
+def test_no_time_is_estimated_from_what_compiling_took(
+    clock: list[float], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The first of 3200 steps took a minute: "197313 s left"."""
+    monkeypatch.setattr("sys.stderr.isatty", lambda: True)
+    with Progress(3200, "steps") as tick:
+        for clock[0], steps, end in ((60.0, 1, "steps "), (61.0, 100, "steps "), (120.0, 1499, "steps, 60 s left ")):
+            tick(steps)
+            assert capsys.readouterr().err.endswith(end)
 
 
 def test_each_step_of_an_episode_counts(monkeypatch: pytest.MonkeyPatch) -> None:

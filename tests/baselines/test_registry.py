@@ -97,6 +97,12 @@ def test_gain_policies_get_the_id_of_gains() -> None:
     assert GainPolicy.options() == IDS["SquareGain-v0"].options
 
 
+@pytest.mark.parametrize("name", ["lqg", "ifdc", "flsac", "nmpc"])
+def test_a_controllers_options_fit_ids_that_observe_other_actions(name: str) -> None:
+    env = gymnasium.make("FlexArm/SquareUnknown-v0", **controller(name).options)
+    assert "last_actions" not in env.unwrapped.observation_blocks  # type: ignore[attr-defined]
+
+
 def test_an_unknown_name() -> None:
     with pytest.raises(ValueError, match=r"name = 'lqq'.*'ifdc'"):
         controller("lqq")

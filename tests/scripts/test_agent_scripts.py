@@ -10,10 +10,13 @@ import sys
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import gymnasium
 import numpy as np
 import pytest
+from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
 
 from flexarm_agents import NetworkPolicy, Score, StandardScore, TrainingConfig, shipped_policies
+from flexarm_agents.board.rows import Row
 from flexarm_agents.commands import main
 from flexarm_agents.models import new_model
 from flexarm_env.laps import LAPS
@@ -24,6 +27,7 @@ SCRIPTS = ROOT / "scripts"
 TINY = ["--envs", "4", "--rollout", "32", "--batch", "64", "--epochs", "2", "--hidden", "16", "8"]
 TINY += ["--episode-steps", "50", "--evaluate-every", "200", "--checkpoint-every", "200"]
 ALONE = ("--no-baselines", "--no-shipped")
+OUTPUT = ("--output", "scores.json")
 BAR = ("█", "·")  # how a line of progress begins
 
 
@@ -52,7 +56,7 @@ class Shell:
         return Ended(code, *self._capsys.readouterr())
 
     def evaluation(self) -> dict[str, Any]:
-        values: dict[str, Any] = json.loads((self.folder / "results/evaluation/evaluation.json").read_text())
+        values: dict[str, Any] = json.loads((self.folder / "scores.json").read_text())
         return values
 
 
@@ -98,10 +102,11 @@ def test_train_and_resume(flexarm: Shell) -> None:
     assert result.stderr.startswith("error: gamma = 0.9: the training in runs/Square-v0-3 has 0.985")
     result = flexarm("evaluate", "runs/Square-v0-3", *ALONE)
     lines = [line for line in result.stdout.splitlines() if line.startswith("runs/Square-v0-3")]
-    assert [line.split()[2] for line in lines] == ["swing", "plain"]
+    assert [line.split()[1] for line in lines] == ["swing", "plain"]
+    assert result.stdout.endswith('--own scores them: runs/Square-v0-3 on Square-v0 with {"noise": 0.001}\n')
+    assert [path.name for path in flexarm.folder.iterdir()] == ["runs"]  # nothing is written unasked
     for line in lines:
         assert "ENDED at " in line
-        assert " Square-v0* " in line  # its options are not the id's
         assert not re.search(r"\d\.\d{3}", line)  # it has no errors
 
 
@@ -125,28 +130,43 @@ def test_bad_input(flexarm: Shell, arguments: tuple[str, ...], message: str) -> 
 
 
 def test_evaluate_scores_what_there_is(flexarm: Shell) -> None:
-    result = flexarm("evaluate")
+    result = flexarm("evaluate", *OUTPUT)
     assert result.returncode == 0, result.stderr
-    rows = result.stdout.splitlines()[3:-1]
-    shipped, others = shipped_policies(), ["ifdc", "flsac", "no torque", "random torque"]
-    names = [*shipped, *others]
-    found = [(name, lap) for row in rows for name in names for lap in LAPS if re.match(rf"{name} .* {lap} ", row)]
-    ranked = [name for name, _ in found[::2]]
-    assert found == [(name, lap) for name in ranked for lap in LAPS]
-    assert (set(ranked[: len(shipped)]), ranked[len(shipped) :]) == (set(shipped), others)
-    early = rows[2 * (len(shipped) + 2) :]  # the last two
-    assert all("ENDED at " in row and not re.search(r"\d\.\d{3}", row) for row in early)
+    nominal, other, *_ = result.stdout.split("\n\n")[1:]
+    own = ["scheduler_paper"]  # its arm is not the nominal one
+    shipped, others = [name for name in shipped_policies() if name not in own], ["ifdc", "flsac", "no torque"]
+    others.append("random torque")
+    assert ranked(nominal, [*shipped, *others])[-2:] == others[-2:]
+    assert ranked(other, own) == own
+    assert all("ENDED at " in row and not re.search(r"\d\.\d{3}", row) for row in nominal.splitlines()[-4:])
     told = [line for line in result.stderr.splitlines() if not line.startswith(BAR)]  # a slow machine shows bars
-    assert {line.partition(":")[0] for line in told} == set(names)
-    laps = {one["name"]: one["laps"][0] for one in flexarm.evaluation()["results"]}
+    assert {line.partition(":")[0] for line in told} == {*shipped, *own, *others}
+    found = {one["name"]: one for one in flexarm.evaluation()["results"]}
+    laps = {name: one["laps"][0] for name, one in found.items()}
     assert laps["ifdc"]["swing"]["complete"]
     assert laps["ifdc"]["swing"]["rms"] == pytest.approx(0.848, abs=5e-3)
     assert not laps["no torque"]["plain"]["complete"]
     assert laps["no torque"]["plain"]["rms_after_2s"] is None
+    assert {found[name]["environment"] for name in shipped} == {"FlexArm/Square-v0"}
+    board = {row["name"]: row for row in json.loads((ROOT / "docs" / "leaderboard.json").read_text())["rows"]}
+    for name in shipped:
+        point = board[f"agent {name}"]["columns"]["nominal"]["points"][0]
+        for lap in LAPS:
+            assert laps[name][lap]["rms"] == pytest.approx(point[lap]["rms"]["mean"], abs=1e-4)
+
+
+def ranked(table: str, names: list[str]) -> list[str]:
+    """Return the policies of a table in its order, each of which has both laps."""
+    rows = [row for row in table.splitlines() if row.startswith(tuple(names))]
+    found = [(name, lap) for row in rows for name in names for lap in LAPS if re.match(rf"{name} +{lap} ", row)]
+    order = [name for name, _ in found[::2]]
+    assert found == [(name, lap) for name in order for lap in LAPS]
+    assert sorted(order) == sorted(names)
+    return order
 
 
 def test_a_policy_alone_is_scored_alone(flexarm: Shell) -> None:
-    result = flexarm("evaluate", "--policy", "ifdc", "--environment", "Track-v0")
+    result = flexarm("evaluate", "--policy", "ifdc", "--environment", "Track-v0", *OUTPUT)
     assert result.returncode == 0, result.stderr
     (found,) = flexarm.evaluation()["results"]
     assert (found["name"], found["environment"]) == ("ifdc", "FlexArm/Track-v0")
@@ -154,6 +174,19 @@ def test_a_policy_alone_is_scored_alone(flexarm: Shell) -> None:
     assert found["reads"] == ["encoders"]
     assert not found["privileged"]
     assert flexarm("evaluate", "--policy", "ifd").returncode == 1
+
+
+def test_other_plants_have_tables_of_their_own(flexarm: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
+    score = StandardScore(lap(0.5), lap(0.1))
+    monkeypatch.setattr("flexarm_agents.commands.evaluate.evaluate", lambda *given: score)
+    given = ("evaluate", "--policy", "student_unknown", "--policy", "square", "--policy", "student")
+    (table,) = flexarm(*given).stdout.split("\n\n")[1:-1]
+    assert ranked(table, ["student_unknown", "square", "student"])
+    own, unknown = flexarm(*given, "--own").stdout.split("\n\n")[1:]
+    assert own.startswith("Square-v0\n")
+    assert ranked(own, ["square", "student"])
+    assert unknown.startswith("SquareUnknown-v0\n")
+    assert ranked(unknown, ["student_unknown"])
 
 
 MODULE = """
@@ -173,6 +206,17 @@ def pulls(observation):
 def spoilt(observation):
     return np.full(2, np.nan)
 
+class Reads:
+    batched = True
+
+    @classmethod
+    def options(cls):
+        return {"observation": ["joint_rates", "encoder_error"], "scaled": False, "frame": "world"}
+
+    def predict(self, observation):
+        assert np.shape(observation) == (4,)
+        return np.array([0.1, 0.0])
+
 one = Pulls()
 number = 7
 """
@@ -180,12 +224,16 @@ number = 7
 
 def test_evaluate_takes_policies_of_ones_own(flexarm: Shell) -> None:
     (flexarm.folder / "mine_here.py").write_text(MODULE)
-    result = flexarm("evaluate", "mine_here:Pulls", "mine_here:pulls", "mine_here:one", *ALONE, "--seed", "5")
+    seeded = (*OUTPUT, "--seed", "5")
+    result = flexarm(
+        "evaluate", "mine_here:Pulls", "mine_here:pulls", "mine_here:one", "mine_here:Reads", *ALONE, *seeded
+    )
     assert result.returncode == 0, result.stderr
     found = flexarm.evaluation()["results"]
     assert len({one["laps"][0]["swing"]["duration"] for one in found}) == 1
     assert {one["environment"] for one in found} == {"FlexArm/Square-v0"}
-    assert [one["laps"][0]["seed"] for one in found] == [5, 5, 5]
+    assert [one["laps"][0]["seed"] for one in found] == [5, 5, 5, 5]
+    assert flexarm("evaluate", "mine_here:Reads", *ALONE, "--environment", "SquareUnknown-v0").returncode == 0
 
 
 @pytest.mark.parametrize(
@@ -219,7 +267,7 @@ def test_laps_have_a_spread_in_which_an_early_end_counts(flexarm: Shell, monkeyp
     laps = iter([StandardScore(lap(0.5), lap(rms)) for rms in plain])
     monkeypatch.setattr("flexarm_agents.commands.evaluate.evaluate", lambda *given: next(laps))
     options = '{"randomisation": {"delay": [0.0, 0.06]}}'
-    result = flexarm("evaluate", "square", *ALONE, "--laps", "4", "--seed", "0", "--options", options)
+    result = flexarm("evaluate", "square", *ALONE, "--laps", "4", "--seed", "0", "--options", options, *OUTPUT)
     assert result.returncode == 0, result.stderr
     (found,) = flexarm.evaluation()["results"]
     assert [(row["seed"], row["plain"]["rms"]) for row in found["laps"]] == list(enumerate(plain))
@@ -231,10 +279,10 @@ def test_laps_have_a_spread_in_which_an_early_end_counts(flexarm: Shell, monkeyp
     assert "4 complete" in result.stdout
     assert "1 of 4 ENDED: error" in result.stdout
     assert "both laps complete with 3 of 4 seeds" in result.stderr
-    assert found["options"] == {"randomisation": {"delay": [0.0, 0.06]}}
+    assert found["plant"] == {"randomisation": {"delay": [0.0, 0.06]}}
 
 
-def test_seeds_of_one_setting_are_aggregated(flexarm: Shell) -> None:
+def test_seeds_of_one_setting_are_pooled_when_asked_for(flexarm: Shell) -> None:
     config = TrainingConfig(**{**CONFIG, "options": {}}).plain()
     size = 46
     for seed in (0, 1, 2):
@@ -243,7 +291,8 @@ def test_seeds_of_one_setting_are_aggregated(flexarm: Shell) -> None:
         NetworkPolicy(weights, [np.zeros(2, np.float32)], np.zeros(2, np.float32), "tanh", notes).save(
             Path(f"{seed}.npz")
         )
-    result = flexarm("evaluate", "0.npz", "1.npz", "2.npz", "square", *ALONE)
+    assert "Trainings of one setting" not in flexarm("evaluate", "0.npz", "1.npz", *ALONE).stdout
+    result = flexarm("evaluate", "0.npz", "1.npz", "2.npz", "square", *ALONE, *OUTPUT, "--pool")
     assert result.returncode == 0, result.stderr
     values = flexarm.evaluation()
     (setting,) = values["settings"]
@@ -278,11 +327,32 @@ def test_models_of_stable_baselines_are_read_only_when_asked_for(flexarm: Shell)
         assert result.stderr.startswith(message)
 
 
+def test_a_normalised_model_needs_its_statistics(flexarm: Shell) -> None:
+    env = VecNormalize(DummyVecEnv([lambda: gymnasium.make("FlexArm/Square-v0")]))
+    env.obs_rms.mean += 0.5
+    model = new_model(TrainingConfig(**{**CONFIG, "options": {}}))
+    model.save("model.zip")
+    env.save("vecnormalize.pkl")
+    given = ("evaluate", "--policy", "model.zip", "--stable-baselines3", "PPO", *OUTPUT)
+    result = flexarm(*given)
+    assert result.returncode == 1
+    assert result.stderr.startswith("error: model.zip: vecnormalize.pkl lies beside it; ")
+    for statistics in ("none", "vecnormalize.pkl"):
+        assert flexarm(*given, "--vec-normalize", statistics).returncode == 0
+    assert flexarm(*given, "--vec-normalize", "model.zip").stderr.startswith("error: vec_normalize = 'model.zip': is ")
+    policy = Row("model.zip", algorithm="PPO", vec_normalize="vecnormalize.pkl").contender().policy
+    observation = np.full((2, 46), 0.5, np.float32)
+    np.testing.assert_array_equal(
+        policy.predict(observation)[0], model.predict(env.normalize_obs(observation), deterministic=True)[0]
+    )
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
         (("--stable-baselines3", "PPO"), "there is no zip file among the policies"),
-        (("--environment", "Reach-v0"), "trainings have their own"),
+        (("--vec-normalize", "none"), "there is no zip file among the policies"),
+        (("--environment", "Reach-v0", "--own"), "cannot go with --environment"),
     ],
 )
 def test_an_argument_without_effect_is_an_error(flexarm: Shell, arguments: tuple[str, ...], message: str) -> None:
