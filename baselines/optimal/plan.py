@@ -127,6 +127,9 @@ class Plan:
 
 
 def _check_entries(head: dict[str, Any], entries: Mapping[str, archive.Entry]) -> None:
+    for name in entries:
+        if name not in _ARRAYS:
+            raise ValueError(f"{shown(name)}: no such array; a Plan has {', '.join(_ARRAYS)}")
     for name in _ARRAYS:
         if entries[name].dtype != np.float64:
             raise ValueError(f"{name}: must hold float64, got {entries[name].dtype}")

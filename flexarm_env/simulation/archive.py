@@ -1,19 +1,21 @@
 """Npz files with a head: arrays by name, and beside them what is plain (JSON), with the number of the format.
 
-A file may come from a stranger. Nothing in it is executed; what each array is (type and shape) is read and checked
-before its numbers are, so that a small file cannot unpack to a large one; and whatever is wrong with it ends in a
-`ValueError`.
+A file may come from a stranger. Nothing in it is executed; nothing in it is compressed, so that reading takes no more
+memory than the file has bytes; what each array is (type and shape) is checked before its numbers are read; and whatever
+is wrong with it ends in a `ValueError`.
 """
 
 from __future__ import annotations
 
 import json
 import math
+import os
 import warnings
 from collections.abc import Callable, Mapping
 from pathlib import Path
+from stat import S_ISDIR, S_ISREG
 from typing import Any, NamedTuple, TypeVar
-from zipfile import ZIP_DEFLATED, ZIP_STORED, ZipFile, ZipInfo
+from zipfile import ZIP_STORED, ZipFile, ZipInfo
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +25,6 @@ from flexarm_env.validation import short, shown
 Arrays = dict[str, NDArray[Any]]
 Made = TypeVar("Made")
 LARGEST_HEAD = 1_000_000  # characters, each of four bytes
-LARGEST_FILE = 4 * 2**30  # bytes of all arrays: the longest run of `FlexibleArm.simulate`
 _ENCRYPTED = 1  # the bit of a zip entry's flags
 _READERS = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
 
@@ -81,16 +82,19 @@ def read(
         ValueError: if it is another file, a damaged one or one of another format, naming it and what is wrong.
     """
     try:
+        mode = os.stat(path).st_mode
+        if not (S_ISREG(mode) or S_ISDIR(mode)):  # a device gives bytes for ever, and a pipe waits for them
+            raise ValueError("must be a file, not a device or a pipe")
         stream = open(path, "rb")  # noqa: SIM115  (closed below; errors of opening are others than those of reading)
     except (FileNotFoundError, PermissionError, IsADirectoryError):
         raise
-    except (OSError, ValueError) as error:  # no possible name
+    except (OSError, ValueError) as error:  # no possible name, or no file
         raise ValueError(f"path = {shown(path)}: {error.args[-1]}") from None
     with stream, warnings.catch_warnings(action="error"):
         # Damage meets zipfile, zlib, json and numpy anywhere: any of their errors, and warnings, says that it is there.
         try:
             with ZipFile(stream) as file:
-                members = _members(file)
+                members = _members(file, os.fstat(stream.fileno()).st_size)
                 head = _head(file, members)
                 if type(head.get("format")) is not int or head["format"] != version:
                     raise _FormatError(f"format {shown(head.get('format'))}; this version reads {version}")
@@ -119,19 +123,19 @@ class _FormatError(Exception):
     """The file is of another format."""
 
 
-def _members(file: ZipFile) -> dict[str, ZipInfo]:
-    """List the arrays in a file, by name, none of which is read."""
+def _members(file: ZipFile, size: int) -> dict[str, ZipInfo]:
+    """List the arrays in a file of so many bytes, by name, none of which is read."""
     members = {info.filename.removesuffix(".npy"): info for info in file.infolist()}
     if len(members) < len(file.infolist()):
         raise ValueError("an entry is there twice")
     for name, info in members.items():
         if info.flag_bits & _ENCRYPTED:
             raise ValueError(f"entry {shown(name)} is encrypted")
-        if info.compress_type not in (ZIP_STORED, ZIP_DEFLATED):
-            raise ValueError(f"entry {shown(name)} is compressed by another method than deflate")
-    size = sum(info.file_size for info in members.values())
-    if size > LARGEST_FILE:
-        raise ValueError(f"the arrays take {size} bytes; at most {LARGEST_FILE} are allowed")
+        if info.compress_type != ZIP_STORED:
+            raise ValueError(f"entry {shown(name)} is compressed; must be as `numpy.savez` stores it")
+    taken = sum(info.file_size for info in members.values())
+    if taken > size:
+        raise ValueError(f"the arrays take {taken} bytes, and the file has {size}")
     return members
 
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import copy
 import io
 import json
+import os
 import tracemalloc
 import zipfile
 from collections.abc import Callable
@@ -16,7 +18,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from flexarm_agents import NetworkPolicy, load_policy
-from flexarm_baselines.optimal.plan import Plan
+from flexarm_baselines.optimal.plan import Plan, load_plan
 from flexarm_env import ArmParameters, FlexibleArm, Trajectory
 from flexarm_env.simulation import archive
 from tests.support.refusals import refuses
@@ -60,10 +62,8 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, tuple[bytes, Ca
     """Good files with what reads them."""
     folder = tmp_path_factory.mktemp("good")
     good = {"policy": policy_file(folder / "policy.npz"), "run": run_file(folder / "run.npz")}
-    np.savez_compressed(folder / "deflated.npz", head=np.array(json.dumps(POLICY_HEAD)), **POLICY)
     readers: dict[str, Callable[[Path], Any]] = {"policy": load_policy, "run": Trajectory.load}
-    found = {name: (path.read_bytes(), readers[name]) for name, path in good.items()}
-    return found | {"deflated": ((folder / "deflated.npz").read_bytes(), load_policy)}
+    return {name: (path.read_bytes(), readers[name]) for name, path in good.items()}
 
 
 def loads_or_says_why(content: bytes, read: Callable[[Path], Any], folder: Path) -> None:
@@ -86,7 +86,7 @@ def damaged(content: bytes, places: list[tuple[float, int]], end: float) -> byte
 
 
 DAMAGE = (
-    st.sampled_from(["policy", "run", "deflated"]),
+    st.sampled_from(["policy", "run"]),
     st.lists(st.tuples(st.floats(0.0, 1.0), st.integers(1, 255)), max_size=4),
     st.just(1.0) | st.floats(0.0, 1.0),
 )
@@ -103,7 +103,7 @@ def test_damage_ends_in_a_refusal(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["policy", "run", "deflated"])
+@pytest.mark.parametrize("name", ["policy", "run"])
 def test_any_byte_may_be_damaged(files: dict[str, Any], tmp_path: Path, name: str) -> None:
     content, read = files[name]
     for place in range(0, len(content), 3):
@@ -139,9 +139,10 @@ def head_of(text: str) -> bytes:
     return stream.getvalue()
 
 
-BOMB = {"weight_9": np.zeros((4000, 4000), np.float32)}
 HARM: list[tuple[str, Callable[[Path], Path], str]] = [
-    ("bomb", lambda p: bomb(p), "'weight_9': no such array in a policy of 1 layers"),
+    ("bomb", lambda p: deflated(policy_file(p)), "' is compressed; must be as `numpy.savez` stores it"),
+    ("overlap", lambda p: overlapping(policy_file(p)), " bytes, and the file has "),
+    ("more", lambda p: policy_file(p, weight_9=np.ones(9)), "'weight_9': no such array in a policy of 1 layers"),
     ("wide", lambda p: with_entry(p, "weight_0.npy", raw_entry((2**40, 4), "<f4")), "should have 17592186044"),
     ("long", lambda p: with_entry(p, "weight_0.npy", raw_entry((2, 3), "<f4", bytes(99))), "bytes, not 227"),
     ("negative", lambda p: with_entry(p, "bias_0.npy", raw_entry((-2,), "<f4")), "should have"),
@@ -153,7 +154,7 @@ HARM: list[tuple[str, Callable[[Path], Path], str]] = [
         "not a text of at most 1000000 characters",
     ),
     ("bytes", lambda p: with_entry(p, "head.npy", raw_entry((), "|S2", b"{}")), "not a text of at most"),
-    ("bzip2", lambda p: with_entry(p, "x.npy", b"", compression=zipfile.ZIP_BZIP2), "another method than deflate"),
+    ("bzip2", lambda p: with_entry(p, "x.npy", b"", compression=zipfile.ZIP_BZIP2), "' is compressed; must be"),
     ("plain", lambda p: with_entry(p, "weight_0.npy", b"1 2 3"), "not a saved policy ("),
     ("scalar", lambda p: policy_file(p, weight_0=np.float32(1.0)), "biases[0]: must have shapes (n, k) and (n,), got"),
     ("wider", lambda p: policy_file(p, bias_0=np.zeros(2)), "bias_0: must hold float32, got float64"),
@@ -178,9 +179,21 @@ HARM: list[tuple[str, Callable[[Path], Path], str]] = [
 ]
 
 
-def bomb(path: Path) -> Path:
-    """64 MB of zeros in 64 kB."""
-    np.savez_compressed(path, head=np.array(json.dumps(POLICY_HEAD)), **(POLICY | BOMB))
+def deflated(path: Path) -> Path:
+    """Write a good file anew, in which long runs of zeros take a thousandth."""
+    with np.load(path) as file:
+        np.savez_compressed(path, **file)
+    return path
+
+
+def overlapping(path: Path) -> Path:
+    """Have a good file list its entries ten times."""
+    with zipfile.ZipFile(path, "a") as file:
+        file.writestr("more.npy", b"")  # else the list would not be written
+        for n, info in [(n, info) for n in range(9) for info in file.filelist]:
+            again = copy.copy(info)
+            again.filename = f"{n}-{info.filename}"
+            file.filelist.append(again)
     return path
 
 
@@ -219,6 +232,49 @@ def test_no_code_in_a_file_is_run(tmp_path: Path, name: str, load: Callable[[Pat
     assert not mark.exists()
     np.load(path, allow_pickle=True)[name]  # the trap works
     assert mark.exists()
+
+
+@pytest.mark.parametrize("load", [Plan.load, Trajectory.load])
+def test_no_file_takes_more_memory_than_it_has_bytes(tmp_path: Path, load: Callable[[Path], Any]) -> None:
+    """Zeros, compressed, in an array that the reader knows."""
+    path = tmp_path / "file.npz"
+    if load == Trajectory.load:
+        run_file(path)
+    else:
+        load_plan("linear_swing").save(path)
+    name = "time" if load == Trajectory.load else "torques"
+    with zipfile.ZipFile(path) as file:
+        head = file.read("head.npy")
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as file:
+        file.writestr("head.npy", head)
+        file.writestr(f"{name}.npy", raw_entry((2**21, 2), "<f8", bytes(2**25)))
+    assert path.stat().st_size < 2**20
+    tracemalloc.start()
+    try:
+        with refuses(ValueError, f"{path}: ", " is compressed; must be"):
+            load(path)
+        assert tracemalloc.get_traced_memory()[1] < 8 * 2**20
+    finally:
+        tracemalloc.stop()
+
+
+def test_plans_of_strangers(tmp_path: Path) -> None:
+    plan = load_plan("linear_swing")
+    plan.save(tmp_path / "plan.npz")
+    with np.load(tmp_path / "plan.npz") as file:
+        np.savez(tmp_path / "plan.npz", **file, junk=np.zeros(3))
+    with refuses(ValueError, f"{tmp_path / 'plan.npz'}: ", "'junk': no such array; a Plan has states, torques, refer"):
+        Plan.load(tmp_path / "plan.npz")
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="a system without pipes that have names")
+@pytest.mark.parametrize("load", [load_policy, Plan.load, Trajectory.load])
+def test_what_is_no_file_is_refused_at_once(tmp_path: Path, load: Callable[[Path], Any]) -> None:
+    """Reading would fill the memory, or wait for ever."""
+    os.mkfifo(tmp_path / "pipe")
+    for path in (Path("/dev/zero"), tmp_path / "pipe"):
+        with refuses(FileNotFoundError if load is load_policy else ValueError, str(path)):
+            load(path)
 
 
 RUNS: list[tuple[dict[str, Any], dict[str, Any], str]] = [
