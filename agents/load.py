@@ -12,8 +12,9 @@ import gymnasium
 from flexarm_agents import fronted, squashed
 from flexarm_agents.environments import check_id, make_one
 from flexarm_agents.network import NetworkPolicy
+from flexarm_env.envs.settings import Settings
 from flexarm_env.simulation import archive
-from flexarm_env.validation import mapping, shown
+from flexarm_env.validation import known_names, mapping, shown
 
 POLICIES = Path(__file__).resolve().parent / "policies"
 _STABLE_BASELINES = {"data", "policy.pth"}  # in the zip files of its models
@@ -113,6 +114,7 @@ def load_policy(source: str | Path, last: bool = False) -> Trained:
     try:
         config = mapping("config", policy.notes["config"])
         options = mapping("options", config["options"])
+        known_names("FlexArmEnv", options, list(Settings.__dataclass_fields__))  # making it has other arguments, too
         return Trained(name, policy, check_id(config["environment"]), options, policy.notes)
     except KeyError as error:
         raise ValueError(f"{file}: does not say what it was trained on (no {error} in its notes)") from error

@@ -170,6 +170,16 @@ HARM: list[tuple[str, Callable[[Path], Path], str]] = [
         lambda p: policy_file(p, {"notes": {"config": CONFIG | {"options": 1}}}),
         "options = 1: must be a mapp",
     ),
+    (
+        "render_mode",
+        lambda p: policy_file(p, {"notes": {"config": CONFIG | {"options": {"render_mode": "human"}}}}),
+        "'render_mode'",
+    ),
+    (
+        "steps",
+        lambda p: policy_file(p, {"notes": {"config": CONFIG | {"options": {"max_episode_steps": 5}}}}),
+        "'max_episode_steps'",
+    ),
     ("config", lambda p: policy_file(p, {"notes": {"config": [1]}}), "config = [1]: must be a mapping"),
     (
         "import",
