@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from flexarm_agents.commands.arguments import reader
 from flexarm_agents.live import LEAST_PLACE, MOST_DELAY, MOST_GAIN, Knobs, LiveArm
 from flexarm_agents.viewer import Viewer
+from flexarm_env.envs.window import open_display
 from flexarm_env.extras import import_pygame
 from flexarm_env.parameters import PRESETS
 from flexarm_env.validation import number
@@ -29,6 +30,6 @@ def run(arguments: Sequence[str]) -> None:
     gain = f"of the law, 0 to {MOST_GAIN:g}; {start.gain:g}"
     parser.add_argument("--gain", type=float, default=start.gain, metavar="X", help=gain)
     given = parser.parse_args(arguments)
-    import_pygame()  # before a kernel is compiled
     late = 1e-3 * number("delay", given.delay, "ms", least=0.0, most=1e3 * MOST_DELAY)
+    open_display(import_pygame())  # before a kernel is compiled
     Viewer(LiveArm(given.arm, Knobs(late, given.place, given.gain))).run()

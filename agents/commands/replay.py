@@ -9,6 +9,7 @@ from pathlib import Path
 from flexarm_agents.commands.arguments import reader
 from flexarm_agents.commands.progress import Progress
 from flexarm_agents.film import SUFFIXES, Film, check_look, check_output
+from flexarm_env.envs.window import open_display
 from flexarm_env.extras import import_pygame
 from flexarm_env.simulation.trajectory import Trajectory
 
@@ -42,7 +43,7 @@ def check_film(given: argparse.Namespace) -> None:
 
     Raises:
         ImportError: without what draws or writes, naming the extra.
-        OSError, TypeError, ValueError: for a bad one.
+        OSError, TypeError, ValueError: for a bad one, or a window without a display.
     """
     check_look(given.fps, given.speed, given.size)
     if given.output is not None:
@@ -50,7 +51,7 @@ def check_film(given: argparse.Namespace) -> None:
         return
     if given.time is not None:
         raise ValueError(f"time = {given.time:g} s: is for a .png file, see --output")
-    import_pygame()
+    open_display(import_pygame())
 
 
 def play(played: Trajectory, given: argparse.Namespace) -> None:

@@ -111,6 +111,7 @@ class Renderer:
 
         Raises:
             gymnasium.error.DependencyNotInstalled: if pygame is missing.
+            NoDisplayError: "human", and there is no display.
         """
         if self.dismissed:
             return None

@@ -6,6 +6,7 @@ own button close it.
 
 from __future__ import annotations
 
+import os
 from typing import Any
 
 TITLE = "FlexArm"
@@ -13,6 +14,36 @@ HINT = "paused: space goes on, right arrow steps, Esc closes"
 HINT_SIZE = 1.0 / 30.0  # of its letters, as a share of the window's width
 HINT_PLACE = 0.88  # of its upper edge, as a share of the window's height: above the gauges
 PATIENCE = 50  # between two looks at the keys while paused [ms]
+DRIVER_CHOICES = ("SDL_VIDEODRIVER", "SDL_VIDEO_DRIVER")  # of the environment: SDL 2 and 3
+UNSEEN = ("offscreen", "dummy")  # drivers of SDL that show nothing; it takes the first itself if there is no display
+
+
+class NoDisplayError(OSError):
+    """There is no display on which a window could be seen."""
+
+
+def open_display(pygame: Any) -> None:
+    """Connect to the display, with the driver that the environment chooses, if it chooses one.
+
+    Args:
+        pygame: the module.
+
+    Raises:
+        NoDisplayError: there is none.
+    """
+    chosen = any(map(os.environ.get, DRIVER_CHOICES))
+    why = ""
+    try:
+        pygame.display.init()
+        if chosen or pygame.display.get_driver() not in UNSEEN:
+            return
+        pygame.display.quit()
+    except pygame.error as error:
+        why = f" ({error})"
+    raise NoDisplayError(
+        f"there is no display for a window{why}; write a file, by `flexarm replay --output` or "
+        "`flexarm render --output`, or draw arrays, by render_mode='rgb_array'"
+    )
 
 
 class Window:
@@ -30,12 +61,15 @@ class Window:
             pygame: the module.
             size: width and height [px].
             steps: while it is paused, the right arrow shows one picture more.
+
+        Raises:
+            NoDisplayError: there is no display.
         """
         self.paused = self.closed = False
         self._steps = steps
         self._pygame = pygame
         self._once = False
-        pygame.display.init()
+        open_display(pygame)
         self._surface = pygame.display.set_mode(size)
         pygame.display.set_caption(TITLE)
         self._clock = pygame.time.Clock()

@@ -208,7 +208,10 @@ def test_render_runs_an_episode_that_replay_shows_again(
     assert one.read_bytes() == other.read_bytes()
 
 
-def test_render_refuses(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_render_refuses(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
     assert status("render", "nobody") == 1
     assert "policy 'nobody'" in capsys.readouterr().err
     assert status("render", "ifdc", "--save", tmp_path / "x.txt") == 2
@@ -244,6 +247,7 @@ def test_render_refuses_before_the_episode(
     words: str,
 ) -> None:
     pytest.importorskip("pygame")
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
     monkeypatch.setattr("flexarm_agents.commands.render.episode", lambda *given: pytest.fail("the episode was run"))
     for name in ("folder.png", "folder.npz"):
         (tmp_path / name).mkdir()

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import sys
 from typing import Any
 
 import numpy as np
 import pytest
 
+from flexarm_agents.commands import main
 from flexarm_env.envs.rendering import Renderer
+from flexarm_env.envs.window import DRIVER_CHOICES, NoDisplayError
 from tests.envs.test_rendering import SCENE, SIZE
 
 
@@ -108,3 +111,38 @@ def test_a_window_that_is_closed_stays_closed(monkeypatch: pytest.MonkeyPatch, h
     window.draw(SCENE)
     assert pygame.display.get_init()
     window.close()
+
+
+@pytest.fixture
+def no_display(monkeypatch: pytest.MonkeyPatch) -> None:
+    if sys.platform != "linux":
+        pytest.skip("always has a display")
+    for name in (*DRIVER_CHOICES, "DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+
+
+@pytest.mark.usefixtures("no_display")
+def test_without_a_display_no_window_opens() -> None:
+    pygame = pytest.importorskip("pygame")
+    pygame.display.quit()
+    with pytest.raises(NoDisplayError):
+        Renderer("human", SIZE).draw(SCENE)
+    assert not pygame.display.get_init()
+
+
+@pytest.mark.usefixtures("no_display")
+def test_a_driver_that_finds_no_display_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("pygame").display.quit()
+    monkeypatch.setenv("SDL_VIDEODRIVER", "x11")
+    with pytest.raises(NoDisplayError, match="x11"):
+        Renderer("human", SIZE).draw(SCENE)
+
+
+@pytest.mark.usefixtures("no_display")
+@pytest.mark.parametrize("verb", [["play"], ["replay", "run.npz"], ["render", "square"]])
+def test_a_verb_ends_at_once_without_a_display(verb: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("pygame").display.quit()
+    with pytest.raises(SystemExit) as ended:
+        main(verb)
+    assert ended.value.code == 1
+    assert "--output" in capsys.readouterr().err
