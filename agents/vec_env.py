@@ -6,11 +6,14 @@ single one seeded s + i), at a fraction of the time.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
+from dataclasses import fields
 from typing import Any, Literal
 
 import gymnasium
 import numpy as np
+import torch
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 from stable_baselines3.common.vec_env.base_vec_env import VecEnv, VecEnvIndices, VecEnvStepReturn
@@ -18,12 +21,14 @@ from stable_baselines3.common.vec_env.base_vec_env import VecEnv, VecEnvIndices,
 from flexarm_agents.environments import make_batch
 from flexarm_agents.infos import info_of
 from flexarm_env.envs.info import Episode
+from flexarm_env.envs.settings import Settings
 from flexarm_env.envs.vector import FlexArmVectorEnv
 from flexarm_env.validation import choice, shown
 
 Observations = NDArray[np.float32]
 Infos = Literal["final", "all"]
 INFOS = ("final", "all")
+_THREADS = "OMP_NUM_THREADS"  # of the process's environment: how many threads torch takes
 _SINGLE = {"observation_space": "single_observation_space", "action_space": "single_action_space"}
 
 
@@ -33,6 +38,9 @@ class FlexArmVecEnv(VecEnv):
     Episodes begin in the step that ends the one before. What ended is in that environment's info:
     `terminal_observation`, `TimeLimit.truncated` (the time limit alone ended it, so its value is bootstrapped) and the
     step's own info; `reset_infos` holds the info of each environment's last reset.
+
+    `set_options` gives the next `reset()` its options, e.g. `{"parameters": {"delay": 0.05}}`, for one episode each. For
+    other options from then on, as in a curriculum, make another batch and give it to the model's `set_env`.
 
     Attributes:
         env: the vector environment.
@@ -91,6 +99,8 @@ class FlexArmVecEnv(VecEnv):
         if len(options) != self.num_envs:
             raise ValueError(f"options: must be one mapping or {self.num_envs}, one for each, got {len(options)}")
         alike = not any(options) or all(each is options[0] for each in options)  # `set_options` with one for all
+        if not self._begun:
+            _warn_of_threads()
         if alike or not self._begun:  # the first reset must be of all
             observations, infos = self.env.reset(seed=seeds, options=(alike and options[0]) or None)
             self.reset_infos = [info_of(infos, i) for i in range(self.num_envs)]
@@ -159,8 +169,14 @@ class FlexArmVecEnv(VecEnv):
         """Set an attribute of the vector environment.
 
         Raises:
+            AttributeError: for an option, which is fixed when the batch is made.
             ValueError: for some environments only; they share their attributes.
         """
+        if attr_name in {one.name for one in fields(Settings)}:
+            raise AttributeError(
+                f"attr_name = {shown(attr_name)}: an option, fixed when the batch is made; make another batch and give "
+                "it to the model by `set_env`, or the next reset its quantities by `set_options({'parameters': ...})`"
+            )
         chosen = sorted(set(self._get_indices(indices)))
         if chosen != list(range(self.num_envs)):
             raise ValueError(
@@ -214,3 +230,13 @@ class FlexArmVecEnv(VecEnv):
     def _reset_one(self, index: int, seed: int | None, options: dict[str, Any]) -> tuple[Observations, dict[str, Any]]:
         mask = np.arange(self.num_envs) == index
         return self.env.reset(seed=[seed] * self.num_envs, options={**options, "reset_mask": mask})
+
+
+def _warn_of_threads() -> None:
+    """Warn if torch takes several threads and nobody said how many it should take."""
+    if (threads := torch.get_num_threads()) > 1 and _THREADS not in os.environ:
+        gymnasium.logger.warn(
+            f"torch uses {threads} threads. On networks of the usual size they mostly wait for each other: no faster "
+            "than one on an idle machine, and many times slower on a busy one or under a limit of its processors. Call "
+            f"torch.set_num_threads(1) before the training, or set {_THREADS} to the number that you want"
+        )

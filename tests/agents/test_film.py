@@ -208,9 +208,7 @@ def test_render_runs_an_episode_that_replay_shows_again(
     assert one.read_bytes() == other.read_bytes()
 
 
-def test_render_refuses(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_render_refuses(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
     assert status("render", "nobody") == 1
     assert "policy 'nobody'" in capsys.readouterr().err

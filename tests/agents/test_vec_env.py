@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterator
 from typing import Any
 
 import gymnasium
 import numpy as np
 import pytest
+import torch
 from gymnasium.vector import AutoresetMode
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv, VecMonitor, VecNormalize
@@ -189,6 +191,29 @@ def test_what_the_environments_are_asked(env: FlexArmVecEnv) -> None:
         env.set_attr("note", "lost", 1)
     with pytest.raises(AttributeError, match=r"method_name = 'compute_reward': must be one of 'render', 'reset'"):
         env.env_method("compute_reward")
+
+
+def test_options_are_not_set_in_vain(env: FlexArmVecEnv) -> None:
+    with pytest.raises(AttributeError, match=r"attr_name = 'reward_weights': an option.*set_env.*set_options"):
+        VecMonitor(env).set_attr("reward_weights", {"effort": 1.0})
+    env.set_options({"parameters": {"delay": 0.02}})
+    env.reset()
+    assert [episode.parameters["delay"] for episode in env.get_attr("episode")] == [0.02] * COUNT
+
+
+@pytest.mark.parametrize(("threads", "chosen", "warns"), [(2, None, 1), (2, "2", 0), (1, None, 0)])
+def test_threads_that_wait_for_each_other(
+    env: FlexArmVecEnv, monkeypatch: pytest.MonkeyPatch, threads: int, chosen: str | None, warns: int
+) -> None:
+    monkeypatch.delenv("OMP_NUM_THREADS", raising=False)
+    if chosen is not None:
+        monkeypatch.setenv("OMP_NUM_THREADS", chosen)
+    monkeypatch.setattr(torch, "get_num_threads", lambda: threads)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        for _ in range(2):
+            env.reset()
+    assert ["set_num_threads(1)" in str(one.message) for one in caught] == [True] * warns
 
 
 def test_reset_as_a_method_of_some(env: FlexArmVecEnv) -> None:
