@@ -39,8 +39,8 @@ class FlexArmVecEnv(VecEnv):
     `terminal_observation`, `TimeLimit.truncated` (the time limit alone ended it, so its value is bootstrapped) and the
     step's own info; `reset_infos` holds the info of each environment's last reset.
 
-    `set_options` gives the next `reset()` its options, e.g. `{"parameters": {"delay": 0.05}}`, for one episode each. For
-    other options from then on, as in a curriculum, make another batch and give it to the model's `set_env`.
+    `set_options({"parameters": {"delay": 0.02}})` is for the episodes that the next `reset()` begins. For other options
+    from then on, as in a curriculum, make another batch and give it to the model by `set_env`.
 
     Attributes:
         env: the vector environment.

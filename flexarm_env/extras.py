@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import json
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
+from importlib import metadata
+from pathlib import Path
 from typing import Any
 
 from gymnasium.error import DependencyNotInstalled
@@ -17,10 +20,33 @@ def install_hint(package: str, extra: str) -> str:
         package: its name.
         extra: extra of FlexArm, which brings it.
     """
-    return (
-        f'{package} is not installed; run `pip install "flexarm[{extra}]"`, '
-        f'or `pip install -e ".[{extra}]"` in a clone of FlexArm'
-    )
+    return f"{package} is not installed; run `{install_command(extra)}`"
+
+
+def install_command(extra: str, package: Path | None = None) -> str:
+    """Return the command that brings an extra to this installation: to the clone, or from where it was installed.
+
+    Args:
+        extra: of FlexArm.
+        package: folder of this package, if it is elsewhere.
+    """
+    clone = (package or Path(__file__).resolve().parent).parent
+    if (clone / "pyproject.toml").is_file():
+        return f'pip install -e "{clone}[{extra}]"'
+    return f'pip install "flexarm[{extra}]{_source()}"'
+
+
+def _source() -> str:
+    """Return ` @ URL` if FlexArm was installed from a file, a folder or a repository; nothing if from an index."""
+    try:
+        text = metadata.distribution("flexarm").read_text("direct_url.json")
+    except metadata.PackageNotFoundError:
+        return ""
+    if text is None:
+        return ""
+    found = json.loads(text)
+    vcs = found.get("vcs_info")
+    return f" @ {vcs['vcs']}+{found['url']}@{vcs['commit_id']}" if vcs else f" @ {found['url']}"
 
 
 @contextmanager

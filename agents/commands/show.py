@@ -11,6 +11,7 @@ from flexarm_env.envs import documentation as doc
 from flexarm_env.envs.observation import observation_layout
 from flexarm_env.envs.registration import IDS
 from flexarm_env.envs.settings import Settings
+from flexarm_env.extras import install_command
 
 
 def run(arguments: Sequence[str]) -> None:
@@ -39,7 +40,7 @@ def specification(environment: str, columns: int) -> str:
         ("episode", f"{one.steps} steps, {doc.figure(one.steps * period)} s"),
         ("make", f'gymnasium.make("flexarm_env:{environment}")'),
         ("batch", f'gymnasium.make_vec("flexarm_env:{environment}", num_envs=16)'),
-    ] + ([("needs", f'pip install "flexarm[{one.extra}]"')] if one.extra else [])
+    ] + ([("needs", install_command(one.extra))] if one.extra else [])
     sections = {
         "Action space": f"action_mode is {settings.action_mode}: {mode.text}.\n\n{doc.action_table(settings)}",
         "Observation space": f"{doc.BLOCK_RULES}\n\n{doc.block_table(settings)}",

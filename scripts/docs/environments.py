@@ -12,6 +12,7 @@ from typing import Any
 import tyro
 
 from flexarm_env.envs import documentation as doc
+from flexarm_env.envs.batch import COSTS
 from flexarm_env.envs.per_env import OPTIONS as PER_ENV
 from flexarm_env.envs.registration import IDS, NAMESPACE, Id
 from flexarm_env.envs.settings import Settings
@@ -24,6 +25,7 @@ from scripts.docs.env_pictures import PICTURES, frames, write_moving
 
 PAGES = DOCS / "environments"
 WIDTH = 118  # of prose
+_LANES = " or ".join(", ".join(map(str, COSTS)).rsplit(", ", 1))
 _INTRODUCTION = """\
 A very flexible two-link arm in the plane, 9 m long, whose tip should follow a path. What an action is, what an
 observation holds, what is random and what is rewarded are options; the ids are choices of them. `help(env.unwrapped)`
@@ -38,6 +40,31 @@ among keys and cannot be written to. With `SameStep` the step that ends an episo
 observation; the last one is in `infos["final_obs"][i]`, with its info in `infos["final_info"]`. TorchRL takes
 `SameStep` or `Disabled` only. The mode is an argument of the environment here, not of `vector_kwargs`, which
 Gymnasium's `SyncVectorEnv` and `AsyncVectorEnv` take (`vectorization_mode="sync"`):"""
+_KERNELS = f"""\
+How many arms a batch has selects its kernel, for blocks of {_LANES}; one environment has its own. Each is
+compiled once for each kind of environment, in 6 to 8 s of one core, and kept: a sweep over sizes compiles several.
+`flexarm warm-up Square-v0 --num-envs 1 64 1024` does so ahead."""
+_LEARNER = """\
+Stable-Baselines3 takes a batch through `flexarm_agents.FlexArmVecEnv` (extra `train`). Call `torch.set_num_threads(1)`
+before the training: several threads are no faster on small networks, and many times slower where other work runs.
+`set_options({"parameters": {"delay": 0.02}})` is for the episodes that the next `reset()` begins; for other options
+from then on, as in a curriculum, make another batch and give it to the model:"""
+_CURRICULUM = f"""\
+```python
+import torch
+from flexarm_agents import FlexArmVecEnv
+from stable_baselines3 import PPO
+from stable_baselines3.common.vec_env import VecMonitor
+
+torch.set_num_threads(1)
+easy, hard = (
+    VecMonitor(FlexArmVecEnv.make("{NAMESPACE}/Square-v0", num_envs=16, error_limit=limit)) for limit in (5.0, 2.5)
+)
+model = PPO("MlpPolicy", easy, n_steps=64, batch_size=1024, device="cpu")
+model.learn(1024)
+model.set_env(hard)
+model.learn(1024, reset_num_timesteps=False)
+```"""
 _PER_ENV = """\
 With `per_env`, the environments of a batch have options of their own, for a robustness sweep, say: a list for each
 option, with a value for each environment. Environment i is then the single one made with its options, to the last bit.
@@ -110,7 +137,10 @@ def index() -> str:
     vector = FlexArmVectorEnv.__init__.__doc__ or ""
     sections = {
         "Make one": [snippet("Square-v0"), _NAMING],
-        "Make a batch": [_BATCH, _batch(), doc.parameter_table(vector), _AUTORESET, _batch(autoreset_mode="SameStep")],
+        "Make a batch": [
+            *(_BATCH, _batch(), doc.parameter_table(vector), _KERNELS),
+            *(_AUTORESET, _batch(autoreset_mode="SameStep"), _LEARNER, _CURRICULUM),
+        ],
         "Environments that differ": [_PER_ENV, _SWEEP, _wrapped(_OWN_OPTIONS)],
         "Arms": [_ARMS, doc.preset_table(), _ARM, doc.arm_table()],
         "Frames and units": [doc.FRAMES],
@@ -217,7 +247,7 @@ def _facts(name: str, one: Id) -> str:
         ("Batch", f'`gymnasium.make_vec("flexarm_env:{NAMESPACE}/{name}", num_envs=16)`'),
     ]
     if one.extra:
-        rows.append(("Install", f'`pip install "flexarm[{one.extra}]"`'))
+        rows.append(("Install", f'`pip install -e ".[{one.extra}]"` in a clone'))
     return doc.table(("Action space", f"`{env.action_space}`"), rows)
 
 

@@ -12,6 +12,7 @@ from dataclasses import asdict, dataclass, field
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
+from flexarm_env.extras import install_hint
 from scripts.common.markdown import table
 from scripts.common.result_files import write_json
 from scripts.validation.checks import Check, Result, Settings, read, shown, write
@@ -187,7 +188,7 @@ def printed(outcomes: Sequence[Outcome]) -> str:
         lines += ["", f"{outcome.group.title} ({shown(outcome.seconds)} s{note})"]
         if outcome.missing:
             packages = ", ".join(outcome.missing)
-            lines.append(f'  NOT RUN: {packages} is not installed; pip install "flexarm[{EXTRA}]" brings it')
+            lines.append(f"  NOT RUN: {install_hint(packages, EXTRA)}")
         if outcome.error:
             lines += ["  ERROR:", *(f"    {line}" for line in outcome.error.splitlines())]
         for check in outcome.checks:

@@ -13,6 +13,7 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 from numpy.typing import NDArray
 
+from flexarm_env.extras import install_command
 from tests.support.envs import SQUARE, assert_same, bare, in_fresh_process, kinds_of
 
 mujoco = pytest.importorskip("mujoco")
@@ -273,7 +274,7 @@ def test_without_mujoco_the_extra_is_named() -> None:
         "except ModuleNotFoundError as error:\n"
         "    print(error)\n"
     )
-    assert 'mujoco is not installed; run `pip install "flexarm[chain]"`' in in_fresh_process(code)
+    assert f"mujoco is not installed; run `{install_command('chain')}`" in in_fresh_process(code)
 
 
 def test_there_is_no_batch_of_its_own() -> None:

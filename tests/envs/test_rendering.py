@@ -13,6 +13,7 @@ from gymnasium.error import DependencyNotInstalled
 from numpy.typing import NDArray
 
 from flexarm_env.envs.rendering import BLUE, FAR, ORANGE, Renderer, Snapshot
+from flexarm_env.extras import install_command
 from tests.support.programs import ROOT
 from tests.support.refusals import refuses
 
@@ -263,7 +264,7 @@ def test_survives_another_environments_quit(monkeypatch: pytest.MonkeyPatch, ren
 def test_without_pygame_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "pygame", None)
     renderer = Renderer("rgb_array")  # needs nothing yet
-    with refuses(DependencyNotInstalled, 'pip install "flexarm[render]"'):
+    with refuses(DependencyNotInstalled, install_command("render")):
         renderer.draw(SCENE)
     renderer.close()
 

@@ -172,7 +172,7 @@ class StubBase:
         ([StubBase("a", math.nan), StubBase("b")], True, 1, "FAILED in a"),
         ([StubBase("a", math.inf), StubBase("b")], False, 1, "an accident"),
         ([StubBase("a", needs=("engine_x",)), StubBase("b")], False, 1, "NOT RUN: engine_x is not installed"),
-        ([StubBase("a", needs=("engine_x",)), StubBase("b")], True, 0, 'pip install "flexarm[validate]"'),
+        ([StubBase("a", needs=("engine_x",)), StubBase("b")], True, 0, "[validate]"),
     ],
 )
 def test_one_group_does_not_stop_another(
