@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import os
 import re
+from html import escape
+from pathlib import Path
+from urllib.parse import urlsplit
 
 from docutils import nodes
 from docutils.utils.math import MathError
@@ -28,7 +31,7 @@ exclude_patterns = ["docs/_static"]
 nb_merge_streams = True
 nb_execution_mode = "off"  # notebooks are committed with their outputs; a test runs them
 myst_heading_anchors = 4
-myst_enable_extensions = ["dollarmath"]
+myst_enable_extensions = ["deflist", "dollarmath"]
 myst_fence_as_directive = ["math"]
 suppress_warnings = ["myst.header"]  # sections of a page that a script writes may begin at a lower level
 
@@ -58,11 +61,15 @@ html_theme_options = {
 html_title = f"FlexArm {release}"
 html_copy_source = False
 html_show_sphinx = False
+html_favicon = "_static/favicon.svg"
+html_search_scorer = str(Path(__file__).with_name("_static") / "scorer.js")
 html_static_path = ["_static"]
 html_css_files = ["flexarm.css"]
 html_js_files = ["flexarm.js"]
-# The page for wrong addresses is shown at any depth, so that its links begin where the site does, e.g. at "/flexarm".
-notfound_urls_prefix = f"{os.environ.get('SITE_PREFIX', '')}/"
+# Where the site will stand, e.g. "https://user.github.io/flexarm"; previews of links name their picture by it.
+html_baseurl = os.environ.get("SITE_ADDRESS", "").rstrip("/")
+# The page for wrong addresses is shown at any depth, so that its links begin where the site does.
+notfound_urls_prefix = f"{urlsplit(html_baseurl).path}/"
 
 add_module_names = False
 autodoc_default_options = {"members": True, "show-inheritance": True}
@@ -118,6 +125,28 @@ def _formula(writer, node) -> None:
     raise nodes.SkipNode
 
 
+def _description(app, pagename, templatename, context, doctree) -> None:
+    """Tell search engines and previews of links what a page is about: its first paragraph, cut after a sentence."""
+    if not doctree:  # the index, search
+        return
+    title, text = (
+        " ".join(next((one.astext() for one in doctree.findall(kind)), "").split())
+        for kind in (nodes.title, nodes.paragraph)
+    )
+    if len(text) > 200:
+        text = re.match(r".{0,160}[.!?](?=\s)|.{0,160}(?=\s)", text)[0]
+    told = {"og:type": "website", "og:site_name": project, "og:title": title or project}
+    if text:
+        context["metatags"] += f'<meta name="description" content="{escape(text)}">\n'
+        told["og:description"] = text
+    if html_baseurl:
+        told |= {"og:image": f"{html_baseurl}/_static/social.png", "twitter:card": "summary_large_image"}
+        told["og:url"] = context["pageurl"]
+    context["metatags"] += "".join(
+        f'<meta property="{name}" content="{escape(value)}">\n' for name, value in told.items()
+    )
+
+
 class LongCells(SphinxPostTransform):
     """Marks the cells of tables that are long: the others are not broken into lines (flexarm.css)."""
 
@@ -135,4 +164,5 @@ def setup(app) -> None:
     app.add_post_transform(LongCells)
     app.connect("autodoc-process-docstring", _as_plain_text, priority=100)
     app.connect("autodoc-skip-member", _skip_numbered)
+    app.connect("html-page-context", _description)
     app.add_html_math_renderer("mathml", (_formula, None), (_formula, None))

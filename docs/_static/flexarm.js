@@ -92,8 +92,38 @@ window.flexarm = (() => {
     }
   });
 
+  // A button copies a page's code: of a session with Python what follows its prompts, else all.
+  ready(() => {
+    for (const box of document.querySelectorAll("div.highlight")) {
+      if (box.closest(".cell_output") || !navigator.clipboard) continue;
+      const button = element("button", { type: "button", class: "fx-copy", "aria-label": "Copy this code" }, "Copy");
+      button.addEventListener("click", async () => {
+        const lines = box.querySelector("pre").textContent.trimEnd().split("\n");
+        const typed = lines.filter((line) => /^(>>>|\.\.\.)( |$)/.test(line)).map((line) => line.slice(4));
+        await navigator.clipboard.writeText((typed.length ? typed : lines).join("\n"));
+        button.textContent = "Copied";
+        setTimeout(() => { button.textContent = "Copy"; }, 1500);
+      });
+      box.append(button);
+    }
+  });
+
+  // What is wider than the page fades at the side where more is to be seen, and scrolls by the keyboard.
+  const cues = new ResizeObserver((seen) => seen.forEach(({ target }) => cue(target)));
+  function cue(box) {
+    const hidden = box.scrollWidth - box.clientWidth;
+    box.classList.toggle("fx-more-left", box.scrollLeft > 1);
+    box.classList.toggle("fx-more-right", box.scrollLeft < hidden - 1);
+    if (hidden > 1) box.tabIndex = 0;
+  }
+  function cued(box) {
+    box.addEventListener("scroll", () => cue(box), { passive: true });
+    cues.observe(box);
+  }
+  ready(() => document.querySelectorAll(".table-wrapper, .formula").forEach(cued));
+
   // A page on a disk may not fetch others: search there lists what it finds without the words around it.
   if (location.protocol === "file:") DOCUMENTATION_OPTIONS.SHOW_SEARCH_SUMMARY = false;
 
-  return { element, choices, list, breakable, colours, onTheme, fitted, load, ready };
+  return { element, choices, list, breakable, colours, onTheme, fitted, load, ready, cued };
 })();

@@ -1,7 +1,7 @@
 /* The leaderboard as a table that can be sorted and filtered; rows and columns are those of its data. */
 "use strict";
 (() => {
-  const { element, choices, list, breakable, ready } = flexarm;
+  const { element, choices, list, breakable, ready, cued } = flexarm;
   const FIGURES = { rms: "whole lap", rms_after_2s: "after 2 s", maximum: "largest distance" };
   const OVERVIEW = "overview";
   const SVG = "http://www.w3.org/2000/svg";
@@ -236,5 +236,6 @@
       element("div", { class: "fx-scroll", tabindex: 0, role: "region", "aria-label": "Leaderboard" }, parts.table),
     );
     draw();
+    cued(mount.querySelector(".fx-scroll"));
   });
 })();

@@ -7,6 +7,7 @@
   const CLOSE = 0.9; // half the width of the close-up [m]
   const TRAIL = 2.5; // [s]
   const CALM = 0.25; // between pictures for who wants no motion [s]
+  const BEGIN = 0.3; // [s]; until then arms that start alike cover each other
 
   // --- data ---
 
@@ -104,7 +105,7 @@
 
   // --- the viewer ---
 
-  const state = { rows: ["", ""], lap: "swing", time: 0, playing: false, speed: 1 };
+  const state = { rows: ["", ""], lap: "swing", time: BEGIN, playing: false, speed: 1, small: false };
   const parts = {};
   let shown = [null, null]; // laps
   let reference, colour, traces;
@@ -390,11 +391,13 @@
   }
 
   function draw() {
-    if (!reference || !parts.traces.clientWidth) return; // not laid out: hidden, or another page is being opened
+    if (!reference || !parts.arm.clientWidth) return; // not laid out: hidden, or another page is being opened
     whole();
-    close();
-    strips();
-    figures();
+    if (!state.small) {
+      close();
+      strips();
+      figures();
+    }
     parts.slider.value = state.time;
     const text = `${state.time.toFixed(2)} s`;
     parts.slider.setAttribute("aria-valuetext", text);
@@ -410,7 +413,7 @@
     parts.play.textContent = on ? "❚❚ Pause" : "▶ Play";
     parts.play.setAttribute("aria-pressed", on);
     if (!on) return;
-    if (state.time >= end() - 1e-9) state.time = 0;
+    if (state.time >= end() - 1e-9) state.time = BEGIN;
     let before = performance.now();
     let [time, last] = [state.time, state.time];
     const step = (now) => {
@@ -431,9 +434,8 @@
   }
 
   function keys(event) {
-    const inside = event.target === document.body || parts.mount.contains(event.target);
     const own = event.target.matches("select, input[type=radio], a");
-    if (!inside || event.ctrlKey || event.altKey || event.metaKey) return;
+    if (event.ctrlKey || event.altKey || event.metaKey) return;
     const step = event.shiftKey ? 1 : 0.05;
     const actions = {
       " ": () => play(!state.playing),
@@ -473,9 +475,30 @@
       error: element("p", { class: "fx-error", role: "alert" }),
     });
     parts.slider.addEventListener("input", () => seek(Number(parts.slider.value)));
+    if (state.small) mount.replaceChildren(...few());
+    else mount.replaceChildren(...all());
+  }
+
+  const speeds = () => list(
+    "Speed", ["0.1", "0.25", "0.5", "1", "2"].map((one) => [one, `${one}×`]), String(state.speed),
+    (value) => { state.speed = Number(value); },
+  );
+  const transport = () => element("div", { class: "fx-transport" }, parts.play, parts.slider, parts.clock, speeds());
+  const stage = (...others) => element(
+    "div", { class: "fx-stage" },
+    element("div", {}, parts.arm, element("div", { class: "fx-caption" }, "Dashed: the same joints with straight links. Cross: where the tip should be.")),
+    ...others,
+  );
+
+  /** Return the parts of a page that is about something else: two arms and the time. */
+  function few() {
+    return [parts.error, stage(element("div", { class: "fx-side fx-told" }, parts.who, parts.told)), transport()];
+  }
+
+  function all() {
     const names = index.rows.map((row) => [row.name, row.name]);
     const pick = (n) => (name) => { state.rows[n] = name; choose(); };
-    mount.replaceChildren(
+    return [
       element(
         "div", { class: "fx-controls" },
         list("First controller", names, state.rows[0], pick(0)),
@@ -483,25 +506,18 @@
         choices("Lap", "replay-lap", Object.keys(index.laps).map((lap) => [lap, lap]), state.lap, (lap) => { state.lap = lap; choose(); }),
       ),
       parts.error,
-      element(
-        "div", { class: "fx-stage" },
-        element("div", {}, parts.arm, element("div", { class: "fx-caption" }, "Dashed: the same joints with straight links. Cross: where the tip should be.")),
-        element(
-          "div", { class: "fx-side" }, parts.close,
-          element("div", { class: "fx-caption" }, "Close-up. Dot: the tip. Ring: where the late sensor says that it is."),
-          element("table", { class: "fx-figures" }, element("thead", {}, parts.heads), parts.figures),
-        ),
-      ),
-      element(
-        "div", { class: "fx-transport" }, parts.play, parts.slider, parts.clock,
-        list("Speed", [["0.1", "0.1×"], ["0.25", "0.25×"], ["0.5", "0.5×"], ["1", "1×"], ["2", "2×"]], "1", (value) => { state.speed = Number(value); }),
-      ),
+      stage(element(
+        "div", { class: "fx-side" }, parts.close,
+        element("div", { class: "fx-caption" }, "Close-up. Dot: the tip. Ring: where the late sensor says that it is."),
+        element("table", { class: "fx-figures" }, element("thead", {}, parts.heads), parts.figures),
+      )),
+      transport(),
       element("div", { class: "fx-traces" }, parts.traces),
       element("p", { class: "fx-hint" }, element("kbd", {}, "Space"), " plays and pauses, ", element("kbd", {}, "←"), " ", element("kbd", {}, "→"),
         " move by 0.05 s, with ", element("kbd", {}, "Shift"), " by 1 s, ", element("kbd", {}, "Home"), " and ", element("kbd", {}, "End"),
         " go to the ends. Drag in the traces to move through the lap."),
       parts.told, parts.who,
-    );
+    ];
   }
 
   ready(() => {
@@ -512,11 +528,16 @@
     const first = known.includes(asked) ? asked : "ifdc";
     state.rows = [first, first === "lqg_adaptive" ? "agent square" : "lqg_adaptive"];
     if (!known.includes(first)) state.rows = [known[0], known[1] || NOBODY];
+    if (mount.dataset.small) {
+      const [one, other, lap] = mount.dataset.small.split("|");
+      Object.assign(state, { rows: [one, other], lap, small: true, speed: 0.25 });
+    }
     colour = colours(mount);
     build(mount);
-    document.addEventListener("keydown", keys);
+    mount.addEventListener("keydown", keys);
+    if (!state.small) document.addEventListener("keydown", (event) => event.target === document.body && keys(event));
     onTheme(() => { traces = null; draw(); });
     new ResizeObserver(() => { if (!state.playing) draw(); }).observe(mount);
-    choose();
+    choose().then(() => { if (state.small && !calm.matches) play(true); });
   });
 })();

@@ -10,85 +10,31 @@ import re
 import shutil
 import subprocess
 import sys
-from collections.abc import Mapping, Sequence
+from importlib import import_module
 from pathlib import Path
 
 from scripts.common.command_line import run
 from scripts.common.markdown import DOCS
-from scripts.docs.widgets import BOARD, STATIC, board_script, replay_names, with_widgets
+from scripts.docs.contents import CHAPTERS, KINDS, MODULES, chapter_page, contents, listing, toctree
+from scripts.docs.widgets import (
+    BOARD,
+    BOARD_DATA,
+    BOARD_PAGE,
+    STATIC,
+    board_script,
+    board_table,
+    replay_names,
+    with_folds,
+    with_widgets,
+)
 
 ROOT = DOCS.parent
 OUTPUT = ROOT / "build" / "site"
 PAGES = ROOT / "build" / "site_pages"
 FIRST = "index.md"  # the README's name on the site
 TOP = ("README.md", "CONTRIBUTING.md", "CHANGELOG.md", "SECURITY.md", "CODE_OF_CONDUCT.md")
-KINDS = ("md", "ipynb")  # of pages
 LINK = re.compile(r"(?<=\]\()([^)#:\s]+)(?=[)#])")
 BARE = re.compile(r"\[[\w./-]+\.md\](?=\([\w./-]+\.md[#)])")  # a page by its file's name: the site has titles
-
-# The pages of docs by chapters; those that are not named come last.
-CHAPTERS: Mapping[str, Sequence[str]] = {
-    "Tutorials": (
-        *("tutorials/first_agent", "tutorials/your_controller", "tutorials/late_sensor", "tutorials/sim_to_chain"),
-        "notebooks/*",
-    ),
-    "Environments": ("environments/README", "environments/*", "metrics", "plant", "versioning"),
-    "Control and learning": (
-        "controllers",
-        "lqg",
-        "predictive",
-        "optimal",
-        "agents",
-        "leaderboard",
-        "replays",
-        "submit",
-    ),
-    "Recipes": ("recipes/README", "recipes/*"),
-    "Theory": ("model", "analysis", "derivatives"),
-    "Evidence": ("validation", "reproduction", "claims", "reliability"),
-}
-MODULES = (
-    "flexarm_env",
-    "flexarm_env.actions",
-    "flexarm_env.analysis",
-    "flexarm_env.formulas",
-    "flexarm_env.metrics",
-    "flexarm_env.parameters",
-    "flexarm_env.rollout",
-    "flexarm_env.envs.single",
-    "flexarm_env.envs.vector",
-    "flexarm_baselines",
-    "flexarm_baselines.controller",
-    "flexarm_baselines.observers",
-    "flexarm_baselines.optimal",
-    "flexarm_baselines.registry",
-    "flexarm_agents",
-)
-
-
-def chapters(docs: Path) -> dict[str, list[str]]:
-    """Return the site's pages by chapters, without their endings.
-
-    Args:
-        docs: folder of the pages.
-    """
-    left = {page.relative_to(docs).with_suffix("").as_posix() for kind in KINDS for page in docs.rglob(f"*.{kind}")}
-    found = {}
-    for chapter, patterns in CHAPTERS.items():
-        pages: list[str] = []
-        for pattern in patterns:
-            matches = sorted(page for page in left if Path(page).match(pattern))
-            pages += matches
-            left -= set(matches)
-        found[chapter] = [f"docs/{page}" for page in pages]
-    found["More"] = [f"docs/{page}" for page in sorted(left)] + [Path(name).stem for name in TOP[1:]]
-    found["Reference"] = [f"api/{name}" for name in MODULES]
-    return found
-
-
-def toctree(caption: str, pages: Sequence[str]) -> str:
-    """Write a chapter of the table of contents."""
-    return "\n".join(("```{toctree}", ":hidden:", f":caption: {caption}", "", *pages, "```", ""))
 
 
 def lay_out(pages: Path) -> None:
@@ -101,17 +47,54 @@ def lay_out(pages: Path) -> None:
     shutil.copytree(DOCS, pages / "docs", ignore=shutil.ignore_patterns("__pycache__"))
     board = json.loads((DOCS / "leaderboard.json").read_text(encoding="utf-8"))
     (pages / STATIC / BOARD).write_text(board_script(board, replay_names()), encoding="utf-8")
+    for name, text in zip(BOARD_DATA, (board_table(board), json.dumps(board)), strict=True):
+        (pages / STATIC / name).write_text(text, encoding="utf-8")
     for name in TOP:
         shutil.copy(ROOT / name, pages / (FIRST if name == "README.md" else name))
     for page in pages.rglob("*.md"):
         text = with_widgets(with_links(page, pages), page.relative_to(pages))
+        if page == pages / BOARD_PAGE:
+            text = with_folds(text)
         page.write_text(BARE.sub("[]", text), encoding="utf-8")
-    with (pages / FIRST).open("a", encoding="utf-8") as file:
-        file.writelines(f"\n{toctree(caption, names)}" for caption, names in chapters(DOCS).items())
-    (pages / "api").mkdir()
+    write_reference(pages / "api")
+    write_contents(pages)
+
+
+def write_reference(folder: Path) -> None:
+    """Write a page for each module of the reference, and one that lists them.
+
+    Args:
+        folder: for them; it must not exist.
+    """
+    folder.mkdir()
     for name in MODULES:
         text = f"# {name}\n\n```{{eval-rst}}\n.. automodule:: {name}\n```\n"
-        (pages / "api" / f"{name}.md").write_text(text, encoding="utf-8")
+        (folder / f"{name}.md").write_text(text, encoding="utf-8")
+    lines = {f"[{name}]({name}.md)": (import_module(name).__doc__ or "").partition("\n")[0] for name in MODULES}
+    text = listing("Python API", "The public modules of FlexArm, its baselines and its agents.", lines)
+    (folder / "index.md").write_text(text, encoding="utf-8")
+
+
+def write_contents(pages: Path) -> None:
+    """Write the chapters' pages, and what stands below each page.
+
+    Args:
+        pages: folder of the site's sources.
+    """
+    files = [page for kind in KINDS for page in pages.rglob(f"*.{kind}") if page != pages / FIRST]
+    below = contents(page.relative_to(pages).with_suffix("").as_posix() for page in files)
+    for name, children in below.items():
+        if name in CHAPTERS:
+            (pages / f"{name}.md").write_text(chapter_page(CHAPTERS[name], children, pages), encoding="utf-8")
+        else:
+            append(pages / f"{name}.md", toctree(children, pages))
+    append(pages / FIRST, toctree([name for name in CHAPTERS if name in below], pages))
+
+
+def append(page: Path, text: str) -> None:
+    """Write text at the end of a page."""
+    with page.open("a", encoding="utf-8") as file:
+        file.write(text)
 
 
 def with_links(page: Path, pages: Path) -> str:

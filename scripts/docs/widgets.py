@@ -6,10 +6,12 @@ the repository sees; on the site it is shown to readers without JavaScript.
 
 from __future__ import annotations
 
+import csv
+import io
 import json
 import os
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -18,10 +20,15 @@ from flexarm_env.laps import LAPS
 from scripts.common.markdown import DOCS
 
 _PLACE = re.compile(r"<!-- site: (\w+) -->\n(.*?)<!-- site end -->", re.DOTALL)
+_TABLE = re.compile(r"(<!-- generated: (\w+) -->\n)((?:\|[^\n]*\n){10,})(?=<!-- end -->)")  # a long one
+_HEADING = re.compile(r"^#+ (.*)$", re.MULTILINE)
 _FIGURES = ("rms", "rms_after_2s", "maximum")
 STATIC = "docs/_static"  # within the site's sources
 BOARD = "board.js"
+BOARD_PAGE = "docs/leaderboard.md"
+BOARD_DATA = ("leaderboard.csv", "leaderboard.json")
 REPLAYS = "docs/replays"  # page of the viewer
+_VIEWER = ("replay.js", "replays/index.js")
 
 
 class Widget(NamedTuple):
@@ -30,15 +37,19 @@ class Widget(NamedTuple):
     Attributes:
         mount: id of the element that it fills.
         scripts: files of `docs/_static`, in the order in which they are loaded.
+        data: files there that a reader may want to keep.
+        options: attributes of the element.
     """
 
     mount: str
     scripts: tuple[str, ...]
+    data: tuple[str, ...] = ()
+    options: str = ""
 
 
 WIDGETS: Mapping[str, Widget] = {
-    "leaderboard": Widget("flexarm-leaderboard", ("leaderboard.js", BOARD)),
-    "replays": Widget("flexarm-replay", ("replay.js", "replays/index.js")),
+    "leaderboard": Widget("flexarm-leaderboard", ("leaderboard.js", BOARD), BOARD_DATA),
+    "replays": Widget("flexarm-replay", _VIEWER),
 }
 
 
@@ -60,10 +71,56 @@ def with_widgets(text: str, page: Path) -> str:
             raise ValueError(f"{page}: has a place for {place[1]!r}; must be one of {', '.join(WIDGETS)}")
         one = WIDGETS[place[1]]
         scripts = "".join(f'<script defer src="{static}/{name}"></script>\n' for name in one.scripts)
-        mount = f'<div id="{one.mount}" class="fx" data-files="{static}/replays/"></div>'
-        return f"{mount}\n{scripts}\n<noscript>\n\n{place[2]}\n</noscript>\n"
+        mount = f'<div id="{one.mount}" class="fx" data-files="{static}/replays/"{one.options}></div>'
+        links = ", ".join(f'<a href="{static}/{name}" download>{name}</a>' for name in one.data)
+        data = f'<p class="fx-hint">All figures: {links}</p>\n' if links else ""
+        return f"{mount}\n{data}{scripts}\n<noscript>\n\n{place[2]}\n</noscript>\n"
 
     return _PLACE.sub(widget, text)
+
+
+def with_folds(text: str) -> str:
+    """Return a page's text whose long generated tables open by a click.
+
+    A table of an axis is named by its first cell, another one by the heading above it.
+    """
+
+    def fold(table: re.Match[str]) -> str:
+        name = table[3].split("|")[1].strip() if table[2].startswith("axis_") else ""
+        name = name or _HEADING.findall(text[: table.start()])[-1]
+        return f'{table[1]}<details class="fx-fold">\n<summary>Table: {name}</summary>\n\n{table[3]}\n</details>\n'
+
+    return _TABLE.sub(fold, text)
+
+
+def board_table(board: Mapping[str, Any]) -> str:
+    """Write the leaderboard's figures as CSV, a line for each row, point and lap; errors in m, times in s.
+
+    Args:
+        board: contents of docs/leaderboard.json.
+    """
+    file = io.StringIO()
+    writer = csv.writer(file, lineterminator="\n")
+    writer.writerow(("name", "axis", "value", "unit", "lap", "episodes", "lost", "first_loss", *_FIGURES))
+    writer.writerows(_lines(board))
+    return file.getvalue()
+
+
+def _lines(board: Mapping[str, Any]) -> Iterator[tuple[Any, ...]]:
+    for row in board["rows"]:
+        for axis, measured in row["columns"].items():
+            column, points = board["columns"][axis], measured["points"]
+            values = column["values"] if len(points) > 1 else ("all",)  # plants that are drawn count together
+            for value, point in zip(values, points, strict=True):
+                for lap, found in zip(point or (), _point(point) or (), strict=False):
+                    place = row["name"], axis, value, column["unit"], lap
+                    yield (
+                        *place,
+                        found["episodes"],
+                        found["lost"],
+                        found["first_loss"],
+                        *(found[one] for one in _FIGURES),
+                    )
 
 
 def replay_names(folder: Path = DOCS / "_static" / "replays") -> list[str]:

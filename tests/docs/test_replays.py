@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import csv
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +20,7 @@ from flexarm_env.laps import LAPS
 from flexarm_env.simulation.arm import FlexibleArm
 from scripts.common.markdown import DOCS
 from scripts.docs import replays
-from scripts.docs.widgets import WIDGETS, board_script, replay_names, with_widgets
+from scripts.docs.widgets import WIDGETS, board_script, board_table, replay_names, with_folds, with_widgets
 
 BOARD = json.loads((DOCS / "leaderboard.json").read_text())
 MOST_BYTES = 60_000  # of a file
@@ -109,6 +111,37 @@ def test_the_board_keeps_every_row_and_column() -> None:
     lqg = next(row for row in shown["rows"] if row["name"] == "lqg")
     full = next(row for row in BOARD["rows"] if row["name"] == "lqg")
     assert lqg["columns"]["nominal"][0][0]["rms"] == full["columns"]["nominal"]["points"][0]["swing"]["rms"]["mean"]
+
+
+def test_the_data_to_keep_have_every_figure_of_the_board() -> None:
+    lines = list(csv.DictReader(board_table(BOARD).splitlines()))
+    points = [
+        (row["name"], axis, lap)
+        for row in BOARD["rows"]
+        for axis, column in row["columns"].items()
+        for point in column["points"]
+        if point is not None and "not_applicable" not in point
+        for lap in point
+    ]
+    assert [(line["name"], line["axis"], line["lap"]) for line in lines] == points
+    lost = next(line for line in lines if line["lost"] == line["episodes"])
+    assert lost["rms"] == ""
+    assert float(lost["first_loss"]) >= 0.0
+    lqg = next(row for row in BOARD["rows"] if row["name"] == "lqg")["columns"]["payload"]["points"][3]["plain"]
+    (own,) = [
+        line
+        for line in lines
+        if [line[name] for name in ("name", "axis", "value", "lap")] == ["lqg", "payload", "0.3", "plain"]
+    ]
+    assert float(own["rms"]) == lqg["rms"]["mean"]
+
+
+def test_long_tables_are_folded_and_named() -> None:
+    long = "<!-- generated: {} -->\n| {} |\n|---|\n" + 10 * "| 1 |\n" + "<!-- end -->\n"
+    page = with_folds("# A\n\n## B\n\n" + long.format("times", "row") + long.format("axis_delay", "Sensor delay"))
+    assert re.findall(r"<summary>(.*)</summary>", page) == ["Table: B", "Table: Sensor delay"]
+    short = "# A\n\n<!-- generated: times -->\n| row |\n|---|\n| 1 |\n<!-- end -->\n"
+    assert with_folds(short) == short
 
 
 def test_a_page_without_javascript_keeps_its_text() -> None:

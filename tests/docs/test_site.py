@@ -3,27 +3,64 @@
 from __future__ import annotations
 
 import importlib
+import re
 from pathlib import Path
 
 import pytest
 
 from scripts.docs import site
+from scripts.docs.contents import CHAPTERS, KINDS, MODULES, contents, first_sentence
 from tests.support.programs import ROOT
 
 PAGES = [
-    path.relative_to(ROOT).with_suffix("").as_posix()
-    for kind in ("md", "ipynb")
-    for path in (ROOT / "docs").rglob(f"*.{kind}")
+    path.relative_to(ROOT).with_suffix("").as_posix() for kind in KINDS for path in (ROOT / "docs").rglob(f"*.{kind}")
 ]
 
 
-def test_every_page_stands_once_in_the_contents() -> None:
-    listed = [page for pages in site.chapters(ROOT / "docs").values() for page in pages]
-    assert len(set(listed)) == len(listed)
-    assert {page for page in listed if page.startswith("docs/")} == set(PAGES)
+SIDEBAR = 12  # entries of the first level that a reader takes in
 
 
-@pytest.mark.parametrize("name", site.MODULES)
+def test_every_page_stands_once_in_the_contents(tmp_path: Path) -> None:
+    site.lay_out(tmp_path)
+    pages = {
+        path.relative_to(tmp_path).with_suffix("").as_posix() for kind in KINDS for path in tmp_path.rglob(f"*.{kind}")
+    }
+    trees = re.findall(
+        r"```{toctree}\n:hidden:\n\n(.*?)\n```", "".join(page.read_text() for page in tmp_path.rglob("*.md")), re.DOTALL
+    )
+    listed = [re.sub(r"^.* <|>$", "", line).removeprefix("/") for tree in trees for line in tree.splitlines()]
+    assert sorted(listed) == sorted(pages - {"index"})
+    assert set(PAGES) <= pages
+
+
+def test_the_first_level_of_the_contents_is_short() -> None:
+    assert len(CHAPTERS) <= SIDEBAR
+    assert max(len(chapter.pages) for chapter in CHAPTERS.values()) <= SIDEBAR
+
+
+def test_pages_that_no_chapter_names_come_last_and_chapters_without_pages_are_left_out() -> None:
+    assert contents(["docs/concepts", "docs/other", "api/index", "api/flexarm_env"]) == {
+        "api/index": ["api/flexarm_env"],
+        "start": ["docs/concepts"],
+        "reference": ["api/index"],
+        "developers": ["docs/other"],
+    }
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("<!-- made -->\n\n# Title\n\nA [link](a.md#b) of 3.5 m. More.", "A link of 3.5 m."),
+        ("# Title\n\n```python\na = 1\n\nb = 2\n```\n\nThe law ([model.md](model.md)) holds:\n\n- x", "The law holds"),
+        ("# Title\n\n| a |\n|---|\n\n`make` does it! *So* there.", "`make` does it!"),
+        ("# Title", ""),
+    ],
+)
+def test_a_page_without_a_line_shows_its_first_sentence(text: str, sentence: str) -> None:
+    assert first_sentence(text) == sentence
+
+
+@pytest.mark.parametrize("name", MODULES)
 def test_the_reference_is_of_modules_with_public_names(name: str) -> None:
     module = importlib.import_module(name)
     assert module.__doc__

@@ -1,0 +1,21 @@
+/* How search orders what it finds: first pages whose own title has the words; developers' records last. */
+"use strict";
+var Scorer = {
+  objNameMatch: 11,
+  objPartialMatch: -1, // a part of a name counts less than a word of a page; the other numbers are Sphinx's
+  objPrio: { 0: 15, 1: 5, 2: -5 },
+  objPrioDefault: 0,
+  title: 15,
+  partialTitle: 7,
+  term: 5,
+  partialTerm: 2,
+
+  score([page, title, , , score, , kind]) {
+    const query = new URLSearchParams(location.search).get("q") || "";
+    const words = query.toLowerCase().split(/[^\p{L}\p{N}_]+/u).filter(Boolean);
+    const own = title.toLowerCase();
+    const named = kind !== "object" && !own.includes(" > ") && words.every((word) => own.includes(word.replace(/s$/, "")));
+    const record = /^(CHANGELOG|CONTRIBUTING|docs\/(validation|claims|reliability|announcing|versioning)$)/.test(page);
+    return score + (named ? 20 : 0) - (record ? 10 : 0);
+  },
+};

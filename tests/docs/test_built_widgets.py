@@ -1,0 +1,195 @@
+"""The site's widgets in a headless Chromium: the board sorts and filters, the viewer plays, both also in the dark."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from flexarm_env.simulation.arm import FlexibleArm
+from scripts.docs import replays
+from scripts.docs.widgets import replay_names
+from tests.docs.test_built_site import WIDGET_PAGES
+from tests.docs.test_replays import BOARD, arguments
+from tests.support.browser import Browser
+
+pytestmark = pytest.mark.slow
+
+# --- the leaderboard ------------------------------------------------------------------------------------------------
+
+ROWS = "return [...document.querySelectorAll('#flexarm-leaderboard tbody tr')]"
+NAMES = f"{ROWS}.map(row => row.dataset.row)"
+CELLS = f"{ROWS}.map(row => row.cells[arguments[0]].textContent)"
+
+
+def test_the_leaderboard_sorts_by_its_headings(browser: Browser) -> None:
+    browser.open("docs/leaderboard.html")
+    assert sorted(browser.run(NAMES)) == sorted(row["name"] for row in BOARD["rows"])
+    for column in (1, 4, 7):
+        heading = f"document.querySelectorAll('#flexarm-leaderboard thead th')[{column}]"
+        orders = []
+        while len(orders) < 2:
+            browser.run(f"{heading}.querySelector('button').click()")
+            direction = browser.run(f"return {heading}.getAttribute('aria-sort')")
+            figures = [float(text.strip("*% ")) for text in browser.run(CELLS, column) if text[0].isdigit()]
+            assert figures == sorted(figures, reverse=direction == "descending")
+            orders.append(direction)
+        assert sorted(orders) == ["ascending", "descending"]
+        assert browser.run(CELLS, column)[-1] in ("lost", "–") or column == 7
+
+
+def test_the_leaderboard_is_sorted_by_keyboard(browser: Browser) -> None:
+    browser.open("docs/leaderboard.html")
+    browser.run("document.querySelector('#flexarm-leaderboard thead button').focus()")
+    browser.press("\ue007")  # enter
+    assert browser.run(NAMES) == sorted(browser.run(NAMES), key=str.casefold)
+    browser.press(" ")
+    assert browser.run("return document.activeElement.closest('th').getAttribute('aria-sort')") == "descending"
+
+
+def test_the_leaderboard_shows_what_reads_no_more_than_allowed(browser: Browser) -> None:
+    browser.open("docs/leaderboard.html")
+    for reading in ("true state", "strain gauges"):
+        browser.run("document.querySelector(`#flexarm-leaderboard input[value='${arguments[0]}']`).click()", reading)
+        assert reading not in browser.run("return document.querySelector('#flexarm-leaderboard tbody').textContent")
+    allowed = [row["name"] for row in BOARD["rows"] if not {"true state", "strain gauges"} & set(row["reads"])]
+    assert sorted(browser.run(NAMES)) == sorted(allowed)
+    status = browser.run("return document.querySelector('#flexarm-leaderboard [role=status]').textContent")
+    assert status == f"{len(allowed)} of {len(BOARD['rows'])} rows"
+
+
+@pytest.mark.parametrize("axis", list(BOARD["columns"]))
+def test_the_leaderboard_has_every_axis(browser: Browser, axis: str) -> None:
+    browser.open("docs/leaderboard.html")
+    browser.choose("Axis", axis)
+    column = BOARD["columns"][axis]
+    heads = browser.run("return [...document.querySelectorAll('#flexarm-leaderboard thead th')].length") - 1
+    assert heads == (1 if axis == "unknown" else len(column["values"]))
+    charted = browser.run("return document.querySelectorAll('.fx-chart g').length")
+    assert charted == (len(BOARD["rows"]) if isinstance(column["values"][0], float) else 0)
+
+
+# --- the replay viewer ----------------------------------------------------------------------------------------------
+
+TIME = "Number(document.querySelector('#flexarm-replay input[type=range]').value)"
+PICTURE = "return document.querySelector('.fx-arm').toDataURL()"
+PLAYED = "document.querySelectorAll('#flexarm-replay .fx-figures tbody tr').length === 5"
+
+
+@pytest.fixture
+def viewer(browser: Browser) -> Browser:
+    browser.open("docs/replays.html")
+    browser.until(PLAYED)
+    return browser
+
+
+def test_the_viewer_plays_and_pauses_by_keyboard(viewer: Browser) -> None:
+    before = viewer.run(PICTURE)
+    assert viewer.run(f"return {TIME}") == 0.3  # the arms have parted
+    viewer.press(" ")
+    viewer.until(f"{TIME} > 0.5")
+    viewer.press(" ")
+    stopped = viewer.run(f"return {TIME}")
+    assert viewer.run(PICTURE) != before
+    viewer.press("\ue014")  # right
+    assert viewer.run(f"return {TIME}") == pytest.approx(stopped + 0.05, abs=0.011)
+    viewer.press("\ue011")  # home
+    assert viewer.run(f"return {TIME}") == 0.0
+    viewer.press("\ue010")  # end
+    assert viewer.run(f"return {TIME}") == 16.0
+
+
+def test_the_viewer_draws_the_links_where_the_arm_has_them(viewer: Browser) -> None:
+    arm = FlexibleArm()
+    found = replays.channels(arguments(replays.FOLDER / replays.file_name("ifdc", "swing"))[2])
+    q = np.concatenate([found["joints"], found["modal"]], axis=1)
+    for n in (0, 57, 730, 1600):
+        links = viewer.run("return flexarm.linkPoints('ifdc', 'swing', arguments[0])", n)
+        for link, points in enumerate(links, 1):
+            places = np.linspace(0.0, arm.parameters.link_lengths[link - 1], replays.POINTS)
+            np.testing.assert_allclose(points, [arm.position(q[n], link, x) for x in places], atol=1e-6)
+
+
+@pytest.mark.parametrize("name", replay_names())
+@pytest.mark.parametrize("lap", ["swing", "plain"])
+def test_the_viewer_shows_the_errors_of_the_board(viewer: Browser, name: str, lap: str) -> None:
+    viewer.choose("First", name)
+    viewer.run("document.querySelector(`#flexarm-replay input[value='${arguments[0]}']`).click()", lap)
+    heading = "document.querySelector('.fx-figures thead th:nth-child(2)').textContent.replaceAll('\\u200b', '')"
+    viewer.until(f"{heading} === {json.dumps(name)}")
+    (row,) = [row for row in BOARD["rows"] if row["name"] == name] or [None]
+    viewer.until("document.querySelector('.fx-hint + .fx-hint').textContent.includes(" + json.dumps(lap) + ")")
+    shown = viewer.run("return document.querySelectorAll('.fx-figures tbody tr')[2].cells[1].textContent")
+    if row is not None:
+        error = row["columns"]["nominal"]["points"][0][lap]["rms"]["mean"]
+        assert float(shown) == pytest.approx(1000.0 * error, abs=0.051)
+
+
+def test_the_viewer_may_be_hidden_and_shown(viewer: Browser) -> None:
+    before = viewer.run(PICTURE)
+    mount = "document.getElementById('flexarm-replay').style.display"
+    for shown in ("none", "block"):
+        viewer.run(f"{mount} = '{shown}'; document.body.dataset.theme = 'light'")
+        viewer.driver.execute_async_script("requestAnimationFrame(() => requestAnimationFrame(arguments[0]))")
+    assert viewer.run(PICTURE) == before
+
+
+def test_the_traces_move_the_time(viewer: Browser) -> None:
+    viewer.run(
+        "const traces = document.querySelector('.fx-traces canvas'), box = traces.getBoundingClientRect();"
+        "const at = {clientX: box.left + box.width / 2, buttons: 1, bubbles: true};"
+        "traces.dispatchEvent(new PointerEvent('pointerdown', at))"
+    )
+    assert viewer.run(f"return {TIME}") == pytest.approx(7.7, abs=0.5)
+
+
+def test_the_link_of_a_row_chooses_it(browser: Browser) -> None:
+    browser.open("docs/leaderboard.html")
+    link = "document.querySelector('[data-row=\"agent square\"] .fx-play').href"
+    browser.driver.get(browser.run(f"return {link}"))
+    browser.until(PLAYED)
+    assert browser.run("return document.querySelector('#flexarm-replay select').value") == "agent square"
+
+
+def test_motion_is_reduced_for_who_asks(browser: Browser) -> None:
+    browser.emulate(prefers_reduced_motion="reduce")
+    browser.open("docs/replays.html")
+    browser.until(PLAYED)
+    browser.press(" ")
+    browser.until(f"{TIME} > 0.6")
+    browser.press(" ")
+    assert browser.run(f"return {TIME}") % 0.25 == pytest.approx(0.0, abs=1e-9)
+
+
+# --- the theme ------------------------------------------------------------------------------------------------------
+
+BACKGROUND = "return getComputedStyle(document.body).backgroundColor"
+INK = "return getComputedStyle(document.querySelector('.fx')).getPropertyValue('--fx-text').trim()"
+
+
+def by_the_system(browser: Browser) -> None:
+    browser.emulate(prefers_color_scheme="dark")
+
+
+def by_the_switch(browser: Browser) -> None:
+    browser.run("document.body.dataset.theme = 'dark'")
+
+
+@pytest.mark.parametrize("darken", [by_the_system, by_the_switch])
+@pytest.mark.parametrize("page", WIDGET_PAGES)
+def test_dark_is_dark(browser: Browser, page: str, darken: Callable[[Browser], None]) -> None:
+    browser.open(page)
+    browser.until(f"document.querySelector('{WIDGET_PAGES[page]}') !== null")
+    light = browser.run(INK)
+    darken(browser)
+    assert browser.run(INK) != light
+    assert sum(map(int, re.findall(r"\d+", browser.run(BACKGROUND))[:3])) < 150
+
+
+def test_the_viewer_is_drawn_anew_in_the_dark(viewer: Browser) -> None:
+    before = viewer.run(PICTURE)
+    by_the_switch(viewer)
+    viewer.until(f"document.querySelector('.fx-arm').toDataURL() !== {json.dumps(before)}")
