@@ -2,7 +2,7 @@
 
 import gc
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import partial
 from typing import Any
 
@@ -78,6 +78,15 @@ def uncompiled(monkeypatch: pytest.MonkeyPatch) -> None:
     from tests.support.plain import run_plainly  # after the variables above are set
 
     run_plainly(monkeypatch)
+
+
+@pytest.fixture
+def signals() -> Iterator[None]:
+    """Let signals do what they usually do, also where the caller of the tests ignores them."""
+    from tests.support.signals import heeded  # after the variables above are set
+
+    with heeded():
+        yield
 
 
 @pytest.fixture

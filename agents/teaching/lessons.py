@@ -65,8 +65,8 @@ def give_lesson(
     rows: list[tuple[Array, NDArray[np.int64], Array, Array]] = []
     for period in range(teacher.periods):
         answers, feedback = teacher.actions(pupils, age, infos["state"])
-        weights = 1.0 / (1.0 + np.sum(feedback**2, axis=1) / config.knee**2)
-        rows.append((observations, age.copy(), answers, weights.astype(np.float32)))
+        weight = 1.0 / (1.0 + np.sum(feedback**2, axis=1) / config.knee**2)
+        rows.append((observations, age.copy(), answers, weight.astype(np.float32)))
         chosen = answers
         if student is not None:
             if period % TURNS == 0:

@@ -68,6 +68,7 @@ class BatchSimulator(LaneBatch):
 
     results: Array
     single_step: Callable[[], bool]
+    single_action: Any  # before Python 3.12, types do not know that an array goes into a memoryview
 
     def __init__(self, settings: Settings | Sequence[Settings], count: int, threads: int = 1) -> None:
         """Lay out the memory; kernels are compiled, or loaded from the cache, at the first start.
@@ -130,8 +131,8 @@ class BatchSimulator(LaneBatch):
         self.actions, self.observations = self._view("ACTIONS"), self._view("OBSERVATIONS")
         self.single_result = self._arenas[0, self._results, 0]
         end = self.single_result[self.parts["REWARD"].start : self.parts["STATUS"].stop]
-        self.single_end = memoryview(end)  # type: ignore[arg-type]
-        self.single_action, self.single_observation = memoryview(self.actions[0]), self.observations[0]
+        self.single_end = end.data
+        self.single_action, self.single_observation = self.actions[0].data, self.observations[0]
 
     def _use(self, kernel: Callable[..., Any]) -> None:
         super()._use(kernel)

@@ -73,7 +73,7 @@ def common_layout(kinds: Sequence[Settings], program: Program) -> ObservationLay
     """
     layouts = [observation_layout(settings, program) for settings in kinds]
     assert all(np.array_equal(one.scale, layouts[0].scale) for one in layouts)
-    return layouts[0]._replace(bound=np.max([one.bound for one in layouts], axis=0))
+    return layouts[0]._replace(bound=np.maximum.reduce([one.bound for one in layouts]))
 
 
 def observation_layout(settings: Settings, program: Program) -> ObservationLayout:

@@ -199,12 +199,12 @@ class FlexArmEnv(SimulatorView, gymnasium.Env[NDArray[np.float32], NDArray[np.fl
             raise RuntimeError("step() before reset(): there is no state to advance")
         simulator = self.simulator
         try:
-            simulator.single_action[:] = action  # type: ignore[call-overload]
+            simulator.single_action[:] = action
             taken = True
         except (TypeError, ValueError, BufferError, NotImplementedError):  # not float32, or not of this shape
             taken = False
         if not taken:
-            simulator.single_action[:] = rounded(finite_array("action", action, self._shape))  # type: ignore[call-overload]
+            simulator.single_action[:] = rounded(finite_array("action", action, self._shape))
         # A local name makes the call of a function that is an instance's attribute faster.
         advance, infos = simulator.single_step, self._infos
         if not advance():

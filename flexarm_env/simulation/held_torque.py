@@ -189,8 +189,8 @@ class HeldTorque(ABC):
         period, step = number("period", period, "s", above=0.0), number("step", step, "s", above=0.0)
         count = count_instants(period, step, 1, name="period")
         own = self.parameters.damping_ratio
-        longest = self.longest_step(own if damping is None else float(np.max(damping, initial=own)))
-        longest /= 1.0 if stiffness is None else float(np.sqrt(np.max(stiffness, initial=1.0)))
+        longest = self.longest_step(own if damping is None else float(np.asarray(damping).max(initial=own)))
+        longest /= 1.0 if stiffness is None else float(np.sqrt(np.asarray(stiffness).max(initial=1.0)))
         if step > longest:
             raise ValueError(
                 f"step = {step!r}: too long for the arm's fastest mode; at most {longest:.4g} s is allowed"

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import import_module
-from importlib.util import find_spec
 from pathlib import Path
 
+from flexarm_env.extras import install_hint
 from scripts.validation.checks import Findings, Result, Settings
+
+EXTRA = "validate"  # the extra of pyproject.toml that brings what a group may lack
+SYSTEM = {"libGL.so.1": "libgl1"}  # packages of Debian and Ubuntu with libraries that no wheel brings
 
 
 @dataclass(frozen=True)
@@ -48,8 +52,24 @@ class Group:
         return function(findings) if function else {}
 
     def missing(self) -> list[str]:
-        """Return the needed packages that are not installed."""
-        return [package for package in self.needs if find_spec(package) is None]
+        """Say of each needed package that cannot be imported what to install."""
+        return [line for line in map(what_lacks, self.needs) if line]
+
+
+def what_lacks(package: str) -> str:
+    """Return a line that says what to install before a package can be imported; "" if it can be."""
+    try:
+        import_module(package)
+    except ModuleNotFoundError:
+        return install_hint(package, EXTRA)
+    except ImportError as error:
+        library = re.search(r"(\S+): cannot open shared object file", str(error))
+        if library is None:
+            raise
+        needed = SYSTEM.get(library[1])
+        advice = f"run `apt install {needed}` (Debian, Ubuntu)" if needed else "install it"
+        return f"{package} needs {library[1]}, a library of the system; {advice}"
+    return ""
 
 
 HERE = "scripts.validation"

@@ -12,7 +12,6 @@ from dataclasses import asdict, dataclass, field
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-from flexarm_env.extras import install_hint
 from scripts.common.markdown import table
 from scripts.common.result_files import write_json
 from scripts.validation.checks import Check, Result, Settings, read, shown, write
@@ -21,7 +20,6 @@ from scripts.validation.groups import Group
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGES = tuple(ROOT / name for name in ("flexarm_env", "baselines", "agents"))
 POLICIES = ROOT / "agents" / "policies"
-EXTRA = "validate"  # the extra of pyproject.toml that brings what a group may lack
 
 
 @dataclass(frozen=True)
@@ -35,7 +33,7 @@ class Outcome:
         tables: further tables of the docs, Markdown.
         seconds: what the work took (when it was done).
         reused: an earlier run's files were taken.
-        missing: packages for lack of which it did not run.
+        missing: lines that say for lack of what it did not run.
         error: text of the exception that ended it; "" if none.
     """
 
@@ -163,7 +161,7 @@ def table_of_all(outcomes: Sequence[Outcome]) -> str:
     for outcome in outcomes:
         title = outcome.group.title
         if outcome.missing:
-            rows.append([title, "", "", "", f"**not run**: no {', '.join(outcome.missing)}"])
+            rows.append([title, "", "", "", f"**not run**: {'; '.join(outcome.missing)}"])
         if outcome.error:
             rows.append([title, "", "", "", f"**error**: {outcome.error.splitlines()[-1]}"])
         rows += [[title, c.name, c.found, c.threshold, _verdict(c)] for c in outcome.checks]
@@ -186,9 +184,7 @@ def printed(outcomes: Sequence[Outcome]) -> str:
     for outcome in outcomes:
         note = ", from an earlier run" if outcome.reused else ""
         lines += ["", f"{outcome.group.title} ({shown(outcome.seconds)} s{note})"]
-        if outcome.missing:
-            packages = ", ".join(outcome.missing)
-            lines.append(f"  NOT RUN: {install_hint(packages, EXTRA)}")
+        lines += [f"  NOT RUN: {line}" for line in outcome.missing]
         if outcome.error:
             lines += ["  ERROR:", *(f"    {line}" for line in outcome.error.splitlines())]
         for check in outcome.checks:

@@ -162,6 +162,7 @@ def test_a_signal_keeps_every_step(
     assert same_policy(run / "last_policy.npz", tmp_path / "run" / "last_policy.npz")
 
 
+@pytest.mark.usefixtures("signals")
 def test_a_second_signal_ends_at_once() -> None:
     with pytest.raises(KeyboardInterrupt) as caught, StopSignals() as stop:  # noqa: PT012
         os.kill(os.getpid(), signal.SIGINT)

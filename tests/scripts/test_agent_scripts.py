@@ -68,6 +68,7 @@ def flexarm(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
 # --- training -----------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.usefixtures("signals")
 def test_train_stop_and_go_on(flexarm: Shell) -> None:
     """The script is stopped by Ctrl-C; the command goes on with its folder."""
     again = ("train", *TINY, "--steps", "100000", "--seed", "3", "--options", '{"noise": 0.001}')

@@ -11,14 +11,19 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import psutil
 import pytest
 
 from flexarm_agents import worker_pool as worker_pool_module
 from flexarm_agents.worker_pool import worker_pool
 from scripts.common.result_files import OLD, PARTIAL, replacing, write_json
 from tests.support.programs import ROOT
+from tests.support.signals import heeded
 
-pytestmark = pytest.mark.skipif(os.name != "posix", reason="POSIX signals")
+pytestmark = [
+    pytest.mark.skipif(os.name != "posix", reason="POSIX signals"),
+    pytest.mark.usefixtures("signals"),
+]
 
 # A script as ours are. Its jobs sleep, or wait like a training until they are to stop; each worker leaves a file named
 # after its process.
@@ -67,11 +72,9 @@ def wait_for(condition: Callable[[], object], seconds: float = 30.0) -> None:
 def is_running(process: int) -> bool:
     """Whether there is such a process that is no zombie."""
     try:
-        os.kill(process, 0)
-    except ProcessLookupError:
+        return psutil.Process(process).status() != psutil.STATUS_ZOMBIE
+    except psutil.NoSuchProcess:
         return False
-    state = subprocess.run(["ps", "-o", "stat=", "-p", str(process)], capture_output=True, text=True, check=False)
-    return not state.stdout.startswith("Z") and bool(state.stdout.strip())
 
 
 class Running:
@@ -104,6 +107,19 @@ class Running:
         self.process.wait()
         assert self.process.stderr is not None
         self.process.stderr.close()
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_that_the_caller_ignores_ends_what_a_test_starts(number: signal.Signals) -> None:
+    before = signal.signal(number, signal.SIG_IGN)
+    try:
+        with heeded():
+            killed = f"import os; os.kill(os.getpid(), {number:d})"
+            done = subprocess.run([sys.executable, "-c", killed], capture_output=True, check=False)
+        assert done.returncode == -number
+        assert signal.getsignal(number) == signal.SIG_IGN
+    finally:
+        signal.signal(number, before)
 
 
 def test_an_error_ends_the_pools_workers_and_no_other_child() -> None:

@@ -92,6 +92,7 @@ def test_a_seed_beside_seeds_is_refused() -> None:
 
 @pytest.mark.slow
 @pytest.mark.skipif(os.name != "posix", reason="POSIX signals")
+@pytest.mark.usefixtures("signals")
 def test_a_signal_keeps_what_all_trainings_have(tmp_path: Path) -> None:
     """Each finishes its rollout and keeps a checkpoint, though none is due; what goes on ends in the same bits."""
     config = {name: value for name, value in TINY.items() if name != "options"}

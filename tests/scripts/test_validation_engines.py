@@ -5,6 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from scripts.docs.validation import renewed
 from scripts.validation import recorded
 from scripts.validation.engine.motion import apart, model_motion, rms
 from scripts.validation.engine.programmes import PROGRAMMES, Programme
+from scripts.validation.groups import what_lacks
 from tests.support.programs import ROOT
 
 BEST = {"modes_per_link": 4, "mode_shapes": "polynomial", "kinematics": "foreshortened"}
@@ -20,6 +22,20 @@ BEST = {"modes_per_link": 4, "mode_shapes": "polynomial", "kinematics": "foresho
 
 def programme(name: str) -> Programme:
     return next(one for one in PROGRAMMES if one.name == name)
+
+
+def skip_without_exudyn() -> None:
+    if line := what_lacks("exudyn"):
+        pytest.skip(line)
+
+
+def test_a_library_that_an_engine_needs_of_the_system_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    error = "tried:\n  .engine_x  ->  {}: cannot open shared object file: No such file or directory"
+    for name, library in (("engine_x", "libGL.so.1"), ("engine_y", "liby.so")):
+        (tmp_path / f"{name}.py").write_text(f"raise ImportError({error.format(library)!r})")
+    monkeypatch.syspath_prepend(tmp_path)
+    assert what_lacks("engine_x").endswith("libGL.so.1, a library of the system; run `apt install libgl1` (Debian, Ubuntu)")
+    assert what_lacks("engine_y") == "engine_y needs liby.so, a library of the system; install it"
 
 
 def test_records_are_whole() -> None:
@@ -51,7 +67,7 @@ def test_records_are_compared_without_the_engines() -> None:
 
 @pytest.mark.parametrize("name", ["multi_sine", "payload"])
 def test_at_small_amplitude_cables_and_model_agree(name: str) -> None:
-    pytest.importorskip("exudyn")
+    skip_without_exudyn()
     from scripts.validation.ancf_cables import cable_motion
 
     gentle = replace(programme(name).times(0.05), duration=0.5)
@@ -63,7 +79,7 @@ def test_at_small_amplitude_cables_and_model_agree(name: str) -> None:
 
 
 def test_a_spin_turns_the_cables_as_a_whole() -> None:
-    pytest.importorskip("exudyn")
+    skip_without_exudyn()
     from scripts.validation.ancf_cables import cable_motion
 
     spinning = replace(programme("spin_up").times(0.0), spin=0.5, elbow=0.0, duration=0.2)
@@ -74,7 +90,7 @@ def test_a_spin_turns_the_cables_as_a_whole() -> None:
 
 
 def test_a_programme_with_bent_links_is_refused() -> None:
-    pytest.importorskip("exudyn")
+    skip_without_exudyn()
     from scripts.validation.ancf_cables import cable_motion
 
     with pytest.raises(ValueError, match="programme = 'release': must begin straight"):
