@@ -2,7 +2,7 @@
 # make, python3 (3.11 or newer) and pip's access to a package index.
 # Another interpreter: make PYTHON=python3.12    Arguments for a script: make bench ARGS="--help"
 # Processes that share the tests: make test JOBS=4
-# Another set of versions, in an environment of its own: make test-fast VENV=build/lowest CONSTRAINTS=constraints-lowest.txt
+# Versions are those of constraints.txt, which `make lock` renews. Another set, in an environment of its own: make test-fast VENV=build/lowest CONSTRAINTS=constraints-lowest.txt
 
 PYTHON ?= python3
 VENV   ?= .venv
@@ -36,7 +36,7 @@ INSTEAD_board := plot
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 .NOTPARALLEL:  # two installs into one environment must not overlap, and `make -j` buys nothing here
-.PHONY: help reproduce validate analyse optimise control test test-fast test-slow lint typecheck contract train agent learning evaluate leaderboard bench docs site dist clean
+.PHONY: help reproduce validate analyse optimise control test test-fast test-slow lint typecheck contract train agent learning evaluate leaderboard bench docs site dist lock clean
 
 help:  ## List the verbs
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-11s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -114,6 +114,12 @@ dist: $(HAS)-dist  ## Build the wheel and the source archive into dist/, and che
 	rm -rf dist
 	$(PY) -m build
 	$(PY) -m twine check --strict dist/*
+
+lock:  ## Write the newest versions of all that verbs install into constraints.txt, for every Python and system
+	$(ensure_venv)
+	$(PY) -m pip install uv
+	$(PY) -m uv pip compile pyproject.toml --extra dev --extra release --extra site --universal --python-version 3.11 \
+		--upgrade --no-annotate --custom-compile-command "make lock" --quiet --output-file constraints.txt
 
 clean:  ## Remove builds and caches (not .venv)
 	rm -rf build dist flexarm.egg-info .hypothesis .import_linter_cache .mypy_cache .pytest_cache .ruff_cache

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import re
+import subprocess
+import sys
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -15,8 +17,14 @@ import flexarm_env
 from tests.support.programs import ROOT
 
 WORKFLOWS = sorted((ROOT / ".github/workflows").glob("*.yml"))
-FORMS = sorted(path for path in (ROOT / ".github/ISSUE_TEMPLATE").glob("*.yml") if path.name != "config.yml")
-METADATA = ("CITATION.cff", ".github/dependabot.yml", ".github/ISSUE_TEMPLATE/config.yml")
+CHOOSER = ROOT / ".github/ISSUE_TEMPLATE/config.yml"
+SCHEMAS = {
+    "github-workflows": WORKFLOWS,
+    "dependabot": [ROOT / ".github/dependabot.yml"],
+    "github-issue-config": [CHOOSER],
+    "github-issue-forms": sorted(set(CHOOSER.parent.glob("*.yml")) - {CHOOSER}),
+    "citation-file-format": [ROOT / "CITATION.cff"],
+}
 PAGES = [ROOT / "SECURITY.md", ROOT / "CODE_OF_CONDUCT.md", ROOT / "CONTRIBUTING.md"]
 VERBS = re.findall(r"^([a-z-]+):.*## ", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE)
 
@@ -29,6 +37,13 @@ def label(path: Path) -> str:
     return path.name
 
 
+@pytest.mark.parametrize("schema", SCHEMAS)
+def test_files_are_as_their_readers_demand(schema: str) -> None:
+    command = [sys.executable, "-m", "check_jsonschema", "--builtin-schema", f"vendor.{schema}", *SCHEMAS[schema]]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout
+
+
 # --- workflows ------------------------------------------------------------------------------------------------------
 
 
@@ -39,7 +54,8 @@ def test_workflows_are_limited(path: Path) -> None:
     assert workflow["permissions"] == {"contents": "read"}
     for name, job in workflow["jobs"].items():
         assert 0 < job["timeout-minutes"] < 360, name
-        assert all(("run" in step) != ("uses" in step) for step in job["steps"]), name
+        for action in (step["uses"] for step in job["steps"] if "uses" in step):
+            assert re.fullmatch(r"[\w./-]+@[0-9a-f]{40}", action), f"{action}: a tag can be moved, a commit cannot"
 
 
 @pytest.mark.parametrize("path", WORKFLOWS, ids=label)
@@ -60,25 +76,10 @@ def test_only_the_approved_job_may_publish() -> None:
     assert jobs["publish"]["needs"] == "build"
 
 
-# --- forms ----------------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("path", FORMS, ids=label)
-def test_forms_have_what_the_host_demands(path: Path) -> None:
-    form = read(path)
-    assert {"name", "description", "body"} <= set(form)
-    fields = [field for field in form["body"] if field["type"] != "markdown"]
-    names = [field["id"] for field in fields]
-    assert fields
+@pytest.mark.parametrize("path", SCHEMAS["github-issue-forms"], ids=label)
+def test_fields_of_a_form_have_names_of_their_own(path: Path) -> None:
+    names = [field["id"] for field in read(path)["body"] if field["type"] != "markdown"]
     assert len(set(names)) == len(names)
-    for field in form["body"]:
-        assert field["type"] in {"markdown", "textarea", "input", "dropdown", "checkboxes"}
-        assert ("value" if field["type"] == "markdown" else "label") in field["attributes"]
-
-
-@pytest.mark.parametrize("name", METADATA)
-def test_other_metadata_can_be_read(name: str) -> None:
-    assert isinstance(read(name), dict)
 
 
 # --- agreement ------------------------------------------------------------------------------------------------------

@@ -6,7 +6,9 @@ import re
 import tomllib
 
 import pytest
+from packaging.markers import default_environment
 from packaging.requirements import Requirement
+from packaging.version import Version
 
 from tests.support.programs import PACKAGES, ROOT
 
@@ -16,6 +18,7 @@ EXTRAS: dict[str, list[Requirement]] = {
     "none": [Requirement(text) for text in PROJECT["dependencies"]],
     **{name: [Requirement(text) for text in texts] for name, texts in PROJECT["optional-dependencies"].items()},
 }
+PYTHONS = re.findall(r"Python :: (3\.\d+)", "\n".join(PROJECT["classifiers"]))
 SHORTENED = {"test", "dev"}  # whose tools or parts the table does not list one by one
 
 
@@ -54,6 +57,38 @@ def test_the_lowest_versions_are_those_that_are_declared() -> None:
     assert [line for line in lines if not line.startswith("#")] == sorted(declared)
 
 
+def locked(python: str) -> dict[str, Version]:
+    """Return the versions of constraints.txt for a Python on Linux, by the packages' names."""
+    lines = (ROOT / "constraints.txt").read_text(encoding="utf-8").splitlines()
+    here = default_environment() | {
+        "python_version": python,
+        "python_full_version": f"{python}.5",
+        "sys_platform": "linux",
+    }
+    found: dict[str, Version] = {}
+    for one in (Requirement(line) for line in lines if not line.startswith("#")):
+        if one.marker is None or one.marker.evaluate(here):
+            assert one.name not in found
+            found[one.name] = Version(str(one.specifier).removeprefix("=="))
+    return found
+
+
+@pytest.mark.parametrize("python", PYTHONS)
+def test_what_make_installs_is_locked(python: str) -> None:
+    """Each package that an extra of a verb names has one version for each Python, as the extra allows it."""
+    versions = locked(python)
+    makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
+    extras = {one for line in re.findall(r"^EXTRAS_\w+ *:= (.*)$", makefile, re.MULTILINE) for one in line.split(",")}
+    for extra in {"none"}.union(*map(reached, extras)):
+        for one in EXTRAS[extra]:
+            assert one.name == PROJECT["name"] or versions[one.name] in one.specifier, f"{extra}: {one}"
+
+
+def test_the_lock_names_the_release_of_torch_that_is_wanted() -> None:
+    (wanted,) = DECLARED["tool"]["uv"]["constraint-dependencies"]
+    assert f"\n{wanted}\n" in (ROOT / "constraints.txt").read_text(encoding="utf-8")
+
+
 def readme_rows() -> dict[str, str]:
     """Return the README's table of extras: what each brings."""
     table = (ROOT / "README.md").read_text(encoding="utf-8").partition("| extra | brings |")[2].partition("\n\n")[0]
@@ -78,8 +113,7 @@ def test_the_readme_says_what_is_shortened() -> None:
 
 def test_pythons_are_the_same_everywhere() -> None:
     """The classifiers begin with the lowest version; the workflows test each of them."""
-    pythons = re.findall(r"Python :: (3\.\d+)", "\n".join(PROJECT["classifiers"]))
-    assert PROJECT["requires-python"] == f">={pythons[0]}"
-    quoted = ", ".join(f'"{python}"' for python in pythons)
+    assert PROJECT["requires-python"] == f">={PYTHONS[0]}"
+    quoted = ", ".join(f'"{python}"' for python in PYTHONS)
     workflow = (ROOT / ".github/workflows/tests.yml").read_text(encoding="utf-8")
     assert workflow.count("python: [") == workflow.count(f"python: [{quoted}]") == 2
