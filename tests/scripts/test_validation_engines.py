@@ -34,7 +34,8 @@ def test_a_library_that_an_engine_needs_of_the_system_is_named(tmp_path: Path, m
     for name, library in (("engine_x", "libGL.so.1"), ("engine_y", "liby.so")):
         (tmp_path / f"{name}.py").write_text(f"raise ImportError({error.format(library)!r})")
     monkeypatch.syspath_prepend(tmp_path)
-    assert what_lacks("engine_x").endswith("libGL.so.1, a library of the system; run `apt install libgl1` (Debian, Ubuntu)")
+    assert "engine_x needs libGL.so.1" in what_lacks("engine_x")
+    assert "`apt install libgl1`" in what_lacks("engine_x")
     assert what_lacks("engine_y") == "engine_y needs liby.so, a library of the system; install it"
 
 
