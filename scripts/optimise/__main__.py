@@ -29,11 +29,11 @@ from flexarm_env.validation import choice
 from scripts.common.command_line import run
 from scripts.common.markdown import DOCS, filled
 from scripts.common.result_files import write_json
-from scripts.optimise import reach
+from scripts.optimise import corner, reach
 from scripts.optimise.pareto import ITERATIONS, WEIGHTS, curve
 from scripts.optimise.score import regulated, score
 from scripts.optimise.search import SIDES, Candidate, Effort, search
-from scripts.optimise.tables import DRAWN, TABLES, plan_name
+from scripts.optimise.tables import CHANGED, DRAWN, TABLES, plan_name
 
 PAGE = "optimal.md"
 CHANGE_WEIGHTS = {"linear": 7e-5}  # [m^2]; of some arms, where smoothness costs more
@@ -50,8 +50,9 @@ class Options:
     """Names of arms."""
     laps: tuple[str, ...] = ("plain", "swing")
     """Names of laps; a lap is also tried on the end of the other one's plan where the folder has that."""
-    paths: tuple[str, ...] = (*PATHS, reach.PATH)
-    """Names of references; moves: those that `FlexArm/Reach-v0` draws, of the default arm."""
+    paths: tuple[str, ...] = (*PATHS, reach.PATH, corner.PATH)
+    """Names of references; moves: those that `FlexArm/Reach-v0` draws, of the default arm; corner: what limits the
+    plain lap of the square at its corners, one change at a time."""
     change_weight: float | None = None
     """Weight on changes of the torques [m^2]; None: 3e-3, on the linear arm 7e-5, where smoothness costs more."""
     trial: int = 10
@@ -84,9 +85,10 @@ def main() -> None:
     for lap in options.laps:
         choice("laps", lap, tuple(LAPS))
     for path in options.paths:
-        choice("paths", path, (*PATHS, reach.PATH))
+        choice("paths", path, (*PATHS, reach.PATH, corner.PATH))
     if options.ship and options.quick:
         raise ValueError("ship = True: a quick run's plans are no good; must go without quick")
+    options.output.mkdir(parents=True, exist_ok=True)
     for arm, path, lap in itertools.product(options.arms, options.paths, options.laps):
         if path not in PATHS_OF.get(arm, tuple(PATHS)):
             continue
@@ -98,13 +100,14 @@ def main() -> None:
                 shutil.copyfile(options.output / file, PLANS / file)
     if reach.PATH in options.paths:
         _drawn(options)
+    if corner.PATH in options.paths:
+        _changed(options)
     if options.docs:
         update_docs(options.output)
 
 
 def update_docs(output: Path) -> None:
     """Fill the page's tables from the plans of the package."""
-    output.mkdir(parents=True, exist_ok=True)
     for name, make in TABLES.items():
         (output / f"{name}.md").write_text(make(PLANS))
     page = DOCS / PAGE
@@ -158,6 +161,15 @@ def _drawn(options: Options) -> None:
     write_json(options.output / DRAWN, rows)
     if options.ship:
         shutil.copyfile(options.output / DRAWN, PLANS / DRAWN)
+
+
+def _changed(options: Options) -> None:
+    """Optimise laps with one thing changed at a time, and write their report."""
+    iterations = 1 if options.quick else corner.ITERATIONS
+    with tqdm(unit="iteration", desc=corner.PATH) as bar:
+        write_json(options.output / CHANGED, corner.study(lambda line: bar.update(), iterations))
+    if options.ship:
+        shutil.copyfile(options.output / CHANGED, PLANS / CHANGED)
 
 
 def _other(name: str, arm: ArmParameters, lap: str, output: Path) -> Plan | None:

@@ -10,7 +10,8 @@ from scripts.common.markdown import table
 from scripts.optimise.score import CASES
 
 ERRORS = {"true_tip_rms": "lap r.m.s. [m]", "true_tip_rms_after_2s": "after 2 s [m]"}
-DRAWN = "moves.json"  # the report on drawn motions
+DRAWN, CHANGED = "moves.json", "corner.json"  # the reports on drawn motions, and on changed laps
+CHANGED_ERRORS = {"true_tip_rms_after_2s": 2, "true_tip_max_after_2s": 0}  # with digits
 EFFORTS = {"torque_rms": "torques, r.m.s. [N m]", "torque_change_rms": "their change in a period [N m]"}
 
 
@@ -86,6 +87,24 @@ def drawn(folder: Path) -> str:
     )
 
 
+def changed(folder: Path) -> str:
+    """Show what changes make of a corner."""
+    rows = json.loads((folder / CHANGED).read_text())
+    head = ["change", "after 2 s [mm]", "largest after 2 s [mm]", "largest bending of a link [m]", "residual"]
+    return table(
+        head,
+        [
+            [
+                row["change"],
+                *(f"{1e3 * row[key]:.{digits}f}" for key, digits in CHANGED_ERRORS.items()),
+                f"{row['peak_deflection']:.2f}",
+                f"{row['residual']:.0e}",
+            ]
+            for row in rows
+        ],
+    )
+
+
 def plan_name(arm: str, path: str, lap: str) -> str:
     """Name the plan of an arm for a lap of a path."""
     return "_".join([arm, *([] if path == "square" else [path]), lap])
@@ -111,4 +130,4 @@ def _efforts(row: dict[str, Any]) -> list[str]:
     return [" / ".join(f"{x:.1f}" for x in row[key]) for key in EFFORTS]
 
 
-TABLES = {"laps": laps, "drawn": drawn, "pareto": pareto, "regulated": regulated}
+TABLES = {"laps": laps, "corner": changed, "drawn": drawn, "pareto": pareto, "regulated": regulated}

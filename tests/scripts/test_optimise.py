@@ -11,6 +11,7 @@ from flexarm_baselines.optimal import Plan, lap_problem, lap_square, load_plan, 
 from flexarm_baselines.optimal.plan import PLANS
 from flexarm_env.physics.paths import PATHS
 from scripts.common.markdown import DOCS
+from scripts.optimise.corner import BLEND, CHANGES, changed_lap
 from scripts.optimise.score import score
 from scripts.optimise.search import sequences
 from scripts.optimise.tables import TABLES, parts, plan_name
@@ -27,6 +28,16 @@ def test_every_sequence_of_branches_is_tried() -> None:
     assert [branch.since for branch in found["++-+-"]] == [0.0, 3.8, 7.8, 11.8]
     assert len(found["+++++"]) == 1
     assert list(dict(sequences("negative", 16.0, 1))) == ["-+", "--"]
+
+
+def test_changed_laps_are_as_fast_and_blended_corners_are_followed_smoothly() -> None:
+    for change in CHANGES:
+        problem = changed_lap(change)
+        speed = np.linalg.norm(np.diff(problem.reference, axis=0), axis=1) / problem.period
+        assert speed.max() == pytest.approx(12.6 / 4.0, rel=1e-3), change.text
+        turns = np.linalg.norm(np.diff(problem.reference, 2, axis=0), axis=1) / problem.period**2
+        sharp = turns > 1.5 * np.sqrt(2.0) * speed.max() / BLEND  # the mean of a corner turns at a constant rate
+        assert sharp.any() != change.blend, change.text
 
 
 @pytest.mark.parametrize("path", PATHS)

@@ -120,7 +120,7 @@ def _control_table(records: Mapping[str, Any]) -> str:
         "from the chain [mm]: r.m.s. / after 2 s / largest",
         "0.5 s ahead [mm]: median / r.m.s.",
         "score [mm]: lap / after 2 s",
-        "torque change [N m]",
+        "torque change, r.m.s. [N m]",
     )
     rows = []
     for row in records["control"]:
@@ -154,4 +154,4 @@ def _damping_table(records: Mapping[str, Any]) -> str:
         for row in records["damping"]
     ]
     header = ("damping", "elements a link", "score [mm]: lap / after 2 s", "from the coarser one [mm]: r.m.s.")
-    return table([*header, "torque change [N m]"], rows)
+    return table([*header, "torque change, r.m.s. [N m]"], rows)

@@ -5,12 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
+from flexarm_agents.board.rows import Row
 from flexarm_agents.worker_pool import worker_pool
 from flexarm_env import ArmParameters
 from flexarm_env.laps import LAPS
+from flexarm_env.metrics import summary
+from flexarm_env.rollout import run_policy
 from scripts.common.markdown import table
 from scripts.validation.checks import Check, Findings, Settings
 from scripts.validation.engine.motion import rms
@@ -25,6 +29,8 @@ OTHERS = ("lqg_adaptive", "nmpc", "lqg", "student", "lqg_gauges", "student_gauge
 WORKERS = 2
 START = 0.5  # [s]; the torques of so long are also applied open loop, and parts of them
 SHARES = (1.0, 0.5, 0.25, 0.125)
+CHATTERS = "student"  # the controller of which scores are also taken on chains with finer steps
+CHAIN_STEPS = (5e-4, 1e-4, 2e-5)  # [s], the first one the environment's own
 CHAIN, FINER = (f"chain, {n} elements" for n in (ELEMENTS[-1], 2 * ELEMENTS[-1]))
 DEFAULT, FOUR = (model.label for model in MODELS[1:])
 
@@ -36,7 +42,7 @@ def run(settings: Settings) -> Findings:
     names = OTHERS[3:4] if quick else OTHERS
     start = at_the_start(0.1 if quick else START, settings.progress)
     laps, arrays = under_others(names, seconds, settings.progress)
-    records = {"start": start, "laps": laps}
+    records = {"start": start, "laps": laps, "steps": by_step(CHAIN_STEPS[:1] if quick else CHAIN_STEPS)}
     return Findings(_checks(records), arrays, records, _quoted(records))
 
 
@@ -134,6 +140,24 @@ def at_the_start(seconds: float, progress: Callable[[str], None]) -> list[dict[s
     return rows
 
 
+def by_step(steps: Sequence[float]) -> list[dict[str, Any]]:
+    """Run a controller whose torques chatter on `FlexArm/SquareChain-v0` with several integration steps.
+
+    Args:
+        steps: of the chain [s].
+
+    Returns:
+        A row for each: the step, and r.m.s. distances over each lap [m], None of one that ended early.
+    """
+    row, rows = Row(CHATTERS), []
+    for step in steps:
+        env = gymnasium.make("FlexArm/SquareChain-v0", **row.interface, chain_step=step)
+        scores = {lap: summary(run_policy(env, row.contender().policy, lap=lap)).get("true_tip_rms") for lap in LAPS}
+        rows.append({"step": step, **scores})
+        env.close()
+    return rows
+
+
 def _quoted(records: dict[str, Any]) -> dict[str, float]:
     """Return what the docs quote, lengths in mm."""
     quoted: dict[str, float] = {}
@@ -142,6 +166,8 @@ def _quoted(records: dict[str, Any]) -> dict[str, float]:
         quoted |= {
             f"{which}, {name}": 1e3 * row[name] for name in ("rms", "after_2s", "score") if row.get(name) is not None
         }
+    for row in records["steps"]:
+        quoted |= {f"{lap}, {CHATTERS}, {row['step']:g} s": 1e3 * row[lap] for lap in LAPS if row[lap] is not None}
     for row in records["start"]:
         quoted[f"{row['lap']}, start, {row['plant']}, share {row['share']:g}, rms"] = 1e3 * row["rms"]
         quoted[f"{row['lap']}, start, share {row['share']:g}, bend"] = 1e3 * row["bend"]
@@ -164,16 +190,17 @@ def _laps_table(records: Mapping[str, Any]) -> str:
         "default arm from the chain [mm]: r.m.s. / after 2 s / largest",
         "4 polynomials from the chain [mm]",
         "score on the chain, on the default arm [mm]",
-        "torque change there [N m]",
+        "torque change there, r.m.s. [N m]",
     )
     rows = []
     for lap in LAPS:
         every = [row for row in records["laps"] if row["lap"] == lap]
         for own in sorted((row for row in every if row["plant"] == DEFAULT), key=lambda row: row["rms"]):
             four, chain = (find_row(every, controller=own["controller"], plant=plant) for plant in (FOUR, CHAIN))
-            scores = f"{1e3 * chain['score']:.1f}, {1e3 * own['score']:.1f}"
+            scores = ", ".join("lost" if row["lost"] else f"{1e3 * row['score']:.1f}" for row in (chain, own))
             changes = f"{chain['torque_change']:.3g}, {own['torque_change']:.3g}"
-            rows.append([lap, f"`{own['controller']}`", distances(own), distances(four), scores, changes])
+            away = ["" if chain["lost"] else distances(row) for row in (own, four)]
+            rows.append([lap, f"`{own['controller']}`", *away, scores, changes])
     return table(header, rows)
 
 

@@ -20,6 +20,7 @@ Array = NDArray[np.float64]
 STUDENT = "student of the unknown plant"
 AGENTS = {"PPO agent": "square", STUDENT: "student_unknown"}  # shipped policies, by their names in the tables
 AHEAD, EVERY = 0.5, 0.25  # a prediction's length, and how often one starts [s]
+ERROR_LIMIT = 2.5  # [m], that of the environments
 ELEMENTS = (10, 20)  # of the chains; their difference is the finer one's error, times three
 # From 8 s on, IFDC's undamped arm is through the straight pose, where millimetres decide which way the elbow goes.
 LAW_SECONDS = {"ifdc": 7.9, "flsac": 16.0}
@@ -136,9 +137,10 @@ def row_of(lap: str, controller: str, plant: str, own: Lap, truth: Lap) -> dict[
 
 
 def _scores(own: Lap) -> dict[str, float | None]:
-    """Return the distances from the reference [m] as the benchmark takes them, and the torque's mean change [N m].
+    """Return the distances from the reference [m] as the benchmark takes them, and changes of the torque [N m].
 
-    There is no distance after 2 s of a run that was shorter.
+    There is no distance after 2 s of a run that was shorter. `torque_change` is the r.m.s. change of the shoulder's
+    torque from one control period to the next; `lost` says whether an environment would have ended the episode.
     """
     times = HELD * PERIODS * np.arange(len(own.torque) + 1)
     miss = np.linalg.norm(own.tip[::PERIODS] - square(SquareParameters()).position(times), axis=1)
@@ -146,7 +148,8 @@ def _scores(own: Lap) -> dict[str, float | None]:
     return {
         "score": rms(miss),
         "score_after_2s": rms(later) if len(later) else None,
-        "torque_change": float(np.abs(np.diff(own.torque[:, 0])).mean()),
+        "torque_change": rms(np.diff(own.torque[:, 0])),
+        "lost": bool(miss.max() > ERROR_LIMIT),
     }
 
 
