@@ -104,8 +104,8 @@ docs: reproduce validate $(HAS)-draw  ## Regenerate the pictures, tables and env
 	$(PY) -m scripts.analysis --docs
 	$(PY) -m scripts.docs.chain_figures
 	$(PY) -m scripts.docs.environments
-	$(PY) -m scripts.docs.corner_picture
 	$(PY) -m scripts.docs.replays
+	$(PY) -m scripts.docs.pictures
 
 site: $(HAS)-site  ## Build the site, pages and API reference, into build/site/
 	$(PY) -m scripts.docs.site

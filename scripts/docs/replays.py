@@ -154,6 +154,13 @@ def channels(one: Mapping[str, Any]) -> dict[str, Array]:
     return {name: step * part.T for (name, _, step), part in zip(one["channels"], parts, strict=True)}
 
 
+def read(path: Path) -> list[Any]:
+    """Return the arguments of the call that a data file is."""
+    text = path.read_text(encoding="utf-8")
+    found: list[Any] = json.loads(f"[{text[text.index('(') + 1 : text.rindex(')')]}]")
+    return found
+
+
 def tips(arm: FlexibleArm, one: Mapping[str, Any]) -> Array:
     """Return where the tip of a replay is [m]. Shape (n, 2)."""
     found = channels(one)

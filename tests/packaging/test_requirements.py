@@ -1,4 +1,4 @@
-"""pyproject.toml names every package, and lowest versions and the README's table of extras agree with it."""
+"""pyproject.toml names every package, and lowest versions and the table of extras agree with it."""
 
 from __future__ import annotations
 
@@ -89,25 +89,26 @@ def test_the_lock_names_the_release_of_torch_that_is_wanted() -> None:
     assert f"\n{wanted}\n" in (ROOT / "constraints.txt").read_text(encoding="utf-8")
 
 
-def readme_rows() -> dict[str, str]:
-    """Return the README's table of extras: what each brings."""
-    table = (ROOT / "README.md").read_text(encoding="utf-8").partition("| extra | brings |")[2].partition("\n\n")[0]
+def listed() -> dict[str, str]:
+    """Return the table of extras in docs/install.md: what each brings."""
+    page = (ROOT / "docs/install.md").read_text(encoding="utf-8")
+    table = page.partition("| extra | brings |")[2].partition("\n\n")[0]
     rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in table.splitlines()[2:]]
     return {row[0].strip("`"): row[1] for row in rows}
 
 
-def test_the_readme_lists_every_extra() -> None:
-    assert sorted(readme_rows()) == sorted(EXTRAS)
+def test_every_extra_is_listed() -> None:
+    assert sorted(listed()) == sorted(EXTRAS)
 
 
 @pytest.mark.parametrize("extra", sorted(EXTRAS.keys() - SHORTENED))
-def test_the_readme_says_what_an_extra_brings(extra: str) -> None:
-    assert set(re.findall(r"`([^`]+)`", readme_rows()[extra])) == others(extra) | included(extra)
+def test_the_page_says_what_an_extra_brings(extra: str) -> None:
+    assert set(re.findall(r"`([^`]+)`", listed()[extra])) == others(extra) | included(extra)
 
 
-def test_the_readme_says_what_is_shortened() -> None:
-    assert set(re.findall(r"`([^`]+)`", readme_rows()["test"])) == included("test")
-    assert set(re.findall(r"`([^`]+)`", readme_rows()["dev"])) == EXTRAS.keys() - reached("dev") - {"none"}
+def test_the_page_says_what_is_shortened() -> None:
+    assert set(re.findall(r"`([^`]+)`", listed()["test"])) == included("test")
+    assert set(re.findall(r"`([^`]+)`", listed()["dev"])) == EXTRAS.keys() - reached("dev") - {"none"}
     assert others("dev") == set()
 
 

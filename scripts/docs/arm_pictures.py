@@ -1,0 +1,197 @@
+"""Pictures of the arm: its first second in slow motion, the same in steps of 0.3 s, and what its terms mean."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib import pyplot as plt
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Arc
+from numpy.typing import NDArray
+from PIL import Image
+
+from scripts.common.plotting import COLOURS
+from scripts.docs.drawn_arm import (
+    BLUE,
+    INK,
+    ORANGE,
+    POINTS,
+    SOFT,
+    Lap,
+    bare,
+    draw_arm,
+    draw_path,
+    links,
+    recorded,
+    rigid,
+)
+
+Array = NDArray[np.float64]
+COMPARED = {
+    "flsac": "FLSAC: the paper's fuzzy controller",
+    "agent student_unknown": "student_unknown: a trained network",
+}
+LAP = "swing"
+LAST, SLOWER, PERIOD = 1.0, 8, 0.01  # of the moving picture: time [s], times as slow as the arm, between frames [s]
+QUALITY = 60  # of the WebP [%]
+REST = 2.0  # on the last frame [s]
+STILL = (0.0, 0.3, 0.6, 0.9, 1.2)  # [s]
+MOMENT = 0.3  # of the labelled drawing [s]
+GREEN, PURPLE = COLOURS[2], "#8a3b8f"
+LABEL: dict[str, Any] = {"fontsize": 12, "bbox": {"facecolor": "white", "edgecolor": "none", "pad": 1.0}, "zorder": 1}
+LETTERS = "#b04d00"  # orange with enough contrast for letters
+NARROW: dict[str, Any] = {"linestyle": (0, (4, 3)), "linewidth": 1.3, "color": SOFT}
+X, Y = (-8.4, 0.9), (-7.3, 1.3)  # what is shown of the plane [m]
+
+
+def moving(path: Path) -> None:
+    """Draw the first second of the swing lap under two controllers, in slow motion, as an animated WebP."""
+    laps = {title: recorded(row, LAP) for row, title in COMPARED.items()}
+    times = np.arange(0.0, LAST + 1e-9, PERIOD)
+    first, *others = (_frame(laps, float(time)) for time in times)
+    durations = [round(1e3 * SLOWER * PERIOD)] * len(others) + [round(1e3 * REST)]
+    first.save(path, save_all=True, append_images=others, duration=durations, loop=0, quality=QUALITY, method=6)
+
+
+def _frame(laps: dict[str, Lap], time: float) -> Image.Image:
+    figure, axes = plt.subplots(1, 2, figsize=(9.6, 5.0), dpi=100)
+    for axis, (title, lap) in zip(axes, laps.items(), strict=True):
+        now = lap.at(time)
+        bare(axis, X, Y)
+        axis.set_title(title, fontsize=14, color=INK)
+        draw_path(axis)
+        axis.plot(*rigid(lap.q[now]).T, **NARROW)
+        draw_arm(axis, lap.q[now])
+        axis.plot(*lap.tip[: now + 1].T, color=ORANGE, linewidth=2.0)
+        _marks(axis, lap, now)
+        away = float(np.linalg.norm(lap.tip[now] - lap.reference[now]))
+        axis.text(0.7, -5.9, f"tip {away:.2f} m off", ha="right", fontsize=17, color=LETTERS)
+        axis.text(0.7, 0.55, "shoulder", ha="right", fontsize=12, color=INK)
+        axis.text(-6.15, 0.3, "path", fontsize=12, color=SOFT)
+    left, lap = axes[0], next(iter(laps.values()))
+    now = lap.at(time)
+    look: dict[str, Any] = {"textcoords": "offset points", "fontsize": 13}
+    left.annotate("target", lap.reference[now], (-13, 0), ha="right", va="center", color=BLUE, **look)
+    left.annotate("tip", lap.tip[now], (9, -13), color=LETTERS, **look)
+    left.text(0.7, -7.1, f"{time:.2f} s", ha="right", fontsize=17, color=INK)
+    left.text(-6.3, -7.1, f"{SLOWER} times slower", fontsize=12, color=SOFT)
+    axes[1].text(0.7, -7.1, "dashed: rigid links, same joint angles", ha="right", fontsize=12, color=SOFT)
+    return _image(figure)
+
+
+def _marks(axis: Axes, lap: Lap, now: int) -> None:
+    """Mark the true tip and where it should be."""
+    tip, target = lap.tip[now], lap.reference[now]
+    axis.plot(*target, "o", markersize=15, markerfacecolor="none", color=BLUE, markeredgewidth=2.4)
+    axis.plot(*tip, "o", markersize=9, color=ORANGE)
+
+
+def _image(figure: Figure) -> Image.Image:
+    with io.BytesIO() as file:
+        figure.savefig(file, format="png", dpi=figure.dpi)
+        plt.close(figure)
+        return Image.open(file).convert("RGB")
+
+
+def still(path: Path) -> None:
+    """Draw the same two laps in steps of 0.3 s."""
+    figure, axes = plt.subplots(1, 2, figsize=(9.6, 5.2))
+    for axis, (row, title) in zip(axes, COMPARED.items(), strict=True):
+        lap = recorded(row, LAP)
+        bare(axis, X, (-7.3, 2.6))
+        axis.set_title(title, fontsize=14, color=INK)
+        draw_path(axis)
+        last = lap.at(STILL[-1])
+        axis.plot(*lap.tip[: last + 1].T, color=ORANGE, linewidth=1.6)
+        for time, shade in zip(STILL, ("0.78", "0.64", "0.48", "0.32", "0.12"), strict=True):
+            now = lap.at(time)
+            draw_arm(axis, lap.q[now], shade, 3.5)
+            axis.plot(*lap.reference[now], "o", markersize=11, markerfacecolor="none", color=BLUE, markeredgewidth=1.8)
+            axis.plot(*lap.tip[now], "o", markersize=7, color=ORANGE)
+            look: dict[str, Any] = {"textcoords": "offset points", "fontsize": 11, "color": BLUE}
+            axis.annotate(f"{time:g} s", lap.reference[now], (-10, 0), ha="right", va="center", **look)
+    save(figure, path)
+
+
+def save(figure: Figure, path: Path) -> None:
+    """Write a picture."""
+    figure.savefig(path, dpi=110, bbox_inches="tight", pad_inches=0.1)
+    plt.close(figure)
+
+
+def terms(path: Path) -> None:
+    """Draw the arm at a bent moment with its terms; the tip enlarged; and where the two laps begin."""
+    lap = recorded("lqg", LAP)
+    now = lap.at(MOMENT)
+    figure = plt.figure(figsize=(9.6, 5.7))
+    grid = figure.add_gridspec(2, 2, width_ratios=(1.55, 1.0))
+    _whole(figure.add_subplot(grid[:, 0]), lap, now)
+    _tip(figure.add_subplot(grid[0, 1]), lap, now)
+    _starts(figure.add_subplot(grid[1, 1]))
+    save(figure, path)
+
+
+def _whole(axis: Axes, lap: Lap, now: int) -> None:
+    q = lap.q[now]
+    straight, (one, two) = rigid(q), links(q)
+    bare(axis, (-9.3, 2.8), (-7.4, 1.6))
+    draw_path(axis)
+    axis.plot(*straight.T, **NARROW)
+    tangent = one[-1] - one[-2]
+    tangent *= 2.6 / np.linalg.norm(tangent)
+    axis.plot(*np.stack([one[-1], one[-1] + tangent]).T, color=SOFT, linewidth=1.0, linestyle=":")
+    axis.plot((0.0, 2.6), (0.0, 0.0), color=SOFT, linewidth=1.0, linestyle=":")
+    draw_arm(axis, q)
+    angles = np.degrees([q[0], np.arctan2(*tangent[::-1]), np.arctan2(*(two[1] - two[0])[::-1])])
+    axis.add_patch(Arc((0.0, 0.0), 3.0, 3.0, theta1=angles[0], theta2=0.0, color=GREEN, linewidth=2.0))
+    axis.add_patch(Arc(tuple(one[-1]), 2.8, 2.8, theta1=angles[2], theta2=angles[1], color=GREEN, linewidth=2.0))
+    axis.plot(*lap.tip[now], "o", markersize=9, color=ORANGE)
+    axis.plot(*straight[-1], "s", markersize=7, color=SOFT)
+    _say(axis, (0.3, 0.45), "shoulder")
+    _say(axis, np.add(one[-1], (0.4, -0.35)), "elbow", va="top")
+    _say(axis, np.add(one[POINTS // 2], (0.35, -0.5)), "link 1 bends")
+    _say(axis, (1.0, -1.6), "theta1", GREEN)
+    _say(axis, np.add(one[-1] + 0.72 * tangent, (-0.35, -0.3)), "theta2", GREEN, ha="right")
+    _say(axis, np.add(straight[-1], (-0.9, 0.4)), "rigid tip", SOFT)
+    _say(axis, np.add(straight[1], (-0.5, 0.45)), "rigid links", SOFT, ha="right")
+    _say(axis, np.add(two[POINTS // 2], (0.2, -0.45)), "link 2", va="top", ha="right")
+    _say(axis, np.add(lap.tip[now], (-0.3, 0.3)), "true tip", LETTERS, ha="right")
+    _say(axis, (2.8, -6.5), "path of the tip", SOFT, ha="right", va="top")
+
+
+def _say(axis: Axes, at: Any, text: str, colour: str = INK, **look: Any) -> None:
+    x, y = at
+    axis.text(x, y, text, color=colour, **LABEL | look)
+
+
+def _tip(axis: Axes, lap: Lap, now: int) -> None:
+    tip, sensed, target = lap.tip[now], lap.sensed[now], lap.reference[now]
+    bare(axis, (tip[0] - 0.65, tip[0] + 0.85), (tip[1] - 0.6, tip[1] + 0.4))
+    axis.set_title("the tip, enlarged", fontsize=12, color=INK)
+    draw_path(axis)
+    axis.plot(*lap.tip[: now + 1].T, color=ORANGE, linewidth=1.6)
+    draw_arm(axis, lap.q[now])
+    axis.plot(*target, "o", markersize=13, markerfacecolor="none", color=BLUE, markeredgewidth=2.0)
+    axis.plot(*sensed, "D", markersize=9, color=PURPLE)
+    axis.plot(*tip, "o", markersize=11, color=ORANGE)
+    _say(axis, np.add(tip, (-0.06, 0.05)), "true tip", LETTERS, ha="right")
+    _say(axis, np.add(sensed, (0.07, -0.02)), "late reading:\n31 ms old", PURPLE, va="top")
+    _say(axis, np.add(target, (0.08, -0.03)), "target", BLUE, va="top")
+
+
+def _starts(axis: Axes) -> None:
+    bare(axis, (-7.5, 1.0), (-7.3, 0.5))
+    axis.set_title("where the two laps begin", fontsize=12, color=INK)
+    draw_path(axis)
+    for lap, colour, side in (("plain", SOFT, -1.0), ("swing", INK, 1.0)):
+        q = recorded("lqg", lap).q[0]
+        draw_arm(axis, q, colour, 3.5)
+        text = f"{lap} lap:\ntheta2 {'<' if side < 0.0 else '>'} 0"
+        look = {"ha": "right", "va": "bottom"} if side > 0.0 else {"ha": "left", "va": "top"}
+        _say(axis, np.add(rigid(q)[1], (-0.2 * side, 0.2 * side)), text, colour, **look)
+    axis.annotate("", (-6.3, -3.6), (-6.3, -6.2), arrowprops={"arrowstyle": "-|>", "color": BLUE, "linewidth": 2.4})
+    _say(axis, (-6.5, -4.9), "target", BLUE, rotation=90, ha="right", va="center")

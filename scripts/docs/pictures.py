@@ -1,0 +1,44 @@
+"""Draw the pictures that introduce the benchmark, from the laps and figures that are kept in docs/."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import tyro
+
+from scripts.common.command_line import run
+from scripts.common.markdown import DOCS
+from scripts.docs import arm_pictures, overview_pictures
+
+PICTURES: dict[str, Callable[[Path], None]] = {
+    "first_second.webp": arm_pictures.moving,
+    "first_second.png": arm_pictures.still,
+    "terms.png": arm_pictures.terms,
+    "error_over_loss.png": overview_pictures.error_over_loss,
+    "distance_from_chain.png": overview_pictures.distance_from_chain,
+}
+
+
+@dataclass
+class Options:
+    """Draw the pictures that introduce the benchmark."""
+
+    output: Path = DOCS / "figures"
+    """Folder for the files; existing ones are replaced."""
+    only: tuple[str, ...] = tuple(PICTURES)
+    """Names of the files to draw."""
+
+
+def main() -> None:
+    """Command line."""
+    options = tyro.cli(Options, prog="python -m scripts.docs.pictures")
+    options.output.mkdir(parents=True, exist_ok=True)
+    for name in options.only:
+        PICTURES[name](options.output / name)
+        print(f"{options.output / name}: drawn", flush=True)
+
+
+if __name__ == "__main__":
+    run(main)

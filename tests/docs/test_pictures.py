@@ -1,0 +1,82 @@
+"""The pictures that introduce the benchmark: what they draw is what the board measured; README is short and true."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from flexarm_agents.board.summary import nominal_errors
+from scripts.common.markdown import DOCS
+from scripts.docs import overview_pictures
+from scripts.docs.arm_pictures import COMPARED, LAP, Lap, still, terms
+from scripts.docs.drawn_arm import ARM, links, recorded, rigid
+from scripts.docs.pictures import PICTURES
+from tests.support.programs import ROOT
+
+ROWS = {row["name"]: row for row in json.loads((DOCS / "leaderboard.json").read_text())["rows"]}
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+
+
+@pytest.fixture(scope="module")
+def lap() -> Lap:
+    """Return a lap that is drawn."""
+    return recorded("lqg", LAP)
+
+
+@pytest.mark.parametrize("row", COMPARED)
+def test_a_drawn_lap_is_the_one_that_the_board_measured(row: str) -> None:
+    one = recorded(row, LAP)
+    away = np.linalg.norm(one.tip - one.reference, axis=1)
+    errors = nominal_errors(ROWS[row])[LAP]
+    assert errors is not None
+    assert np.sqrt(np.mean(away**2)) == pytest.approx(errors["rms"], abs=2e-4)
+
+
+def test_the_arm_is_drawn_as_it_is_bent(lap: Lap) -> None:
+    now = lap.at(0.3)
+    one, two = links(lap.q[now])
+    assert one[-1] == pytest.approx(two[0], abs=1e-12)
+    assert two[-1] == pytest.approx(lap.tip[now], abs=1e-12)
+    assert rigid(lap.q[now])[-1] == pytest.approx(ARM.rigid_tip(lap.q[now]), abs=1e-12)
+
+
+@pytest.mark.parametrize("draw", [still, terms, overview_pictures.distance_from_chain])
+def test_a_picture_is_written(draw: object, tmp_path: Path) -> None:
+    assert callable(draw)
+    draw(tmp_path / "one.png")
+    with Image.open(tmp_path / "one.png") as picture:
+        assert picture.width > 800
+
+
+def test_every_entry_has_a_dot_and_its_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    axes = []
+    monkeypatch.setattr(overview_pictures, "save", lambda figure, path: axes.extend(figure.axes))
+    overview_pictures.error_over_loss(tmp_path / "unused.png")
+    written = {text.get_text() for text in axes[0].texts}
+    complete = {name for name, row in ROWS.items() if None not in nominal_errors(row).values()}
+    assert {name.removeprefix("agent ") for name in complete} <= written
+
+
+def test_the_pictures_are_there_and_small() -> None:
+    for name in PICTURES:
+        assert 0 < (DOCS / "figures" / name).stat().st_size < 1_500_000, name
+    with Image.open(DOCS / "figures" / "first_second.webp") as moving:
+        assert getattr(moving, "n_frames", 1) == 101
+
+
+def test_what_to_beat_is_what_the_board_measured() -> None:
+    plans = json.loads((DOCS / "leaderboard.json").read_text())["references"]
+    errors = nominal_errors(ROWS["agent square"])
+    for one in (plans, errors):
+        swing, plain = (1e3 * one[name]["rms"] for name in ("swing", "plain"))
+        assert f"{swing:.0f} / {plain:.0f} mm" in README
+
+
+def test_the_readme_is_short() -> None:
+    assert len(README.splitlines()) <= 130
+    assert len(re.findall(r"\S+", README)) <= 1000
