@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import textwrap
 from collections.abc import Sequence
-from itertools import zip_longest
+from itertools import pairwise, zip_longest
 
 _GAP = "  "
 
@@ -36,27 +36,38 @@ def from_markdown(text: str, width: int) -> str:
         text: paragraphs and tables, with code in backticks.
         width: width of a line.
     """
-    blocks = [block for block in text.split("\n\n") if block.strip()]
-    return "\n\n".join(_table(block, width) if block.startswith("|") else _prose(block, width) for block in blocks)
+    blocks = [block for block in re.split(r"\n\n|\n(?=- )", text) if block.strip()]
+    parts = [_table(block, width) if block.startswith("|") else _prose(block, width) for block in blocks]
+    gaps = ["\n" if one.startswith("- ") and other.startswith("- ") else "\n\n" for one, other in pairwise(blocks)]
+    return "".join(part for pair in zip_longest(parts, gaps, fillvalue="") for part in pair)
 
 
 def _prose(text: str, width: int) -> str:
-    text = re.sub(r"\[([^]]*)\]\([^)]*\)", r"\1", text).replace("`", "")
-    return textwrap.fill(" ".join(text.split()), width, break_long_words=False, break_on_hyphens=False)
+    text = re.sub(r"\[([^]]*)\]\([^)]*\)", r"\1", text)
+    text = re.sub(r"(?<!\w)\*(\w[^*]*)\*", r"\1", text).replace("`", "")
+    return _filled(text, width, "  " if text.startswith("- ") else "")
+
+
+def _filled(text: str, width: int, indent: str, first: str = "") -> str:
+    """Wrap a paragraph whose lines after the first one are indented."""
+    return textwrap.fill(
+        " ".join(text.split()),
+        width,
+        initial_indent=first,
+        subsequent_indent=indent,
+        break_long_words=False,
+        break_on_hyphens=False,
+    )
 
 
 def _table(text: str, width: int) -> str:
-    """Wrap the widest columns until the table fits; no column gets narrower than its longest word."""
+    """Write a table with its columns in line, or as a list if the last column would be narrow."""
     lines = [line for n, line in enumerate(text.splitlines()) if n != 1]  # without the rule under the header
     cells = [re.split(r"(?<!\\) \| ", line.removeprefix("| ").removesuffix(" |")) for line in lines]
     rows = [[cell.replace("\\|", "|").replace("`", "") for cell in row] for row in cells]
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    room = width - len(_GAP) * (len(widths) - 1)
-    longest = [
-        max((len(word) for cell in column for word in cell.split()), default=1) for column in zip(*rows, strict=True)
-    ]
-    while sum(widths) > room and (wide := [n for n, width in enumerate(widths) if width > longest[n]]):
-        widths[max(wide, key=widths.__getitem__)] -= 1
+    widths = _widths(rows, width)
+    if len(widths) > 2 and widths[-1] < min(width // 3, max(len(row[-1]) for row in rows)):
+        return _list(rows, width)
     wrapped: list[tuple[str, ...]] = []
     for row in rows:
         pieces = [
@@ -65,3 +76,25 @@ def _table(text: str, width: int) -> str:
         ]
         wrapped += zip_longest(*pieces, fillvalue="")
     return columns(wrapped)
+
+
+def _widths(rows: Sequence[Sequence[str]], width: int) -> list[int]:
+    """Narrow the widest columns until the table fits; no column gets narrower than its longest word."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    room = width - len(_GAP) * (len(widths) - 1)
+    longest = [
+        max((len(word) for cell in column for word in cell.split()), default=1) for column in zip(*rows, strict=True)
+    ]
+    while sum(widths) > room and (wide := [n for n, width in enumerate(widths) if width > longest[n]]):
+        widths[max(wide, key=widths.__getitem__)] -= 1
+    return widths
+
+
+def _list(rows: Sequence[Sequence[str]], width: int) -> str:
+    """Write each row as its first cell with the cells between by their headers, and the last cell below."""
+    (_, *between, _), *body = rows
+    entries = []
+    for name, *cells, what in body:
+        given = "; ".join(f"{header} {cell}" for header, cell in zip(between, cells, strict=True) if cell)
+        entries += [_filled(f"{name}: {given}", width, "    "), _filled(what, width, "    ", "    ")]
+    return "\n".join(entries)

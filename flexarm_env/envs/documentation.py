@@ -1,8 +1,7 @@
 """The environments' documentation in Markdown, made from the declarations that the code itself reads.
 
-All functions are pure. The tables come from `options`, `observation`, `reward`, `reset_options`, `info` and
-`registration`. The texts that hold for all environments are here, for `FlexArmEnv`'s docstring and for the pages under
-docs/environments (scripts/docs/environments.py).
+All functions are pure. `FlexArmEnv`'s docstring, `flexarm show`, the pages under docs/environments and the folded part
+that these have on the site are made from them. The texts that hold for all ids are in `documentation_texts`.
 """
 
 from __future__ import annotations
@@ -16,104 +15,25 @@ from typing import Any
 import numpy as np
 
 from flexarm_env.actions import MODES, ActionMode, modes_reading
+from flexarm_env.envs import documentation_texts as texts
 from flexarm_env.envs.blocks import BLOCKS
 from flexarm_env.envs.choices import DEFAULT_WEIGHTS, STARTS
 from flexarm_env.envs.info import KEYS, Episode, info_keys
 from flexarm_env.envs.observation import observation_layout
-from flexarm_env.envs.registration import IDS, NAMESPACE
+from flexarm_env.envs.registration import IDS, NAMESPACE, Id
 from flexarm_env.envs.reset_options import OPTIONS
 from flexarm_env.envs.settings import Settings, default_of
 from flexarm_env.envs.termination import END_CODES, ENDS
 from flexarm_env.episode.reward import TERMS
-from flexarm_env.laps import LAPS
-from flexarm_env.parameters import PRESETS, ArmParameters
-from flexarm_env.physics.inverse_kinematics import STRAIGHT
+from flexarm_env.parameters import PRESETS, SENSOR_MODELS, ArmParameters
 
-# Texts that hold for all environments.
-ACTION = """\
-An action is an array of float32 in [-1, 1], held for one control period (from `actuation_delay` after it is given; an
-inner law itself acts without delay). `flexarm_env.actions.physical_from_action` is the map below, with its inverse.
-What is beyond that range is limited, for policies that draw from a Gaussian; what is not finite is refused."""
-BRANCHES = f"""\
-The rigid arm can be on the reference with its elbow on either side. `joint_error`, the joint-space law, drawn moves
-and starts use the side of `elbow_branch`, all the episode long. The elbow may swing through the straight arm to the
-other side, and good plans do so at corners; `joint_error` still refers to the first side. `present_joint_error` and
-`present_joint_error_rate` are on the side that the encoders measure: the sign of sin(theta2) when it was last
-bent by more than {STRAIGHT:g} rad, off the straight and off the folded arm, and `elbow_branch` before.
-`info["elbow_side"]` follows the same rule with the true angle, and is 0 before."""
-FRAMES = """\
-All units are SI. theta1 is the angle of link 1's root from the world's x axis, theta2 that of link 2's root from the
-tangent at link 1's tip. Blocks in m and m/s are x and y in a frame whose origin is the shoulder: with `frame="link"`
-its x axis lies along the root of link 1 (the world turned by the measured -theta1), with `frame="world"` nothing is
-turned. Without gravity no direction is special, so in the link's frame the four sides of the square look alike.
-Infos are always in the world's frame."""
-BLOCK_RULES = """\
-An observation is an array of float32: the blocks that `observation` names, one after the other, each divided by its
-scale where `scaled` is set. `env.unwrapped.observation_blocks` says where each lies, `observation_scale` what each
-number was divided by. No number passes its bound before the episode ends. The column `reads` says what
-a block measures; no sensor delivers the true state, so a policy that observes `state` is privileged."""
-MIRROR = """\
-Without gravity the mirror image of a motion is a motion. Reflect an episode about the world's x axis: the start
-corner, the direction of the reference, `elbow_branch`, and the signs of the state's angles and modal coordinates.
-Without noise, the mirrored actions then give the mirrored observations and the same rewards, to the last bit. The
-column `mirrored` shows the sign of each number, repeated over a block. `env.unwrapped.mirror_observation` and
-`mirror_action` apply the signs, to one or to a batch; `observation_mirror` and `action_mirror` hold them, for tensors
-of other libraries. Mirrored samples double a learner's data, and a policy between the two maps drives the mirrored
-laps."""
-LATENESS = """\
-Encoders and strain gauges are current, and the gauges ideal; the sensor on link 2 is late. At the end of each control
-period its reading of `delay` seconds ago arrives, not rounded to steps; if `delay` is None, that is the distance from
-the shoulder over the wave speed (31.2 ms for a sensor at the tip; the "rigid" sensor reads the elbow's angle after a
-delay of its own, the way from the elbow). `jitter` makes each reading older by an amount drawn evenly up to that;
-with `hold`, readings are taken at the ticks of a slower clock only; with probability `dropout` none arrives, and the
-last one stays. A reading that is not newer than the last one by half a control period is passed over. `sensor_error`
-compares a reading with where the reference was when it was taken. For a "true" sensor at the tip, the default, it is
-thus the exact error of a moment ago, not a wrong one of now; elsewhere on link 2 it is the way from that point to
-where the *tip* should be, and the "rigid" sensor mixes two moments.
-
-`second_sensor_link` adds a second position sensor on either link, for comparisons of sensor sets. It sees the true
-point at `second_sensor_position`, `second_sensor_delay` ago, with noise of its own (`second_sensor_noise`), at every
-control instant; `jitter`, `hold`, `dropout` and a drawn `delay` concern the first sensor only. `second_sensor_error`
-compares a reading with where the *same point* of the rigid arm on the reference was when it was taken: it is 0 where
-the arm is unbent and on the reference, wherever the sensor is."""
-REWARD = """\
-The reward judges the state after the step, by the true tip (e: its distance from the reference), whatever the sensors
-see. It is the sum of terms in [0, 1] times their weights (`reward_weights`). None is negative, so ending an episode
-early never pays."""
-SCORE = f"""\
-A lap from rest is scored mostly by its start: the reference leaves at full speed at once, and the side of the elbow
-decides how well an arm can follow. So the standard score is two laps, `flexarm_env.laps.LAPS`:
-
-{
-    '''
-'''.join(f"- the *{name} lap*: {lap.text}." for name, lap in LAPS.items())
+# Options whose values have names, with what each name means.
+_NAMED: Mapping[str, Mapping[str, str]] = {
+    "arm": {name: preset.text for name, preset in PRESETS.items()},
+    "action_mode": {name: mode.text for name, mode in MODES.items()},
+    "sensor": {name: model.text for name, model in SENSOR_MODELS.items()},
+    "start": STARTS,
 }
-
-Give three figures of each: the r.m.s. distance of the true tip from the reference over the lap, the same since 2 s, and
-the maximum. `flexarm_agents.evaluate(env, policy)` computes them; `run_policy(env, policy, lap="swing")` of
-`flexarm_env.rollout` runs one lap, and `env.reset(options=LAPS["swing"].reset_options())` begins it. A run that ended
-early has no lap score; `run.notes["ended"]` says why."""
-ENDING = """\
-An episode terminates for one of the reasons below. `error_limit` and `deflection_limit` are part of the task: a
-learner that has lost the path does not spend the rest of the lap far off it, and links bent so far are beyond what
-linear elasticity describes. The other reasons say that the state is no longer valid; the reward of that step is 0,
-and its observation is the last valid one. `max_episode_steps` truncates an episode.
-
-`info["end_code"]` is the code of the reason at the step that terminates the episode, else 0;
-`flexarm_env.end_reason` gives its name. A time limit has no code: Gymnasium's `TimeLimit` ends a single environment
-from outside, and infos of single environments and of batches are the same. At an episode's end 0 thus means that the
-time limit truncated it."""
-INFO = """\
-An info has the same keys after a reset and after every step; each value is a float64 or an array of them. In a batch
-each key holds an array with a row for each arm."""
-EPISODE = """\
-What describes the episode as a whole is `env.unwrapped.episode` (of a batch: arrays of shape (N,)), from each reset to
-the next one. Where a step begins the next episode, it describes that one:"""
-SEEDS = """\
-`reset(seed=s)` seeds `np_random`, of which every reset, seeded or not, draws one key. All that is random in an
-episode (start, drawn quantities, noise, jitter, dropouts) is a hash of that key and a counter: key and actions alone
-determine the episode, on any thread and in a batch of any size. Environment i of a batch seeded with s is the single
-environment seeded with s + i, to the last bit."""
 
 
 def specification(introduction: str) -> str:
@@ -123,21 +43,75 @@ def specification(introduction: str) -> str:
         introduction: the text that precedes the sections.
     """
     first, _, rest = inspect.cleandoc(introduction).partition("\n")
-    sections = {
-        "Description": rest,
-        "Ids": table(("id", "task"), ((f"`{NAMESPACE}/{name}`", one.summary) for name, one in IDS.items())),
-        "Action space": f"{ACTION}\n\n{action_table()}",
-        "Observation space": f"{BLOCK_RULES}\n\n{FRAMES}\n\n{BRANCHES}\n\n{LATENESS}\n\n{MIRROR}\n\n{block_table()}",
-        "Reward": f"{REWARD}\n\n{reward_table()}\n\n{SCORE}",
+    ids = table(("id", "task"), ((f"`{NAMESPACE}/{name}`", one.summary) for name, one in IDS.items()))
+    parts = {"Description": rest, "Ids": ids, **sections()}
+    return f"{first}\n\n" + "\n\n".join(f"## {title}\n\n{text.strip()}" for title, text in parts.items()) + "\n"
+
+
+def sections(one: Id | None = None) -> dict[str, str]:
+    """Write the sections of the specification by their titles, with the numbers of an id; None: of all ids.
+
+    Args:
+        one: the id's declaration.
+    """
+    settings = Settings.of(one.options) if one else None
+    options = argument_table(settings, one.options if one else None)
+    histories = [f"- `{NAMESPACE}/{name}`: {'; '.join(each.history)}" for name, each in IDS.items()]
+    return {
+        "Action space": f"{texts.ACTION}\n\n{action_table(settings)}",
+        "Observation space": f"{texts.OBSERVATION}\n\n{block_table(settings)}",
+        "Frames and units": texts.FRAMES,
+        "The side of the elbow": texts.BRANCHES,
+        "The late sensor": texts.LATENESS,
+        "Mirror images": texts.MIRROR,
+        "Reward": f"{texts.REWARD}\n\n{reward_table(settings)}",
+        **({} if settings and not settings.paths else {"Score": texts.SCORE}),
         "Starting state": start_table(),
-        "Episode end": f"{ENDING}\n\n{end_table()}",
-        "Info": f"{INFO}\n\n{info_table()}",
-        "The episode": f"{EPISODE}\n\n{episode_table()}",
-        "Arguments": f"With the defaults of `{NAMESPACE}/Square-v0`:\n\n{argument_table()}",
-        "Reset options": f"{option_table()}\n\n{SEEDS}",
-        "Version history": "\n".join(f"- `{NAMESPACE}/{name}`: {'; '.join(one.history)}" for name, one in IDS.items()),
+        "Episode end": f"{texts.ENDING}\n\n{end_table(settings)}",
+        "Info": f"{texts.INFO}\n\n{info_table(settings)}\n\n{texts.EPISODE}\n\n{episode_table()}",
+        "Options": f"The arguments of `make` and `make_vec`:\n\n{options}",
+        **({"Options of its own": own_table(one.options_of)} if one and one.options_of else {}),
+        "Arms": preset_table(),
+        "Reset options": f"{option_table()}\n\n{texts.SEEDS}",
+        "Version history": "\n".join([f"- {version}" for version in one.history] if one else histories),
     }
-    return f"{first}\n\n" + "\n\n".join(f"## {title}\n\n{text.strip()}" for title, text in sections.items()) + "\n"
+
+
+def spaces(settings: Settings) -> tuple[str, str]:
+    """Write the spaces of actions and of observations as Gymnasium does, without bounds where these differ."""
+    count = len(observation_layout(settings, settings.program).scale)
+    return f"Box(-1.0, 1.0, ({len(settings.action_limit)},), float32)", f"Box(({count},), float32)"
+
+
+def timing(one: Id) -> str:
+    """Write how long an episode of an id is."""
+    settings = Settings.of(one.options)
+    period, step = settings.control_period, settings.control_period / settings.substeps
+    return (
+        f"{one.steps} steps of {figure(1e3 * period)} ms ({figure(one.steps * period)} s), integrated by steps of "
+        f"{figure(1e3 * step)} ms"
+    )
+
+
+def difference_table(one: Id) -> str:
+    """Tabulate the options of an id that differ from the defaults, which are those of Square-v0; "" if none does."""
+    rows = []
+    for option in fields(Settings):
+        if option.name in one.options:
+            value, default = one.options[option.name], default_of(option)
+            meaning = _NAMED.get(option.name, {}).get(str(value), option.metadata["text"])
+            rows.append((f"`{option.name}`", *_changed(value, default), meaning))
+    return table(("option", "here", "in Square-v0", "meaning"), rows) if rows else ""
+
+
+def _changed(value: Any, default: Any) -> tuple[str, str]:
+    """Write two values of an option; of blocks those that are left out, if none is new."""
+    if not isinstance(value, tuple) or not isinstance(value[0], str):
+        return f"`{_python(value)}`", f"`{_python(default)}`"
+    left_out = [name for name in default if name not in value]
+    kept = [name for name in value if name in default]
+    names = left_out if len(kept) == len(value) else value
+    return f"{'without ' * (names is left_out)}{', '.join(f'`{name}`' for name in names)}", f"{len(default)} blocks"
 
 
 # --- tables --------------------------------------------------------------------------------------------------------

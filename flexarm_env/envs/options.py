@@ -72,12 +72,11 @@ class Options:
 
     arm: str | Mapping[str, Any] = _option(
         "default",
-        "; ".join(f'"{name}": {preset.text}' for name, preset in PRESETS.items())
-        + "; or a mapping of `ArmParameters` fields, with one of these names as `preset` for those it does not set",
-        Custom(checked_arm),
+        "the arm: a name, or a mapping of `ArmParameters` fields in which `preset` names the arm that sets the others",
+        Custom(checked_arm, text=", ".join(f'"{name}"' for name in PRESETS) + ", or a mapping"),
     )
-    action_mode: str = _option("torque", "what an action is; see Action space", OneOf(tuple(MODES)))
-    control_period: float = _option(0.01, "an action is held so long", Number(1e-5, 1.0, "s"))
+    action_mode: str = _option("torque", "what an action is", OneOf(tuple(MODES)))
+    control_period: float = _option(0.01, "duration of an action", Number(1e-5, 1.0, "s"))
     physics_step: float | None = _option(
         None,
         "longest integration step; None: 1 ms, with foreshortened links 2 ms, for the gain 0.25 ms, or less if the "
@@ -86,7 +85,8 @@ class Options:
     )
     torque_limit: tuple[float, float] | None = _option(
         None,
-        "of shoulder and elbow; None: 150 and 50, for the gain no limit (limited, the law loses the path)",
+        "largest torques of shoulder and elbow; None: 150 and 50, for the gain no limit (limited, the law loses the "
+        "path)",
         allowed_of(LawParameters, "torque_limit"),
     )
     torque_rate_limit: tuple[float, float] = _option(
@@ -95,22 +95,24 @@ class Options:
         "change of the torque per second at action 1; the default reverses the default torques in 0.1 s",
         Pair(1e-6, 1e12, "N m/s"),
     )
-    gain_limit: float = _option(1.0, "lambda at action 1", Number(1e-6, 1e6, "1"))
+    gain_limit: float = _option(1.0, "gain lambda at action 1", Number(1e-6, 1e6, "1"))
     shift_limit: tuple[float, float] = _option(
         (0.3, 0.3), "shift of the joints' reference at action 1", Pair(1e-6, np.pi, "rad")
     )
     inner_stiffness: tuple[float, float] = _option(
-        (1000.0, 130.0), "of the inner tracking law", Pair(0.0, 1e9, "N m/rad")
+        (1000.0, 130.0), "stiffness of the inner law in shoulder and elbow", Pair(0.0, 1e9, "N m/rad")
     )
     inner_resistance: tuple[float, float] = _option(
-        (40.0, 30.0), "of the inner tracking law", Pair(0.0, 1e9, "N m s/rad")
+        (40.0, 30.0), "damping of the inner law in shoulder and elbow", Pair(0.0, 1e9, "N m s/rad")
     )
     proportional_gain: float = _option(
         150.79, "Kp of the paper's law (11)", allowed_of(LawParameters, "proportional_gain")
     )
     derivative_gain: float = _option(17.364, "Kd of the paper's law (12)", allowed_of(LawParameters, "derivative_gain"))
     compensation: Compensation = _option(
-        "none", "delay of the law's command; see `LawParameters`", allowed_of(LawParameters, "compensation")
+        "none",
+        "compensation of the delay in the law's command; see `LawParameters`",
+        allowed_of(LawParameters, "compensation"),
     )
     law_sensor: Literal["joints", "sensor"] = _option(
         "joints",
@@ -118,77 +120,90 @@ class Options:
         OneOf(("joints", "sensor")),
     )
     rate_jacobian: RateJacobian = _option(
-        "delayed", "see `SensorParameters`", allowed_of(SensorParameters, "rate_jacobian")
+        "delayed",
+        "angles in the Jacobian of the velocity error; see `SensorParameters`",
+        allowed_of(SensorParameters, "rate_jacobian"),
     )
-    delayed: Delayed = _option("position", "see `SensorParameters`", allowed_of(SensorParameters, "delayed"))
+    delayed: Delayed = _option(
+        "position",
+        "what the sensor's delay applies to; see `SensorParameters`",
+        allowed_of(SensorParameters, "delayed"),
+    )
     sensor: SensorModel = _option(
         "true",
         "what the sensor on link 2 reads: " + "; ".join(f'"{name}": {one.text}' for name, one in SENSOR_MODELS.items()),
         allowed_of(SensorParameters, "model"),
     )
-    sensor_position: float = _option(4.5, "of the sensor from the elbow", allowed_of(SensorParameters, "position"))
+    sensor_position: float = _option(
+        4.5, "distance of the sensor from the elbow", allowed_of(SensorParameters, "position")
+    )
     delay: float | tuple[float, float] | None = _option(
-        None, "of the sensor's reading; None: by the wave speed", allowed_of(SensorParameters, "delay")
+        None, "delay of the sensor's reading; None: distance over the wave speed", allowed_of(SensorParameters, "delay")
     )
-    wave_speed: float = _option(WAVE_SPEED, "c (15)", allowed_of(SensorParameters, "wave_speed"))
+    wave_speed: float = _option(
+        WAVE_SPEED, "wave speed c (15), which sets the delay", allowed_of(SensorParameters, "wave_speed")
+    )
     noise: float = _option(
-        0.0, "standard deviation of each coordinate of the sensor's reading", allowed_of(SensorParameters, "noise")
+        0.0,
+        "standard deviation of the noise in each coordinate of the sensor's reading",
+        allowed_of(SensorParameters, "noise"),
     )
-    jitter: float = _option(0.0, "largest additional delay, drawn evenly for each reading", _LATE)
-    hold: float = _option(0.0, "period of a slower sensor's clock (sample and hold); 0: none", _HOLD)
+    jitter: float = _option(0.0, "largest additional delay, drawn uniformly for each reading", _LATE)
+    hold: float = _option(0.0, "period of the sensor's own clock (sample and hold); 0: it has none", _HOLD)
     dropout: float = _option(0.0, "probability that a reading is lost", Number(0.0, 1.0, "1"))
     encoder_noise: tuple[float, float] = _option(
-        (0.0, 0.0), "standard deviations of joint angles and rates", Pair(0.0, LARGEST_NOISE, "rad, rad/s")
+        (0.0, 0.0), "standard deviations of the noise of joint angles and rates", Pair(0.0, LARGEST_NOISE, "rad, rad/s")
     )
     second_sensor_link: int | None = _option(
         None,
-        "link of a second sensor, which sees the true point; None: there is none",
+        "link of a second sensor, which reads the true point; None: there is none",
         Optional(Integer(1, 2)),
     )
     second_sensor_position: float | None = _option(
         None,
-        "of the second sensor from its link's root; None: at the link's tip",
+        "distance of the second sensor from its link's root; None: at the link's tip",
         Optional(allowed_of(SensorParameters, "position")),
     )
-    second_sensor_delay: float = _option(0.0, "of the second sensor's reading", _LATE)
+    second_sensor_delay: float = _option(0.0, "delay of the second sensor's reading", _LATE)
     second_sensor_noise: float = _option(
         0.0,
-        "standard deviation of each coordinate of the second sensor's reading",
+        "standard deviation of the noise in each coordinate of the second sensor's reading",
         allowed_of(SensorParameters, "noise"),
     )
-    actuation_delay: float = _option(0.0, "from an action to its effect; an inner law is not delayed", _LATE)
+    actuation_delay: float = _option(0.0, "time from an action to its effect; an inner law is not delayed", _LATE)
     observation: tuple[str, ...] = _option(
-        DEFAULT_OBSERVATION, "names of the blocks, in order; see Observation space", Custom(names)
+        DEFAULT_OBSERVATION, "names of the blocks of an observation, in order", Custom(names)
     )
     frame: Frame = _option(
-        "link", 'frame of Cartesian blocks: "link" (turned by -theta1) or "world"', OneOf(("link", "world"))
+        "link", 'frame of blocks in m and m/s: "link" (turned by -theta1) or "world"', OneOf(("link", "world"))
     )
     previews: tuple[float, ...] = _option(
-        (0.05, 0.1, 0.2, 0.3, 0.45, 0.6, 1.0), "horizons of the block `previews`", Custom(checked_previews, "s")
+        (0.05, 0.1, 0.2, 0.3, 0.45, 0.6, 1.0), "how far ahead the block `previews` looks", Custom(checked_previews, "s")
     )
-    last_actions: int = _option(1, "how many the block `last_actions` holds", Integer(1, 100))
+    last_actions: int = _option(1, "number of actions in the block `last_actions`", Integer(1, 100))
     scaled: bool = _option(True, "divide each block by its scale", Flag())
     reference: str | Sequence[str] = _option(
         "square",
-        '"square", "circle", "line", "figure_eight", "waypoints", "moves" (drawn from rest to rest), or several of the '
-        "first five, one of which is drawn for each episode",
-        Custom(checked_paths),
+        'path of the tip; of several (not "moves"), each episode draws one',
+        Custom(checked_paths, text='"square", "circle", "line", "figure_eight", "waypoints", "moves"'),
     )
     waypoints: Sequence[tuple[float, float]] | None = _option(
         None, 'corners of the reference "waypoints"', Optional(Custom(checked_waypoints, "m"))
     )
     side: float = _option(
-        12.6, "of the square, or the square around the other paths", allowed_of(SquareParameters, "side")
+        12.6, "side of the square, or of the square around another path", allowed_of(SquareParameters, "side")
     )
-    lap_time: float = _option(16.0, "of a lap", allowed_of(SquareParameters, "lap_time"))
+    lap_time: float = _option(16.0, "duration of a lap", allowed_of(SquareParameters, "lap_time"))
     start_corner: Corner = _option("lower left", "where a lap starts", allowed_of(SquareParameters, "start_corner"))
-    direction: str = _option("clockwise", 'of a lap; "either": drawn for each episode', OneOf((*DIRECTIONS, EITHER)))
+    direction: str = _option(
+        "clockwise", 'direction of a lap; "either": drawn for each episode', OneOf((*DIRECTIONS, EITHER))
+    )
     elbow_branch: str = _option(
         EITHER,
         'sign of theta2 at the start and in the inverse kinematics; "either": drawn for each episode',
         OneOf((*get_args(ElbowBranch), EITHER)),
     )
-    start: Start = _option("mix", "how an episode starts; see Starting state", OneOf(tuple(STARTS)))
+    start: Start = _option("mix", "how an episode starts", OneOf(tuple(STARTS)))
     start_spread: tuple[float, float] = _option(
         (0.05, 0.05),
         "largest deviations of a moving start: joint angles, tip deflections of the first modes",
@@ -200,11 +215,11 @@ class Options:
         Custom(checked_ranges),
     )
     reward_weights: Mapping[str, float] = _option(
-        DEFAULT_WEIGHTS, "of the reward's terms; what is not named is 0", Custom(checked_weights)
+        DEFAULT_WEIGHTS, "weights of the reward's terms; a term without one has weight 0", Custom(checked_weights)
     )
     deflection_limit: float | None = _option(
-        1.5, "a link's tip deflection that ends an episode; None: any is allowed", _LIMIT
+        1.5, "deflection of a link's tip that ends an episode; None: no limit", _LIMIT
     )
     error_limit: float | None = _option(
-        2.5, "distance of the true tip from the reference that ends an episode; None: any is allowed", _LIMIT
+        2.5, "distance of the true tip from the reference that ends an episode; None: no limit", _LIMIT
     )

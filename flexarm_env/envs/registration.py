@@ -25,7 +25,7 @@ class Id(NamedTuple):
         steps: number of control periods after which an episode is truncated.
         options: options that differ from the defaults of `Settings`.
         summary: description in one line.
-        text: description in a paragraph.
+        text: what it is for, in a paragraph.
         history: versions, the newest first.
         entry: class of the environment.
         batch_entry: class of the batch; None: Gymnasium's own vector environments make one.
@@ -90,43 +90,37 @@ IDS: dict[str, Id] = {
     "Square-v0": Id(
         _LAP,
         {},
-        "Track the square by the motors' torques",
-        "The paper's task with the torques in the agent's hands: nothing is stabilised. It observes the "
-        "joints by encoders, the links' bending by strain gauges, and the tip by a sensor that is late. In the "
-        "link's frame the sides of the square are one task; what differs is how the arm is bent when the "
-        "reference turns. Each episode draws the side of the elbow, so that an agent meets both laps of the standard "
-        "score; they are different tasks.",
+        "Follow the square with the motors' torques",
+        "The main task: the paper's square, with the torques in the agent's hands and nothing stabilised. The "
+        "joints have encoders, the links strain gauges, the tip a sensor that is late. Each episode draws the "
+        "side of the elbow, so an agent meets both laps of the standard score; they are different tasks.",
     ),
     "SquareResidual-v0": Id(
         _LAP,
         {"action_mode": "residual"},
-        "Track the square by torques added to an inner joint-space law",
-        "As `FlexArm/Square-v0`, but a spring and a damper in each joint already pull the arm along the reference. "
-        "Alone (action 0) they keep the tip within 2 m of it: their torques depend neither on the links' bending nor "
-        "on the next corner. The agent adds torques; the sum is limited. The dampers act on joints that weigh little "
-        "beside the links' bending, which makes the fastest pole some ten times as fast as the arm's own: with the "
-        "default arm more integration steps are needed than in `FlexArm/Square-v0`, and a step takes longer in "
-        'proportion; weaker dampers (`inner_resistance`) or `arm="linear"` need fewer.',
+        "Follow the square with torques added to a joint-space law",
+        "A quick start for learning, and the task of improving a classical loop: a spring and a damper in each "
+        "joint pull the arm along the reference, and the agent adds torques to theirs. Action 0 keeps the tip "
+        "within 2 m; the law knows neither the links' bending nor the next corner. Its dampers make the fastest "
+        "pole some ten times as fast, so that a step takes more integration steps and more time; a smaller "
+        "`inner_resistance` needs fewer.",
     ),
     "SquareGain-v0": Id(
         _LAP,
         {"action_mode": "gain", "physics_step": 1e-3, "deflection_limit": 4.5, "error_limit": 9.0},
-        "Track the square by the gain of the paper's law",
-        "The action is what the paper's fuzzy system sets, the gain of a Jacobian-transpose law; here 100 times a "
-        "second, on joints without delay, with the default arm. The law overshoots corners, so the limits that "
-        "end an episode are wide. For the paper's own conditions see `FlexArm/Paper-v0`.",
+        "Follow the square by setting the gain of the paper's law",
+        "What the paper's fuzzy system does, for a learner: the action is the gain of a Jacobian-transpose law, "
+        "100 times a second. The law acts on joint angles without delay, on the default arm. It overshoots "
+        "corners, so the limits that end an episode are wide.",
     ),
     "SquareChain-v0": Id(
         _LAP,
         {"arm": {"damping_model": "material"}},
-        "Track the square with a chain of rigid segments in MuJoCo for an arm",
-        "As `FlexArm/Square-v0`, but what the motors move is no sum of a few modes: 20 rigid segments a link, "
-        "joined by springs and dampers of the material. It is the hardware of this benchmark, an arm that no "
-        "controller's model contains: train and tune elsewhere, then see here what remains. Action, observation, "
-        "reward, resets and infos are the same, by the same code; an action is a torque, its rate, or the gain of "
-        "the paper's law. Encoders, sensors and the true tip are the chain's own. The modal coordinates are those "
-        "whose deflection fits the chain's best in the mean square, as strain gauges would be calibrated; a start "
-        "on the move, or in a given `state`, bends the chain so that the gauges read it.",
+        "Follow the square on another arm, a chain of rigid segments in MuJoCo",
+        "The stand-in for hardware, an arm that no controller's model contains: 20 rigid segments a link with "
+        "springs and dampers between them. Train and tune on another id and see here what remains. Spaces, "
+        "reward, resets and infos are those of `FlexArm/Square-v0`; sensors read the chain, and modal coordinates "
+        "are the least-squares fit to its deflection. `action_mode` can be a torque, its rate, or the gain.",
         entry="flexarm_env.chain.env:ChainEnv",
         batch_entry=None,
         extra="chain",
@@ -135,35 +129,30 @@ IDS: dict[str, Id] = {
     "SquareEncoders-v0": Id(
         _LAP,
         {"observation": _ENCODERS, "last_actions": 8},
-        "Track the square by torques, knowing the joints only",
-        "As `FlexArm/Square-v0`, without strain gauges and without the sensor on link 2: how far the links bend "
-        "must be guessed from what the joints do and from the last eight actions. The reward still judges the "
-        "true tip.",
+        "Follow the square with joint encoders as the only sensors",
+        "How far does a policy get without any sensor on the links? It has to infer their bending from the motion "
+        "of the joints and from its last eight actions. The reward still uses the true tip.",
     ),
     "SquareUnknown-v0": Id(
         _LAP,
         {"observation": _LATE_TIP, "last_actions": 8, **UNKNOWN_PLANT},
-        "Track the square with an arm and sensors that each episode draws anew",
-        "As `FlexArm/Square-v0` without strain gauges, on an unknown plant: payload, stiffness, damping, the delay of "
-        "the sensor on link 2 and that of the motors differ from episode to episode, and all readings are noisy. The "
-        "observation has the last eight actions, which go back further than any reading is late. One policy or "
-        "controller is for the whole box of `randomisation`; what an episode drew is in `env.unwrapped.episode`, never "
-        "in an observation.",
+        "Follow the square with an arm and sensors that are drawn for each episode",
+        "The task for robust and adaptive control: payload, stiffness, damping and the delays of sensor and "
+        "motors differ from episode to episode, and readings are noisy. One policy or controller has to serve the "
+        "whole box of `randomisation`. What an episode drew is in `env.unwrapped.episode` only.",
     ),
     "SquareDelayEasy-v0": Id(
         _LAP,
         {"observation": _LATE_TIP, "last_actions": 4, "delay": 0.031},
-        "Track the square with a sensor on link 2 that is always 31 ms late",
-        "As `FlexArm/Square-v0`, without strain gauges: how the links bend is known late or not at all. The first of "
-        "three tasks to find out what helps against delay. Here it is known and constant, and the last four actions, "
-        "which the latest reading cannot show yet, are in the observation.",
+        "Follow the square with a tip sensor that is 31 ms late",
+        "The first of three tasks about delay, all without strain gauges. The delay is known and constant. The "
+        "last four actions, whose effect the latest reading cannot show yet, are in the observation.",
     ),
     "SquareDelayMedium-v0": Id(
         _LAP,
         {"observation": _LATE_TIP, "last_actions": 8, "randomisation": {"delay": (0.0, 0.06)}},
-        "Track the square with a sensor on link 2 that is 0 to 60 ms late",
-        "As `FlexArm/SquareDelayEasy-v0`, but each episode draws the delay, and a controller has to find it out or to "
-        "do without.",
+        "Follow the square with a tip sensor that is 0 to 60 ms late",
+        "The second task about delay: each episode draws the delay, and a controller has to find it or to do without.",
     ),
     "SquareDelayHard-v0": Id(
         _LAP,
@@ -174,35 +163,32 @@ IDS: dict[str, Id] = {
             "jitter": 0.02,
             "dropout": 0.1,
         },
-        "Track the square with a sensor up to 140 ms late that loses readings",
-        "As `FlexArm/SquareDelayMedium-v0`, but the delay is up to twice as long, each reading is up to 20 ms later "
-        "still, and one reading of ten is lost, so that the one before stays.",
+        "Follow the square with a tip sensor up to 140 ms late that loses readings",
+        "The third task about delay: the drawn delay is up to twice as long, each reading is up to 20 ms later "
+        "still, and one reading in ten is lost, so that the one before stays.",
     ),
     "Reach-v0": Id(
         _LAP,
         {"reference": "moves", "start": "corner", "elbow_branch": "positive"},
         "Move the tip to a drawn point and back, and bring it to rest there",
-        "Each episode draws two points. The reference moves from the first to the second in a quarter of the lap "
-        "time, both joints together along a minimum-jerk polynomial, rests as long, moves back, and rests. To be "
-        "learned is to arrive without vibration. The points lie all round the shoulder, so a move with the elbow "
-        "on the other side is the mirror image of one that is drawn as often; `elbow_branch` stays on one side.",
+        "The task is to arrive without vibration. Each episode draws two points. The reference moves from one to "
+        "the other in a quarter of the lap time (both joints along a minimum-jerk polynomial), rests as long, "
+        "moves back, and rests. The points lie all round the shoulder, so moves with the elbow on the other side "
+        "are mirror images, and `elbow_branch` is fixed.",
     ),
     "Track-v0": Id(
         _LAP,
         {"reference": "circle"},
-        "Track a circle, or any path that you give, by the motors' torques",
-        "As `FlexArm/Square-v0` on the circle inside the square: no corners. `reference` takes other paths, and "
-        "way-points of your own; of several names one is drawn for each episode.",
+        "Follow a circle, or a path of your own, with the motors' torques",
+        "A path without corners: the circle inside the square. With `reference` the path can be a line, a figure "
+        "eight or your own way-points; of several paths, each episode draws one.",
     ),
     "Paper-v0": Id(
         _PAPER_LAP,
         _PAPER,
-        "The paper's set-up: the gain of the law at 1 kHz, with the late sensor in the loop",
-        "What `make reproduce` runs: one mode a link, the rigid arm's velocity forces, no damping; the law acts "
-        "on the late, noncollocated sensor, and the action is its gain. Observations are plain numbers in the "
-        "world's frame, as IFDC and FLSAC of `flexarm_baselines` read them. There is no torque limit, and only an "
-        "invalid state ends an episode. The elbow starts with theta2 > 0, the project's reading of "
-        "the paper. [The paper, reproduced](../reproduction.md) tells what comes out.",
+        "Set the gain of the paper's law at 1 kHz, in the paper's own set-up",
+        "What `make reproduce` runs: the paper's arm, its late, noncollocated sensor in the loop, no torque "
+        "limit. Only an invalid state ends an episode. theta2 > 0 at the start is our reading of the paper.",
     ),
 }
 

@@ -106,7 +106,7 @@ def convergence_table(found: dict[str, Any], kind: str) -> str:
         )
         for row in found[kind]
     ]
-    header = (title, "tip from the last row's, r.m.s. [mm]", "largest [mm]", "lap r.m.s. [m]", "steps per second")
+    header = (title, "tip from the last row's, r.m.s. [mm]", "largest [mm]", "lap r.m.s. [mm]", "steps per second")
     return table(header, rows)
 
 
@@ -118,7 +118,7 @@ def score_table(found: dict[str, Any]) -> str:
             row["lap"],
             row["arm"],
             _score(row),
-            "" if row["rms_after_2s"] is None else f"{row['rms_after_2s']:.3f}",
+            "" if row["rms_after_2s"] is None else f"{1e3 * row['rms_after_2s']:.1f}",
             f"{_millimetres(row['away']['rms'])} / {_millimetres(row['away']['maximum'])}" if "away" in row else "",
         )
         for row in found["scores"]
@@ -127,15 +127,15 @@ def score_table(found: dict[str, Any]) -> str:
         "controller",
         "lap",
         "on",
-        "lap r.m.s. [m]",
-        "after 2 s [m]",
+        "lap r.m.s. [mm]",
+        "after 2 s [mm]",
         "tip from the chain's [mm]: r.m.s. / largest",
     )
     return table(header, rows)
 
 
 def _score(row: dict[str, Any]) -> str:
-    return f"{row['rms']:.4f}" if row["rms"] is not None else f"ended: {row['ended']}"
+    return f"{1e3 * row['rms']:.1f}" if row["rms"] is not None else f"ended: {row['ended']}"
 
 
 def _millimetres(length: float) -> str:

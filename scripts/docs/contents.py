@@ -128,8 +128,8 @@ CHAPTERS: Mapping[str, Chapter] = {
 # Pages below a page: the sidebar shows them when the page is opened.
 PARTS: Mapping[str, Sequence[str]] = {
     "docs/environments/README": (
-        *("docs/environments/square", "docs/environments/square_*", "docs/environments/track"),
-        *("docs/environments/reach", "docs/environments/*"),
+        *("docs/environments/options", "docs/environments/square", "docs/environments/square_*"),
+        *("docs/environments/track", "docs/environments/reach", "docs/environments/*"),
     ),
     "docs/recipes/README": ("docs/recipes/*",),
     "api/index": tuple(f"api/{name}" for name in MODULES),

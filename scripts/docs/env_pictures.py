@@ -73,23 +73,22 @@ PICTURES = {
         900,
     ),
     "SquareGain-v0": Picture(
-        "IFDC (gain 1) from rest at the lower left: each corner is overshot.", constant(1.0), {"start": "corner"}, 1250
+        "Gain 1 from rest at the lower left: the tip overshoots each corner.", constant(1.0), {"start": "corner"}, 1250
     ),
     "SquareChain-v0": Picture(
-        "The same corner on the chain: hinges with springs, 19 a link, bend as far as they bend.",
+        "A corner under a stiff spring and damper in each joint; every link is a chain of 20 rigid segments.",
         STIFF,
         {"start": "moving", "time": 2.0},
         260,
     ),
     "SquareEncoders-v0": Picture(
-        "A corner under a stiff spring and damper in each joint, which know the joints only, as an agent here does.",
+        "A corner under a stiff spring and damper in each joint, which use the encoders only.",
         STIFF,
         {"start": "moving", "time": 6.0},
         240,
     ),
     "SquareUnknown-v0": Picture(
-        "A corner with 0.9 kg of payload, under a soft spring in each joint: stiff ones with dampers set the "
-        "links swinging, since the motors are late.",
+        "A corner with 0.9 kg of payload, under a soft spring in each joint.",
         SOFT,
         {"start": "moving", "time": 2.0, "parameters": {"payload_mass": 0.9}},
         260,
@@ -101,19 +100,19 @@ PICTURES = {
         230,
     ),
     "SquareDelayMedium-v0": Picture(
-        "The same with a reading of 60 ms ago.",
+        "After a corner: the sensor at the tip shows where the tip was 60 ms ago.",
         STIFF,
         {"start": "moving", "time": 2.0, "parameters": {"delay": 0.06}},
         230,
     ),
     "SquareDelayHard-v0": Picture(
-        "The same with a reading of 120 ms ago, and up to 20 ms more.",
+        "After a corner: the sensor at the tip shows where the tip was 120 to 140 ms ago.",
         STIFF,
         {"start": "moving", "time": 2.0, "parameters": {"delay": 0.12}},
         230,
     ),
     "Reach-v0": Picture(
-        "Half way through the first move, under a stiff spring and damper in each joint: the tip lags behind.",
+        "Halfway through the first move, under a stiff spring and damper in each joint: the tip lags behind.",
         STIFF,
         {},
         220,
@@ -123,7 +122,7 @@ PICTURES = {
         "Half a lap under a stiff spring and damper in each joint.", STIFF, {"start": "moving", "time": 0.0}, 900
     ),
     "Paper-v0": Picture(
-        "IFDC (gain 1) at the first corner of the lap; the sensor's reading is where the rigid arm was.",
+        "Gain 1 at the first corner of the lap; the sensor reads where the rigid arm was.",
         constant(1.0),
         {},
         4250,

@@ -15,13 +15,16 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from flexarm_env.envs import documentation
 from flexarm_env.envs.blocks import READINGS
+from flexarm_env.envs.registration import IDS
 from flexarm_env.laps import LAPS
 from scripts.common.markdown import DOCS
 
 _PLACE = re.compile(r"<!-- site: (\w+) -->\n(.*?)<!-- site end -->", re.DOTALL)
 _TABLE = re.compile(r"(<!-- generated: (\w+) -->\n)((?:\|[^\n]*\n){10,})(?=<!-- end -->)")  # a long one
 _HEADING = re.compile(r"^#+ (.*)$", re.MULTILINE)
+_SPECIFICATION = re.compile(r"<!-- specification of ([\w-]+), ")
 _FIGURES = ("rms", "rms_after_2s", "maximum")
 STATIC = "docs/_static"  # within the site's sources
 BOARD = "board.js"
@@ -76,7 +79,24 @@ def with_widgets(text: str, page: Path) -> str:
         data = f'<p class="fx-hint">All figures: {links}</p>\n' if links else ""
         return f"{mount}\n{data}{scripts}\n<noscript>\n\n{place[2]}\n</noscript>\n"
 
-    return _PLACE.sub(widget, text)
+    return _PLACE.sub(widget, text) + specification(text)
+
+
+def specification(text: str) -> str:
+    """Return the folded specification of the id that a page is about; "" for another page.
+
+    Its titles are no headings, which would close the fold early and fill the page's contents.
+
+    Args:
+        text: of the page; its first line names the id.
+    """
+    place = _SPECIFICATION.match(text)
+    if place is None:
+        return ""
+    sections = (f"**{title}**\n\n{body}" for title, body in documentation.sections(IDS[place[1]]).items())
+    return "\n\n".join(
+        ("", '<details class="fx-fold">\n<summary>The whole specification</summary>', *sections, "</details>", "")
+    )
 
 
 def with_folds(text: str) -> str:

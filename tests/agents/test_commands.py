@@ -155,3 +155,13 @@ def test_markdown_becomes_text() -> None:
     assert from_markdown(page, 40) == (
         "See code and a page.\n\nkey  what\na|b  word word word word word word word\n     word word\nc"
     )
+
+
+def test_lists_stay_lists() -> None:
+    assert from_markdown("See *one*:\n\n- a `b`\n- c d e\n\nEnd.", 6) == "See\none:\n\n- a b\n- c d\n  e\n\nEnd."
+
+
+def test_a_table_whose_text_has_no_room_becomes_a_list() -> None:
+    page = table(("key", "unit", "what"), [("length", "metres", "of the path"), ("a", "", "b")])
+    assert from_markdown(page, 40).startswith("key     unit    what\n")
+    assert from_markdown(page, 20) == "length: unit metres\n    of the path\na:\n    b"

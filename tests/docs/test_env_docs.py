@@ -1,4 +1,4 @@
-"""docs/environments and `FlexArmEnv`'s docstring: fresh, complete, and true of the environments that they describe."""
+"""docs/environments, `FlexArmEnv`'s docstring and the folded specification: fresh, complete, and true."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from PIL import Image
 
 from flexarm_env import FlexibleArm
 from flexarm_env.actions import MODES, modes_reading
-from flexarm_env.envs import documentation
+from flexarm_env.envs import documentation, documentation_texts
 from flexarm_env.envs.batch import START_CODES
-from flexarm_env.envs.blocks import BLOCKS
+from flexarm_env.envs.blocks import BLOCKS, PLANT
 from flexarm_env.envs.choices import STARTS
 from flexarm_env.envs.info import KEYS
 from flexarm_env.envs.registration import IDS
@@ -28,7 +28,8 @@ from flexarm_env.envs.settings import Settings
 from flexarm_env.envs.single import FlexArmEnv
 from flexarm_env.envs.termination import ENDS
 from flexarm_env.episode.reward import TERMS
-from scripts.docs import env_pictures, environments
+from flexarm_env.laps import LAPS
+from scripts.docs import env_pictures, environments, to_beat, widgets
 from tests.support.envs import terms_of
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -67,6 +68,10 @@ def bare(cell: str) -> str:
 
 def page(name: str) -> str:
     return (DOCS / f"{environments.stem(name)}.md").read_text(encoding="utf-8")
+
+
+def specified(name: str, title: str) -> list[Row]:
+    return rows(documentation.sections(IDS[name])[title])
 
 
 def numbers(cell: str) -> np.ndarray:
@@ -118,17 +123,18 @@ def test_a_moving_picture_is_drawn(tmp_path: Path) -> None:
         ("Action space", MODES),
         ("Observation space", BLOCKS),
         ("Reward", TERMS),
+        ("Score", [f"{lap} lap" for lap in LAPS]),
         ("Starting state", STARTS),
         ("Episode end", ENDS),
         ("Info", KEYS),
-        ("Arguments", [one.name for one in fields(Settings)]),
+        ("Options", [one.name for one in fields(Settings)]),
         ("Reset options", OPTIONS),
         ("Version history", [f"FlexArm/{name}" for name in IDS]),
     ],
 )
 def test_the_docstring_names_all(title: str, words: list[str]) -> None:
     table = section(DOCSTRING, title)
-    missing = [word for word in words if f"`{word}`" not in table and f'`"{word}"`' not in table]
+    missing = [word for word in words if not re.search(rf'[`"*]{word}[`"*]', table)]
     assert not missing
 
 
@@ -153,7 +159,7 @@ def test_the_specification_builds_no_arm(monkeypatch: pytest.MonkeyPatch) -> Non
 
 
 def test_observation_tables(name: str, env: FlexArmEnv) -> None:
-    table = rows(section(page(name), "Observation space"))
+    table = specified(name, "Observation space")
     assert [bare(row["block"]) for row in table] == list(env.observation_blocks)
     high = env.observation_space.high  # type: ignore[attr-defined]
     for row, (block, part) in zip(table, env.observation_blocks.items(), strict=True):
@@ -165,9 +171,9 @@ def test_observation_tables(name: str, env: FlexArmEnv) -> None:
         np.testing.assert_allclose(np.broadcast_to(told, scale.shape), scale, rtol=1e-3)
 
 
-def test_argument_tables(name: str, env: FlexArmEnv) -> None:
-    """Together the defaults of a page make the id's settings, and it leaves out only what has no effect there."""
-    table = rows(section(page(name), "Arguments"))
+def test_option_tables(name: str, env: FlexArmEnv) -> None:
+    """Together the defaults make the id's settings, and what has no effect is left out."""
+    table = specified(name, "Options")
     defaults = {bare(row["argument"]): ast.literal_eval(bare(row["default"])) for row in table}
     assert Settings.of(defaults) == env.settings
     spec = gym.spec(f"FlexArm/{name}")
@@ -178,16 +184,53 @@ def test_argument_tables(name: str, env: FlexArmEnv) -> None:
 
 
 def test_facts(name: str, env: FlexArmEnv) -> None:
-    lines = page(name).splitlines()
+    facts = dict(re.findall(r"^\| (\w+) \| (.*) \|$", page(name), re.MULTILINE))
     steps = gym.spec(f"FlexArm/{name}").max_episode_steps
     assert steps is not None
-    assert f"| Action space | `{env.action_space}` |" in lines
-    assert f"| Observation space | `Box({env.observation_space.shape}, float32)` |" in lines
-    assert f"| Episode | {steps} steps, {steps * env.control_period:g} s |" in lines
+    assert facts["Action"] == f"`{env.action_space}`"
+    assert facts["Observation"].startswith(f"`Box({env.observation_space.shape}, float32)`")
+    assert facts["Episode"].startswith(
+        f"{steps} steps of {1e3 * env.control_period:g} ms ({steps * env.control_period:g}"
+    )
+    assert f'("flexarm_env:FlexArm/{name}")' in facts["Make"]
+
+
+def test_a_page_is_short_and_tells_every_option_that_differs(name: str) -> None:
+    text = page(name)
+    assert len(text.splitlines()) <= 40
+    different = section(text, "What is different from Square-v0")
+    told = [bare(row["option"]) for row in rows(different)] if IDS[name].options else []
+    assert set(told) == set(IDS[name].options)
+    assert section(text, "What to beat").strip()
+
+
+@pytest.mark.parametrize("name", to_beat.BY_ID)
+def test_nobody_who_may_play_is_better_than_those_to_beat(name: str) -> None:
+    """Of those that act as the id does, and read no more than its observation and the nominal arm's parameters."""
+    settings, wanted = Settings.of(IDS[name].options), to_beat.BY_ID[name]
+    allowed = {BLOCKS[block].reads for block in settings.observation} | {PLANT}
+    errors = {}
+    for row in to_beat.board()["rows"]:
+        if row["name"] in wanted.rows or (row["action"] == settings.action_mode and set(row["reads"]) <= allowed):
+            laps = to_beat.laps_of(row, wanted)
+            if laps is not None:
+                errors[row["name"]] = to_beat.order(laps)
+    best = min(errors[row] for row in wanted.rows)
+    assert best[0] <= min(errors.values())[0]
+    assert best[1] <= min(errors.values())[1] + 1e-3
+
+
+def test_the_site_folds_the_specification_of_an_id_and_of_nothing_else(name: str) -> None:
+    folded = widgets.specification(page(name))
+    assert folded.strip().startswith("<details>")
+    assert all(f"**{title}**" in folded for title in documentation.sections(IDS[name]))
+    assert not re.search(r"^#", folded, re.MULTILINE)
+    for shared in ("README.md", "options.md", "chain.md"):
+        assert widgets.specification((DOCS / shared).read_text(encoding="utf-8")) == ""
 
 
 def test_action_tables(name: str, env: FlexArmEnv) -> None:
-    table = rows(section(page(name), "Action space"))
+    table = specified(name, "Action space")
     assert len(table) == len(env.settings.action_limit)
     for row, limit in zip(table, env.settings.action_limit, strict=True):
         for end, column in ((-1.0, "at a = -1"), (1.0, "at a = 1")):
@@ -222,7 +265,7 @@ def test_action_formulas_hold_in_the_environment(mode: str, key: str) -> None:
 
 
 def test_reward_tables(name: str, env: FlexArmEnv) -> None:
-    table = rows(section(page(name), "Reward"))
+    table = specified(name, "Reward")
     weights = {bare(row["term"]): float(row["weight"]) for row in table}
     assert weights == {term: weight for term, weight in env.settings.reward_weights.items() if weight > 0.0}
     env.reset(seed=0)
@@ -232,9 +275,10 @@ def test_reward_tables(name: str, env: FlexArmEnv) -> None:
 
 
 def test_info_tables(name: str, env: FlexArmEnv) -> None:
-    told = [bare(row["key"]) for row in rows(section(page(name), "Info"))]
+    keys, _, fields_of_it = documentation.sections(IDS[name])["Info"].partition(documentation_texts.EPISODE)
+    told = [bare(row["key"]) for row in rows(keys)]
     assert list(env.reset(seed=0)[1]) == list(env.step(env.action_space.sample())[4]) == told
-    described = [bare(row["field"]) for row in rows(section(page(name), "The episode"))]
+    described = [bare(row["field"]) for row in rows(fields_of_it)]
     assert described == list(env.episode._fields)
 
 

@@ -1,0 +1,176 @@
+"""Best known numbers of each id for its page: from the leaderboard's data, the plans' and the trainings'."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from functools import cache
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from flexarm_baselines.optimal.plan import PLANS
+from flexarm_env.envs.documentation import table
+from flexarm_env.laps import LAPS
+from scripts.common.markdown import DOCS
+
+BOARD = "[leaderboard](../leaderboard.md)"
+KNOWS = {"true state": "the true state (a yardstick)", "plant parameters": "the arm's parameters"}
+
+Laps = Mapping[str, Sequence[Mapping[str, Any]]]  # of each lap the summaries of some points
+
+
+class OnBoard(NamedTuple):
+    """Points of the leaderboard, and who is shown of those that were measured there.
+
+    Attributes:
+        column: of the leaderboard.
+        values: of its points; their episodes are put together.
+        rows: names on the leaderboard.
+        note: what the reader should know of the numbers.
+    """
+
+    column: str
+    values: tuple[Any, ...]
+    rows: tuple[str, ...]
+    note: str = ""
+
+
+UNKNOWN = "0 to 15"  # the first of the ranges of episodes that the column "unknown" puts together
+BY_ID: Mapping[str, OnBoard] = {
+    "Square-v0": OnBoard("nominal", ("square",), ("plan_lqr", "lqg", "agent student_gauges", "agent square")),
+    "SquareGain-v0": OnBoard("nominal", ("square",), ("agent scheduler", "ifdc", "flsac")),
+    "SquareChain-v0": OnBoard(
+        "nominal", ("chain",), ("nmpc_adaptive", "lqg_adaptive", "plan_lqr", "agent student_unknown", "shaped")
+    ),
+    "SquareEncoders-v0": OnBoard(
+        "nominal", ("square",), ("shaped", "computed_torque"), "No learned policy has been measured on these sensors."
+    ),
+    "SquareUnknown-v0": OnBoard("unknown", (UNKNOWN,), ("nmpc_state", "agent student_unknown", "lqg_adaptive", "lqg")),
+    "SquareDelayEasy-v0": OnBoard(
+        "nominal",
+        ("square",),
+        ("plan_lqr", "lqg", "agent student"),
+        "Measured with a sensor 31.2 ms late, the default arm's own delay.",
+    ),
+    "SquareDelayMedium-v0": OnBoard(
+        "delay",
+        tuple(float(delay) for delay in range(0, 61, 5)),
+        ("lqg_adaptive", "nmpc_adaptive", "agent student_unknown", "agent filtered"),
+        "Laps with delays of 0, 5, ..., 60 ms.",
+    ),
+    "Reach-v0": OnBoard("nominal", ("reach",), ("agent student_gauges", "agent square")),
+    "Track-v0": OnBoard("nominal", ("track",), ("plan_lqr", "lqg", "shaped", "agent square")),
+}
+
+
+@cache
+def board() -> dict[str, Any]:
+    """Read the leaderboard's data."""
+    found: dict[str, Any] = json.loads((DOCS / "leaderboard.json").read_text(encoding="utf-8"))
+    return found
+
+
+def to_beat(name: str) -> str:
+    """Write the section of an id: a table, a sentence, or that there is nothing yet.
+
+    Args:
+        name: the id without its namespace.
+    """
+    return _OTHERS[name]() if name in _OTHERS else _of_board(BY_ID[name])
+
+
+def _of_board(wanted: OnBoard) -> str:
+    rows = [(row, laps) for row in board()["rows"] if row["name"] in wanted.rows and (laps := laps_of(row, wanted))]
+    assert len(rows) == len(wanted.rows), wanted
+    rows.sort(key=lambda one: order(one[1]))
+    heads = [f"{lap} lap [mm]" if lap in LAPS else "episode [mm]" for lap in rows[0][1]]
+    lines = table(("entry", "is given", "laps lost", *heads), [_line(*one) for one in rows])
+    note = f"{wanted.note} " if wanted.note else ""
+    return (
+        f"{note}Distance of the true tip from the reference, r.m.s. over the lap / after 2 s, mean of complete laps "
+        f"({BOARD}):\n\n{lines}"
+    )
+
+
+def laps_of(row: Mapping[str, Any], wanted: OnBoard) -> Laps | None:
+    """Return what a row of the board came to at the wanted points, by laps; None if it was not measured there."""
+    points = row["columns"][wanted.column]["points"]
+    values = board()["columns"][wanted.column]["values"]
+    found = [points[values.index(value)] for value in wanted.values]
+    if any(one is None or "not_applicable" in one for one in found):
+        return None
+    return {lap: [one[lap] for one in found] for lap in found[0]}
+
+
+def order(laps: Laps) -> tuple[float, float]:
+    """Return by what entries are put in order: the share of lost episodes, then the error of both laps [m]."""
+    lost, count = _losses(laps)
+    means = [_mean(points, "rms") for points in laps.values()]
+    return lost / count, sum(np.inf if mean is None else mean for mean in means)
+
+
+def _losses(laps: Laps) -> tuple[int, int]:
+    """Return how many episodes were lost, and of how many."""
+    episodes = [point for points in laps.values() for point in points]
+    return sum(one["lost"] for one in episodes), sum(one["episodes"] for one in episodes)
+
+
+def _line(row: Mapping[str, Any], laps: Laps) -> tuple[str, ...]:
+    """Write an entry's line of the table."""
+    pairs = [[_mean(points, key) for key in ("rms", "rms_after_2s")] for points in laps.values()]
+    cells = [" / ".join("-" if mean is None else f"{1e3 * mean:.1f}" for mean in pair) for pair in pairs]
+    given = ", ".join(text for reading, text in KNOWS.items() if reading in row["reads"]) or "sensors only"
+    return (f"`{row['name']}`", given, "{} of {}".format(*_losses(laps)), *cells)
+
+
+def _mean(points: Sequence[Mapping[str, Any]], key: str) -> float | None:
+    """Return the mean over the complete laps of some points; None if there is none."""
+    complete = [(point["episodes"] - point["lost"], point[key]["mean"]) for point in points if point[key]]
+    if not complete:
+        return None
+    counts, means = zip(*complete, strict=True)
+    return float(np.average(means, weights=counts))
+
+
+def _trainings() -> str:
+    """Write what trainings beside the joint-space law came to; no entry of the board uses that action."""
+    kept = json.loads((DOCS / "figures" / "agents" / "off_policy.json").read_text(encoding="utf-8"))
+    rows = []
+    for name, study in kept.items():
+        if name.startswith("SquareResidual-v0-"):
+            best = [training["best"] for training in study["trainings"]]
+            figures = {lap: [np.inf if (rms := one[lap]["rms"]) is None else rms for one in best] for lap in LAPS}
+            lost = sum(np.isinf(values).sum() for values in figures.values())
+            medians = [f"{1e3 * np.median(values):.0f}" for values in figures.values()]
+            config = study["config"]
+            who = f"{config['algorithm'].upper()}, {config['steps']:,} steps"
+            rows.append((who, f"{lost} of {len(LAPS) * len(best)}", *medians))
+    header = ("trained here", "laps lost", *(f"{lap} lap [mm]" for lap in LAPS))
+    lines = table(header, rows)
+    return f"Distance of the true tip from the reference, r.m.s. over the lap, medians of ten seeds:\n\n{lines}"
+
+
+def _moves() -> str:
+    """Write what the best known plans and the board say of drawn moves."""
+    plans = json.loads((PLANS / "moves.json").read_text(encoding="utf-8"))
+    errors = [1e3 * plan["true_tip_rms"] for plan in plans]
+    known = f"The best known plans of seeds 0 to {len(plans) - 1} have {min(errors):.2f} to {max(errors):.2f} mm"
+    return (
+        f"{known} ([optimal control](../optimal.md)), with the true state and no disturbance. No policy trained on "
+        f"this id has been measured. {_of_board(BY_ID['Reach-v0'])}"
+    )
+
+
+_NOT_YET = f"""\
+None yet: no entry of the {BOARD} was measured with a drawn delay, jitter and lost readings together. Each alone is an
+axis of it."""
+_PAPER = """\
+The board does not measure this set-up. What the paper's two controllers do here, and which of the paper's claims hold,
+is in [the paper, reproduced](../reproduction.md)."""
+_OTHERS: Mapping[str, Callable[[], str]] = {
+    "SquareResidual-v0": _trainings,
+    "SquareDelayHard-v0": lambda: _NOT_YET,
+    "Reach-v0": _moves,
+    "Paper-v0": lambda: _PAPER,
+}
