@@ -57,6 +57,16 @@ if hasattr(os, "register_at_fork"):
     )
 
 
+def check_compiler() -> None:
+    """Check that numba compiles: kernels call instructions of the processor, which plain Python does not have.
+
+    Raises:
+        ValueError: if it is told not to.
+    """
+    if numba.config.DISABLE_JIT:
+        raise ValueError("NUMBA_DISABLE_JIT = 1: must be 0, or not set; the kernels of FlexArm run compiled only")
+
+
 # --- modules and their functions ---------------------------------------------------------------------------------
 
 
@@ -68,6 +78,7 @@ def load_module(name: str, text: str, words: str) -> ModuleType:
         text: functions decorated with `@njit(cache=True, ...)` are kept on disk.
         words: description of the module for the user who waits.
     """
+    check_compiler()
     with _COMPILING:  # another thread may load it as well
         if name in sys.modules:
             return sys.modules[name]
@@ -92,6 +103,7 @@ def kept_on_disk(file: str, words: str) -> Callable[[F], F]:
         file: `__file__`.
         words: description of the functions for the user who waits.
     """
+    check_compiler()
     path = Path(file)
     folder = _Folder(f"flexarm_{path.stem}_{hashlib.sha256(path.read_bytes()).hexdigest()[:16]}", words)
 

@@ -5,6 +5,8 @@ Python passes one array to the kernels, because each argument of a call takes ti
 
 from __future__ import annotations
 
+import math
+import os
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
@@ -32,6 +34,14 @@ class ArraySpec(NamedTuple):
     def view(self, memory: NDArray[np.float64]) -> NDArray[Any]:
         """Return the array itself, in a piece of memory."""
         return np.ndarray(self.shape, self.dtype, memory.data, WORD * self.first)
+
+
+def machine_memory() -> float:
+    """Return how much memory this machine has [bytes]; inf where the system does not say."""
+    try:
+        return float(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
+    except (AttributeError, ValueError, OSError):
+        return math.inf
 
 
 def aligned_zeros(words: int) -> NDArray[np.float64]:

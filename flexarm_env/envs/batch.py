@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from flexarm_env.codegen.declarations import Program
 from flexarm_env.codegen.intrinsics import TILE
+from flexarm_env.codegen.memory import WORD, machine_memory
 from flexarm_env.envs.bounds import check_moving_start
 from flexarm_env.envs.choices import STARTS
 from flexarm_env.envs.drawing import Drawing, drawing_of
@@ -29,18 +30,20 @@ from flexarm_env.envs.observation import common_layout
 from flexarm_env.envs.per_env import refuse_unlike
 from flexarm_env.envs.settings import Settings
 from flexarm_env.episode import draws
-from flexarm_env.kernels.entries import clock_row, column, drawn, word
+from flexarm_env.kernels.entries import CLOCK_ROWS, clock_row, column, drawn, extent, word
 from flexarm_env.kernels.layout import beginning_sizes
 from flexarm_env.kernels.status import failures
 from flexarm_env.kernels.variants import Variant, shared_model
 from flexarm_env.parameters import DIRECTIONS
 from flexarm_env.simulation.lanes import ALL_READINGS, LaneBatch, Lanes
+from flexarm_env.validation import shown
 
 Array = NDArray[np.float64]
 # Relative time of a block's step, by its number of lanes; `Square-v0` with the linear arm (`make bench`, batches).
 # Three of the largest hold 1024 lanes; with a power of two, rows would evict each other from the processor's caches.
 COSTS = {8: 1.0, 32: 2.9, 128: 10.8, 344: 27.5}
 assert all(lanes % TILE == 0 for lanes in COSTS)  # `write_observations` works by tiles
+BESIDE = 4000  # bytes that an environment takes beside the kernels' memory: generator, observation, bounds, results
 REASONS: dict[float, str | None] = {
     -2.0: "deflection",
     -3.0: "error",
@@ -79,20 +82,23 @@ class BatchSimulator(LaneBatch):
             threads: see `LaneBatch`.
 
         Raises:
-            ValueError: if settings differ in what all environments of a batch share.
+            ValueError: if settings differ in what all environments of a batch share, or there are more environments
+                than the machine has memory for.
         """
-        self.each = [settings] * count if isinstance(settings, Settings) else list(settings)
-        self.settings = settings = self.each[0]
-        refuse_unlike(self.each)
-        kinds = list({id(one): one for one in self.each}.values())
+        each = [settings] if isinstance(settings, Settings) else list(settings)
+        self.settings = settings = each[0]
+        refuse_unlike(each)
+        kinds = list({id(one): one for one in each}.values())
         for one in kinds:
             check_moving_start(one, one.start)
         program = self._program_of(settings)
         self.layout = common_layout(kinds, program)
-        places = {id(one): n for n, one in enumerate(kinds)}
-        kind_of = np.array([places[id(one)] for one in self.each])
         lanes = block_lanes(count, threads)
         variant = _variant(settings, program, lanes, any(one.disturbed for one in kinds))
+        _check_room(count, variant, kinds)
+        self.each = each if len(each) == count else each * count
+        places = {id(one): n for n, one in enumerate(kinds)}
+        kind_of = np.array([places[id(one)] for one in self.each])
         super().__init__(self._lanes(variant, kinds, kind_of), threads)
         self._put_rows([fixed_rows(one) for one in kinds], kind_of)
         self.failures = failures(settings.flexible_arm.size) | REASONS
@@ -242,6 +248,18 @@ def _variant(settings: Settings, program: Program, lanes: int, disturbed: bool) 
         disturbed=disturbed,
         second_sensor=settings.second_sensor_link or 0,
     )
+
+
+def _check_room(count: int, variant: Variant, kinds: Sequence[Settings]) -> None:
+    """Refuse more environments than this machine has memory for, before any of it is taken."""
+    slots = max(one.history_slots for one in kinds)
+    rows = extent(variant.rows) + tail_rows(kinds, variant.hosted) + slots * variant.slot_rows + CLOCK_ROWS
+    each, room = WORD * rows + BESIDE, machine_memory()
+    if count * each > room:
+        raise ValueError(
+            f"num_envs = {shown(count)}: would take {count * each / 1e9:.3g} GB at least; must be at most "
+            f"{room // each:.0f}, for which this machine has memory ({room / 1e9:.3g} GB)"
+        )
 
 
 def _usual_requests(settings: Settings, count: int, lanes: int) -> Array:

@@ -25,8 +25,8 @@ _SHARED_OPTIONS = tuple(one.name for one in fields(Settings) if one.name not in 
 SHARED_BY_ARMS = ("link_lengths", "modes_per_link", "mode_shapes", "mode_scale", "kinematics", "velocity_forces")
 
 
-def settings_of_each(options: Mapping[str, Any], per_env: Any, count: int, owner: str) -> list[Settings]:
-    """Make the settings of the environments of a batch; environments with equal options share an object.
+def settings_of_each(options: Mapping[str, Any], per_env: Any, count: int, owner: str) -> Settings | list[Settings]:
+    """Make the settings of the environments of a batch: one for all, or those of each, equal ones the same object.
 
     Args:
         options: options of all environments.
@@ -38,7 +38,7 @@ def settings_of_each(options: Mapping[str, Any], per_env: Any, count: int, owner
         TypeError, ValueError: for a bad argument, naming the option, the environment, the value and what is allowed.
     """
     if per_env is None:
-        return [Settings.of(options, owner)] * count
+        return Settings.of(options, owner)
     known_names(owner, options, [one.name for one in fields(Settings)])
     columns = {name: _column(name, values, options, count) for name, values in mapping("per_env", per_env).items()}
     made: dict[str, Settings] = {}

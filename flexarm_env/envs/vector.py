@@ -21,12 +21,12 @@ from flexarm_env.envs.reset_options import reset_requests_of
 from flexarm_env.envs.scene import Scene
 from flexarm_env.envs.seeding import EpisodeKeys
 from flexarm_env.envs.single import FASTEST_VIDEO, RENDER_MODES, SimulatorView, rounded
-from flexarm_env.validation import choice, finite_array, integer, mapping, real_array, shown
+from flexarm_env.validation import choice, entries, finite_array, integer, mapping, real_array, shown
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 Indices = NDArray[np.int64]
-LONGEST = 10**15  # [control periods]; a float64 counts them one by one
+MOST = 10**15  # control periods, environments; a float64 counts them one by one
 NOBODY = np.zeros(0, dtype=np.int64)
 NOBODY.setflags(write=False)
 Step = tuple[NDArray[np.float32], Array, Flags, Flags, dict[str, Any]]
@@ -78,8 +78,8 @@ class FlexArmVectorEnv(
         Raises:
             TypeError, ValueError: for a bad argument, naming it, its value and what is allowed.
         """
-        self.num_envs = integer("num_envs", num_envs, 1)
-        limit = None if max_episode_steps in (None, -1) else integer("max_episode_steps", max_episode_steps, 1, LONGEST)
+        self.num_envs = integer("num_envs", num_envs, 1, MOST)
+        limit = None if max_episode_steps in (None, -1) else integer("max_episode_steps", max_episode_steps, 1, MOST)
         if render_mode is not None:
             choice("render_mode", render_mode, RENDER_MODES[:1])
         self.render_mode = render_mode
@@ -220,16 +220,18 @@ class FlexArmVectorEnv(
 
     def _seed(self, seed: int | Sequence[int | None] | None, mask: Flags) -> None:
         """Seed generators as `SyncVectorEnv` does: seed + i, or one seed each; None leaves a generator as it is."""
-        if seed is None or isinstance(seed, int | np.integer):
-            seeds = [None if seed is None else int(seed) + i for i in range(self.num_envs)]
-        else:
-            seeds = [None if each is None else int(each) for each in seed]
-            if len(seeds) != self.num_envs:
-                raise ValueError(f"seed: must be one number or {self.num_envs}, got {len(seeds)}")
-        self._keys.seed(seeds, mask)
+        given = entries(seed)
+        if given is None:
+            first = None if seed is None else integer("seed", seed, 0)
+            given = [None if first is None else first + i for i in range(self.num_envs)]
+        elif len(given) != self.num_envs:
+            raise ValueError(f"seed: must be one number or {self.num_envs}, got {len(given)}")
+        self._keys.seed(
+            [each if each is None else integer(f"seed[{i}]", each, 0) for i, each in enumerate(given)], mask
+        )
 
     def _take(self, actions: NDArray[np.float32]) -> None:
-        values = actions if isinstance(actions, np.ndarray) else real_array("actions", actions)
+        values = actions if type(actions) is np.ndarray else real_array("actions", actions)
         if values.shape != self.action_space.shape or values.dtype.kind not in "fiu":
             finite_array("actions", actions, self.action_space.shape or ())  # raises the error that names what is wrong
         if not isfinite(np.vdot(values, values)):  # a value is not finite, or a square overflows; check each value

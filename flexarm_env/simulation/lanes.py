@@ -7,6 +7,7 @@ the call into the kernels, their results, threads, and copies. What a period doe
 
 from __future__ import annotations
 
+import os
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -63,6 +64,7 @@ class LaneBatch(ABC):
     WHAT = "the batch"  # as messages name it
     _kernel: Callable[..., Any]
     _pool: ThreadPoolExecutor | None
+    _process: int  # whose threads are in the pool
 
     def __init__(self, lanes: Lanes, threads: int = 1) -> None:
         """Lay out the memory; kernels are compiled, or found in the cache, when `_prepare` is first called.
@@ -70,7 +72,11 @@ class LaneBatch(ABC):
         Args:
             lanes: what the lanes are.
             threads: that step the blocks; more than one pays for large batches on idle cores only.
+
+        Raises:
+            ValueError: if numba compiles nothing.
         """
+        cache.check_compiler()
         self.count, self._threads = lanes.arms, threads
         self._variant, self._rows = lanes.variant, lanes.variant.rows
         sizes = result_sizes(self._rows)
@@ -172,8 +178,8 @@ class LaneBatch(ABC):
         if self._threads == 1:
             self._kernel(self._memory, 0, self._blocks, told)
         else:
-            if self._pool is None:
-                self._pool = ThreadPoolExecutor(self._threads)
+            if self._pool is None or self._process != os.getpid():  # a forked child does not have its parent's threads
+                self._pool, self._process = ThreadPoolExecutor(self._threads), os.getpid()
             for _ in self._pool.map(partial(self._step_share, told), self._edges[:-1], self._edges[1:]):
                 pass
         return told[:, : self.count].T

@@ -24,6 +24,8 @@ import numba
 import pytest
 
 from flexarm_env.codegen import cache, cache_folder
+from flexarm_env.envs.single import FlexArmEnv
+from tests.support.refusals import refuses
 
 # --- a module that compiles in no time ----------------------------------------------------------------------------
 
@@ -277,6 +279,13 @@ def test_a_process_that_holds_the_lock_and_is_killed_or_stopped_blocks_nobody_fo
             assert time.monotonic() - begin < 20.0
         finally:
             holder.kill()
+
+
+def test_without_the_compiler_a_line_says_so_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(numba.config, "DISABLE_JIT", 1)
+    for make in (load, FlexArmEnv):
+        with refuses(ValueError, "NUMBA_DISABLE_JIT = 1: must be 0, or not set"):
+            make()
 
 
 def test_a_failed_compilation_frees_lock_and_collector(folder: Path) -> None:

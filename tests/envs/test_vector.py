@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import signal
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -138,6 +141,34 @@ def test_more_threads_than_blocks() -> None:
     for actions in actions_for(one, 5):
         assert_same(many.step(actions), one.step(actions))
     many.close()
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork on this system")
+@pytest.mark.parametrize("steps", [0, 2])
+def test_a_forked_child_steps_with_threads_of_its_own(steps: int) -> None:
+    env, one = (vector(SQUARE, 16, threads=threads) for threads in (2, 1))
+    for each in (env, one):
+        each.reset(seed=5)
+    actions = list(actions_for(one, 4))
+    for t in range(2):
+        assert_same(env.step(actions[t]), one.step(actions[t]))
+    with warnings.catch_warnings():
+        # Python's general warning about forks of a process with threads
+        warnings.filterwarnings("ignore", ".*multi-threaded.*", DeprecationWarning)
+        child = os.fork()
+    if child == 0:
+        try:
+            signal.alarm(60)  # which ends a child that waits for threads for ever
+            for t in range(2, 2 + steps):
+                assert_same(env.step(actions[t]), one.step(actions[t]))
+            env.close()
+            os._exit(0)
+        finally:
+            os._exit(1)
+    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
+    for t in (2, 3):
+        assert_same(env.step(actions[t]), one.step(actions[t]))
+    env.close()
 
 
 # --- the end of episodes ------------------------------------------------------------------------------------

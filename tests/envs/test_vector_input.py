@@ -90,12 +90,28 @@ def test_bad_options_are_refused_and_nothing_moves(
     assert_same(env.reset(), twin.reset())
 
 
+BAD_SEEDS: list[tuple[Any, str]] = [
+    (1.5, "seed = 1.5"),
+    ("5", "seed = '5'"),
+    (b"123", "seed = b'123'"),
+    (True, "seed = True"),
+    (-1, "seed = -1"),
+    ({1, 2, 3}, "seed = {1, 2, 3}"),
+    ([0.7, 1.2, 2.9], "seed[0] = 0.7"),
+    ([1, None, "3"], "seed[2] = '3'"),
+    ([1, 2, -1], "seed[2] = -1"),
+]
+
+
 def test_resets_that_cannot_be() -> None:
     env = vector(SQUARE)
     with refuses(ValueError, "the first reset must begin an episode in every environment"):
         env.reset(options=dict(MASKED))
     with refuses(ValueError, "seed: must be one number or 3, got 2"):
         env.reset(seed=[1, 2])
+    for seed, words in BAD_SEEDS:
+        with refuses(ValueError if "-1" in words else TypeError, f"{words}: must be an integer >= 0"):
+            env.reset(seed=seed)
     with refuses(RuntimeError, "step() before reset()"):
         env.step(np.zeros((3, 2), np.float32))
 
@@ -106,7 +122,9 @@ def test_resets_that_cannot_be() -> None:
 @pytest.mark.parametrize(
     ("options", "error", "words"),
     [
-        ({"num_envs": 0}, ValueError, ("num_envs = 0", ">= 1")),
+        ({"num_envs": 0}, ValueError, ("num_envs = 0", "from 1 to")),
+        ({"num_envs": 10**9}, ValueError, ("num_envs = 1000000000: would take", "GB at least; must be at most")),
+        ({"num_envs": 10**400}, ValueError, ("num_envs = 1000", "must be an integer from 1 to")),
         ({"num_envs": 2.0}, TypeError, ("num_envs = 2.0", "integer")),
         ({"max_episode_steps": 0}, ValueError, ("max_episode_steps = 0", "from 1 to")),
         ({"max_episode_steps": 10**400}, ValueError, ("max_episode_steps = 1000", "from 1 to")),
@@ -152,8 +170,9 @@ def test_wrong_actions_are_refused_and_nothing_moves(actions: Any, words: tuple[
         lambda actions: actions.tolist(),
         lambda actions: actions.astype(np.float32).astype(">f4"),
         lambda actions: np.repeat(actions.astype(np.float32), 2, axis=-1)[..., ::2],
+        lambda actions: actions.view(np.matrix) if actions.ndim == 2 else actions,
     ],
-    ids=["float64", "long double", "list", "other byte order", "not contiguous"],
+    ids=["float64", "long double", "list", "other byte order", "not contiguous", "matrix"],
 )
 def test_actions_of_another_type_are_rounded_to_the_spaces(convert: Callable[[Any], Any]) -> None:
     env, twin, single, other = vector(SQUARE), vector(SQUARE), make(SQUARE), make(SQUARE)
