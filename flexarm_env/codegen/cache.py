@@ -63,7 +63,7 @@ def check_compiler() -> None:
     Raises:
         ValueError: if it is told not to.
     """
-    if numba.config.DISABLE_JIT:
+    if numba.config.DISABLE_JIT:  # type: ignore[attr-defined]
         raise ValueError("NUMBA_DISABLE_JIT = 1: must be 0, or not set; the kernels of FlexArm run compiled only")
 
 

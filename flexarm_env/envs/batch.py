@@ -257,8 +257,8 @@ def _check_room(count: int, variant: Variant, kinds: Sequence[Settings]) -> None
     each, room = WORD * rows + BESIDE, machine_memory()
     if count * each > room:
         raise ValueError(
-            f"num_envs = {shown(count)}: would take {count * each / 1e9:.3g} GB at least; must be at most "
-            f"{room // each:.0f}, for which this machine has memory ({room / 1e9:.3g} GB)"
+            f"num_envs = {shown(count)}: would take {count * each / 1e9:.0f} GB at least; must be at most "
+            f"{room // each:.0f}, for which this machine has memory ({room / 1e9:.0f} GB)"
         )
 
 
