@@ -1,6 +1,15 @@
 """Agents that learn: an adapter for stable-baselines3, training, and policies that were trained.
 
 A name is imported at its first use: the command begins at once, and trained policies run without torch.
+
+A shipped agent chooses the motors' torques, as shares of their limits:
+
+    >>> from flexarm_agents import load_policy
+    >>> agent = load_policy("student")
+    >>> env = agent.make_env()
+    >>> action, memory = agent.policy.predict(env.reset(seed=0)[0])
+    >>> agent.environment, action.shape
+    ('FlexArm/Square-v0', (2,))
 """
 
 from importlib import import_module

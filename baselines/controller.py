@@ -1,4 +1,19 @@
-"""The base of controllers that command torques: it turns observations into readings, and torques into actions."""
+"""The base of controllers that command torques: it turns observations into readings, and torques into actions.
+
+A controller names the blocks that it reads, and returns torques; this one brakes the joints:
+
+    >>> import gymnasium
+    >>> class Brake(TorqueController):
+    ...     blocks = ("joint_rates",)
+    ...
+    ...     def torque(self, seen, memory):
+    ...         return -20.0 * seen["joint_rates"], memory  # [N m]
+    >>> env = gymnasium.make("flexarm_env:FlexArm/Square-v0", **Brake.options())
+    >>> observation, info = env.reset(seed=0)
+    >>> action, memory = Brake.for_env(env).predict(observation)
+    >>> action.shape
+    (2,)
+"""
 
 from __future__ import annotations
 

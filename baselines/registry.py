@@ -2,6 +2,16 @@
 
 A new controller is a class with `options` and `for_env` (docs/controllers.md) and an entry here. What it reads follows
 from the observation that its options select (`flexarm_env.envs.observation.readings_of`) and from `knows`.
+
+All names, and one of them in an environment that delivers what it reads:
+
+    >>> import gymnasium
+    >>> controller_names()[:3]
+    ('ifdc', 'flsac', 'joint_pd')
+    >>> env = gymnasium.make("flexarm_env:FlexArm/Square-v0", **controller("ifdc").options)
+    >>> action, memory = make_controller("ifdc", env).predict(env.reset(seed=0)[0])
+    >>> action.shape  # the gain of the paper's law
+    (1,)
 """
 
 from __future__ import annotations

@@ -4,6 +4,16 @@ All classes are frozen: a changed set is a new one (`dataclasses.replace`). The 
 field, wide enough for arms from millimetres to kilometres, and such that all that is computed from it stays finite;
 combinations are checked where they matter (`conditioning`, `stability.count_substeps`). "(n)" is equation n of Green &
 Sasiadek, *Control of a flexible robot using fuzzy logic and a noncollocated sensor*, IFAC 2008.
+
+The default arm with a payload of half a kilogram; a value that is not allowed is refused at once:
+
+    >>> from dataclasses import replace
+    >>> arm = replace(ArmParameters.named("default"), payload_mass=0.5)
+    >>> arm.link_lengths, arm.payload_mass
+    ((4.5, 4.5), 0.5)
+    >>> replace(arm, payload_mass=-1.0)
+    Traceback (most recent call last):
+    ValueError: payload_mass
 """
 
 from __future__ import annotations

@@ -1,4 +1,14 @@
-"""Runs policies and records what happened: one environment, or a batch of closed loops."""
+"""Runs policies and records what happened: one environment, or a batch of closed loops.
+
+A controller on the plain lap, for two seconds of it:
+
+    >>> import gymnasium
+    >>> from flexarm_baselines.registry import controller, make_controller
+    >>> env = gymnasium.make("flexarm_env:FlexArm/Square-v0", **controller("ifdc").options)
+    >>> run = run_policy(env, make_controller("ifdc", env), lap="plain", max_steps=200)
+    >>> len(run), round(float(run.time[-1]), 2), run.tip.shape
+    (201, 2.0, (201, 2))
+"""
 
 from __future__ import annotations
 

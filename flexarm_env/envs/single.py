@@ -1,4 +1,17 @@
-"""`FlexArmEnv`: one arm as a Gymnasium environment."""
+"""`FlexArmEnv`: one arm as a Gymnasium environment.
+
+A step from the first corner, where the reference leaves at full speed:
+
+    >>> import gymnasium
+    >>> import flexarm_env
+    >>> env = gymnasium.make("FlexArm/Square-v0")
+    >>> observation, info = env.reset(seed=0, options={"start": "corner"})
+    >>> observation.shape, env.unwrapped.observation_blocks["sensor_error"]
+    ((46,), slice(14, 16, None))
+    >>> observation, reward, terminated, truncated, info = env.step([1.0, -0.5])  # shares of 150 and 50 N m
+    >>> info["torque"].tolist(), round(float(info["tip_error"]), 2)
+    ([150.0, -25.0], 0.03)
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,17 @@
-"""`FlexArmVectorEnv`: many arms as one Gymnasium vector environment, on the kernels of the single one."""
+"""`FlexArmVectorEnv`: many arms as one Gymnasium vector environment, on the kernels of the single one.
+
+Three arms with different payloads:
+
+    >>> import gymnasium
+    >>> import numpy as np
+    >>> import flexarm_env
+    >>> arms = [{"payload_mass": mass} for mass in (0.0, 0.5, 1.0)]
+    >>> envs = gymnasium.make_vec("FlexArm/Square-v0", num_envs=3, per_env={"arm": arms})
+    >>> observations, infos = envs.reset(seed=0)
+    >>> observations, rewards, terminated, truncated, infos = envs.step(np.zeros((3, 2)))
+    >>> observations.shape, infos["tip_error"].shape
+    ((3, 46), (3,))
+"""
 
 from __future__ import annotations
 
