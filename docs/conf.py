@@ -43,6 +43,8 @@ COLOURS = {
     "fx-b": ("#d55e00", "#ff9d57"),
     "fx-b-text": ("#b04d00", "#ff9d57"),  # the same in letters, which need more contrast
     "fx-late": ("#8a3b8f", "#e29be6"),
+    "fx-green": ("#007a59", "#45c9a0"),
+    "fx-ochre": ("#8f6400", "#e6b450"),
     "fx-target": ("#1d2433", "#eef2f8"),
     "fx-path": ("#c3cad5", "#4a5465"),
     "fx-grid": ("#e4e8ee", "#2a303b"),

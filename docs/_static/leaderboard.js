@@ -42,9 +42,21 @@
     const column = board.columns[state.view];
     const unit = column.unit && column.unit !== "1" ? `\n${column.unit}` : "";
     const values = state.view === "unknown" ? ["all 256 plants"] : column.values;
-    return values.map((value, n) => ({
+    const found = values.map((value, n) => ({
       head: `${value}${unit}`, nominal: value === column.nominal, at: (row) => cell(row, state.view, n),
     }));
+    return found.length > 1 ? [{ head: "whole\naxis", at: overall }, ...found] : found;
+  }
+
+  /** Return what a row does along the whole axis of the view: at how many points the path is lost, else the largest error. */
+  function overall(row) {
+    const cells = board.columns[state.view].values.map((_, n) => cell(row, state.view, n)).filter((one) => one.rank < 2);
+    if (!cells.length) return { rank: 2, text: "–", title: "not applicable" };
+    const kept = cells.filter((one) => !one.rank);
+    const lost = cells.length - kept.length;
+    const value = Math.max(0, ...kept.map((one) => one.value));
+    if (lost) return { rank: lost / (cells.length + 1), value, text: `lost: ${lost}`, title: `lost at ${lost} of ${cells.length} points` };
+    return { rank: 0, value, text: millimetres(value), title: "largest error on the axis" };
   }
 
   function lostShare(row) {
@@ -148,53 +160,74 @@
     return made;
   }
 
+  const LABELLED = 6; // rows
+  const ERRORS = [0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2]; // [m], of the chart's lines across
+  const [TALL, LEFT, RIGHT, TOP, BOTTOM, LINE] = [320, 46, 140, 12, 36, 13]; // [px]
+
+  /** Return the chart of the view's axis: the first rows of the table in colours and with their names, the others in grey. */
   function chart(found) {
     const column = board.columns[state.view];
     if (!column || typeof column.values[0] !== "number") return [];
-    const [width, height, left, bottom, top, right] = [720, 260, 46, 36, 12, 110];
+    const width = Math.max(320, parts.chart.clientWidth);
     const [least, most] = [Math.min(...column.values), Math.max(...column.values)];
-    const [low, high] = [0.01, 2];
-    const x = (value) => left + ((value - least) / (most - least)) * (width - left - right);
-    const y = (error) => height - bottom - (Math.log(Math.min(high, Math.max(low, error)) / low) / Math.log(high / low)) * (height - bottom - top);
+    const [low, high] = [ERRORS[0], ERRORS[ERRORS.length - 1]];
+    const right = width - RIGHT;
+    const x = (value) => LEFT + ((value - least) / (most - least)) * (right - LEFT);
+    const y = (error) => TALL - BOTTOM - (Math.log(Math.min(high, Math.max(low, error)) / low) / Math.log(high / low)) * (TALL - BOTTOM - TOP);
     const unit = column.unit && column.unit !== "1" ? ` [${column.unit}]` : "";
-    const picture = drawn("svg", { class: "fx-chart", viewBox: `0 0 ${width} ${height}`, role: "img", "aria-label": `Errors of the rows along ${column.title}; the table below has the figures` });
-    for (const error of [0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2]) {
-      picture.append(drawn("line", { class: "fx-axis", x1: left, x2: width - right, y1: y(error), y2: y(error) }));
-      picture.append(drawn("text", { x: left - 6, y: y(error) + 4, "text-anchor": "end" }, `${1000 * error}`));
+    const picture = drawn("svg", { class: "fx-chart", viewBox: `0 0 ${width} ${TALL}`, role: "img", "aria-label": `Errors of the rows along ${column.title}; the table below has the figures` });
+    for (const error of ERRORS) {
+      picture.append(drawn("line", { class: "fx-axis", x1: LEFT, x2: right, y1: y(error), y2: y(error) }));
+      picture.append(drawn("text", { x: LEFT - 6, y: y(error) + 4, "text-anchor": "end" }, `${1000 * error}`));
     }
-    const step = Math.ceil(column.values.length / 9);
+    const step = Math.ceil((column.values.length * 36) / (right - LEFT));
     column.values.filter((_, n) => n % step === 0).forEach((value) => {
-      picture.append(drawn("text", { x: x(value), y: height - bottom + 16, "text-anchor": "middle" }, `${value}`));
+      picture.append(drawn("text", { x: x(value), y: TALL - BOTTOM + 16, "text-anchor": "middle" }, `${value}`));
     });
-    picture.append(drawn("text", { x: (left + width - right) / 2, y: height - 4, "text-anchor": "middle" }, `${column.title}${unit}; errors in mm`));
+    picture.append(drawn("text", { x: (LEFT + right) / 2, y: TALL - 4, "text-anchor": "middle" }, `${column.title}${unit}; errors in mm`));
     if (typeof column.nominal === "number") {
-      picture.append(drawn("line", { class: "fx-here", x1: x(column.nominal), x2: x(column.nominal), y1: top, y2: height - bottom }));
+      picture.append(drawn("line", { class: "fx-here", x1: x(column.nominal), x2: x(column.nominal), y1: TOP, y2: TALL - BOTTOM }));
     }
-    for (const row of found) picture.append(curve(row, column, x, y));
-    return [picture];
+    const curves = found.map((row, n) => curve(row, column, x, y, n < LABELLED ? ` fx-curve-${n}` : ""));
+    picture.append(...curves.map((one) => one.group).reverse()); // the first rows on top
+    label(curves.slice(0, LABELLED), right);
+    label(curves.slice(LABELLED), right);
+    const names = `Labelled: the first ${Math.min(LABELLED, found.length)} rows of the table; point at another one to see it. ×: beyond this point the path is lost. Whole axis: at how many points the path is lost, else the largest error.`;
+    return [picture, element("p", { class: "fx-hint" }, names)];
   }
 
-  function curve(row, column, x, y) {
-    const group = drawn("g", { "data-row": row.name }, drawn("title", {}, row.name));
-    let [path, last, pen] = ["", null, "M"];
-    column.values.forEach((value, n) => {
-      const one = cell(row, state.view, n);
-      if (one.rank) { pen = "M"; return; }
-      path += `${pen}${x(value).toFixed(1)} ${y(one.value).toFixed(1)}`;
-      [last, pen] = [[x(value), y(one.value)], "L"];
-      group.append(drawn("circle", { cx: x(value).toFixed(1), cy: y(one.value).toFixed(1), r: 2.2 }));
+  /** Return the line of a row, and where it ends. */
+  function curve(row, column, x, y, style) {
+    const group = drawn("g", { "data-row": row.name, class: `fx-curve${style}` }, drawn("title", {}, row.name));
+    const cells = column.values.map((_, n) => cell(row, state.view, n));
+    const lost = (n) => cells[n] && cells[n].rank === 1;
+    let [path, last] = ["", null];
+    cells.forEach((one, n) => {
+      if (one.rank) return;
+      const at = [x(column.values[n]).toFixed(1), y(one.value).toFixed(1)];
+      path += `${n && !cells[n - 1].rank ? "L" : "M"}${at.join(" ")}`;
+      if (lost(n - 1) || lost(n + 1)) group.append(drawn("text", { class: "fx-cross", x: at[0], y: Number(at[1]) + 4, "text-anchor": "middle" }, "×"));
+      else group.append(drawn("circle", { cx: at[0], cy: at[1], r: 2.2 }));
+      last = at.map(Number);
     });
     if (path) group.prepend(drawn("path", { d: path }));
-    if (last) {
-      const label = drawn("text", { class: "fx-label", x: (last[0] + 7).toFixed(1), y: (last[1] + 4).toFixed(1) }, row.name);
-      label.style.display = "none";
-      group.append(label);
-      new MutationObserver(() => { label.style.display = group.classList.contains("fx-marked") ? "" : "none"; })
-        .observe(group, { attributeFilter: ["class"] });
-    }
-    group.addEventListener("mouseenter", () => { state.marked = row.name; marks(); });
-    group.addEventListener("mouseleave", () => { state.marked = null; marks(); });
-    return group;
+    const mark = (name) => () => { state.marked = name; marks(); };
+    group.addEventListener("mouseenter", mark(row.name));
+    group.addEventListener("mouseleave", mark(null));
+    return { name: row.name, group, last };
+  }
+
+  /** Write the names of lines into the margin, each beside its line's end, or as near as the others leave room. */
+  function label(curves, right) {
+    const named = curves.filter((one) => one.last).sort((a, b) => a.last[1] - b.last[1]);
+    let free = TOP;
+    const heights = named.map((one) => { free = Math.max(free, one.last[1]) + LINE; return free - LINE; });
+    let most = TALL - BOTTOM;
+    for (let n = named.length - 1; n >= 0; n--) { heights[n] = Math.min(heights[n], most); most = heights[n] - LINE; }
+    named.forEach(({ name, group, last }, n) => {
+      group.append(drawn("path", { class: "fx-leader", d: `M${last[0] + 4} ${last[1]}L${right + 8} ${heights[n]}` }));
+      group.append(drawn("text", { class: "fx-label", x: right + 12, y: heights[n] + 4 }, name));
+    });
   }
 
   // --- controls ---
@@ -236,6 +269,12 @@
       element("div", { class: "fx-scroll", tabindex: 0, role: "region", "aria-label": "Leaderboard" }, parts.table),
     );
     draw();
+    let width = parts.chart.clientWidth;
+    new ResizeObserver(() => {
+      if (parts.chart.clientWidth === width) return;
+      width = parts.chart.clientWidth;
+      draw();
+    }).observe(mount);
     cued(mount.querySelector(".fx-scroll"));
   });
 })();

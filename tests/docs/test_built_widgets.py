@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Callable
+from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import pytest
@@ -67,9 +69,39 @@ def test_the_leaderboard_has_every_axis(browser: Browser, axis: str) -> None:
     browser.choose("Axis", axis)
     column = BOARD["columns"][axis]
     heads = browser.run("return [...document.querySelectorAll('#flexarm-leaderboard thead th')].length") - 1
-    assert heads == (1 if axis == "unknown" else len(column["values"]))
+    assert heads == (1 if axis == "unknown" else 1 + len(column["values"]))
     charted = browser.run("return document.querySelectorAll('.fx-chart g').length")
     assert charted == (len(BOARD["rows"]) if isinstance(column["values"][0], float) else 0)
+
+
+def lost_points(row: dict[str, Any], axis: str) -> int:
+    """Return at how many points of an axis a row loses every swing lap."""
+    points = [point["swing"] for point in row["columns"][axis]["points"] if "swing" in point]
+    return sum(point["lost"] == point["episodes"] for point in points)
+
+
+def test_an_axis_begins_with_the_rows_that_lose_the_path_least_often(browser: Browser) -> None:
+    browser.open("docs/leaderboard.html")
+    browser.choose("Axis", "payload")
+    rows = {row["name"]: row for row in BOARD["rows"]}
+    counts = [lost_points(rows[name], "payload") for name in browser.run(NAMES)]
+    assert counts == sorted(counts)
+    assert max(counts) > 0
+
+
+def test_the_chart_of_an_axis_names_the_first_rows(browser: Browser) -> None:
+    browser.open("docs/leaderboard.html")
+    browser.choose("Axis", "delay")
+    shown = (
+        "[...document.querySelectorAll('.fx-chart .fx-label')].filter(one => one.checkVisibility())"
+        ".map(one => [one.textContent, one.getBoundingClientRect().top, one.getBoundingClientRect().bottom])"
+    )
+    labels = sorted(browser.run(f"return {shown}"), key=lambda label: label[1])
+    assert sorted(name for name, *_ in labels) == sorted(browser.run(NAMES)[: len(labels)])
+    assert len(labels) == 6
+    assert all(after[1] >= before[2] - 3.0 for before, after in pairwise(labels))  # [px]; letters without descent
+    browser.run("document.querySelector('tr[data-row=flsac]').dispatchEvent(new MouseEvent('mouseenter'))")
+    assert [name for name, *_ in browser.run(f"return {shown}")] == ["flsac"]
 
 
 # --- the replay viewer ----------------------------------------------------------------------------------------------
