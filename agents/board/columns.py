@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from importlib.util import find_spec
 from typing import Any, NamedTuple
 
 from flexarm_agents.board.terms import FIRST_SEED, TASKS, nominal_options
 from flexarm_env.envs.registration import UNKNOWN_PLANT
 from flexarm_env.envs.settings import Settings
+from flexarm_env.extras import install_hint
 from flexarm_env.parameters import ArmParameters
 
 SEEDS = 3  # episodes of each lap where something is random
@@ -125,6 +127,26 @@ def _unknown() -> Iterator[Point]:
     for first in range(0, DRAWN, PART):
         seeds = range(first, first + PART)
         yield Point(f"{seeds.start} to {seeds.stop - 1}", UNKNOWN_PLANT, seeds=seeds, paired=False)
+
+
+def measurable(columns: Mapping[str, Column]) -> tuple[dict[str, Column], str]:
+    """Leave out the points at which another engine has the arm, if that is not installed.
+
+    Args:
+        columns: by name.
+
+    Returns:
+        The columns, and what to tell the user; "" if nothing is left out.
+    """
+    if find_spec("mujoco") is not None:
+        return dict(columns), ""
+    found = {
+        name: replace(column, points=tuple(point for point in column.points if not TASKS[point.task].hosted))
+        for name, column in columns.items()
+    }
+    left_out = [name for name, column in columns.items() if found[name] != column]
+    told = f"{', '.join(left_out)}: without the chain, for which {install_hint('mujoco', 'chain')}"
+    return found, told if left_out else ""
 
 
 COLUMNS: dict[str, Column] = {

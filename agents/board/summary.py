@@ -9,10 +9,12 @@ import numpy as np
 
 from flexarm_agents.board.columns import Column
 from flexarm_agents.board.rows import Row
-from flexarm_agents.board.terms import TASKS
+from flexarm_agents.board.terms import SQUARE, TASKS
+from flexarm_agents.environments import settings_of
 from flexarm_env.laps import LAPS
 
 FIGURES = ("rms", "rms_after_2s", "maximum")
+LIMIT = float(settings_of(SQUARE, {}).error_limit or np.inf)  # error at which a lap is lost, and as which it counts [m]
 Results = Mapping[str, Sequence[Mapping[str, Any] | None]]  # of each column, of each point
 
 
@@ -61,6 +63,22 @@ def merged(results: Sequence[Mapping[str, Any] | None]) -> dict[str, Any] | None
     return {"episodes": [episode for one in known for episode in one["episodes"]]}
 
 
+def counted(laps: Sequence[Mapping[str, Any]]) -> float:
+    """Return the mean error of laps of which each lost one counts with `LIMIT` [m].
+
+    Args:
+        laps: see `lap_summary`; one at least.
+    """
+    errors = sum(one["lost"] * LIMIT for one in laps)
+    errors += sum((one["episodes"] - one["lost"]) * one["rms"]["mean"] for one in laps if one["rms"] is not None)
+    return float(errors / sum(one["episodes"] for one in laps))
+
+
+def loss(laps: Sequence[Mapping[str, Any]]) -> float:
+    """Return the share of laps that were lost; see `counted`."""
+    return float(sum(one["lost"] for one in laps) / sum(one["episodes"] for one in laps))
+
+
 def breaking(column: Column, points: Sequence[Mapping[str, Any] | None]) -> dict[str, dict[str, Any]]:
     """Find where each lap fails first, going away from the nominal value to either side.
 
@@ -70,7 +88,8 @@ def breaking(column: Column, points: Sequence[Mapping[str, Any] | None]) -> dict
 
     Returns:
         For each lap "lost" and "doubled", each with "low" and "high": the value nearest to the nominal one at which an
-        episode is lost, or the mean error over the lap is twice that at the nominal value; None if at none.
+        episode is lost, or the mean error over the lap is twice that at the nominal value; None if at none. Where the
+        nominal value itself is lost there are no such ends; "complete" then has the values without a loss, else None.
     """
     own = column.nominal_index
     found: dict[str, dict[str, Any]] = {}
@@ -83,8 +102,30 @@ def breaking(column: Column, points: Sequence[Mapping[str, Any] | None]) -> dict
             for n, one in enumerate(laps)
             if usual is not None and (mean := _mean(one)) is not None and mean > 2.0 * usual
         ]
-        found[lap] = {"lost": _ends(column, lost, own), "doubled": _ends(column, doubled, own)}
+        complete = None
+        if own in lost:
+            whole = [n for n, one in enumerate(laps) if one is not None and not one["lost"]]
+            lost, doubled, complete = [], [], [column.points[n].value for n in whole]
+        ends = {"lost": _ends(column, lost, own), "doubled": _ends(column, doubled, own)}
+        found[lap] = {**ends, "complete": complete}
     return found
+
+
+def spans(values: Sequence[float], some: Sequence[float]) -> str:
+    """Write values of an axis, neighbours together: "0.3 to 1".
+
+    Args:
+        values: of the axis, in order.
+        some: of them, one at least.
+    """
+    runs: list[list[float]] = []
+    for before, value in zip([None, *values], values, strict=False):
+        if value in some:
+            if runs and runs[-1][-1] == before:
+                runs[-1].append(value)
+            else:
+                runs.append([value])
+    return ", ".join(f"{run[0]:g}" if len(run) == 1 else f"{run[0]:g} to {run[-1]:g}" for run in runs)
 
 
 def _mean(lap: Mapping[str, Any] | None) -> float | None:
@@ -94,7 +135,7 @@ def _mean(lap: Mapping[str, Any] | None) -> float | None:
 
 def _ends(column: Column, failed: Sequence[int], own: int) -> dict[str, Any]:
     """Return the values nearest to the nominal one on either side, among points that failed."""
-    low, high = ([n for n in failed if n < own], [n for n in failed if n >= own])
+    low, high = ([n for n in failed if n < own], [n for n in failed if n > own])
     return {
         "low": column.points[max(low)].value if low else None,
         "high": column.points[min(high)].value if high else None,

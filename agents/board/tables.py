@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from functools import partial
 from typing import Any
 
+import numpy as np
+
 from flexarm_agents.board.columns import COLUMNS
 from flexarm_agents.board.references import gap
-from flexarm_agents.board.summary import nominal_errors
+from flexarm_agents.board.summary import LIMIT, counted, loss, nominal_errors, spans
 from flexarm_agents.markdown import table
 from flexarm_env.laps import LAPS
 
@@ -16,14 +18,22 @@ Board = Mapping[str, Any]
 MOST_VALUES = 13  # columns of an axis's table
 PRIVILEGED = "\\*"  # after the name of a privileged row
 ABSENT = "not applicable"
+UNKNOWN = (  # heads
+    "unknown plant: lost",
+    f"error, a lost lap as {LIMIT:g} m [mm]",
+    "mean of the completed laps [mm]",
+    "worst completed lap [mm]",
+)
+SHORT = ("lqg", "lqg_adaptive", "nmpc_adaptive", "flsac", "agent square", "agent student", "agent student_unknown")
 
 
 def ranked(board: Board) -> list[Mapping[str, Any]]:
-    """Return the rows in the order of the mean error of their nominal laps; those with lost laps come last."""
+    """Return the rows in order: by the error on the unknown plant, where lost laps count, then by the nominal laps."""
 
-    def rank(row: Mapping[str, Any]) -> tuple[int, float, str]:
+    def rank(row: Mapping[str, Any]) -> tuple[float, int, float, str]:
         errors = [one["rms"] for one in nominal_errors(row).values() if one is not None]
-        return len(LAPS) - len(errors), sum(errors), row["name"]
+        laps = _unknown_laps(row)
+        return counted(laps) if laps else np.inf, len(LAPS) - len(errors), sum(errors), row["name"]
 
     return sorted(board["rows"], key=rank)
 
@@ -34,24 +44,44 @@ def title(row: Mapping[str, Any]) -> str:
 
 
 def ranking(board: Board) -> str:
-    """Write what each row reads, its nominal errors, and what becomes of it on the unknown plant."""
-    head = ["row", "reads", *(f"{lap}: lap / after 2 s [m]" for lap in LAPS), "gap, " + " / ".join(LAPS)]
+    """Write what becomes of each row on the unknown plant, its nominal errors, and what it reads."""
     unknown = "unknown" in board["columns"]
-    head += ["unknown plant: mean [m]", "worst [m]", "lost"] if unknown else []
+    head = ["row", *(UNKNOWN if unknown else ()), *(f"{lap}: lap / after 2 s [mm]" for lap in LAPS)]
+    head += ["gap, " + " / ".join(LAPS), "reads"]
     lines = []
     for row in ranked(board):
         errors = nominal_errors(row)
         gaps = [None if one is None else gap(board, lap, one["rms"]) for lap, one in errors.items()]
-        line = [title(row), ", ".join(row["reads"]) or "nothing", *map(_errors, errors.values())]
+        line = [title(row), *(_unknown(row) if unknown else []), *map(_errors, errors.values())]
         line.append(" / ".join("-" if one is None else f"{one:.3f}" for one in gaps))
-        lines.append(line + (_unknown(row) if unknown else []))
+        lines.append([*line, ", ".join(row["reads"]) or "nothing"])
+    return table(head, lines)
+
+
+def short_ranking(board: Board, names: Collection[str] = SHORT) -> str:
+    """Write losses and errors of a few rows, for a page that has little room.
+
+    Args:
+        board: with the unknown plant.
+        names: of the rows.
+    """
+    head = ["row", *UNKNOWN[:3], *(f"nominal {lap} lap [mm]" for lap in LAPS)]
+    lines = []
+    for row in ranked(board):
+        if row["name"] in names:
+            errors = nominal_errors(row).values()
+            nominal_laps = ["lost" if one is None else millimetres(one["rms"]) for one in errors]
+            lines.append([f"{title(row)}", *_unknown(row)[:3], *nominal_laps])
     return table(head, lines)
 
 
 def nominal(board: Board) -> str:
     """Write the errors on every nominal task."""
     values = board["columns"]["nominal"]["values"]
-    head = ["row", *(f"{value}: {' / '.join(LAPS) if value != 'reach' else 'mean, successes'} [m]" for value in values)]
+    head = [
+        "row",
+        *(f"{value}: {' / '.join(LAPS) if value != 'reach' else 'mean, successes'} [mm]" for value in values),
+    ]
     rows = [[title(row), *map(_point, row["columns"]["nominal"]["points"])] for row in ranked(board)]
     return table(head, rows)
 
@@ -67,10 +97,10 @@ def axis(name: str, board: Board) -> str:
 
 
 def breaks(board: Board) -> str:
-    """Write where on each axis of numbers a lap's error is first twice the nominal one, and where it is lost."""
+    """Write where on each axis of numbers a lap is lost first, and where its error is twice the nominal one."""
     names = [name for name in board["columns"] if any("breaking" in row["columns"][name] for row in board["rows"])]
     heads = [f"{COLUMNS[name].title} [{COLUMNS[name].unit}]" for name in names]
-    lines = [[title(row), *(_break(row["columns"][name]) for name in names)] for row in ranked(board)]
+    lines = [[title(row), *(_break(name, row, board) for name in names)] for row in ranked(board)]
     return table(["row", *heads], lines)
 
 
@@ -81,39 +111,63 @@ def margins(board: Board) -> str:
         margin = row["delay_margin"]
         if margin is not None:
             exact = " to ".join(f"{1e3 * margin[end]:.3g}" for end in ("least", "most"))
-            lines.append([title(row), exact, _break(row["columns"]["delay"])])
+            lines.append([title(row), exact, _break("delay", row, board)])
     return table(["row", "exact margin along the square [ms]", "simulated laps [ms]"], lines)
 
 
-def _break(column: Mapping[str, Any]) -> str:
+def _break(name: str, row: Mapping[str, Any], board: Board) -> str:
+    column, values = row["columns"][name], board["columns"][name]["values"]
     if all(point is None or "not_applicable" in point for point in column["points"]):
         return ABSENT
-    return "; ".join(told for lap, one in column["breaking"].items() if (told := _fails(lap, one))) or "holds"
+    laps = column["breaking"].items()
+    return "; ".join(told for lap, one in laps if (told := _fails(lap, one, values))) or "holds"
 
 
-def _fails(lap: str, one: Mapping[str, Any]) -> str:
-    """Say where a lap's error is doubled, and where it is lost."""
+def _fails(lap: str, one: Mapping[str, Any], values: Sequence[float]) -> str:
+    """Say where a lap is lost, and where its error is doubled."""
+    if one["complete"] is not None:
+        where = spans(values, one["complete"])
+        return f"{lap} lost at the nominal value, complete at {where}" if where else f"{lap} lost everywhere"
     told = []
-    for what, mark in (("doubled", "2×"), ("lost", "lost")):
+    for what, mark in (("lost", "lost"), ("doubled", "2×")):
         for side, sign in (("low", "≤"), ("high", "≥")):
             if one[what][side] is not None:
                 told.append(f"{mark} {sign} {_number(one[what][side])}")
     return f"{lap} {', '.join(told)}" if told else ""
 
 
+def _unknown_laps(row: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    """Return the sums of a row's laps on the unknown plant; none where they are not applicable or not measured."""
+    column = row["columns"].get("unknown")
+    point = column and column["points"][0]
+    return [] if not point or "not_applicable" in point else [point[lap] for lap in LAPS]
+
+
 def _unknown(row: Mapping[str, Any]) -> list[str]:
-    point = row["columns"]["unknown"]["points"][0]
-    if point is None or "not_applicable" in point:
-        return ["-"] * 3
-    laps = [point[lap] for lap in LAPS]
-    means = " / ".join("-" if one["rms"] is None else f"{one['rms']['mean']:.3f}" for one in laps)
-    worst = " / ".join("-" if one["rms"] is None else f"{one['rms']['most']:.3f}" for one in laps)
-    lost, total = (sum(one[name] for one in laps) for name in ("lost", "episodes"))
-    return [means, worst, f"{100.0 * lost / total:.1f} %"]
+    """Write the columns `UNKNOWN`."""
+    laps = _unknown_laps(row)
+    if not laps:
+        return ["-"] * len(UNKNOWN)
+    means, worst = (_completed(laps, what) for what in ("mean", "most"))
+    return [share(loss(laps)), " / ".join(millimetres(counted([one])) for one in laps), means, worst]
+
+
+def _completed(laps: Sequence[Mapping[str, Any]], what: str) -> str:
+    return " / ".join("-" if one["rms"] is None else millimetres(one["rms"][what]) for one in laps)
+
+
+def share(part: float) -> str:
+    """Write a share in percent."""
+    return f"{100.0 * part:.1f} %"
+
+
+def millimetres(metres: float) -> str:
+    """Write an error in mm, to a tenth of it below 100 mm."""
+    return f"{1e3 * metres:.{1 if metres < 0.09995 else 0}f}"
 
 
 def _errors(errors: Mapping[str, float] | None) -> str:
-    return "lost" if errors is None else f"{errors['rms']:.4f} / {errors['rms_after_2s']:.4f}"
+    return "lost" if errors is None else f"{millimetres(errors['rms'])} / {millimetres(errors['rms_after_2s'])}"
 
 
 def _point(point: Mapping[str, Any] | None) -> str:
@@ -127,10 +181,10 @@ def _point(point: Mapping[str, Any] | None) -> str:
 
 def _lap(one: Mapping[str, Any]) -> str:
     if one["lost"]:
-        share = "" if one["episodes"] == 1 else f" {one['lost']} of {one['episodes']}"
-        return f"lost{share} at {one['first_loss']:.1f} s"
+        part = "" if one["episodes"] == 1 else f" {one['lost']} of {one['episodes']}"
+        return f"lost{part} at {one['first_loss']:.1f} s"
     goal = f", {100.0 * one['success']:.0f} %" if "success" in one else ""
-    mean, least, most = (f"{one['rms'][name]:.3f}" for name in ("mean", "least", "most"))
+    mean, least, most = (millimetres(one["rms"][name]) for name in ("mean", "least", "most"))
     return f"{mean}{goal}" if least == most else f"{mean} ({least} to {most}){goal}"
 
 
@@ -153,6 +207,7 @@ def tables(board: Board) -> dict[str, str]:
         writers |= {"ranking": ranking, "nominal": nominal, "breaks": breaks}
         writers |= {f"axis_{name}": partial(axis, name) for name in names if name not in ("nominal", "unknown")}
         writers |= {"margins": margins} if "delay" in names else {}
+        writers |= {"short_ranking": short_ranking} if "unknown" in names else {}
     for name, write in writers.items():
         found[name] = write(board)
     return found

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from flexarm_agents.board.columns import COLUMNS, Column, Point
+from flexarm_agents.board.columns import COLUMNS, Column, Point, measurable
 from flexarm_agents.board.episodes import run_points
 from flexarm_agents.board.rows import Row
-from flexarm_agents.board.summary import breaking, merged, point_summary
+from flexarm_agents.board.summary import LIMIT, breaking, counted, merged, point_summary, spans
 from flexarm_agents.commands.progress import Progress
 from flexarm_agents.commands.sources import row_of
 from flexarm_agents.commands.text import columns
@@ -17,6 +18,9 @@ from flexarm_env.laps import LAPS
 from flexarm_env.validation import choice
 
 Summary = Mapping[str, Any]
+LEGEND = f"""\
+Means of the laps, swing / plain. A lost lap counts with {LIMIT:g} m in the errors of a lap; those of completed laps and
+after 2 s are without it. At the end, when the first lap was lost."""
 
 
 def sweep(given: argparse.Namespace) -> dict[str, Any]:
@@ -32,7 +36,10 @@ def sweep(given: argparse.Namespace) -> dict[str, Any]:
         raise ValueError("policies: nothing to sweep; name one, e.g. --policy ifdc")
     if given.arm is not None or given.laps != 1 or given.seed != 0 or given.own or given.pool:
         raise ValueError("arm, laps, seed, own, pool: the board sets them; they must be left out with --sweep")
-    column = COLUMNS[choice("sweep", given.sweep, COLUMNS)]
+    chosen, left_out = measurable({given.sweep: COLUMNS[choice("sweep", given.sweep, COLUMNS)]})
+    if left_out:
+        print(left_out, file=sys.stderr)
+    column = chosen[given.sweep]
     written = []
     for source in given.policies:
         row = row_of(source, given, given.options)
@@ -54,21 +61,30 @@ def _results(row: Row, points: Sequence[Point]) -> list[dict[str, Any]]:
 
 
 def _table(name: str, column: Column, points: Sequence[Summary | None]) -> str:
-    """Write a line for each point: the laps' errors, or when and how often they were lost."""
+    """Write a line for each point: how many laps were lost, and the errors."""
     unit = f" [{column.unit}]" if column.unit else ""
     values = ["all"] if column.sample else [_number(one.value) for one in column.points]
-    header = (f"{name}: {column.title.lower()}{unit}", *(f"{lap} lap [m]" for lap in LAPS), "after 2 s [m]", "")
+    heads = ("lost", *(f"{lap} lap [m]" for lap in LAPS), "completed laps [m]", "after 2 s [m]", "")
     rows = [(value, *_cells(point)) for value, point in zip(values, points, strict=True)]
-    lines = columns([header, *rows], right=True)
+    lines = f"{LEGEND}\n{columns([(f'{name}: {column.title.lower()}{unit}', *heads), *rows], right=True)}"
     if all(isinstance(point.value, float) for point in column.points):
-        lines += "".join(f"\n{lap} lap: {fails(ends)}" for lap, ends in breaking(column, points).items())
+        axis = [float(point.value) for point in column.points]
+        lines += "".join(f"\n{lap} lap: {fails(ends, axis)}" for lap, ends in breaking(column, points).items())
     return lines
 
 
-def fails(ends: Mapping[str, Mapping[str, Any]]) -> str:
-    """Say where a lap's error is doubled first, and where it is lost."""
+def fails(ends: Mapping[str, Any], values: Sequence[float]) -> str:
+    """Say where a lap's error is doubled first, and where it is lost.
+
+    Args:
+        ends: of the lap, see `breaking`.
+        values: of the axis.
+    """
+    if ends["complete"] is not None:
+        where = spans(values, ends["complete"])
+        return f"lost at the nominal value; complete at {where}" if where else "lost everywhere"
     told = []
-    for what, words in (("doubled", "error doubled"), ("lost", "lost")):
+    for what, words in (("lost", "lost"), ("doubled", "error doubled")):
         sides = (("low", "{} and below"), ("high", "{} and above"))
         where = [side.format(_number(ends[what][end])) for end, side in sides if ends[what][end] is not None]
         told.append(f"{words} at {', '.join(where)}" if where else f"never {words}")
@@ -81,16 +97,19 @@ def _number(value: float | str) -> str:
 
 def _cells(point: Summary | None) -> tuple[str, ...]:
     if point is None or "not_applicable" in point:
-        return "-", "-", "-", "" if point is None else f"not applicable: {point['not_applicable']}"
+        return *("-",) * 5, "" if point is None else f"not applicable: {point['not_applicable']}"
     laps = [point.get(lap, point.get("all")) for lap in LAPS]
-    later = " / ".join("-" if one["rms_after_2s"] is None else f"{one['rms_after_2s']['mean']:.3f}" for one in laps)
-    return *("-" if one["rms"] is None else f"{one['rms']['mean']:.3f}" for one in laps), later, _lost(point)
-
-
-def _lost(point: Summary) -> str:
-    """Say how many episodes of which lap were lost, and when the first of them."""
-    return ", ".join(
-        f"{lap}: {one['lost']} of {one['episodes']} lost, first at {one['first_loss']:.2f} s"
-        for lap, one in point.items()
-        if one["lost"]
+    lost = " / ".join(f"{one['lost']} of {one['episodes']}" for one in laps)
+    errors = ["lost" if one["rms"] is None else f"{counted([one]):.3f}" for one in laps]
+    first = min((one["first_loss"] for one in laps if one["lost"]), default=None)
+    return (
+        lost,
+        *errors,
+        _means(laps, "rms"),
+        _means(laps, "rms_after_2s"),
+        "" if first is None else f"at {first:.2f} s",
     )
+
+
+def _means(laps: Sequence[Summary], figure: str) -> str:
+    return " / ".join("-" if one[figure] is None else f"{one[figure]['mean']:.3f}" for one in laps)

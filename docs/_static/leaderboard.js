@@ -8,9 +8,9 @@
   let board;
   flexarm.board = (data) => { board = data; };
 
-  const state = { view: OVERVIEW, lap: 0, figure: "rms", barred: new Set(), text: "", sort: 1, down: false, marked: null };
+  const state = { view: OVERVIEW, lap: 0, figure: "rms", barred: new Set(), text: "", sort: 2, down: false, marked: null };
 
-  /** Return a lap's figure at a point of a row: a value, or why there is none. */
+  /** Return a lap's figure at a point of a row: a value, or why there is none. A lost lap counts with the limit. */
   function cell(row, column, point, lap = state.lap, figure = state.figure) {
     const laps = row.columns[column] && row.columns[column][point];
     if (!laps) return { rank: 2, text: "–", title: "not applicable" };
@@ -19,24 +19,28 @@
     if (lost === episodes || found[figure] === null) {
       return { rank: 1, text: "lost", title: `lost at ${first.toFixed(2)} s` };
     }
-    const share = lost ? `, ${lost} of ${episodes} laps lost` : "";
-    return { rank: 0, value: found[figure], text: `${millimetres(found[figure])}${lost ? "*" : ""}`, title: `${millimetres(found[figure])} mm${share}` };
+    const value = (lost * board.limit + (episodes - lost) * found[figure]) / episodes;
+    const text = millimetres(value);
+    if (!lost) return { rank: 0, value, text, title: `${text} mm` };
+    const title = `${lost} of ${episodes} laps lost, the first at ${first.toFixed(2)} s; ${millimetres(found[figure])} mm without them`;
+    return { rank: 0, value, text: column === "unknown" && state.view === OVERVIEW ? text : `${lost} of ${episodes} lost: ${text}`, title };
   }
 
-  const millimetres = (metres) => (1000 * metres).toFixed(metres < 0.9995 ? 1 : 0);
+  const millimetres = (metres) => (1000 * metres).toFixed(metres < 0.09995 ? 1 : 0);
 
   /** Return the columns of the view: a heading and what a row has there. */
   function columns() {
     if (state.view === OVERVIEW) {
       const found = [];
+      if (board.columns.unknown) {
+        found.push({ head: "unknown plant\nlost", at: lostShare, plain: true });
+        board.laps.forEach((lap, n) => found.push({ head: `unknown plant\n${lap}`, at: (row) => cell(row, "unknown", 0, n, "rms") }));
+        board.laps.forEach((lap, n) => found.push({ head: `completed\n${lap} laps`, at: (row) => completed(row, n) }));
+      }
       board.laps.forEach((lap, n) => {
-        found.push({ head: `${lap}\nlap`, at: (row) => cell(row, "nominal", 0, n, "rms") });
+        found.push({ head: `nominal\n${lap}`, at: (row) => cell(row, "nominal", 0, n, "rms") });
         found.push({ head: `${lap}\nafter 2 s`, at: (row) => cell(row, "nominal", 0, n, "rms_after_2s") });
       });
-      if (board.columns.unknown) {
-        board.laps.forEach((lap, n) => found.push({ head: `unknown\n${lap}`, at: (row) => cell(row, "unknown", 0, n, "rms") }));
-        found.push({ head: "unknown\nlost", at: lostShare, plain: true });
-      }
       return found;
     }
     const column = board.columns[state.view];
@@ -57,6 +61,13 @@
     const value = Math.max(0, ...kept.map((one) => one.value));
     if (lost) return { rank: lost / (cells.length + 1), value, text: `lost: ${lost}`, title: `lost at ${lost} of ${cells.length} points` };
     return { rank: 0, value, text: millimetres(value), title: "largest error on the axis" };
+  }
+
+  /** Return the mean over the laps on the unknown plant that were complete. */
+  function completed(row, lap) {
+    const found = row.columns.unknown && row.columns.unknown[0] && row.columns.unknown[0][lap];
+    if (!found || found.rms === null) return { rank: 2, text: "–", title: found ? "all lost" : "not applicable" };
+    return { rank: 0, value: found.rms, text: millimetres(found.rms), title: `mean of ${found.episodes - found.lost} of ${found.episodes} laps` };
   }
 
   function lostShare(row) {
@@ -101,9 +112,8 @@
   }
 
   function line(row, shown) {
-    const name = element("th", { scope: "row", class: "fx-name" }, breakable(row.name));
+    const name = element("th", { scope: "row", class: "fx-name" }, breakable(`${row.name}${row.privileged ? " *" : ""}`));
     const reads = element("div", { class: "fx-reads" }, row.reads.join(", ") || "reads nothing");
-    if (row.privileged) reads.prepend(element("b", {}, "privileged: "));
     name.append(reads);
     if (row.replay) {
       name.append(element("a", { class: "fx-play", href: `${board.replays}#${encodeURIComponent(row.name)}` }, "▶ replay"));
@@ -142,7 +152,8 @@
     const figure = state.view === OVERVIEW ? "" : `, ${FIGURES[state.figure]}`;
     const column = board.columns[state.view];
     const nominal = column && column.values.includes(column.nominal) ? " The column with a bar on top is nominal." : "";
-    return `Distance of the true tip from the reference in mm${state.figure === "maximum" && figure ? "" : " (r.m.s.)"}${figure}; "lost": the arm left the path; *: some laps were lost, the figure is the mean of the others.${nominal}`;
+    const distance = `Distance of the true tip from the reference in mm${state.figure === "maximum" && figure ? "" : " (r.m.s.)"}${figure}`;
+    return `${distance}; means count a lost lap as ${1000 * board.limit} mm, except those of completed laps; "lost": every lap. *: privileged, reads the true state.${nominal}`;
   }
 
   function marks() {
@@ -257,7 +268,7 @@
     parts.count = element("span", { class: "fx-hint", role: "status" });
     parts.chart = element("div");
     parts.table = element("table", { class: "fx-board" });
-    const turn = (value) => { state.view = value; state.sort = 1; state.down = false; draw(); };
+    const turn = (value) => { state.view = value; state.sort = value === OVERVIEW ? 2 : 1; state.down = false; draw(); };
     mount.replaceChildren(
       element(
         "div", { class: "fx-controls" },

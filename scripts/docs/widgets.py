@@ -15,6 +15,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from flexarm_agents.board.summary import LIMIT
 from flexarm_env.envs import documentation
 from flexarm_env.envs.blocks import READINGS
 from flexarm_env.envs.registration import IDS
@@ -160,6 +161,7 @@ def board_script(board: Mapping[str, Any], replayed: Sequence[str]) -> str:
     read = {name for row in board["rows"] for name in row["reads"]}
     data = {
         "laps": list(LAPS),
+        "limit": LIMIT,
         "readings": [name for name in READINGS if name in read],
         "replays": f"{Path(REPLAYS).name}.html",
         "columns": board["columns"],

@@ -6,6 +6,7 @@ where it was, and a changed policy recomputes its own row only. docs/submit.md t
 
 from __future__ import annotations
 
+import json
 import shutil
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -16,9 +17,10 @@ import tyro
 from tqdm import tqdm
 
 from flexarm_agents.board.cells import Store
-from flexarm_agents.board.columns import COLUMNS, Column
+from flexarm_agents.board.columns import COLUMNS, Column, measurable
 from flexarm_agents.board.measure import DATA, INCOMPLETE, chosen_columns, chosen_rows, measure, write
 from flexarm_agents.board.rows import Row
+from flexarm_agents.board.summary import breaking
 from flexarm_agents.board.tables import tables
 from flexarm_agents.board.terms import BOARD
 from flexarm_agents.commands.arguments import json_object
@@ -31,12 +33,12 @@ from scripts.common.command_line import run
 from scripts.common.markdown import DOCS, filled
 from scripts.common.result_files import write_json
 from scripts.leaderboard.animation import animate
-from scripts.leaderboard.pictures import SHOWN, draw
+from scripts.leaderboard.pictures import SHOWN, delays, draw, heat_map
 from scripts.leaderboard.runs import nominal_runs
 from scripts.leaderboard.times import times, times_table
 
 PICTURES = {
-    "heat_map.png": "Largest mean error of each row along each axis, and the share of lost laps",
+    "heat_map.png": "Share of laps that each row loses along each axis, and its mean error",
     "delays.png": "Delays with which no lap of a row is lost, and with which its error is below twice the nominal one",
     "corners.png": "The tip's paths where the reference begins and turns",
     "errors.png": "Error against time on both laps",
@@ -73,6 +75,8 @@ class Options:
     """Measure how long each row takes to choose an action; the machine must be idle. Else the last figures stay."""
     docs: bool = False
     """Bring docs/leaderboard.md, its JSON and its pictures up to date."""
+    measure: bool = True
+    """Without it, only the tables, and the pictures that need no run, are made anew from docs/leaderboard.json."""
 
 
 def illustrate(rows: Sequence[Row], results: Mapping[str, Any], folder: Path) -> None:
@@ -85,17 +89,37 @@ def illustrate(rows: Sequence[Row], results: Mapping[str, Any], folder: Path) ->
 
 
 def update_docs(folder: Path) -> None:
-    """Fill the tables of the page and of the README; copy the JSON and the pictures."""
+    """Fill the tables of the page and of the README; copy the JSON and the pictures.
+
+    Args:
+        folder: has them. What it lacks stays as it is.
+    """
     target = DOCS / "figures" / "leaderboard"
     target.mkdir(parents=True, exist_ok=True)
     for name, text in PICTURES.items():
         (folder / f"picture_{Path(name).stem}.md").write_text(f"![{text}](figures/leaderboard/{name})\n")
     for page in (DOCS / PAGE, DOCS.parent / "README.md"):
-        page.write_text(filled(page.read_text(), folder))
+        page.write_text(filled(page.read_text(), folder, {path.stem for path in folder.glob("*.md")}))
         print(f"{page}: up to date")
     shutil.copyfile(folder / DATA, DOCS / DATA)
-    for name in PICTURES:
-        shutil.copyfile(folder / "figures" / name, target / name)
+    for picture in (folder / "figures").glob("*.*"):
+        if picture.name in PICTURES:
+            shutil.copyfile(picture, target / picture.name)
+
+
+def present(folder: Path) -> None:
+    """Write the committed board's tables anew, and the pictures that need its figures only; see `Options.measure`."""
+    results = json.loads((DOCS / DATA).read_text())
+    for row in results["rows"]:
+        for name, column in row["columns"].items():
+            if "breaking" in column:
+                column["breaking"] = breaking(COLUMNS[name], column["points"])
+    shutil.rmtree(folder, ignore_errors=True)
+    write(results, folder)
+    (folder / "figures").mkdir()
+    for draw_one in (heat_map, delays):
+        draw_one(results, folder / "figures")
+    update_docs(folder)
 
 
 def chosen(options: Options) -> tuple[list[Row], dict[str, Column]]:
@@ -120,7 +144,15 @@ def main() -> None:
         OSError: if cells could not be computed.
     """
     options = tyro.cli(Options, prog="python -m scripts.leaderboard")
+    if not options.measure:
+        present(options.output / "presented")
+        return
     rows, columns = chosen(options)
+    columns, left_out = measurable(columns)
+    if left_out and options.docs:
+        raise ValueError(f"docs = True: the page shows the whole board; {left_out}")
+    if left_out:
+        print(left_out)
     parameters = json_object(options.submitit)
     where = executor(options.executor, options.jobs, options.output / "submitit", parameters)
     store = Store(options.output / "cells")

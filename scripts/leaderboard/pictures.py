@@ -11,12 +11,11 @@ import numpy as np
 from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
-from matplotlib.patches import Rectangle
 from matplotlib.ticker import LogLocator, NullFormatter
 from numpy.typing import NDArray
 
-from flexarm_agents.board.summary import nominal_errors
-from flexarm_agents.board.tables import ranked
+from flexarm_agents.board.summary import LIMIT, counted, loss, nominal_errors
+from flexarm_agents.board.tables import millimetres, ranked, share
 from flexarm_baselines.optimal.plan import PLANS
 from flexarm_env.laps import LAPS, SETTLED
 from flexarm_env.metrics import ended_early
@@ -28,6 +27,7 @@ Array = NDArray[np.float64]
 Board = Mapping[str, Any]
 SHOWN = ("ifdc", "agent square", "agent student_unknown", "lqg", "lqg_adaptive")  # where there is room for few
 SHORT = {"sensor_position": "Sensor position"}  # headings where there is little room
+UNREAD = "0.85"  # of a bar
 MARKS = "osD^vP*X<>ph8"
 
 
@@ -103,46 +103,47 @@ def errors(runs: Runs, folder: Path) -> None:
 
 
 def heat_map(board: Board, folder: Path) -> None:
-    """Draw, for each row and axis, the largest mean error along the axis, and the share of points with a lost lap."""
+    """Draw, for each row and axis, how many laps are lost along the axis, and the mean error in which these count."""
     names = [name for name in board["columns"] if name != "nominal"]
     rows = ranked(board)
-    figure, axis = plt.subplots(figsize=(2.6 + 1.05 * len(names), 1.6 + 0.42 * len(rows)))
-    colours = plt.get_cmap("viridis_r").with_extremes(bad="0.92")
-    largest, texts = np.full((len(rows), len(names)), np.nan), {}
+    figure, axis = plt.subplots(figsize=(2.6 + 1.15 * len(names), 2.0 + 0.45 * len(rows)))
+    errors = np.full((len(rows), len(names)), np.nan)
     for i, row in enumerate(rows):
         for k, name in enumerate(names):
-            largest[i, k], texts[i, k] = _worst(row["columns"][name]["points"])
-    some_lost = [place for place, text in texts.items() if "lost" in text]
-    drawn = axis.imshow(np.ma.masked_invalid(largest), cmap=colours, norm=LogNorm(0.01, 3.0), aspect="auto")
-    for i, k in some_lost:
-        look: dict[str, Any] = {"fill": False, "hatch": "//", "edgecolor": "0.45", "linewidth": 0.0}
-        axis.add_patch(Rectangle((k - 0.5, i - 0.5), 1.0, 1.0, **look))
-    for (i, k), text in texts.items():
-        dark = np.isfinite(largest[i, k]) and largest[i, k] > 0.3
-        colour = "white" if dark else "black"
-        back = None
-        if (i, k) in some_lost:
-            back = {"facecolor": colours(drawn.norm(largest[i, k])), "edgecolor": "none", "pad": 1.0}
-        axis.text(k, i, text, ha="center", va="center", fontsize=8, color=colour, bbox=back)
+            errors[i, k], text = _along(row["columns"][name]["points"])
+            dark = np.isfinite(errors[i, k]) and errors[i, k] > 0.3
+            axis.text(k, i, text, ha="center", va="center", fontsize=8, color="white" if dark else "black")
+    colours = plt.get_cmap("viridis_r").with_extremes(bad="0.92")
+    drawn = axis.imshow(np.ma.masked_invalid(errors), cmap=colours, norm=LogNorm(0.01, LIMIT), aspect="auto")
     titles = [SHORT.get(name, board["columns"][name]["title"]) for name in names]
     axis.set_xticks(range(len(names)), titles, rotation=35, ha="right", fontsize=9)
     axis.set_yticks(range(len(rows)), [row["name"] + (" *" if row["privileged"] else "") for row in rows], fontsize=9)
     axis.grid(visible=False)
-    figure.colorbar(drawn, label="largest mean error along the axis [m]")
+    axis.set_title(
+        "Share of laps lost along the axis; mean error [mm], a lost lap counted as "
+        f"{LIMIT:g} m (in brackets: of the completed laps alone). *: privileged",
+        fontsize=9,
+        loc="left",
+    )
+    bar = figure.colorbar(drawn, label=f"mean error along the axis, a lost lap counted as {LIMIT:g} m [m]")
+    bar.ax.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    bar.ax.yaxis.set_major_formatter("{x:g}")
+    bar.ax.yaxis.set_minor_formatter(NullFormatter())
     save(figure, folder, "heat_map")
 
 
-def _worst(points: Sequence[Mapping[str, Any] | None]) -> tuple[float, str]:
-    """Return the largest mean error of any point and lap [m], and it as text with the share of lost episodes."""
+def _along(points: Sequence[Mapping[str, Any] | None]) -> tuple[float, str]:
+    """Return the mean error of all laps along an axis [m], and as text the share of lost ones, then the errors."""
     laps = [lap for point in points if point and "not_applicable" not in point for lap in point.values()]
     if not laps:
         return np.nan, "n/a"
-    lost = sum(lap["lost"] for lap in laps) / sum(lap["episodes"] for lap in laps)
-    means = [lap["rms"]["mean"] for lap in laps if lap["rms"] is not None]
-    if not means:
-        return np.nan, "all lost"
-    share = f"\n{100.0 * lost:.0f} % lost" if lost else ""
-    return max(means), f"{max(means):.2f}{share}"
+    error, lost = counted(laps), loss(laps)
+    if lost == 0.0:
+        return error, millimetres(error)
+    if lost == 1.0:
+        return error, "all lost"
+    whole = counted([lap | {"lost": 0, "episodes": lap["episodes"] - lap["lost"]} for lap in laps if lap["rms"]])
+    return error, f"{share(lost)} lost\n{millimetres(error)} ({millimetres(whole)})"
 
 
 def delays(board: Board, folder: Path) -> None:
@@ -150,27 +151,35 @@ def delays(board: Board, folder: Path) -> None:
     column = board["columns"]["delay"]
     longest = column["values"][-1]
     rows = ranked(board)[::-1]
-    figure, axis = plt.subplots(figsize=(9.0, 1.4 + 0.4 * len(rows)))
+    figure, axis = plt.subplots(figsize=(9.0, 1.8 + 0.32 * len(rows)))
     looks = (
         (("lost",), COLOURS[5], "no lap is lost"),
         (("lost", "doubled"), COLOURS[0], "error below twice the nominal one"),
     )
     for i, row in enumerate(rows):
-        for worse, colour, label in looks:
-            low, high = _holds(row["columns"]["delay"]["breaking"], worse, longest)
-            axis.barh(i, high - low, left=low, color=colour, height=0.6, label=None if i else label)
-            if "doubled" not in worse and high == longest:
-                axis.text(longest + 1.0, i, "…", va="center")
+        breaking = row["columns"]["delay"]["breaking"]
+        if "late tip" not in row["reads"]:
+            axis.barh(i, longest, color=UNREAD, height=0.6)
+        elif any(one["complete"] is not None for one in breaking.values()):
+            axis.text(column["nominal"] + 1.5, i, "lost at the nominal delay", va="center", fontsize=8, color="0.3")
+        else:
+            for worse, colour, _ in looks:
+                low, high = _holds(breaking, worse, longest)
+                axis.barh(i, high - low, left=low, color=colour, height=0.6)
         if row["delay_margin"] is not None:
             at = [1e3 * row["delay_margin"][end] for end in ("least", "most")]
             axis.plot(at, [i, i], color=COLOURS[1], marker="|", markersize=14, linewidth=2.0)
-    axis.plot([], [], color=COLOURS[1], marker="|", markersize=12, label="exact margin of the linear loop")
+    for _, colour, label in looks:
+        axis.barh(0, 0.0, color=colour, label=label)
+    axis.barh(0, 0.0, color=UNREAD, label="does not read the sensor")
+    axis.plot([], [], color=COLOURS[1], marker="|", markersize=12, linewidth=2.0, label="exact margin (linear loop)")
     axis.axvline(column["nominal"], color="0.3", linestyle=":", linewidth=1.2)
-    axis.text(column["nominal"] + 0.5, len(rows) - 0.4, "nominal", fontsize=8, color="0.3")
-    axis.set_yticks(range(len(rows)), [row["name"] for row in rows])
-    axis.set_xlabel("sensor delay [ms]")
-    axis.set_xlim(0.0, longest + 6.0)
-    axis.legend(loc="upper center", bbox_to_anchor=(0.5, -0.18), ncols=3, fontsize=9)
+    axis.text(column["nominal"] + 0.5, len(rows) - 0.45, "nominal", fontsize=8, color="0.3")
+    axis.set_yticks(range(len(rows)), [row["name"] + (" *" if row["privileged"] else "") for row in rows], fontsize=9)
+    axis.set_xlabel(f"sensor delay [ms], measured up to {longest:g} ms; *: privileged")
+    axis.set_xlim(0.0, longest + 4.0)
+    axis.set_ylim(-0.6, len(rows) + 0.2)
+    axis.legend(loc="upper center", bbox_to_anchor=(0.45, -0.1), ncols=2, fontsize=9)
     save(figure, folder, "delays")
 
 
@@ -178,7 +187,7 @@ def _holds(breaking: Mapping[str, Any], worse: Sequence[str], longest: float) ->
     """Return the range about the nominal delay in which both laps hold.
 
     Args:
-        breaking: see `flexarm_agents.board.summary.breaking`.
+        breaking: see `flexarm_agents.board.summary.breaking`; the nominal laps are complete.
         worse: "lost", "doubled" or both: what must not happen.
         longest: of the axis.
     """

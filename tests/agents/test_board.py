@@ -18,7 +18,7 @@ from flexarm_agents.board.columns import COLUMNS, DRAWN, Column, Point
 from flexarm_agents.board.episodes import LANES, run_points, shares
 from flexarm_agents.board.gauges import observation_map
 from flexarm_agents.board.rows import Row
-from flexarm_agents.board.summary import breaking, lap_summary, point_summary
+from flexarm_agents.board.summary import breaking, counted, lap_summary, loss, point_summary
 from flexarm_agents.board.terms import FIRST_SEED, INTERFACE, TASKS, interface_of
 from flexarm_agents.load import policy_file
 from flexarm_baselines.optimal.plan import PLANS
@@ -320,5 +320,18 @@ def test_an_axis_breaks_where_a_lap_is_lost_first_on_either_side() -> None:
 
     found = breaking(column, [at(x) for x in (None, None, 0.1, 0.21, None)])
     nowhere = {"low": None, "high": None}
-    assert found["swing"] == {"lost": nowhere, "doubled": nowhere}
-    assert found["plain"] == {"lost": {"low": 0.9, "high": 1.2}, "doubled": {"low": None, "high": 1.1}}
+    assert found["swing"] == {"lost": nowhere, "doubled": nowhere, "complete": None}
+    assert found["plain"] == {
+        "lost": {"low": 0.9, "high": 1.2},
+        "doubled": {"low": None, "high": 1.1},
+        "complete": None,
+    }
+    lost = breaking(column, [at(x) for x in (None, 0.1, None, 0.1, 0.3)])
+    assert lost["plain"] == {"lost": nowhere, "doubled": nowhere, "complete": [0.9, 1.1, 1.2]}
+
+
+def test_a_lost_lap_counts_as_the_error_at_which_it_is_lost() -> None:
+    laps = [lap_summary([episode(0.1), episode(0.3), episode(None), episode(None)]), lap_summary([episode(None)])]
+    assert counted(laps[:1]) == pytest.approx(0.25 * (0.1 + 0.3 + 2.5 + 2.5))
+    assert counted(laps) == pytest.approx(0.2 * (0.1 + 0.3 + 3 * 2.5))
+    assert loss(laps) == pytest.approx(0.6)

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from flexarm_agents.board.columns import Column
+from flexarm_agents.board.summary import point_summary
 from flexarm_agents.commands import evaluate, sweep
 from tests.support.boards import points
 from tests.support.refusals import refuses
@@ -26,13 +27,16 @@ def test_evaluate_sweeps_an_axis(
     for point in results:
         for one in point["episodes"]:
             assert f"{one['figures']['rms']:.3f}" in told
-    assert "plain lap: never error doubled; never lost" in told
+    assert "plain lap: never lost; never error doubled" in told
     with refuses(ValueError, "sweep = 'noises'", "noise"):
         evaluate.run(["--policy", "square", "--sweep", "noises"])
     with refuses(ValueError, "nothing to sweep"):
         evaluate.run(["--sweep", "noise"])
     with refuses(ValueError, "the board sets them"):
         evaluate.run(["--policy", "square", "--sweep", "noise", "--laps", "3"])
+
+
+VALUES = [0.0, 5.0, 30.0, 35.0, 60.0]
 
 
 @pytest.mark.parametrize(
@@ -44,5 +48,32 @@ def test_evaluate_sweeps_an_axis(
     ],
 )
 def test_both_ends_of_what_fails_are_told(low: float | None, high: float | None, said: str) -> None:
-    ends = {"doubled": {"low": low, "high": high}, "lost": {"low": None, "high": None}}
-    assert sweep.fails(ends) == f"{said}; never lost"
+    ends = {"doubled": {"low": low, "high": high}, "lost": {"low": None, "high": None}, "complete": None}
+    assert sweep.fails(ends, VALUES) == f"never lost; {said}"
+
+
+@pytest.mark.parametrize(
+    ("complete", "said"),
+    [
+        ([], "lost everywhere"),
+        ([0.0, 5.0, 60.0], "lost at the nominal value; complete at 0 to 5, 60"),
+    ],
+)
+def test_a_nominal_loss_is_told(complete: list[float], said: str) -> None:
+    """It was "lost at 25 and below, 30 and above"."""
+    assert sweep.fails({"complete": complete}, VALUES) == said
+
+
+def test_lost_laps_come_first_and_count() -> None:
+    column = Column("Sensor noise", "mm", tuple(points([0.0, 1.0])), 0.0)
+    complete = {"lap": "plain", "duration": 16.0, "figures": {"rms": 0.5, "rms_after_2s": 0.4, "maximum": 1.0}}
+    lost = {"lap": "plain", "duration": 3.0, "figures": None}
+    swing = [one | {"lap": "swing"} for one in (complete, complete)]
+    episodes = [{"episodes": [*swing, complete, one]} for one in (complete, lost)]
+    found = sweep._table("mine", column, [point_summary(one) for one in episodes]).splitlines()
+    (line,) = [one for one in found if one.startswith("1 ")]
+    assert line.split() == [
+        *("1", "0", "of", "2", "/", "1", "of", "2"),
+        *("0.500", "1.500", "0.500", "/", "0.500", "0.400", "/", "0.400", "at", "3.00", "s"),
+    ]
+    assert found[-1] == "plain lap: lost at 1 and above; never error doubled"

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import re
+import shutil
+import sys
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -14,13 +16,13 @@ from PIL import Image
 
 from flexarm_agents.board import measure as measuring
 from flexarm_agents.board.cells import Store
-from flexarm_agents.board.columns import COLUMNS, Column, Point
+from flexarm_agents.board.columns import COLUMNS, Column, Point, measurable
 from flexarm_agents.board.entries import entries
 from flexarm_agents.board.episodes import run_points
 from flexarm_agents.board.margins import delay_margins
 from flexarm_agents.board.rows import Row
 from flexarm_agents.board.summary import nominal_errors, point_summary
-from flexarm_agents.board.tables import tables
+from flexarm_agents.board.tables import short_ranking, tables
 from flexarm_agents.board.terms import BOARD
 from flexarm_agents.commands import leaderboard as verb
 from flexarm_agents.executors import executor
@@ -133,8 +135,8 @@ def lap(rms: float | None) -> dict[str, Any]:
 
 NOWHERE = {"low": None, "high": None}
 BREAKING = {
-    "swing": {"doubled": {"low": None, "high": 0.3}, "lost": {"low": 0.1, "high": 0.7}},
-    "plain": {"doubled": NOWHERE, "lost": NOWHERE},
+    "swing": {"doubled": {"low": None, "high": 0.3}, "lost": {"low": 0.1, "high": 0.7}, "complete": None},
+    "plain": {"doubled": NOWHERE, "lost": NOWHERE, "complete": None},
 }
 
 
@@ -153,8 +155,9 @@ def row(name: str, swing: float | None, plain: float | None, privileged: bool = 
     }
 
 
-def test_tables_rank_by_error_and_never_hide_a_loss() -> None:
+def test_tables_rank_by_error_and_show_losses_first() -> None:
     rows = [row("ifdc", 0.8, 0.7), row("lost", None, 0.01), row("best", 0.06, 0.02, privileged=True)]
+    rows[1]["columns"]["payload"]["breaking"] = {lap: {"complete": [0.2, 0.3, 0.7]} for lap in ("swing", "plain")}
     references = {name: {"rms": rms} for name, rms in (("swing", 0.05), ("plain", 0.02))}
     columns = {name: COLUMNS[name] for name in ("nominal", "payload", "unknown")}
     board = measuring.board(rows, columns) | {"references": references}
@@ -164,12 +167,55 @@ def test_tables_rank_by_error_and_never_hide_a_loss() -> None:
     assert [line.split("|")[1].strip() for line in lines] == ["best\\*", "ifdc", "lost"]
     assert "| 0.013 / 0.000 |" in lines[0]
     assert "| 1.000 / 1.000 |" in lines[1]
-    assert "| lost | 0.0100 / 0.0100 | - / -0.015 |" in lines[2]
-    assert lines[2].endswith("| - / 0.010 | - / 0.010 | 50.0 % |")
-    assert "not applicable | 0.100, 50 %" in found["nominal"]
-    assert "lost at 1.5 s / 0.010" in found["axis_payload"]
-    assert found["breaks"].splitlines()[2].endswith("| swing 2× ≥ 0.3, lost ≤ 0.1, lost ≥ 0.7 |")
+    assert lines[2].startswith(
+        "| lost | 50.0 % | 2500 / 10.0 | - / 10.0 | - / 10.0 | lost | 10.0 / 10.0 | - / -0.015 |"
+    )
+    assert "not applicable | 100, 50 %" in found["nominal"]
+    assert "lost at 1.5 s / 10.0" in found["axis_payload"]
+    breaks = found["breaks"].splitlines()[2:]
+    assert breaks[0].endswith("| swing lost ≤ 0.1, lost ≥ 0.7, 2× ≥ 0.3 |")
+    assert breaks[2].count("lost at the nominal value, complete at 0.2 to 0.3, 0.7") == 2
     assert len(found["axis_payload"].splitlines()[0].split("|")) <= 2 + 1 + 13
+    few = short_ranking(board, ("lost", "ifdc")).splitlines()
+    assert few[2:] == [
+        "| ifdc | 0.0 % | 800 / 700 | 800 / 700 | 800 | 700 |",
+        "| lost | 50.0 % | 2500 / 10.0 | - / 10.0 | lost | 10.0 |",
+    ]
+
+
+def test_what_is_shown_may_be_made_anew_without_measuring(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    docs = tmp_path / "docs"
+    docs.mkdir()
+    blocks = "".join(f"<!-- generated: {name} -->\nold\n<!-- end -->\n" for name in ("ranking", "times"))
+    (docs / study.PAGE).write_text(blocks)
+    (tmp_path / "README.md").write_text("")
+    shutil.copyfile(DOCS / measuring.DATA, docs / measuring.DATA)
+    monkeypatch.setattr(study, "DOCS", docs)
+    for name in ("heat_map", "delays"):
+        monkeypatch.setattr(study, name, lambda results, folder, name=name: (folder / f"{name}.png").touch())
+    study.present(tmp_path / "presented")
+    page = (docs / study.PAGE).read_text()
+    assert "| lqg | 48.8 % |" in page
+    assert page.endswith("<!-- generated: times -->\nold\n<!-- end -->\n")
+    assert {path.name for path in (docs / "figures" / "leaderboard").iterdir()} == {"heat_map.png", "delays.png"}
+    assert (docs / measuring.DATA).read_text() == (DOCS / measuring.DATA).read_text()
+
+
+def test_the_chain_is_left_out_where_its_engine_is_absent(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The first example of the verb's help ended in an error on the base install."""
+    columns = {name: COLUMNS[name] for name in ("nominal", "delay")}
+    assert measurable(columns) == (columns, "")
+    monkeypatch.setitem(sys.modules, "mujoco", None)
+    found, told = measurable(columns)
+    assert [point.value for point in found["nominal"].points] == ["square", "track", "reach"]
+    assert found["delay"] == columns["delay"]
+    assert told.startswith("nominal: without the chain, for which mujoco is not installed; run ")
+    monkeypatch.setattr(verb, "executor", lambda *arguments: Here(0))
+    with pytest.raises(OSError, match="failed"):
+        verb.run(["--rows", "joint_pd", "--columns", "nominal", "--output", str(tmp_path)])
+    assert told in capsys.readouterr().err
 
 
 def test_the_exact_margin_is_that_of_the_law_on_the_late_sensor() -> None:
