@@ -81,8 +81,8 @@ def fails(ends: Mapping[str, Any], values: Sequence[float]) -> str:
         values: of the axis.
     """
     if ends["complete"] is not None:
-        where = spans(values, ends["complete"])
-        return f"lost at the nominal value; complete at {where}" if where else "lost everywhere"
+        whole = spans(values, ends["complete"])
+        return f"lost at the nominal value; complete at {whole}" if whole else "lost everywhere"
     told = []
     for what, words in (("lost", "lost"), ("doubled", "error doubled")):
         sides = (("low", "{} and below"), ("high", "{} and above"))

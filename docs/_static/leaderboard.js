@@ -41,6 +41,7 @@
         found.push({ head: `nominal\n${lap}`, at: (row) => cell(row, "nominal", 0, n, "rms") });
         found.push({ head: `${lap}\nafter 2 s`, at: (row) => cell(row, "nominal", 0, n, "rms_after_2s") });
       });
+      board.laps.forEach((lap, n) => found.push({ head: `gap\n${lap}`, at: (row) => gap(row, n), plain: true }));
       return found;
     }
     const column = board.columns[state.view];
@@ -68,6 +69,11 @@
     const found = row.columns.unknown && row.columns.unknown[0] && row.columns.unknown[0][lap];
     if (!found || found.rms === null) return { rank: 2, text: "–", title: found ? "all lost" : "not applicable" };
     return { rank: 0, value: found.rms, text: millimetres(found.rms), title: `mean of ${found.episodes - found.lost} of ${found.episodes} laps` };
+  }
+
+  function gap(row, lap) {
+    const value = row.gaps[lap];
+    return value === null ? { rank: 1, text: "lost", title: "no error" } : { rank: 0, value, text: value.toFixed(3), title: "0: best plan, 1: ifdc" };
   }
 
   function lostShare(row) {

@@ -15,7 +15,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from flexarm_agents.board.summary import LIMIT
+from flexarm_agents.board.references import gap
+from flexarm_agents.board.summary import LIMIT, nominal_errors
 from flexarm_env.envs import documentation
 from flexarm_env.envs.blocks import READINGS
 from flexarm_env.envs.registration import IDS
@@ -165,7 +166,7 @@ def board_script(board: Mapping[str, Any], replayed: Sequence[str]) -> str:
         "readings": [name for name in READINGS if name in read],
         "replays": f"{Path(REPLAYS).name}.html",
         "columns": board["columns"],
-        "rows": [_row(row, row["name"] in replayed) for row in board["rows"]],
+        "rows": [_row(row, row["name"] in replayed) | {"gaps": _gaps(board, row)} for row in board["rows"]],
     }
     return f"flexarm.board({json.dumps(data, allow_nan=False, separators=(',', ':'))});\n"
 
@@ -174,6 +175,11 @@ def _row(row: Mapping[str, Any], replayed: bool) -> dict[str, Any]:
     columns = {name: [_point(one) for one in column["points"]] for name, column in row["columns"].items()}
     kept = {name: row[name] for name in ("name", "reads", "privileged")}
     return {**kept, "replay": replayed, "columns": columns}
+
+
+def _gaps(board: Mapping[str, Any], row: Mapping[str, Any]) -> list[float | None]:
+    """Return where each nominal lap's error lies between the best plan's and the yardstick's; None for a lost one."""
+    return [None if one is None else gap(board, lap, one["rms"]) for lap, one in nominal_errors(row).items()]
 
 
 def _point(point: Mapping[str, Any] | None) -> list[dict[str, Any]] | None:
