@@ -31,8 +31,9 @@ _LANES = " or ".join(", ".join(map(str, COSTS)).rsplit(", ", 1))
 _INTRODUCTION = """\
 FlexArm simulates a planar arm of two very flexible links, 9 m long, whose tip should follow a path. The ids differ in
 what an action is, which sensors the arm has, what is drawn for each episode, and in the path; all these are options of
-one class. This page explains what the ids share. [Options](options.md) lists all options, blocks of observations and
-keys of infos; `flexarm show ID` prints the whole specification of one id."""
+one class. This page explains what the ids share, in the terms of [concepts](../concepts.md). [Options](options.md)
+lists all options, blocks of observations and keys of infos; `flexarm show ID` prints the whole specification of an
+id."""
 _MAKE = """\
 The part before the colon imports the package, so that this works in spawned processes, too. Options are arguments of
 `make` and `make_vec`: `gymnasium.make("flexarm_env:FlexArm/Square-v0", noise=0.002)`. The version in an id goes up when
@@ -254,7 +255,7 @@ def _facts(name: str, one: Id) -> str:
         ("Observation", f"`{observations}`, from {', '.join(filter(None, readings))}"),
         ("Episode", doc.timing(one)),
         ("Make", f'`gymnasium.make("flexarm_env:{NAMESPACE}/{name}")`{install}'),
-        ("More", f"[what all ids share](README.md); `flexarm show {name}` prints the whole specification{chain}"),
+        ("More", f"[terms](../concepts.md); [what all ids share](README.md); `flexarm show {name}`: everything{chain}"),
     ]
     return doc.table(("Action", f"`{actions}`"), rows)
 
