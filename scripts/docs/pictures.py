@@ -8,14 +8,17 @@ from pathlib import Path
 
 import tyro
 
+from flexarm_env.validation import choice
 from scripts.common.command_line import run
 from scripts.common.markdown import DOCS
-from scripts.docs import arm_pictures, overview_pictures
+from scripts.docs import arm_pictures, motion_pictures, overview_pictures
 
 PICTURES: dict[str, Callable[[Path], None]] = {
     "first_second.webp": arm_pictures.moving,
     "first_second.png": arm_pictures.still,
     "terms.png": arm_pictures.terms,
+    "late_sensor.png": motion_pictures.late_sensor,
+    "corner.png": motion_pictures.corner,
     "error_over_loss.png": overview_pictures.error_over_loss,
     "distance_from_chain.png": overview_pictures.distance_from_chain,
 }
@@ -36,7 +39,7 @@ def main() -> None:
     options = tyro.cli(Options, prog="python -m scripts.docs.pictures")
     options.output.mkdir(parents=True, exist_ok=True)
     for name in options.only:
-        PICTURES[name](options.output / name)
+        PICTURES[choice("only", name, PICTURES)](options.output / name)
         print(f"{options.output / name}: drawn", flush=True)
 
 

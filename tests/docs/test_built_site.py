@@ -123,6 +123,14 @@ def test_the_sidebar_is_short(browser: Browser) -> None:
     assert browser.run(links) <= 12
 
 
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_pictures_are_dark_where_the_page_is(browser: Browser, scheme: str) -> None:
+    browser.emulate(DESK, prefers_color_scheme=scheme)
+    browser.open("index.html")
+    look = "return getComputedStyle(document.querySelector('article img')).filter"
+    assert (browser.run(look) == "none") == (scheme == "light")
+
+
 def test_code_is_copied_by_a_button(browser: Browser) -> None:
     browser.open("docs/tutorials/first_agent.html")
     browser.run("navigator.clipboard.writeText = (text) => { window.copied = text; return Promise.resolve(); }")

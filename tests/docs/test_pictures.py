@@ -12,7 +12,7 @@ from PIL import Image
 
 from flexarm_agents.board.summary import nominal_errors
 from scripts.common.markdown import DOCS
-from scripts.docs import overview_pictures
+from scripts.docs import motion_pictures, overview_pictures
 from scripts.docs.arm_pictures import COMPARED, LAP, Lap, still, terms
 from scripts.docs.drawn_arm import ARM, links, recorded, rigid
 from scripts.docs.pictures import PICTURES
@@ -45,7 +45,9 @@ def test_the_arm_is_drawn_as_it_is_bent(lap: Lap) -> None:
     assert rigid(lap.q[now])[-1] == pytest.approx(ARM.rigid_tip(lap.q[now]), abs=1e-12)
 
 
-@pytest.mark.parametrize("draw", [still, terms, overview_pictures.distance_from_chain])
+@pytest.mark.parametrize(
+    "draw", [still, terms, overview_pictures.distance_from_chain, motion_pictures.late_sensor, motion_pictures.corner]
+)
 def test_a_picture_is_written(draw: object, tmp_path: Path) -> None:
     assert callable(draw)
     draw(tmp_path / "one.png")

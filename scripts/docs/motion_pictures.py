@@ -1,0 +1,82 @@
+"""Two pictures of the tip's motion: what a late sensor says, and the best known corner with and without rounding."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib import pyplot as plt
+from matplotlib.axes import Axes
+
+from flexarm_baselines.optimal import load_plan
+from flexarm_baselines.optimal.plan import PLANS
+from scripts.docs.arm_pictures import LETTERS, PURPLE, save
+from scripts.docs.drawn_arm import ARM, BLUE, INK, ORANGE, recorded
+from scripts.optimise.corner import BLEND, CHANGES, changed_lap
+
+SHOWN = (0.77, 0.89)  # of the lap [s]; the tip moves evenly there
+READ = 0.84  # when the reading is compared [s]
+CORNER, ABOUT = 8.0, 0.45  # time of a corner, and what is shown before and after it [s]
+
+
+def late_sensor(path: Path) -> None:
+    """Draw the tip's height over time, and what the sensor says that it is."""
+    lap = recorded("agent student_unknown", "swing")
+    shown = slice(lap.at(SHOWN[0]), lap.at(SHOWN[1]) + 1)
+    time, tip, sensed = 1e3 * lap.time[shown], lap.tip[shown, 1], lap.sensed[shown, 1]
+    now = 1e3 * READ
+    true, read = (float(np.interp(now, time, one)) for one in (tip, sensed))
+    then = float(np.interp(read, tip, time))  # when the tip was where the sensor says
+    figure, axis = plt.subplots(figsize=(8.6, 3.8))
+    axis.plot(time, tip, color=ORANGE, linewidth=2.4)
+    axis.plot(time, sensed, color=PURPLE, linewidth=2.4, linestyle="--")
+    axis.text(time[-1] + 2.0, tip[-1], "true tip", color=LETTERS, va="center")
+    axis.text(time[-1] + 2.0, sensed[-1], "late reading", color=PURPLE, va="center")
+    _span(axis, (then, read), (now, read), f"{now - then:.0f} ms old", (then - 3.0, read + 0.02), "right")
+    _span(
+        axis,
+        (now, true),
+        (now, read),
+        f"{1e3 * (true - read):.0f} mm behind",
+        (now + 1.0, read - 0.03),
+        "left",
+    )
+    axis.set_xlim(1e3 * SHOWN[0], 1e3 * SHOWN[1] + 20.0)
+    axis.set_xlabel("time since the start of the swing lap [ms]")
+    axis.set_ylabel("y of the tip [m]")
+    save(figure, path)
+
+
+def _span(axis: Axes, one: tuple[float, float], other: tuple[float, float], text: str, at: Any, side: str) -> None:
+    axis.annotate("", other, one, arrowprops={"arrowstyle": "<->", "color": INK, "shrinkA": 0, "shrinkB": 0})
+    axis.text(at[0], at[1], text, ha=side, va="center", color=INK)
+
+
+def corner(path: Path) -> None:
+    """Draw the best known tip at a sharp corner, and the rounded corner that it can follow."""
+    figures = {row["change"]: row for row in json.loads((PLANS / "corner.json").read_text())}
+    rounding = next(change for change in CHANGES if change.blend)
+    plan, problem = load_plan("default_plain"), changed_lap(rounding)
+    time = plan.period * np.arange(len(plan.states))
+    near = np.abs(time - CORNER) <= ABOUT
+    sharp, tip = plan.reference[near], ARM.tip(plan.states[near, : ARM.size])
+    figure, axes = plt.subplots(1, 2, figsize=(9.6, 4.6), sharex=True, sharey=True)
+    changes = {
+        "sharp corner": ("nothing", sharp),
+        f"rounded over {BLEND:g} s": (rounding.text, problem.reference[near]),
+    }
+    for axis, (title, (change, target)) in zip(axes, changes.items(), strict=True):
+        most = 1e3 * figures[change]["true_tip_max_after_2s"]
+        axis.plot(*target.T, color=BLUE, linewidth=3.0)
+        axis.set_title(f"{title}: the best known tip\nis at most {most:.0f} mm off", fontsize=12, color=INK)
+        axis.set_aspect("equal")
+        axis.set_xlabel("x [m]")
+    axes[0].plot(*tip.T, color=ORANGE, linewidth=2.0)
+    axes[0].text(6.24, 6.4, "target", ha="right", va="center", color=BLUE)
+    axes[0].text(6.12, 6.1, "tip", ha="right", va="center", color=LETTERS)
+    axes[1].text(6.12, 6.05, "target, and tip\nat this scale", ha="right", va="center", color=BLUE)
+    axes[0].set_ylim(4.85, 6.5)
+    axes[0].set_ylabel("y [m]")
+    save(figure, path)
