@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from flexarm_agents.markdown import table as table
+from flexarm_agents.run_folder import put
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 _BLOCK = re.compile(r"(<!-- generated: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
@@ -36,6 +37,38 @@ def filled(page: str, results: Path, names: Collection[str] | None = None) -> st
         return block[1] + (results / f"{block[2]}.md").read_text() + block[3] if chosen else block[0]
 
     return _BLOCK.sub(written, page)
+
+
+def blocks(page: str) -> dict[str, str]:
+    """Return the generated blocks of a page's text, by their names."""
+    return {block[2]: block[0].removeprefix(block[1]).removesuffix(block[3]) for block in _BLOCK.finditer(page)}
+
+
+def shown_blocks() -> dict[str, str]:
+    """Return the generated blocks of all pages of docs/, by their names."""
+    return {name: text for path in DOCS.rglob("*.md") for name, text in blocks(path.read_text()).items()}
+
+
+def fill_pages(results: Path, names: Collection[str]) -> list[Path]:
+    """Replace generated blocks wherever they stand in docs/, and return the pages.
+
+    Args:
+        results: folder that has the tables.
+        names: of the blocks.
+
+    Raises:
+        ValueError: if a block stands on no page.
+    """
+    pages = {path: path.read_text() for path in sorted(DOCS.rglob("*.md"))}
+    shown = {path: set(names) & blocks(text).keys() for path, text in pages.items()}
+    missing = set(names).difference(*shown.values())
+    if missing:
+        raise ValueError(f"docs: no page has the generated block {', '.join(sorted(missing))}")
+    found = [path for path, own in shown.items() if own]
+    for path in found:
+        text = filled(pages[path], results, names)
+        put(path, lambda aside, text=text: aside.write_text(text))  # type: ignore[misc]
+    return found
 
 
 def quoting(page: str, figures: Mapping[str, Any]) -> str:

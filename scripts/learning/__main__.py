@@ -20,7 +20,7 @@ from flexarm_agents.run_folder import RunFolder, put
 from flexarm_env.validation import choice, integer
 from scripts.common.command_line import run
 from scripts.common.curves import FOLDER, draw
-from scripts.common.markdown import DOCS, filled
+from scripts.common.markdown import fill_pages
 from scripts.common.trainings import Job, trained_all
 from scripts.learning import delays, exploration, gradients, modes, off_policy, records, schedulers, spillover
 from scripts.learning.study import Records, Study, jobs_of
@@ -34,7 +34,6 @@ STUDIES: dict[str, Study] = {
     "off_policy": off_policy.STUDY,
     "spillover": spillover.STUDY,
 }
-PAGE = DOCS / "agents.md"
 
 
 @dataclass
@@ -56,7 +55,7 @@ class Options:
     tables: bool = True
     """Write the tables; without it, only train."""
     docs: bool = False
-    """Bring docs/agents.md up to date."""
+    """Bring the pages of docs/ that show the tables up to date."""
 
 
 def study_tables(name: str, options: Options) -> None:
@@ -137,9 +136,8 @@ def main() -> None:
         study_tables(name, options)
     if options.docs:
         names = [table for name in options.only for table in STUDIES[name].names]
-        page = filled(PAGE.read_text(), options.output, names)
-        put(PAGE, lambda aside: aside.write_text(page))
-        print(f"{PAGE}: tables up to date")
+        for page in fill_pages(options.output, names):
+            print(f"{page}: tables up to date")
 
 
 if __name__ == "__main__":

@@ -18,7 +18,7 @@ from flexarm_env.envs.registration import IDS
 from flexarm_env.laps import LAPS
 from scripts.common.markdown import table
 from scripts.common.plotting import COLOURS
-from scripts.common.spreads import spread_text
+from scripts.common.spreads import millimetres
 from scripts.learning.measured import Errors, errors_at, mean_of_laps, measure_at, plot_median
 from scripts.learning.study import Records, Study
 
@@ -117,12 +117,12 @@ def tables(agents: Records, folder: Path) -> Mapping[str, str]:
         "seeds",
         "steps",
         "seconds a million",
-        *(f"{delay} ms" for delay in SHOWN),
+        *(f"{delay} ms [mm]" for delay in SHOWN),
     )
     rows = []
     for line in measured:
         means = [[mean_of_laps(one, DELAYS.index(delay)) for one in line.errors] for delay in SHOWN]
-        errors = [spread_text(Spread.of(several)) for several in means]
+        errors = [millimetres(Spread.of(several)) for several in means]
         seconds = "-" if line.seconds is None else f"{line.seconds:.0f}"
         steps = f"{STEPS:,}" if line.agent else "-"
         rows.append((TRAINED[line.trained], line.text, str(len(line.errors)), steps, seconds, *errors))
@@ -150,7 +150,7 @@ def draw(measured: Sequence[Line], path: Path) -> None:
 
 
 STUDY = Study(
-    "what helps against a late sensor: mean error of both laps by the delay [m], of seeds median, middle mean, worst",
+    "what helps against a late sensor: mean r.m.s. error of both laps by the delay",
     agents(),
     11,
     tables,

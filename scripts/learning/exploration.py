@@ -27,7 +27,7 @@ from flexarm_env.rollout import run_policy
 from flexarm_env.simulation.trajectory import Trajectory
 from scripts.common.markdown import table
 from scripts.common.plotting import COLOURS
-from scripts.common.spreads import spread_text
+from scripts.common.spreads import millimetres
 from scripts.common.trainings import Training
 from scripts.learning.study import Records, Study
 
@@ -52,7 +52,7 @@ class Way(NamedTuple):
     """A way of learning.
 
     Attributes:
-        text: what is other than in the tuned settings.
+        text: the change to the tuned settings.
         settings: of the configuration.
     """
 
@@ -61,7 +61,7 @@ class Way(NamedTuple):
 
 
 WAYS = {
-    "mix": Way("nothing: 30 % at rest on a corner, else moving", {}),
+    "mix": Way("none: 30 % at rest on a corner, else moving", {}),
     "corner": Way("at rest on the first corner, whole laps", {"options": {"start": "corner"}, "episode_steps": 1600}),
     "moving": Way("moving starts only", {"options": {"start": "moving"}}),
     "slow": Way(
@@ -71,7 +71,7 @@ WAYS = {
         "begins as `student_gauges`, value first, on the corners",
         {**TAUGHT, "options": {"start": "corners"}},
     ),
-    "corners": Way("at rest on any corner (tuned since)", {"options": {"start": "corners"}}),
+    "corners": Way("at rest on any corner (the registered settings)", {"options": {"start": "corners"}}),
 }
 
 
@@ -221,7 +221,7 @@ def tables(agents: Records, folder: Path) -> Mapping[str, str]:
     draw(several, folder / PICTURE)
     made = {"exploration": _table(several, ends)}
     if "mix" in agents:
-        preferred["PPO, nothing other, median seed"] = _median(several[WAYS["mix"].text])
+        preferred["PPO, no change, median seed"] = _median(several[WAYS["mix"].text])
         made["exploration_rewards"] = rewards(preferred)
     return made
 
@@ -231,19 +231,19 @@ def rewards(motions: Mapping[str, Laps]) -> str:
     rows = []
     for text, laps in motions.items():
         for lap, one in laps.items():
-            error = "lost" if one["first"] is None else f"{one['first']:.3f}"
             noisy = (f"{value:.1f}" for value in one["noisy"])
-            rows.append((text, lap, error, f"{one['reward']:.0f}", f"{one['discounted']:.1f}", *noisy))
+            returns = f"{one['reward']:.0f}", f"{one['discounted']:.1f}"
+            rows.append((text, lap, millimetres(one["first"]), *returns, *noisy))
     discount = f"discounted by {config_of('mix').gamma:g}"
-    head = ("motion", "lap", "error, first 2 s [m]", "reward of the lap", discount)
+    head = ("motion", "lap", "error, first 2 s [mm]", "reward of the lap", discount)
     return table((*head, *(f"first 2 s, noise {deviation:g}" for deviation in NOISES)), rows)
 
 
 def _table(several: Mapping[str, Sequence[Laps]], ends: Mapping[str, Sequence[float | None]]) -> str:
     """Tabulate the laps of each agent's seeds; those that learned by reward also have the error at the end."""
-    swing = ("swing: lap [m]", "first 2 s [m]", "after 2 s [m]", "bends link 1 by [m]", "elbow straight at [s]")
+    swing = ("swing: lap [mm]", "first 2 s [mm]", "after 2 s [mm]", "bends link 1 by [m]", "elbow straight at [s]")
     counted = "seeds that swing"
-    head = ("what is other", "seeds", counted, *swing, "at the end of the training: lap [m]", "plain: lap [m]")
+    head = ("change", "seeds", counted, *swing, "at the end of the training: lap [mm]", "plain: lap [mm]")
     return table(head, list(_rows(several, ends)))
 
 
@@ -258,11 +258,11 @@ def _rows(
             text,
             str(len(seeds)),
             str(passed.complete),
-            *map(spread_text, errors),
+            *map(millimetres, errors),
             f"{np.median([one['deflection'] for one in swings]):.2f}",
             "-" if passed.median is None else f"{passed.median:.2f}",
-            spread_text(Spread.of(ends[text])) if text in ends else "-",
-            spread_text(Spread.of(one["plain"]["rms"] for one in seeds)),
+            millimetres(Spread.of(ends[text])) if text in ends else "-",
+            millimetres(Spread.of(one["plain"]["rms"] for one in seeds)),
         )
 
 

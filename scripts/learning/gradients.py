@@ -21,7 +21,7 @@ from flexarm_agents.training import one_thread
 from flexarm_env.envs.choices import DEFAULT_OBSERVATION
 from flexarm_env.laps import LAPS
 from scripts.common.markdown import table
-from scripts.common.spreads import spread_text
+from scripts.common.spreads import millimetres, spread_text
 from scripts.learning.measured import seconds_per_million
 from scripts.learning.study import Agent, Record, Records, Study
 
@@ -83,7 +83,7 @@ class Line(NamedTuple):
 def tables(agents: Records, folder: Path) -> Mapping[str, str]:
     """Write what each way comes to, beside PPO; and how far derivatives reach."""
     head = ("learning", "observation", "seeds", "steps", "seconds of one core")
-    laps = (cell for lap in LAPS for cell in (f"{lap} lap [m]", "times the plan"))
+    laps = (cell for lap in LAPS for cell in (f"{lap} lap [mm]", "times the plan"))
     rows = [_cells(line) for line in lines(agents, folder)]
     network = load_policy(PPO).policy
     assert isinstance(network, NetworkPolicy)
@@ -151,7 +151,7 @@ def _cells(line: Line) -> tuple[str, ...]:
     for lap in LAPS:
         spread = agent.spread(lap, "rms")
         times = "-" if spread.median is None else f"{spread.median / plans[lap]['rms']:.2f}"
-        cells += [spread_text(spread, 4), times]
+        cells += [millimetres(spread, 1), times]
     changes = [_torque_change(one) for one in agent.trainings]
     return (*cells, "-" if None in changes else spread_text(Spread.of(changes), 1))
 
@@ -163,7 +163,7 @@ def _torque_change(one: Record) -> float | None:
 
 
 STUDY = Study(
-    "first-order gradients beside PPO: r.m.s. error of the laps [m]; of seeds median, interquartile mean, worst",
+    "first-order gradients beside PPO: r.m.s. error of the laps",
     agents(),
     10,
     tables,

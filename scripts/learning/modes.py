@@ -17,7 +17,7 @@ from flexarm_agents.board.summary import merged
 from flexarm_env.envs.registration import UNKNOWN_PLANT
 from flexarm_env.laps import LAPS
 from scripts.common.markdown import table
-from scripts.common.spreads import spread_text
+from scripts.common.spreads import millimetres, spread_text
 from scripts.common.trainings import Training
 from scripts.learning.study import Records, Study
 
@@ -64,7 +64,7 @@ def measured(row: Row) -> dict[str, Any]:
 def tables(agents: Records, folder: Path) -> Mapping[str, str]:
     """Write the table of this study: nominal laps and drawn plants, with mean and worst episode."""
     drawn = f"{sum(len(part.episodes) for part in PARTS)} drawn plants"
-    head = ("action", "seeds", *(f"{lap} lap [m]" for lap in LAPS), f"{drawn}: lost", "mean [m]", "worst [m]")
+    head = ("action", "seeds", *(f"{lap} lap [mm]" for lap in LAPS), f"{drawn}: lost", "mean [mm]", "worst [mm]")
     several: dict[str, list[Mapping[str, Any]]] = {
         "the joint-space law alone": [measured(Row(f"{__name__}:{LawAlone.__name__}", "alone", RESIDUAL))]
     }
@@ -82,9 +82,9 @@ def _line(text: str, found: Sequence[Mapping[str, Sequence[float | None]]]) -> t
         lost.append(len(one["drawn"]) - len(whole))
         drawn.append((float(np.mean(whole)), max(whole)) if whole else (None, None))
     nominal = zip(*(one["nominal"] for one in found), strict=True)
-    metres = [spread_text(Spread.of(several)) for several in (*nominal, *zip(*drawn, strict=True))]
+    errors = [millimetres(Spread.of(several)) for several in (*nominal, *zip(*drawn, strict=True))]
     count = spread_text(Spread.of(lost), 0)
-    return (text, str(len(found)), *metres[: len(LAPS)], count, *metres[len(LAPS) :])
+    return (text, str(len(found)), *errors[: len(LAPS)], count, *errors[len(LAPS) :])
 
 
 def _episodes(row: Row, points: Sequence[Point]) -> list[dict[str, Any]]:
@@ -106,7 +106,7 @@ def _rms(episode: Mapping[str, Any]) -> float | None:
 
 
 STUDY = Study(
-    "what learning adds to a joint-space law: r.m.s. error [m], of seeds median, middle mean, worst",
+    "what learning adds to a joint-space law: r.m.s. error",
     {
         "residual": TrainingConfig(environment=RESIDUAL, steps=STEPS),
         "reference": TrainingConfig(options=REFERENCE, steps=STEPS),

@@ -16,7 +16,7 @@ from flexarm_agents.run_folder import put
 from flexarm_env.laps import LAPS
 from scripts.common.markdown import table
 from scripts.common.plotting import COLOURS
-from scripts.common.spreads import spread_text
+from scripts.common.spreads import millimetres
 from scripts.learning.measured import plot_median
 from scripts.learning.study import Agent, Records, Study
 
@@ -90,11 +90,11 @@ def tables(agents: Records, folder: Path) -> Mapping[str, str]:
             f"{line.config.steps:,}",
             f"{updates(line.config):,}",
             f"{line.seconds(line.config.steps) / 60:.1f}",
-            *(spread_text(line.agent.spread(lap, "rms")) for lap in LAPS),
+            *(millimetres(line.agent.spread(lap, "rms")) for lap in LAPS),
         )
         for line in trained
     ]
-    return {"off_policy": table((*head, *(f"{lap} lap [m]" for lap in LAPS)), rows)}
+    return {"off_policy": table((*head, *(f"{lap} lap [mm]" for lap in LAPS)), rows)}
 
 
 def draw(trained: Sequence[Line], path: Path) -> None:
@@ -127,7 +127,7 @@ def _mean(one: Mapping[str, Sequence[float | None]], n: int) -> float | None:
 
 
 STUDY = Study(
-    "SAC and TQC beside PPO: r.m.s. errors of the best evaluation, of seeds median, middle mean, worst",
+    "SAC and TQC beside PPO: r.m.s. errors of the best evaluation",
     {
         f"{environment}-{algorithm}": config_of(environment, algorithm)
         for environment, algorithms in PAIRS.items()

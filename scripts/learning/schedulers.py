@@ -14,7 +14,7 @@ from flexarm_baselines import FLSAC, IFDC
 from flexarm_env.envs.registration import IDS
 from flexarm_env.laps import LAPS
 from scripts.common.markdown import table
-from scripts.common.spreads import spread_text
+from scripts.common.spreads import millimetres
 from scripts.learning.foresight import CONSTANTS, LEVELS, Plant, Schedule, Search, constant_errors, kept_search
 from scripts.learning.study import Records, Study
 
@@ -40,7 +40,7 @@ def rows(agents: Records, folder: Path) -> Iterator[tuple[str, ...]]:
         env.close()
         spreads = [agents[name].spread(lap, figure) for lap in LAPS for figure in ("rms", "rms_after_2s")]
         seeds = str(len(agents[name].trainings))
-        yield TEXTS[name], f"learned (PPO, {STEPS:,} steps)", seeds, *map(spread_text, spreads)
+        yield TEXTS[name], f"learned (PPO, {STEPS:,} steps)", seeds, *map(millimetres, spreads)
         searches = _searches(name, plant, folder)
         last = {lap: Schedule(searches[lap].knots[-1], plant.periods) for lap in LAPS}
         cells = _cells({lap: plant.score(last[lap], lap) for lap in LAPS})
@@ -55,13 +55,13 @@ def knots(folder: Path) -> str:
         for lap, found in searches.items():
             several = [Schedule((found.constant,) * 2, periods), *(Schedule(one, periods) for one in found.knots)]
             laps = [plant.score(one, lap) for one in several]
-            lines.append((TEXTS[name], lap, *("lost" if one.rms is None else f"{one.rms:.3f}" for one in laps)))
+            lines.append((TEXTS[name], lap, *(millimetres(one.rms) for one in laps)))
     return table(("plant", "lap", "constant", *(f"{level + 1} gains" for level in LEVELS)), lines)
 
 
 def tables(agents: Records, folder: Path) -> Mapping[str, str]:
     """Write the tables of this study."""
-    errors = [f"{lap}: {figure} [m]" for lap in LAPS for figure in ("lap", "after 2 s")]
+    errors = [f"{lap}: {figure} [mm]" for lap in LAPS for figure in ("lap", "after 2 s")]
     head = ("plant", "scheduler", "seeds", *errors)
     return {"schedulers": table(head, rows(agents, folder)), "foresight": knots(folder)}
 
@@ -71,12 +71,11 @@ def _searches(name: str, plant: Plant, folder: Path) -> dict[str, Search]:
 
 
 def _cells(laps: Mapping[str, Score]) -> tuple[str, ...]:
-    values = [value for one in laps.values() for value in (one.rms, one.rms_after_2s)]
-    return tuple("lost" if value is None else f"{value:.3f}" for value in values)
+    return tuple(millimetres(error) for one in laps.values() for error in (one.rms, one.rms_after_2s))
 
 
 STUDY = Study(
-    "what scheduling the gain of the paper's law can give: r.m.s. error [m], of seeds median, middle mean, worst",
+    "what scheduling the gain of the paper's law can give: r.m.s. error",
     {
         name: TrainingConfig(environment=plant.environment, options=dict(plant.options), steps=STEPS)
         for name, plant in PLANTS.items()

@@ -11,7 +11,7 @@ from flexarm_agents.board.columns import COLUMNS
 from flexarm_agents.board.rows import Row
 from flexarm_env.envs.registration import UNKNOWN_PLANT
 from scripts.common.markdown import table
-from scripts.common.spreads import spread_text
+from scripts.common.spreads import millimetres
 from scripts.learning.measured import errors_at, mean_of_laps, measure_at
 from scripts.learning.study import Records, Study
 
@@ -35,12 +35,12 @@ def tables(agents: Records, folder: Path) -> Mapping[str, str]:
     lines = []
     for text, errors in several.items():
         means = [[mean_of_laps(one, n) for one in errors] for n in range(len(POINTS))]
-        lines.append((text, str(len(errors)), *(spread_text(Spread.of(values)) for values in means)))
-    return {"spillover": table(("agent", "seeds", *(str(point.value) for point in POINTS)), lines)}
+        lines.append((text, str(len(errors)), *(millimetres(Spread.of(values)) for values in means)))
+    return {"spillover": table(("agent", "seeds", *(f"{point.value} [mm]" for point in POINTS)), lines)}
 
 
 STUDY = Study(
-    "arms of more shapes than in training: mean r.m.s. error of both laps [m], of seeds median, middle mean, worst",
+    "arms of more shapes than in training: mean r.m.s. error of both laps",
     {
         name: TrainingConfig(
             environment="FlexArm/SquareDelayEasy-v0",

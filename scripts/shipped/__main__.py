@@ -20,14 +20,13 @@ from flexarm_agents.load import POLICIES
 from flexarm_env.validation import choice, integer
 from scripts.common.command_line import run
 from scripts.common.curves import keep_curves
-from scripts.common.markdown import DOCS, filled
+from scripts.common.markdown import fill_pages
 from scripts.common.trainings import trained_all
 from scripts.shipped import board, tables
 from scripts.shipped.agents import AGENTS
 from scripts.shipped.board import measured
 from scripts.shipped.trainings import export
 
-PAGES = (DOCS / "agents.md",)
 COMMAND = "python -m scripts.shipped"
 
 
@@ -48,7 +47,7 @@ class Options:
     train: bool = True
     """Train and ship; without it, only the tables of the shipped agents are made anew."""
     tables: bool = True
-    """Bring the tables of docs/agents.md up to date."""
+    """Bring the pages of docs/ that show the tables up to date."""
 
 
 def train_and_ship(name: str, options: Options) -> None:
@@ -83,7 +82,7 @@ def train_and_ship(name: str, options: Options) -> None:
 
 
 def write_tables(output: Path) -> None:
-    """Write the tables, and bring docs/agents.md up to date.
+    """Write the tables, and bring the pages that show them up to date.
 
     Args:
         output: folder for the tables.
@@ -92,7 +91,6 @@ def write_tables(output: Path) -> None:
     cards = {name: json.loads((POLICIES / f"{name}.json").read_text()) for name in AGENTS}
     texts = {
         "agent_scores": tables.scores(AGENTS),
-        "agent_seeds": tables.seeds(cards["square"]),
         "agent_costs": tables.costs(cards),
         "agent_conditions": tables.conditions(load_policy("square")),
         "student_conditions": tables.conditions(load_policy("student")),
@@ -101,8 +99,7 @@ def write_tables(output: Path) -> None:
     }
     for name, text in texts.items():
         (output / f"{name}.md").write_text(text)
-    for page in PAGES:
-        page.write_text(filled(page.read_text(), output, texts))
+    for page in fill_pages(output, texts):
         print(f"{page}: tables up to date")
 
 

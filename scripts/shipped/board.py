@@ -17,7 +17,7 @@ from flexarm_agents.load import load_policy
 from flexarm_env.laps import LAPS
 from scripts.common.cells import results
 from scripts.common.markdown import DOCS, table
-from scripts.common.spreads import spread_text
+from scripts.common.spreads import millimetres, spread_text
 
 Figures = Mapping[str, Any]  # by `TASKS` of the board and "unknown", then by lap
 Card = Mapping[str, Any]  # of a shipped agent
@@ -117,7 +117,7 @@ def nominal(cards: Mapping[str, Card]) -> str:
         pairs = [lap.torque_change for one in laps for lap in one.values()]
         change = "-" if None in pairs else f"{max(max(pair) for pair in pairs if pair is not None):.1f}"
         lines.append((text, str(len(laps)), *cells, change))
-    heads = [f"{lap}: {what}" for lap in LAPS for what in ("lap [m]", "times the plan", "after 2 s [m]")]
+    heads = [f"{lap}: {what}" for lap in LAPS for what in ("lap [mm]", "times the plan", "after 2 s [mm]")]
     return table(("", "seeds", *heads, "torque change, most [N m]"), lines)
 
 
@@ -127,26 +127,26 @@ def unknown(cards: Mapping[str, Card]) -> str:
     for text, several in compared(cards):
         unknown = [one["unknown"] for one in several]
         lost = Spread.of(float(sum(lap["lost"] for lap in one.values())) for one in unknown)
-        cells = [_spread([_of(one[lap], "rms", "mean") for one in unknown]) for lap in LAPS]
-        both = _spread([_mean([_of(lap, "rms", "mean") for lap in one.values()]) for one in unknown])
-        worst = _spread([_most([_of(lap, "rms", "most") for lap in one.values()]) for one in unknown])
-        chain = [_spread([_times(one, lap) for one in several], 2) for lap in LAPS]
+        cells = [_errors([_of(one[lap], "rms", "mean") for one in unknown]) for lap in LAPS]
+        both = _errors([_mean([_of(lap, "rms", "mean") for lap in one.values()]) for one in unknown])
+        worst = _errors([_most([_of(lap, "rms", "most") for lap in one.values()]) for one in unknown])
+        chain = [spread_text(Spread.of(_times(one, lap) for one in several), 2) for lap in LAPS]
         lines.append((text, str(len(several)), spread_text(lost, 0), both, *cells, worst, *chain))
     episodes = sum(len(point.episodes) for point in MEASURED["unknown"])
-    means = [f"{lap}: mean [m]" for lap in LAPS]
+    means = [f"{lap}: mean [mm]" for lap in LAPS]
     chain_heads = [f"chain, times the nominal {lap} lap" for lap in LAPS]
-    return table(("", "seeds", f"lost of {episodes}", "mean [m]", *means, "worst [m]", *chain_heads), lines)
+    return table(("", "seeds", f"lost of {episodes}", "mean [mm]", *means, "worst [mm]", *chain_heads), lines)
 
 
 def _plan_cells(plan: Mapping[str, float]) -> tuple[str, ...]:
-    return f"{plan['rms']:.4f}", "1", f"{plan['rms_after_2s']:.4f}"
+    return millimetres(plan["rms"], 1), "1", millimetres(plan["rms_after_2s"], 1)
 
 
 def _nominal_cells(laps: list[Nominal], plan: Mapping[str, float]) -> tuple[str, ...]:
     errors = [lap.rms for lap in laps]
     median = Spread.of(errors).median
     times = "-" if median is None else f"{median / plan['rms']:.2f}"
-    return _spread(errors, 4), times, _spread([lap.rms_after_2s for lap in laps], 4)
+    return _errors(errors, 1), times, _errors([lap.rms_after_2s for lap in laps], 1)
 
 
 def _nominally_scored(card: Card) -> bool:
@@ -184,5 +184,5 @@ def _most(values: list[float | None]) -> float | None:
     return max((value for value in values if value is not None), default=None)
 
 
-def _spread(values: list[float | None], digits: int = 3) -> str:
-    return spread_text(Spread.of(values), digits)
+def _errors(values: list[float | None], digits: int = 0) -> str:
+    return millimetres(Spread.of(values), digits)

@@ -1,4 +1,4 @@
-"""The tables of docs/agents.md that show the shipped agent's scores."""
+"""The tables of the pages about agents that show the shipped ones' scores."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from flexarm_agents.environments import make_one
 from flexarm_baselines import FLSAC, IFDC
 from flexarm_env.laps import LAPS
 from scripts.common.markdown import table
+from scripts.common.spreads import millimetres
 from scripts.shipped.agents import AGENTS
 
 GAIN = "FlexArm/SquareGain-v0"
@@ -28,7 +29,7 @@ CONDITIONS: dict[str, dict[str, Any]] = {
     "circle": {"reference": "circle"},
     "counterclockwise": {"direction": "counterclockwise"},
 }
-ERRORS = ("r.m.s. [m]", "after 2 s [m]", "maximum [m]")
+ERRORS = ("r.m.s. [mm]", "after 2 s [mm]", "maximum [mm]")
 
 
 def scores(names: Iterable[str]) -> str:
@@ -66,21 +67,6 @@ def _observed(agent: Trained) -> str:
     """Return the id whose plant an agent is scored on here: the default arm with torques, or with the law's gain."""
     name = "SquareGain-v0" if agent.environment == GAIN else "Square-v0"
     return f"`{name}`{', its own arm' * agent.has_own_arm}"
-
-
-def seeds(card: dict[str, Any]) -> str:
-    """Tabulate the scores of all trainings; the shipped one is marked.
-
-    Args:
-        card: data of the shipped agent.
-    """
-    shipped = card["config"]["seed"]
-    rows = (
-        (f"{row['seed']}{', shipped' * (row['seed'] == shipped)}", lap, *errors(one), _pair(one.torque_change, 1))
-        for row in card["trainings"]
-        for lap, one in zip(LAPS, StandardScore.of(row), strict=True)
-    )
-    return table(("seed", "lap", *ERRORS, "torque change per step [N m]"), rows)
 
 
 def costs(cards: Mapping[str, dict[str, Any]]) -> str:
@@ -137,7 +123,7 @@ def errors(score: Score) -> tuple[str, ...]:
     """
     if not score.complete:
         return (f"ended early: {score.ended} after {score.duration:.1f} s", "ended", "ended")
-    return tuple("-" if value is None else f"{value:.3f}" for value in (score.rms, score.rms_after_2s, score.maximum))
+    return tuple(map(millimetres, (score.rms, score.rms_after_2s, score.maximum)))
 
 
 def _details(score: Score) -> tuple[str, ...]:

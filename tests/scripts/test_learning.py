@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,12 +12,13 @@ import pytest
 
 from flexarm_agents import TrainingConfig
 from flexarm_agents.run_folder import write_json
+from scripts.common import markdown
 from scripts.common.curves import keep_curves
-from scripts.common.markdown import filled
-from scripts.common.spreads import spread_text
+from scripts.common.markdown import fill_pages, filled, shown_blocks
+from scripts.common.spreads import millimetres, spread_text
 from scripts.common.trainings import Training
 from scripts.learning import foresight, records
-from scripts.learning.__main__ import PAGE, STUDIES, Options, check_complete, missing, study_tables
+from scripts.learning.__main__ import STUDIES, Options, check_complete, missing, study_tables
 from scripts.learning.foresight import Schedule, kept_search, weights
 from scripts.learning.modes import LawAlone
 from scripts.learning.schedulers import PLANTS
@@ -28,8 +28,8 @@ from tests.support.refusals import refuses
 from tests.support.trainings import recorded, row
 
 
-def test_every_table_stands_in_its_page() -> None:
-    blocks = dict(re.findall(r"<!-- generated: (\w+) -->\n(.*?)<!-- end -->", PAGE.read_text(), re.DOTALL))
+def test_every_table_stands_on_a_page() -> None:
+    blocks = shown_blocks()
     for study in STUDIES.values():
         for name in study.names:
             assert len(blocks[name].splitlines()) > 3
@@ -51,6 +51,8 @@ def test_spreads() -> None:
     laps = {"swing": [[0.1], [None], [0.3]], "plain": [[0.1], [0.1], [0.1]]}
     three = recorded(TrainingConfig(), {}, {}, {}, **laps)
     assert spread_text(three.spread("swing", "rms")) == "0.300 / lost / lost"
+    assert millimetres(three.spread("swing", "rms")) == "300 / lost / lost"
+    assert (millimetres(0.01234, 1), millimetres(None)) == ("12.3", "lost")
     one = three._replace(trainings=three.trainings[:1])
     assert spread_text(one.spread("plain", "rms"), 1) == "0.1"
 
@@ -134,6 +136,18 @@ def test_studies_fill_their_own_blocks(tmp_path: Path) -> None:
     assert filled(page, tmp_path, ["mine"]) == page.replace("old", "new", 1)
     with pytest.raises(FileNotFoundError):
         filled(page, tmp_path)
+
+
+def test_blocks_are_filled_on_the_pages_that_have_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(markdown, "DOCS", tmp_path)
+    (tmp_path / "mine.md").write_text("new\n")
+    (tmp_path / "more").mkdir()
+    page = tmp_path / "more" / "page.md"
+    page.write_text("<!-- generated: mine -->\nold\n<!-- end -->\n")
+    assert fill_pages(tmp_path, ["mine"]) == [page]
+    assert shown_blocks() == {"mine": "new\n"}
+    with pytest.raises(ValueError, match="generated block theirs"):
+        fill_pages(tmp_path, ["mine", "theirs"])
 
 
 def test_what_is_refused() -> None:

@@ -104,7 +104,7 @@ def test_the_table_and_the_picture(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     ]
     cells = [cell.strip() for cell in own.split("|")[1:-1]]
     assert cells[:5] == ["31 ms", "none", "2", "1,000,000", "120"]
-    assert cells[5] == "0.100 / 0.100 / 0.100"
+    assert cells[5] == "100 / 100 / 100"
     assert cells[-1] == "lost / lost / lost"
     for axis in drawn[0].axes:
         assert len(axis.lines) == len(delays.REMEDIES) + 2

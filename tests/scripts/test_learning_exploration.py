@@ -102,9 +102,9 @@ def test_tables_and_picture(driver: Driver, tmp_path: Path, monkeypatch: pytest.
     cells = [cell.strip() for cell in lines[-1].split("|")[1:-1]]
     assert cells[:3] == [exploration.WAYS["mix"].text, "2", "1"]
     assert [len(cell.split(" / ")) for cell in cells[3:]] == [3, 3, 3, 1, 1, 3, 3]
-    assert cells[3].endswith(" / 0.300")
+    assert cells[3].endswith(" / 300")
     assert cells[7] == "-"
-    assert cells[8] == "0.250 / 0.250 / 0.300"
+    assert cells[8] == "250 / 250 / 300"
     assert len(made["exploration_rewards"].splitlines()) == 2 + 3 * len(LAPS)
     assert made["exploration_rewards"].splitlines()[-1].endswith("| 100.0 | 99.9 | 99.7 |")
     assert (tmp_path / exploration.PICTURE).stat().st_size > 10_000

@@ -49,12 +49,12 @@ def test_table(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     made = gradients.tables({"registered": one, "one": older}, tmp_path)
     lines = [[cell.strip() for cell in line.split("|")[1:-1]] for line in made["gradients"].splitlines()[2:]]
     steps = config.all_rounds * config.steps  # type: ignore[attr-defined]
-    assert lines[0][2:] == ["1", f"{steps:,}", f"{120e-6 * steps:.0f}", "0.1030", "2.00", "0.0370", "2.00", "1.0"]
+    assert lines[0][2:] == ["1", f"{steps:,}", f"{120e-6 * steps:.0f}", "103.0", "2.00", "37.0", "2.00", "1.0"]
     assert lines[1][-1] == "-"
     card = json.loads((POLICIES / "square.json").read_text())
     ppo = lines[2]
     assert ppo[2:5] == [str(len(card["trainings"])), f"{card['config']['steps']:,}", "120"]
-    assert ppo[5].startswith(f"{card['spread']['swing']['rms']['median']:.4f} / ")
+    assert ppo[5].startswith(f"{card['spread']['swing']['rms']['median'] * 1e3:.1f} / ")
     changes = [max(max(one[lap]["torque_change"]) for lap in LAPS) for one in card["trainings"]]
     assert ppo[-1].endswith(f" / {max(changes):.1f}")
     assert made["gradient_horizons"].splitlines()[2:] == ["| 2 | 1.000 | 0.500 |", "| 4 | 2.000 | 1.000 |"]
