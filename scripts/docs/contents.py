@@ -74,6 +74,7 @@ CHAPTERS: Mapping[str, Chapter] = {
         "How-to guides",
         "Steps for a task that you have.",
         {
+            "docs/training": "Train, resume and evaluate agents on the command line.",
             "docs/how_to/*": "",
             "docs/submit": "Add a controller or an agent to the leaderboard.",
             "docs/recipes/README": "Use FlexArm with Stable-Baselines3, CleanRL, TorchRL, RLlib, CasADi and others.",
@@ -85,6 +86,7 @@ CHAPTERS: Mapping[str, Chapter] = {
         {
             "docs/environments/README": "All ids and their options, observations, actions and rewards.",
             "docs/controllers": "The controllers by name, and how to run them.",
+            "docs/agents": "The trained policies that ship, and their scores.",
             "docs/metrics": "The figures that judge a run.",
             "docs/speed": "Steps a second, and ratios to programs that you may know.",
             "docs/leaderboard": "All controllers and agents on all tasks and disturbances.",
@@ -105,8 +107,7 @@ CHAPTERS: Mapping[str, Chapter] = {
             "docs/lqg": "A Kalman filter and a regulator along the best known lap.",
             "docs/predictive": "Nonlinear model predictive control at 100 Hz.",
             "docs/derivatives": "Derivatives of the dynamics, for planners and for other libraries.",
-            "docs/agents": "What trained policies reach, and what their training costs.",
-            "docs/learning/*": "",
+            "docs/learning/README": "Which algorithm, which starts, what helps against delay: studies with ten seeds each.",
             "docs/reproduction": "Green & Sasiadek (2008) repeated: which of its claims hold.",
         },
     ),
@@ -130,6 +131,10 @@ PARTS: Mapping[str, Sequence[str]] = {
     "docs/environments/README": (
         *("docs/environments/options", "docs/environments/square", "docs/environments/square_*"),
         *("docs/environments/track", "docs/environments/reach", "docs/environments/*"),
+    ),
+    "docs/learning/README": tuple(
+        f"docs/learning/{page}"
+        for page in ("late_sensor", "exploration", "algorithms", "classical_laws", "students", "model_error")
     ),
     "docs/recipes/README": ("docs/recipes/*",),
     "api/index": tuple(f"api/{name}" for name in MODULES),
