@@ -107,7 +107,7 @@ CHAPTERS: Mapping[str, Chapter] = {
             "docs/lqg": "A Kalman filter and a regulator along the best known lap.",
             "docs/predictive": "Nonlinear model predictive control at 100 Hz.",
             "docs/derivatives": "Derivatives of the dynamics, for planners and for other libraries.",
-            "docs/learning/README": "Which algorithm, which starts, what helps against delay: studies with ten seeds each.",
+            "docs/learning/README": "What learning gives: algorithms, starts, remedies against delay, ten seeds each.",
             "docs/reproduction": "Green & Sasiadek (2008) repeated: which of its claims hold.",
         },
     ),
