@@ -22,7 +22,7 @@ FORMAT = 1
 FRONTS: dict[str, type[Lstm] | type[Observer]] = {ARRAYS[0]: Lstm, ARRAY: Observer}  # by an array that only these have
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class FrontedPolicy(NetworkPolicy):
     """A `NetworkPolicy` whose inputs a front makes of the observations; the state of `predict` is the front's memory.
 
@@ -48,6 +48,9 @@ class FrontedPolicy(NetworkPolicy):
             raise ValueError(f"front: gives {self.front.inputs} numbers, and the network takes {inputs}")
         network = NetworkPolicy(self.weights, self.biases, self.log_std, self.activation)
         object.__setattr__(self, "_network", network)
+
+    def _seen(self) -> str:
+        return f"{self.observation_size} -> {self.front} -> "
 
     @property
     def knows(self) -> tuple[str, ...]:

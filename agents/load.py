@@ -39,6 +39,11 @@ class Trained:
     options: dict[str, Any]
     notes: dict[str, Any]
 
+    def __repr__(self) -> str:
+        """Describe the policy and its environment in a line."""
+        changed = f" with its own {', '.join(self.options)}" if self.options else ""
+        return f"{type(self).__name__}({self.name!r}, {self.policy}, {self.environment}{changed})"
+
     @property
     def has_own_arm(self) -> bool:
         """Whether it was trained on another arm than the default one, which is the board's."""

@@ -20,7 +20,7 @@ from flexarm_env.validation import real_array
 ARRAYS = ("lstm_input", "lstm_memory", "lstm_bias")
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Lstm:
     """A layer of long short-term memory; a `fronts.Front`, whose inputs for the network are its outputs.
 
@@ -33,6 +33,10 @@ class Lstm:
     lstm_input: Array
     lstm_memory: Array
     lstm_bias: Array
+
+    def __repr__(self) -> str:
+        """Describe the layer in a line."""
+        return f"{type(self).__name__}({self.inputs})"
 
     def __post_init__(self) -> None:
         """Check that the arrays fit together.

@@ -33,7 +33,7 @@ def _relu(x: Array) -> Array:
 ACTIVATIONS: dict[str, Callable[[Array], Array]] = {"elu": _elu, "tanh": np.tanh, "relu": _relu}
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class NetworkPolicy:
     """A Gaussian policy whose mean is a fully connected network; has stable-baselines3's ``predict``.
 
@@ -76,6 +76,14 @@ class NetworkPolicy:
             raise ValueError(f"log_std = {shown(self.log_std)}: must be at most {LARGEST_LOG_STD:g} in magnitude")
         _check_history(self.history, weights[0][1])
         object.__setattr__(self, "_generator", np.random.default_rng())
+
+    def __repr__(self) -> str:
+        """Describe the policy in a line: what it observes, its layers, its action."""
+        sizes = " -> ".join(str(size) for size in (self.weights[0].shape[1], *map(len, self.biases)))
+        return f"{type(self).__name__}({self._seen()}{sizes}, {self.activation})"
+
+    def _seen(self) -> str:
+        return f"{self.observation_size} -> {len(self.history.lags)} lags -> " if self.history.size else ""
 
     @property
     def observation_size(self) -> int:

@@ -76,7 +76,7 @@ class Observer:
 
     kind: str
     environment: str
-    options: dict[str, Any] = field(default_factory=dict)
+    options: dict[str, Any] = field(default_factory=dict, repr=False)
 
     def __post_init__(self) -> None:
         """Check that there is such a filter.

@@ -21,7 +21,7 @@ ARRAY = "spread"
 LOG_STD_LIMITS = (-20.0, 2.0)  # as in stable-baselines3
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class SquashedPolicy(NetworkPolicy):
     """A `NetworkPolicy` whose action is tanh(mean + spread * noise).
 

@@ -94,6 +94,10 @@ class TorqueController(ABC):
                     f"**{type(self).__name__}.options()"
                 )
 
+    def __repr__(self) -> str:
+        """Name the controller and what it reads, in a line."""
+        return f"{type(self).__name__}(blocks={self.blocks})"
+
     @classmethod
     def options(cls) -> dict[str, Any]:
         """Return the options with which an environment gives the controller what it reads."""

@@ -45,8 +45,8 @@ class FLSAC(GainPolicy):
             output scale leads past the gain limit, or K_s as width scale leaves gaps between the sets.
     """
 
-    modal_slice: slice
-    tip_weights: Floats
+    modal_slice: slice = field(repr=False)
+    tip_weights: Floats = field(repr=False)
     K_n: float = 5.0
     K_s: float = 1.0
     scale: Literal["output", "width"] = "output"

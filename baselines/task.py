@@ -32,15 +32,15 @@ class Task:
         scale: what each number of an observation was divided by. Shape (k,).
     """
 
-    arm: ArmParameters
+    arm: ArmParameters = field(repr=False)
     path: ReferencePath
     period: float = 0.01
     torque_limit: tuple[float, float] = (150.0, 50.0)
     sensor_position: float = 4.5
     delay: float = 0.0
     actuation_delay: float = 0.0
-    blocks: dict[str, slice] = field(default_factory=dict)
-    scale: Floats = field(default_factory=lambda: np.ones(0))
+    blocks: dict[str, slice] = field(default_factory=dict, repr=False)
+    scale: Floats = field(default_factory=lambda: np.ones(0), repr=False)
 
     @property
     def lap_time(self) -> float:

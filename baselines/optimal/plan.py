@@ -24,7 +24,7 @@ _FORMAT = 1
 _ARRAYS = ("states", "torques", "reference")
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Plan:
     """States and torques of n control periods that an optimisation found.
 
@@ -66,6 +66,11 @@ class Plan:
         put(self, "limits", pair("limits", self.limits, "N m", above=0.0))
         number("period", self.period, "s", above=0.0)
         number("step", self.step, "s", above=0.0)
+
+    def __repr__(self) -> str:
+        """Describe the plan in a line."""
+        n = len(self.torques)
+        return f"{type(self).__name__}({n} periods of {self.period:g} s, limits={self.limits})"
 
     @classmethod
     def of(cls, problem: TrackingProblem, solution: Solution, **notes: Any) -> Plan:

@@ -19,6 +19,7 @@ from typing import Any
 
 import gymnasium
 import numpy as np
+from gymnasium.envs.registration import EnvSpec
 from numpy.typing import ArrayLike, NDArray
 
 from flexarm_env.envs.batch import BatchSimulator
@@ -30,7 +31,7 @@ from flexarm_env.envs.scene import Scene
 from flexarm_env.envs.seeding import new_keys
 from flexarm_env.envs.settings import Settings
 from flexarm_env.simulation.arm import FlexibleArm
-from flexarm_env.validation import choice, finite_array, real_array
+from flexarm_env.validation import choice, finite_array, real_array, shown
 
 RENDER_MODES = ("rgb_array", "human")
 FASTEST_VIDEO = 100  # [1/s]; a picture is drawn for each step, and slower control plays in real time
@@ -40,7 +41,23 @@ class SimulatorView:
     """Properties that single and vector environments have in common."""
 
     simulator: BatchSimulator
+    spec: EnvSpec | None
     _started: bool
+
+    def __repr__(self) -> str:
+        """Describe the environment in a line."""
+        return self._described()
+
+    def __str__(self) -> str:
+        """Return the same: Gymnasium's wrappers write it within their own."""
+        return repr(self)
+
+    def _described(self, *more: str) -> str:
+        settings = self.settings
+        name = " ".join([type(self).__name__, *([self.spec.id] if self.spec else [])])
+        period, size = f"{1e3 * settings.control_period:g} ms", len(self.simulator.layout.scale)
+        facts = (*more, settings.action_mode, f"arm={shown(settings.arm)}", period, f"{size} numbers observed")
+        return f"<{name}: {', '.join(facts)}>"
 
     def _check_begun(self) -> None:
         if not self._started:

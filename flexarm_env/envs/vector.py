@@ -64,6 +64,7 @@ class FlexArmVectorEnv(
     }
     # Gymnasium closes what is let go of. Until one is made, or read from a pickle, there is nothing to close.
     closed = True
+    _spec: EnvSpec | None = None
 
     def __init__(
         self,
@@ -117,6 +118,11 @@ class FlexArmVectorEnv(
         parts = self.simulator.parts
         self._reward, self._status, self._time = (parts[name].start for name in ("REWARD", "STATUS", "TIME"))
         self.closed = False
+
+    def __repr__(self) -> str:
+        """Describe the batch in a line."""
+        alike = all(one is self.settings for one in self.simulator.each)
+        return self._described(f"num_envs={self.num_envs}", *(() if alike else ("per_env",)))
 
     @property
     def spec(self) -> EnvSpec | None:

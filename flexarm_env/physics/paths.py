@@ -47,6 +47,10 @@ class ReferencePath:
             raise ValueError(f"table[-1, 1:] = {points[-1, 1:]}: must repeat the start {points[0, 1:]} [m]")
         self.table = points
 
+    def __repr__(self) -> str:
+        """Describe the path in a line."""
+        return f"{type(self).__name__}({len(self.table) - 1} way-points, {self.lap_time:g} s)"
+
     @property
     def rows(self) -> Array:
         """The table with the velocity from each way-point on, as `polyline.reference_at` reads it. Shape (n, 5)."""

@@ -60,10 +60,9 @@ class FlexibleArm(FeedbackTorque):
         Raises:
             TypeError, ValueError: if it is anything else, or its masses lie too far apart (`conditioning`).
         """
-        parameters = ArmParameters() if parameters is None else parameters
+        self.parameters = parameters = ArmParameters() if parameters is None else parameters
         if not isinstance(parameters, ArmParameters):
             raise TypeError(f"parameters = {shown(parameters)}: must be an ArmParameters")
-        self.parameters = parameters
         self.modes = constants.arm_modes(parameters)
         self.constants = constants.arm_constants(parameters, self.modes)
         refuse_singular(parameters, self.constants)
@@ -72,6 +71,11 @@ class FlexibleArm(FeedbackTorque):
         self._to_internal = coordinates.to_internal(self.constants)
         self._to_public = coordinates.to_public(self.constants)
         self._places: dict[tuple[int, float], PointShape] = {}  # tip and sensor, for controllers that ask all the time
+
+    def __repr__(self) -> str:
+        """Describe the arm in a line."""
+        p = self.parameters
+        return f"FlexibleArm({p.link_lengths} m, {p.modes_per_link} {p.mode_shapes} modes a link, {p.kinematics})"
 
     @property
     def size(self) -> int:
@@ -171,9 +175,7 @@ class FlexibleArm(FeedbackTorque):
         return self._tip_deflection(self._coordinates("q", q))
 
     def _tip_deflection(self, q: Array) -> Array:
-        m = self.parameters.modes_per_link
-        links = (q[..., 2 : 2 + m], q[..., 2 + m :])
-        pairs = zip(links, self.modes, strict=True)
+        pairs = zip(np.split(q[..., 2:], 2, axis=-1), self.modes, strict=True)
         return np.stack([coordinates @ link.tip_values for coordinates, link in pairs], axis=-1)
 
     # --- linearisation ---------------------------------------------------------------------------------------------
@@ -214,8 +216,7 @@ class FlexibleArm(FeedbackTorque):
             damping: damping ratio; None: the arm's own.
         """
         own = self.parameters
-        ratio = own.damping_ratio if damping is None else damping
-        return STEP_LIMIT / _fastest_rate(own if ratio == own.damping_ratio else replace(own, damping_ratio=ratio))
+        return STEP_LIMIT / _fastest_rate(own if damping is None else replace(own, damping_ratio=damping))
 
     # --- simulation ------------------------------------------------------------------------------------------------
 
@@ -331,8 +332,7 @@ class FlexibleArm(FeedbackTorque):
 
     def _point(self, q: Array, link: int, s: ArrayLike) -> tuple[Array, Array]:
         """Return the position of a material point and its Jacobian with respect to q."""
-        link = integer("link", link, 1, 2)
-        length = self.parameters.link_lengths[link - 1]
+        length = self.parameters.link_lengths[integer("link", link, 1, 2) - 1]
         distance = real_array("s", s)
         if not np.all((distance >= 0.0) & (distance <= length)):
             raise ValueError(f"s = {shown(s)}: must be a distance on link {link}, 0 to {length} [m]")

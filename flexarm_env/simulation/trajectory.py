@@ -20,7 +20,7 @@ _PAIRS = ("torque", "tip", "elbow", "rigid_tip", "tip_deflection")
 _REQUIRED = ("time", "state", *_PAIRS, "kinetic_energy", "strain_energy")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Trajectory:
     """A run sampled at n instants; m modes a link.
 
@@ -74,6 +74,11 @@ class Trajectory:
             if not (isinstance(array, np.ndarray) and array.dtype == np.float64):
                 object.__setattr__(self, name, real_array(name, array))
         _check_shapes(self.parameters, {name: array.shape for name, array in self.arrays().items()})
+
+    def __repr__(self) -> str:
+        """Describe the run in a line."""
+        span = f"{self.time[0]:g} to {self.time[-1]:g} s, " if len(self) else ""
+        return f"{type(self).__name__}({span}{len(self)} instants, notes={shown(self.notes)})"
 
     def __len__(self) -> int:
         """Return the number of instants."""
