@@ -192,7 +192,7 @@ def _one_or_two_delays(name: str, value: Any) -> float | tuple[float, float]:
     return number(name, value, "s", least=0.0, most=MAX_DELAY)
 
 
-_DELAY = Custom(_one_or_two_delays, "s", f"one number or a pair, 0 to {MAX_DELAY:g}")
+_DELAY = Custom(_one_or_two_delays, "s", f'0 to {MAX_DELAY:g}, two (shoulder, elbow) for a "rigid" sensor')
 
 
 @dataclass(frozen=True)
@@ -229,7 +229,8 @@ class SensorParameters:
             raise ValueError(f"delay = {self.delay!r}: a {self.model} sensor has none; it must be None")
         if self.traits.delays == "one" and isinstance(self.delay, tuple):
             raise ValueError(
-                f"delay = {self.delay!r}: a {self.model!r} sensor's reading has one delay; it must be one number [s]"
+                f"delay = {self.delay!r}: a {self.model!r} sensor's reading has one delay; it must be one number [s]. "
+                f"An environment draws it for each episode by randomisation={{'delay': {self.delay!r}}}"
             )
 
     @property

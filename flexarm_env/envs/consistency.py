@@ -13,7 +13,7 @@ from flexarm_env.episode import reward
 from flexarm_env.parameters import MAX_DELAY, SENSOR_MODELS, arm_parameters
 from flexarm_env.physics.paths import FARTHEST, PATHS
 from flexarm_env.simulation.cases import refuse_compensation_without_delay
-from flexarm_env.validation import choice, finite_array, listed, mapping, names, number, shown
+from flexarm_env.validation import choice, entries, finite_array, listed, mapping, names, number, shown
 
 
 def _second_sensor(settings: Any) -> bool:
@@ -155,6 +155,11 @@ def checked_paths(name: str, value: Any) -> tuple[str, ...]:
     Raises:
         TypeError, ValueError: for unknown names, or "moves" beside others.
     """
+    if entries(value) is None and not isinstance(value, str):
+        raise TypeError(
+            f"{name} = {shown(value)}: must be a name or several, of {', '.join(map(repr, (*PATHS, 'waypoints')))}, or "
+            "'moves'; a path of your own is reference='waypoints' with waypoints=[(x, y), ...] [m]"
+        )
     wanted = (value,) if isinstance(value, str) else names(name, value)
     allowed = (*PATHS, "waypoints") if len(wanted) > 1 else (*PATHS, "waypoints", "moves")
     return tuple(choice(name, one, allowed) for one in wanted)

@@ -134,11 +134,15 @@ class Options:
         "what the sensor on link 2 reads: " + "; ".join(f'"{name}": {one.text}' for name, one in SENSOR_MODELS.items()),
         allowed_of(SensorParameters, "model"),
     )
-    sensor_position: float = _option(
-        4.5, "distance of the sensor from the elbow", allowed_of(SensorParameters, "position")
+    sensor_position: float = _option(  # `Settings` has the number in place of None
+        None,
+        "distance of the sensor from the elbow; None: at the tip",
+        Optional(allowed_of(SensorParameters, "position")),
     )
     delay: float | tuple[float, float] | None = _option(
-        None, "delay of the sensor's reading; None: distance over the wave speed", allowed_of(SensorParameters, "delay")
+        None,
+        "delay of the sensor's reading; None: distance over the wave speed; `randomisation` draws one from a range",
+        allowed_of(SensorParameters, "delay"),
     )
     wave_speed: float = _option(
         WAVE_SPEED, "wave speed c (15), which sets the delay", allowed_of(SensorParameters, "wave_speed")

@@ -49,8 +49,27 @@ class Settings(Options):
         refuse_options_without_effect(
             self, {one.name: (default_of(one), modes_reading(one.name)) for one in fields(self)}
         )
-        for what in ("law", "sensor_parameters", "flexible_arm", "second_sensor", "paths", "substeps", "history_slots"):
+        if self.sensor_position is None:
+            object.__setattr__(self, "sensor_position", arm_parameters(self.arm).link_lengths[1])
+        for what in ("law", "sensor_parameters", "flexible_arm"):
             getattr(self, what)  # each derived value has its own checks
+        self._refuse_what_does_not_fit()
+        for what in ("substeps", "history_slots"):
+            getattr(self, what)
+
+    def _refuse_what_does_not_fit(self) -> None:
+        """Refuse sensors and paths beyond the arm, all at once."""
+        found = []
+        for check in (self._check_sensor, lambda: self.second_sensor, lambda: self.paths):
+            try:
+                check()
+            except ValueError as error:
+                found.append(str(error))
+        if found:
+            raise ValueError("; ".join(found))
+
+    def _check_sensor(self) -> None:
+        refuse_off_link("sensor_position", self.sensor_position, 2, self.flexible_arm.parameters)
 
     # --- what follows ----------------------------------------------------------------------------------------------
 
@@ -94,9 +113,7 @@ class Settings(Options):
     @cached_property
     def flexible_arm(self) -> FlexibleArm:
         """The arm."""
-        arm = FlexibleArm(arm_parameters(self.arm))
-        refuse_off_link("sensor_position", self.sensor_position, 2, arm.parameters)
-        return arm
+        return FlexibleArm(arm_parameters(self.arm))
 
     @cached_property
     def second_sensor(self) -> tuple[int, float] | None:

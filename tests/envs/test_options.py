@@ -112,7 +112,13 @@ MESSAGES: list[tuple[str, dict[str, Any], type[Exception], str]] = [
     (SQUARE, {"delay": -1e-3}, ValueError, r"delay = -0\.001: must be .* >= 0\.0 and <= 10\.0 \[s\]"),
     (PAPER, {"delay": (0.01, math.inf)}, ValueError, r"delay\[1\] = inf: must be .* \[s\]"),
     (SQUARE, {"delay": "late"}, TypeError, r"delay = 'late': must be a .* \[s\]"),
-    (SQUARE, {"delay": (0.1, 0.2)}, ValueError, r"delay = \(0\.1, 0\.2\): .* must be one number \[s\]"),
+    (SQUARE, {"delay": (0.1, 0.2)}, ValueError, r"delay = .* one number \[s\].*randomisation=.'delay': \(0\.1, 0\.2\)"),
+    (
+        SQUARE,
+        {"arm": {"link_lengths": (3.0, 3.0)}, "sensor_position": 4.0},
+        ValueError,
+        r"sensor_position = 4\.0 m: .*; side = 12\.6 m: ",
+    ),
     (SQUARE, {"sensor": "collocated", "delay": 0.1}, ValueError, r"delay = 0\.1: .* must be None"),
     (SQUARE, {"wave_speed": 0.0}, ValueError, r"wave_speed = 0\.0: must be .* >= 0\.001 .* \[m/s\]"),
     (SQUARE, {"noise": -0.1}, ValueError, r"noise = -0\.1: must be .* >= 0\.0"),
@@ -135,6 +141,7 @@ MESSAGES: list[tuple[str, dict[str, Any], type[Exception], str]] = [
     (SQUARE, {"last_actions": 1.0}, TypeError, r"last_actions = 1\.0: must be an integer"),
     (SQUARE, {"scaled": 1}, TypeError, r"scaled = 1: must be True or False"),
     (SQUARE, {"reference": "heart"}, ValueError, r"reference = 'heart': must be one of 'square', 'circle', .*'moves'"),
+    (SQUARE, {"reference": abs}, TypeError, r"reference = <built-in .*'circle', .*waypoints=\[\(x, y\), \.\.\.\]"),
     (SQUARE, {"reference": ["square", "moves"]}, ValueError, r"reference = 'moves': must be one of .*'waypoints'$"),
     (SQUARE, {"reference": "waypoints"}, ValueError, r"waypoints = None: must be given with the reference 'waypoints'"),
     (SQUARE, {"waypoints": WAYPOINTS}, ValueError, r"waypoints = .*only with it; reference = \('square',\)"),
@@ -329,3 +336,8 @@ def test_an_option_without_effect_is_refused(name: str, mode: str) -> None:
     else:
         with refuses(ValueError, f"{name} = {value!r}: has no effect", f"'{mode}'", *map(repr, allowed.split())):
             Settings.of(options)
+
+
+def test_the_sensor_is_at_the_tip_of_whatever_link() -> None:
+    assert FlexArmEnv(arm={"link_lengths": (3.0, 2.0)}, side=4.0, reference="line").settings.sensor_position == 2.0
+    assert FlexArmEnv(sensor_position=None).settings == FlexArmEnv(sensor_position=4.5).settings
