@@ -163,7 +163,7 @@ IDS: dict[str, Id] = {
             "jitter": 0.02,
             "dropout": 0.1,
         },
-        "Follow the square with a tip sensor up to 140 ms late that loses readings",
+        "Follow the square with a tip sensor up to 120 ms late, with jitter and lost readings",
         "The third task about delay: the drawn delay is up to twice as long, each reading is up to 20 ms later "
         "still, and one reading in ten is lost, so that the one before stays.",
     ),
