@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from statistics import median
+from typing import Any, NamedTuple
 
-from flexarm_agents.contenders import from_controller
-from flexarm_agents.scoring import StandardScore, score
+from flexarm_agents.contenders import ENVIRONMENT, from_controller
+from flexarm_agents.scoring import Score, score
 from flexarm_baselines.observers import NoiseModel
 from flexarm_env.laps import LAPS
 from flexarm_env.rollout import run_policy
 from scripts.common.markdown import table
-from scripts.control.trials import Scores, Study, Trial, Trials, cell
+from scripts.control.trials import Study, cell
 
 NOISE = {"noise": 0.003}  # [m]
 OFF = (-0.02, 0.02)  # [rad]
+DRAWS = 9  # of the noise, for a lap that is lost with the first one
 ROWS: dict[str, tuple[str, dict[str, Any]]] = {
     "LQG": ("lqg", {}),
     "delay ignored": ("lqg", {"delay": "ignored"}),
@@ -29,28 +31,48 @@ ROWS: dict[str, tuple[str, dict[str, Any]]] = {
 }
 
 
+class Laps(NamedTuple):
+    """Both laps, each once, or with every draw of the noise where the first one was lost."""
+
+    swing: Sequence[Score]
+    plain: Sequence[Score]
+
+    def as_mapping(self) -> dict[str, Any]:
+        """Return plain values for a file."""
+        return {lap: [one.as_mapping() for one in scores] for lap, scores in self._asdict().items()}
+
+
 @dataclass(frozen=True)
-class OffTrial(Trial):
-    """A trial whose arm begins off the first corner.
+class CaseTrial:
+    """A controller on both laps, as published or not.
 
     Attributes:
-        off: of the joints [rad].
+        controller: its name in the registry.
+        design: keyword arguments of its `for_env`.
+        options: options of the environment, beside those that the controller needs.
+        off: of the joints from the first corner, where the arm begins [rad].
     """
 
+    controller: str
+    design: Mapping[str, Any]
+    options: Mapping[str, Any]
     off: tuple[float, float] = (0.0, 0.0)
 
-    def score(self) -> StandardScore:
-        """Run both laps."""
-        contender = from_controller(self.controller, self.environment, self.options, **self.design)
-        scores = []
+    def score(self) -> Laps:
+        """Run both laps; when a lap is lost depends on the noise, so that one that is lost is run again."""
+        contender = from_controller(self.controller, ENVIRONMENT, self.options, **self.design)
+        found = []
         for lap in LAPS.values():
             begin = lap.reset_options()
             state = contender.env.reset(options=begin)[1]["state"]
             state[:2] += self.off
-            options = begin | {"state": state}
-            scores.append(score(run_policy(contender.env, contender.policy, seed=self.seed, options=options)))
+            run = partial(run_policy, contender.env, contender.policy, options=begin | {"state": state})
+            scores = [score(run(seed=0))]
+            if not scores[0].complete:
+                scores += [score(run(seed=seed)) for seed in range(1, DRAWS)]
+            found.append(scores)
         contender.env.close()
-        return StandardScore(*scores)
+        return Laps(*found)
 
 
 def _drawn(**quantities: float) -> dict[str, Any]:
@@ -69,20 +91,30 @@ CASES: dict[str, dict[str, Any]] = {
 }
 
 
-def trials_of(rows: Mapping[str, tuple[str, dict[str, Any]]], quick: bool) -> Trials:
+def trials_of(rows: Mapping[str, tuple[str, dict[str, Any]]], quick: bool) -> dict[str, CaseTrial]:
     """Return each row, a controller with its design, in each case."""
-    found: Trials = {
-        f"{row}, {case}": OffTrial(name, design, **changes)
+    found = {
+        f"{row}, {case}": CaseTrial(name, design, **changes)
         for row, (name, design) in rows.items()
         for case, changes in CASES.items()
     }
     return dict(list(found.items())[:1]) if quick else found
 
 
-def table_of(rows: Iterable[str], scores: Scores) -> str:
+def cell_of(scores: Sequence[Score]) -> str:
+    """Write a lap's errors; of one that was lost, of so many draws, the median time of the end and its range."""
+    if len(scores) == 1:
+        return cell(scores[0], 4)
+    ends = [one.duration for one in scores if not one.complete]
+    share = "" if len(ends) == len(scores) else f" {len(ends)} of {len(scores)}"
+    least, middle, most = (f"{time:.1f}" for time in (min(ends), median(ends), max(ends)))
+    return f"lost{share} at {middle} s" + ("" if least == most else f" ({least} to {most})")
+
+
+def table_of(rows: Iterable[str], scores: Mapping[str, Laps]) -> str:
     """Write the table of some rows, a line for each lap."""
     lines = [
-        [row, lap, *(cell(getattr(scores[f"{row}, {case}"], lap), 4) for case in CASES if f"{row}, {case}" in scores)]
+        [row, lap, *(cell_of(getattr(scores[f"{row}, {case}"], lap)) for case in CASES if f"{row}, {case}" in scores)]
         for row in rows
         for lap in LAPS
         if f"{row}, {next(iter(CASES))}" in scores
