@@ -1,9 +1,10 @@
 """How a command ends before its time: with one line and a status that says why, not with a traceback.
 
-Bad input ends it with status 1. A signal that asks it to stop (Ctrl-C, SIGTERM, SIGHUP) unwinds it like an exception,
-so that its workers end and its unfinished results go; the status is then 128 plus the signal's number, as in a shell.
-What takes long to import comes after `importing` or `end_at_once`: this module and its package import nothing but the
-standard library.
+Bad input ends it with status 1. Where nobody reads on, as after `| head`, it ends with 141, as by SIGPIPE; where its
+output is closed from the beginning, nothing is printed. A signal that asks it to stop (Ctrl-C, SIGTERM, SIGHUP) unwinds
+it like an exception, so that its workers end and its unfinished results go; the status is then 128 plus the signal's
+number, as in a shell. What takes long to import comes after `importing` or `end_at_once`: this module and its package
+import nothing but the standard library.
 """
 
 from __future__ import annotations
@@ -46,9 +47,18 @@ def run(main: Callable[[], None]) -> None:
     Raises:
         SystemExit: unless all went well.
     """
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:  # the caller has closed it
+            setattr(sys, name, open(os.devnull, "w"))  # noqa: SIM115  (until the process ends)
     with _handled(_stop):
         try:
-            main()
+            try:
+                main()
+            finally:
+                sys.stdout.flush()
+        except BrokenPipeError:
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            sys.exit(128 + 13)
         except (ValueError, TypeError, OSError, ImportError) as error:
             _end(1, f"error: {' '.join(str(error).split())}")
         except KeyboardInterrupt as interrupt:

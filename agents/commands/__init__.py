@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import argparse
-import os
-import sys
 from collections.abc import Sequence
 from importlib import import_module
 from types import ModuleType
+from typing import Any
 
 from flexarm_agents.command_line import importing, run
 from flexarm_agents.commands.arguments import epilog
@@ -42,6 +41,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         epilog=f"`flexarm VERB --help` shows more.\n\n{epilog(*VERBS)}",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
+    parser.add_argument("--version", action=_Version, nargs=0, help="show the version and exit")
     parser.add_argument("verb", choices=VERBS, metavar="VERB", help=argparse.SUPPRESS)
     rest = parser.add_argument("arguments", nargs=argparse.REMAINDER, help=argparse.SUPPRESS)
     rest.required = False  # which changes the message about a missing verb alone
@@ -49,15 +49,19 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
     def verb() -> None:
         """Run the verb that was given."""
-        module = _imported(given.verb)
-        try:
-            module.run(given.arguments)
-            sys.stdout.flush()
-        except BrokenPipeError:  # the reader of the output has closed it, as `head` does
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-            sys.exit(1)
+        _imported(given.verb).run(given.arguments)
 
     run(verb)
+
+
+class _Version(argparse.Action):
+    """Shows the version: argparse's own action would have it imported for every verb's help."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *unused: Any) -> None:
+        with importing():
+            from flexarm_env import __version__
+        print(f"flexarm {__version__}")
+        parser.exit()
 
 
 def _imported(verb: str) -> ModuleType:

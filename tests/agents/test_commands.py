@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import re
+import subprocess
 import sys
 from typing import Any
 
 import pytest
 
 import flexarm_agents
+import flexarm_env
 from flexarm_agents import shipped_policies
 from flexarm_agents.commands import VERBS, main, show
 from flexarm_agents.commands.arguments import EXAMPLES, STATUS
@@ -74,7 +76,7 @@ def test_errors_are_one_line(capsys: Captured, arguments: tuple[str, ...], messa
     assert line.startswith(message)
 
 
-@pytest.mark.parametrize(("error", "code"), [(KeyboardInterrupt, 130), (BrokenPipeError, 1), (OSError("disk"), 1)])
+@pytest.mark.parametrize(("error", "code"), [(KeyboardInterrupt, 130), (BrokenPipeError, 141), (OSError("disk"), 1)])
 def test_other_ends(monkeypatch: pytest.MonkeyPatch, error: Any, code: int) -> None:
     def fail(arguments: object) -> None:
         raise error
@@ -82,6 +84,28 @@ def test_other_ends(monkeypatch: pytest.MonkeyPatch, error: Any, code: int) -> N
     monkeypatch.setattr(show, "run", fail)
     monkeypatch.setattr("os.dup2", lambda one, other: None)
     assert status("show", "Square-v0") == code
+
+
+@pytest.mark.parametrize(("output", "code"), [("| head -c 1", 141), (">&-", 0), ("2>&-", 0)])
+def test_nobody_reads_what_is_printed(output: str, code: int) -> None:
+    """More is printed than a pipe takes while nobody reads."""
+    program = (
+        "from types import SimpleNamespace; from flexarm_agents import commands; "
+        "commands._imported = lambda verb: SimpleNamespace(run=lambda arguments: print('line\\n' * 100_000)); "
+        "commands.main(['list'])"
+    )
+    done = subprocess.run(
+        ["bash", "-c", f'"$0" -c "$1" {output}; exit ${{PIPESTATUS[0]}}', sys.executable, program],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (done.returncode, done.stderr) == (code, "")
+
+
+def test_the_version(capsys: Captured) -> None:
+    assert status("--version") == 0
+    assert capsys.readouterr().out == f"flexarm {flexarm_env.__version__}\n"
 
 
 def test_what_is_not_installed_is_named_with_its_extra(monkeypatch: pytest.MonkeyPatch, capsys: Captured) -> None:
