@@ -1,7 +1,7 @@
 """Measure the speed of FlexArm beside what a user knows: scalar beside batch, Acrobot, scipy, the paper's clock.
 
-All subjects of a group are timed by turns in one run and compared repeat by repeat: trust the ratios. The times
-behind them belong to the machine. Prints tables and writes one JSON file.
+All subjects of a group are timed by turns in one run, on one core, and compared repeat by repeat: trust the ratios. The
+times behind them belong to the machine. Prints tables and writes one JSON file.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from tqdm import tqdm
 
 from flexarm_agents.run_folder import put
 from flexarm_env.parameters import MAX_MODES
+from flexarm_env.validation import choice
 from scripts.benchmarks import derivatives, environments, family, lap, peers, physics
 from scripts.benchmarks.timing import Group, measure
 from scripts.common import command_line
@@ -35,12 +36,26 @@ class Options:
     """JSON file for the results; an existing one is replaced."""
     repeats: int = 10
     """How often the short measurements are repeated; the long ones half as often."""
+    only: tuple[str, ...] = ()
+    """Groups to measure, by the names that the progress bar shows; without, all."""
     modes: tuple[int, ...] = (1, 2)
     """Modes a link in the measurement of the torque-driven arm."""
     cold: int = 2
     """How often the start without compiled code is measured."""
     quick: bool = False
     """A trial of the script: two short repeats, the first of `modes`, a part of the lap. Its numbers mean little."""
+
+
+def keep_on_one_core() -> int | None:
+    """Keep this process and all threads that it starts on one core, and return its number; None: the system cannot.
+
+    EnvPool's worker and the thread that waits for it would otherwise spin on two cores, which slows both.
+    """
+    if not hasattr(os, "sched_setaffinity"):
+        return None
+    core = max(os.sched_getaffinity(0))
+    os.sched_setaffinity(0, {core})
+    return core
 
 
 def machine() -> dict[str, Any]:
@@ -93,17 +108,20 @@ def run(options: Options, cache: Path) -> dict[str, Any]:
         ("chain in MuJoCo", ("mujoco",), lambda: family.chain(modes, effort)),
         ("learning", ("stable_baselines3", "torch", "flexarm_agents"), lambda: family.learning(effort)),
     ]
-    missing = [label for label, packages, _ in optional if not peers.installed(*packages)]
+    labels = [label for label, *_ in (*makers, *optional)]
+    chosen = [choice("only", label, labels) for label in options.only] or labels
+    missing = [label for label, packages, _ in optional if label in chosen and not peers.installed(*packages)]
     makers += [(label, make) for label, packages, make in optional if peers.installed(*packages)]
     groups = {}
+    facts["core"] = keep_on_one_core()
     with tqdm(total=0, unit="call") as bar:
-        for label, make in makers:
+        for label, make in ((label, make) for label, make in makers if label in chosen):
             bar.set_description(f"{label}, compiling")
             group = make()
             bar.total += sum(min(s.at_most or repeats, group.repeats(repeats)) for s in group.subjects)
             bar.set_description(label)
             groups[group.name] = measure(group, repeats, lambda _: bar.update())
-    missing += [] if peers.installed("envpool") else ["EnvPool"]
+    missing += ["EnvPool"] if "batches" in chosen and not peers.installed("envpool") else []
     return {"machine": facts, "quick": options.quick, "not_installed": missing, "groups": groups}
 
 
@@ -120,6 +138,7 @@ def report(results: dict[str, Any]) -> str:
     """Tables of the ratios, then of the times, for people."""
     facts = results["machine"]
     lines = ["", f"{facts['cpu']} (compiled for {facts['compiled_for']}), {facts['cores']} cores, load {facts['load']}"]
+    lines += ["not kept on one core" if facts["core"] is None else f"all on core {facts['core']}"]
     lines += [", ".join(f"{name} {facts[name]}" for name in ("python", "numba", "numpy", "scipy", "gymnasium"))]
     if results["quick"]:
         lines += ["A quick trial: these numbers mean little."]

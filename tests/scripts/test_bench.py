@@ -2,6 +2,7 @@
 
 import json
 import math
+import os
 from functools import partial
 from importlib.util import find_spec
 
@@ -37,6 +38,15 @@ def test_the_whole_lap_can_be_declared():
     assert lap(LAP).subjects
 
 
+def test_one_group_is_measured_alone(tmp_path):
+    done = run("--quick", "--only", "closed loop", "--output", tmp_path / "bench.json")
+    assert done.returncode == 0, done.stderr
+    results = json.loads((tmp_path / "bench.json").read_text())
+    assert set(results["groups"]) == {"closed_loop"}
+    assert results["not_installed"] == []
+    assert "only = 'laps': must be one of 'torque-driven arm'" in refusal("benchmarks", "--only", "laps")
+
+
 @pytest.mark.slow
 def test_structure(trial):
     results, _ = trial
@@ -44,6 +54,7 @@ def test_structure(trial):
     assert ("EnvPool" in results["not_installed"]) == (find_spec("envpool") is None)
     assert results["quick"] is True
     assert {"cpu", "cores", "python", "numba", "numpy", "scipy", "gymnasium"} <= set(results["machine"])
+    assert isinstance(results["machine"]["core"], int) == hasattr(os, "sched_setaffinity")
     assert set(results["groups"]) == GROUPS
     for group in results["groups"].values():
         assert set(group) == {"title", "unit", "clock", "times", "given", "facts", "ratios"}
