@@ -108,7 +108,7 @@ def run(options: Options, cache: Path) -> dict[str, Any]:
         ("chain in MuJoCo", ("mujoco",), lambda: family.chain(modes, effort)),
         ("learning", ("stable_baselines3", "torch", "flexarm_agents"), lambda: family.learning(effort)),
     ]
-    labels = [label for label, *_ in (*makers, *optional)]
+    labels = [*(label for label, _ in makers), *(label for label, *_ in optional)]
     chosen = [choice("only", label, labels) for label in options.only] or labels
     missing = [label for label, packages, _ in optional if label in chosen and not peers.installed(*packages)]
     makers += [(label, make) for label, packages, make in optional if peers.installed(*packages)]
