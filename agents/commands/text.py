@@ -61,12 +61,13 @@ def _filled(text: str, width: int, indent: str, first: str = "") -> str:
 
 
 def _table(text: str, width: int) -> str:
-    """Write a table with its columns in line, or as a list if the last column would be narrow."""
+    """Write a table with its columns in line; as a list if the last one has most of the text and no room for it."""
     lines = [line for n, line in enumerate(text.splitlines()) if n != 1]  # without the rule under the header
     cells = [re.split(r"(?<!\\) \| ", line.removeprefix("| ").removesuffix(" |")) for line in lines]
     rows = [[cell.replace("\\|", "|").replace("`", "") for cell in row] for row in cells]
     widths = _widths(rows, width)
-    if len(widths) > 2 and widths[-1] < min(width // 3, max(len(row[-1]) for row in rows)):
+    texts = ["".join(column) for column in zip(*rows, strict=True)]
+    if len(texts) > 2 and len(texts[-1]) == max(map(len, texts)) and widths[-1] < min(width // 3, _longest(rows)):
         return _list(rows, width)
     wrapped: list[tuple[str, ...]] = []
     for row in rows:
@@ -76,6 +77,11 @@ def _table(text: str, width: int) -> str:
         ]
         wrapped += zip_longest(*pieces, fillvalue="")
     return columns(wrapped)
+
+
+def _longest(rows: Sequence[Sequence[str]]) -> int:
+    """Return how long the longest cell of the last column is."""
+    return max(len(row[-1]) for row in rows)
 
 
 def _widths(rows: Sequence[Sequence[str]], width: int) -> list[int]:

@@ -152,29 +152,28 @@ def block_table(settings: Settings | None = None) -> str:
             (
                 f"`{name}`",
                 block.count,
-                block.what + _only_in(block.modes),
                 block.unit,
                 block.reads or "",
                 "as the action" if block.mirror is None else _signs(block.mirror),
+                block.what + _only_in(block.modes),
             )
             for name, block in BLOCKS.items()
         ]
-        return table(("block", "numbers (m modes a link)", "what", "unit", "reads", "mirrored"), rows)
+        return table(("block", "numbers (m modes a link)", "unit", "reads", "mirrored", "what"), rows)
     layout = observation_layout(settings, settings.program)
-    header = ["numbers", "block", "what", "unit", "reads", "mirrored", "bound"] + ["scale"] * settings.scaled
+    header = ["block", "numbers", "unit", "reads", "mirrored", "bound", *["scale"] * settings.scaled, "what"]
     numbers = []
     for name, part in layout.blocks.items():
         block, scale = BLOCKS[name], layout.scale[part]
         cells = [
-            f"`{part.start}:{part.stop}`",
             f"`{name}`",
-            block.what,
+            f"`{part.start}:{part.stop}`",
             block.unit,
             block.reads or "",
             _signs(block.mirror or (settings.mode.mirror,)),
             figures(layout.bound[part] * scale),
         ]
-        numbers.append(cells + [figures(scale)] * settings.scaled)
+        numbers.append([*cells, *[figures(scale)] * settings.scaled, block.what])
     return table(header, numbers)
 
 

@@ -189,3 +189,5 @@ def test_a_table_whose_text_has_no_room_becomes_a_list() -> None:
     page = table(("key", "unit", "what"), [("length", "metres", "of the path"), ("a", "", "b")])
     assert from_markdown(page, 40).startswith("key     unit    what\n")
     assert from_markdown(page, 20) == "length: unit metres\n    of the path\na:\n    b"
+    numbers = table(("key", "what", "scale"), [("a longkey", "the length of the whole path", "2.5, 0.25, 0.25")])
+    assert from_markdown(numbers, 30).startswith("key      what")
