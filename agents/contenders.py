@@ -11,8 +11,7 @@ from typing import Any, NamedTuple
 
 import gymnasium
 
-from flexarm_agents.board.terms import INTERFACE
-from flexarm_agents.environments import check_id, make_one
+from flexarm_agents.environments import INTERFACE, check_id, make_one
 from flexarm_agents.load import check_fits, load_policy
 from flexarm_baselines.registry import controller
 from flexarm_env.envs.blocks import PRIVILEGED, READINGS
@@ -35,7 +34,7 @@ class Contender(NamedTuple):
         environment: id of that.
         options: options of the environment, where they differ from the id's own.
         config: configuration of the training that it comes from, None for others.
-        plant: those of the options that are not a policy's own (`flexarm_agents.board.terms.INTERFACE`).
+        plant: those of the options that are not a policy's own (`flexarm_agents.environments.INTERFACE`).
     """
 
     name: str
@@ -186,7 +185,7 @@ def loaded_model(source: str, algorithm: str, env: gymnasium.Env[Any, Any], vec_
             f"observations were scaled (--vec-normalize {beside[0]}), or {WITHOUT!r} if they were not"
         )
     with needs_extra(source, "train"):
-        from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
+        vec_env: Any = importlib.import_module("stable_baselines3.common.vec_env")
     kind = imported(algorithm if ":" in algorithm else f"stable_baselines3:{algorithm}")
     if not hasattr(kind, "load"):
         raise TypeError(f"algorithm = {shown(algorithm)}: must be a class of stable-baselines3's models")
@@ -198,7 +197,7 @@ def loaded_model(source: str, algorithm: str, env: gymnasium.Env[Any, Any], vec_
     if vec_normalize in ("", WITHOUT):
         return model
     try:
-        statistics = VecNormalize.load(vec_normalize, DummyVecEnv([lambda: env]))
+        statistics = vec_env.VecNormalize.load(vec_normalize, vec_env.DummyVecEnv([lambda: env]))
         return Normalized(model, statistics)
     except Exception as error:  # whatever reading something else ends in
         raise ValueError(

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
+from flexarm_agents.environments import INTERFACE
 from flexarm_env.envs.registration import IDS
 from flexarm_env.laps import LAPS
 from flexarm_env.validation import shown
@@ -13,12 +14,6 @@ BOARD = 1  # version; raise it where scores change, and tell in the changelog wh
 FIRST_SEED = 2_000_000_000 + 1_000_000 * BOARD  # neither trainings nor evaluations use such seeds, unless told to
 SQUARE = "FlexArm/Square-v0"
 
-# Options in which a row may differ from `FlexArm/Square-v0`: what it observes, and what its action means.
-INTERFACE = (
-    *("action_mode", "torque_rate_limit", "gain_limit", "shift_limit", "inner_stiffness", "inner_resistance"),
-    *("proportional_gain", "derivative_gain", "compensation", "law_sensor", "rate_jacobian", "delayed", "sensor"),
-    *("observation", "frame", "previews", "last_actions", "scaled"),
-)
 # Options that the board sets for rows of an action mode: the gain's law overshoots corners and has no torque limit.
 _BY_MODE: dict[str, tuple[str, ...]] = {"gain": ("physics_step", "deflection_limit", "error_limit")}
 

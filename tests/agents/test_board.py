@@ -19,7 +19,8 @@ from flexarm_agents.board.episodes import LANES, run_points, shares
 from flexarm_agents.board.gauges import observation_map
 from flexarm_agents.board.rows import Row
 from flexarm_agents.board.summary import breaking, counted, lap_summary, loss, point_summary
-from flexarm_agents.board.terms import FIRST_SEED, INTERFACE, TASKS, interface_of
+from flexarm_agents.board.terms import FIRST_SEED, TASKS, interface_of
+from flexarm_agents.environments import INTERFACE
 from flexarm_agents.load import policy_file
 from flexarm_baselines.optimal.plan import PLANS
 from flexarm_env.envs.options import Options

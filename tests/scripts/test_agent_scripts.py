@@ -8,7 +8,6 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any, NamedTuple
 
 import gymnasium
 import numpy as np
@@ -17,10 +16,10 @@ from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
 
 from flexarm_agents import NetworkPolicy, Score, StandardScore, TrainingConfig, shipped_policies
 from flexarm_agents.board.rows import Row
-from flexarm_agents.commands import main
 from flexarm_agents.models import new_model
 from flexarm_env.laps import LAPS
 from tests.support.programs import ROOT
+from tests.support.shell import Shell
 from tests.support.trainings import TINY as CONFIG
 
 SCRIPTS = ROOT / "scripts"
@@ -29,35 +28,6 @@ TINY += ["--episode-steps", "50", "--evaluate-every", "200", "--checkpoint-every
 ALONE = ("--no-baselines", "--no-shipped")
 OUTPUT = ("--output", "scores.json")
 BAR = ("█", "·")  # how a line of progress begins
-
-
-class Ended(NamedTuple):
-    """How the command ended, and what it printed."""
-
-    returncode: int
-    stdout: str
-    stderr: str
-
-
-class Shell:
-    """Runs the command in this process, in a folder."""
-
-    def __init__(self, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], folder: Path) -> None:
-        self._capsys, self.folder = capsys, folder
-        monkeypatch.chdir(folder)
-        monkeypatch.setattr(sys, "path", list(sys.path))
-
-    def __call__(self, *arguments: str | Path) -> Ended:
-        code: Any = 0
-        try:
-            main([str(argument) for argument in arguments])
-        except SystemExit as end:
-            code = end.code
-        return Ended(code, *self._capsys.readouterr())
-
-    def evaluation(self) -> dict[str, Any]:
-        values: dict[str, Any] = json.loads((self.folder / "scores.json").read_text())
-        return values
 
 
 @pytest.fixture
