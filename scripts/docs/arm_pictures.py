@@ -119,7 +119,7 @@ def still(path: Path) -> None:
 
 def save(figure: Figure, path: Path) -> None:
     """Write a picture."""
-    figure.savefig(path, dpi=110, bbox_inches="tight", pad_inches=0.1)
+    figure.savefig(path, dpi=140, bbox_inches="tight", pad_inches=0.1)
     plt.close(figure)
 
 
@@ -127,7 +127,7 @@ def terms(path: Path) -> None:
     """Draw the arm at a bent moment with its terms; the tip enlarged; and where the two laps begin."""
     lap = recorded("lqg", LAP)
     now = lap.at(MOMENT)
-    figure = plt.figure(figsize=(9.6, 5.7))
+    figure = plt.figure(figsize=(8.2, 4.9))
     grid = figure.add_gridspec(2, 2, width_ratios=(1.55, 1.0))
     _whole(figure.add_subplot(grid[:, 0]), lap, now)
     _tip(figure.add_subplot(grid[0, 1]), lap, now)
@@ -155,10 +155,10 @@ def _whole(axis: Axes, lap: Lap, now: int) -> None:
     _say(axis, np.add(one[-1], (0.4, -0.35)), "elbow", va="top")
     _say(axis, np.add(one[POINTS // 2], (0.35, -0.5)), "link 1 bends")
     _say(axis, (1.0, -1.6), "theta1", GREEN)
-    _say(axis, np.add(one[-1] + 0.72 * tangent, (-0.35, -0.3)), "theta2", GREEN, ha="right")
+    _say(axis, np.add(one[-1] + 0.72 * tangent, (0.3, -0.1)), "theta2", GREEN)
     _say(axis, np.add(straight[-1], (-0.9, 0.4)), "rigid tip", SOFT)
     _say(axis, np.add(straight[1], (-0.5, 0.45)), "rigid links", SOFT, ha="right")
-    _say(axis, np.add(two[POINTS // 2], (0.2, -0.45)), "link 2", va="top", ha="right")
+    _say(axis, np.add(two[POINTS // 2], (0.2, -0.6)), "link 2", va="top", ha="right")
     _say(axis, np.add(lap.tip[now], (-0.3, 0.3)), "true tip", LETTERS, ha="right")
     _say(axis, (2.8, -6.5), "path of the tip", SOFT, ha="right", va="top")
 
