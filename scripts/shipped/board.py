@@ -11,7 +11,7 @@ from flexarm_agents import Spread
 from flexarm_agents.board.cells import Cell, Store
 from flexarm_agents.board.columns import COLUMNS, Point
 from flexarm_agents.board.rows import Row
-from flexarm_agents.board.summary import merged, point_summary
+from flexarm_agents.board.summary import LIMIT, counted, merged, point_summary
 from flexarm_agents.board.terms import SQUARE
 from flexarm_agents.load import load_policy
 from flexarm_env.laps import LAPS
@@ -127,15 +127,17 @@ def unknown(cards: Mapping[str, Card]) -> str:
     for text, several in compared(cards):
         unknown = [one["unknown"] for one in several]
         lost = Spread.of(float(sum(lap["lost"] for lap in one.values())) for one in unknown)
+        whole = _errors([counted(list(one.values())) for one in unknown])
         cells = [_errors([_of(one[lap], "rms", "mean") for one in unknown]) for lap in LAPS]
         both = _errors([_mean([_of(lap, "rms", "mean") for lap in one.values()]) for one in unknown])
         worst = _errors([_most([_of(lap, "rms", "most") for lap in one.values()]) for one in unknown])
         chain = [spread_text(Spread.of(_times(one, lap) for one in several), 2) for lap in LAPS]
-        lines.append((text, str(len(several)), spread_text(lost, 0), both, *cells, worst, *chain))
+        lines.append((text, str(len(several)), spread_text(lost, 0), whole, both, *cells, worst, *chain))
     episodes = sum(len(point.episodes) for point in MEASURED["unknown"])
-    means = [f"{lap}: mean [mm]" for lap in LAPS]
+    errors = [f"error, a lost lap as {LIMIT:g} m [mm]", "mean of the completed laps [mm]"]
+    errors += [*(f"{lap}: mean of the completed [mm]" for lap in LAPS), "worst completed [mm]"]
     chain_heads = [f"chain, times the nominal {lap} lap" for lap in LAPS]
-    return table(("", "seeds", f"lost of {episodes}", "mean [mm]", *means, "worst [mm]", *chain_heads), lines)
+    return table(("", "seeds", f"lost of {episodes}", *errors, *chain_heads), lines)
 
 
 def _plan_cells(plan: Mapping[str, float]) -> tuple[str, ...]:
