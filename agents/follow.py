@@ -68,7 +68,7 @@ class Follow(BaseCallback):
 
     def _on_training_end(self) -> None:
         self._look_after(last=True)
-        self._evaluator.noted(network_policy(self.model)).save(self._run.last)
+        put(self._run.last, self._evaluator.noted(network_policy(self.model)).save)
 
     def close(self) -> None:
         """Let go of the bar and the environment."""

@@ -13,7 +13,7 @@ from tqdm import tqdm
 from flexarm_agents.config import RunConfig
 from flexarm_agents.evaluation import Evaluator, Found
 from flexarm_agents.network import NetworkPolicy
-from flexarm_agents.run_folder import RunFolder
+from flexarm_agents.run_folder import RunFolder, put
 from flexarm_agents.stopping import StopSignals, TrainingStopped
 from flexarm_agents.training import Outcome
 
@@ -85,7 +85,7 @@ class Rounds(ABC):
                 self.save(self.run.checkpoint)
                 if stop.received is not None and self.done < rounds:
                     raise TrainingStopped(stop.received, steps * self.done)
-            evaluator.noted(self.policy()).save(self.run.last)
+            put(self.run.last, evaluator.noted(self.policy()).save)
         finally:
             evaluator.close()
             logger.close()

@@ -7,8 +7,8 @@ import json
 import os
 import secrets
 import time
-from collections.abc import Callable, Mapping
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -71,6 +71,16 @@ class RunFolder:
         write_json(self.config, {"format": _FORMAT, **config.plain()})
         write_json(self.versions, dict(versions))
 
+    @contextmanager
+    def named(self) -> Iterator[None]:
+        """Within `with`, an error of the system that names no file, as that of a full disk, names the folder."""
+        try:
+            yield
+        except OSError as error:
+            if error.errno is None or error.filename is not None:
+                raise
+            raise OSError(error.errno, error.strerror, str(self.path)) from error
+
     def enter(self, config: RunConfig, versions: Mapping[str, str], resume: bool) -> None:
         """Begin a training in the folder, or check that the one in it may go on.
 
@@ -86,7 +96,8 @@ class RunFolder:
         if resume:
             config.check_same(self.read_config(type(config)), self.path)
         else:
-            self.begin(config, versions)
+            with self.named():
+                self.begin(config, versions)
 
     def read_config(self, kind: type[Config]) -> Config:
         """Read the configuration of the training in the folder.

@@ -65,7 +65,7 @@ def train(
     run.enter(config, versions([__name__]), resume)
     if first is not None:
         put(run.initial, first.save)
-    with one_thread(), StopSignals() as stop:
+    with run.named(), one_thread(), StopSignals() as stop:
         if run.checkpoint.exists():
             model, found = load_checkpoint(run.checkpoint, config)
         else:

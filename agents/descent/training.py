@@ -52,7 +52,7 @@ def descend(
     check_differentiable(settings_of(config.environment, config.options | config.lesson_options))
     run = RunFolder(config.folder if folder is None else folder)
     run.enter(config, versions([__name__]), resume)
-    with one_thread(), StopSignals() as stop:
+    with run.named(), one_thread(), StopSignals() as stop:
         descent = Descent(config, run)
         try:
             if run.checkpoint.exists():

@@ -61,7 +61,7 @@ def teach(
     """
     run = RunFolder(config.folder if folder is None else folder)
     run.enter(config, versions([__name__]), resume)
-    with one_thread(), StopSignals() as stop:
+    with run.named(), one_thread(), StopSignals() as stop:
         lessons = config.options | config.lesson_options | {"start": "corner"}
         env = make_batch(config.environment, config.arms, lessons)
         try:

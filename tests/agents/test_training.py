@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import errno
 import json
 import logging
 import os
@@ -286,6 +287,24 @@ def test_a_checkpoint_of_another_version_is_refused(
     with pytest.raises(ValueError, match=r"checkpoint.zip: a checkpoint of another version \(.*\); resume it with"):
         train(TrainingConfig(**TINY), tmp_path / "run", resume=True)
     assert files(tmp_path / "run") == before
+
+
+@pytest.mark.parametrize("number", [0, 1, 5])
+def test_a_full_disk_names_the_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, number: int) -> None:
+    """At the first file, at the second, and in the middle of the training; what is there stays complete."""
+    written: list[Path] = []
+
+    def full(old: Path, new: Path) -> None:
+        if len(written) == number:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        written.append(new)
+        old.rename(new)
+
+    monkeypatch.setattr(os, "replace", full)
+    folder = tmp_path / "run"
+    with pytest.raises(OSError, match=rf"No space left on device: {re.escape(repr(str(folder)))}"):
+        train(TrainingConfig(**TINY), folder)
+    assert {one.name for one in folder.iterdir()} - {"tensorboard"} == {one.name for one in written}
 
 
 def test_threads_are_left_as_they_were(tmp_path: Path) -> None:
