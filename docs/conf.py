@@ -142,7 +142,7 @@ def _description(app, pagename, templatename, context, doctree) -> None:
         context["metatags"] += f'<meta name="description" content="{escape(text)}">\n'
         told["og:description"] = text
     if html_baseurl:
-        told |= {"og:image": f"{html_baseurl}/_static/social.png", "twitter:card": "summary_large_image"}
+        told |= {"og:image": f"{html_baseurl}/_images/first_second.png", "twitter:card": "summary_large_image"}
         told["og:url"] = context["pageurl"]
     context["metatags"] += "".join(
         f'<meta property="{name}" content="{escape(value)}">\n' for name, value in told.items()

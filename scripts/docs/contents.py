@@ -130,7 +130,7 @@ CHAPTERS: Mapping[str, Chapter] = {
 PARTS: Mapping[str, Sequence[str]] = {
     "docs/environments/README": (
         *("docs/environments/options", "docs/environments/square", "docs/environments/square_*"),
-        *("docs/environments/track", "docs/environments/reach", "docs/environments/*"),
+        *("docs/environments/track", "docs/environments/reach", "docs/environments/paper", "docs/environments/*"),
     ),
     "docs/learning/README": tuple(
         f"docs/learning/{page}"

@@ -34,6 +34,9 @@ PAGES = ROOT / "build" / "site_pages"
 FIRST = "index.md"  # the README's name on the site
 TOP = ("README.md", "CONTRIBUTING.md", "CHANGELOG.md", "SECURITY.md", "CODE_OF_CONDUCT.md")
 LINK = re.compile(r"(?<=\]\()([^)#:\s]+)(?=[)#])")
+MOVING = re.compile(
+    r"^!\[.*\.webp\)$", re.MULTILINE
+)  # the README's first picture that moves: the viewer takes its place
 BARE = re.compile(r"\[[\w./-]+\.md\](?=\([\w./-]+\.md[#)])")  # a page by its file's name: the site has titles
 
 
@@ -52,7 +55,10 @@ def lay_out(pages: Path) -> None:
     for name in TOP:
         shutil.copy(ROOT / name, pages / (FIRST if name == "README.md" else name))
     for page in pages.rglob("*.md"):
-        text = with_widgets(with_links(page, pages), page.relative_to(pages))
+        text = with_links(page, pages)
+        if page == pages / FIRST:
+            text = MOVING.sub(r"<!-- site: lap -->\n\g<0>\n<!-- site end -->", text, count=1)
+        text = with_widgets(text, page.relative_to(pages))
         if page == pages / BOARD_PAGE:
             text = with_folds(text)
         page.write_text(BARE.sub("[]", text), encoding="utf-8")

@@ -55,6 +55,7 @@ class Widget(NamedTuple):
 WIDGETS: Mapping[str, Widget] = {
     "leaderboard": Widget("flexarm-leaderboard", ("leaderboard.js", BOARD), BOARD_DATA),
     "replays": Widget("flexarm-replay", _VIEWER),
+    "lap": Widget("flexarm-replay", _VIEWER, options=' data-small="flsac|agent student_unknown|swing"'),
 }
 
 

@@ -155,6 +155,7 @@ def test_a_page_says_what_it_is_about(built: Path) -> None:
     told = {name: re.search(r'<meta name="description" content="([^"]{20,240})"', text) for name, text in texts.items()}
     assert [name for name, found in told.items() if not found] == []
     assert all('property="og:title"' in text for text in texts.values())
+    assert (built / "_images" / "first_second.png").exists()  # which previews of links show
 
 
 def test_a_wrong_address_has_a_page_of_the_site(browser: Browser) -> None:

@@ -134,6 +134,25 @@ def test_the_viewer_plays_and_pauses_by_keyboard(viewer: Browser) -> None:
     assert viewer.run(f"return {TIME}") == 16.0
 
 
+def test_the_first_page_plays_a_lap_until_it_is_paused(browser: Browser) -> None:
+    browser.open("index.html")
+    browser.until(f"{TIME} > 0.5")
+    browser.run("document.querySelector('#flexarm-replay .fx-button').focus()")
+    browser.press("\ue007")  # enter
+    stopped = browser.run(f"return {TIME}")
+    assert browser.run("return document.querySelectorAll('#flexarm-replay canvas').length") == 1
+    assert browser.run("return document.querySelectorAll('#flexarm-replay dt').length") == 2
+    browser.press("\ue014")  # right
+    assert browser.run(f"return {TIME}") == pytest.approx(stopped + 0.05, abs=0.011)
+
+
+def test_the_first_page_does_not_move_for_who_wants_no_motion(browser: Browser) -> None:
+    browser.emulate(prefers_reduced_motion="reduce")
+    browser.open("index.html")
+    browser.until(f"{TIME} === 0.3")
+    assert browser.run("return document.querySelector('#flexarm-replay .fx-button').textContent") == "▶ Play"
+
+
 def test_the_viewer_draws_the_links_where_the_arm_has_them(viewer: Browser) -> None:
     arm = FlexibleArm()
     found = replays.channels(arguments(replays.FOLDER / replays.file_name("ifdc", "swing"))[2])
