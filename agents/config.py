@@ -179,18 +179,15 @@ class TrainingConfig(RunConfig):
     lags: tuple[int, ...] = ()
     """PPO: ages of the readings that the policy sees beside the present ones [control periods]."""
     observer: ObserverName = "none"
-    """PPO: Kalman filter whose estimate the policy sees in the place of late readings: none, one of the nominal delay,
-    or one that estimates the delay."""
+    """PPO: Kalman filter in place of late readings: none, with the nominal delay, or one that estimates the delay."""
     initial_policy: str | None = None
-    """PPO: policy whose network the training begins with, its value untrained: folder of a training or a teaching, its
-    npz file, or the name of a shipped policy. It must have the observation, action, layers and lags of this one."""
+    """PPO: policy whose network the training begins with: folder of a training, npz file or name of a shipped one."""
     value_steps: int = 0
     """After `initial_policy`: steps at the beginning in which the value learns alone, whole rollouts of them."""
     value_learning_rate: float = 1e-3
     """In these steps; they have no part in the fall of `learning_rate`."""
     lesson_options: dict[str, Any] = _TUNED
-    """Options in which the environments of the training differ from the one that the agent is scored on, e.g. a slower
-    lap; observation and action must be alike. Tuned ones give way to `options` that speak of the same."""
+    """Options in which the training's environments differ from that of the score, e.g. a slower lap."""
     lesson_steps: int | None = None
     """Steps until which `lesson_options` hold, rounded up to whole rollouts; None: to the end."""
     evaluate_every: int = _TUNED

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import shutil
+import textwrap
 from typing import Any
 
 EXAMPLES = {
@@ -49,7 +50,12 @@ STATUS = "exit status: 0 done; 1 error, with a message of one line; 2 wrong usag
 def epilog(*verbs: str) -> str:
     """Write examples of verbs, and what an exit status means, for the end of a help text."""
     lines = [f"  {line}" for verb in verbs for line in EXAMPLES[verb]]
-    return "\n".join(("examples:", *lines, "", STATUS))
+    return "\n".join(("examples:", *lines, "", wrapped(STATUS)))
+
+
+def wrapped(paragraph: str) -> str:
+    """Break a paragraph's lines as the terminal is wide."""
+    return textwrap.fill(paragraph, width() - 2)
 
 
 def reader(verb: str, description: str) -> argparse.ArgumentParser:
@@ -62,7 +68,7 @@ def reader(verb: str, description: str) -> argparse.ArgumentParser:
     form = argparse.RawDescriptionHelpFormatter
     return argparse.ArgumentParser(
         prog=f"flexarm {verb}",
-        description=description,
+        description=wrapped(description),
         epilog=epilog(verb),
         formatter_class=form,
         allow_abbrev=False,

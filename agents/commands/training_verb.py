@@ -9,6 +9,7 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from inspect import cleandoc
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -64,7 +65,7 @@ def options_of(kind: type[Given], verb: str, arguments: Sequence[str], default: 
     return tyro.cli(
         kind,
         prog=f"flexarm {verb}",
-        description=f"{kind.__doc__}\n\n{epilog(verb)}",
+        description=f"{cleandoc(kind.__doc__ or '')}\n\n{epilog(verb)}",
         args=list(arguments),
         default=kind() if default is None else default,
         registry=registry,

@@ -16,16 +16,13 @@ class DescentConfig(RunConfig):
     """A short-horizon actor-critic: costs of a window of control periods, differentiated through the simulation."""
 
     lesson_options: dict[str, Any] = field(default_factory=lambda: {"start": "corners"})
-    """Options in which the environments of the training differ from the one that the agent is scored on. Unless others
-    are given, episodes begin at rest on a corner: nothing else shows what a start is worth."""
+    """Options in which the training's environments differ from that of the score, e.g. the start."""
     rounds: int = 12
     """Of the policy in the end; each one ends with an evaluation and a checkpoint."""
     candidates: int = 3
-    """Untrained policies that the training begins with, one after the other, in the same episodes; the best one goes
-    on. A gradient leads to the nearest valley, which is not always the deepest."""
+    """Untrained policies with which the training begins; after `trial_rounds` of each the best one goes on."""
     trial_rounds: int = 4
-    """Rounds of each candidate, after which the last evaluations are compared; they are among the `rounds` of the one
-    that goes on. After fewer, errors do not tell yet which valley a policy is in."""
+    """Rounds of each candidate; they are among the `rounds` of the one that goes on."""
     windows: int = 80
     """Windows in a round, each with one step of the policy's optimiser."""
     horizon: int = 32
@@ -35,13 +32,11 @@ class DescentConfig(RunConfig):
     episode_steps: int = 450
     """Control periods after which a training episode is cut off."""
     torque_noise: float = 0.04
-    """Largest standard deviation of what disturbs the torques in training, as a share of their limits; half of it in
-    the mean over the arms."""
+    """Largest standard deviation of what disturbs the torques in training, as a share of their limits; mean half."""
     gamma: float = 0.99
     """Discount of a control period."""
     critic_epochs: int = 2
-    """Passes of the critic's optimiser through a window; the critic is a learned value of what comes after a window. 0:
-    there is none, and it counts for nothing (backpropagation through time)."""
+    """Passes through a window of the critic, the value of what follows it; 0: no critic, plain backpropagation."""
     critic_batch: int = 512
     """Samples in a step of it."""
     critic_lambda: float = 0.95

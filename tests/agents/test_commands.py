@@ -50,6 +50,26 @@ def test_help_shows_every_verb_and_examples(capsys: Captured) -> None:
 
 
 @pytest.mark.parametrize(
+    ("algorithm", "has", "has_not"),
+    [("ppo", {"clip", "lags"}, {"buffer", "lstm"}), ("sac", {"buffer", "tau"}, {"clip", "lags", "quantiles"})],
+)
+def test_the_help_of_training_has_what_the_algorithm_has(
+    capsys: Captured, algorithm: str, has: set[str], has_not: set[str]
+) -> None:
+    assert status("train", "--algorithm", algorithm, "--help") == 0
+    shown = set(re.findall(r"^\W*--([a-z-]+)", capsys.readouterr().out, re.MULTILINE))
+    assert has <= shown
+    assert shown.isdisjoint(has_not)
+
+
+def test_descriptions_fit_into_the_terminal(capsys: Captured, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "70")
+    assert status("leaderboard", "--help") == 0
+    description = capsys.readouterr().out.partition("\n\n")[2].partition("options:")[0]
+    assert max(map(len, description.splitlines())) <= 70
+
+
+@pytest.mark.parametrize(
     "arguments",
     [(), ("trian",), ("show",), ("list", "7"), ("evaluate", "--lap", "3"), ("evaluate", "--options", "{")],
 )
