@@ -76,10 +76,7 @@ def _chosen_folder(chosen: str) -> Path | None:
         return None
     fault = _fault(folder)
     if fault is not None:
-        raise PermissionError(
-            f"{VARIABLE} = {chosen!r}: {fault}, and code in the folder is run; must be a folder of this user or of "
-            "root, below such folders, writable by no one else (chmod go-w)"
-        )
+        raise PermissionError(f"{VARIABLE} = {chosen!r}: {fault}")
     return folder
 
 
@@ -103,7 +100,10 @@ def _fault(folder: Path) -> str | None:
         found = here.lstat()
         fault = _fault_of(found, above=bool(left))
         if fault is not None:
-            return f"{here} {fault}"
+            return (
+                f"{here} {fault}, and code in the folder is run, which must be a folder of this user or of root, "
+                "below such folders, writable by no one else (chmod go-w)"
+            )
         if S_ISLNK(found.st_mode):
             target = here.readlink()
             here = here.parent / target.anchor

@@ -175,6 +175,7 @@ def test_a_home_that_cannot_serve_falls_back(
     (line,) = warnings_of(caplog)
     assert str(home) in line
     assert str(folder) in line
+    assert ("chmod go-w" in line) == (why == "mode")
 
 
 def test_where_no_folder_can_serve_nothing_is_kept(
