@@ -59,20 +59,21 @@ def ranking(board: Board) -> str:
 
 
 def short_ranking(board: Board, names: Collection[str] = SHORT) -> str:
-    """Write losses and errors of a few rows, for a page that has little room.
+    """Write the losses on the unknown plant and the nominal errors of a few rows, those that lose least first.
 
     Args:
         board: with the unknown plant.
         names: of the rows.
     """
-    head = ["row", *UNKNOWN[:3], *(f"nominal {lap} lap [mm]" for lap in LAPS)]
     lines = []
-    for row in ranked(board):
-        if row["name"] in names:
-            errors = nominal_errors(row).values()
-            nominal_laps = ["lost" if one is None else millimetres(one["rms"]) for one in errors]
-            lines.append([f"{title(row)}", *_unknown(row)[:3], *nominal_laps])
-    return table(head, lines)
+    for row in board["rows"]:
+        laps, errors = _unknown_laps(row), nominal_errors(row).values()
+        if row["name"] in names and laps:
+            rms = [np.inf if one is None else one["rms"] for one in errors]
+            cells = ["lost" if one == np.inf else f"{1e3 * one:.0f}" for one in rms]
+            lines.append((loss(laps), sum(rms), [title(row), share(loss(laps)), *cells]))
+    head = ["entry", "lost", *(f"{lap} lap [mm]" for lap in LAPS)]
+    return table(head, [cells for _, _, cells in sorted(lines, key=lambda line: line[:2])])
 
 
 def nominal(board: Board) -> str:
