@@ -53,11 +53,16 @@ def of_reproduction(results: Path) -> dict[str, Any]:
         results: a complete folder of `make reproduce`.
 
     Returns:
-        `over` and `rms`: overshoot and r.m.s. error [m] of a run; `three`: a controller's overshoots by sensing;
-        `swept`: a figure of a sweep's row; `mean_gain`, `bend`: of a run; `modal`: span of IFDC's modal coordinates.
+        `claims`: how many have a verdict, or how many there are; `over` and `rms`: overshoot and r.m.s. error [m] of a
+        run; `three`: a controller's overshoots by sensing; `swept`: a figure of a sweep's row; `mean_gain`,
+        `bend`: of a run; `modal`: span of IFDC's modal coordinates.
     """
     runs = json.loads((results / "summary.json").read_text())["runs"]
     rows = json.loads((results / "sweeps.json").read_text())
+    verdicts = [claim["verdict"] for claim in json.loads((results / "claims.json").read_text())]
+
+    def claims(verdict: str = "") -> int:
+        return verdicts.count(verdict) if verdict else len(verdicts)
 
     def over(name: str, column: str = "paper", switch: int = 0) -> str:
         return f"{runs[column][name]['rigid_overshoot'][switch]:.2f}"
@@ -84,6 +89,7 @@ def of_reproduction(results: Path) -> dict[str, Any]:
 
     modal = [runs["paper"][f"ifdc_{sensing}_tip"]["peak_deflection"][0] / 0.2 for sensing in ("collocated", "nmp")]
     return {
+        "claims": claims,
         "over": over,
         "rms": rms,
         "three": three,

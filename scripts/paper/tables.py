@@ -36,12 +36,12 @@ def _shown(values: dict[str, Any]) -> str:
 def verdicts(rows: Sequence[dict[str, Any]], titles: dict[str, str]) -> str:
     """Tabulate the verdicts at a glance."""
     return table(
-        ["claim", "the paper says", "verdict", *titles.values()],
+        ["claim", "the paper says, in short", "verdict", *titles.values()],
         [
             [
                 r["id"],
-                r["quote"],
-                f"**{r['verdict']}**" + (f" ({r['condition']})" if r["condition"] else ""),
+                r["gist"],
+                f"**{r['verdict']}**" + ("" if r["holds"]["paper"] or not r["condition"] else f" ({r['condition']})"),
                 *("holds" if r["holds"][c] else "fails" for c in titles),
             ]
             for r in rows
@@ -60,7 +60,7 @@ def one_side(rows: Sequence[dict[str, Any]], titles: dict[str, str]) -> str:
         return f"**{verdict}**" + (f" ({condition})" if condition else "")
 
     return table(
-        ["claim", "from all runs", "from those whose elbow keeps its side", *titles.values()],
+        ["claim", "from all runs", "from runs whose elbow keeps its side", *titles.values()],
         [
             [
                 r["id"],
@@ -91,10 +91,8 @@ def elbow_claim(found: dict[str, dict[str, dict[str, Any]]], titles: dict[str, s
     }
     at_tip = {key: times for key, times in laps.items() if key[1].endswith("_tip")}
     counts = [len(times) for key, times in laps.items() if key not in at_tip]
-    kept = [
-        f"{name.replace('_', ' ')} on the {titles[column]}" for (column, name), times in at_tip.items() if not times
-    ]
-    keeping = f"{len(kept)} ({'; '.join(kept)})" if kept else "none"
+    kept = [f"{name.replace('_', ' ')}, {titles[column]}" for (column, name), times in at_tip.items() if not times]
+    keeping = f"{len(kept)}: {'; '.join(kept)}" if kept else "none"
     text = f"Of the {len(at_tip)} laps with the sensor at the end effector, the elbow keeps its side in {keeping}."
     if counts:
         text += f"\nWith the sensor near the elbow it changes sides {min(counts)} to {max(counts)} times a lap.\n"
@@ -109,10 +107,10 @@ def reach_claim(found: dict[str, dict[str, dict[str, Any]]], workspace: Workspac
         default=float("nan"),
     )  # fmt: skip
     return (
-        f"The stretched arm reaches {workspace.reach:g} m. Straight on past a corner, without moving along the next "
-        f"side, the rigid tip gets\n{workspace.straight_on:.3f} m; claim 2's threshold is {threshold:.3f} m. IFDC's "
-        f"smallest overshoot in all four arms is {least:.2f} m, for which the tip\nmust be at least "
-        f"{workspace.along(least):.2f} m along the next side.\n"
+        f"The stretched arm reaches {workspace.reach:g} m. Straight past a corner the rigid tip can move by "
+        f"{workspace.straight_on:.3f} m; the threshold of claim 2 is {threshold:.3f} m.\nIFDC's smallest overshoot on "
+        f"the four arms is {least:.2f} m. The tip must then be at least {workspace.along(least):.2f} m along the next "
+        "side.\n"
     )
 
 
@@ -136,8 +134,8 @@ def reach(found: dict[str, dict[str, Any]], workspace: Workspace) -> str:
         [
             "run",
             "overshoot at the three switches [m]",
-            "for which the tip must be along the next side by at least [m]",
-            "and is by [m]",
+            "distance along the next side, at least [m]",
+            "distance along the next side, measured [m]",
         ],
         [
             [
@@ -172,13 +170,13 @@ def claims(rows: Sequence[dict[str, Any]], titles: dict[str, str]) -> str:
             body.append([f"elbow keeps its side ({share}): {titles[c]}", verdict, _shown(found["values"])])
         text += "\n" + table(["arm", "", "figures"], body)
         if not alone:
-            text += "\nWithout the runs whose elbow changes sides: undecided in every arm.\n"
+            text += "\nThe runs whose elbow keeps its side are too few to decide on any arm.\n"
         if "merit_of_flsac" in gains:
             up_to_1, of_all = gains["best_up_to_1"], gains["best_of_all"]
             text += (
-                f"\nConstant gains on the paper's arm by this measure (worst of the cases; smaller is better), out of "
-                f"{len(gains['gains_tried'])} tried: best up to 1 is {up_to_1['gain']:g} with {up_to_1['merit']:.3g}, "
-                f"best of all {of_all['gain']:g} with {of_all['merit']:.3g}; FLSAC has {gains['merit_of_flsac']:.3g}.\n"
+                f"\nBest of {len(gains['gains_tried'])} constant gains on the paper's arm (worst case, smaller is "
+                f"better): {up_to_1['merit']:.3g} with gain {up_to_1['gain']:g} among gains up to 1, "
+                f"{of_all['merit']:.3g} with gain {of_all['gain']:g} among all. FLSAC: {gains['merit_of_flsac']:.3g}.\n"
             )
     return text.lstrip("\n")
 

@@ -17,6 +17,7 @@ class Row:
     """A row of claims.json."""
 
     id: str
+    gist: str
     quote: str
     measure: str
     values: dict[str, Any]
@@ -67,6 +68,7 @@ def decide(
         decided, condition = verdict(claim, findings, titles)
         row = Row(
             id=claim.id,
+            gist=claim.gist,
             quote=claim.quote,
             measure=claim.measure,
             values={name: finding.values for name, finding in findings.items()},
