@@ -213,8 +213,8 @@ def test_render_refuses(tmp_path: Path, capsys: pytest.CaptureFixture[str], monk
     assert status("render", "nobody") == 1
     assert "policy 'nobody'" in capsys.readouterr().err
     assert status("render", "ifdc", "--save", tmp_path / "x.txt") == 2
-    assert status("render", "square", "--environment", "Square-v0") == 2
-    assert "--environment: is for controllers" in capsys.readouterr().err
+    assert status("render", "square", "--vec-normalize", "none") == 2
+    assert "--vec-normalize: there is no zip file" in capsys.readouterr().err
     assert status("render", "ifdc", "--stable-baselines3", "PPO") == 2
     assert "--stable-baselines3: there is no zip file" in capsys.readouterr().err
 

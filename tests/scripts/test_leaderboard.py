@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import re
 import shutil
-import sys
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -16,7 +15,7 @@ from PIL import Image
 
 from flexarm_agents.board import measure as measuring
 from flexarm_agents.board.cells import Store
-from flexarm_agents.board.columns import COLUMNS, Column, Point, measurable
+from flexarm_agents.board.columns import COLUMNS, Column, Point
 from flexarm_agents.board.entries import entries
 from flexarm_agents.board.episodes import run_points
 from flexarm_agents.board.margins import delay_margins
@@ -24,7 +23,6 @@ from flexarm_agents.board.rows import Row
 from flexarm_agents.board.summary import nominal_errors, point_summary
 from flexarm_agents.board.tables import short_ranking, tables
 from flexarm_agents.board.terms import BOARD
-from flexarm_agents.commands import leaderboard as verb
 from flexarm_agents.executors import executor
 from flexarm_env import FlexibleArm, SensorParameters
 from flexarm_env.analysis import delay_margin, law_loop
@@ -198,23 +196,6 @@ def test_what_is_shown_may_be_made_anew_without_measuring(tmp_path: Path, monkey
     assert (docs / measuring.DATA).read_text() == (DOCS / measuring.DATA).read_text()
 
 
-def test_the_chain_is_left_out_where_its_engine_is_absent(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """The first example of the verb's help ended in an error on the base install."""
-    columns = {name: COLUMNS[name] for name in ("nominal", "delay")}
-    assert measurable(columns) == (columns, "")
-    monkeypatch.setitem(sys.modules, "mujoco", None)
-    found, told = measurable(columns)
-    assert [point.value for point in found["nominal"].points] == ["square", "track", "reach"]
-    assert found["delay"] == columns["delay"]
-    assert told.startswith("nominal: without the chain, for which mujoco is not installed; run ")
-    monkeypatch.setattr(verb, "executor", lambda *arguments: Here(0))
-    with pytest.raises(OSError, match="failed"):
-        verb.run(["--rows", "joint_pd", "--columns", "nominal", "--output", str(tmp_path)])
-    assert told in capsys.readouterr().err
-
-
 def test_the_exact_margin_is_that_of_the_law_on_the_late_sensor() -> None:
     found = {row.name: delay_margins(row) for row in entries(()) if row.name.startswith("ifdc")}
     assert found["ifdc"] is None  # its law acts on the joints
@@ -321,42 +302,3 @@ def test_the_committed_board_is_computed_again_to_its_digits(
     assert len(expected) > 30
     for place, figure in expected.items():
         assert found[place] == (pytest.approx(figure, rel=0.0, abs=tolerance) if isinstance(figure, float) else figure)
-
-
-# --- the verb -----------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.usefixtures("uncompiled")
-def test_the_verb_measures_what_it_is_asked_for(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setattr(measuring, "entries", lambda added: ROWS)
-    monkeypatch.setattr(measuring, "COLUMNS", TINY)
-    monkeypatch.setattr(verb, "executor", lambda *arguments: Here())
-    verb.run(["--rows", "agent", "--columns", "payload", "--output", str(tmp_path)])
-    assert capsys.readouterr().out.endswith("1 of 1 rows; tables beside it\n")
-    board = json.loads((tmp_path / measuring.DATA).read_text())
-    assert [row["name"] for row in board["rows"]] == ["agent"]
-    monkeypatch.setattr(verb, "executor", lambda *arguments: Here(0))
-    with pytest.raises(OSError, match="1 failed, see above; their rows lack cells"):
-        verb.run(["--rows", "again", "--columns", "payload", "--output", str(tmp_path / "other")])
-    assert "again: OSError: killed" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (("--rows", "nobody"), "rows = 'nobody': must be one of 'ifdc'"),
-        (("--columns", "colour"), "columns = 'colour': must be one of 'nominal'"),
-        (("--jobs", "0"), "jobs = 0: must be an integer >= 1"),
-    ],
-)
-def test_the_verb_refuses(arguments: tuple[str, ...], words: str) -> None:
-    with pytest.raises(ValueError, match=words):
-        verb.run(arguments)
-
-
-def test_added_rows_are_wanted_beside_those_that_are_named() -> None:
-    rows = measuring.chosen_rows(["ifdc"], (), ["tests.support.boards:Nobody"])
-    assert [row.name for row in rows] == ["ifdc", "tests.support.boards:Nobody"]
-    assert [row.name for row in measuring.chosen_rows(["ifdc", "lqg"], ["lqg"])] == ["ifdc"]
