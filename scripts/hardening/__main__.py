@@ -35,7 +35,7 @@ from scripts.hardening.soak import PROCESSES, soak
 PARTS = {"options": options.PART, "values": values.PART, "calls": calls.PART, "files": files.PART}
 ALL = (*PARTS, "soak", "kills")
 PAGE = "reliability.md"
-HEAD, NOTHING = 2, "Not run on this tree.\n"  # lines of a table without rows, and what stands in its place
+HEAD, NOTHING = 2, "Not run yet.\n"  # lines of a table without rows, and what stands in its place
 SHOWING = tuple(f"flexarm_env.envs.{name}" for name in ("documentation", "drawing", "rendering", "scene"))
 
 
@@ -136,7 +136,7 @@ def kept(path: Path, stamp: dict[str, Any], make: Callable[[], Any]) -> Any:
 def update_page(folder: Path) -> None:
     """Write the tables of the page, of all that the folder has; lines of what was not run there stay, of this machine.
 
-    Counts that were made by another code than the present one are marked.
+    A comment in each line, which the rendered page does not show, has the stamp of the code that made it.
     """
     known = {
         name: json.loads(path.read_text())

@@ -177,8 +177,8 @@ def _check_same(one: tuple[Any, ...], other: tuple[Any, ...], text: str) -> None
 
 
 PART = Part(
-    f"resets and steps of {', '.join(IDS)} with good, bad and odd seeds, options and actions; the bits of a twin and "
-    "of a batch of one that get only the good ones are compared",
+    f"resets and steps of {', '.join(IDS)} with good, bad and odd seeds, options and actions; the bits are compared "
+    "with a twin and a batch of one that get only the good ones",
     "call",
     drawn,
     tried,

@@ -249,7 +249,7 @@ def _same(one: Any, other: Any) -> bool:
 
 PART = Part(
     "files with bytes flipped, inserted or cut off, and JSON with other values: policies, plans, runs, checkpoints, "
-    "cells of the board, configurations",
+    "cells of the leaderboard, configurations",
     "damaged file",
     drawn,
     read_damaged,

@@ -139,7 +139,7 @@ def _compiled(folder: Path) -> int:
 TASKS = {
     "training": Task("`flexarm train`, 1536 steps, resumed after each kill", _train, _check_training, _training),
     "leaderboard": Task(
-        "`make leaderboard`, 2 rows on one axis, two workers",
+        "`make leaderboard`, 2 entries on one axis, two workers",
         _board,
         _check_board,
         _board_files,

@@ -23,8 +23,7 @@ def construct(options: dict[str, Any]) -> Counter[str]:
 
 
 PART = Part(
-    "environments are made with one to four options each: allowed ones, edges of the ranges, what is just beyond, and "
-    "garbage",
+    "environments made with one to four options: allowed values, edges of the ranges, values just beyond, garbage",
     "option set",
     any_options,
     construct,

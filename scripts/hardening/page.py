@@ -13,7 +13,7 @@ from scripts.hardening.kills import TASKS
 FLAT = 5.0  # growth that counts as none [MB]
 OTHER = ", other code"  # than that which is there now
 BLOCK = re.compile(r"<!-- generated: (\w+) -->\n(.*?)<!-- end -->", re.DOTALL)
-STAMP = re.compile(rf"`([0-9a-f]{{8}})`(?:{OTHER})? \|$")  # at the end of a line
+STAMP = re.compile(rf"<!-- ([0-9a-f]{{8}})(?:{OTHER})? --> \|$")  # at the end of a line
 
 
 class Code(NamedTuple):
@@ -28,25 +28,24 @@ class Code(NamedTuple):
     now: str
 
     def __str__(self) -> str:
-        """Write the stamp, and whether the code is another one now."""
-        return f"`{self.made[:8]}`{'' if self.made == self.now else OTHER}"
+        """Write a comment with the stamp that says whether the code is another one now."""
+        return f"<!-- {self.made[:8]}{'' if self.made == self.now else OTHER} -->"
 
 
 def fuzzing_table(parts: Mapping[str, Part], tallies: Mapping[str, Tally], codes: Mapping[str, Code]) -> str:
-    """Write what was tried, how often, what came of it, and by which code."""
+    """Write what was tried, how often, and the outcome."""
     rows = [
         [
             part.text,
             f"{tallies[name].total:,} {part.counted}s",
             ", ".join(f"{count:,} {end}" for end, count in sorted(tallies[name].ends.items())),
             f"{tallies[name].longest:.2f} s",
-            _count(tallies[name].faults),
-            str(codes[name]),
+            f"{_count(tallies[name].faults)} {codes[name]}",
         ]
         for name, part in parts.items()
         if name in tallies
     ]
-    head = ["what is tried", "how often", "what came of it", "slowest case, processor time", "faults", "code"]
+    head = ["what is tried", "how often", "outcome", "slowest case, processor time", "faults"]
     return table(head, rows)
 
 
@@ -58,14 +57,11 @@ def soak_table(runs: list[dict[str, Any]], code: Code | None) -> str:
             f"{run['steps']:,}",
             f"{run['episodes']:,}",
             f"{run['settled']:.0f} MB, {run['end']:.0f} MB",
-            f"`{run['hash'][:16]}`",
-            f"{run['seconds']:.0f} s",
-            str(code),
+            f"{run['seconds']:.0f} s {code}",
         ]
         for n, run in enumerate(runs, 1)
     ]
-    what = "hash of what it gave out"
-    head = ["process", "steps", "episodes", "memory early on, at the end", what, "processor time", "code"]
+    head = ["process", "steps", "episodes", "memory early on, at the end", "processor time"]
     return table(head, rows)
 
 
@@ -77,13 +73,12 @@ def kills_table(found: Mapping[str, Mapping[str, Any]], codes: Mapping[str, Code
             f"{found[name]['kills']}",
             f"{found[name]['finished']}",
             f"{found[name]['seconds']:.0f} s",
-            _count(found[name]["faults"]),
-            str(codes[name]),
+            f"{_count(found[name]['faults'])} {codes[name]}",
         ]
         for name, task in TASKS.items()
         if name in found
     ]
-    head = ["task", "killed", "came to its end", "takes undisturbed", "lost, half, different or left running", "code"]
+    head = ["task", "kills", "completed", "time undisturbed", "faults"]
     return table(head, rows)
 
 

@@ -123,8 +123,8 @@ def _arm(parameters: ArmParameters) -> Counter[str]:
 
 
 PART = Part(
-    "parameters of arm, sensor, law and square; configurations of trainings; parameters of controllers and filters; "
-    "fields of plans, tracking problems and policies: one to three of them allowed, at an edge, or garbage",
+    "parameters of arm, sensor, law, square, controllers and filters; configurations of trainings; fields of plans, "
+    "tracking problems and policies: one to three of them allowed, at an edge, or garbage",
     "field set",
     drawn,
     construct,
