@@ -22,6 +22,7 @@ from flexarm_env.validation import shown
 Options = Mapping[str, Any]
 ENVIRONMENT = "FlexArm/Square-v0"  # of the standard laps
 WITHOUT = "none"  # in the place of a file of statistics
+STATISTICS = ("*vec*normalize*.pkl", "*/vecnormalize.pkl")  # where trainings leave them, beside a model
 
 
 class Contender(NamedTuple):
@@ -178,7 +179,7 @@ def loaded_model(source: str, algorithm: str, env: gymnasium.Env[Any, Any], vec_
         TypeError, ValueError: for another class, a bad file, a model for another environment, or statistics that lie
             beside the model and are not mentioned.
     """
-    beside = sorted(Path(source).parent.glob("*vec*normalize*.pkl"))
+    beside = [file for place in STATISTICS for file in sorted(Path(source).parent.glob(place))]
     if beside and not vec_normalize:
         raise ValueError(
             f"{source}: {beside[0]} lies beside it; vec_normalize = '': must be the file by which the model's "

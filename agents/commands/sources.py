@@ -42,7 +42,7 @@ def add_environment(parser: argparse.ArgumentParser, where: str) -> None:
         where: policies run without `--environment`.
     """
     add_options(parser, "options of the environments, for all")
-    parser.add_argument("--arm", choices=tuple(PRESETS), help="arm of all environments; without it, as each was made")
+    parser.add_argument("--arm", choices=tuple(PRESETS), help="arm of all environments; without it, their own")
     environment = f"environment in which all policies run; without it, {where}"
     parser.add_argument("--environment", metavar="ID", help=environment)
     parser.add_argument("--stable-baselines3", metavar="CLASS", help=MODELS)
