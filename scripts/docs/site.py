@@ -19,7 +19,7 @@ from scripts.docs.contents import CHAPTERS, KINDS, MODULES, chapter_page, conten
 from scripts.docs.widgets import (
     BOARD,
     BOARD_DATA,
-    BOARD_PAGE,
+    FOLDED,
     STATIC,
     board_script,
     board_table,
@@ -59,7 +59,7 @@ def lay_out(pages: Path) -> None:
         if page == pages / FIRST:
             text = MOVING.sub(r"<!-- site: lap -->\n\g<0>\n<!-- site end -->", text, count=1)
         text = with_widgets(text, page.relative_to(pages))
-        if page == pages / BOARD_PAGE:
+        if page.relative_to(pages).as_posix() in FOLDED:
             text = with_folds(text)
         page.write_text(BARE.sub("[]", text), encoding="utf-8")
     write_reference(pages / "api")
