@@ -18,6 +18,7 @@ from scripts.common.markdown import DOCS
 from scripts.control import robust
 from scripts.control.__main__ import STUDIES
 from scripts.control.joint import slowest_decay
+from scripts.control.parts import cell_of
 from scripts.control.trials import Trial, cell
 from tests.support.programs import refusal, run_study
 
@@ -48,6 +49,16 @@ def test_a_lost_lap_has_its_time_and_no_errors() -> None:
     lap: Any = Score._make([None] * len(Score._fields))._replace(duration=3.14159, rms=0.5, rms_after_2s=0.25)
     assert cell(lap) == "0.500 / 0.250"
     assert cell(lap._replace(rms=None, rms_after_2s=None)) == "lost at 3.1 s"
+
+
+def test_a_lost_lap_has_the_median_time_of_its_draws() -> None:
+    def lap(ended: str, duration: float, error: float | None) -> Score:
+        return Score(ended, duration, *[error] * 4, (1.0, 1.0), 0, (0.1, 0.1), (1.0, 1.0), 0.0)
+
+    lost = [lap("error", duration, None) for duration in (3.0, 11.0, 2.0)]
+    assert cell_of(lost) == "lost at 3.0 s (2.0 to 11.0)"
+    assert cell_of([lost[0], lap("truncated", 16.0, 0.02)]) == "lost 1 of 2 at 3.0 s"
+    assert cell_of([lap("truncated", 16.0, 0.02)]) == "0.0200 / 0.0200"
 
 
 def test_decays_of_joint_feedback() -> None:

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from flexarm_env import SquareParameters, square
 from scripts.docs.validation import renewed
 from scripts.validation import recorded
 from scripts.validation.engine.motion import apart, model_motion, rms
@@ -106,3 +107,18 @@ def test_a_part_of_the_groups_is_renewed() -> None:
     found = renewed(of(("links", "drift"), 1.0), of(("cables", "drift"), 2.0))
     assert found["groups"] == {"links": 1.0, "cables": 2.0, "drift": 2.0}
     assert [check["figure"] for check in found["checks"]] == [1.0, 2.0, 2.0]
+
+
+def test_a_lap_of_a_study_is_scored_as_the_benchmark_scores_it() -> None:
+    pytest.importorskip("mujoco", reason="MuJoCo is in the extra `validate`")
+    from scripts.validation.plant.drivers import Lap
+    from scripts.validation.plant.study import row_of
+
+    reference = square(SquareParameters()).position(1e-3 * np.arange(3001))
+    torque = np.tile([[3.0, 0.0], [-3.0, 0.0]], (150, 1))
+    near, far = (Lap(reference + np.array([0.0, off]), torque, []) for off in (0.02, 2.6))
+    found = row_of("plain", "none", "chain", near, near)
+    assert found["score"] == pytest.approx(0.02)
+    assert found["score_after_2s"] == pytest.approx(0.02)
+    assert found["torque_change"] == pytest.approx(6.0)
+    assert [row_of("plain", "none", "chain", lap, near)["lost"] for lap in (near, far)] == [False, True]
