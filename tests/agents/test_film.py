@@ -108,7 +108,7 @@ def test_what_writes_files_is_named_with_its_extra(
 ) -> None:
     pytest.importorskip("pygame")
     monkeypatch.setitem(sys.modules, "PIL", None)
-    with refuses(ModuleNotFoundError, "gif: PIL is not installed", "flexarm[video]"):
+    with refuses(ModuleNotFoundError, "gif: PIL is not installed", "[video]"):
         Film(run, 10, 1.0, PIXELS).write(tmp_path / "run.gif")
     assert list(tmp_path.iterdir()) == []
 
@@ -262,7 +262,7 @@ def test_what_draws_is_missed_before_anything_runs(
     for name in ("render.episode", "play.LiveArm"):
         monkeypatch.setattr(f"flexarm_agents.commands.{name}", lambda *given: pytest.fail("something ran"))
     assert status(verb, *(["ifdc"] if verb == "render" else [])) == 1
-    assert "flexarm[render]" in capsys.readouterr().err
+    assert "[render]" in capsys.readouterr().err
 
 
 def test_what_is_interrupted_leaves_nothing(run: Trajectory, tmp_path: Path) -> None:

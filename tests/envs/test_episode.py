@@ -90,7 +90,7 @@ def test_one_bad_seed_of_several_changes_nothing() -> None:
     batch, twin = vector(SQUARE, 2, start="moving"), vector(SQUARE, 2, start="moving")
     batch.reset(seed=1)
     twin.reset(seed=1)
-    with pytest.raises(gym.error.Error):
+    with pytest.raises(ValueError, match=r"seed\[1\] = -1"):
         batch.reset(seed=[7, -1])
     np.testing.assert_array_equal(batch.reset()[0], twin.reset()[0])
 
