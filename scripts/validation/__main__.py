@@ -1,6 +1,6 @@
 """Check the physics: against exact beam theory, finite elements, an engine of other hands, and its own invariants.
 
-Writes `summary.json`, `summary.md` (a table of all checks), a table and a folder of data for each group, and
+Writes `summary.json`, `summary.md` (a table of all groups), a table and a folder of data for each group, and
 `figures/` (PNG and SVG). A check that fails does not stop the others; the exit status is then 1. A run that was
 interrupted goes on where it was: a group whose sources and settings are the same is not run again. A run of some groups
 keeps those of the others in the summary that are up to date.

@@ -92,10 +92,10 @@ GROUPS = (
         ("mujoco",),
     ),
     _group("cables", "Second engine (Exudyn)", "cables", "cables", needs=("exudyn",)),
-    _group("two_engines", "Both engines, as recorded", "two_engines", "two_engines"),
+    _group("two_engines", "Two engines compared", "two_engines", "two_engines"),
     Group(
         "plant",
-        "The plant of record",
+        "The default arm on the chain",
         f"{HERE}.plant.group",
         f"{HERE}.plant.pictures",
         ("plant_distance",),

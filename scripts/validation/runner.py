@@ -156,16 +156,17 @@ def summary(outcomes: Sequence[Outcome], quick: bool) -> dict[str, object]:
 
 
 def table_of_all(outcomes: Sequence[Outcome]) -> str:
-    """Markdown: one row a check, or a row for a group that did not run."""
+    """Markdown: one row a group, with the checks that failed."""
     rows = []
     for outcome in outcomes:
-        title = outcome.group.title
+        failed = [check.name for check in outcome.checks if not check.passed]
+        verdict = f"**failed**: {'; '.join(failed)}" if failed else "passed"
         if outcome.missing:
-            rows.append([title, "", "", "", f"**not run**: {'; '.join(outcome.missing)}"])
+            verdict = f"**not run**: {'; '.join(outcome.missing)}"
         if outcome.error:
-            rows.append([title, "", "", "", f"**error**: {outcome.error.splitlines()[-1]}"])
-        rows += [[title, c.name, c.found, c.threshold, _verdict(c)] for c in outcome.checks]
-    return table(("group", "check", "figure", "threshold", ""), rows)
+            verdict = f"**error**: {outcome.error.splitlines()[-1]}"
+        rows.append([outcome.group.title, str(len(outcome.checks)), verdict])
+    return table(("group", "checks", "verdict"), rows)
 
 
 def table_of_group(checks: Sequence[Check]) -> str:

@@ -1,4 +1,4 @@
-"""The plant of record against the chain: controllers, the paper's laws, damping."""
+"""The default arm against the chain: controllers, the paper's laws, damping."""
 
 from __future__ import annotations
 
@@ -56,16 +56,16 @@ def _checks(records: dict[str, Any]) -> list[Check]:
         ),
         Check(
             GROUP,
-            "the same, former default over default",
+            "the same, linear arm over default arm",
             former["rms"] / gentle["rms"],
-            "a choice: the default arm shall quarter the error at least",
+            "a choice: the default arm must have at most a quarter of the error",
             least=4.0,
         ),
         Check(
             GROUP,
             "the paper's laws, undamped: the default arm from the chain, r.m.s.",
             1e3 * max(row["rms"] for row in laws),
-            "the goal of the default arm under the paper's law",
+            "a choice: three times the 10 mm of the validity range, since the stiff law excites modes beyond the arm's",
             "mm",
             most=30.0,
         ),

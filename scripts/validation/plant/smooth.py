@@ -57,7 +57,7 @@ def _checks(laps: list[dict[str, Any]]) -> list[Check]:
             GROUP,
             f"the {lap} lap: the default arm from the chain under a plan with smooth torques, r.m.s.",
             1e3 * _found(laps, lap, SMOOTH)[1]["rms"],
-            "the goal of the default arm under a good torque controller",
+            "a choice: half of the 10 mm that the validity range allows a model",
             "mm",
             most=GOAL,
         )
