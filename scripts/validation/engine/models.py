@@ -37,3 +37,6 @@ MODELS = tuple(
 def model(kinematics: Kinematics, modes: int, shapes: ModeShapes = "cantilever") -> Model:
     """Make a model by its usual names."""
     return Model(kinematics, shapes, modes)
+
+
+DEFAULT = model("foreshortened", 3, "polynomial")  # the default arm's

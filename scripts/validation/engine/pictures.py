@@ -13,6 +13,7 @@ from scipy.ndimage import maximum_filter1d
 
 from scripts.common.plotting import COLOURS, THRESHOLD, save
 from scripts.validation.checks import Array, Result
+from scripts.validation.engine.models import DEFAULT
 from scripts.validation.engine.programmes import PROGRAMMES
 
 TITLES = {programme.name: programme.title for programme in PROGRAMMES}
@@ -75,7 +76,7 @@ def _by_modes(axis: Any, rows: list[dict[str, Any]]) -> None:
 
 
 def programmes(arrays: dict[str, Array], folder: Path) -> None:
-    """Tip error over time of some models, a panel for each programme."""
+    """Tip error over time of some models, the default arm's thicker, a panel for each programme."""
     names = [name for name in TITLES if f"{name} time" in arrays]
     columns = min(3, len(names))
     lines = -(-len(names) // columns)
@@ -86,7 +87,8 @@ def programmes(arrays: dict[str, Array], folder: Path) -> None:
         for key in [key for key in arrays if key.startswith(prefixes)]:
             label = key.removeprefix(f"{name} ")
             colour = labels.setdefault(label, COLOURS[len(labels) % len(COLOURS)])
-            axis.semilogy(arrays[f"{name} time"], _crests(arrays[key]), color=colour, linewidth=1.2)
+            width = 2.6 if label == DEFAULT.label else 1.2
+            axis.semilogy(arrays[f"{name} time"], _crests(arrays[key]), color=colour, linewidth=width)
         chains = [key for key in arrays if key.startswith(f"{name} chain")]
         finest = max(chains, key=lambda key: int(key.split()[-1]))
         axis.semilogy(arrays[f"{name} time"], _crests(arrays[finest]), color="0.6", linewidth=1.2)
@@ -94,9 +96,11 @@ def programmes(arrays: dict[str, Array], folder: Path) -> None:
     for axis in axes[-1]:
         axis.set_xlabel("time [s]")
     for line in axes:
-        line[0].set_ylabel("tip error [mm], largest within 50 ms")
+        line[0].set_ylabel("tip error, largest of 50 ms [mm]")
     for label, colour in labels.items():
-        axes[0, 0].plot([], [], color=colour, label=label)
+        default = label == DEFAULT.label
+        text = f"{label} (the default arm)" if default else label
+        axes[0, 0].plot([], [], color=colour, linewidth=2.6 if default else 1.2, label=text)
     axes[0, 0].plot([], [], color="0.6", label="the finest chain, before extrapolation")
     figure.legend(loc="outside lower center", ncol=4)
     save(figure, folder, "engine_programmes")

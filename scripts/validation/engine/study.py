@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from flexarm_env import DivergenceError
 from scripts.validation.engine.chain import CHAIN_ANGLE
-from scripts.validation.engine.models import Model, model
+from scripts.validation.engine.models import DEFAULT, Model, model
 from scripts.validation.engine.motion import (
     MODEL_ANGLE,
     Motion,
@@ -39,8 +39,8 @@ SHOWN = (  # errors over time, in the picture
     model("linear", 1),
     model("linear", 2),
     model("linear", 3),
-    model("foreshortened", 2),
     model("foreshortened", 3),
+    DEFAULT,
     model("foreshortened", 4, "polynomial"),
 )
 
