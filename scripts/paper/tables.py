@@ -169,8 +169,6 @@ def claims(rows: Sequence[dict[str, Any]], titles: dict[str, str]) -> str:
             verdict = "holds" if found["holds"] else "fails"
             body.append([f"elbow keeps its side ({share}): {titles[c]}", verdict, _shown(found["values"])])
         text += "\n" + table(["arm", "", "figures"], body)
-        if not alone:
-            text += "\nThe runs whose elbow keeps its side are too few to decide on any arm.\n"
         if "merit_of_flsac" in gains:
             up_to_1, of_all = gains["best_up_to_1"], gains["best_of_all"]
             text += (
