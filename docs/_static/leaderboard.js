@@ -76,11 +76,18 @@
     return value === null ? { rank: 1, text: "lost", title: "no error" } : { rank: 0, value, text: value.toFixed(3), title: "0: best plan, 1: ifdc" };
   }
 
+  // A half goes to the even digit, as in the pages' tables, which Python writes.
+  function percent(lost, all) {
+    const tenths = (1000 * lost) / all;
+    const even = 2 * Math.round(tenths / 2);
+    return ((Math.abs(tenths - even) === 0.5 ? even : Math.round(tenths)) / 10).toFixed(1);
+  }
+
   function lostShare(row) {
     const laps = row.columns.unknown && row.columns.unknown[0];
     if (!laps) return { rank: 2, text: "–", title: "not applicable" };
     const [lost, all] = ["lost", "episodes"].map((name) => laps.reduce((sum, lap) => sum + lap[name], 0));
-    return { rank: 0, value: lost / all, text: `${((100 * lost) / all).toFixed(1)} %`, title: `${lost} of ${all}` };
+    return { rank: 0, value: lost / all, text: `${percent(lost, all)} %`, title: `${lost} of ${all}` };
   }
 
   /** Return the rows that the filters leave, in the order that is asked for. */

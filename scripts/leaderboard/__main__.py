@@ -43,7 +43,7 @@ PICTURES = {
     "corners.png": "The tip's paths where the reference begins and turns",
     "errors.png": "Error against time on both laps",
     "effort.png": "Error against effort, with the best plans known",
-    "four.gif": "Four rows on the swing lap, at twice their speed",
+    "four.gif": "Four entries on the swing lap, at twice their speed",
 }
 TIMES = "times.json"
 PAGE = "leaderboard.md"
