@@ -171,7 +171,7 @@ def _read(arguments: Sequence[str]) -> argparse.Namespace:
 def _contenders(given: argparse.Namespace) -> Iterator[Contender]:
     """Yield everything that the command line names."""
     names = [*PAPER] if given.baselines else []
-    for name in (*names, *(shipped_policies() if given.shipped else ()), *given.policies):
+    for name in dict.fromkeys((*names, *(shipped_policies() if given.shipped else ()), *given.policies)):  # each once
         yield from_source(name, given, given.own)
     if given.baselines:
         environment, options = check_id(given.environment or ENVIRONMENT), changed({}, given.options, given.arm)

@@ -1,6 +1,7 @@
 """Operating points, sensors, linear plants, natural modes."""
 
 import builtins
+import re
 import sys
 from typing import Any
 
@@ -23,6 +24,7 @@ from flexarm_env.analysis import (
     tip,
     true_point,
 )
+from flexarm_env.extras import install_command
 from flexarm_env.physics.damping import clamped_ratio
 
 ARM = FlexibleArm(ArmParameters.linear())
@@ -192,7 +194,7 @@ def test_without_python_control_the_extra_is_named(monkeypatch: pytest.MonkeyPat
 
     monkeypatch.delitem(sys.modules, "control", raising=False)
     monkeypatch.setattr(builtins, "__import__", missing)
-    with pytest.raises(ImportError, match=r"flexarm\[analysis\]"):
+    with pytest.raises(ImportError, match=re.escape(install_command("analysis"))):
         linear_plant(OperatingPoint.at_angles(ARM, (0, 1)), tip()).to_control()
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import pickle
+import re
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,8 @@ import gymnasium
 import numpy as np
 import pytest
 from gymnasium.wrappers import RecordVideo
+
+from flexarm_env.extras import install_command
 
 pytest.importorskip("pygame")
 
@@ -103,5 +106,5 @@ def test_a_missing_library_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     env = gymnasium.make(GAIN, render_mode="rgb_array")
     env.reset(seed=0)
     monkeypatch.setitem(sys.modules, "pygame", None)
-    with pytest.raises(gymnasium.error.DependencyNotInstalled, match=r"flexarm\[render\]"):
+    with pytest.raises(gymnasium.error.DependencyNotInstalled, match=re.escape(install_command("render"))):
         env.unwrapped.render()

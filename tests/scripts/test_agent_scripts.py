@@ -160,6 +160,15 @@ def test_other_plants_have_tables_of_their_own(flexarm: Shell, monkeypatch: pyte
     assert ranked(unknown, ["student_unknown"])
 
 
+def test_a_policy_that_is_named_twice_is_scored_once(flexarm: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
+    score = StandardScore(lap(0.5), lap(0.1))
+    monkeypatch.setattr("flexarm_agents.commands.evaluate.evaluate", lambda *given: score)
+    result = flexarm("evaluate", "square", "--no-baselines", *OUTPUT)
+    assert result.returncode == 0, result.stderr
+    found = [one["name"] for one in flexarm.evaluation()["results"]]
+    assert len(found) == len(set(found)) > 1
+
+
 MODULE = """
 import numpy as np
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import os
+import re
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -11,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from flexarm_env.extras import install_command
 from scripts import make_dataset
 from scripts.make_dataset import CONTENT, ROOT, Options, contender, dataset_id, recorded, saved, summary
 
@@ -89,7 +91,7 @@ def test_bad_options_are_refused_at_once(
 def test_without_minari_the_extra_is_named() -> None:
     if importlib.util.find_spec("minari") is not None:
         pytest.skip("Minari is installed")
-    with pytest.raises(ModuleNotFoundError, match=r"flexarm\[recipes\]"):
+    with pytest.raises(ModuleNotFoundError, match=re.escape(install_command("recipes"))):
         make_dataset.check(Options())
 
 
