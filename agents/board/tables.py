@@ -18,11 +18,12 @@ Board = Mapping[str, Any]
 MOST_VALUES = 13  # columns of an axis's table
 PRIVILEGED = "\\*"  # after the name of a privileged row
 ABSENT = "not applicable"
+NONE = "none"  # the nominal lap itself is lost
+HOLDING = (("lost",), ("lost", "doubled"))  # what must not happen: see `flexarm_agents.board.summary.breaking`
 UNKNOWN = (  # heads
     "unknown plant: lost",
     f"error, a lost lap as {LIMIT:g} m [mm]",
     "mean of the completed laps [mm]",
-    "worst completed lap [mm]",
 )
 SHORT = ("lqg", "lqg_adaptive", "nmpc_adaptive", "flsac", "agent square", "agent student", "agent student_unknown")
 
@@ -46,7 +47,7 @@ def title(row: Mapping[str, Any]) -> str:
 def ranking(board: Board) -> str:
     """Write what becomes of each row on the unknown plant, its nominal errors, and what it reads."""
     unknown = "unknown" in board["columns"]
-    head = ["row", *(UNKNOWN if unknown else ()), *(f"{lap}: lap / after 2 s [mm]" for lap in LAPS)]
+    head = ["entry", *(UNKNOWN if unknown else ()), *(f"{lap}: lap / after 2 s [mm]" for lap in LAPS)]
     head += ["gap, " + " / ".join(LAPS), "reads"]
     lines = []
     for row in ranked(board):
@@ -80,7 +81,7 @@ def nominal(board: Board) -> str:
     """Write the errors on every nominal task."""
     values = board["columns"]["nominal"]["values"]
     head = [
-        "row",
+        "entry",
         *(f"{value}: {' / '.join(LAPS) if value != 'reach' else 'mean, successes'} [mm]" for value in values),
     ]
     rows = [[title(row), *map(_point, row["columns"]["nominal"]["points"])] for row in ranked(board)]
@@ -97,12 +98,19 @@ def axis(name: str, board: Board) -> str:
     return table(head, rows)
 
 
-def breaks(board: Board) -> str:
-    """Write where on each axis of numbers a lap is lost first, and where its error is twice the nominal one."""
+def robustness(board: Board) -> str:
+    """Write how far each axis of numbers may go, from the nominal value, before a lap is lost or an error doubled."""
     names = [name for name in board["columns"] if any("breaking" in row["columns"][name] for row in board["rows"])]
-    heads = [f"{COLUMNS[name].title} [{COLUMNS[name].unit}]" for name in names]
-    lines = [[title(row), *(_break(name, row, board) for name in names)] for row in ranked(board)]
-    return table(["row", *heads], lines)
+    heads = [_range(board["columns"][name]) for name in names]
+    lines = [[title(row), *(_holds(name, row, board) for name in names)] for row in ranked(board)]
+    return table(["entry", *heads], lines)
+
+
+def _range(column: Mapping[str, Any]) -> str:
+    """Write an axis's title and its first and last value."""
+    unit = f" {column['unit']}" if column["unit"] not in ("", "1") else ""
+    least, most = (_number(column["values"][end]) for end in (0, -1))
+    return f"{column['title']}, {least} to {most}{unit}"
 
 
 def margins(board: Board) -> str:
@@ -112,29 +120,30 @@ def margins(board: Board) -> str:
         margin = row["delay_margin"]
         if margin is not None:
             exact = " to ".join(f"{1e3 * margin[end]:.3g}" for end in ("least", "most"))
-            lines.append([title(row), exact, _break("delay", row, board)])
-    return table(["row", "exact margin along the square [ms]", "simulated laps [ms]"], lines)
+            lines.append([title(row), exact, _holds("delay", row, board)])
+    return table(["entry", "exact margin along the square [ms]", "simulated laps hold [ms]"], lines)
 
 
-def _break(name: str, row: Mapping[str, Any], board: Board) -> str:
-    column, values = row["columns"][name], board["columns"][name]["values"]
-    if all(point is None or "not_applicable" in point for point in column["points"]):
+def _holds(name: str, row: Mapping[str, Any], board: Board) -> str:
+    """Write the values about the nominal one without a lost lap; in brackets those without a doubled error, if fewer."""
+    column = row["columns"][name]
+    points = zip(board["columns"][name]["values"], column["points"], strict=True)
+    values = [value for value, point in points if point is not None and "not_applicable" not in point]
+    if len(values) < 2:
         return ABSENT
-    laps = column["breaking"].items()
-    return "; ".join(told for lap, one in laps if (told := _fails(lap, one, values))) or "holds"
+    laps = column["breaking"].values()
+    if any(one["complete"] is not None for one in laps):
+        return NONE
+    complete, good = (_inside(values, [one[what] for one in laps for what in whats]) for whats in HOLDING)
+    return complete if complete == good else f"{complete} ({good})"
 
 
-def _fails(lap: str, one: Mapping[str, Any], values: Sequence[float]) -> str:
-    """Say where a lap is lost, and where its error is doubled."""
-    if one["complete"] is not None:
-        where = spans(values, one["complete"])
-        return f"{lap} lost at the nominal value, complete at {where}" if where else f"{lap} lost everywhere"
-    told = []
-    for what, mark in (("lost", "lost"), ("doubled", "2×")):
-        for side, sign in (("low", "≤"), ("high", "≥")):
-            if one[what][side] is not None:
-                told.append(f"{mark} {sign} {_number(one[what][side])}")
-    return f"{lap} {', '.join(told)}" if told else ""
+def _inside(values: Sequence[float], ends: Sequence[Mapping[str, float | None]]) -> str:
+    """Write the values of an axis that lie within all ends."""
+    low = max((end["low"] for end in ends if end["low"] is not None), default=-np.inf)
+    high = min((end["high"] for end in ends if end["high"] is not None), default=np.inf)
+    found = [value for value in values if low < value < high]
+    return "all" if len(found) == len(values) else spans(values, found)
 
 
 def _unknown_laps(row: Mapping[str, Any]) -> list[Mapping[str, Any]]:
@@ -149,12 +158,8 @@ def _unknown(row: Mapping[str, Any]) -> list[str]:
     laps = _unknown_laps(row)
     if not laps:
         return ["-"] * len(UNKNOWN)
-    means, worst = (_completed(laps, what) for what in ("mean", "most"))
-    return [share(loss(laps)), " / ".join(millimetres(counted([one])) for one in laps), means, worst]
-
-
-def _completed(laps: Sequence[Mapping[str, Any]], what: str) -> str:
-    return " / ".join("-" if one["rms"] is None else millimetres(one["rms"][what]) for one in laps)
+    completed = ("-" if one["rms"] is None else millimetres(one["rms"]["mean"]) for one in laps)
+    return [share(loss(laps)), " / ".join(millimetres(counted([one])) for one in laps), " / ".join(completed)]
 
 
 def share(part: float) -> str:
@@ -205,7 +210,7 @@ def tables(board: Board) -> dict[str, str]:
     names: Sequence[str] = tuple(board["columns"])
     writers: dict[str, Callable[[Board], str]] = {}
     if "nominal" in names:
-        writers |= {"ranking": ranking, "nominal": nominal, "breaks": breaks}
+        writers |= {"ranking": ranking, "nominal": nominal, "robustness": robustness}
         writers |= {f"axis_{name}": partial(axis, name) for name in names if name not in ("nominal", "unknown")}
         writers |= {"margins": margins} if "delay" in names else {}
         writers |= {"short_ranking": short_ranking} if "unknown" in names else {}

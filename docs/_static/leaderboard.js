@@ -199,7 +199,7 @@
     const x = (value) => LEFT + ((value - least) / (most - least)) * (right - LEFT);
     const y = (error) => TALL - BOTTOM - (Math.log(Math.min(high, Math.max(low, error)) / low) / Math.log(high / low)) * (TALL - BOTTOM - TOP);
     const unit = column.unit && column.unit !== "1" ? ` [${column.unit}]` : "";
-    const picture = drawn("svg", { class: "fx-chart", viewBox: `0 0 ${width} ${TALL}`, role: "img", "aria-label": `Errors of the rows along ${column.title}; the table below has the figures` });
+    const picture = drawn("svg", { class: "fx-chart", viewBox: `0 0 ${width} ${TALL}`, role: "img", "aria-label": `Errors of the entries along ${column.title}; the table below has the figures` });
     for (const error of ERRORS) {
       picture.append(drawn("line", { class: "fx-axis", x1: LEFT, x2: right, y1: y(error), y2: y(error) }));
       picture.append(drawn("text", { x: LEFT - 6, y: y(error) + 4, "text-anchor": "end" }, `${1000 * error}`));
@@ -266,7 +266,7 @@
       });
       return element("label", {}, input, element("span", {}, name));
     });
-    return element("fieldset", { class: "fx-toggles" }, element("legend", {}, "A row may read"), ...readings);
+    return element("fieldset", { class: "fx-toggles" }, element("legend", {}, "An entry may read"), ...readings);
   }
 
   ready(() => {

@@ -24,7 +24,7 @@ from flexarm_env.laps import LAPS
 from scripts.common.markdown import DOCS
 
 _PLACE = re.compile(r"<!-- site: (\w+) -->\n(.*?)<!-- site end -->", re.DOTALL)
-_TABLE = re.compile(r"(<!-- generated: (\w+) -->\n)((?:\|[^\n]*\n){10,})(?=<!-- end -->)")  # a long one
+_TABLE = re.compile(r"(<!-- generated: \w+ -->\n)((?:\|[^\n]*\n){10,})(?=<!-- end -->)")  # a long one
 _HEADING = re.compile(r"^#+ (.*)$", re.MULTILINE)
 _SPECIFICATION = re.compile(r"<!-- specification of ([\w-]+), ")
 _FIGURES = ("rms", "rms_after_2s", "maximum")
@@ -103,15 +103,11 @@ def specification(text: str) -> str:
 
 
 def with_folds(text: str) -> str:
-    """Return a page's text whose long generated tables open by a click.
-
-    A table of an axis is named by its first cell, another one by the heading above it.
-    """
+    """Return a page's text whose long generated tables open by a click, with the names of the headings above them."""
 
     def fold(table: re.Match[str]) -> str:
-        name = table[3].split("|")[1].strip() if table[2].startswith("axis_") else ""
-        name = name or _HEADING.findall(text[: table.start()])[-1]
-        return f'{table[1]}<details class="fx-fold">\n<summary>Table: {name}</summary>\n\n{table[3]}\n</details>\n'
+        name = _HEADING.findall(text[: table.start()])[-1]
+        return f'{table[1]}<details class="fx-fold">\n<summary>Table: {name}</summary>\n\n{table[2]}\n</details>\n'
 
     return _TABLE.sub(fold, text)
 

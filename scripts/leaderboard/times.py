@@ -15,7 +15,7 @@ PERIOD = 10.0  # [ms]
 
 
 def times(rows: Sequence[Row], tick: Callable[[], Any]) -> dict[str, dict[str, float]]:
-    """Time a lap of each row, one observation at a time, in this process.
+    """Time a lap of each entry, one observation at a time, in this process.
 
     Args:
         rows: who is timed.
@@ -40,4 +40,4 @@ def times_table(found: Mapping[str, Mapping[str, float]]) -> str:
         [name, f"{one['median']:.3f}", f"{one['p99']:.3f}", f"{100.0 * one['p99'] / PERIOD:.1f} %"]
         for name, one in sorted(found.items(), key=lambda item: item[1]["median"])
     ]
-    return table(["row", "median [ms]", "99th percentile [ms]", "of the control period"], rows)
+    return table(["entry", "median [ms]", "99th percentile [ms]", "of the control period"], rows)

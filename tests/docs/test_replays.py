@@ -138,8 +138,8 @@ def test_the_data_to_keep_have_every_figure_of_the_board() -> None:
 
 def test_long_tables_are_folded_and_named() -> None:
     long = "<!-- generated: {} -->\n| {} |\n|---|\n" + 10 * "| 1 |\n" + "<!-- end -->\n"
-    page = with_folds("# A\n\n## B\n\n" + long.format("times", "row") + long.format("axis_delay", "Sensor delay"))
-    assert re.findall(r"<summary>(.*)</summary>", page) == ["Table: B", "Table: Sensor delay"]
+    page = with_folds(f"# A\n\n## B\n\n{long.format('times', 'row')}\n### C\n\n{long.format('other', 'row')}")
+    assert re.findall(r"<summary>(.*)</summary>", page) == ["Table: B", "Table: C"]
     short = "# A\n\n<!-- generated: times -->\n| row |\n|---|\n| 1 |\n<!-- end -->\n"
     assert with_folds(short) == short
 
