@@ -39,7 +39,7 @@ from scripts.leaderboard.times import times, times_table
 
 PICTURES = {
     "heat_map.png": "Share of laps that each entry loses along each axis, and its mean error",
-    "delays.png": "Delays with which no lap of an entry is lost, and with which its error is below twice the nominal one",
+    "delays.png": "Delays with which an entry loses no lap, and with which its error is below twice the nominal one",
     "corners.png": "The tip's paths where the reference begins and turns",
     "errors.png": "Error against time on both laps",
     "effort.png": "Error against effort, with the best plans known",
