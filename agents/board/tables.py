@@ -125,7 +125,7 @@ def margins(board: Board) -> str:
 
 
 def _holds(name: str, row: Mapping[str, Any], board: Board) -> str:
-    """Write the values about the nominal one without a lost lap; in brackets those without a doubled error, if fewer."""
+    """Write the values about the nominal one without a lost lap, and those without a doubled error, if fewer."""
     column = row["columns"][name]
     points = zip(board["columns"][name]["values"], column["points"], strict=True)
     values = [value for value, point in points if point is not None and "not_applicable" not in point]
