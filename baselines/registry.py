@@ -90,7 +90,7 @@ CONTROLLERS: dict[str, Controller] = {
     "flsac": Controller(FLSAC, "the paper's law with a fuzzy gain from the links' deflections", GREEN_SASIADEK),
     "joint_pd": Controller(
         JointTracking,
-        "filtered joint feedback about inverse kinematics of the corner-blended reference",
+        "filtered joint feedback on the inverse kinematics of the corner-blended reference",
         "Takegaki & Arimoto, J. Dynamic Systems, Measurement, and Control 103, 1981",
         {"feedforward": "none", "feedback": STIFF},
     ),
@@ -107,39 +107,38 @@ CONTROLLERS: dict[str, Controller] = {
     ),
     "plan_lqr": Controller(
         PlanFollower,
-        "the best plan known with time-varying LQR of the true state: privileged, a yardstick",
+        "time-varying LQR of the true state along the best known plan: privileged, a yardstick",
         f"{ANDERSON_MOORE}, chapter 3",
     ),
     "lqg": Controller(
         LQG,
-        "the best plan known with time-varying LQR of what a Kalman filter makes of encoders and the late tip",
+        "time-varying LQR along the best known plan, of the state that a Kalman filter estimates from encoders and the "
+        "late tip",
         f"{ANDERSON_MOORE}, chapter 8",
     ),
-    "lqg_gauges": Controller(
-        GaugedLQG, "the same, whose filter reads strain gauges, too", f"{ANDERSON_MOORE}, chapter 8"
-    ),
+    "lqg_gauges": Controller(GaugedLQG, "as `lqg`, with strain gauges", f"{ANDERSON_MOORE}, chapter 8"),
     "lqg_adaptive": Controller(
         AdaptiveLQG,
-        "the same as `lqg`, with a bank of filters that find payload, stiffness, damping and how late sensor and "
-        "motors are as well",
+        "as `lqg`, with a bank of filters that also estimate payload, stiffness, damping and the delays of sensor and "
+        "motors",
         f"{LJUNG}; Friedland, IEEE Trans. Automatic Control 14, 1969; Magill, IEEE Trans. Automatic Control 10, 1965",
     ),
     "nmpc": Controller(
         NMPC,
-        "nonlinear predictive control in real time, tied to the best plan known, of what a Kalman filter makes of "
+        "nonlinear predictive control about the best known plan, of the state that a Kalman filter estimates from "
         "encoders and the late tip",
         DIEHL,
     ),
     "nmpc_adaptive": Controller(
         NMPC,
-        "the same, whose filter finds payload, stiffness and the sensor's delay as well",
+        "as `nmpc`, with a filter that also estimates payload, stiffness and the sensor's delay",
         f"{DIEHL}; {LJUNG}",
         {"unknown": UNKNOWN, "noise": DOUBTFUL},
     ),
     "nmpc_path": Controller(
-        NMPC, "the same as `nmpc`, tied to a run of its own that was not optimised", DIEHL, {"reference": "path"}
+        NMPC, "as `nmpc`, about a run of its own that is not optimised", DIEHL, {"reference": "path"}
     ),
-    "nmpc_state": Controller(StateNMPC, "the same as `nmpc`, of the true state: privileged, a yardstick", DIEHL),
+    "nmpc_state": Controller(StateNMPC, "as `nmpc`, of the true state: privileged, a yardstick", DIEHL),
 }
 
 

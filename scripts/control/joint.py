@@ -18,11 +18,7 @@ TRIED: list[tuple[str, JointFeedback]] = [
         ("joint_pd", JointFeedback(stiffness, resistance, *filters))
         for stiffness, resistance, filters in [
             ((1000.0, 130.0), (40.0, 30.0), AS_READ),
-            ((300.0, 40.0), (40.0, 5.0), AS_READ),
-            ((100.0, 20.0), (6.0, 1.0), AS_READ),
             ((15.0, 7.7), (17.0, 0.1), AS_READ),
-            ((1000.0, 130.0), (40.0, 30.0), ONE),
-            ((300.0, 140.0), (106.0, 36.0), ONE),
             ((103.0, 140.0), (106.0, 36.0), ONE),
             ((56.0, 74.0), (110.0, 19.0), TWO),
             ((65.0, 30.0), (234.0, 52.0), (0.12, 0.33)),
@@ -32,9 +28,7 @@ TRIED: list[tuple[str, JointFeedback]] = [
     *(
         ("computed_torque", JointFeedback(stiffness, resistance, *filters, decoupled=True))
         for stiffness, resistance, filters in [
-            ((9.0, 9.0), (6.0, 6.0), AS_READ),
             ((1.0, 1.0), (2.0, 2.0), AS_READ),
-            ((4.0, 4.0), (4.0, 4.0), ONE),
             ((1.0, 1.0), (2.0, 2.0), ONE),
             ((1.0, 1.0), (1.0, 1.0), TWO),
         ]

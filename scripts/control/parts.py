@@ -104,7 +104,7 @@ def trials_of(rows: Mapping[str, tuple[str, dict[str, Any]]], quick: bool) -> di
 def cell_of(scores: Sequence[Score]) -> str:
     """Write a lap's errors; of one that was lost, of so many draws, the median time of the end and its range."""
     if len(scores) == 1:
-        return cell(scores[0], 4)
+        return cell(scores[0], 1)
     ends = [one.duration for one in scores if not one.complete]
     share = "" if len(ends) == len(scores) else f" {len(ends)} of {len(scores)}"
     least, middle, most = (f"{time:.1f}" for time in (min(ends), median(ends), max(ends)))
@@ -123,7 +123,7 @@ def table_of(rows: Iterable[str], scores: Mapping[str, Laps]) -> str:
 
 
 STUDY = Study(
-    "what each part of LQG is worth: r.m.s. over the lap / after 2 s [m]",
+    "what each part of LQG is worth: r.m.s. over the lap / after 2 s [mm]",
     partial(trials_of, ROWS),
     partial(table_of, ROWS),
     "lqg.md",

@@ -16,7 +16,7 @@ ROWS: dict[str, tuple[str, dict[str, Any]]] = {
 }
 
 STUDY = Study(
-    "predictive control: r.m.s. over the lap / after 2 s [m]",
+    "predictive control: r.m.s. over the lap / after 2 s [mm]",
     partial(trials_of, ROWS),
     partial(table_of, ROWS),
     "predictive.md",

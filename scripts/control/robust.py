@@ -192,13 +192,13 @@ def rows(scores: dict[str, Any]) -> str:
     unknown: UnknownScore | None = scores.get(UNKNOWN)
     lines = []
     for lap in LAPS:
-        line = [lap, cell(getattr(scores[AS_PUBLISHED], lap), 4)]
+        line = [lap, cell(getattr(scores[AS_PUBLISHED], lap), 1)]
         if unknown is not None:
             missed: Errors = getattr(unknown, lap)
             kept = [x for x in missed.rms if not np.isnan(x)]
-            line += [f"{missed.lost} of {len(missed.rms)}", f"{np.mean(kept):.4f}", f"{np.max(kept):.4f}"]
+            line += [f"{missed.lost} of {len(missed.rms)}", f"{1e3 * np.mean(kept):.1f}", f"{1e3 * np.max(kept):.1f}"]
         lines.append(line)
-    head = ["lap", "as published [m]", "unknown plant: lost", "r.m.s.: mean [m]", "worst [m]"]
+    head = ["lap", "as published [mm]", "unknown plant: lost", "mean [mm]", "worst [mm]"]
     return table(head[: len(lines[0])], lines)
 
 

@@ -1,4 +1,4 @@
-"""Command shaping: shapers, windows, starts and feed-forward that were tried, with one joint feedback."""
+"""Command shaping: shapers, windows, starts and feed-forward, with one joint feedback."""
 
 from __future__ import annotations
 
@@ -7,13 +7,10 @@ from scripts.common.markdown import table
 from scripts.control.trials import ERRORS, Scores, Study, Trial, Trials, errors
 
 SHAPES = [
-    Shape(window=0.05),
-    Shape(window=0.1),
-    Shape(window=0.15),
+    *(Shape(shaper, window=0.05) for shaper in ("none", "ZV", "ZVD", "EI")),
+    *(Shape(shaper, window=0.15) for shaper in ("none", "EI")),
     Shape(),
     Shape(window=0.3),
-    *(Shape(shaper, window=0.05) for shaper in ("ZV", "ZVD", "EI")),
-    *(Shape(shaper, window=0.15) for shaper in ("ZV", "ZVD", "EI")),
     Shape(ramp=0.8),
     Shape(ramp=1.6),
 ]
@@ -32,17 +29,20 @@ def trials(quick: bool) -> Trials:
 
 def rows(scores: Scores) -> str:
     """Write the table."""
+    ways = [way for way in FEEDFORWARDS if _label(0, way) in scores]
     lines = [
-        [shape.shaper, f"{shape.times} x {shape.window:g}", f"{shape.ramp:g}", way, *errors(scores[_label(n, way)])]
+        [
+            *(shape.shaper, f"{shape.times} x {shape.window:g}", f"{shape.ramp:g}"),
+            *(error for way in ways for error in errors(scores[_label(n, way)])),
+        ]
         for n, shape in enumerate(SHAPES)
-        for way in FEEDFORWARDS
-        if _label(n, way) in scores
+        if _label(n, FEEDFORWARDS[0]) in scores
     ]
-    return table(["shaper", "windows [s]", "start [s]", "feed-forward", *ERRORS], lines)
+    return table(["shaper", "windows [s]", "start [s]", *(f"{way}: {lap}" for way in ways for lap in ERRORS)], lines)
 
 
 def _label(n: int, way: str) -> str:
     return f"{n}: {way}"
 
 
-STUDY = Study("command shaping: what was tried, with the feedback of `shaped`", trials, rows, "controllers.md")
+STUDY = Study("command shaping: r.m.s. over the lap / after 2 s [mm]", trials, rows, "controllers.md")

@@ -10,7 +10,7 @@ from flexarm_agents.contenders import ENVIRONMENT, from_controller
 from flexarm_agents.scoring import Score, StandardScore, evaluate
 from flexarm_agents.worker_pool import worker_pool
 
-ERRORS = ("swing lap r.m.s. [m]", "after 2 s [m]", "plain lap r.m.s. [m]", "after 2 s [m]")
+ERRORS = ("swing lap [mm]", "plain lap [mm]")  # see `cell`
 
 
 @dataclass(frozen=True)
@@ -102,18 +102,12 @@ def _run(trial: Runnable) -> Scored:
 
 
 def errors(score: StandardScore) -> list[str]:
-    """Write the cells of `ERRORS`; a lap that ended early has the time of its end in place of its errors."""
-    cells = []
-    for lap in (score.swing, score.plain):
-        if lap.rms is None or lap.rms_after_2s is None:
-            cells += [f"lost at {lap.duration:.1f} s", ""]
-        else:
-            cells += [f"{lap.rms:.3f}", f"{lap.rms_after_2s:.3f}"]
-    return cells
+    """Write the cells of `ERRORS`."""
+    return [cell(score.swing), cell(score.plain)]
 
 
-def cell(lap: Score, digits: int = 3) -> str:
-    """Write r.m.s. over a lap / after 2 s, or when it was lost."""
+def cell(lap: Score, digits: int = 0) -> str:
+    """Write r.m.s. over a lap / after 2 s [mm], or when it was lost."""
     if lap.rms is None or lap.rms_after_2s is None:
         return f"lost at {lap.duration:.1f} s"
-    return f"{lap.rms:.{digits}f} / {lap.rms_after_2s:.{digits}f}"
+    return f"{1e3 * lap.rms:.{digits}f} / {1e3 * lap.rms_after_2s:.{digits}f}"

@@ -98,16 +98,16 @@ def trials(quick: bool) -> dict[str, UnknownTrial]:
 
 
 def rows(scores: dict[str, UnknownScore]) -> str:
-    """Write the table, a line for each lap."""
-    head = ["", "lap", "lost", "r.m.s.: mean [m]", "worst [m]", "after 2 s: mean [m]", "worst [m]"]
+    """Write the table, a line for each lap: errors over the lap / after 2 s."""
+    head = ["", "lap", "lost", "mean [mm]", "worst [mm]"]
     lines = []
     for row, score in scores.items():
         for lap, errors in score._asdict().items():
-            kept = [(whole, later) for whole, later in zip(*errors, strict=True) if not np.isnan(whole)]
-            figures = [part for values in zip(*kept, strict=True) for part in (np.mean(values), np.max(values))]
-            cells = [f"{figure:.4f}" for figure in figures] or [""] * 4
+            kept = np.array([pair for pair in zip(*errors, strict=True) if not np.isnan(pair[0])])
+            figures = (np.mean(kept, axis=0), np.max(kept, axis=0)) if len(kept) else ()
+            cells = [f"{1e3 * whole:.1f} / {1e3 * later:.1f}" for whole, later in figures] or [""] * 2
             lines.append([row, lap, f"{errors.lost} of {len(errors.rms)}", *cells])
     return table(head, lines)
 
 
-STUDY = Study("LQG on the unknown plant", trials, rows, "lqg.md")
+STUDY = Study("LQG on the unknown plant: r.m.s. over the lap / after 2 s [mm]", trials, rows, "lqg.md")

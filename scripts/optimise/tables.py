@@ -9,7 +9,7 @@ from typing import Any
 from scripts.common.markdown import table
 from scripts.optimise.score import CASES
 
-ERRORS = {"true_tip_rms": "lap r.m.s. [m]", "true_tip_rms_after_2s": "after 2 s [m]"}
+ERRORS = ("true_tip_rms", "true_tip_rms_after_2s")  # over the lap / after 2 s
 DRAWN, CHANGED = "moves.json", "corner.json"  # the reports on drawn motions, and on changed laps
 CHANGED_ERRORS = {"true_tip_rms_after_2s": 2, "true_tip_max_after_2s": 0}  # with digits
 EFFORTS = {"torque_rms": "torques, r.m.s. [N m]", "torque_change_rms": "their change in a period [N m]"}
@@ -23,40 +23,41 @@ def reports(folder: Path) -> dict[str, Any]:
 def laps(folder: Path) -> str:
     """Show the best known laps."""
     found = reports(folder)
-    head = ["arm, lap", *ERRORS.values(), "largest [m]", "elbow", *EFFORTS.values(), "weight on it [m²]", "residual"]
+    head = ["arm, lap", "error [mm]", "largest [mm]", "elbow", *EFFORTS.values(), "residual"]
     return table(head, [_lap(name, report) for name, report in found.items()])
 
 
 def _lap(name: str, report: dict[str, Any]) -> list[str]:
     score = report["score"]
-    largest, branches = f"{score['true_tip_max']:.2f}", f"`{report['branches']}`"
-    weight, residual = f"{report['weights']['change_weight']:g}", f"{report['residual']:.0e}"
-    return [_words(name), *_errors(score), largest, branches, *_efforts(score), weight, residual]
+    largest, branches = f"{1e3 * score['true_tip_max']:.0f}", f"`{report['branches']}`"
+    return [_words(name), _errors(score), largest, branches, *_efforts(score), f"{report['residual']:.0e}"]
 
 
 def pareto(folder: Path) -> str:
-    """Show error against effort."""
+    """Show error against effort on plain laps."""
     found = reports(folder)
-    head = ["arm, lap", "weight on changes [m²]", *ERRORS.values(), *EFFORTS.values()]
+    head = ["arm, lap", "weight on changes [m²]", "error [mm]", *EFFORTS.values()]
     return table(
         head,
         [
-            [_words(name), f"{row['change_weight']:g}", *_errors(row), *_efforts(row)]
+            [_words(name), f"{row['change_weight']:g}", _errors(row), *_efforts(row)]
             for name, report in found.items()
+            if parts(name)[2] == "plain"
             for row in report.get("pareto", [])
         ],
     )
 
 
 def regulated(folder: Path) -> str:
-    """Show what regulators along the plans make of other arms: lap, then after 2 s."""
+    """Show the errors of other arms under regulators along the plans of the square."""
     found = reports(folder)
     cases = list(CASES)
     return table(
         ["arm, lap", "regulator", *cases],
         [
-            [_words(name), regulator, *(" / ".join(_errors(rows[case])) for case in cases)]
+            [_words(name), regulator, *(_errors(rows[case]) for case in cases)]
             for name, report in found.items()
+            if parts(name)[1] == "square"
             for regulator, rows in report["regulated"].items()
         ],
     )
@@ -65,21 +66,13 @@ def regulated(folder: Path) -> str:
 def drawn(folder: Path) -> str:
     """Show the best known runs of `FlexArm/Reach-v0`."""
     rows = json.loads((folder / DRAWN).read_text())
-    head = [
-        "seed",
-        "episode r.m.s. [mm]",
-        "while the reference rests [mm]",
-        "largest [mm]",
-        *EFFORTS.values(),
-        "residual",
-    ]
+    head = ["seed", "episode r.m.s. [mm]", "largest [mm]", "residual"]
     return table(
         head,
         [
             [
                 str(row["seed"]),
-                *(f"{1e3 * row[key]:.3f}" for key in ("true_tip_rms", "true_tip_rms_at_rest", "true_tip_max")),
-                *_efforts(row),
+                *(f"{1e3 * row[key]:.3f}" for key in ("true_tip_rms", "true_tip_max")),
                 f"{row['residual']:.0e}",
             ]
             for row in rows
@@ -122,8 +115,8 @@ def _words(name: str) -> str:
     return ", ".join([arm, *([] if path == "square" else [path.replace("_", " ")]), lap])
 
 
-def _errors(row: dict[str, Any]) -> list[str]:
-    return [f"{row[key]:.4f}" for key in ERRORS]
+def _errors(row: dict[str, Any]) -> str:
+    return " / ".join(f"{1e3 * row[key]:.1f}" for key in ERRORS)
 
 
 def _efforts(row: dict[str, Any]) -> list[str]:

@@ -47,7 +47,7 @@ def test_the_page_has_every_controller_of_the_registry() -> None:
 
 def test_a_lost_lap_has_its_time_and_no_errors() -> None:
     lap: Any = Score._make([None] * len(Score._fields))._replace(duration=3.14159, rms=0.5, rms_after_2s=0.25)
-    assert cell(lap) == "0.500 / 0.250"
+    assert cell(lap) == "500 / 250"
     assert cell(lap._replace(rms=None, rms_after_2s=None)) == "lost at 3.1 s"
 
 
@@ -58,7 +58,7 @@ def test_a_lost_lap_has_the_median_time_of_its_draws() -> None:
     lost = [lap("error", duration, None) for duration in (3.0, 11.0, 2.0)]
     assert cell_of(lost) == "lost at 3.0 s (2.0 to 11.0)"
     assert cell_of([lost[0], lap("truncated", 16.0, 0.02)]) == "lost 1 of 2 at 3.0 s"
-    assert cell_of([lap("truncated", 16.0, 0.02)]) == "0.0200 / 0.0200"
+    assert cell_of([lap("truncated", 16.0, 0.02)]) == "20.0 / 20.0"
 
 
 def test_decays_of_joint_feedback() -> None:
