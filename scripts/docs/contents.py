@@ -117,7 +117,7 @@ CHAPTERS: Mapping[str, Chapter] = {
         {
             "CONTRIBUTING": "Where things are, how a change is made, and which checks it must pass.",
             "docs/developers/*": "",
-            "docs/validation": "The physics against beams, finite elements and two other engines: all checks.",
+            "docs/validation": "The physics against beams, finite elements and two other engines.",
             "docs/claims": "Each claim of the paper, and how it was measured.",
             "docs/reliability": "What is tried against the package, and how often.",
             "docs/announcing": "Texts that announce a release.",

@@ -1,4 +1,4 @@
-"""Bring docs/validation.md, docs/plant.md, their pictures and record up to date from a whole `results/validation`."""
+"""Bring docs/validation.md, its tables, docs/plant.md, pictures and record up to date from `results/validation`."""
 
 from __future__ import annotations
 
@@ -21,6 +21,7 @@ from scripts.validation.groups import GROUPS
 from scripts.validation.runner import Outcome, table_of_all, table_of_group
 
 PAGES = ("validation.md", "plant.md")
+TABLES = "developers/validation_tables.md"  # page of all checks
 QUOTING_PAGES = ("model.md", "../README.md")  # quote figures and show no table of the validation
 RECORD = "validation.json"  # what the text's figures are tested against
 PICTURES = Path("figures") / "validation"
@@ -85,7 +86,7 @@ def main() -> None:
     with TemporaryDirectory() as folder:
         for name, text in tables_of(found).items():
             (Path(folder) / f"{name}.md").write_text(text)
-        for name in PAGES:
+        for name in (*PAGES, TABLES):
             page = options.docs / name
             page.write_text(filled(page.read_text(), Path(folder)))
     for name in (*PAGES, *QUOTING_PAGES):
@@ -97,7 +98,7 @@ def main() -> None:
     names = [name for group in new for name in group.drawings]
     for name in names:
         shutil.copyfile(options.results / "figures" / f"{name}.png", target / f"{name}.png")
-    print(f"{', '.join((*PAGES, *QUOTING_PAGES, RECORD))} and {len(names)} pictures up to date")
+    print(f"{', '.join((*PAGES, TABLES, *QUOTING_PAGES, RECORD))} and {len(names)} pictures up to date")
 
 
 if __name__ == "__main__":
