@@ -113,22 +113,19 @@ def _score(row: Mapping[str, Any]) -> str:
 
 
 def _control_table(records: Mapping[str, Any]) -> str:
-    header = (
-        "lap",
-        "controller",
-        "plant",
-        "from the chain [mm]: r.m.s. / after 2 s / largest",
-        "0.5 s ahead [mm]: median / r.m.s.",
-        "score [mm]: lap / after 2 s",
-        "torque change, r.m.s. [N m]",
-    )
+    """Return a row for each lap and controller: r.m.s. distances from the finer chain, scores, changes of the torque."""
+    control, chain = records["control"], f"chain, {study.ELEMENTS[1]} elements"
+    plants = [plant for plant in dict.fromkeys(row["plant"] for row in control) if plant not in (DEFAULT, chain)]
     rows = []
-    for row in records["control"]:
-        away = " / ".join(_mm(row[name]) for name in ("rms", "after_2s", "maximum")) if "rms" in row else ""
-        ahead = " / ".join(_mm(row["ahead"][name]) for name in ("median", "rms")) if "ahead" in row else ""
-        change = f"{row['torque_change']:.3g}"
-        rows.append([row["lap"], row["controller"], row["plant"], away, ahead, _score(row), change])
-    return table(header, rows)
+    for lap, controller in dict.fromkeys((row["lap"], row["controller"]) for row in control):
+        found = {row["plant"]: row for row in control if (row["lap"], row["controller"]) == (lap, controller)}
+        own, truth = found[DEFAULT], found[chain]
+        away = (_mm(found[plant]["rms"]) for plant in (DEFAULT, *plants))
+        scores = f"{1e3 * own['score']:.1f}, {1e3 * truth['score']:.1f}"
+        changes = f"{own['torque_change']:.3g}, {truth['torque_change']:.3g}"
+        rows.append([lap, controller, *away, scores, changes])
+    first, last = "default arm: from the chain, r.m.s. [mm]", "score on the default arm, on the chain [mm]"
+    return table(["lap", "controller", first, *plants, last, "torque change there, r.m.s. [N m]"], rows)
 
 
 def _laws_table(records: Mapping[str, Any]) -> str:
@@ -137,9 +134,9 @@ def _laws_table(records: Mapping[str, Any]) -> str:
     rows = []
     for plant in plants:
         found = [study.find_row(records["laws"], law=law, plant=plant) for law in laws]
-        rows.append([plant, *(f"{_mm(row['rms'])} / {_mm(row['maximum'])}" for row in found)])
-    header = [f"{law.upper()}, {study.LAW_SECONDS[law]:g} s: r.m.s. / largest [mm]" for law in laws]
-    return table(["plant, undamped", *header], rows)
+        rows.append([plant, *(_mm(row["rms"]) for row in found)])
+    header = [f"{law.upper()}, {study.LAW_SECONDS[law]:g} s: r.m.s. [mm]" for law in laws]
+    return table(["undamped arm", *header], rows)
 
 
 def _damping_table(records: Mapping[str, Any]) -> str:

@@ -187,9 +187,9 @@ def _laps_table(records: Mapping[str, Any]) -> str:
     header = (
         "lap",
         "controller",
-        "default arm from the chain [mm]: r.m.s. / after 2 s / largest",
+        "default arm from the chain [mm]: r.m.s. / after 2 s",
         "4 polynomials from the chain [mm]",
-        "score on the chain, on the default arm [mm]",
+        "score on the default arm, on the chain [mm]",
         "torque change there, r.m.s. [N m]",
     )
     rows = []
@@ -197,8 +197,8 @@ def _laps_table(records: Mapping[str, Any]) -> str:
         every = [row for row in records["laps"] if row["lap"] == lap]
         for own in sorted((row for row in every if row["plant"] == DEFAULT), key=lambda row: row["rms"]):
             four, chain = (find_row(every, controller=own["controller"], plant=plant) for plant in (FOUR, CHAIN))
-            scores = ", ".join("lost" if row["lost"] else f"{1e3 * row['score']:.1f}" for row in (chain, own))
-            changes = f"{chain['torque_change']:.3g}, {own['torque_change']:.3g}"
+            scores = ", ".join("lost" if row["lost"] else f"{1e3 * row['score']:.1f}" for row in (own, chain))
+            changes = f"{own['torque_change']:.3g}, {chain['torque_change']:.3g}"
             away = ["" if chain["lost"] else distances(row) for row in (own, four)]
             rows.append([lap, f"`{own['controller']}`", *away, scores, changes])
     return table(header, rows)
@@ -210,9 +210,6 @@ def _start_table(records: Mapping[str, Any]) -> str:
     for lap in LAPS:
         for share in SHARES:
             own = [row for row in records["start"] if row["lap"] == lap and row["share"] == share]
-            aways = [
-                f"{1e3 * row['rms']:.3g} / {1e3 * row['maximum']:.3g}"
-                for row in (find_row(own, plant=name) for name in plants)
-            ]
+            aways = [f"{1e3 * find_row(own, plant=name)['rms']:.3g}" for name in plants]
             rows.append([lap, f"{share:g}", f"{own[0]['bend']:.2f}", *aways])
     return table(["lap", "share of the torques", "largest deflection [m]", *plants], rows)

@@ -83,7 +83,7 @@ def tables(findings: Findings) -> dict[str, str]:
         "weight on changes of the torques [m^2]",
         "first torque of the shoulder [N m]",
         "score on the default arm, on the chain [mm]",
-        "default arm from the chain [mm]: r.m.s. / after 2 s / largest",
+        "default arm from the chain [mm]: r.m.s. / after 2 s",
         "4 polynomials from the chain [mm]",
     )
     laps = findings.records["laps"]

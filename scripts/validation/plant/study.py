@@ -27,7 +27,7 @@ LAW_SECONDS = {"ifdc": 7.9, "flsac": 16.0}
 
 
 class Model(NamedTuple):
-    """An arm of so many polynomials with foreshortened kinematics, or the former default.
+    """An arm of so many polynomials with foreshortened kinematics, or the linear arm.
 
     Attributes:
         label: for tables.
@@ -163,7 +163,7 @@ def apart(tip: Array, other: Array) -> dict[str, float | None]:
 
 def distances(row: Mapping[str, Any]) -> str:
     """Write a row's distances from the truth [mm], a dash for one that there is not."""
-    lengths = (row[name] for name in ("rms", "after_2s", "maximum"))
+    lengths = (row[name] for name in ("rms", "after_2s"))
     return " / ".join("-" if length is None else f"{1e3 * length:.3g}" for length in lengths)
 
 
