@@ -113,7 +113,7 @@ def _score(row: Mapping[str, Any]) -> str:
 
 
 def _control_table(records: Mapping[str, Any]) -> str:
-    """Return a row for each lap and controller: r.m.s. distances from the finer chain, scores, changes of the torque."""
+    """Return a row for each lap and controller: distances from the finer chain, scores, changes of the torque."""
     control, chain = records["control"], f"chain, {study.ELEMENTS[1]} elements"
     plants = [plant for plant in dict.fromkeys(row["plant"] for row in control) if plant not in (DEFAULT, chain)]
     rows = []
