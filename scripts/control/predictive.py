@@ -1,4 +1,4 @@
-"""What predictive control makes of arms and delays that are not as published, beside LQG and the true state."""
+"""Predictive control on arms and delays that differ from what is published."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from scripts.control.trials import Study
 ROWS: dict[str, tuple[str, dict[str, Any]]] = {
     "NMPC": ("nmpc", {}),
     "NMPC, payload, stiffness and delay estimated": ("nmpc_adaptive", {}),
-    "NMPC, guide from the path alone": ("nmpc_path", {}),
+    "NMPC without an optimised plan": ("nmpc_path", {}),
     "NMPC of the true state": ("nmpc_state", {}),
 }
 
