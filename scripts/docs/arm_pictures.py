@@ -14,21 +14,8 @@ from matplotlib.patches import Arc
 from numpy.typing import NDArray
 from PIL import Image
 
-from scripts.common.plotting import COLOURS
-from scripts.docs.drawn_arm import (
-    BLUE,
-    INK,
-    ORANGE,
-    POINTS,
-    SOFT,
-    Lap,
-    bare,
-    draw_arm,
-    draw_path,
-    links,
-    recorded,
-    rigid,
-)
+from scripts.common.plotting import BLUE, GREEN, INK, ORANGE, SOFT, WIDTH, write
+from scripts.docs.drawn_arm import POINTS, Lap, bare, draw_arm, draw_path, links, recorded, rigid
 
 Array = NDArray[np.float64]
 COMPARED = {
@@ -41,8 +28,8 @@ QUALITY = 60  # of the WebP [%]
 REST = 2.0  # on the last frame [s]
 STILL = (0.0, 0.3, 0.6, 0.9, 1.2)  # [s]
 MOMENT = 0.3  # of the labelled drawing [s]
-GREEN, PURPLE = COLOURS[2], "#8a3b8f"
-LABEL: dict[str, Any] = {"fontsize": 12, "bbox": {"facecolor": "white", "edgecolor": "none", "pad": 1.0}, "zorder": 1}
+PURPLE = "#8a3b8f"
+LABEL: dict[str, Any] = {"bbox": {"facecolor": "white", "edgecolor": "none", "pad": 1.0}, "zorder": 1}
 LETTERS = "#b04d00"  # orange with enough contrast for letters
 NARROW: dict[str, Any] = {"linestyle": (0, (4, 3)), "linewidth": 1.3, "color": SOFT}
 X, Y = (-8.4, 0.9), (-7.3, 1.3)  # what is shown of the plane [m]
@@ -68,8 +55,7 @@ def _frame(laps: dict[str, Lap], time: float) -> Image.Image:
         draw_arm(axis, lap.q[now])
         axis.plot(*lap.tip[: now + 1].T, color=ORANGE, linewidth=2.0)
         _marks(axis, lap, now)
-        away = float(np.linalg.norm(lap.tip[now] - lap.reference[now]))
-        axis.text(0.7, -5.9, f"tip {away:.2f} m off", ha="right", fontsize=17, color=LETTERS)
+        axis.text(0.7, -5.9, f"tip {lap.away[now]:.2f} m off", ha="right", fontsize=17, color=LETTERS)
         axis.text(0.7, 0.55, "shoulder", ha="right", fontsize=12, color=INK)
         axis.text(-6.15, 0.3, "path", fontsize=12, color=SOFT)
     left, lap = axes[0], next(iter(laps.values()))
@@ -99,11 +85,11 @@ def _image(figure: Figure) -> Image.Image:
 
 def still(path: Path) -> None:
     """Draw the same two laps in steps of 0.3 s."""
-    figure, axes = plt.subplots(1, 2, figsize=(9.6, 5.2))
+    figure, axes = plt.subplots(1, 2, figsize=(WIDTH, 4.4))
     for axis, (row, title) in zip(axes, COMPARED.items(), strict=True):
         lap = recorded(row, LAP)
         bare(axis, X, (-7.3, 2.6))
-        axis.set_title(title, fontsize=14, color=INK)
+        axis.set_title(title, color=INK)
         draw_path(axis)
         last = lap.at(STILL[-1])
         axis.plot(*lap.tip[: last + 1].T, color=ORANGE, linewidth=1.6)
@@ -112,27 +98,21 @@ def still(path: Path) -> None:
             draw_arm(axis, lap.q[now], shade, 3.5)
             axis.plot(*lap.reference[now], "o", markersize=11, markerfacecolor="none", color=BLUE, markeredgewidth=1.8)
             axis.plot(*lap.tip[now], "o", markersize=7, color=ORANGE)
-            look: dict[str, Any] = {"textcoords": "offset points", "fontsize": 11, "color": BLUE}
+            look: dict[str, Any] = {"textcoords": "offset points", "color": BLUE}
             axis.annotate(f"{time:g} s", lap.reference[now], (-10, 0), ha="right", va="center", **look)
-    save(figure, path)
-
-
-def save(figure: Figure, path: Path) -> None:
-    """Write a picture."""
-    figure.savefig(path, dpi=140, bbox_inches="tight", pad_inches=0.1)
-    plt.close(figure)
+    write(figure, path)
 
 
 def terms(path: Path) -> None:
     """Draw the arm at a bent moment with its terms; the tip enlarged; and where the two laps begin."""
     lap = recorded("lqg", LAP)
     now = lap.at(MOMENT)
-    figure = plt.figure(figsize=(8.2, 4.9))
+    figure = plt.figure(figsize=(WIDTH, 4.8))
     grid = figure.add_gridspec(2, 2, width_ratios=(1.55, 1.0))
     _whole(figure.add_subplot(grid[:, 0]), lap, now)
     _tip(figure.add_subplot(grid[0, 1]), lap, now)
     _starts(figure.add_subplot(grid[1, 1]))
-    save(figure, path)
+    write(figure, path)
 
 
 def _whole(axis: Axes, lap: Lap, now: int) -> None:
@@ -171,7 +151,7 @@ def _say(axis: Axes, at: Any, text: str, colour: str = INK, **look: Any) -> None
 def _tip(axis: Axes, lap: Lap, now: int) -> None:
     tip, sensed, target = lap.tip[now], lap.sensed[now], lap.reference[now]
     bare(axis, (tip[0] - 0.65, tip[0] + 0.85), (tip[1] - 0.6, tip[1] + 0.4))
-    axis.set_title("the tip, enlarged", fontsize=12, color=INK)
+    axis.set_title("the tip, enlarged", color=INK)
     draw_path(axis)
     axis.plot(*lap.tip[: now + 1].T, color=ORANGE, linewidth=1.6)
     draw_arm(axis, lap.q[now])
@@ -185,7 +165,7 @@ def _tip(axis: Axes, lap: Lap, now: int) -> None:
 
 def _starts(axis: Axes) -> None:
     bare(axis, (-7.5, 1.0), (-7.3, 0.5))
-    axis.set_title("where the two laps begin", fontsize=12, color=INK)
+    axis.set_title("where the two laps begin", color=INK)
     draw_path(axis)
     for lap, colour, side in (("plain", SOFT, -1.0), ("swing", INK, 1.0)):
         q = recorded("lqg", lap).q[0]

@@ -9,13 +9,12 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from flexarm_env.simulation.arm import FlexibleArm
-from scripts.common.plotting import COLOURS
+from scripts.common.plotting import INK
 from scripts.docs.replays import FOLDER, INDEX, channels, file_name, read, unpacked
 
 Array = NDArray[np.float64]
 ARM = FlexibleArm()
-BLUE, ORANGE = COLOURS[:2]
-INK, SOFT, PATH = "#1d2433", "#5b6576", "#b4bcc9"
+PATH = "#b4bcc9"
 POINTS = 40  # of a drawn link
 
 
@@ -28,6 +27,7 @@ class Lap(NamedTuple):
         tip: where the true tip is [m]. Shape (n, 2)
         sensed: what the late sensor says [m]. Shape (n, 2)
         reference: where the tip should be [m]. Shape (n, 2)
+        torque: of the motors [N m]. Shape (n, 2)
     """
 
     time: Array
@@ -35,6 +35,12 @@ class Lap(NamedTuple):
     tip: Array
     sensed: Array
     reference: Array
+    torque: Array
+
+    @property
+    def away(self) -> Array:
+        """Distance of the tip from where it should be [m]. Shape (n,)."""
+        return np.asarray(np.linalg.norm(self.tip - self.reference, axis=1))
 
     def at(self, time: float) -> int:
         """Return the index of the instant that is nearest to a time [s]."""
@@ -49,7 +55,7 @@ def recorded(row: str, lap: str) -> Lap:
     q = np.concatenate([found["joints"], found["modal"]], axis=1)
     whole = unpacked(index["data"], [*index["orders"]], index["instants"])
     reference = index["step"] * whole.T[: len(q)]
-    return Lap(one["interval"] * np.arange(len(q)), q, ARM.tip(q), found["sensed"], reference)
+    return Lap(one["interval"] * np.arange(len(q)), q, ARM.tip(q), found["sensed"], reference, found["torque"])
 
 
 def links(q: Array) -> list[Array]:

@@ -12,8 +12,9 @@ from matplotlib.axes import Axes
 
 from flexarm_baselines.optimal import load_plan
 from flexarm_baselines.optimal.plan import PLANS
-from scripts.docs.arm_pictures import LETTERS, PURPLE, save
-from scripts.docs.drawn_arm import ARM, BLUE, INK, ORANGE, recorded
+from scripts.common.plotting import BLUE, INK, ORANGE, WIDTH, write
+from scripts.docs.arm_pictures import LETTERS, PURPLE
+from scripts.docs.drawn_arm import ARM, recorded
 from scripts.optimise.corner import BLEND, CHANGES, changed_lap
 
 SHOWN = (0.77, 0.89)  # of the lap [s]; the tip moves evenly there
@@ -29,7 +30,7 @@ def late_sensor(path: Path) -> None:
     now = 1e3 * READ
     true, read = (float(np.interp(now, time, one)) for one in (tip, sensed))
     then = float(np.interp(read, tip, time))  # when the tip was where the sensor says
-    figure, axis = plt.subplots(figsize=(8.6, 3.8))
+    figure, axis = plt.subplots(figsize=(WIDTH, 3.5))
     axis.plot(time, tip, color=ORANGE, linewidth=2.4)
     axis.plot(time, sensed, color=PURPLE, linewidth=2.4, linestyle="--")
     axis.text(time[-1] + 2.0, tip[-1], "true tip", color=LETTERS, va="center")
@@ -46,7 +47,7 @@ def late_sensor(path: Path) -> None:
     axis.set_xlim(1e3 * SHOWN[0], 1e3 * SHOWN[1] + 20.0)
     axis.set_xlabel("time since the start of the swing lap [ms]")
     axis.set_ylabel("y of the tip [m]")
-    save(figure, path)
+    write(figure, path)
 
 
 def _span(axis: Axes, one: tuple[float, float], other: tuple[float, float], text: str, at: Any, side: str) -> None:
@@ -62,7 +63,7 @@ def corner(path: Path) -> None:
     time = plan.period * np.arange(len(plan.states))
     near = np.abs(time - CORNER) <= ABOUT
     sharp, tip = plan.reference[near], ARM.tip(plan.states[near, : ARM.size])
-    figure, axes = plt.subplots(1, 2, figsize=(9.6, 4.6), sharex=True, sharey=True)
+    figure, axes = plt.subplots(1, 2, figsize=(WIDTH, 4.2), sharex=True, sharey=True)
     changes = {
         "sharp corner": ("nothing", sharp),
         f"rounded over {BLEND:g} s": (rounding.text, problem.reference[near]),
@@ -70,7 +71,7 @@ def corner(path: Path) -> None:
     for axis, (title, (change, target)) in zip(axes, changes.items(), strict=True):
         most = 1e3 * figures[change]["true_tip_max_after_2s"]
         axis.plot(*target.T, color=BLUE, linewidth=3.0)
-        axis.set_title(f"{title}: the best known tip\nis at most {most:.0f} mm off", fontsize=12, color=INK)
+        axis.set_title(f"{title}: the best known tip\nis at most {most:.0f} mm off", color=INK)
         axis.set_aspect("equal")
         axis.set_xlabel("x [m]")
     axes[0].plot(*tip.T, color=ORANGE, linewidth=2.0)
@@ -79,4 +80,4 @@ def corner(path: Path) -> None:
     axes[1].text(6.12, 6.05, "target, and tip\nat this scale", ha="right", va="center", color=BLUE)
     axes[0].set_ylim(4.85, 6.5)
     axes[0].set_ylabel("y [m]")
-    save(figure, path)
+    write(figure, path)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,18 +15,17 @@ from matplotlib.transforms import Bbox
 
 from flexarm_agents.board.summary import nominal_errors
 from scripts.common.markdown import DOCS
-from scripts.docs.arm_pictures import save
-from scripts.docs.drawn_arm import BLUE, INK, ORANGE, SOFT
+from scripts.common.plotting import BLUE, INK, ORANGE, SOFT, WIDTH, write
 
 BOARD, RECORD = DOCS / "leaderboard.json", DOCS / "validation.json"
 LEADER = {"arrowstyle": "-", "linewidth": 0.8, "shrinkA": 1, "shrinkB": 4}
 ARROW = {"arrowstyle": "->", "color": SOFT}
 KINDS = {"reads the true state": SOFT, "controller": BLUE, "trained network": ORANGE}
 MODELS = {
-    "linear, 2 modes": 'arm="linear"',
-    "2 polynomials": "2 polynomials",
-    "3 polynomials": "default arm:\n3 polynomials",
-    "4 polynomials": "4 polynomials",
+    "linear, 2 modes": "linear arm",
+    "2 polynomials": "2 shapes a link",
+    "3 polynomials": "default arm:\n3 shapes a link",
+    "4 polynomials": "4 shapes a link",
 }
 RUNS = {
     "plain, plan with gentle feedback, {}, rms": ("plain lap", BLUE, "o"),
@@ -37,7 +36,7 @@ RUNS = {
 def error_over_loss(path: Path) -> None:
     """Draw the mean error of the two nominal laps over the share of unknown plants that is lost, for each entry."""
     entries = [one for row in json.loads(BOARD.read_text())["rows"] if (one := _entry(row)) is not None]
-    figure, axis = plt.subplots(figsize=(8.6, 5.6))
+    figure, axis = plt.subplots(figsize=(WIDTH, 5.4))
     axis.set_yscale("log")
     axis.set_xlim(-3.0, 100.0)
     axis.set_ylim(22.0, 1400.0)
@@ -51,8 +50,8 @@ def error_over_loss(path: Path) -> None:
     axis.annotate("better", (10.0, 80.0), (18.0, 115.0), color=SOFT, arrowprops=ARROW)
     figure.draw_without_rendering()
     figure.set_layout_engine("none")
-    _label(axis, entries)
-    save(figure, path)
+    label_dots(axis, [(name, KINDS[kind], lost, error) for name, kind, lost, error in entries])
+    write(figure, path)
 
 
 def _entry(row: Mapping[str, Any]) -> tuple[str, str, float, float] | None:
@@ -67,29 +66,43 @@ def _entry(row: Mapping[str, Any]) -> tuple[str, str, float, float] | None:
     return name, kind, 100.0 * lost / episodes, 1e3 * float(np.mean(errors))
 
 
-def _label(axis: Axes, entries: list[tuple[str, str, float, float]]) -> None:
-    """Write each name beside its dot, where it covers no dot and no other name."""
-    pixels = axis.transData.transform([(lost, error) for _, _, lost, error in entries])
-    taken = [Bbox.from_bounds(x - 7.0, y - 7.0, 14.0, 14.0) for x, y in pixels]
+def label_dots(axis: Axes, dots: Sequence[tuple[str, str, float, float]], others: Sequence[Any] = ()) -> None:
+    """Write each name beside its dot, where it covers no dot, no other name and no other name's leader.
+
+    Args:
+        axis: laid out for good.
+        dots: name, colour and place of each.
+        others: further places that names leave free.
+    """
+
+    def boxes(places: Any, size: float) -> list[Bbox]:
+        return [Bbox.from_bounds(x - size, y - size, 2.0 * size, 2.0 * size) for x, y in places]
+
+    taken = boxes(axis.transData.transform([*(place for _, _, *place in dots), *others]), 7.0)
+    names: list[Bbox] = []
     turns = np.radians(np.arange(0.0, 360.0, 15.0))
     offsets = [(r * np.cos(turn), r * np.sin(turn)) for r in (9.0, 18.0, 28.0, 40.0, 54.0, 70.0) for turn in turns]
-    for name, kind, lost, error in sorted(entries, key=lambda one: one[3]):
+    for name, colour, *place in sorted(dots, key=lambda dot: dot[3]):
         for offset in offsets:
             text = axis.annotate(
                 name,
-                (lost, error),
+                (place[0], place[1]),
                 offset,
                 textcoords="offset points",
                 ha="left" if offset[0] > 1.0 else "right" if offset[0] < -1.0 else "center",
                 va="center",
-                fontsize=10,
                 color=INK,
-                arrowprops=LEADER | {"color": KINDS[kind]} if np.hypot(*offset) > 9.5 else None,
+                arrowprops=LEADER | {"color": colour} if np.hypot(*offset) > 9.5 else None,
             )
             text.get_window_extent()  # places the text
             box = Text.get_window_extent(text).padded(1.5)
-            if axis.bbox.x0 < box.x0 and not any(box.overlaps(other) for other in taken):
-                taken.append(box)
+            inside = axis.bbox.x0 < box.x0 and box.x1 < axis.figure.bbox.x1
+            start, way = axis.transData.transform(place), axis.figure.dpi / 72.0 * np.array(offset)
+            leader = boxes((start + share * way for share in np.linspace(0.2, 1.0, 12)), 0.5)
+            crossed = any(one.overlaps(other) for one in leader for other in names)
+            if inside and not crossed and not any(box.overlaps(other) for other in taken):
+                taken += [box, *leader]
+                names.append(box)
                 break
             text.remove()
 
@@ -97,21 +110,17 @@ def _label(axis: Axes, entries: list[tuple[str, str, float, float]]) -> None:
 def distance_from_chain(path: Path) -> None:
     """Draw how far each model of the arm is from a chain of rigid segments in MuJoCo, along the best plans known."""
     quoted = json.loads(RECORD.read_text())["groups"]["plant"]["quoted"]
-    figure, axis = plt.subplots(figsize=(8.6, 3.0))
+    figure, axis = plt.subplots(figsize=(WIDTH, 2.8))
     for row, model in enumerate(reversed(MODELS)):
         for pattern, (title, colour, marker) in RUNS.items():
             away = quoted[pattern.format(model)]
             axis.plot(away, row, marker, color=colour, markersize=9)
             offset = (0, 9 if marker == "o" else -19)
-            axis.annotate(
-                f"{away:.0f}", (away, row), offset, textcoords="offset points", ha="center", fontsize=11, color=colour
-            )
+            axis.annotate(f"{away:.0f}", (away, row), offset, textcoords="offset points", ha="center", color=colour)
             if row == len(MODELS) - 1:
-                axis.annotate(
-                    title, (away, row), (14, offset[1]), textcoords="offset points", fontsize=11, color=colour
-                )
+                axis.annotate(title, (away, row), (14, offset[1]), textcoords="offset points", color=colour)
     axis.set_yticks(range(len(MODELS)), list(reversed(MODELS.values())))
     axis.set_ylim(-0.6, len(MODELS) - 0.4)
     axis.set_xlim(0.0, 70.0)
     axis.set_xlabel("r.m.s. distance of the tip from the MuJoCo chain's over a lap of 16 s [mm]")
-    save(figure, path)
+    write(figure, path)

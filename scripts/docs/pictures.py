@@ -11,7 +11,7 @@ import tyro
 from flexarm_env.validation import choice
 from scripts.common.command_line import run
 from scripts.common.markdown import DOCS
-from scripts.docs import arm_pictures, motion_pictures, overview_pictures
+from scripts.docs import arm_pictures, lap_pictures, motion_pictures, overview_pictures
 
 PICTURES: dict[str, Callable[[Path], None]] = {
     "first_second.webp": arm_pictures.moving,
@@ -21,6 +21,9 @@ PICTURES: dict[str, Callable[[Path], None]] = {
     "corner.png": motion_pictures.corner,
     "error_over_loss.png": overview_pictures.error_over_loss,
     "distance_from_chain.png": overview_pictures.distance_from_chain,
+    "leaderboard/errors.png": lap_pictures.errors,
+    "leaderboard/corners.png": lap_pictures.corners,
+    "leaderboard/effort.png": lap_pictures.effort,
 }
 
 

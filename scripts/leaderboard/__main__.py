@@ -8,10 +8,9 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import tyro
 from tqdm import tqdm
@@ -32,18 +31,12 @@ from flexarm_env.validation import choice
 from scripts.common.command_line import run
 from scripts.common.markdown import DOCS, filled
 from scripts.common.result_files import write_json
-from scripts.leaderboard.animation import animate
-from scripts.leaderboard.pictures import SHOWN, delays, draw, heat_map
-from scripts.leaderboard.runs import nominal_runs
+from scripts.leaderboard.pictures import draw
 from scripts.leaderboard.times import times, times_table
 
 PICTURES = {
-    "heat_map.png": "Share of laps that each entry loses along each axis, and its mean error",
+    "heat_map.png": "Share of laps that each entry loses along each axis, or its mean error",
     "delays.png": "Delays with which an entry loses no lap, and with which its error is below twice the nominal one",
-    "corners.png": "The tip's paths where the reference begins and turns",
-    "errors.png": "Error against time on both laps",
-    "effort.png": "Error against effort, with the best plans known",
-    "four.gif": "Four entries on the swing lap, at twice their speed",
 }
 TIMES = "times.json"
 PAGE = "leaderboard.md"
@@ -67,8 +60,6 @@ class Options:
     """Where cells are computed: processes, ray, slurm, or submitit-local, a trial of slurm on this machine."""
     submitit: str = "{}"
     """Parameters of submitit as a JSON object, e.g. {"slurm_partition": "cpu"}."""
-    pictures: bool = True
-    """Draw pictures, for which the rows run nominal laps again."""
     without: tuple[str, ...] = ()
     """Names of rows to leave out."""
     times: bool = False
@@ -76,16 +67,7 @@ class Options:
     docs: bool = False
     """Bring docs/leaderboard.md, its JSON and its pictures up to date."""
     measure: bool = True
-    """Without it, only the tables, and the pictures that need no run, are made anew from docs/leaderboard.json."""
-
-
-def illustrate(rows: Sequence[Row], results: Mapping[str, Any], folder: Path) -> None:
-    """Draw the pictures, and an animation of four rows."""
-    runs = nominal_runs(rows)
-    draw(results, runs, folder)
-    four = [name for name in SHOWN if name in runs][:4]
-    if four:
-        animate({name: runs[name]["swing"] for name in four}, folder / "four.gif")
+    """Without it, only the tables and the pictures are made anew from docs/leaderboard.json."""
 
 
 def update_docs(folder: Path) -> None:
@@ -116,9 +98,7 @@ def present(folder: Path) -> None:
                 column["breaking"] = breaking(COLUMNS[name], column["points"])
     shutil.rmtree(folder, ignore_errors=True)
     write(results, folder)
-    (folder / "figures").mkdir()
-    for draw_one in (heat_map, delays):
-        draw_one(results, folder / "figures")
+    draw(results, folder / "figures")
     update_docs(folder)
 
 
@@ -163,9 +143,7 @@ def main() -> None:
             found = times(rows, bar.update)
         write_json(options.output / TIMES, found)
         put(options.output / "times.md", lambda aside: aside.write_text(times_table(found)))
-    if options.pictures:
-        names = {row["name"] for row in results["rows"]}
-        illustrate([row for row in rows if row.name in names], results, options.output / "figures")
+    draw(results, options.output / "figures")
     print(tables(results).get("ranking", ""), end="")
     print(f"{options.output}: board {BOARD}, {len(results['rows'])} of {len(rows)} rows")
     check_failures(failed, options.output, INCOMPLETE)

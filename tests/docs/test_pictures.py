@@ -12,7 +12,7 @@ from PIL import Image
 
 from flexarm_agents.board.summary import nominal_errors
 from scripts.common.markdown import DOCS
-from scripts.docs import motion_pictures, overview_pictures
+from scripts.docs import lap_pictures, motion_pictures, overview_pictures
 from scripts.docs.arm_pictures import COMPARED, LAP, Lap, still, terms
 from scripts.docs.drawn_arm import ARM, links, recorded, rigid
 from scripts.docs.pictures import PICTURES
@@ -28,13 +28,12 @@ def lap() -> Lap:
     return recorded("lqg", LAP)
 
 
-@pytest.mark.parametrize("row", COMPARED)
+@pytest.mark.parametrize("row", {*COMPARED, *lap_pictures.SHOWN})
 def test_a_drawn_lap_is_the_one_that_the_board_measured(row: str) -> None:
     one = recorded(row, LAP)
-    away = np.linalg.norm(one.tip - one.reference, axis=1)
     errors = nominal_errors(ROWS[row])[LAP]
     assert errors is not None
-    assert np.sqrt(np.mean(away**2)) == pytest.approx(errors["rms"], abs=2e-4)
+    assert np.sqrt(np.mean(one.away**2)) == pytest.approx(errors["rms"], abs=2e-4)
 
 
 def test_the_arm_is_drawn_as_it_is_bent(lap: Lap) -> None:
@@ -46,7 +45,11 @@ def test_the_arm_is_drawn_as_it_is_bent(lap: Lap) -> None:
 
 
 @pytest.mark.parametrize(
-    "draw", [still, terms, overview_pictures.distance_from_chain, motion_pictures.late_sensor, motion_pictures.corner]
+    "draw",
+    [
+        *(still, terms, overview_pictures.distance_from_chain, motion_pictures.late_sensor, motion_pictures.corner),
+        *(lap_pictures.corners, lap_pictures.effort),
+    ],
 )
 def test_a_picture_is_written(draw: object, tmp_path: Path) -> None:
     assert callable(draw)
@@ -57,7 +60,7 @@ def test_a_picture_is_written(draw: object, tmp_path: Path) -> None:
 
 def test_every_entry_has_a_dot_and_its_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     axes = []
-    monkeypatch.setattr(overview_pictures, "save", lambda figure, path: axes.extend(figure.axes))
+    monkeypatch.setattr(overview_pictures, "write", lambda figure, path: axes.extend(figure.axes))
     overview_pictures.error_over_loss(tmp_path / "unused.png")
     written = {text.get_text() for text in axes[0].texts}
     complete = {name for name, row in ROWS.items() if None not in nominal_errors(row).values()}

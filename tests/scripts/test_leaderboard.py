@@ -9,9 +9,7 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
-from PIL import Image
 
 from flexarm_agents.board import measure as measuring
 from flexarm_agents.board.cells import Store
@@ -29,7 +27,6 @@ from flexarm_env.analysis import delay_margin, law_loop
 from scripts.common.markdown import DOCS
 from scripts.leaderboard import __main__ as study
 from scripts.leaderboard import pictures
-from scripts.leaderboard.animation import animate
 from tests.support.boards import SHORT, SMALL, files
 from tests.support.refusals import refuses
 
@@ -184,8 +181,6 @@ def test_what_is_shown_may_be_made_anew_without_measuring(tmp_path: Path, monkey
     (tmp_path / "README.md").write_text("")
     shutil.copyfile(DOCS / measuring.DATA, docs / measuring.DATA)
     monkeypatch.setattr(study, "DOCS", docs)
-    for name in ("heat_map", "delays"):
-        monkeypatch.setattr(study, name, lambda results, folder, name=name: (folder / f"{name}.png").touch())
     study.present(tmp_path / "presented")
     page = (docs / study.PAGE).read_text()
     assert "| lqg | 48.8 % |" in page
@@ -203,26 +198,9 @@ def test_the_exact_margin_is_that_of_the_law_on_the_late_sensor() -> None:
     assert found["ifdc_late_rates"]["most"] < 1e-3 < 0.1 < found["ifdc_late"]["least"]
 
 
-@pytest.mark.slow
-def test_pictures_are_drawn_of_what_the_board_has(tmp_path: Path) -> None:
-    arm, time = FlexibleArm(), 0.05 * np.arange(321)
-    states = np.zeros((len(time), 2 * arm.size))
-    states[:, 0] = 0.1 * time
-    tips = arm.tip(states[:, : arm.size])
-    run = arm.record(time, states, np.outer(np.sin(time), [20.0, 5.0]), reference=tips + 0.01)
-    names = ("ifdc", "lqg", "lost", "plan_lqr")
-    rows = [row(name, None if name == "lost" else 0.1 * n, 0.2, n == 3) for n, name in enumerate(names, 1)]
-    point = rows[0]["columns"]["nominal"]["points"][0]
-    for one in rows:
-        one["columns"]["delay"] = {"points": [point] * 25, "breaking": BREAKING}
-        one["delay_margin"] = {"least": 0.05, "most": 0.06} if one["name"] == "lost" else None
-    board = measuring.board(rows, {name: COLUMNS[name] for name in ("nominal", "delay", "payload", "unknown")})
-    runs = {name: {"swing": run, "plain": run} for name in names}
-    pictures.draw(board, runs, tmp_path)
-    animate(dict.fromkeys(names[:2], run), tmp_path / "four.gif")
-    assert {path.name for path in tmp_path.iterdir() if path.suffix != ".svg"} == set(study.PICTURES)
-    with Image.open(tmp_path / "four.gif") as moving:
-        assert moving.n_frames == 81
+def test_a_board_without_an_axis_has_no_picture(tmp_path: Path) -> None:
+    pictures.draw(measuring.board([row("ifdc", 0.1, 0.2, False)], {"nominal": COLUMNS["nominal"]}), tmp_path)
+    assert not list(tmp_path.iterdir())
 
 
 def test_the_page_has_a_place_for_every_table_and_picture(tmp_path: Path) -> None:
