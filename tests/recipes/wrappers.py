@@ -320,10 +320,10 @@ HEAD = """# Gymnasium's wrappers and vectors
 
 <!-- written by tests/recipes/wrappers.py -->
 
-Each row is a test (`tests/recipes/test_wrappers.py`): the wrapped environment against the bare one, with the same seed
-and actions. Wrappers for pictures and for dict observations are left out, since observations are vectors of numbers;
-so is `HumanRendering`, since `render_mode="human"` has a window of its own. `NumpyToTorch` and its kin need
-`array-api-compat`, which none of our extras brings, and were not tried.
+Which of Gymnasium's wrappers work with FlexArm? All below; `tests/recipes/test_wrappers.py` compares the wrapped
+environment with the bare one, with the same seed and actions. Wrappers for pictures and for dict observations do not
+apply, because observations are vectors; nor does `HumanRendering`, because `render_mode="human"` has its own window.
+`NumpyToTorch` and its variants need `array-api-compat` and were not tried.
 
 """
 
