@@ -7,13 +7,11 @@ import re
 import textwrap
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import tyro
 
 from flexarm_env.envs import documentation as doc
 from flexarm_env.envs import documentation_texts as texts
-from flexarm_env.envs.batch import COSTS
 from flexarm_env.envs.blocks import BLOCKS
 from flexarm_env.envs.per_env import OPTIONS as PER_ENV
 from flexarm_env.envs.registration import IDS, NAMESPACE, Id
@@ -27,7 +25,6 @@ from scripts.docs.to_beat import to_beat
 
 PAGES = DOCS / "environments"
 WIDTH = 118  # of prose
-_LANES = " or ".join(", ".join(map(str, COSTS)).rsplit(", ", 1))
 _INTRODUCTION = """\
 FlexArm simulates a planar arm of two very flexible links, 9 m long, whose tip should follow a path. The ids differ in
 what an action is, which sensors the arm has, what is drawn for each episode, and in the path; all these are options of
@@ -43,56 +40,8 @@ The option `start` says how the arm begins an episode. `reset(options={"start": 
 [other options of a reset](options.md#options-of-a-reset) choose time, path, direction, elbow, quantities or state."""
 _BATCH = """\
 A batch is one environment that steps all its arms in one compiled loop, far faster than as many single environments.
-Observations, rewards and flags are arrays with a row for each arm:"""
-_AUTORESET = """\
-With `NextStep`, Gymnasium's default, the step after the end of an episode begins the next one: its action is ignored,
-its reward is 0, and its info is that of a reset. With `SameStep`, the step that ends an episode returns the first
-observation of the next one; the last observation is `infos["final_obs"][i]`, its info `infos["final_info"]`. TorchRL
-takes `SameStep` or `Disabled` only. In `infos`, `_name` says which environments have the key `name`; these masks are
-shared among keys and cannot be written to. `autoreset_mode` is an argument of the environment; Gymnasium's
-`SyncVectorEnv` and `AsyncVectorEnv` (`vectorization_mode="sync"`) take theirs in `vector_kwargs`."""
-_KERNELS = f"""\
-The number of arms selects the kernel: for blocks of {_LANES} arms, or for a single environment. Each is
-compiled once for each kind of environment, in 6 to 8 s of one core, and kept; several sizes may need several kernels.
-`flexarm warm-up Square-v0 --num-envs 1 64 1024` compiles them in advance."""
-_LEARNER = """\
-Stable-Baselines3 takes a batch through `flexarm_agents.FlexArmVecEnv` (extra `train`). Call `torch.set_num_threads(1)`
-before the training: several threads are no faster on small networks, and many times slower where other work runs.
-`set_options({"parameters": {"delay": 0.02}})` applies to the episodes that the next `reset()` begins. For other options
-from some step on, as in a curriculum, make another batch and give it to the model:"""
-_CURRICULUM = f"""\
-```python
-import torch
-from flexarm_agents import FlexArmVecEnv
-from stable_baselines3 import PPO
-from stable_baselines3.common.vec_env import VecMonitor
-
-torch.set_num_threads(1)
-easy, hard = (
-    VecMonitor(FlexArmVecEnv.make("{NAMESPACE}/Square-v0", num_envs=16, error_limit=limit)) for limit in (5.0, 2.5)
-)
-model = PPO("MlpPolicy", easy, n_steps=64, batch_size=1024, device="cpu")
-model.learn(1024)
-model.set_env(hard)
-model.learn(1024, reset_num_timesteps=False)
-```"""
-_PER_ENV = """\
-With `per_env`, the arms of a batch have options of their own, for example to measure robustness: a list for each
-option, with a value for each environment ([which options](options.md#options-of-an-environment)). Environment i is the
-single environment made with its options, bit for bit. Action mode, mode shapes, link lengths, kinematics and
-integration step must be the same for all; where arms need different steps, give all the same `physics_step`. The
-bounds of the observation space are the widest of all."""
-_SWEEP = f"""\
-```python
-import gymnasium
-
-envs = gymnasium.make_vec(
-    "flexarm_env:{NAMESPACE}/Square-v0",
-    num_envs=3,
-    per_env={{"jitter": [0.0, 0.01, 0.02], "arm": [{{}}, {{"payload_mass": 0.5}}, {{"joint_friction": (1.0, 1.0)}}]}},
-)
-observations, infos = envs.reset(seed=0)
-```"""
+Observations, rewards and flags are arrays with a row for each arm. [Use batches](../how_to/batch.md) explains kernels,
+autoreset modes, threads, arms that differ, and batches for Stable-Baselines3."""
 _OPTIONS = """\
 Every option is an argument of `make` and `make_vec`. The defaults here are those of `FlexArm/Square-v0`; the page of an
 id lists those that it changes. [Environments](README.md) explains frames, delays, starts and ends."""
@@ -150,12 +99,7 @@ def index() -> str:
         "How an episode starts": [_START, doc.start_table()],
         "How it ends": [texts.ENDING, doc.end_table()],
         "Infos": [f"{texts.INFO}\n[Keys](options.md#keys-of-infos) lists them.", texts.EPISODE, doc.episode_table()],
-        "Make a batch": [
-            *(_BATCH, _batch(), doc.parameter_table(vector), _KERNELS),
-            *(_AUTORESET, _batch(autoreset_mode="SameStep")),
-        ],
-        "Batches for Stable-Baselines3": [_LEARNER, _CURRICULUM],
-        "Environments that differ": [_PER_ENV, _SWEEP],
+        "Make a batch": [_BATCH, _batch(), doc.parameter_table(vector)],
         "Seeds": [texts.SEEDS],
         "Frames and units": [texts.FRAMES],
         "The side of the elbow": [texts.BRANCHES],
@@ -224,20 +168,16 @@ for _ in range(100):
 ```"""
 
 
-def _batch(**arguments: Any) -> str:
-    given = "".join(f', {name}="{value}"' for name, value in arguments.items())
-    call = f'gymnasium.make_vec("flexarm_env:{NAMESPACE}/Square-v0", num_envs=16{given})'
-    lines = [
-        "import gymnasium",
-        "",
-        f"envs = {call}",
-        "observations, infos = envs.reset(seed=0)",
-        "for _ in range(100):",
-    ]
-    lines.append("    observations, rewards, terminated, truncated, infos = envs.step(envs.action_space.sample())")
-    if arguments:
-        lines += ["    for i in (terminated | truncated).nonzero()[0]:", '        last = infos["final_obs"][i]']
-    return "\n".join(["```python", *lines, "```"])
+def _batch() -> str:
+    return f"""\
+```python
+import gymnasium
+
+envs = gymnasium.make_vec("flexarm_env:{NAMESPACE}/Square-v0", num_envs=16)
+observations, infos = envs.reset(seed=0)
+for _ in range(100):
+    observations, rewards, terminated, truncated, infos = envs.step(envs.action_space.sample())
+```"""
 
 
 def _ids() -> str:

@@ -14,7 +14,7 @@ from scripts.docs.snippets import LONG
 
 ROOT = Path(__file__).resolve().parents[2]
 README = ROOT / "README.md"
-FOLDERS = ("docs", "docs/environments", "docs/tutorials")
+FOLDERS = ("docs", "docs/environments", "docs/how_to", "docs/reference", "docs/tutorials")
 PAGES = [README, *(page for folder in FOLDERS for page in sorted((ROOT / folder).glob("*.md")))]
 
 
