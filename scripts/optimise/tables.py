@@ -34,22 +34,20 @@ def _lap(name: str, report: dict[str, Any]) -> list[str]:
 
 
 def pareto(folder: Path) -> str:
-    """Show error against effort on plain laps."""
+    """Show error against effort on the default arm's plain lap."""
     found = reports(folder)
-    head = ["arm, lap", "weight on changes [m²]", "error [mm]", *EFFORTS.values()]
+    head = ["weight on changes [m²]", "error [mm]", *EFFORTS.values()]
     return table(
         head,
         [
-            [_words(name), f"{row['change_weight']:g}", _errors(row), *_efforts(row)]
-            for name, report in found.items()
-            if parts(name)[2] == "plain"
-            for row in report.get("pareto", [])
+            [f"{row['change_weight']:g}", _errors(row), *_efforts(row)]
+            for row in found["default_plain"].get("pareto", [])
         ],
     )
 
 
 def regulated(folder: Path) -> str:
-    """Show the errors of other arms under regulators along the plans of the square."""
+    """Show the errors of other arms under regulators along the default arm's plans of the square."""
     found = reports(folder)
     cases = list(CASES)
     return table(
@@ -57,7 +55,7 @@ def regulated(folder: Path) -> str:
         [
             [_words(name), regulator, *(_errors(rows[case]) for case in cases)]
             for name, report in found.items()
-            if parts(name)[1] == "square"
+            if parts(name)[:2] == ("default", "square")
             for regulator, rows in report["regulated"].items()
         ],
     )
