@@ -73,7 +73,6 @@ def write_tables(folder: Path, results: dict[str, Any]) -> None:
     """Every table as Markdown."""
     texts = {
         "zeros_by_model": tables.zeros_by_model(results["zeros"]["by_model"]),
-        "zeros_by_position": tables.zeros_by_position(results["zeros"]["by_position"]),
         "passivity": tables.passivity(results["passivity"]["rows"]),
         "margins": tables.margins(results["margins"], results["room"]),
         "margins_claim": tables.margins_claim(results["room"]),

@@ -7,16 +7,6 @@ from typing import Any
 from scripts.common.markdown import table
 
 
-def _root(value: list[float]) -> str:
-    """Write a zero: a plain number on the right of the axis, with a j on it."""
-    real, imaginary = value
-    if abs(imaginary) < 1e-6 * abs(real):
-        return f"{real:.1f}"
-    if abs(real) < 1e-6 * abs(imaginary):
-        return f"{imaginary:.1f}j"
-    return f"{real:.0f} ± {imaginary:.0f}j"
-
-
 def zeros_by_model(rows: list[dict[str, Any]]) -> str:
     """Write the slowest right-half-plane zero and the bandwidth limit that follows."""
     head = [
@@ -39,22 +29,6 @@ def zeros_by_model(rows: list[dict[str, Any]]) -> str:
         for r in rows
     ]
     return table(head, body)
-
-
-def zeros_by_position(rows: list[dict[str, Any]]) -> str:
-    """All zeros of magnitude below 400 rad/s."""
-    models = [name for name in rows[0] if name not in ("position", "exact beam")]
-
-    def shown(values: list[list[float]]) -> str:
-        near = [v for v in values if abs(complex(*v)) < 400.0]
-        return ", ".join(_root(v) for v in near)
-
-    def beam(value: dict[str, list[float]]) -> str:
-        every = [[r, 0.0] for r in value["real"]] + [[0.0, i] for i in value["imaginary"]]
-        return shown(sorted(every, key=lambda v: abs(complex(*v))))
-
-    body = [[f"{r['position']:g}", *(shown(r[m]) for m in models), beam(r["exact beam"])] for r in rows]
-    return table(["s [m]", *models, "exact beam, link 2 alone"], body)
 
 
 def passivity(rows: list[dict[str, Any]]) -> str:

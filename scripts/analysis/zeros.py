@@ -21,7 +21,6 @@ from flexarm_env.analysis import (
 )
 
 ELBOW = 1.5  # [rad]; for straight links the zeros do not depend on it, which `spread` shows
-POSITIONS = (0.5, 1.0, 2.0, 2.25, 2.5, 3.0, 3.5, 4.0, 4.5)  # [m]; of the table
 LOOP_BANDWIDTH = float(np.sqrt(150.79))  # [rad/s]; of the paper's law on a unit mass (11)
 CORNER = (-6.3, 6.3)
 
@@ -106,22 +105,9 @@ def by_model(models: dict[str, FlexibleArm]) -> list[dict[str, Any]]:
     return rows
 
 
-def by_position(models: dict[str, FlexibleArm]) -> list[dict[str, Any]]:
-    """At each of `POSITIONS` the zeros of each model and of the exact beams, as [re, im]."""
-    rows = []
-    points = {name: bent(arm) for name, arm in models.items()}
-    for s in POSITIONS:
-        row: dict[str, Any] = {"position": s}
-        for name, point in points.items():
-            row[name] = [[v.real, v.imag] for v in point_zeros(point, s)]
-        row["exact beam"] = exact(s)
-        rows.append(row)
-    return rows
-
-
-def exact(position: float, count: int = 3) -> dict[str, list[float]]:
-    """Find the exact beams' real and imaginary zeros, with the sensor at the point of link 2."""
-    found = link_zeros(undamped(1), 2, position, count)
+def exact(position: float) -> dict[str, list[float]]:
+    """Find the first four real and imaginary zeros of the exact beams, with the sensor at the point of link 2."""
+    found = link_zeros(undamped(1), 2, position, 4)
     return {"real": found.real.tolist(), "imaginary": found.imaginary.tolist()}
 
 
@@ -132,7 +118,7 @@ def locus(models: dict[str, FlexibleArm], points: int) -> dict[str, Any]:
     for name, arm in models.items():
         point = bent(arm)
         found[name] = [[[v.real, v.imag] for v in upper_zeros(point, float(s))] for s in positions]
-    found["exact beam"] = [exact(float(s), 4) for s in positions]
+    found["exact beam"] = [exact(float(s)) for s in positions]
     found["exact link 1"] = link_zeros(undamped(1), 1, 4.5, 3).real.tolist()
     return found
 
@@ -144,7 +130,6 @@ def study(quick: bool) -> dict[str, Any]:
     damped = {"2 modes, 1 % (linear arm)": FlexibleArm(ArmParameters.linear())}
     return {
         "by_model": by_model(models | damped),
-        "by_position": by_position(models),
         "locus": locus({n: arm for n, arm in (models | damped).items() if not n.startswith("3")}, 20 if quick else 400),
         "spread": {str(m): spread(m) for m in counts},
     }
