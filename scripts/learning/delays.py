@@ -38,8 +38,8 @@ REMEDIES = {
     "observer": "Kalman filter in front",
 }
 YARDSTICKS = {
-    "known": {"lqg": "`lqg`", "student": "taught (`student`)"},
-    "unknown": {"lqg_adaptive": "`lqg_adaptive`", "student_unknown": "taught (`student_unknown`)"},
+    "known": {"lqg": "`lqg`", "student": "student (`student`)"},
+    "unknown": {"lqg_adaptive": "`lqg_adaptive`", "student_unknown": "student (`student_unknown`)"},
 }
 PICTURE = "delays.png"
 

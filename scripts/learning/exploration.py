@@ -209,7 +209,7 @@ def tables(agents: Records, folder: Path) -> Mapping[str, str]:
     env, plan = make_one(SQUARE), from_controller("plan_lqr", SQUARE, {})
     several: dict[str, list[Laps]] = {
         "best plan, true state (`plan_lqr`)": [laps_of(Driver(plan.env, plan.policy))],
-        "taught (`student_gauges`)": [laps_of(Driver(env, load_policy("student_gauges").policy))],
+        "student (`student_gauges`)": [laps_of(Driver(env, load_policy("student_gauges").policy))],
     }
     for one in (env, plan.env):
         one.close()

@@ -25,7 +25,7 @@ TEXTS = {
     "fixed": "PPO, trained on two shapes",
     "drawn": "PPO, trained on two shapes, stiffness and damping drawn",
 }
-YARDSTICKS = {"lqg": "`lqg`, designed on three shapes", "student": "taught on three shapes (`student`)"}
+YARDSTICKS = {"lqg": "`lqg`, designed on three shapes", "student": "student on three shapes (`student`)"}
 
 
 def tables(agents: Records, folder: Path) -> Mapping[str, str]:

@@ -66,10 +66,10 @@ AGENTS: dict[str, Shipped] = {
         schedulers.STUDY.agents["paper"],
         study="schedulers/paper",
     ),
-    "student": Shipped("taught, encoders and late tip (`student`)", TeachingConfig(options=LATE_TIP)),
-    "student_gauges": Shipped("taught, strain gauges too (`student_gauges`)", TeachingConfig()),
+    "student": Shipped("student, encoders and late tip (`student`)", TeachingConfig(options=LATE_TIP)),
+    "student_gauges": Shipped("student, strain gauges too (`student_gauges`)", TeachingConfig()),
     "student_unknown": Shipped(
-        "taught on the unknown plant (`student_unknown`)",
+        "student, random arms (`student_unknown`)",
         TeachingConfig(
             environment="FlexArm/SquareUnknown-v0",
             options={"last_actions": 1},

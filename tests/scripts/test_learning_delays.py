@@ -108,7 +108,7 @@ def test_the_table_and_the_picture(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     assert cells[-1] == "lost / lost / lost"
     for axis in drawn[0].axes:
         assert len(axis.lines) == len(delays.REMEDIES) + 2
-        assert np.isnan(axis.lines[-1].get_ydata()[-1]) == axis.get_title().startswith("plain")
+        assert np.isnan(axis.lines[-1].get_ydata()[-1]) == axis.get_title(loc="left").startswith("plain")
     for figure in drawn:
         plt.close(figure)
     assert (tmp_path / delays.PICTURE).stat().st_size > 10_000
