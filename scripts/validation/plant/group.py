@@ -98,7 +98,6 @@ def tables(findings: Findings) -> dict[str, str]:
     """Return the tables of docs/plant.md."""
     return {
         "plant_control": _control_table(findings.records),
-        "plant_laws": _laws_table(findings.records),
         "plant_damping": _damping_table(findings.records),
     }
 
@@ -126,17 +125,6 @@ def _control_table(records: Mapping[str, Any]) -> str:
         rows.append([lap, controller, *away, scores, changes])
     first, last = "default arm: from the chain, r.m.s. [mm]", "score on the default arm, on the chain [mm]"
     return table(["lap", "controller", first, *plants, last, "torque change there, r.m.s. [N m]"], rows)
-
-
-def _laws_table(records: Mapping[str, Any]) -> str:
-    laws = list(study.LAW_SECONDS)
-    plants = list(dict.fromkeys(row["plant"] for row in records["laws"]))
-    rows = []
-    for plant in plants:
-        found = [study.find_row(records["laws"], law=law, plant=plant) for law in laws]
-        rows.append([plant, *(_mm(row["rms"]) for row in found)])
-    header = [f"{law.upper()}, {study.LAW_SECONDS[law]:g} s: r.m.s. [mm]" for law in laws]
-    return table(["undamped arm", *header], rows)
 
 
 def _damping_table(records: Mapping[str, Any]) -> str:
