@@ -14,38 +14,43 @@ from numpy.typing import NDArray
 from flexarm_baselines import paper_system
 from flexarm_env import FlexibleArm, Trajectory
 from flexarm_env.metrics import elbow_changes
-from scripts.common.plotting import save
+from scripts.common.plotting import BLUE, COLOURS, GREEN, INK, ORANGE, SOFT, WIDTH, headline, save
 from scripts.paper.cases import SENSINGS
 
 Array = NDArray[np.float64]
 STYLE: dict[str, dict[str, Any]] = {
-    "collocated": {"color": "#0072B2", "linestyle": "-", "label": "collocated"},
-    "nmp": {"color": "#D55E00", "linestyle": "-", "label": "noncollocated (NMP)"},
-    "corrected": {"color": "#111111", "linestyle": (0, (2, 2.5)), "label": "NMP corrected"},
+    "collocated": {"color": BLUE, "linestyle": "-", "label": "collocated"},
+    "nmp": {"color": ORANGE, "linestyle": "-", "label": "noncollocated"},
+    "corrected": {"color": INK, "linestyle": (0, (2, 2.5)), "label": "noncollocated, corrected"},
 }
-REFERENCE: dict[str, Any] = {"color": "0.35", "linestyle": ":", "linewidth": 1.4, "label": "reference"}
+OVERLAID = {
+    "tip": " (on the same path)",
+    "elbow": " (all three nearly coincide)",
+}  # what the dashed line shows, by place
+REFERENCE: dict[str, Any] = {"color": SOFT, "linestyle": ":", "linewidth": 1.4, "label": "reference"}
 CONTROLLER = {"ifdc": "IFDC", "flsac": "FLSAC"}
-LINKS = ("#0072B2", "#D55E00")
-CHANGE: dict[str, Any] = {"color": "#CC79A7", "linewidth": 1.6, "label": "elbow changes sides"}
+LINKS = (BLUE, ORANGE)
+CHANGE: dict[str, Any] = {"color": COLOURS[3], "linewidth": 1.6, "label": "elbow changes sides"}
 THIN = 5  # every fifth ms is drawn: more points than an A4 page has dots
 
 
 def fuzzy_sets(folder: Path) -> None:
     """Figure 2: input and output membership functions."""
     system = paper_system()
-    figure, axes = plt.subplots(1, 2, figsize=(11, 3.6))
+    figure, axes = plt.subplots(1, 2, figsize=(WIDTH, 3.0), sharey=True)
     panels = (
-        (axes[0], system.inputs[0], "(a) input $\\delta_1$, $\\delta_2$", ("N", "ZERO", "P")),
-        (axes[1], system.output, "(b) output $\\lambda$", ("ZERO", "PM", "PMAX")),
+        (axes[0], system.inputs[0], "(a) input: a link's deflection", ("N", "ZERO", "P")),
+        (axes[1], system.output, "(b) output: the gain", ("ZERO", "PM", "PMAX")),
     )
     for axis, variable, title, names in panels:
         x = np.linspace(*variable.universe, 1001)
-        for triangle, name in zip(variable.sets, names, strict=True):
-            axis.plot(x, triangle.membership(x), linewidth=2)
-            axis.annotate(name, (triangle.peak, 1.03), ha="center")
-        axis.set(title=title, ylabel="membership", ylim=(0, 1.15), xlim=variable.universe)
-    axes[0].set_xlabel("$\\delta$ = tip deflection / 0.2 m, times $K_n$")
-    axes[1].set_xlabel("gain $\\lambda$")
+        sides = ("left", "center", "right")
+        for triangle, name, colour, side in zip(variable.sets, names, (BLUE, ORANGE, GREEN), sides, strict=True):
+            axis.plot(x, triangle.membership(x), color=colour, linewidth=2)
+            axis.text(triangle.peak, 1.04, name, color=colour, ha=side)
+        axis.set(title=title, ylim=(0, 1.2), xlim=variable.universe)
+    axes[0].set(xlabel="$\\delta$: tip deflection / 0.2 m, times $K_n$ [1]", ylabel="membership [1]")
+    axes[1].set_xlabel("gain $\\lambda$ [1]")
     save(figure, folder, "fig2")
 
 
@@ -68,14 +73,16 @@ def paths(
     }
     if not chosen:
         return
-    figure, axes = plt.subplots(1, 2, figsize=(12.5, 6.4), sharex=True, sharey=True)
+    figure, axes = plt.subplots(1, 2, figsize=(WIDTH, 5.0), sharex=True, sharey=True)
     for axis, tip in zip(axes, ("rigid", "true"), strict=True):
         reference = next(iter(chosen.values())).reference
         assert reference is not None
         axis.plot(*reference.T, **REFERENCE)
         for sensing, run in chosen.items():
             path = run.rigid_tip if tip == "rigid" else run.tip
-            axis.plot(*path[::THIN].T, linewidth=1.5, **STYLE[sensing])
+            (line,) = axis.plot(*path[::THIN].T, linewidth=1.5, **STYLE[sensing])
+            if sensing == "corrected" and len(chosen) == len(SENSINGS):
+                line.set_label(f"{line.get_label()}{OVERLAID[place]}")
         if place == "tip":  # with the other sensor the stretched arm swings through the straight pose all the time
             _mark_changes(axis, chosen, tip, zoom)
         if zoom is not None:
@@ -84,14 +91,14 @@ def paths(
         axis.set_xlabel("x [m]")
         if place == "elbow":
             _inset_of_the_start(axis, chosen, tip)
-    axes[0].set(ylabel="y [m]", title="end effector by rigid kinematics, as in the paper")
-    axes[1].set_title("true end effector, with deflection")
+    axes[0].set(ylabel="y [m]", title="rigid tip, as the paper plots it")
+    axes[1].set_title("true tip")
     if zoom is None:
         axes[0].set(xlim=(-9.6, 9.6), ylim=(-9.6, 9.6))
     else:
         axes[0].set(xlim=(-6.3 - zoom, -6.3 + zoom), ylim=(6.3 - zoom, 6.3 + zoom))
-    figure.suptitle(title)
-    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=5)
+    headline(figure, title)
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower left", ncols=2)
     save(figure, folder, name)
 
 
@@ -127,30 +134,27 @@ def _show_direction(axis: Axes, reference: Array, runs: dict[str, Trajectory], t
         for number, time in enumerate(quarters):
             at = path[np.argmin(np.abs(run.time - time))]
             axis.plot(*at, "o", color=STYLE[sensing]["color"], markersize=5, zorder=4)
-            if number % 2 == 0:
-                offset = (-34, 3) if sensing == "nmp" else (7, -10)
-                axis.annotate(
-                    f"{time:.1f} s", at, offset, textcoords="offset points", fontsize=9, color=STYLE[sensing]["color"]
-                )
+            if number % 4 == 2:
+                offset = (-34, 6) if sensing == "nmp" else (8, -16)
+                axis.annotate(f"{time:.1f} s", at, offset, textcoords="offset points", color=STYLE[sensing]["color"])
 
 
 def _inset_of_the_start(axis: Axes, runs: dict[str, Trajectory], tip: str) -> None:
     """Where the circle begins, larger, in the empty middle of the square."""
-    inset = axis.inset_axes((0.33, 0.22, 0.34, 0.56))
+    inset = axis.inset_axes((0.36, 0.25, 0.34, 0.5))
     for sensing, run in runs.items():
         path = run.rigid_tip if tip == "rigid" else run.tip
         inset.plot(*path[:4000].T, linewidth=1.1, **STYLE[sensing])
-    inset.set(xlim=(-9.3, -6.0), ylim=(-6.9, -1.5), xticks=[], yticks=[])
+    inset.set(xlim=(-9.3, -6.0), ylim=(-6.9, -1.5), xticks=(-9, -7), yticks=(-6, -4, -2), title="first 4 s [m]")
     inset.set_aspect("equal")
-    inset.set_title("first 4 s", fontsize=9)
-    axis.indicate_inset_zoom(inset, edgecolor="0.5")
+    axis.indicate_inset_zoom(inset, edgecolor=SOFT)
 
 
 PATH_FIGURES: dict[str, tuple[str, str, float | None, str]] = {
-    "fig5a": ("ifdc", "tip", None, "Fig. 5 (a)  IFDC, sensor at the end effector"),
-    "fig5b": ("flsac", "tip", None, "Fig. 5 (b)  FLSAC, sensor at the end effector"),
-    "fig6a": ("ifdc", "tip", 2.0, "Fig. 6 (a)  IFDC, first direction switch"),
-    "fig6b": ("flsac", "tip", 2.0, "Fig. 6 (b)  FLSAC, first direction switch"),
+    "fig5a": ("ifdc", "tip", None, "Fig. 5 (a)  IFDC, sensor at the tip"),
+    "fig5b": ("flsac", "tip", None, "Fig. 5 (b)  FLSAC, sensor at the tip"),
+    "fig6a": ("ifdc", "tip", 2.0, "Fig. 6 (a)  IFDC, first corner; a dot every 0.25 s"),
+    "fig6b": ("flsac", "tip", 2.0, "Fig. 6 (b)  FLSAC, first corner; a dot every 0.25 s"),
     "fig7a": ("ifdc", "elbow", None, "Fig. 7 (a)  IFDC, sensor 0.5 m from the elbow"),
     "fig7b": ("flsac", "elbow", None, "Fig. 7 (b)  FLSAC, sensor 0.5 m from the elbow"),
 }
@@ -159,15 +163,15 @@ PATH_FIGURES: dict[str, tuple[str, str, float | None, str]] = {
 def time_histories(folder: Path, name: str, run: Trajectory, lap_time: float) -> None:
     """Deflection, torque and lambda of one run against time."""
     assert run.gain is not None
-    figure, axes = plt.subplots(3, 1, figsize=(10, 7.2), sharex=True)
+    figure, axes = plt.subplots(3, 1, figsize=(WIDTH, 6.4), sharex=True)
     time = run.time[::THIN]
     for joint, link in enumerate(("link 1", "link 2")):
         axes[0].plot(time, run.tip_deflection[::THIN, joint], color=LINKS[joint], label=link)
         axes[1].plot(time, run.torque[::THIN, joint], color=LINKS[joint], label=("shoulder", "elbow")[joint])
-    axes[2].plot(time, run.gain[::THIN], color="#111111")
+    axes[2].plot(time, run.gain[::THIN], color=INK)
     axes[0].set_ylabel("tip deflection [m]")
     axes[1].set_ylabel("torque [N m]")
-    axes[2].set(ylabel="gain $\\lambda$", xlabel="time [s]", xlim=(0, run.time[-1]))
+    axes[2].set(ylabel="gain $\\lambda$ [1]", xlabel="time [s]", xlim=(0, run.time[-1]))
     axes[2].set_ylim(bottom=0)
     for axis in axes:
         for switch in np.arange(1, 4) * lap_time / 4:
@@ -176,9 +180,9 @@ def time_histories(folder: Path, name: str, run: Trajectory, lap_time: float) ->
     if notes["place"] == "tip":
         _change_lines(axes[:2], run)
     for axis in axes[:2]:
-        axis.legend(loc="upper right", ncols=3)
-    sensor = "end effector" if notes["place"] == "tip" else "0.5 m from the elbow"
-    figure.suptitle(f"{CONTROLLER[notes['controller']]}, {STYLE[notes['sensing']]['label']}, sensor: {sensor}")
+        axis.legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=3)
+    sensor = "at the tip" if notes["place"] == "tip" else "0.5 m from the elbow"
+    headline(figure, f"{CONTROLLER[notes['controller']]}, {STYLE[notes['sensing']]['label']}, sensor {sensor}")
     save(figure, folder, name)
 
 
@@ -194,35 +198,35 @@ def rigid_and_true(folder: Path, runs: dict[str, dict[str, Trajectory]]) -> None
     """Draw error against time by the joints and at the tip, for the paper's arm and the linear arm."""
     columns = [name for name in ("paper", "linear") if name in runs]
     figure, axes = plt.subplots(
-        len(columns), 2, figsize=(12, 3.4 * len(columns)), sharex=True, sharey=True, squeeze=False
+        len(columns), 2, figsize=(WIDTH, 0.9 + 2.6 * len(columns)), sharex=True, sharey=True, squeeze=False
     )
     for row, column in zip(axes, columns, strict=True):
         for axis, controller in zip(row, CONTROLLER, strict=True):
             run = runs[column].get(f"{controller}_collocated_tip")
             if run is None or run.reference is None:
                 continue
-            for path, color, label in (
-                (run.rigid_tip, LINKS[0], "rigid-kinematics tip"),
-                (run.tip, LINKS[1], "true tip"),
-            ):
+            found = []
+            for path, color, label in ((run.tip, ORANGE, "true tip"), (run.rigid_tip, BLUE, "rigid tip")):
                 error = np.linalg.norm(path - run.reference, axis=1)
-                rms = float(np.sqrt(np.mean(error**2)))
-                axis.plot(run.time[::THIN], error[::THIN], color=color, label=f"{label}, r.m.s. {rms:.2f} m")
+                found.append(f"{label} {np.sqrt(np.mean(error**2)):.2f} m")
+                axis.plot(run.time[::THIN], error[::THIN], color=color, label=label)
             _change_lines([axis], run)
             arm = "paper's arm" if column == "paper" else "linear arm"
-            axis.set_title(f"{CONTROLLER[controller]}, collocated, {arm}")
-            axis.legend(loc="upper left")
+            axis.set_title(f"{CONTROLLER[controller]}, {arm}; r.m.s.:\n{', '.join(found)}")
     for axis in axes[:, 0]:
-        axis.set_ylabel("distance from reference [m]")
+        axis.set_ylabel("distance [m]")
     for axis in axes[-1]:
         axis.set_xlabel("time [s]")
-    axes[0, 0].set_ylim(0, 1.35 * axes[0, 0].get_ylim()[1])  # room for the legends
+    axes[0, 0].set_ylim(bottom=0)
+    headline(figure, "Distance of the tip from the reference: what the paper's law sees, and the truth")
+    handles = {label: line for axis in axes.flat for line, label in zip(*axis.get_legend_handles_labels(), strict=True)}
+    figure.legend(handles.values(), handles.keys(), loc="outside lower left", ncols=3)
     save(figure, folder, "rigid_and_true_tip")
 
 
 def arm_at_corner(folder: Path, runs: dict[str, dict[str, Trajectory]], lap_time: float) -> None:
     """Draw the bent arm around the first switch, every 0.12 s, under both controllers (linear arm, collocated)."""
-    figure, axes = plt.subplots(1, 2, figsize=(12.5, 6.2), sharex=True, sharey=True)
+    figure, axes = plt.subplots(1, 2, figsize=(WIDTH, 5.4), sharex=True, sharey=True)
     for axis, controller in zip(axes, CONTROLLER, strict=True):
         run = runs.get("linear", {}).get(f"{controller}_collocated_tip")
         if run is None or run.reference is None:
@@ -232,8 +236,8 @@ def arm_at_corner(folder: Path, runs: dict[str, dict[str, Trajectory]], lap_time
         axis.plot(*run.reference.T, **REFERENCE)
         switch = lap_time / 4
         shown = np.flatnonzero((run.time > switch - 0.5) & (run.time < switch + 1.4))
-        axis.plot(*run.tip[shown].T, color="#D55E00", linewidth=2, label="true tip")
-        axis.plot(*run.rigid_tip[shown].T, color="#0072B2", linewidth=1.5, label="tip by rigid kinematics")
+        axis.plot(*run.tip[shown].T, color=ORANGE, linewidth=2, label="true tip")
+        axis.plot(*run.rigid_tip[shown].T, color=BLUE, linewidth=1.5, label="rigid tip")
         changes = [t for t in elbow_changes(run) if run.time[shown[0]] <= t <= run.time[shown[-1]]]
         at = run.tip[[int(np.argmin(np.abs(run.time - t))) for t in changes]]
         axis.plot(*at.T, "D", color=CHANGE["color"], mec="k", markersize=8, zorder=5, label=CHANGE["label"])
@@ -242,12 +246,15 @@ def arm_at_corner(folder: Path, runs: dict[str, dict[str, Trajectory]], lap_time
             for link, length in enumerate(run.parameters.link_lengths, 1):
                 points = arm.position(run.state[index, : arm.size], link, np.linspace(0.0, length, 40))
                 axis.plot(*points.T, color=str(shade), linewidth=1.3, zorder=1)
-            axis.plot(*run.tip[index], "o", color="#D55E00", markersize=4)
+            axis.plot(*run.tip[index], "o", color=ORANGE, markersize=4)
+        for index, offset in ((instants[0], (-8, -18)), (instants[-1], (4, -34))):
+            axis.annotate(f"{run.time[index]:.1f} s", run.tip[index], offset, textcoords="offset points", color=ORANGE)
         axis.plot(0, 0, "ks", markersize=7)
         when = ", ".join(f"{t:.2f}" for t in changes)
-        axis.set_title(CONTROLLER[controller] + (f": elbow changes sides at {when} s" if changes else ""))
+        axis.set_title(CONTROLLER[controller] + (f": elbow straight at {when} s" if changes else ""))
         axis.set_aspect("equal")
         axis.set_xlabel("x [m]")
     axes[0].set(ylabel="y [m]", xlim=(-8, 1), ylim=(-1.2, 8))
-    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
+    headline(figure, "The linear arm every 0.12 s at the first corner, which is due at 4 s; later is darker")
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower left", ncols=4)
     save(figure, folder, "arm_at_corner")

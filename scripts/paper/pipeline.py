@@ -205,4 +205,4 @@ def _levels(found: dict[str, dict[str, Any]]) -> Iterator[dict[str, Any]]:
         for place in ("tip", "elbow"):
             run = found.get(f"{controller}_nmp_{place}")
             if run is not None:
-                yield run | {"label": f"{controller.upper()}, NMP", "place": place}
+                yield run | {"label": f"{controller.upper()}, noncollocated", "place": place}
