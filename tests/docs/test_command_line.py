@@ -1,0 +1,26 @@
+"""docs/reference/command_line.md: what the parsers say, of every verb."""
+
+from __future__ import annotations
+
+import pytest
+
+from flexarm_agents.commands import VERBS, replay
+from scripts.common.markdown import shown_blocks
+from scripts.docs import commands
+
+
+def test_the_page_is_what_the_parsers_say() -> None:
+    shown = shown_blocks()[commands.BLOCK]
+    assert shown == commands.text(), "run python -m scripts.docs.commands"
+    assert all(f"## `flexarm {verb}`\n" in shown for verb in VERBS)
+
+
+def test_options_of_one_verb() -> None:
+    shown = "\n".join(commands.section(lambda: replay.run([])))
+    assert "| `RUN` | npz file of the run |" in shown
+    assert "--help" not in shown
+
+
+def test_a_command_that_reads_no_arguments_is_an_error() -> None:
+    with pytest.raises(ValueError, match="reads no arguments"):
+        commands.parser_of(lambda: None)
