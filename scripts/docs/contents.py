@@ -94,7 +94,7 @@ CHAPTERS: Mapping[str, Chapter] = {
             "docs/environments/README": "All ids and their options, observations, actions and rewards.",
             "docs/controllers": "The controllers by name, and how to run them.",
             "docs/agents": "The trained policies that ship, and their scores.",
-            "docs/metrics": "The figures that judge a run.",
+            "docs/metrics": "The figures that describe a run.",
             "docs/speed": "Steps a second, and ratios to programs that you may know.",
             "docs/leaderboard": "All controllers and agents on all tasks and disturbances.",
             "docs/replays": "Two controllers side by side on the same lap.",
