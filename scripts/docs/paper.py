@@ -15,7 +15,7 @@ from scripts.common.markdown import DOCS, filled, quoting
 from scripts.docs.quoted import of_reproduction
 from scripts.paper.cases import Study
 
-PAGES = ("reproduction.md", "claims.md")
+PAGES = ("reproduction.md", "developers/reproduction_tables.md", "claims.md")
 PICTURES = (
     *(f"fig{name}" for name in ("2", "5a", "5b", "6a", "6b", "7a", "7b")),
     "arm_at_corner",
