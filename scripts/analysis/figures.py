@@ -10,33 +10,42 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from scripts.analysis.margins import GAINS, SENSORS
-from scripts.common.plotting import COLOURS, save
+from scripts.common.plotting import BLUE, COLOURS, GREEN, INK, ORANGE, SOFT, WIDTH, headline, label_ends, save
 
-COLORS = {"IFDC": "#111111", "FLSAC, largest": "#D55E00", "FLSAC, smallest": "#0072B2"}
+COLORS = {"IFDC": INK, "FLSAC, largest": ORANGE, "FLSAC, smallest": BLUE}
 EXACT = "0.6"
-COLLOCATED = "joint torques -> joint rates"
+PATHS = {  # the curves that are drawn: of which path, and what of
+    "joint torques -> joint rates": ("rates of the joints", INK),
+    "the same, 31.2 ms late": ("rate of the rigid tip,\n31 ms late", ORANGE),
+    "law's force -> true point's rate, tip": ("rate of the true tip,\nnot late", BLUE),
+}
+FASTEST = 150.0  # of the frequencies that are drawn [rad/s]
 KINDS: dict[str, dict[str, Any]] = {
-    "right of the axis, real": {"color": "#D55E00", "markersize": 2.6},
-    "right of the axis, complex": {"color": "#009E73", "markersize": 2.6},
-    "on the imaginary axis": {"color": "#0072B2", "markersize": 2.6},
-    "left of the axis, complex": {"color": "#56B4E9", "markersize": 2.6},
-    "left of the axis, real": {"color": "#E69F00", "markersize": 1.2},
+    "right of the axis, real": {"color": ORANGE, "markersize": 2.6},
+    "right of the axis, complex": {"color": GREEN, "markersize": 2.6},
+    "on the imaginary axis": {"color": BLUE, "markersize": 2.6},
+    "left of the axis, complex": {"color": COLOURS[5], "markersize": 2.6},
+    "left of the axis, real": {"color": COLOURS[4], "markersize": 1.2},
 }
 LINES: dict[str, dict[str, Any]] = {  # the two large gains' curves lie close: a thin one on a broad one
     "FLSAC, smallest": {"color": COLORS["FLSAC, smallest"], "linewidth": 1.5, "zorder": 2.5},
     "FLSAC, largest": {"color": COLORS["FLSAC, largest"], "linewidth": 4.5, "alpha": 0.6},
     "IFDC": {"color": COLORS["IFDC"], "linewidth": 1.2, "zorder": 3},
 }
-WHOLE_LAP = 4.35  # sides; where the squares of whole laps stand
+WHOLE_LAP = 1.2  # sides; where the squares of whole laps stand
 LABELS = {"position": "position late", "position+rate": "position and rate late"}
+PLACES = {"end effector": "at the tip", "collocated, one delay": "at the joints"}
 
 
 def zeros_locus(folder: Path, locus: dict[str, Any]) -> None:
     """Magnitude of every zero against the sensor's position, a panel for each arm."""
     models = [name for name in locus if name not in ("positions", "exact beam", "exact link 1")]
     s = np.array(locus["positions"])
-    figure, axes = plt.subplots(1, len(models), figsize=(4.2 * len(models), 5.4), sharey=True, squeeze=False)
-    for axis, name in zip(axes[0], models, strict=True):
+    lines = -(-len(models) // 2)
+    figure, axes = plt.subplots(lines, 2, figsize=(WIDTH, 1.4 + 3.2 * lines), sharex=True, sharey=True, squeeze=False)
+    for axis in axes.flat[len(models) :]:
+        axis.remove()
+    for axis, name in zip(axes.flat, models, strict=False):
         exact = [
             (at, z)
             for at, row in zip(s, locus["exact beam"], strict=True)
@@ -51,12 +60,18 @@ def zeros_locus(folder: Path, locus: dict[str, Any]) -> None:
             # an undamped arm's zeros on the left are mirror images of those on the right
             if points and not (kind.startswith("left") and "undamped" in name):
                 axis.plot(*np.array(points).T, "o", label=kind, zorder=3, **KINDS[kind])
-        axis.set(title=name, xlabel="sensor position s on link 2 [m]", yscale="log", ylim=(10, 1000), xlim=(0, 4.6))
-    axes[0, 0].set_ylabel("magnitude of the zero [rad/s]")
+        title = name.replace("mode,", "mode a link,").replace("modes,", "modes a link,")
+        axis.set(title=title, yscale="log", ylim=(10, 1000), xlim=(0, 4.6))
+        axis.label_outer()
+    for axis in axes[-1]:
+        axis.set_xlabel("sensor's distance from the elbow [m]")
+    for line in axes:
+        line[0].set_ylabel("magnitude of a zero [rad/s]")
     handles: dict[str, Any] = {}
-    for axis in axes[0]:
+    for axis in axes.flat[: len(models)]:
         handles |= dict(zip(*reversed(axis.get_legend_handles_labels()), strict=True))
-    figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=3, markerscale=2)
+    figure.legend(handles.values(), handles.keys(), loc="outside lower left", ncols=2, markerscale=3)
+    headline(figure, "Zeros from the motors to a sensor on link 2, by where the sensor is")
     save(figure, folder, "zeros_locus")
 
 
@@ -70,73 +85,73 @@ def _kind(zero: complex) -> str:
 
 
 def passivity(folder: Path, results: dict[str, Any]) -> None:
-    """Left: positive realness over frequency. Right: the law's own damping when its readings are late."""
-    figure, (left, right) = plt.subplots(1, 2, figsize=(13.5, 5.0))
-    left.plot(results["omega"], results["curves"][COLLOCATED], color="#111111", linewidth=2, label=COLLOCATED)
-    late = [row["path"] for row in results["rows"] if row["worst"] < -1e-9]
-    for name, color in zip(late, COLOURS, strict=False):
-        after = [row["path"] for row in results["rows"]]
-        label = name.replace("the same", after[after.index(name) - 1])  # the row above it in the table
-        left.plot(results["omega"], results["curves"][name], color=color, linewidth=1.3, label=label)
-    left.set(
-        xscale="log",
-        xlabel="frequency [rad/s]",
-        ylabel="least eigenvalue of $(G + G^H)/2$\nover the largest singular value of $G$",
-    )
-    left.set_title(f"positive real? worst of {results['poses']} poses, linear arm")
-    left.set_ylim(-1.05, 0.75)  # room for the legend
-    left.legend(loc="upper left", fontsize=8.5)
-    _law_damping(right, results["law"])
+    """Above: positive realness over frequency. Below: the law's own damping when its readings are late."""
+    figure, (above, below) = plt.subplots(2, 1, figsize=(WIDTH, 7.0))
+    omega = np.array(results["omega"])
+    slow = (omega >= 1.0) & (omega <= FASTEST)
+    ends = []
+    for name, (_, colour) in PATHS.items():
+        curve = np.array(results["curves"][name])[slow]
+        above.plot(omega[slow], curve, color=colour, linewidth=1.8)
+        ends.append(curve[-1])
+    above.axhline(0.0, color=SOFT, linewidth=1)
+    above.set(xscale="log", xlim=(1.0, FASTEST), ylim=(-1.05, 0.45), xlabel="frequency [rad/s]")
+    above.set_xticks([1, 3, 10, 30, 100], ["1", "3", "10", "30", "100"])
+    above.set_ylabel("least eigenvalue of $(G + G^H)/2$\nover the norm of $G$ [1]")
+    above.set_title(f"Positive real above 0: least of {results['poses']} poses, linear arm")
+    _law_damping(below, results["law"])
+    label_ends(above, [*PATHS.values()], ends)
     save(figure, folder, "passivity")
 
 
 def _law_damping(axis: Axes, law: dict[str, Any]) -> None:
     omega = np.array(law["omega"])
-    axis.plot(omega, law["position"], color="#0072B2", label="position late, rate current")
-    axis.plot(omega, law["position+rate"], color="#D55E00", label="position and rate late")
-    axis.fill_between(omega, np.minimum(law["position+rate"], 0.0), 0.0, color="#D55E00", alpha=0.15)
-    axis.axhline(0.0, color="0.4", linewidth=1)
+    slow = omega <= FASTEST
+    names = {"position": ("late position,\ncurrent rate", BLUE), "position+rate": ("late position,\nlate rate", ORANGE)}
+    for delayed, (_, colour) in names.items():
+        axis.plot(omega[slow], np.array(law[delayed])[slow], color=colour, linewidth=1.8)
+    both = np.minimum(law["position+rate"], 0.0)[slow]
+    axis.fill_between(omega[slow], both, 0.0, color=ORANGE, alpha=0.15)
+    axis.axhline(0.0, color=SOFT, linewidth=1)
     for joints, style in (("free", "-"), ("locked", ":")):
-        for i, w in enumerate(w for w in law["modes"][joints] if 0.0 < w < omega[-1]):
-            label = f"natural frequencies, joints {joints}" if i == 0 else None
-            axis.axvline(w, color="0.55", linestyle=style, linewidth=1, label=label)
-    axis.set(xlabel="frequency [rad/s]", ylabel="damping that the law supplies [N s/m]", xlim=(0, omega[-1]))
-    axis.set_title(f"the law's damping, readings {1e3 * law['delay']:.1f} ms late")
-    axis.set_ylim(-20, 33)
-    axis.legend(loc="upper right", fontsize=9, ncols=2)
+        for w in (w for w in law["modes"][joints] if 0.0 < w < FASTEST):
+            axis.axvline(w, color="0.55", linestyle=style, linewidth=1.2)
+    axis.set(xlabel="frequency [rad/s]; grey: the arm's, joints free (lines) and locked (dotted)", xlim=(0, FASTEST))
+    axis.set(ylim=(-20, 24), ylabel="damping [N s/m]")
+    axis.set_title(f"Damping that the paper's law supplies with readings {1e3 * law['delay']:.0f} ms late")
+    label_ends(axis, [*names.values()], [law[delayed][np.flatnonzero(slow)[-1]] for delayed in names])
 
 
 def margins(folder: Path, profile: dict[str, Any], simulated: list[dict[str, Any]], rows: list[dict[str, Any]]) -> None:
-    """Delay margins along the lap, with the paper's delay and where the simulation diverges, on one scale."""
-    figure, axes = plt.subplots(1, len(SENSORS), figsize=(14, 6.4), sharex=True, sharey=True)
+    """Delay margins along a side, with the paper's delay and where the simulation diverges, on one scale."""
+    figure, axes = plt.subplots(1, len(SENSORS), figsize=(WIDTH, 5.8), sharex=True, sharey=True)
     side = profile["side"]
     arc = np.array(profile["arc"])
-    half = np.concatenate([arc, side - arc[-2::-1]])
-    lap = np.concatenate([*(half[:-1] + i * side for i in range(4)), [4.0 * side]])
+    whole = np.concatenate([arc, side - arc[-2::-1]])
     for axis, sensor in zip(axes, SENSORS, strict=True):
         for curve in (c for c in profile["curves"] if c["sensor"] == sensor):
             values = 1e3 * np.array(curve["margin"])
-            both = np.concatenate([values, values[-2::-1]])[:-1]
             name = curve["controller"]
-            label = f"{name}, lambda = {GAINS[name]:.3g}"
-            axis.plot(lap, np.append(np.tile(both, 4), both[0]), label=label, **LINES[name])
+            label = f"{name}{' gain' if ',' in name else ''}: {GAINS[name]:.3g}"
+            axis.plot(whole, np.concatenate([values, values[-2::-1]]), label=label, **LINES[name])
         own = next(r for r in rows if r["sensor"] == sensor)["corner"]["delay"]
-        axis.axhline(1e3 * own, color="#CC79A7", linestyle="--", linewidth=1.6, label="the paper's delay")
+        axis.axhline(1e3 * own, color=COLOURS[3], linestyle="--", linewidth=2.0, label="the paper's delay")
         _diverging(axis, [r for r in simulated if r["sensor"] == sensor], side)
-        axis.set(title=sensor, yscale="log", xlim=(0, WHOLE_LAP * side + 0.5 * side), xlabel="arc length [m]")
-        axis.axvline(4.0 * side, color="0.7", linewidth=1)
-        corners = [f"{side * i:.1f}" for i in range(4)]
-        axis.set_xticks(side * np.array([0, 1, 2, 3, WHOLE_LAP]), [*corners, "whole\nlap"])
+        axis.set(title=f"sensor {PLACES.get(sensor, sensor)}", yscale="log", xlim=(0, 1.4 * side))
+        axis.axvline(side, color="0.7", linewidth=1)
+        axis.set_xticks(side * np.array([0.0, 0.5, 1.0, WHOLE_LAP]), ["0", f"{0.5 * side:.1f}", "", "lap"])
         for delayed, height in (("position", 0.985), ("position+rate", 0.02)):
             up = "top" if height > 0.5 else "bottom"
-            axis.text(0.02, height, LABELS[delayed], transform=axis.transAxes, va=up, style="italic")
+            axis.text(0.02, height, LABELS[delayed], transform=axis.transAxes, va=up, color=SOFT)
+    axes[1].set_xlabel("distance along a side of the square [m]; behind it, whole laps")
     axes[0].set_ylabel("delay margin [ms]")
     axes[0].set_ylim(0.08, 320)
     ticks = [0.1, 0.3, 1, 3, 10, 30, 100]
     axes[0].set_yticks(ticks, [f"{tick:g}" for tick in ticks])
     axes[0].set_yticks([], minor=True)
     handles = dict(zip(*reversed(axes[0].get_legend_handles_labels()), strict=True))
-    figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=3)
+    figure.legend(handles.values(), handles.keys(), loc="outside lower left", ncols=2)
+    headline(figure, "Delays from which on the paper's loop is unstable")
     save(figure, folder, "margins")
 
 
@@ -145,9 +160,9 @@ def _diverging(axis: Axes, rows: list[dict[str, Any]], side: float) -> None:
     for r in rows:
         look: dict[str, Any] = {"color": COLORS[r["controller"]], "mfc": "white", "markersize": 7, "zorder": 4}
         look["linestyle"] = "none"
-        for place, at in (("corner", side), ("mid-side", 1.5 * side)):
+        for place, at in (("corner", 0.0), ("mid-side", 0.5 * side)):
             if r[place][1] is not None and np.isfinite(r[place][1]):
-                axis.plot(at, 1e3 * r[place][1], marker="o", label="simulated: held there, diverges", **look)
+                axis.plot(at, 1e3 * r[place][1], marker="o", label="simulated, held there", clip_on=False, **look)
         if "lap" in r and r["lap"][1] is not None and np.isfinite(r["lap"][1]):
-            label = "simulated: the whole lap diverges"
+            label = "simulated, a whole lap"
             axis.plot(WHOLE_LAP * side, 1e3 * r["lap"][1], marker="s", label=label, **look)
