@@ -56,20 +56,20 @@ def margins(rows: list[dict[str, Any]], room: list[dict[str, Any]]) -> str:
     """Write the delay margins of all gains of a loop in one row, and how much of them the loop's own delay takes."""
     keys = ("arm", "sensor", "delayed")
 
-    def verdict(row: dict[str, Any]) -> str:
+    def ratio(row: dict[str, Any]) -> str:
         if row["least"] > 1.0:
-            return f"stable: {row['least']:.1f} to {row['most']:.1f} times the delay would be the limit"
-        return f"**unstable**: the delay is {1.0 / row['most']:.1f} to {1.0 / row['least']:.0f} times too long"
+            return f"{row['least']:.1f} to {row['most']:.1f}: stable"
+        return f"1/{1.0 / row['least']:.0f} to 1/{1.0 / row['most']:.1f}: **unstable**"
 
     body = []
     for own in room:
         found = [row for row in rows if all(row[key] == own[key] for key in keys)]
         cells = [" / ".join(_time(row[place]["delay_margin"]) for row in found) for place in ("corner", "mid-side")]
         body.append([own["arm"], own["sensor"], _late(own["delayed"]), _time(found[0]["corner"]["delay"]), *cells])
-        body[-1].append(verdict(own))
+        body[-1].append(ratio(own))
     gains = " / ".join(f"{gain:.3g}" for gain in dict.fromkeys(row["gain"] for row in rows))
     head = ["arm", "sensor", "late", "its delay [ms]", f"delay margin [ms] at lambda = {gains}, corner", "mid-side"]
-    return table([*head, "so the loop is"], body)
+    return table([*head, "margin over delay"], body)
 
 
 def margins_claim(rows: list[dict[str, Any]]) -> str:
