@@ -152,10 +152,10 @@
     const heads = shown.map((column, n) => heading(column.head, n + 1, column.nominal ? "fx-nominal" : ""));
     parts.table.replaceChildren(
       element("caption", { class: "fx-hint", style: "caption-side: bottom; text-align: left; padding: 0.4rem 0.6rem" }, caption()),
-      element("thead", {}, element("tr", {}, heading("row", 0, "fx-name"), ...heads)),
+      element("thead", {}, element("tr", {}, heading("entry", 0, "fx-name"), ...heads)),
       element("tbody", {}, ...found.map((row) => line(row, shown))),
     );
-    parts.count.textContent = `${found.length} of ${board.rows.length} rows`;
+    parts.count.textContent = `${found.length} of ${board.rows.length} entries`;
     for (const part of [parts.lap, parts.figure]) part.hidden = state.view === OVERVIEW;
     parts.chart.replaceChildren(...chart(found));
     marks();

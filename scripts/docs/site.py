@@ -59,7 +59,7 @@ def lay_out(pages: Path) -> None:
         if page == pages / FIRST:
             text = MOVING.sub(r"<!-- site: lap -->\n\g<0>\n<!-- site end -->", text, count=1)
         text = with_widgets(text, page.relative_to(pages))
-        if page.relative_to(pages).as_posix() in FOLDED:
+        if page.relative_to(pages).as_posix() == FOLDED:
             text = with_folds(text)
         page.write_text(BARE.sub("[]", text), encoding="utf-8")
     write_reference(pages / "api")

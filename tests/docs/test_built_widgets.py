@@ -60,7 +60,7 @@ def test_the_leaderboard_shows_what_reads_no_more_than_allowed(browser: Browser)
     allowed = [row["name"] for row in BOARD["rows"] if not {"true state", "strain gauges"} & set(row["reads"])]
     assert sorted(browser.run(NAMES)) == sorted(allowed)
     status = browser.run("return document.querySelector('#flexarm-leaderboard [role=status]').textContent")
-    assert status == f"{len(allowed)} of {len(BOARD['rows'])} rows"
+    assert status == f"{len(allowed)} of {len(BOARD['rows'])} entries"
 
 
 @pytest.mark.parametrize("axis", list(BOARD["columns"]))
