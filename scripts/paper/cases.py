@@ -80,10 +80,10 @@ class Column:
 
 
 COLUMNS = {
-    "paper": Column("paper's arm (1 mode, C_r)", ArmParameters.paper()),
+    "paper": Column("paper's arm", ArmParameters.paper()),
     "complete": Column("1 mode, complete forces", ArmParameters.paper(velocity_forces="complete")),
-    "linear": Column("linear arm (2 modes, complete, 1 %)", ArmParameters.linear()),
-    "branch": Column("paper's arm, theta2 < 0 at the start", ArmParameters.paper(), elbow_branch="negative"),
+    "linear": Column("linear arm", ArmParameters.linear()),
+    "branch": Column("paper's arm, theta2 < 0", ArmParameters.paper(), elbow_branch="negative"),
 }
 
 

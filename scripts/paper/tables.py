@@ -164,11 +164,12 @@ def claims(rows: Sequence[dict[str, Any]], titles: dict[str, str]) -> str:
             verdict = "holds" if found["holds"] else "fails"
             body.append([f"constant gain, FLSAC's mean: {titles[c]}", verdict, _shown(found["values"])])
         alone = {c: found for c, found in r["one_side"]["columns"].items() if found["holds"] is not None}
-        for c, found in alone.items():
-            share = f"{len(found['runs'])} of {found['of']} runs"
-            verdict = "holds" if found["holds"] else "fails"
-            body.append([f"elbow keeps its side ({share}): {titles[c]}", verdict, _shown(found["values"])])
         text += "\n" + table(["arm", "", "figures"], body)
+        told = [
+            f"{'holds' if found['holds'] else 'fails'} on {titles[c]} ({len(found['runs'])} of {found['of']} runs)"
+            for c, found in alone.items()
+        ]
+        text += f"\nFrom runs whose elbow keeps its side: {'; '.join(told)}.\n" if told else ""
         if "merit_of_flsac" in gains:
             up_to_1, of_all = gains["best_up_to_1"], gains["best_of_all"]
             text += (
