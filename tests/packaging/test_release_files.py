@@ -96,6 +96,9 @@ def test_citation_archive_and_package_agree() -> None:
     (paper,) = citation["references"]
     assert paper["title"] in archive["references"][0]
     assert str(paper["year"]) in archive["references"][0]
+    page = re.sub("[{}]", "", (ROOT / "docs/reference/citing.md").read_text(encoding="utf-8"))
+    for shown in (citation["version"], citation["title"], paper["title"], str(paper["year"])):
+        assert f"= {shown}" in page
 
 
 @pytest.mark.parametrize("page", PAGES, ids=label)
