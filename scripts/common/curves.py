@@ -14,10 +14,10 @@ import numpy as np
 from matplotlib import pyplot as plt
 
 from flexarm_agents import StandardScore
-from flexarm_agents.run_folder import RunFolder, put
+from flexarm_agents.run_folder import RunFolder
 from flexarm_env.laps import LAPS
 from scripts.common.markdown import DOCS
-from scripts.common.plotting import COLOURS
+from scripts.common.plotting import COLOURS, WIDTH, headline, label_ends, plain_ticks, plot_median, write
 from scripts.common.result_files import write_json
 from scripts.common.trainings import Training
 
@@ -52,23 +52,19 @@ def keep_curves(found: Mapping[str, Sequence[Training]], folder: Path = FOLDER, 
 
 def draw(curves: Curves, path: Path) -> None:
     """Draw for both laps the median over the seeds, and the range from the best to the worst."""
-    figure, axes = plt.subplots(1, len(LAPS), figsize=(10.5, 4.6), sharey=True)
+    figure, axes = plt.subplots(1, len(LAPS), figsize=(WIDTH, 4.2), sharey=True)
     for axis, lap in zip(axes, LAPS, strict=True):
-        for n, (name, seeds) in enumerate(curves.items()):
+        ends = []
+        for (_, seeds), colour in zip(curves.items(), COLOURS, strict=False):
             steps, errors = _aligned(seeds, lap)
-            shown, style = np.where(np.isfinite(errors), errors, np.nan), ("-", "--")[n // len(COLOURS) % 2]
-            colour, label = COLOURS[n % len(COLOURS)], f"{name} ({len(seeds)})"
-            median = np.median(errors, axis=0)
-            axis.plot(steps, np.where(np.isfinite(median), median, np.nan), style, color=colour, label=label)
-            some = np.isfinite(errors).all(axis=0)
-            axis.fill_between(
-                steps[some], shown[:, some].min(axis=0), shown[:, some].max(axis=0), color=colour, alpha=0.2
-            )
-        axis.set(title=f"{lap} lap", yscale="log", xlabel="environment steps")
-    axes[0].set_ylabel("r.m.s. error of the evaluation lap [m]")
-    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=4, fontsize=9)
-    put(path, figure.savefig)
-    plt.close(figure)
+            ends.append(plot_median(axis, 1e-6 * steps, errors, color=colour))
+        axis.set(title=f"{lap} lap", yscale="log", xlabel="million environment steps")
+        plain_ticks(axis.yaxis)
+    axes[0].set_ylabel("error of the evaluation lap [mm]")
+    label_ends(axes[-1], list(zip(curves, COLOURS, strict=False)), ends)
+    count = min(map(len, curves.values()))
+    headline(figure, f"Learning curves of the shipped agents: median, and best to worst, of {count} trainings")
+    write(figure, path)
 
 
 def _aligned(seeds: Sequence[Mapping[str, Any]], lap: str) -> tuple[np.ndarray, np.ndarray]:

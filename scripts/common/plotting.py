@@ -13,7 +13,10 @@ mpl.use("Agg")  # files only; no display needed
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullFormatter
+from numpy.typing import ArrayLike
 from PIL import Image  # matplotlib brings it
 
 from flexarm_agents.run_folder import put
@@ -67,6 +70,36 @@ def write(figure: Figure, path: Path) -> None:
         picture = Image.open(file).convert("RGB").quantize(PALETTE, dither=Image.Dither.NONE)
     put(path, lambda aside: picture.save(aside, format="PNG", optimize=True))
     plt.close(figure)
+
+
+def plain_ticks(axis: Axis) -> None:
+    """Put plain numbers to a logarithmic axis."""
+    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axis.set_major_formatter("{x:g}")
+    axis.set_minor_formatter(NullFormatter())
+
+
+def plot_median(axis: Axes, x: ArrayLike, several: Any, band: bool = True, **look: Any) -> float:
+    """Draw the median of errors in millimetres over an axis, and the range from the best to the worst; gaps where lost.
+
+    Args:
+        axis: where.
+        x: values of the axis.
+        several: errors [m] of each agent, infinite or None where lost.
+        band: draw the range.
+        **look: label, colour and style of the line.
+
+    Returns:
+        Where the line ends [mm].
+    """
+    errors = 1e3 * np.array([[np.inf if one is None else one for one in line] for line in several], float)
+    median = np.median(errors, axis=0)
+    axis.plot(x, np.where(np.isfinite(median), median, np.nan), **look)
+    if band:
+        shown = np.isfinite(errors).all(axis=0)
+        low, high = (np.where(shown, end, np.nan) for end in (errors.min(axis=0), errors.max(axis=0)))
+        axis.fill_between(np.asarray(x), low, high, color=look["color"], alpha=0.15, linewidth=0.0)
+    return float(median[np.isfinite(median)][-1]) if np.isfinite(median).any() else axis.get_ylim()[1]
 
 
 def label_ends(axis: Axes, labels: Sequence[tuple[str, str]], heights: Sequence[float]) -> None:

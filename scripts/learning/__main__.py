@@ -19,7 +19,7 @@ from flexarm_agents.failures import check_failures
 from flexarm_agents.run_folder import RunFolder, put
 from flexarm_env.validation import choice, integer
 from scripts.common.command_line import run
-from scripts.common.curves import FOLDER, draw
+from scripts.common.curves import FOLDER
 from scripts.common.markdown import fill_pages
 from scripts.common.trainings import Job, trained_all
 from scripts.learning import delays, exploration, gradients, modes, off_policy, records, schedulers, spillover
@@ -85,7 +85,6 @@ def study_tables(name: str, options: Options) -> None:
         print(f"\n{study.text}:\n\n{text}")
     if options.docs:
         records.write(agents, data)
-        draw(records.curves(agents), FOLDER / f"{name}_curves.png")
         if study.picture:
             put(FOLDER / study.picture, lambda path: path.write_bytes((folder / study.picture).read_bytes()))
 

@@ -13,13 +13,12 @@ from flexarm_agents import Spread, TrainingConfig
 from flexarm_agents.board.columns import Point
 from flexarm_agents.board.rows import Row
 from flexarm_agents.observer import FILTERED
-from flexarm_agents.run_folder import put
 from flexarm_env.envs.registration import IDS
 from flexarm_env.laps import LAPS
 from scripts.common.markdown import table
-from scripts.common.plotting import COLOURS
+from scripts.common.plotting import COLOURS, SOFT, WIDTH, headline, plain_ticks, plot_median, write
 from scripts.common.spreads import millimetres
-from scripts.learning.measured import Errors, errors_at, mean_of_laps, measure_at, plot_median
+from scripts.learning.measured import Errors, errors_at, mean_of_laps, measure_at
 from scripts.learning.study import Records, Study
 
 STEPS = 1_000_000
@@ -42,6 +41,15 @@ YARDSTICKS = {
     "unknown": {"lqg_adaptive": "`lqg_adaptive`", "student_unknown": "student (`student_unknown`)"},
 }
 PICTURE = "delays.png"
+LOOKS = (  # of the yardsticks' lines and the remedies'
+    ("LQG; adaptive on the right", SOFT, "--"),
+    ("student of a privileged controller", SOFT, ":"),
+    ("PPO, no remedy", COLOURS[0], "-"),
+    ("PPO, last eight actions", COLOURS[1], "-"),
+    ("PPO, past readings up to 80 ms", COLOURS[2], "-"),
+    ("PPO, recurrent network", COLOURS[3], "-"),
+    ("PPO, Kalman filter in front", COLOURS[4], "-"),
+)
 
 
 class Line(NamedTuple):
@@ -131,22 +139,21 @@ def tables(agents: Records, folder: Path) -> Mapping[str, str]:
 
 def draw(measured: Sequence[Line], path: Path) -> None:
     """Draw the errors of both laps over the delay, of agents that learned at the known delay and at unknown ones."""
-    figure, axes = plt.subplots(len(TRAINED), len(LAPS), figsize=(12.5, 8.0), sharex=True, sharey=True)
-    for row, trained in zip(axes, TRAINED, strict=True):
-        own = [line for line in measured if line.trained == trained]
-        for axis, lap in zip(row, LAPS, strict=True):
-            for n, line in enumerate(own):
-                look = ("--" if line.seconds is None else "-", ("0.3", "0.6", *COLOURS)[n])
-                several = [one[lap] for one in line.errors]
-                plot_median(axis, DELAYS, several, linestyle=look[0], color=look[1], marker=".", label=line.text)
-            axis.set(title=f"{lap} lap, trained at {TRAINED[trained]}", yscale="log")
-        row[0].set_ylabel("r.m.s. error [m]")
-        row[1].legend(fontsize=8, loc="upper left", bbox_to_anchor=(1.01, 1.0))
-    for axis in axes[-1]:
-        axis.set_xlabel("delay of the sensor [ms]")
-    path.parent.mkdir(parents=True, exist_ok=True)
-    put(path, figure.savefig)
-    plt.close(figure)
+    figure, axes = plt.subplots(len(LAPS), len(TRAINED), figsize=(WIDTH, 7.4), sharex=True, sharey=True)
+    for column, trained in zip(axes.T, TRAINED, strict=True):
+        for axis, lap in zip(column, LAPS, strict=True):
+            own = [line for line in measured if line.trained == trained]
+            for line, (label, colour, style) in zip(own, LOOKS, strict=False):
+                look = {"label": label, "color": colour, "linestyle": style, "marker": "."}
+                plot_median(axis, DELAYS, [one[lap] for one in line.errors], band=False, **look)
+            axis.set(title=f"{lap} lap, trained at {TRAINED[trained]}", yscale="log", ylim=(15.0, 2000.0))
+            plain_ticks(axis.yaxis)
+        column[-1].set_xlabel("delay of the sensor [ms]")
+    for row in axes:
+        row[0].set_ylabel("error of the lap, r.m.s. [mm]")
+    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower left", ncols=2)
+    headline(figure, "What helps against a late sensor: medians of ten trainings, as far as they complete the lap")
+    write(figure, path)
 
 
 STUDY = Study(

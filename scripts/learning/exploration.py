@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 from flexarm_agents import Spread, TrainingConfig, load_policy
 from flexarm_agents.contenders import from_controller
 from flexarm_agents.environments import make_one
-from flexarm_agents.run_folder import put
 from flexarm_agents.scoring import COMPLETE
 from flexarm_env.laps import LAPS, SETTLED
 from flexarm_env.metrics import elbow_changes
@@ -26,7 +25,7 @@ from flexarm_env.predictor import predictor
 from flexarm_env.rollout import run_policy
 from flexarm_env.simulation.trajectory import Trajectory
 from scripts.common.markdown import table
-from scripts.common.plotting import COLOURS
+from scripts.common.plotting import BLUE, COLOURS, ORANGE, SOFT, WIDTH, headline, label_ends, write
 from scripts.common.spreads import millimetres
 from scripts.common.trainings import Training
 from scripts.learning.study import Records, Study
@@ -72,6 +71,14 @@ WAYS = {
         {**TAUGHT, "options": {"start": "corners"}},
     ),
     "corners": Way("at rest on any corner (the registered settings)", {"options": {"start": "corners"}}),
+}
+
+
+DRAWN = {
+    "best plan, true state (`plan_lqr`)": ("best plan", SOFT),
+    WAYS["taught"].text: ("PPO from the\nstudent's network", COLOURS[3]),
+    WAYS["corners"].text: ("PPO from rest\non the corners", BLUE),
+    WAYS["mix"].text: ("PPO from rest\nand moving", ORANGE),
 }
 
 
@@ -267,20 +274,20 @@ def _rows(
 
 
 def draw(several: Mapping[str, Sequence[Laps]], path: Path) -> None:
-    """Draw error and deflection of link 1 over the first seconds of the swing lap, of each agent's median seed."""
-    figure, axes = plt.subplots(1, 2, figsize=(10.5, 5.6))
-    for n, (text, seeds) in enumerate(several.items()):
-        lap = _median(seeds)["swing"]
-        style = ("-", "--", ":")[n // len(COLOURS) % 3]
-        look: dict[str, Any] = {"color": COLOURS[n % len(COLOURS)], "linestyle": style, "label": text}
-        for axis, name in zip(axes, ("distances", "deflections"), strict=True):
-            axis.plot(STRIDE * PERIOD * np.arange(len(lap[name])), lap[name], **look)
-    axes[0].set(xlabel="time [s]", ylabel="distance from the reference [m]", title="swing lap")
-    axes[1].set(xlabel="time [s]", ylabel="deflection of link 1 [m]", title="swing lap")
-    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=2, fontsize=8)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    put(path, figure.savefig)
-    plt.close(figure)
+    """Draw error and deflection of link 1 over the first seconds of the swing lap, of some agents' median seeds."""
+    figure, axes = plt.subplots(2, 1, figsize=(WIDTH, 6.2), sharex=True)
+    drawn = {text: look for text, look in DRAWN.items() if text in several}
+    for axis, name, scale in zip(axes, ("distances", "deflections"), (1e3, 1.0), strict=True):
+        for text, (_, colour) in drawn.items():
+            values = scale * np.array(_median(several[text])["swing"][name])
+            axis.plot(STRIDE * PERIOD * np.arange(len(values)), values, color=colour, linewidth=1.8)
+    axes[0].set(ylabel="error [mm]", title="Distance of the tip from the target", ylim=(0.0, None))
+    axes[1].set(ylabel="deflection [m]", title="Bend of link 1", xlabel="time since the start of the swing lap [s]")
+    for axis in axes:
+        axis.set_xlim(0.0, SETTLED)
+    label_ends(axes[0], [*drawn.values()], [800.0 - 150.0 * n for n in range(len(drawn))])
+    headline(figure, "The start of the swing lap: the best plan, and the median training of three ways of PPO")
+    write(figure, path)
 
 
 def _median(seeds: Sequence[Laps]) -> Laps:

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.axes import Axes
 
 from flexarm_agents import DescentConfig, TrainingConfig
 from flexarm_agents.board.cells import Cell, Store
@@ -123,20 +122,3 @@ def _sample_of_descent(config: RunConfig) -> tuple[float, int]:
     seconds = time.process_time() - began
     descent.driver.env.close()
     return seconds, windows * config.horizon * config.arms
-
-
-def plot_median(axis: Axes, x: Sequence[float], several: Sequence[Sequence[float | None]], **look: str) -> None:
-    """Draw the median of several agents over an axis, and the range from the best to the worst; gaps where lost.
-
-    Args:
-        axis: where.
-        x: values of the axis.
-        several: figures of each agent.
-        **look: label, colour and style of the line.
-    """
-    errors = np.array([[np.inf if value is None else value for value in one] for one in several])
-    median = np.median(errors, axis=0)
-    axis.plot(x, np.where(np.isfinite(median), median, np.nan), **look)  # type: ignore[arg-type]
-    shown = np.isfinite(errors).all(axis=0)
-    low, high = (np.where(shown, end, np.nan) for end in (errors.min(axis=0), errors.max(axis=0)))
-    axis.fill_between(x, low, high, color=look["color"], alpha=0.15, linewidth=0.0)

@@ -12,12 +12,10 @@ from matplotlib import pyplot as plt
 
 from flexarm_agents import TrainingConfig
 from flexarm_agents.algorithms import ALGORITHMS
-from flexarm_agents.run_folder import put
 from flexarm_env.laps import LAPS
 from scripts.common.markdown import table
-from scripts.common.plotting import COLOURS
+from scripts.common.plotting import COLOURS, WIDTH, headline, plain_ticks, plot_median, write
 from scripts.common.spreads import millimetres
-from scripts.learning.measured import plot_median
 from scripts.learning.study import Agent, Records, Study
 
 RESIDUAL, SQUARE = "SquareResidual-v0", "Square-v0"
@@ -100,24 +98,26 @@ def tables(agents: Records, folder: Path) -> Mapping[str, str]:
 def draw(trained: Sequence[Line], path: Path) -> None:
     """Draw the mean error of both laps over steps and over seconds of one core, an environment in each row."""
     shown = [name for name in PAIRS if any(line.environment == name for line in trained)]
-    figure, axes = plt.subplots(len(shown), 2, figsize=(10.5, 0.6 + 3.6 * len(shown)), sharey=True, squeeze=False)
+    size = (WIDTH, 1.4 + 2.8 * len(shown))
+    figure, axes = plt.subplots(len(shown), 2, figsize=size, sharey=True, sharex="col", squeeze=False)
     for row, environment in zip(axes, shown, strict=True):
         for line in (line for line in trained if line.environment == environment):
-            n = list(ALGORITHMS).index(line.algorithm)
             several = [one.curve for one in line.agent.trainings]
             count = min(len(one["steps"]) for one in several)
-            steps = several[0]["steps"][:count]
+            steps = np.array(several[0]["steps"][:count])
             errors = [[_mean(one, k) for k in range(count)] for one in several]
-            look = {"color": COLOURS[n], "marker": ".", "label": ALGORITHMS[line.algorithm].text}
-            plot_median(row[0], steps, errors, **look)
-            plot_median(row[1], [line.seconds(step) for step in steps], errors, **look)
-        row[0].set(title=environment, ylabel="mean r.m.s. error of both laps [m]", yscale="log")
-        row[0].legend(fontsize=9)
-    axes[-1][0].set_xlabel("environment steps")
-    axes[-1][1].set_xlabel("processor time [s]")
-    path.parent.mkdir(parents=True, exist_ok=True)
-    put(path, figure.savefig)
-    plt.close(figure)
+            colour, label = COLOURS[list(ALGORITHMS).index(line.algorithm)], ALGORITHMS[line.algorithm].text
+            for axis, x in zip(row, (1e-3 * steps, [line.seconds(step) for step in steps]), strict=True):
+                plot_median(axis, x, errors, marker=".", color=colour, label=label)
+        for axis, text in zip(row, ("by steps", "by time"), strict=True):
+            axis.set(title=f"{environment}, {text}", yscale="log")
+            plain_ticks(axis.yaxis)
+        row[0].set_ylabel("mean error of both laps [mm]")
+    axes[-1][0].set_xlabel("thousand environment steps")
+    axes[-1][1].set_xlabel("processor time of one core [s]")
+    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower left", ncols=3)
+    headline(figure, "Median of ten trainings, and best to worst while all complete both laps")
+    write(figure, path)
 
 
 def _mean(one: Mapping[str, Sequence[float | None]], n: int) -> float | None:

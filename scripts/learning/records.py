@@ -92,11 +92,6 @@ def write(agents: Records, path: Path) -> None:
     write_json(path, data, levels=3)
 
 
-def curves(agents: Records) -> dict[str, list[Mapping[str, Any]]]:
-    """Return the training curves of all agents, as `scripts.common.curves.draw` takes them."""
-    return {name: [one.curve for one in agent.trainings] for name, agent in agents.items()}
-
-
 def _rounded(value: Any) -> Any:
     """Return plain data whose numbers have six digits."""
     if isinstance(value, Mapping):

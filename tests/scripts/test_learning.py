@@ -192,7 +192,7 @@ def test_records_are_kept(tmp_path: Path) -> None:
     assert stacked[0].measured == {"errors": [0.142857, None]}
     assert stacked[0].best["plain"]["rms"] is None
     assert stacked[1].curve == {"steps": [100], "seconds": [1.0], "swing": [0.2], "plain": [None]}
-    assert [curve["swing"] for curve in records.curves(agents)["known-stacked"]] == [[0.1], [0.2]]
+    assert [one.curve["swing"] for one in agents["known-stacked"].trainings] == [[0.1], [0.2]]
     records.write(agents, data)
     lost = replace(study.agents["known-stacked"], gamma=0.9)  # type: ignore[type-var]
     other = study._replace(agents={**study.agents, "known-stacked": lost})

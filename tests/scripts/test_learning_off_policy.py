@@ -73,7 +73,7 @@ def test_table_and_picture(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
     for axis in (steps, seconds):
         assert len(axis.lines) == 2
         assert np.isnan(axis.lines[0].get_ydata()[0])
-        assert axis.lines[0].get_ydata()[1] == pytest.approx(0.275)
+        assert axis.lines[0].get_ydata()[1] == pytest.approx(275.0)  # [mm]
     np.testing.assert_allclose(seconds.lines[0].get_xdata(), [0.12, 0.24])
     plt.close(drawn[0])
     assert (tmp_path / off_policy.PICTURE).stat().st_size > 10_000
