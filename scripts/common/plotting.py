@@ -16,8 +16,9 @@ from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
-from numpy.typing import ArrayLike
+from numpy.typing import NDArray
 from PIL import Image  # matplotlib brings it
+from scipy.ndimage import uniform_filter1d
 
 from flexarm_agents.run_folder import put
 
@@ -79,7 +80,7 @@ def plain_ticks(axis: Axis) -> None:
     axis.set_minor_formatter(NullFormatter())
 
 
-def plot_median(axis: Axes, x: ArrayLike, several: Any, band: bool = True, **look: Any) -> float:
+def plot_median(axis: Axes, x: Any, several: Any, band: bool = True, **look: Any) -> float:
     """Draw the median of errors in millimetres over an axis, and the range from the best to the worst; gaps where lost.
 
     Args:
@@ -100,6 +101,16 @@ def plot_median(axis: Axes, x: ArrayLike, several: Any, band: bool = True, **loo
         low, high = (np.where(shown, end, np.nan) for end in (errors.min(axis=0), errors.max(axis=0)))
         axis.fill_between(np.asarray(x), low, high, color=look["color"], alpha=0.15, linewidth=0.0)
     return float(median[np.isfinite(median)][-1]) if np.isfinite(median).any() else axis.get_ylim()[1]
+
+
+def running_rms(values: Any, window: int) -> NDArray[np.float64]:
+    """Return the r.m.s. of values about each instant, which shows the size of what oscillates.
+
+    Args:
+        values: Shape (n,)
+        window: number of instants.
+    """
+    return np.sqrt(uniform_filter1d(np.square(values), window, mode="nearest"))
 
 
 def label_ends(axis: Axes, labels: Sequence[tuple[str, str]], heights: Sequence[float]) -> None:

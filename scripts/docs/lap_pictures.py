@@ -7,11 +7,10 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib import pyplot as plt
-from scipy.ndimage import uniform_filter1d
 
 from flexarm_baselines.optimal.plan import PLANS
 from flexarm_env.laps import LAPS
-from scripts.common.plotting import BLUE, COLOURS, INK, ORANGE, SOFT, WIDTH, headline, label_ends, write
+from scripts.common.plotting import BLUE, COLOURS, INK, ORANGE, SOFT, WIDTH, headline, label_ends, running_rms, write
 from scripts.docs.drawn_arm import recorded
 from scripts.docs.overview_pictures import label_dots
 from scripts.docs.replays import ROWS
@@ -40,7 +39,7 @@ def errors(path: Path) -> None:
         ends = []
         for row, (_, colour) in SHOWN.items():
             one = recorded(row, lap)
-            away = 1e3 * np.sqrt(uniform_filter1d(one.away**2, WINDOW, mode="nearest"))
+            away = 1e3 * running_rms(one.away, WINDOW)
             axis.semilogy(one.time, away, color=colour, linewidth=1.6, linestyle=_dash(row))
             ends.append(away[-1])
         axis.set(title=f"{lap} lap", ylim=(1.0, 3000.0), xlim=(0.0, 16.0), xticks=range(0, 17, 4))
