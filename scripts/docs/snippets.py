@@ -5,16 +5,16 @@ A page's snippets run one after the other, so they are one module.
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 
 import tyro
 
 from scripts.common.command_line import run
 from scripts.common.markdown import DOCS
+from scripts.docs.steps import TUTORIALS, steps
 
-LONG = tuple(DOCS / f"{name}.md" for name in ("derivatives", "optimal"))  # whose kernels no other fast test compiles
-SNIPPET = re.compile(r"^```python\n(.*?)^```", re.DOTALL | re.MULTILINE)
+# Pages whose kernels no other fast test compiles, or that take long.
+LONG = (DOCS / "derivatives.md", DOCS / "optimal.md", TUTORIALS["first_agent"], TUTORIALS["late_sensor"])
 # The snippets' own functions have no annotations, and torch's tensors stand for sequences.
 HEAD = '# mypy: allow-untyped-defs, allow-untyped-calls, disable-error-code="arg-type"\n'
 
@@ -28,10 +28,7 @@ def module(page: str) -> str:
     Raises:
         ValueError: if there is a snippet that is not found, since it is indented or has no end.
     """
-    found, marks = SNIPPET.findall(page), page.count("```python")
-    if len(found) != marks:
-        raise ValueError(f"page = {page[:60]!r}...: has {marks} snippets, of which {len(found)} begin and end a line")
-    return HEAD + "".join(found)
+    return HEAD + "".join(step.code for step in steps(page) if step.kind == "python")
 
 
 def main(folder: Path = DOCS.parent / "build" / "snippets") -> None:

@@ -1,21 +1,22 @@
-"""The snippets in README and docs run as they stand: the README's each alone, a page's one after the other."""
+"""The steps in README and docs run as they stand, and print and draw what the page shows; links lead somewhere."""
 
 import re
+import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
-from sybil import Sybil
-from sybil.parsers.markdown import PythonCodeBlockParser
 
 from flexarm_env.envs import batch
 from scripts.docs import snippets
 from scripts.docs.snippets import LONG
+from scripts.docs.steps import LOOSE, PICTURE, TOLERANCE, TRAINS, TUTORIALS, agree, excerpt, printed, steps
 
 ROOT = Path(__file__).resolve().parents[2]
 README = ROOT / "README.md"
 FOLDERS = ("docs", "docs/environments", "docs/how_to", "docs/reference", "docs/tutorials")
 PAGES = [README, *(page for folder in FOLDERS for page in sorted((ROOT / folder).glob("*.md")))]
+MOST_BYTES = 60_000  # of a tutorial's picture
 
 
 def page_case(page: Path) -> Any:
@@ -25,16 +26,95 @@ def page_case(page: Path) -> Any:
 
 
 @pytest.mark.parametrize("page", [page_case(page) for page in PAGES])
-def test_snippets_run(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)  # snippets may write files
+def test_steps_run(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The README's each alone, a page's one after the other."""
+    monkeypatch.chdir(tmp_path)  # steps may write files
+    monkeypatch.setattr(sys, "path", sys.path[:])  # modules of the reader are found in this folder
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
     monkeypatch.setattr(batch, "COSTS", {8: 1.0})  # however many environments: the blocks that other tests compile
-    document = Sybil(parsers=[PythonCodeBlockParser()]).parse(page)
-    examples = list(document.examples())
-    assert len(examples) == page.read_text().count("```python"), "a snippet was not found"
-    for example in examples:
+    text, tolerance = page.read_text(encoding="utf-8"), TOLERANCE
+    names: dict[str, Any] = {}
+    for step in steps(text):
+        if not step.runs:
+            continue
         if page == README:
-            document.namespace.clear()  # who copies one has nothing of the others
-        example.evaluate()
+            names.clear()  # who copies one has nothing of the others
+        output = printed(step, names, str(page))
+        tolerance = LOOSE if step.code.startswith(TRAINS) else tolerance
+        if step.shown is not None:
+            found = excerpt(step.shown, output)
+            assert agree(step.shown, found, tolerance), f"{page.name}, line {step.line}, prints\n{found}"
+    for picture in PICTURE.findall(text):
+        assert (tmp_path / Path(picture).name).is_file(), f"no step draws {picture}"
+
+
+def test_tutorials_show_outputs_and_small_pictures() -> None:
+    for page in TUTORIALS.values():
+        text = page.read_text(encoding="utf-8")
+        assert any(step.shown for step in steps(text)), page
+        pictures = PICTURE.findall(text)
+        assert pictures, page
+        assert [one for one in pictures if (ROOT / "docs" / one).stat().st_size > MOST_BYTES] == []
+
+
+STEPS = """
+```console
+pip install something
+```
+
+```python
+print("a", 1.25)
+```
+
+```text
+a 1.26
+```
+
+```console
+flexarm list
+```
+
+```text
+id
+...
+last
+```
+"""
+
+
+def test_a_step_has_the_output_after_it() -> None:
+    install, snippet, command = steps(STEPS)
+    assert (install.runs, snippet.runs, command.runs) == (False, True, True)
+    assert printed(snippet, {}, "page") == "a 1.25\n"
+    assert snippet.shown == "a 1.26\n"
+    assert snippet.line == STEPS.splitlines().index('print("a", 1.25)') + 1
+    assert printed(command, {}, "page").startswith("id ")
+
+
+def test_a_line_of_dots_leaves_lines_out() -> None:
+    assert excerpt("one\n...\nlast\n", "1\n2\n3\n4\n") == "1\n...\n4\n"
+    assert excerpt("one\nlast\n", "1\n2\n3\n") == "1\n2\n3\n"
+
+
+@pytest.mark.parametrize(
+    ("shown", "found", "same"),
+    [
+        ("error 0.052 m", "error  0.053 m", True),  # rounding
+        ("error 0.052 m", "error 0.060 m", False),
+        ("error 702 mm", "error 710 mm", True),
+        ("lost after 3 s", "done after 3 s", False),
+        ("1 2", "1 2 3", False),
+    ],
+)
+def test_outputs_agree_but_for_little(shown: str, found: str, same: bool) -> None:
+    assert agree(shown, found) is same
+
+
+def test_a_snippet_that_is_read_from_a_file_is_written_to_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    for step in steps("```python\n# mine.py\na = 1\n```\n\n```python\n# mine.py\nb = a + 1\n```\n"):
+        printed(step, {"a": 1}, "page")
+    assert (tmp_path / "mine.py").read_text() == "# mine.py\na = 1\n# mine.py\nb = a + 1\n"
 
 
 def test_long_snippets_are_written_for_the_check_of_types(tmp_path: Path) -> None:
@@ -43,13 +123,12 @@ def test_long_snippets_are_written_for_the_check_of_types(tmp_path: Path) -> Non
     assert {path.name for path in tmp_path.iterdir()} == {f"{page.stem}_snippets.py" for page in LONG}
     for page in LONG:
         written = (tmp_path / f"{page.stem}_snippets.py").read_text()
-        document = Sybil(parsers=[PythonCodeBlockParser()]).parse(page)
-        assert written == snippets.HEAD + "".join(str(example.parsed) for example in document.examples())
+        assert written == snippets.HEAD + "".join(re.findall(r"```python\n(.*?)```", page.read_text(), re.DOTALL))
 
 
 def test_a_snippet_that_is_not_found_is_an_error() -> None:
     with pytest.raises(ValueError, match=r"has 2 snippets, of which 1 begin and end a line"):
-        snippets.module("```python\na = 1\n```\n\n  ```python\n  b = 2\n  ```\n")
+        steps("```python\na = 1\n```\n\n  ```python\n  b = 2\n  ```\n")
 
 
 def test_pictures_and_links_exist() -> None:
