@@ -19,7 +19,6 @@ from flexarm_agents.commands.arguments import EXAMPLES
 from scripts.common.command_line import run
 from scripts.common.markdown import fill_pages, table
 
-BLOCK = "command_line"
 STUDIES = ("paper", "validation", "analysis", "optimise", "control", "benchmarks")
 
 
@@ -65,6 +64,7 @@ def options(parser: argparse.ArgumentParser) -> Iterator[tuple[str, str]]:
         value = str(one.metavar or (f"{{{','.join(one.choices)}}}" if one.choices else "")).removeprefix("{None}|")
         value = re.sub(r"^\[(.*) \[.*\]\]$", r"\1", value) + (" ..." if one.nargs in ("+", "*") else "")
         meaning = re.sub(r" ?\(default: (None|False|'{}'|)\)$", "", " ".join((one.help or "").split()))
+        meaning = re.sub(r"(?<!`)(--[\w-]+|{[^{}]*})", r"`\1`", meaning)  # typographers would change them
         if "--help" not in flags:
             yield ", ".join(f"`{f'{flag} {value}'.strip()}`" for flag in flags or [""]), meaning
 
@@ -72,8 +72,8 @@ def options(parser: argparse.ArgumentParser) -> Iterator[tuple[str, str]]:
 def main(folder: Path = Path("results/docs")) -> None:
     """Command line; the tables go into a folder, too."""
     folder.mkdir(parents=True, exist_ok=True)
-    (folder / f"{BLOCK}.md").write_text(text(), encoding="utf-8")
-    print(*fill_pages(folder, [BLOCK]))
+    (folder / "command_line.md").write_text(text(), encoding="utf-8")
+    print(*fill_pages(folder, ["command_line"]))
 
 
 if __name__ == "__main__":

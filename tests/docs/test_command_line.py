@@ -10,7 +10,7 @@ from scripts.docs import commands
 
 
 def test_the_page_is_what_the_parsers_say() -> None:
-    shown = shown_blocks()[commands.BLOCK]
+    shown = shown_blocks()["command_line"]
     assert shown == commands.text(), "run python -m scripts.docs.commands"
     assert all(f"## `flexarm {verb}`\n" in shown for verb in VERBS)
 
