@@ -8,7 +8,7 @@ from typing import Any
 import matplotlib.pyplot as plt
 import numpy as np
 
-from scripts.common.plotting import COLOURS, save
+from scripts.common.plotting import COLOURS, SOFT, WIDTH, headline, save
 from scripts.validation.checks import Result
 
 FLOOR = 1e-13  # below it, rounding
@@ -25,7 +25,7 @@ def over_time(result: Result, rows: list[dict[str, Any]], folder: Path) -> None:
     """Bent and spinning starts of the undamped arm with 1 and 2 modes."""
     arrays = result.findings.arrays
     time = arrays["time"] / 60.0
-    figure, axes = plt.subplots(2, 2, figsize=(12, 7), sharex=True, sharey="row")
+    figure, axes = plt.subplots(2, 2, figsize=(WIDTH, 6.2), sharex=True, sharey="row")
     for column, arm in zip(axes.T, ("1 mode", "2 modes"), strict=True):
         for row in rows:
             if row["arm"] != arm or row["start"] != "bent and spinning" or row["damping"] > 0.0:
@@ -34,17 +34,18 @@ def over_time(result: Result, rows: list[dict[str, Any]], folder: Path) -> None:
             for axis, what in zip(column, ("energy", "momentum"), strict=True):
                 drift = np.maximum(np.abs(arrays[f"{what} {row['name']}"]), FLOOR)
                 axis.semilogy(time[1:], drift[1:], color=colour, linewidth=0.9, label=f"{1e3 * row['step']:g} ms")
-        column[0].set_title(f"{arm} a link, undamped, bent and spinning")
+        column[0].set_title(f"{arm} a link")
         column[1].set_xlabel("simulated time [min]")
-    axes[0, 0].set_ylabel("energy: relative change")
-    axes[1, 0].set_ylabel("angular momentum: change / scale")
-    axes[1, 0].legend(loc="lower right", ncol=4)
+    axes[0, 0].set_ylabel("energy: relative change [1]")
+    axes[1, 0].set_ylabel("momentum: change / scale [1]")
+    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower left", ncol=4, title="step")
+    headline(figure, "Drift of an undamped arm that bends and spins, by the integrator's step")
     save(figure, folder, "drift_time")
 
 
 def by_step(rows: list[dict[str, Any]], folder: Path) -> None:
     """Largest change by step, every arm and start."""
-    figure, axes = plt.subplots(1, 2, figsize=(12, 6.2), sharex=True)
+    figure, axes = plt.subplots(1, 2, figsize=(WIDTH, 7.2), sharex=True)
     arms = list(dict.fromkeys(row["arm"] for row in rows if row["damping"] == 0.0))
     marks = {"bent": "o", "spinning": "s", "bent and spinning": "^"}
     plain = [arm for arm in arms if "foreshortened" not in arm]
@@ -60,13 +61,14 @@ def by_step(rows: list[dict[str, Any]], folder: Path) -> None:
         axes[0].loglog(list(bounds), list(bounds.values()), color=colour, linestyle=":", linewidth=1.4)
         axes[1].plot([], [], color=colour, linestyle=line, label=arm)
     for start, mark in marks.items():
-        axes[1].plot([], [], color="0.3", marker=mark, linestyle="", label=start)
-    axes[1].plot([], [], color="0.3", linestyle=":", label="bound $\\omega^6 h^5 T / 72$")
-    figure.legend(loc="outside lower center", ncol=4)
-    axes[0].set(title="energy: largest relative change", xlabel="step [ms]")
-    axes[1].set(title="angular momentum: largest change / scale", xlabel="step [ms]")
+        axes[1].plot([], [], color=SOFT, marker=mark, linestyle="", label=start)
+    axes[1].plot([], [], color=SOFT, linestyle=":", label="bound $\\omega^6 h^5 T / 72$")
+    figure.legend(loc="outside lower left", ncol=3)
+    axes[0].set(title="energy", ylabel="largest relative change [1]", xlabel="step [ms]")
+    axes[1].set(title="angular momentum", ylabel="largest change / scale [1]", xlabel="step [ms]")
+    headline(figure, "Drift over ten minutes by the integrator's step")
     ticks = sorted({1e3 * row["step"] for row in rows})
     for axis in axes:
-        axis.set_xticks(ticks, [f"{t:g}" for t in ticks], fontsize=9)
+        axis.set_xticks(ticks, [f"{t:g}" for t in ticks])
         axis.minorticks_off()
     save(figure, folder, "drift_step")

@@ -7,7 +7,7 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 from matplotlib.axes import Axes
 
-from scripts.common.plotting import COLOURS, THRESHOLD, save
+from scripts.common.plotting import COLOURS, SOFT, THRESHOLD, WIDTH, headline, save
 from scripts.validation.checks import Result
 from scripts.validation.links import errors
 from scripts.validation.small_motion import BASES, MODES
@@ -21,7 +21,7 @@ def draw(result: Result, folder: Path) -> None:
     rows = result.findings.records["rows"]
     names = list(dict.fromkeys(row["link"] for row in rows))
     figure, axes = plt.subplots(
-        len(BASES), 2, figsize=(11, 0.8 + 3.6 * len(BASES)), sharex=True, sharey=True, squeeze=False
+        len(BASES), 2, figsize=(WIDTH, 1.6 + 2.6 * len(BASES)), sharex=True, sharey=True, squeeze=False
     )
     for line, basis in zip(axes, BASES, strict=True):
         for axis, root in zip(line, ("clamped", "pinned"), strict=True):
@@ -29,15 +29,16 @@ def draw(result: Result, folder: Path) -> None:
                 if row["root"] == root:
                     _curves(axis, row, basis, LINES[names.index(row["link"])])
             axis.set(title=f"{root}-free, {basis} shapes", yscale="log", xticks=MODES)
-        line[0].set_ylabel("relative error of frequency")
+        line[0].set_ylabel("relative error [1]")
         line[1].axhline(0.01, **THRESHOLD)
     for axis in axes[-1]:
-        axis.set_xlabel("modes")
+        axis.set_xlabel("modes a link")
     for i, colour in enumerate(COLOURS[: len(MODES)]):
         axes[0, 0].plot([], [], "o", color=colour, label=f"frequency {i + 1}")
     for name, style in zip(names, LINES, strict=True):
-        axes[0, 0].plot([], [], linestyle=style, color="0.3", label=name)
-    figure.legend(loc="outside lower center", ncol=4)
+        axes[0, 0].plot([], [], linestyle=style, color=SOFT, label=name)
+    figure.legend(loc="outside lower left", ncol=3)
+    headline(figure, "A single link's frequencies against exact beams; dotted: threshold of the check")
     save(figure, folder, "links")
 
 
