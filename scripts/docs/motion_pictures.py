@@ -1,4 +1,4 @@
-"""Two pictures of the tip's motion: what a late sensor says, and the best known corner with and without rounding."""
+"""Pictures of motion: a late sensor, the tip's wrong way, the best plan, a corner with and without rounding."""
 
 from __future__ import annotations
 
@@ -12,13 +12,16 @@ from matplotlib.axes import Axes
 
 from flexarm_baselines.optimal import load_plan
 from flexarm_baselines.optimal.plan import PLANS
-from scripts.common.plotting import BLUE, INK, ORANGE, WIDTH, write
+from scripts.common.plotting import BLUE, GREEN, INK, ORANGE, WIDTH, headline, label_ends, write
 from scripts.docs.arm_pictures import LETTERS, PURPLE
-from scripts.docs.drawn_arm import ARM, recorded
+from scripts.docs.drawn_arm import ARM, bare, draw_arm, draw_path, recorded
 from scripts.optimise.corner import BLEND, CHANGES, changed_lap
 
 SHOWN = (0.77, 0.89)  # of the lap [s]; the tip moves evenly there
 READ = 0.84  # when the reading is compared [s]
+PUSH, RISE = 20.0, 0.03  # a torque [N m], and how long it takes to rise [s]
+MOMENTS = (0, 12, 24, 36, 48, 60)  # periods of a plan
+TORQUE_LIMITS = (150.0, 50.0)  # [N m]
 CORNER, ABOUT = 8.0, 0.45  # time of a corner, and what is shown before and after it [s]
 
 
@@ -80,4 +83,52 @@ def corner(path: Path) -> None:
     axes[1].text(6.12, 6.05, "target, and tip\nat this scale", ha="right", va="center", color=BLUE)
     axes[0].set_ylim(4.85, 6.5)
     axes[0].set_ylabel("y [m]")
+    write(figure, path)
+
+
+def wrong_way(path: Path) -> None:
+    """Draw how the tip starts backwards when the elbow's motor pushes forwards, and the shapes of link 2 then."""
+    run = ARM.simulate(np.zeros(2 * ARM.size), lambda time, state: (0.0, PUSH * min(time / RISE, 1.0)), 0.08)
+    time, tip = 1e3 * run.time, 1e3 * run.tip[:, 1]
+    figure, (left, right) = plt.subplots(1, 2, figsize=(WIDTH, 3.8))
+    left.plot(time, tip, color=ORANGE, linewidth=2.4)
+    left.fill_between(time, np.minimum(tip, 0.0), 0.0, color=ORANGE, alpha=0.2)
+    left.axhline(0.0, color=INK, linewidth=1.0)
+    left.set(title=f"the true tip after a push of {PUSH:.0f} N m", xlabel="time [ms]", ylabel="way forwards [mm]")
+    backwards = time[np.flatnonzero(tip < 0.0)[-1]]
+    left.text(2.0, 0.3 * tip.max(), f"backwards for the\nfirst {backwards:.0f} ms", color=LETTERS)
+    along = np.linspace(0.0, ARM.parameters.link_lengths[1], 60)
+    ends = {}
+    for now, shade in zip((20, 30, 40), ("0.72", "0.45", "0.1"), strict=True):
+        shape = 1e3 * ARM.position(run.state[now, : ARM.size], 2, along)[:, 1]
+        right.plot(along, shape, color=shade, linewidth=2.4)
+        ends[f"{now} ms", shade] = shape[-1]
+    right.axhline(0.0, color=INK, linewidth=1.0)
+    right.set(title="link 2", xlabel="distance from the elbow [m]", ylabel="way forwards [mm]")
+    label_ends(right, [*ends], [*ends.values()])
+    headline(figure, "The elbow's motor turns link 2 forwards: the tip starts backwards")
+    write(figure, path)
+
+
+def best_plan(path: Path) -> None:
+    """Draw the arm along the best known swing lap's first second, and the torques."""
+    plan = load_plan("default_swing")
+    figure, (left, right) = plt.subplots(1, 2, figsize=(WIDTH, 4.4), width_ratios=(1.0, 1.15))
+    bare(left, (-7.0, 0.4), (-7.0, 1.2))
+    draw_path(left)
+    tip = ARM.tip(plan.states[:, : ARM.size])
+    left.plot(*tip[: MOMENTS[-1] + 1].T, color=ORANGE, linewidth=1.8)
+    for now, shade in zip(MOMENTS, np.linspace(0.8, 0.1, len(MOMENTS)), strict=True):
+        draw_arm(left, plan.states[now, : ARM.size], str(shade), 3.0)
+        left.plot(*tip[now], "o", markersize=6, color=ORANGE)
+    left.set_title(f"the arm every {plan.period * MOMENTS[1]:.2f} s, later is darker", color=INK)
+    time = plan.period * np.arange(100)
+    joints = (("shoulder", BLUE), ("elbow", GREEN))
+    for joint, (_, colour) in enumerate(joints):
+        right.step(time, plan.torques[:100, joint], color=colour, linewidth=1.6, where="post")
+        for limit in (-1.0, 1.0):
+            right.axhline(limit * TORQUE_LIMITS[joint], color=colour, linestyle=":", linewidth=1.2)
+    right.set(title="torques; dotted: their limits", xlabel="time [s]", ylabel="torque [N m]", xlim=(0.0, 1.0))
+    label_ends(right, joints, plan.torques[99])
+    headline(figure, "Best plan known for the start of the swing lap: the elbow swings through the straight arm")
     write(figure, path)

@@ -1,4 +1,4 @@
-"""Two pictures of committed records: error over lost share for every entry of the board; distances from a chain."""
+"""Pictures of committed records: entries of the board on unknown arms and with a payload; distances from a chain."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from matplotlib.transforms import Bbox
 
 from flexarm_agents.board.summary import nominal_errors
 from scripts.common.markdown import DOCS
-from scripts.common.plotting import BLUE, INK, ORANGE, SOFT, WIDTH, write
+from scripts.common.plotting import BLUE, COLOURS, INK, ORANGE, SOFT, WIDTH, headline, label_ends, plain_ticks, write
 
 BOARD, RECORD = DOCS / "leaderboard.json", DOCS / "validation.json"
 LEADER = {"arrowstyle": "-", "linewidth": 0.8, "shrinkA": 1, "shrinkB": 4}
@@ -27,6 +27,8 @@ MODELS = {
     "3 polynomials": "default arm:\n3 shapes a link",
     "4 polynomials": "4 shapes a link",
 }
+LOADED = {"lqg": COLOURS[4], "lqg_adaptive": BLUE, "nmpc_adaptive": COLOURS[5], "agent square": ORANGE}
+LOADED |= {"agent student": COLOURS[2], "agent student_unknown": COLOURS[3]}
 RUNS = {
     "plain, plan with gentle feedback, {}, rms": ("plain lap", BLUE, "o"),
     "swing, plan with gentle feedback, {}, rms": ("swing lap", ORANGE, "s"),
@@ -123,4 +125,43 @@ def distance_from_chain(path: Path) -> None:
     axis.set_ylim(-0.6, len(MODELS) - 0.4)
     axis.set_xlim(0.0, 70.0)
     axis.set_xlabel("r.m.s. distance of the tip from the MuJoCo chain's over a lap of 16 s [mm]")
+    write(figure, path)
+
+
+def payload(path: Path) -> None:
+    """Draw some entries' errors over a payload of which they are not told; a cross where a lap is lost."""
+    board = json.loads(BOARD.read_text())
+    values = board["columns"]["payload"]["values"]
+    figure, axis = plt.subplots(figsize=(WIDTH, 4.2))
+    axis.set(yscale="log", xlim=(0.0, values[-1] + 0.02), ylim=(28.0, 450.0))
+    axis.set(xlabel="payload of which the entry is not told [kg]", ylabel="error, mean of both laps [mm]")
+    plain_ticks(axis.yaxis)
+    labels, ends = [], []
+    for row in board["rows"]:
+        if row["name"] not in LOADED:
+            continue
+        laps = [list(point.values()) for point in row["columns"]["payload"]["points"]]
+        whole = [not any(lap["lost"] for lap in pair) for pair in laps]
+        errors = [
+            1e3 * np.mean([lap["rms"]["mean"] for lap in pair]) if ok else np.nan
+            for ok, pair in zip(whole, laps, strict=True)
+        ]
+        colour = LOADED[row["name"]]
+        axis.plot(values, errors, "o-", color=colour, linewidth=1.8)
+        first = whole.index(False) if False in whole else None
+        last = errors[-1] if first is None else errors[first - 1]
+        name = row["name"].removeprefix("agent ")
+        if first is None:
+            labels.append((name, colour))
+            ends.append(last)
+        else:
+            axis.annotate(
+                f"{name}, lost\nfrom {values[first]:g} kg",
+                (values[first - 1], last),
+                (4, 14),
+                textcoords="offset points",
+                color=colour,
+            )
+    label_ends(axis, labels, ends)
+    headline(figure, "Six entries on arms that carry a payload")
     write(figure, path)

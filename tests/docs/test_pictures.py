@@ -48,7 +48,7 @@ def test_the_arm_is_drawn_as_it_is_bent(lap: Lap) -> None:
     "draw",
     [
         *(still, terms, overview_pictures.distance_from_chain, motion_pictures.late_sensor, motion_pictures.corner),
-        *(lap_pictures.corners, lap_pictures.effort),
+        *(lap_pictures.corners, lap_pictures.effort, motion_pictures.best_plan, overview_pictures.payload),
     ],
 )
 def test_a_picture_is_written(draw: object, tmp_path: Path) -> None:
@@ -70,6 +70,7 @@ def test_every_entry_has_a_dot_and_its_name(tmp_path: Path, monkeypatch: pytest.
 def test_the_pictures_are_there_and_small() -> None:
     for name in PICTURES:
         assert 0 < (DOCS / "figures" / name).stat().st_size < 1_500_000, name
+    assert [path.name for path in DOCS.rglob("*.png") if path.stat().st_size > 150_000] == []
     with Image.open(DOCS / "figures" / "first_second.webp") as moving:
         assert getattr(moving, "n_frames", 1) == 101
 
