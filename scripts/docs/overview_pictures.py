@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
+from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ from matplotlib.axes import Axes
 from matplotlib.text import Text
 from matplotlib.transforms import Bbox
 
-from flexarm_agents.board.summary import nominal_errors
+from flexarm_agents.board.summary import counted, loss, nominal_errors
 from scripts.common.markdown import DOCS
 from scripts.common.plotting import BLUE, COLOURS, INK, ORANGE, SOFT, WIDTH, headline, label_ends, plain_ticks, write
 
@@ -129,39 +130,25 @@ def distance_from_chain(path: Path) -> None:
 
 
 def payload(path: Path) -> None:
-    """Draw some entries' errors over a payload of which they are not told; a cross where a lap is lost."""
+    """Draw some entries' errors over a payload of which they are not told, as far as no lap is lost."""
     board = json.loads(BOARD.read_text())
     values = board["columns"]["payload"]["values"]
     figure, axis = plt.subplots(figsize=(WIDTH, 4.2))
     axis.set(yscale="log", xlim=(0.0, values[-1] + 0.02), ylim=(28.0, 450.0))
     axis.set(xlabel="payload of which the entry is not told [kg]", ylabel="error, mean of both laps [mm]")
     plain_ticks(axis.yaxis)
-    labels, ends = [], []
+    ends = {}
     for row in board["rows"]:
-        if row["name"] not in LOADED:
-            continue
-        laps = [list(point.values()) for point in row["columns"]["payload"]["points"]]
-        whole = [not any(lap["lost"] for lap in pair) for pair in laps]
-        errors = [
-            1e3 * np.mean([lap["rms"]["mean"] for lap in pair]) if ok else np.nan
-            for ok, pair in zip(whole, laps, strict=True)
-        ]
-        colour = LOADED[row["name"]]
-        axis.plot(values, errors, "o-", color=colour, linewidth=1.8)
-        first = whole.index(False) if False in whole else None
-        last = errors[-1] if first is None else errors[first - 1]
-        name = row["name"].removeprefix("agent ")
-        if first is None:
-            labels.append((name, colour))
-            ends.append(last)
-        else:
-            axis.annotate(
-                f"{name}, lost\nfrom {values[first]:g} kg",
-                (values[first - 1], last),
-                (4, 14),
-                textcoords="offset points",
-                color=colour,
-            )
-    label_ends(axis, labels, ends)
+        if row["name"] in LOADED:
+            name, colour = row["name"].removeprefix("agent "), LOADED[row["name"]]
+            points = [list(point.values()) for point in row["columns"]["payload"]["points"]]
+            errors = [1e3 * counted(laps) for laps in takewhile(lambda laps: not loss(laps), points)]
+            axis.plot(values[: len(errors)], errors, "o-", color=colour, linewidth=1.8)
+            if len(errors) == len(values):
+                ends[name, colour] = errors[-1]
+            else:
+                at, text = (values[len(errors) - 1], errors[-1]), f"{name}, lost\nfrom {values[len(errors)]:g} kg"
+                axis.annotate(text, at, (4, 14), textcoords="offset points", color=colour)
+    label_ends(axis, [*ends], [*ends.values()])
     headline(figure, "Six entries on arms that carry a payload")
     write(figure, path)
