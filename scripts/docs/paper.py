@@ -18,7 +18,6 @@ from scripts.paper.cases import Study
 PAGES = ("reproduction.md", "developers/reproduction_tables.md", "claims.md")
 PICTURES = (
     *(f"fig{name}" for name in ("2", "5a", "5b", "6a", "6b", "7a", "7b")),
-    "arm_at_corner",
     "rigid_and_true_tip",
     "alternatives",
     "true_tip_feedback",

@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from flexarm_baselines import paper_system
-from flexarm_env import FlexibleArm, Trajectory
+from flexarm_env import Trajectory
 from flexarm_env.metrics import elbow_changes
 from scripts.common.plotting import BLUE, COLOURS, GREEN, INK, ORANGE, SOFT, WIDTH, headline, save
 from scripts.paper.cases import SENSINGS
@@ -222,39 +222,3 @@ def rigid_and_true(folder: Path, runs: dict[str, dict[str, Trajectory]]) -> None
     handles = {label: line for axis in axes.flat for line, label in zip(*axis.get_legend_handles_labels(), strict=True)}
     figure.legend(handles.values(), handles.keys(), loc="outside lower left", ncols=3)
     save(figure, folder, "rigid_and_true_tip")
-
-
-def arm_at_corner(folder: Path, runs: dict[str, dict[str, Trajectory]], lap_time: float) -> None:
-    """Draw the bent arm around the first switch, every 0.12 s, under both controllers (linear arm, collocated)."""
-    figure, axes = plt.subplots(1, 2, figsize=(WIDTH, 5.4), sharex=True, sharey=True)
-    for axis, controller in zip(axes, CONTROLLER, strict=True):
-        run = runs.get("linear", {}).get(f"{controller}_collocated_tip")
-        if run is None or run.reference is None:
-            plt.close(figure)
-            return
-        arm = FlexibleArm(run.parameters)
-        axis.plot(*run.reference.T, **REFERENCE)
-        switch = lap_time / 4
-        shown = np.flatnonzero((run.time > switch - 0.5) & (run.time < switch + 1.4))
-        axis.plot(*run.tip[shown].T, color=ORANGE, linewidth=2, label="true tip")
-        axis.plot(*run.rigid_tip[shown].T, color=BLUE, linewidth=1.5, label="rigid tip")
-        changes = [t for t in elbow_changes(run) if run.time[shown[0]] <= t <= run.time[shown[-1]]]
-        at = run.tip[[int(np.argmin(np.abs(run.time - t))) for t in changes]]
-        axis.plot(*at.T, "D", color=CHANGE["color"], mec="k", markersize=8, zorder=5, label=CHANGE["label"])
-        instants = shown[::120]
-        for index, shade in zip(instants, np.linspace(0.85, 0.1, len(instants)), strict=True):
-            for link, length in enumerate(run.parameters.link_lengths, 1):
-                points = arm.position(run.state[index, : arm.size], link, np.linspace(0.0, length, 40))
-                axis.plot(*points.T, color=str(shade), linewidth=1.3, zorder=1)
-            axis.plot(*run.tip[index], "o", color=ORANGE, markersize=4)
-        for index, offset in ((instants[0], (-8, -18)), (instants[-1], (4, -34))):
-            axis.annotate(f"{run.time[index]:.1f} s", run.tip[index], offset, textcoords="offset points", color=ORANGE)
-        axis.plot(0, 0, "ks", markersize=7)
-        when = ", ".join(f"{t:.2f}" for t in changes)
-        axis.set_title(CONTROLLER[controller] + (f": elbow straight at {when} s" if changes else ""))
-        axis.set_aspect("equal")
-        axis.set_xlabel("x [m]")
-    axes[0].set(ylabel="y [m]", xlim=(-8, 1), ylim=(-1.2, 8))
-    headline(figure, "The linear arm every 0.12 s at the first corner, which is due at 4 s; later is darker")
-    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower left", ncols=4)
-    save(figure, folder, "arm_at_corner")

@@ -150,7 +150,6 @@ def _drawings(cases: Sequence[Case], sweeps: bool) -> list[str]:
     names = [
         *figures.PATH_FIGURES,
         "fig2",
-        "arm_at_corner",
         "rigid_and_true_tip",
         *(f"time_{case.name}" for case in cases),
     ]
@@ -177,8 +176,6 @@ def draw(folder: Path, name: str) -> None:
     elif name.startswith("time_"):
         case = name.removeprefix("time_")
         figures.time_histories(target, name, paper_runs(case)[case], lap_time)
-    elif name == "arm_at_corner":
-        figures.arm_at_corner(target, load_runs(folder / "runs"), lap_time)
     elif name == "rigid_and_true_tip":
         figures.rigid_and_true(target, load_runs(folder / "runs"))
     else:
