@@ -50,6 +50,7 @@ def late_sensor(path: Path) -> None:
     axis.set_xlim(1e3 * SHOWN[0], 1e3 * SHOWN[1] + 20.0)
     axis.set_xlabel("time since the start of the swing lap [ms]")
     axis.set_ylabel("y of the tip [m]")
+    headline(figure, "The tip along an edge, and what its sensor says at the same time")
     write(figure, path)
 
 

@@ -51,6 +51,7 @@ def error_over_loss(path: Path) -> None:
     for n, (kind, colour) in enumerate(KINDS.items()):
         axis.text(0.99, 0.68 - 0.06 * n, kind, transform=axis.transAxes, ha="right", va="top", color=colour)
     axis.annotate("better", (10.0, 80.0), (18.0, 115.0), color=SOFT, arrowprops=ARROW)
+    headline(figure, "All entries: error on the arm that they know, and share of unknown arms that they lose")
     figure.draw_without_rendering()
     figure.set_layout_engine("none")
     label_dots(axis, [(name, KINDS[kind], lost, error) for name, kind, lost, error in entries])
@@ -113,7 +114,7 @@ def label_dots(axis: Axes, dots: Sequence[tuple[str, str, float, float]], others
 def distance_from_chain(path: Path) -> None:
     """Draw how far each model of the arm is from a chain of rigid segments in MuJoCo, along the best plans known."""
     quoted = json.loads(RECORD.read_text())["groups"]["plant"]["quoted"]
-    figure, axis = plt.subplots(figsize=(WIDTH, 2.8))
+    figure, axis = plt.subplots(figsize=(WIDTH, 3.2))
     for row, model in enumerate(reversed(MODELS)):
         for pattern, (title, colour, marker) in RUNS.items():
             away = quoted[pattern.format(model)]
@@ -126,6 +127,7 @@ def distance_from_chain(path: Path) -> None:
     axis.set_ylim(-0.6, len(MODELS) - 0.4)
     axis.set_xlim(0.0, 70.0)
     axis.set_xlabel("r.m.s. distance of the tip from the MuJoCo chain's over a lap of 16 s [mm]")
+    headline(figure, "Four models of the arm against a chain of segments in MuJoCo, along the best plans")
     write(figure, path)
 
 
