@@ -16,12 +16,12 @@ import tempfile
 from contextlib import chdir, redirect_stdout
 from dataclasses import dataclass
 from pathlib import Path
-from shutil import copyfile
 from typing import Any, NamedTuple
 
 import tyro
 from cycler import cycler
 from matplotlib import rc_context
+from PIL import Image
 
 from flexarm_agents import commands
 from flexarm_env.validation import choice
@@ -38,6 +38,7 @@ NUMBER = re.compile(r"\d+(?:\.(\d+))?")
 TRAINS = "flexarm train"  # its results depend on the processor
 TOLERANCE = 0.05  # between processors, and as the physics moves in a release
 LOOSE = 1e3  # after a training
+SHADES = 64  # of a picture, which keeps its file small
 
 
 class Step(NamedTuple):
@@ -166,7 +167,8 @@ def write(path: Path) -> None:
         for picture in PICTURE.findall(page):
             target = DOCS / picture
             target.parent.mkdir(parents=True, exist_ok=True)
-            copyfile(Path(folder) / target.name, target)
+            with Image.open(Path(folder) / target.name) as drawn:
+                drawn.convert("RGB").quantize(SHADES).save(target, optimize=True)
     path.write_text("".join([*parts, page[done:]]), encoding="utf-8")
 
 
