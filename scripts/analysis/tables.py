@@ -15,7 +15,7 @@ def zeros_by_model(rows: list[dict[str, Any]]) -> str:
         "at the tip it is",
         "bandwidth for a peak of 2 [rad/s]",
         "least peak for errors of 10 % up to 12.3 rad/s",
-        "further zeros pass infinity at s [m]",
+        "another zero comes from infinity at d [m]",
     ]
     body = [
         [
@@ -24,7 +24,7 @@ def zeros_by_model(rows: list[dict[str, Any]]) -> str:
             {1: "single", 2: "double"}[r["multiplicity"]],
             f"{r['bandwidth']:.1f}",
             f"{r['peak']:.2f}",
-            ", ".join(f"{s:.2f}" for s in r["entries"]) or "none: they are there at every s",
+            ", ".join(f"{s:.2f}" for s in r["entries"]) or "none: they are there at every d",
         ]
         for r in rows
     ]

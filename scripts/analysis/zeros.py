@@ -128,8 +128,9 @@ def study(quick: bool) -> dict[str, Any]:
     counts = (1, 2) if quick else (1, 2, 3, 4)
     models = {f"{m} mode{'s' if m > 1 else ''}, undamped": undamped(m) for m in counts}
     damped = {"2 modes, 1 % (linear arm)": FlexibleArm(ArmParameters.linear())}
+    default = {"3 polynomials, 1 % (default arm)": FlexibleArm()}
     return {
-        "by_model": by_model(models | damped),
+        "by_model": by_model(models | damped | default),
         "locus": locus({n: arm for n, arm in (models | damped).items() if not n.startswith("3")}, 20 if quick else 400),
         "spread": {str(m): spread(m) for m in counts},
     }

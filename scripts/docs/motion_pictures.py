@@ -88,7 +88,7 @@ def corner(path: Path) -> None:
 
 
 def wrong_way(path: Path) -> None:
-    """Draw how the tip starts backwards when the elbow's motor pushes forwards, and the shapes of link 2 then."""
+    """Draw how the tip goes backwards when the elbow's motor pushes forwards, and the shapes of link 2 then."""
     run = ARM.simulate(np.zeros(2 * ARM.size), lambda time, state: (0.0, PUSH * min(time / RISE, 1.0)), 0.08)
     time, tip = 1e3 * run.time, 1e3 * run.tip[:, 1]
     figure, (left, right) = plt.subplots(1, 2, figsize=(WIDTH, 3.8))
@@ -96,8 +96,8 @@ def wrong_way(path: Path) -> None:
     left.fill_between(time, np.minimum(tip, 0.0), 0.0, color=ORANGE, alpha=0.2)
     left.axhline(0.0, color=INK, linewidth=1.0)
     left.set(title=f"the true tip after a push of {PUSH:.0f} N m", xlabel="time [ms]", ylabel="way forwards [mm]")
-    backwards = time[np.flatnonzero(tip < 0.0)[-1]]
-    left.text(2.0, 0.3 * tip.max(), f"backwards for the\nfirst {backwards:.0f} ms", color=LETTERS)
+    behind = time[1:][tip[1:] < -0.05]
+    left.text(2.0, 0.3 * tip.max(), f"behind its start from\n{behind[0]:.0f} to {behind[-1]:.0f} ms", color=LETTERS)
     along = np.linspace(0.0, ARM.parameters.link_lengths[1], 60)
     ends = {}
     for now, shade in zip((20, 30, 40), ("0.72", "0.45", "0.1"), strict=True):
@@ -107,7 +107,7 @@ def wrong_way(path: Path) -> None:
     right.axhline(0.0, color=INK, linewidth=1.0)
     right.set(title="link 2", xlabel="distance from the elbow [m]", ylabel="way forwards [mm]")
     label_ends(right, [*ends], [*ends.values()])
-    headline(figure, "The elbow's motor turns link 2 forwards: the tip starts backwards")
+    headline(figure, "The elbow's motor turns link 2 forwards: the tip first goes backwards")
     write(figure, path)
 
 
