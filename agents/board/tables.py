@@ -17,11 +17,12 @@ from flexarm_env.laps import LAPS
 Board = Mapping[str, Any]
 MOST_VALUES = 13  # columns of an axis's table
 PRIVILEGED = "\\*"  # after the name of a privileged row
+UNRANKED = "*Without a rank:*"  # above the privileged rows
 ABSENT = "not applicable"
 NONE = "none"  # the nominal lap itself is lost
 HOLDING = (("lost",), ("lost", "doubled"))  # what must not happen: see `flexarm_agents.board.summary.breaking`
 UNKNOWN = (  # heads
-    "unknown plant: lost",
+    "unknown arms: lost",
     f"error, a lost lap as {LIMIT:g} m [mm]",
     "mean of the completed laps [mm]",
 )
@@ -29,12 +30,15 @@ SHORT = ("lqg", "lqg_adaptive", "nmpc_adaptive", "flsac", "agent square", "agent
 
 
 def ranked(board: Board) -> list[Mapping[str, Any]]:
-    """Return the rows in order: by the error on the unknown plant, where lost laps count, then by the nominal laps."""
+    """Return the rows in order: by the error on unknown arms, where lost laps count, then by the nominal laps.
 
-    def rank(row: Mapping[str, Any]) -> tuple[float, int, float, str]:
+    Privileged rows, which have no rank, come last.
+    """
+
+    def rank(row: Mapping[str, Any]) -> tuple[bool, float, int, float, str]:
         errors = [one["rms"] for one in nominal_errors(row).values() if one is not None]
-        laps = _unknown_laps(row)
-        return counted(laps) if laps else np.inf, len(LAPS) - len(errors), sum(errors), row["name"]
+        error = counted(laps) if (laps := _unknown_laps(row)) else np.inf
+        return row["privileged"], error, len(LAPS) - len(errors), sum(errors), row["name"]
 
     return sorted(board["rows"], key=rank)
 
@@ -45,12 +49,14 @@ def title(row: Mapping[str, Any]) -> str:
 
 
 def ranking(board: Board) -> str:
-    """Write what becomes of each row on the unknown plant, its nominal errors, and what it reads."""
+    """Write what becomes of each row on unknown arms, its nominal errors, and what it reads."""
     unknown = "unknown" in board["columns"]
     head = ["entry", *(UNKNOWN if unknown else ()), *(f"{lap}: lap / after 2 s [mm]" for lap in LAPS)]
     head += ["gap, " + " / ".join(LAPS), "reads"]
-    lines = []
+    lines: list[list[str]] = []
     for row in ranked(board):
+        if row["privileged"] and UNRANKED not in [line[0] for line in lines]:
+            lines.append([UNRANKED, *[""] * (len(head) - 1)])
         errors = nominal_errors(row)
         gaps = [None if one is None else gap(board, lap, one["rms"]) for lap, one in errors.items()]
         line = [title(row), *(_unknown(row) if unknown else []), *map(_errors, errors.values())]
@@ -60,21 +66,19 @@ def ranking(board: Board) -> str:
 
 
 def short_ranking(board: Board, names: Collection[str] = SHORT) -> str:
-    """Write the losses on the unknown plant and the nominal errors of a few rows, those that lose least first.
+    """Write the errors and losses on unknown arms and the nominal errors of a few rows, in their order.
 
     Args:
-        board: with the unknown plant.
+        board: with unknown arms.
         names: of the rows.
     """
     lines = []
-    for row in board["rows"]:
+    for row in ranked(board):
         laps, errors = _unknown_laps(row), nominal_errors(row).values()
         if row["name"] in names and laps:
-            rms = [np.inf if one is None else one["rms"] for one in errors]
-            cells = ["lost" if one == np.inf else f"{1e3 * one:.0f}" for one in rms]
-            lines.append((loss(laps), sum(rms), [title(row), share(loss(laps)), *cells]))
-    head = ["entry", "lost", *(f"{lap} lap [mm]" for lap in LAPS)]
-    return table(head, [cells for _, _, cells in sorted(lines, key=lambda line: line[:2])])
+            cells = ["lost" if one is None else millimetres(one["rms"]) for one in errors]
+            lines.append([title(row), millimetres(counted(laps)), share(loss(laps)), *cells])
+    return table(["entry", "unknown arms: error [mm]", "lost", *(f"{lap} lap [mm]" for lap in LAPS)], lines)
 
 
 def nominal(board: Board) -> str:

@@ -33,8 +33,8 @@
     if (state.view === OVERVIEW) {
       const found = [];
       if (board.columns.unknown) {
-        found.push({ head: "unknown plant\nlost", at: lostShare, plain: true });
-        board.laps.forEach((lap, n) => found.push({ head: `unknown plant\n${lap}`, at: (row) => cell(row, "unknown", 0, n, "rms") }));
+        found.push({ head: "unknown arms\nlost", at: lostShare, plain: true });
+        board.laps.forEach((lap, n) => found.push({ head: `unknown arms\n${lap}`, at: (row) => cell(row, "unknown", 0, n, "rms") }));
         board.laps.forEach((lap, n) => found.push({ head: `completed\n${lap} laps`, at: (row) => completed(row, n) }));
       }
       board.laps.forEach((lap, n) => {
@@ -46,7 +46,7 @@
     }
     const column = board.columns[state.view];
     const unit = column.unit && column.unit !== "1" ? `\n${column.unit}` : "";
-    const values = state.view === "unknown" ? ["all 256 plants"] : column.values;
+    const values = state.view === "unknown" ? ["all 256 arms"] : column.values;
     const found = values.map((value, n) => ({
       head: `${value}${unit}`, nominal: value === column.nominal, at: (row) => cell(row, state.view, n),
     }));
@@ -64,7 +64,7 @@
     return { rank: 0, value, text: millimetres(value), title: "largest error on the axis" };
   }
 
-  /** Return the mean over the laps on the unknown plant that were complete. */
+  /** Return the mean over the laps on unknown arms that were complete. */
   function completed(row, lap) {
     const found = row.columns.unknown && row.columns.unknown[0] && row.columns.unknown[0][lap];
     if (!found || found.rms === null) return { rank: 2, text: "–", title: found ? "all lost" : "not applicable" };
@@ -90,7 +90,7 @@
     return { rank: 0, value: lost / all, text: `${percent(lost, all)} %`, title: `${lost} of ${all}` };
   }
 
-  /** Return the rows that the filters leave, in the order that is asked for. */
+  /** Return the rows that the filters leave, in the order that is asked for; privileged ones, without a rank, come last. */
   function rows(shown) {
     const wanted = state.text.trim().toLowerCase();
     const left = board.rows.filter(
@@ -99,11 +99,12 @@
     const sign = state.down ? -1 : 1;
     const column = shown[state.sort - 1];
     const byName = (a, b) => a.name.localeCompare(b.name);
+    const byRank = (a, b) => a.privileged - b.privileged;
     if (!column) return left.sort((a, b) => sign * byName(a, b));
     const keys = new Map(left.map((row) => [row, column.at(row)]));
     return left.sort((a, b) => {
       const [one, other] = [keys.get(a), keys.get(b)];
-      return one.rank - other.rank || sign * ((one.value || 0) - (other.value || 0)) || byName(a, b);
+      return byRank(a, b) || one.rank - other.rank || sign * ((one.value || 0) - (other.value || 0)) || byName(a, b);
     });
   }
 

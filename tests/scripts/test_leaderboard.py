@@ -160,17 +160,17 @@ def test_tables_rank_by_error_and_show_losses_first() -> None:
     assert board["board"] == BOARD
     found = tables(board)
     lines = found["ranking"].splitlines()[2:]
-    assert [line.split("|")[1].strip() for line in lines] == ["best\\*", "ifdc", "lost"]
-    assert "| 0.013 / 0.000 |" in lines[0]
-    assert "| 1.000 / 1.000 |" in lines[1]
-    assert lines[2].startswith("| lost | 50.0 % | 2500 / 10.0 | - / 10.0 | lost | 10.0 / 10.0 | - / -0.015 |")
+    assert [line.split("|")[1].strip() for line in lines] == ["ifdc", "lost", "*Without a rank:*", "best\\*"]
+    assert "| 0.013 / 0.000 |" in lines[3]
+    assert "| 1.000 / 1.000 |" in lines[0]
+    assert lines[1].startswith("| lost | 50.0 % | 2500 / 10.0 | - / 10.0 | lost | 10.0 / 10.0 | - / -0.015 |")
     assert "not applicable | 100, 50 %" in found["nominal"]
     assert "lost at 1.5 s / 10.0" in found["axis_payload"]
     holds = [line.split("|")[2].strip() for line in found["robustness"].splitlines()]
-    assert holds == ["Payload, 0 to 1 kg", "---", "0.2 to 0.6 (0.2)", "all", "none"]
+    assert holds == ["Payload, 0 to 1 kg", "---", "all", "none", "0.2 to 0.6 (0.2)"]
     assert len(found["axis_payload"].splitlines()[0].split("|")) <= 2 + 1 + 13
     few = short_ranking(board, ("lost", "ifdc")).splitlines()
-    assert few[2:] == ["| ifdc | 0.0 % | 800 | 700 |", "| lost | 50.0 % | lost | 10 |"]
+    assert few[2:] == ["| ifdc | 750 | 0.0 % | 800 | 700 |", "| lost | 1255 | 50.0 % | lost | 10.0 |"]
 
 
 def test_what_is_shown_may_be_made_anew_without_measuring(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
