@@ -23,7 +23,7 @@ def _drawn(**quantities: float) -> dict[str, Any]:
 
 
 CASES: dict[str, dict[str, Any]] = {
-    "as published": {},
+    "default arm": {},
     "motors 5 ms late": _drawn(actuation_delay=0.005),
     "motors 10 ms late": _drawn(actuation_delay=0.01),
     "payload 0.5 kg": _drawn(payload_mass=0.5),
@@ -50,7 +50,7 @@ def rows(scores: Scores) -> str:
         for lap in LAPS if known else ():
             cells = [cell(getattr(scores[f"{name}, {case}"], lap)) for case in known]
             lines.append([name, *values, f"{slowest_decay(feedback):.2f}", lap, *cells])
-    head = ["gains", "stiffness [N m/rad]", "resistance [N m s/rad]", "filters [s]", "slowest decay [1/s]", "lap"]
+    head = ["gains", "stiffness [N m/rad]", "damping gain [N m s/rad]", "filters [s]", "slowest decay [1/s]", "lap"]
     return table([*head, *list(CASES)[: len(lines[0]) - len(head)]], lines)
 
 

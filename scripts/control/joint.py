@@ -45,7 +45,7 @@ def trials(quick: bool) -> Trials:
 
 def rows(scores: Scores) -> str:
     """Write the table."""
-    head = ["law", "stiffness", "resistance", "filters of angle and rate [s]", "slowest decay [1/s]", *ERRORS]
+    head = ["law", "stiffness", "damping gain", "filters of angle and rate [s]", "slowest decay [1/s]", *ERRORS]
     lines = []
     for n, (name, feedback) in enumerate(TRIED):
         if _label(n) in scores:

@@ -1,4 +1,4 @@
-"""What each part of LQG is worth: as published, from a start off the plan, and with other arms and delays."""
+"""What each part of LQG is worth: on the default arm, from a start off the plan, and with other arms and delays."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ ROWS: dict[str, tuple[str, dict[str, Any]]] = {
     "with integral action": ("lqg", {"integral": 0.02}),
     "with strain gauges": ("lqg_gauges", {}),
     "filter of the true noise": ("lqg", {"noise": NoiseModel(joint_angle=1e-4, joint_rate=0.03, tip=3e-3)}),
-    "payload, stiffness and delays estimated": ("lqg_adaptive", {}),
+    "adaptive LQG": ("lqg_adaptive", {}),
     "true state in place of a filter": ("plan_lqr", {}),
 }
 
@@ -44,7 +44,7 @@ class Laps(NamedTuple):
 
 @dataclass(frozen=True)
 class CaseTrial:
-    """A controller on both laps, as published or not.
+    """A controller on both laps, with a design of its own or not.
 
     Attributes:
         controller: its name in the registry.
@@ -81,7 +81,7 @@ def _drawn(**quantities: float) -> dict[str, Any]:
 
 
 CASES: dict[str, dict[str, Any]] = {
-    "as published": {"options": NOISE},
+    "default arm": {"options": NOISE},
     "start 0.02 rad off": {"options": NOISE, "off": OFF},
     "payload 0.5 kg": {"options": _drawn(payload_mass=0.5)},
     "frequencies -10 %": {"options": _drawn(stiffness=0.81)},

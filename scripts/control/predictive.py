@@ -10,7 +10,7 @@ from scripts.control.trials import Study
 
 ROWS: dict[str, tuple[str, dict[str, Any]]] = {
     "NMPC": ("nmpc", {}),
-    "NMPC, payload, stiffness and delay estimated": ("nmpc_adaptive", {}),
+    "adaptive NMPC": ("nmpc_adaptive", {}),
     "NMPC without an optimised plan": ("nmpc_path", {}),
     "NMPC of the true state": ("nmpc_state", {}),
 }

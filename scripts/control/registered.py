@@ -5,7 +5,7 @@ from __future__ import annotations
 from flexarm_agents.contenders import ENVIRONMENT, from_controller
 from flexarm_baselines.registry import CONTROLLERS, controller_names
 from scripts.common.markdown import table
-from scripts.control.trials import ERRORS, Scores, Study, Trial, Trials, errors
+from scripts.control.trials import ERRORS, Scores, Study, Trial, Trials, cell
 
 
 def trials(quick: bool) -> Trials:
@@ -19,7 +19,8 @@ def rows(scores: Scores) -> str:
     for name, score in scores.items():
         one = from_controller(name, ENVIRONMENT, {})
         reads = ", ".join(f"**{what}**" if one.privileged and what == "true state" else what for what in one.reads)
-        lines.append([f"`{name}`", CONTROLLERS[name].text, reads, *errors(score), CONTROLLERS[name].source])
+        errors = (cell(lap, digits=1) for lap in (score.swing, score.plain))
+        lines.append([f"`{name}`", CONTROLLERS[name].text, reads, *errors, CONTROLLERS[name].source])
         one.env.close()
     return table(["name", "controller", "reads", *ERRORS, "source"], lines)
 

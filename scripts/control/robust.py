@@ -31,7 +31,7 @@ from scripts.control.trials import Study, Trial, cell
 from scripts.control.unknown import Errors, UnknownScore, UnknownTrial
 
 ENVIRONMENT = "flexarm_env:FlexArm/Square-v0"
-AS_PUBLISHED, UNKNOWN = "as published", "unknown plant"
+DEFAULT, UNKNOWN = "default arm", "unknown arms"
 # [kg], factor, damping, [s], [s]; with both laps 256 corners
 CORNERS = {
     "payload_mass": (0.0, 0.33, 0.67, 1.0),
@@ -183,7 +183,7 @@ def trials(quick: bool) -> dict[str, Trial | UnknownTrial]:
     env = gymnasium.make(ENVIRONMENT, **LQG.options())
     design = FOUND.arguments(Task.of(env))
     env.close()
-    published: dict[str, Trial | UnknownTrial] = {AS_PUBLISHED: Trial("lqg", design)}
+    published: dict[str, Trial | UnknownTrial] = {DEFAULT: Trial("lqg", design)}
     return published if quick else {**published, UNKNOWN: UnknownTrial("lqg", design)}
 
 
@@ -192,13 +192,13 @@ def rows(scores: dict[str, Any]) -> str:
     unknown: UnknownScore | None = scores.get(UNKNOWN)
     lines = []
     for lap in LAPS:
-        line = [lap, cell(getattr(scores[AS_PUBLISHED], lap), 1)]
+        line = [lap, cell(getattr(scores[DEFAULT], lap), 1)]
         if unknown is not None:
             missed: Errors = getattr(unknown, lap)
             kept = [x for x in missed.rms if not np.isnan(x)]
             line += [f"{missed.lost} of {len(missed.rms)}", f"{1e3 * np.mean(kept):.1f}", f"{1e3 * np.max(kept):.1f}"]
         lines.append(line)
-    head = ["lap", "as published [mm]", "unknown plant: lost", "mean [mm]", "worst [mm]"]
+    head = ["lap", "default arm [mm]", "unknown arms: lost", "mean [mm]", "worst [mm]"]
     return table(head[: len(lines[0])], lines)
 
 

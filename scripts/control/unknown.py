@@ -19,7 +19,7 @@ ENVIRONMENT = "flexarm_env:FlexArm/Square-v0"
 EPISODES = 256
 ROWS = {
     "LQG": "lqg",
-    "payload, stiffness and delays estimated": "lqg_adaptive",
+    "adaptive LQG": "lqg_adaptive",
     "true state in place of a filter": "plan_lqr",
 }
 

@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+import gymnasium
 import numpy as np
+from numpy.typing import NDArray
 
 from flexarm_agents.board.rows import Row
+from flexarm_env.laps import LAPS
+from flexarm_env.predictor import predictor
 from scripts.common.markdown import table
-from scripts.common.period_times import period_times
 
 PERIOD = 10.0  # [ms]
+LAP = "plain"
+FIRST = 10  # control periods that do not count: something may be made at the first call
 
 
 def times(rows: Sequence[Row], tick: Callable[[], Any]) -> dict[str, dict[str, float]]:
@@ -32,6 +38,34 @@ def times(rows: Sequence[Row], tick: Callable[[], Any]) -> dict[str, dict[str, f
         found[row.name] = {"median": float(np.median(taken)), "p99": float(np.percentile(taken, 99.0))}
         tick()
     return found
+
+
+def period_times(env: gymnasium.Env[Any, Any], policy: Any) -> NDArray[np.float64]:
+    """Time each action of the plain lap; where the path is lost, the lap begins anew.
+
+    The time is that of this process alone, on all its cores (`time.process_time`): other work on the machine counts
+    little.
+
+    Args:
+        env: a `FlexArmEnv`, wrapped or not.
+        policy: as `run_policy` takes it.
+
+    Returns:
+        Of each period but the first ones [ms].
+    """
+    predict, options = predictor(policy, deterministic=True), LAPS[LAP].reset_options()
+    done, taken = True, list[float]()
+    while len(taken) < env.get_wrapper_attr("lap_steps"):
+        if done:
+            observation, _ = env.reset(seed=0, options=options)
+            memory, start = None, np.ones(1, dtype=bool)
+        begun = time.process_time()
+        action, memory = predict(observation, memory, start)
+        taken.append(1e3 * (time.process_time() - begun))
+        start = np.zeros(1, dtype=bool)
+        observation, _, terminated, truncated, _ = env.step(action)
+        done = bool(terminated or truncated)
+    return np.array(taken[FIRST:])
 
 
 def times_table(found: Mapping[str, Mapping[str, float]]) -> str:
