@@ -35,6 +35,13 @@ def _shown(values: dict[str, Any]) -> str:
 
 def verdicts(rows: Sequence[dict[str, Any]], titles: dict[str, str]) -> str:
     """Tabulate the verdicts at a glance."""
+
+    def cell(r: dict[str, Any], column: str) -> str:
+        if r["holds"][column]:
+            return "holds"
+        asked = r["condition"] and not r["holds"]["paper"]
+        return "holds under the condition" if asked and r["values"][column].get("under_condition") else "fails"
+
     return table(
         ["claim", "the paper says, in short", "verdict", *titles.values()],
         [
@@ -42,7 +49,7 @@ def verdicts(rows: Sequence[dict[str, Any]], titles: dict[str, str]) -> str:
                 r["id"],
                 r["gist"],
                 f"**{r['verdict']}**" + ("" if r["holds"]["paper"] or not r["condition"] else f" ({r['condition']})"),
-                *("holds" if r["holds"][c] else "fails" for c in titles),
+                *(cell(r, c) for c in titles),
             ]
             for r in rows
         ],

@@ -238,6 +238,13 @@ def test_verdicts_follow_from_the_columns() -> None:
     assert verdict(conditional, False, True, under_condition=False)[0] == "not reproduced"
 
 
+def test_the_table_of_verdicts_says_where_the_condition_holds() -> None:
+    columns = {"paper": {"under_condition": True}, "other": {"under_condition": False}}
+    row = {"id": "4b", "gist": "g", "verdict": "v", "condition": "c", "holds": dict.fromkeys(columns, False)}
+    text = tables.verdicts([row | {"values": columns}], {"paper": "own arm", "other": "other arm"})
+    assert text.splitlines()[-1] == "| 4b | g | **v** (c) | holds under the condition | fails |"
+
+
 def lap(changes: list[float] | None = None, early: bool = False, **figures: object) -> dict[str, object]:
     """Measures of a run, as far as the checks below read them."""
     return {"ended_early": early, "duration": 4.1 if early else 16.0, "elbow_changes": changes or []} | figures
