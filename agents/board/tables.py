@@ -66,7 +66,7 @@ def ranking(board: Board) -> str:
 
 
 def short_ranking(board: Board, names: Collection[str] = SHORT) -> str:
-    """Write the errors and losses on unknown arms and the nominal errors of a few rows, in their order.
+    """Write the losses on unknown arms and the nominal errors of a few rows, in the order of all rows.
 
     Args:
         board: with unknown arms.
@@ -77,8 +77,8 @@ def short_ranking(board: Board, names: Collection[str] = SHORT) -> str:
         laps, errors = _unknown_laps(row), nominal_errors(row).values()
         if row["name"] in names and laps:
             cells = ["lost" if one is None else millimetres(one["rms"]) for one in errors]
-            lines.append([title(row), millimetres(counted(laps)), share(loss(laps)), *cells])
-    return table(["entry", "unknown arms: error [mm]", "lost", *(f"{lap} lap [mm]" for lap in LAPS)], lines)
+            lines.append([title(row), share(loss(laps)), *cells])
+    return table(["entry", "lost", *(f"{lap} lap [mm]" for lap in LAPS)], lines)
 
 
 def nominal(board: Board) -> str:
