@@ -35,7 +35,7 @@ from scripts.leaderboard.times import times, times_table
 
 PICTURES = {
     "heat_map.png": "Share of laps that each entry loses along each axis, or its mean error",
-    "delays.png": "Delays with which an entry loses no lap, and with which its error is below twice that at the default delay",
+    "delays.png": "Delays at which an entry loses no lap, and at which its error is at most doubled",
 }
 TIMES = "times.json"
 PAGE = "leaderboard.md"
