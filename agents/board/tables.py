@@ -26,7 +26,7 @@ UNKNOWN = (  # heads
     f"error, a lost lap as {LIMIT:g} m [mm]",
     "mean of the completed laps [mm]",
 )
-SHORT = ("lqg", "lqg_adaptive", "nmpc_adaptive", "flsac", "agent square", "agent student", "agent student_unknown")
+SHORT = ("lqg", "lqg_adaptive", "nmpc_adaptive", "agent square", "agent student", "agent student_unknown")
 
 
 def ranked(board: Board) -> list[Mapping[str, Any]]:
@@ -66,7 +66,7 @@ def ranking(board: Board) -> str:
 
 
 def short_ranking(board: Board, names: Collection[str] = SHORT) -> str:
-    """Write the losses on unknown arms and the nominal errors of a few rows, in the order of all rows.
+    """Write a few rows of the ranking in one line each: losses and mean error on unknown arms, nominal errors.
 
     Args:
         board: with unknown arms.
@@ -77,8 +77,8 @@ def short_ranking(board: Board, names: Collection[str] = SHORT) -> str:
         laps, errors = _unknown_laps(row), nominal_errors(row).values()
         if row["name"] in names and laps:
             cells = ["lost" if one is None else millimetres(one["rms"]) for one in errors]
-            lines.append([title(row), share(loss(laps)), *cells])
-    return table(["entry", "lost", *(f"{lap} lap [mm]" for lap in LAPS)], lines)
+            lines.append([title(row), share(loss(laps)), millimetres(counted(laps)), *cells])
+    return table(["entry", "lost", "error, unknown arms [mm]", *(f"{lap} lap [mm]" for lap in LAPS)], lines)
 
 
 def nominal(board: Board) -> str:

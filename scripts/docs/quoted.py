@@ -29,7 +29,7 @@ def of_validation(record: dict[str, Any]) -> dict[str, Any]:
         return [engine[pattern.format(part)] for part in parts]
 
     def planned(lap: str, model: str) -> str:
-        return f"{quoted['plant'][f'{lap}, plan with gentle feedback, {model}, rms']:.0f}"
+        return f"{quoted['plant'][f'{lap}, plan with gentle feedback, {model}, rms']:.1f}"
 
     def spin(until: str) -> str:
         return f"{engine['first clamped'] * engine[f'spin, linear, 2 modes, {until}']:.1f}"

@@ -88,7 +88,7 @@ def test_what_to_beat_is_what_the_board_measured() -> None:
     errors = nominal_errors(ROWS["agent square"])
     for one in (plans, errors):
         swing, plain = (1e3 * one[name]["rms"] for name in ("swing", "plain"))
-        assert f"{swing:.0f} / {plain:.0f} mm" in README
+        assert f"{swing:.1f} / {plain:.1f} mm" in README
 
 
 def test_the_readme_is_short() -> None:
