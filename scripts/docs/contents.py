@@ -124,11 +124,11 @@ CHAPTERS: Mapping[str, Chapter] = {
         "How FlexArm is built, checked and released.",
         {
             "CONTRIBUTING": "Where things are, how a change is made, and which checks it must pass.",
+            "docs/developers/reliability": "What is tried against the package, and how often.",
+            "docs/developers/announcing": "Texts that announce a release.",
             "docs/developers/*": "",
             "docs/validation": "The physics against beams, finite elements and two other engines.",
             "docs/claims": "Each claim of the paper, and how it was measured.",
-            "docs/reliability": "What is tried against the package, and how often.",
-            "docs/announcing": "Texts that announce a release.",
             "SECURITY": "How to report a weakness.",
             "CODE_OF_CONDUCT": "How we treat each other.",
         },

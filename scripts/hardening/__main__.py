@@ -34,7 +34,7 @@ from scripts.hardening.soak import PROCESSES, soak
 
 PARTS = {"options": options.PART, "values": values.PART, "calls": calls.PART, "files": files.PART}
 ALL = (*PARTS, "soak", "kills")
-PAGE = "reliability.md"
+PAGE = "developers/reliability.md"
 HEAD, NOTHING = 2, "Not run yet.\n"  # lines of a table without rows, and what stands in its place
 SHOWING = tuple(f"flexarm_env.envs.{name}" for name in ("documentation", "drawing", "rendering", "scene"))
 
@@ -70,7 +70,7 @@ class Options:
     output: Path = Path("results/hardening")
     """Folder for the counts."""
     docs: bool = False
-    """Bring docs/reliability.md up to date with the counts of the folder."""
+    """Bring docs/developers/reliability.md up to date with the counts of the folder."""
 
 
 def stamp_of(name: str, seed: int = 0) -> dict[str, Any]:

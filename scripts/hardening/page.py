@@ -1,4 +1,4 @@
-"""Tables of docs/reliability.md."""
+"""Tables of docs/developers/reliability.md."""
 
 from __future__ import annotations
 

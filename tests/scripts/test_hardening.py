@@ -278,7 +278,8 @@ def test_the_page_says_what_other_code_has_made(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(hardening, "DOCS", tmp_path)
-    page = tmp_path / "reliability.md"
+    page = tmp_path / hardening.PAGE
+    page.parent.mkdir()
     page.write_text("".join(f"<!-- generated: {name} -->\n<!-- end -->\n" for name in ("fuzzing", "soak", "kills")))
     found = {"kills": 3, "finished": 1, "seconds": 2.0, "faults": []}
     for name, code in (("training", stamp_of("kills")["code"]), ("compiling", "0" * 32)):
@@ -296,8 +297,9 @@ def test_the_page_keeps_what_was_not_run_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Lines of this machine, whose results are elsewhere; each says anew whether the code is another one now."""
-    page = tmp_path / "reliability.md"
-    page.write_text((hardening.DOCS / "reliability.md").read_text())
+    page = tmp_path / hardening.PAGE
+    page.parent.mkdir()
+    page.write_text((hardening.DOCS / hardening.PAGE).read_text())
     monkeypatch.setattr(hardening, "DOCS", tmp_path)
     results = tmp_path / "results"
     results.mkdir()
