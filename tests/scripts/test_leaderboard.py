@@ -170,7 +170,7 @@ def test_tables_rank_by_error_and_show_losses_first() -> None:
     assert holds == ["Payload, 0 to 1 kg", "---", "all", "none", "0.2 to 0.6 (0.2)"]
     assert len(found["axis_payload"].splitlines()[0].split("|")) <= 2 + 1 + 13
     few = short_ranking(board, ("lost", "ifdc")).splitlines()
-    assert few[2:] == ["| ifdc | 0.0 % | 800 | 700 |", "| lost | 50.0 % | lost | 10.0 |"]
+    assert few[2:] == ["| ifdc | 0.0 % | 750 | 800 | 700 |", "| lost | 50.0 % | 1255 | lost | 10.0 |"]
 
 
 def test_what_is_shown_may_be_made_anew_without_measuring(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
