@@ -13,8 +13,9 @@ that are not finite raise an error."""
 OBSERVATION = """\
 An observation is an array of float32: the blocks named by the option `observation`, in that order. With `scaled`, each
 block is divided by its scale. `env.unwrapped.observation_blocks` has the slice of each block, `observation_scale` the
-divisor of each number. No number exceeds its bound before the episode ends. The column `reads` names the sensor behind
-a block. No sensor delivers the true state: a policy that observes `state` is privileged."""
+divisor of each number. Each number stays within its bound until the episode ends. In the table of blocks the column
+`reads` names the sensor behind a block. A policy that observes `state` is privileged. The strain gauges of `Square-v0`
+have no noise: with the encoders they give the same state. The ids `SquareDelay...` and `SquareUnknown-v0` have none."""
 FRAMES = """\
 All units are SI. theta1 is the angle from the world's x axis to the root of link 1, theta2 the angle from the tangent
 at link 1's tip to the root of link 2. Blocks in m and m/s are x and y with the shoulder as origin. With
@@ -25,9 +26,9 @@ BRANCHES = f"""\
 The rigid arm reaches a point with its elbow on either side: theta2 > 0 or theta2 < 0. `elbow_branch` chooses the side
 of an episode. `joint_error`, the joint-space law, drawn moves and starts use that side throughout. The elbow may swing
 through the straight arm to the other side, and good plans do so at corners; `joint_error` still refers to the chosen
-side. `present_joint_error` and `present_joint_error_rate` refer to the side that the encoders measure: the sign of
-sin(theta2) when the elbow was last bent by more than {STRAIGHT:g} rad, away from both the straight and the folded arm;
-`elbow_branch` before that. `info["elbow_side"]` is the same sign for the true angle, and 0 before."""
+side. `present_joint_error` and `present_joint_error_rate` refer to the side that the encoders measure. That is the sign
+of sin(theta2) when the elbow was last more than {STRAIGHT:g} rad away from the straight and from the folded arm. Before
+that it is `elbow_branch`. `info["elbow_side"]` is the same sign for the true angle, and 0 before."""
 LATENESS = """\
 Encoders and strain gauges are not late, and the gauges have no noise. The position sensor on link 2 is late: at the
 end of each control period, its reading of `delay` seconds ago arrives, not rounded to integration steps. If `delay` is
@@ -46,16 +47,16 @@ moment ago. For a sensor elsewhere on link 2 it is the vector from that point to
 `second_sensor_link` adds a second position sensor on either link, to compare sets of sensors. It reads the true point
 at `second_sensor_position`, `second_sensor_delay` seconds ago, with noise of its own (`second_sensor_noise`), in every
 control period; `jitter`, `hold`, `dropout` and a drawn `delay` apply to the first sensor only. `second_sensor_error`
-compares a reading with where the *same point* of the rigid arm on the reference was at that time: it is 0 if the arm
-is unbent and on the reference, wherever the sensor is."""
+compares a reading with the *same point* of a rigid arm that was on the reference at that time. It is 0 if the arm is
+unbent and on the reference."""
 MIRROR = """\
 The mirror image of a motion is a motion, since there is no gravity. Reflect an episode about the world's x axis: the
 start corner, the direction of the lap, `elbow_branch`, and the signs of the state's angles and modal coordinates.
-Without noise, the mirrored actions then give the mirrored observations and the same rewards, bit for bit. The column
-`mirrored` has the sign of each number, repeated over its block. `env.unwrapped.mirror_observation` and `mirror_action`
-apply the signs to one sample or to a batch; `observation_mirror` and `action_mirror` hold them, for tensors of other
-libraries. A learner can double its samples by mirroring them, and a policy between the two maps can drive the mirrored
-laps."""
+Without noise, the mirrored actions then give the mirrored observations and the same rewards, bit for bit. In the tables
+of actions and blocks the column `mirrored` has the sign of each number, repeated over its block.
+`env.unwrapped.mirror_observation` and `mirror_action` apply the signs to one sample or to a batch; `observation_mirror`
+and `action_mirror` hold them, for tensors of other libraries. A learner can double its samples by mirroring them, and a
+policy between the two maps can drive the mirrored laps."""
 REWARD = """\
 The reward uses the true tip, whatever the sensors read; e is its distance from the reference after the step. The reward
 is a sum of terms in [0, 1], each times its weight (`reward_weights`). No term is negative, so ending an episode early
@@ -68,7 +69,7 @@ speed, and how well the arm can follow depends on the side of its elbow. The sta
 
 {LAP_LIST}
 
-Report whether the lap was completed and three distances of the true tip from the reference: r.m.s. over the lap, r.m.s.
+Report whether the lap was completed and three distances of the true tip from the target: r.m.s. over the lap, r.m.s.
 after the first 2 s, and the maximum. `flexarm_agents.evaluate(env, policy)` computes them.
 `flexarm_env.rollout.run_policy(env, policy, lap="swing")` runs one lap, and
 `env.reset(options=LAPS["swing"].reset_options())` begins one. A run that ended early has no score;

@@ -59,7 +59,7 @@ KEYS = {
         "how often `elbow_side` has changed sign since the episode began, seen at each control period", "1"
     ),
     "end_code": Key(
-        "why the episode terminated, see Episode end; 0 while it goes on, and where a time limit truncates it", "1"
+        "code of the reason why the episode terminated; 0 while it goes on, and where a time limit truncates it", "1"
     ),
     **{
         TERM + name: Key("this term of the reward times its weight; 0 after a reset", "1", f"`{name}` has a weight")

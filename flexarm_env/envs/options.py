@@ -111,7 +111,7 @@ class Options:
     derivative_gain: float = _option(17.364, "Kd of the paper's law (12)", allowed_of(LawParameters, "derivative_gain"))
     compensation: Compensation = _option(
         "none",
-        "compensation of the delay in the law's command; see `LawParameters`",
+        'delay of the law\'s target: "none", "shared" (the shoulder\'s delay for both joints) or "per_joint"',
         allowed_of(LawParameters, "compensation"),
     )
     law_sensor: Literal["joints", "sensor"] = _option(
@@ -121,12 +121,12 @@ class Options:
     )
     rate_jacobian: RateJacobian = _option(
         "delayed",
-        "angles in the Jacobian of the velocity error; see `SensorParameters`",
+        'angles in the Jacobian of the "rigid" sensor\'s velocity error',
         allowed_of(SensorParameters, "rate_jacobian"),
     )
     delayed: Delayed = _option(
         "position",
-        "what the sensor's delay applies to; see `SensorParameters`",
+        'what is late of the "rigid" sensor: positions alone (the paper), or rates, too',
         allowed_of(SensorParameters, "delayed"),
     )
     sensor: SensorModel = _option(

@@ -92,13 +92,14 @@ IDS: dict[str, Id] = {
         {},
         "Follow the square with the motors' torques",
         "The main task: the paper's square, with the torques in the agent's hands and nothing stabilised. The "
-        "joints have encoders, the links strain gauges, the tip a sensor that is late. Each episode draws the "
-        "side of the elbow, so an agent meets both laps of the standard score; they are different tasks.",
+        "joints have encoders, the links strain gauges, the tip a sensor that is late. The gauges have no noise: with "
+        "the encoders they give the whole state. `SquareUnknown-v0` and the ids `SquareDelay...` have none. "
+        "Each episode draws the side of the elbow, so an agent meets both laps of the score.",
     ),
     "SquareResidual-v0": Id(
         _LAP,
         {"action_mode": "residual"},
-        "Follow the square with torques added to a joint-space law",
+        "Follow the square with torques added to springs and dampers in the joints",
         "A quick start for learning, and the task of improving a classical loop: a spring and a damper in each "
         "joint pull the arm along the reference, and the agent adds torques to theirs. Action 0 keeps the tip "
         "within 2 m; the law knows neither the links' bending nor the next corner. Its dampers make the fastest "
@@ -137,9 +138,9 @@ IDS: dict[str, Id] = {
         _LAP,
         {"observation": _LATE_TIP, "last_actions": 8, **UNKNOWN_PLANT},
         "Follow the square with an arm and sensors that are drawn for each episode",
-        "The task for robust and adaptive control: payload, stiffness, damping and the delays of sensor and "
-        "motors differ from episode to episode, and readings are noisy. One policy or controller has to serve the "
-        "whole box of `randomisation`. What an episode drew is in `env.unwrapped.episode` only.",
+        "The task for robust and adaptive control: payload, stiffness, damping and the delays of sensor and motors "
+        "differ from episode to episode, and readings are noisy. One policy has to serve all; the draw is in "
+        "`env.unwrapped.episode` only.",
     ),
     "SquareDelayEasy-v0": Id(
         _LAP,
