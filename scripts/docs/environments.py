@@ -43,8 +43,9 @@ A batch is one environment that steps all its arms in one compiled loop, far fas
 Observations, rewards and flags are arrays with a row for each arm. [Use batches](../how_to/batch.md) explains kernels,
 autoreset modes, threads, arms that differ, and batches for Stable-Baselines3."""
 _OPTIONS = """\
-Which options does an environment have? Each is an argument of `make` and `make_vec`. The defaults here are those of `FlexArm/Square-v0`; the page of an
-id lists those that it changes. [Environments](README.md) explains frames, delays, starts and ends."""
+Which options does an environment have? Each is an argument of `make` and `make_vec`. The defaults here are those of
+`FlexArm/Square-v0`; the page of an id lists those that it changes. [Environments](README.md) explains frames, delays,
+starts and ends."""
 _ARMS = """\
 `arm="linear"` selects an arm by its name. A mapping changes parameters of the default arm, or of the one that `preset`
 names: `arm={"preset": "linear", "payload_mass": 0.5}`. [The plant](../plant.md) gives the reasons for the default."""
