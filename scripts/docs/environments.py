@@ -132,8 +132,8 @@ def chain_page() -> str:
     name = f"`{NAMESPACE}/{chain_figures.CHAIN}`"
     first = (
         f"How do controllers score on the MuJoCo chain of {name}, and is it fine enough? A student of random arms "
-        "keeps nearly all of its accuracy; PPO trained on the default arm alone does not. 20 segments a link and steps of "
-        "0.5 ms suffice."
+        "keeps nearly all of its accuracy; PPO trained on the default arm alone does not. 20 segments a link and steps "
+        "of 0.5 ms suffice."
     )
     sections = {
         "Scores beside the default arm's": [_CHAIN_SCORES, chain_figures.score_table(found)],
