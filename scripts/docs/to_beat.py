@@ -197,8 +197,8 @@ _NOT_YET = f"""\
 None yet: no entry of the {BOARD} was measured with a drawn delay, jitter and lost readings together. Each alone is an
 axis of it."""
 _PAPER = """\
-The leaderboard does not measure this set-up. What the paper's two controllers do here, and which of the paper's claims hold,
-is in [the paper, reproduced](../reproduction.md)."""
+The leaderboard does not measure this set-up. What the paper's two controllers do here, and which of the paper's claims
+hold, is in [the paper, reproduced](../reproduction.md)."""
 _BEST: Mapping[str, str] = {
     "SquareResidual-v0": "PPO, SAC and TQC halve the springs' error of the swing lap.",
     "SquareDelayHard-v0": "No entry has been measured on it.",
