@@ -46,12 +46,12 @@ class Lap:
 
 LAPS = {
     "swing": Lap(
-        "clockwise with theta2 > 0 at the start, or its mirror image. The first side cannot be followed at once; the "
+        "clockwise with theta2 > 0 at the start, or its mirror image. The first edge cannot be followed at once; the "
         "best plans known swing the elbow through the straight arm",
         "positive",
     ),
     "plain": Lap(
-        "clockwise with theta2 < 0 at the start, or its mirror image. The first side can be followed with the elbow on "
+        "clockwise with theta2 < 0 at the start, or its mirror image. The first edge can be followed with the elbow on "
         "its side",
         "negative",
     ),

@@ -58,12 +58,12 @@ of actions and blocks the column `mirrored` has the sign of each number, repeate
 and `action_mirror` hold them, for tensors of other libraries. A learner can double its samples by mirroring them, and a
 policy between the two maps can drive the mirrored laps."""
 REWARD = """\
-The reward uses the true tip, whatever the sensors read; e is its distance from the reference after the step. The reward
+The reward uses the true tip, whatever the sensors read; e is its distance from the target after the step. The reward
 is a sum of terms in [0, 1], each times its weight (`reward_weights`). No term is negative, so ending an episode early
 never pays."""
 LAP_LIST = "\n".join(f"- The *{name} lap*: {lap.text}." for name, lap in LAPS.items())
 SCORE = f"""\
-The reward trains; the score compares. A lap from rest is decided mostly by its start: the reference leaves at full
+The reward trains; the score compares. A lap from rest is decided mostly by its start: the target leaves at full
 speed, and how well the arm can follow depends on the side of its elbow. The standard score therefore has two laps
 (`flexarm_env.laps.LAPS`):
 

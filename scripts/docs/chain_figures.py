@@ -32,7 +32,7 @@ SEGMENTS = (5, 10, 20, 40)  # the last one the reference
 GAIN = IDS["SquareGain-v0"].options
 # Shipped agents by what the page calls them. The first one's lap shows how the chain converges: what an agent does with
 # gauges that read the chain's fast vibrations depends on every detail of the chain.
-AGENTS = {"student of the unknown plant": "student_unknown", "PPO": "square"}
+AGENTS = {"student of random arms": "student_unknown", "PPO": "square"}
 CONTROLLERS = (*AGENTS, "IFDC")
 
 
