@@ -28,11 +28,10 @@ from flexarm_env.validation import integer
 
 PAPER = ("ifdc", "flsac")  # controllers that are scored unless others are asked for
 DESCRIPTION = """\
-Score controllers and trained policies on the two standard laps, from rest on the first corner, by the distance of the
-true tip from the reference. The swing lap begins with the elbow bent to the side from which it has to swing through
-the straight arm, the plain lap with the other one. All run on the nominal plant, that of FlexArm/Square-v0, unless
-asked for another; a policy with an arm of its own has a table of its own. Policies of a table are ranked by the mean
-r.m.s. of both laps; those with laps that ended early come last, and these laps are marked."""
+Score controllers and trained policies on the swing and the plain lap, from rest on the first corner, by the distance of
+the true tip from the target. All run on the default arm, that of FlexArm/Square-v0, unless asked for another; a policy
+with an arm of its own has a table of its own. A table is in the order of the mean r.m.s. of both laps, with lost laps
+last (the leaderboard ranks by the error on unknown arms)."""
 
 
 class Result(NamedTuple):
