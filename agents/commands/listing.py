@@ -32,4 +32,4 @@ def run(arguments: Sequence[str]) -> None:
     print(columns([("shipped policy", "trained on"), *trained]))
     print()
     print(columns([("controller", "what it is"), *((name, one.text) for name, one in CONTROLLERS.items())]))
-    print("\n`flexarm evaluate --policy NAME` scores one. The leaderboard has `ifdc` with a late sensor, too: ifdc_late.")
+    print("\n`flexarm evaluate --policy NAME` scores one. ifdc_late on the leaderboard is `ifdc` with a late sensor.")
