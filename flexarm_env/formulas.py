@@ -48,7 +48,7 @@ def state_rate(
 def step(
     arm: FlexibleArm, state: Sequence[Any], torque: Sequence[Any], h: float, sin: Function, cos: Function
 ) -> list[Any]:
-    """State after one step of the classical Runge-Kutta method, the torque held; arguments as in `state_rate`.
+    """State after one step of the classical Runge-Kutta method of positions and momenta, the torque held.
 
     Args:
         arm: the arm.
@@ -58,13 +58,27 @@ def step(
         sin: sine of the engine.
         cos: cosine of the engine.
     """
-    start = [state[i] for i in range(2 * arm.size)]
+    k, n = arm.constants, arm.size
+    e, complete = elimination(k), arm.parameters.velocity_forces == "complete"
+    y, v = (dyn.internal_coordinates(k, [half[i] for i in range(n)]) for half in (state[:n], state[n:]))
+
+    def inertia(y: list[Any]) -> Any:
+        turn = dyn.elbow_turn(y)
+        return dyn.inertia(k, e, y, cos(turn), sin(turn))
+
+    turn = dyn.elbow_turn(y)
+    start = [*y, *dyn.momentum(k, y, v, cos(turn), sin(turn))]
     stage, total = start, [0.0] * len(start)
     for ahead, weight in ((0.5 * h, 1.0), (0.5 * h, 2.0), (h, 2.0), (0.0, 1.0)):
-        slope = state_rate(arm, stage, torque, sin, cos)
+        y, turn = stage[:n], dyn.elbow_turn(stage[:n])
+        v = dyn.solve(k, e, inertia(y), stage[n:])
+        angles = cos(turn), sin(turn), sin(dyn.joint_angles(k, y)[1])
+        slope = [*v, *dyn.momentum_rate(k, complete, y, v, [torque[0], torque[1]], angles)]
         total = [a + weight * b for a, b in zip(total, slope, strict=True)]
         stage = [a + ahead * b for a, b in zip(start, slope, strict=True)]
-    return [a + h / 6.0 * b for a, b in zip(start, total, strict=True)]
+    end = [a + h / 6.0 * b for a, b in zip(start, total, strict=True)]
+    v = dyn.solve(k, e, inertia(end[:n]), end[n:])
+    return [*dyn.public_coordinates(k, end[:n]), *dyn.public_coordinates(k, v)]
 
 
 def tip(arm: FlexibleArm, state: Sequence[Any], sin: Function, cos: Function) -> list[Any]:

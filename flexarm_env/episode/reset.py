@@ -24,7 +24,7 @@ from flexarm_env.kernels.entries import clock_row, column, constant, setting, wo
 from flexarm_env.kernels.law import prepare_law
 from flexarm_env.kernels.layout import row
 from flexarm_env.kernels.path_cache import invalidate_segment
-from flexarm_env.kernels.recorded import elimination_kernel
+from flexarm_env.kernels.recorded import elimination_kernel, momentum_kernel
 from flexarm_env.kernels.states import enter_state
 from flexarm_env.kernels.variants import variant
 from flexarm_env.physics.inverse_kinematics import joint_angles_for, joint_rates_for
@@ -123,3 +123,7 @@ def reset_lanes(
             clear_lane(arena, clock, header, settings, i)
     if not (variant.foreshortened or variant.hosted):
         elimination_kernel(arena)
+    if not (variant.law or variant.hosted):
+        for i in range(variant.lanes):
+            arena[row.STARTS, i] = 1.0 if started[i] else 0.0
+        momentum_kernel(arena)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from flexarm_env.codegen.arrays import Arena
 from flexarm_env.codegen.declarations import Program, per_lane
 from flexarm_env.kernels.layout import row
-from flexarm_env.kernels.recorded import step_kernel
+from flexarm_env.kernels.recorded import momentum_kernel, step_kernel
 from flexarm_env.kernels.states import ArmTable, load_arms, load_states, store_state
 from flexarm_env.kernels.variants import variant
 
@@ -87,6 +87,7 @@ def run_feedback(
     for first in range(0, states.shape[0], variant.lanes):
         load_arms(arena, row.CONSTANTS, arms, first)
         load_states(arena, states[:, 0], first)
+        momentum_kernel(arena)
         for period in range(states.shape[1] - 1):
             for i in range(variant.lanes):
                 arm = min(first + i, last)

@@ -44,6 +44,25 @@ def slope_ways(modes: int) -> list[tuple[str, int]]:
     return [(name, n) for name, places in counts.items() for n in places]
 
 
+def slope_sizes(modes: int) -> dict[str, int]:
+    """Return what `step_jacobians` keeps of a stage, in its order, and how many numbers each is.
+
+    M and its inverse (lower triangles); the derivatives of the momenta ``M(y) v`` and of the force p' by the positions
+    but a1 and by the rates; of both by each input that acts all the time.
+    """
+    size = 2 * modes + 2
+    triangle, acting = size * (size + 1) // 2, 2 + len(ARM_QUANTITIES)
+    by_y = (size - 1) * size
+    return {
+        "mass": triangle,
+        "inverse": triangle,
+        "momentum_by_y": by_y,
+        "force_by_y": by_y,
+        "force_by_v": size * size,
+        "inputs": acting * 2 * size,
+    }
+
+
 def _size(shape: Shape) -> int:
     return shape.size
 
@@ -69,7 +88,7 @@ def _changes(shape: Shape) -> int:
 
 
 def _slopes(shape: Shape) -> int:
-    return len(RK4_NODES) * len(slope_ways(shape.modes)) * shape.size
+    return len(RK4_NODES) * sum(slope_sizes(shape.modes).values())
 
 
 def _columns(shape: Shape) -> int:
@@ -97,6 +116,9 @@ class Row(Names):
 
     Y = Entry("internal coordinates (`dynamics`)", "rad, m", _size)
     V = Entry("their rates; they follow the coordinates", "rad/s, m/s", _size)
+    STARTS = Entry("1 where an episode starts, else 0", "1", 1, _ENVIRONMENT)
+    P = Entry("generalised momenta M(y) v, as the latest step left them", "N m s, N s", _size)
+    FORCE = Entry("their rates of change without the motors' part", "N m, N", _size)
     CONSTANTS = Entry("what the equations know of the arm (`Constants`)", CONSTANTS_UNIT, lambda s: s.constants)
     ELIMINATION = Entry("what follows from them (`Elimination`)", "as in `Elimination`", _elimination)
 
@@ -121,7 +143,7 @@ class Row(Names):
         "segment of the path for the commands (`path_cache.Segment`)", "s, m, m/s", SEGMENT_ROWS, _LAW
     )
     RATE_LATE = Entry("whether the rates are as late as the readings", "1", 1, _LAW)
-    Y_STAGE = Entry("coordinates of the stage", "rad, m", _size, _LAW)
+    Y_STAGE = Entry("coordinates of the stage", "rad, m", _size, ("law", "tangents"))
     V_STAGE = Entry("rates of the stage", "rad/s, m/s", _size, ("law", "tangents"))
     MECHANICAL = Entry("acceleration of the stage without the law", "rad/s^2, m/s^2", _size, _LAW)
     FEEDBACK = Entry("acceleration of the stage by the law", "rad/s^2, m/s^2", _size, _LAW)
@@ -131,13 +153,15 @@ class Row(Names):
     FEEDBACK_SLOTS = Entry("FEEDBACK of the earlier stages", "rad/s^2, m/s^2", _slots, _LAW)
 
     CHANGES = Entry("derivatives of CONSTANTS by each quantity", CONSTANTS_UNIT + ", per unit", _changes, _TANGENTS)
-    RATE_STAGE = Entry("acceleration of the stage", "rad/s^2, m/s^2", _size, _TANGENTS)
-    TOTAL = Entry("weighted sum of V_STAGE and of RATE_STAGE", "rad/s, m/s, per s", lambda s: 2 * s.size, _TANGENTS)
-    SLOPES = Entry("its derivatives by each input (`slope_ways`), of all stages", "per unit", _slopes, _TANGENTS)
-    COLUMNS = Entry("derivatives of Y and V by each input at the start", "per unit", _columns, _TANGENTS)
+    FORCE_STAGE = Entry("FORCE of the stage", "N m, N", _size, _TANGENTS)
+    TOTAL = Entry("weighted sum of the rates of Y and P", "as of V and FORCE", lambda s: 2 * s.size, _TANGENTS)
+    SLOPES = Entry("derivatives of the stages (`slope_sizes`)", "per unit", _slopes, _TANGENTS)
+    COLUMNS = Entry(
+        "derivatives of Y and P (at a period's ends, of Y and V) by each input", "per unit", _columns, _TANGENTS
+    )
 
-    GRADIENT = Entry("derivatives of a sum by Y and V", "per unit", lambda s: 2 * s.size, _ADJOINT)
-    STAGE_GRADIENT = Entry("by positions and rates of the stage", "per unit", lambda s: 2 * s.size, _ADJOINT)
+    GRADIENT = Entry("derivatives of a sum by Y and P", "per unit", lambda s: 2 * s.size, _ADJOINT)
+    STAGE_GRADIENT = Entry("by positions and momenta of the stage", "per unit", lambda s: 2 * s.size, _ADJOINT)
     GRADIENT_CHANGE = Entry("sum of STAGE_GRADIENT of a step's stages", "per unit", lambda s: 2 * s.size, _ADJOINT)
     TORQUE_GRADIENT = Entry("derivatives of the sum by TAU", "per N m", 2, _ADJOINT)
 

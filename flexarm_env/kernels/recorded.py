@@ -7,9 +7,9 @@ from typing import Any
 
 from flexarm_env.codegen.arrays import Arena, Four, LaneRows
 from flexarm_env.codegen.elementary import sincos
-from flexarm_env.codegen.tracing import clip
+from flexarm_env.codegen.tracing import clip, where_less
 from flexarm_env.control import jacobian_transpose, joint_tracking
-from flexarm_env.kernels.recorder import Recorder, recorded_kernel
+from flexarm_env.kernels.recorder import Recorder, recorded_kernel, sine_of_theta2
 from flexarm_env.kernels.tableau import GAMMA, RK4_NODES, RK4_WEIGHTS, STAGES
 from flexarm_env.kernels.variants import Variant
 from flexarm_env.physics import dynamics as dyn
@@ -20,55 +20,102 @@ from flexarm_env.physics.modal_elimination import elimination
 
 
 def slope_kernel_record(variant: Variant) -> Recorder:
-    """Record the acceleration alone."""
+    """Record the slopes alone."""
     r = Recorder(variant)
-    known, y, v = [*r.read("CONSTANTS"), *r.read("ELIMINATION")], r.read("Y"), r.read("V")
-    turn = sincos(dyn.elbow_turn(y))
-    r.store("rates", r.trace.call("slope", [*known, *y, *v, *r.read("TAU"), *turn], len(v)))
+    enter_slopes(r, r.read("Y"), r.read("P"))
     return r
 
 
+def enter_slopes(r: Recorder, y: Sequence[Any], p: Sequence[Any]) -> None:
+    """Write the slopes of a state."""
+    slopes = slopes_at(r, y, p)
+    r.write("V", slopes[: len(y)])
+    r.write("FORCE", slopes[len(y) :])
+
+
+def slopes_at(r: Recorder, y: Sequence[Any], p: Sequence[Any]) -> list[Any]:
+    """Return v, and p' without the motors' part, by the formula that all kernels of a module share."""
+    known = [*r.read("CONSTANTS"), *r.read("ELIMINATION")]
+    return r.trace.call("slope", [*known, *y, *p, *sincos(dyn.elbow_turn(y))], 2 * len(y))
+
+
 @recorded_kernel(slope_kernel_record)
-def slope_kernel(arena: Arena, rates: LaneRows) -> None:
-    """Acceleration of the torque-driven arm of every lane.
+def slope_kernel(arena: Arena) -> None:
+    """Compute V and FORCE of every lane from Y and P.
 
     Args:
-        arena: arena of one block.
-        rates: receives v'. Shape (size, lanes).
+        arena: of one block.
+    """
+
+
+def momentum_record(variant: Variant) -> Recorder:
+    """Record what steps begin with; of environments, only where an episode starts."""
+    r = Recorder(variant)
+    k, y, v = r.constants(), r.read("Y"), r.read("V")
+    sin, cos = sincos(dyn.elbow_turn(y))
+    angles = cos, sin, sine_of_theta2(variant, k, y)
+    for name, values in (
+        ("P", dyn.momentum(k, y, v, cos, sin)),
+        ("FORCE", dyn.momentum_rate(k, variant.complete, y, v, (0.0, 0.0), angles)),
+    ):
+        if variant.episodes:
+            pairs = zip(values, r.read(name), strict=True)
+            values = [where_less(0.5, r.one("STARTS"), new, old) for new, old in pairs]
+        r.write(name, values)
+    return r
+
+
+@recorded_kernel(momentum_record)
+def momentum_kernel(arena: Arena) -> None:
+    """Compute P and FORCE from Y and V, before the first step of a motion; of environments, where STARTS is 1.
+
+    Args:
+        arena: of one block.
     """
 
 
 def step_record(variant: Variant) -> Recorder:
     """Record one step of the classical Runge-Kutta method; with the joint-space law for the kind "tracking".
 
-    All four stages in one pass over the lanes, so that slopes and their sum stay in registers. A stage's positions need
-    the velocities of the stage before, but not its slope, so its sine is at hand early: the two are worked out side by
-    side. (After the last stage comes none: what is written for it no result needs, and `Trace.lines` leaves it out.)
+    It integrates positions and momenta, not rates: an error of the fast modes then does not move the slow motion
+    through M(y)^-1 (docs/model.md). All stages in one pass over the lanes, so that slopes and their sum stay in
+    registers. The slopes at the step's end are the first of the next one.
     Twice a slope is a sum, since units that only add are idle while others multiply.
     """
     r = Recorder(variant)
-    known, h, y, v = [*r.read("CONSTANTS"), *r.read("ELIMINATION")], r.trace.input("h"), r.read("Y"), r.read("V")
-    stage_y, stage_v, turn = y, v, sincos(dyn.elbow_turn(y))
+    h, y, p, k = r.trace.input("h"), r.read("Y"), r.read("P"), r.constants()
+    stage_y, slopes = y, [*r.read("V"), *r.read("FORCE")]
     total: list[Any] = []
-    for node, next_node, weight in zip(RK4_NODES, (*RK4_NODES[1:], 0.0), RK4_WEIGHTS, strict=True):
+    for node, next_node, weight in zip(RK4_NODES, (*RK4_NODES[1:], None), RK4_WEIGHTS, strict=True):
         assert weight in (1.0, 2.0)
-        ahead = h * next_node
-        next_y = plus_scaled(y, ahead, stage_v)
-        next_turn = sincos(dyn.elbow_turn(next_y))
-        acting = r.read("TAU")
+        v, acting = slopes[: len(y)], r.read("TAU")
         if variant.tracking:
-            acting = _tracking_torque(r, r.constants(), round(2 * node), (stage_y, stage_v))
+            acting = _tracking_torque(r, k, round(2 * node), (stage_y, v))
             if not total:
                 r.write("STAGE_TORQUE", acting)
-        slope = r.trace.call("slope", [*known, *stage_y, *stage_v, *acting, *turn], len(v))
-        each = [*stage_v, *slope] if weight == 1.0 else [a + a for a in (*stage_v, *slope)]
+        rates = [*v, *driven(k, slopes[len(y) :], acting)]
+        each = rates if weight == 1.0 else [a + a for a in rates]
         total = [a + b for a, b in zip(total, each, strict=True)] if total else each
-        stage_y, stage_v, turn = next_y, plus_scaled(v, ahead, slope), next_turn
-    sixth = h / 6.0
-    moved = plus_scaled([*y, *v], sixth, total)
-    r.write("Y", moved[: len(y)])
-    r.write("V", moved[len(y) :])
+        if next_node is not None:
+            ahead = h * next_node
+            stage_y, stage_p = plus_scaled(y, ahead, v), plus_scaled(p, ahead, rates[len(y) :])
+            slopes = slopes_at(r, stage_y, stage_p)
+    move(r, total)
     return r
+
+
+def driven(k: Constants, force: Sequence[Any], tau: Sequence[Any]) -> list[Any]:
+    """Return p', from that without the motors' part."""
+    return [a + b for a, b in zip(force, dyn.generalised_torque(k, tau), strict=True)]
+
+
+def move(r: Recorder, total: Sequence[Any]) -> None:
+    """Write a step's end, from the weighted sum of its rates."""
+    y, p = r.read("Y"), r.read("P")
+    moved = plus_scaled([*y, *p], r.trace.input("h") / 6.0, total)
+    r.write("Y", moved[: len(y)])
+    r.write("P", moved[len(y) :])
+    enter_slopes(r, moved[: len(y)], moved[len(y) :])
 
 
 def _tracking_torque(r: Recorder, k: Constants, basis_of: int, state: tuple[Sequence[Any], Sequence[Any]]) -> list[Any]:
@@ -81,10 +128,10 @@ def _tracking_torque(r: Recorder, k: Constants, basis_of: int, state: tuple[Sequ
 
 @recorded_kernel(step_record)
 def step_kernel(arena: Arena, h: float, bases: tuple[Sequence[float], ...] = ()) -> None:
-    """Advance the torque-driven arm of every lane by one step with held torques.
+    """Advance the torque-driven arm of every lane by one step with held torques: Y, P, V and FORCE.
 
     Args:
-        arena: arena of one block.
+        arena: arena of one block; V, P and FORCE belong together (`momentum_kernel`).
         h: step [s].
         bases: see `actuation.spline_factors`, at the step's start, middle and end; under the joint-space law only.
     """

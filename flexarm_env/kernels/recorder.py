@@ -186,22 +186,26 @@ def recorded_kernel(record: Callable[[Variant], Recorder]) -> Callable[[Callable
 
 
 def slope_record(variant: Variant) -> tuple[Trace, list[str], Sequence[Any]]:
-    """Compute v' of one arm from its constants (`layout.arm_rows`), y, v, torques, S and C, in this order."""
+    """Compute of one arm v, and p' without the motors' part, from its constants (`layout.arm_rows`), y, p, S and C."""
     trace, size = Trace(), variant.size
     counts = {
         "k": variant.constants,
         "e": elimination_count(variant.modes, variant.foreshortened),
         "y": size,
-        "v": size,
-        "tau": 2,
+        "p": size,
         "turn": 2,
     }
     names = [[f"{name}{n}" for n in range(count)] for name, count in counts.items()]
-    constants, known, y, v, tau, (sin, cos) = map(trace.inputs, names)
+    constants, known, y, p, (sin, cos) = map(trace.inputs, names)
     k, e = Constants.unflat(constants, variant.modes, variant.foreshortened), _elimination(variant, known)
-    sin_theta2 = None if variant.complete else sincos(dyn.joint_angles(k, y)[1])[0]
-    slope = dyn.acceleration(k, e, variant.complete, y, v, tau, (cos, sin, sin_theta2))
-    return trace, [name for group in names for name in group], slope
+    v = dyn.solve(k, e, dyn.inertia(k, e, y, cos, sin), p)
+    rate = dyn.momentum_rate(k, variant.complete, y, v, (0.0, 0.0), (cos, sin, sine_of_theta2(variant, k, y)))
+    return trace, [name for group in names for name in group], [*v, *rate]
+
+
+def sine_of_theta2(variant: Variant, k: Constants, y: Sequence[Any]) -> Any:
+    """Return the sine that the paper's C_r needs; None where it does not act."""
+    return None if variant.complete else sincos(dyn.joint_angles(k, y)[1])[0]
 
 
 INTRINSICS = (fused, quarter_turns)

@@ -5,10 +5,10 @@
 
 from __future__ import annotations
 
-from flexarm_env.codegen.arrays import Arena, Arenas, LaneRecords, LaneRows
+from flexarm_env.codegen.arrays import Arena, Arenas, LaneRecords
 from flexarm_env.codegen.declarations import Program
 from flexarm_env.kernels.layout import row
-from flexarm_env.kernels.recorded import slope_kernel, step_kernel
+from flexarm_env.kernels.recorded import momentum_kernel, slope_kernel, step_kernel
 from flexarm_env.kernels.variants import variant
 
 
@@ -29,6 +29,8 @@ def run_open(arenas: Arenas, torques: LaneRecords, states: LaneRecords, h: float
         total = 0.0
         for block in range(arenas.shape[0]):
             arena: Arena = arenas[block]
+            if step == 0:
+                momentum_kernel(arena)
             for r in range(2):
                 for i in range(variant.lanes):
                     arena[row.TAU + r, i] = torques[step, block, r, i]
@@ -46,9 +48,14 @@ def run_open(arenas: Arenas, torques: LaneRecords, states: LaneRecords, h: float
     return torques.shape[0]
 
 
-def find_slope(arena: Arena, rates: LaneRows) -> None:
-    """Acceleration of a block's arms at their states and torques; see `slope_kernel`."""
-    slope_kernel(arena, rates)
+def find_momenta(arena: Arena) -> None:
+    """Momenta of a block's arms, and their rates without the motors' part; see `momentum_kernel`."""
+    momentum_kernel(arena)
 
 
-OPEN = Program("open", entry_points=(run_open, find_slope), words="an arm driven by torques")
+def find_slopes(arena: Arena) -> None:
+    """Rates of a block's arms, and those of their momenta; see `slope_kernel`."""
+    slope_kernel(arena)
+
+
+OPEN = Program("open", entry_points=(run_open, find_momenta, find_slopes), words="an arm driven by torques")

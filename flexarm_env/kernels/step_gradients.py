@@ -2,15 +2,18 @@
 
 `imex` explains lanes, blocks and arenas, `step_jacobians` what is differentiated.
 
-A gradient g' by the state after a step goes back to that by the state before it. Of a stage with the rate f = (v, a),
-the gradient by f is its share of the step's plus what the stage after it hands back. That by the stage's coordinates
-and rates follows from ``g_a' da = mu' d(imbalance)`` with ``M mu = g_a`` (`dynamics.imbalance`), so that one solution
-serves all inputs, where a Jacobian needs one for each.
+A gradient by the state after a step goes back to that by the state before it, of positions y and momenta p = M(y) v.
+Of a stage with the rates (v, F), the gradient by them is their share of the step's plus what the stage after it hands
+back. With ``M mu = g_v + (dF/dv)' g_F`` that by the stage's momenta is mu, and that by its positions
+``(dF/dy)' g_F - (d(M v)/dy)' mu``: one solution serves all inputs.
 
 Source: Griewank & Walther, *Evaluating Derivatives*, 2nd edition, SIAM 2008, chapter 3 (adjoint mode).
 """
 
 from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +24,7 @@ from flexarm_env.codegen.elementary import sincos
 from flexarm_env.codegen.tangents import tangents, varied
 from flexarm_env.kernels.entries import constant
 from flexarm_env.kernels.layout import row, slope_ways
+from flexarm_env.kernels.recorded import driven, momentum_kernel, move, slopes_at
 from flexarm_env.kernels.recorder import Recorder, recorded_kernel
 from flexarm_env.kernels.states import ArmTable, States, internal_place, load_arms, load_rows, load_states
 from flexarm_env.kernels.step_jacobians import STAGES, stage_angles
@@ -33,31 +37,30 @@ from flexarm_env.physics.linear_algebra import plus_scaled
 Gradients = tuple[NDArray[np.float64], NDArray[np.float64]]
 
 
-def trail_rows(size: int) -> int:
-    """Return how many numbers of a lane a step leaves for the way back: of its stages, with `size` coordinates."""
-    return 3 * STAGES * size
+def trail_rows(size: int, steps: int) -> int:
+    """Return how many numbers of a lane some steps leave for the way back: of stages, with `size` coordinates."""
+    return 2 * size * (STAGES * steps + 1)
 
 
 # --- recorded ---------------------------------------------------------------------------------------------------------
 
 
 def stages_record(variant: Variant) -> Recorder:
-    """Record a step: coordinates, rates and accelerations of its stages, and its end."""
+    """Record a step: coordinates and rates of its stages, and its end."""
     r = Recorder(variant)
-    known, h = [*r.read("CONSTANTS"), *r.read("ELIMINATION")], r.trace.input("h")
-    y, v = r.read("Y"), r.read("V")
-    stage_y, stage_v, total = y, v, [0.0] * (2 * len(y))
-    for number, (next_node, weight) in enumerate(zip((*RK4_NODES[1:], 0.0), RK4_WEIGHTS, strict=True)):
-        turn = sincos(dyn.elbow_turn(stage_y))
-        slope = r.trace.call("slope", [*known, *stage_y, *stage_v, *r.read("TAU"), *turn], len(v))
-        stage = [*stage_y, *stage_v, *slope]
-        r.store("stages", stage, number * len(stage))
-        total = plus_scaled(total, weight, [*stage_v, *slope])
-        ahead = h * next_node
-        stage_y, stage_v = plus_scaled(y, ahead, stage_v), plus_scaled(v, ahead, slope)
-    moved = plus_scaled([*y, *v], h / 6.0, total)
-    r.write("Y", moved[: variant.size])
-    r.write("V", moved[variant.size :])
+    h, k, y, p = r.trace.input("h"), r.constants(), r.read("Y"), r.read("P")
+    stage_y, slopes, total = y, [*r.read("V"), *r.read("FORCE")], [0.0] * (2 * len(y))
+    for number, (next_node, weight) in enumerate(zip((*RK4_NODES[1:], None), RK4_WEIGHTS, strict=True)):
+        v = slopes[: len(y)]
+        r.store("stages", [*stage_y, *v], number * 2 * len(y))
+        rates = [*v, *driven(k, slopes[len(y) :], r.read("TAU"))]
+        total = plus_scaled(total, weight, rates)
+        if next_node is not None:
+            stage_y, stage_p = (
+                plus_scaled(a, h * next_node, b) for a, b in ((y, v), (p, rates[len(y) :]))
+            )
+            slopes = slopes_at(r, stage_y, stage_p)
+    move(r, total)
     return r
 
 
@@ -66,27 +69,48 @@ def stage_gradient_record(variant: Variant) -> Recorder:
     r = Recorder(variant)
     size = variant.size
     weight, ahead = r.trace.input("weight"), r.trace.input("ahead")
-    numbers, k = r.rows_of("stage", 3 * size), r.constants()
-    y, v, rates = numbers[:size], numbers[size : 2 * size], numbers[2 * size :]
-    whole, later = r.read("GRADIENT"), r.read("STAGE_GRADIENT")
-    by_rate = [weight * a + ahead * b for a, b in zip(whole, later, strict=True)]
+    numbers, k = r.rows_of("stage", 2 * size), r.constants()
+    y, v = numbers[:size], numbers[size:]
+    by_rate = plus_scaled([weight * a for a in r.read("GRADIENT")], ahead, r.read("STAGE_GRADIENT"))
+    by_force = by_rate[size:]
+    kinds = {kind: [way for way in slope_ways(variant.modes) if way[0] == kind] for kind in ("y", "v")}
+    dual_y, dual_v = [y[0], *varied(y[1:], kinds["y"])], varied(v, kinds["v"])
+    angles = stage_angles(variant, k, dual_y)
+    force = dyn.momentum_rate(k, variant.complete, dual_y, dual_v, (0.0, 0.0), angles)
+    by_v = plus_scaled(by_rate[:size], 1.0, pulled_back(by_force, force, kinds["v"]))
     mass = dyn.mass_matrix(k, y, *stage_angles(variant, k, y)[:2])
-    forces = linear_algebra.solve(linear_algebra.factor(mass), by_rate[size:])
-    ways = [way for way in slope_ways(variant.modes) if way[0] != "quantity"]
-    dual_y = [y[0], *varied(y[1:], [way for way in ways if way[0] == "y"])]
-    dual_v, dual_tau = (
-        varied(x, [way for way in ways if way[0] == name]) for x, name in ((v, "v"), (r.read("TAU"), "tau"))
-    )
-    off = dyn.imbalance(k, variant.complete, dual_y, dual_v, rates, dual_tau, stage_angles(variant, k, dual_y))
-    found = [linear_algebra.dot(forces, [tangents(force).get(way, 0.0) for force in off]) for way in ways]
-    # a1 acts through a2 - a1 alone
-    by_y = [-found[variant.modes], *found[: size - 1]]
-    by_v = [a + b for a, b in zip(by_rate[:size], found[size - 1 :], strict=False)]
-    by_state = [*by_y, *by_v]
+    by_p = linear_algebra.solve(linear_algebra.factor(mass), by_v)
+    momenta = dyn.momentum(k, dual_y, v, *angles[:2])
+    by_y = [
+        a - b
+        for a, b in zip(pulled_back(by_force, force, kinds["y"]), pulled_back(by_p, momenta, kinds["y"]), strict=True)
+    ]
+    by_state = [-by_y[variant.modes], *by_y, *by_p]  # a1 acts through a2 - a1 alone
+    by_torque = [linear_algebra.dot(by_force, dyn.generalised_torque(k, tau)) for tau in ((1.0, 0.0), (0.0, 1.0))]
     r.write("STAGE_GRADIENT", by_state)
-    for name, change in (("GRADIENT_CHANGE", by_state), ("TORQUE_GRADIENT", found[2 * size - 1 :])):
+    for name, change in (("GRADIENT_CHANGE", by_state), ("TORQUE_GRADIENT", by_torque)):
         r.write(name, [a + b for a, b in zip(r.read(name), change, strict=True)])
     return r
+
+
+def begin_gradient_record(variant: Variant) -> Recorder:
+    """Record the way back through the momenta at a period's begin."""
+    r = Recorder(variant)
+    size, k = variant.size, r.constants()
+    numbers, whole = r.rows_of("stage", 2 * size), r.read("GRADIENT")
+    y, v, by_p = numbers[:size], numbers[size:], whole[size:]
+    ways = [way for way in slope_ways(variant.modes) if way[0] == "y"]
+    dual_y = [y[0], *varied(y[1:], ways)]
+    found = pulled_back(by_p, dyn.momentum(k, dual_y, v, *stage_angles(variant, k, dual_y)[:2]), ways)
+    by_v = dyn.momentum(k, y, by_p, *stage_angles(variant, k, y)[:2])
+    by_y = [-found[variant.modes], *found]
+    r.write("GRADIENT", [*(a + b for a, b in zip(whole[:size], by_y, strict=True)), *by_v])
+    return r
+
+
+def pulled_back(weights: Sequence[Any], numbers: Sequence[Any], ways: Sequence[tuple[str, int]]) -> list[Any]:
+    """Return the derivatives of a weighted sum of numbers."""
+    return [linear_algebra.dot(weights, [tangents(number).get(way, 0.0) for number in numbers]) for way in ways]
 
 
 @recorded_kernel(stages_record)
@@ -95,7 +119,7 @@ def stages_kernel(arena: Arena, stages: LaneRows, h: float) -> None:
 
     Args:
         arena: of one block.
-        stages: receives coordinates, rates and accelerations of the stages. Shape (stages * 3 * size, lanes).
+        stages: receives coordinates and rates of the stages. Shape (stages * 2 * size, lanes).
         h: step [s].
     """
 
@@ -106,9 +130,19 @@ def stage_gradient_kernel(arena: Arena, stage: LaneRows, weight: float, ahead: f
 
     Args:
         arena: of one block; the gradient of the stage after this one in STAGE_GRADIENT, which receives the stage's own.
-        stage: its coordinates, rates and acceleration. Shape (3 * size, lanes).
+        stage: its coordinates and rates. Shape (2 * size, lanes).
         weight: of the stage in the step [s].
         ahead: time of the stage after it from the step's start; 0 for the last one [s].
+    """
+
+
+@recorded_kernel(begin_gradient_record)
+def begin_gradient_kernel(arena: Arena, stage: LaneRows) -> None:
+    """Turn GRADIENT, by positions and momenta of a period's begin, into that by positions and rates.
+
+    Args:
+        arena: of one block.
+        stage: coordinates and rates of the first stage. Shape (2 * size, lanes).
     """
 
 
@@ -130,7 +164,7 @@ def run_gradients(
 
     Args:
         arena: to work in.
-        trail: to work in. Shape (steps * stages * 3 * size, lanes).
+        trail: to work in. Shape (trail_rows(size, steps), lanes).
         arms: what kernels know of each (`layout.arm_rows`), or of all. Shape (arms or 1, numbers).
         torques: Shape (arms, 2) [N m].
         h: step [s].
@@ -139,20 +173,46 @@ def run_gradients(
         weights: of the entries of the states after them. Shape (arms, 2 * size).
         gradients: receive the derivatives by states and torques. Shapes (arms, 2 * size), (arms, 2).
     """
-    rows = 3 * STAGES * variant.size  # of a step
+    rows = 2 * STAGES * variant.size  # of a step
     for first in range(0, states.shape[0], variant.lanes):
         load_arms(arena, row.CONSTANTS, arms, first)
         load_rows(arena, row.TAU, torques, first)
         load_states(arena, states, first)
+        momentum_kernel(arena)
         for step in range(steps):
             stages: LaneRows = trail[step * rows : step * rows + rows]
             stages_kernel(arena, stages, h)
         load_gradient(arena, weights, first)
+        last: LaneRows = trail[steps * rows : steps * rows + 2 * variant.size]
+        end_back(arena, last)
         for back in range(steps):
             begin = (steps - 1 - back) * rows
             latest: LaneRows = trail[begin : begin + rows]
             step_back(arena, latest, h)
+        start: LaneRows = trail[: 2 * variant.size]
+        begin_gradient_kernel(arena, start)
         store_gradients(arena, gradients, first)
+
+
+def end_back(arena: Arena, last: LaneRows) -> None:
+    """Turn GRADIENT by the positions and rates that a period ends with into that by positions and momenta.
+
+    Args:
+        arena: of one block.
+        last: receives the period's end. Shape (2 * size, lanes).
+    """
+    for r in range(2 * variant.size):
+        for i in range(variant.lanes):
+            rate = r >= variant.size
+            last[r, i] = arena[row.Y + r, i]
+            arena[row.STAGE_GRADIENT + (r + variant.size) % (2 * variant.size), i] = (
+                arena[row.GRADIENT + r, i] if rate else 0.0
+            )
+            arena[row.GRADIENT_CHANGE + r, i] = 0.0 if rate else arena[row.GRADIENT + r, i]
+    stage_gradient_kernel(arena, last, 0.0, 1.0)
+    for r in range(2 * variant.size):
+        for i in range(variant.lanes):
+            arena[row.GRADIENT + r, i] = arena[row.GRADIENT_CHANGE + r, i]
 
 
 def step_back(arena: Arena, stages: LaneRows, h: float) -> None:
@@ -164,8 +224,8 @@ def step_back(arena: Arena, stages: LaneRows, h: float) -> None:
     ahead = 0.0
     for back in range(STAGES):
         number = STAGES - 1 - back
-        begin = 3 * variant.size * number
-        stage: LaneRows = stages[begin : begin + 3 * variant.size]
+        begin = 2 * variant.size * number
+        stage: LaneRows = stages[begin : begin + 2 * variant.size]
         stage_gradient_kernel(arena, stage, h * RK4_WEIGHTS[number] / 6.0, ahead)
         ahead = h * RK4_NODES[number]
     for r in range(2 * variant.size):

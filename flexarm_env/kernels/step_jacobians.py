@@ -2,17 +2,17 @@
 
 `imex` explains lanes, blocks and arenas.
 
-A step of the discrete method is differentiated, not the continuous motion. At each of its stages the derivatives of the
-acceleration a with respect to positions, rates, torques and quantities solve
+A step of the discrete method is differentiated, not the continuous motion. A *column* is the derivative of the state
+with respect to one input: a public coordinate or rate at the start, a held torque, a quantity. It is of positions y and
+rates v at the ends of a period, and of positions and momenta ``p = M(y) v`` in between. At each stage
 
-    M da = d(imbalance),
+    dv = M^-1 (dp - d(M v)),    d(p') = dF(y, v),
 
-with one factorisation of M(y) for all of them (`dynamics.imbalance`); they are the stage's *slopes*. A *column* is the
-derivative of the state, internal coordinates y and rates v, with respect to one input: a public coordinate or rate at
-the start, a held torque, a quantity. Each is carried through the four stages of a step by products with the slopes.
+where d(M v) is at constant v; the derivatives of M v and of F = p' are the stage's *slopes*, by which each column is
+carried through the four stages.
 
-The arm has no preferred direction: its acceleration depends on a1 and a2 through a2 - a1 alone, so there are slopes for
-the positions a2, q1, q2 only, and the column of theta1 is a unit vector.
+The arm has no preferred direction: M and F depend on a1 and a2 through a2 - a1 alone, so there are slopes for the
+positions a2, q1, q2 only, and the column of theta1 is a unit vector.
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ from flexarm_env.codegen.declarations import Program
 from flexarm_env.codegen.elementary import sincos
 from flexarm_env.codegen.tangents import tangents, varied
 from flexarm_env.kernels.entries import constant
-from flexarm_env.kernels.layout import row, slope_ways
-from flexarm_env.kernels.recorded import step_kernel
-from flexarm_env.kernels.recorder import Recorder, recorded_kernel
+from flexarm_env.kernels.layout import row, slope_sizes, slope_ways
+from flexarm_env.kernels.recorded import driven, momentum_kernel, move, slopes_at, step_kernel
+from flexarm_env.kernels.recorder import Recorder, recorded_kernel, sine_of_theta2
 from flexarm_env.kernels.states import (
     ArmTable,
     States,
@@ -56,69 +56,134 @@ QUANTITIES = len(ARM_QUANTITIES)
 # --- recorded ---------------------------------------------------------------------------------------------------------
 
 
-def stage_record(variant: Variant) -> Recorder:
-    """Record one stage of a step: its acceleration, as `step_record` computes it, and the slopes."""
+def first_stage_record(variant: Variant) -> Recorder:
+    """Record the first stage of a step."""
     r = Recorder(variant)
-    ahead, weight = r.trace.input("ahead"), r.trace.input("weight")
-    k, tau = r.constants(), r.read("TAU")
-    y, v = plus_scaled(r.read("Y"), ahead, r.read("V_STAGE")), plus_scaled(r.read("V"), ahead, r.read("RATE_STAGE"))
-    known = [*r.read("CONSTANTS"), *r.read("ELIMINATION")]
-    rates = r.trace.call("slope", [*known, *y, *v, *tau, *sincos(dyn.elbow_turn(y))], len(v))
-    total = plus_scaled(r.read("TOTAL"), weight, [*v, *rates])
-    factors = linear_algebra.factor(dyn.mass_matrix(k, y, *stage_angles(variant, k, y)[:2]))
-    ways = slope_ways(variant.modes)
-    dual_y = [y[0], *varied(y[1:], [way for way in ways if way[0] == "y"])]
-    dual_v, dual_tau = (varied(x, [way for way in ways if way[0] == name]) for x, name in ((v, "v"), (tau, "tau")))
-    dual_k = varied_constants(k, r.constant_derivatives(), [way for way in ways if way[0] == "quantity"])
-    angles = stage_angles(variant, dual_k, dual_y)
-    off = dyn.imbalance(dual_k, variant.complete, dual_y, dual_v, rates, dual_tau, angles)
-    for name, values in (("V_STAGE", v), ("RATE_STAGE", rates), ("TOTAL", total)):
+    for name in ("Y", "V", "FORCE"):
+        r.write(f"{name}_STAGE", r.read(name))
+    r.write("TOTAL", [*r.read("V"), *driven(r.constants(), r.read("FORCE"), r.read("TAU"))])
+    return r
+
+
+def stage_record(variant: Variant) -> Recorder:
+    """Record a later stage of a step, as `step_record` computes it."""
+    r = Recorder(variant)
+    ahead, weight, k, tau = r.trace.input("ahead"), r.trace.input("weight"), r.constants(), r.read("TAU")
+    y = plus_scaled(r.read("Y"), ahead, r.read("V_STAGE"))
+    slopes = slopes_at(r, y, plus_scaled(r.read("P"), ahead, driven(k, r.read("FORCE_STAGE"), tau)))
+    v, force = slopes[: len(y)], slopes[len(y) :]
+    r.write("TOTAL", plus_scaled(r.read("TOTAL"), weight, [*v, *driven(k, force, tau)]))
+    for name, values in (("Y_STAGE", y), ("V_STAGE", v), ("FORCE_STAGE", force)):
         r.write(name, values)
-    right = [[tangents(force).get(way, 0.0) for force in off] for way in ways]
-    r.store("slopes", [change for force in right for change in linear_algebra.solve(factors, force)])
+    return r
+
+
+def end_record(variant: Variant) -> Recorder:
+    """Record the end of a step whose stages are added up."""
+    r = Recorder(variant)
+    move(r, r.read("TOTAL"))
+    return r
+
+
+def slopes_record(variant: Variant) -> Recorder:
+    """Record the slopes of a stage, in the order of `slope_sizes`."""
+    r = Recorder(variant)
+    k, y, v = r.constants(), r.read("Y_STAGE"), r.read("V_STAGE")
+    kinds = {kind: [way for way in slope_ways(variant.modes) if way[0] == kind] for kind in ("y", "v", "quantity")}
+    dual_y, dual_v = [y[0], *varied(y[1:], kinds["y"])], varied(v, kinds["v"])
+    dual_k = varied_constants(k, r.constant_derivatives(), kinds["quantity"])
+    angles = stage_angles(variant, dual_k, dual_y)
+    momenta = dyn.momentum(dual_k, dual_y, v, *angles[:2])
+    forces = dyn.momentum_rate(dual_k, variant.complete, dual_y, dual_v, (0.0, 0.0), angles)
+    mass = dyn.mass_matrix(k, y, *stage_angles(variant, k, y)[:2])
+    lower = [mass[i][j] for i in range(variant.size) for j in range(i + 1)]
+
+    def by(numbers: Sequence[Any], way: tuple[str, int]) -> list[Any]:
+        return [tangents(number).get(way, 0.0) for number in numbers]
+
+    inputs = [[*([0.0] * variant.size), *dyn.generalised_torque(k, tau)] for tau in ((1.0, 0.0), (0.0, 1.0))]
+    inputs += [[*by(momenta, way), *by(forces, way)] for way in kinds["quantity"]]
+    parts = {
+        "mass": lower,
+        "inverse": linear_algebra.inverse(lower, variant.size),
+        "momentum_by_y": [x for way in kinds["y"] for x in by(momenta, way)],
+        "force_by_y": [x for way in kinds["y"] for x in by(forces, way)],
+        "force_by_v": [x for way in kinds["v"] for x in by(forces, way)],
+        "inputs": [x for numbers in inputs for x in numbers],
+    }
+    assert {name: len(values) for name, values in parts.items()} == slope_sizes(variant.modes)
+    r.store("slopes", [x for values in parts.values() for x in values])
     return r
 
 
 def stage_angles(variant: Variant, k: Constants, y: Sequence[Any]) -> tuple[Any, Any, Any]:
     """Cosine and sine of a2 - a1, and the sine of theta2 where it is used."""
     sin, cos = sincos(dyn.elbow_turn(y))
-    return cos, sin, None if variant.complete else sincos(dyn.joint_angles(k, y)[1])[0]
+    return cos, sin, sine_of_theta2(variant, k, y)
+
+
+class ColumnRecorder(Recorder):
+    """Records what happens to one column."""
+
+    def __init__(self, variant: Variant, with_input: bool) -> None:
+        """Begin; `with_input`: the column is of an input that acts all the time."""
+        super().__init__(variant, inlining=True)
+        self.with_input = with_input
+        self.slope_sizes = slope_sizes(variant.modes)
+        column = self.rows_of("column", 2 * variant.size)
+        self.y, self.other = column[: variant.size], column[variant.size :]
+
+    def slopes(self, name: str, stage: int) -> list[Any]:
+        """Read a part of a stage's slopes."""
+        names = list(self.slope_sizes)
+        first = stage * sum(self.slope_sizes.values()) + sum(self.slope_sizes[n] for n in names[: names.index(name)])
+        return self.rows_of("slopes", self.slope_sizes[name], first)
+
+    def acting(self, stage: int) -> list[Any]:
+        """Derivatives of the momenta and of the force at a stage by the column's own input; none: zeros."""
+        if not self.with_input:
+            return [0.0] * (2 * self.variant.size)
+        return self.rows_of("input", 2 * self.variant.size, stage * sum(self.slope_sizes.values()))
+
+    def times(self, slopes: Sequence[Any], change: Sequence[Any], start: Sequence[Any]) -> list[Any]:
+        """Add to `start` the products of slopes, one row for each change, with the changes."""
+        size, total = self.variant.size, list(start)
+        for n, x in enumerate(change):
+            total = plus_scaled(total, x, slopes[n * size : n * size + size])
+        return total
+
+    def turned(self, y: Sequence[Any]) -> list[Any]:
+        """Changes of the positions that slopes are by: those of a2 - a1, q1 and q2."""
+        m = self.variant.modes
+        return [*y[1 : m + 1], y[m + 1] - y[0], *y[m + 2 :]]
+
+    def momentum_change(self, stage: int, y: Sequence[Any]) -> list[Any]:
+        """Return d(M v) at constant v."""
+        return self.times(self.slopes("momentum_by_y", stage), self.turned(y), self.acting(stage)[: self.variant.size])
+
+    def rates(self, stage: int, y: Sequence[Any], p: Sequence[Any]) -> list[Any]:
+        """Return dv."""
+        off = [a - b for a, b in zip(p, self.momentum_change(stage, y), strict=True)]
+        return linear_algebra.symmetric_times(self.slopes("inverse", stage), off)
+
+    def forces(self, stage: int, y: Sequence[Any], v: Sequence[Any]) -> list[Any]:
+        """Return d(p')."""
+        force = self.times(self.slopes("force_by_y", stage), self.turned(y), self.acting(stage)[self.variant.size :])
+        return self.times(self.slopes("force_by_v", stage), v, force)
 
 
 def column_record(variant: Variant, with_input: bool = False) -> Recorder:
-    """Record the classical Runge-Kutta method of the linear system of one column.
-
-    Its accelerations A1 to A4 alone are computed: positions follow from them, since their rates are the rates v, as
-    ``y + h v + h^2/6 (A1 + A2 + A3)``, and those of the stages likewise.
-
-    Args:
-        variant: of the kernels.
-        with_input: the column is of an input that acts all the time: its own slopes are added at each stage.
-    """
-    r = Recorder(variant, inlining=True)
-    m, size, ways = variant.modes, variant.size, variant.ways
-    h, column = r.trace.input("h"), r.rows_of("column", 2 * size)
-    y, v = column[:size], column[size:]
-    half, quarter, sixth = 0.5 * h, 0.25 * (h * h), h / 6.0
-
-    def acceleration(stage: int, stage_y: Sequence[Any], stage_v: Sequence[Any]) -> list[Any]:
-        first = stage * ways * size
-        slopes = r.rows_of("slopes", (2 * size - 1) * size, first)
-        total = r.rows_of("input", size, first) if with_input else [0.0] * size
-        moved = [*stage_y[1 : m + 1], stage_y[m + 1] - stage_y[0], *stage_y[m + 2 :], *stage_v]
-        for n, change in enumerate(moved):
-            total = [a + slopes[n * size + i] * change for i, a in enumerate(total)]
-        return total
-
-    middle, end = plus_scaled(y, half, v), plus_scaled(y, h, v)
-    first = acceleration(0, y, v)
-    second = acceleration(1, middle, plus_scaled(v, half, first))
-    third = acceleration(2, plus_scaled(middle, quarter, first), plus_scaled(v, half, second))
-    fourth = acceleration(3, plus_scaled(end, half * h, second), plus_scaled(v, h, third))
-    inner = [a + b for a, b in zip(second, third, strict=True)]
-    three = [a + b for a, b in zip(first, inner, strict=True)]
-    all_six = [a + b + c for a, b, c in zip(three, inner, fourth, strict=True)]
-    r.store("column", [*plus_scaled(end, sixth * h, three), *plus_scaled(v, sixth, all_six)])
+    """Record the classical Runge-Kutta method of the linear system of one column, of positions and momenta."""
+    r = ColumnRecorder(variant, with_input)
+    h, start = r.trace.input("h"), [*r.y, *r.other]
+    stage, total = start, [0.0] * len(start)
+    for number, (next_node, weight) in enumerate(zip((*RK4_NODES[1:], 0.0), RK4_WEIGHTS, strict=True)):
+        y, p = stage[: variant.size], stage[variant.size :]
+        v = r.rates(number, y, p)
+        slope = [*v, *r.forces(number, y, v)]
+        total = plus_scaled(total, weight, slope)
+        stage = plus_scaled(start, h * next_node, slope)
+    r.store("column", plus_scaled(start, h / 6.0, total))
     return r
 
 
@@ -127,26 +192,55 @@ def input_column_record(variant: Variant) -> Recorder:
     return column_record(variant, with_input=True)
 
 
-@recorded_kernel(stage_record)
-def stage_kernel(arena: Arena, slopes: LaneRows, ahead: float, weight: float) -> None:
-    """One stage of a step of every lane, and the slopes of its acceleration.
+def begin_column_record(variant: Variant) -> Recorder:
+    """Record a period's begin for a column: of the momenta, from that of the rates."""
+    r = ColumnRecorder(variant, False)
+    bent = linear_algebra.symmetric_times(r.slopes("mass", 0), r.other)
+    p = [a + b for a, b in zip(bent, r.momentum_change(0, r.y), strict=True)]
+    r.store("column", p, variant.size)
+    return r
+
+
+def end_column_record(variant: Variant, with_input: bool = False) -> Recorder:
+    """Record a period's end for a column: of the rates, from that of the momenta."""
+    r = ColumnRecorder(variant, with_input)
+    r.store("column", r.rates(0, r.y, r.other), variant.size)
+    return r
+
+
+def input_end_column_record(variant: Variant) -> Recorder:
+    """`end_column_record` of an input that acts all the time."""
+    return end_column_record(variant, with_input=True)
+
+
+@recorded_kernel(first_stage_record)
+def first_stage_kernel(arena: Arena) -> None:
+    """Begin a step of every lane: Y_STAGE, V_STAGE, FORCE_STAGE and TOTAL are those of its start.
 
     Args:
-        arena: of one block; rates and acceleration of the stage before in V_STAGE and RATE_STAGE, which receive the
-            stage's own; TOTAL adds them up.
-        slopes: receives the derivatives of the acceleration by each input (`slope_ways`). Shape (ways * size, lanes).
+        arena: of one block; V, P and FORCE belong together (`momentum_kernel`).
+    """
+
+
+@recorded_kernel(stage_record)
+def stage_kernel(arena: Arena, ahead: float, weight: float) -> None:
+    """One later stage of a step of every lane.
+
+    Args:
+        arena: of one block; V_STAGE and FORCE_STAGE of the stage before, which receive the stage's own; TOTAL adds up.
         ahead: time of the stage after the step's start [s].
         weight: of the stage in the step.
     """
 
 
-def end_record(variant: Variant) -> Recorder:
-    """Record the end of a step whose stages are added up."""
-    r = Recorder(variant)
-    moved = plus_scaled([*r.read("Y"), *r.read("V")], r.trace.input("h") / 6.0, r.read("TOTAL"))
-    r.write("Y", moved[: variant.size])
-    r.write("V", moved[variant.size :])
-    return r
+@recorded_kernel(slopes_record)
+def slopes_kernel(arena: Arena, slopes: LaneRows) -> None:
+    """Compute the slopes of every lane at Y_STAGE and V_STAGE.
+
+    Args:
+        arena: of one block.
+        slopes: receives them (`slope_sizes`).
+    """
 
 
 @recorded_kernel(end_record)
@@ -159,8 +253,8 @@ def column_kernel(column: LaneRows, slopes: LaneRows, h: float) -> None:
     """One column of every lane over a step.
 
     Args:
-        column: before and after. Shape (2 * size, lanes).
-        slopes: of all stages. Shape (stages * ways * size, lanes).
+        column: of positions and momenta, before and after. Shape (2 * size, lanes).
+        slopes: of all stages.
         h: step [s].
     """
 
@@ -175,6 +269,21 @@ def input_column_kernel(column: LaneRows, slopes: LaneRows, input: LaneRows, h: 
         input: `slopes` from the first of this input on.
         h: step [s].
     """
+
+
+@recorded_kernel(begin_column_record)
+def begin_column_kernel(column: LaneRows, slopes: LaneRows) -> None:
+    """Turn a column of positions and rates into one of positions and momenta; see `column_kernel`."""
+
+
+@recorded_kernel(end_column_record)
+def end_column_kernel(column: LaneRows, slopes: LaneRows) -> None:
+    """Turn a column of positions and momenta into one of positions and rates; see `column_kernel`."""
+
+
+@recorded_kernel(input_end_column_record)
+def input_end_column_kernel(column: LaneRows, slopes: LaneRows, input: LaneRows) -> None:
+    """`end_column_kernel` of an input that acts all the time; see `input_column_kernel`."""
 
 
 # --- drivers ----------------------------------------------------------------------------------------------------------
@@ -195,6 +304,7 @@ def run_steps(arena: Arena, arms: ArmTable, torques: ArmTable, h: float, steps: 
         load_arms(arena, row.CONSTANTS, arms, first)
         load_rows(arena, row.TAU, torques, first)
         load_states(arena, states, first)
+        momentum_kernel(arena)
         for _ in range(steps):
             step_kernel(arena, h)
         store_states(arena, states, first)
@@ -227,40 +337,75 @@ def run_tangents(
         load_arms(arena, row.CHANGES, changes, first)
         load_rows(arena, row.TAU, torques, first)
         load_states(arena, states, first)
+        momentum_kernel(arena)
         start_columns(arena)
-        for _ in range(steps):
+        for step in range(steps):
             find_slopes(arena, h)
+            if step == 0:
+                begin_columns(arena)
             carry_columns(arena, h)
             end_kernel(arena, h)
+        end_columns(arena)
         store_states(arena, states, first)
         store_columns(arena, jacobians, first)
 
 
 def find_slopes(arena: Arena, h: float) -> None:
     """Compute the slopes of all stages of the coming step, and the sum of the stages."""
-    for r in range(variant.size):
-        for i in range(variant.lanes):
-            arena[row.V_STAGE + r, i] = 0.0
-            arena[row.RATE_STAGE + r, i] = 0.0
-            arena[row.TOTAL + r, i] = 0.0
-            arena[row.TOTAL + variant.size + r, i] = 0.0
+    first_stage_kernel(arena)
     for stage in range(STAGES):
-        begin = row.SLOPES + stage * variant.ways * variant.size
-        slopes: LaneRows = arena[begin : begin + variant.ways * variant.size]
-        stage_kernel(arena, slopes, h * RK4_NODES[stage], RK4_WEIGHTS[stage])
+        if stage > 0:
+            stage_kernel(arena, h * RK4_NODES[stage], RK4_WEIGHTS[stage])
+        begin = row.SLOPES + stage * variant.slope_rows
+        slopes: LaneRows = arena[begin : begin + variant.slope_rows]
+        slopes_kernel(arena, slopes)
+
+
+def begin_columns(arena: Arena) -> None:
+    """All columns from rates to momenta, by the slopes of the first stage; those of acting inputs are their own."""
+    slopes: LaneRows = arena[row.SLOPES : row.SLOPES + variant.slope_rows]
+    for n in range(variant.ways):
+        begin = row.COLUMNS + 2 * variant.size * n
+        column: LaneRows = arena[begin : begin + 2 * variant.size]
+        if n < 2 * variant.size - 1:
+            begin_column_kernel(column, slopes)
+        else:
+            for r in range(variant.size):
+                for i in range(variant.lanes):
+                    column[variant.size + r, i] = slopes[input_row(n) + r, i]
 
 
 def carry_columns(arena: Arena, h: float) -> None:
     """All columns over the coming step."""
-    slopes: LaneRows = arena[row.SLOPES : row.SLOPES + STAGES * variant.ways * variant.size]
+    slopes: LaneRows = arena[row.SLOPES : row.SLOPES + STAGES * variant.slope_rows]
     for n in range(variant.ways):
         begin = row.COLUMNS + 2 * variant.size * n
         column: LaneRows = arena[begin : begin + 2 * variant.size]
         if n < 2 * variant.size - 1:
             column_kernel(column, slopes, h)
         else:
-            acting: LaneRows = slopes[n * variant.size : STAGES * variant.ways * variant.size]
+            acting: LaneRows = slopes[input_row(n) : STAGES * variant.slope_rows]
             input_column_kernel(column, slopes, acting, h)
+
+
+def end_columns(arena: Arena) -> None:
+    """All columns from momenta to rates, by the slopes of the period's end."""
+    first_stage_kernel(arena)
+    slopes: LaneRows = arena[row.SLOPES : row.SLOPES + variant.slope_rows]
+    slopes_kernel(arena, slopes)
+    for n in range(variant.ways):
+        begin = row.COLUMNS + 2 * variant.size * n
+        column: LaneRows = arena[begin : begin + 2 * variant.size]
+        if n < 2 * variant.size - 1:
+            end_column_kernel(column, slopes)
+        else:
+            acting: LaneRows = slopes[input_row(n) : variant.slope_rows]
+            input_end_column_kernel(column, slopes, acting)
+
+
+def input_row(way: int) -> int:
+    """First row, among a stage's slopes, of an input that acts all the time; the inputs come last."""
+    return variant.slope_rows - 2 * variant.size * (variant.ways - way)
 
 
 def start_columns(arena: Arena) -> None:

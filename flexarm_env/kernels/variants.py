@@ -7,7 +7,7 @@ from typing import cast
 
 from flexarm_env.codegen.declarations import PresentVariant, Program
 from flexarm_env.kernels.entries import READING_ROWS, Shape
-from flexarm_env.kernels.layout import Row, slope_ways
+from flexarm_env.kernels.layout import Row, slope_sizes, slope_ways
 from flexarm_env.parameters import SENSOR_MODELS, SensorModel
 
 
@@ -76,6 +76,11 @@ class Variant:
     def ways(self) -> int:
         """How many inputs Jacobians are derivatives by."""
         return len(slope_ways(self.modes))
+
+    @property
+    def slope_rows(self) -> int:
+        """How many numbers Jacobians need of a stage."""
+        return sum(slope_sizes(self.modes).values())
 
     @property
     def batch(self) -> bool:

@@ -153,6 +153,20 @@ def velocity_forces(link: Link, q: Vector, rates: Vector, turn: Any) -> tuple[An
     return dot(out, turned, root), [own - square * force for own, force in zip(modal, out, strict=True)]
 
 
+def kinetic_gradient(link: Link, q: Vector, rates: Vector, turn: Any) -> list[Any]:
+    """Return the derivatives by q of a link's kinetic energy, its root at rest, at constant rates.
+
+    Args: as of `velocity_forces`.
+    """
+    out = centrifugal_forces(link, q)
+    if not link.quartic:
+        return [turn * (turn * force) for force in out]
+    along = [dot(pair, rates) for pair in zip(*_quartic_times(link, q), strict=True)]
+    turned = _plus_crossed(link, q, [-rate for rate in rates], symmetric_times(_cubic_times(link, q), rates))
+    drawn = symmetric_times(along, rates)
+    return [turn * (a + turn * b) + c for a, b, c in zip(turned, out, drawn, strict=True)]
+
+
 def _cubic_times(link: Link, q: Vector) -> list[Any]:
     """Return P, lower triangle."""
     count = len(link.cubic) // len(q)

@@ -30,7 +30,7 @@ from flexarm_env.physics.bent_link import (
     velocity_acceleration,
 )
 from flexarm_env.physics.constants import Constants
-from flexarm_env.physics.linear_algebra import Factors, Matrix, Vector, dot, factor, less, place
+from flexarm_env.physics.linear_algebra import Factors, Matrix, Vector, dot, factor, less, place, symmetric_times
 from flexarm_env.physics.modal_elimination import Elimination, Inertia
 
 
@@ -140,6 +140,59 @@ def velocity_forces(k: Constants, y: Vector, v: Vector, cos: Any, sin: Any) -> l
         each = zip(modal, point.values, point.foreshortening_gradient, strict=True)
         forces += [own + value * on_n - gradient * on_e for own, value, gradient in each]
     return forces
+
+
+def momentum(k: Constants, y: Vector, v: Vector, cos: Any, sin: Any) -> list[Any]:
+    """Return the generalised momenta ``p = M(y) v``, in the order of y."""
+    return [dot(row, v) for row in mass_matrix(k, y, cos, sin)]
+
+
+def kinetic_gradient(k: Constants, y: Vector, v: Vector, cos: Any, sin: Any) -> list[Any]:
+    """Return dT/dy at constant v, T = v^T M(y) v / 2.
+
+    The entries of a1 and a2 cancel, since a turn of the whole arm changes no energy: the sum of their momenta is the
+    integral of the shoulder's torque, however coarse a step.
+    """
+    m = len(k.elbow_slopes)
+    w1, w2 = v[0], v[m + 1]
+    q1, q1_dot, q2, q2_dot = y[1 : m + 1], v[1 : m + 1], y[m + 2 :], v[m + 2 :]
+    elbow, moment = bent(k.elbow, q1), bent(k.moment_2, q2)
+    # velocity of the elbow on e1 and n1, and of link 2's moment relative to the elbow on e2 and n2
+    elbow_e = -dot(elbow.foreshortening_gradient, q1_dot, w1 * elbow.across)
+    elbow_n = dot(elbow.values, q1_dot, w1 * elbow.along)
+    link_e = -dot(moment.foreshortening_gradient, q2_dot, w2 * moment.across)
+    link_n = dot(moment.values, q2_dot, w2 * moment.along)
+    elbow_on_2 = cos * elbow_e + sin * elbow_n, cos * elbow_n - sin * elbow_e
+    link_on_1 = cos * link_e - sin * link_n, sin * link_e + cos * link_n
+    root = elbow_on_2[1] * link_e - elbow_on_2[0] * link_n
+    gradient: list[Any] = []
+    for at, point, (other_e, other_n), link, q, rates, turn, own_root in (
+        (k.elbow, elbow, link_on_1, k.links[0], q1, q1_dot, w1, -root),
+        (k.moment_2, moment, elbow_on_2, k.links[1], q2, q2_dot, w2, root),
+    ):
+        along, across = turn * other_n, turn * other_e
+        drawn = symmetric_times(at.foreshortening, rates) if at.foreshortening else [0.0] * m
+        own = bent_link.kinetic_gradient(link, q, rates, turn)
+        each = zip(own, point.values, point.foreshortening_gradient, drawn, strict=True)
+        gradient.append(own_root)
+        gradient += [a - across * b - along * c - other_e * d for a, b, c, d in each]
+    return gradient
+
+
+def momentum_rate(
+    k: Constants, complete: bool, y: Vector, v: Vector, tau: Vector, angles: tuple[Any, Any, Any]
+) -> list[Any]:
+    """Return p' of the torque-driven arm; arguments as of `acceleration`.
+
+    ``p' = dT/dy + B (tau - friction) - K y - D v`` (Hamilton). The paper's C_r has no energy that it follows from: its
+    difference from the complete velocity forces is added.
+    """
+    cos, sin, sin_theta2 = angles
+    gradient = kinetic_gradient(k, y, v, cos, sin)
+    if complete:
+        return applied_forces(k, y, v, [-force for force in gradient], tau)
+    pair = velocity_forces(k, y, v, cos, sin), rigid_velocity_forces(k, v, sin_theta2)
+    return applied_forces(k, y, v, [c_r - h - force for h, c_r, force in zip(*pair, gradient, strict=True)], tau)
 
 
 def rigid_velocity_forces(k: Constants, v: Vector, sin_theta2: Any) -> list[Any]:

@@ -340,7 +340,7 @@ class _Batch(NamedTuple):
         count, size = self.states.shape
         gradients = np.empty((count, size)), np.empty((count, 2))
         module, arena = self.arm._kernels(GRADIENTS, self._lanes)
-        trail = aligned_zeros(steps * trail_rows(size // 2) * self._lanes)
+        trail = aligned_zeros(trail_rows(size // 2, steps) * self._lanes)
         known, moved = (arena, trail, self.inputs[0]), (self.states, weights)
         cache.call(module.run_gradients, *known, self.torques, h, steps, *moved, gradients)
         return StepGradients(*(found.reshape(*self.leading, found.shape[1]) for found in gradients))

@@ -20,6 +20,7 @@ from flexarm_env.kernels.tableau import RK4_NODES, RK4_WEIGHTS
 from flexarm_env.kernels.variants import Variant
 from flexarm_env.physics.constants import Constants
 from flexarm_env.physics.coordinates import internal_state, public_state
+from flexarm_env.physics.dynamics import generalised_torque
 from flexarm_env.validation import finite_array, integer, shown
 
 Array = NDArray[np.float64]
@@ -78,6 +79,7 @@ class OpenLoop:
         """Evaluate the torque at every stage; arguments and results as in `run_held`."""
         h = step / substeps
         states, torques = [self._start], [_evaluate(torque, 0.0, self._start)]
+        cache.call(self._module.find_momenta, self._arena)
         for k in range(steps * substeps):
             if not self._step(torque, k, h):
                 break
@@ -92,21 +94,20 @@ class OpenLoop:
 
     def _step(self, torque: TorqueFunction, k: int, h: float) -> bool:
         """Do integration step k; return False if a stage is not finite."""
-        start = self._arena[self._state].copy()
-        slope = total = np.zeros_like(start)
-        for node, weight in zip(RK4_NODES, RK4_WEIGHTS, strict=True):
+        y, p, v, force = (self._part(name) for name in ("Y", "P", "V", "FORCE"))
+        start = self._arena[y].copy(), self._arena[p].copy()
+        total = np.zeros((2, len(start[0])))
+        for node, next_node, weight in zip(RK4_NODES, (*RK4_NODES[1:], None), RK4_WEIGHTS, strict=True):
             with np.errstate(over="ignore", invalid="ignore"):  # a diverging state
-                internal = start + h * node * slope
-                stage = public_state(self._constants, internal)
+                stage = public_state(self._constants, self._arena[self._state])
             if not np.all(np.isfinite(stage)):
                 return False
             tau = _evaluate(torque, (k + node) * h, stage)
-            self._arena[self._state], self._arena[self._part("TAU")] = internal, tau
-            v, rates = np.split(internal, 2)[1], np.zeros(len(internal) // 2)
-            cache.call(self._module.find_slope, self._arena, rates)
-            slope = np.concatenate([v, rates])
+            slope = np.array([self._arena[v], self._arena[force] + generalised_torque(self._constants, tau)])
             total = total + weight * slope
-        self._arena[self._state] = start + h / 6.0 * total
+            ahead = (h / 6.0, total) if next_node is None else (h * next_node, slope)
+            self._arena[y], self._arena[p] = start + ahead[0] * ahead[1]
+            cache.call(self._module.find_slopes, self._arena)
         return True
 
     def _part(self, name: str) -> slice:

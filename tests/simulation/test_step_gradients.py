@@ -32,7 +32,7 @@ def test_the_drivers_give_them_in_plain_python(modes: int, options: dict[str, An
     variant = Variant(GRADIENTS, modes, arm._complete, 1, foreshortened=arm.constants.foreshortened)
     found = np.zeros((1, size)), np.zeros((1, 2))
     with plain_python(variant):
-        arena, trail = np.zeros((extent(variant.rows), 1)), np.zeros((STEPS * trail_rows(arm.size), 1))
+        arena, trail = np.zeros((extent(variant.rows), 1)), np.zeros((trail_rows(arm.size, STEPS), 1))
         run_gradients(arena, trail, batch.inputs[0], batch.torques, h, STEPS, batch.states, weights[None], found)
     by_state = jacobian(lambda x: stepped(arm, x, torque, drawn, h, STEPS), state)
     by_torque = jacobian(lambda tau: stepped(arm, state, tau, drawn, h, STEPS), torque)

@@ -167,11 +167,12 @@ def test_two_periods_are_one_by_the_chain_rule(small: Case, seed: int) -> None:
     first = small.arm.step_jacobians(states, torque, **small.period)
     second = small.arm.step_jacobians(first.state, torque, **small.period)
     both = small.arm.step_jacobians(states, torque, 2.0 * small.period["period"], step=small.h)
-    np.testing.assert_allclose(both.state, second.state, rtol=1e-12, atol=1e-13)
-    np.testing.assert_allclose(both.by_state, second.by_state @ first.by_state, rtol=1e-11, atol=1e-13)
+    # rates come from momenta between the periods, which loses as many digits as the mass matrix's condition, 1e4, has
+    np.testing.assert_allclose(both.state, second.state, rtol=1e-11, atol=1e-12)
+    np.testing.assert_allclose(both.by_state, second.by_state @ first.by_state, rtol=1e-10, atol=1e-12)
     for name in ("by_torque", "by_quantity"):
         chained = second.by_state @ getattr(first, name) + getattr(second, name)
-        np.testing.assert_allclose(getattr(both, name), chained, rtol=1e-10, atol=1e-13)
+        np.testing.assert_allclose(getattr(both, name), chained, rtol=1e-9, atol=1e-12)
 
 
 def test_a_short_period_is_the_linearisation(small: Case) -> None:

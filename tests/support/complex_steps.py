@@ -33,17 +33,25 @@ def stepped(arm: FlexibleArm, state: Numbers, torque: Numbers, quantities: Numbe
     k = Constants.unflat(list(flat), arm.parameters.modes_per_link, arm.constants.foreshortened)
     complete = arm.parameters.velocity_forces == "complete"
 
-    def rate(internal: Numbers) -> Numbers:
-        y, v = np.split(internal, 2)
-        turn, theta2 = dyn.elbow_turn(y), dyn.joint_angles(k, y)[1]
-        angles = (np.cos(turn), np.sin(turn), np.sin(theta2))
-        return np.array([*v, *dyn.acceleration(k, None, complete, list(y), list(v), list(torque), angles)])
+    def inertia(y: Numbers) -> Any:
+        turn = dyn.elbow_turn(y)
+        return dyn.inertia(k, None, list(y), np.cos(turn), np.sin(turn))
 
-    x = arm.internal_state(np.asarray(state, dtype=np.clongdouble))
+    def rate(x: Numbers) -> Numbers:
+        y, p = np.split(x, 2)
+        turn, theta2 = dyn.elbow_turn(y), dyn.joint_angles(k, y)[1]
+        v = dyn.solve(k, None, inertia(y), list(p))
+        angles = (np.cos(turn), np.sin(turn), np.sin(theta2))
+        return np.array([*v, *dyn.momentum_rate(k, complete, list(y), v, list(torque), angles)])
+
+    y, v = np.split(arm.internal_state(np.asarray(state, dtype=np.clongdouble)), 2)
+    turn = dyn.elbow_turn(y)
+    x = np.array([*y, *dyn.momentum(k, list(y), list(v), np.cos(turn), np.sin(turn))])
     for _ in range(steps):
         a = rate(x)
         b = rate(x + 0.5 * h * a)
         c = rate(x + 0.5 * h * b)
         d = rate(x + h * c)
         x = x + h / 6.0 * (a + 2.0 * b + 2.0 * c + d)
-    return arm.public_state(x)
+    y, p = np.split(x, 2)
+    return arm.public_state(np.array([*y, *dyn.solve(k, None, inertia(y), list(p))]))
