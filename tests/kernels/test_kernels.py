@@ -6,6 +6,7 @@ import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
 from types import ModuleType
+from typing import Any
 
 import numpy as np
 import pytest
@@ -18,7 +19,7 @@ from flexarm_env.episode.step import GAIN, TORQUE, TRACKING
 from flexarm_env.kernels.entries import extent
 from flexarm_env.kernels.layout import arm_rows
 from flexarm_env.kernels.loop import LOOP
-from flexarm_env.kernels.recorded import step_kernel
+from flexarm_env.kernels.recorded import momentum_kernel, step_kernel
 from flexarm_env.kernels.rk4 import OPEN
 from flexarm_env.kernels.variants import Variant
 from flexarm_env.physics import dynamics as dyn
@@ -92,13 +93,32 @@ class Batch:
         first, n = self.rows[name]
         return np.concatenate([block.reshape(-1, lanes)[first : first + n] for block in arenas], axis=1)
 
+    def angles(self, y: np.ndarray) -> tuple[Any, Any, Any]:
+        """Return what the formulas need beside coordinates."""
+        sin, cos = sincos(y[self.modes + 1] - y[0])
+        return cos, sin, sincos(dyn.joint_angles(self.known, list(y))[1])[0]
+
     def by_numpy(self, y: np.ndarray, v: np.ndarray) -> np.ndarray:
         """Compute the accelerations that the package's formulas give on arrays."""
         k = self.known
-        sin, cos = sincos(y[self.modes + 1] - y[0])
-        sin_theta2 = sincos(dyn.joint_angles(k, y)[1])[0]
-        angles = (cos, sin, sin_theta2)
-        return np.array(dyn.acceleration(k, elimination(k), self.complete, list(y), list(v), self.tau, angles))
+        return np.array(
+            dyn.acceleration(k, elimination(k), self.complete, list(y), list(v), self.tau, self.angles(y))
+        )
+
+    def rates_by_numpy(self, y: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """Compute the rates of positions and momenta likewise."""
+        force = dyn.momentum_rate(self.known, self.complete, list(y), list(v), (0.0, 0.0), self.angles(y))
+        motors = dyn.generalised_torque(self.known, self.tau)
+        return np.array([v, [a + b for a, b in zip(force, motors, strict=True)]])
+
+    def velocity_by_numpy(self, y: np.ndarray, p: np.ndarray) -> np.ndarray:
+        """Compute the rates of momenta likewise."""
+        k, e, (cos, sin, _) = self.known, elimination(self.known), self.angles(y)
+        return np.array(dyn.solve(k, e, dyn.inertia(k, e, list(y), cos, sin), list(p)))
+
+    def momenta_by_numpy(self) -> np.ndarray:
+        """Compute the momenta at the start likewise."""
+        return np.array(dyn.momentum(self.known, list(self.y), list(self.v), *self.angles(self.y)[:2]))
 
     def run(self, lanes: int, steps: int = 200) -> np.ndarray:
         """States after each of some steps under the held torques. Shape (steps, 2 size, count)."""
@@ -126,26 +146,32 @@ def test_a_compiled_step_is_its_text_to_the_last_bit(batch: Batch, lanes: int) -
     arenas, expected = batch.arenas(lanes), batch.arenas(1)
     for arena in arenas:
         batch.step_once(lanes, arena, 1e-3)
-    step = interpreted(batch.variant(1), step_kernel, rounded_once)
+    begin, step = (interpreted(batch.variant(1), kernel, rounded_once) for kernel in (momentum_kernel, step_kernel))
     for arena in expected:
+        begin(arena)
         step(arena, 1e-3)
-    for name in "YV":
+    for name in ("Y", "V", "P", "FORCE"):
         np.testing.assert_array_equal(batch.part(arenas, lanes, name), batch.part(expected, 1, name))
 
 
 def test_the_text_of_a_step_is_the_formulas_on_arrays_to_the_last_bit(batch: Batch) -> None:
     """The recorder reorders and replaces nothing; here what it fuses is rounded twice, as in the formulas."""
     h, arenas = 1e-3, batch.arenas(1)
-    step = interpreted(batch.variant(1), step_kernel, lambda a, b, c: a * b + c)
+    kernels = (momentum_kernel, step_kernel)
+    begin, step = (interpreted(batch.variant(1), kernel, lambda a, b, c: a * b + c) for kernel in kernels)
     for arena in arenas:
+        begin(arena)
         step(arena, h)
+    start = np.array([batch.y, batch.momenta_by_numpy()])
     y, v, slopes = batch.y, batch.v, []
-    for step in (0.5 * h, 0.5 * h, h, None):  # the way to the next stage of the classical Runge-Kutta method
-        slopes.append((v, batch.by_numpy(y, v)))
-        if step is not None:
-            y, v = (start + step * slope for start, slope in zip((batch.y, batch.v), slopes[-1], strict=True))
-    for name, start, (a, b, c, d) in zip("YV", (batch.y, batch.v), zip(*slopes, strict=True), strict=True):
-        end = start + h / 6.0 * (a + 2.0 * b + 2.0 * c + d)
+    for ahead in (0.5 * h, 0.5 * h, h, None):  # the way to the next stage of the classical Runge-Kutta method
+        slopes.append(batch.rates_by_numpy(y, v))
+        if ahead is not None:
+            y, p = start + ahead * slopes[-1]
+            v = batch.velocity_by_numpy(y, p)
+    a, b, c, d = slopes
+    y, p = start + h / 6.0 * (a + (b + b) + (c + c) + d)
+    for name, end in (("Y", y), ("P", p), ("V", batch.velocity_by_numpy(y, p))):
         np.testing.assert_array_equal(batch.part(arenas, 1, name), end)
 
 
