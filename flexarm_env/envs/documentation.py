@@ -86,10 +86,11 @@ def spaces(settings: Settings) -> tuple[str, str]:
 def timing(one: Id) -> str:
     """Write how long an episode of an id is."""
     settings = Settings.of(one.options)
-    period, step = settings.control_period, settings.control_period / settings.substeps
+    period, how = settings.control_period, settings.integration
+    error = f", expected error of the tip {figure(1e3 * how.expected_error)} mm" if how.expected_error else ""
     return (
         f"{one.steps} steps of {figure(1e3 * period)} ms ({figure(one.steps * period)} s), integrated by steps of "
-        f"{figure(1e3 * step)} ms"
+        f"{figure(1e3 * how.step)} ms ({how.method}{error})"
     )
 
 

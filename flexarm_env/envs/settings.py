@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import MISSING, Field, dataclass, fields
-from typing import Any
+from typing import Any, NamedTuple
 
+import gymnasium
 import numpy as np
 
-from flexarm_env.actions import MODES, ActionMode, modes_reading
+from flexarm_env.actions import MODES, TORQUE_LIMIT, ActionMode, modes_reading
 from flexarm_env.allowed import check_fields
 from flexarm_env.codegen.declarations import Program
 from flexarm_env.envs.consistency import refuse_options_without_effect
@@ -20,8 +21,28 @@ from flexarm_env.parameters import DIRECTIONS, LawParameters, SensorParameters, 
 from flexarm_env.physics.paths import PATHS, ReferencePath, way_points
 from flexarm_env.simulation.arm import FlexibleArm
 from flexarm_env.simulation.cases import refuse_off_link
-from flexarm_env.simulation.stability import count_readings, count_substeps, fastest_rates
+from flexarm_env.simulation.stability import count_readings, count_substeps, extreme_arm, fastest_rates
+from flexarm_env.simulation.step_error import TOLERANCE, enough_steps, expected_error
 from flexarm_env.validation import known_names, shown
+
+
+class Integration(NamedTuple):
+    """How the arm is integrated.
+
+    Attributes:
+        method: its name.
+        order: of the method.
+        step: [s].
+        substeps: steps in a control period.
+        expected_error: of the tip after a second of full random torques (`simulation.step_error`) [m]; None under the
+            paper's law, where `simulation.stability` bounds it.
+    """
+
+    method: str
+    order: int
+    step: float
+    substeps: int
+    expected_error: float | None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,7 +75,7 @@ class Settings(Options):
         for what in ("law", "sensor_parameters", "flexible_arm"):
             getattr(self, what)  # each derived value has its own checks
         self._refuse_what_does_not_fit()
-        for what in ("substeps", "history_slots"):
+        for what in ("integration", "history_slots"):
             getattr(self, what)
 
     def _refuse_what_does_not_fit(self) -> None:
@@ -165,17 +186,32 @@ class Settings(Options):
         limit = getattr(self, self.mode.limit)
         return limit if isinstance(limit, tuple) else (limit,)
 
-    @cached_property
+    @property
     def substeps(self) -> int:
         """Integration steps in a control period."""
+        return self.integration.substeps
+
+    @cached_property
+    def integration(self) -> Integration:
+        """How the arm is integrated; warns of a step that is coarser than the default."""
         under_law = self.mode.law == "joints"
         what = "fastest pole under the inner law" if under_law else "fastest mode"
-        arm = f"arm = {shown(self.arm)}" + (", with inner_stiffness and inner_resistance" if under_law else "")
-        fastest = max(fastest_rates(self))
-        kinematics = self.flexible_arm.parameters.kinematics
-        return count_substeps(
-            self.control_period, self.physics_step, (self.mode.integrator, kinematics), fastest, arm, what
-        )
+        name = f"arm = {shown(self.arm)}" + (", with inner_stiffness and inner_resistance" if under_law else "")
+        period, known = self.control_period, (self.mode.integrator, max(fastest_rates(self)), name, what)
+        count = count_substeps(period, self.physics_step, *known)
+        if self.mode.integrator == "implicit":
+            return Integration("ARS(4,4,3)", 3, period / count, count, None)
+        limits = self.motor_limit if np.isfinite(max(self.motor_limit)) else TORQUE_LIMIT
+        arms = self.flexible_arm.parameters, extreme_arm(self)
+        if self.physics_step is None:
+            count = max(enough_steps(arm, limits, period, count) for arm in arms)
+        error = max(expected_error(arm, limits, period / count) for arm in arms)
+        if self.physics_step is not None and error > TOLERANCE:
+            gymnasium.logger.warn(
+                f"physics_step = {self.physics_step} s: after a second of full random torques the tip is off by about "
+                f"{1e3 * error:.2g} mm; the default keeps {1e3 * TOLERANCE:g} mm"
+            )
+        return Integration("RK4 of positions and momenta", 4, period / count, count, error)
 
     @cached_property
     def sensor_delays(self) -> tuple[float, float]:

@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 
 from flexarm_env.codegen.arrays import Arena, LaneRows
 from flexarm_env.codegen.declarations import Program
-from flexarm_env.codegen.elementary import sincos
 from flexarm_env.codegen.tangents import tangents, varied
 from flexarm_env.kernels.entries import constant
 from flexarm_env.kernels.layout import row, slope_ways
@@ -56,9 +55,7 @@ def stages_record(variant: Variant) -> Recorder:
         rates = [*v, *driven(k, slopes[len(y) :], r.read("TAU"))]
         total = plus_scaled(total, weight, rates)
         if next_node is not None:
-            stage_y, stage_p = (
-                plus_scaled(a, h * next_node, b) for a, b in ((y, v), (p, rates[len(y) :]))
-            )
+            stage_y, stage_p = (plus_scaled(a, h * next_node, b) for a, b in ((y, v), (p, rates[len(y) :])))
             slopes = slopes_at(r, stage_y, stage_p)
     move(r, total)
     return r

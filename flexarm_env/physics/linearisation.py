@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from flexarm_env.codegen.tangents import Dual, tangents, value
 from flexarm_env.physics import dynamics as dyn
 from flexarm_env.physics.constants import Constants
-from flexarm_env.physics.coordinates import to_internal, to_public
+from flexarm_env.physics.coordinates import stack_matrix, to_internal, to_public
 from flexarm_env.physics.modal_elimination import Elimination
 
 Array = NDArray[np.float64]
@@ -32,6 +32,28 @@ class Linearisation(NamedTuple):
     A: Array
     B: Array
     rate: Array
+
+
+def straight_arms(k: Constants, theta2: Array) -> tuple[Array, Array]:
+    """Linearise the straight arm at rest, where no velocity force acts, at many angles of its elbow.
+
+    Args:
+        k: constants.
+        theta2: [rad]. Shape (count,).
+
+    Returns:
+        A and B of `Linearisation`, each of internal coordinates. Shapes (count, 2 n, 2 n), (count, 2 n, 2).
+    """
+    n = 2 * len(k.elbow_slopes) + 2
+    zeros = np.zeros((n, 2 * n + 2))
+    ways = np.eye(2 * n + 2)
+    forces = dyn.applied_forces(k, list(ways[:n]), list(ways[n : 2 * n]), list(zeros), list(ways[2 * n :]))
+    y = [np.zeros_like(theta2) for _ in range(n)]
+    mass = stack_matrix(dyn.mass_matrix(k, y, np.cos(theta2), np.sin(theta2)))
+    rates = np.zeros((len(theta2), 2 * n, 2 * n + 2))
+    rates[:, :n, n : 2 * n] = np.eye(n)
+    rates[:, n:] = np.linalg.solve(mass, np.broadcast_to(np.array(forces), (len(theta2), n, 2 * n + 2)))
+    return rates[..., : 2 * n], rates[..., 2 * n :]
 
 
 def linearise(k: Constants, e: Elimination | None, complete: bool, state: Array, torque: Array) -> Linearisation:

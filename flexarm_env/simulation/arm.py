@@ -19,7 +19,7 @@ from flexarm_env.parameters import ArmParameters
 from flexarm_env.physics import constants, coordinates
 from flexarm_env.physics import dynamics as dyn
 from flexarm_env.physics.bent_link import PointShape
-from flexarm_env.physics.linearisation import Linearisation, linearise
+from flexarm_env.physics.linearisation import Linearisation, linearise, straight_arms
 from flexarm_env.physics.modal_elimination import elimination
 from flexarm_env.physics.sensing import Outputs
 from flexarm_env.simulation.conditioning import refuse_singular
@@ -344,7 +344,5 @@ class FlexibleArm(FeedbackTorque):
 @lru_cache(maxsize=256)
 def _fastest_rate(parameters: ArmParameters) -> float:
     """See `FlexibleArm.fastest_rate`."""
-    arm = FlexibleArm(parameters)
-    states = np.zeros((9, 2 * arm.size))
-    states[:, 1] = np.linspace(0.0, np.pi, 9)
-    return max(float(np.abs(np.linalg.eigvals(arm.linearise(state).A)).max()) for state in states)
+    rates, _ = straight_arms(FlexibleArm(parameters).constants, np.linspace(0.0, np.pi, 9))
+    return float(np.abs(np.linalg.eigvals(rates)).max())

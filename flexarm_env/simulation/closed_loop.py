@@ -93,8 +93,7 @@ class ClosedLoop(LaneBatch):
         self.arm, self.path, self._cases = arm, path, checked_cases(cases, arm)
         self.control_period = number("control_period", control_period, "s", above=0.0)
         wanted = None if physics_step is None else number("physics_step", physics_step, "s", above=0.0)
-        method = ("implicit", arm.parameters.kinematics)
-        self.substeps = count_substeps(self.control_period, wanted, method, arm.fastest_rate(), "arm")
+        self.substeps = count_substeps(self.control_period, wanted, "implicit", arm.fastest_rate(), "arm")
         limits = np.full(2 * arm.size, np.inf) if state_limits is None else np.array(state_limits, dtype=float)
         if limits.shape != (2 * arm.size,) or not np.all(limits > 0.0):
             raise ValueError(f"state_limits = {shown(state_limits)}: must be {2 * arm.size} numbers > 0 (inf for none)")

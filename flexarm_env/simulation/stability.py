@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 
 from flexarm_env.parameters import ArmParameters
+from flexarm_env.physics.dynamics import joint_angles
+from flexarm_env.physics.linearisation import straight_arms
 from flexarm_env.simulation.arm import FlexibleArm
 
 Gains = tuple[float, float]  # of shoulder and elbow
@@ -20,37 +22,17 @@ ELBOWS = np.linspace(0.0, np.pi, 7)  # [rad]
 # The explicit part of ARS(4,4,3) is stable for undamped modes up to h omega = 1.57. The default step, a tenth of that
 # and 0.25 ms at most, keeps coordinates within 1e-3 of their range over the lap at constant gains up to 17 (the paper's
 # runs: 2e-4), and rates within 2e-3, largest just after a jump of the command (tests/simulation/test_closed_loop.py).
-DEFAULT_ANGLE = {"explicit": STABLE_ANGLE["explicit"], "implicit": 0.15}
-# With the explicit integrator, on foreshortened links with material damping, the error in a second of a lap's motion is
-# below 0.1 mm (tests/simulation/test_step_limit.py). Linear kinematics let fast turns bend the links further, where the
-# same step would be wrong by millimetres.
-LONGEST_DEFAULT = {  # by integrator and kinematics [s]
-    ("explicit", "linear"): 1e-3,
-    ("explicit", "foreshortened"): 2e-3,
-    ("implicit", "linear"): 2.5e-4,
-    ("implicit", "foreshortened"): 2.5e-4,
-}
+# RK4's follows from the error that it leaves (`step_error`).
+DEFAULT_ANGLE = {"explicit": 1.8, "implicit": 0.15}
+LONGEST_DEFAULT = {"explicit": 2e-3, "implicit": 2.5e-4}  # [s]
 # Limits of a control period of one arm. The longest period must not block the caller for long; a reading takes 32
 # bytes, so that the longest delay line takes 64 MB.
 MOST_STEPS = 20_000
 MOST_READINGS = 2_000_000
 
 
-def fastest_pole(
-    arm: FlexibleArm, theta2: float, stiffness: tuple[float, float], resistance: tuple[float, float]
-) -> float:
-    """Return the largest magnitude of a pole of the arm under the joint-space law, at rest [rad/s]."""
-    state = np.zeros(2 * arm.size)
-    state[1] = theta2
-    linear = arm.linearise(state)
-    feedback = np.zeros((2, 2 * arm.size))
-    feedback[[0, 1], [0, 1]] = stiffness
-    feedback[[0, 1], [arm.size, arm.size + 1]] = resistance
-    return float(np.abs(np.linalg.eigvals(linear.A - linear.B @ feedback)).max())
-
-
-def fastest_rates(settings: Any) -> tuple[float, ...]:
-    """Return the rates of the stiffest and lightest arm that an episode may draw, or of its inner loop [rad/s].
+def extreme_arm(settings: Any) -> ArmParameters:
+    """Return the stiffest and lightest arm that an episode may draw.
 
     Args:
         settings: `Settings`.
@@ -59,22 +41,36 @@ def fastest_rates(settings: Any) -> tuple[float, ...]:
     stiffness, payload = settings.range_of("stiffness")[1], settings.range_of("payload_mass")[0]
     damping = settings.range_of("damping")[1]
     rigidities = (own.flexural_rigidities[0] * stiffness, own.flexural_rigidities[1] * stiffness)
-    arm = replace(own, flexural_rigidities=rigidities, payload_mass=payload, damping_ratio=damping)
+    return replace(own, flexural_rigidities=rigidities, payload_mass=payload, damping_ratio=damping)
+
+
+def fastest_rates(settings: Any) -> tuple[float, ...]:
+    """Return the rates of the fastest arm that an episode may draw (`extreme_arm`), or of its inner loop [rad/s].
+
+    Args:
+        settings: `Settings`.
+    """
     gains = (settings.inner_stiffness, settings.inner_resistance) if settings.mode.law == "joints" else None
-    return _rates_of(arm, gains)
+    return _rates_of(extreme_arm(settings), gains)
 
 
 @lru_cache(maxsize=256)
 def _rates_of(parameters: ArmParameters, gains: tuple[Gains, Gains] | None) -> tuple[float, ...]:
     """Fastest mode of an arm, and its fastest poles under an inner law with these gains [rad/s]."""
     arm = FlexibleArm(parameters)
-    return (arm.fastest_rate(), *(fastest_pole(arm, theta2, *gains) for theta2 in ELBOWS if gains))
+    if gains is None:
+        return (arm.fastest_rate(),)
+    by_state, by_torque = straight_arms(arm.constants, ELBOWS)
+    joints = np.array(joint_angles(arm.constants, list(np.eye(arm.size))))  # by internal coordinates
+    stiffness, resistance = (np.array(gain)[:, None] * joints for gain in gains)
+    poles = np.linalg.eigvals(by_state - by_torque @ np.concatenate([stiffness, resistance], axis=1))
+    return arm.fastest_rate(), float(np.abs(poles).max())
 
 
 def count_substeps(
     period: float,
     step: float | None,
-    method: tuple[str, str],
+    integrator: str,
     fastest: float,
     arm: str,
     what: str = "fastest mode",
@@ -84,7 +80,7 @@ def count_substeps(
     Args:
         period: the control period [s].
         step: longest integration step as the user gives it [s]; None: as the arm demands.
-        method: integrator, "explicit" or "implicit", and the arm's kinematics.
+        integrator: "explicit" or "implicit".
         fastest: rate of the arm's fastest mode or pole [rad/s].
         arm: description of the arm, for messages.
         what: whose rate it is, for messages.
@@ -92,9 +88,8 @@ def count_substeps(
     Raises:
         ValueError: for a step that is not stable, or more than `MOST_STEPS`.
     """
-    integrator, _ = method
     if step is None:
-        wanted = min(LONGEST_DEFAULT[method], DEFAULT_ANGLE[integrator] / fastest)
+        wanted = min(LONGEST_DEFAULT[integrator], DEFAULT_ANGLE[integrator] / fastest)
         cause = f"{arm}: its {what}, {fastest:.4g} rad/s, asks for steps of {wanted:.4g} s"
         return _count_steps(period, wanted, cause)
     longest = STABLE_ANGLE[integrator] / fastest

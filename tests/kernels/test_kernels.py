@@ -101,9 +101,7 @@ class Batch:
     def by_numpy(self, y: np.ndarray, v: np.ndarray) -> np.ndarray:
         """Compute the accelerations that the package's formulas give on arrays."""
         k = self.known
-        return np.array(
-            dyn.acceleration(k, elimination(k), self.complete, list(y), list(v), self.tau, self.angles(y))
-        )
+        return np.array(dyn.acceleration(k, elimination(k), self.complete, list(y), list(v), self.tau, self.angles(y)))
 
     def rates_by_numpy(self, y: np.ndarray, v: np.ndarray) -> np.ndarray:
         """Compute the rates of positions and momenta likewise."""

@@ -6,7 +6,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from flexarm_env import ArmParameters, FlexibleArm
-from flexarm_env.simulation.stability import LONGEST_DEFAULT
 from tests.support.lagrange import arms
 from tests.support.refusals import refuses
 
@@ -78,20 +77,3 @@ def test_substeps() -> None:
     assert count == 4  # as few as the fastest mode, 323 rad/s, allows
     by_hand = default.simulate(np.full(12, 0.01), None, 0.1, step=0.02, substeps=count)
     np.testing.assert_array_equal(automatic.state, by_hand.state)
-
-
-@pytest.mark.slow  # compiles the kernel of three modes
-@pytest.mark.parametrize("theta2", [0.3, 1.2, 2.2])
-def test_the_environments_step_is_accurate_on_foreshortened_links(theta2: float) -> None:
-    """Swing as on a lap, with the unsteady torques of an agent: by the default step and by a 16 times finer one."""
-    parameters = ArmParameters(
-        modes_per_link=3, kinematics="foreshortened", mode_shapes="polynomial", damping_model="material"
-    )
-    arm, rng, time = FlexibleArm(parameters), np.random.default_rng(0), np.arange(100)[:, None] * 0.01
-    torques = [20.0, 6.0] * np.sin([6.0, 9.0] * time) + [3.0, 1.0] * rng.normal(size=(100, 2))
-    start = np.zeros(2 * arm.size)
-    start[[1, arm.size, arm.size + 1]] = theta2, 0.6, -0.9
-    steps = round(0.01 / LONGEST_DEFAULT["explicit", "foreshortened"])
-    tips = [arm.simulate(start, torques, 1.0, step=0.01, substeps=count).tip for count in (steps, 16 * steps)]
-    assert np.linalg.norm(tips[0] - tips[1], axis=1).max() < 1e-4
-    assert np.ptp(tips[1], axis=0).max() > 1.0

@@ -1,0 +1,120 @@
+"""The expected error of an integration step: against measured ones on drawn arms, and the steps that follow from it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from flexarm_env import ArmParameters, FlexibleArm
+from flexarm_env.actions import TORQUE_LIMIT
+from flexarm_env.envs.settings import Settings
+from flexarm_env.parameters import PRESETS, arm_parameters
+from flexarm_env.simulation.stability import count_substeps
+from flexarm_env.simulation.step_error import BENT, HELD, TOLERANCE, enough_steps, expected_error
+from tests.support.refusals import refuses
+
+PERIOD, EPISODES = 0.01, 64
+RIGIDITY = 1676.0
+
+
+def measured(parameters: ArmParameters, limits: tuple[float, float], count: int, seed: int) -> np.ndarray:
+    """Errors of the tip after a second of random torques, against a quarter of the step. Shape (EPISODES,) [m]."""
+    arm, rng = FlexibleArm(parameters), np.random.default_rng(seed)
+    start = np.zeros((EPISODES, 2 * arm.size))
+    start[:, 1] = rng.uniform(-2.5, 2.5, EPISODES)
+    held = rng.uniform(-1.0, 1.0, (EPISODES, round(1.0 / HELD), 2)) * limits
+    torques = np.repeat(held, round(HELD / PERIOD), axis=1)
+    coarse, fine = (
+        arm.tip(arm.rollout(start, torques, period=PERIOD, step=PERIOD / n).states[:, -1, : arm.size])
+        for n in (count, 4 * count)
+    )
+    return np.asarray(np.linalg.norm(coarse - fine, axis=-1))
+
+
+def drawn(seed: int, base: ArmParameters) -> ArmParameters:
+    """Another arm: stiffness 0.01 to 100 times, masses, dampings and payload."""
+    rng = np.random.default_rng(seed)
+    stiffness = 10.0 ** rng.uniform(-2.0, 2.0)
+    one, two = stiffness * RIGIDITY * 10.0 ** rng.uniform(-0.3, 0.3, 2)
+    return replace(
+        base,
+        flexural_rigidities=(one, two),
+        masses_per_length=tuple(0.335 * 10.0 ** rng.uniform(-0.4, 0.4, 2)),
+        payload_mass=max(0.0, rng.uniform(-2.0, 3.0)),
+        damping_ratio=10.0 ** rng.uniform(-3.0, -0.7),
+        elbow_hub_inertia=rng.uniform(0.0, 0.5),
+        joint_friction=(rng.uniform(0.0, 2.0), 0.0),
+    )
+
+
+def bearable(parameters: ArmParameters) -> tuple[float, float]:
+    """Torques that a soft arm bears: as the static deflection of a cantilever, up to `BENT` of its length."""
+    stiffest = [3.0 * rigidity * BENT / 4.5 for rigidity in parameters.flexural_rigidities]
+    share = min(1.0, *(stiffness / limit for stiffness, limit in zip(stiffest, TORQUE_LIMIT, strict=True)))
+    return TORQUE_LIMIT[0] * share, TORQUE_LIMIT[1] * share
+
+
+def stable_steps(parameters: ArmParameters) -> int:
+    """Count the steps of a period that stability alone demands."""
+    return count_substeps(PERIOD, None, "explicit", FlexibleArm(parameters).fastest_rate(), "the arm")
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_drawn_arms_keep_the_expected_error(seed: int) -> None:
+    parameters = drawn(seed, ArmParameters())
+    limits = bearable(parameters)
+    count = enough_steps(parameters, limits, PERIOD, stable_steps(parameters))
+    # of 60 arms drawn in this way the largest median was 0.12 mm
+    assert np.median(measured(parameters, limits, count, seed)) < 2.0 * TOLERANCE
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_linear_kinematics_keep_it_under_torques_that_bend_them_little(seed: int) -> None:
+    """Fast turns make such links soft: their errors spread over three orders of magnitude."""
+    parameters = drawn(seed, ArmParameters.linear())
+    shoulder, elbow = bearable(parameters)
+    limits = (0.3 * shoulder, 0.3 * elbow)
+    count = enough_steps(parameters, limits, PERIOD, stable_steps(parameters))
+    assert np.median(measured(parameters, limits, count, seed)) < 2.0 * TOLERANCE
+
+
+@pytest.mark.parametrize("name", ["default", "linear"])
+def test_presets_keep_it_in_the_environment(name: str) -> None:
+    settings = Settings.of({"arm": name})
+    found, expected = measured(arm_parameters(name), TORQUE_LIMIT, settings.substeps, 5), settings.integration
+    assert expected.expected_error is not None
+    # of 240 episodes with seed 77: median 0.040 and 0.079 mm, expected 0.048 and 0.082; largest 0.7 and 160 mm
+    assert np.median(found) < (2.0 if name == "default" else 5.0) * expected.expected_error
+    assert np.quantile(found, 0.9) < (5e-4 if name == "default" else 2e-2)
+
+
+def test_an_undamped_arm_keeps_its_energy() -> None:
+    settings = Settings.of({"arm": {"damping_ratio": 0.0}})
+    arm, rng = settings.flexible_arm, np.random.default_rng(2)
+    torques = np.repeat(rng.uniform(-1.0, 1.0, (10, 2)) * TORQUE_LIMIT, 5, axis=0)
+    step = settings.integration.step
+    excited = arm.rollout(np.zeros(2 * arm.size), torques, period=PERIOD, step=step).states[-1]
+    free = arm.rollout(excited, np.zeros((100, 2)), period=PERIOD, step=step).states
+    energy = np.sum(arm.energy(free), axis=0)
+    assert np.abs(energy / energy[0] - 1.0).max() < 1e-3
+
+
+def test_the_error_falls_with_the_fourth_power_of_the_step() -> None:
+    parameters = ArmParameters()
+    errors = [expected_error(parameters, TORQUE_LIMIT, PERIOD / count) for count in (16, 32, 64)]
+    assert np.log2(errors[:-1]) - np.log2(errors[1:]) == pytest.approx(4.0, abs=0.3)
+
+
+def test_every_preset_has_a_default_step() -> None:
+    for name in PRESETS:
+        how = Settings.of({"arm": name}).integration
+        assert how.order == 4
+        assert how.expected_error is not None and how.expected_error <= TOLERANCE
+
+
+def test_a_coarser_step_is_taken_with_a_warning_and_an_unstable_one_refused() -> None:
+    with pytest.warns(UserWarning, match=r"physics_step = 0\.0025 s: .* off by about 0\.11 mm"):
+        settings = Settings.of({"physics_step": 2.5e-3})
+    assert settings.integration.substeps == 4
+    with refuses(ValueError, "physics_step = 0.005", "at most"):
+        Settings.of({"physics_step": 5e-3})
