@@ -140,7 +140,7 @@ class ColumnRecorder(Recorder):
         return self.rows_of("slopes", self.slope_sizes[name], first)
 
     def acting(self, stage: int) -> list[Any]:
-        """Derivatives of the momenta and of the force at a stage by the column's own input; none: zeros."""
+        """Read the derivatives of the momenta and of the force at a stage by the column's own input; none: zeros."""
         if not self.with_input:
             return [0.0] * (2 * self.variant.size)
         return self.rows_of("input", 2 * self.variant.size, stage * sum(self.slope_sizes.values()))
@@ -153,7 +153,7 @@ class ColumnRecorder(Recorder):
         return total
 
     def turned(self, y: Sequence[Any]) -> list[Any]:
-        """Changes of the positions that slopes are by: those of a2 - a1, q1 and q2."""
+        """Return the changes of the positions that slopes are by: those of a2 - a1, q1 and q2."""
         m = self.variant.modes
         return [*y[1 : m + 1], y[m + 1] - y[0], *y[m + 2 :]]
 

@@ -109,7 +109,8 @@ def test_every_preset_has_a_default_step() -> None:
     for name in PRESETS:
         how = Settings.of({"arm": name}).integration
         assert how.order == 4
-        assert how.expected_error is not None and how.expected_error <= TOLERANCE
+        assert how.expected_error is not None
+        assert how.expected_error <= TOLERANCE
 
 
 def test_a_coarser_step_is_taken_with_a_warning_and_an_unstable_one_refused() -> None:
