@@ -28,7 +28,7 @@ def lap() -> Lap:
     return recorded("lqg", LAP)
 
 
-@pytest.mark.parametrize("row", {*COMPARED, *lap_pictures.SHOWN})
+@pytest.mark.parametrize("row", sorted({*COMPARED, *lap_pictures.SHOWN}))
 def test_a_drawn_lap_is_the_one_that_the_board_measured(row: str) -> None:
     one = recorded(row, LAP)
     errors = nominal_errors(ROWS[row])[LAP]
