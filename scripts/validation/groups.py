@@ -105,5 +105,6 @@ GROUPS = (
     _group("smooth", "Smooth plans on the chain", "plant.smooth", "smooth_plans", needs=("mujoco",)),
     _group("drift", "Invariants over ten minutes", "drift", "drift_time", "drift_step"),
     _group("orders", "Orders of the integrators", "orders", "orders"),
+    _group("steps", "Error of the integration step", "steps", "steps"),
     _group("coriolis", "The paper's dropped Coriolis terms", "coriolis", "coriolis"),
 )
