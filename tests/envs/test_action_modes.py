@@ -51,7 +51,7 @@ def recorded(env: FlexArmEnv, actions: Array, **options: Any) -> tuple[Array, Ar
 
 def test_torques_are_held() -> None:
     """The same Runge-Kutta steps from the same state: what differs is the rounding of the start."""
-    env = bare(start="moving", **FREE)
+    env = bare(start="moving", physics_step=1e-3, **FREE)
     actions = exact_actions(60, size=0.25)
     states, torques = recorded(env, actions)
     np.testing.assert_array_equal(torques, TORQUE_LIMITS * actions)
@@ -72,7 +72,7 @@ def test_integration_steps_fill_the_period(period: float, physics_step: float | 
 @pytest.mark.parametrize("delay", [0.0003, 0.0137, 0.03, 0.0995])
 def test_a_late_torque_acts_as_late_as_it_is(delay: float) -> None:
     """A command that changes within an integration step enters as the mean over that step."""
-    env = bare(actuation_delay=delay, start="moving", **FREE)
+    env = bare(actuation_delay=delay, start="moving", physics_step=1e-3, **FREE)
     actions = exact_actions(40, size=0.25)
     states, torques = recorded(env, actions)
     fine = 100  # microseconds: the delays are whole multiples

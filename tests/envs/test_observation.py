@@ -161,12 +161,15 @@ def test_paths_are_observed_alike() -> None:
 # --- the sensor on link 2 -----------------------------------------------------------------------------------
 
 
+FINE = ALL | {"physics_step": 1e-3}
+
+
 def motion_of_the_point(env: FlexArmEnv, options: dict[str, Any], run: Run) -> CubicHermiteSpline:
     """Where the sensor's point is as a function of the lap's time, from a run that is recorded every millisecond.
 
     Its integration steps are those of the environment. Before the start the arm stood still.
     """
-    fine = bare(**(options | {"control_period": 1e-3, "physics_step": 1e-3}))
+    fine = bare(**(options | {"control_period": 1e-3}))
     fine.reset(seed=2, options={"time": run.times[0], "state": run.states[0]})
     states = [run.states[0], *(fine.step(run.actions[k // 10])[4]["state"] for k in range(10 * STEPS))]
     states = np.array(states)
@@ -199,7 +202,7 @@ def reference(run: Run, times: Array) -> Array:
 )
 def test_the_reading_is_as_late_as_it_is(options: dict[str, Any], latest: float) -> None:
     """The physical point, with deflection, that long ago; and the error of it, and its change."""
-    options = ALL | {"start": "corner", "frame": "world"} | options
+    options = FINE | {"start": "corner", "frame": "world"} | options
     env = bare(**options)
     run = recorded(env)
     point = motion_of_the_point(env, options, run)
@@ -216,7 +219,7 @@ def test_the_reading_is_as_late_as_it_is(options: dict[str, Any], latest: float)
 
 def test_a_slower_sensor_holds_its_reading() -> None:
     """Ticks every 25 ms; between them nothing new is known, and the change per second is that between the ticks."""
-    options = ALL | {"start": "corner", "frame": "world", "delay": 0.013, "hold": 0.025}
+    options = FINE | {"start": "corner", "frame": "world", "delay": 0.013, "hold": 0.025}
     env = bare(**options)
     run = recorded(env)
     point = motion_of_the_point(env, options, run)
@@ -233,7 +236,7 @@ def test_a_slower_sensor_holds_its_reading() -> None:
 
 
 def test_jitter_makes_readings_later_and_never_older() -> None:
-    options = ALL | {"start": "corner", "frame": "world", "delay": 0.01, "jitter": 0.03}
+    options = FINE | {"start": "corner", "frame": "world", "delay": 0.01, "jitter": 0.03}
     env = bare(**options)
     run = recorded(env, size=0.1)
     point = motion_of_the_point(env, options, run)

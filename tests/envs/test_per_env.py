@@ -169,7 +169,7 @@ def test_a_bad_option_of_one_environment_is_refused(
 
 def test_one_physics_step_serves_arms_of_different_stiffness() -> None:
     arms = {"arm": ["linear", {"preset": "linear", "flexural_rigidities": (1e5, 1e5)}]}
-    with refuses(ValueError, "environment 1", "physics_step = None", "0.0007692 s", "0.001 s"):
+    with refuses(ValueError, "environment 1", "physics_step = None", "0.0007143 s", "0.001429 s"):
         vector(SQUARE, 2, per_env=arms)
     assert {one.substeps for one in vector(SQUARE, 2, per_env=arms, physics_step=2e-4).simulator.each} == {50}
 

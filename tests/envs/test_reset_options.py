@@ -16,7 +16,7 @@ DRAWING = {"randomisation": {"stiffness": (0.5, 2.0), "delay": (0.0, 0.1), "nois
 
 
 def test_an_episode_starts_when_it_is_told_to() -> None:
-    env, path = bare(start="corner"), square(SquareParameters())
+    env, path = bare(start="corner", physics_step=1e-3), square(SquareParameters())
     for time in (0.0, 1.23, 4.0, 15.999):
         info = env.reset(options={"time": time})[1]
         np.testing.assert_allclose(info["reference"], path.position(time), atol=1e-12)

@@ -50,7 +50,7 @@ def summed(actions: Array, change: Array, limit: Array = TORQUE_LIMITS) -> Array
 @pytest.mark.parametrize("kernels", KERNELS, indirect=True)
 def test_torque_rates_add_up(kernels: str) -> None:
     """Held over each period, within the motors' limits, observed; and from 0 again after a reset."""
-    env = bare(start="moving", **RATE, **FREE)
+    env = bare(start="moving", physics_step=1e-3, **RATE, **FREE)
     actions = np.clip(exact_actions(60) + 0.3125, -1.0, 1.0)
     for _ in range(2):
         observations, infos = zip(env.reset(seed=1), *(env.step(action)[::4] for action in actions), strict=True)
@@ -92,7 +92,7 @@ def test_environments_of_torque_rates_are_environments() -> None:
 def test_late_torque_rates_act_as_late_as_late_torques(delay: float) -> None:
     """The commanded torques, not their sum, are late: as torques that are commanded so; in plain Python."""
     options = {"torque_rate_limit": (500.0, 1e4), "torque_limit": (12.0, 40.0), "actuation_delay": delay}
-    settings = Settings.of({**RATE, **options, "arm": "linear", "last_actions": 5})
+    settings = Settings.of({**RATE, **options, "arm": "linear", "last_actions": 5, "physics_step": 1e-3})
     header, table = header_and_settings([settings], settings.program, observation_layout(settings, settings.program))
     variant = Variant(settings.program, 2, True, 2, sensor="true", disturbed=True)
     arena = np.zeros((extent(variant.rows) + tail_rows([settings], hosted=False), 2))

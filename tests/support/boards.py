@@ -6,7 +6,7 @@ from pathlib import Path
 
 from flexarm_agents.board.columns import Point
 
-SHORT = {"lap_time": 0.4, "side": 1.0, "control_period": 0.05, "physics_step": 0.0125}
+SHORT = {"lap_time": 0.4, "side": 1.0, "control_period": 0.05}
 SMALL = {"modes_per_link": 1, "kinematics": "linear"}
 
 
