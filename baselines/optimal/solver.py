@@ -75,7 +75,7 @@ class Iteration(NamedTuple):
 
 
 class DivergingStartError(ValueError):
-    """A start whose states do not stay finite."""
+    """A start on which the arm flies off (`problem.FLOWN`)."""
 
 
 class Solution(NamedTuple):
@@ -110,7 +110,7 @@ def optimise(
 
     Raises:
         ValueError: if torques have another shape.
-        DivergingStartError: if the start's states do not stay finite.
+        DivergingStartError: if the arm flies off on the start.
     """
     options = SolverOptions() if options is None else options
     search = Search(problem, start)
@@ -140,7 +140,7 @@ class Search:
         """Replay a start, and expand about it; arguments and errors as in `optimise`."""
         self.problem = problem
         self.limits = np.array(problem.limits)
-        diverging = DivergingStartError("start: the arm's state does not stay finite")
+        diverging = DivergingStartError("start: the arm flies off")
         if not np.all(np.isfinite(start.torques)):  # of feedback on such a state
             raise diverging
         torques = finite_array("start.torques", start.torques, (problem.periods, 2))

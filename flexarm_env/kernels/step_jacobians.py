@@ -41,6 +41,13 @@ from flexarm_env.kernels.states import (
     store_state,
     store_states,
 )
+from flexarm_env.kernels.step_columns import (
+    begin_column_kernel,
+    column_kernel,
+    end_column_kernel,
+    input_column_kernel,
+    input_end_column_kernel,
+)
 from flexarm_env.kernels.tableau import RK4_NODES, RK4_WEIGHTS
 from flexarm_env.kernels.variants import Variant, variant
 from flexarm_env.physics import dynamics as dyn
@@ -122,97 +129,6 @@ def stage_angles(variant: Variant, k: Constants, y: Sequence[Any]) -> tuple[Any,
     return cos, sin, sine_of_theta2(variant, k, y)
 
 
-class ColumnRecorder(Recorder):
-    """Records what happens to one column."""
-
-    def __init__(self, variant: Variant, with_input: bool) -> None:
-        """Begin; `with_input`: the column is of an input that acts all the time."""
-        super().__init__(variant, inlining=True)
-        self.with_input = with_input
-        self.slope_sizes = slope_sizes(variant.modes)
-        column = self.rows_of("column", 2 * variant.size)
-        self.y, self.other = column[: variant.size], column[variant.size :]
-
-    def slopes(self, name: str, stage: int) -> list[Any]:
-        """Read a part of a stage's slopes."""
-        names = list(self.slope_sizes)
-        first = stage * sum(self.slope_sizes.values()) + sum(self.slope_sizes[n] for n in names[: names.index(name)])
-        return self.rows_of("slopes", self.slope_sizes[name], first)
-
-    def acting(self, stage: int) -> list[Any]:
-        """Read the derivatives of the momenta and of the force at a stage by the column's own input; none: zeros."""
-        if not self.with_input:
-            return [0.0] * (2 * self.variant.size)
-        return self.rows_of("input", 2 * self.variant.size, stage * sum(self.slope_sizes.values()))
-
-    def times(self, slopes: Sequence[Any], change: Sequence[Any], start: Sequence[Any]) -> list[Any]:
-        """Add to `start` the products of slopes, one row for each change, with the changes."""
-        size, total = self.variant.size, list(start)
-        for n, x in enumerate(change):
-            total = plus_scaled(total, x, slopes[n * size : n * size + size])
-        return total
-
-    def turned(self, y: Sequence[Any]) -> list[Any]:
-        """Return the changes of the positions that slopes are by: those of a2 - a1, q1 and q2."""
-        m = self.variant.modes
-        return [*y[1 : m + 1], y[m + 1] - y[0], *y[m + 2 :]]
-
-    def momentum_change(self, stage: int, y: Sequence[Any]) -> list[Any]:
-        """Return d(M v) at constant v."""
-        return self.times(self.slopes("momentum_by_y", stage), self.turned(y), self.acting(stage)[: self.variant.size])
-
-    def rates(self, stage: int, y: Sequence[Any], p: Sequence[Any]) -> list[Any]:
-        """Return dv."""
-        off = [a - b for a, b in zip(p, self.momentum_change(stage, y), strict=True)]
-        return linear_algebra.symmetric_times(self.slopes("inverse", stage), off)
-
-    def forces(self, stage: int, y: Sequence[Any], v: Sequence[Any]) -> list[Any]:
-        """Return d(p')."""
-        force = self.times(self.slopes("force_by_y", stage), self.turned(y), self.acting(stage)[self.variant.size :])
-        return self.times(self.slopes("force_by_v", stage), v, force)
-
-
-def column_record(variant: Variant, with_input: bool = False) -> Recorder:
-    """Record the classical Runge-Kutta method of the linear system of one column, of positions and momenta."""
-    r = ColumnRecorder(variant, with_input)
-    h, start = r.trace.input("h"), [*r.y, *r.other]
-    stage, total = start, [0.0] * len(start)
-    for number, (next_node, weight) in enumerate(zip((*RK4_NODES[1:], 0.0), RK4_WEIGHTS, strict=True)):
-        y, p = stage[: variant.size], stage[variant.size :]
-        v = r.rates(number, y, p)
-        slope = [*v, *r.forces(number, y, v)]
-        total = plus_scaled(total, weight, slope)
-        stage = plus_scaled(start, h * next_node, slope)
-    r.store("column", plus_scaled(start, h / 6.0, total))
-    return r
-
-
-def input_column_record(variant: Variant) -> Recorder:
-    """`column_record` of an input that acts all the time."""
-    return column_record(variant, with_input=True)
-
-
-def begin_column_record(variant: Variant) -> Recorder:
-    """Record a period's begin for a column: of the momenta, from that of the rates."""
-    r = ColumnRecorder(variant, False)
-    bent = linear_algebra.symmetric_times(r.slopes("mass", 0), r.other)
-    p = [a + b for a, b in zip(bent, r.momentum_change(0, r.y), strict=True)]
-    r.store("column", p, variant.size)
-    return r
-
-
-def end_column_record(variant: Variant, with_input: bool = False) -> Recorder:
-    """Record a period's end for a column: of the rates, from that of the momenta."""
-    r = ColumnRecorder(variant, with_input)
-    r.store("column", r.rates(0, r.y, r.other), variant.size)
-    return r
-
-
-def input_end_column_record(variant: Variant) -> Recorder:
-    """`end_column_record` of an input that acts all the time."""
-    return end_column_record(variant, with_input=True)
-
-
 @recorded_kernel(first_stage_record)
 def first_stage_kernel(arena: Arena) -> None:
     """Begin a step of every lane: Y_STAGE, V_STAGE, FORCE_STAGE and TOTAL are those of its start.
@@ -246,44 +162,6 @@ def slopes_kernel(arena: Arena, slopes: LaneRows) -> None:
 @recorded_kernel(end_record)
 def end_kernel(arena: Arena, h: float) -> None:
     """Move every lane to the end of its step, from the sum of its stages; the bits are those of `step_kernel`."""
-
-
-@recorded_kernel(column_record)
-def column_kernel(column: LaneRows, slopes: LaneRows, h: float) -> None:
-    """One column of every lane over a step.
-
-    Args:
-        column: of positions and momenta, before and after. Shape (2 * size, lanes).
-        slopes: of all stages.
-        h: step [s].
-    """
-
-
-@recorded_kernel(input_column_record)
-def input_column_kernel(column: LaneRows, slopes: LaneRows, input: LaneRows, h: float) -> None:
-    """One column of every lane over a step, of an input that acts all the time.
-
-    Args:
-        column: see `column_kernel`.
-        slopes: see `column_kernel`.
-        input: `slopes` from the first of this input on.
-        h: step [s].
-    """
-
-
-@recorded_kernel(begin_column_record)
-def begin_column_kernel(column: LaneRows, slopes: LaneRows) -> None:
-    """Turn a column of positions and rates into one of positions and momenta; see `column_kernel`."""
-
-
-@recorded_kernel(end_column_record)
-def end_column_kernel(column: LaneRows, slopes: LaneRows) -> None:
-    """Turn a column of positions and momenta into one of positions and rates; see `column_kernel`."""
-
-
-@recorded_kernel(input_end_column_record)
-def input_end_column_kernel(column: LaneRows, slopes: LaneRows, input: LaneRows) -> None:
-    """`end_column_kernel` of an input that acts all the time; see `input_column_kernel`."""
 
 
 # --- drivers ----------------------------------------------------------------------------------------------------------

@@ -103,7 +103,7 @@ class OpenLoop:
             if not np.all(np.isfinite(stage)):
                 return False
             tau = _evaluate(torque, (k + node) * h, stage)
-            slope = np.array([self._arena[v], self._arena[force] + generalised_torque(self._constants, tau)])
+            slope = np.array([self._arena[v], self._arena[force] + generalised_torque(self._constants, list(tau))])
             total = total + weight * slope
             ahead = (h / 6.0, total) if next_node is None else (h * next_node, slope)
             self._arena[y], self._arena[p] = start + ahead[0] * ahead[1]

@@ -39,7 +39,8 @@ class Case(NamedTuple):
 def cases() -> list[Case]:
     """Return the arms."""
     own = ArmParameters()
-    stiff = replace(own, flexural_rigidities=tuple(10.0 * x for x in own.flexural_rigidities))
+    one, two = own.flexural_rigidities
+    stiff = replace(own, flexural_rigidities=(10.0 * one, 10.0 * two))
     strong = (10.0 * TORQUE_LIMIT[0], 10.0 * TORQUE_LIMIT[1])
     return [
         Case("default arm", own),
@@ -102,7 +103,9 @@ def tables(findings: Findings) -> dict[str, str]:
                 return "refused"
             return " / ".join(shown(1e3 * error) for error in found[count])
 
-        lines.append([row["arm"], f"{row['default']} steps: {cell(row['default'])}", *(cell(count) for count in COUNTS)])
+        lines.append(
+            [row["arm"], f"{row['default']} steps: {cell(row['default'])}", *(cell(count) for count in COUNTS)]
+        )
     head = [f"{count} steps ({4 * count})" for count in COUNTS]
     return {"step_errors": table(("arm", "default [mm]", *head), lines)}
 
@@ -121,7 +124,7 @@ def _check(row: dict[str, Any]) -> Check:
 
 def _quoted(rows: list[dict[str, Any]]) -> dict[str, float]:
     """Median and largest error of the default steps [mm]."""
-    quoted = {}
+    quoted: dict[str, float] = {}
     for row in rows:
         at = row["counts"].index(row["default"])
         quoted |= {f"{row['arm']}, {what}": 1e3 * row[what][at] for what in ("median", "largest")}

@@ -256,7 +256,7 @@ def test_the_pages_chains_converge(kind: str) -> None:
         ({"segment": 6}, TypeError, "'segment'; did you mean 'segments'"),
         ({"action_mode": "residual"}, ValueError, "its law acts within the compiled arm"),
         ({"action_mode": "gain", "law_sensor": "sensor"}, ValueError, "law_sensor = 'sensor': on a chain"),
-        ({"chain_step": 1e-6, "physics_step": 0.0025}, ValueError, "take more than 1000 steps"),
+        ({"chain_step": 1e-6, "physics_step": 0.002}, ValueError, "take more than 1000 steps"),
     ],
 )
 def test_bad_options(options: dict[str, Any], kind: type[Exception], words: str) -> None:

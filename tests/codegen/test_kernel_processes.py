@@ -71,7 +71,7 @@ def test_of_processes_that_start_together_one_compiles(copy: Path, together: lis
 
 
 EDITS = [
-    ("physics/dynamics.py", "elbow_on_n2, elbow_on_e2 = elbow_e * sin", "elbow_on_n2, elbow_on_e2 = elbow_e * cos"),
+    ("physics/dynamics.py", "root = elbow_on_2[1] * link_e", "root = elbow_on_2[0] * link_e"),
     ("codegen/elementary.py", "p = p * z - 1.66666666666666307295e-1", "p = p * z - 1.5e-1"),
     ("kernels/rk4.py", "= torques[step, block, r, i]", "= 2.0 * torques[step, block, r, i]"),
 ]

@@ -18,6 +18,7 @@ from tests.support.envs import EVERYWHERE, GAIN, PAPER, RESIDUAL, SQUARE, bare, 
 Array = NDArray[np.float64]
 STEPS = 40
 ALL: dict[str, Any] = {"observation": EVERYWHERE, "error_limit": None, "deflection_limit": None}
+FINE = ALL | {"physics_step": 1e-3}
 FLOAT = 3e-7  # rounding to float32, relative
 
 
@@ -161,13 +162,10 @@ def test_paths_are_observed_alike() -> None:
 # --- the sensor on link 2 -----------------------------------------------------------------------------------
 
 
-FINE = ALL | {"physics_step": 1e-3}
-
-
 def motion_of_the_point(env: FlexArmEnv, options: dict[str, Any], run: Run) -> CubicHermiteSpline:
     """Where the sensor's point is as a function of the lap's time, from a run that is recorded every millisecond.
 
-    Its integration steps are those of the environment. Before the start the arm stood still.
+    Its steps are the environment's. Before the start the arm stood still.
     """
     fine = bare(**(options | {"control_period": 1e-3}))
     fine.reset(seed=2, options={"time": run.times[0], "state": run.states[0]})
@@ -237,8 +235,7 @@ def test_a_slower_sensor_holds_its_reading() -> None:
 
 def test_jitter_makes_readings_later_and_never_older() -> None:
     options = FINE | {"start": "corner", "frame": "world", "delay": 0.01, "jitter": 0.03}
-    env = bare(**options)
-    run = recorded(env, size=0.1)
+    run = recorded(env := bare(**options), size=0.1)
     point = motion_of_the_point(env, options, run)
     fine = run.times[0] + 1e-5 * np.arange(0, round(STEPS * 1e3))
     track = point(fine)

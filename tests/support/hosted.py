@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 
 
 class ModalPlant:
-    """The settings' arm, integrated by the classical Runge-Kutta method."""
+    """The settings' arm, step by step."""
 
     def __init__(self, settings: Settings) -> None:
         self.settings, self.arm = settings, settings.flexible_arm
@@ -39,14 +39,7 @@ class ModalPlant:
         self.state = state
 
     def advance(self, command: Array, reference: Any) -> Array:
-        def slope(state: Array) -> Array:
-            return np.concatenate([state[self.arm.size :], self.arm.acceleration(state, command)])
-
-        h, x = self.step, self.state
-        one = slope(x)
-        two = slope(x + 0.5 * h * one)
-        three = slope(x + 0.5 * h * two)
-        self.state = x + h / 6.0 * (one + 2.0 * two + 2.0 * three + slope(x + h * three))
+        self.state = self.arm.step(self.state, command, self.step, step=self.step)
         return command
 
     def readings(self) -> Array:
