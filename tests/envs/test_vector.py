@@ -101,7 +101,7 @@ WIDE = [
 @pytest.mark.parametrize(("env_id", "most"), [(SQUARE, 11), *WIDE])
 def test_an_environment_does_not_depend_on_how_many_there_are(env_id: str, most: int) -> None:
     """In one lane, in blocks of 8, the last of them nearly empty, or in two and three large ones."""
-    assert [block_lanes(count, 1) for count in (1, 3, 8, 11, 250, 1024)] == [1, 8, 8, 8, 128, 344]
+    assert [block_lanes(count, 1) for count in (1, 3, 8, 11, 250, 1024)] == [1, 8, 8, 8, 8, 344]
     options = random_options(env_id) | {"max_episode_steps": 31, "error_limit": 0.6}
     runs = {}
     for num_envs in (most, 8, 3, 1):
@@ -122,9 +122,9 @@ def first_of(whole: dict[str, Any], part: dict[str, Any]) -> dict[str, Any]:
     return {name: whole[name] for name in part}
 
 
-@pytest.mark.parametrize(("count", "lanes"), [(16, 8), pytest.param(160, 32, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(("count", "lanes"), [(16, 8), pytest.param(688, 344, marks=pytest.mark.slow)])
 def test_threads_give_the_same_bits(count: int, lanes: int) -> None:
-    """Two or five blocks on two threads."""
+    """Two blocks on two threads."""
     options = random_options(SQUARE) | {"max_episode_steps": 31}
     assert block_lanes(count, 1) == block_lanes(count, 2) == lanes
     one, two = (vector(SQUARE, count, threads=threads, **options) for threads in (1, 2))
