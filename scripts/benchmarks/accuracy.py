@@ -14,11 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexarm_env import ArmParameters, FlexibleArm
+from flexarm_env.envs.settings import Settings
 
 Array = NDArray[np.float64]
 SECONDS, TORQUE, HELD = 2.0, 20.0, 0.01  # [s], up to [N m], constant for [s]
-OUR_STEP = 1e-3  # of the environments that are driven by torques [s]
-CONVERGED = 32  # steps of ours in one of `OUR_STEP` for the solution that counts as exact
+CONVERGED = 32  # steps of ours in one of the environments' for the solution that counts as exact
 FINEST = 512  # steps of the chain in `HELD`, the same
 COUNTS = tuple(round(2.0 ** (k / 3)) for k in range(6, 29))  # steps in `HELD` that are tried, by thirds of an octave
 STAGES = {"implicitfast": 1, "RK4": 4}  # evaluations of the dynamics in a step
@@ -33,7 +33,7 @@ class EqualStep:
         integrator: MuJoCo's name of it.
         step: [s].
         error: largest distance of the tip from the converged chain's [m].
-        ours: the same of FlexArm's arm at `OUR_STEP` from its own.
+        ours: the same of FlexArm's arm, at the environments' step, from its own.
     """
 
     integrator: str
@@ -48,15 +48,15 @@ def torques() -> Array:
 
 
 def our_error(modes: int) -> float:
-    """Largest tip error of FlexArm's arm at `OUR_STEP` [m].
+    """Largest tip error of FlexArm's arm at the environments' step [m].
 
     Args:
         modes: per link.
     """
     arm = FlexibleArm(ArmParameters.linear(modes_per_link=modes))
-    held = np.repeat(torques(), round(HELD / OUR_STEP), axis=0)
-    tips = [arm.simulate(np.zeros(2 * arm.size), held, SECONDS, OUR_STEP, count).tip for count in (1, CONVERGED)]
-    return _farthest(*tips)
+    own = Settings.of({"arm": {"preset": "linear", "modes_per_link": modes}, "control_period": HELD}).substeps
+    start = np.zeros(2 * arm.size)
+    return _farthest(*(arm.simulate(start, torques(), SECONDS, HELD, count).tip for count in (own, CONVERGED * own)))
 
 
 def equal_step(segments: int, modes: int) -> EqualStep:

@@ -19,7 +19,7 @@ from scripts.benchmarks.timing import Group, Ratio, Subject
 
 GAIN = "FlexArm/SquareGain-v0"
 ENVS = 1024
-PHYSICS_STEPS = 10  # of 1 ms in a control period of the linear arm
+PERIOD = 0.01  # of control [s]
 BATCH_CALLS = 100
 SINGLE_CALLS = 4000
 SEGMENTS = 10
@@ -44,7 +44,7 @@ def batch(modes: Sequence[int], effort: float, many: int = MANY) -> Group:
         arm = {"preset": LINEAR, "modes_per_link": m}
         batch_of = _batch(f"{SQUARE}, linear, {m} modes", SQUARE, ENVS, round(BATCH_CALLS * effort), arm=arm)
         bare = bare_kernel(f"its physics alone, {m} modes", m, 32, ENVS, max(1, round(100 * effort)))
-        bare = replace(bare, amount=bare.amount / PHYSICS_STEPS)
+        bare = replace(bare, amount=bare.amount / Settings.of({"arm": arm}).substeps)
         subjects += [batch_of, bare]
         ratios.append(Ratio(batch_of.name, bare.name, f"batch step over its bare physics, {m} modes (75 % is 1.33)"))
         if acrobot is not None:
@@ -117,13 +117,13 @@ def chain(modes: Sequence[int], effort: float) -> Group:
     for m in modes:
         accurate, equal = peers.accurate_chain(SEGMENTS, effort, m)
         subjects.append(accurate)
-        facts |= {f"error in time, {m} modes at 1 ms [mm]": 1e3 * equal.ours}
+        facts |= {f"error in time, {m} modes [mm]": 1e3 * equal.ours}
         facts |= {f"error in time, chain at {1e3 * equal.step:.3g} ms [mm]": 1e3 * equal.error}
         options = {"arm": {"preset": LINEAR, "modes_per_link": m}}
         single = stepped(f"one environment, {m} modes", SQUARE, max(50, round(SINGLE_CALLS * effort)), **options)
         many = _batch(f"batch of {ENVS}, {m} modes", SQUARE, ENVS, round(BATCH_CALLS * effort), **options)
         for subject in (single, many):
-            subjects.append(replace(subject, amount=subject.amount * 1e-3 * PHYSICS_STEPS))
+            subjects.append(replace(subject, amount=subject.amount * PERIOD))
             ratios += [Ratio(each.name, subject.name, f"{each.name} over {subject.name}") for each in chains]
             ratios.append(Ratio(accurate.name, subject.name, f"equal accuracy in time: chain over {subject.name}"))
     title = "One simulated second of one arm, MuJoCo and FlexArm, one core"

@@ -53,7 +53,7 @@ def test_all_conditions_give_what_the_page_says(block: str, name: str) -> None:
     assert shown_blocks()[block] == tables.conditions(load_policy(name))
 
 
-# The trainings of the cards were measured with steps of positions and rates, which were off by 0.05 mm and more; those of
+# The trainings of the cards were measured with steps of positions and rates, which were off by some 0.05 mm. Steps of
 # positions and momenta move a lap's error by some 1e-4 of it. The pages show three or four digits.
 MOVED = 2e-3
 
