@@ -1,7 +1,7 @@
 """Measure the speed of FlexArm beside what a user knows: scalar beside batch, Acrobot, scipy, the paper's clock.
 
-All subjects of a group are timed by turns in one run, on one core, and compared repeat by repeat: trust the ratios. The
-times behind them belong to the machine. Prints tables and writes one JSON file.
+All subjects of a group are timed by turns in one run, on one core (threads: on all), and compared repeat by repeat:
+trust the ratios. The times behind them belong to the machine. Prints tables and writes one JSON file.
 """
 
 from __future__ import annotations
@@ -103,15 +103,18 @@ def run(options: Options, cache: Path) -> dict[str, Any]:
         ("first step", lambda: environments.first_step(1 if options.quick else options.cold, cache)),
         ("lap", lambda: lap.lap(seconds)),
         ("batches", lambda: family.batch(modes, effort, 64 if options.quick else family.MANY)),
+        ("sensors", lambda: family.sensors(effort)),
     ]
     optional = [
         ("chain in MuJoCo", ("mujoco",), lambda: family.chain(modes, effort)),
         ("learning", ("stable_baselines3", "torch", "flexarm_agents"), lambda: family.learning(effort)),
     ]
-    labels = [*(label for label, _ in makers), *(label for label, *_ in optional)]
+    labels = [*(label for label, _ in makers), *(label for label, *_ in optional), "threads"]
     chosen = [choice("only", label, labels) for label in options.only] or labels
     missing = [label for label, packages, _ in optional if label in chosen and not peers.installed(*packages)]
     makers += [(label, make) for label, packages, make in optional if peers.installed(*packages)]
+    cores = os.sched_getaffinity(0) if hasattr(os, "sched_getaffinity") else set[int]()
+    makers.append(("threads", lambda: family.threads(effort, cores)))  # last: it is not kept on one core
     groups = {}
     facts["core"] = keep_on_one_core()
     with tqdm(total=0, unit="call") as bar:

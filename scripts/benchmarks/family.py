@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
@@ -62,6 +63,48 @@ def batch(modes: Sequence[int], effort: float, many: int = MANY) -> Group:
     ratios += [Ratio(few.name, each.name, f"{few.name} over {each.name}, per environment") for each in more]
     facts = {f"memory added by {many} environments [MB]": _memory(many)}
     return Group("batch", f"Batches of {ENVS}, one core", "us", "env step", subjects, ratios, facts=facts)
+
+
+def sensors(effort: float) -> Group:
+    """Declare the group of what late, noisy and further sensors cost a step of a batch.
+
+    Args:
+        effort: factor on the work of a timed call.
+    """
+    calls = round(BATCH_CALLS * effort)
+    plain = _batch(f"{SQUARE}, no delay", SQUARE, ENVS, calls, delay=0.0)
+    kinds: dict[str, dict[str, Any]] = {
+        "31 ms late": {},
+        "delay drawn from 0 to 120 ms": {"randomisation": {"delay": (0.0, 0.12)}},
+        "noise, jitter and lost readings": {"noise": 0.01, "jitter": 0.01, "dropout": 0.1},
+        "a second sensor": {"second_sensor_link": 1},
+    }
+    others = [_batch(f"{SQUARE}, {words}", SQUARE, ENVS, calls, **options) for words, options in kinds.items()]
+    ratios = [Ratio(each.name, plain.name, f"{each.name}, over no delay") for each in others]
+    return Group("sensors", f"What sensors cost, batches of {ENVS}", "us", "env step", [plain, *others], ratios)
+
+
+def threads(effort: float, cores: set[int]) -> Group:
+    """Declare the group of batches on one thread, two and so on, FlexArm beside EnvPool, by the clock on the wall.
+
+    Args:
+        effort: factor on the work of a timed call.
+        cores: that may be used.
+    """
+    counts = [count for count in (1, 2, 4, 8, 16, 32, 64) if count <= len(cores)]
+    if cores:
+        os.sched_setaffinity(0, cores)  # threads that are made from now on inherit it
+    subjects, ratios = [], []
+    for make in (_threaded, peers.envpool_acrobot) if peers.installed("envpool") else (_threaded,):
+        one, *more = (make(8 * ENVS, effort, count) for count in counts)
+        subjects += [one, *more]
+        ratios += [Ratio(one.name, each.name, f"{each.name}, over one thread") for each in more]
+    return Group("threads", f"Batches of {8 * ENVS} on threads", "us", "env step", subjects, ratios, wall=True)
+
+
+def _threaded(num_envs: int, effort: float, count: int) -> Subject:
+    name = f"{SQUARE}, {num_envs} environments, {count} thread{'s' * (count > 1)}"
+    return _batch(name, SQUARE, num_envs, round(BATCH_CALLS * effort / 8), threads=count)
 
 
 def _batch(name: str, env_id: str, num_envs: int, calls: int, **options: Any) -> Subject:

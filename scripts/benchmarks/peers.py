@@ -41,20 +41,21 @@ def installed(*packages: str) -> bool:
 # --- other engines ----------------------------------------------------------------------------------------------------
 
 
-def envpool_acrobot(num_envs: int, effort: float) -> Subject:
-    """EnvPool's Acrobot-v1 on one thread with random actions prepared before; amount: environment steps.
+def envpool_acrobot(num_envs: int, effort: float, threads: int = 1) -> Subject:
+    """EnvPool's Acrobot-v1 with random actions prepared before; amount: environment steps.
 
     An episode that is over starts anew with the next step, whose action is lost: one step in 500 is such a reset.
 
     Args:
         num_envs: environments, all stepped by each call.
         effort: factor on the work of a timed call.
+        threads: of EnvPool, beside that of the caller.
     """
     import envpool
 
     calls = max(1, round(effort * ACROBOT_STEPS / num_envs))
     actions = np.random.default_rng(0).integers(0, 3, (calls, num_envs), dtype=np.int32)
-    pool = envpool.make_gymnasium(ACROBOT, num_envs=num_envs, batch_size=num_envs, num_threads=1, seed=0)
+    pool = envpool.make_gymnasium(ACROBOT, num_envs=num_envs, batch_size=num_envs, num_threads=threads, seed=0)
     with warnings.catch_warnings():  # EnvPool gives gymnasium its bounds in double precision
         warnings.filterwarnings("ignore", message=".*precision lowered by casting", category=UserWarning)
         pool.reset()
@@ -63,7 +64,8 @@ def envpool_acrobot(num_envs: int, effort: float) -> Subject:
         for action in actions:
             pool.step(action)
 
-    return Subject(f"EnvPool {ACROBOT}, {num_envs} environments, 1 thread", work, calls * num_envs)
+    name = f"EnvPool {ACROBOT}, {num_envs} environments, {threads} thread{'s' * (threads > 1)}"
+    return Subject(name, work, calls * num_envs)
 
 
 def mujoco_chain(segments: int, effort: float, damping_ratio: float = 0.01, step: float | None = None) -> Subject:

@@ -7,21 +7,21 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import numpy as np
 
-from scripts.common.plotting import COLOURS, save
+from scripts.common.plotting import COLOURS, SOFT, THRESHOLD, WIDTH, save
 from scripts.validation.checks import Result
 
 
 def draw(result: Result, folder: Path) -> None:
     """Median error by evaluations in a control period, one line an arm; a ring marks the default."""
-    figure, axis = plt.subplots(figsize=(9, 5.4))
+    figure, axis = plt.subplots(figsize=(WIDTH, 5.0))
     for row, colour in zip(result.findings.records["rows"], COLOURS, strict=False):
         cost, error = 4 * np.array(row["counts"]), 1e3 * np.array(row["median"])
         axis.loglog(cost, error, "o-", color=colour, markersize=4)
         axis.annotate(row["arm"], (cost[-1], error[-1]), xytext=(6, 0), textcoords="offset points", color=colour)
         at = row["counts"].index(row["default"])
         axis.plot(cost[at], error[at], "o", color=colour, markersize=12, fillstyle="none")
-    axis.axhline(0.1, color="0.4", linestyle=":")
-    axis.annotate("0.1 mm", (16.0, 0.1), xytext=(0, 4), textcoords="offset points", color="0.4")
+    axis.axhline(0.1, **THRESHOLD)
+    axis.annotate("0.1 mm", (300.0, 0.1), xytext=(0, 4), textcoords="offset points", color=SOFT)
     axis.set(
         xlabel="evaluations of the equations in a control period of 10 ms",
         ylabel="error of the tip after a second [mm]",
@@ -30,5 +30,5 @@ def draw(result: Result, folder: Path) -> None:
     ticks = (16, 20, 28, 40, 56, 80, 112)
     axis.set_xticks(ticks, [str(tick) for tick in ticks])
     axis.minorticks_off()
-    axis.set_xlim(14.0, 400.0)
+    axis.set_xlim(14.0, 450.0)
     save(figure, folder, "steps")

@@ -77,9 +77,7 @@ def test_the_shipped_student_is_one_of_its_card(part: str, tmp_path: Path, monke
     monkeypatch.setattr(board, "MEASURED", {part: board.MEASURED[part]})
     found = leaves(board.measured(POLICIES / "student_unknown.npz", Store(tmp_path)))
     wanted = leaves({part: shipped["board"][part]})
-    assert found == {
-        path: one if one is None else pytest.approx(one, rel=MOVED, abs=0) for path, one in wanted.items()
-    }
+    assert found == {path: one if one is None else pytest.approx(one, rel=MOVED, abs=0) for path, one in wanted.items()}
 
 
 def test_the_tables_of_trainings_are_those_of_the_cards() -> None:
