@@ -20,7 +20,7 @@ from tests.support.programs import ROOT, refusal, run_here, run_study
 
 DOCS = ROOT / "docs"
 NAMES = (
-    *("links", "arm", "engine", "cables", "two_engines", "plant", "controllers", "smooth", "drift", "orders"),
+    *("links", "arm", "engine", "cables", "two_engines", "plant", "controllers", "smooth", "drift", "orders", "steps"),
     "coriolis",
 )
 UNCHANGED = ("links", "orders", "coriolis")  # the same work in the short version
