@@ -72,7 +72,7 @@ speed, and how well the arm can follow depends on the side of its elbow. The sta
 Report whether the lap was completed and three distances of the true tip from the target: r.m.s. over the lap, r.m.s.
 after the first 2 s, and the maximum. `flexarm_agents.evaluate(env, policy)` computes them.
 `flexarm_env.rollout.run_policy(env, policy, lap="swing")` runs one lap, and
-`env.reset(options=LAPS["swing"].reset_options())` begins one. A run that ended early has no score;
+`env.reset(options=LAPS["swing"].reset_options())` begins one. A lost lap has no score;
 `run.notes["ended"]` has the reason."""
 ENDING = """\
 `max_episode_steps` truncates an episode. An episode terminates for one of the reasons below. `error_limit` and

@@ -122,7 +122,7 @@ def errors(score: Score) -> tuple[str, ...]:
         score: score of the lap.
     """
     if not score.complete:
-        return (f"ended early: {score.ended} after {score.duration:.1f} s", "ended", "ended")
+        return (f"lost: {score.ended} after {score.duration:.1f} s", "lost", "lost")
     return tuple(map(millimetres, (score.rms, score.rms_after_2s, score.maximum)))
 
 

@@ -83,7 +83,7 @@ def test_a_training_of_another_version_is_refused(tmp_path: Path, monkeypatch: p
 
 def test_an_early_end_is_marked_in_each_figure() -> None:
     lap = StandardScore.of(training(0, None).best).swing
-    assert tables.errors(lap) == ("ended early: error after 16.0 s", "ended", "ended")
+    assert tables.errors(lap) == ("lost: error after 16.0 s", "lost", "lost")
 
 
 def test_agents_stand_beside_controllers() -> None:
