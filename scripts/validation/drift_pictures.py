@@ -1,4 +1,4 @@
-"""Pictures of the drift: energy over time, and by step. (Angular momentum is kept to rounding.)"""
+"""Pictures of the energy's drift, over time and by step; angular momentum is kept to rounding."""
 
 from __future__ import annotations
 
