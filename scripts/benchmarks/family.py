@@ -77,7 +77,10 @@ def sensors(effort: float) -> Group:
         "31 ms late": {},
         "delay drawn from 0 to 120 ms": {"randomisation": {"delay": (0.0, 0.12)}},
         "noise, jitter and lost readings": {"noise": 0.01, "jitter": 0.01, "dropout": 0.1},
-        "a second sensor": {"second_sensor_link": 1},
+        "a second sensor": {
+            "second_sensor_link": 1,
+            "observation": (*Settings.of({}).observation, "second_sensed_position"),
+        },
     }
     others = [_batch(f"{SQUARE}, {words}", SQUARE, ENVS, calls, **options) for words, options in kinds.items()]
     ratios = [Ratio(each.name, plain.name, f"{each.name}, over no delay") for each in others]
