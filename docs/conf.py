@@ -11,6 +11,7 @@ from urllib.parse import urlsplit
 from docutils import nodes
 from docutils.utils.math import MathError
 from docutils.utils.math.latex2mathml import tex2mathml
+from sphinx.search.en import SearchEnglish
 from sphinx.transforms.post_transforms import SphinxPostTransform
 from sphinx.util import logging
 
@@ -27,7 +28,7 @@ extensions = [
     "sphinx.ext.autodoc",
     "sphinx.ext.napoleon",
 ]
-exclude_patterns = ["docs/_static"]
+exclude_patterns = ["docs/_static", "docs/_templates"]
 nb_merge_streams = True
 nb_execution_mode = "off"  # notebooks are committed with their outputs; a test runs them
 myst_heading_anchors = 4
@@ -66,6 +67,7 @@ html_show_sphinx = False
 html_favicon = "_static/favicon.svg"
 html_search_scorer = str(Path(__file__).with_name("_static") / "scorer.js")
 html_static_path = ["_static"]
+templates_path = ["_templates"]
 html_css_files = ["flexarm.css"]
 html_js_files = ["flexarm.js"]
 # Where the site will stand, e.g. "https://user.github.io/flexarm"; previews of links name their picture by it.
@@ -161,8 +163,19 @@ class LongCells(SphinxPostTransform):
                 cell["classes"] += [name for name, least in LENGTHS.items() if len(cell.astext()) > least]
 
 
+class Words(SearchEnglish):
+    """Search finds a name of the code, physics_step or SquareUnknown, also by the words in it."""
+
+    def split(self, text: str) -> list[str]:
+        """Return the words of a text, then those in its names."""
+        words = super().split(text)
+        parts = (re.findall(r"[A-Z]?[a-z]+", word) for word in words)
+        return words + [part for found in parts if len(found) > 1 for part in found]
+
+
 def setup(app) -> None:
-    """Register how formulas are written, marks of cells, and what changes docstrings, before Napoleon reads them."""
+    """Register how formulas are written and words are found, marks of cells, and what Napoleon reads."""
+    app.add_search_language(Words)
     app.add_post_transform(LongCells)
     app.connect("autodoc-process-docstring", _as_plain_text, priority=100)
     app.connect("autodoc-skip-member", _skip_numbered)

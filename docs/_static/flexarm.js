@@ -92,10 +92,10 @@ window.flexarm = (() => {
     }
   });
 
-  // A button copies a page's code: of a session with Python what follows its prompts, else all.
+  // A button copies a page's code, not what it prints: of a session with Python what follows its prompts, else all.
   ready(() => {
     for (const box of document.querySelectorAll("div.highlight")) {
-      if (box.closest(".cell_output") || !navigator.clipboard) continue;
+      if (box.closest(".cell_output, .highlight-text, .highlight-none") || !navigator.clipboard) continue;
       const button = element("button", { type: "button", class: "fx-copy", "aria-label": "Copy this code" }, "Copy");
       button.addEventListener("click", async () => {
         const lines = box.querySelector("pre").textContent.trimEnd().split("\n");

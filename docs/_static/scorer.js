@@ -1,4 +1,4 @@
-/* How search orders what it finds: first pages whose own title has the words; developers' records last. */
+/* How search orders what it finds: first pages whose own title has the words and few others; developers' records last. */
 "use strict";
 var Scorer = {
   objNameMatch: 11,
@@ -15,7 +15,8 @@ var Scorer = {
     const words = query.toLowerCase().split(/[^\p{L}\p{N}_]+/u).filter(Boolean);
     const own = title.toLowerCase();
     const named = kind !== "object" && !own.includes(" > ") && words.every((word) => own.includes(word.replace(/s$/, "")));
+    const rest = own.split(/\s+/).filter((word) => !/^(an?|the|and|of|to)$/.test(word)).length - words.length;
     const record = /^(CHANGELOG|CONTRIBUTING|docs\/(validation|claims|reliability|announcing|versioning)$)/.test(page);
-    return score + (named ? 20 : 0) - (record ? 10 : 0);
+    return score + (named ? 20 + 10 / (1 + Math.max(rest, 0)) : 0) - (record ? 10 : 0);
   },
 };

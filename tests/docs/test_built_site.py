@@ -104,12 +104,33 @@ def results(browser: Browser, query: str) -> list[str]:
     return found
 
 
-@pytest.mark.parametrize("query", ["delay", "leaderboard", "environments", "late sensor"])
+@pytest.mark.parametrize("query", ["delay", "leaderboard", "environments", "late sensor", "unknown arm", "submit"])
 def test_search_finds_first_what_has_the_words_in_its_title(browser: Browser, query: str) -> None:
     found = results(browser, query)
     words = query.removesuffix("s").split()
     titled = [n for n, title in enumerate(found) if all(word in title.lower() for word in words) and " > " not in title]
     assert titled[0] == 0
+
+
+@pytest.mark.parametrize(
+    ("query", "title"),
+    [("leaderboard", "The leaderboard"), ("batch", "Use batches"), ("install", "Installation")],
+)
+def test_search_finds_the_shortest_of_such_titles_first(browser: Browser, query: str, title: str) -> None:
+    assert results(browser, query)[0] == title
+
+
+def test_search_finds_a_name_by_its_words(browser: Browser) -> None:
+    assert "Options" in results(browser, "physics step")
+
+
+def test_search_asks_for_words_where_it_has_none(browser: Browser) -> None:
+    browser.open("search.html")
+    browser.run("document.querySelector('article [type=search]').focus()")
+    browser.press("delay", "\ue007")  # enter
+    browser.until("document.querySelectorAll('#search-results li').length > 5")
+    assert browser.run("return document.querySelector('article [type=search]').value") == "delay"
+    assert browser.run("return document.querySelectorAll('h1').length") == 1
 
 
 def test_search_finds_a_name_of_the_reference_first(browser: Browser) -> None:
@@ -139,6 +160,27 @@ def test_code_is_copied_by_a_button(browser: Browser) -> None:
     browser.press("\ue007")  # enter
     browser.until("document.querySelector('.highlight-python .fx-copy').textContent === 'Copied'")
     assert browser.run("return window.copied") == code.rstrip()
+
+
+def test_what_code_prints_has_no_button(browser: Browser) -> None:
+    browser.open("docs/tutorials/first_agent.html")
+    count = "return document.querySelectorAll(`.highlight-${arguments[0]} .fx-copy`).length"
+    assert browser.run("return document.querySelectorAll('.highlight-text').length") > 3
+    assert browser.run(count, "text") == 0
+    assert browser.run(count, "console") + browser.run(count, "sh") > 0
+
+
+def test_the_button_covers_no_code_on_a_phone(browser: Browser) -> None:
+    browser.emulate(PHONE)
+    browser.open("docs/tutorials/first_agent.html")
+    covered = (
+        "return [...document.querySelectorAll('.highlight:has(.fx-copy)')].filter(box => {"
+        "const code = document.createRange(); code.selectNodeContents(box.querySelector('pre'));"
+        "return code.getBoundingClientRect().top < box.querySelector('.fx-copy').getBoundingClientRect().bottom;"
+        "}).length"
+    )
+    assert browser.run("return matchMedia('(hover: none)').matches")
+    assert browser.run(covered) == 0
 
 
 def test_wide_tables_fade_where_more_of_them_is(browser: Browser) -> None:
