@@ -38,6 +38,7 @@ suppress_warnings = ["myst.header"]  # sections of a page that a script writes m
 
 html_math_renderer = "mathml"  # which browsers draw by themselves; MathJax would come from the network
 html_theme = "furo"
+pygments_dark_style = "github-dark"  # furo's own underlines the names of modules like links
 # Of the widgets, by light and in the dark; flexarm.css and flexarm.js use them.
 COLOURS = {
     "fx-a": ("#0072b2", "#5cb8f2"),

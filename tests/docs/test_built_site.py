@@ -120,10 +120,6 @@ def test_search_finds_the_shortest_of_such_titles_first(browser: Browser, query:
     assert results(browser, query)[0] == title
 
 
-def test_search_finds_a_name_by_its_words(browser: Browser) -> None:
-    assert "Options" in results(browser, "physics step")
-
-
 def test_search_asks_for_words_where_it_has_none(browser: Browser) -> None:
     browser.open("search.html")
     browser.run("document.querySelector('article [type=search]').focus()")
