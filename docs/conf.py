@@ -65,6 +65,7 @@ html_theme_options = {
 html_title = f"FlexArm {release}"
 html_copy_source = False
 html_show_sphinx = False
+html_domain_indices = False  # the Python API's own page lists the modules
 html_favicon = "_static/favicon.svg"
 html_search_scorer = str(Path(__file__).with_name("_static") / "scorer.js")
 html_static_path = ["_static"]

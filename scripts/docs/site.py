@@ -77,7 +77,8 @@ def write_reference(folder: Path) -> None:
         text = f"# {name}\n\n```{{eval-rst}}\n.. automodule:: {name}\n```\n"
         (folder / f"{name}.md").write_text(text, encoding="utf-8")
     lines = {f"[{name}]({name}.md)": (import_module(name).__doc__ or "").partition("\n")[0] for name in MODULES}
-    text = listing("Python API", "The public modules of FlexArm, its baselines and its agents.", lines)
+    first = "The public modules of FlexArm, its baselines and its agents; {ref}`all their names <genindex>`."
+    text = listing("Python API", first, lines)
     (folder / "index.md").write_text(text, encoding="utf-8")
 
 

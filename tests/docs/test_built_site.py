@@ -44,6 +44,18 @@ def test_the_site_has_no_dead_link(built: Path) -> None:
             assert not anchor or target not in texts or f'id="{anchor}"' in texts[target], f"{page}: {link}"
 
 
+def test_every_page_is_linked(built: Path) -> None:
+    pages = {path.resolve() for path in built.rglob("*.html")} - {
+        built.resolve() / one for one in ("404.html", "search.html")
+    }
+    linked = {
+        (page.parent / unquote(link)).resolve()
+        for page in pages
+        for link in re.findall(r'<a\b[^>]*? href="([^"#?:]+)', page.read_text(encoding="utf-8"))
+    }
+    assert pages - linked == set()
+
+
 def test_the_site_takes_nothing_from_the_network(built: Path) -> None:
     texts = {path.relative_to(built).as_posix(): path.read_text(encoding="utf-8") for path in built.rglob("*.html")}
     taken = r"<(?:script|link|img|iframe|source)\b[^>]*?\b(?:src|href)=\"(?:https?:)?//[^\"]*"
