@@ -5,6 +5,7 @@ import re
 import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 from types import ModuleType
 from typing import Any
 
@@ -265,11 +266,13 @@ MACHINES = {
 
 @pytest.mark.slow  # compiles what the cache holds already
 @pytest.mark.parametrize("variant", [Variant(OPEN, 1, True, 4 * LANES), Variant(LOOP, 1, True, 4 * LANES)], ids=str)
-def test_batch_kernels_work_on_several_lanes_at_once(variant: Variant, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_batch_kernels_work_on_several_lanes_at_once(
+    variant: Variant, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     machine = {"AMD64": "x86_64", "arm64": "aarch64"}.get(platform.machine(), platform.machine())
     if machine not in MACHINES:
         pytest.skip(f"no pattern of vector instructions for {machine}")
-    monkeypatch.setenv("FLEXARM_CACHE_DIR", "")  # what comes from a cache has no assembly to show
+    monkeypatch.setenv("FLEXARM_CACHE_DIR", str(tmp_path))  # what comes from a cache has no assembly to show
     monkeypatch.delitem(sys.modules, assembly.load(variant).__name__)
     assembly.load.cache_clear()
     module = assembly.load(variant)

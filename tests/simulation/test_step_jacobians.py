@@ -78,7 +78,7 @@ def test_they_are_complex_steps_of_the_plain_formulas(case: Case) -> None:
         at = case.states[n], case.torques[n], np.array([values[n] for values in drawn.values()])
         for place, found in enumerate((result.by_state, result.by_torque, result.by_quantity)):
             exact = jacobian(partial(case.moved, at, place), at[place])
-            assert column_errors(found[n], exact).max() < 1e-12, place
+            assert column_errors(found[n], exact).max() < 1e-11, place  # the condition of the mass matrix is 1e4
 
 
 def test_the_state_is_the_plain_kernels_to_the_last_bit(case: Case) -> None:
