@@ -112,7 +112,7 @@ def plan_lap(
             cost = found[-1].log[-1].cost
         notes.append({"branches": [branch._asdict() for branch in start], "cost": cost})
     if not found:
-        raise DivergingStartError("starts: the arm flies off on all of them")
+        raise DivergingStartError("starts: all of them diverge")
     best = min(found, key=lambda solution: solution.log[-1].cost)
     if not best.converged:
         more = optimise(problem, best.run, options, progress)

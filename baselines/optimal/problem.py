@@ -41,7 +41,7 @@ class Expansion(NamedTuple):
     weights: Floats
 
 
-FLOWN = 1e6  # of any coordinate or rate, beyond which an arm has flown off [rad, m, rad/s, m/s]
+DIVERGED = 1e6  # of any coordinate or rate, beyond which a run has diverged [rad, m, rad/s, m/s]
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,7 +131,7 @@ class TrackingProblem:
         return self.period * np.arange(self.periods + 1.0)
 
     def cost(self, run: Rollout) -> Floats:
-        """Return the cost of one run or of many; infinite where a state exceeds `FLOWN`. Shape (...)."""
+        """Return the cost of one run or of many; infinite where a state exceeds `DIVERGED`. Shape (...)."""
         with np.errstate(over="ignore", invalid="ignore"):
             errors = self.residual_values(run.states)
             torques = self.with_torque_before(run.torques)
@@ -139,7 +139,7 @@ class TrackingProblem:
                 [np.sum(torques[..., 1:, :] ** 2, axis=-2), np.sum(np.diff(torques, axis=-2) ** 2, axis=-2)], axis=-2
             )
             total = np.sum(errors**2, axis=(-2, -1)) + np.sum(self.weights * squares, axis=(-2, -1))
-            stays = np.max(np.abs(run.states), axis=(-2, -1)) <= FLOWN
+            stays = np.max(np.abs(run.states), axis=(-2, -1)) <= DIVERGED
         return np.where(stays, total, np.inf)
 
     def residual_values(self, states: Floats) -> Floats:

@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike
 
 from flexarm_baselines.arrays import Floats
 from flexarm_baselines.optimal.adjoint import torque_gradient
-from flexarm_baselines.optimal.problem import Expansion, TrackingProblem
+from flexarm_baselines.optimal.problem import DIVERGED, Expansion, TrackingProblem
 from flexarm_baselines.optimal.sweep import Model, sweep
 from flexarm_env.simulation.feedback import Rollout
 from flexarm_env.validation import finite_array, integer, number
@@ -75,7 +75,7 @@ class Iteration(NamedTuple):
 
 
 class DivergingStartError(ValueError):
-    """A start on which the arm flies off (`problem.FLOWN`)."""
+    """A start that diverges (`problem.DIVERGED`)."""
 
 
 class Solution(NamedTuple):
@@ -110,7 +110,7 @@ def optimise(
 
     Raises:
         ValueError: if torques have another shape.
-        DivergingStartError: if the arm flies off on the start.
+        DivergingStartError: if the start diverges.
     """
     options = SolverOptions() if options is None else options
     search = Search(problem, start)
@@ -140,14 +140,14 @@ class Search:
         """Replay a start, and expand about it; arguments and errors as in `optimise`."""
         self.problem = problem
         self.limits = np.array(problem.limits)
-        diverging = DivergingStartError("start: the arm flies off")
-        if not np.all(np.isfinite(start.torques)):  # of feedback on such a state
-            raise diverging
+        if not np.all(np.isfinite(start.torques)):  # of feedback on a state that is not finite
+            raise DivergingStartError("start: it diverges, its torques are not finite")
         torques = finite_array("start.torques", start.torques, (problem.periods, 2))
         self.run = rollout(problem, np.clip(torques, -self.limits, self.limits))
         self.cost = float(problem.cost(self.run))
         if not np.isfinite(self.cost):
-            raise diverging
+            largest = np.abs(self.run.states).max()
+            raise DivergingStartError(f"start: it diverges, a state has {largest:.3g}; at most {DIVERGED:g} is allowed")
         self.regularisation, self.growth = REGULARISATION[1], 1.0
         self.curvature: Floats | None = None
         self.exact = False

@@ -39,7 +39,7 @@ from flexarm_env.simulation.lanes import ALL_READINGS, LaneBatch, Lanes
 from flexarm_env.validation import shown
 
 Array = NDArray[np.float64]
-# Relative time of a block's step, by its number of lanes; `Square-v0` with the linear arm (`make bench`, batches). Each
+# Relative time of a block's step, by its number of lanes, in a batch of 1024 of `Square-v0` with the linear arm. Each
 # size is compiled when it is first used, so there are two. Three of the larger hold 1024 lanes; with a power of two,
 # rows would evict each other from the processor's caches.
 COSTS = {8: 1.0, 344: 36.0}

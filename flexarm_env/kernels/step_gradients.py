@@ -74,7 +74,7 @@ def stage_gradient_record(variant: Variant) -> Recorder:
     dual_y, dual_v = [y[0], *varied(y[1:], kinds["y"])], varied(v, kinds["v"])
     angles = stage_angles(variant, k, dual_y)
     force = dyn.momentum_rate(k, variant.complete, dual_y, dual_v, (0.0, 0.0), angles)
-    by_v = plus_scaled(by_rate[:size], 1.0, pulled_back(by_force, force, kinds["v"]))
+    by_v = [a + b for a, b in zip(by_rate[:size], pulled_back(by_force, force, kinds["v"]), strict=True)]
     mass = dyn.mass_matrix(k, y, *stage_angles(variant, k, y)[:2])
     by_p = linear_algebra.solve(linear_algebra.factor(mass), by_v)
     momenta = dyn.momentum(k, dual_y, v, *angles[:2])

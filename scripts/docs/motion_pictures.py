@@ -100,10 +100,10 @@ def wrong_way(path: Path) -> None:
     left.text(2.0, 0.3 * tip.max(), f"behind its start from\n{behind[0]:.0f} to {behind[-1]:.0f} ms", color=LETTERS)
     along = np.linspace(0.0, ARM.parameters.link_lengths[1], 60)
     ends = {}
-    for now, shade in zip((20, 30, 40), ("0.72", "0.45", "0.1"), strict=True):
-        shape = 1e3 * ARM.position(run.state[now, : ARM.size], 2, along)[:, 1]
+    for moment, shade in zip((20, 30, 40), ("0.72", "0.45", "0.1"), strict=True):
+        shape = 1e3 * ARM.position(run.state[moment, : ARM.size], 2, along)[:, 1]
         right.plot(along, shape, color=shade, linewidth=2.4)
-        ends[f"{now} ms", shade] = shape[-1]
+        ends[f"{moment} ms", shade] = shape[-1]
     right.axhline(0.0, color=INK, linewidth=1.0)
     right.set(title="link 2", xlabel="distance from the elbow [m]", ylabel="way forwards [mm]")
     label_ends(right, [*ends], [*ends.values()])
@@ -119,9 +119,9 @@ def best_plan(path: Path) -> None:
     draw_path(left)
     tip = ARM.tip(plan.states[:, : ARM.size])
     left.plot(*tip[: MOMENTS[-1] + 1].T, color=ORANGE, linewidth=1.8)
-    for now, shade in zip(MOMENTS, np.linspace(0.8, 0.1, len(MOMENTS)), strict=True):
-        draw_arm(left, plan.states[now, : ARM.size], str(shade), 3.0)
-        left.plot(*tip[now], "o", markersize=6, color=ORANGE)
+    for moment, shade in zip(MOMENTS, np.linspace(0.8, 0.1, len(MOMENTS)), strict=True):
+        draw_arm(left, plan.states[moment, : ARM.size], str(shade), 3.0)
+        left.plot(*tip[moment], "o", markersize=6, color=ORANGE)
     left.set_title(f"the arm every {plan.period * MOMENTS[1]:.2f} s, later is darker", color=INK)
     time = plan.period * np.arange(100)
     joints = (("shoulder", BLUE), ("elbow", GREEN))

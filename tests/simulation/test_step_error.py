@@ -10,25 +10,17 @@ from flexarm_env.actions import TORQUE_LIMIT
 from flexarm_env.envs.settings import Settings
 from flexarm_env.parameters import PRESETS, arm_parameters
 from flexarm_env.simulation.stability import count_substeps
-from flexarm_env.simulation.step_error import BENT, HELD, TOLERANCE, enough_steps, expected_error
+from flexarm_env.simulation.step_error import BENT, TOLERANCE, enough_steps, expected_error
+from scripts.validation.steps import PERIOD, tip_errors
 from tests.support.refusals import refuses
 
-PERIOD, EPISODES = 0.01, 64
+EPISODES = 64
 RIGIDITY = 1676.0
 
 
 def measured(parameters: ArmParameters, limits: tuple[float, float], count: int, seed: int) -> np.ndarray:
     """Errors of the tip after a second of random torques, against a quarter of the step. Shape (EPISODES,) [m]."""
-    arm, rng = FlexibleArm(parameters), np.random.default_rng(seed)
-    start = np.zeros((EPISODES, 2 * arm.size))
-    start[:, 1] = rng.uniform(-2.5, 2.5, EPISODES)
-    held = rng.uniform(-1.0, 1.0, (EPISODES, round(1.0 / HELD), 2)) * limits
-    torques = np.repeat(held, round(HELD / PERIOD), axis=1)
-    coarse, fine = (
-        arm.tip(arm.rollout(start, torques, period=PERIOD, step=PERIOD / n).states[:, -1, : arm.size])
-        for n in (count, 4 * count)
-    )
-    return np.asarray(np.linalg.norm(coarse - fine, axis=-1))
+    return tip_errors(parameters, limits, [count], EPISODES, seed)[count]
 
 
 def drawn(seed: int, base: ArmParameters) -> ArmParameters:
