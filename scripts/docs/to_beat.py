@@ -81,9 +81,7 @@ def to_beat(name: str) -> str:
 
 
 def _of_board(wanted: OnBoard) -> str:
-    rows = [(row, laps) for row in board()["rows"] if row["name"] in wanted.rows and (laps := laps_of(row, wanted))]
-    assert len(rows) == len(wanted.rows), wanted
-    rows.sort(key=lambda one: order(one[1]))
+    rows = _ordered(wanted)
     heads = [f"{_title(lap, wanted)} [mm]" for lap in rows[0][1]]
     lines = table(("entry", "is given", "laps lost", *heads), [_line(*one) for one in rows])
     note = f"{wanted.note} " if wanted.note else ""
@@ -102,8 +100,7 @@ def best(name: str) -> str:
     if name in _BEST:
         return _BEST[name]
     wanted = BY_ID[name]
-    rows = [(row, laps) for row in board()["rows"] if row["name"] in wanted.rows and (laps := laps_of(row, wanted))]
-    rows = sorted(((row, laps) for row, laps in rows if not row["privileged"]), key=lambda one: order(one[1]))
+    rows = [one for one in _ordered(wanted) if not one[0]["privileged"]]
     first = rows[0]
     agents = [one for one in rows if one[0]["name"].startswith("agent ")]
     chosen = [first] + [one for one in agents[:1] if one is not first]
@@ -115,6 +112,13 @@ def best(name: str) -> str:
         figures = " / ".join("lost" if one is None else f"{1e3 * one:.1f}" for one in errors)
         parts.append(f"`{row['name']}` {figures} mm{f' ({lost} of {count} laps lost)' * (lost > 0)}")
     return f"Best so far, {titles}: {', '.join(parts)}."
+
+
+def _ordered(wanted: OnBoard) -> list[tuple[Mapping[str, Any], Laps]]:
+    """Return the wanted rows of the leaderboard with their laps, the best first."""
+    rows = [(row, laps) for row in board()["rows"] if row["name"] in wanted.rows and (laps := laps_of(row, wanted))]
+    assert len(rows) == len(wanted.rows), wanted
+    return sorted(rows, key=lambda one: order(one[1]))
 
 
 def _title(lap: str, wanted: OnBoard) -> str:

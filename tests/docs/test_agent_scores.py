@@ -53,9 +53,9 @@ def test_all_conditions_give_what_the_page_says(block: str, name: str) -> None:
     assert shown_blocks()[block] == tables.conditions(load_policy(name))
 
 
-# The trainings of the cards were measured with steps of positions and rates, which were off by some 0.05 mm. Steps of
-# positions and momenta move a lap's error by some 1e-4 of it. The pages show three or four digits.
-MOVED = 2e-3
+# Another numpy or processor sums the network's products in another order, which moves its float32 torques by some 1e-7;
+# under feedback that grows no further: 1.3e-7 of a lap's largest error was seen. The pages show three or four digits.
+ROUNDING = 1e-5
 
 
 def leaves(values: Any, path: str = "") -> dict[str, Any]:
@@ -77,7 +77,9 @@ def test_the_shipped_student_is_one_of_its_card(part: str, tmp_path: Path, monke
     monkeypatch.setattr(board, "MEASURED", {part: board.MEASURED[part]})
     found = leaves(board.measured(POLICIES / "student_unknown.npz", Store(tmp_path)))
     wanted = leaves({part: shipped["board"][part]})
-    assert found == {path: one if one is None else pytest.approx(one, rel=MOVED, abs=0) for path, one in wanted.items()}
+    assert found == {
+        path: one if one is None else pytest.approx(one, rel=ROUNDING, abs=0) for path, one in wanted.items()
+    }
 
 
 def test_the_tables_of_trainings_are_those_of_the_cards() -> None:
