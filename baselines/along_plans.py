@@ -9,7 +9,7 @@ import numpy as np
 
 from flexarm_baselines.arrays import Array, Floats
 from flexarm_baselines.controller import Seen, TorqueController
-from flexarm_baselines.joint_reference import nearest_turn
+from flexarm_baselines.joint_space.reference import nearest_turn
 from flexarm_baselines.optimal.library import plans_for
 from flexarm_baselines.optimal.plan import Plan
 from flexarm_baselines.task import Task

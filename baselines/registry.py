@@ -20,10 +20,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, Protocol
 
-from flexarm_baselines.flsac import FLSAC
-from flexarm_baselines.ifdc import IFDC
-from flexarm_baselines.joint_tracking import DECOUPLED, STIFF, JointTracking
+from flexarm_baselines.joint_space.tracking import DECOUPLED, STIFF, JointTracking
 from flexarm_baselines.lqg import LQG, AdaptiveLQG, GaugedLQG
+from flexarm_baselines.paper_law.flsac import FLSAC
+from flexarm_baselines.paper_law.ifdc import IFDC
 from flexarm_baselines.plan_follower import PlanFollower
 from flexarm_baselines.policy import Policy
 from flexarm_baselines.predictive import DOUBTFUL, NMPC, UNKNOWN, StateNMPC

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from flexarm_baselines.joint_tracking import JointFeedback
+from flexarm_baselines.joint_space.tracking import JointFeedback
 from flexarm_env.laps import LAPS
 from scripts.common.markdown import table
 from scripts.control.joint import slowest_decay

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from flexarm_baselines.arrays import Floats
-from flexarm_baselines.joint_tracking import DECOUPLED, STIFF, JointFeedback
+from flexarm_baselines.joint_space.tracking import DECOUPLED, STIFF, JointFeedback
 from flexarm_env.simulation.arm import FlexibleArm
 from scripts.common.markdown import table
 from scripts.control.trials import ERRORS, Scores, Study, Trial, Trials, errors

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from flexarm_baselines.joint_tracking import Shape
+from flexarm_baselines.joint_space.tracking import Shape
 from scripts.common.markdown import table
 from scripts.control.trials import ERRORS, Scores, Study, Trial, Trials, errors
 

@@ -14,13 +14,13 @@ from hypothesis import strategies as st
 from flexarm_agents import DescentConfig, TeachingConfig, TrainingConfig
 from flexarm_agents.history import History
 from flexarm_agents.load import load_policy
-from flexarm_baselines.flsac import FLSAC
-from flexarm_baselines.ifdc import IFDC
-from flexarm_baselines.joint_tracking import JointFeedback, Shape
+from flexarm_baselines.joint_space.tracking import JointFeedback, Shape
 from flexarm_baselines.observers.noise import NoiseModel
 from flexarm_baselines.optimal.linear_quadratic import RegulatorWeights
 from flexarm_baselines.optimal.plan import load_plan
 from flexarm_baselines.optimal.problem import TrackingProblem
+from flexarm_baselines.paper_law.flsac import FLSAC
+from flexarm_baselines.paper_law.ifdc import IFDC
 from flexarm_env import ArmParameters, FlexibleArm, LawParameters, SensorParameters, SquareParameters
 from scripts.hardening.campaign import Part
 from scripts.hardening.strategies import GARBAGE, check_refusal, inside

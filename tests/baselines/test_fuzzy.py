@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from flexarm_baselines import PAPER_GAIN_RANGE, MamdaniSystem, paper_system
-from flexarm_baselines.fuzzy_kernels import membership
+from flexarm_baselines.paper_law.fuzzy_kernels import membership
 from tests.support.fuzzy_variables import PAPER, ROUNDING, variable
 
 deltas = st.floats(-7.0, 7.0)  # past the ends of the universe

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from flexarm_baselines.joint_reference import joint_motion, nearest_turn
+from flexarm_baselines.joint_space.reference import joint_motion, nearest_turn
 from flexarm_env import ArmParameters, FlexibleArm
 
 ARM = ArmParameters.linear()

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from flexarm_baselines.shaping import SHAPERS, TOLERATED, ShapedReference, impulses, residual
+from flexarm_baselines.joint_space.shaping import SHAPERS, TOLERATED, ShapedReference, impulses, residual
 from flexarm_env import SquareParameters, square
 
 PATH = square(SquareParameters())

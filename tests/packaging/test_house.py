@@ -53,10 +53,10 @@ VIOLATIONS = (
     ("flexarm_env/analysis/margins.py", "import flexarm_env.rollout", "analysis.margins -> flexarm_env.rollout"),
     ("flexarm_env/envs/vector.py", "import flexarm_baselines", "flexarm_env.envs.vector -> flexarm_baselines"),
     ("flexarm_env/envs/batch.py", "import flexarm_agents", "flexarm_env.envs.batch -> flexarm_agents"),
-    ("flexarm_baselines/ifdc.py", "import flexarm_agents", "flexarm_baselines.ifdc -> flexarm_agents"),
+    ("flexarm_baselines/paper_law/ifdc.py", "import flexarm_agents", "paper_law.ifdc -> flexarm_agents"),
     ("flexarm_agents/scoring.py", "import flexarm_agents.training", "scoring -> flexarm_agents.training"),
     ("flexarm_agents/load.py", "import torch", "flexarm_agents.load -> torch"),
-    ("flexarm_baselines/flsac.py", "import flexarm_env", "flexarm_baselines.flsac -> flexarm_env"),
+    ("flexarm_baselines/paper_law/flsac.py", "import flexarm_env", "paper_law.flsac -> flexarm_env"),
     ("scripts/paper/tables.py", "import scripts.validation.checks", "scripts.paper.tables -> scripts.validation"),
     ("scripts/common/markdown.py", "import scripts.paper", "scripts.common.markdown -> scripts.paper"),
 )

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from flexarm_agents.scoring import Score
-from flexarm_baselines.joint_tracking import DECOUPLED, JointFeedback
+from flexarm_baselines.joint_space.tracking import DECOUPLED, JointFeedback
 from flexarm_baselines.registry import controller_names
 from scripts.common.markdown import DOCS
 from scripts.control import robust

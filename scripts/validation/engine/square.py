@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexarm_baselines import FLSAC, IFDC
-from flexarm_baselines.flsac import REFERENCE_DEFLECTION
-from flexarm_baselines.fuzzy import paper_system
+from flexarm_baselines.paper_law.flsac import REFERENCE_DEFLECTION
+from flexarm_baselines.paper_law.fuzzy import paper_system
 from flexarm_env import (
     ArmParameters,
     FlexibleArm,

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexarm_baselines.arrays import Floats
-from flexarm_baselines.fuzzy_kernels import membership
+from flexarm_baselines.paper_law.fuzzy_kernels import membership
 from flexarm_env.validation import number
 
 

@@ -3,7 +3,7 @@
 MIN composes the antecedents of a rule, MIN implies (clips the output set at the rule's strength), MAX
 aggregates the clipped sets, CENTROID defuzzifies: the paper's four operators, in that order.
 
-The compiled inference, with its exact centroid, is in `flexarm_baselines.fuzzy_kernels`.
+The compiled inference, with its exact centroid, is in `flexarm_baselines.paper_law.fuzzy_kernels`.
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ import numpy as np
 import numpy.typing as npt
 
 from flexarm_baselines.arrays import Floats, Integers
-from flexarm_baselines.fuzzy_kernels import infer
-from flexarm_baselines.fuzzy_sets import FuzzyVariable, TriangularSet
+from flexarm_baselines.paper_law.fuzzy_kernels import infer
+from flexarm_baselines.paper_law.fuzzy_sets import FuzzyVariable, TriangularSet
 from flexarm_env.validation import number
 
 PAPER_GAIN_RANGE = (1.0 / 6.0, 5.0 / 6.0)

@@ -7,7 +7,7 @@ known beforehand, where edges of different sets cross. In the slab between two s
 linear and its first moment quadratic in ``y``, so two Gauss points a slab are exact up to rounding; nothing
 is sampled.
 
-Flat functions over arrays, no classes and no checks: `flexarm_baselines.fuzzy` is the checked way in. The
+Flat functions over arrays, no classes and no checks: `flexarm_baselines.paper_law.fuzzy` is the checked way in. The
 functions call nothing outside this file (`kept_on_disk`).
 """
 

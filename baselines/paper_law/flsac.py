@@ -16,7 +16,7 @@ from typing import Any, Literal
 import numpy as np
 
 from flexarm_baselines.arrays import Floats
-from flexarm_baselines.fuzzy import PAPER_GAIN_RANGE, MamdaniSystem, paper_system
+from flexarm_baselines.paper_law.fuzzy import PAPER_GAIN_RANGE, MamdaniSystem, paper_system
 from flexarm_baselines.policy import GainPolicy, env_attribute, env_gain_limit
 from flexarm_env.validation import choice, finite_array, finite_values, number, shown
 

@@ -15,9 +15,14 @@ from scipy.interpolate import CubicSpline
 
 from flexarm_baselines.arrays import Floats
 from flexarm_baselines.controller import Memory, Seen, TorqueController
-from flexarm_baselines.flexible_motion import FlexibleMotion, first_free_vibration, flexible_motion, rigid_motion
-from flexarm_baselines.joint_reference import joint_motion, nearest_turn
-from flexarm_baselines.shaping import ShapedReference, impulses
+from flexarm_baselines.joint_space.flexible_motion import (
+    FlexibleMotion,
+    first_free_vibration,
+    flexible_motion,
+    rigid_motion,
+)
+from flexarm_baselines.joint_space.reference import joint_motion, nearest_turn
+from flexarm_baselines.joint_space.shaping import ShapedReference, impulses
 from flexarm_baselines.task import Task
 from flexarm_env.simulation.arm import FlexibleArm
 from flexarm_env.validation import choice, integer, number, pair

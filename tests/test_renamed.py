@@ -1,0 +1,29 @@
+"""Old names of modules: they import the new modules' contents, with a warning."""
+
+import sys
+from importlib import import_module
+
+import pytest
+
+from flexarm_baselines.paper_law.ifdc import IFDC
+from flexarm_env.renamed import _RenamedModules
+
+RENAMED = [names for finder in sys.meta_path if isinstance(finder, _RenamedModules) for names in finder._names.items()]
+
+
+@pytest.mark.parametrize(("old", "new"), RENAMED)
+def test_an_old_name_imports_with_a_warning(old: str, new: str) -> None:
+    sys.modules.pop(old, None)
+    with pytest.warns(DeprecationWarning, match=f"^{old} is now {new};"):
+        module = import_module(old)
+    public = [name for name in vars(import_module(new)) if not name.startswith("__")]
+    assert public
+    assert all(getattr(module, name) is getattr(import_module(new), name) for name in public)
+
+
+def test_the_warning_is_at_the_line_that_imports() -> None:
+    sys.modules.pop("flexarm_baselines.ifdc", None)
+    with pytest.warns(DeprecationWarning, match="paper_law") as found:
+        from flexarm_baselines.ifdc import IFDC as OLD
+    assert OLD is IFDC
+    assert found[0].filename == __file__
