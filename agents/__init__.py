@@ -16,40 +16,40 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from flexarm_agents.config import TrainingConfig
     from flexarm_agents.descent.config import DescentConfig
     from flexarm_agents.descent.training import descend
-    from flexarm_agents.export import network_policy
-    from flexarm_agents.load import Trained, load_policy, shipped_policies
-    from flexarm_agents.network import NetworkPolicy
-    from flexarm_agents.scoring import Score, StandardScore, evaluate, score
-    from flexarm_agents.spread import Spread
-    from flexarm_agents.stopping import TrainingStopped
+    from flexarm_agents.evaluation.scoring import Score, StandardScore, evaluate, score
+    from flexarm_agents.evaluation.seed_statistics import Spread
+    from flexarm_agents.jobs.stopping import TrainingStopped
+    from flexarm_agents.policies.load import Trained, load_policy, shipped_policies
+    from flexarm_agents.policies.network import NetworkPolicy
+    from flexarm_agents.sb3.export import network_policy
+    from flexarm_agents.sb3.vec_env import FlexArmVecEnv
     from flexarm_agents.teaching.config import TeachingConfig
     from flexarm_agents.teaching.training import teach
-    from flexarm_agents.training import Outcome, train
-    from flexarm_agents.vec_env import FlexArmVecEnv
+    from flexarm_agents.training.config import TrainingConfig
+    from flexarm_agents.training.train import Outcome, train
 
 _MODULES = {
     "DescentConfig": "descent.config",
-    "FlexArmVecEnv": "vec_env",
-    "NetworkPolicy": "network",
-    "Outcome": "training",
-    "Score": "scoring",
-    "Spread": "spread",
-    "StandardScore": "scoring",
+    "FlexArmVecEnv": "sb3.vec_env",
+    "NetworkPolicy": "policies.network",
+    "Outcome": "training.train",
+    "Score": "evaluation.scoring",
+    "Spread": "evaluation.seed_statistics",
+    "StandardScore": "evaluation.scoring",
     "TeachingConfig": "teaching.config",
-    "Trained": "load",
-    "TrainingConfig": "config",
-    "TrainingStopped": "stopping",
+    "Trained": "policies.load",
+    "TrainingConfig": "training.config",
+    "TrainingStopped": "jobs.stopping",
     "descend": "descent.training",
-    "evaluate": "scoring",
-    "load_policy": "load",
-    "network_policy": "export",
-    "score": "scoring",
-    "shipped_policies": "load",
+    "evaluate": "evaluation.scoring",
+    "load_policy": "policies.load",
+    "network_policy": "sb3.export",
+    "score": "evaluation.scoring",
+    "shipped_policies": "policies.load",
     "teach": "teaching.training",
-    "train": "training",
+    "train": "training.train",
 }
 
 __all__ = [

@@ -2,7 +2,7 @@
 
 import sys
 
-from flexarm_agents.command_line import end_at_once
+from flexarm_agents.commands.ending import end_at_once
 
 if sys.argv[0] == "-m":  # Python's own sign that a study is being started: others only import it
     end_at_once()

@@ -21,8 +21,8 @@ import tyro
 from tqdm import tqdm
 
 from flexarm_agents import shipped_policies
-from flexarm_agents.contenders import ENVIRONMENT, Contender, from_controller, from_training
 from flexarm_agents.environments import make_one
+from flexarm_agents.evaluation.candidates import ENVIRONMENT, Contender, from_controller, from_training
 from flexarm_baselines.registry import controller_names
 from flexarm_env import end_reason
 from flexarm_env.envs.single import FlexArmEnv

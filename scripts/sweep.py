@@ -22,9 +22,9 @@ from tqdm import tqdm
 from flexarm_agents import Spread, StandardScore, TrainingConfig
 from flexarm_agents.commands.arguments import json_object
 from flexarm_agents.commands.training_verb import tuned_for
-from flexarm_agents.executors import executor
-from flexarm_agents.failures import check_failures
-from flexarm_agents.run_folder import put
+from flexarm_agents.files import put
+from flexarm_agents.jobs.executors import executor
+from flexarm_agents.jobs.failures import check_failures
 from flexarm_env.laps import LAPS
 from flexarm_env.validation import known_names, mapping, shown
 from scripts.common.markdown import table

@@ -2,8 +2,8 @@
 
 import sys
 
-from flexarm_agents.command_line import run
 from flexarm_agents.commands import main
+from flexarm_agents.commands.ending import run
 
 MANY = ("--seeds", "--sweep")
 

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from flexarm_agents import load_policy, shipped_policies
-from flexarm_agents.constant import ConstantPolicy
-from flexarm_agents.lstm import Lstm
-from flexarm_agents.network import NetworkPolicy
+from flexarm_agents.policies.constant import ConstantPolicy
+from flexarm_agents.policies.lstm import Lstm
+from flexarm_agents.policies.network import NetworkPolicy
 from flexarm_baselines.optimal.plan import load_plan
 from flexarm_baselines.registry import make_controller
 from flexarm_env import ArmParameters, FlexibleArm

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from flexarm_agents import TrainingConfig, load_policy
-from flexarm_agents.contenders import imported
 from flexarm_agents.environments import check_id, check_options
+from flexarm_agents.evaluation.candidates import imported
 from flexarm_env import ArmParameters, Trajectory, end_reason, run_policy, warm_up
 from flexarm_env.envs.single import FlexArmEnv
 from flexarm_env.envs.vector import FlexArmVectorEnv

@@ -16,12 +16,12 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from flexarm_agents.board.code_version import code_version
 from flexarm_agents.board.columns import Point
 from flexarm_agents.board.episodes import run_points, shares
 from flexarm_agents.board.rows import Row
 from flexarm_agents.board.terms import TASKS
-from flexarm_agents.run_folder import put
+from flexarm_agents.code_version import code_version
+from flexarm_agents.files import put
 from flexarm_env.envs.chain_options import ChainOptions
 from flexarm_env.envs.settings import Settings
 from flexarm_env.parameters import arm_parameters

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from flexarm_agents.board.rows import Row
-from flexarm_agents.load import load_policy, shipped_policies
+from flexarm_agents.policies.load import load_policy, shipped_policies
 from flexarm_baselines.registry import controller_names
 from flexarm_env.validation import known_names, mapping
 

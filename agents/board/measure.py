@@ -18,9 +18,9 @@ from flexarm_agents.board.rows import Row
 from flexarm_agents.board.summary import row_summary
 from flexarm_agents.board.tables import tables
 from flexarm_agents.board.terms import BOARD
-from flexarm_agents.executors import Executor
-from flexarm_agents.failures import Failure
-from flexarm_agents.run_folder import put, write_json
+from flexarm_agents.files import put, write_json
+from flexarm_agents.jobs.executors import Executor
+from flexarm_agents.jobs.failures import Failure
 from flexarm_env.validation import choice
 
 Progress = Callable[[int], AbstractContextManager[Callable[[int], Any]]]

@@ -12,12 +12,12 @@ from typing import Any
 
 import gymnasium
 
-from flexarm_agents.board.code_version import code_version, file_hash
 from flexarm_agents.board.terms import SQUARE, TASKS, interface_of, nominal_options, row_options
-from flexarm_agents.contenders import WITHOUT, Contender, imported, loaded_model, made_for
+from flexarm_agents.code_version import code_version, file_hash
 from flexarm_agents.environments import INTERFACE, check_id, make_one, settings_of
-from flexarm_agents.load import check_fits, load_policy, policy_file
-from flexarm_agents.network import NetworkPolicy
+from flexarm_agents.evaluation.candidates import WITHOUT, Contender, imported, loaded_model, made_for
+from flexarm_agents.policies.load import check_fits, load_policy, policy_file
+from flexarm_agents.policies.network import NetworkPolicy
 from flexarm_baselines.controller import TorqueController
 from flexarm_baselines.policy import GainPolicy
 from flexarm_baselines.registry import CONTROLLERS
@@ -37,7 +37,7 @@ class Row:
         name: shown in tables; "": the source, of a file or folder its name.
         environment: id of the environment that observation and action are those of, for module:attribute and models.
         options: options of that environment, those that are a row's to choose (`environments.INTERFACE`).
-        algorithm: class of the model, see `flexarm_agents.contenders.loaded_model`.
+        algorithm: class of the model, see `flexarm_agents.evaluation.candidates.loaded_model`.
         vec_normalize: file of its statistics, see there.
     """
 

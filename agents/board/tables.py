@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from flexarm_agents.board.columns import COLUMNS
+from flexarm_agents.board.markdown import table
 from flexarm_agents.board.references import gap
 from flexarm_agents.board.summary import LIMIT, counted, loss, nominal_errors, spans
-from flexarm_agents.markdown import table
 from flexarm_env.laps import LAPS
 
 Board = Mapping[str, Any]

@@ -8,8 +8,8 @@ from importlib import import_module
 from types import ModuleType
 from typing import Any
 
-from flexarm_agents.command_line import importing, run
 from flexarm_agents.commands.arguments import epilog
+from flexarm_agents.commands.ending import importing, run
 
 VERBS = {
     "list": ("listing", "the environments, policies and controllers that come with the package"),

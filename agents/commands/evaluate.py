@@ -16,13 +16,13 @@ from flexarm_agents.commands.score_table import Spreads, group_table, lap_table,
 from flexarm_agents.commands.sources import POLICY, add_environment, check_environment, from_source
 from flexarm_agents.commands.sweep import sweep
 from flexarm_agents.commands.watching import Watched, episode_steps
-from flexarm_agents.constant import ConstantPolicy
-from flexarm_agents.contenders import ENVIRONMENT, Contender, changed, plant_of
 from flexarm_agents.environments import check_id, make_one
-from flexarm_agents.load import shipped_policies
-from flexarm_agents.run_folder import check_place, write_json
-from flexarm_agents.scoring import StandardScore, evaluate, rank
-from flexarm_agents.spread import Spread
+from flexarm_agents.evaluation.candidates import ENVIRONMENT, Contender, changed, plant_of
+from flexarm_agents.evaluation.scoring import StandardScore, evaluate, rank
+from flexarm_agents.evaluation.seed_statistics import Spread
+from flexarm_agents.files import check_place, write_json
+from flexarm_agents.policies.constant import ConstantPolicy
+from flexarm_agents.policies.load import shipped_policies
 from flexarm_env.laps import LAPS
 from flexarm_env.validation import integer
 

@@ -14,8 +14,8 @@ from flexarm_agents.board.terms import BOARD
 from flexarm_agents.commands.arguments import json_object, reader, width
 from flexarm_agents.commands.progress import Progress
 from flexarm_agents.commands.text import from_markdown
-from flexarm_agents.executors import EXECUTORS, executor
-from flexarm_agents.failures import check_failures
+from flexarm_agents.jobs.executors import EXECUTORS, executor
+from flexarm_agents.jobs.failures import check_failures
 
 DESCRIPTION = f"""\
 Measure controllers and policies on the leaderboard's tasks and axes: {", ".join(COLUMNS)}. Cells are kept in the

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from flexarm_agents.commands.arguments import reader
 from flexarm_agents.commands.text import columns
-from flexarm_agents.load import load_policy, shipped_policies
+from flexarm_agents.policies.load import load_policy, shipped_policies
 from flexarm_baselines.registry import CONTROLLERS
 from flexarm_env.envs.documentation import figure
 from flexarm_env.envs.observation import observation_layout

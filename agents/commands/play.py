@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from flexarm_agents.commands.arguments import reader
-from flexarm_agents.live import LEAST_PLACE, MOST_DELAY, MOST_GAIN, Knobs, LiveArm
-from flexarm_agents.viewer import Viewer
+from flexarm_agents.viewer.live import LEAST_PLACE, MOST_DELAY, MOST_GAIN, Knobs, LiveArm
+from flexarm_agents.viewer.window import Viewer
 from flexarm_env.envs.window import open_display
 from flexarm_env.extras import import_pygame
 from flexarm_env.parameters import PRESETS

@@ -12,9 +12,9 @@ from flexarm_agents.commands.progress import Progress
 from flexarm_agents.commands.replay import add_film, check_film, play
 from flexarm_agents.commands.sources import POLICY, add_environment, check_environment, from_source
 from flexarm_agents.commands.watching import Watched, episode_steps
-from flexarm_agents.contenders import ENVIRONMENT, Contender
-from flexarm_agents.film import SENSOR, check_pictures
-from flexarm_agents.run_folder import check_place
+from flexarm_agents.evaluation.candidates import ENVIRONMENT, Contender
+from flexarm_agents.files import check_place
+from flexarm_agents.viewer.film import SENSOR, check_pictures
 from flexarm_env.laps import LAPS
 from flexarm_env.rollout import run_policy
 from flexarm_env.simulation.trajectory import Trajectory

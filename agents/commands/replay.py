@@ -8,7 +8,7 @@ from pathlib import Path
 
 from flexarm_agents.commands.arguments import reader
 from flexarm_agents.commands.progress import Progress
-from flexarm_agents.film import SUFFIXES, Film, check_look, check_output
+from flexarm_agents.viewer.film import SUFFIXES, Film, check_look, check_output
 from flexarm_env.envs.window import open_display
 from flexarm_env.extras import import_pygame
 from flexarm_env.simulation.trajectory import Trajectory

@@ -6,8 +6,8 @@ from collections import Counter
 from collections.abc import Sequence
 
 from flexarm_agents.commands.text import columns
-from flexarm_agents.scoring import Score, StandardScore
-from flexarm_agents.spread import Spread
+from flexarm_agents.evaluation.scoring import Score, StandardScore
+from flexarm_agents.evaluation.seed_statistics import Spread
 from flexarm_env.laps import LAPS
 
 LEGEND = "Pairs: shoulder / elbow, or link 1 / link 2. Laps that ended early have no errors."

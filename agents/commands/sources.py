@@ -12,9 +12,17 @@ from threading import Timer
 from flexarm_agents.board.rows import Row
 from flexarm_agents.board.terms import interface_of
 from flexarm_agents.commands.arguments import add_options
-from flexarm_agents.contenders import ENVIRONMENT, WITHOUT, Contender, Options, changed, from_training, plant_of
 from flexarm_agents.environments import check_id
-from flexarm_agents.load import load_policy, shipped_policies
+from flexarm_agents.evaluation.candidates import (
+    ENVIRONMENT,
+    WITHOUT,
+    Contender,
+    Options,
+    changed,
+    from_training,
+    plant_of,
+)
+from flexarm_agents.policies.load import load_policy, shipped_policies
 from flexarm_baselines.registry import controller_names
 from flexarm_env.parameters import PRESETS
 from flexarm_env.validation import shown
@@ -81,7 +89,7 @@ def from_source(source: str, given: argparse.Namespace, own: bool) -> Contender:
         own: a training runs in the environment that it was trained in, as one with an arm of its own always does.
 
     Raises:
-        FileNotFoundError, ImportError, TypeError, ValueError: see `flexarm_agents.contenders` and `Row.on`.
+        FileNotFoundError, ImportError, TypeError, ValueError: see `flexarm_agents.evaluation.candidates` and `Row.on`.
     """
     if _is_training(source):
         if not Path(source).exists() and source not in shipped_policies():

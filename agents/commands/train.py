@@ -9,8 +9,8 @@ from typing import Annotated, Any, get_args, get_type_hints
 import tyro
 
 from flexarm_agents import TrainingConfig, train
-from flexarm_agents.algorithms import SETTINGS, own_settings
 from flexarm_agents.commands.training_verb import RunOptions, carry_out, options_of, tuned_for
+from flexarm_agents.training.hyperparameters import SETTINGS, own_settings
 
 # beside those of `SETTINGS`
 ONLY_PPO = ["lags", "observer", "initial_policy", "value_steps", "value_learning_rate"]

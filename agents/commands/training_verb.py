@@ -17,7 +17,7 @@ import tyro
 
 from flexarm_agents import StandardScore, TrainingConfig, TrainingStopped
 from flexarm_agents.commands.arguments import epilog, json_object
-from flexarm_agents.training import Outcome
+from flexarm_agents.training.train import Outcome
 
 
 @dataclass

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field, fields
 from typing import Any
 
-from flexarm_agents.config import Activation, RunConfig, checked_network
 from flexarm_agents.environments import check_id, check_options, settings_of
+from flexarm_agents.training.config import Activation, RunConfig, checked_network
 from flexarm_env.envs.blocks import BLOCKS
 from flexarm_env.validation import choice, integer, listed, mapping, names, number, shown
 

@@ -20,8 +20,8 @@ from flexarm_agents.descent.config import DescentConfig
 from flexarm_agents.descent.costs import Costs, costs, largest_cost
 from flexarm_agents.descent.observations import Observations
 from flexarm_agents.descent.window import Singles, Window
-from flexarm_agents.layers import fully_connected, linear_layers, weights_and_biases
-from flexarm_agents.network import NetworkPolicy
+from flexarm_agents.policies.network import NetworkPolicy
+from flexarm_agents.sb3.layers import fully_connected, linear_layers, weights_and_biases
 
 Floats = NDArray[np.float64]
 FIRST_SCALE = 0.01  # of the policy's last layer: at first it wants next to nothing

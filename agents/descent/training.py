@@ -10,20 +10,20 @@ import numpy as np
 import torch
 from stable_baselines3.common.logger import Logger
 
-from flexarm_agents.beginnings import check_lessons
-from flexarm_agents.checkpoint import read_parts, unpickled, write_parts
 from flexarm_agents.descent.config import DescentConfig
 from flexarm_agents.descent.learner import Figures, Learner
 from flexarm_agents.descent.observations import Observations, check_differentiable
 from flexarm_agents.descent.window import Driver
 from flexarm_agents.environments import make_batch, settings_of
-from flexarm_agents.network import NetworkPolicy
-from flexarm_agents.rounds import Rounds
-from flexarm_agents.run_folder import RunFolder
-from flexarm_agents.scoring import StandardScore, rank
-from flexarm_agents.stopping import StopSignals
-from flexarm_agents.training import Outcome, one_thread
-from flexarm_agents.versions import versions
+from flexarm_agents.evaluation.scoring import StandardScore, rank
+from flexarm_agents.jobs.stopping import StopSignals
+from flexarm_agents.policies.network import NetworkPolicy
+from flexarm_agents.training.checkpoint import read_parts, unpickled, write_parts
+from flexarm_agents.training.rounds import Rounds
+from flexarm_agents.training.run_folder import RunFolder
+from flexarm_agents.training.train import Outcome, one_thread
+from flexarm_agents.training.versions import versions
+from flexarm_agents.training.warm_start import check_lessons
 
 _STATE = "state.pickle"
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from flexarm_agents.network import NetworkPolicy
+from flexarm_agents.policies.network import NetworkPolicy
 from flexarm_agents.teaching.config import TeachingConfig
 from flexarm_agents.teaching.teacher import Pupils, Teacher
 from flexarm_env.envs.vector import FlexArmVectorEnv

@@ -10,9 +10,9 @@ import torch
 from torch.optim.lr_scheduler import CosineAnnealingLR
 from torch.optim.swa_utils import AveragedModel
 
-from flexarm_agents.history import History
-from flexarm_agents.layers import fully_connected, numbers, weights_and_biases
-from flexarm_agents.network import NetworkPolicy
+from flexarm_agents.policies.history import History
+from flexarm_agents.policies.network import NetworkPolicy
+from flexarm_agents.sb3.layers import fully_connected, numbers, weights_and_biases
 from flexarm_agents.teaching.config import TeachingConfig
 from flexarm_agents.teaching.lessons import Lesson
 

@@ -14,21 +14,21 @@ from typing import Any
 import torch
 from stable_baselines3.common.logger import Logger
 
-from flexarm_agents.checkpoint import read_parts, write_parts
 from flexarm_agents.environments import make_batch
-from flexarm_agents.evaluation import Found
-from flexarm_agents.fronts import readings_history
-from flexarm_agents.history import History
-from flexarm_agents.network import NetworkPolicy
-from flexarm_agents.rounds import Rounds
-from flexarm_agents.run_folder import RunFolder
-from flexarm_agents.stopping import StopSignals
+from flexarm_agents.jobs.stopping import StopSignals
+from flexarm_agents.policies.encoders import readings_history
+from flexarm_agents.policies.history import History
+from flexarm_agents.policies.network import NetworkPolicy
 from flexarm_agents.teaching.config import TeachingConfig
 from flexarm_agents.teaching.lessons import Lesson, give_lesson
 from flexarm_agents.teaching.student import Student
 from flexarm_agents.teaching.teacher import Teacher
-from flexarm_agents.training import Outcome, one_thread
-from flexarm_agents.versions import versions
+from flexarm_agents.training.checkpoint import read_parts, write_parts
+from flexarm_agents.training.evaluator import Found
+from flexarm_agents.training.rounds import Rounds
+from flexarm_agents.training.run_folder import RunFolder
+from flexarm_agents.training.train import Outcome, one_thread
+from flexarm_agents.training.versions import versions
 from flexarm_env.envs.vector import FlexArmVectorEnv
 
 _STATE = "state.pt"

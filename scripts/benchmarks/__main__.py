@@ -20,7 +20,7 @@ import llvmlite.binding
 import tyro
 from tqdm import tqdm
 
-from flexarm_agents.run_folder import put
+from flexarm_agents.files import put
 from flexarm_env.parameters import MAX_MODES
 from flexarm_env.validation import choice
 from scripts.benchmarks import derivatives, environments, family, lap, peers, physics

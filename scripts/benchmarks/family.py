@@ -185,7 +185,7 @@ def learning(effort: float) -> Group:
     from stable_baselines3 import PPO
 
     from flexarm_agents import FlexArmVecEnv
-    from flexarm_agents.ppo import LeanPPO
+    from flexarm_agents.sb3.ppo import LeanPPO
 
     frames = max(2 * peers.ROLLOUT, round(effort * LEARNING_FRAMES))
     env = gymnasium.make(f"flexarm_env:{SQUARE}")
@@ -222,8 +222,8 @@ def _training(name: str, kind: Any, frames: int) -> Subject:
         frames: environment steps, rounded up to whole rollouts.
     """
     from flexarm_agents import TrainingConfig
-    from flexarm_agents.models import new_model
-    from flexarm_agents.training import one_thread
+    from flexarm_agents.training.models import new_model
+    from flexarm_agents.training.train import one_thread
 
     config = TrainingConfig()
     model: Any = new_model(config)

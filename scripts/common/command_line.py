@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from concurrent.futures.process import BrokenProcessPool
 
-from flexarm_agents import command_line
+from flexarm_agents.commands import ending
 
 
 def run(main: Callable[[], None]) -> None:
-    """Run a study's `main`; see `flexarm_agents.command_line.run`."""
+    """Run a study's `main`; see `flexarm_agents.commands.ending.run`."""
 
     def study() -> None:
         try:
@@ -17,4 +17,4 @@ def run(main: Callable[[], None]) -> None:
         except BrokenProcessPool as error:
             raise OSError("a worker process died (killed, or out of memory?)") from error
 
-    command_line.run(study)
+    ending.run(study)

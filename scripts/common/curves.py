@@ -14,7 +14,7 @@ import numpy as np
 from matplotlib import pyplot as plt
 
 from flexarm_agents import StandardScore
-from flexarm_agents.run_folder import RunFolder
+from flexarm_agents.training.run_folder import RunFolder
 from flexarm_env.laps import LAPS
 from scripts.common.markdown import DOCS
 from scripts.common.plotting import COLOURS, WIDTH, headline, label_ends, plain_ticks, plot_median, write

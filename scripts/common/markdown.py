@@ -12,8 +12,8 @@ from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from flexarm_agents.markdown import table as table
-from flexarm_agents.run_folder import put
+from flexarm_agents.board.markdown import table as table
+from flexarm_agents.files import put
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 _BLOCK = re.compile(r"(<!-- generated: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)

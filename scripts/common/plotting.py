@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from PIL import Image  # matplotlib brings it
 from scipy.ndimage import uniform_filter1d
 
-from flexarm_agents.run_folder import put
+from flexarm_agents.files import put
 
 WIDTH = 8.0  # of a figure [in]. The site shows it on 7.3 in, so that the least letters, of 10 points, have 9 there.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")  # Okabe and Ito

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from flexarm_agents.run_folder import json_text, put
+from flexarm_agents.files import json_text, put
 
 try:
     import fcntl

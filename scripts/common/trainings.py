@@ -8,14 +8,14 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from flexarm_agents import DescentConfig, StandardScore, TeachingConfig, TrainingConfig, evaluate, load_policy
-from flexarm_agents.config import RunConfig
 from flexarm_agents.descent.training import descend
-from flexarm_agents.evaluation import EVALUATION_SEED
-from flexarm_agents.executors import Executor
-from flexarm_agents.failures import Failure
-from flexarm_agents.run_folder import RunFolder
+from flexarm_agents.jobs.executors import Executor
+from flexarm_agents.jobs.failures import Failure
 from flexarm_agents.teaching.training import teach
-from flexarm_agents.training import Outcome, train
+from flexarm_agents.training.config import RunConfig
+from flexarm_agents.training.evaluator import EVALUATION_SEED
+from flexarm_agents.training.run_folder import RunFolder
+from flexarm_agents.training.train import Outcome, train
 
 ROUNDING = 1e-3  # relative, of a lap's error
 Job = tuple[RunConfig, Path]

@@ -8,8 +8,8 @@ from functools import partial
 from statistics import median
 from typing import Any, NamedTuple
 
-from flexarm_agents.contenders import ENVIRONMENT, from_controller
-from flexarm_agents.scoring import Score, score
+from flexarm_agents.evaluation.candidates import ENVIRONMENT, from_controller
+from flexarm_agents.evaluation.scoring import Score, score
 from flexarm_baselines.observers import NoiseModel
 from flexarm_env.laps import LAPS
 from flexarm_env.rollout import run_policy

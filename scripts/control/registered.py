@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from flexarm_agents.contenders import ENVIRONMENT, from_controller
+from flexarm_agents.evaluation.candidates import ENVIRONMENT, from_controller
 from flexarm_baselines.registry import CONTROLLERS, controller_names
 from scripts.common.markdown import table
 from scripts.control.trials import ERRORS, Scores, Study, Trial, Trials, cell

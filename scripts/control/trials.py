@@ -6,9 +6,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple, Protocol
 
-from flexarm_agents.contenders import ENVIRONMENT, from_controller
-from flexarm_agents.scoring import Score, StandardScore, evaluate
-from flexarm_agents.worker_pool import worker_pool
+from flexarm_agents.evaluation.candidates import ENVIRONMENT, from_controller
+from flexarm_agents.evaluation.scoring import Score, StandardScore, evaluate
+from flexarm_agents.jobs.worker_pool import worker_pool
 
 ERRORS = ("swing lap [mm]", "plain lap [mm]")  # see `cell`
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image  # matplotlib, of the extra `plot`, brings it
 
-from flexarm_agents.run_folder import put
+from flexarm_agents.files import put
 from flexarm_env.envs.registration import NAMESPACE
 from flexarm_env.envs.single import FlexArmEnv
 from flexarm_env.envs.termination import end_reason

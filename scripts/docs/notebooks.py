@@ -9,7 +9,7 @@ from typing import Any
 
 import tyro
 
-from flexarm_agents.run_folder import put
+from flexarm_agents.files import put
 from flexarm_env.extras import needs_extra
 from scripts.common.command_line import run
 from scripts.common.markdown import DOCS

@@ -22,8 +22,8 @@ from tqdm import tqdm
 
 from flexarm_agents.board.entries import entries
 from flexarm_agents.board.rows import Row
-from flexarm_agents.contenders import Contender
-from flexarm_agents.run_folder import put
+from flexarm_agents.evaluation.candidates import Contender
+from flexarm_agents.files import put
 from flexarm_baselines.registry import CONTROLLERS
 from flexarm_env.laps import LAPS
 from flexarm_env.rollout import run_policy

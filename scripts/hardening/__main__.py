@@ -18,10 +18,10 @@ from typing import Any
 import tyro
 from tqdm import tqdm
 
-from flexarm_agents.board.code_version import code_version
-from flexarm_agents.executors import THREADS
-from flexarm_agents.run_folder import put
-from flexarm_agents.worker_pool import worker_pool
+from flexarm_agents.code_version import code_version
+from flexarm_agents.files import put
+from flexarm_agents.jobs.executors import THREADS
+from flexarm_agents.jobs.worker_pool import worker_pool
 from flexarm_env.validation import choice, integer
 from scripts.common.command_line import run
 from scripts.common.markdown import DOCS, filled

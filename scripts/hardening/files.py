@@ -19,9 +19,9 @@ from flexarm_agents import TrainingConfig, train
 from flexarm_agents.board.cells import Cell, Store
 from flexarm_agents.board.columns import COLUMNS
 from flexarm_agents.board.rows import Row
-from flexarm_agents.checkpoint import load_checkpoint
-from flexarm_agents.load import POLICIES, load_policy
-from flexarm_agents.run_folder import RunFolder
+from flexarm_agents.policies.load import POLICIES, load_policy
+from flexarm_agents.training.checkpoint import load_checkpoint
+from flexarm_agents.training.run_folder import RunFolder
 from flexarm_baselines.optimal.plan import PLANS, Plan
 from flexarm_env import ArmParameters, FlexibleArm, Trajectory
 from scripts.hardening.campaign import Part

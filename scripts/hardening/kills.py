@@ -20,8 +20,8 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from flexarm_agents.load import load_policy
-from flexarm_agents.run_folder import RunFolder
+from flexarm_agents.policies.load import load_policy
+from flexarm_agents.training.run_folder import RunFolder
 from flexarm_env import Trajectory
 from scripts.common.markdown import DOCS
 
@@ -75,8 +75,8 @@ def _check_training(folder: Path) -> int:
         if path.exists():
             load_policy(path)
     if run.checkpoint.exists():
-        from flexarm_agents.checkpoint import load_checkpoint
-        from flexarm_agents.config import TrainingConfig
+        from flexarm_agents.training.checkpoint import load_checkpoint
+        from flexarm_agents.training.config import TrainingConfig
 
         load_checkpoint(run.checkpoint, run.read_config(TrainingConfig))
     evaluations = run.evaluations.with_suffix(".json")

@@ -12,8 +12,8 @@ import numpy as np
 from hypothesis import strategies as st
 
 from flexarm_agents import DescentConfig, TeachingConfig, TrainingConfig
-from flexarm_agents.history import History
-from flexarm_agents.load import load_policy
+from flexarm_agents.policies.history import History
+from flexarm_agents.policies.load import load_policy
 from flexarm_baselines.joint_space.tracking import JointFeedback, Shape
 from flexarm_baselines.observers.noise import NoiseModel
 from flexarm_baselines.optimal.linear_quadratic import RegulatorWeights

@@ -23,9 +23,9 @@ from flexarm_agents.board.tables import tables
 from flexarm_agents.board.terms import BOARD
 from flexarm_agents.commands.arguments import json_object
 from flexarm_agents.commands.progress import Progress
-from flexarm_agents.executors import EXECUTORS, executor
-from flexarm_agents.failures import check_failures
-from flexarm_agents.run_folder import put
+from flexarm_agents.files import put
+from flexarm_agents.jobs.executors import EXECUTORS, executor
+from flexarm_agents.jobs.failures import check_failures
 from flexarm_env.validation import choice
 from scripts.common.command_line import run
 from scripts.common.markdown import DOCS, filled

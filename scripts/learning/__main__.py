@@ -14,9 +14,10 @@ from pathlib import Path
 import tyro
 from tqdm import tqdm
 
-from flexarm_agents.executors import executor
-from flexarm_agents.failures import check_failures
-from flexarm_agents.run_folder import RunFolder, put
+from flexarm_agents.files import put
+from flexarm_agents.jobs.executors import executor
+from flexarm_agents.jobs.failures import check_failures
+from flexarm_agents.training.run_folder import RunFolder
 from flexarm_env.validation import choice, integer
 from scripts.common.command_line import run
 from scripts.common.curves import FOLDER

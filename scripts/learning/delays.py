@@ -12,7 +12,7 @@ from matplotlib import pyplot as plt
 from flexarm_agents import Spread, TrainingConfig
 from flexarm_agents.board.columns import Point
 from flexarm_agents.board.rows import Row
-from flexarm_agents.observer import FILTERED
+from flexarm_agents.policies.observer import FILTERED
 from flexarm_env.envs.registration import IDS
 from flexarm_env.laps import LAPS
 from scripts.common.markdown import table

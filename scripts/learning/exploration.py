@@ -16,9 +16,9 @@ from matplotlib import pyplot as plt
 from numpy.typing import NDArray
 
 from flexarm_agents import Spread, TrainingConfig, load_policy
-from flexarm_agents.contenders import from_controller
 from flexarm_agents.environments import make_one
-from flexarm_agents.scoring import COMPLETE
+from flexarm_agents.evaluation.candidates import from_controller
+from flexarm_agents.evaluation.scoring import COMPLETE
 from flexarm_env.laps import LAPS, SETTLED
 from flexarm_env.metrics import elbow_changes
 from flexarm_env.predictor import predictor

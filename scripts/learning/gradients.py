@@ -11,13 +11,13 @@ import numpy as np
 
 from flexarm_agents import DescentConfig, NetworkPolicy, Spread, TrainingConfig, load_policy
 from flexarm_agents.board.references import references
-from flexarm_agents.config import RunConfig
 from flexarm_agents.descent.costs import costs
 from flexarm_agents.descent.training import Descent
-from flexarm_agents.layers import set_layers
-from flexarm_agents.load import POLICIES
-from flexarm_agents.run_folder import RunFolder
-from flexarm_agents.training import one_thread
+from flexarm_agents.policies.load import POLICIES
+from flexarm_agents.sb3.layers import set_layers
+from flexarm_agents.training.config import RunConfig
+from flexarm_agents.training.run_folder import RunFolder
+from flexarm_agents.training.train import one_thread
 from flexarm_env.envs.choices import DEFAULT_OBSERVATION
 from flexarm_env.laps import LAPS
 from scripts.common.markdown import table

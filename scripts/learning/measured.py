@@ -15,11 +15,11 @@ from flexarm_agents import DescentConfig, TrainingConfig
 from flexarm_agents.board.cells import Cell, Store
 from flexarm_agents.board.columns import Point
 from flexarm_agents.board.rows import Row
-from flexarm_agents.config import RunConfig
 from flexarm_agents.descent.training import Descent
-from flexarm_agents.models import new_model
-from flexarm_agents.run_folder import RunFolder
-from flexarm_agents.training import one_thread
+from flexarm_agents.training.config import RunConfig
+from flexarm_agents.training.models import new_model
+from flexarm_agents.training.run_folder import RunFolder
+from flexarm_agents.training.train import one_thread
 from flexarm_env.laps import LAPS
 from scripts.common.cells import results
 from scripts.common.result_files import write_json

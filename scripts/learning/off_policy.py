@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib import pyplot as plt
 
 from flexarm_agents import TrainingConfig
-from flexarm_agents.algorithms import ALGORITHMS
+from flexarm_agents.training.hyperparameters import ALGORITHMS
 from flexarm_env.laps import LAPS
 from scripts.common.markdown import table
 from scripts.common.plotting import COLOURS, WIDTH, headline, plain_ticks, plot_median, write

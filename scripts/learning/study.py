@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from flexarm_agents import Spread
-from flexarm_agents.config import RunConfig
+from flexarm_agents.training.config import RunConfig
 from scripts.common.trainings import Job, Training
 
 FIGURES = ("rms", "rms_after_2s", "torque_change", "elbow_changes")  # of a lap's `Score`, what stays

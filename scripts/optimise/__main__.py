@@ -18,7 +18,7 @@ from typing import Any
 import tyro
 from tqdm import tqdm
 
-from flexarm_agents.run_folder import put
+from flexarm_agents.files import put
 from flexarm_baselines.optimal import Iteration, Plan, load_plan
 from flexarm_baselines.optimal.laps import CHANGE_WEIGHT
 from flexarm_baselines.optimal.plan import PLANS

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexarm_agents.run_folder import put
+from flexarm_agents.files import put
 from flexarm_baselines.optimal import (
     Branch,
     DivergingStartError,

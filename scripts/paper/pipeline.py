@@ -11,7 +11,7 @@ from typing import Any
 
 from tqdm import tqdm
 
-from flexarm_agents.worker_pool import worker_pool
+from flexarm_agents.jobs.worker_pool import worker_pool
 from flexarm_env import Trajectory
 from scripts.common.result_files import write_json
 from scripts.paper import figures, sweep_figures, tables, verdicts

@@ -14,9 +14,9 @@ from tqdm import tqdm
 
 from flexarm_agents import StandardScore, load_policy
 from flexarm_agents.board.cells import Store
-from flexarm_agents.executors import executor
-from flexarm_agents.failures import check_failures
-from flexarm_agents.load import POLICIES
+from flexarm_agents.jobs.executors import executor
+from flexarm_agents.jobs.failures import check_failures
+from flexarm_agents.policies.load import POLICIES
 from flexarm_env.validation import choice, integer
 from scripts.common.command_line import run
 from scripts.common.curves import keep_curves

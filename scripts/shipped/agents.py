@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from flexarm_agents import TeachingConfig, TrainingConfig
-from flexarm_agents.config import RunConfig
+from flexarm_agents.training.config import RunConfig
 from flexarm_env.envs.registration import IDS, UNKNOWN_PLANT
 from scripts.common.trainings import Job
 from scripts.learning import delays, schedulers

@@ -13,7 +13,7 @@ from flexarm_agents.board.columns import COLUMNS, Point
 from flexarm_agents.board.rows import Row
 from flexarm_agents.board.summary import LIMIT, counted, merged, point_summary
 from flexarm_agents.board.terms import SQUARE
-from flexarm_agents.load import load_policy
+from flexarm_agents.policies.load import load_policy
 from flexarm_env.laps import LAPS
 from scripts.common.cells import results
 from scripts.common.markdown import DOCS, table

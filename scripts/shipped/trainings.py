@@ -8,8 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from flexarm_agents import Spread, StandardScore, load_policy
-from flexarm_agents.run_folder import RunFolder, put, write_json
-from flexarm_agents.scoring import rank
+from flexarm_agents.evaluation.scoring import rank
+from flexarm_agents.files import put, write_json
+from flexarm_agents.training.run_folder import RunFolder
 from flexarm_env.laps import LAPS
 from scripts.common.trainings import Training
 

@@ -10,17 +10,17 @@ import numpy as np
 import pytest
 import torch
 
-import flexarm_agents.models
-import flexarm_agents.training
+import flexarm_agents.training.models
+import flexarm_agents.training.train
 from flexarm_agents import NetworkPolicy, TrainingConfig, evaluate, load_policy, network_policy, train
-from flexarm_agents.follow import Follow
-from flexarm_agents.fronted import FrontedPolicy
-from flexarm_agents.fronts import Stacked
-from flexarm_agents.history import History
-from flexarm_agents.lstm import Lstm
-from flexarm_agents.models import new_model
-from flexarm_agents.squashed import SquashedPolicy
-from flexarm_agents.vec_env import FlexArmVecEnv
+from flexarm_agents.policies.encoded import FrontedPolicy
+from flexarm_agents.policies.encoders import Stacked
+from flexarm_agents.policies.history import History
+from flexarm_agents.policies.lstm import Lstm
+from flexarm_agents.policies.squashed import SquashedPolicy
+from flexarm_agents.sb3.vec_env import FlexArmVecEnv
+from flexarm_agents.training.callback import Follow
+from flexarm_agents.training.models import new_model
 from flexarm_env.laps import LAPS
 from tests.support.trainings import ID, TINIES, TINY
 
@@ -57,7 +57,7 @@ def test_interrupted_or_not_a_training_ends_in_the_same_bits(
     config = TrainingConfig(**TINIES[name])
     train(config, tmp_path / "whole")
     with monkeypatch.context() as patch:
-        patch.setattr(flexarm_agents.training, "Follow", Breaking)
+        patch.setattr(flexarm_agents.training.train, "Follow", Breaking)
         with pytest.raises(Interrupted):
             train(config, tmp_path / "broken")
     np.random.seed(5)  # noqa: NPY002
@@ -179,7 +179,7 @@ def test_a_missing_package_is_named_before_anything_is_written(tmp_path: Path, m
     def fail(name: str) -> None:
         raise ModuleNotFoundError(f"No module named {name!r}", name=name)
 
-    monkeypatch.setattr(flexarm_agents.models, "import_module", fail)
+    monkeypatch.setattr(flexarm_agents.training.models, "import_module", fail)
     with pytest.raises(ModuleNotFoundError, match=r"algorithm = 'tqc': sb3_contrib is not installed; .*\[train\]"):
         train(TrainingConfig(**TINIES["tqc"]), tmp_path / "run")
     assert not (tmp_path / "run").exists()

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-import flexarm_agents.training
+import flexarm_agents.training.train
 from flexarm_agents import NetworkPolicy, TrainingConfig, load_policy, network_policy, train
-from flexarm_agents.follow import Follow
-from flexarm_agents.models import end_lessons, new_model
-from flexarm_agents.run_folder import RunFolder
-from flexarm_agents.vec_env import FlexArmVecEnv
+from flexarm_agents.sb3.vec_env import FlexArmVecEnv
+from flexarm_agents.training.callback import Follow
+from flexarm_agents.training.models import end_lessons, new_model
+from flexarm_agents.training.run_folder import RunFolder
 from tests.support.trainings import TINIES, TINY
 
 INITIAL = TINIES["initial"]
@@ -40,7 +40,7 @@ def test_a_training_begins_with_the_policy(tmp_path: Path, monkeypatch: pytest.M
             if len(begun) == 1:
                 raise Interrupted
 
-    monkeypatch.setattr(flexarm_agents.training, "Follow", Begun)
+    monkeypatch.setattr(flexarm_agents.training.train, "Follow", Begun)
     config = TrainingConfig(**{**INITIAL, "initial_policy": str(tmp_path / "mine.npz"), "log_std": -2.0})
     with pytest.raises(Interrupted):
         train(config, tmp_path / "run")
@@ -65,7 +65,7 @@ def test_the_value_learns_alone_at_first(tmp_path: Path, monkeypatch: pytest.Mon
             value = self.model.policy.value_net.weight.detach().numpy().copy()  # type: ignore[union-attr,operator]
             found.append((rate, network_policy(self.model), value))
 
-    monkeypatch.setattr(flexarm_agents.training, "Follow", Watched)
+    monkeypatch.setattr(flexarm_agents.training.train, "Follow", Watched)
     train(TrainingConfig(**{**INITIAL, "steps": 512, "value_steps": 256}), tmp_path / "run")
     rates, policies, values = zip(*found, strict=True)
     last = load_policy(tmp_path / "run", last=True).policy

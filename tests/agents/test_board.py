@@ -10,18 +10,18 @@ import gymnasium
 import numpy as np
 import pytest
 
+from flexarm_agents import code_version as versions
 from flexarm_agents.board import cells as board_cells
-from flexarm_agents.board import code_version as versions
 from flexarm_agents.board.cells import WITHOUT_PART, Cell, Store, compute, jobs_of
-from flexarm_agents.board.code_version import DATA, code_version
 from flexarm_agents.board.columns import COLUMNS, DRAWN, Column, Point
 from flexarm_agents.board.episodes import LANES, run_points, shares
 from flexarm_agents.board.gauges import observation_map
 from flexarm_agents.board.rows import Row
 from flexarm_agents.board.summary import breaking, counted, lap_summary, loss, point_summary
 from flexarm_agents.board.terms import FIRST_SEED, TASKS, interface_of
+from flexarm_agents.code_version import DATA, code_version
 from flexarm_agents.environments import INTERFACE
-from flexarm_agents.load import policy_file
+from flexarm_agents.policies.load import policy_file
 from flexarm_baselines.optimal.plan import PLANS
 from flexarm_env.envs.options import Options
 from flexarm_env.envs.per_env import common_values

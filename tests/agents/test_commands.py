@@ -134,7 +134,7 @@ def test_what_is_not_installed_is_named_with_its_extra(monkeypatch: pytest.Monke
     assert status("train") == 1
     err = capsys.readouterr().err
     assert err.startswith("error: flexarm train: tyro is not installed; run `pip install ")
-    monkeypatch.delitem(sys.modules, "flexarm_agents.vec_env", raising=False)
+    monkeypatch.delitem(sys.modules, "flexarm_agents.sb3.vec_env", raising=False)
     monkeypatch.setitem(sys.modules, "stable_baselines3.common.vec_env.base_vec_env", None)
     with pytest.raises(ModuleNotFoundError, match=r"FlexArmVecEnv: stable_baselines3 is not installed; run"):
         flexarm_agents.FlexArmVecEnv  # noqa: B018

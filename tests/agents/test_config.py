@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from flexarm_agents import TrainingConfig
-from flexarm_agents.run_folder import RunFolder
+from flexarm_agents.training.run_folder import RunFolder
 from tests.support.trainings import ID, TINY
 
 

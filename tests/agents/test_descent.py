@@ -24,7 +24,7 @@ from flexarm_agents.descent.readings import instants
 from flexarm_agents.descent.training import Descent
 from flexarm_agents.descent.window import Driver, Window
 from flexarm_agents.environments import make_batch
-from flexarm_agents.run_folder import RunFolder
+from flexarm_agents.training.run_folder import RunFolder
 from flexarm_env.envs.blocks import BLOCKS
 from flexarm_env.envs.settings import Settings
 from flexarm_env.laps import LAPS

@@ -11,7 +11,7 @@ from stable_baselines3.common.logger import Logger
 from flexarm_agents import DescentConfig
 from flexarm_agents.descent.training import Descent
 from flexarm_agents.descent.window import Window
-from flexarm_agents.run_folder import RunFolder
+from flexarm_agents.training.run_folder import RunFolder
 from tests.support.trainings import DESCENDED, row
 
 

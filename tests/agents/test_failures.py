@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from flexarm_agents.executors import _own_error, _Share
-from flexarm_agents.failures import LOG, Failure, check_failures
+from flexarm_agents.jobs.executors import _own_error, _Share
+from flexarm_agents.jobs.failures import LOG, Failure, check_failures
 from tests.support.refusals import refuses
 
 

@@ -12,7 +12,7 @@ import pytest
 
 from flexarm_agents.commands import main
 from flexarm_agents.commands.progress import Progress
-from flexarm_agents.film import SENSOR, Film
+from flexarm_agents.viewer.film import SENSOR, Film
 from flexarm_env import ArmParameters, FlexibleArm, Trajectory
 from tests.support.refusals import refuses
 

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from flexarm_agents import NetworkPolicy
-from flexarm_agents.history import History
+from flexarm_agents.policies.history import History
 from tests.support.refusals import refuses
 
 LINEAR = History((1, 3), (0, 2))  # of observations of three numbers

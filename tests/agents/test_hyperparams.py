@@ -14,9 +14,9 @@ import yaml
 
 import flexarm_agents
 from flexarm_agents import TrainingConfig
-from flexarm_agents.algorithms import settings_of
 from flexarm_agents.environments import check_id, make_one
-from flexarm_agents.models import arguments
+from flexarm_agents.training.hyperparameters import settings_of
+from flexarm_agents.training.models import arguments
 
 FOLDER = Path(flexarm_agents.__file__).parent / "hyperparams"
 CLASSES = {

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from flexarm_agents.commands import main
-from flexarm_agents.live import MOST_DELAY, Knobs, LiveArm
-from flexarm_agents.viewer import FPS, SIDE, SIZE, Viewer
+from flexarm_agents.viewer.live import MOST_DELAY, Knobs, LiveArm
+from flexarm_agents.viewer.window import FPS, SIDE, SIZE, Viewer
 from tests.support.refusals import refuses
 
 

@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 from stable_baselines3 import PPO
 
 from flexarm_agents import TrainingConfig
-from flexarm_agents.models import hold_policy, new_model
-from flexarm_agents.ppo import LeanPPO
+from flexarm_agents.sb3.ppo import LeanPPO
+from flexarm_agents.training.models import hold_policy, new_model
 from tests.support.trainings import TINY
 
 ROUNDING = 2e-5  # relative; derivatives are in single precision, and so are Adam's quotients of them

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from sb3_contrib.common.recurrent.policies import RecurrentActorCriticPolicy
 
 from flexarm_agents import TrainingConfig
-from flexarm_agents.models import new_model
-from flexarm_agents.recurrent import SequencePolicy
+from flexarm_agents.sb3.recurrent import SequencePolicy
+from flexarm_agents.training.models import new_model
 from tests.support.trainings import TINIES
 
 INPUTS, SIZE = 3, 5

@@ -11,8 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from flexarm_agents import Score, Spread, StandardScore, evaluate, score
-from flexarm_agents.constant import ConstantPolicy
-from flexarm_agents.scoring import rank
+from flexarm_agents.evaluation.scoring import rank
+from flexarm_agents.policies.constant import ConstantPolicy
 from flexarm_env import FlexibleArm, run_policy
 from flexarm_env.laps import LAPS
 from flexarm_env.metrics import figures_so_far, summary, tracking_error, vibration

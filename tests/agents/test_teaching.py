@@ -17,12 +17,12 @@ import torch
 import flexarm_agents.teaching.training
 from flexarm_agents import NetworkPolicy, TeachingConfig, TrainingStopped, evaluate, load_policy, teach
 from flexarm_agents.environments import make_batch
-from flexarm_agents.run_folder import RunFolder
 from flexarm_agents.teaching.lessons import Lesson, give_lesson, teacher_share
 from flexarm_agents.teaching.plans import Bank, bank
 from flexarm_agents.teaching.student import Student
 from flexarm_agents.teaching.teacher import Pupils, Teacher
 from flexarm_agents.teaching.training import _Teaching
+from flexarm_agents.training.run_folder import RunFolder
 from flexarm_baselines.optimal import load_plan
 from flexarm_env import ArmParameters
 from flexarm_env.envs.settings import Settings

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import torch
 
-import flexarm_agents.load
+import flexarm_agents.policies.load
 from flexarm_agents import (
     NetworkPolicy,
     StandardScore,
@@ -23,8 +23,8 @@ from flexarm_agents import (
     train,
 )
 from flexarm_agents.environments import make_one
-from flexarm_agents.models import new_model
-from flexarm_agents.scoring import rank
+from flexarm_agents.evaluation.scoring import rank
+from flexarm_agents.training.models import new_model
 from tests.support.trainings import ID, TINY, finished
 
 # What trainings reach on each lap: r.m.s. over the lap, and after 2 s [m].
@@ -127,7 +127,7 @@ def test_bad_policies(tmp_path: Path, run: Path) -> None:
 @pytest.mark.parametrize("name", shipped_policies())
 def test_a_shipped_policy_scores_what_it_says(name: str) -> None:
     trained = load_policy(name)
-    path = Path(flexarm_agents.load.POLICIES) / f"{name}.npz"
+    path = Path(flexarm_agents.policies.load.POLICIES) / f"{name}.npz"
     assert path.stat().st_size < 1_000_000
     beside = json.loads(path.with_suffix(".json").read_text())
     assert set(beside) >= {"command", "config", "evaluation", "choice", "trainings"}
@@ -146,7 +146,7 @@ def test_a_shipped_policy_scores_what_it_says(name: str) -> None:
 
 @pytest.mark.parametrize("name", shipped_policies())
 def test_a_shipped_policy_is_the_median_of_its_trainings(name: str) -> None:
-    beside = json.loads((flexarm_agents.load.POLICIES / f"{name}.json").read_text())
+    beside = json.loads((flexarm_agents.policies.load.POLICIES / f"{name}.json").read_text())
     ranks = sorted((rank([StandardScore.of(row)]), row["seed"]) for row in beside["trainings"])
     assert len(ranks) % 2 == 1
     assert ranks[len(ranks) // 2][1] == beside["config"]["seed"]

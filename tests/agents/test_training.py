@@ -21,7 +21,7 @@ import torch
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 
-import flexarm_agents.training
+import flexarm_agents.training.train
 from flexarm_agents import (
     FlexArmVecEnv,
     TeachingConfig,
@@ -31,12 +31,13 @@ from flexarm_agents import (
     load_policy,
     train,
 )
-from flexarm_agents.checkpoint import load_checkpoint, read_parts
 from flexarm_agents.environments import make_batch
-from flexarm_agents.follow import Follow
-from flexarm_agents.models import new_model
-from flexarm_agents.run_folder import RunFolder, put
-from flexarm_agents.stopping import StopSignals
+from flexarm_agents.files import put
+from flexarm_agents.jobs.stopping import StopSignals
+from flexarm_agents.training.callback import Follow
+from flexarm_agents.training.checkpoint import load_checkpoint, read_parts
+from flexarm_agents.training.models import new_model
+from flexarm_agents.training.run_folder import RunFolder
 from flexarm_env.kernels.layout import Row
 from flexarm_env.laps import LAPS
 from tests.support.refusals import refuses
@@ -107,7 +108,7 @@ def interrupted(monkeypatch: pytest.MonkeyPatch, folder: Path, steps: int) -> No
             return True
 
     with monkeypatch.context() as patch:
-        patch.setattr(flexarm_agents.training, "Follow", Breaking)
+        patch.setattr(flexarm_agents.training.train, "Follow", Breaking)
         with pytest.raises(Interrupted):
             train(TrainingConfig(**TINY), folder)
 
@@ -143,7 +144,7 @@ def signalled(monkeypatch: pytest.MonkeyPatch, folder: Path, number: int, steps:
             return True
 
     with monkeypatch.context() as patch:
-        patch.setattr(flexarm_agents.training, "Follow", Signalling)
+        patch.setattr(flexarm_agents.training.train, "Follow", Signalling)
         with pytest.raises(TrainingStopped) as caught:
             train(TrainingConfig(**{**TINY, "checkpoint_every": 10_000}), folder)
     return caught.value

@@ -9,7 +9,7 @@ import gymnasium
 import numpy as np
 import pytest
 
-from flexarm_agents.scoring import evaluate
+from flexarm_agents.evaluation.scoring import evaluate
 from flexarm_baselines.joint_space.flexible_motion import first_free_vibration, flexible_motion, rigid_motion
 from flexarm_baselines.joint_space.tracking import FINE, JointFeedback, JointTracking, Shape
 from flexarm_baselines.registry import controller, make_controller

@@ -7,7 +7,7 @@ from typing import Any
 import gymnasium
 import pytest
 
-from flexarm_agents.contenders import Contender, from_controller
+from flexarm_agents.evaluation.candidates import Contender, from_controller
 from flexarm_baselines.policy import GainPolicy
 from flexarm_baselines.registry import CONTROLLERS, controller, controller_names, make_controller
 from flexarm_env.envs.blocks import BLOCKS, PRIVILEGED, READINGS, TRUE_STATE

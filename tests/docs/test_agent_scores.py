@@ -10,7 +10,7 @@ import pytest
 
 from flexarm_agents import load_policy
 from flexarm_agents.board.cells import Store
-from flexarm_agents.load import POLICIES
+from flexarm_agents.policies.load import POLICIES
 from flexarm_env.laps import LAPS
 from scripts.common.markdown import shown_blocks
 from scripts.learning.__main__ import STUDIES

@@ -16,7 +16,7 @@ from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
 
 from flexarm_agents import NetworkPolicy, Score, StandardScore, TrainingConfig, shipped_policies
 from flexarm_agents.board.rows import Row
-from flexarm_agents.models import new_model
+from flexarm_agents.training.models import new_model
 from flexarm_env.laps import LAPS
 from tests.support.programs import ROOT
 from tests.support.shell import Shell

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flexarm_agents.scoring import Score
+from flexarm_agents.evaluation.scoring import Score
 from flexarm_baselines.joint_space.tracking import DECOUPLED, JointFeedback
 from flexarm_baselines.registry import controller_names
 from scripts.common.markdown import DOCS

@@ -15,7 +15,7 @@ from flexarm_agents.board import measure as measuring
 from flexarm_agents.board.cells import Store
 from flexarm_agents.board.columns import Column, Point
 from flexarm_agents.board.rows import Row
-from flexarm_agents.executors import executor
+from flexarm_agents.jobs.executors import executor
 from tests.support.boards import files
 from tests.support.programs import ROOT, run_study
 

@@ -21,7 +21,7 @@ from flexarm_agents.board.rows import Row
 from flexarm_agents.board.summary import nominal_errors, point_summary
 from flexarm_agents.board.tables import short_ranking, tables
 from flexarm_agents.board.terms import BOARD
-from flexarm_agents.executors import executor
+from flexarm_agents.jobs.executors import executor
 from flexarm_env import FlexibleArm, SensorParameters
 from flexarm_env.analysis import delay_margin, law_loop
 from scripts.common.markdown import DOCS

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from flexarm_agents import TrainingConfig
-from flexarm_agents.run_folder import write_json
+from flexarm_agents.files import write_json
 from scripts.common import markdown
 from scripts.common.curves import keep_curves
 from scripts.common.markdown import fill_pages, filled, shown_blocks

@@ -11,7 +11,7 @@ import pytest
 
 from flexarm_agents import TrainingConfig, load_policy
 from flexarm_agents.environments import make_one
-from flexarm_agents.run_folder import RunFolder
+from flexarm_agents.training.run_folder import RunFolder
 from flexarm_env.laps import LAPS
 from flexarm_env.metrics import elbow_changes
 from scripts.common.trainings import Training

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from flexarm_agents import DescentConfig, NetworkPolicy, TeachingConfig, load_policy
-from flexarm_agents.load import POLICIES
+from flexarm_agents.policies.load import POLICIES
 from flexarm_env.laps import LAPS
 from scripts.learning import gradients, measured
 from tests.support.trainings import DESCENDED, recorded

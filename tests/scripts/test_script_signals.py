@@ -14,8 +14,8 @@ from typing import Any
 import psutil
 import pytest
 
-from flexarm_agents import worker_pool as worker_pool_module
-from flexarm_agents.worker_pool import worker_pool
+from flexarm_agents.jobs import worker_pool as worker_pool_module
+from flexarm_agents.jobs.worker_pool import worker_pool
 from scripts.common.result_files import OLD, PARTIAL, replacing, write_json
 from tests.support.programs import ROOT
 from tests.support.signals import heeded
@@ -30,8 +30,8 @@ pytestmark = [
 SCRIPT = """
 import os, sys, time
 from pathlib import Path
-from flexarm_agents.stopping import StopSignals, TrainingStopped
-from flexarm_agents.worker_pool import worker_pool
+from flexarm_agents.jobs.stopping import StopSignals, TrainingStopped
+from flexarm_agents.jobs.worker_pool import worker_pool
 from scripts.common.command_line import run
 from scripts.common.result_files import replacing
 

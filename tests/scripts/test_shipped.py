@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from flexarm_agents import Score, StandardScore, TrainingConfig, load_policy
-from flexarm_agents.load import POLICIES
+from flexarm_agents.policies.load import POLICIES
 from scripts.common.trainings import Training, trained
 from scripts.learning.__main__ import STUDIES
 from scripts.shipped import board, tables

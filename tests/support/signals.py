@@ -4,7 +4,7 @@ import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from flexarm_agents.command_line import STOPPING
+from flexarm_agents.commands.ending import STOPPING
 
 
 @contextmanager

@@ -19,7 +19,7 @@ from flexarm_agents import (
     teach,
     train,
 )
-from flexarm_agents.config import RunConfig
+from flexarm_agents.training.config import RunConfig
 from flexarm_env.laps import LAPS
 from scripts.learning.study import Agent, Record
 

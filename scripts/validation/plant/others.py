@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexarm_agents.board.rows import Row
-from flexarm_agents.worker_pool import worker_pool
+from flexarm_agents.jobs.worker_pool import worker_pool
 from flexarm_env import ArmParameters
 from flexarm_env.laps import LAPS
 from flexarm_env.metrics import summary

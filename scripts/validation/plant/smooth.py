@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from flexarm_agents.worker_pool import worker_pool
+from flexarm_agents.jobs.worker_pool import worker_pool
 from flexarm_baselines.optimal.laps import CHANGE_WEIGHT
 from flexarm_env import ArmParameters
 from flexarm_env.laps import LAPS

@@ -1,0 +1,94 @@
+"""Files that are complete or absent, however the process that writes them ends; strict JSON."""
+
+from __future__ import annotations
+
+import json
+import os
+import secrets
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+_UNFINISHED = ".new-"
+_FORGOTTEN = 86400.0  # age of an unfinished file that nobody writes any more [s]
+
+
+def put(path: Path, write: Callable[[Path], Any]) -> None:
+    """Have a file written beside its place and put it there when it is complete; after an error nothing is left.
+
+    Processes that write the same file do not meet: each writes aside under a name of its own, and the last one stays.
+    What killed processes left aside is removed when it is a day old: nobody is still writing it.
+
+    Args:
+        path: path of the file; it keeps its ending while it is written.
+        write: writes to the path it is given.
+    """
+    _sweep(path)
+    aside = path.with_name(f"{_UNFINISHED}{secrets.token_hex(4)}-{path.name}")
+    try:
+        write(aside)
+        os.replace(aside, path)
+    finally:
+        aside.unlink(missing_ok=True)
+
+
+def _sweep(path: Path) -> None:
+    """Remove what killed processes left of a file that they wrote."""
+    for other in path.parent.glob(f"{_UNFINISHED}*"):
+        if other.name.endswith(f"-{path.name}"):
+            with suppress(FileNotFoundError):  # it was finished meanwhile, or removed by another process
+                if time.time() - other.stat().st_mtime > _FORGOTTEN:
+                    other.unlink()
+
+
+def check_place(name: str, path: Path) -> None:
+    """Check that a file can be put at a path; its folder is made.
+
+    Args:
+        name: of the parameter that has the path.
+        path: of the file; one that is there may be replaced.
+
+    Raises:
+        OSError: if there can be no such file.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    if path.is_dir():
+        raise IsADirectoryError(f"{name} = {path}: is a folder; must be a file")
+    if not os.access(path.parent, os.W_OK):
+        raise PermissionError(f"{name} = {path}: must be in a folder that may be written to")
+
+
+def is_unfinished(path: Path) -> bool:
+    """Whether a file is what a killed process left of one that it wrote."""
+    return path.name.startswith(_UNFINISHED)
+
+
+def write_json(path: Path, values: Any, levels: int | None = None) -> None:
+    """Write strict JSON; see `json_text`. The file is complete or absent."""
+    text = json_text(values, levels)
+    put(path, lambda aside: aside.write_text(text))
+
+
+def json_text(values: Any, levels: int | None = None) -> str:
+    """Write strict JSON.
+
+    Args:
+        values: plain values.
+        levels: levels of nesting whose items have lines of their own; None: all.
+    """
+    return (json.dumps(values, indent=1, allow_nan=False) if levels is None else _lines(values, levels)) + "\n"
+
+
+def _lines(value: Any, levels: int, margin: str = "") -> str:
+    """Write JSON with a line for each item of the outer levels."""
+    if not levels or not isinstance(value, dict | list) or not value:
+        return json.dumps(value, allow_nan=False)
+    inner = margin + " "
+    if isinstance(value, list):
+        items = [_lines(one, levels - 1, inner) for one in value]
+    else:
+        items = [f"{json.dumps(name)}: {_lines(one, levels - 1, inner)}" for name, one in value.items()]
+    ends = "[]" if isinstance(value, list) else "{}"
+    return ends[0] + ",".join(f"\n{inner}{item}" for item in items) + f"\n{margin}{ends[1]}"

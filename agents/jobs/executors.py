@@ -1,0 +1,188 @@
+"""Where jobs run: in processes of this machine, on a Ray cluster, or by Slurm; one protocol for all.
+
+None of them tries a failed job again: what is missing afterwards is missing, and the next run does it. Ray itself
+moves jobs away from a node that dies.
+"""
+
+from __future__ import annotations
+
+import os
+import traceback
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import as_completed
+from pathlib import Path
+from typing import Any, Protocol, TypeVar
+
+from flexarm_agents.jobs.worker_pool import worker_pool
+from flexarm_env.extras import needs_extra
+from flexarm_env.validation import choice, integer, shown
+
+Job = TypeVar("Job")
+Result = TypeVar("Result")
+EXECUTORS = ("processes", "ray", "slurm", "submitit-local")
+THREADS = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+
+
+class Executor(Protocol):
+    """Runs jobs."""
+
+    def run(
+        self, function: Callable[[Job], Result], jobs: Sequence[Job], stoppable: bool = False
+    ) -> Iterator[tuple[int, Result | BaseException]]:
+        """Run a function on each job.
+
+        Args:
+            function: of a module that every worker can import.
+            jobs: its arguments; they and the results can be pickled.
+            stoppable: the function heeds `StopSignals`. Processes of this machine are then asked to stop, and waited
+                for, when this one is stopped; those of Ray end at once, and tasks of Slurm go on.
+
+        Yields:
+            The index of a job and its result, or what it raised, as soon as it is done.
+        """
+
+
+def executor(name: str, count: int, folder: Path, parameters: Mapping[str, Any] | None = None) -> Executor:
+    """Return an executor by its name.
+
+    Args:
+        name: one of `EXECUTORS`.
+        count: processes, or tasks of Slurm; Ray uses what its cluster has, and so many processes of a local one.
+        folder: for submitit's own files; all machines must see it.
+        parameters: of submitit, {"slurm_partition": ...} for example.
+
+    Raises:
+        ImportError: without the extra that it needs.
+        ValueError: for another name or count, or parameters for another executor.
+    """
+    integer("jobs", count, 1)
+    if parameters and name not in ("slurm", "submitit-local"):
+        raise ValueError(f"parameters = {shown(parameters)}: are submitit's; executor = {name!r} has none")
+    if choice("executor", name, EXECUTORS) == "processes":
+        return Processes(count)
+    if name == "ray":
+        return Ray(count)
+    return Submitit(count, folder, "slurm" if name == "slurm" else "local", parameters or {})
+
+
+class Processes:
+    """Processes of this machine."""
+
+    def __init__(self, count: int) -> None:
+        """Keep their number."""
+        self.count = count
+
+    def run(
+        self, function: Callable[[Job], Result], jobs: Sequence[Job], stoppable: bool = False
+    ) -> Iterator[tuple[int, Result | BaseException]]:
+        """See `Executor.run`."""
+        os.environ.update(THREADS)  # of workers, which start with this process's environment
+        with worker_pool(min(self.count, len(jobs)), stoppable) as pool:
+            waiting = {pool.submit(function, job): n for n, job in enumerate(jobs)}
+            for done in as_completed(waiting):
+                error = done.exception()
+                yield waiting[done], done.result() if error is None else error
+
+
+class Ray:
+    """A Ray cluster: the one that this process or machine is connected with, or a local one."""
+
+    def __init__(self, count: int) -> None:
+        """Import Ray.
+
+        Raises:
+            ImportError: without it, naming the extra.
+        """
+        with needs_extra("executor = 'ray'", "ray"):
+            import ray
+        self.ray, self.count = ray, count
+
+    def run(
+        self, function: Callable[[Job], Result], jobs: Sequence[Job], stoppable: bool = False
+    ) -> Iterator[tuple[int, Result | BaseException]]:
+        """See `Executor.run`."""
+        ray = self.ray
+        started = not ray.is_initialized()
+        if started:
+            self._connect()
+        try:
+            remote = ray.remote(num_cpus=1, runtime_env={"env_vars": THREADS})(function)
+            waiting = {remote.remote(job): n for n, job in enumerate(jobs)}
+            while waiting:
+                (done, *_), _ = ray.wait(list(waiting))
+                n = waiting.pop(done)
+                try:
+                    yield n, ray.get(done)
+                except ray.exceptions.RayError as error:
+                    yield n, _own_error(error)
+        finally:
+            if started:
+                ray.shutdown()
+
+    def _connect(self) -> None:
+        quiet: dict[str, Any] = {"log_to_driver": False, "logging_level": "error"}
+        try:
+            self.ray.init(address=os.environ.get("RAY_ADDRESS", "auto"), **quiet)
+        except ConnectionError:  # there is no cluster
+            self.ray.init(num_cpus=self.count, include_dashboard=False, **quiet)
+
+
+def _own_error(error: Exception) -> Exception:
+    """Return what a job raised, with Ray's account of where as a note; Ray's own error where no job raised one."""
+    cause = getattr(error, "cause", None)
+    if not isinstance(cause, Exception):
+        return error
+    cause.add_note(str(error))
+    return cause
+
+
+class Submitit:
+    """Tasks of Slurm, or processes, by submitit."""
+
+    def __init__(self, count: int, folder: Path, cluster: str, parameters: Mapping[str, Any]) -> None:
+        """Import submitit.
+
+        Args:
+            count: tasks; each gets an equal share of the jobs.
+            folder: for its files.
+            cluster: "slurm" or "local".
+            parameters: see `executor`.
+
+        Raises:
+            ImportError: without it, naming the extra.
+        """
+        with needs_extra(f"executor = {cluster!r}", "slurm"):
+            import submitit
+        self.submitit, self.count, self.folder, self.cluster = submitit, count, folder, cluster
+        self.parameters = {"name": "flexarm", "cpus_per_task": 1, "timeout_min": 24 * 60, **parameters}
+
+    def run(
+        self, function: Callable[[Job], Result], jobs: Sequence[Job], stoppable: bool = False
+    ) -> Iterator[tuple[int, Result | BaseException]]:
+        """See `Executor.run`; the results of a task come together, when it is done."""
+        chosen = self.submitit.AutoExecutor(folder=self.folder, cluster=self.cluster)
+        chosen.update_parameters(**self.parameters)
+        shares = [range(n, len(jobs), self.count) for n in range(min(self.count, len(jobs)))]
+        tasks = chosen.map_array(_Share(function), [[jobs[n] for n in share] for share in shares])
+        numbers = {task.job_id: share for task, share in zip(tasks, shares, strict=True)}
+        for task in self.submitit.helpers.as_completed(tasks):
+            error = task.exception()
+            found = [error] * len(numbers[task.job_id]) if error is not None else task.result()
+            yield from zip(numbers[task.job_id], found, strict=True)
+
+
+class _Share:
+    """Runs a share of the jobs, one after the other."""
+
+    def __init__(self, function: Callable[[Any], Any]) -> None:
+        self.function = function
+
+    def __call__(self, jobs: Sequence[Any]) -> list[Any]:
+        results: list[Any] = []
+        for job in jobs:
+            try:
+                results.append(self.function(job))
+            except Exception as error:  # that of one job; the others go on
+                error.add_note(traceback.format_exc())  # a pickled error has no traceback of its own
+                results.append(error)
+        return results

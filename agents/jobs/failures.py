@@ -1,0 +1,53 @@
+"""Jobs that failed: a line for each, and their tracebacks in a file."""
+
+from __future__ import annotations
+
+import sys
+import traceback
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+from flexarm_agents.files import put
+from flexarm_env.validation import short
+
+LOG = "failures.log"
+
+
+class Failure(NamedTuple):
+    """A job that failed.
+
+    Attributes:
+        job: its name, e.g. of a row of the board, or the folder of a training.
+        error: what it raised.
+    """
+
+    job: str
+    error: BaseException
+
+    def __str__(self) -> str:
+        """Say what failed, and why, in one line."""
+        return f"{self.job}: {type(self.error).__name__}: {' '.join(short(str(self.error)).split())}"
+
+
+def check_failures(failed: Sequence[Failure], folder: Path, rest: str) -> None:
+    """Report jobs that failed, and keep their tracebacks in `failures.log`, which is absent if none did.
+
+    Args:
+        failed: these jobs.
+        folder: of the results; it is made.
+        rest: what became of the other jobs, for the message.
+
+    Raises:
+        OSError: if there are any.
+    """
+    log = folder / LOG
+    if not failed:
+        log.unlink(missing_ok=True)
+        return
+    found = "\n".join(f"{one.job}:\n{''.join(traceback.format_exception(one.error))}" for one in failed)
+    folder.mkdir(parents=True, exist_ok=True)
+    put(log, lambda aside: aside.write_text(found))
+    lines = dict.fromkeys(f"{one}\n" for one in failed)  # jobs of the same name may fail for the same reason
+    sys.stderr.write("".join(lines))
+    raise OSError(f"{len(failed)} failed, see above; {rest}; tracebacks: {log}") from failed[0].error

@@ -1,0 +1,83 @@
+"""`StopSignals`: a training that is asked to stop does so at the next moment from which it can be resumed.
+
+A signal asks the training of the process that gets it; `ask_to_stop`, called in a worker, that of the worker.
+"""
+
+from __future__ import annotations
+
+import signal
+import threading
+from types import FrameType, TracebackType
+from typing import Any
+
+SIGNALS = (signal.SIGINT, signal.SIGTERM)
+# those that ask a process to stop; not every system has every one
+STOPPING = tuple(signal.Signals[name] for name in ("SIGINT", "SIGTERM", "SIGHUP") if name in signal.Signals.__members__)
+_ASKED = threading.Event()
+
+
+def ask_to_stop() -> None:
+    """Have the training of this process, and each that it begins later, stop as after SIGTERM."""
+    _ASKED.set()
+
+
+def is_asked_to_stop() -> bool:
+    """Return whether `ask_to_stop` was called."""
+    return _ASKED.is_set()
+
+
+class TrainingStopped(KeyboardInterrupt):
+    """A signal stopped a training between two rollouts; nothing that was computed is lost.
+
+    Attributes:
+        signal: its number.
+        steps: environment steps of the training so far, all of them in the checkpoint.
+    """
+
+    def __init__(self, number: int, steps: int) -> None:
+        """Keep the signal and the steps."""
+        super().__init__(f"stopped by {signal.Signals(number).name} after {steps} steps")
+        self.signal = number
+        self.steps = steps
+
+    def __reduce__(self) -> tuple[type[TrainingStopped], tuple[int, int]]:
+        """Pickle: a worker's error travels to its parent."""
+        return TrainingStopped, (self.signal, self.steps)
+
+
+class StopSignals:
+    """Within `with`, the first SIGINT or SIGTERM is noted; the second one has its usual effect.
+
+    In another thread than the main one, where Python has no handlers, nothing is changed.
+    """
+
+    def __init__(self) -> None:
+        """Prepare; handlers are set when the block begins."""
+        self._noted: int | None = None
+        self._before: dict[int, Any] = {}
+
+    @property
+    def received(self) -> int | None:
+        """Number of the signal that came, None before."""
+        return signal.SIGTERM if self._noted is None and is_asked_to_stop() else self._noted
+
+    def __enter__(self) -> StopSignals:
+        """Set the handlers."""
+        if threading.current_thread() is threading.main_thread():
+            self._before = {number: signal.signal(number, self._note) for number in SIGNALS}
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        """Set the handlers of before again."""
+        self._restore()
+
+    def _note(self, number: int, frame: FrameType | None) -> None:
+        self._noted = number
+        self._restore()
+
+    def _restore(self) -> None:
+        while self._before:
+            number, handler = self._before.popitem()
+            signal.signal(number, signal.SIG_DFL if handler is None else handler)

@@ -1,0 +1,107 @@
+"""`Lstm`: the memory of a recurrent policy, run by numpy alone.
+
+Source: Hochreiter and Schmidhuber, *Long short-term memory*, Neural Computation 9, 1997, with a forget gate; the gates
+lie in torch's order (input, forget, cell, output).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Self
+
+import numpy as np
+
+from flexarm_agents.policies.encoders import Memory
+from flexarm_agents.policies.history import Array
+from flexarm_env.simulation import archive
+from flexarm_env.validation import real_array
+
+ARRAYS = ("lstm_input", "lstm_memory", "lstm_bias")
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Lstm:
+    """A layer of long short-term memory; a `fronts.Front`, whose inputs for the network are its outputs.
+
+    Attributes:
+        lstm_input: weights of the observation. Shape (4 h, k).
+        lstm_memory: weights of the outputs before. Shape (4 h, h).
+        lstm_bias: Shape (4 h,).
+    """
+
+    lstm_input: Array
+    lstm_memory: Array
+    lstm_bias: Array
+
+    def __repr__(self) -> str:
+        """Describe the layer in a line."""
+        return f"{type(self).__name__}({self.inputs})"
+
+    def __post_init__(self) -> None:
+        """Check that the arrays fit together.
+
+        Raises:
+            TypeError, ValueError: naming the one that does not.
+        """
+        for name in ARRAYS:
+            if not np.isfinite(real_array(name, getattr(self, name))).all():
+                raise ValueError(f"{name}: must be finite")
+        _check_shapes(*(np.shape(getattr(self, name)) for name in ARRAYS))
+
+    @property
+    def size(self) -> int:
+        """Length of an observation."""
+        return int(self.lstm_input.shape[1])
+
+    @property
+    def inputs(self) -> int:
+        """How many numbers the network behind it sees."""
+        return int(self.lstm_memory.shape[1])
+
+    def begin(self, observations: Array) -> tuple[Array, Memory]:
+        """See `Front`; the memory of an arm whose episode begins is 0."""
+        nothing = np.zeros((len(observations), self.inputs), dtype=np.float32)
+        return self.go_on(observations, (nothing, nothing))
+
+    def go_on(self, observations: Array, memory: Memory) -> tuple[Array, Memory]:
+        """See `Front`; the memory is what came out before, and the cells."""
+        before, cells = (part.astype(np.float32, copy=False) for part in memory)
+        sums = observations @ self.lstm_input.T + before @ self.lstm_memory.T + self.lstm_bias
+        let_in, keep, new, let_out = np.split(sums, 4, axis=1)
+        cells = _sigmoid(keep) * cells + _sigmoid(let_in) * np.tanh(new)
+        out = _sigmoid(let_out) * np.tanh(cells)
+        return out.copy(), (out, cells)
+
+    def head(self) -> dict[str, Any]:
+        """Return the plain part of what a file keeps: nothing."""
+        return {}
+
+    def arrays(self) -> dict[str, Array]:
+        """Return the arrays that a file keeps."""
+        return {name: getattr(self, name) for name in ARRAYS}
+
+    @staticmethod
+    def check_file(head: Mapping[str, Any], entries: Mapping[str, archive.Entry]) -> None:
+        """Refuse what is no such layer, before it is read."""
+        _check_shapes(*(entries[name].shape for name in ARRAYS))
+
+    @classmethod
+    def from_file(cls, head: Mapping[str, Any], arrays: Mapping[str, Array]) -> Self:
+        """Make the layer."""
+        return cls(**{name: arrays[name] for name in ARRAYS})
+
+
+def _sigmoid(x: Array) -> Array:
+    return np.float32(0.5) + np.float32(0.5) * np.tanh(np.float32(0.5) * x)
+
+
+def _check_shapes(given: tuple[int, ...], memory: tuple[int, ...], bias: tuple[int, ...]) -> None:
+    if len(given) != 2 or len(memory) != 2 or 0 in (*given, *memory):
+        raise ValueError(f"lstm_input, lstm_memory: must have shapes (4 h, k) and (4 h, h), got {given} and {memory}")
+    rows = 4 * memory[1]
+    if (given[0], memory[0], bias) != (rows, rows, (rows,)):
+        raise ValueError(
+            f"lstm_input, lstm_memory, lstm_bias: must have shapes (4 h, k), (4 h, h) and (4 h,), got {given}, "
+            f"{memory} and {bias}"
+        )

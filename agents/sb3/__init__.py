@@ -1,0 +1,1 @@
+"""What connects the arms and the policies with stable-baselines3."""

@@ -1,0 +1,1 @@
+"""Training by reward: its configuration, its folder, its checkpoints."""

@@ -1,0 +1,143 @@
+"""`RunFolder`: what lies where in the folder of a training, written so that files are complete or absent."""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, TypeVar
+
+from flexarm_agents.files import is_unfinished, put, write_json
+from flexarm_agents.training.config import RunConfig
+from flexarm_env.validation import short
+
+_FORMAT = 1
+Config = TypeVar("Config", bound=RunConfig)
+
+
+class RunFolder:
+    """A training's folder.
+
+    Attributes:
+        path: path of the folder.
+        config: `config.json`, the configuration.
+        versions: `versions.json`, of Python, the libraries and the code that began the training.
+        evaluations: `evaluations.csv`, a row for each evaluation, with the worst of its laps of either kind;
+            `evaluations.json` holds the same.
+        best: `best_policy.npz`, the policy of the best evaluation, for `load_policy`.
+        best_model: `best_model.zip`, the same as a stable-baselines3 model.
+        last: `last_policy.npz`, the policy at the end.
+        initial: `initial_policy.npz`, the policy whose network the training began with, if there is one.
+        checkpoint: `checkpoint.zip`, from which the training resumes.
+        logs: `tensorboard/`.
+    """
+
+    def __init__(self, path: str | Path) -> None:
+        """Name the files; nothing is read or written.
+
+        Args:
+            path: path of the folder.
+        """
+        self.path = Path(path)
+        self.config, self.evaluations = self.path / "config.json", self.path / "evaluations.csv"
+        self.best, self.best_model = self.path / "best_policy.npz", self.path / "best_model.zip"
+        self.last, self.checkpoint = self.path / "last_policy.npz", self.path / "checkpoint.zip"
+        self.initial = self.path / "initial_policy.npz"
+        self.logs, self.versions = self.path / "tensorboard", self.path / "versions.json"
+
+    def begin(self, config: RunConfig, versions: Mapping[str, str]) -> None:
+        """Make the folder for a new training.
+
+        Args:
+            config: the configuration.
+            versions: see the class.
+
+        Raises:
+            FileExistsError: if there is something already.
+        """
+        if self.path.exists() and (
+            not self.path.is_dir() or any(not is_unfinished(one) for one in self.path.iterdir())
+        ):
+            raise FileExistsError(
+                f"folder = {self.path}: exists and is not empty; resume that training, remove it, or name another"
+            )
+        self.path.mkdir(parents=True, exist_ok=True)
+        write_json(self.config, {"format": _FORMAT, **config.plain()})
+        write_json(self.versions, dict(versions))
+
+    @contextmanager
+    def named(self) -> Iterator[None]:
+        """Within `with`, an error of the system that names no file, as that of a full disk, names the folder."""
+        try:
+            yield
+        except OSError as error:
+            if error.errno is None or error.filename is not None:
+                raise
+            raise OSError(error.errno, error.strerror, str(self.path)) from error
+
+    def enter(self, config: RunConfig, versions: Mapping[str, str], resume: bool) -> None:
+        """Begin a training in the folder, or check that the one in it may go on.
+
+        Args:
+            config: its configuration.
+            versions: see `begin`.
+            resume: go on.
+
+        Raises:
+            FileExistsError: see `begin`.
+            FileNotFoundError, ValueError: see `read_config`, and if it has another configuration.
+        """
+        if resume:
+            config.check_same(self.read_config(type(config)), self.path)
+        else:
+            with self.named():
+                self.begin(config, versions)
+
+    def read_config(self, kind: type[Config]) -> Config:
+        """Read the configuration of the training in the folder.
+
+        Args:
+            kind: class of the configuration.
+
+        Raises:
+            FileNotFoundError: if there is no training.
+            ValueError: if its configuration cannot be read.
+        """
+        if not self.config.is_file():
+            raise FileNotFoundError(f"folder = {self.path}: holds no {self.config.name}, so there is no training in it")
+        try:
+            values = json.loads(self.config.read_text())
+            if values.pop("format") != _FORMAT:
+                raise ValueError(f"this version reads format {_FORMAT}")
+            return kind.of(values)
+        except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
+            raise ValueError(f"{self.config}: not a training's configuration ({short(str(error))})") from error
+
+    def write_evaluations(self, rows: list[dict[str, Any]]) -> None:
+        """Write all evaluations, as CSV and as JSON."""
+        write_json(self.evaluations.with_suffix(".json"), rows)
+        flat = [_flat(row) for row in rows]
+
+        def write(aside: Path) -> None:
+            with aside.open("w", newline="") as file:
+                writer = csv.DictWriter(file, list(flat[0]))
+                writer.writeheader()
+                writer.writerows(flat)
+
+        put(self.evaluations, write)
+
+
+def _flat(row: dict[str, Any]) -> dict[str, Any]:
+    """Give each figure of each lap a column, and pairs two, of shoulder and elbow or of the links."""
+    flat: dict[str, Any] = {}
+    for name, value in row.items():
+        if isinstance(value, dict):
+            flat |= {f"{name}_{figure}": number for figure, number in _flat(value).items()}
+        elif name in ("torque_change", "peak_deflection", "peak_torque"):
+            first, second = (None, None) if value is None else value
+            flat[f"{name}_1"], flat[f"{name}_2"] = first, second
+        else:
+            flat[name] = value
+    return flat

@@ -1,0 +1,83 @@
+"""What a training begins with: a policy that is there already, and lessons that differ from what is judged."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from flexarm_agents.environments import make_one
+from flexarm_agents.policies.encoders import readings_history
+from flexarm_agents.policies.load import load_policy
+from flexarm_agents.policies.network import NetworkPolicy
+from flexarm_agents.training.config import RunConfig, TrainingConfig
+from flexarm_agents.training.run_folder import RunFolder
+from flexarm_env.envs.single import FlexArmEnv
+from flexarm_env.validation import shown
+
+
+def check_lessons(config: RunConfig, lesson_options: Mapping[str, Any]) -> None:
+    """Check that an agent observes and does in its lessons what it observes and does where it is judged.
+
+    Args:
+        config: of the training.
+        lesson_options: options in which the lessons differ.
+
+    Raises:
+        ValueError: if these change the observation or the action.
+    """
+    if lesson_options and not _alike(config.environment, config.options, config.options | dict(lesson_options)):
+        raise ValueError(
+            f"lesson_options = {shown(lesson_options)}: must leave observation and action of the environment as "
+            "they are"
+        )
+
+
+def initial_policy(config: TrainingConfig, run: RunFolder) -> NetworkPolicy | None:
+    """Load the policy whose network a training begins with; None: the network begins untrained.
+
+    Args:
+        config: of the training.
+        run: its folder; a training that was begun there has its own copy of the policy.
+
+    Raises:
+        FileNotFoundError: if there is no such policy.
+        ValueError: if it is not one, or its network does not fit the configuration, naming what differs.
+    """
+    if config.initial_policy is None:
+        return None
+    trained = load_policy(run.initial if run.initial.is_file() else config.initial_policy)
+    name, policy = f"initial_policy = {shown(config.initial_policy)}", trained.policy
+    if type(policy) is not NetworkPolicy:
+        raise ValueError(f"{name}: must be a fully connected network, as PPO and teaching make it")
+    if not _alike(config.environment, config.options, trained.options, trained.environment):
+        raise ValueError(f"{name}: was trained on {trained.environment} with another observation or action")
+    env = _env(config.environment, config.options)
+    wanted = {
+        "hidden": (tuple(len(bias) for bias in policy.biases[:-1]), config.hidden),
+        "activation": (policy.activation, config.activation),
+        "lags": (policy.history, readings_history(config.lags, env.observation_blocks)),
+    }
+    env.close()
+    for field, (theirs, own) in wanted.items():
+        if theirs != own:
+            raise ValueError(f"{name}: its {field} must be {getattr(config, field)!r}, got {theirs!r}")
+    return policy
+
+
+def _alike(environment: str, options: Mapping[str, Any], others: Mapping[str, Any], another: str | None = None) -> bool:
+    """Return whether observations and actions mean the same with other options, or in another environment."""
+    pair = (_env(environment, options), _env(another or environment, others))
+    names = ("frame", "previews", "action_mode", "action_limit")
+    one, other = ([env.observation_blocks, *(getattr(env.settings, name) for name in names)] for env in pair)
+    scale, another_scale = (env.observation_scale for env in pair)
+    for env in pair:
+        env.close()
+    return one == other and np.array_equal(scale, another_scale)
+
+
+def _env(environment: str, options: Mapping[str, Any]) -> FlexArmEnv:
+    env = make_one(environment, options).unwrapped
+    assert isinstance(env, FlexArmEnv)
+    return env

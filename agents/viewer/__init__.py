@@ -1,0 +1,1 @@
+"""An arm in a window or in a film."""
