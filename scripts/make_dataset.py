@@ -22,7 +22,7 @@ from tqdm import tqdm
 
 from flexarm_agents import shipped_policies
 from flexarm_agents.environments import make_one
-from flexarm_agents.evaluation.candidates import ENVIRONMENT, Contender, from_controller, from_training
+from flexarm_agents.evaluation.candidates import ENVIRONMENT, Candidate, from_controller, from_training
 from flexarm_baselines.registry import controller_names
 from flexarm_env import end_reason
 from flexarm_env.envs.single import FlexArmEnv
@@ -87,7 +87,7 @@ def dataset_id(name: str, delay: float) -> str:
     return f"flexarm/square/{name.replace('_', '-')}-{1e3 * delay:.0f}ms-v0"
 
 
-def contender(name: str, options: dict[str, Any]) -> Contender:
+def contender(name: str, options: dict[str, Any]) -> Candidate:
     """Make a contender with its environment.
 
     Args:
@@ -99,13 +99,13 @@ def contender(name: str, options: dict[str, Any]) -> Contender:
     """
     if name == RANDOM:
         env = make_one(ENVIRONMENT, options)
-        return Contender(name, lambda observation: env.action_space.sample(), env, ENVIRONMENT, options)
+        return Candidate(name, lambda observation: env.action_space.sample(), env, ENVIRONMENT, options)
     if name in controller_names():
         return from_controller(name, ENVIRONMENT, options)
     return from_training(name, options, None)
 
 
-def recorded(one: Contender, seed: int, lap: str) -> Episode:
+def recorded(one: Candidate, seed: int, lap: str) -> Episode:
     """Run an episode.
 
     Args:
@@ -147,7 +147,7 @@ def recorded(one: Contender, seed: int, lap: str) -> Episode:
     return Episode(seed, options, *arrays, ended)
 
 
-def saved(folder: Path, name: str, one: Contender, episodes: list[Episode]) -> None:
+def saved(folder: Path, name: str, one: Candidate, episodes: list[Episode]) -> None:
     """Write a data set aside, and put it in the place of one of the same id when it is complete.
 
     Args:

@@ -75,11 +75,11 @@ def run_points(row: Row, points: Sequence[Point]) -> list[dict[str, Any]]:
     results: list[dict[str, Any]] = [{} for _ in points]
     batches: dict[str, list[int]] = {}
     settings: dict[int, Settings] = {}
-    row.contender()  # else it is no row
+    row.candidate()  # else it is no row
     for n, point in enumerate(points):
         try:
             settings[n] = Settings.of(point.environment_options(row.interface))
-            row.contender(point.task)
+            row.candidate(point.task)
             if TASKS[point.task].hosted:
                 _hosted(row, point).close()  # refuses what the other engine cannot do
         except (TypeError, ValueError) as error:
@@ -117,11 +117,11 @@ def shares(episodes: Sequence[int]) -> Iterator[list[int]]:
 def _run_some(row: Row, points: Sequence[Point], each: Sequence[Settings]) -> list[dict[str, Any]]:
     """Run points that fit into one batch: together, or each episode alone where arm or policy can no more."""
     task = TASKS[points[0].task]
-    contender = row.contender(points[0].task)
-    nominal = contender.env.unwrapped
+    candidate = row.candidate(points[0].task)
+    nominal = candidate.env.unwrapped
     assert isinstance(nominal, SimulatorView)
     if row.batched and not task.hosted:
-        predict = predictor(contender.policy, deterministic=True)
+        predict = predictor(candidate.policy, deterministic=True)
         counts = [len(point.episodes) for point in points]
         ends = np.cumsum(counts).tolist()
         calls = [_Call(slice(end - count, end), predict, False) for end, count in zip(ends, counts, strict=True)]
@@ -139,9 +139,9 @@ def _one_by_one(row: Row, points: Sequence[Point], each: Sequence[Settings]) -> 
     """Run every episode of some points of one task alone."""
     results: list[dict[str, Any]] = []
     for point, one in zip(points, each, strict=True):
-        task, contender = TASKS[point.task], row.contender(point.task, fresh=not row.batched)
-        nominal: Any = contender.env.unwrapped
-        calls = [_Call(slice(0, 1), predictor(contender.policy, deterministic=True), not row.batched)]
+        task, candidate = TASKS[point.task], row.candidate(point.task, fresh=not row.batched)
+        nominal: Any = candidate.env.unwrapped
+        calls = [_Call(slice(0, 1), predictor(candidate.policy, deterministic=True), not row.batched)]
         made = []
         for episode in point.episodes:
             env: Any = _hosted(row, point) if task.hosted else _batch([one])

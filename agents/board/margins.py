@@ -27,16 +27,16 @@ def delay_margins(row: Row) -> Mapping[str, float] | None:
     Returns:
         "least" and "most"; None for a row whose loop is not linear, or does not contain the sensor.
     """
-    contender = row.contender()
-    settings: Any = contender.env.unwrapped.settings  # type: ignore[attr-defined]
+    candidate = row.candidate()
+    settings: Any = candidate.env.unwrapped.settings  # type: ignore[attr-defined]
     assert isinstance(settings, Settings)
-    if not isinstance(contender.policy, IFDC) or settings.law_sensor != "sensor":
+    if not isinstance(candidate.policy, IFDC) or settings.law_sensor != "sensor":
         return None
     path = square(SquareParameters())
     places = path.position(np.linspace(0.0, path.lap_time / 8.0, PLACES))
     # the axis has one delay for both joints
     sensor = replace(settings.sensor_parameters, delay=max(settings.sensor_delays))
-    gain = contender.policy.gain
+    gain = candidate.policy.gain
     loops = [law_loop(settings.flexible_arm, place, sensor, gain) for place in places]
     found = [delay_margin(loop).delay for loop in loops]
     return {"least": min(found), "most": max(found)}

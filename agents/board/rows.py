@@ -15,7 +15,7 @@ import gymnasium
 from flexarm_agents.board.terms import SQUARE, TASKS, interface_of, nominal_options, row_options
 from flexarm_agents.code_version import code_version, file_hash
 from flexarm_agents.environments import INTERFACE, check_id, make_one, settings_of
-from flexarm_agents.evaluation.candidates import WITHOUT, Contender, imported, loaded_model, made_for
+from flexarm_agents.evaluation.candidates import WITHOUT, Candidate, imported, loaded_model, made_for
 from flexarm_agents.policies.load import check_fits, load_policy, policy_file
 from flexarm_agents.policies.network import NetworkPolicy
 from flexarm_baselines.controller import TorqueController
@@ -77,7 +77,7 @@ class Row:
         """The row's own options of its environments."""
         return _recipe(_text(self)).interface
 
-    def contender(self, task: str = "square", fresh: bool = False) -> Contender:
+    def candidate(self, task: str = "square", fresh: bool = False) -> Candidate:
         """Return the policy with its nominal environment on a task.
 
         Args:
@@ -87,10 +87,10 @@ class Row:
         Raises:
             TypeError, ValueError: if the policy cannot do this task, or is none.
         """
-        make = _contender.__wrapped__ if fresh else _contender
+        make = _candidate.__wrapped__ if fresh else _candidate
         return make(_text(self), task)
 
-    def on(self, environment: str, options: Mapping[str, Any]) -> Contender:
+    def on(self, environment: str, options: Mapping[str, Any]) -> Candidate:
         """Return the policy with any environment, both made anew.
 
         Args:
@@ -103,18 +103,18 @@ class Row:
         recipe = _recipe(_text(self))
         whole = {**row_options(recipe.interface), **options}
         env = make_one(environment, whole)
-        return Contender(self.source, recipe.make(env), env, environment, whole, recipe.config, dict(options))
+        return Candidate(self.source, recipe.make(env), env, environment, whole, recipe.config, dict(options))
 
     @property
     def batched(self) -> bool:
         """Whether one call may choose the actions of several episodes, with all memory in `state`."""
-        policy = self.contender().policy
+        policy = self.candidate().policy
         return bool(getattr(policy, "batched", self.algorithm is not None or isinstance(policy, _BATCHED)))
 
     @property
     def fingerprint(self) -> dict[str, str]:
         """What the policy is, to the last bit of its data, and the hash of the code that it runs."""
-        policy, recipe = self.contender().policy, _recipe(_text(self))
+        policy, recipe = self.candidate().policy, _recipe(_text(self))
         named = [Path(file) for file in getattr(policy, "files", ())]
         files = {path.name: file_hash(path) for path in [*recipe.files, *named]}
         return {**recipe.label, **files, "code": code_version([*recipe.modules, *_modules(policy)])}
@@ -147,12 +147,12 @@ def _text(row: Row) -> str:
 
 
 @lru_cache(maxsize=64)
-def _contender(text: str, task: str) -> Contender:
+def _candidate(text: str, task: str) -> Candidate:
     row, recipe, one = Row(**json.loads(text)), _recipe(text), TASKS[task]
     options = nominal_options(recipe.interface, task)
     environment = SQUARE if one.hosted else one.environment
     env = make_one(environment, options)
-    return Contender(row.name, recipe.make(env), env, environment, options)
+    return Candidate(row.name, recipe.make(env), env, environment, options)
 
 
 def _modules(policy: Any) -> list[str]:

@@ -150,13 +150,13 @@ def row_summary(row: Row, columns: Mapping[str, Column], results: Results) -> di
         columns: on what, by name.
         results: of the cells of these columns, as the store has them.
     """
-    contender = row.contender()
+    candidate = row.candidate()
     found: dict[str, Any] = {
         "name": row.name,
         "source": row.source,
-        "action": contender.env.unwrapped.settings.action_mode,  # type: ignore[attr-defined]
-        "reads": list(contender.reads),
-        "privileged": contender.privileged,
+        "action": candidate.env.unwrapped.settings.action_mode,  # type: ignore[attr-defined]
+        "reads": list(candidate.reads),
+        "privileged": candidate.privileged,
         "columns": {},
     }
     for name, column in columns.items():

@@ -17,7 +17,7 @@ from flexarm_agents.commands.sources import POLICY, add_environment, check_envir
 from flexarm_agents.commands.sweep import sweep
 from flexarm_agents.commands.watching import Watched, episode_steps
 from flexarm_agents.environments import check_id, make_one
-from flexarm_agents.evaluation.candidates import ENVIRONMENT, Contender, changed, plant_of
+from flexarm_agents.evaluation.candidates import ENVIRONMENT, Candidate, changed, plant_of
 from flexarm_agents.evaluation.scoring import StandardScore, evaluate, rank
 from flexarm_agents.evaluation.seed_statistics import Spread
 from flexarm_agents.files import check_place, write_json
@@ -35,14 +35,14 @@ last (the leaderboard ranks by the error on unknown arms)."""
 
 
 class Result(NamedTuple):
-    """A contender without its environment, and what its laps gave."""
+    """A candidate without its environment, and what its laps gave."""
 
-    contender: Contender
+    candidate: Candidate
     scores: list[StandardScore]
 
     def plain(self, seed: int) -> dict[str, Any]:
         """Return plain values for a file."""
-        one = self.contender
+        one = self.candidate
         about: dict[str, Any] = {"name": one.name, "reads": one.reads, "privileged": one.privileged}
         about |= {
             "environment": one.environment,
@@ -75,26 +75,26 @@ def run(arguments: Sequence[str]) -> None:
 def _scored(given: argparse.Namespace) -> dict[str, Any]:
     """Score the policies, print their tables, and return plain values for a file."""
     laps, seed = integer("laps", given.laps, 1), integer("seed", given.seed, 0)
-    contenders = list(_contenders(given))  # all of them before the first lap, so that a bad name is refused at once
-    if not contenders:
+    candidates = list(_candidates(given))  # all of them before the first lap, so that a bad name is refused at once
+    if not candidates:
         raise ValueError("policies: nothing to score; name one, or leave --baselines or --shipped on")
     results = []
-    for contender in contenders:
-        scores = _scores(contender, laps, seed)
-        results.append(Result(contender, scores))
+    for candidate in candidates:
+        scores = _scores(candidate, laps, seed)
+        results.append(Result(candidate, scores))
         told = (
             str(scores[0])
             if laps == 1
             else f"both laps complete with {sum(s.complete for s in scores)} of {laps} seeds"
         )
-        print(f"{contender.name}: {told}", file=sys.stderr, flush=True)
+        print(f"{candidate.name}: {told}", file=sys.stderr, flush=True)
     results.sort(key=lambda result: rank(result.scores))
     plants: dict[str, list[Result]] = {}
     for each in results:
-        plants.setdefault(_plant(each.contender.environment, each.contender.plant), []).append(each)
+        plants.setdefault(_plant(each.candidate.environment, each.candidate.plant), []).append(each)
     print(legend(laps))
     for plant in sorted(plants, key=len):  # the nominal one has the shortest name
-        print(f"\n{lap_table(plant, [(each.contender.name, each.scores) for each in plants[plant]])}")
+        print(f"\n{lap_table(plant, [(each.candidate.name, each.scores) for each in plants[plant]])}")
     groups = _groups(results) if given.pool else []
     if groups:
         print(f"\n{group_table([(', '.join(group.names), group.spreads) for group in groups])}")
@@ -114,7 +114,7 @@ def _tell_own(results: Sequence[Result]) -> None:
     """Name the policies that were trained on another plant than the nominal one, on which they are scored."""
     others = []
     for each in results:
-        one = each.contender
+        one = each.candidate
         if one.config is not None:
             own = _plant(one.config["environment"], plant_of(one.config["options"]))
             if own != _plant(one.environment, one.plant):
@@ -123,15 +123,15 @@ def _tell_own(results: Sequence[Result]) -> None:
         print(f"\nTrained elsewhere, where --own scores them: {'; '.join(others)}")
 
 
-def _scores(contender: Contender, laps: int, seed: int) -> list[StandardScore]:
+def _scores(candidate: Candidate, laps: int, seed: int) -> list[StandardScore]:
     try:
-        with Progress(laps * len(LAPS) * episode_steps(contender.env), "steps") as tick:
-            env = Watched(contender.env, tick)
-            return [evaluate(env, contender.policy, seed + n) for n in range(laps)]
+        with Progress(laps * len(LAPS) * episode_steps(candidate.env), "steps") as tick:
+            env = Watched(candidate.env, tick)
+            return [evaluate(env, candidate.policy, seed + n) for n in range(laps)]
     except (TypeError, ValueError) as error:
-        raise ValueError(f"{contender.name}: {error}") from error
+        raise ValueError(f"{candidate.name}: {error}") from error
     finally:
-        contender.env.close()
+        candidate.env.close()
 
 
 def _read(arguments: Sequence[str]) -> argparse.Namespace:
@@ -167,7 +167,7 @@ def _read(arguments: Sequence[str]) -> argparse.Namespace:
     return given
 
 
-def _contenders(given: argparse.Namespace) -> Iterator[Contender]:
+def _candidates(given: argparse.Namespace) -> Iterator[Candidate]:
     """Yield everything that the command line names."""
     names = [*PAPER] if given.baselines else []
     for name in dict.fromkeys((*names, *(shipped_policies() if given.shipped else ()), *given.policies)):  # each once
@@ -177,15 +177,15 @@ def _contenders(given: argparse.Namespace) -> Iterator[Contender]:
         for name, spread in (("no torque", 0.0), ("random torque", 1.0)):
             env = make_one(environment, options)
             policy = ConstantPolicy(2, spread, given.seed)
-            yield Contender(name, policy, env, environment, options, plant=plant_of(options))
+            yield Candidate(name, policy, env, environment, options, plant=plant_of(options))
 
 
 def _groups(results: Sequence[Result]) -> list[Group]:
     """Group the results of each setting that was trained with several seeds."""
     members: dict[str, list[Result]] = {}
     for each in results:
-        if each.contender.config is not None:
-            setting = {name: value for name, value in each.contender.config.items() if name != "seed"}
+        if each.candidate.config is not None:
+            setting = {name: value for name, value in each.candidate.config.items() if name != "seed"}
             members.setdefault(json.dumps(setting, sort_keys=True), []).append(each)
     groups = []
     for found in members.values():
@@ -195,7 +195,7 @@ def _groups(results: Sequence[Result]) -> list[Group]:
                 lap: {name: Spread.of(one[lap][name].median for one in each_spreads) for name in figures}
                 for lap, figures in each_spreads[0].items()
             }
-            groups.append(Group([each.contender.name for each in found], spreads))
+            groups.append(Group([each.candidate.name for each in found], spreads))
     return groups
 
 

@@ -12,7 +12,7 @@ from flexarm_agents.commands.progress import Progress
 from flexarm_agents.commands.replay import add_film, check_film, play
 from flexarm_agents.commands.sources import POLICY, add_environment, check_environment, from_source
 from flexarm_agents.commands.watching import Watched, episode_steps
-from flexarm_agents.evaluation.candidates import ENVIRONMENT, Contender
+from flexarm_agents.evaluation.candidates import ENVIRONMENT, Candidate
 from flexarm_agents.files import check_place
 from flexarm_agents.viewer.film import SENSOR, check_pictures
 from flexarm_env.laps import LAPS
@@ -44,14 +44,14 @@ def run(arguments: Sequence[str]) -> None:
     if given.save is not None:
         check_place("save", given.save)
     check_film(given)
-    contender = from_source(given.policy, given, own=True)
+    candidate = from_source(given.policy, given, own=True)
     try:
-        steps = episode_steps(contender.env)
-        check_pictures(given.fps, given.speed, steps * contender.env.unwrapped.control_period)  # type: ignore[attr-defined]
+        steps = episode_steps(candidate.env)
+        check_pictures(given.fps, given.speed, steps * candidate.env.unwrapped.control_period)  # type: ignore[attr-defined]
         with Progress(steps, "steps") as tick:
-            played = episode(contender._replace(env=Watched(contender.env, tick)), given)
+            played = episode(candidate._replace(env=Watched(candidate.env, tick)), given)
     finally:
-        contender.env.close()
+        candidate.env.close()
     ended = played.notes["ended"]
     end = "complete" if ended == "truncated" else f"ended by {ended} at {played.time[-1]:.2f} s"
     print(f"{given.policy}: {given.lap} lap, {end}")
@@ -61,10 +61,10 @@ def run(arguments: Sequence[str]) -> None:
     play(played, given)
 
 
-def episode(contender: Contender, given: argparse.Namespace) -> Trajectory:
+def episode(candidate: Candidate, given: argparse.Namespace) -> Trajectory:
     """Run an episode as the arguments say; its notes say of what it is."""
     start: dict[str, object] = {"options": {}} if given.lap == OWN else {"lap": given.lap}
-    found = run_policy(contender.env, contender.policy, seed=given.seed, **start)  # type: ignore[arg-type]
-    place = contender.env.unwrapped.settings.sensor_position  # type: ignore[attr-defined]
-    about = {"policy": given.policy, "environment": contender.environment, "lap": given.lap, SENSOR: place}
+    found = run_policy(candidate.env, candidate.policy, seed=given.seed, **start)  # type: ignore[arg-type]
+    place = candidate.env.unwrapped.settings.sensor_position  # type: ignore[attr-defined]
+    about = {"policy": given.policy, "environment": candidate.environment, "lap": given.lap, SENSOR: place}
     return replace(found, notes=found.notes | about)

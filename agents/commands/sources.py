@@ -16,7 +16,7 @@ from flexarm_agents.environments import check_id
 from flexarm_agents.evaluation.candidates import (
     ENVIRONMENT,
     WITHOUT,
-    Contender,
+    Candidate,
     Options,
     changed,
     from_training,
@@ -80,7 +80,7 @@ def _is_training(source: str) -> bool:
     return not (_is_model(source) or _is_attribute(source) or source in controller_names())
 
 
-def from_source(source: str, given: argparse.Namespace, own: bool) -> Contender:
+def from_source(source: str, given: argparse.Namespace, own: bool) -> Candidate:
     """Make what POLICY names, with its environment.
 
     Args:

@@ -1,4 +1,4 @@
-"""`Contender`: what is scored, by whatever name it is given: a trained policy, one's own class or function, a model."""
+"""`Candidate`: what is scored, by whatever name it is given: a trained policy, one's own class or function, a model."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ WITHOUT = "none"  # in the place of a file of statistics
 STATISTICS = ("*vec*normalize*.pkl", "*/vecnormalize.pkl")  # where trainings leave them, beside a model
 
 
-class Contender(NamedTuple):
+class Candidate(NamedTuple):
     """A policy and the environment that it is scored on.
 
     Attributes:
@@ -102,7 +102,7 @@ def changed(own: Options, options: Options, arm: str | None) -> dict[str, Any]:
     return {**own, **options, **({} if arm is None else {"arm": arm})}
 
 
-def from_training(source: str, options: Options, arm: str | None) -> Contender:
+def from_training(source: str, options: Options, arm: str | None) -> Candidate:
     """Load a trained policy, with its own environment.
 
     Args:
@@ -117,7 +117,7 @@ def from_training(source: str, options: Options, arm: str | None) -> Contender:
     whole = changed(trained.options, options, arm)
     config = trained.notes["config"]
     env, plant = trained.make_env(**whole), plant_of(whole)
-    return Contender(source, trained.policy, env, trained.environment, whole, config, plant)
+    return Candidate(source, trained.policy, env, trained.environment, whole, config, plant)
 
 
 def plant_of(options: Options) -> dict[str, Any]:
@@ -125,7 +125,7 @@ def plant_of(options: Options) -> dict[str, Any]:
     return {name: value for name, value in options.items() if name not in INTERFACE}
 
 
-def from_controller(name: str, environment: str, options: Options, **design: Any) -> Contender:
+def from_controller(name: str, environment: str, options: Options, **design: Any) -> Candidate:
     """Make a controller of the registry, with the options that it needs.
 
     Args:
@@ -140,7 +140,7 @@ def from_controller(name: str, environment: str, options: Options, **design: Any
     entry = controller(name)
     whole = changed(entry.options, options, None)
     env = make_one(environment, whole)
-    return Contender(name, entry.make(env, **design), env, check_id(environment), whole)
+    return Candidate(name, entry.make(env, **design), env, check_id(environment), whole)
 
 
 def made_for(env: gymnasium.Env[Any, Any], found: Any, source: str) -> Any:

@@ -1,4 +1,4 @@
-"""`FrontedPolicy`: a network behind a memory or an observer, run by numpy alone."""
+"""`EncodedPolicy`: a network behind a memory or an observer, run by numpy alone."""
 
 from __future__ import annotations
 
@@ -19,49 +19,52 @@ from flexarm_baselines.policy import checked_observation
 from flexarm_env.simulation import archive
 
 FORMAT = 1
-FRONTS: dict[str, type[Lstm] | type[Observer]] = {ARRAYS[0]: Lstm, ARRAY: Observer}  # by an array that only these have
+ENCODERS: dict[str, type[Lstm] | type[Observer]] = {
+    ARRAYS[0]: Lstm,
+    ARRAY: Observer,
+}  # by an array that only these have
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class FrontedPolicy(NetworkPolicy):
-    """A `NetworkPolicy` whose inputs a front makes of the observations; the state of `predict` is the front's memory.
+class EncodedPolicy(NetworkPolicy):
+    """A `NetworkPolicy` behind an encoder of the observations; the state of `predict` is the encoder's memory.
 
     Attributes:
-        front: the memory or the observer.
+        encoder: the memory or the observer.
         batched: one call may choose the actions of several arms.
     """
 
-    front: Lstm | Observer | None = None
+    encoder: Lstm | Observer | None = None
     batched: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
-        """Check that front and network fit together.
+        """Check that encoder and network fit together.
 
         Raises:
             TypeError, ValueError: if they do not.
         """
         super().__post_init__()
-        if not isinstance(self.front, Lstm | Observer):
-            raise TypeError(f"front = {self.front!r}: must be an Lstm or an Observer")
+        if not isinstance(self.encoder, Lstm | Observer):
+            raise TypeError(f"encoder = {self.encoder!r}: must be an Lstm or an Observer")
         inputs = int(self.weights[0].shape[1])
-        if self.history.size or self.front.inputs != inputs:
-            raise ValueError(f"front: gives {self.front.inputs} numbers, and the network takes {inputs}")
+        if self.history.size or self.encoder.inputs != inputs:
+            raise ValueError(f"encoder: gives {self.encoder.inputs} numbers, and the network takes {inputs}")
         network = NetworkPolicy(self.weights, self.biases, self.log_std, self.activation)
         object.__setattr__(self, "_network", network)
 
     def _seen(self) -> str:
-        return f"{self.observation_size} -> {self.front} -> "
+        return f"{self.observation_size} -> {self.encoder} -> "
 
     @property
     def knows(self) -> tuple[str, ...]:
         """What it was told of the arm beside the observation: an observer has the nominal one."""
-        return ("plant parameters",) if isinstance(self.front, Observer) else ()
+        return ("plant parameters",) if isinstance(self.encoder, Observer) else ()
 
     @property
     def observation_size(self) -> int:
         """Length of an observation."""
-        assert self.front is not None
-        return self.front.size
+        assert self.encoder is not None
+        return self.encoder.size
 
     def seed(self, seed: int) -> None:
         """Seed the policy's own randomness."""
@@ -80,30 +83,30 @@ class FrontedPolicy(NetworkPolicy):
             TypeError: the observation is a dict.
             ValueError: it has another shape, or the state is of another number of arms.
         """
-        assert self.front is not None
+        assert self.encoder is not None
         one = checked_observation(observation, self.observation_size)
         rows = np.atleast_2d(one).astype(np.float32, copy=False)
         if state is not None and any(len(part) != len(rows) for part in state):
             raise ValueError(f"state: must be what predict returned for as many observations, {len(rows)}")
         starting = np.zeros(len(rows), dtype=bool) if episode_start is None else np.asarray(episode_start, dtype=bool)
         if state is None:
-            inputs, memory = self.front.begin(rows)
+            inputs, memory = self.encoder.begin(rows)
         else:
-            inputs, memory = resumed(self.front, rows, state, starting)
+            inputs, memory = resumed(self.encoder, rows, state, starting)
         action, _ = self.__dict__["_network"].predict(inputs, deterministic=deterministic)
         return action.reshape(*one.shape[:-1], -1), memory
 
     def save(self, path: str | Path) -> None:
         """Write one npz file: arrays, and the rest as JSON text."""
-        assert self.front is not None
-        head = {"activation": self.activation, "layers": len(self.weights), "notes": self.notes, **self.front.head()}
+        assert self.encoder is not None
+        head = {"activation": self.activation, "layers": len(self.weights), "notes": self.notes, **self.encoder.head()}
         arrays = {f"weight_{n}": weight for n, weight in enumerate(self.weights)}
-        arrays |= {f"bias_{n}": bias for n, bias in enumerate(self.biases)} | self.front.arrays()
+        arrays |= {f"bias_{n}": bias for n, bias in enumerate(self.biases)} | self.encoder.arrays()
         archive.write(path, FORMAT, head, {"log_std": self.log_std, **arrays})
 
     @classmethod
     def _check_file(cls, head: dict[str, Any], entries: Mapping[str, archive.Entry]) -> None:
-        kind = _front_of(entries)
+        kind = _encoder_of(entries)
         own = ARRAYS if kind is Lstm else (ARRAY,)
         for name in own:
             if entries[name].dtype != np.float32:
@@ -112,19 +115,19 @@ class FrontedPolicy(NetworkPolicy):
         super()._check_file(head, {name: entry for name, entry in entries.items() if name not in own})
 
     @classmethod
-    def _from_file(cls, head: dict[str, Any], arrays: dict[str, Array]) -> FrontedPolicy:
+    def _from_file(cls, head: dict[str, Any], arrays: dict[str, Array]) -> EncodedPolicy:
         plain = NetworkPolicy._from_file(head, arrays)
-        front = _front_of(arrays).from_file(head, arrays)
-        return cls(plain.weights, plain.biases, plain.log_std, plain.activation, plain.notes, front=front)
+        encoder = _encoder_of(arrays).from_file(head, arrays)
+        return cls(plain.weights, plain.biases, plain.log_std, plain.activation, plain.notes, encoder=encoder)
 
 
-def _front_of(arrays: Mapping[str, Any]) -> type[Lstm] | type[Observer]:
-    """Return the kind of front whose arrays these are.
+def _encoder_of(arrays: Mapping[str, Any]) -> type[Lstm] | type[Observer]:
+    """Return the kind of encoder whose arrays these are.
 
     Raises:
         ValueError: if there is none.
     """
-    for name, kind in FRONTS.items():
+    for name, kind in ENCODERS.items():
         if name in arrays:
             return kind
     raise ValueError("there is neither a memory nor an observer")

@@ -1,4 +1,4 @@
-"""`Front`: what stands between observations and a network, and remembers from step to step; past readings as one."""
+"""`Encoder`: what stands between observations and a network, and remembers from step to step; past readings as one."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Memory = tuple[NDArray[Any], ...]  # each with a leading axis of n arms
 CLOCKED = ("reference_position", "reference_velocity", "previews", "lap_phase")
 
 
-class Front(Protocol):
+class Encoder(Protocol):
     """Turns the observations of n arms into a network's inputs."""
 
     @property
@@ -52,11 +52,11 @@ class Stacked:
         return self.size + self.history.size
 
     def begin(self, observations: Array) -> tuple[Array, Memory]:
-        """See `Front`; before the first observation it was always that one."""
+        """See `Encoder`; before the first observation it was always that one."""
         return self.go_on(observations, (self.history.begin(observations),))
 
     def go_on(self, observations: Array, memory: Memory) -> tuple[Array, Memory]:
-        """See `Front`."""
+        """See `Encoder`."""
         past = memory[0].astype(np.float32, copy=False)
         return self.history.inputs(observations, past), (self.history.advance(observations, past),)
 
@@ -74,20 +74,20 @@ def readings_history(lags: tuple[int, ...], blocks: Mapping[str, slice]) -> Hist
     return History(lags, tuple(sorted(read)))
 
 
-def resumed(front: Front, observations: Array, memory: Memory, starting: NDArray[np.bool_]) -> tuple[Array, Memory]:
+def resumed(encoder: Encoder, observations: Array, memory: Memory, starting: NDArray[np.bool_]) -> tuple[Array, Memory]:
     """Return inputs and memory where the episodes of some arms begin and those of the others go on.
 
     Args:
-        front: what reads.
+        encoder: what reads.
         observations: Shape (n, size).
         memory: of the same arms; that of starting ones counts for nothing.
         starting: which ones begin. Shape (n,).
     """
     if starting.all():
-        return front.begin(observations)
-    inputs, after = front.go_on(observations, memory)
+        return encoder.begin(observations)
+    inputs, after = encoder.go_on(observations, memory)
     if starting.any():
-        begun, fresh = front.begin(observations[starting])
+        begun, fresh = encoder.begin(observations[starting])
         inputs[starting] = begun
         for part, new in zip(after, fresh, strict=True):
             part[starting] = new

@@ -130,8 +130,8 @@ def load_policy(source: str | Path, last: bool = False) -> Trained:
 def _kind(file: Path) -> type[NetworkPolicy]:
     """Return the class whose policy a file holds, by the arrays that only its files have."""
     names = {name.removesuffix(".npy") for name in archive.names(file)}
-    if not names.isdisjoint(encoded.FRONTS):
-        return encoded.FrontedPolicy
+    if not names.isdisjoint(encoded.ENCODERS):
+        return encoded.EncodedPolicy
     return squashed.SquashedPolicy if squashed.ARRAY in names else NetworkPolicy
 
 

@@ -22,7 +22,7 @@ ARRAYS = ("lstm_input", "lstm_memory", "lstm_bias")
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Lstm:
-    """A layer of long short-term memory; a `fronts.Front`, whose inputs for the network are its outputs.
+    """A layer of long short-term memory; an `encoders.Encoder`, whose inputs for the network are its outputs.
 
     Attributes:
         lstm_input: weights of the observation. Shape (4 h, k).
@@ -60,12 +60,12 @@ class Lstm:
         return int(self.lstm_memory.shape[1])
 
     def begin(self, observations: Array) -> tuple[Array, Memory]:
-        """See `Front`; the memory of an arm whose episode begins is 0."""
+        """See `Encoder`; the memory of an arm whose episode begins is 0."""
         nothing = np.zeros((len(observations), self.inputs), dtype=np.float32)
         return self.go_on(observations, (nothing, nothing))
 
     def go_on(self, observations: Array, memory: Memory) -> tuple[Array, Memory]:
-        """See `Front`; the memory is what came out before, and the cells."""
+        """See `Encoder`; the memory is what came out before, and the cells."""
         before, cells = (part.astype(np.float32, copy=False) for part in memory)
         sums = observations @ self.lstm_input.T + before @ self.lstm_memory.T + self.lstm_bias
         let_in, keep, new, let_out = np.split(sums, 4, axis=1)

@@ -63,7 +63,7 @@ class Parts(NamedTuple):
 
 @dataclass(frozen=True)
 class Observer:
-    """A Kalman filter of the nominal arm; a `fronts.Front`.
+    """A Kalman filter of the nominal arm; an `encoders.Encoder`.
 
     The network sees the observation without `FILTERED`, then estimates of the tip's error and its rate, in the frame
     of the observation, of the modal coordinates and of their rates.
@@ -120,12 +120,12 @@ class Observer:
         return len(self.parts.seen) + len(self.parts.estimated)
 
     def begin(self, observations: Array) -> tuple[Array, Memory]:
-        """See `Front`; the links of an arm whose episode begins are thought to be straight."""
+        """See `Encoder`; the links of an arm whose episode begins are thought to be straight."""
         estimate = self._fresh(observations)
         return self._shown(observations, estimate), tuple(estimate)
 
     def go_on(self, observations: Array, memory: Memory) -> tuple[Array, Memory]:
-        """See `Front`; the memory is an `Estimate`. One that has run away begins anew."""
+        """See `Encoder`; the memory is an `Estimate`. One that has run away begins anew."""
         kalman, limit = self.parts.filter, np.asarray(self.parts.settings.motor_limit)
         torque = self._read(observations, "last_actions")[:, :2] * limit
         estimate = kalman.predict(Estimate(*memory), torque)

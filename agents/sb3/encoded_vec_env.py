@@ -1,4 +1,4 @@
-"""`FrontedVecEnv`: a batch for stable-baselines3 whose observations go through a `fronts.Front`."""
+"""`EncodedVecEnv`: a batch for stable-baselines3 whose observations go through an `encoders.Encoder`."""
 
 from __future__ import annotations
 
@@ -7,48 +7,48 @@ import numpy as np
 from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvStepReturn
 
-from flexarm_agents.policies.encoders import Front, Memory, resumed
+from flexarm_agents.policies.encoders import Encoder, Memory, resumed
 from flexarm_agents.policies.history import Array
 
 
-class FrontedVecEnv(VecEnvWrapper):
-    """Arms whose observations are a front's inputs for the network.
+class EncodedVecEnv(VecEnvWrapper):
+    """Arms whose observations are an encoder's inputs for the network.
 
     Attributes:
-        front: what makes them.
-        memory: of the front, after the last observations; none before the first.
+        encoder: what makes them.
+        memory: of the encoder, after the last observations; none before the first.
     """
 
-    def __init__(self, venv: VecEnv, front: Front) -> None:
-        """Put the front over a batch.
+    def __init__(self, venv: VecEnv, encoder: Encoder) -> None:
+        """Put the encoder over a batch.
 
         Args:
             venv: the batch.
-            front: for its observations.
+            encoder: for its observations.
         """
-        space = gymnasium.spaces.Box(-np.inf, np.inf, (front.inputs,), np.float32)
+        space = gymnasium.spaces.Box(-np.inf, np.inf, (encoder.inputs,), np.float32)
         super().__init__(venv, observation_space=space)
-        self.front = front
+        self.encoder = encoder
         self.memory: Memory = ()
 
     def reset(self) -> Array:
         """Begin an episode in every environment."""
         observations = self.venv.reset()
         assert isinstance(observations, np.ndarray)
-        inputs, self.memory = self.front.begin(observations)
+        inputs, self.memory = self.encoder.begin(observations)
         return inputs
 
     def step_wait(self) -> VecEnvStepReturn:
-        """Return what the step gave; also the last observation of an episode goes through the front."""
+        """Return what the step gave; also the last observation of an episode goes through the encoder."""
         observations, rewards, dones, infos = self.venv.step_wait()
         assert isinstance(observations, np.ndarray)
         if not dones.any():
-            inputs, self.memory = self.front.go_on(observations, self.memory)
+            inputs, self.memory = self.encoder.go_on(observations, self.memory)
             return inputs, rewards, dones, infos
         ended = np.flatnonzero(dones)
         before = tuple(part[ended] for part in self.memory)
-        last, _ = self.front.go_on(np.stack([infos[i]["terminal_observation"] for i in ended]), before)
+        last, _ = self.encoder.go_on(np.stack([infos[i]["terminal_observation"] for i in ended]), before)
         for i, one in zip(ended, last, strict=True):
             infos[i]["terminal_observation"] = one
-        inputs, self.memory = resumed(self.front, observations, self.memory, dones)
+        inputs, self.memory = resumed(self.encoder, observations, self.memory, dones)
         return inputs, rewards, dones, infos

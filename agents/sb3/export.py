@@ -9,14 +9,14 @@ import torch
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.vec_env import unwrap_vec_wrapper
 
-from flexarm_agents.policies.encoded import FrontedPolicy
-from flexarm_agents.policies.encoders import Front, Stacked
+from flexarm_agents.policies.encoded import EncodedPolicy
+from flexarm_agents.policies.encoders import Encoder, Stacked
 from flexarm_agents.policies.history import History
 from flexarm_agents.policies.lstm import Lstm
 from flexarm_agents.policies.network import NetworkPolicy
 from flexarm_agents.policies.observer import Observer
 from flexarm_agents.policies.squashed import SquashedPolicy
-from flexarm_agents.sb3.encoded_vec_env import FrontedVecEnv
+from flexarm_agents.sb3.encoded_vec_env import EncodedVecEnv
 from flexarm_agents.sb3.layers import MODULES, numbers, set_layers, weights_and_biases
 
 
@@ -25,7 +25,7 @@ def network_policy(model: BaseAlgorithm, notes: dict[str, Any] | None = None) ->
 
     Args:
         model: PPO, SAC or TQC with "MlpPolicy", or RecurrentPPO with "MlpLstmPolicy", on vectors; its environment may
-            be a `FrontedVecEnv`.
+            be a `EncodedVecEnv`.
         notes: to keep with it.
     """
     policy: Any = model.policy
@@ -50,10 +50,10 @@ def network_policy(model: BaseAlgorithm, notes: dict[str, Any] | None = None) ->
         "notes": kept,
     }
     memory = getattr(policy, "lstm_actor", None)
-    front = _front(model) if memory is None else _lstm(memory)
-    if isinstance(front, Lstm | Observer):
-        return FrontedPolicy(**common, front=front)
-    return NetworkPolicy(**common, history=front.history if isinstance(front, Stacked) else History())
+    encoder = _encoder(model) if memory is None else _lstm(memory)
+    if isinstance(encoder, Lstm | Observer):
+        return EncodedPolicy(**common, encoder=encoder)
+    return NetworkPolicy(**common, history=encoder.history if isinstance(encoder, Stacked) else History())
 
 
 def set_network(model: BaseAlgorithm, policy: NetworkPolicy) -> None:
@@ -70,11 +70,11 @@ def set_network(model: BaseAlgorithm, policy: NetworkPolicy) -> None:
     set_layers([*target.mlp_extractor.policy_net, target.action_net], policy)
 
 
-def _front(model: BaseAlgorithm) -> Front | None:
+def _encoder(model: BaseAlgorithm) -> Encoder | None:
     """Return what stands in front of a model's network."""
     env = model.get_env()
-    fronted = None if env is None else unwrap_vec_wrapper(env, FrontedVecEnv)
-    return None if fronted is None else fronted.front
+    encoded = None if env is None else unwrap_vec_wrapper(env, EncodedVecEnv)
+    return None if encoded is None else encoded.encoder
 
 
 def _lstm(layer: Any) -> Lstm:

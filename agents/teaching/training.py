@@ -24,7 +24,7 @@ from flexarm_agents.teaching.lessons import Lesson, give_lesson
 from flexarm_agents.teaching.student import Student
 from flexarm_agents.teaching.teacher import Teacher
 from flexarm_agents.training.checkpoint import read_parts, write_parts
-from flexarm_agents.training.evaluator import Found
+from flexarm_agents.training.evaluator import TrainingProgress
 from flexarm_agents.training.rounds import Rounds
 from flexarm_agents.training.run_folder import RunFolder
 from flexarm_agents.training.train import Outcome, one_thread
@@ -141,7 +141,7 @@ class _Teaching(Rounds):
         (content,) = read_parts(self.run.checkpoint, self.config, [_STATE])
         try:
             state = torch.load(io.BytesIO(content), weights_only=True)
-            self.found = Found(**state["found"])
+            self.found = TrainingProgress(**state["found"])
             for weights in state["students"][:-1]:
                 self.student.average.load_state_dict(weights)
                 self.lessons.append(self.lesson(self.student.policy()))

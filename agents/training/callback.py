@@ -1,4 +1,4 @@
-"""`Follow`: what is done between a training's rollouts: evaluation laps, the best policy, checkpoints, progress."""
+"""`TrainingCallback`: evaluation, the best policy, checkpoints and progress, between the rollouts of a training."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from flexarm_agents.training.models import end_lessons, hold_policy
 from flexarm_agents.training.run_folder import RunFolder
 
 
-class Follow(BaseCallback):
+class TrainingCallback(BaseCallback):
     """Callback of `train`."""
 
     model: BaseAlgorithm

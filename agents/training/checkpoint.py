@@ -19,10 +19,10 @@ from stable_baselines3.common.buffers import ReplayBuffer
 from stable_baselines3.common.vec_env import VecMonitor, unwrap_vec_wrapper
 
 from flexarm_agents.files import put
-from flexarm_agents.sb3.encoded_vec_env import FrontedVecEnv
+from flexarm_agents.sb3.encoded_vec_env import EncodedVecEnv
 from flexarm_agents.sb3.vec_env import FlexArmVecEnv
 from flexarm_agents.training.config import RunConfig, TrainingConfig
-from flexarm_agents.training.evaluator import Found
+from flexarm_agents.training.evaluator import TrainingProgress
 from flexarm_agents.training.models import batch_for, model_class
 from flexarm_env.kernels.stamp import LayoutError
 from flexarm_env.validation import short
@@ -32,7 +32,7 @@ _KEPT = ("observations", "next_observations", "actions", "rewards", "dones", "ti
 
 
 @dataclass(kw_only=True)
-class Progress(Found):
+class Progress(TrainingProgress):
     """What a training has found out so far, and when it evaluates and saves next.
 
     Attributes:
@@ -60,11 +60,11 @@ def save_checkpoint(
     assert isinstance(monitor, VecMonitor)
     batch = monitor.unwrapped
     assert isinstance(batch, FlexArmVecEnv)
-    fronted = unwrap_vec_wrapper(monitor, FrontedVecEnv)
+    encoded = unwrap_vec_wrapper(monitor, EncodedVecEnv)
     rest = {
         "progress": progress,
         "env": batch.env,
-        "front": () if fronted is None else fronted.memory,
+        "encoder": () if encoded is None else encoded.memory,
         "episodes": (monitor.episode_returns, monitor.episode_lengths),
         "lstm": getattr(model, "_last_lstm_states", None),
         "replay": None if complete else _replay(model),
@@ -95,9 +95,9 @@ def load_checkpoint(path: Path, config: TrainingConfig) -> tuple[BaseAlgorithm, 
     rest = unpickled(path, pickled)
     monitor = VecMonitor(batch_for(config, rest["env"]))
     monitor.episode_returns, monitor.episode_lengths = rest["episodes"]
-    fronted = unwrap_vec_wrapper(monitor, FrontedVecEnv)
-    if fronted is not None:
-        fronted.memory = rest["front"]
+    encoded = unwrap_vec_wrapper(monitor, EncodedVecEnv)
+    if encoded is not None:
+        encoded.memory = rest["encoder"]
     model = model_class(config.algorithm).load(io.BytesIO(model_bytes), env=monitor, device="cpu", force_reset=False)
     if rest["lstm"] is not None:
         model._last_lstm_states = rest["lstm"]

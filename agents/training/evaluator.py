@@ -22,7 +22,7 @@ WORST = (2**31, 0.0)  # a rank that every evaluation beats
 
 
 @dataclass(kw_only=True)
-class Found:
+class TrainingProgress:
     """What a training has found out so far.
 
     Attributes:
@@ -47,7 +47,7 @@ class Found:
 class Evaluator:
     """Laps of a policy in training, on the environment that it is trained on."""
 
-    def __init__(self, config: RunConfig, laps: int, run: RunFolder, found: Found) -> None:
+    def __init__(self, config: RunConfig, laps: int, run: RunFolder, found: TrainingProgress) -> None:
         """Make the environment.
 
         Args:

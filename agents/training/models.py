@@ -13,9 +13,9 @@ from stable_baselines3.common.utils import LinearSchedule
 from stable_baselines3.common.vec_env import VecEnv, VecMonitor
 
 from flexarm_agents.environments import make_batch, make_one
-from flexarm_agents.policies.encoders import Front, Stacked, readings_history
+from flexarm_agents.policies.encoders import Encoder, Stacked, readings_history
 from flexarm_agents.policies.observer import Observer
-from flexarm_agents.sb3.encoded_vec_env import FrontedVecEnv
+from flexarm_agents.sb3.encoded_vec_env import EncodedVecEnv
 from flexarm_agents.sb3.layers import MODULES
 from flexarm_agents.sb3.vec_env import FlexArmVecEnv
 from flexarm_agents.training.config import TrainingConfig
@@ -141,11 +141,11 @@ def batch_for(config: TrainingConfig, env: FlexArmVectorEnv) -> VecEnv:
         judged = make_one(config.environment, config.options)
         plain.observation_space = judged.observation_space
         judged.close()
-    front = front_of(config, env.observation_blocks)
-    return plain if front is None else FrontedVecEnv(plain, front)
+    encoder = encoder_of(config, env.observation_blocks)
+    return plain if encoder is None else EncodedVecEnv(plain, encoder)
 
 
-def front_of(config: TrainingConfig, blocks: dict[str, slice]) -> Front | None:
+def encoder_of(config: TrainingConfig, blocks: dict[str, slice]) -> Encoder | None:
     """Return what stands in front of the network; None: nothing.
 
     Args:

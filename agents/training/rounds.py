@@ -14,7 +14,7 @@ from flexarm_agents.files import put
 from flexarm_agents.jobs.stopping import StopSignals, TrainingStopped
 from flexarm_agents.policies.network import NetworkPolicy
 from flexarm_agents.training.config import RunConfig
-from flexarm_agents.training.evaluator import Evaluator, Found
+from flexarm_agents.training.evaluator import Evaluator, TrainingProgress
 from flexarm_agents.training.run_folder import RunFolder
 from flexarm_agents.training.train import Outcome
 
@@ -33,7 +33,7 @@ class Rounds(ABC):
         Args:
             run: folder of the training.
         """
-        self.run, self.found = run, Found()
+        self.run, self.found = run, TrainingProgress()
 
     @property
     @abstractmethod

@@ -14,7 +14,7 @@ from stable_baselines3.common.logger import configure
 from flexarm_agents.files import put
 from flexarm_agents.jobs.stopping import StopSignals
 from flexarm_agents.sb3.export import set_network
-from flexarm_agents.training.callback import Follow
+from flexarm_agents.training.callback import TrainingCallback
 from flexarm_agents.training.checkpoint import Progress, load_checkpoint
 from flexarm_agents.training.config import TrainingConfig
 from flexarm_agents.training.models import model_class, new_model
@@ -75,7 +75,7 @@ def train(
                 set_network(model, first)
             found = Progress(next_evaluation=config.evaluate_every, next_checkpoint=config.checkpoint_every)
         model.set_logger(configure(str(run.logs), ["tensorboard"]))
-        follow = Follow(config, run, found, stop, progress)
+        follow = TrainingCallback(config, run, found, stop, progress)
         try:
             if model.num_timesteps < config.steps:
                 fresh = model.num_timesteps == 0

@@ -60,18 +60,18 @@ class CaseTrial:
 
     def score(self) -> Laps:
         """Run both laps; when a lap is lost depends on the noise, so that one that is lost is run again."""
-        contender = from_controller(self.controller, ENVIRONMENT, self.options, **self.design)
+        candidate = from_controller(self.controller, ENVIRONMENT, self.options, **self.design)
         found = []
         for lap in LAPS.values():
             begin = lap.reset_options()
-            state = contender.env.reset(options=begin)[1]["state"]
+            state = candidate.env.reset(options=begin)[1]["state"]
             state[:2] += self.off
-            run = partial(run_policy, contender.env, contender.policy, options=begin | {"state": state})
+            run = partial(run_policy, candidate.env, candidate.policy, options=begin | {"state": state})
             scores = [score(run(seed=0))]
             if not scores[0].complete:
                 scores += [score(run(seed=seed)) for seed in range(1, DRAWS)]
             found.append(scores)
-        contender.env.close()
+        candidate.env.close()
         return Laps(*found)
 
 

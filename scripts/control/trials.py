@@ -33,11 +33,11 @@ class Trial:
 
     def score(self) -> StandardScore:
         """Run both laps."""
-        contender = from_controller(self.controller, self.environment, self.options, **self.design)
+        candidate = from_controller(self.controller, self.environment, self.options, **self.design)
         try:
-            return evaluate(contender.env, contender.policy, self.seed)
+            return evaluate(candidate.env, candidate.policy, self.seed)
         finally:
-            contender.env.close()
+            candidate.env.close()
 
 
 Trials = dict[str, Trial]  # by a label

@@ -22,7 +22,7 @@ from tqdm import tqdm
 
 from flexarm_agents.board.entries import entries
 from flexarm_agents.board.rows import Row
-from flexarm_agents.evaluation.candidates import Contender
+from flexarm_agents.evaluation.candidates import Candidate
 from flexarm_agents.files import put
 from flexarm_baselines.registry import CONTROLLERS
 from flexarm_env.laps import LAPS
@@ -210,12 +210,12 @@ def text_of(row: str) -> str:
     return CONTROLLERS[row].text.replace("`", "") if row in CONTROLLERS else AGENTS[row]
 
 
-def record(row: Row) -> tuple[Contender, dict[str, Trajectory]]:
+def record(row: Row) -> tuple[Candidate, dict[str, Trajectory]]:
     """Run both nominal laps of a row."""
-    contender = row.contender(fresh=True)
-    laps = {lap: run_policy(contender.env, contender.policy, seed=0, lap=lap) for lap in LAPS}
-    contender.env.close()
-    return contender, laps
+    candidate = row.candidate(fresh=True)
+    laps = {lap: run_policy(candidate.env, candidate.policy, seed=0, lap=lap) for lap in LAPS}
+    candidate.env.close()
+    return candidate, laps
 
 
 def write(names: Sequence[str], folder: Path) -> None:
@@ -228,12 +228,12 @@ def write(names: Sequence[str], folder: Path) -> None:
     known = {row.name: row for row in entries(())}
     index: dict[str, Any] = {"laps": {name: lap.text for name, lap in LAPS.items()}, "rows": []}
     for name in tqdm(names, unit="row"):
-        contender, laps = record(known[choice("rows", name, tuple(known))])
+        candidate, laps = record(known[choice("rows", name, tuple(known))])
         for lap, one in laps.items():
             text = _script("replay", name, lap, replay(one))
             put(folder / file_name(name, lap), lambda aside, text=text: aside.write_text(text))  # type: ignore[misc]
         files = {lap: file_name(name, lap) for lap in laps}
-        reads, privileged = list(contender.reads), contender.privileged
+        reads, privileged = list(candidate.reads), candidate.privileged
         index["rows"].append(
             {"name": name, "text": text_of(name), "reads": reads, "privileged": privileged, "files": files}
         )

@@ -32,9 +32,9 @@ def times(rows: Sequence[Row], tick: Callable[[], Any]) -> dict[str, dict[str, f
     """
     found = {}
     for row in rows:
-        contender = row.contender(fresh=True)
-        taken = period_times(contender.env, contender.policy)
-        contender.env.close()
+        candidate = row.candidate(fresh=True)
+        taken = period_times(candidate.env, candidate.policy)
+        candidate.env.close()
         found[row.name] = {"median": float(np.median(taken)), "p99": float(np.percentile(taken, 99.0))}
         tick()
     return found

@@ -59,7 +59,7 @@ def _nominal(agent: Trained) -> StandardScore:
     """Score an agent on the nominal plant, or on its own arm, with the observation that it was trained with."""
     if agent.has_own_arm:
         return evaluate(agent.make_env(), agent.policy)
-    row = Row(agent.name).contender()
+    row = Row(agent.name).candidate()
     return evaluate(row.env, row.policy)
 
 

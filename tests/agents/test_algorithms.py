@@ -13,13 +13,13 @@ import torch
 import flexarm_agents.training.models
 import flexarm_agents.training.train
 from flexarm_agents import NetworkPolicy, TrainingConfig, evaluate, load_policy, network_policy, train
-from flexarm_agents.policies.encoded import FrontedPolicy
+from flexarm_agents.policies.encoded import EncodedPolicy
 from flexarm_agents.policies.encoders import Stacked
 from flexarm_agents.policies.history import History
 from flexarm_agents.policies.lstm import Lstm
 from flexarm_agents.policies.squashed import SquashedPolicy
 from flexarm_agents.sb3.vec_env import FlexArmVecEnv
-from flexarm_agents.training.callback import Follow
+from flexarm_agents.training.callback import TrainingCallback
 from flexarm_agents.training.models import new_model
 from flexarm_env.laps import LAPS
 from tests.support.trainings import ID, TINIES, TINY
@@ -28,9 +28,9 @@ KINDS = {
     "sac": SquashedPolicy,
     "sac lessons": SquashedPolicy,
     "tqc": SquashedPolicy,
-    "recurrent_ppo": FrontedPolicy,
-    "recurrent lessons": FrontedPolicy,
-    "observer": FrontedPolicy,
+    "recurrent_ppo": EncodedPolicy,
+    "recurrent lessons": EncodedPolicy,
+    "observer": EncodedPolicy,
 }
 
 
@@ -38,7 +38,7 @@ class Interrupted(Exception):  # noqa: N818
     pass
 
 
-class Breaking(Follow):
+class Breaking(TrainingCallback):
     def _on_step(self) -> bool:
         if self.num_timesteps >= 400:
             raise Interrupted
@@ -53,11 +53,11 @@ def numbers(policy: NetworkPolicy) -> list[Any]:
 def test_interrupted_or_not_a_training_ends_in_the_same_bits(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Replay buffers, an LSTM's memory and a front's memory are in the checkpoint; the file scores what it says."""
+    """Replay buffers, an LSTM's memory and an encoder's memory are in the checkpoint; the file scores what it says."""
     config = TrainingConfig(**TINIES[name])
     train(config, tmp_path / "whole")
     with monkeypatch.context() as patch:
-        patch.setattr(flexarm_agents.training.train, "Follow", Breaking)
+        patch.setattr(flexarm_agents.training.train, "TrainingCallback", Breaking)
         with pytest.raises(Interrupted):
             train(config, tmp_path / "broken")
     np.random.seed(5)  # noqa: NPY002
@@ -220,14 +220,14 @@ def test_a_file_of_another_kind_is_never_read_as_a_plain_network(tmp_path: Path)
 def test_a_front_and_its_network_fit_together() -> None:
     lstm = Lstm(np.zeros((8, 3), np.float32), np.zeros((8, 2), np.float32), np.zeros(8, np.float32))
     weights, biases = [np.zeros((2, 2), np.float32)], [np.zeros(2, np.float32)]
-    policy = FrontedPolicy(weights, biases, np.zeros(2, np.float32), front=lstm)
+    policy = EncodedPolicy(weights, biases, np.zeros(2, np.float32), encoder=lstm)
     _, state = policy.predict(np.zeros((3, 3), np.float32))
     with pytest.raises(ValueError, match=r"state: must be what predict returned for as many observations, 2"):
         policy.predict(np.zeros((2, 3), np.float32), state)
-    with pytest.raises(ValueError, match=r"front: gives 2 numbers, and the network takes 5"):
-        FrontedPolicy([np.zeros((2, 5), np.float32)], biases, np.zeros(2, np.float32), front=lstm)
-    with pytest.raises(TypeError, match=r"front = None: must be"):
-        FrontedPolicy(weights, biases, np.zeros(2, np.float32))
+    with pytest.raises(ValueError, match=r"encoder: gives 2 numbers, and the network takes 5"):
+        EncodedPolicy([np.zeros((2, 5), np.float32)], biases, np.zeros(2, np.float32), encoder=lstm)
+    with pytest.raises(TypeError, match=r"encoder = None: must be"):
+        EncodedPolicy(weights, biases, np.zeros(2, np.float32))
 
 
 def test_a_checkpoint_without_a_configuration_is_refused(tmp_path: Path) -> None:

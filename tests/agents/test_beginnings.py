@@ -11,7 +11,7 @@ import pytest
 import flexarm_agents.training.train
 from flexarm_agents import NetworkPolicy, TrainingConfig, load_policy, network_policy, train
 from flexarm_agents.sb3.vec_env import FlexArmVecEnv
-from flexarm_agents.training.callback import Follow
+from flexarm_agents.training.callback import TrainingCallback
 from flexarm_agents.training.models import end_lessons, new_model
 from flexarm_agents.training.run_folder import RunFolder
 from tests.support.trainings import TINIES, TINY
@@ -34,13 +34,13 @@ def test_a_training_begins_with_the_policy(tmp_path: Path, monkeypatch: pytest.M
     student.save(tmp_path / "mine.npz")
     begun: list[NetworkPolicy] = []
 
-    class Begun(Follow):
+    class Begun(TrainingCallback):
         def _on_training_start(self) -> None:
             begun.append(network_policy(self.model))
             if len(begun) == 1:
                 raise Interrupted
 
-    monkeypatch.setattr(flexarm_agents.training.train, "Follow", Begun)
+    monkeypatch.setattr(flexarm_agents.training.train, "TrainingCallback", Begun)
     config = TrainingConfig(**{**INITIAL, "initial_policy": str(tmp_path / "mine.npz"), "log_std": -2.0})
     with pytest.raises(Interrupted):
         train(config, tmp_path / "run")
@@ -58,14 +58,14 @@ def test_the_value_learns_alone_at_first(tmp_path: Path, monkeypatch: pytest.Mon
     """In two of four rollouts, at its own rate; then the policy's rate falls from its beginning to its end."""
     student, found = load_policy("student_gauges").policy, []
 
-    class Watched(Follow):
+    class Watched(TrainingCallback):
         def _on_rollout_start(self) -> None:
             super()._on_rollout_start()
             (rate,) = [group["lr"] for group in self.model.policy.optimizer.param_groups]  # type: ignore[union-attr]
             value = self.model.policy.value_net.weight.detach().numpy().copy()  # type: ignore[union-attr,operator]
             found.append((rate, network_policy(self.model), value))
 
-    monkeypatch.setattr(flexarm_agents.training.train, "Follow", Watched)
+    monkeypatch.setattr(flexarm_agents.training.train, "TrainingCallback", Watched)
     train(TrainingConfig(**{**INITIAL, "steps": 512, "value_steps": 256}), tmp_path / "run")
     rates, policies, values = zip(*found, strict=True)
     last = load_policy(tmp_path / "run", last=True).policy

@@ -22,19 +22,11 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 
 import flexarm_agents.training.train
-from flexarm_agents import (
-    FlexArmVecEnv,
-    TeachingConfig,
-    TrainingConfig,
-    TrainingStopped,
-    evaluate,
-    load_policy,
-    train,
-)
+from flexarm_agents import FlexArmVecEnv, TeachingConfig, TrainingConfig, TrainingStopped, evaluate, load_policy, train
 from flexarm_agents.environments import make_batch
 from flexarm_agents.files import put
 from flexarm_agents.jobs.stopping import StopSignals
-from flexarm_agents.training.callback import Follow
+from flexarm_agents.training.callback import TrainingCallback
 from flexarm_agents.training.checkpoint import load_checkpoint, read_parts
 from flexarm_agents.training.models import new_model
 from flexarm_agents.training.run_folder import RunFolder
@@ -101,14 +93,14 @@ class Interrupted(Exception):  # noqa: N818
 def interrupted(monkeypatch: pytest.MonkeyPatch, folder: Path, steps: int) -> None:
     """Begin the tiny training and break it off in the middle of a rollout."""
 
-    class Breaking(Follow):
+    class Breaking(TrainingCallback):
         def _on_step(self) -> bool:
             if self.num_timesteps >= steps:
                 raise Interrupted
             return True
 
     with monkeypatch.context() as patch:
-        patch.setattr(flexarm_agents.training.train, "Follow", Breaking)
+        patch.setattr(flexarm_agents.training.train, "TrainingCallback", Breaking)
         with pytest.raises(Interrupted):
             train(TrainingConfig(**TINY), folder)
 
@@ -134,7 +126,7 @@ def test_an_interrupted_training_ends_in_the_same_bits(
 def signalled(monkeypatch: pytest.MonkeyPatch, folder: Path, number: int, steps: int) -> TrainingStopped:
     """Begin the tiny training and send this process a signal in the middle of a rollout."""
 
-    class Signalling(Follow):
+    class Signalling(TrainingCallback):
         sent = False
 
         def _on_step(self) -> bool:
@@ -144,7 +136,7 @@ def signalled(monkeypatch: pytest.MonkeyPatch, folder: Path, number: int, steps:
             return True
 
     with monkeypatch.context() as patch:
-        patch.setattr(flexarm_agents.training.train, "Follow", Signalling)
+        patch.setattr(flexarm_agents.training.train, "TrainingCallback", Signalling)
         with pytest.raises(TrainingStopped) as caught:
             train(TrainingConfig(**{**TINY, "checkpoint_every": 10_000}), folder)
     return caught.value

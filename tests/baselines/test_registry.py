@@ -7,7 +7,7 @@ from typing import Any
 import gymnasium
 import pytest
 
-from flexarm_agents.evaluation.candidates import Contender, from_controller
+from flexarm_agents.evaluation.candidates import Candidate, from_controller
 from flexarm_baselines.policy import GainPolicy
 from flexarm_baselines.registry import CONTROLLERS, controller, controller_names, make_controller
 from flexarm_env.envs.blocks import BLOCKS, PRIVILEGED, READINGS, TRUE_STATE
@@ -81,14 +81,14 @@ def test_what_blocks_and_laws_read() -> None:
     assert reads(observation=("state",), frame="world") == ("true state",)
 
 
-def test_a_contender_reads_what_it_observes_and_is_told() -> None:
+def test_a_candidate_reads_what_it_observes_and_is_told() -> None:
     one = from_controller("plan_lqr", "Square-v0", {})
     assert one.reads == ("preview", "plant parameters", "true state")
     assert one.privileged
     other = from_controller("flsac", "Square-v0", {})
     assert other.reads == ("encoders", "strain gauges")  # the law under the gain has the encoders
     assert not other.privileged
-    boaster = Contender("mine", type("Mine", (), {"knows": ("everything",)})(), other.env, other.environment, {})
+    boaster = Candidate("mine", type("Mine", (), {"knows": ("everything",)})(), other.env, other.environment, {})
     with pytest.raises(ValueError, match=r"policy mine: knows = \('everything',\): must be names of encoders, "):
         boaster.reads  # noqa: B018
 

@@ -320,7 +320,7 @@ def test_a_normalised_model_needs_its_statistics(flexarm: Shell) -> None:
     for statistics in ("none", "vecnormalize.pkl"):
         assert flexarm(*given, "--vec-normalize", statistics).returncode == 0
     assert flexarm(*given, "--vec-normalize", "model.zip").stderr.startswith("error: vec_normalize = 'model.zip': is ")
-    policy = Row("model.zip", algorithm="PPO", vec_normalize="vecnormalize.pkl").contender().policy
+    policy = Row("model.zip", algorithm="PPO", vec_normalize="vecnormalize.pkl").candidate().policy
     observation = np.full((2, 46), 0.5, np.float32)
     np.testing.assert_array_equal(
         policy.predict(observation)[0], model.predict(env.normalize_obs(observation), deterministic=True)[0]

@@ -98,7 +98,7 @@ class Hosted:
 
     def begin(self, plant: Plant) -> Callable[[], Period]:
         """See `Controller`."""
-        policy = self._row.contender(fresh=not self._row.batched).policy
+        policy = self._row.candidate(fresh=not self._row.batched).policy
         env = HostedEnv(plant, **self._row.interface)
         predict = predictor(policy, deterministic=True)
         seen, _ = env.reset(seed=0, options=LAPS[self._lap].reset_options(env.settings.direction))

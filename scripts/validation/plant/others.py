@@ -152,7 +152,7 @@ def by_step(steps: Sequence[float]) -> list[dict[str, Any]]:
     row, rows = Row(CHATTERS), []
     for step in steps:
         env = gymnasium.make("FlexArm/SquareChain-v0", **row.interface, chain_step=step)
-        scores = {lap: summary(run_policy(env, row.contender().policy, lap=lap)).get("true_tip_rms") for lap in LAPS}
+        scores = {lap: summary(run_policy(env, row.candidate().policy, lap=lap)).get("true_tip_rms") for lap in LAPS}
         rows.append({"step": step, **scores})
         env.close()
     return rows
