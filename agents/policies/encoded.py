@@ -19,10 +19,8 @@ from flexarm_baselines.policy import checked_observation
 from flexarm_env.simulation import archive
 
 FORMAT = 1
-ENCODERS: dict[str, type[Lstm] | type[Observer]] = {
-    ARRAYS[0]: Lstm,
-    ARRAY: Observer,
-}  # by an array that only these have
+# by an array that only the files of each have
+ENCODERS: dict[str, type[Lstm] | type[Observer]] = {ARRAYS[0]: Lstm, ARRAY: Observer}
 
 
 @dataclass(frozen=True, eq=False, repr=False)
