@@ -117,7 +117,7 @@ _TUNED: Any = None  # a value that is that of the tuned settings unless it is gi
 
 @dataclass(frozen=True, kw_only=True)
 class TrainingConfig(RunConfig):
-    """A training by reward. What is not given is as the tuned settings of the algorithm have it (`hyperparameters.tuned`).
+    """A training by reward. What is not given is as the tuned settings of its algorithm (`hyperparameters.tuned`).
 
     Fields that the algorithm does not have are None, and cannot be given.
     """
