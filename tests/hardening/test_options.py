@@ -10,27 +10,31 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, example, given, settings
+from hypothesis import event, example, given
 from hypothesis import strategies as st
 
 from flexarm_env import ArmParameters, FlexibleArm, LawParameters, SensorParameters, SquareParameters
-from flexarm_env.envs.settings import Settings
 from flexarm_env.envs.single import FlexArmEnv
 from flexarm_env.physics.paths import ReferencePath, inverse_kinematics, square, way_points
-from scripts.hardening.strategies import GARBAGE, NAMES, SETTINGS_FIELDS, any_options, check_refusal, declared_arms
+from tests.hardening.amounts import cases
+from tests.hardening.strategies import GARBAGE, NAMES, SETTINGS_FIELDS, any_options, check_refusal, declared_arms
 
 LONGEST = 5.0  # [s], for what an environment does below on a busy machine, nothing to be compiled
 
 
-def taken(options: dict[str, Any]) -> Settings | None:
+def made(options: dict[str, Any]) -> FlexArmEnv | None:
+    """Make an environment, for which nothing is compiled; None: the options are refused."""
     began = time.perf_counter()
     try:
-        return Settings.of(options)
+        env = FlexArmEnv(**options)
     except Exception as error:
         check_refusal(error, options)
+        event("refused")
         return None
     finally:
         assert time.perf_counter() - began < LONGEST
+    event("made")
+    return env
 
 
 STEEP = {  # a modal coordinate of 1e12 turns link 1's tip by 1e17 rad, where the kernels' sine is beyond all bounds
@@ -41,14 +45,11 @@ STEEP = {  # a modal coordinate of 1e12 turns link 1's tip by 1e17 rad, where th
     "link_lengths": (0.001, 4.5),
 }
 
-FAST = settings(max_examples=60, suppress_health_check=list(HealthCheck))
-THOROUGH = settings(max_examples=1500, suppress_health_check=list(HealthCheck))
 
-
-@FAST
+@cases(60, 100_000)
 @given(any_options())
 def test_options_are_taken_or_refused_by_name(options: dict[str, Any]) -> None:
-    taken(options)
+    made(options)
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -61,23 +62,12 @@ def test_garbage_is_refused_by_name(name: str) -> None:
 
 
 @pytest.mark.slow
-@THOROUGH
-@given(any_options())
-def test_options_are_taken_or_refused_by_name_thoroughly(options: dict[str, Any]) -> None:
-    taken(options)
-
-
-@pytest.mark.slow
-@settings(THOROUGH, max_examples=300)
+@cases(100, 1_000)
 @given(any_options(garbage=False), st.integers(0, 2**32 - 1))
 def test_what_is_taken_runs(options: dict[str, Any], seed: int) -> None:
     """Finite numbers within the bounds, no warning, in time."""
-    if taken(options) is None:
-        return
-    try:
-        env = FlexArmEnv(**options)
-    except ValueError as error:  # starts too fast for the reference
-        check_refusal(error, options)
+    env = made(options)
+    if env is None:
         return
     env.reset(seed=seed)  # compiles
     rng = np.random.default_rng(seed)
@@ -92,7 +82,12 @@ def test_what_is_taken_runs(options: dict[str, Any], seed: int) -> None:
     assert time.perf_counter() - began < LONGEST
 
 
-def finite_arm(parameters: dict[str, Any], seed: int) -> None:
+@cases(60, 20_000)
+@given(declared_arms(), st.integers(0, 2**32 - 1))
+@example({"elbow_mass": 10.0, "kinematics": "foreshortened", "mode_scale": 1e6}, 0)  # the inertia was singular
+@example({"elbow_mass": 10.0, "kinematics": "foreshortened", "mode_scale": 1e3}, 0)
+@example(STEEP, 0)  # linearised, the inertia was singular
+def test_arms_compute_finite_numbers(parameters: dict[str, Any], seed: int) -> None:
     """All that an arm computes is finite, at ordinary states and at the largest that are accepted."""
     try:
         arm = FlexibleArm(ArmParameters.linear(**parameters))
@@ -111,22 +106,6 @@ def finite_arm(parameters: dict[str, Any], seed: int) -> None:
             *(arm.linearise(state).A, arm.internal_state(state), arm.public_state(state)),
         ]
         assert all(np.isfinite(array).all() for array in found)
-
-
-@FAST
-@given(declared_arms(), st.integers(0, 2**32 - 1))
-@example({"elbow_mass": 10.0, "kinematics": "foreshortened", "mode_scale": 1e6}, 0)  # the inertia was singular
-@example({"elbow_mass": 10.0, "kinematics": "foreshortened", "mode_scale": 1e3}, 0)
-@example(STEEP, 0)  # linearised, the inertia was singular
-def test_arms_compute_finite_numbers(parameters: dict[str, Any], seed: int) -> None:
-    finite_arm(parameters, seed)
-
-
-@pytest.mark.slow
-@THOROUGH
-@given(declared_arms(), st.integers(0, 2**32 - 1))
-def test_arms_compute_finite_numbers_thoroughly(parameters: dict[str, Any], seed: int) -> None:
-    finite_arm(parameters, seed)
 
 
 @pytest.mark.parametrize("kind", [ArmParameters, SensorParameters, LawParameters, SquareParameters])

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
 from functools import cache
 from typing import Any, NamedTuple
 
 import gymnasium
 import numpy as np
+import pytest
+from hypothesis import event, given
 from hypothesis import strategies as st
 
 import flexarm_env  # noqa: F401  (registers the ids)
@@ -17,10 +18,11 @@ from flexarm_env.envs.reset_options import OPTIONS
 from flexarm_env.envs.single import FlexArmEnv
 from flexarm_env.kernels.entries import DRAWN
 from flexarm_env.validation import shown
-from scripts.hardening.campaign import Part
-from scripts.hardening.strategies import GARBAGE, MOST_CHARACTERS, numbers
+from tests.hardening.amounts import CAMPAIGN, cases
+from tests.hardening.strategies import GARBAGE, MOST_CHARACTERS, numbers
 
-IDS = ("FlexArm/Square-v0", "FlexArm/SquareUnknown-v0", "FlexArm/Reach-v0", "FlexArm/Paper-v0")
+EVERY = ("FlexArm/Square-v0", "FlexArm/SquareUnknown-v0", "FlexArm/Reach-v0", "FlexArm/Paper-v0")
+IDS = EVERY if CAMPAIGN else EVERY[:1]  # whose kernels other tests have
 CALLS = 20  # of a case
 # An error of a call begins with one of these.
 NAMED = ("action", "options", "Seed", "seed")
@@ -110,34 +112,29 @@ def drawn() -> st.SearchStrategy[tuple[str, list[Call]]]:
     return st.sampled_from(IDS).flatmap(calls)
 
 
-def tried(case: tuple[str, list[Call]]) -> Counter[str]:
-    """Make the calls.
-
-    Raises:
-        AssertionError: if an error names nothing, an observation is outside of its space, or twins differ.
-    """
+@pytest.mark.compiled
+@cases(8, 5_000)
+@given(drawn())
+def test_bad_calls_change_nothing(case: tuple[str, list[Call]]) -> None:
+    """An error names its argument, an observation lies in its space, and twins agree in each bit."""
     name, calls = case
     three = twins(name)
     for env in three:
         env.reset(seed=1)
-    ends: Counter[str] = Counter()
     for call in calls:
         try:
             found = _done(three.tried, call)
         except Exception as error:
             _check_error(error)
-            ends["refused"] += 1
+            event("refused")
             continue
+        event("reset" if call.action is None else "step")
         _check_outcome(three, found)
         _check_same(found, _done(three.single, call), f"{name} and its twin differ after {shown(call)}")
-        if call.action is not None and found[2]:  # the batch would begin another episode in its next step
-            _check_same(found, _first(_done(three.batch, call)), f"{name} and its batch differ after {shown(call)}")
+        _check_same(found, _first(_done(three.batch, call)), f"{name} and its batch differ after {shown(call)}")
+        if found[2]:  # the batch would begin another episode in its next step
             for env in three:
                 env.reset(seed=2)
-        else:
-            _check_same(found, _first(_done(three.batch, call)), f"{name} and its batch differ after {shown(call)}")
-        ends["resets" if call.action is None else "steps"] += 1
-    return ends
 
 
 def _done(env: Any, call: Call) -> tuple[Any, ...]:
@@ -175,13 +172,3 @@ def _check_same(one: tuple[Any, ...], other: tuple[Any, ...], text: str) -> None
     assert float(one[1]).hex() == float(other[1]).hex(), text
     assert bool(one[2]) == bool(other[2]), text
 
-
-PART = Part(
-    f"resets and steps of {', '.join(IDS)} with good, bad and odd seeds, options and actions; the bits are compared "
-    "with a twin and a batch of one that get only the good ones",
-    "call",
-    drawn,
-    tried,
-    limit=120.0,
-    size=100,
-)

@@ -1,8 +1,8 @@
 """`kill -9` at random moments: nothing is lost, nothing is half, and what comes out in the end is the same.
 
-Each task is done once undisturbed. Then it is begun in another folder, killed, checked, and begun again, until it has
-been killed as often as asked; the last run is left alone, and what it leaves is compared with the undisturbed one.
-Half of the kills are of the main process alone, whose workers must end by themselves.
+Each task runs once undisturbed. Then it runs in another folder, is killed, checked and started again, as often as
+wanted; the last run is left alone, and what it leaves is compared with the undisturbed one.
+Half of the kills end the main process alone, whose workers must end by themselves.
 """
 
 from __future__ import annotations
@@ -10,24 +10,25 @@ from __future__ import annotations
 import json
 import os
 import random
-import shutil
 import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import pytest
+
 from flexarm_agents.policies.load import load_policy
 from flexarm_agents.training.run_folder import RunFolder
 from flexarm_env import Trajectory
-from scripts.common.markdown import DOCS
+from tests.hardening.amounts import amount
+from tests.support.programs import ROOT
 
 LONGEST = 600.0  # of a task [s]
 LEAST = 0.05  # before a kill [s]
-MOST_FAULTS = 5
 ALONE = 0.5  # share of the kills that leave workers without a parent
 LINGER = 20.0  # time in which workers notice that their parent is gone [s]
 FLEXARM = "from flexarm_agents.commands import main; main()"
@@ -47,14 +48,12 @@ class Task(NamedTuple):
     """What is killed.
 
     Attributes:
-        text: what it is, for the page.
         command: makes the arguments of Python for a folder, begun or not.
         check: checks that a folder holds nothing half, and returns how much it holds.
         result: returns what is compared in the end, from a folder and what the command printed.
         cache: the folder is the one of compiled kernels.
     """
 
-    text: str
     command: Callable[[Path], list[str]]
     check: Callable[[Path], int]
     result: Callable[[Path, str], Any]
@@ -137,107 +136,57 @@ def _compiled(folder: Path) -> int:
 
 
 TASKS = {
-    "training": Task("`flexarm train`, 1536 steps, resumed after each kill", _train, _check_training, _training),
-    "leaderboard": Task(
-        "`make leaderboard`, 2 entries on one axis, two workers",
-        _board,
-        _check_board,
-        _board_files,
-    ),
-    "reproduction": Task(
-        "`make reproduce`, the runs of one controller in 4 s, two workers", _reproduce, _check_reproduction, _reproduced
-    ),
-    "compiling": Task(
-        "the first episode with an empty folder of kernels",
-        lambda folder: ["-c", EPISODE],
-        _compiled,
-        lambda folder, printed: printed,
-        cache=True,
-    ),
+    "training": Task(_train, _check_training, _training),
+    "leaderboard": Task(_board, _check_board, _board_files),
+    "reproduction": Task(_reproduce, _check_reproduction, _reproduced),
+    "compiling": Task(lambda folder: ["-c", EPISODE], _compiled, lambda folder, printed: printed, cache=True),
 }
 
 
-def kill_often(name: str, count: int, seed: int, folder: Path) -> dict[str, Any]:
-    """Kill a task at random moments.
-
-    Args:
-        name: of the task.
-        count: how often.
-        seed: of the moments.
-        folder: for the results, which is made anew.
-
-    Returns:
-        How often it was killed, how often it came to its end with the result of the undisturbed one, how long that one
-        took [s], and what was lost, half or different; after `MOST_FAULTS` of them it is enough.
-
-    Raises:
-        AssertionError: if the undisturbed task fails.
-    """
-    task, rng = TASKS[name], random.Random(f"{seed} {name}")
-    shutil.rmtree(folder, ignore_errors=True)
-    whole, killed = folder / "whole", folder / "killed"
-    whole.mkdir(parents=True)
+@pytest.mark.slow
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="needs /proc")
+@pytest.mark.parametrize("name", TASKS)
+def test_a_killed_task_loses_nothing(name: str, tmp_path: Path) -> None:
+    task, rng = TASKS[name], random.Random(f"5 {name}")
+    whole, kills, wanted = tmp_path / "whole", 0, amount(1, 20)
+    whole.mkdir()
     began = time.monotonic()
-    wanted = _finished(task, whole)
+    result = _finished(task, whole)
     takes = time.monotonic() - began
-    kills = finished = 0
-    faults: list[str] = []
-    while kills < count and len(faults) < MOST_FAULTS:
+    while kills < wanted:
+        killed = tmp_path / f"killed {kills}"
         killed.mkdir()
-        try:
-            for _ in _killed_to_the_end(task, killed, wanted, count - kills, rng, takes):
-                kills += 1
-        except Exception as error:
-            faults.append(f"kills, {name}, after {kills}: {type(error).__name__}: {error}")
-        else:
-            finished += 1
-        shutil.rmtree(killed)
-    shutil.rmtree(folder)
-    return {"kills": kills, "finished": finished, "seconds": takes, "faults": faults}
+        kills += _kill(task, killed, wanted - kills, rng, takes)
+        assert _finished(task, killed) == result
 
 
-def _killed_to_the_end(
-    task: Task, folder: Path, wanted: Any, most: int, rng: random.Random, takes: float
-) -> Iterator[None]:
-    """Begin a task again after each kill; in the end let it end.
+def _kill(task: Task, folder: Path, most: int, rng: random.Random, takes: float) -> int:
+    """Begin a task and kill it at a random moment, again and again until it is quicker than that moment.
 
     Args:
         task: what is killed.
         folder: its folder.
-        wanted: result of the undisturbed one.
-        most: kills; there are fewer if the task is quicker than a moment that was drawn.
+        most: kills.
         rng: draws the moments.
         takes: time of the undisturbed one [s].
 
-    Yields:
-        After each kill.
-
-    Raises:
-        AssertionError: if something was lost, or comes out otherwise.
-        Exception: if what is there cannot be read.
+    Returns:
+        How often it was killed.
     """
-    held, printed = 0, None
-    for _ in range(most):
-        printed = _run(task, folder, rng.uniform(LEAST, takes), alone=rng.random() < ALONE)
-        if printed is not None:
-            break
-        yield
+    held = 0
+    for kills in range(most):
+        if _run(task, folder, rng.uniform(LEAST, takes), alone=rng.random() < ALONE) is not None:
+            return kills
         now = task.check(folder)
-        assert now >= held, f"held {held}, holds {now}"
+        assert now >= held, "something was lost"
         held = now
-    found = _finished(task, folder) if printed is None else _result(task, folder, printed)
-    assert found == wanted, "another result"
+    return most
 
 
 def _finished(task: Task, folder: Path) -> Any:
-    """Run a task to its end, and return its result."""
+    """Run a task to its end, check what it leaves, and return its result."""
     printed = _run(task, folder, LONGEST)
-    assert printed is not None, f"{task.text}: takes longer than {LONGEST:g} s"
-    return _result(task, folder, printed)
-
-
-def _result(task: Task, folder: Path, printed: str) -> Any:
-    """Check what a task has left, and return its result."""
+    assert printed is not None, f"it takes longer than {LONGEST:g} s"
     task.check(folder)
     return task.result(folder, printed)
 
@@ -272,7 +221,7 @@ def _run(task: Task, folder: Path, longest: float, alone: bool = False) -> str |
             with suppress(ProcessLookupError):
                 os.killpg(process.pid, signal.SIGKILL)
             process.communicate()
-    assert process.returncode == 0, f"{task.text}: ends with status {process.returncode}"
+    assert process.returncode == 0, f"it ends with status {process.returncode}"
     return printed
 
 
@@ -301,13 +250,13 @@ def _members(group: int) -> list[int]:
 
 def _begin(task: Task, folder: Path) -> subprocess.Popen[str]:
     """Begin a task, with its workers in a group of processes of its own."""
-    environment = os.environ | {"PYTHONPATH": str(DOCS.parent)}
+    environment = os.environ | {"PYTHONPATH": str(ROOT)}
     if task.cache:
         environment["FLEXARM_CACHE_DIR"] = str(folder)
     command = [sys.executable, *task.command(folder)]
     return subprocess.Popen(
         command,
-        cwd=DOCS.parent,
+        cwd=ROOT,
         env=environment,
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,

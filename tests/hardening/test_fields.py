@@ -1,14 +1,15 @@
-"""Fields of parameter sets, configurations, controllers, plans and policies, one to three of which are garbage."""
+"""Fields of parameters, configurations, controllers, plans and policies: one to three of them allowed or garbage."""
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Callable
 from dataclasses import fields, replace
 from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
+import pytest
+from hypothesis import event, given
 from hypothesis import strategies as st
 
 from flexarm_agents import DescentConfig, TeachingConfig, TrainingConfig
@@ -21,11 +22,9 @@ from flexarm_baselines.optimal.plan import load_plan
 from flexarm_baselines.optimal.problem import TrackingProblem
 from flexarm_baselines.paper_law.flsac import FLSAC
 from flexarm_baselines.paper_law.ifdc import IFDC
-from flexarm_env import ArmParameters, FlexibleArm, LawParameters, SensorParameters, SquareParameters
-from scripts.hardening.campaign import Part
-from scripts.hardening.strategies import GARBAGE, check_refusal, inside
-
-LARGEST_STATE = 1e12
+from flexarm_env import ArmParameters, LawParameters, SensorParameters, SquareParameters
+from tests.hardening.amounts import cases
+from tests.hardening.strategies import GARBAGE, Contrary, check_refusal, inside
 
 
 class Subject(NamedTuple):
@@ -94,40 +93,37 @@ def drawn() -> st.SearchStrategy[tuple[str, dict[str, Any]]]:
     return draw_fields()
 
 
-def construct(case: tuple[str, dict[str, Any]]) -> Counter[str]:
-    """Make it; of an arm's parameters the arm, too, all of whose numbers are finite."""
-    name, values = case
+def is_made(name: str, values: dict[str, Any]) -> bool:
+    """Make something of fields; return whether they are taken."""
     subject = subjects()[name]
     try:
-        made = subject.make(**values)
+        subject.make(**values)
     except Exception as error:
         check_refusal(error, [*values, *subject.fields, "sensor"])
-        return Counter(refused=1)
-    if isinstance(made, ArmParameters):
-        return _arm(made)
-    return Counter(taken=1)
+        return False
+    return True
 
 
-def _arm(parameters: ArmParameters) -> Counter[str]:
-    """Make an arm, and compute with it at rest and at the largest states."""
-    try:
-        arm = FlexibleArm(parameters)
-    except Exception as error:
-        check_refusal(error, ())
-        return Counter(refused=1)
-    for state in (np.zeros(2 * arm.size), np.full(2 * arm.size, LARGEST_STATE)):
-        solved = arm.acceleration(state, (1e3, -1e3)), arm.linearise(state).A
-        found = (*solved, arm.tip(state[: arm.size]), *arm.energy(state))
-        assert all(np.isfinite(one).all() for one in found), parameters
-    return Counter(taken=1)
+@cases(60, 20_000)
+@given(drawn())
+def test_fields_are_taken_or_refused_by_name(case: tuple[str, dict[str, Any]]) -> None:
+    event("made" if is_made(*case) else "refused")
 
 
-PART = Part(
-    "parameters of arm, sensor, law, square, controllers and filters; configurations of trainings; fields of plans, "
-    "tracking problems and policies: one to three of them allowed, at an edge, or garbage",
-    "field set",
-    drawn,
-    construct,
-    limit=120.0,
-    size=500,
-)
+FOUND: list[tuple[str, dict[str, Any]]] = [  # by campaigns
+    ("TeachingConfig", {"arms": None}),
+    ("DescentConfig", {"critic_epochs": np.zeros(0)}),
+    ("TrainingConfig", {"batch": 10**5000}),
+    ("History", {"lags": True}),
+    ("History", {"remembered": 1j}),
+    ("NetworkPolicy", {"weights": None}),
+    ("NetworkPolicy", {"biases": 0.5}),
+    ("NetworkPolicy", {"history": {}}),
+    ("TrackingProblem", {"tip_weights": Contrary()}),
+    ("FLSAC", {"tip_weights": Contrary()}),
+]
+
+
+@pytest.mark.parametrize(("name", "values"), FOUND, ids=[f"{name} {next(iter(values))}" for name, values in FOUND])
+def test_bad_fields_are_refused_by_name(name: str, values: dict[str, Any]) -> None:
+    assert not is_made(name, values)
