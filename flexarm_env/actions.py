@@ -90,7 +90,7 @@ MODES: dict[str, ActionMode] = {
     ),
     "residual": ActionMode(
         text="torque added to an inner joint-space tracking law (a spring and a damper between each joint and the "
-        "rigid arm's way along the reference), which acts in continuous time; `torque_limit` limits the sum too",
+        "rigid arm's way along the path), which acts in continuous time; `torque_limit` limits the sum too",
         quantity="residual",
         unit="N m",
         formula="torque_limit * a",
@@ -101,7 +101,7 @@ MODES: dict[str, ActionMode] = {
         options=("inner_stiffness", "inner_resistance"),
     ),
     "reference": ActionMode(
-        text="shift of that law's joint reference, reached linearly within the control period",
+        text="shift of that law's joint target, reached linearly within the control period",
         quantity="shift",
         unit="rad",
         formula="shift_limit * a",

@@ -1,4 +1,4 @@
-"""The columns of the board: tasks, axes with their points, and the unknown plant."""
+"""The columns of the board: tasks, axes with their points, and unknown arms."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from flexarm_env.extras import install_hint
 from flexarm_env.parameters import ArmParameters
 
 SEEDS = 3  # episodes of each lap where something is random
-DRAWN = 256  # episodes on the unknown plant
+DRAWN = 256  # episodes on unknown arms
 OWN_DELAY = round(1e3 * max(Settings.of({}).sensor_delays), 3)  # [ms]; of the nominal sensor, between two points
 PART = 16  # of them, in one cell
 
@@ -123,7 +123,7 @@ def _models() -> Iterator[Point]:
 
 
 def _unknown() -> Iterator[Point]:
-    """Yield the parts of the unknown plant: each episode draws all quantities, and is one of the laps in turn."""
+    """Yield the parts of the column "unknown": each episode draws all quantities, and is one of the laps in turn."""
     for first in range(0, DRAWN, PART):
         seeds = range(first, first + PART)
         yield Point(f"{seeds.start} to {seeds.stop - 1}", UNKNOWN_PLANT, seeds=seeds, paired=False)

@@ -151,7 +151,7 @@ def _inside(values: Sequence[float], ends: Sequence[Mapping[str, float | None]])
 
 
 def _unknown_laps(row: Mapping[str, Any]) -> list[Mapping[str, Any]]:
-    """Return the sums of a row's laps on the unknown plant; none where they are not applicable or not measured."""
+    """Return the sums of a row's laps on unknown arms; none where they are not applicable or not measured."""
     column = row["columns"].get("unknown")
     point = column and column["points"][0]
     return [] if not point or "not_applicable" in point else [point[lap] for lap in LAPS]

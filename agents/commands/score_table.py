@@ -10,9 +10,9 @@ from flexarm_agents.evaluation.scoring import Score, StandardScore
 from flexarm_agents.evaluation.seed_statistics import Spread
 from flexarm_env.laps import LAPS
 
-LEGEND = "Pairs: shoulder / elbow, or link 1 / link 2. Laps that ended early have no errors."
+LEGEND = "Pairs: shoulder / elbow, or link 1 / link 2. Lost laps have no errors."
 SPREAD_LEGEND = """\
-Errors: median [best .. worst] of the laps, where one that ended early counts as infinite; peaks: the largest of all
+Errors: median [best .. worst] of the laps, where a lost lap counts as infinite; peaks: the largest of all
 laps. Pairs: shoulder / elbow, or link 1 / link 2."""
 GROUP_LEGEND = "Trainings of one setting, by their seeds; each counts with the median of its laps:"
 _HEADER = (

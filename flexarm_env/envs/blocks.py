@@ -34,7 +34,7 @@ READINGS = {
     LATE_TIP: "the sensor on link 2, late",
     SECOND_SENSOR: "the second sensor, late",
     STRAIN_GAUGES: "how far the links bend and how fast, without delay or noise",
-    PREVIEW: "where the reference will be",
+    PREVIEW: "where the target will be",
     PLANT: "the nominal arm's masses, stiffness and modes; in no block, but a controller may be designed on them",
     TRUE_STATE: "the arm's whole state, which no sensor delivers",
 }
@@ -130,7 +130,7 @@ BLOCKS: dict[str, Block] = {
         reads=ENCODERS,
     ),
     "joint_error": Block(
-        "joint angles of the rigid arm on the reference, with its elbow on the side of `elbow_branch`, minus the "
+        "joint angles of the rigid arm on the target, with its elbow on the side of `elbow_branch`, minus the "
         "measured ones, within half a turn",
         "rad",
         "2",
@@ -167,7 +167,7 @@ BLOCKS: dict[str, Block] = {
         reads=ENCODERS,
     ),
     "encoder_error": Block(
-        "reference minus the tip by rigid kinematics of the measured angles",
+        "target minus the tip by rigid kinematics of the measured angles",
         "m",
         "2",
         _rows("F_ENCODER_ERROR"),
@@ -185,7 +185,7 @@ BLOCKS: dict[str, Block] = {
         reads=LATE_TIP,
     ),
     "sensor_error": Block(
-        "reference at the time of that reading minus the reading",
+        "target at the time of that reading minus the reading",
         "m",
         "2",
         _rows("F_SENSOR_ERROR"),
@@ -212,7 +212,7 @@ BLOCKS: dict[str, Block] = {
         reads=SECOND_SENSOR,
     ),
     "second_sensor_error": Block(
-        "the same point of the rigid arm on the reference at the time of that reading, minus the reading",
+        "the same point of the rigid arm on the target at the time of that reading, minus the reading",
         "m",
         "2",
         _rows("F_SECOND_ERROR"),
@@ -257,7 +257,7 @@ BLOCKS: dict[str, Block] = {
         reads=None,
     ),
     "previews": Block(
-        "how far the reference will have moved at each horizon: x and y of the first, of the second, ...",
+        "how far the target will have moved at each horizon: x and y of the first, of the second, ...",
         "m",
         "2 per horizon",
         lambda s: ("TAIL", 0, 2 * len(s.previews)),

@@ -11,7 +11,7 @@ Frame = Literal["link", "world"]
 STARTS = {
     "corner": "at rest at the start of the lap",
     "corners": "at rest at a quarter of the lap, drawn",
-    "moving": "anywhere, drawn to the control period, with the reference's velocity and off it by up to `start_spread`",
+    "moving": "anywhere, drawn to the control period, with the target's velocity and off it by up to `start_spread`",
     "mix": f'"corners" in {100.0 * SHARE_AT_REST:g} % of the episodes, else "moving"',
 }
 MOVE_POINTS = 800  # sides of the polyline that approximates a move there and back

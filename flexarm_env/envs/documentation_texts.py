@@ -40,15 +40,15 @@ None, it is the distance from the shoulder to the sensor over the wave speed: 31
 - `dropout` is the probability that a reading is lost; the one before then stays.
 
 A reading is ignored unless it is newer than the one before by half a control period. `sensor_error` compares a reading
-with the reference at the time of that reading. For a "true" sensor at the tip, the default, it is the exact error of a
+with the target at the time of that reading. For a "true" sensor at the tip, the default, it is the exact error of a
 moment ago. For a sensor elsewhere on link 2 it is the vector from that point to where the *tip* should be; for the
 "rigid" sensor it mixes two moments.
 
 `second_sensor_link` adds a second position sensor on either link, to compare sets of sensors. It reads the true point
 at `second_sensor_position`, `second_sensor_delay` seconds ago, with noise of its own (`second_sensor_noise`), in every
 control period; `jitter`, `hold`, `dropout` and a drawn `delay` apply to the first sensor only. `second_sensor_error`
-compares a reading with the *same point* of a rigid arm that was on the reference at that time. It is 0 if the arm is
-unbent and on the reference."""
+compares a reading with the *same point* of a rigid arm that was on the target at that time. It is 0 if the arm is
+unbent and on the target."""
 MIRROR = """\
 The mirror image of a motion is a motion, since there is no gravity. Reflect an episode about the world's x axis: the
 start corner, the direction of the lap, `elbow_branch`, and the signs of the state's angles and modal coordinates.

@@ -49,7 +49,7 @@ KEYS = {
         "rad, 1, rad/s, 1/s",
     ),
     "time": Key("since the episode began", "s"),
-    "tip_error": Key("distance of the true tip from the reference", "m"),
+    "tip_error": Key("distance of the true tip from the target", "m"),
     "elbow_side": Key(
         f"sign of sin(theta2) when the elbow was last bent by more than {STRAIGHT:g} rad, off the straight and off the "
         "folded arm; 0 before",
@@ -67,7 +67,7 @@ KEYS = {
     },
     "gain": Key("lambda in the period that ended; 0 after a reset", "1", '`action_mode` is "gain"'),
     "is_success": Key(
-        "1 once a lap is complete through whose final rest the true tip was within 2 cm of the reference; 0 before",
+        "1 once a lap is complete through whose final rest the true tip was within 2 cm of the target; 0 before",
         "1",
         '`reference` is "moves"',
     ),
@@ -116,10 +116,10 @@ class Episode(NamedTuple):
     Attributes:
         parameters: by name `delay` [s], `payload_mass` [kg], `stiffness` [1], `damping` [1], `noise` [m],
             `actuation_delay` [s]; drawn or not.
-        path: name of the reference.
+        path: name of the path.
         start_time: moment of the lap at which the episode began [s].
-        elbow_branch: on which side of 0 theta2 is for the rigid arm on the reference, "positive" or "negative".
-        direction: in which the reference goes round the square, "counterclockwise" or "clockwise".
+        elbow_branch: on which side of 0 theta2 is for the rigid arm on the target, "positive" or "negative".
+        direction: in which the target goes round the square, "counterclockwise" or "clockwise".
     """
 
     parameters: dict[str, Any]

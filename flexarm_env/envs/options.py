@@ -97,7 +97,7 @@ class Options:
     )
     gain_limit: float = _option(1.0, "gain lambda at action 1", Number(1e-6, 1e6, "1"))
     shift_limit: tuple[float, float] = _option(
-        (0.3, 0.3), "shift of the joints' reference at action 1", Pair(1e-6, np.pi, "rad")
+        (0.3, 0.3), "shift of the joints' target at action 1", Pair(1e-6, np.pi, "rad")
     )
     inner_stiffness: tuple[float, float] = _option(
         (1000.0, 130.0), "stiffness of the inner law in shoulder and elbow", Pair(0.0, 1e9, "N m/rad")
@@ -225,5 +225,5 @@ class Options:
         1.5, "deflection of a link's tip that ends an episode; None: no limit", _LIMIT
     )
     error_limit: float | None = _option(
-        2.5, "distance of the true tip from the reference that ends an episode; None: no limit", _LIMIT
+        2.5, "distance of the true tip from the target that ends an episode; None: no limit", _LIMIT
     )

@@ -72,8 +72,8 @@ _ENCODERS = tuple(name for name in DEFAULT_OBSERVATION if name not in _OF_THE_LI
 _GAUGES = ("modal_coordinates", "modal_rates")
 _LATE_TIP = tuple(name for name in DEFAULT_OBSERVATION if name not in _GAUGES)
 
-# The unknown plant: what a controller does not know of the arm, its sensors and its motors. `SquareUnknown-v0` and
-# every comparison on an unknown plant draw it from here.
+# Unknown arms: what a controller does not know of the arm, its sensors and its motors. `SquareUnknown-v0`
+# and every comparison on unknown arms draw it from here.
 UNKNOWN_PLANT: dict[str, Any] = {
     "randomisation": {
         "payload_mass": (0.0, 1.0),
@@ -101,7 +101,7 @@ IDS: dict[str, Id] = {
         {"action_mode": "residual"},
         "Follow the square with torques added to springs and dampers in the joints",
         "A quick start for learning, and the task of improving a classical loop: a spring and a damper in each "
-        "joint pull the arm along the reference, and the agent adds torques to theirs. Action 0 keeps the tip "
+        "joint pull the arm along the path, and the agent adds torques to theirs. Action 0 keeps the tip "
         "within 2 m; the law knows neither the links' bending nor the next corner. Its dampers make the fastest "
         "pole some ten times as fast, so that a step takes more integration steps and more time; a smaller "
         "`inner_resistance` needs fewer.",
@@ -172,7 +172,7 @@ IDS: dict[str, Id] = {
         _LAP,
         {"reference": "moves", "start": "corner", "elbow_branch": "positive"},
         "Move the tip to a drawn point and back, and bring it to rest there",
-        "The task is to arrive without vibration. Each episode draws two points. The reference moves from one to "
+        "The task is to arrive without vibration. Each episode draws two points. The target moves from one to "
         "the other in a quarter of the lap time (both joints along a minimum-jerk polynomial), rests as long, "
         "moves back, and rests. The points lie all round the shoulder, so moves with the elbow on the other side "
         "are mirror images, and `elbow_branch` is fixed.",

@@ -9,7 +9,7 @@ from flexarm_env.validation import integer
 
 # Each reason with its condition. The codes count from 1 in this order; they are public: a new reason goes to the end.
 ENDS = {
-    "error": "the true tip is farther from the reference than `error_limit`",
+    "error": "the true tip is farther from the target than `error_limit`",
     "deflection": "a link's tip deflection is beyond `deflection_limit`, or that of one of its modes beyond its length",
     "angle": "theta1 is beyond {:g} turns, or theta2 beyond {:g}".format(*(x / (2.0 * np.pi) for x in ANGLE_LIMITS)),
     "rate": f"a joint is faster than {RATE_LIMIT:g} rad/s",

@@ -1,4 +1,4 @@
-"""LQG and its adaptive form on the unknown plant, which each episode draws anew, beside feedback of the true state."""
+"""LQG and its adaptive form on unknown arms, which each episode draws anew, beside feedback of the true state."""
 
 from __future__ import annotations
 
@@ -110,4 +110,4 @@ def rows(scores: dict[str, UnknownScore]) -> str:
     return table(head, lines)
 
 
-STUDY = Study("LQG on the unknown plant: r.m.s. over the lap / after 2 s [mm]", trials, rows, "lqg.md")
+STUDY = Study("LQG on unknown arms: r.m.s. over the lap / after 2 s [mm]", trials, rows, "lqg.md")

@@ -37,7 +37,7 @@ RUNS = {
 
 
 def error_over_loss(path: Path) -> None:
-    """Draw the mean error of the two nominal laps over the share of unknown plants that is lost, for each entry."""
+    """Draw the mean error of the two nominal laps over the share of laps lost on unknown arms, for each entry."""
     entries = [one for row in json.loads(BOARD.read_text())["rows"] if (one := _entry(row)) is not None]
     figure, axis = plt.subplots(figsize=(WIDTH, 5.4))
     axis.set_yscale("log")

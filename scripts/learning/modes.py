@@ -24,7 +24,7 @@ from scripts.learning.study import Records, Study
 RESIDUAL = "FlexArm/SquareResidual-v0"
 REFERENCE: dict[str, Any] = {"action_mode": "reference"}
 STEPS = 500_000
-# The unknown plant without the motors' delay, which is a whole number of periods where the reference is shifted.
+# Unknown arms without the motors' delay, which is a whole number of periods where the reference is shifted.
 DRAWN = {
     **UNKNOWN_PLANT,
     "randomisation": {name: x for name, x in UNKNOWN_PLANT["randomisation"].items() if name != "actuation_delay"},

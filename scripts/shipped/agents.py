@@ -15,7 +15,7 @@ from scripts.learning import delays, schedulers
 LATE_TIP: dict[str, Any] = {"observation": list(IDS["SquareDelayEasy-v0"].options["observation"]), "last_actions": 8}
 # Half a second of readings, closer together where they are new: what payload, stiffness and delay show in.
 HALF_A_SECOND = (1, 2, 3, 4, 6, 8, 11, 15, 20, 27, 36, 48)
-# The unknown plant with longer delays and less damping: at the box's own edge, where both meet, students are at theirs.
+# Unknown arms with longer delays and less damping: at the box's own edge, where both meet, students are at theirs.
 WIDER = {name: list(limits) for name, limits in UNKNOWN_PLANT["randomisation"].items()} | {
     "damping": [0.002, 0.02],
     "delay": [0.0, 0.07],

@@ -52,7 +52,7 @@ class Nominal(NamedTuple):
 
 
 def measured(source: Path, cells: Store) -> dict[str, Any]:
-    """Run a training's best policy on the nominal laps, on the chain and on the unknown plant.
+    """Run a training's best policy on the nominal laps, on the chain and on unknown arms.
 
     Args:
         source: folder of the training, or its policy.
@@ -122,7 +122,7 @@ def nominal(cards: Mapping[str, Card]) -> str:
 
 
 def unknown(cards: Mapping[str, Card]) -> str:
-    """Tabulate the unknown plant, and the chain beside the nominal laps."""
+    """Tabulate unknown arms, and the chain beside the nominal laps."""
     lines = []
     for text, several in compared(cards):
         unknown = [one["unknown"] for one in several]

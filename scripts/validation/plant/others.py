@@ -24,7 +24,7 @@ from scripts.validation.plant.study import ELEMENTS, MODELS, distances, find_row
 Array = NDArray[np.float64]
 GROUP = "controllers"
 # Controllers of the board within 60 mm on the swing lap that read sensors, by their names there; the group "plant" has
-# another one, the student of the unknown plant.
+# another one, the student of unknown arms.
 OTHERS = ("lqg_adaptive", "nmpc", "lqg", "student", "lqg_gauges", "student_gauges")
 WORKERS = 2
 START = 0.5  # [s]; the torques of so long are also applied open loop, and parts of them

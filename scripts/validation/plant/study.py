@@ -17,7 +17,7 @@ from scripts.validation.engine.square import laws_on_chain, laws_on_model
 from scripts.validation.plant.drivers import PERIODS, WEIGHTS, Controller, Hosted, Lap, Regulator, on_corner, run_lap
 
 Array = NDArray[np.float64]
-STUDENT = "student of the unknown plant"
+STUDENT = "student of unknown arms"
 AGENTS = {"PPO agent": "square", STUDENT: "student_unknown"}  # shipped policies, by their names in the tables
 AHEAD, EVERY = 0.5, 0.25  # a prediction's length, and how often one starts [s]
 ERROR_LIMIT = 2.5  # [m], that of the environments
