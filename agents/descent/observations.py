@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from flexarm_env.codegen.tangents import jacobian
 from flexarm_env.envs.blocks import BLOCKS
+from flexarm_env.envs.sensors import FURTHER
 from flexarm_env.envs.settings import Settings
 from flexarm_env.envs.vector import FlexArmVectorEnv
 from flexarm_env.episode.features import Measurements, features, in_frame, joint_errors
@@ -31,7 +32,7 @@ NEEDED: dict[str, Any] = {
     "dropout": 0.0,
     "encoder_noise": (0.0, 0.0),
     "actuation_delay": 0.0,
-    "second_sensor_link": None,
+    **{f"{sensor.name}_link": None for sensor in FURTHER},
 }
 NUMBERS = 8  # of which features depend: two joint angles, two rates, the reading, the reading before
 

@@ -87,9 +87,7 @@ class ChainPlant:
         """See `Plant.readings`."""
         angles, chain = SENSOR_MODELS[self._settings.sensor].reading == "angles", self.chain
         read = [self.encoders() if angles else chain.point(self._sensor)]
-        if self._second is not None:
-            read.append(chain.point(self._second))
-        return np.concatenate(read)
+        return np.concatenate([*read, *map(chain.point, self._further)])
 
     def encoders(self) -> Array:
         """See `Plant.encoders`."""
@@ -130,7 +128,7 @@ class ChainPlant:
         self._sensor = self.chain.point_weights(2, settings.sensor_position)
         law = settings.law if settings.mode.law == "tip" else None
         self._law = None if law is None else TipLaw(self.chain, law, parameters.link_lengths)
-        self._second = None if settings.second_sensor is None else self.chain.point_weights(*settings.second_sensor)
+        self._further = [self.chain.point_weights(one.link, one.position) for one in settings.further_sensors]
 
     def _angles(self, half: Array) -> Array:
         """Angles of the chain's joints from public coordinates, or rates from rates. Shape (2 segments,)."""

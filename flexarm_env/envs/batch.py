@@ -26,7 +26,7 @@ from flexarm_env.envs.kernel_inputs import (
     path_tables,
     tail_rows,
 )
-from flexarm_env.envs.observation import common_layout
+from flexarm_env.envs.observation import common_layout, sensors_of
 from flexarm_env.envs.per_env import refuse_unlike
 from flexarm_env.envs.settings import Settings
 from flexarm_env.episode import draws
@@ -247,7 +247,7 @@ def _variant(settings: Settings, program: Program, lanes: int, disturbed: bool) 
         own_paths=not settings.paths,
         foreshortened=arm.constants.foreshortened,
         disturbed=disturbed,
-        second_sensor=settings.second_sensor_link or 0,
+        sensors=sensors_of(settings),
     )
 
 

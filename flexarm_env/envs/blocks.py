@@ -18,21 +18,19 @@ from flexarm_env.envs.bounds import (
     even_range,
     joint_rate_bound,
     modal_range,
+    position_bounds,
 )
+from flexarm_env.envs.sensors import ANGLE, FURTHER, LINK_2, SCALAR, SENSORS, VECTOR, Part, Sensor, mounting
 from flexarm_env.envs.settings import Settings
+from flexarm_env.physics.sensing import POSITION
 from flexarm_env.simulation.limits import ANGLE_LIMITS, RATE_LIMIT
 
-# Signs of numbers in the mirrored episode, in which the y axis of every frame points the other way.
-SCALAR, ANGLE, VECTOR = (1,), (-1,), (1, -1)
-
 # What a policy may learn of the arm and its task beyond the clock, the reference of this instant and its own actions.
-ENCODERS, LATE_TIP, SECOND_SENSOR = "encoders", "late tip", "second sensor"
-STRAIN_GAUGES, PREVIEW, TRUE_STATE = "strain gauges", "preview", "true state"
-PLANT = "plant parameters"
+ENCODERS, STRAIN_GAUGES, PREVIEW = "encoders", "strain gauges", "preview"
+PLANT, TRUE_STATE = "plant parameters", "true state"
 READINGS = {
     ENCODERS: "angles and rates of the joints",
-    LATE_TIP: "the sensor on link 2, late",
-    SECOND_SENSOR: "the second sensor, late",
+    **{sensor.reads: f"the {sensor.title}, late" for sensor in SENSORS},
     STRAIN_GAUGES: "how far the links bend and how fast, without delay or noise",
     PREVIEW: "where the target will be",
     PLANT: "the nominal arm's masses, stiffness and modes; in no block, but a controller may be designed on them",
@@ -51,7 +49,7 @@ class Block:
         count: number of its numbers, as text with m modes a link.
         rows: function that returns the part of the arena that holds it, the first number there, and their count.
         limits: function that returns scales and bounds.
-        mirror: signs of its numbers in the mirrored episode, repeated over the block (`SCALAR`, `ANGLE`, `VECTOR`);
+        mirror: signs of its numbers in the mirrored episode, repeated over the block (`sensors.VECTOR`);
             None: the action's signs.
         reads: what it tells, one of `READINGS`; None: the clock, the present reference, or the agent's own actions.
         modes: action modes that have it.
@@ -90,6 +88,37 @@ def _state_range(settings: Settings) -> Range:
     modes, rates = modal_range(settings, rates=False), modal_range(settings, rates=True)
     scale = [np.pi] * 2 + modes.scale + [3.0] * 2 + rates.scale
     return Range(scale, [*ANGLE_LIMITS, *modes.bound, RATE_LIMIT, RATE_LIMIT, *rates.bound])
+
+
+def _blocks_of(sensor: Sensor) -> dict[str, Block]:
+    """Return the blocks of a sensor's reading and of its error, by name."""
+    blocks, first = {}, 0
+    for part in sensor.parts:
+        blocks[part.block] = _block_of(sensor, part, first)
+        first += part.size
+    return blocks | ({sensor.error.block: _block_of(sensor, sensor.error, 0)} if sensor.error else {})
+
+
+def _block_of(sensor: Sensor, part: Part, first: int) -> Block:
+    """Return the block of a part of a sensor's reading, whose first number is given, or of its error."""
+    is_error, is_position = part is sensor.error, sensor.quantity == POSITION
+
+    def rows(settings: Settings) -> tuple[str, int, int]:
+        """Positions and errors are read in the frame of the observation."""
+        if sensor is LINK_2:
+            return "F_SENSOR_ERROR" if is_error else "F_LINK_SENSOR", first, part.size
+        name = "F_FURTHER_ERROR" if is_error else "F_FURTHER_READING" if is_position else "FURTHER_READING"
+        return name, mounting(settings, sensor).first + first, part.size
+
+    def limits(settings: Settings, reach: Workspace) -> Range:
+        """Bound positions by the arm's reach, other quantities by the sensor's range."""
+        if is_position:
+            bound = position_bounds(settings, sensor, reach)[is_error]
+        else:
+            bound = mounting(settings, sensor).range[first]
+        return even_range(part.size, part.scale, bound)
+
+    return Block(part.what, part.unit, str(part.size), rows, limits, part.mirror, reads=sensor.reads)
 
 
 BLOCKS: dict[str, Block] = {
@@ -175,51 +204,17 @@ BLOCKS: dict[str, Block] = {
         VECTOR,
         reads=ENCODERS,
     ),
-    "sensed_position": Block(
-        "latest reading of the sensor on link 2: late, noisy",
-        "m",
-        "2",
-        _rows("F_LINK_SENSOR"),
-        lambda s, r: even_range(2, 6.3, r.sensed * 2**0.5),
-        VECTOR,
-        reads=LATE_TIP,
-    ),
-    "sensor_error": Block(
-        "target at the time of that reading minus the reading",
-        "m",
-        "2",
-        _rows("F_SENSOR_ERROR"),
-        lambda s, r: even_range(2, 0.5, r.error * 2**0.5),
-        VECTOR,
-        reads=LATE_TIP,
-    ),
+    **_blocks_of(LINK_2),
     "sensor_error_rate": Block(
         "change of `sensor_error` since the reading before, per second",
         "m/s",
         "2",
         _rows("F_SENSOR_ERROR_RATE"),
-        lambda s, r: even_range(2, 3.0, 2.0 * r.error * 2**0.5 / (0.499 * s.control_period)),
+        lambda s, r: even_range(2, 3.0, 2.0 * position_bounds(s, LINK_2, r)[1] / (0.499 * s.control_period)),
         VECTOR,
-        reads=LATE_TIP,
+        reads=LINK_2.reads,
     ),
-    "second_sensed_position": Block(
-        "latest reading of the second sensor (`second_sensor_link`): late, noisy",
-        "m",
-        "2",
-        _rows("F_SECOND_SENSED"),
-        lambda s, r: even_range(2, 6.3, r.second * 2**0.5),
-        VECTOR,
-        reads=SECOND_SENSOR,
-    ),
-    "second_sensor_error": Block(
-        "the same point of the rigid arm on the target at the time of that reading, minus the reading",
-        "m",
-        "2",
-        _rows("F_SECOND_ERROR"),
-        lambda s, r: even_range(2, 0.5, r.second_error * 2**0.5),
-        VECTOR,
-        reads=SECOND_SENSOR,
-    ),
+    **{name: block for sensor in FURTHER for name, block in _blocks_of(sensor).items()},
     "modal_coordinates": Block(
         "of link 1, of link 2, from strain gauges",
         "1",

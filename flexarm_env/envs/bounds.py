@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flexarm_env.envs.choices import MOVE_RING
+from flexarm_env.envs.sensors import LINK_2, Sensor, mounting
 from flexarm_env.envs.settings import Settings
 from flexarm_env.parameters import SENSOR_MODELS
 from flexarm_env.physics.inverse_kinematics import LEAST_SINE
@@ -20,23 +21,15 @@ LARGEST_DEVIATE = 8.6  # of `random_stream.normal`
 
 
 class Workspace(NamedTuple):
-    """Largest magnitudes before an episode ends.
+    """Largest magnitudes of the reference.
 
     Attributes:
         radius: distance of the reference from the shoulder [m].
         speed: speed of the reference [m/s].
-        sensed: coordinate of the sensor's reading [m].
-        error: coordinate of the sensor's error [m].
-        second: coordinate of the second sensor's reading [m].
-        second_error: coordinate of the second sensor's error [m].
     """
 
     radius: float
     speed: float
-    sensed: float
-    error: float
-    second: float
-    second_error: float
 
 
 class Range(NamedTuple):
@@ -52,7 +45,7 @@ class Range(NamedTuple):
 
 
 def reach_of(settings: Settings) -> Workspace:
-    """Compute the largest magnitudes of reference and readings before an episode ends."""
+    """Compute the largest magnitudes of the reference."""
     arm = settings.flexible_arm
     length_1, length_2 = arm.parameters.link_lengths
     if settings.paths:
@@ -63,20 +56,27 @@ def reach_of(settings: Settings) -> Workspace:
     else:  # minimum-jerk moves of at most half a turn of each joint in a quarter of the lap
         radius = MOVE_RING[1] * arm.parameters.reach
         speed = 1.875 * np.pi / (0.25 * settings.lap_time) * (length_1 + 2.0 * length_2)
-    bend = _bend(arm) if SENSOR_MODELS[settings.sensor].bends else 0.0
-    deviation = settings.range_of("noise")[1]
-    sensed = length_1 + settings.sensor_position + bend + LARGEST_DEVIATE * deviation
-    return Workspace(radius, speed, sensed, sensed + radius, *_second_reach(settings))
+    return Workspace(radius, speed)
 
 
-def _second_reach(settings: Settings) -> tuple[float, float]:
-    """Return the largest coordinate of the second sensor's reading and of its error [m]; 0 without such a sensor."""
-    if settings.second_sensor is None:
-        return 0.0, 0.0
-    link, position = settings.second_sensor
-    rigid = position + (settings.flexible_arm.parameters.link_lengths[0] if link == 2 else 0.0)
-    sensed = rigid + _bend(settings.flexible_arm) + LARGEST_DEVIATE * settings.second_sensor_noise
-    return sensed, sensed + rigid
+def position_bounds(settings: Settings, sensor: Sensor, reach: Workspace) -> tuple[float, float]:
+    """Return the largest lengths of a position that a sensor reads, and of its error, before an episode ends [m].
+
+    Args:
+        settings: settings of the environment, which has the sensor.
+        sensor: its declaration.
+        reach: of the reference.
+    """
+    length_1 = settings.flexible_arm.parameters.link_lengths[0]
+    if sensor is LINK_2:
+        rigid, bends = length_1 + settings.sensor_position, SENSOR_MODELS[settings.sensor].bends
+        compared, deviation = reach.radius, settings.range_of("noise")[1]
+    else:
+        one = mounting(settings, sensor)
+        compared = rigid = one.position + (length_1 if one.link == 2 else 0.0)
+        bends, deviation = True, one.noise[0]
+    sensed = rigid + (_bend(settings.flexible_arm) if bends else 0.0) + LARGEST_DEVIATE * deviation
+    return sensed * 2**0.5, (sensed + compared) * 2**0.5
 
 
 def _bend(arm: FlexibleArm) -> float:

@@ -16,7 +16,6 @@ STARTS = {
 }
 MOVE_POINTS = 800  # sides of the polyline that approximates a move there and back
 MOVE_RING = (0.35, 0.95)  # of the reach: where the ends of drawn moves lie
-SECOND_SENSOR_BLOCKS = ("second_sensed_position", "second_sensor_error")
 DEFAULT_WEIGHTS = {"tracking_wide": 0.6, "tracking_middle": 0.15, "tracking_fine": 0.1, "action_change": 0.15}
 DEFAULT_OBSERVATION = (
     "elbow_direction",

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from flexarm_env.envs.choices import SECOND_SENSOR_BLOCKS
+from flexarm_env.envs.sensors import FURTHER, Sensor
 from flexarm_env.episode import reward
 from flexarm_env.parameters import MAX_DELAY, SENSOR_MODELS, arm_parameters
 from flexarm_env.physics.paths import FARTHEST, PATHS
@@ -16,8 +16,12 @@ from flexarm_env.simulation.cases import refuse_compensation_without_delay
 from flexarm_env.validation import choice, entries, finite_array, listed, mapping, names, number, shown
 
 
-def _second_sensor(settings: Any) -> bool:
-    return settings.second_sensor_link is not None
+def _is_mounted(sensor: Sensor) -> Callable[[Any], bool]:
+    return lambda settings: getattr(settings, f"{sensor.name}_link") is not None
+
+
+def _is_observed(sensor: Sensor) -> Callable[[Any], bool]:
+    return lambda settings: not set(settings.observation).isdisjoint(sensor.blocks)
 
 
 def _on_a_named_path(settings: Any) -> bool:
@@ -37,13 +41,17 @@ _EFFECT: dict[str, tuple[Callable[[Any], bool], str]] = {
     "wave_speed": (lambda s: s.delay is None and _late(s), "where it sets the sensor's delay"),
     "jitter": (_late, _WITH_A_LATE_SENSOR),
     "hold": (_late, _WITH_A_LATE_SENSOR),
-    "second_sensor_link": (
-        lambda s: not set(s.observation).isdisjoint(SECOND_SENSOR_BLOCKS),
-        f"with an observation block of it, {' or '.join(map(repr, SECOND_SENSOR_BLOCKS))}",
-    ),
     **{
-        f"second_sensor_{name}": (_second_sensor, "with a second sensor: second_sensor_link = 1 or 2")
-        for name in ("position", "delay", "noise")
+        f"{sensor.name}_link": (
+            _is_observed(sensor),
+            f"with an observation block of it, {' or '.join(map(repr, sensor.blocks))}",
+        )
+        for sensor in FURTHER
+    },
+    **{
+        name: (_is_mounted(sensor), f"with {sensor.words}: {sensor.name}_link = 1 or 2")
+        for sensor in FURTHER
+        for name in sensor.option_names
     },
     "start_spread": (lambda s: s.start in ("moving", "mix"), "with start = 'moving' or 'mix'"),
     "side": (_on_a_named_path, _NAMED),
@@ -104,11 +112,12 @@ def _refuse_contradictions(settings: Any) -> None:
     refuse_compensation_without_delay(settings.compensation, settings.sensor)
     if not _late(settings) and "delay" in settings.randomisation:
         raise ValueError(f"randomisation['delay']: a {settings.sensor} sensor has no delay")
-    for name in SECOND_SENSOR_BLOCKS:
-        if name in settings.observation and not _second_sensor(settings):
-            raise ValueError(
-                f"observation block {name!r}: there is no second sensor; give second_sensor_link (1 or 2) too"
-            )
+    for sensor in FURTHER:
+        for name in sensor.blocks:
+            if name in settings.observation and not _is_mounted(sensor)(settings):
+                raise ValueError(
+                    f"observation block {name!r}: there is no {sensor.title}; give {sensor.name}_link (1 or 2) too"
+                )
     if "previews" in settings.observation and not settings.previews:
         raise ValueError("previews = (): must hold a horizon, or `observation` not name the block 'previews'")
     if settings.reference == ("moves",) and settings.lap_time < FEWEST_PERIODS * settings.control_period:

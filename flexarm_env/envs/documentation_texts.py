@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from flexarm_env.envs.sensors import FURTHER
 from flexarm_env.laps import LAPS
 from flexarm_env.physics.inverse_kinematics import STRAIGHT
 
@@ -29,7 +30,8 @@ through the straight arm to the other side, and good plans do so at corners; `jo
 side. `present_joint_error` and `present_joint_error_rate` refer to the side that the encoders measure. That is the sign
 of sin(theta2) when the elbow was last more than {STRAIGHT:g} rad away from the straight and from the folded arm. Before
 that it is `elbow_branch`. `info["elbow_side"]` is the same sign for the true angle, and 0 before."""
-LATENESS = """\
+PARAGRAPHS = "\n\n".join(sensor.text for sensor in FURTHER)
+LATENESS = f"""\
 Encoders and strain gauges are not late, and the gauges have no noise. The position sensor on link 2 is late: at the
 end of each control period, its reading of `delay` seconds ago arrives, not rounded to integration steps. If `delay` is
 None, it is the distance from the shoulder to the sensor over the wave speed: 31.2 ms for a sensor at the tip. The
@@ -44,11 +46,7 @@ with the target at the time of that reading. For a "true" sensor at the tip, the
 moment ago. For a sensor elsewhere on link 2 it is the vector from that point to where the *tip* should be; for the
 "rigid" sensor it mixes two moments.
 
-`second_sensor_link` adds a second position sensor on either link, to compare sets of sensors. It reads the true point
-at `second_sensor_position`, `second_sensor_delay` seconds ago, with noise of its own (`second_sensor_noise`), in every
-control period; `jitter`, `hold`, `dropout` and a drawn `delay` apply to the first sensor only. `second_sensor_error`
-compares a reading with the *same point* of a rigid arm that was on the target at that time. It is 0 if the arm is
-unbent and on the target."""
+{PARAGRAPHS}"""
 MIRROR = """\
 The mirror image of a motion is a motion, since there is no gravity. Reflect an episode about the world's x axis: the
 start corner, the direction of the lap, `elbow_branch`, and the signs of the state's angles and modal coordinates.

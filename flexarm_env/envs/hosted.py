@@ -54,8 +54,8 @@ class Plant(Protocol):
         """Return what the sensors would read now without delay and noise.
 
         Returns:
-            Two readings and their rates of the sensor on link 2 (`physics.sensing.reading`), then of the second one if
-            there is one. Shape (4,) or (8,).
+            Two readings and their rates of the sensor on link 2 (`physics.sensing.reading`), then what the formulas of
+            the further sensors give (`physics.sensing.QUANTITIES_AT_A_POINT`). Shape (slot_rows,).
         """
 
     def encoders(self) -> Array:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexarm_env.envs.batch import BatchSimulator
+from flexarm_env.envs.sensors import FURTHER
 from flexarm_env.envs.settings import Settings
 from flexarm_env.envs.termination import END_CODES, NOT_TERMINATED
 from flexarm_env.episode.reward import TERMS
@@ -71,7 +72,14 @@ KEYS = {
         "1",
         '`reference` is "moves"',
     ),
-    "second_sensed": Key("latest reading of the second sensor; shape (2,)", "m", "`second_sensor_link` is set"),
+    **{
+        sensor.info: Key(
+            f"latest reading of the {sensor.title}; shape ({sum(part.size for part in sensor.parts)},)",
+            sensor.unit,
+            f"`{sensor.name}_link` is set",
+        )
+        for sensor in FURTHER
+    },
 }
 # Keys with several numbers: part of the results, and how many of its numbers; None: all.
 _VECTORS = {
@@ -81,7 +89,6 @@ _VECTORS = {
     "reference": ("REFERENCE", 2),
     "sensed": ("LINK_SENSOR", 2),
     "state": ("STATE", None),
-    "second_sensed": ("SECOND_SENSED", 2),
 }
 # Keys with one number.
 _NUMBERS = {
@@ -103,8 +110,7 @@ def info_keys(settings: Settings) -> tuple[str, ...]:
         left_out.add("gain")
     if settings.reference != ("moves",):
         left_out.add("is_success")
-    if settings.second_sensor is None:
-        left_out.add("second_sensed")
+    left_out |= {sensor.info for sensor in FURTHER} - {one.sensor.info for one in settings.further_sensors}
     return tuple(name for name in KEYS if name not in left_out)
 
 
@@ -196,6 +202,9 @@ class InfoMaker:
                 continue
             start, stop = parts[part].start, parts[part].stop
             slices[name] = slice(start, stop if count is None else start + count)
+        for one in simulator.settings.further_sensors:
+            start = parts["FURTHER_READING"].start + one.first
+            slices[one.sensor.info] = slice(start, start + len(one.noise))
         places = {name: parts[part].start for name, part in _NUMBERS.items()}
         places |= {TERM + name: parts["REWARD_TERMS"].start + n for n, name in enumerate(TERMS)}
         known = slices | places

@@ -46,7 +46,7 @@ def _readings_of(settings: Settings) -> int:
     if varies or s.substeps > 62:
         return ALL_READINGS
     bits = 0
-    for delay in (*s.sensor_delays, *([s.second_sensor_delay] if s.second_sensor else [])):
+    for delay in (*s.sensor_delays, *(one.delay for one in s.further_sensors)):
         back = delay / (s.control_period / s.substeps)
         # with a tolerance on both sides: a whole number of steps may be rounded up or down
         for steps in range(int(np.floor(back - 1e-6)), int(np.floor(back + 1e-6)) + 2):
@@ -193,21 +193,33 @@ def _observed_rows(settings: Settings, program: Program, observed: ObservationLa
     return np.where(observed.rows >= tail, observed.rows - 2 * len(settings.previews), observed.rows)
 
 
+def _further_rows(settings: Settings) -> dict[str, Any]:
+    """Return the rows of the further sensors; empty ones where there are none."""
+    arm, sensors = settings.flexible_arm, settings.further_sensors
+    places = [arm.place(one.link, one.position) for one in sensors]
+    slopes = [arm.modes[one.link - 1].slope(one.position) for one in sensors]
+    return {
+        "FURTHER_LINK": [one.link for one in sensors],
+        "FURTHER_DISTANCE": [place.distance for place in places],
+        "FURTHER_VALUES": [x for place in places for x in place.values],
+        "FURTHER_SLOPES": [x for each in slopes for x in each],
+        "FURTHER_FORESHORTENING": [x for place in places for x in place.foreshortening],
+        "FURTHER_DELAY": [one.delay for one in sensors for _ in one.noise],
+        "FURTHER_NOISE": [x for one in sensors for x in one.noise],
+        "FURTHER_DRAW": [one.sensor.draws + n for one in sensors for n in range(len(one.noise))],
+        "FURTHER_BIAS_SPREAD": [x for one in sensors for x in one.bias],
+        "FURTHER_RANGE": [x for one in sensors for x in one.range],
+    }
+
+
 def fixed_rows(settings: Settings) -> dict[str, Any]:
     """Return the values of the rows that no episode changes, by name (`layout`)."""
     s = settings
     arm = s.flexible_arm
     length = arm.parameters.link_lengths[1]
     law_point = s.sensor_position if s.law_sensor == "sensor" else length
-    second: dict[str, Any] = {}
-    if s.second_sensor is not None:
-        second = {
-            **place_rows("SECOND", arm.place(*s.second_sensor)),
-            "SECOND_DELAY": [s.second_sensor_delay],
-            "SECOND_NOISE": [s.second_sensor_noise],
-        }
     return {
-        **second,
+        **_further_rows(s),
         "LIMITS": state_limits(arm),
         **place_rows("TIP", arm.place(2, length)),
         **sensor_rows(s.sensor_parameters, arm),

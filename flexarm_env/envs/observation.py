@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexarm_env.codegen.declarations import Program
-from flexarm_env.envs.blocks import BLOCKS, ENCODERS, LATE_TIP, READINGS
+from flexarm_env.envs.blocks import BLOCKS, ENCODERS, READINGS
 from flexarm_env.envs.bounds import reach_of
+from flexarm_env.envs.sensors import LINK_2
 from flexarm_env.envs.settings import Settings
 from flexarm_env.kernels.entries import Shape
 from flexarm_env.kernels.layout import Row
@@ -35,15 +36,20 @@ def readings_of(settings: Settings) -> tuple[str, ...]:
     if law == "joints" or settings.frame == "link" or (law == "tip" and settings.law_sensor == "joints"):
         found.add(ENCODERS)
     if law == "tip" and settings.law_sensor == "sensor":
-        found.add(LATE_TIP)
+        found.add(LINK_2.reads)
     return tuple(name for name in READINGS if name in found)
+
+
+def sensors_of(settings: Settings) -> tuple[tuple[str, int], ...]:
+    """Return quantity and link of each further sensor, for which kernels are compiled."""
+    return tuple((one.sensor.quantity, one.link) for one in settings.further_sensors)
 
 
 def shape_of(settings: Settings, program: Program) -> Shape:
     """Return the shape on which the tables of an environment's kernels depend."""
     foreshortened = settings.flexible_arm.constants.foreshortened
     modes = settings.flexible_arm.parameters.modes_per_link
-    return Shape(program, modes, foreshortened, settings.second_sensor is not None)
+    return Shape(program, modes, foreshortened, sensors_of(settings))
 
 
 class ObservationLayout(NamedTuple):

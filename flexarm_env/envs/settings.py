@@ -15,6 +15,7 @@ from flexarm_env.codegen.declarations import Program
 from flexarm_env.envs.consistency import refuse_options_without_effect
 from flexarm_env.envs.options import Options
 from flexarm_env.envs.quantities import QUANTITIES
+from flexarm_env.envs.sensors import Mounted, mounted
 from flexarm_env.episode.step import PROGRAMS
 from flexarm_env.lazy import cached_property
 from flexarm_env.parameters import DIRECTIONS, LawParameters, SensorParameters, SquareParameters, arm_parameters
@@ -81,7 +82,7 @@ class Settings(Options):
     def _refuse_what_does_not_fit(self) -> None:
         """Refuse sensors and paths beyond the arm, all at once."""
         found = []
-        for check in (self._check_sensor, lambda: self.second_sensor, lambda: self.paths):
+        for check in (self._check_sensor, lambda: self.further_sensors, lambda: self.paths):
             try:
                 check()
             except ValueError as error:
@@ -137,15 +138,9 @@ class Settings(Options):
         return FlexibleArm(arm_parameters(self.arm))
 
     @cached_property
-    def second_sensor(self) -> tuple[int, float] | None:
-        """Link of the second sensor, and its distance from the link's root [m]."""
-        if self.second_sensor_link is None:
-            return None
-        link, position, p = self.second_sensor_link, self.second_sensor_position, self.flexible_arm.parameters
-        if position is None:
-            return link, p.link_lengths[link - 1]
-        refuse_off_link("second_sensor_position", position, link, p)
-        return link, position
+    def further_sensors(self) -> tuple[Mounted, ...]:
+        """The sensors beside the one on link 2."""
+        return mounted(self)
 
     @cached_property
     def paths(self) -> list[ReferencePath]:
@@ -169,7 +164,7 @@ class Settings(Options):
     @property
     def disturbed(self) -> bool:
         """Whether noise, jitter, dropouts, a sensor with its own clock, or actuation delays can occur."""
-        noise = (self.noise, *self.encoder_noise, self.second_sensor_noise)
+        noise = (self.noise, *self.encoder_noise, *(x for one in self.further_sensors for x in one.noise + one.bias))
         own = any((*noise, self.jitter, self.dropout, self.hold, self.actuation_delay))
         return own or not self.randomisation.keys().isdisjoint(("noise", "actuation_delay"))
 
@@ -232,12 +227,11 @@ class Settings(Options):
         stay in the processor's cache.
         """
         latest = max(*self.sensor_delays, self.range_of("delay")[1])
-        oldest = max(latest + self.jitter + 4.0 * self.hold, self.second_sensor_delay)
+        oldest = max(latest + self.jitter + 4.0 * self.hold, *(one.delay for one in self.further_sensors), 0.0)
         longest = oldest + 2.0 * self.control_period
         periods = int(np.ceil(longest / self.control_period + 4.0 / self.substeps))
         cause = f"delay = {latest} s, jitter = {self.jitter} s, hold = {self.hold} s"
-        if self.second_sensor is not None:
-            cause += f", second_sensor_delay = {self.second_sensor_delay} s"
+        cause += "".join(f", {one.sensor.name}_delay = {one.delay} s" for one in self.further_sensors)
         return count_readings(self.substeps * periods, self.control_period / self.substeps, cause)
 
 

@@ -7,12 +7,12 @@ from __future__ import annotations
 
 from numpy import floor
 
-from flexarm_env.codegen.arrays import Arena, Clock, Four, History, Mask, Paths, Table, Words
+from flexarm_env.codegen.arrays import Arena, Clock, Four, History, Keys, Mask, Paths, Table, Words
 from flexarm_env.episode.draws import is_moving
-from flexarm_env.episode.second_sensor import second_reference
+from flexarm_env.episode.further_sensors import draw_biases, further_reference
 from flexarm_env.episode.sensor import joint_motion, point_on_reference
 from flexarm_env.kernels.delay_line import is_kept, sensed_point
-from flexarm_env.kernels.entries import clock_row, setting
+from flexarm_env.kernels.entries import READING_ROWS, clock_row, setting
 from flexarm_env.kernels.layout import row
 from flexarm_env.kernels.variants import variant
 from flexarm_env.physics.polyline import reference_at
@@ -21,37 +21,59 @@ from flexarm_env.physics.polyline import reference_at
 def move_history(
     arena: Arena, history: History, clock: Clock, paths: Paths, header: Words, settings: Table, i: int
 ) -> None:
-    """Fill the delay line of lane i, whose arm starts on the move, with its newest readings moved back in time."""
+    """Fill the delay line of lane i, whose arm starts on the move: positions as of the newest ones moved back in time.
+
+    Before the start, sensors of other quantities read what they read at the start (`delay_line.fill_history`).
+    """
     h = settings[setting.STEP]
     slots = history.shape[0] // variant.slot_rows
     newest = clock[clock_row.HEAD, 0]
-    now = reference_slot(arena, clock, paths, settings, i, 0.0)
-    for back in range(1, slots):
-        if is_kept(header, -back):
-            slot = (newest - back) % slots
-            then = reference_slot(arena, clock, paths, settings, i, back * h)
-            for r in range(variant.slot_rows):
-                moved = then[r] - now[r]
-                history[variant.slot_rows * slot + r, i] = history[variant.slot_rows * newest + r, i] + moved
+    for s in range(1 + variant.further_points):
+        now = point_on_time(arena, clock, paths, settings, i, s, 0.0)
+        for back in range(1, slots):
+            if is_kept(header, -back):
+                slot = (newest - back) % slots
+                then = point_on_time(arena, clock, paths, settings, i, s, back * h)
+                for r in range(READING_ROWS):
+                    moved, at = then[r] - now[r], READING_ROWS * s + r
+                    history[variant.slot_rows * slot + at, i] = history[variant.slot_rows * newest + at, i] + moved
 
 
 def begin_sensors(
-    arena: Arena, history: History, clock: Clock, paths: Paths, header: Words, settings: Table, started: Mask
+    arena: Arena,
+    history: History,
+    clock: Clock,
+    keys: Keys,
+    paths: Paths,
+    header: Words,
+    settings: Table,
+    started: Mask,
 ) -> None:
     """Complete what the sensors of the lanes that begin an episode have read before, see `sensor.sense`."""
     for i in range(variant.lanes):
         if started[i]:
             if is_moving(clock, i):
                 move_history(arena, history, clock, paths, header, settings, i)
+            if variant.further_readings:
+                draw_biases(arena, keys, i)
             seed_sensor(arena, history, clock, paths, settings, i)
 
 
-def reference_slot(arena: Arena, clock: Clock, paths: Paths, settings: Table, i: int, back: float) -> tuple[float, ...]:
-    """Return what all sensors would have read `back` seconds ago on the rigid arm on lane i's reference, with rates."""
-    first = reference_reading(arena, clock, paths, settings, i, back)
-    if variant.second_sensor:
-        return first + second_reference(arena, clock, paths, settings, i, back)
-    return first
+def point_on_time(arena: Arena, clock: Clock, paths: Paths, settings: Table, i: int, s: int, back: float) -> Four:
+    """Return what a sensor would have read `back` seconds ago on the rigid arm on lane i's reference, with rates.
+
+    Args:
+        arena: of one block.
+        clock: of each lane.
+        paths: of all lanes.
+        settings: see `entries.Setting`.
+        i: the lane.
+        s: 0 for the sensor on link 2; others: the further sensors of positions.
+        back: how long ago [s].
+    """
+    if variant.further_points and s > 0:
+        return further_reference(arena, clock, paths, settings, i, s - 1, back)
+    return reference_reading(arena, clock, paths, settings, i, back)
 
 
 def reference_reading(arena: Arena, clock: Clock, paths: Paths, settings: Table, i: int, back: float) -> Four:

@@ -24,8 +24,8 @@ from flexarm_env.codegen.declarations import inlined_in_its_caller
 from flexarm_env.codegen.random_stream import normal
 from flexarm_env.codegen.scalars import clip
 from flexarm_env.episode.actuation import make_room
+from flexarm_env.episode.further_sensors import sense_further
 from flexarm_env.episode.recorded import features_kernel, joint_kernel
-from flexarm_env.episode.second_sensor import sense_second
 from flexarm_env.episode.sensor import CHANNELS_OF_NOISE, noise_place, sense
 from flexarm_env.episode.write_observation import write_observations, write_previews
 from flexarm_env.kernels.entries import clock_row, setting, word
@@ -96,8 +96,8 @@ def update_measurements(
     follow_reference(arena, clock, paths, settings[setting.STEP])
     note_times(arena, clock, settings)
     sense(arena, history, clock, keys, paths, header, settings, active)
-    if variant.second_sensor:
-        sense_second(arena, history, clock, keys, paths, header, settings, active)
+    if variant.further_readings:
+        sense_further(arena, history, clock, keys, paths, header, settings, active)
     for r in range(4):
         at = r if r < 2 else variant.size + r - 2
         for i in range(variant.lanes):

@@ -25,8 +25,9 @@ def features_record(variant: Variant) -> Recorder:
     errors, error_rates = features.joint_errors(r.read("PRESENT_JOINT"), known.encoders)
     r.write("F_PRESENT_JOINT_ERROR", errors)
     r.write("F_PRESENT_JOINT_ERROR_RATE", error_rates)
-    for name in ("SECOND_SENSED", "SECOND_ERROR") if variant.second_sensor else ():
-        r.write(f"F_{name}", features.in_frame(found.frame_axis, r.read(name)))
+    for name in ("FURTHER_READING", "FURTHER_ERROR") if variant.further_points else ():
+        points = [r.read(name)[2 * n : 2 * n + 2] for n in range(variant.further_points)]
+        r.write(f"F_{name}", [x for point in points for x in features.in_frame(found.frame_axis, point)])
     square = reward.squared_distance(r.read("TRUE_TIP"), r.read("REFERENCE"))
     r.write("TIP_ERROR", [root(square)])
     terms = reward.tracking_terms(square)

@@ -199,8 +199,8 @@ def disturbed_reading(
 def noise_place(clock: Clock, header: Words, i: int) -> int:
     """Return the index of the first random number of lane i's present control period.
 
-    The period has 6 for the reading that arrives (a sensor with its own clock uses those of the tick), 2 for the second
-    sensor (`second_sensor`), and 8 for the encoders.
+    The period has 6 for the reading that arrives (a sensor with its own clock uses those of the tick), 2 that further
+    sensors may use (`further_sensors`), and 8 for the encoders.
     """
     return FIRST_NOISE + CHANNELS_OF_NOISE * 2 * (
         (clock[clock_row.STEPS, i] - clock[clock_row.BEGAN, i]) // header[word.SUBSTEPS]

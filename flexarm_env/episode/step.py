@@ -119,7 +119,7 @@ def report_episodes(
         starting = starting or started[i]
         active[i] = header[word.DRIVING] != 0 or started[i]
     if starting:
-        begin_sensors(arena, history, clock, paths, header, settings, started)
+        begin_sensors(arena, history, clock, keys, paths, header, settings, started)
     observe(arena, history, clock, keys, paths, header, settings, observations, first, active)
     for i in range(variant.lanes if starting else 0):
         if started[i]:  # a reset has no reward

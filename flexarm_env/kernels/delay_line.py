@@ -2,7 +2,8 @@
 
 The law reads it at its stages (`prepare_readings`), the sensor at control instants (`sensed_point`).
 
-A slot has `Variant.slot_rows` rows: of each sensor two readings and their rates (`entries.ReadingRow`).
+A slot has `Variant.slot_rows` rows: of each sensor of a position two readings and their rates (`entries.ReadingRow`),
+then the numbers that other sensors read.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from flexarm_env.codegen.declarations import per_lane
 from flexarm_env.codegen.elementary import sincos
 from flexarm_env.kernels.entries import READING_ROWS, clock_row, reading_row, setting, word
 from flexarm_env.kernels.layout import row
-from flexarm_env.kernels.recorded import reading_kernel, second_reading_kernel
+from flexarm_env.kernels.recorded import further_reading_kernel, reading_kernel
 from flexarm_env.kernels.variants import variant
 
 
@@ -32,9 +33,9 @@ def count_steps(clock: Clock, history: History, steps: int) -> None:
 def store_reading(arena: Arena, history: History, slot: int) -> None:
     """Enter the current readings of all sensors into a slot of the delay line."""
     reading_kernel(arena, history[slot * variant.slot_rows : (slot + 1) * variant.slot_rows])
-    if variant.second_sensor:
-        second = slot * variant.slot_rows + READING_ROWS
-        second_reading_kernel(arena, history[second : second + READING_ROWS])
+    if variant.further_readings:
+        further = slot * variant.slot_rows + READING_ROWS
+        further_reading_kernel(arena, history[further : (slot + 1) * variant.slot_rows])
 
 
 def is_kept(header: Words, done: int) -> bool:
@@ -46,12 +47,13 @@ def fill_history(history: History, clock: Clock, header: Words, i: int) -> None:
     """Fill the delay line of lane i with its newest readings; before a start at rest nothing moves."""
     slots = history.shape[0] // variant.slot_rows
     newest = clock[clock_row.HEAD, 0]
+    rated = READING_ROWS * (1 + variant.further_points)
     for back in range(1, slots):
         if is_kept(header, -back):
             slot = (newest - back) % slots
             for r in range(variant.slot_rows):
-                value = history[variant.slot_rows * newest + r, i]
-                history[variant.slot_rows * slot + r, i] = value if r % READING_ROWS < reading_row.RATE else 0.0
+                moves = r < rated and r % READING_ROWS >= reading_row.RATE
+                history[variant.slot_rows * slot + r, i] = 0.0 if moves else history[variant.slot_rows * newest + r, i]
 
 
 @per_lane
@@ -104,6 +106,15 @@ def delayed_reading(
         h,
         u,
     )
+
+
+@per_lane
+def delayed_number(history: History, slots: int, slot: int, i: int, j: int, back: float) -> float:
+    """Return a number of lane i that is kept without its rate, linearly between two steps; see `delayed_reading`."""
+    if back == 0.0:
+        return history[variant.slot_rows * slot + j, i]
+    first, last, u = bracket(slots, slot, back)
+    return history[first + j, i] + u * (history[last + j, i] - history[first + j, i])
 
 
 @per_lane

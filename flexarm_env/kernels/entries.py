@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 from flexarm_env.codegen.declarations import Entry, FixedNames, Names, Program, in_a_row
 from flexarm_env.physics import linear_algebra
 from flexarm_env.physics.constants import Constants
+from flexarm_env.physics.sensing import POSITION, QUANTITIES_AT_A_POINT
 
 STATE_UNIT = "rad, m, rad/s, m/s"
 CONSTANTS_UNIT = "as in `Constants`"
-SECOND_SENSOR = frozenset({"second sensor"})  # group of the parts that a second sensor needs
+FURTHER_SENSORS = frozenset({"further sensors"})  # group of the parts that sensors beside that on link 2 need
 _ENVIRONMENT = ("environment",)
 
 
@@ -25,23 +26,33 @@ class Shape(NamedTuple):
         program: program of the kernels.
         modes: per link.
         foreshortened: kinematics (`bent_link`).
-        second_sensor: whether there is one.
+        sensors: quantity and link of each further sensor (`sensing.QUANTITIES`).
     """
 
     program: Program
     modes: int
     foreshortened: bool
-    second_sensor: bool = False
+    sensors: tuple[tuple[str, int], ...] = ()
 
     @property
     def groups(self) -> frozenset[str]:
         """Of the parts that tables have (`layout`)."""
-        return self.program.groups | SECOND_SENSOR if self.second_sensor else self.program.groups
+        return self.program.groups | FURTHER_SENSORS if self.sensors else self.program.groups
 
     @property
     def size(self) -> int:
         """Internal coordinates."""
         return 2 * self.modes + 2
+
+    @property
+    def further_points(self) -> int:
+        """How many further sensors read positions; they come first."""
+        return sum(name == POSITION for name, _ in self.sensors)
+
+    @property
+    def further_readings(self) -> int:
+        """How many numbers the further sensors read."""
+        return sum(QUANTITIES_AT_A_POINT[name].size for name, _ in self.sensors)
 
     @property
     def constants(self) -> int:
@@ -198,7 +209,10 @@ class ClockRow(FixedNames):
 
 
 class ReadingRow(FixedNames):
-    """What a slot of the delay line holds of one sensor; the rows of a second sensor follow (`Variant.slot_rows`)."""
+    """What a slot of the delay line holds of a sensor of a position.
+
+    The sensor on link 2 comes first, then the further sensors, last the numbers of those that read something else.
+    """
 
     VALUE = Entry("two readings", "rad or m", 2)
     RATE = Entry("their rates", "rad/s or m/s", 2)

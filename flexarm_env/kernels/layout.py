@@ -8,7 +8,7 @@ which rows its arenas have:
 - "loop": the paper's closed loop (`loop`),
 - "environment": an environment (`episode`),
 - "hosted": an environment whose arm is another engine's (`envs.hosted`),
-- "second sensor": the environment has one (`Shape.groups`),
+- "further sensors": the environment has sensors beside the one on link 2 (`Shape.groups`),
 - "tangents": Jacobians are carried along (`step_jacobians`),
 - "adjoint": a gradient is carried back (`step_gradients`),
 - "outputs": readings and tips with their Jacobians (`output_jacobians`).
@@ -20,7 +20,7 @@ from collections.abc import Callable, Sequence
 
 from flexarm_env.codegen.declarations import Entry, Names
 from flexarm_env.control.jacobian_transpose import Law
-from flexarm_env.kernels.entries import CONSTANTS_UNIT, QUANTITIES, SECOND_SENSOR, STATE_UNIT, Shape
+from flexarm_env.kernels.entries import CONSTANTS_UNIT, FURTHER_SENSORS, QUANTITIES, STATE_UNIT, Shape
 from flexarm_env.kernels.path_cache import SEGMENT_ROWS
 from flexarm_env.kernels.tableau import RK4_NODES, STAGES
 from flexarm_env.physics import linear_algebra
@@ -83,6 +83,18 @@ def _modes(shape: Shape) -> int:
     return shape.modes
 
 
+def _sensors(shape: Shape) -> int:
+    return len(shape.sensors)
+
+
+def _readings(shape: Shape) -> int:
+    return shape.further_readings
+
+
+def _positions(shape: Shape) -> int:
+    return 2 * shape.further_points
+
+
 def _changes(shape: Shape) -> int:
     return len(ARM_QUANTITIES) * shape.constants
 
@@ -105,7 +117,7 @@ _LAW = ("law",)
 _TRACKING = ("tracking",)
 _ENVIRONMENT = ("environment",)
 _HOSTED = ("hosted",)
-_SECOND = tuple(SECOND_SENSOR)
+_FURTHER = tuple(FURTHER_SENSORS)
 _TANGENTS = ("tangents",)
 _ADJOINT = ("adjoint",)
 _OUTPUTS = ("outputs",)
@@ -229,14 +241,22 @@ class Row(Names):
     F_LINK_SENSOR = Entry("latest reading, in the frame", "m", 2, _ENVIRONMENT)
     F_SENSOR_ERROR = Entry("SENSOR_ERROR, in the frame", "m", 2, _ENVIRONMENT)
     F_SENSOR_ERROR_RATE = Entry("SENSOR_ERROR_RATE, in the frame", "m/s", 2, _ENVIRONMENT)
-    SECOND_DISTANCE = Entry("of the second sensor from its link's root", "m", 1, _SECOND)
-    SECOND_VALUES = Entry("its link's mode shapes there", "1", _modes, _SECOND)
-    SECOND_FORESHORTENING = Entry("foreshortening there", "1/m", _pairs, _SECOND)
-    SECOND_DELAY = Entry("of the second sensor's reading", "s", 1, _SECOND)
-    SECOND_NOISE = Entry("standard deviation of its noise", "m", 1, _SECOND)
-    SECOND_ERROR = Entry("its point of the rigid arm on the reference, then, minus the reading", "m", 2, _SECOND)
-    F_SECOND_SENSED = Entry("its latest reading, in the frame", "m", 2, _SECOND)
-    F_SECOND_ERROR = Entry("SECOND_ERROR, in the frame", "m", 2, _SECOND)
+    FURTHER_LINK = Entry("link of each further sensor", "1", _sensors, _FURTHER)
+    FURTHER_DISTANCE = Entry("of each further sensor from its link's root", "m", _sensors, _FURTHER)
+    FURTHER_VALUES = Entry("its link's mode shapes there", "1", lambda s: len(s.sensors) * s.modes, _FURTHER)
+    FURTHER_SLOPES = Entry("their slopes there", "1/m", lambda s: len(s.sensors) * s.modes, _FURTHER)
+    FURTHER_FORESHORTENING = Entry("foreshortening there", "1/m", lambda s: len(s.sensors) * s.pairs, _FURTHER)
+    FURTHER_DELAY = Entry("of each number that further sensors read", "s", _readings, _FURTHER)
+    FURTHER_NOISE = Entry("standard deviation of its noise", "its unit", _readings, _FURTHER)
+    FURTHER_DRAW = Entry("place of its noise among a period's random numbers", "1", _readings, _FURTHER)
+    FURTHER_BIAS_SPREAD = Entry("standard deviation of its bias", "its unit", _readings, _FURTHER)
+    FURTHER_BIAS = Entry("its bias in the present episode", "its unit", _readings, _FURTHER)
+    FURTHER_RANGE = Entry("largest magnitude that can be read", "its unit", _readings, _FURTHER)
+    FURTHER_ERROR = Entry(
+        "points of the rigid arm on the reference, then, minus the positions that were read", "m", _positions, _FURTHER
+    )
+    F_FURTHER_READING = Entry("positions that further sensors read, in the frame", "m", _positions, _FURTHER)
+    F_FURTHER_ERROR = Entry("FURTHER_ERROR, in the frame", "m", _positions, _FURTHER)
     F_PHASE = Entry("cosine and sine of the lap's phase", "1", 2, _ENVIRONMENT)
     FRAME_AXIS = Entry("cosine and sine of the frame's angle", "1", 2, _ENVIRONMENT)
 
@@ -250,7 +270,7 @@ class Row(Names):
     RIGID_TIP = Entry("tip by rigid kinematics", "m", 2, _REPORTED)
     REFERENCE = Entry("reference position and velocity", "m, m/s", 4, _REPORTED)
     LINK_SENSOR = Entry("latest reading of the sensor", "m", 2, _REPORTED)
-    SECOND_SENSED = Entry("latest reading of the second sensor", "m", 2, _SECOND)
+    FURTHER_READING = Entry("latest readings of the further sensors", "their units", _readings, _FURTHER)
     REWARD_TERMS = Entry("terms of the reward, weighted", "1", lambda s: s.program.reward_terms, _ENVIRONMENT)
     TIME = Entry("since the episode's start", "s", 1, _ENVIRONMENT)
     EFFECTIVE_GAIN = Entry("gain at the start of the period", "1", 1, _ENVIRONMENT)

@@ -205,17 +205,20 @@ def reading_kernel(arena: Arena, readings: LaneRows) -> None:
     """Measure without delay, on every lane: two readings, two rates. Shape (4, lanes)."""
 
 
-def second_reading_record(variant: Variant) -> Recorder:
-    """Record the kernel of the second sensor's present reading."""
+def further_reading_record(variant: Variant) -> Recorder:
+    """Record the kernel of the further sensors' present readings."""
     r = Recorder(variant)
-    place, link = r.place("SECOND"), variant.second_sensor
-    r.store("readings", sensing.point_reading(r.constants(), place, r.read("Y"), r.read("V"), link))
+    readings: list[Any] = []
+    for n, (name, _) in enumerate(variant.sensors):
+        formula = sensing.QUANTITIES_AT_A_POINT[name].formula
+        readings += formula(r.constants(), r.mount(n), r.read("Y"), r.read("V"))
+    r.store("readings", readings)
     return r
 
 
-@recorded_kernel(second_reading_record)
-def second_reading_kernel(arena: Arena, readings: LaneRows) -> None:
-    """Compute the second sensor's present reading, as `reading_kernel` does for the first. Shape (4, lanes)."""
+@recorded_kernel(further_reading_record)
+def further_reading_kernel(arena: Arena, readings: LaneRows) -> None:
+    """Compute the further sensors' present readings, and the rates of positions (`entries.ReadingRow`)."""
 
 
 def truth_record(variant: Variant) -> Recorder:

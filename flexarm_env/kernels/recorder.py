@@ -21,6 +21,7 @@ from flexarm_env.physics import dynamics as dyn
 from flexarm_env.physics.bent_link import PointShape
 from flexarm_env.physics.constants import ARM_QUANTITIES, Constants
 from flexarm_env.physics.modal_elimination import Elimination
+from flexarm_env.physics.sensing import Mount
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -94,6 +95,16 @@ class Recorder:
         return PointShape(
             self.one(f"{name}_DISTANCE"), self.read(f"{name}_VALUES"), self.read(f"{name}_FORESHORTENING")
         )
+
+    def mount(self, n: int) -> Mount:
+        """Return where the further sensor n is."""
+        values, slopes, foreshortening = (
+            rows[n * len(rows) // count : (n + 1) * len(rows) // count]
+            for count in [len(self.variant.sensors)]
+            for rows in map(self.read, ("FURTHER_VALUES", "FURTHER_SLOPES", "FURTHER_FORESHORTENING"))
+        )
+        point = PointShape(self.read("FURTHER_DISTANCE")[n], values, foreshortening)
+        return Mount(self.variant.sensors[n][1], point, slopes)
 
     def _part(self, name: str) -> tuple[int, int]:
         if name not in self.variant.rows:

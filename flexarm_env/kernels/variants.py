@@ -27,7 +27,7 @@ class Variant:
         foreshortened: kinematics (`bent_link`).
         disturbed: noise, jitter, dropouts, a sensor with a clock of its own, or late torques can occur (environments
             only); they take time to compile.
-        second_sensor: link that a second sensor is on; 0 where there is none (environments only).
+        sensors: see `Shape` (environments only).
     """
 
     program: Program
@@ -40,7 +40,7 @@ class Variant:
     own_paths: bool = False
     foreshortened: bool = False
     disturbed: bool = False
-    second_sensor: int = 0
+    sensors: tuple[tuple[str, int], ...] = ()
 
     @property
     def kind(self) -> str:
@@ -50,7 +50,7 @@ class Variant:
     @property
     def shape(self) -> Shape:
         """What the layouts depend on."""
-        return Shape(self.program, self.modes, self.foreshortened, self.second_sensor > 0)
+        return Shape(self.program, self.modes, self.foreshortened, self.sensors)
 
     @property
     def rows(self) -> dict[str, tuple[int, int]]:
@@ -69,8 +69,18 @@ class Variant:
 
     @property
     def slot_rows(self) -> int:
-        """Rows of a slot of the delay line: what is kept of each sensor (`entries.ReadingRow`)."""
-        return READING_ROWS * (2 if self.second_sensor else 1)
+        """Rows of a slot of the delay line (`entries.ReadingRow`)."""
+        return READING_ROWS * (1 + self.further_points) + self.further_readings - 2 * self.further_points
+
+    @property
+    def further_points(self) -> int:
+        """How many further sensors read positions; they come first."""
+        return self.shape.further_points
+
+    @property
+    def further_readings(self) -> int:
+        """How many numbers the further sensors read."""
+        return self.shape.further_readings
 
     @property
     def ways(self) -> int:
@@ -135,8 +145,7 @@ class Variant:
             parts.append("drawn paths")
         if self.disturbed:
             parts.append("disturbances")
-        if self.second_sensor:
-            parts.append(f"a second sensor on link {self.second_sensor}")
+        parts += [f"a sensor of {quantity} on link {link}" for quantity, link in self.sensors]
         return ", ".join(parts)
 
 

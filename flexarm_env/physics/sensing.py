@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 from flexarm_env.codegen.elementary import sincos
@@ -10,7 +10,7 @@ from flexarm_env.parameters import SENSOR_MODELS, SensorModel
 from flexarm_env.physics.bent_link import DeformedPoint, PointShape, bent
 from flexarm_env.physics.constants import Constants
 from flexarm_env.physics.dynamics import joint_angles, public_coordinates
-from flexarm_env.physics.linear_algebra import dot
+from flexarm_env.physics.linear_algebra import Vector, dot
 
 Pair = Sequence[Any]
 
@@ -82,6 +82,39 @@ def point_reading(k: Constants, at: PointShape, y: Sequence[Any], v: Sequence[An
     return [*true_point(k, at, y, one, two), dot(rows[0], v), dot(rows[1], v)]
 
 
+class Mount(NamedTuple):
+    """Where a sensor is.
+
+    Attributes:
+        link: 1 or 2.
+        point: of the link.
+        slopes: of the link's mode shapes there [1/m].
+    """
+
+    link: int
+    point: PointShape
+    slopes: Vector
+
+
+class Quantity(NamedTuple):
+    """What a sensor at a point of a link measures.
+
+    Attributes:
+        formula: the numbers at an instant, from constants, mount, internal coordinates and rates.
+        size: of a reading.
+    """
+
+    formula: Callable[..., list[Any]]
+    size: int
+
+
+def position(k: Constants, mount: Mount, y: Sequence[Any], v: Sequence[Any]) -> list[Any]:
+    """Position and velocity of the sensor's point."""
+    return point_reading(k, mount.point, y, v, mount.link)
+
+
+POSITION = "position"  # the quantity whose rates follow it, and which the reference has, too
+QUANTITIES_AT_A_POINT = {POSITION: Quantity(position, 2)}  # by name
 READINGS = {"angles": angles_reading, "point": point_reading}  # of sensors (`parameters.SensorTraits`)
 
 

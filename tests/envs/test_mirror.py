@@ -9,7 +9,7 @@ import pytest
 
 from flexarm_env.actions import MODES
 from flexarm_env.envs.blocks import BLOCKS, SCALAR
-from flexarm_env.envs.choices import SECOND_SENSOR_BLOCKS
+from flexarm_env.envs.sensors import FURTHER
 from tests.support.envs import SQUARE, WAYPOINTS, Array, bare, vector
 from tests.support.mirror import mirrored_options
 from tests.support.plain import PlainEnvironment
@@ -104,7 +104,7 @@ def test_an_episode_from_another_state() -> None:
 
 def test_each_block_declares_what_it_is() -> None:
     assert {name for name, block in BLOCKS.items() if block.mirror == SCALAR} == {"lap_phase", "inner_gain"}
-    assert set(SECOND_SENSOR_BLOCKS) <= set(blocks_of("torque"))
+    assert {name for sensor in FURTHER for name in sensor.blocks} <= set(blocks_of("torque"))
     assert {name for name, block in BLOCKS.items() if block.mirror is None} == {"last_actions"}
 
 

@@ -8,12 +8,13 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from flexarm_env.envs.choices import DEFAULT_OBSERVATION, SECOND_SENSOR_BLOCKS
+from flexarm_env.envs.choices import DEFAULT_OBSERVATION
+from flexarm_env.envs.sensors import SECOND
 from flexarm_env.envs.settings import Settings
 from tests.support.envs import FORESHORTENED, GAIN, RESIDUAL, SQUARE, actions_for, assert_same, bare, block, vector
 from tests.support.plain import KERNELS
 
-BOTH = ("sensed_position", *DEFAULT_OBSERVATION, *SECOND_SENSOR_BLOCKS)
+BOTH = ("sensed_position", *DEFAULT_OBSERVATION, *SECOND.blocks)
 ON_LINK_1: dict[str, Any] = {"observation": BOTH, "second_sensor_link": 1}
 
 

@@ -14,15 +14,17 @@ from numpy.typing import NDArray
 
 from flexarm_env.actions import MODES
 from flexarm_env.envs.blocks import BLOCKS
-from flexarm_env.envs.choices import DEFAULT_OBSERVATION, SECOND_SENSOR_BLOCKS
+from flexarm_env.envs.choices import DEFAULT_OBSERVATION
 from flexarm_env.envs.info import TERM
+from flexarm_env.envs.sensors import FURTHER, SECOND
 from flexarm_env.envs.single import FlexArmEnv
 from flexarm_env.envs.vector import FlexArmVectorEnv
 from flexarm_env.episode.reward import TERMS
 
 Array = NDArray[np.float64]
-# Blocks that every environment may have, whatever its action mode, and without a second sensor.
-EVERYWHERE = [name for name, one in BLOCKS.items() if one.modes == tuple(MODES) and name not in SECOND_SENSOR_BLOCKS]
+OF_FURTHER_SENSORS = [name for sensor in FURTHER for name in sensor.blocks]
+# Blocks that every environment may have, whatever its action mode, and without further sensors.
+EVERYWHERE = [name for name, one in BLOCKS.items() if one.modes == tuple(MODES) and name not in OF_FURTHER_SENSORS]
 # All with the compiled arm; `test_chain_env` has the one with another engine's.
 IDS = sorted(name for name, spec in gym.registry.items() if name.startswith("FlexArm/") and spec.vector_entry_point)
 SQUARE, RESIDUAL, GAIN, PAPER = (f"FlexArm/{name}-v0" for name in ("Square", "SquareResidual", "SquareGain", "Paper"))
@@ -91,7 +93,7 @@ _BY_ID: dict[str, list[dict[str, Any]]] = {
         {"arm": "paper", "sensor": "rigid", "wave_speed": 100.0},
         {"torque_limit": (100.0, 40.0), "control_period": 0.02, "physics_step": 5e-4},
         {
-            "observation": [*DEFAULT_OBSERVATION, *SECOND_SENSOR_BLOCKS],
+            "observation": [*DEFAULT_OBSERVATION, *SECOND.blocks],
             "second_sensor_link": 1,
             "second_sensor_position": 4.0,
             "second_sensor_delay": 0.0237,

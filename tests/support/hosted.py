@@ -45,9 +45,10 @@ class ModalPlant:
     def readings(self) -> Array:
         settings, (y, v) = self.settings, self._internal()
         read = sensing.reading(self.arm.constants, self.arm.place(2, settings.sensor_position), settings.sensor, y, v)
-        if settings.second_sensor is not None:
-            place = self.arm.place(*settings.second_sensor)
-            read = [*read, *sensing.point_reading(self.arm.constants, place, y, v, settings.second_sensor[0])]
+        for one in settings.further_sensors:
+            slopes = self.arm.modes[one.link - 1].slope(one.position)
+            mount = sensing.Mount(one.link, self.arm.place(one.link, one.position), slopes)
+            read = [*read, *sensing.QUANTITIES_AT_A_POINT[one.sensor.quantity].formula(self.arm.constants, mount, y, v)]
         return np.array(read)
 
     def encoders(self) -> Array:

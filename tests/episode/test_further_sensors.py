@@ -1,4 +1,4 @@
-"""The second sensor's drivers in plain Python: a delay line of eight rows a slot, readings, and starts."""
+"""Drivers of further sensors in plain Python: the delay line's slots, readings, and starts."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from flexarm_env import ArmParameters, FlexibleArm, SquareParameters, inverse_ki
 from flexarm_env.codegen.declarations import plain_python
 from flexarm_env.envs.batch import BatchSimulator
 from flexarm_env.envs.settings import Settings
-from flexarm_env.episode import second_sensor, step
+from flexarm_env.episode import further_sensors, step
 from flexarm_env.episode.step import TORQUE
 from flexarm_env.kernels import delay_line, entries, layout
 from flexarm_env.kernels.entries import setting, word
@@ -48,15 +48,16 @@ def state_at(time: float) -> Array:
 
 def variant_with(link: int) -> Variant:
     """One lane of the foreshortened arm with a second sensor."""
-    return Variant(TORQUE, 1, True, 1, sensor="true", foreshortened=True, second_sensor=link)
+    return Variant(TORQUE, 1, True, 1, sensor="true", foreshortened=True, sensors=(("position", link),))
 
 
 def arena_of(of: Variant, **parts: Any) -> Array:
     """Make an arena with some parts filled. Shape (rows, 1)."""
     arena = np.zeros((entries.extent(of.rows), 1))
     points = layout.place_rows("SENSOR_POINT", ARM.place(2, 4.5))
-    if of.second_sensor:
-        points |= layout.place_rows("SECOND", ARM.place(of.second_sensor, POINT[of.second_sensor]))
+    for _, link in of.sensors:
+        points |= layout.place_rows("FURTHER", ARM.place(link, POINT[link]))
+        points |= {"FURTHER_LINK": [link], "FURTHER_RANGE": [np.inf] * 2}
     for name, values in {**layout.arm_rows(ARM.constants), **points, **parts}.items():
         first, count = of.rows[name]
         arena[first : first + count, 0] = values
@@ -74,7 +75,7 @@ def put_state(of: Variant, arena: Array, time: float) -> None:
 def seen(link: int, h: float, back: float) -> tuple[Array, Array]:
     """Return the reading at 0.08 s of what was `back` steps before, and where the point was. Shape (2,) each."""
     of, now = variant_with(link), round(0.08 / h)
-    arena = arena_of(of, SECOND_DELAY=back * h)
+    arena = arena_of(of, FURTHER_DELAY=[back * h] * 2)
     history = np.zeros((SLOTS * of.slot_rows, 1))
     clock = np.zeros((entries.CLOCK_ROWS, 1), dtype=np.int64)
     keys, who, path = np.zeros(1, dtype=np.uint64), np.ones(1, dtype=bool), np.array([[[0.0, 5.0, 5.0, 0.0, 0.0]] * 2])
@@ -88,8 +89,8 @@ def seen(link: int, h: float, back: float) -> tuple[Array, Array]:
         for n in range(now + 1 - SLOTS, now + 1):
             put_state(of, arena, n * h)
             delay_line.store_reading(arena, history, n % SLOTS)
-        second_sensor.sense_second(arena, history, clock, keys, path, header, settings, who)
-        found = arena[row.SECOND_SENSED : row.SECOND_SENSED + 2, 0].copy()
+        further_sensors.sense_further(arena, history, clock, keys, path, header, settings, who)
+        found = arena[row.FURTHER_READING : row.FURTHER_READING + 2, 0].copy()
     return found, ARM.position(state_at((now - back) * h)[:4], link, POINT[link])
 
 
@@ -126,11 +127,11 @@ def test_a_slot_holds_both_sensors() -> None:
     np.testing.assert_allclose(slots[1][1, 6:], ARM.velocity(state, 1, POINT[1]), rtol=1e-12)
 
 
-def test_one_sensor_has_no_rows_of_a_second() -> None:
+def test_one_sensor_has_no_rows_of_others() -> None:
     of = Variant(TORQUE, 1, True, 1)
-    assert not [name for name in of.rows if "SECOND" in name]
-    with plain_python(of), pytest.raises(LookupError, match=r"Row\.SECOND_DELAY"):
-        _ = row.SECOND_DELAY
+    assert not [name for name in of.rows if "FURTHER" in name]
+    with plain_python(of), pytest.raises(LookupError, match=r"Row\.FURTHER_DELAY"):
+        _ = row.FURTHER_DELAY
 
 
 # --- episodes ---------------------------------------------------------------------------------------------------------
@@ -171,11 +172,11 @@ def test_at_the_tip_it_reads_what_the_first_one_does(start: str) -> None:
     options = {"observation": ["second_sensor_error"], "second_sensor_link": 2}
     plain = Plain([5, 6], start=start, delay=0.0237, second_sensor_delay=0.0237, **options)
     for period in range(4):
-        assert plain.known("SECOND_SENSED").tobytes() == plain.known("LINK_SENSOR").tobytes(), period
-        assert plain.known("F_SECOND_SENSED").tobytes() == plain.known("F_LINK_SENSOR").tobytes(), (
+        assert plain.known("FURTHER_READING").tobytes() == plain.known("LINK_SENSOR").tobytes(), period
+        assert plain.known("F_FURTHER_READING").tobytes() == plain.known("F_LINK_SENSOR").tobytes(), (
             period
         )  # link's frame
-        np.testing.assert_allclose(plain.known("SECOND_ERROR"), plain.known("SENSOR_ERROR"), rtol=0.0, atol=1e-14)
+        np.testing.assert_allclose(plain.known("FURTHER_ERROR"), plain.known("SENSOR_ERROR"), rtol=0.0, atol=1e-14)
         plain.step(np.full((2, 2), 0.3))
     assert np.abs(plain.known("LINK_SENSOR") - plain.known("TRUE_TIP")).max() > 1e-3
 
@@ -204,31 +205,13 @@ def test_a_start_on_the_move_has_a_past(link: int, place: float) -> None:
     present = arm.position(plain.known("STATE")[0, : arm.size], link, place)
     past = on_reference(time - delay)
     # whole steps back, so nothing is interpolated
-    np.testing.assert_allclose(plain.known("SECOND_SENSED")[0], present + past - on_reference(time), atol=1e-9)
-    np.testing.assert_allclose(plain.known("SECOND_ERROR")[0], on_reference(time) - present, atol=1e-9)
+    np.testing.assert_allclose(plain.known("FURTHER_READING")[0], present + past - on_reference(time), atol=1e-9)
+    np.testing.assert_allclose(plain.known("FURTHER_ERROR")[0], on_reference(time) - present, atol=1e-9)
 
 
 def test_an_arm_at_rest_on_the_reference_has_no_error() -> None:
     options = {"observation": ["second_sensed_position"], "second_sensor_link": 1, "second_sensor_delay": 0.2}
     plain = Plain([5], start="corner", **options)
     state = plain.known("STATE")[0]
-    np.testing.assert_allclose(plain.known("SECOND_SENSED")[0], ARM.position(state[:4], 1, 4.5), rtol=1e-13)
-    assert np.abs(plain.known("SECOND_ERROR")).max() < 1e-13
-
-
-def test_an_environment_reads_the_same_alone_and_in_a_batch() -> None:
-    """Noise included, to the last bit."""
-    options = {
-        "observation": ["second_sensed_position", "second_sensor_error", "sensed_position"],
-        "second_sensor_link": 1,
-        "second_sensor_delay": 0.0123,
-        "second_sensor_noise": 0.02,
-        "noise": 0.01,
-        "randomisation": {"delay": (0.0, 0.05)},
-    }
-    together, alone = Plain([5, 6, 7], **options), [Plain([key], **options) for key in (5, 6, 7)]
-    for _ in range(3):
-        for n, one in enumerate(alone):
-            assert one.simulator.observations[0].tobytes() == together.simulator.observations[n].tobytes()
-            one.step(np.full((1, 2), 0.2))
-        together.step(np.full((3, 2), 0.2))
+    np.testing.assert_allclose(plain.known("FURTHER_READING")[0], ARM.position(state[:4], 1, 4.5), rtol=1e-13)
+    assert np.abs(plain.known("FURTHER_ERROR")).max() < 1e-13

@@ -1,0 +1,98 @@
+"""Drivers of the further sensors: each is at a point of either link and measures a quantity (`sensing.Quantity`).
+
+They have one reading for each control instant, with a delay, noise, bias and range of their own. The first ones read
+positions, whose error is known. `imex` explains lanes, blocks and arenas; `envs.sensors` declares the sensors.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flexarm_env.codegen.arrays import Arena, Clock, Four, History, Keys, Mask, Paths, Table, Words
+from flexarm_env.codegen.declarations import per_lane
+from flexarm_env.codegen.random_stream import normal_pair
+from flexarm_env.codegen.scalars import clip
+from flexarm_env.episode.sensor import noise_place, point_on_reference
+from flexarm_env.kernels.delay_line import delayed_number, delayed_reading
+from flexarm_env.kernels.entries import READING_ROWS, clock_row, setting
+from flexarm_env.kernels.layout import row
+from flexarm_env.kernels.variants import variant
+from flexarm_env.physics.polyline import reference_at
+
+
+def sense_further(
+    arena: Arena, history: History, clock: Clock, keys: Keys, paths: Paths, header: Words, settings: Table, active: Mask
+) -> None:
+    """Read the further sensors in a block's lanes, and compute the errors of the positions that they read.
+
+    An error is the position of the same point of the rigid arm on the reference at that time, minus the reading.
+
+    Args: as `sensor.sense`.
+    """
+    for i in range(variant.lanes):
+        if active[i]:
+            for r in range(variant.further_readings):
+                arena[row.FURTHER_READING + r, i] = further_reading(arena, history, clock, keys, header, settings, i, r)
+            for n in range(variant.further_points):
+                late = arena[row.FURTHER_DELAY + 2 * n, i]
+                there = further_reference(arena, clock, paths, settings, i, n, late)
+                for r in range(2):
+                    read = arena[row.FURTHER_READING + 2 * n + r, i]
+                    arena[row.FURTHER_ERROR + 2 * n + r, i] = there[r] - read
+
+
+@per_lane
+def further_reading(
+    arena: Arena, history: History, clock: Clock, keys: Keys, header: Words, settings: Table, i: int, r: int
+) -> float:
+    """Return the number r that the further sensors of lane i read now."""
+    slots = history.shape[0] // variant.slot_rows
+    slot = clock[clock_row.HEAD, 0]
+    h, late = settings[setting.STEP], arena[row.FURTHER_DELAY + r, i]
+    if r < 2 * variant.further_points:
+        at = READING_ROWS * (1 + r // 2) + r % 2
+        read = delayed_reading(history, slots, slot, i, at, h, late / h)[0]
+    else:
+        at = READING_ROWS + 2 * variant.further_points + r
+        read = delayed_number(history, slots, slot, i, at, late / h)
+    if variant.disturbed:
+        bias, deviation = arena[row.FURTHER_BIAS + r, i], arena[row.FURTHER_NOISE + r, i]
+        if bias != 0.0:
+            read += bias
+        if deviation > 0.0:
+            read += deviation * deviate(keys[i], noise_place(clock, header, i) + int(arena[row.FURTHER_DRAW + r, i]))
+    return clip(read, -arena[row.FURTHER_RANGE + r, i], arena[row.FURTHER_RANGE + r, i])
+
+
+def deviate(key: np.uint64, place: int) -> float:
+    """Return the standard normal deviate of a place; two places, the first of them even, share a pair."""
+    pair = normal_pair(key, place - place % 2)
+    return pair[place % 2]
+
+
+def draw_biases(arena: Arena, keys: Keys, i: int) -> None:
+    """Draw the biases of lane i's episode, at the places before those of the noise."""
+    for r in range(variant.further_readings):
+        spread = arena[row.FURTHER_BIAS_SPREAD + r, i]
+        arena[row.FURTHER_BIAS + r, i] = 0.0
+        if spread > 0.0:
+            arena[row.FURTHER_BIAS + r, i] = spread * deviate(keys[i], int(arena[row.FURTHER_DRAW + r, i]))
+
+
+def further_reference(arena: Arena, clock: Clock, paths: Paths, settings: Table, i: int, n: int, back: float) -> Four:
+    """Return position and velocity, `back` seconds ago, of a sensor's point of the rigid arm on lane i's reference.
+
+    Args:
+        arena: arena of one block.
+        clock: clock of each lane.
+        paths: paths of all lanes.
+        settings: see `entries.Setting`.
+        i: the lane.
+        n: the further sensor.
+        back: how long ago [s].
+    """
+    h = settings[setting.STEP]
+    time = clock[clock_row.STEPS, i] * h - back
+    reference = reference_at(paths, clock[clock_row.PATH, i], time, time + 1e-9 * h, clock[clock_row.SINCE, i] * h)
+    link, distance = int(arena[row.FURTHER_LINK + n, i]), arena[row.FURTHER_DISTANCE + n, i]
+    return point_on_reference(settings, arena[row.BRANCH, i], link, distance, reference)
