@@ -86,7 +86,7 @@ train: $(HAS)-train  ## Train an agent, e.g. make train ARGS="--seed 1"
 agent: $(HAS)-agent  ## Make the shipped agents anew: trainings, the median ones, their cards, the tables of docs
 	$(PY) -m scripts.shipped $(ARGS)
 
-learning: $(HAS)-agent  ## Compare what learning gives beside classical laws: trainings and tables
+learning: $(HAS)-plot  ## Show what learning gives beside classical laws: tables and pictures of finished trainings
 	$(PY) -m scripts.learning $(ARGS)
 
 evaluate: $(HAS)-train  ## Score the controllers, the shipped policy and trained runs

@@ -1,1 +1,1 @@
-"""What learning is worth: trained agents beside classical laws and limits of what could be learned."""
+"""Studies of learning, whose trainings are finished: data, tables and pictures."""

@@ -19,12 +19,12 @@ from flexarm_agents.jobs.failures import check_failures
 from flexarm_agents.policies.load import POLICIES
 from flexarm_env.validation import choice, integer
 from scripts.common.command_line import run
-from scripts.common.curves import keep_curves
 from scripts.common.markdown import fill_pages
 from scripts.common.trainings import trained_all
 from scripts.shipped import board, tables
 from scripts.shipped.agents import AGENTS
 from scripts.shipped.board import measured
+from scripts.shipped.curves import keep_curves
 from scripts.shipped.trainings import export
 
 COMMAND = "python -m scripts.shipped"
@@ -42,8 +42,6 @@ class Options:
     """How many trainings run at once, on one core each."""
     output: Path = Path("results/shipped")
     """Folder for the trainings and the tables."""
-    studies: Path = Path("results/learning")
-    """Folder of `scripts.learning`, for trainings that belong to a study."""
     train: bool = True
     """Train and ship; without it, only the tables of the shipped agents are made anew."""
     tables: bool = True
@@ -65,13 +63,13 @@ def train_and_ship(name: str, options: Options) -> None:
     seeds = agent.seeds if options.seeds is None else integer("seeds", options.seeds, 1)
     if seeds % 2 == 0:
         raise ValueError(f"seeds = {seeds}: must be odd, so that one training is in the middle")
-    jobs = agent.jobs(name, seeds, options.output, options.studies)
+    jobs = agent.jobs(options.output / name, seeds)
     with tqdm(total=seeds, unit="training", desc=name) as bar:
         found, failed = trained_all(jobs, executor("processes", options.jobs, options.output), bar.update)
     check_failures(failed, jobs[0][1].parent, "the other trainings are kept")
     for one in found:
         print(f"{name}, seed {one.config.seed}: {StandardScore.of(one.best)}")
-    if not agent.study:
+    if agent.drawn:
         keep_curves({name: found})
     cells = Store(options.output / "cells")
     own_arm = load_policy(found[0].folder).has_own_arm

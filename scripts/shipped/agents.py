@@ -7,12 +7,18 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from flexarm_agents import TeachingConfig, TrainingConfig
+from flexarm_agents.policies.observer import FILTERED
 from flexarm_agents.training.config import RunConfig
 from flexarm_env.envs.registration import IDS, UNKNOWN_PLANT
 from scripts.common.trainings import Job
-from scripts.learning import delays, schedulers
 
-LATE_TIP: dict[str, Any] = {"observation": list(IDS["SquareDelayEasy-v0"].options["observation"]), "last_actions": 8}
+LATE = list(IDS["SquareDelayEasy-v0"].options["observation"])
+LATE_TIP: dict[str, Any] = {"observation": LATE, "last_actions": 8}
+# The late sensor's readings pass through the filter.
+BEHIND_FILTER = [*(name for name in LATE if not name.startswith("sensor_error")), *FILTERED]
+# The plant of `Paper-v0`, with its gain set 100 times a second and the observation of `Square-v0`.
+_PLANT = ("arm", "law_sensor", "sensor", "deflection_limit", "error_limit")
+PAPER: dict[str, Any] = {name: IDS["Paper-v0"].options[name] for name in _PLANT} | {"physics_step": None}
 # Half a second of readings, closer together where they are new: what payload, stiffness and delay show in.
 HALF_A_SECOND = (1, 2, 3, 4, 6, 8, 11, 15, 20, 27, 36, 48)
 # Unknown arms with longer delays and less damping: at the box's own edge, where both meet, students are at theirs.
@@ -30,24 +36,21 @@ class Shipped(NamedTuple):
         text: what it is, in tables.
         config: of its trainings, but for the seed.
         seeds: how many trainings there are, an odd number.
-        study: "study/agent" of `scripts.learning` whose trainings these are; "": it has its own.
+        drawn: the picture of learning curves shows it.
     """
 
     text: str
     config: RunConfig
     seeds: int = 11
-    study: str = ""
+    drawn: bool = True
 
-    def jobs(self, name: str, seeds: int, own: Path, studies: Path) -> list[Job]:
+    def jobs(self, folder: Path, seeds: int) -> list[Job]:
         """Return its trainings, with the seeds from 0 on.
 
         Args:
-            name: of the agent.
+            folder: holds a folder for each.
             seeds: how many.
-            own: folder of the trainings that belong to no study.
-            studies: folder of the studies.
         """
-        folder = studies / self.study if self.study else own / name
         return [(replace(self.config, seed=seed), folder / f"seed-{seed}") for seed in range(seeds)]
 
 
@@ -55,16 +58,25 @@ AGENTS: dict[str, Shipped] = {
     "square": Shipped("PPO, shipped (`square`)", TrainingConfig()),
     "filtered": Shipped(
         "PPO behind a Kalman filter (`filtered`)",
-        delays.config_of("unknown", "observer"),
-        study="delays/unknown-observer",
+        TrainingConfig(
+            environment="FlexArm/SquareDelayMedium-v0",
+            options={"last_actions": 1, "observation": BEHIND_FILTER},
+            observer="delay",
+            steps=1_000_000,
+            evaluate_every=100_000,
+            evaluation_laps=3,
+        ),
+        drawn=False,
     ),
     "scheduler": Shipped(
-        "gain scheduler, PPO (`scheduler`)", schedulers.STUDY.agents["square"], study="schedulers/square"
+        "gain scheduler, PPO (`scheduler`)",
+        TrainingConfig(environment="FlexArm/SquareGain-v0", steps=500_000),
+        drawn=False,
     ),
     "scheduler_paper": Shipped(
         "gain scheduler on the paper's plant, PPO (`scheduler_paper`)",
-        schedulers.STUDY.agents["paper"],
-        study="schedulers/paper",
+        TrainingConfig(environment="FlexArm/SquareGain-v0", options=PAPER, steps=500_000),
+        drawn=False,
     ),
     "student": Shipped("student, encoders and late tip (`student`)", TeachingConfig(options=LATE_TIP)),
     "student_gauges": Shipped("student, strain gauges too (`student_gauges`)", TeachingConfig()),

@@ -9,15 +9,15 @@ from typing import Any
 import pytest
 
 from flexarm_agents import Score, StandardScore, TrainingConfig, load_policy
+from flexarm_agents.files import write_json
 from flexarm_agents.policies.load import POLICIES
 from scripts.common.trainings import Training, trained
-from scripts.learning.__main__ import STUDIES
 from scripts.shipped import board, tables
 from scripts.shipped.__main__ import Options, train_and_ship
-from scripts.shipped.agents import AGENTS
+from scripts.shipped.curves import keep_curves
 from scripts.shipped.trainings import export, median
 from tests.support.refusals import refuses
-from tests.support.trainings import TINY
+from tests.support.trainings import TINY, row
 
 
 def training(seed: int, rms: float | None) -> Training:
@@ -35,19 +35,6 @@ def test_the_median_is_in_the_middle_and_early_ends_are_last() -> None:
         median(five[:4])
     with refuses(ValueError, "seeds = 4: must be odd"):
         train_and_ship("square", Options(seeds=4))
-
-
-def test_trainings_of_a_study_lie_with_it() -> None:
-    """An agent that a study trains, too, is trained once."""
-    own, studies = Path("own"), Path("studies")
-    for name, agent in AGENTS.items():
-        assert agent.seeds % 2 == 1
-        (config, folder), *others = agent.jobs(name, 3, own, studies)
-        assert (config, len(others)) == (agent.config, 2)
-        assert folder == (studies / agent.study if agent.study else own / name) / "seed-0"
-        if agent.study:
-            study, _, trained_there = agent.study.partition("/")
-            assert STUDIES[study].agents[trained_there] == config
 
 
 def test_a_finished_training_is_shipped_with_its_card(tmp_path: Path) -> None:
@@ -79,6 +66,27 @@ def test_a_training_of_another_version_is_refused(tmp_path: Path, monkeypatch: p
     monkeypatch.setattr("scripts.common.trainings.evaluate", lambda *given: StandardScore.of(elsewhere.best))
     with refuses(ValueError, "run: its best policy scored swing lap: ended early", "remove the folder"):
         trained(config, tmp_path / "run")
+
+
+def test_curves_are_kept(tmp_path: Path) -> None:
+    """Of all agents, those that were not trained now included; a lost lap has no error."""
+    laps = [row(100 * n, rms, rms) for n, rms in enumerate((None, 0.2, 0.1), 1)]
+    found = [Training(TrainingConfig(seed=seed), tmp_path / "mine" / f"seed-{seed}", laps[-1]) for seed in range(2)]
+    for one in found:
+        one.folder.mkdir(parents=True)
+        write_json(one.folder / "evaluations.json", laps)
+    keep_curves({"first": found}, tmp_path)
+    keep_curves({"second": found[:1]}, tmp_path)
+    data = json.loads((tmp_path / "curves.json").read_text())
+    assert list(data) == ["first", "second"]
+    assert data["first"][1] == {
+        "seed": 1,
+        "steps": [100, 200, 300],
+        "seconds": [1.0, 1.0, 1.0],
+        "swing": [None, 0.2, 0.1],
+        "plain": [None, 0.2, 0.1],
+    }
+    assert (tmp_path / "curves.png").stat().st_size > 10_000
 
 
 def test_an_early_end_is_marked_in_each_figure() -> None:

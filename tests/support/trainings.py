@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -19,9 +18,6 @@ from flexarm_agents import (
     teach,
     train,
 )
-from flexarm_agents.training.config import RunConfig
-from flexarm_env.laps import LAPS
-from scripts.learning.study import Agent, Record
 
 ID = "FlexArm/Square-v0"
 TINY: dict[str, Any] = {
@@ -106,24 +102,6 @@ def row(steps: int, swing: float | None, plain: float | None) -> dict[str, Any]:
         ended = "error" if rms is None else "truncated"
         scores.append(Score(ended, 16.0, rms, rms, rms, rms, (1.0, 1.0), 0, (0.1, 0.1), (1.0, 1.0), 0.0))
     return {"steps": steps, "seconds": 1.0, **StandardScore(*scores).as_mapping()}
-
-
-def recorded(config: RunConfig, *measured: Mapping[str, Any], **figures: Any) -> Agent:
-    """Return an agent of a study with a training for each seed.
-
-    Args:
-        config: of the agent.
-        *measured: of each seed.
-        **figures: `swing` and `plain`, the errors of both laps in the evaluations of each seed [m]; the last one is
-            the best.
-    """
-    records = []
-    for seed, one in enumerate(measured):
-        curve = {lap: figures.get(lap, [[0.1, 0.1]] * len(measured))[seed] for lap in LAPS}
-        steps = [1000 * n for n in range(1, len(curve["swing"]) + 1)]
-        rows = row(1000, curve["swing"][-1], curve["plain"][-1])
-        records.append(Record(seed, {lap: rows[lap] for lap in LAPS}, {"steps": steps, "seconds": steps, **curve}, one))
-    return Agent(config, 120.0, records)
 
 
 def descended(folder: Path) -> Path:

@@ -1,0 +1,103 @@
+"""A study: results, the tables and pictures that show them, and the one command behind all studies."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import tyro
+from matplotlib.figure import Figure
+
+from flexarm_agents.files import put
+from flexarm_env.validation import choice, integer
+from scripts.common.markdown import DOCS, fill_pages
+from scripts.common.plotting import save, write
+
+
+@dataclass(frozen=True)
+class Study:
+    """A comparison.
+
+    Attributes:
+        text: what it shows, in one line.
+        results: returns what the tables and pictures show; its arguments are the study's folder, which may keep
+            results, and the number of processes.
+        tables: write Markdown, by the names of the blocks in docs/ that show them.
+        pictures: draw, by the names of the files in docs/figures/.
+        svg: write the pictures as SVG, too, for print.
+    """
+
+    text: str
+    results: Callable[[Path, int], Any]
+    tables: Mapping[str, Callable[[Any], str]]
+    pictures: Mapping[str, Callable[[Any], Figure]] = field(default_factory=dict)
+    svg: bool = False
+
+    def show(self, results: Any, folder: Path) -> None:
+        """Write the tables and pictures into a folder, and print the tables."""
+        for name, tabulate in self.tables.items():
+            text = tabulate(results)
+            put(folder / f"{name}.md", lambda path, text=text: path.write_text(text))  # type: ignore[misc]
+            print(f"\n{self.text}:\n\n{text}")
+        for name, draw in self.pictures.items():
+            figure = draw(results)
+            if self.svg:
+                save(figure, folder / "figures", name)
+            else:
+                write(figure, folder / "figures" / f"{name}.png")
+
+
+@dataclass
+class Options:
+    """What each command of studies takes."""
+
+    output: Path
+    """Folder for results, tables and pictures; those that are not made again stay."""
+    only: tuple[str, ...]
+    """Names of studies."""
+    jobs: int = 1
+    """Processes."""
+    docs: bool = False
+    """Bring the tables and pictures of docs/ up to date."""
+
+
+def command(name: str, studies: Mapping[str, Study], text: str) -> None:
+    """Read the command line of `python -m scripts.NAME`, and make the studies.
+
+    Args:
+        name: of the package.
+        studies: by name.
+        text: what they compare.
+
+    Raises:
+        ValueError: for an unknown study or a bad number.
+    """
+    usual = Options(Path("results") / name, tuple(studies))
+    options = tyro.cli(Options, default=usual, prog=f"python -m scripts.{name}", description=text)
+    integer("jobs", options.jobs, 1)
+    chosen = {one: studies[choice("only", one, tuple(studies))] for one in options.only}
+    for one, study in chosen.items():
+        folder = options.output / one
+        folder.mkdir(parents=True, exist_ok=True)
+        study.show(study.results(folder, options.jobs), options.output)
+    if options.docs:
+        update_docs(chosen.values(), options.output)
+
+
+def update_docs(studies: Any, output: Path) -> None:
+    """Fill the blocks of docs/ with the tables of studies, and copy their pictures.
+
+    Args:
+        studies: whose tables and pictures are in the folder.
+        output: the folder.
+    """
+    for page in fill_pages(output, [table for study in studies for table in study.tables]):
+        print(f"{page}: tables up to date")
+    for picture in (picture for study in studies for picture in study.pictures):
+        file = DOCS / "figures" / f"{picture}.png"
+        file.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(output / "figures" / f"{picture}.png", file)
+        print(f"{file}: up to date")

@@ -1,0 +1,72 @@
+"""The data of finished studies: what stays of each agent's trainings, and of the controllers beside them."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from flexarm_agents import Spread
+from flexarm_env.laps import LAPS
+from scripts.common.markdown import DOCS
+from scripts.common.spreads import millimetres
+
+FOLDER = DOCS / "figures" / "agents"
+
+
+class Agent(NamedTuple):
+    """What stays of an agent.
+
+    Attributes:
+        config: of its trainings, but for the seed; None: a controller, or an agent of another study.
+        seconds: processor time of a million steps [s], where it was measured.
+        trainings: with the `seed`; figures of the `best` evaluation by the lap; the `curve` of all evaluations; what
+            else was `measured`.
+    """
+
+    config: Mapping[str, Any] | None
+    seconds: float | None
+    trainings: Sequence[Mapping[str, Any]]
+
+    @property
+    def seeds(self) -> str:
+        """Number of trainings, as tables have it."""
+        return str(len(self.trainings))
+
+    def spread(self, lap: str, figure: str = "rms") -> Spread:
+        """Return the spread of a figure of the best evaluations over the seeds.
+
+        Args:
+            lap: name of the lap.
+            figure: of which less is better.
+        """
+        return Spread.of(one["best"][lap][figure] for one in self.trainings)
+
+    def measured(self, name: str) -> list[Any]:
+        """Return what was measured of each training."""
+        return [one["measured"][name] for one in self.trainings]
+
+    def error_at(self, point: int) -> str:
+        """Write the spread of the mean error of both laps at a point of "errors" [mm]."""
+        several = ([errors[lap][point] for lap in LAPS] for errors in self.measured("errors"))
+        return millimetres(Spread.of(None if None in one else float(np.mean(one)) for one in several))
+
+
+Agents = Mapping[str, Agent]  # by their names
+
+
+def committed(study: str) -> Callable[[Path, int], dict[str, Agent]]:
+    """Return a study's `results`: they are read from docs/.
+
+    Args:
+        study: its name.
+    """
+    return partial(_read, FOLDER / f"{study}.json")
+
+
+def _read(path: Path, folder: Path, jobs: int) -> dict[str, Agent]:
+    return {name: Agent(**one) for name, one in json.loads(path.read_text()).items()}
