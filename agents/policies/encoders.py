@@ -1,23 +1,34 @@
-"""`Encoder`: what stands between observations and a network, and remembers from step to step; past readings as one."""
+"""`Encoder`: what turns observations into a network's inputs, with a memory from step to step; past readings as one."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, ClassVar, Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexarm_agents.policies.history import Array, History
+from flexarm_env.validation import integer, listed
 
+Array = NDArray[np.float32]
 Memory = tuple[NDArray[Any], ...]  # each with a leading axis of n arms
-# Blocks that the task's clock alone decides: there is nothing to remember of them.
+# Blocks of an observation that follow from the time alone: past values of these add no information.
 CLOCKED = ("reference_position", "reference_velocity", "previews", "lap_phase")
+LONGEST_LAG = 1000  # [steps]
+MOST_NUMBERS = 1_000_000  # of an observation
 
 
 class Encoder(Protocol):
-    """Turns the observations of n arms into a network's inputs."""
+    """Turns the observations of n arms into a network's inputs.
+
+    Attributes:
+        ARRAYS: names of the arrays that it keeps in a policy's file.
+        knows: model data that it uses beside the observation, in the leaderboard's words.
+    """
+
+    ARRAYS: ClassVar[tuple[str, ...]]
+    knows: ClassVar[tuple[str, ...]]
 
     @property
     def size(self) -> int:
@@ -25,70 +36,145 @@ class Encoder(Protocol):
 
     @property
     def inputs(self) -> int:
-        """How many numbers the network sees."""
+        """Number of the network's inputs."""
 
-    def begin(self, observations: Array) -> tuple[Array, Memory]:
+    def reset(self, observations: Array) -> tuple[Array, Memory]:
         """Return inputs and memory of arms whose episode begins. Shape (n, size)."""
 
-    def go_on(self, observations: Array, memory: Memory) -> tuple[Array, Memory]:
-        """Return inputs and memory after the next observations. Shape (n, size)."""
+    def advance(self, observations: Array, memory: Memory) -> tuple[Array, Memory]:
+        """Return inputs and memory after the next observations, in new arrays. Shape (n, size)."""
+
+    def header(self) -> dict[str, Any]:
+        """Return the plain values that a policy's file keeps."""
+
+    def arrays(self) -> dict[str, Array]:
+        """Return the arrays that a policy's file keeps."""
+
+    @staticmethod
+    def is_in(header: Mapping[str, Any], names: Collection[str]) -> bool:
+        """Return whether a policy's file with this header and arrays of these names has such an encoder."""
+
+    @classmethod
+    def from_file(cls, header: Mapping[str, Any], arrays: Mapping[str, Array]) -> Self:
+        """Make the encoder from a policy's file."""
 
 
-@dataclass(frozen=True)
-class Stacked:
-    """Present and past readings.
+@dataclass(frozen=True, repr=False)
+class PastReadings:
+    """The present observation, followed by some of its numbers at earlier steps; an `Encoder`.
+
+    Before an episode's first observation, all readings are taken to be equal to the first.
 
     Attributes:
-        history: which past ones.
         size: length of an observation.
+        lags: ages of the past readings [steps], increasing.
+        remembered: indices of the numbers in an observation, increasing.
     """
 
-    history: History
     size: int
+    lags: tuple[int, ...]
+    remembered: tuple[int, ...]
+    ARRAYS: ClassVar[tuple[str, ...]] = ()
+    knows: ClassVar[tuple[str, ...]] = ()
+
+    def __post_init__(self) -> None:
+        """Validate.
+
+        Raises:
+            TypeError, ValueError: for entries that are no integers, out of range or out of order, or no entry at all.
+        """
+        integer("size", self.size, 1, MOST_NUMBERS)
+        for name, least, most in (("lags", 1, LONGEST_LAG), ("remembered", 0, MOST_NUMBERS)):
+            values = checked_increasing(name, getattr(self, name), least, most)
+            if not values:
+                raise ValueError(f"{name} = (): must have an entry")
+            object.__setattr__(self, name, values)
+        if self.remembered[-1] >= self.size:
+            raise ValueError(f"remembered = {self.remembered}: must be indices in an observation of {self.size}")
+
+    def __repr__(self) -> str:
+        """Describe the encoder in a line."""
+        return f"{type(self).__name__}({len(self.lags)} lags)"
 
     @property
     def inputs(self) -> int:
-        """How many numbers the network sees."""
-        return self.size + self.history.size
+        """Number of the network's inputs."""
+        return self.size + len(self.lags) * len(self.remembered)
 
-    def begin(self, observations: Array) -> tuple[Array, Memory]:
-        """See `Encoder`; before the first observation it was always that one."""
-        return self.go_on(observations, (self.history.begin(observations),))
-
-    def go_on(self, observations: Array, memory: Memory) -> tuple[Array, Memory]:
+    def reset(self, observations: Array) -> tuple[Array, Memory]:
         """See `Encoder`."""
-        past = memory[0].astype(np.float32, copy=False)
-        return self.history.inputs(observations, past), (self.history.advance(observations, past),)
+        now = observations[:, list(self.remembered)]
+        return self.advance(observations, (np.repeat(now[:, None], self.lags[-1], axis=1),))
+
+    def advance(self, observations: Array, memory: Memory) -> tuple[Array, Memory]:
+        """See `Encoder`; the memory holds the last readings, the newest first. Shape (n, longest lag, numbers)."""
+        readings = memory[0].astype(np.float32, copy=False)
+        past = readings[:, np.array(self.lags) - 1].reshape(len(observations), -1)
+        now = observations[:, None, list(self.remembered)]
+        inputs = np.concatenate([observations, past], axis=1)
+        return inputs, (np.concatenate([now, readings[:, :-1]], axis=1),)
+
+    def header(self) -> dict[str, Any]:
+        """See `Encoder`."""
+        return {"history": {"lags": self.lags, "remembered": self.remembered}}
+
+    def arrays(self) -> dict[str, Array]:
+        """See `Encoder`."""
+        return {}
+
+    @staticmethod
+    def is_in(header: Mapping[str, Any], names: Collection[str]) -> bool:
+        """See `Encoder`."""
+        return "history" in header
+
+    @classmethod
+    def from_file(cls, header: Mapping[str, Any], arrays: Mapping[str, Array]) -> Self:
+        """See `Encoder`; the size follows from the inputs of the first layer."""
+        lags, remembered = (listed(name, header["history"][name]) for name in ("lags", "remembered"))
+        return cls(arrays["weight_0"].shape[1] - len(lags) * len(remembered), tuple(lags), tuple(remembered))
 
 
-def readings_history(lags: tuple[int, ...], blocks: Mapping[str, slice]) -> History:
-    """Return a history of all that the task's clock does not decide.
+def past_readings(lags: Sequence[int], blocks: Mapping[str, slice]) -> PastReadings | None:
+    """Return an encoder that remembers every block of the observation except those in `CLOCKED`.
 
     Args:
-        lags: ages [control periods]; none: nothing is remembered.
+        lags: ages [control periods]; none: there is nothing to remember, and no encoder.
         blocks: where each block lies in an observation.
     """
     if not lags:
-        return History()
+        return None
     read = [n for name, part in blocks.items() if name not in CLOCKED for n in range(part.start, part.stop)]
-    return History(lags, tuple(sorted(read)))
+    return PastReadings(max(part.stop for part in blocks.values()), tuple(lags), tuple(sorted(read)))
 
 
-def resumed(encoder: Encoder, observations: Array, memory: Memory, starting: NDArray[np.bool_]) -> tuple[Array, Memory]:
-    """Return inputs and memory where the episodes of some arms begin and those of the others go on.
+def encoded(encoder: Encoder, observations: Array, memory: Memory, starting: NDArray[np.bool_]) -> tuple[Array, Memory]:
+    """Return inputs and memory where the episodes of some arms begin and those of the others continue.
 
     Args:
-        encoder: what reads.
+        encoder: of the observations.
         observations: Shape (n, size).
-        memory: of the same arms; that of starting ones counts for nothing.
-        starting: which ones begin. Shape (n,).
+        memory: of the same arms; that of arms whose episode begins is not used.
+        starting: arms whose episode begins. Shape (n,).
     """
     if starting.all():
-        return encoder.begin(observations)
-    inputs, after = encoder.go_on(observations, memory)
+        return encoder.reset(observations)
+    inputs, after = encoder.advance(observations, memory)
     if starting.any():
-        begun, fresh = encoder.begin(observations[starting])
-        inputs[starting] = begun
-        for part, new in zip(after, fresh, strict=True):
+        first_inputs, first_memory = encoder.reset(observations[starting])
+        inputs[starting] = first_inputs
+        for part, new in zip(after, first_memory, strict=True):
             part[starting] = new
     return inputs, after
+
+
+def checked_increasing(name: str, values: object, least: int, most: int) -> tuple[int, ...]:
+    """Check integers that increase.
+
+    Raises:
+        TypeError, ValueError: naming the parameter that is no list, the entry that is no integer or out of range, or
+            the order.
+    """
+    checked = tuple(integer(f"{name}[{n}]", value, least, most) for n, value in enumerate(listed(name, values)))
+    if list(checked) != sorted(set(checked)):
+        raise ValueError(f"{name} = {checked}: must increase")
+    return checked

@@ -10,7 +10,6 @@ from typing import Any
 import gymnasium
 
 from flexarm_agents.environments import check_id, make_one
-from flexarm_agents.policies import encoded, squashed
 from flexarm_agents.policies.network import NetworkPolicy
 from flexarm_env.envs.settings import Settings
 from flexarm_env.simulation import archive
@@ -108,7 +107,7 @@ def load_policy(source: str | Path, last: bool = False) -> Trained:
     file = policy_file(source, last)
     name = Path(source).name if os.path.isdir(source) else file.stem
     try:
-        policy = _kind(file).load(file)
+        policy = NetworkPolicy.load(file)
     except ValueError as error:
         if not _STABLE_BASELINES.issubset(archive.names(file)):
             raise
@@ -125,14 +124,6 @@ def load_policy(source: str | Path, last: bool = False) -> Trained:
         raise ValueError(f"{file}: does not say what it was trained on (no {error} in its notes)") from error
     except (TypeError, ValueError) as error:
         raise ValueError(f"{file}: does not say what it was trained on ({error})") from error
-
-
-def _kind(file: Path) -> type[NetworkPolicy]:
-    """Return the class whose policy a file holds, by the arrays that only its files have."""
-    names = {name.removesuffix(".npy") for name in archive.names(file)}
-    if not names.isdisjoint(encoded.ENCODERS):
-        return encoded.EncodedPolicy
-    return squashed.SquashedPolicy if squashed.ARRAY in names else NetworkPolicy
 
 
 def policy_file(source: str | Path, last: bool = False) -> Path:

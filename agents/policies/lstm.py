@@ -6,33 +6,31 @@ lie in torch's order (input, forget, cell, output).
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from flexarm_agents.policies.encoders import Memory
-from flexarm_agents.policies.history import Array
-from flexarm_env.simulation import archive
+from flexarm_agents.policies.encoders import Array, Memory
 from flexarm_env.validation import real_array
-
-ARRAYS = ("lstm_input", "lstm_memory", "lstm_bias")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Lstm:
-    """A layer of long short-term memory; an `encoders.Encoder`, whose inputs for the network are its outputs.
+    """A layer of long short-term memory; an `Encoder`, whose outputs are the network's inputs.
 
     Attributes:
         lstm_input: weights of the observation. Shape (4 h, k).
-        lstm_memory: weights of the outputs before. Shape (4 h, h).
+        lstm_memory: weights of the previous outputs. Shape (4 h, h).
         lstm_bias: Shape (4 h,).
     """
 
     lstm_input: Array
     lstm_memory: Array
     lstm_bias: Array
+    ARRAYS: ClassVar[tuple[str, ...]] = ("lstm_input", "lstm_memory", "lstm_bias")
+    knows: ClassVar[tuple[str, ...]] = ()
 
     def __repr__(self) -> str:
         """Describe the layer in a line."""
@@ -44,10 +42,10 @@ class Lstm:
         Raises:
             TypeError, ValueError: naming the one that does not.
         """
-        for name in ARRAYS:
+        for name in self.ARRAYS:
             if not np.isfinite(real_array(name, getattr(self, name))).all():
                 raise ValueError(f"{name}: must be finite")
-        _check_shapes(*(np.shape(getattr(self, name)) for name in ARRAYS))
+        _check_shapes(*(np.shape(getattr(self, name)) for name in self.ARRAYS))
 
     @property
     def size(self) -> int:
@@ -56,16 +54,16 @@ class Lstm:
 
     @property
     def inputs(self) -> int:
-        """How many numbers the network behind it sees."""
+        """Number of the network's inputs."""
         return int(self.lstm_memory.shape[1])
 
-    def begin(self, observations: Array) -> tuple[Array, Memory]:
+    def reset(self, observations: Array) -> tuple[Array, Memory]:
         """See `Encoder`; the memory of an arm whose episode begins is 0."""
         nothing = np.zeros((len(observations), self.inputs), dtype=np.float32)
-        return self.go_on(observations, (nothing, nothing))
+        return self.advance(observations, (nothing, nothing))
 
-    def go_on(self, observations: Array, memory: Memory) -> tuple[Array, Memory]:
-        """See `Encoder`; the memory is what came out before, and the cells."""
+    def advance(self, observations: Array, memory: Memory) -> tuple[Array, Memory]:
+        """See `Encoder`; the memory holds the previous outputs and the cells."""
         before, cells = (part.astype(np.float32, copy=False) for part in memory)
         sums = observations @ self.lstm_input.T + before @ self.lstm_memory.T + self.lstm_bias
         let_in, keep, new, let_out = np.split(sums, 4, axis=1)
@@ -73,23 +71,23 @@ class Lstm:
         out = _sigmoid(let_out) * np.tanh(cells)
         return out.copy(), (out, cells)
 
-    def head(self) -> dict[str, Any]:
-        """Return the plain part of what a file keeps: nothing."""
+    def header(self) -> dict[str, Any]:
+        """See `Encoder`."""
         return {}
 
     def arrays(self) -> dict[str, Array]:
-        """Return the arrays that a file keeps."""
-        return {name: getattr(self, name) for name in ARRAYS}
+        """See `Encoder`."""
+        return {name: getattr(self, name) for name in self.ARRAYS}
 
     @staticmethod
-    def check_file(head: Mapping[str, Any], entries: Mapping[str, archive.Entry]) -> None:
-        """Refuse what is no such layer, before it is read."""
-        _check_shapes(*(entries[name].shape for name in ARRAYS))
+    def is_in(header: Mapping[str, Any], names: Collection[str]) -> bool:
+        """See `Encoder`."""
+        return Lstm.ARRAYS[0] in names
 
     @classmethod
-    def from_file(cls, head: Mapping[str, Any], arrays: Mapping[str, Array]) -> Self:
-        """Make the layer."""
-        return cls(**{name: arrays[name] for name in ARRAYS})
+    def from_file(cls, header: Mapping[str, Any], arrays: Mapping[str, Array]) -> Self:
+        """See `Encoder`."""
+        return cls(**{name: arrays[name] for name in cls.ARRAYS})
 
 
 def _sigmoid(x: Array) -> Array:

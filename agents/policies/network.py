@@ -1,25 +1,31 @@
-"""`NetworkPolicy`: a trained network as numbers in one file, run by numpy alone."""
+"""`NetworkPolicy`: a trained policy as numbers in one file, run by numpy alone: an encoder, layers and a head."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexarm_agents.policies.history import History, memory_of
+from flexarm_agents.policies.encoders import Array, Encoder, PastReadings, encoded
+from flexarm_agents.policies.lstm import Lstm
+from flexarm_agents.policies.observer import Observer
+from flexarm_baselines.policy import checked_observation
 from flexarm_env.simulation import archive
 from flexarm_env.validation import choice, integer, listed, mapping, real_array, shown
 
-Array = NDArray[np.float32]
-_FORMAT = 1
+ENCODERS: tuple[type[PastReadings | Lstm | Observer], ...] = (PastReadings, Lstm, Observer)
 MOST_LAYERS = 100
 MOST_NUMBERS = 20_000_000  # of all weights and biases
 LARGEST_LOG_STD = 20.0
+LOG_STD_LIMITS = (-20.0, 2.0)  # where it depends on the observation; as in stable-baselines3
+_FORMAT = 1
+_SQUASHED = "spread"  # name of `log_std_weights` in a file
 
 
 def _elu(x: Array) -> Array:
@@ -35,15 +41,21 @@ ACTIVATIONS: dict[str, Callable[[Array], Array]] = {"elu": _elu, "tanh": np.tanh
 
 @dataclass(frozen=True, eq=False, repr=False)
 class NetworkPolicy:
-    """A Gaussian policy whose mean is a fully connected network; has stable-baselines3's ``predict``.
+    """A Gaussian policy with stable-baselines3's ``predict``.
+
+    An encoder turns observations into the network's inputs, fully connected layers give the mean of the action, and the
+    head limits it to [-1, 1]. The head of PPO clips, and its standard deviation is constant. That of SAC and TQC is a
+    tanh, and the standard deviation depends on the observation.
 
     Attributes:
         weights: weights of each layer. Shape (outputs, inputs) each.
         biases: biases of each layer. Shape (outputs,) each.
         log_std: logarithm of the standard deviation of each action. Shape (actions,).
         activation: between the layers: "elu", "tanh" or "relu".
-        notes: anything plain (JSON) worth keeping with it: environment, options, how it was made.
-        history: of past observations, which the network sees beside the present one.
+        notes: plain values (JSON) that the file keeps: environment, options, configuration, scores.
+        encoder: of the observations; None: they are the inputs.
+        log_std_weights: head of SAC and TQC: weights of the last hidden layer's outputs in the logarithm of the
+            standard deviation, whose bias is `log_std`. Shape (actions, last hidden size). None: the head of PPO.
     """
 
     weights: Sequence[Array]
@@ -51,44 +63,47 @@ class NetworkPolicy:
     log_std: Array
     activation: str = "elu"
     notes: dict[str, Any] = field(default_factory=dict)
-    history: History = field(default_factory=History)
+    encoder: PastReadings | Lstm | Observer | None = None
+    log_std_weights: Array | None = None
 
     def __post_init__(self) -> None:
-        """Check that the layers fit together.
+        """Check that encoder, layers and head fit together.
 
         Raises:
-            ValueError: naming the layer that does not, or a bad activation.
+            TypeError, ValueError: naming the part that does not, or a bad activation.
         """
         choice("activation", self.activation, ACTIVATIONS)
         mapping("notes", self.notes)
         for name in ("weights", "biases"):
             listed(name, getattr(self, name))
-        if not isinstance(self.history, History):
-            raise TypeError(f"history = {shown(self.history)}: must be a History")
-        arrays = {f"weights[{n}]": weight for n, weight in enumerate(self.weights)}
-        arrays |= {f"biases[{n}]": bias for n, bias in enumerate(self.biases)} | {"log_std": self.log_std}
-        for name, array in arrays.items():
-            if not np.isfinite(real_array(name, array)).all():
-                raise ValueError(f"{name}: must be finite")
-        weights, biases = ([np.shape(array) for array in part] for part in (self.weights, self.biases))
-        _check_shapes(weights, biases, np.shape(self.log_std))
-        if np.abs(self.log_std).max() > LARGEST_LOG_STD:
-            raise ValueError(f"log_std = {shown(self.log_std)}: must be at most {LARGEST_LOG_STD:g} in magnitude")
-        _check_history(self.history, weights[0][1])
+        _check_finite(self)
+        _check_layers([np.shape(weight) for weight in self.weights], [np.shape(bias) for bias in self.biases])
+        _check_head(self)
+        if self.encoder is not None:
+            if not isinstance(self.encoder, ENCODERS):
+                kinds = ", ".join(kind.__name__ for kind in ENCODERS)
+                raise TypeError(f"encoder = {shown(self.encoder)}: must be None or one of {kinds}")
+            if self.encoder.inputs != self.weights[0].shape[1]:
+                inputs = self.weights[0].shape[1]
+                raise ValueError(f"encoder: gives {self.encoder.inputs} numbers, and the network takes {inputs}")
         object.__setattr__(self, "_generator", np.random.default_rng())
 
     def __repr__(self) -> str:
-        """Describe the policy in a line: what it observes, its layers, its action."""
+        """Describe the policy in a line: the observation's length, encoder, layers, action."""
         sizes = " -> ".join(str(size) for size in (self.weights[0].shape[1], *map(len, self.biases)))
-        return f"{type(self).__name__}({self._seen()}{sizes}, {self.activation})"
-
-    def _seen(self) -> str:
-        return f"{self.observation_size} -> {len(self.history.lags)} lags -> " if self.history.size else ""
+        encoder = "" if self.encoder is None else f"{self.observation_size} -> {self.encoder} -> "
+        squashed = "" if self.log_std_weights is None else ", squashed"
+        return f"{type(self).__name__}({encoder}{sizes}, {self.activation}{squashed})"
 
     @property
     def observation_size(self) -> int:
         """Length of an observation."""
-        return int(self.weights[0].shape[1]) - self.history.size
+        return int(self.weights[0].shape[1]) if self.encoder is None else self.encoder.size
+
+    @property
+    def knows(self) -> tuple[str, ...]:
+        """Model data that it uses beside the observation, in the leaderboard's words."""
+        return () if self.encoder is None else self.encoder.knows
 
     def seed(self, seed: int) -> None:
         """Seed the policy's own randomness."""
@@ -105,51 +120,72 @@ class NetworkPolicy:
 
         Args:
             observation: one or a batch. Shape (k,) or (n, k).
-            state: what the call before returned; None: every arm's episode begins. Without a history it is not read.
-            episode_start: arms whose episode begins, where there is a history. Shape (n,).
+            state: what the previous call returned; None: every arm's episode begins. Not used without an encoder.
+            episode_start: arms whose episode begins, for the encoder. Shape (n,).
             deterministic: the mean, without noise. It is the default here; stable-baselines3's own models have False.
 
         Returns:
-            Actions in [-1, 1], Shape (actions,) or (n, actions), and the state: the memory of the history, or as it
-            was given.
+            Actions in [-1, 1], shape (actions,) or (n, actions), and the state: the encoder's memory, or the given
+            state without an encoder.
 
         Raises:
             TypeError: the observation is a dict.
-            ValueError: it has another shape, or the state is another policy's.
+            ValueError: the observation has another shape, or the state is that of another policy.
         """
-        if isinstance(observation, dict):
-            raise TypeError(f"observation must be an array, got a dict with keys {sorted(observation)}")
-        x = np.asarray(observation, dtype=np.float32)
-        if x.ndim not in (1, 2) or x.shape[-1] != self.observation_size:
-            size = self.observation_size
-            raise ValueError(f"observation must have shape ({size},) or (n, {size}), got {x.shape}")
-        if self.history.size:
-            rows = np.atleast_2d(x)
-            memory = memory_of(self.history, rows, state, episode_start)
-            x = self.history.inputs(rows, memory).reshape(*x.shape[:-1], -1)
-            state = (self.history.advance(rows, memory),)
-        x = self._mean(x)
+        x = checked_observation(observation, self.observation_size).astype(np.float32, copy=False)
+        if self.encoder is not None:
+            inputs, state = self._encoded(np.atleast_2d(x), state, episode_start)
+            x = inputs.reshape(*x.shape[:-1], -1)
+        for weight, bias in zip(self.weights[:-1], self.biases[:-1], strict=True):
+            x = ACTIVATIONS[self.activation](x @ weight.T + bias)
+        action = x @ self.weights[-1].T + self.biases[-1]
         if not deterministic:
-            noise = self.__dict__["_generator"].standard_normal(x.shape, dtype=np.float32)
-            x = x + np.exp(self.log_std) * noise
-        return np.clip(x, np.float32(-1.0), np.float32(1.0)), state
+            noise = self.__dict__["_generator"].standard_normal(action.shape, dtype=np.float32)
+            action = action + np.exp(self._log_std(x)) * noise
+        limited = np.clip(action, np.float32(-1), np.float32(1)) if self.log_std_weights is None else np.tanh(action)
+        return limited, state
 
-    def _mean(self, x: Array) -> Array:
-        """Run the network."""
-        function, last = ACTIVATIONS[self.activation], len(self.weights) - 1
-        for n, (weight, bias) in enumerate(zip(self.weights, self.biases, strict=True)):
-            x = x @ weight.T + bias
-            x = x if n == last else function(x)
-        return x
+    def _encoded(
+        self, rows: Array, state: tuple[NDArray[Any], ...] | None, episode_start: NDArray[Any] | None
+    ) -> tuple[Array, tuple[NDArray[Any], ...]]:
+        """Return the network's inputs and the encoder's memory; arguments as of `predict`, a batch."""
+        assert self.encoder is not None
+        if state is None:
+            return self.encoder.reset(rows)
+        shapes = [(len(rows), *shape) for shape in self._memory_shapes]
+        if [np.shape(part) for part in state] != shapes:
+            raise ValueError(f"state: must be what predict returned for as many observations, arrays of shapes {shapes}")
+        starting = np.zeros(len(rows), dtype=bool) if episode_start is None else np.asarray(episode_start, dtype=bool)
+        return encoded(self.encoder, rows, state, starting)
+
+    @cached_property
+    def _memory_shapes(self) -> list[tuple[int, ...]]:
+        """Shapes of the encoder's memory of one arm."""
+        assert self.encoder is not None
+        return [part.shape[1:] for part in self.encoder.reset(np.zeros((1, self.encoder.size), np.float32))[1]]
+
+    def _log_std(self, hidden: Array) -> Array:
+        """Return the logarithm of the standard deviation.
+
+        Args:
+            hidden: outputs of the last hidden layer. Shape (..., last hidden size).
+        """
+        if self.log_std_weights is None:
+            return self.log_std
+        return np.clip(hidden @ self.log_std_weights.T + self.log_std, *LOG_STD_LIMITS).astype(np.float32)
 
     def save(self, path: str | Path) -> None:
         """Write one npz file: arrays, and the rest as JSON text."""
-        head = {"activation": self.activation, "layers": len(self.weights), "notes": self.notes}
-        if self.history.size:  # what earlier versions wrote has none
-            head["history"] = asdict(self.history)
-        arrays = {f"weight_{n}": weight for n, weight in enumerate(self.weights)}
+        header = {"activation": self.activation, "layers": len(self.weights), "notes": self.notes}
+        arrays = {"log_std": self.log_std}
+        arrays |= {f"weight_{n}": weight for n, weight in enumerate(self.weights)}
         arrays |= {f"bias_{n}": bias for n, bias in enumerate(self.biases)}
-        archive.write(path, _FORMAT, head, {"log_std": self.log_std, **arrays})
+        if self.log_std_weights is not None:
+            arrays[_SQUASHED] = self.log_std_weights
+        if self.encoder is not None:
+            header |= self.encoder.header()
+            arrays |= self.encoder.arrays()
+        archive.write(path, _FORMAT, header, arrays)
 
     @classmethod
     def load(cls, path: str | Path) -> NetworkPolicy:
@@ -159,43 +195,65 @@ class NetworkPolicy:
             FileNotFoundError: if there is none.
             ValueError: if the file is not such a file, naming it and what is wrong.
         """
-        return archive.read(path, _FORMAT, "policy", cls._check_file, cls._from_file)
+        return archive.read(path, _FORMAT, "policy", _check_file, cls._from_file)
 
     @classmethod
-    def _check_file(cls, head: dict[str, Any], entries: Mapping[str, archive.Entry]) -> None:
-        layers = range(integer("layers", head["layers"], 1, MOST_LAYERS))
-        names = [[f"{part}_{n}" for n in layers] for part in ("weight", "bias")]
-        for name, entry in entries.items():
-            if name not in (*names[0], *names[1], "log_std"):
-                raise ValueError(f"{shown(name)}: no such array in a policy of {len(layers)} layers")
-            if entry.dtype != np.float32:
-                raise ValueError(f"{name}: must hold float32, got {entry.dtype}")
-        weights, biases = ([entries[name].shape for name in part] for part in names)
-        _check_shapes(weights, biases, entries["log_std"].shape)
-        _check_history(_history_of(head), weights[0][1])
-
-    @classmethod
-    def _from_file(cls, head: dict[str, Any], arrays: dict[str, Array]) -> NetworkPolicy:
-        layers = range(head["layers"])
-        weights, biases = ([arrays[f"{name}_{n}"] for n in layers] for name in ("weight", "bias"))
-        return cls(weights, biases, arrays["log_std"], head["activation"], head["notes"], _history_of(head))
+    def _from_file(cls, header: dict[str, Any], arrays: dict[str, Array]) -> NetworkPolicy:
+        kind = _encoder_in(header, arrays)
+        weights, biases = ([arrays[name] for name in names] for names in _layer_names(header))
+        return cls(
+            weights,
+            biases,
+            arrays["log_std"],
+            header["activation"],
+            header["notes"],
+            None if kind is None else kind.from_file(header, arrays),
+            arrays.get(_SQUASHED),
+        )
 
 
 Shape = tuple[int, ...]
 
 
-def _history_of(head: Mapping[str, Any]) -> History:
-    return History(**{name: tuple(values) for name, values in head.get("history", {}).items()})
+def _layer_names(header: Mapping[str, Any]) -> list[list[str]]:
+    """Return the names of weights and biases in a file."""
+    layers = range(integer("layers", header["layers"], 1, MOST_LAYERS))
+    return [[f"{part}_{n}" for n in layers] for part in ("weight", "bias")]
 
 
-def _check_history(history: History, inputs: int) -> None:
-    """Refuse a history that leaves no observation, or remembers what is not in one."""
-    size = inputs - history.size
-    if size < 1 or any(index >= size for index in history.remembered):
-        raise ValueError(f"history: remembers numbers {history.remembered} of an observation of {size}")
+def _encoder_in(header: Mapping[str, Any], arrays: Mapping[str, Any]) -> type[PastReadings | Lstm | Observer] | None:
+    """Return the kind of encoder that a file has."""
+    found = [kind for kind in ENCODERS if kind.is_in(header, arrays)]
+    if len(found) > 1:
+        raise ValueError(f"{' and '.join(kind.__name__ for kind in found)}: at most one encoder is allowed")
+    return found[0] if found else None
 
 
-def _check_shapes(weights: Sequence[Shape], biases: Sequence[Shape], log_std: Shape) -> None:
+def _check_file(header: dict[str, Any], entries: Mapping[str, archive.Entry]) -> None:
+    """Refuse arrays of other names or types; their shapes are checked when the policy is made."""
+    kind = _encoder_in(header, entries)
+    weights, biases = _layer_names(header)
+    known = {*weights, *biases, "log_std", _SQUASHED, *(() if kind is None else kind.ARRAYS)}
+    for name, entry in entries.items():
+        if name not in known:
+            raise ValueError(f"{shown(name)}: no such array in a policy of {len(weights)} layers")
+        if entry.dtype != np.float32:
+            raise ValueError(f"{name}: must hold float32, got {entry.dtype}")
+    _check_layers([entries[name].shape for name in weights], [entries[name].shape for name in biases])
+
+
+def _check_finite(policy: NetworkPolicy) -> None:
+    """Refuse arrays that are not, or not all finite."""
+    arrays = {f"weights[{n}]": weight for n, weight in enumerate(policy.weights)}
+    arrays |= {f"biases[{n}]": bias for n, bias in enumerate(policy.biases)} | {"log_std": policy.log_std}
+    if policy.log_std_weights is not None:
+        arrays["log_std_weights"] = policy.log_std_weights
+    for name, array in arrays.items():
+        if not np.isfinite(real_array(name, array)).all():
+            raise ValueError(f"{name}: must be finite")
+
+
+def _check_layers(weights: Sequence[Shape], biases: Sequence[Shape]) -> None:
     """Refuse layers that do not fit together, or are too large to be a policy's."""
     if not 0 < len(weights) == len(biases) <= MOST_LAYERS:
         raise ValueError(f"weights, biases: must be as many, 1 to {MOST_LAYERS}; got {len(weights)}, {len(biases)}")
@@ -207,8 +265,18 @@ def _check_shapes(weights: Sequence[Shape], biases: Sequence[Shape], log_std: Sh
         if weight != (bias[0], inputs):
             raise ValueError(f"weights[{n}]: must have shape ({bias[0]}, {inputs}), got {weight}")
         inputs = bias[0]
-    if log_std != (inputs,):
-        raise ValueError(f"log_std: must have shape ({inputs},), got {log_std}")
     numbers = sum(math.prod(shape) for shape in (*weights, *biases))
     if numbers > MOST_NUMBERS:
         raise ValueError(f"weights: {numbers} numbers; at most {MOST_NUMBERS} are allowed")
+
+
+def _check_head(policy: NetworkPolicy) -> None:
+    """Refuse a standard deviation that does not fit the last layer."""
+    actions, hidden = np.shape(policy.weights[-1])
+    if np.shape(policy.log_std) != (actions,):
+        raise ValueError(f"log_std: must have shape ({actions},), got {np.shape(policy.log_std)}")
+    if np.abs(policy.log_std).max() > LARGEST_LOG_STD:
+        raise ValueError(f"log_std = {shown(policy.log_std)}: must be at most {LARGEST_LOG_STD:g} in magnitude")
+    if policy.log_std_weights is not None and np.shape(policy.log_std_weights) != (actions, hidden):
+        got = np.shape(policy.log_std_weights)
+        raise ValueError(f"log_std_weights: must have shape ({actions}, {hidden}), got {got}")

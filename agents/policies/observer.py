@@ -2,29 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, NamedTuple, Self
+from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexarm_agents.environments import check_id, check_options, make_one
-from flexarm_agents.policies.encoders import Memory
-from flexarm_agents.policies.history import Array
+from flexarm_agents.policies.encoders import Array, Memory
 from flexarm_baselines.lqg import adaptive, controller
 from flexarm_baselines.observers import Estimate, KalmanFilter, Readings
 from flexarm_env.envs.bounds import modal_range
 from flexarm_env.envs.settings import Settings
-from flexarm_env.simulation import archive
 from flexarm_env.validation import choice
 
 KINDS = ("none", "nominal", "delay")  # none; with the nominal delay; with one that it estimates
 NEEDED = ("joint_angles", "joint_rates", "sensed_position", "reference_position", "reference_velocity", "last_actions")
 FILTERED = ("joint_angles", "sensed_position")  # which only the filter sees
 ERROR_SCALE, RATE_SCALE = 0.5, 3.0  # [m], [m/s]; as of the blocks `sensor_error` and `sensor_error_rate`
-ARRAY = "observer_scale"
 Floats = NDArray[np.float64]
 
 
@@ -63,7 +60,7 @@ class Parts(NamedTuple):
 
 @dataclass(frozen=True)
 class Observer:
-    """A Kalman filter of the nominal arm; an `encoders.Encoder`.
+    """A Kalman filter of the nominal arm; an `Encoder`.
 
     The network sees the observation without `FILTERED`, then estimates of the tip's error and its rate, in the frame
     of the observation, of the modal coordinates and of their rates.
@@ -77,6 +74,8 @@ class Observer:
     kind: str
     environment: str
     options: dict[str, Any] = field(default_factory=dict, repr=False)
+    ARRAYS: ClassVar[tuple[str, ...]] = ("observer_scale",)
+    knows: ClassVar[tuple[str, ...]] = ("plant parameters",)
 
     def __post_init__(self) -> None:
         """Check that there is such a filter.
@@ -116,16 +115,16 @@ class Observer:
 
     @property
     def inputs(self) -> int:
-        """How many numbers the network sees."""
+        """Number of the network's inputs."""
         return len(self.parts.seen) + len(self.parts.estimated)
 
-    def begin(self, observations: Array) -> tuple[Array, Memory]:
-        """See `Encoder`; the links of an arm whose episode begins are thought to be straight."""
+    def reset(self, observations: Array) -> tuple[Array, Memory]:
+        """See `Encoder`; the first estimate has straight links."""
         estimate = self._fresh(observations)
         return self._shown(observations, estimate), tuple(estimate)
 
-    def go_on(self, observations: Array, memory: Memory) -> tuple[Array, Memory]:
-        """See `Encoder`; the memory is an `Estimate`. One that has run away begins anew."""
+    def advance(self, observations: Array, memory: Memory) -> tuple[Array, Memory]:
+        """See `Encoder`; the memory is an `Estimate`. An estimate that diverged is reset."""
         kalman, limit = self.parts.filter, np.asarray(self.parts.settings.motor_limit)
         torque = self._read(observations, "last_actions")[:, :2] * limit
         estimate = kalman.predict(Estimate(*memory), torque)
@@ -137,26 +136,26 @@ class Observer:
         estimate, _ = kalman.correct(estimate, self._readings(observations))
         return self._shown(observations, estimate), tuple(estimate)
 
-    def head(self) -> dict[str, Any]:
-        """Return the plain part of what a file keeps."""
+    def header(self) -> dict[str, Any]:
+        """See `Encoder`."""
         return {"observer": {"kind": self.kind, "environment": self.environment, "options": self.options}}
 
     def arrays(self) -> dict[str, Array]:
-        """Return the arrays that a file keeps: the scale of the estimates, which an arm of other modes has not."""
-        return {ARRAY: self.parts.estimated.astype(np.float32)}
+        """See `Encoder`: the scale of the estimates, which tells arms with another number of modes apart."""
+        return {self.ARRAYS[0]: self.parts.estimated.astype(np.float32)}
 
     @staticmethod
-    def check_file(head: Mapping[str, Any], entries: Mapping[str, archive.Entry]) -> None:
-        """Refuse what is no observer's."""
-        if len(entries[ARRAY].shape) != 1:
-            raise ValueError(f"{ARRAY}: must have one axis, got {entries[ARRAY].shape}")
+    def is_in(header: Mapping[str, Any], names: Collection[str]) -> bool:
+        """See `Encoder`."""
+        return Observer.ARRAYS[0] in names
 
     @classmethod
-    def from_file(cls, head: Mapping[str, Any], arrays: Mapping[str, Array]) -> Self:
-        """Make the observer."""
-        made = cls(**head["observer"])
-        if not np.array_equal(made.arrays()[ARRAY], arrays[ARRAY]):
-            raise ValueError(f"{ARRAY}: is another than that of {made.environment} with its options")
+    def from_file(cls, header: Mapping[str, Any], arrays: Mapping[str, Array]) -> Self:
+        """See `Encoder`."""
+        made = cls(**header["observer"])
+        (name,) = cls.ARRAYS
+        if not np.array_equal(made.arrays()[name], arrays[name]):
+            raise ValueError(f"{name}: must be that of {made.environment} with its options")
         return made
 
     def _read(self, observations: Array, block: str) -> Floats:

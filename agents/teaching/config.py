@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from flexarm_agents.environments import check_id, check_options
-from flexarm_agents.policies.history import LONGEST_LAG, checked_increasing
+from flexarm_agents.policies.encoders import LONGEST_LAG, checked_increasing
 from flexarm_agents.training.config import Activation, RunConfig, checked_network
 from flexarm_env.validation import integer, number, pair, shown
 

@@ -10,7 +10,7 @@ import torch
 from torch.optim.lr_scheduler import CosineAnnealingLR
 from torch.optim.swa_utils import AveragedModel
 
-from flexarm_agents.policies.history import History
+from flexarm_agents.policies.encoders import PastReadings
 from flexarm_agents.policies.network import NetworkPolicy
 from flexarm_agents.sb3.layers import fully_connected, numbers, weights_and_biases
 from flexarm_agents.teaching.config import TeachingConfig
@@ -24,21 +24,22 @@ class Student:
     """A network from observations and history to the torques, with inputs scaled by the first lesson's spread.
 
     Attributes:
-        history: what it remembers.
+        encoder: of the observations.
         loss: mean of the last fit's weighted square errors, in squared actions.
     """
 
-    def __init__(self, config: TeachingConfig, history: History, first: Lesson) -> None:
+    def __init__(self, config: TeachingConfig, encoder: PastReadings | None, first: Lesson) -> None:
         """Make an untrained student; it draws its weights from torch's generator.
 
         Args:
             config: of the teaching.
-            history: what it remembers.
+            encoder: past readings that it sees; None: none.
             first: lesson that shows how far each input spreads.
         """
-        self.history, self._config, self.loss = history, config, float("nan")
+        self.encoder, self._config, self.loss = encoder, config, float("nan")
         observations = first.observations
-        index = [*range(observations.shape[1]), *list(history.remembered) * len(history.lags)]
+        past = () if encoder is None else encoder.remembered * len(encoder.lags)
+        index = [*range(observations.shape[1]), *past]
         self._mean = torch.from_numpy(observations.mean(axis=0)[index])
         self._spread = torch.from_numpy(np.maximum(observations.std(axis=0), LEAST_SPREAD)[index])
         self.network = fully_connected(len(index), config.hidden, first.answers.shape[1], config.activation)
@@ -73,7 +74,7 @@ class Student:
         weights[0] = weights[0] / numbers(self._spread)
         biases[0] = biases[0] - weights[0] @ numbers(self._mean)
         log_std = np.full(len(biases[-1]), LOG_STD, dtype=np.float32)
-        return NetworkPolicy(weights, biases, log_std, self._config.activation, history=self.history)
+        return NetworkPolicy(weights, biases, log_std, self._config.activation, encoder=self.encoder)
 
     def state(self) -> dict[str, Any]:
         """Return all that changes in a fit, tensors and plain values."""
@@ -86,8 +87,10 @@ class Student:
 
     def _inputs(self, observations: torch.Tensor, ages: torch.Tensor, chosen: torch.Tensor) -> torch.Tensor:
         """Return samples with their histories; before an episode's first observation it was always that one."""
-        parts, remembered = [observations[chosen]], list(self.history.remembered)
-        for lag in self.history.lags:
+        if self.encoder is None:
+            return observations[chosen]
+        parts, remembered = [observations[chosen]], list(self.encoder.remembered)
+        for lag in self.encoder.lags:
             back = torch.clamp(ages[chosen], max=lag) * self._config.arms
             parts.append(observations[chosen - back][:, remembered])
         return torch.cat(parts, dim=1)

@@ -16,8 +16,7 @@ from stable_baselines3.common.logger import Logger
 
 from flexarm_agents.environments import make_batch
 from flexarm_agents.jobs.stopping import StopSignals
-from flexarm_agents.policies.encoders import readings_history
-from flexarm_agents.policies.history import History
+from flexarm_agents.policies.encoders import past_readings
 from flexarm_agents.policies.network import NetworkPolicy
 from flexarm_agents.teaching.config import TeachingConfig
 from flexarm_agents.teaching.lessons import Lesson, give_lesson
@@ -84,14 +83,10 @@ class _Teaching(Rounds):
         self.config, self.env, self.teacher = config, env, teacher
         torch.manual_seed(config.seed)
         self.lessons = [self.lesson(None)]
-        self.student = Student(config, self.history(), self.lessons[0])
+        self.student = Student(config, past_readings(config.lags, env.observation_blocks), self.lessons[0])
         self.students: list[dict[str, Any]] = []  # after each round, averages alone
         if run.checkpoint.exists():
             self.load()
-
-    def history(self) -> History:
-        """Return what a student of this environment remembers."""
-        return readings_history(self.config.lags, self.env.observation_blocks)
 
     def lesson(self, student: NetworkPolicy | None) -> Lesson:
         """Give the next lesson."""

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, Literal, Self
 
 from flexarm_agents.environments import check_id, check_options, settings_of
-from flexarm_agents.policies.history import LONGEST_LAG, checked_increasing
+from flexarm_agents.policies.encoders import LONGEST_LAG, checked_increasing
 from flexarm_agents.policies.network import ACTIVATIONS
 from flexarm_agents.policies.observer import KINDS, check_observed
 from flexarm_agents.training.hyperparameters import ALGORITHMS, LESSONS, SETTINGS, own_settings, tuned

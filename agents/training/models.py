@@ -13,7 +13,7 @@ from stable_baselines3.common.utils import LinearSchedule
 from stable_baselines3.common.vec_env import VecEnv, VecMonitor
 
 from flexarm_agents.environments import make_batch, make_one
-from flexarm_agents.policies.encoders import Encoder, Stacked, readings_history
+from flexarm_agents.policies.encoders import Encoder, past_readings
 from flexarm_agents.policies.observer import Observer
 from flexarm_agents.sb3.encoded_vec_env import EncodedVecEnv
 from flexarm_agents.sb3.layers import MODULES
@@ -146,7 +146,7 @@ def batch_for(config: TrainingConfig, env: FlexArmVectorEnv) -> VecEnv:
 
 
 def encoder_of(config: TrainingConfig, blocks: dict[str, slice]) -> Encoder | None:
-    """Return what stands in front of the network; None: nothing.
+    """Return the encoder of the observations; None: there is none.
 
     Args:
         config: the configuration.
@@ -154,9 +154,7 @@ def encoder_of(config: TrainingConfig, blocks: dict[str, slice]) -> Encoder | No
     """
     if config.observer != "none":
         return Observer(config.observer, config.environment, config.options)
-    if config.lags:
-        return Stacked(readings_history(config.lags, blocks), max(part.stop for part in blocks.values()))
-    return None
+    return past_readings(config.lags, blocks)
 
 
 def arguments(config: TrainingConfig) -> dict[str, Any]:

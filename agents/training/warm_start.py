@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from flexarm_agents.environments import make_one
-from flexarm_agents.policies.encoders import readings_history
+from flexarm_agents.policies.encoders import PastReadings, past_readings
 from flexarm_agents.policies.load import load_policy
 from flexarm_agents.policies.network import NetworkPolicy
 from flexarm_agents.training.config import RunConfig, TrainingConfig
@@ -49,7 +49,7 @@ def initial_policy(config: TrainingConfig, run: RunFolder) -> NetworkPolicy | No
         return None
     trained = load_policy(run.initial if run.initial.is_file() else config.initial_policy)
     name, policy = f"initial_policy = {shown(config.initial_policy)}", trained.policy
-    if type(policy) is not NetworkPolicy:
+    if policy.log_std_weights is not None or not isinstance(policy.encoder, PastReadings | None):
         raise ValueError(f"{name}: must be a fully connected network, as PPO and teaching make it")
     if not _alike(config.environment, config.options, trained.options, trained.environment):
         raise ValueError(f"{name}: was trained on {trained.environment} with another observation or action")
@@ -57,7 +57,7 @@ def initial_policy(config: TrainingConfig, run: RunFolder) -> NetworkPolicy | No
     wanted = {
         "hidden": (tuple(len(bias) for bias in policy.biases[:-1]), config.hidden),
         "activation": (policy.activation, config.activation),
-        "lags": (policy.history, readings_history(config.lags, env.observation_blocks)),
+        "lags": (policy.encoder, past_readings(config.lags, env.observation_blocks)),
     }
     env.close()
     for field, (theirs, own) in wanted.items():

@@ -177,15 +177,12 @@ def chain(modes: Sequence[int], effort: float) -> Group:
 
 
 def learning(effort: float) -> Group:
-    """PPO: on the batch and on an environment that does nothing; with its gradients written out and as the library is.
+    """Declare the group of PPO on the batch, on an environment that does nothing, and in a training.
 
     Args:
         effort: factor on the work of a timed call.
     """
-    from stable_baselines3 import PPO
-
     from flexarm_agents import FlexArmVecEnv
-    from flexarm_agents.sb3.ppo import LeanPPO
 
     frames = max(2 * peers.ROLLOUT, round(effort * LEARNING_FRAMES))
     env = gymnasium.make(f"flexarm_env:{SQUARE}")
@@ -200,25 +197,20 @@ def learning(effort: float) -> Group:
         lambda: _learn(lambda n: peers.empty_vec_env(n, *sizes), frames),
         frames + peers.ROLLOUT,
     )
-    library = _training("a training, updates by stable-baselines3", PPO, frames)
-    lean = _training("a training", LeanPPO, frames)
-    ratios = [
-        Ratio(empty.name, ours.name, "PPO's rate on FlexArm over that on an empty environment"),
-        Ratio(library.name, lean.name, "a training with the library's updates over one with gradients written out"),
-    ]
-    return Group("learning", "PPO, one core", "us", "frame", [ours, empty, library, lean], ratios, share=0.4)
+    training = _training("a training", frames)
+    ratios = [Ratio(empty.name, ours.name, "PPO's rate on FlexArm over that on an empty environment")]
+    return Group("learning", "PPO, one core", "us", "frame", [ours, empty, training], ratios, share=0.4)
 
 
 def _learn(make: Any, frames: int) -> None:
     peers.ppo_rate(make, LEARNERS, frames)
 
 
-def _training(name: str, kind: Any, frames: int) -> Subject:
+def _training(name: str, frames: int) -> Subject:
     """Rollouts and updates of a training with the tuned settings, without its evaluations.
 
     Args:
         name: of the subject.
-        kind: class whose `train` does the updates.
         frames: environment steps, rounded up to whole rollouts.
     """
     from flexarm_agents import TrainingConfig
@@ -227,7 +219,6 @@ def _training(name: str, kind: Any, frames: int) -> Subject:
 
     config = TrainingConfig()
     model: Any = new_model(config)
-    model.train = lambda: kind.train(model)
     assert config.rollout is not None
     rollout = config.rollout * config.envs
 

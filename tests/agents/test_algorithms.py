@@ -1,4 +1,4 @@
-"""Algorithms beside plain PPO, and what stands in front of a network: folders, resuming, the same actions by numpy."""
+"""Algorithms beside plain PPO, and encoders: folders, resuming, the same actions by numpy."""
 
 from __future__ import annotations
 
@@ -13,25 +13,17 @@ import torch
 import flexarm_agents.training.models
 import flexarm_agents.training.train
 from flexarm_agents import NetworkPolicy, TrainingConfig, evaluate, load_policy, network_policy, train
-from flexarm_agents.policies.encoded import EncodedPolicy
-from flexarm_agents.policies.encoders import Stacked
-from flexarm_agents.policies.history import History
+from flexarm_agents.policies.encoders import PastReadings
 from flexarm_agents.policies.lstm import Lstm
-from flexarm_agents.policies.squashed import SquashedPolicy
+from flexarm_agents.policies.observer import Observer
 from flexarm_agents.sb3.vec_env import FlexArmVecEnv
 from flexarm_agents.training.callback import TrainingCallback
 from flexarm_agents.training.models import new_model
 from flexarm_env.laps import LAPS
 from tests.support.trainings import ID, TINIES, TINY
 
-KINDS = {
-    "sac": SquashedPolicy,
-    "sac lessons": SquashedPolicy,
-    "tqc": SquashedPolicy,
-    "recurrent_ppo": EncodedPolicy,
-    "recurrent lessons": EncodedPolicy,
-    "observer": EncodedPolicy,
-}
+ENCODERS = {"recurrent_ppo": Lstm, "recurrent lessons": Lstm, "observer": Observer, "lags": PastReadings}
+SQUASHED = ("sac", "sac lessons", "tqc")
 
 
 class Interrupted(Exception):  # noqa: N818
@@ -64,7 +56,8 @@ def test_interrupted_or_not_a_training_ends_in_the_same_bits(
     torch.manual_seed(5)
     train(config, tmp_path / "broken", resume=True)
     whole, broken = (load_policy(tmp_path / folder, last=True) for folder in ("whole", "broken"))
-    assert type(whole.policy) is KINDS.get(name, NetworkPolicy)
+    assert type(whole.policy.encoder) is ENCODERS.get(name, type(None))
+    assert (whole.policy.log_std_weights is not None) == (name in SQUASHED)
     for mine, theirs in zip(numbers(whole.policy), numbers(broken.policy), strict=True):
         np.testing.assert_array_equal(mine, theirs)
     best = load_policy(tmp_path / "whole")
@@ -165,16 +158,6 @@ def test_a_time_limit_is_no_end_for_a_replay_buffer() -> None:
     assert not buffer.sample(64).dones.any()
 
 
-def test_stacked_readings_begin_alike() -> None:
-    stacked = Stacked(History((1, 2), (0,)), 2)
-    inputs, memory = stacked.begin(np.float32([[1, 5]]))
-    np.testing.assert_array_equal(inputs, [[1, 5, 1, 1]])
-    inputs, memory = stacked.go_on(np.float32([[2, 6]]), memory)
-    inputs, memory = stacked.go_on(np.float32([[3, 7]]), memory)
-    np.testing.assert_array_equal(inputs, [[3, 7, 2, 1]])
-    assert stacked.inputs == 4
-
-
 def test_a_missing_package_is_named_before_anything_is_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def fail(name: str) -> None:
         raise ModuleNotFoundError(f"No module named {name!r}", name=name)
@@ -197,9 +180,10 @@ def saved(path: Path, name: str) -> dict[str, Any]:
         ("recurrent_ppo", {"lstm_bias": np.zeros(3, np.float32)}, r"must have shapes \(4 h, k\)"),
         ("recurrent_ppo", {"lstm_input": np.zeros((32, 4))}, "lstm_input: must hold float32"),
         ("recurrent_ppo", {"lstm_memory": None}, "no entry 'lstm_memory'"),
-        ("sac", {"spread": np.zeros((1, 8), np.float32)}, "spread: must hold float32 in the shape"),
+        ("sac", {"spread": np.zeros((1, 8), np.float32)}, r"log_std_weights: must have shape \(2, 8\)"),
+        ("recurrent_ppo", {"observer_scale": np.ones(5, np.float32)}, "Lstm and Observer: at most one encoder"),
         ("sac", {"other": np.zeros(1, np.float32)}, "'other': no such array"),
-        ("observer", {"observer_scale": np.ones(5, np.float32)}, "observer_scale: is another than that of"),
+        ("observer", {"observer_scale": np.ones(5, np.float32)}, "observer_scale: must be that of"),
     ],
 )
 def test_files_that_do_not_fit_are_refused(tmp_path: Path, name: str, changes: dict[str, Any], message: str) -> None:
@@ -210,24 +194,17 @@ def test_files_that_do_not_fit_are_refused(tmp_path: Path, name: str, changes: d
         load_policy(path)
 
 
-def test_a_file_of_another_kind_is_never_read_as_a_plain_network(tmp_path: Path) -> None:
-    for name in ("recurrent_ppo", "sac", "observer"):
-        saved(tmp_path / "policy.npz", name)
-        with pytest.raises(ValueError, match="no such array"):
-            NetworkPolicy.load(tmp_path / "policy.npz")
-
-
-def test_a_front_and_its_network_fit_together() -> None:
+def test_an_encoder_and_its_network_fit_together() -> None:
     lstm = Lstm(np.zeros((8, 3), np.float32), np.zeros((8, 2), np.float32), np.zeros(8, np.float32))
     weights, biases = [np.zeros((2, 2), np.float32)], [np.zeros(2, np.float32)]
-    policy = EncodedPolicy(weights, biases, np.zeros(2, np.float32), encoder=lstm)
+    policy = NetworkPolicy(weights, biases, np.zeros(2, np.float32), encoder=lstm)
     _, state = policy.predict(np.zeros((3, 3), np.float32))
-    with pytest.raises(ValueError, match=r"state: must be what predict returned for as many observations, 2"):
+    with pytest.raises(ValueError, match=r"state: must be what predict returned for as many observations, .*\(2, 2\)"):
         policy.predict(np.zeros((2, 3), np.float32), state)
     with pytest.raises(ValueError, match=r"encoder: gives 2 numbers, and the network takes 5"):
-        EncodedPolicy([np.zeros((2, 5), np.float32)], biases, np.zeros(2, np.float32), encoder=lstm)
-    with pytest.raises(TypeError, match=r"encoder = None: must be"):
-        EncodedPolicy(weights, biases, np.zeros(2, np.float32))
+        NetworkPolicy([np.zeros((2, 5), np.float32)], biases, np.zeros(2, np.float32), encoder=lstm)
+    with pytest.raises(TypeError, match=r"encoder = 'lstm': must be None or one of PastReadings, Lstm, Observer"):
+        NetworkPolicy(weights, biases, np.zeros(2, np.float32), encoder="lstm")  # type: ignore[arg-type]
 
 
 def test_a_checkpoint_without_a_configuration_is_refused(tmp_path: Path) -> None:

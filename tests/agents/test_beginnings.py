@@ -87,7 +87,7 @@ def test_the_value_learns_alone_at_first(tmp_path: Path, monkeypatch: pytest.Mon
             r"initial_policy = 'student_gauges': its hidden must be \(64, 64\), got \(128",
         ),
         ({"activation": "tanh"}, ValueError, r"'student_gauges': its activation must be 'tanh', got 'elu'"),
-        ({"lags": [1]}, ValueError, r"'student_gauges': its lags must be \(1,\), got History"),
+        ({"lags": [1]}, ValueError, r"'student_gauges': its lags must be \(1,\), got None"),
         ({"initial_policy": "student"}, ValueError, r"'student': was trained on .* with another observation or action"),
         ({"options": {"frame": "world"}}, ValueError, r"'student_gauges': was trained on .* another observation"),
     ],

@@ -1,4 +1,4 @@
-"""What a policy remembers of past observations: the state of `predict`, files, bad ones."""
+"""A policy that sees past readings: the state of `predict`, files, bad ones."""
 
 from __future__ import annotations
 
@@ -12,18 +12,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from flexarm_agents import NetworkPolicy
-from flexarm_agents.policies.history import History
+from flexarm_agents.policies.encoders import PastReadings
 from tests.support.refusals import refuses
 
-LINEAR = History((1, 3), (0, 2))  # of observations of three numbers
+LINEAR = PastReadings(3, (1, 3), (0, 2))
 
 
-def policy(history: History = LINEAR, numbers: int = 3) -> NetworkPolicy:
-    """Return a policy of one layer with random weights that reads observations of so many numbers."""
-    random = np.random.default_rng(0)
-    inputs = numbers + history.size
-    weight = 0.1 * random.normal(size=(2, inputs)).astype(np.float32)
-    return NetworkPolicy([weight], [np.zeros(2, np.float32)], np.zeros(2, np.float32), history=history)
+def policy(encoder: PastReadings = LINEAR) -> NetworkPolicy:
+    """Return a policy of one layer with random weights."""
+    weight = 0.1 * np.random.default_rng(0).normal(size=(2, encoder.inputs)).astype(np.float32)
+    return NetworkPolicy([weight], [np.zeros(2, np.float32)], np.zeros(2, np.float32), encoder=encoder)
 
 
 @given(
@@ -32,13 +30,13 @@ def policy(history: History = LINEAR, numbers: int = 3) -> NetworkPolicy:
 )
 def test_the_network_sees_what_was_observed_at_each_lag(lags: set[int], starts: list[bool]) -> None:
     """Before an episode's first observation it was always that one."""
-    history = History(tuple(sorted(lags)), (0, 2))
-    one, state = policy(history), None
+    encoder = PastReadings(3, tuple(sorted(lags)), (0, 2))
+    one, state = policy(encoder), None
     observations = np.random.default_rng(1).normal(size=(len(starts), 3)).astype(np.float32)
     first = 0
     for k, start in enumerate(starts):
         first = k if start else first
-        past = [observations[max(k - lag, first)][[0, 2]] for lag in history.lags]
+        past = [observations[max(k - lag, first)][[0, 2]] for lag in encoder.lags]
         expected = one.weights[0] @ np.concatenate([observations[k], *past])
         found, state = one.predict(observations[k], state, np.array([start]), deterministic=True)
         np.testing.assert_allclose(found, np.clip(expected, -1.0, 1.0), atol=1e-6)
@@ -63,7 +61,7 @@ def test_a_history_survives_a_file(tmp_path: Path) -> None:
     one = policy()
     one.save(tmp_path / "policy.npz")
     again = NetworkPolicy.load(tmp_path / "policy.npz")
-    assert (again.history, again.observation_size) == (LINEAR, 3)
+    assert (again.encoder, again.observation_size) == (LINEAR, 3)
 
 
 @pytest.mark.parametrize(
@@ -71,11 +69,10 @@ def test_a_history_survives_a_file(tmp_path: Path) -> None:
     [
         ({"lags": [3, 1], "remembered": [0]}, "lags = (3, 1): must increase"),
         ({"lags": [1.5], "remembered": [0]}, "lags[0] = 1.5: must be an integer"),
-        ({"lags": [1], "remembered": []}, "one without the other has no effect"),
-        ({"lags": [1], "remembered": [9]}, "remembers numbers (9,)"),
+        ({"lags": [1], "remembered": []}, "remembered = (): must have an entry"),
+        ({"lags": [1], "remembered": [9]}, "remembered = (9,): must be indices in an observation of"),
         ({"lags": [10**9], "remembered": [0]}, "lags[0] = 1000000000: must be an integer from 1 to 1000"),
-        ({"lags": [1, 2, 3, 4, 5, 6, 7], "remembered": [0]}, "of an observation of 0"),
-        ({"lags": [1], "remembered": [0], "code": "x"}, "code"),
+        ({"lags": [1, 2, 3, 4, 5, 6, 7], "remembered": [0]}, "size = 0: must be an integer from 1"),
         ("text", "not a saved policy"),
     ],
 )

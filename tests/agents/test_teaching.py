@@ -17,6 +17,7 @@ import torch
 import flexarm_agents.teaching.training
 from flexarm_agents import NetworkPolicy, TeachingConfig, TrainingStopped, evaluate, load_policy, teach
 from flexarm_agents.environments import make_batch
+from flexarm_agents.policies.encoders import PastReadings
 from flexarm_agents.teaching.lessons import Lesson, give_lesson, teacher_share
 from flexarm_agents.teaching.plans import Bank, bank
 from flexarm_agents.teaching.student import Student
@@ -128,15 +129,15 @@ def test_a_lesson_depends_on_nothing_but_its_arguments(run: Path, teacher: Teach
 def test_numpy_predicts_what_the_students_network_does(run: Path) -> None:
     """On the very inputs of the fit, histories included."""
     config, random = TeachingConfig(**TAUGHT), np.random.default_rng(0)
-    history = NetworkPolicy.load(run / "last_policy.npz").history
+    encoder = NetworkPolicy.load(run / "last_policy.npz").encoder
+    assert isinstance(encoder, PastReadings)
     count, periods = config.arms, 12
     ages = np.repeat(np.r_[np.arange(5), np.arange(periods - 5)], count)  # a second episode begins
-    numbers = 1 + max(history.remembered)
-    shape = (count * periods, numbers)
+    shape = (count * periods, encoder.size)
     lesson = Lesson(
         random.normal(size=shape).astype(np.float32), ages, np.zeros((len(ages), 2), np.float32), np.ones(len(ages)), 0
     )
-    student = Student(config, history, lesson)
+    student = Student(config, encoder, lesson)
     chosen = torch.arange(len(ages))
     inputs = student._inputs(torch.from_numpy(lesson.observations), torch.from_numpy(ages), chosen)
     with torch.no_grad():
@@ -161,7 +162,8 @@ def test_what_a_teaching_leaves(run: Path) -> None:
     rows = json.loads((run / "evaluations.json").read_text())
     assert [row["steps"] for row in rows] == [6400, 12800]
     trained = load_policy(run)
-    assert trained.policy.history.lags == (1, 3)
+    assert isinstance(trained.policy.encoder, PastReadings)
+    assert trained.policy.encoder.lags == (1, 3)
     again = evaluate(trained.make_env(), trained.policy, seed=1_000_003)
     assert again.as_mapping() == {lap: trained.notes["evaluation"][lap] for lap in LAPS}
     assert set(trained.notes["versions"]) >= {"python", "code", "torch", "numpy"}

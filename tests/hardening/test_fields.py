@@ -13,7 +13,7 @@ from hypothesis import event, given
 from hypothesis import strategies as st
 
 from flexarm_agents import DescentConfig, TeachingConfig, TrainingConfig
-from flexarm_agents.policies.history import History
+from flexarm_agents.policies.encoders import PastReadings
 from flexarm_agents.policies.load import load_policy
 from flexarm_baselines.joint_space.tracking import JointFeedback, Shape
 from flexarm_baselines.observers.noise import NoiseModel
@@ -62,11 +62,12 @@ def subjects() -> dict[str, Subject]:
     arm = plan.arm
     trained = (TrainingConfig, TeachingConfig, DescentConfig)
     kinds = (ArmParameters, SensorParameters, LawParameters, SquareParameters, *trained)
-    others = (JointFeedback, Shape, RegulatorWeights, NoiseModel, History, IFDC)
+    others = (JointFeedback, Shape, RegulatorWeights, NoiseModel, IFDC)
     found = {kind.__name__: _declared(kind) for kind in (*kinds, *others)}
     examples = (
         plan,
         policy,
+        PastReadings(4, (1, 3), (0, 2)),
         TrackingProblem(arm, plan.states[0], plan.reference[:20], plan.limits),
         FLSAC(slice(0, 2), np.ones(1)),
     )
@@ -114,11 +115,11 @@ FOUND: list[tuple[str, dict[str, Any]]] = [  # by campaigns
     ("TeachingConfig", {"arms": None}),
     ("DescentConfig", {"critic_epochs": np.zeros(0)}),
     ("TrainingConfig", {"batch": 10**5000}),
-    ("History", {"lags": True}),
-    ("History", {"remembered": 1j}),
+    ("PastReadings", {"lags": True}),
+    ("PastReadings", {"remembered": 1j}),
     ("NetworkPolicy", {"weights": None}),
     ("NetworkPolicy", {"biases": 0.5}),
-    ("NetworkPolicy", {"history": {}}),
+    ("NetworkPolicy", {"encoder": {}}),
     ("TrackingProblem", {"tip_weights": Contrary()}),
     ("FLSAC", {"tip_weights": Contrary()}),
 ]
