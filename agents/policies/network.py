@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexarm_agents.policies.encoders import Array, Encoder, PastReadings, encoded
+from flexarm_agents.policies.encoders import Array, PastReadings, encoded
 from flexarm_agents.policies.lstm import Lstm
 from flexarm_agents.policies.observer import Observer
 from flexarm_baselines.policy import checked_observation
@@ -154,7 +154,7 @@ class NetworkPolicy:
             return self.encoder.reset(rows)
         shapes = [(len(rows), *shape) for shape in self._memory_shapes]
         if [np.shape(part) for part in state] != shapes:
-            raise ValueError(f"state: must be what predict returned for as many observations, arrays of shapes {shapes}")
+            raise ValueError(f"state: must be what predict returned for as many observations, of shapes {shapes}")
         starting = np.zeros(len(rows), dtype=bool) if episode_start is None else np.asarray(episode_start, dtype=bool)
         return encoded(self.encoder, rows, state, starting)
 

@@ -36,9 +36,7 @@ class Algorithm(NamedTuple):
 
 ALGORITHMS = {
     "ppo": Algorithm("PPO", "stable_baselines3:PPO", "MlpPolicy", 50_000, 250_000),
-    "recurrent_ppo": Algorithm(
-        "RecurrentPPO", "sb3_contrib:RecurrentPPO", "MlpLstmPolicy", 50_000, 250_000
-    ),
+    "recurrent_ppo": Algorithm("RecurrentPPO", "sb3_contrib:RecurrentPPO", "MlpLstmPolicy", 50_000, 250_000),
     "sac": Algorithm("SAC", "stable_baselines3:SAC", "MlpPolicy", 5_000, 25_000),
     "tqc": Algorithm("TQC", "sb3_contrib:TQC", "MlpPolicy", 5_000, 25_000),
 }
