@@ -1,108 +1,123 @@
-"""The benchmark's command line, end to end; what it measures is not judged here."""
+"""The benchmark: it runs from end to end, and its peers do the work for which they are timed; no time is judged."""
+
+from __future__ import annotations
 
 import json
 import math
-import os
 from functools import partial
 from importlib.util import find_spec
+from pathlib import Path
 
+import numpy as np
 import pytest
 
+from scripts.benchmarks import accuracy, peers
 from scripts.benchmarks.lap import LAP, lap
-from tests.support.programs import help_of, refusal, run_study
+from tests.support.programs import refusal, run_study
 
 GROUPS = {"torque_driven", "closed_loop", "jacobians", "iterations"}
 GROUPS |= {"environment", "first_step", "lap", "batch", "learning"}
 GROUPS |= {"chain"} if find_spec("mujoco") else set()
-
-
 run = partial(run_study, "benchmarks")
 
 
-@pytest.fixture(scope="module")
-def trial(tmp_path_factory):
-    """Collect what `--quick` writes and prints."""
-    path = tmp_path_factory.mktemp("bench") / "new folder" / "bench.json"
-    done = run("--quick", "--output", path)
+@pytest.mark.slow
+def test_a_trial_measures_every_group(tmp_path: Path) -> None:
+    done = run("--quick", "--output", tmp_path / "new folder" / "bench.json")
     assert done.returncode == 0, done.stderr
+    results = json.loads((tmp_path / "new folder" / "bench.json").read_text())
+    assert set(results["groups"]) == GROUPS
+    assert ("EnvPool" in results["not_installed"]) == (find_spec("envpool") is None)
+    assert "mean little" in done.stdout
+    for group in results["groups"].values():
+        assert all(0.0 < one["min"] <= one["median"] <= one["max"] < math.inf for one in group["times"].values())
+        for ratio in group["ratios"]:
+            assert {ratio["slow"], ratio["fast"]} <= {*group["times"], *group["given"]}
+            assert 0.0 < ratio["min"] <= ratio["median"] <= ratio["max"] < math.inf
+            assert ratio["says"] in done.stdout
 
-    def refuse(constant):
-        raise ValueError(f"not strict JSON: {constant}")
 
-    assert [file.name for file in path.parent.iterdir()] == ["bench.json"]
-    return json.loads(path.read_text(), parse_constant=refuse), done.stdout
-
-
-def test_the_whole_lap_can_be_declared():
+def test_the_whole_lap_can_be_declared() -> None:
     """The trial runs a part of it, so that a limit that only the whole passes would not be met."""
     assert lap(LAP).subjects
 
 
-def test_one_group_is_measured_alone(tmp_path):
+def test_one_group_is_measured_alone(tmp_path: Path) -> None:
     done = run("--quick", "--only", "closed loop", "--output", tmp_path / "bench.json")
     assert done.returncode == 0, done.stderr
     results = json.loads((tmp_path / "bench.json").read_text())
     assert set(results["groups"]) == {"closed_loop"}
     assert results["not_installed"] == []
-    assert "only = 'laps': must be one of 'torque-driven arm'" in refusal("benchmarks", "--only", "laps")
-
-
-@pytest.mark.slow
-def test_structure(trial):
-    results, _ = trial
-    assert set(results) == {"machine", "quick", "not_installed", "groups"}
-    assert ("EnvPool" in results["not_installed"]) == (find_spec("envpool") is None)
-    assert results["quick"] is True
-    assert {"cpu", "cores", "python", "numba", "numpy", "scipy", "gymnasium"} <= set(results["machine"])
-    assert isinstance(results["machine"]["core"], int) == hasattr(os, "sched_setaffinity")
-    assert set(results["groups"]) == GROUPS
-    for group in results["groups"].values():
-        assert set(group) == {"title", "unit", "clock", "times", "given", "facts", "ratios"}
-        assert group["times"]
-        assert group["ratios"]
-
-
-@pytest.mark.slow
-def test_ratios_are_positive_and_name_what_was_timed(trial):
-    results, _ = trial
-    for group in results["groups"].values():
-        named = set(group["times"]) | set(group["given"])
-        for ratio in group["ratios"]:
-            assert {ratio["slow"], ratio["fast"]} <= named
-            assert 0.0 < ratio["min"] <= ratio["median"] <= ratio["max"] < math.inf
-            assert ratio["repeats"] >= 1
-
-
-@pytest.mark.slow
-def test_times_are_positive(trial):
-    results, _ = trial
-    for group in results["groups"].values():
-        for values in group["times"].values():
-            assert 0.0 < values["min"] <= values["median"] <= values["max"] < math.inf
-            assert 0.0 < values["per_second"] < math.inf
-            assert 0.0 < values["wall"] < math.inf
-
-
-@pytest.mark.slow
-def test_report_says_every_ratio_and_that_a_trial_means_little(trial):
-    results, printed = trial
-    assert "mean little" in printed
-    for group in results["groups"].values():
-        for ratio in group["ratios"]:
-            assert ratio["says"] in printed
 
 
 @pytest.mark.parametrize(
-    ("arguments", "named"),
-    [(("--repeats", 0), "repeats = 0"), (("--cold", -1), "cold = -1"), (("--modes", 1, 7), "modes = (1, 7)")],
+    ("arguments", "message"),
+    [
+        (("--repeats", 0), "repeats = 0: must be"),
+        (("--cold", -1), "cold = -1: must be"),
+        (("--modes", 1, 7), "modes = (1, 7): must be"),
+        (("--only", "laps"), "only = 'laps': must be one of 'torque-driven arm'"),
+    ],
 )
-def test_bad_options_are_refused_before_any_work(arguments, named, tmp_path):
+def test_bad_options_are_refused_before_any_work(arguments: tuple[object, ...], message: str, tmp_path: Path) -> None:
     path = tmp_path / "bench.json"
-    assert f"error: {named}: must be" in refusal("benchmarks", *arguments, "--output", path)
+    assert f"error: {message}" in refusal("benchmarks", *arguments, "--output", path)
     assert not path.exists()
 
 
-def test_help_explains_the_options():
-    text = help_of("benchmarks")
-    for option in ("--output", "--quick", "--repeats", "--cold", "--modes"):
-        assert option in text
+# --- peers ----------------------------------------------------------------------------------------------------------
+
+
+def test_chain_simulates_the_seconds_it_is_timed_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    mujoco = pytest.importorskip("mujoco", reason="MuJoCo is in the extra `bench`")
+    made = []
+    make = mujoco.MjData
+    monkeypatch.setattr(mujoco, "MjData", lambda model: made.append(make(model)) or made[-1])
+    subject = peers.mujoco_chain(4, 0.05)
+    for _ in range(2):
+        assert subject.prepare is not None
+        subject.prepare()
+        subject.work()
+        assert made[-1].time == pytest.approx(subject.amount)
+        assert abs(made[-1].qpos[0]) > 1e-3
+
+
+def test_accurate_chain_errs_no_more_than_the_arm(monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("mujoco", reason="MuJoCo is in the extra `bench`")
+    monkeypatch.setattr(accuracy, "SECONDS", 0.1)
+    for cached in (accuracy.chain_error, accuracy.chain_tips):
+        cached.cache_clear()
+    _, equal = peers.accurate_chain(4, 0.01, 2)
+    assert equal.error <= equal.ours
+    count = round(accuracy.HELD / equal.step)
+    coarser = accuracy.COUNTS[accuracy.COUNTS.index(count) - 1]
+    assert accuracy.chain_error(4, equal.integrator, coarser) > equal.ours
+    assert accuracy.our_error(1) < accuracy.our_error(2)
+    for cached in (accuracy.chain_error, accuracy.chain_tips):
+        cached.cache_clear()
+
+
+def test_envpool_makes_the_steps_it_is_timed_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    envpool = pytest.importorskip("envpool", reason="EnvPool is in the extra `bench`")
+    made = []
+    make = envpool.make_gymnasium
+    monkeypatch.setattr(envpool, "make_gymnasium", lambda *a, **k: made.append(make(*a, **k)) or made[-1])
+    subject = peers.envpool_acrobot(16, 0.01)
+    assert subject.amount == 992  # 62 calls
+    subject.work()
+    *_, info = made[0].step(np.zeros(16, dtype=np.int32))
+    assert np.all(info["elapsed_step"] == 63)
+
+
+def test_multiply_adds_are_done() -> None:
+    subject = peers.multiply_adds(1e-3)
+    assert subject.amount == pytest.approx(1e-3 * peers.FLOPS, rel=0.01)
+    lanes = np.linspace(0.0, 1.0, peers.LANES)
+    peers._multiply_add(lanes, 0.5, 0.25, 1)
+    np.testing.assert_allclose(lanes, 0.5 + (np.linspace(0.0, 1.0, peers.LANES) - 0.5) / 2**peers.CHAINED)
+
+
+def test_memory_of_a_statement() -> None:
+    size = 30_000_000
+    assert peers.memory_of(f"text = b'x' * {size}") == pytest.approx(size, rel=0.05)
+    assert peers.memory_of("y = numpy.ones(3)", imports="import numpy") < 2_000_000  # numpy itself is 15 MB

@@ -1,9 +1,7 @@
-"""Executors of the leaderboard: whoever computes the cells and whatever is killed, the files are the same."""
+"""Executors of the leaderboard: whoever computes the cells, the files are the same (`tests.hardening` kills one)."""
 
 from __future__ import annotations
 
-import subprocess
-import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -17,7 +15,6 @@ from flexarm_agents.board.columns import Column, Point
 from flexarm_agents.board.rows import Row
 from flexarm_agents.jobs.executors import executor
 from tests.support.boards import files
-from tests.support.programs import ROOT, run_study
 
 ROWS = [Row("square", "agent")]
 BIG = {"lap_time": 8.0, "side": 6.0}
@@ -83,27 +80,3 @@ def test_a_ray_cluster_of_which_a_node_is_killed_gives_the_same_files(
     finally:
         ray.shutdown()
         cluster.shutdown()
-
-
-@pytest.mark.slow
-def test_kill_9_loses_what_is_being_computed_and_no_more(tmp_path: Path) -> None:
-    """Workers end with their parent; the next run computes what is missing, and the files are those of a whole run."""
-    arguments = ("--rows", "agent square", "--columns", "delay", "payload", "--jobs", "1")
-    whole = run_study("leaderboard", *arguments, "--output", str(tmp_path / "whole"), timeout=900)
-    assert whole.returncode == 0, whole.stderr
-    expected = files(tmp_path / "whole" / "cells")
-    command = [sys.executable, "-m", "scripts.leaderboard", *arguments, "--output", str(tmp_path / "killed")]
-    with subprocess.Popen(command, cwd=ROOT, stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL) as process:
-        limit = time.monotonic() + 600.0
-        while not files(tmp_path / "killed") and time.monotonic() < limit:
-            time.sleep(0.05)
-        process.kill()
-    cells = tmp_path / "killed" / "cells"
-    left = files(cells)
-    assert 0 < len(left) < len(expected)
-    assert all(expected[name] == content for name, content in left.items())
-    written = {name: (cells / name).stat().st_mtime_ns for name in left}
-    again = run_study("leaderboard", *arguments, "--output", str(tmp_path / "killed"), timeout=900)
-    assert again.returncode == 0, again.stderr
-    assert {name: (cells / name).stat().st_mtime_ns for name in left} == written  # none was computed again
-    assert files(cells) == expected
