@@ -1,4 +1,5 @@
-/* How search orders what it finds: first pages whose own title has the words and few others; developers' records last. */
+/* How search orders what it finds: first the options for the words of an option, then pages whose own title has the words
+   and few others; developers' records last. */
 "use strict";
 var Scorer = {
   objNameMatch: 11,
@@ -17,6 +18,8 @@ var Scorer = {
     const named = kind !== "object" && !own.includes(" > ") && words.every((word) => own.includes(word.replace(/s$/, "")));
     const rest = own.split(/\s+/).filter((word) => !/^(an?|the|and|of|to)$/.test(word)).length - words.length;
     const record = /^(CHANGELOG|CONTRIBUTING|docs\/(validation|claims|reliability|announcing|versioning)$)/.test(page);
-    return score + (named ? 20 + 10 / (1 + Math.max(rest, 0)) : 0) - (record ? 10 : 0);
+    const joined = words.join("_"); // as options are named
+    const option = page === "docs/environments/options" && joined.includes("_") && new Stemmer().stemWord(joined) in Search._index.terms;
+    return score + (named ? 20 + 10 / (1 + Math.max(rest, 0)) : 0) + (option ? 40 : 0) - (record ? 10 : 0);
   },
 };

@@ -152,23 +152,6 @@ def multiply_adds(effort: float) -> Subject:
     return Subject(name, lambda: _multiply_add(lanes, 0.5, 0.25, sweeps), 2.0 * CHAINED * LANES * sweeps)
 
 
-def fma_peak(repeats: int = 20) -> float:
-    """Multiply-add peak of one core [FLOP/s], a multiply-add being two: the best of some runs of about 1 ms.
-
-    Args:
-        repeats: number of runs.
-    """
-    subject = multiply_adds(0.1)
-    subject.work()  # compiles
-    return subject.amount / min(_wall(subject.work) for _ in range(repeats))
-
-
-def _wall(work: Callable[[], Any]) -> float:
-    start = time.perf_counter()
-    work()
-    return time.perf_counter() - start
-
-
 # --- learning ---------------------------------------------------------------------------------------------------------
 
 
