@@ -79,6 +79,10 @@ def clear_lane(arena: Arena, clock: Clock, header: Words, settings: Table, i: in
     for r in range(2):
         arena[row.TORQUE + r, i] = 0.0
         arena[row.SENSOR_ERROR + r, i] = 0.0
+    if variant.further_readings:
+        for r in range(2):  # before the first action the motors are off
+            arena[row.TAU + r, i] = 0.0
+            arena[row.END_TORQUE + r, i] = 0.0
     if variant.law:
         arena[row.NOISE, i] = 0.0
         arena[row.NOISE + 1, i] = 0.0

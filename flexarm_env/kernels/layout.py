@@ -241,6 +241,7 @@ class Row(Names):
     F_LINK_SENSOR = Entry("latest reading, in the frame", "m", 2, _ENVIRONMENT)
     F_SENSOR_ERROR = Entry("SENSOR_ERROR, in the frame", "m", 2, _ENVIRONMENT)
     F_SENSOR_ERROR_RATE = Entry("SENSOR_ERROR_RATE, in the frame", "m/s", 2, _ENVIRONMENT)
+    END_TORQUE = Entry("torque of the latest step's last stage under the joint-space law", "N m", 2, _FURTHER)
     FURTHER_LINK = Entry("link of each further sensor", "1", _sensors, _FURTHER)
     FURTHER_DISTANCE = Entry("of each further sensor from its link's root", "m", _sensors, _FURTHER)
     FURTHER_VALUES = Entry("its link's mode shapes there", "1", lambda s: len(s.sensors) * s.modes, _FURTHER)

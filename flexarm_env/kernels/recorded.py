@@ -93,6 +93,8 @@ def step_record(variant: Variant) -> Recorder:
             acting = _tracking_torque(r, k, round(2 * node), (stage_y, v))
             if not total:
                 r.write("STAGE_TORQUE", acting)
+            if next_node is None and variant.further_readings:
+                r.write("END_TORQUE", acting)
         rates = [*v, *driven(k, slopes[len(y) :], acting)]
         each = rates if weight == 1.0 else [a + a for a in rates]
         total = [a + b for a, b in zip(total, each, strict=True)] if total else each
@@ -206,13 +208,22 @@ def reading_kernel(arena: Arena, readings: LaneRows) -> None:
 
 
 def further_reading_record(variant: Variant) -> Recorder:
-    """Record the kernel of the further sensors' present readings."""
+    """Record the kernel of the further sensors' present readings.
+
+    The acceleration follows from the equations of motion under the torques that act at the end of the latest step.
+    """
     r = Recorder(variant)
-    readings: list[Any] = []
-    for n, (name, _) in enumerate(variant.sensors):
-        formula = sensing.QUANTITIES_AT_A_POINT[name].formula
-        readings += formula(r.constants(), r.mount(n), r.read("Y"), r.read("V"))
-    r.store("readings", readings)
+    k, y, v = r.constants(), r.read("Y"), r.read("V")
+    quantities = [sensing.QUANTITIES_AT_A_POINT[name] for name, _ in variant.sensors]
+    acceleration: Sequence[Any] = ()
+    if any(quantity.accelerated for quantity in quantities):
+        sin, cos = sincos(dyn.elbow_turn(y))
+        angles = cos, sin, sine_of_theta2(variant, k, y)
+        torque = r.read("END_TORQUE" if variant.tracking else "TAU")
+        acceleration = dyn.acceleration(k, r.elimination(), variant.complete, y, v, torque, angles)
+    motion = sensing.Motion(y, v, acceleration)
+    each = [quantity.formula(k, r.mount(n), motion) for n, quantity in enumerate(quantities)]
+    r.store("readings", [number for reading in each for number in reading])
     return r
 
 

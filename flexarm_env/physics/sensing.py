@@ -96,21 +96,37 @@ class Mount(NamedTuple):
     slopes: Vector
 
 
+class Motion(NamedTuple):
+    """How the arm moves at an instant.
+
+    Attributes:
+        y: internal coordinates.
+        v: their rates.
+        acceleration: rates of `v`; empty for sensors that do not need it.
+    """
+
+    y: Sequence[Any]
+    v: Sequence[Any]
+    acceleration: Sequence[Any]
+
+
 class Quantity(NamedTuple):
     """What a sensor at a point of a link measures.
 
     Attributes:
-        formula: the numbers at an instant, from constants, mount, internal coordinates and rates.
+        formula: the numbers at an instant.
         size: of a reading.
+        accelerated: whether the formula needs the acceleration.
     """
 
-    formula: Callable[..., list[Any]]
+    formula: Callable[[Constants, Mount, Motion], list[Any]]
     size: int
+    accelerated: bool = False
 
 
-def position(k: Constants, mount: Mount, y: Sequence[Any], v: Sequence[Any]) -> list[Any]:
-    """Position and velocity of the sensor's point."""
-    return point_reading(k, mount.point, y, v, mount.link)
+def position(k: Constants, mount: Mount, motion: Motion) -> list[Any]:
+    """Return position and velocity of the sensor's point."""
+    return point_reading(k, mount.point, motion.y, motion.v, mount.link)
 
 
 POSITION = "position"  # the quantity whose rates follow it, and which the reference has, too

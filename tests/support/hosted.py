@@ -23,7 +23,7 @@ class ModalPlant:
     def __init__(self, settings: Settings) -> None:
         self.settings, self.arm = settings, settings.flexible_arm
         self.step = settings.control_period / settings.substeps
-        self.state = np.zeros(2 * self.arm.size)
+        self.state, self.torque = np.zeros(2 * self.arm.size), np.zeros(2)
 
     def begin(self, state: Array, quantities: Mapping[str, float]) -> None:
         own = self.settings.flexible_arm.parameters
@@ -36,19 +36,24 @@ class ModalPlant:
                 flexural_rigidities=rigidities,
             )
         )
-        self.state = state
+        self.state, self.torque = state, np.zeros(2)
 
     def advance(self, command: Array, reference: Any) -> Array:
-        self.state = self.arm.step(self.state, command, self.step, step=self.step)
+        self.state, self.torque = self.arm.step(self.state, command, self.step, step=self.step), command
         return command
 
     def readings(self) -> Array:
         settings, (y, v) = self.settings, self._internal()
+        accelerations = np.concatenate([self.state[self.arm.size :], self.arm.acceleration(self.state, self.torque)])
+        motion = sensing.Motion(y, v, self.arm.internal_state(accelerations[None])[0][self.arm.size :])
         read = sensing.reading(self.arm.constants, self.arm.place(2, settings.sensor_position), settings.sensor, y, v)
         for one in settings.further_sensors:
             slopes = self.arm.modes[one.link - 1].slope(one.position)
             mount = sensing.Mount(one.link, self.arm.place(one.link, one.position), slopes)
-            read = [*read, *sensing.QUANTITIES_AT_A_POINT[one.sensor.quantity].formula(self.arm.constants, mount, y, v)]
+            read = [
+                *read,
+                *sensing.QUANTITIES_AT_A_POINT[one.sensor.quantity].formula(self.arm.constants, mount, motion),
+            ]
         return np.array(read)
 
     def encoders(self) -> Array:
