@@ -179,6 +179,22 @@ class Chain:
         along, across = weights * np.cos(angles), weights * np.sin(angles)
         return np.array([along.sum(), across.sum(), -across @ rates, along @ rates])
 
+    def inertial(self, weights: Array) -> Array:
+        """Return what an inertial measurement unit at a point reads (`physics.sensing.inertial`).
+
+        Args:
+            weights: `point_weights`. Shape (2 segments,).
+
+        Returns:
+            Specific force along and across the point's segment [m/s^2], and the segment's rate [rad/s]. Shape (3,).
+        """
+        mujoco.mj_forward(self.model, self.data)
+        angles, rates, turns = (np.cumsum(each) for each in (self.data.qpos, self.data.qvel, self.data.qacc))
+        own = np.flatnonzero(weights)[-1]
+        sin, cos = np.sin(angles - angles[own]), np.cos(angles - angles[own])
+        along, across = -sin * turns - cos * rates**2, cos * turns - sin * rates**2
+        return np.array([weights @ along, weights @ across, rates[own]])
+
     def centre_lines(self) -> tuple[Array, Array]:
         """Return the joints' places along each link, its root and tip included [m]. Shape (segments + 1, 2) each."""
         angles = np.cumsum(self.data.qpos).reshape(2, -1)

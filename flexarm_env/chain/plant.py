@@ -87,7 +87,8 @@ class ChainPlant:
         """See `Plant.readings`."""
         angles, chain = SENSOR_MODELS[self._settings.sensor].reading == "angles", self.chain
         read = [self.encoders() if angles else chain.point(self._sensor)]
-        return np.concatenate([*read, *map(chain.point, self._further)])
+        measure = {"position": chain.point, "inertial": chain.inertial}
+        return np.concatenate([*read, *(measure[name](weights) for name, weights in self._further)])
 
     def encoders(self) -> Array:
         """See `Plant.encoders`."""
@@ -128,7 +129,9 @@ class ChainPlant:
         self._sensor = self.chain.point_weights(2, settings.sensor_position)
         law = settings.law if settings.mode.law == "tip" else None
         self._law = None if law is None else TipLaw(self.chain, law, parameters.link_lengths)
-        self._further = [self.chain.point_weights(one.link, one.position) for one in settings.further_sensors]
+        self._further = [
+            (one.sensor.quantity, self.chain.point_weights(one.link, one.position)) for one in settings.further_sensors
+        ]
 
     def _angles(self, half: Array) -> Array:
         """Angles of the chain's joints from public coordinates, or rates from rates. Shape (2 segments,)."""

@@ -63,6 +63,7 @@ def _option(default: Any, text: str, allowed: Allowed) -> Any:
 
 _LATE = Number(0.0, MAX_DELAY, "s")
 _HOLD = Custom(checked_hold, "s", f"0, or {SHORTEST_HOLD:g} to {MAX_DELAY:g}")
+_INERTIAL = Pair(0.0, LARGEST_NOISE, "m/s^2, rad/s")
 _LIMIT = Optional(Number(1e-9, 1e9, "m"))
 
 
@@ -173,6 +174,26 @@ class Options:
         0.0,
         "standard deviation of the noise in each coordinate of the second sensor's reading",
         allowed_of(SensorParameters, "noise"),
+    )
+    imu_link: int | None = _option(
+        None, "link of an inertial measurement unit (IMU); None: there is none", Optional(Integer(1, 2))
+    )
+    imu_position: float | None = _option(
+        None,
+        "distance of the IMU from its link's root; None: at the link's tip",
+        Optional(allowed_of(SensorParameters, "position")),
+    )
+    imu_delay: float = _option(0.0, "delay of the IMU's reading", _LATE)
+    imu_noise: tuple[float, float] = _option(
+        (0.0, 0.0), "standard deviations of the noise of accelerometer and gyro", _INERTIAL
+    )
+    imu_bias: tuple[float, float] = _option(
+        (0.0, 0.0), "standard deviations of the biases of accelerometer and gyro, drawn for each episode", _INERTIAL
+    )
+    imu_range: tuple[float, float] = _option(
+        (160.0, 35.0),
+        "full-scale ranges of accelerometer and gyro; the defaults are 16 g and 2000 degrees per second",
+        Pair(1e-3, 1e6, "m/s^2, rad/s"),
     )
     actuation_delay: float = _option(0.0, "time from an action to its effect; an inner law is not delayed", _LATE)
     observation: tuple[str, ...] = _option(

@@ -155,7 +155,33 @@ control period; `jitter`, `hold`, `dropout` and a drawn `delay` apply to the fir
 compares a reading with the *same point* of a rigid arm that was on the target at that time. It is 0 if the arm is
 unbent and on the target.""",
 )
-FURTHER = (SECOND,)  # those of positions first
+IMU = Sensor(
+    name="imu",
+    words="an IMU",
+    reads="IMU",
+    quantity="inertial",
+    parts=(
+        Part(
+            "accelerometer",
+            "latest specific force by the IMU (`imu_link`), along and across the link's tangent",
+            "m/s^2",
+            20.0,
+        ),
+        Part("gyro", "latest rate of the link's tangent by the IMU", "rad/s", 3.0, 1, ANGLE),
+    ),
+    info="imu",
+    options=("noise", "bias", "range"),
+    draws=1 << 40,
+    text="""\
+`imu_link` mounts an inertial measurement unit on a link at `imu_position`. Its accelerometer reads the *specific force*
+along and across the link's tangent at that point, which turns as the link bends; its gyro reads the tangent's rate.
+Gravity is at right angles to the plane, so the specific force is the point's acceleration. Each number has white noise
+(`imu_noise`), a bias that is drawn from a normal distribution for each episode (`imu_bias`), and a full-scale range
+beyond which it saturates (`imu_range`). The torque of a control period acts from its start, so a reading at its end
+shows the torque that has been held. `imu_delay` makes readings late: between two integration steps they are linear, and
+before an episode's first step they are those of its start, with idle motors.""",
+)
+FURTHER = (SECOND, IMU)  # those of positions first
 SENSORS = (LINK_2, *FURTHER)
 
 

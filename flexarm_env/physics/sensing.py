@@ -7,9 +7,9 @@ from typing import Any, NamedTuple
 
 from flexarm_env.codegen.elementary import sincos
 from flexarm_env.parameters import SENSOR_MODELS, SensorModel
-from flexarm_env.physics.bent_link import DeformedPoint, PointShape, bent
+from flexarm_env.physics.bent_link import DeformedPoint, PointShape, bent, velocity_acceleration
 from flexarm_env.physics.constants import Constants
-from flexarm_env.physics.dynamics import joint_angles, public_coordinates
+from flexarm_env.physics.dynamics import elbow_turn, joint_angles, public_coordinates
 from flexarm_env.physics.linear_algebra import Vector, dot
 
 Pair = Sequence[Any]
@@ -129,8 +129,45 @@ def position(k: Constants, mount: Mount, motion: Motion) -> list[Any]:
     return point_reading(k, mount.point, motion.y, motion.v, mount.link)
 
 
+def inertial(k: Constants, mount: Mount, motion: Motion) -> list[Any]:
+    """Return what an inertial measurement unit (IMU) on the link's axis measures.
+
+    Its accelerometer measures the specific force, which is acceleration less gravity (Titterton & Weston, *Strapdown
+    inertial navigation technology*, 2nd ed. 2004, section 2.2). Gravity is at right angles to the arm's plane, so that
+    these two components are those of the acceleration alone.
+
+    Returns:
+        Specific force along and across the link's tangent at the point [m/s^2], and the tangent's rate [rad/s].
+    """
+    m = len(k.elbow_values)
+    one, two = ([part[: m + 1] for part in motion], [part[m + 1 :] for part in motion])
+    (q, rates), force = (one if mount.link == 1 else two)[:2], _acceleration_along(mount.point, *one)
+    if mount.link == 2:
+        carried = _turned(_acceleration_along(k.elbow, *one), sincos(elbow_turn(motion.y)))
+        own = _acceleration_along(mount.point, *two)
+        force = [a + b for a, b in zip(carried, own, strict=True)]
+    return [*_turned(force, sincos(dot(mount.slopes, q[1:]))), dot(mount.slopes, rates[1:], rates[0])]
+
+
+def _acceleration_along(at: PointShape, y: Sequence[Any], v: Sequence[Any], acceleration: Sequence[Any]) -> list[Any]:
+    """Return the acceleration of a link's point along and across the root tangent, while the root does not move."""
+    point = bent(at, y[1:])
+    towards, back = velocity_acceleration(at, point, v[1:], v[0])
+    drawn = dot(point.foreshortening_gradient, acceleration[1:], acceleration[0] * point.across)
+    return [-drawn - towards, dot(point.values, acceleration[1:], acceleration[0] * point.along) - back]
+
+
+def _turned(vector: Sequence[Any], angle: Pair) -> list[Any]:
+    """Return a vector's components along axes that are turned; `angle`: sine and cosine of their angle."""
+    (along, across), (sin, cos) = vector, angle
+    return [cos * along + sin * across, cos * across - sin * along]
+
+
 POSITION = "position"  # the quantity whose rates follow it, and which the reference has, too
-QUANTITIES_AT_A_POINT = {POSITION: Quantity(position, 2)}  # by name
+QUANTITIES_AT_A_POINT = {  # by name
+    POSITION: Quantity(position, 2),
+    "inertial": Quantity(inertial, 3, accelerated=True),
+}
 READINGS = {"angles": angles_reading, "point": point_reading}  # of sensors (`parameters.SensorTraits`)
 
 
