@@ -13,11 +13,13 @@ from tests.support.hosted import ModalPlant
 from tests.support.plain import PlainEnvironment
 
 ONE_MODE = {"arm": {"modes_per_link": 1}}
-SECOND = {
+FURTHER_SENSORS = {
     "second_sensor_link": 1,
     "second_sensor_position": 4.0,
     "second_sensor_delay": 0.0237,
-    "observation": ("second_sensed_position", "second_sensor_error"),
+    "imu_link": 2,
+    "imu_delay": 0.0042,
+    "observation": ("second_sensed_position", "second_sensor_error", "accelerometer", "gyro"),
 }
 CASES: dict[str, dict[str, Any]] = {
     "defaults": {"start": "mix"},
@@ -30,7 +32,7 @@ CASES: dict[str, dict[str, Any]] = {
         "randomisation": {"payload_mass": (0.0, 0.5), "stiffness": (0.9, 1.1), "damping": (0.0, 0.02)},
     },
     "torque rate": {"action_mode": "torque_rate", "torque_rate_limit": (1000.0, 400.0)},
-    "second sensor": SECOND,
+    "further sensors": FURTHER_SENSORS,
     "joint angles, moves": {"sensor": "rigid", "reference": "moves", "start": "corner", "elbow_branch": "either"},
 }
 

@@ -17,7 +17,13 @@ from tests.support.refusals import refuses
 
 # Numbers are compared exactly. A reflection changes signs alone, sums and products of numbers with other signs round to
 # the same magnitudes, and sine and arctangent are our own odd functions; so no tolerance is needed.
-SECOND = {"second_sensor_link": 1, "second_sensor_delay": 0.0137}
+FURTHER_SENSORS = {
+    "second_sensor_link": 1,
+    "second_sensor_delay": 0.0137,
+    "imu_link": 2,
+    "imu_position": 3.0,
+    "imu_delay": 0.0042,
+}
 PATHS: list[dict[str, Any]] = [
     {"reference": "circle"},
     {"reference": "line", "frame": "world", "start_corner": "upper right"},
@@ -40,7 +46,7 @@ def pair(**options: Any) -> tuple[PlainEnvironment, PlainEnvironment]:
         "observation": blocks_of(mode),
         "last_actions": 2,
         "previews": (0.05, 5.0),
-        **SECOND,
+        **FURTHER_SENSORS,
         **options,
     }
     if mode == "gain":

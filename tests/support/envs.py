@@ -16,7 +16,7 @@ from flexarm_env.actions import MODES
 from flexarm_env.envs.blocks import BLOCKS
 from flexarm_env.envs.choices import DEFAULT_OBSERVATION
 from flexarm_env.envs.info import TERM
-from flexarm_env.envs.sensors import FURTHER, SECOND
+from flexarm_env.envs.sensors import FURTHER
 from flexarm_env.envs.single import FlexArmEnv
 from flexarm_env.envs.vector import FlexArmVectorEnv
 from flexarm_env.episode.reward import TERMS
@@ -93,11 +93,15 @@ _BY_ID: dict[str, list[dict[str, Any]]] = {
         {"arm": "paper", "sensor": "rigid", "wave_speed": 100.0},
         {"torque_limit": (100.0, 40.0), "control_period": 0.02, "physics_step": 5e-4},
         {
-            "observation": [*DEFAULT_OBSERVATION, *SECOND.blocks],
+            "observation": [*DEFAULT_OBSERVATION, *OF_FURTHER_SENSORS],
             "second_sensor_link": 1,
             "second_sensor_position": 4.0,
             "second_sensor_delay": 0.0237,
             "second_sensor_noise": 0.01,
+            "imu_link": 2,
+            "imu_delay": 0.0042,
+            "imu_noise": (0.2, 0.01),
+            "imu_bias": (0.1, 0.005),
         },
         FORESHORTENED | {"randomisation": {"payload_mass": (0.0, 0.5), "stiffness": (0.9, 1.1)}},
         {"action_mode": "torque_rate", "torque_rate_limit": (1000.0, 400.0)},

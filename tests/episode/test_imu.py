@@ -1,0 +1,86 @@
+"""The IMU in an environment, in plain Python: what it measures, and its noise, bias, range and delay."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from tests.support.plain import PlainEnvironment
+
+Array = NDArray[np.float64]
+IMU = {"arm": {"modes_per_link": 1}, "observation": ["accelerometer", "gyro"], "start": "corner", "scaled": False}
+PERIOD = 2e-5  # [s], in one step
+
+
+def mounted(link: int = 2, **options: Any) -> PlainEnvironment:
+    """Make an environment whose control period is one short step, at the start of an episode."""
+    env = PlainEnvironment(**IMU, imu_link=link, control_period=PERIOD, physics_step=PERIOD, **options)
+    env.reset(key=1)
+    return env
+
+
+def readings(env: PlainEnvironment, action: list[float], steps: int) -> tuple[Array, Array]:
+    """Hold an action; return the states and what the IMU reads. Shape (steps + 1, k) each."""
+    states, read = [env.result("STATE")], [env.result("FURTHER_READING")]
+    for _ in range(steps):
+        env.step(action)
+        states.append(env.result("STATE"))
+        read.append(env.result("FURTHER_READING"))
+    return np.array(states), np.array(read)
+
+
+@pytest.mark.parametrize(("link", "place"), [(1, 3.0), (2, 2.0)])
+@pytest.mark.parametrize("mode", ["torque", "residual", "gain"])
+def test_it_measures_acceleration_and_rate(mode: str, link: int, place: float) -> None:
+    """Difference quotients of the point's position, and of the angle of the link's tangent there, say the same."""
+    env = mounted(link, imu_position=place, imu_range=(1e6, 1e6), action_mode=mode)
+    states, read = readings(env, [0.3, -0.4] if mode != "gain" else [0.3], 12)
+    arm = env.simulator.settings.flexible_arm
+    points = arm.position(states[:, :4], link, place)
+    angles = states[:, 0] + states[:, 2] * arm.modes[0].slope(place if link == 1 else 4.5)
+    if link == 2:
+        angles = angles + states[:, 1] + states[:, 3] * arm.modes[1].slope(place)
+    x, y = np.diff(points, 2, axis=0).T / PERIOD**2
+    cos, sin = np.cos(angles[1:-1]), np.sin(angles[1:-1])
+    expected = np.stack([cos * x + sin * y, cos * y - sin * x, (angles[2:] - angles[:-2]) / (2.0 * PERIOD)], axis=-1)
+    assert np.abs(expected).max() > 1.0
+    assert (read[0] == 0.0).all()  # at rest, with idle motors
+    # The first quotient sees the step of the torque. The law's gain sets in fast, so the others are a little off.
+    np.testing.assert_allclose(read[2:-1], expected[1:], rtol=3e-3 if mode == "gain" else 1e-4, atol=1e-4)
+
+
+def test_noise_and_bias() -> None:
+    """An arm at rest shows them alone: the bias is constant over an episode, the noise white."""
+    spreads = np.array([2.0, 2.0, 0.2])
+    env = mounted(imu_noise=(0.5, 0.05), imu_bias=(2.0, 0.2))
+    _, read = readings(env, [0.0, 0.0], 400)
+    first, _ = env.simulator._rows["FURTHER_BIAS"]
+    noise = read - env.simulator._arenas[0, first : first + 3, 0]
+    np.testing.assert_allclose(noise.std(axis=0), [0.5, 0.5, 0.05], rtol=0.15)
+    assert (np.abs(noise.mean(axis=0)) < 0.05 * spreads).all()
+    assert np.abs(np.corrcoef(noise.T) - np.eye(3)).max() < 0.2
+    assert abs(np.corrcoef(noise[1:, 0], noise[:-1, 0])[0, 1]) < 0.2
+    biases = []
+    for key in range(60):
+        env.reset(key)
+        biases.append(env.simulator._arenas[0, first : first + 3, 0].copy())
+    np.testing.assert_allclose(np.std(biases, axis=0), spreads, rtol=0.3)
+
+
+def test_it_saturates() -> None:
+    env = mounted(imu_range=(1.5, 0.001))
+    _, read = readings(env, [1.0, -1.0], 5)
+    np.testing.assert_array_equal(np.abs(read[-1]), [1.5, 1.5, 0.001])
+    np.testing.assert_allclose(env.simulator.layout.bound, [1.5, 1.5, 0.001], rtol=1e-6)
+
+
+def test_a_late_reading() -> None:
+    """Whole steps late it is the earlier reading; between two steps it is linear, and before the start the first."""
+    runs = [readings(mounted(imu_delay=late * PERIOD), [0.5, -0.5], 8)[1] for late in (0.0, 3.0, 2.25)]
+    np.testing.assert_allclose(runs[1][3:], runs[0][:-3], rtol=1e-12, atol=1e-12)
+    np.testing.assert_array_equal(runs[1][:3], 0.0)
+    between = 0.75 * runs[0][1:-2] + 0.25 * runs[0][:-3]
+    np.testing.assert_allclose(runs[2][3:], between, rtol=1e-9, atol=1e-9)
