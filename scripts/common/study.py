@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
+import json
 import shutil
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import as_completed
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import tyro
 from matplotlib.figure import Figure
+from tqdm import tqdm
 
+from flexarm_agents.code_version import code_version
 from flexarm_agents.files import put
+from flexarm_agents.jobs.worker_pool import worker_pool
 from flexarm_env.validation import choice, integer
 from scripts.common.markdown import DOCS, fill_pages
 from scripts.common.plotting import save, write
+from scripts.common.result_files import write_json
 
 
 @dataclass(frozen=True)
@@ -48,6 +54,57 @@ class Study:
                 save(figure, folder / "figures", name)
             else:
                 write(figure, folder / "figures" / f"{name}.png")
+
+
+class Trial(Protocol):
+    """Something that is run."""
+
+    def run(self) -> Any:
+        """Return plain data: mappings, lists, numbers, None."""
+
+
+@dataclass(frozen=True)
+class Trials:
+    """A study's `results` from trials, by their labels: each is run once, and kept while the code is the same.
+
+    Attributes:
+        module: name of the module that declares the trials.
+        trials: returns them.
+    """
+
+    module: str
+    trials: Callable[[], Mapping[str, Trial]]
+
+    def __call__(self, folder: Path, jobs: int) -> dict[str, Any]:
+        """Return the results of all trials, by label; run those that the folder has not."""
+        path, code = folder / "results.json", code_version([self.module])
+        kept = json.loads(path.read_text()) if path.is_file() else {}
+        found = kept["results"] if kept.get("code") == code else {}
+        trials = self.trials()
+        waiting = {label: trial for label, trial in trials.items() if label not in found}
+        with tqdm(total=len(waiting), unit="trial", desc=folder.name) as bar:
+            for label, result in run_all(waiting, jobs):
+                found[label] = result
+                write_json(path, {"code": code, "results": found}, levels=3)
+                bar.update()
+        return {label: found[label] for label in trials}
+
+
+def run_all(trials: Mapping[str, Trial], jobs: int) -> Iterator[tuple[str, Any]]:
+    """Run trials, and yield each with its label as soon as it is done.
+
+    Args:
+        trials: by label.
+        jobs: processes; 1: this one.
+    """
+    if jobs == 1 or len(trials) < 2:
+        for label, trial in trials.items():
+            yield label, trial.run()
+        return
+    with worker_pool(jobs) as pool:
+        futures = {pool.submit(trial.run): label for label, trial in trials.items()}
+        for future in as_completed(futures):
+            yield futures[future], future.result()
 
 
 @dataclass

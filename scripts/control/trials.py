@@ -1,16 +1,20 @@
-"""What a table's row is made from: a controller of the registry with its design, on both standard laps."""
+"""What tables are made from: a controller of the registry with its design, on both standard laps."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple, Protocol
+from statistics import median
+from typing import Any
 
-from flexarm_agents.evaluation.candidates import ENVIRONMENT, from_controller
-from flexarm_agents.evaluation.scoring import Score, StandardScore, evaluate
-from flexarm_agents.jobs.worker_pool import worker_pool
+from flexarm_agents.evaluation.candidates import ENVIRONMENT, Candidate, from_controller
+from flexarm_agents.evaluation.scoring import Score, score
+from flexarm_env.laps import LAPS, Lap
+from flexarm_env.rollout import run_policy
 
 ERRORS = ("swing lap [mm]", "plain lap [mm]")  # see `cell`
+DRAWS = 9  # of the noise, for a lap that is lost with the first one
+Results = Mapping[str, Mapping[str, Sequence[Score]]]  # of each trial, of each lap
 
 
 @dataclass(frozen=True)
@@ -21,93 +25,44 @@ class Trial:
         controller: its name in the registry.
         design: keyword arguments of its `for_env`.
         options: options of the environment, beside those that the controller needs.
-        environment: id.
-        seed: of what is random in the environment.
+        off: of the joints from the first corner, where the arm begins [rad].
     """
 
     controller: str
     design: Mapping[str, Any] = field(default_factory=dict)
     options: Mapping[str, Any] = field(default_factory=dict)
-    environment: str = ENVIRONMENT
-    seed: int = 0
+    off: tuple[float, float] = (0.0, 0.0)
 
-    def score(self) -> StandardScore:
-        """Run both laps."""
-        candidate = from_controller(self.controller, self.environment, self.options, **self.design)
+    def run(self) -> dict[str, list[dict[str, Any]]]:
+        """Return the scores of both laps; a lap that is lost with the first draw of the noise has one for each."""
+        candidate = from_controller(self.controller, ENVIRONMENT, self.options, **self.design)
         try:
-            return evaluate(candidate.env, candidate.policy, self.seed)
+            return {name: self._scores(candidate, lap) for name, lap in LAPS.items()}
         finally:
             candidate.env.close()
 
-
-Trials = dict[str, Trial]  # by a label
-Scores = dict[str, StandardScore]
-
-
-class Scored(Protocol):
-    """What a trial comes to."""
-
-    def as_mapping(self) -> dict[str, Any]:
-        """Return a mapping of plain values for a file."""
-
-
-class Runnable(Protocol):
-    """A trial of any kind."""
-
-    def score(self) -> Scored:
-        """Run it."""
+    def _scores(self, candidate: Candidate, lap: Lap) -> list[dict[str, Any]]:
+        begin = lap.reset_options()
+        if any(self.off):
+            state = candidate.env.reset(options=begin)[1]["state"]
+            state[:2] += self.off
+            begin = {**begin, "state": state}
+        found: list[Score] = []
+        while not found or ("noise" in self.options and not found[0].complete and len(found) < DRAWS):
+            found.append(score(run_policy(candidate.env, candidate.policy, seed=len(found), options=begin)))
+        return [one.as_mapping() for one in found]
 
 
-class Study(NamedTuple):
-    """A table with what it is made from.
-
-    Attributes:
-        text: what it shows, in one line.
-        trials: returns what is run; with True, a few for a trial of the script.
-        table: writes the table, Markdown, of the trials' scores.
-        page: of docs/ that shows it.
-    """
-
-    text: str
-    trials: Callable[[bool], Mapping[str, Runnable]]
-    table: Callable[[Any], str]
-    page: str = "controllers.md"
-
-
-def scores_of(trials: Mapping[str, Runnable], jobs: int, tick: Callable[[str], object]) -> dict[str, Scored]:
-    """Score trials, in their order.
+def cell(lap: Sequence[Mapping[str, Any]], digits: int = 0) -> str:
+    """Write r.m.s. over a lap / after 2 s [mm]; of one that was lost, the median time of the end, and its range.
 
     Args:
-        trials: by label.
-        jobs: processes; 1: this one.
-        tick: called with the label of each that is done.
+        lap: its scores, one for each draw of the noise.
+        digits: behind the point.
     """
-    found: dict[str, Scored] = {}
-    if jobs == 1:
-        for label, trial in trials.items():
-            found[label] = trial.score()
-            tick(label)
-        return found
-    with worker_pool(jobs) as pool:
-        futures = {label: pool.submit(_run, trial) for label, trial in trials.items()}
-        for label, future in futures.items():
-            found[label] = future.result()
-            tick(label)
-    return found
-
-
-def _run(trial: Runnable) -> Scored:
-    """Run a trial, in a worker."""
-    return trial.score()
-
-
-def errors(score: StandardScore) -> list[str]:
-    """Write the cells of `ERRORS`."""
-    return [cell(score.swing), cell(score.plain)]
-
-
-def cell(lap: Score, digits: int = 0) -> str:
-    """Write r.m.s. over a lap / after 2 s [mm], or when it was lost."""
-    if lap.rms is None or lap.rms_after_2s is None:
-        return f"lost at {lap.duration:.1f} s"
-    return f"{1e3 * lap.rms:.{digits}f} / {1e3 * lap.rms_after_2s:.{digits}f}"
+    if lap[0]["complete"]:
+        return " / ".join(f"{1e3 * lap[0][name]:.{digits}f}" for name in ("rms", "rms_after_2s"))
+    ends = [one["duration"] for one in lap if not one["complete"]]
+    share = "" if len(ends) == len(lap) else f" {len(ends)} of {len(lap)}"
+    least, middle, most = (f"{time:.1f}" for time in (min(ends), median(ends), max(ends)))
+    return f"lost{share} at {middle} s" + ("" if least == most else f" ({least} to {most})")

@@ -1,58 +1,50 @@
-"""LQG and its adaptive form on unknown arms, which each episode draws anew, beside feedback of the true state."""
+"""LQG, its adaptive form and a fixed robust design on arms that each episode draws anew."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
 
 import gymnasium
 import numpy as np
 
+from flexarm_baselines.lqg.nodes import grid
+from flexarm_baselines.observers import NoiseModel
+from flexarm_baselines.optimal import RegulatorWeights
+from flexarm_baselines.optimal.library import plans_for
 from flexarm_baselines.registry import controller
+from flexarm_baselines.task import Task
+from flexarm_env import FlexibleArm
 from flexarm_env.envs.registration import UNKNOWN_PLANT
 from flexarm_env.laps import LAPS, SETTLED
 from scripts.common.markdown import table
-from scripts.control.trials import Study
+from scripts.common.study import Study, Trials
+from scripts.control.trials import Trial, cell
 
 ENVIRONMENT = "flexarm_env:FlexArm/Square-v0"
 EPISODES = 256
-ROWS = {
-    "LQG": "lqg",
-    "adaptive LQG": "lqg_adaptive",
-    "true state in place of a filter": "plan_lqr",
-}
+Design = Callable[[Task], Mapping[str, Any]]  # returns keyword arguments of a controller's `for_env`
 
 
-class Errors(NamedTuple):
-    """Errors of the episodes of one lap.
-
-    Attributes:
-        rms: over the lap; NaN where the path was lost [m].
-        later: after 2 s [m].
-    """
-
-    rms: list[float]
-    later: list[float]
-
-    @property
-    def lost(self) -> int:
-        """Number of episodes that ended early."""
-        return int(np.isnan(self.rms).sum())
+def as_registered(task: Task) -> Mapping[str, Any]:
+    """Return no change of the registered design."""
+    return {}
 
 
-class UnknownScore(NamedTuple):
-    """Errors by lap, as `laps.LAPS` has them."""
-
-    swing: Errors
-    plain: Errors
-
-    def as_mapping(self) -> dict[str, Any]:
-        """Return a mapping of plain values for a file; what was lost has None."""
-        return {
-            lap: {name: [None if np.isnan(x) else x for x in values] for name, values in errors._asdict().items()}
-            for lap, errors in self._asdict().items()
-        }
+def robust(task: Task) -> Mapping[str, Any]:
+    """Return a design of LQG for the worst cases: where a search of some thirty designs stood."""
+    payload, stiffness, weights = 0.618, 0.9, RegulatorWeights(speed=0.3, torque=(6.0, 2.0))  # [kg], factor
+    arm, found = FlexibleArm(task.arm), plans_for(task.arm, task.reference, task.period, task.torque_limit)
+    first, second = task.arm.flexural_rigidities
+    rigidities = (stiffness * first, stiffness * second)
+    return {
+        "plans": [grid(plan, arm, (payload,), (stiffness,), weights)[0].plan for _, plan in found],
+        "model": FlexibleArm(replace(task.arm, payload_mass=payload, flexural_rigidities=rigidities)),
+        "weights": weights,
+        "noise": NoiseModel(joint_angle=3e-3, joint_rate=5.0, tip=0.02, torque=(10.0, 4.0)),
+        "delay": 0.03,
+    }
 
 
 @dataclass(frozen=True)
@@ -61,24 +53,21 @@ class UnknownTrial:
 
     Attributes:
         controller: its name in the registry.
-        design: keyword arguments of its `for_env`.
-        seed: of the episodes.
+        design: of the controller.
     """
 
     controller: str
-    design: Mapping[str, Any] = field(default_factory=dict)
-    seed: int = 0
+    design: Design = as_registered
 
-    def score(self) -> UnknownScore:
-        """Run them side by side."""
+    def run(self) -> dict[str, list[list[float] | None]]:
+        """Return the errors of each episode by the lap, over the lap and after 2 s [m]; None for a lost one."""
         entry = controller(self.controller)
         envs = gymnasium.make_vec(ENVIRONMENT, num_envs=EPISODES, **entry.options | UNKNOWN_PLANT)
-        policy = entry.make(envs, **self.design)
+        policy = entry.make(envs, **self.design(Task.of(envs)))
         sides = [lap.elbow_branch for lap in LAPS.values()] * (EPISODES // len(LAPS))
-        observations, infos = envs.reset(seed=self.seed, options={"start": "corner", "elbow_branch": sides})
+        observations, infos = envs.reset(seed=0, options={"start": "corner", "elbow_branch": sides})
         squares, running, state = [infos["tip_error"] ** 2], np.ones(EPISODES, dtype=bool), None
-        starting = np.ones(EPISODES, dtype=bool)
-        over = np.zeros(EPISODES, dtype=bool)
+        starting, over = np.ones(EPISODES, dtype=bool), np.zeros(EPISODES, dtype=bool)
         while not over.all():
             actions, state = policy.predict(observations, state, starting)
             observations, _, terminated, truncated, infos = envs.step(actions)
@@ -86,28 +75,72 @@ class UnknownTrial:
             squares.append(np.where(running, infos["tip_error"] ** 2, np.nan))
             over |= starting
         envs.close()
-        settled = round(SETTLED / 0.01)
-        whole, later = (np.sqrt(np.mean(part, axis=0)) for part in (np.array(squares), np.array(squares[settled:])))
-        laps = len(LAPS)
-        return UnknownScore(*(Errors(whole[lap::laps].tolist(), later[lap::laps].tolist()) for lap in range(laps)))
+        parts = (np.array(squares), np.array(squares[round(SETTLED / 0.01) :]))
+        pairs = np.stack([np.sqrt(np.mean(part, axis=0)) for part in parts], axis=1)
+        kept = [None if np.isnan(pair).any() else pair.tolist() for pair in pairs]
+        return {lap: kept[n :: len(LAPS)] for n, lap in enumerate(LAPS)}
 
 
-def trials(quick: bool) -> dict[str, UnknownTrial]:
-    """Return each row."""
-    return {row: UnknownTrial(name) for row, name in list(ROWS.items())[: 1 if quick else None]}
+@dataclass(frozen=True)
+class RobustTrial:
+    """The robust design on both laps of the default arm."""
+
+    def run(self) -> Any:
+        """Return what `Trial.run` does."""
+        env = gymnasium.make(ENVIRONMENT, **controller("lqg").options)
+        design = robust(Task.of(env))
+        env.close()
+        return Trial("lqg", design).run()
 
 
-def rows(scores: dict[str, UnknownScore]) -> str:
-    """Write the table, a line for each lap: errors over the lap / after 2 s."""
-    head = ["", "lap", "lost", "mean [mm]", "worst [mm]"]
+def _summary(episodes: list[list[float] | None]) -> tuple[str, list[list[float]]]:
+    """Return how many are lost, and mean and worst of the others' errors [m]: over the lap, after 2 s."""
+    kept = np.array([pair for pair in episodes if pair is not None])
+    return f"{len(episodes) - len(kept)} of {len(episodes)}", [kept.mean(axis=0).tolist(), kept.max(axis=0).tolist()]
+
+
+def unknown_table(results: Any) -> str:
+    """Tabulate the episodes, a line for each lap."""
     lines = []
-    for row, score in scores.items():
-        for lap, errors in score._asdict().items():
-            kept = np.array([pair for pair in zip(*errors, strict=True) if not np.isnan(pair[0])])
-            figures = (np.mean(kept, axis=0), np.max(kept, axis=0)) if len(kept) else ()
-            cells = [f"{1e3 * whole:.1f} / {1e3 * later:.1f}" for whole, later in figures] or [""] * 2
-            lines.append([row, lap, f"{errors.lost} of {len(errors.rms)}", *cells])
-    return table(head, lines)
+    for row, laps in results.items():
+        for lap, episodes in laps.items():
+            lost, figures = _summary(episodes)
+            cells = (f"{1e3 * whole:.1f} / {1e3 * later:.1f}" for whole, later in figures)
+            lines.append([row, lap, lost, *cells])
+    return table(["", "lap", "lost", "mean [mm]", "worst [mm]"], lines)
 
 
-STUDY = Study("LQG on unknown arms: r.m.s. over the lap / after 2 s [mm]", trials, rows, "lqg.md")
+def robust_table(results: Any) -> str:
+    """Tabulate the robust design, a line for each lap."""
+    lines = []
+    for lap in LAPS:
+        lost, figures = _summary(results["unknown arms"][lap])
+        whole = (f"{1e3 * errors[0]:.1f}" for errors in figures)
+        lines.append([lap, cell(results["default arm"][lap], 1), lost, *whole])
+    return table(["lap", "default arm [mm]", "unknown arms: lost", "mean [mm]", "worst [mm]"], lines)
+
+
+def _unknown_trials() -> dict[str, UnknownTrial]:
+    return {
+        "LQG": UnknownTrial("lqg"),
+        "adaptive LQG": UnknownTrial("lqg_adaptive"),
+        "true state in place of a filter": UnknownTrial("plan_lqr"),
+    }
+
+
+def _robust_trials() -> dict[str, RobustTrial | UnknownTrial]:
+    return {"default arm": RobustTrial(), "unknown arms": UnknownTrial("lqg", robust)}
+
+
+STUDIES = {
+    "lqg_unknown": Study(
+        "LQG on unknown arms: r.m.s. over the lap / after 2 s [mm]",
+        Trials(__name__, _unknown_trials),
+        {"lqg_unknown": unknown_table},
+    ),
+    "lqg_robust": Study(
+        "LQG that is designed for the worst cases, and fixed",
+        Trials(__name__, _robust_trials),
+        {"lqg_robust": robust_table},
+    ),
+}
