@@ -19,7 +19,7 @@ from flexarm_agents.commands.arguments import EXAMPLES
 from scripts.common.command_line import run
 from scripts.common.markdown import fill_pages, table
 
-STUDIES = ("paper", "validation", "analysis", "optimise", "control", "benchmarks")
+STUDIES = ("paper", "validation", "analysis", "optimise", "control", "learning", "benchmarks")
 
 
 def text() -> str:
