@@ -13,24 +13,20 @@ from flexarm_env.physics.paths import ReferencePath, inverse_kinematics, square
 from flexarm_env.physics.sensing import Outputs
 from flexarm_env.rollout import run_batch, run_policy
 from flexarm_env.simulation.arm import Energy, FlexibleArm
-from flexarm_env.simulation.cases import LoopCase
-from flexarm_env.simulation.closed_loop import ClosedLoop
 from flexarm_env.simulation.held_torque import StepJacobians
 from flexarm_env.simulation.limits import state_limits
-from flexarm_env.simulation.square import rest_state, square_loop
+from flexarm_env.simulation.rest import rest_state
 from flexarm_env.simulation.trajectory import DivergenceError, Trajectory
 
 __version__ = "0.2.0"
 
 __all__ = [
     "ArmParameters",
-    "ClosedLoop",
     "DivergenceError",
     "Energy",
     "FlexibleArm",
     "LawParameters",
     "Linearisation",
-    "LoopCase",
     "Outputs",
     "ReferencePath",
     "SensorParameters",
@@ -44,9 +40,23 @@ __all__ = [
     "run_batch",
     "run_policy",
     "square",
-    "square_loop",
     "state_limits",
     "warm_up",
 ]
+
+_BATCH = 'gymnasium.make_vec("FlexArm/Paper-v0", num_envs=n, per_env={"sensor": [...], "gain_limit": [...]})'
+_REMOVED = {  # until the next release
+    "ClosedLoop": f"a batch of arms under the paper's law is {_BATCH}",
+    "LoopCase": f"sensor and law of each arm are options: {_BATCH}",
+    "square_loop": f"the paper's arm on the square is {_BATCH}",
+}
+
+
+def __getattr__(name: str) -> None:
+    """Say what is there in the place of a removed name."""
+    if name in _REMOVED:
+        raise ImportError(f"flexarm_env.{name} is removed: {_REMOVED[name]}")
+    raise AttributeError(f"module 'flexarm_env' has no attribute {name!r}")
+
 
 register_environments()

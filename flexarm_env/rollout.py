@@ -1,4 +1,4 @@
-"""Runs policies and records what happened: one environment, or a batch of closed loops.
+"""Runs policies and records what happened, in one environment or in a batch.
 
 A controller on the plain lap, for two seconds of it:
 
@@ -18,17 +18,15 @@ from typing import Any
 
 import gymnasium
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from flexarm_env.actions import gain_from_action
 from flexarm_env.envs.registration import warn_of_short_limit
 from flexarm_env.envs.single import FlexArmEnv
 from flexarm_env.envs.termination import end_reason
-from flexarm_env.episode import reward
+from flexarm_env.envs.vector import FlexArmVectorEnv
 from flexarm_env.laps import LAPS
 from flexarm_env.predictor import predictor
 from flexarm_env.simulation.arm import FlexibleArm
-from flexarm_env.simulation.closed_loop import ClosedLoop, Results, observation_blocks
 from flexarm_env.simulation.trajectory import Trajectory
 from flexarm_env.validation import choice, integer, shown
 
@@ -78,29 +76,24 @@ def run_policy(
     if max_steps is None and env.spec is not None:
         warn_of_short_limit(env.spec, env.spec.max_episode_steps, inner.lap_steps)
     observation, info = env.reset(seed=seed, options=options)
-    arm = _episode_arm(inner, inner.episode.parameters)
-    signals = ("gain", "torque") if "gain" in info else ("torque",)
+    arm = _episode_arm(inner.arm, inner.episode.parameters)
     rows = [_row(info, reward=0.0)]
     memory, start, ended = None, np.ones(1, dtype=bool), None
     while ended is None:
         action, memory = predict(observation, memory, start)
         start = np.zeros(1, dtype=bool)
         observation, reward, terminated, truncated, info = env.step(action)
-        # of the period that began at the instant recorded last
-        rows[-1].update({name: info[name] for name in signals})
+        row = _row(info, float(reward))
+        rows[-1].update({name: row[name] for name in _SIGNALS if name in row})  # it began at the instant recorded last
         if terminated:
             ended = end_reason(info["end_code"])
             break  # the last state is not one: the record ends before it
-        rows.append(_row(info, float(reward)))
+        rows.append(row)
         ended = "truncated" if truncated or len(rows) - 1 == max_steps else None
-    if len(rows) > 1 and ended == "truncated":
-        rows[-1].update({name: rows[-2][name] for name in signals})
-    arrays = {name: np.array([row[name] for row in rows]) for name in rows[0]}
-    measured = arrays.pop("true_tip")  # of another engine's arm no model's state tells it
-    return replace(arm.record(**arrays, notes={"ended": ended}), tip=measured)
+    return _recorded(arm, {name: np.array([row[name] for row in rows]) for name in rows[0]}, ended)
 
 
-def _start(env: FlexArmEnv, options: dict[str, Any] | None, lap: str | None) -> dict[str, Any]:
+def _start(env: FlexArmEnv | FlexArmVectorEnv, options: dict[str, Any] | None, lap: str | None) -> dict[str, Any]:
     """Return the options of the reset that begins the episode."""
     if lap is None:
         return {"start": "corner"} if options is None else options
@@ -121,9 +114,9 @@ def _check_gain_limit(env: FlexArmEnv, policy: Any) -> None:
         )
 
 
-def _episode_arm(env: FlexArmEnv, drawn: dict[str, float]) -> FlexibleArm:
+def _episode_arm(arm: FlexibleArm, drawn: dict[str, float]) -> FlexibleArm:
     """Return the arm of an episode, whose payload, stiffness and damping may have been drawn."""
-    own = env.arm.parameters
+    own = arm.parameters
     changes: dict[str, Any] = {}
     if drawn["payload_mass"] != own.payload_mass:
         changes["payload_mass"] = drawn["payload_mass"]
@@ -131,106 +124,99 @@ def _episode_arm(env: FlexArmEnv, drawn: dict[str, float]) -> FlexibleArm:
         changes["flexural_rigidities"] = tuple(drawn["stiffness"] * x for x in own.flexural_rigidities)
     if drawn["damping"] != own.damping_ratio:
         changes["damping_ratio"] = drawn["damping"]
-    return FlexibleArm(replace(own, **changes)) if changes else env.arm
+    return FlexibleArm(replace(own, **changes)) if changes else arm
 
 
-def _row(info: dict[str, Any], reward: float) -> dict[str, Any]:
-    return {name: info[name] for name in ("time", "state", "true_tip", "reference", "sensed")} | {"reward": reward}
+_MEASURED = ("time", "state", "true_tip", "reference", "sensed")  # of infos, at an instant
+_SIGNALS = ("torque", "gain")  # of infos, over the period that ended
+
+
+def _row(info: dict[str, Any], reward: Any) -> dict[str, Any]:
+    return {name: info[name] for name in (*_MEASURED, *_SIGNALS) if name in info} | {"reward": reward}
 
 
 def run_batch(
-    loop: ClosedLoop,
-    states: ArrayLike,
+    envs: FlexArmVectorEnv,
     policies: Sequence[Any],
-    gain_limits: ArrayLike,
-    steps: int,
-    progress: Callable[[int], Any] | None = None,
     seed: int | None = None,
+    max_steps: int | None = None,
+    options: dict[str, Any] | None = None,
+    lap: str | None = None,
 ) -> list[Trajectory]:
-    """Run a policy on every arm of a batch.
-
-    What a policy sees and does is what it would in `FlexArmEnv`: float32 observations, actions clipped to [-1, 1].
+    """Run one episode of each environment of a batch, by default from rest on the first corner.
 
     Args:
-        loop: the batch, of N arms.
-        states: where they start. Shape (N, 4 + 4 m).
-        policies: one for each arm, as `run_policy` takes them, but from observations of shape (n, k) to actions of
-            shape (n, 1); arms that share an object are predicted in one call.
-        gain_limits: lambda at action 1. Shape (N,).
-        steps: control periods.
-        progress: called with the number of control periods done since the last call.
-        seed: seed of the sensors' noise, where they have any.
+        envs: a `FlexArmVectorEnv`, which begins new episodes by itself (any `autoreset_mode` but "Disabled").
+        policies: one for each environment, as `run_policy` takes them, but from observations of shape (n, k) to
+            actions of shape (n, channels); environments that share an object are predicted in one call. The action 1
+            means what it means in the environment, whatever the policy was made for.
+        seed: see `run_policy`.
+        max_steps: stop after so many; None: after a lap.
+        options: see `run_policy`.
+        lap: see `run_policy`.
 
     Returns:
-        A `Trajectory` for each arm, `notes["ended"]` as in `run_policy`; an arm whose state stops being valid ends
-        there, the others go on.
+        A `Trajectory` for each environment, as `run_policy` returns it; where an episode ends, its record does, and the
+        others go on.
+
+    Raises:
+        TypeError: if the environments are not a `FlexArmVectorEnv`.
+        ValueError: for another number of policies, or a lap beside options.
     """
-    steps = integer("steps", steps, 1)
-    count = len(loop)
-    choose = _chooser(policies, count)
-    limits = _gain_limits(gain_limits, count)
-    noise = _noise(loop, seed)
-    observed = observation_blocks(loop.arm.parameters.modes_per_link)["reference_velocity"].stop
-    ends = np.full(count, steps + 1)
-    live: slice | NDArray[np.int64] = slice(None)  # arms that go on; one that ended keeps its last valid observation
-    loop.reset(states, noise())
-    first = loop.packed_results()
-    records = np.zeros((steps + 1, *first.shape))
-    gains = np.zeros((steps + 1, count))
-    records[0], done = first, 0
-    observation = np.zeros((count, observed), dtype=np.float32)
-    while done < steps and ends.max() > steps:
-        observation[live] = loop.observations(records[done])[live]
-        gains[done, live] = gain_from_action(choose(observation).clip(-1.0, 1.0), limits)[live]
-        loop.advance(gains[done], noise())
-        done += 1
-        records[done] = loop.packed_results()
-        if records[done, live, -1].any():
-            ends[(records[done, :, -1] != 0.0) & (ends > steps)] = done
-            live = np.flatnonzero(ends > steps)
-        if progress is not None:
-            progress(1)
-    gains[done] = gains[done - 1]
-    return _trajectories(loop, loop.unpack(records[: done + 1]), gains, ends)
+    if not isinstance(envs, FlexArmVectorEnv):
+        raise TypeError(f"envs = {shown(envs)}: must be a FlexArmVectorEnv")
+    steps = envs.lap_steps if max_steps is None else integer("max_steps", max_steps, 1)
+    choose = _chooser(policies, envs)
+    observation, infos = envs.reset(seed=seed, options=_start(envs, options, lap))
+    arms = [_episode_arm(one.flexible_arm, envs.episode.one(i).parameters) for i, one in enumerate(envs.simulator.each)]
+    rows = _row(infos, np.zeros(envs.num_envs))
+    records = {name: np.array([values] * (steps + 1)) for name, values in rows.items()}
+    ended: list[str | None] = [None] * envs.num_envs
+    kept = np.full(envs.num_envs, steps + 1)  # instants of each record
+    for done in range(1, steps + 1):
+        observation, rewards, terminated, truncated, infos = envs.step(choose(observation))
+        for name, values in _row(infos, rewards).items():
+            records[name][done] = values
+            if name in _SIGNALS:
+                records[name][done - 1] = values  # they began at the instant before
+        for i in np.flatnonzero((terminated | truncated) & (kept > steps)).tolist():
+            ended[i] = end_reason(infos["end_code"][i]) if terminated[i] else "truncated"
+            kept[i] = done if terminated[i] else done + 1  # the last state of a terminated episode is not one
+        if None not in ended:
+            break
+    return [
+        _recorded(arm, {name: values[:count, i].copy() for name, values in records.items()}, reason or "truncated")
+        for i, (arm, count, reason) in enumerate(zip(arms, kept.tolist(), ended, strict=True))
+    ]
 
 
-def _gain_limits(given: ArrayLike, count: int) -> Array:
-    """Return lambda at action 1, of each arm. Shape (N,)."""
-    if np.shape(given) not in ((), (count,)):
-        raise ValueError(f"gain_limits: must be one number or {count}, got shape {np.shape(given)}")
-    return np.broadcast_to(np.asarray(given, dtype=float), (count,))
+def _recorded(arm: FlexibleArm, arrays: dict[str, Array], ended: str) -> Trajectory:
+    """Make the record of an episode from its numbers at each instant."""
+    measured = arrays.pop("true_tip")  # of another engine's arm no model's state gives it
+    return replace(arm.record(**arrays, notes={"ended": ended}), tip=measured)
 
 
-def _chooser(policies: Sequence[Any], count: int) -> Callable[[Observations], Observations]:
-    """Let each policy choose for its arms, with a memory: actions, Shape (N,), from observations, Shape (N, k)."""
+def _chooser(policies: Sequence[Any], envs: FlexArmVectorEnv) -> Callable[[Observations], Observations]:
+    """Return a function from observations to actions, Shape (N, ...) each; every policy acts for its environments."""
+    count = envs.num_envs
     if len(policies) != count:
-        raise ValueError(f"policies: must be {count}, one for each arm, got {len(policies)}")
+        raise ValueError(f"policies: must be {count}, one for each environment, got {len(policies)}")
     groups = [(predictor(policy, deterministic=True), members) for policy, members in _groups(policies)]
     memories: list[Any] = [None] * len(groups)
     start = np.ones(count, dtype=bool)
-    actions = np.zeros(count, dtype=np.float32)
+    actions = np.zeros(envs.action_space.shape or (), dtype=np.float32)
 
     def choose(observation: Observations) -> Observations:
         for k, (predict, members) in enumerate(groups):
-            action, memories[k] = predict(observation[members], memories[k], start[members])
-            actions[members] = action[:, 0]
+            actions[members], memories[k] = predict(observation[members], memories[k], start[members])
         start[:] = False
         return actions
 
     return choose
 
 
-def _noise(loop: ClosedLoop, seed: int | None) -> Callable[[], Array | None]:
-    """Draw the sensors' noise of one period; draw nothing where no sensor has any."""
-    deviations = loop.noise
-    if not deviations.any():
-        return lambda: None
-    random = np.random.default_rng(seed)
-    return lambda: deviations[:, None] * random.normal(size=(len(deviations), 2))
-
-
 def _groups(policies: Sequence[Any]) -> list[tuple[Any, slice | NDArray[np.int64]]]:
-    """Return the policies and the arms of each; neighbours are a slice, which is cheaper to index with."""
+    """Return the policies and the environments of each; neighbours are a slice, which is cheaper to index with."""
     members: dict[int, list[int]] = {}
     for index, policy in enumerate(policies):
         members.setdefault(id(policy), []).append(index)
@@ -241,36 +227,3 @@ def _groups(policies: Sequence[Any]) -> list[tuple[Any, slice | NDArray[np.int64
         )
         for found in members.values()
     ]
-
-
-def _trajectories(loop: ClosedLoop, results: Results, gains: Array, ends: NDArray[Any]) -> list[Trajectory]:
-    instants = len(results.status)
-    time = loop.control_period * np.arange(instants, dtype=np.float64)
-    blocks = observation_blocks(loop.arm.parameters.modes_per_link)
-    trajectories = []
-    for i in range(len(loop)):
-        end = int(ends[i])
-        keep = slice(0, min(end, instants))
-        observation = results.observation[keep, i]
-        earned = _paper_reward(results.true_tip[keep, i], observation[:, blocks["reference_position"]])
-        run = loop.arm.record(
-            time[keep],
-            results.state[keep, i],
-            # known only once the period has begun, so one instant late
-            np.concatenate([results.torque[1:, i], results.torque[-1:, i]])[keep],
-            reference=observation[:, blocks["reference_position"]],
-            sensed=observation[:, blocks["sensed_position"]],
-            gain=gains[keep, i],
-            reward=earned,
-            notes={"ended": loop.failure(results.status[end, i]) if end < instants else "truncated"},
-        )
-        trajectories.append(replace(run, tip=results.true_tip[keep, i].copy()))
-    return trajectories
-
-
-def _paper_reward(tips: Array, references: Array) -> Array:
-    """Return the reward of `FlexArm/Paper-v0` at each instant; none at the first. Shape (n,)."""
-    wide, middle, _ = reward.tracking_terms(reward.squared_distance([*tips.T], [*references.T]))
-    earned: Array = 0.5 * wide + 0.5 * middle
-    earned[0] = 0.0
-    return earned

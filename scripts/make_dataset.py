@@ -42,7 +42,7 @@ CONTENT = "data"  # Minari's folder in that of a data set
 
 @dataclass
 class Options:
-    """Make Minari data sets of controllers, an agent and random actions, with a sensor late by several delays."""
+    """Make a data set of each contender at each delay."""
 
     contenders: tuple[str, ...] = ("ifdc", "flsac", "lqg", "nmpc", "square", RANDOM)
     """Names of controllers or shipped agents, or "random"."""

@@ -5,16 +5,7 @@ import numpy as np
 import pytest
 
 from flexarm_baselines import FLSAC, IFDC
-from flexarm_env import (
-    ClosedLoop,
-    LawParameters,
-    LoopCase,
-    SensorParameters,
-    run_batch,
-    run_policy,
-    square_loop,
-    state_limits,
-)
+from flexarm_env import run_batch, run_policy, state_limits
 
 STEPS = 300
 
@@ -23,24 +14,21 @@ def make(**options: object) -> gymnasium.Env:
     return gymnasium.make("flexarm_env:FlexArm/Paper-v0", max_episode_steps=STEPS, **options)
 
 
-def batch(env: gymnasium.Env, cases: list[LoopCase]) -> tuple[ClosedLoop, np.ndarray]:
-    return square_loop(env.unwrapped.arm, cases)
+def batch(count: int, per_env: dict[str, list] | None = None, **options: object) -> gymnasium.vector.VectorEnv:
+    made = {"max_episode_steps": STEPS, "per_env": per_env, **options}
+    return gymnasium.make_vec("flexarm_env:FlexArm/Paper-v0", num_envs=count, **made)
 
 
 def test_environment_and_batch_give_the_same_bits() -> None:
     """Policies included: what FLSAC sees and does is the same float32 either way."""
     env = make()
     ifdc, flsac = IFDC.for_env(env), FLSAC.for_env(env)
-    collocated = SensorParameters(model="collocated")
-    cases = [LoopCase(SensorParameters(), LawParameters()), LoopCase(collocated, LawParameters())] * 2
-    loop, states = batch(env, cases)
-    together = run_batch(loop, states, [ifdc, ifdc, flsac, flsac], 1.0, STEPS)
+    envs = batch(4, {"sensor": ["rigid", "collocated"] * 2})
+    together = run_batch(envs, [ifdc, ifdc, flsac, flsac], seed=0)
     for run, policy, sensor in zip(together, (ifdc, ifdc, flsac, flsac), ("rigid", "collocated") * 2, strict=True):
         alone = run_policy(make(sensor=sensor), policy)
-        for name in ("state", "torque", "gain", "tip", "rigid_tip"):
-            np.testing.assert_array_equal(getattr(run, name), getattr(alone, name), err_msg=name)
-        # the environment's kernel rounds products and sums together, numpy each: some ulp of terms in [0, 1]
-        np.testing.assert_allclose(run.reward, alone.reward, rtol=0.0, atol=1e-13)
+        for name, values in alone.arrays().items():
+            np.testing.assert_array_equal(run.arrays()[name], values, err_msg=name)
         assert run.notes == alone.notes == {"ended": "truncated"}
 
 
@@ -57,11 +45,9 @@ def test_record_holds_one_instant_a_step_and_the_start() -> None:
 def test_an_unstable_arm_ends_and_the_others_go_on() -> None:
     """Late rates make the loop unstable within 50 ms; its record ends before the invalid state."""
     env = make()
-    late = LoopCase(SensorParameters(delayed="position+rate"), LawParameters())
-    fine = LoopCase(SensorParameters(), LawParameters())
-    loop, states = batch(env, [late, fine, late])
+    envs = batch(3, {"delayed": ["position+rate", "position", "position+rate"]})
     flsac = FLSAC.for_env(env)
-    unstable, stable, again = run_batch(loop, states, [flsac] * 3, 1.0, STEPS)
+    unstable, stable, again = run_batch(envs, [flsac] * 3)
     assert unstable.notes["ended"] in ("deflection", "angle", "rate")
     assert 1 < len(unstable) < 100
     assert np.all(np.isfinite(unstable.state))
@@ -77,20 +63,12 @@ def test_an_unstable_arm_ends_and_the_others_go_on() -> None:
 def test_bad_input() -> None:
     with pytest.raises(TypeError, match="FlexArmEnv"):
         run_policy(gymnasium.make("CartPole-v1"), IFDC())
-    env = make()
-    loop, states = batch(env, [LoopCase(SensorParameters(), LawParameters())] * 2)
+    with pytest.raises(TypeError, match="must be a FlexArmVectorEnv"):
+        run_batch(make(), [IFDC()])  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="policies: must be 2"):
-        run_batch(loop, states, [IFDC()], 1.0, 10)
-    with pytest.raises(ValueError, match="steps = 0"):
-        run_batch(loop, states, [IFDC()] * 2, 1.0, 0)
-
-
-def test_progress_counts_every_period() -> None:
-    env = make()
-    loop, states = batch(env, [LoopCase(SensorParameters(), LawParameters())])
-    seen: list[int] = []
-    run_batch(loop, states, [IFDC()], 1.0, 25, progress=seen.append)
-    assert sum(seen) == 25
+        run_batch(batch(2), [IFDC()])
+    with pytest.raises(ValueError, match="max_steps = 0"):
+        run_batch(batch(2), [IFDC()] * 2, max_steps=0)
 
 
 def test_torque_is_the_one_that_acts_just_after_the_instant() -> None:
@@ -138,26 +116,21 @@ def test_wrapped_observations_do_not_reach_the_record() -> None:
     assert run.reference[0] == pytest.approx([-6.3, -6.3])
 
 
-def test_noise_in_a_batch_follows_its_seed() -> None:
-    env = make()
-    cases = [LoopCase(SensorParameters(noise=noise), LawParameters()) for noise in (0.05, 0.0)]
-    loop, states = batch(env, cases)
-    first, again, other = (run_batch(loop, states, [IFDC()] * 2, 1.0, 50, seed=seed) for seed in (1, 1, 2))
+def test_each_environment_has_its_gain_limit() -> None:
+    """Whatever the policy was made for; noise is drawn by the seed."""
+    options = {"gain_limit": [1.0, 0.5], "noise": [0.05, 0.0]}
+    first, again, other = (run_batch(batch(2, options), [IFDC()] * 2, seed, max_steps=50) for seed in (1, 1, 2))
+    np.testing.assert_array_equal([run.gain[0] for run in first], [1.0, 0.5])
     np.testing.assert_array_equal(first[0].state, again[0].state)
     assert np.abs(first[0].state - other[0].state).max() > 0.0
     np.testing.assert_array_equal(first[1].state, other[1].state)  # the quiet sensor
-    spread = (first[0].sensed - first[0].rigid_tip)[0:1]  # the first reading is not late
-    assert 0.0 < np.abs(spread).max() < 0.3
 
 
-def test_actions_beyond_the_range_are_clipped_as_in_the_environment() -> None:
+def test_actions_beyond_the_range_are_clipped() -> None:
     class Bold:
         def predict(self, observation, state=None, episode_start=None, deterministic=False):
             return np.full((*np.shape(observation)[:-1], 1), 1.5, np.float32), state
 
-    env = make()
-    loop, states = batch(env, [LoopCase(SensorParameters(), LawParameters())])
-    (run,) = run_batch(loop, states, [Bold()], 1.0, 20)
-    np.testing.assert_array_equal(run.state, run_policy(make(), Bold(), max_steps=20).state)
-    assert run.gain is not None
-    assert run.gain.max() == 1.0
+    (run,) = run_batch(batch(1), [Bold()], max_steps=20)
+    assert len(run) == 21
+    np.testing.assert_array_equal(run.gain, 1.0)

@@ -11,7 +11,7 @@ from flexarm_agents.board.columns import COLUMNS, measurable
 from flexarm_agents.board.measure import DATA, INCOMPLETE, chosen_columns, chosen_rows, measure, write
 from flexarm_agents.board.tables import tables
 from flexarm_agents.board.terms import BOARD
-from flexarm_agents.commands.arguments import Reader, json_object, of_verb, width
+from flexarm_agents.commands.arguments import json_object, reader, width
 from flexarm_agents.commands.progress import Progress
 from flexarm_agents.commands.text import from_markdown
 from flexarm_agents.jobs.executors import EXECUTORS, executor
@@ -24,32 +24,27 @@ computes its own row anew only. Without the extra `chain` the chain's cells are 
 algebra or an agent takes minutes for all columns, a predictive controller most of an hour."""
 
 
-def parser() -> Reader:
-    """Return the parser of the arguments."""
-    reader = of_verb("leaderboard", DESCRIPTION)
-    reader.add_argument("--rows", nargs="+", default=(), metavar="ROW", help="names of rows; without it, all")
-    columns = "names of columns; without it, all"
-    reader.add_argument("--columns", nargs="+", default=tuple(COLUMNS), metavar="COLUMN", help=columns)
-    added = "further rows: module:attribute, a training's folder or npz file, or a JSON file with the fields of a row"
-    reader.add_argument("--add", nargs="+", default=(), metavar="SOURCE", help=added)
-    reader.add_argument("--without", nargs="+", default=(), metavar="ROW", help="names of rows to leave out")
-    output = Path("results/leaderboard")
-    reader.add_argument("--output", type=Path, default=output, help=f"folder; its cells are taken over; {output}")
-    reader.add_argument("--jobs", type=int, default=2, metavar="N", help="processes, or tasks of Slurm; 2")
-    reader.add_argument(
-        "--executor", choices=EXECUTORS, default="processes", help="where cells are computed; processes"
-    )
-    reader.add_argument("--submitit", type=json_object, default={}, metavar="JSON", help="parameters of submitit")
-    return reader
-
-
 def run(arguments: Sequence[str]) -> None:
     """Measure, write tables and JSON, print the ranking.
 
     Raises:
         OSError: if cells could not be computed.
     """
-    given = parser().parse_args(arguments)
+    parser = reader("leaderboard", DESCRIPTION)
+    parser.add_argument("--rows", nargs="+", default=(), metavar="ROW", help="names of rows; without it, all")
+    columns = "names of columns; without it, all"
+    parser.add_argument("--columns", nargs="+", default=tuple(COLUMNS), metavar="COLUMN", help=columns)
+    added = "further rows: module:attribute, a training's folder or npz file, or a JSON file with the fields of a row"
+    parser.add_argument("--add", nargs="+", default=(), metavar="SOURCE", help=added)
+    parser.add_argument("--without", nargs="+", default=(), metavar="ROW", help="names of rows to leave out")
+    output = Path("results/leaderboard")
+    parser.add_argument("--output", type=Path, default=output, help=f"folder; its cells are taken over; {output}")
+    parser.add_argument("--jobs", type=int, default=2, metavar="N", help="processes, or tasks of Slurm; 2")
+    parser.add_argument(
+        "--executor", choices=EXECUTORS, default="processes", help="where cells are computed; processes"
+    )
+    parser.add_argument("--submitit", type=json_object, default={}, metavar="JSON", help="parameters of submitit")
+    given = parser.parse_args(arguments)
     rows = chosen_rows(given.rows, given.without, given.add)
     chosen, left_out = measurable(chosen_columns(given.columns))
     if left_out:

@@ -15,9 +15,8 @@ from flexarm_env.envs.settings import Settings
 from flexarm_env.episode.reward import TERMS
 from flexarm_env.kernels.entries import DRAWN, LaneSetting, Setting, Shape, in_order, word
 from flexarm_env.kernels.layout import Row, place_rows
-from flexarm_env.parameters import DIRECTIONS, EITHER
+from flexarm_env.parameters import DIRECTIONS, EITHER, Compensation
 from flexarm_env.physics.paths import same_length
-from flexarm_env.simulation.cases import law_rows, sensor_rows
 from flexarm_env.simulation.lanes import ALL_READINGS
 from flexarm_env.simulation.limits import state_limits
 
@@ -25,6 +24,7 @@ Array = NDArray[np.float64]
 NAN = float("nan")
 # Codes in the tables `LANE_SETTINGS` and `RESET_REQUESTS`.
 BRANCH_CODES = {"positive": 1.0, "negative": -1.0, EITHER: 0.0}
+COMPENSATIONS: tuple[Compensation, ...] = ("none", "shared", "per_joint")  # by their numbers in the arena
 DIRECTION_CODES = {name: float(n) for n, name in enumerate(DIRECTIONS)} | {EITHER: -1.0}
 
 
@@ -222,8 +222,13 @@ def fixed_rows(settings: Settings) -> dict[str, Any]:
         **_further_rows(s),
         "LIMITS": state_limits(arm),
         **place_rows("TIP", arm.place(2, length)),
-        **sensor_rows(s.sensor_parameters, arm),
-        **law_rows(s.law, arm, law_point),
+        **place_rows("SENSOR_POINT", arm.place(2, s.sensor_position)),
+        "RATE_LATE": [float(s.delayed == "position+rate")],
+        **place_rows("SENSOR", arm.place(2, law_point)),
+        "GAIN_LIMIT": [s.gain_limit],
+        "PROPORTIONAL_GAIN": [s.proportional_gain],
+        "DERIVATIVE_GAIN": [s.derivative_gain],
+        "COMPENSATION": [COMPENSATIONS.index(s.compensation)],
         "JITTER": [s.jitter],
         "HOLD": [s.hold],
         "DROPOUT": [s.dropout],

@@ -17,7 +17,7 @@ from flexarm_env.validation import entries, known_names, mapping, shown
 
 OPTIONS = (
     *("arm", "torque_limit", "inner_stiffness", "inner_resistance"),
-    *("proportional_gain", "derivative_gain", "compensation", "delayed"),
+    *("gain_limit", "proportional_gain", "derivative_gain", "compensation", "delayed"),
     *("sensor", "sensor_position", "delay", "wave_speed", "noise", "jitter", "hold", "dropout", "encoder_noise"),
     *("actuation_delay", "direction", "elbow_branch", "randomisation"),
 )
@@ -30,7 +30,8 @@ def settings_of_each(options: Mapping[str, Any], per_env: Any, count: int, owner
 
     Args:
         options: options of all environments.
-        per_env: mapping of names among `OPTIONS` to a value for each environment; None: all have the same options.
+        per_env: mapping of names among `OPTIONS` to a value for each environment, in the place of that in `options`;
+            None: all have the same options.
         count: number of environments.
         owner: name of the class that received the options, for messages.
 
@@ -40,7 +41,7 @@ def settings_of_each(options: Mapping[str, Any], per_env: Any, count: int, owner
     if per_env is None:
         return Settings.of(options, owner)
     known_names(owner, options, [one.name for one in fields(Settings)])
-    columns = {name: _column(name, values, options, count) for name, values in mapping("per_env", per_env).items()}
+    columns = {name: _column(name, values, count) for name, values in mapping("per_env", per_env).items()}
     made: dict[str, Settings] = {}
     each = []
     for i in range(count):
@@ -65,11 +66,13 @@ def common_values(settings: Settings) -> dict[str, Any]:
     """
     arm = settings.flexible_arm.parameters
     kept = (settings.motor_limit, settings.kept_actions) if settings.mode.accumulates else None
+    observed = settings.scaled and "inner_gain" in settings.observation
     return {
         **{name: getattr(settings, name) for name in _SHARED_OPTIONS},
         **{name: getattr(arm, name) for name in SHARED_BY_ARMS},
         "sensor": shared_model(settings.sensor),
-        "action_limit": settings.action_limit,
+        "gain_limit": settings.gain_limit if observed else None,
+        "action_limit": settings.action_limit if settings.mode.limit != "gain_limit" else None,
         "kept": kept,
         "substeps": settings.substeps,
     }
@@ -109,6 +112,11 @@ def _unlike(name: str, one: Settings, first: Settings) -> str:
             f"sensor = {one.sensor!r}: its readings are of another kind than those of environment 0, "
             f"{first.sensor!r}; allowed beside that: {', '.join(map(repr, alike))}"
         )
+    if name == "gain_limit":
+        return (
+            f"gain_limit = {one.gain_limit}: it scales the observation's block 'inner_gain'; environment 0 has "
+            f"{first.gain_limit}; with scaled = False they may differ"
+        )
     if name == "action_limit":
         return (
             f"torque_limit = {shown(one.torque_limit)}: the action 1 would be {one.action_limit}, for environment 0 "
@@ -126,12 +134,10 @@ def _unlike(name: str, one: Settings, first: Settings) -> str:
     )
 
 
-def _column(name: str, values: Any, options: Mapping[str, Any], count: int) -> list[Any]:
+def _column(name: str, values: Any, count: int) -> list[Any]:
     """Return the values of one option, one for each environment."""
     if name not in OPTIONS:
         raise ValueError(f"per_env[{shown(name)}]: it is the batch's, or no option; there are {', '.join(OPTIONS)}")
-    if name in options:
-        raise ValueError(f"per_env[{name!r}]: {name} = {shown(options[name])} is given for all environments, too")
     found = entries(values)
     if found is None or len(found) != count:
         raise ValueError(f"per_env[{name!r}] = {shown(values)}: must be a list of {count}, one for each environment")

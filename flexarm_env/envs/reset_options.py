@@ -24,8 +24,7 @@ OPTIONS = {
     "time": "moment of the lap at which the episode starts [s], below the lap time; to the nearest integration step",
     "path": "name of the path, where the environment has several",
     "direction": "of the lap: " + ", ".join(f'"{name}"' for name in DIRECTION_CODES),
-    "elbow_branch": "side of theta2 of the rigid arm on the target: "
-    + ", ".join(f'"{name}"' for name in BRANCH_CODES),
+    "elbow_branch": "side of theta2 of the rigid arm on the target: " + ", ".join(f'"{name}"' for name in BRANCH_CODES),
     "parameters": f"mapping of quantities of the episode: {', '.join(DRAWN)}",
     "state": "initial state in the public order, shape (4 + 4 m,)",
 }

@@ -11,8 +11,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from flexarm_env.parameters import ArmParameters
 from flexarm_env.physics.sensing import POSITION
-from flexarm_env.simulation.cases import refuse_off_link
 
 # Signs of numbers in the mirrored episode, in which the y axis of every frame points the other way.
 SCALAR, ANGLE, VECTOR = (1,), (-1,), (1, -1)
@@ -211,3 +211,16 @@ def mounted(settings: Any) -> tuple[Mounted, ...]:
         found.append(Mounted(sensor, link, position, delay, noise, bias, largest, first))
         first += len(noise)
     return tuple(found)
+
+
+def refuse_off_link(name: str, position: float, link: int, arm: ArmParameters) -> None:
+    """Refuse a sensor's position beyond the end of its link.
+
+    Raises:
+        ValueError: naming the option.
+    """
+    length = arm.link_lengths[link - 1]
+    if position > length:
+        raise ValueError(
+            f"{name} = {position} m: must be on link {link}, > 0 and <= {length} m (link_lengths of the arm)"
+        )

@@ -15,13 +15,12 @@ from flexarm_env.codegen.declarations import Program
 from flexarm_env.envs.consistency import refuse_options_without_effect
 from flexarm_env.envs.options import Options
 from flexarm_env.envs.quantities import QUANTITIES
-from flexarm_env.envs.sensors import Mounted, mounted
+from flexarm_env.envs.sensors import Mounted, mounted, refuse_off_link
 from flexarm_env.episode.step import PROGRAMS
 from flexarm_env.lazy import cached_property
 from flexarm_env.parameters import DIRECTIONS, LawParameters, SensorParameters, SquareParameters, arm_parameters
 from flexarm_env.physics.paths import PATHS, ReferencePath, way_points
 from flexarm_env.simulation.arm import FlexibleArm
-from flexarm_env.simulation.cases import refuse_off_link
 from flexarm_env.simulation.stability import count_readings, count_substeps, extreme_arm, fastest_rates
 from flexarm_env.simulation.step_error import TOLERANCE, enough_steps, expected_error
 from flexarm_env.validation import known_names, shown

@@ -258,9 +258,8 @@ def drive_gain(arena: Arena, history: History, clock: Clock, paths: Paths, heade
     held = undelayed(arena)
     for step in range(header[word.SUBSTEPS]):
         for i in range(variant.lanes if step == 0 or not held else 0):
-            arena[row.GAIN, i] = settings[setting.COMMAND_SCALE] * (
-                0.5 * (command(arena, header, settings, i, 0, step * h) + 1.0)
-            )
+            share = 0.5 * (command(arena, header, settings, i, 0, step * h) + 1.0)
+            arena[row.GAIN, i] = arena[row.GAIN_LIMIT, i] * share
         if step == 0:
             evaluate_law(arena, history, clock, paths, h)
             for i in range(variant.lanes):

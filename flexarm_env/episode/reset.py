@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from flexarm_env.codegen.arrays import Arena, Clock, History, Mask, Memory, Paths, ResetRequest, Table, Words
+from flexarm_env.codegen.arrays import Arena, Clock, Mask, Memory, Paths, ResetRequest, Table, Words
 from flexarm_env.codegen.declarations import inlined_in_its_caller
 from flexarm_env.codegen.intrinsics import array_at
 from flexarm_env.codegen.random_stream import uniform
@@ -96,7 +96,6 @@ def clear_lane(arena: Arena, clock: Clock, header: Words, settings: Table, i: in
 def reset_lanes(
     memory: Memory,
     arena: Arena,
-    history: History,
     clock: Clock,
     paths: Paths,
     header: Words,
@@ -104,7 +103,18 @@ def reset_lanes(
     first: int,
     started: Mask,
 ) -> None:
-    """Begin episodes in some lanes of a block, with new keys; see `period.begin`."""
+    """Begin episodes in some lanes of a block, with new keys.
+
+    Args:
+        memory: of the batch.
+        arena: of the block.
+        clock: of each lane.
+        paths: of all lanes.
+        header: see `entries.Header`.
+        settings: see `entries.Setting`.
+        first: lane of the block among all.
+        started: which lanes begin an episode. Shape (lanes,).
+    """
     lanes = first + variant.lanes
     keys = array_at(memory, header[word.KEYS], (lanes,), np.uint64)[first:]
     reset_requests = array_at(memory, header[word.RESET_REQUESTS], (lanes, header[word.REQUEST_COLUMNS]), np.float64)

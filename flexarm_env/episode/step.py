@@ -1,4 +1,4 @@
-"""The parts of an environment's control period (`kernels.period`), and the programs of environments.
+"""The entry points that step one environment (`period` has that of a batch), and the programs of environments.
 
 `imex` explains lanes, blocks and arenas. A control period has two halves: what is decided (actions, what they command,
 where an episode starts), and what is observed. In between the arm moves: our own within the first half, by `drive`;
@@ -9,18 +9,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from flexarm_env.codegen.arrays import Arena, Clock, History, Mask, Memory, Paths, Table, Words
-from flexarm_env.codegen.declarations import Function, Program, inlined_in_its_caller
+from flexarm_env.codegen.arrays import Memory
+from flexarm_env.codegen.declarations import Function, Program
 from flexarm_env.codegen.intrinsics import array_at
 from flexarm_env.episode import reward
-from flexarm_env.episode.actuation import DRIVES, HOST_DRIVES, Drive, drive
-from flexarm_env.episode.first_readings import begin_sensors
-from flexarm_env.episode.observe import observe, take_actions
-from flexarm_env.episode.reset import reset_lanes
+from flexarm_env.episode.actuation import DRIVES, HOST_DRIVES, Drive
+from flexarm_env.episode.period import step_block, step_blocks
 from flexarm_env.kernels.entries import word
-from flexarm_env.kernels.layout import row
-from flexarm_env.kernels.period import step_block, step_blocks
-from flexarm_env.kernels.variants import variant
 
 
 def step_only(memory: Memory) -> bool:
@@ -79,62 +74,13 @@ def forget_start(memory: Memory) -> None:
     array_at(memory, header[word.STARTS], (1,), np.bool_)[0] = False
 
 
-@inlined_in_its_caller
-def act_on_actions(
-    memory: Memory,
-    arena: Arena,
-    history: History,
-    clock: Clock,
-    paths: Paths,
-    header: Words,
-    settings: Table,
-    first: int,
-) -> None:
-    """Take the actions of a block and let them act; see `period.act`."""
-    lanes = first + variant.lanes
-    actions = array_at(memory, header[word.ACTIONS], (lanes, header[word.CHANNELS]), np.float32)
-    take_actions(arena, actions, first, header)
-    drive(arena, history, clock, paths, header, settings)
-
-
-@inlined_in_its_caller
-def report_episodes(
-    memory: Memory,
-    arena: Arena,
-    history: History,
-    clock: Clock,
-    paths: Paths,
-    header: Words,
-    settings: Table,
-    first: int,
-    started: Mask,
-) -> None:
-    """Observe the lanes of a block, or those that begin an episode; see `period.report`."""
-    lanes = first + variant.lanes
-    keys = array_at(memory, header[word.KEYS], (lanes,), np.uint64)[first:]
-    active = array_at(memory, header[word.ACTIVE], (lanes,), np.bool_)[first:]
-    observations = array_at(memory, header[word.OBSERVATIONS], (lanes, header[word.OBSERVED]), np.float32)
-    starting = False
-    for i in range(variant.lanes):
-        starting = starting or started[i]
-        active[i] = header[word.DRIVING] != 0 or started[i]
-    if starting:
-        begin_sensors(arena, history, clock, keys, paths, header, settings, started)
-    observe(arena, history, clock, keys, paths, header, settings, observations, first, active)
-    for i in range(variant.lanes if starting else 0):
-        if started[i]:  # a reset has no reward
-            for n in range(variant.reward_terms):
-                arena[row.REWARD_TERMS + n, i] = 0.0
-            arena[row.REWARD, i] = 0.0
-
-
 def _program(name: str, one: Drive, alone: Function, *groups: str) -> Program:
     return Program(
         name,
         entry_points=(step_blocks,),
         alone=(alone,),
         groups=frozenset({"environment", *one.groups, *groups}),
-        parts={"act": act_on_actions, "begin": reset_lanes, "report": report_episodes, "drive": one.driver},
+        parts={"drive": one.driver},
         reward_terms=len(reward.TERMS),
         closed=True,
         words=one.words,

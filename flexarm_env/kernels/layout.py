@@ -5,7 +5,6 @@ which rows its arenas have:
 
 - "law": the paper's law acts (`jacobian_transpose`),
 - "tracking": the joint-space law tracks the reference (`joint_tracking`),
-- "loop": the paper's closed loop (`loop`),
 - "environment": an environment (`episode`),
 - "hosted": an environment whose arm is another engine's (`envs.hosted`),
 - "further sensors": the environment has sensors beside the one on link 2 (`Shape.groups`),
@@ -111,8 +110,7 @@ def _law(field: str) -> Callable[[Shape], int]:
     return lambda shape: Law.sizes(shape.modes, shape.foreshortened)[field]
 
 
-_REPORTED = ("loop", "environment")
-_MEASURED = ("loop", "environment", "outputs")
+_MEASURED = ("environment", "outputs")
 _LAW = ("law",)
 _TRACKING = ("tracking",)
 _ENVIRONMENT = ("environment",)
@@ -135,6 +133,7 @@ class Row(Names):
     ELIMINATION = Entry("what follows from them (`Elimination`)", "as in `Elimination`", _elimination)
 
     GAIN = Entry("gain lambda of the paper's law", "1", _law("gain"), _LAW)
+    GAIN_LIMIT = Entry("gain of the action 1", "1", 1, _LAW)
     PROPORTIONAL_GAIN = Entry("Kp", "N/m", _law("proportional_gain"), _LAW)
     DERIVATIVE_GAIN = Entry("Kd", "N s/m", _law("derivative_gain"), _LAW)
     TORQUE_LIMIT = Entry("of shoulder and elbow", "N m", 2, ("law", "tracking"))
@@ -187,7 +186,7 @@ class Row(Names):
     SHIFT = Entry("commanded shift of the aim", "rad", 2, _TRACKING)
     STAGE_TORQUE = Entry("torque of the step's first stage", "N m", 2, _TRACKING)
 
-    LIMITS = Entry("magnitudes of the state that end a run", STATE_UNIT, lambda s: 2 * s.size, _REPORTED)
+    LIMITS = Entry("magnitudes of the state that end a run", STATE_UNIT, lambda s: 2 * s.size, _ENVIRONMENT)
     TIP_VALUES = Entry("link 2's mode shapes at the tip", "1", _modes, _MEASURED)
     TIP_DISTANCE = Entry("of the tip from the elbow", "m", 1, _MEASURED)
     TIP_FORESHORTENING = Entry("foreshortening at the tip", "1/m", _pairs, _MEASURED)
@@ -195,12 +194,12 @@ class Row(Names):
     SENSOR_POINT_DISTANCE = Entry("of the sensor from the elbow", "m", 1, _MEASURED)
     SENSOR_POINT_VALUES = Entry("link 2's mode shapes at the sensor", "1", _modes, _MEASURED)
     SENSOR_POINT_FORESHORTENING = Entry("foreshortening at the sensor", "1/m", _pairs, _MEASURED)
-    SENSOR_DELAY = Entry("of the shoulder's and the elbow's reading", "s", 2, _REPORTED)
+    SENSOR_DELAY = Entry("of the shoulder's and the elbow's reading", "s", 2, _ENVIRONMENT)
     PRESENT_SEGMENT = Entry(
-        "side of the path that the reference is on (`path_cache.Segment`)", "s, m, m/s", SEGMENT_ROWS, _REPORTED
+        "side of the path that the reference is on (`path_cache.Segment`)", "s, m, m/s", SEGMENT_ROWS, _ENVIRONMENT
     )
-    DEFLECTION = Entry("of each link's tip", "m", 2, _REPORTED)
-    DEFLECTION_RATE = Entry("its change", "m/s", 2, _REPORTED)
+    DEFLECTION = Entry("of each link's tip", "m", 2, _ENVIRONMENT)
+    DEFLECTION_RATE = Entry("its change", "m/s", 2, _ENVIRONMENT)
 
     JITTER = Entry("largest further delay of a reading", "s", 1, _ENVIRONMENT)
     HOLD = Entry("period of the sensor's own clock; 0: it is continuous", "s", 1, _ENVIRONMENT)
@@ -266,11 +265,11 @@ class Row(Names):
     START_TIME = Entry("path time at which the episode started", "s", 1, _ENVIRONMENT)
     BRANCH = Entry("sign of theta2 in inverse kinematics", "1", 1, _ENVIRONMENT)
     STATE = Entry("public state", STATE_UNIT, lambda s: 2 * s.size, _MEASURED)
-    TORQUE = Entry("torques at the start of the period", "N m", 2, _REPORTED)
-    TRUE_TIP = Entry("tip with deflection", "m", 2, _REPORTED)
-    RIGID_TIP = Entry("tip by rigid kinematics", "m", 2, _REPORTED)
-    REFERENCE = Entry("reference position and velocity", "m, m/s", 4, _REPORTED)
-    LINK_SENSOR = Entry("latest reading of the sensor", "m", 2, _REPORTED)
+    TORQUE = Entry("torques at the start of the period", "N m", 2, _ENVIRONMENT)
+    TRUE_TIP = Entry("tip with deflection", "m", 2, _ENVIRONMENT)
+    RIGID_TIP = Entry("tip by rigid kinematics", "m", 2, _ENVIRONMENT)
+    REFERENCE = Entry("reference position and velocity", "m, m/s", 4, _ENVIRONMENT)
+    LINK_SENSOR = Entry("latest reading of the sensor", "m", 2, _ENVIRONMENT)
     FURTHER_READING = Entry("latest readings of the further sensors", "their units", _readings, _FURTHER)
     REWARD_TERMS = Entry("terms of the reward, weighted", "1", lambda s: s.program.reward_terms, _ENVIRONMENT)
     TIME = Entry("since the episode's start", "s", 1, _ENVIRONMENT)
@@ -280,7 +279,7 @@ class Row(Names):
     ELBOW_CHANGES = Entry("how often ELBOW_SIDE has changed since the episode began", "1", 1, _ENVIRONMENT)
     SUCCESS = Entry("whether the tip was near the reference through the final rest", "1", 1, _ENVIRONMENT)
     REWARD = Entry("sum of the reward's terms", "1", 1, _ENVIRONMENT)
-    STATUS = Entry("0 for a valid state (`status.state_status`, `observe.termination_status`)", "1", 1, _REPORTED)
+    STATUS = Entry("0 for a valid state (`status.state_status`, `observe.termination_status`)", "1", 1, _ENVIRONMENT)
 
     TAIL = Entry(
         "previews of the reference, then kept actions, then kept commands unless they are the actions; newest first",

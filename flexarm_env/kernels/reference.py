@@ -29,11 +29,10 @@ def follow_reference(arena: Arena, clock: Clock, paths: Paths, h: float) -> None
         if segment_time(arena, clock, h, i) >= arena[row.PRESENT_SEGMENT + segment.END, i]:
             p = clock[clock_row.PATH, i]
             k = cache_segment(arena, row.PRESENT_SEGMENT, paths, p, (clock[clock_row.STEPS, i] + AHEAD) * h, i)
-            if variant.episodes:
-                following = k + 1 if k + 2 < paths.shape[1] else 0
-                arena[row.NEXT_TIME, i] = paths[p, following + 1, 0] - paths[p, following, 0]
-                for r in range(2):
-                    arena[row.NEXT_VELOCITY + r, i] = paths[p, following, 3 + r]
+            following = k + 1 if k + 2 < paths.shape[1] else 0
+            arena[row.NEXT_TIME, i] = paths[p, following + 1, 0] - paths[p, following, 0]
+            for r in range(2):
+                arena[row.NEXT_VELOCITY + r, i] = paths[p, following, 3 + r]
     for i in range(variant.lanes):
         now = clock[clock_row.STEPS, i] * h
         for r in range(2):

@@ -1,8 +1,7 @@
 """`LaneBatch`: N arms in blocks of lanes, in one piece of memory, stepped by compiled kernels.
 
-It is what all simulators of many arms stand on, `ClosedLoop` and the environments' `BatchSimulator`: where arrays lie,
-the call into the kernels, their results, threads, and copies. What a period does is the program's
-(`kernels.period`), what lanes are is told as rows of the arena. It knows no episode and no reward.
+It has the places of arrays, the call into the kernels, their results, threads and copies. The program says what a
+period does (`episode.period`), rows of the arena hold the parameters of a lane (`envs.batch`).
 """
 
 from __future__ import annotations

@@ -21,7 +21,7 @@ ELBOWS = np.linspace(0.0, np.pi, 7)  # [rad]
 
 # The explicit part of ARS(4,4,3) is stable for undamped modes up to h omega = 1.57. The default step, a tenth of that
 # and 0.25 ms at most, keeps coordinates within 1e-3 of their range over the lap at constant gains up to 17 (the paper's
-# runs: 2e-4), and rates within 2e-3, largest just after a jump of the command (tests/simulation/test_closed_loop.py).
+# runs: 2e-4), and rates within 2e-3, largest just after a jump of the command (tests/simulation/test_law_accuracy.py).
 # RK4's step is the longest whose expected error is small (`step_error`), within these two: beyond them motions that are
 # not linear err by more than that.
 DEFAULT_ANGLE = {"explicit": 1.8, "implicit": 0.15}

@@ -5,19 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
-from flexarm_env import (
-    ArmParameters,
-    ClosedLoop,
-    FlexibleArm,
-    LawParameters,
-    LoopCase,
-    ReferencePath,
-    SensorParameters,
-    square_loop,
-)
+from flexarm_env import ArmParameters, FlexibleArm
 from flexarm_env.analysis.law_loop import rest_angles
 from scripts.analysis.margins import DELAYED, GAINS, PLACES, SENSORS
 
@@ -27,6 +19,8 @@ LANES = 8  # delays tried at once: one block of the kernel
 HELD_TIME = {"position": 24.0, "position+rate": 3.0}  # [s]; late rates let fast roots cross, which grow fast
 PUSH = 1e-4  # [rad]; small enough that the motion stays linear while it is watched
 GROWN = 20.0  # pushes; the motion of a stable loop stays near one
+NEARBY = 1e-12  # [m]; a path needs two points, and one so short, travelled within a day, is a point
+CONTROL_PERIOD = 1e-3  # [s]
 STEPS_PER_RADIAN = 4.0  # of the crossing frequency; at most the default step
 
 
@@ -52,17 +46,13 @@ def bisect(diverges: Callable[[Array], NDArray[np.bool_]], low: float, high: flo
     return float(low), float(high)
 
 
-def cases(sensor: str, delayed: str, delays: Array) -> list[LoopCase]:
-    """One case for each shoulder delay, the elbow's in proportion."""
+def arms_with(delays: Array, sensor: str, **options: Any) -> gymnasium.vector.VectorEnv[Any, Any, Any]:
+    """Make an environment for each shoulder delay, the elbow's in proportion."""
     position = SENSORS[sensor]["position"]
     ratio = 1.0 if "delay" in SENSORS[sensor] else position / (4.5 + position)
-    return [
-        LoopCase(
-            SensorParameters(position=position, delay=(float(d), float(ratio * d)), delayed=delayed),  # type: ignore[arg-type]
-            LawParameters(),
-        )
-        for d in delays
-    ]
+    pairs = [(float(d), float(ratio * d)) for d in delays]
+    own: dict[str, Any] = {"per_env": {"delay": pairs}, "sensor_position": position, "max_episode_steps": -1}
+    return gymnasium.make_vec("FlexArm/Paper-v0", num_envs=len(delays), **own, **options)
 
 
 def step(margin: float, omega: float) -> float | None:
@@ -75,44 +65,41 @@ def held_diverges(sensor: str, delayed: str, gain: float, place: Any, physics_st
     """Make a test of delays: does a small push grow, with the arm held at one place of the square?"""
     arm = FlexibleArm(ArmParameters.paper())
     duration = HELD_TIME[delayed]
-    path = ReferencePath([[0.0, *place], [2.0 * duration, *place]])
+    resting = {"reference": "waypoints", "waypoints": [place, (place[0] + NEARBY, place[1])], "lap_time": 1e5}
     angles, _ = rest_angles(arm, place, SENSORS[sensor]["position"], "positive")
     state = np.zeros(2 * arm.size)
     state[:2] = angles + PUSH * np.array([1.0, -0.6])
 
     def diverges(delays: Array) -> NDArray[np.bool_]:
         """Whether the motion grows from the middle third of the time to the last, for each delay [s]."""
-        loop = ClosedLoop(arm, cases(sensor, delayed, delays), path, physics_step=physics_step)
-        loop.reset(np.tile(state, (len(delays), 1)))
-        steps = round(duration / loop.control_period)
-        size = np.zeros((steps, len(delays)))
-        with np.errstate(all="ignore"):
-            for i in range(steps):
-                loop.advance(np.full(len(delays), gain))
-                size[i] = np.abs(loop.results().state[:, :2] - angles).max(axis=1)
-            third = steps // 3
-            early, late = size[third : 2 * third].max(axis=0), size[2 * third :].max(axis=0)
+        envs = arms_with(delays, sensor, delayed=delayed, gain_limit=gain, physics_step=physics_step, **resting)
+        envs.reset(options={"state": state})
+        steps, full = round(duration / CONTROL_PERIOD), np.ones((len(delays), 1), dtype=np.float32)
+        size, ended = np.zeros((steps, len(delays))), np.zeros(len(delays), dtype=bool)
+        for i in range(steps):
+            _, _, terminated, _, infos = envs.step(full)
+            ended |= terminated
+            size[i] = np.abs(infos["state"][:, :2] - angles).max(axis=1)
+        third = steps // 3
+        early, late = size[third : 2 * third].max(axis=0), size[2 * third :].max(axis=0)
         grows = late > early if delayed == "position" else late > GROWN * PUSH
-        return np.asarray(~np.isfinite(late) | grows)
+        return np.asarray(ended | grows)
 
     return diverges
 
 
 def lap_diverges(sensor: str, delayed: str, gain: float, physics_step: float | None) -> Any:
     """Make a test of delays: does a lap of the square leave the limits of a valid state?"""
-    arm = FlexibleArm(ArmParameters.paper())
 
     def diverges(delays: Array) -> NDArray[np.bool_]:
         """Whether the lap ends in an invalid state, for each delay [s]."""
-        loop, starts = square_loop(arm, cases(sensor, delayed, delays), physics_step=physics_step)
-        loop.reset(starts)
-        failed = np.zeros(len(delays), dtype=bool)
-        for i in range(16_000):
-            loop.advance(np.full(len(delays), gain))
-            if i % 50 == 49:
-                failed |= loop.results().status != 0.0
-                if failed.all():
-                    break
+        envs = arms_with(delays, sensor, delayed=delayed, gain_limit=gain, physics_step=physics_step)
+        envs.reset()
+        failed, full = np.zeros(len(delays), dtype=bool), np.ones((len(delays), 1), dtype=np.float32)
+        for _ in range(16_000):
+            failed |= envs.step(full)[2]
+            if failed.all():
+                break
         return failed
 
     return diverges

@@ -13,30 +13,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexarm_baselines import IFDC
-from flexarm_env import (
-    ArmParameters,
-    ClosedLoop,
-    FlexibleArm,
-    LawParameters,
-    LoopCase,
-    SensorParameters,
-    rest_state,
-    square,
-)
+from flexarm_env import ArmParameters, FlexibleArm, LawParameters, rest_state, square
 from flexarm_env.parameters import SquareParameters
-from flexarm_env.simulation.square import CONTROL_PERIOD
 from scripts.benchmarks import scipy_lap
 from scripts.benchmarks.physics import LOOPS
 from scripts.benchmarks.timing import Group, Ratio, Subject
-from scripts.paper.cases import COLUMNS, Study, all_cases, simulate
+from scripts.paper.cases import COLUMNS, CONTROL_PERIOD, PAPER, Study, all_cases, simulate
 
 LAP = 16.0  # [s]
 PAPER_CLOCK = {"paper, IFDC (2008)": 77.0, "paper, FLSAC (2008)": 100.0}  # [s]; end of section 4
 GOAL = 3.0  # [s] for the twelve runs together
 AGREEMENT = 1e-3  # [m]
 
-ONE_CALL, EVERY_MS = "ClosedLoop, 1 arm, gain held for a side", "ClosedLoop, 1 arm, gain set every ms"
-SHARE, ENV = f"ClosedLoop, {LOOPS} arms, share of one", "Gymnasium environment, one step each ms"
+HELD, ENV = "Gymnasium environment, gain held for a second", "Gymnasium environment, one step each ms"
+SHARE = f"batch of {LOOPS} environments, share of one"
 SCIPY = "scipy solve_ivp (LSODA, 1e-6), right-hand side in numpy"
 SCIPY_COMPILED = "scipy solve_ivp (LSODA, 1e-6), right-hand side compiled by numba"
 TWELVE = "twelve runs, one batch with policies"
@@ -47,33 +37,21 @@ class _Job:
 
     def __init__(self, seconds: float) -> None:
         self.seconds = seconds
-        self.side = min(seconds, LAP / 4.0)
         task = SquareParameters()
         self.arm, self.law, self.path = FlexibleArm(ArmParameters.paper()), LawParameters(), square(task)
         self.start = rest_state(self.arm, self.path.table[0, 1:], task.elbow_branch)
 
-    def loop(self, name: str, arms: int, period: float) -> Subject:
-        """Declare a batch of the same arm with gain 1 as a subject."""
-        case = LoopCase(SensorParameters("collocated"), self.law)
-        loop = ClosedLoop(self.arm, [case] * arms, self.path, period)
-        start, gain = np.tile(self.start, (arms, 1)), np.ones(arms)
+    def environment(self, name: str, period: float, arms: int = 1) -> Subject:
+        """Declare an environment, or a batch of the same one, with gain 1 as a subject."""
+        options: dict[str, Any] = {"sensor": "collocated", "control_period": period, "max_episode_steps": -1}
+        env: Any = gymnasium.make(PAPER, **options) if arms == 1 else gymnasium.make_vec(PAPER, arms, **options)
+        action = np.ones(env.action_space.shape, dtype=np.float32)
 
         def work() -> None:
             for _ in range(round(self.seconds / period)):
-                loop.advance(gain)
-
-        return Subject(name, work, arms, prepare=lambda: loop.reset(start))
-
-    def environment(self) -> Subject:
-        """Declare the same through `gymnasium.make` as a subject."""
-        env = gymnasium.make("FlexArm/Paper-v0", sensor="collocated")
-        action = np.ones(1, dtype=np.float32)
-
-        def work() -> None:
-            for _ in range(round(self.seconds / CONTROL_PERIOD)):
                 env.step(action)
 
-        return Subject(ENV, work, prepare=lambda: env.reset(seed=0))
+        return Subject(name, work, arms, prepare=lambda: env.reset(seed=0))
 
     def scipy(self, seconds: float | None = None, **options: Any) -> NDArray[np.float64]:
         """Integrate by `solve_ivp`; return the final state."""
@@ -85,13 +63,12 @@ class _Job:
         Raises:
             RuntimeError: if they do not.
         """
-        case = LoopCase(SensorParameters("collocated"), self.law)
-        loop = ClosedLoop(self.arm, [case], self.path, self.side)
-        loop.reset(self.start[None])
-        for _ in range(round(self.seconds / self.side)):
-            loop.advance([1.0])
+        env = gymnasium.make(PAPER, sensor="collocated")
+        env.reset(seed=0)
+        for _ in range(round(self.seconds / CONTROL_PERIOD)):
+            info = env.step(np.ones(1, dtype=np.float32))[4]
         tips = {
-            "ClosedLoop": loop.results().true_tip[0],
+            "FlexArm/Paper-v0": info["true_tip"],
             "solve_ivp": self.arm.tip(self.scipy()[: self.arm.size]),
         }
         exact = self.arm.tip(self.scipy(tolerance=1e-10)[: self.arm.size])
@@ -111,10 +88,9 @@ def lap(seconds: float) -> Group:
     given = {name: part * clock for name, clock in (PAPER_CLOCK | {"goal for twelve runs": GOAL}).items()}
     given["paper, twelve runs"] = 6.0 * sum(given[name] for name in PAPER_CLOCK)
     subjects = [
-        job.loop(ONE_CALL, 1, job.side),
-        job.loop(EVERY_MS, 1, CONTROL_PERIOD),
-        job.loop(SHARE, LOOPS, CONTROL_PERIOD),
-        job.environment(),
+        job.environment(HELD, min(seconds, 1.0)),
+        job.environment(ENV, CONTROL_PERIOD),
+        job.environment(SHARE, CONTROL_PERIOD, LOOPS),
         Subject(SCIPY, lambda: _nothing(job.scipy())),
         Subject(
             SCIPY_COMPILED,
@@ -125,14 +101,13 @@ def lap(seconds: float) -> Group:
     ]
     ifdc, _ = PAPER_CLOCK
     ratios = [
-        Ratio(SCIPY, ONE_CALL, "scipy's time over ours, one arm, constant gain"),
-        Ratio(SCIPY_COMPILED, ONE_CALL, "the same with scipy's right-hand side compiled"),
-        Ratio(SCIPY, EVERY_MS, "scipy's time over ours, gain set every ms"),
+        Ratio(SCIPY, HELD, "scipy's time over ours, one arm, constant gain"),
+        Ratio(SCIPY_COMPILED, HELD, "the same with scipy's right-hand side compiled"),
         Ratio(SCIPY, SHARE, f"scipy's time over ours, share of one in a batch of {LOOPS}"),
         Ratio(SCIPY_COMPILED, SHARE, "the same with scipy's right-hand side compiled"),
-        Ratio(SCIPY, ENV, "scipy's time over that of the Gymnasium environment"),
-        Ratio(ifdc, ONE_CALL, "paper's 77 s over ours, one arm, constant gain (machines 18 years apart)"),
-        Ratio(ifdc, ENV, "paper's 77 s over that of the Gymnasium environment"),
+        Ratio(SCIPY, ENV, "scipy's time over ours, gain set every ms"),
+        Ratio(ifdc, HELD, "paper's 77 s over ours, one arm, constant gain (machines 18 years apart)"),
+        Ratio(ifdc, ENV, "paper's 77 s over ours, gain set every ms"),
         Ratio("paper, twelve runs", TWELVE, "paper's twelve runs (6 x 77 s + 6 x 100 s) over ours"),
         Ratio("goal for twelve runs", TWELVE, "goal of 3 s over the twelve runs' time (above 1: reached)"),
     ]
@@ -150,11 +125,10 @@ def _twelve(seconds: float) -> Subject:
     study, column, cases = Study(), COLUMNS["paper"], all_cases()
     ifdc, flsac = IFDC(), study.fuzzy(study.arm(column))
     policies = [flsac if case.controller == "flsac" else ifdc for case in cases]
-    gains = [study.K_s if case.controller == "flsac" else 1.0 for case in cases]
-    loop_cases = [case.loop_case() for case in cases]
+    options = [case.options | {"gain_limit": study.gain(case)} for case in cases]
 
     def run(steps: int) -> Callable[[], None]:
         """So many control periods of the twelve runs."""
-        return lambda: _nothing(simulate(study, column, loop_cases, policies, gains, steps=steps))
+        return lambda: _nothing(simulate(study, column, options, policies, steps=steps))
 
     return Subject(TWELVE, run(round(seconds / CONTROL_PERIOD)), prepare=run(2))

@@ -4,20 +4,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from typing import Any
 
+import gymnasium
 import numpy as np
 
-from flexarm_env import (
-    ArmParameters,
-    ClosedLoop,
-    FlexibleArm,
-    LawParameters,
-    LoopCase,
-    SensorParameters,
-    SquareParameters,
-    rest_state,
-    square,
-)
+from flexarm_env import ArmParameters, FlexibleArm
 from flexarm_env.codegen import assembly
 from flexarm_env.codegen.declarations import Recorded
 from flexarm_env.codegen.memory import aligned_zeros
@@ -28,9 +20,9 @@ from flexarm_env.kernels.recorder import CALLED
 from flexarm_env.kernels.rk4 import OPEN
 from flexarm_env.kernels.variants import Variant
 from flexarm_env.parameters import Kinematics
-from flexarm_env.simulation.square import CONTROL_PERIOD
 from scripts.benchmarks import peers
 from scripts.benchmarks.timing import Group, Ratio, Subject
+from scripts.paper.cases import CONTROL_PERIOD, PAPER
 
 LANES = (8, 32)  # arms that the compiler may work on together
 ARMS = 1024
@@ -146,18 +138,16 @@ def closed_loop(effort: float) -> Group:
         Ratio(one + drivers, many + drivers, f"batch of {LOOPS} over one arm, compiled part alone"),
         Ratio(one, one + drivers, "one arm: gain set every ms over compiled part alone"),
     ]
-    return Group("closed_loop", "Physics of the closed loop (ClosedLoop)", "ns", "step and arm", subjects, ratios)
+    return Group("closed_loop", "The paper's closed loop (FlexArm/Paper-v0)", "ns", "step and arm", subjects, ratios)
 
 
 def _loop(name: str, arms: int, period: float, calls: int) -> Subject:
-    arm, task = FlexibleArm(ArmParameters.paper()), SquareParameters()
-    path = square(task)
-    loop = ClosedLoop(arm, [LoopCase(SensorParameters(), LawParameters())] * arms, path, period)
-    start = np.tile(rest_state(arm, path.table[0, 1:], task.elbow_branch), (arms, 1))
-    gain = np.ones(arms)
+    options: dict[str, Any] = {"control_period": period, "max_episode_steps": -1}
+    env: Any = gymnasium.make_vec(PAPER, arms, **options) if arms > 1 else gymnasium.make(PAPER, **options)
+    action = np.ones(env.action_space.shape, dtype=np.float32)
 
     def work() -> None:
         for _ in range(calls):
-            loop.advance(gain)
+            env.step(action)
 
-    return Subject(name, work, calls * loop.substeps * arms, prepare=lambda: loop.reset(start))
+    return Subject(name, work, calls * env.unwrapped.settings.substeps * arms, prepare=env.reset)

@@ -9,24 +9,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal, get_args
 
-import numpy as np
+import gymnasium
 
 from flexarm_baselines import FLSAC, IFDC
-from flexarm_env import (
-    ArmParameters,
-    FlexibleArm,
-    LawParameters,
-    LoopCase,
-    SensorParameters,
-    SquareParameters,
-    Trajectory,
-    run_batch,
-    square_loop,
-)
-from flexarm_env.parameters import Compensation
-from flexarm_env.simulation.closed_loop import observation_blocks
-from flexarm_env.simulation.square import CONTROL_PERIOD
+from flexarm_env import ArmParameters, FlexibleArm, Trajectory, run_batch
 from flexarm_env.validation import number
+
+CONTROL_PERIOD = 1e-3  # [s]; the paper's step size
+PAPER = "FlexArm/Paper-v0"
 
 Controller = Literal["ifdc", "flsac"]
 Sensing = Literal["collocated", "nmp", "corrected"]
@@ -56,12 +46,14 @@ class Case:
         """For files and tables."""
         return f"{self.controller}_{self.sensing}_{self.place}"
 
-    def loop_case(self, **sensor: Any) -> LoopCase:
-        """Sensor and law of the case; `sensor` changes fields of its `SensorParameters`."""
-        model = "collocated" if self.sensing == "collocated" else "rigid"
-        values: dict[str, Any] = {"model": model, "position": SENSOR_POSITION[self.place]} | sensor
-        compensation: Compensation = "shared" if self.sensing == "corrected" else "none"
-        return LoopCase(SensorParameters(**values), LawParameters(compensation=compensation))
+    @property
+    def options(self) -> dict[str, Any]:
+        """Options of the environment: the sensor, and the delay of the law's target."""
+        return {
+            "sensor": "collocated" if self.sensing == "collocated" else "rigid",
+            "sensor_position": SENSOR_POSITION[self.place],
+            "compensation": "shared" if self.sensing == "corrected" else "none",
+        }
 
 
 @dataclass(frozen=True)
@@ -119,9 +111,9 @@ class Study:
         """Return the column's arm with the study's changes."""
         return FlexibleArm(dataclasses.replace(column.arm, **self.arm_changes))
 
-    def square(self, column: Column) -> SquareParameters:
-        """Return the task."""
-        return SquareParameters(lap_time=self.lap_time, elbow_branch=column.elbow_branch)  # type: ignore[arg-type]
+    def gain(self, case: Case) -> float:
+        """Return lambda at action 1."""
+        return self.K_s if case.controller == "flsac" else 1.0
 
     @property
     def steps(self) -> int:
@@ -129,10 +121,8 @@ class Study:
         return round(self.lap_time / CONTROL_PERIOD)
 
     def fuzzy(self, arm: FlexibleArm, **options: Any) -> FLSAC:
-        """Return the FLSAC policy of an arm, lambda = fuzzy (scaled by the batch's gain limit)."""
-        blocks = observation_blocks(arm.parameters.modes_per_link)
-        weights = np.array([link.tip_values for link in arm.modes])
-        return FLSAC(blocks["modal_coordinates"], weights, **({"K_n": self.K_n} | options))
+        """Return the FLSAC policy of an arm, lambda = fuzzy (scaled by the environment's gain limit)."""
+        return FLSAC.for_env(gymnasium.make(PAPER, arm=arm.parameters), **({"K_n": self.K_n} | options))
 
 
 def all_cases(
@@ -146,23 +136,32 @@ def all_cases(
 def simulate(
     study: Study,
     column: Column,
-    loop_cases: Sequence[LoopCase],
+    options: Sequence[dict[str, Any]],
     policies: Sequence[Any],
-    gains: Sequence[float],
     steps: int | None = None,
+    rate_jacobian: str = "delayed",
 ) -> list[Trajectory]:
     """Run a batch from rest on the start corner.
 
     Args:
         study: the study.
         column: the arm.
-        loop_cases: sensor and law of each run.
+        options: of the environment of each run; all have the same names.
         policies: of each run.
-        gains: lambda at action 1 of each run.
         steps: control periods; None for one lap.
+        rate_jacobian: option of all runs.
     """
-    loop, starts = square_loop(study.arm(column), loop_cases, study.square(column))
-    return run_batch(loop, starts, policies, gains, steps or study.steps)
+    envs = gymnasium.make_vec(
+        PAPER,
+        num_envs=len(options),
+        max_episode_steps=study.steps,
+        arm=study.arm(column).parameters,
+        lap_time=study.lap_time,
+        elbow_branch=column.elbow_branch,
+        rate_jacobian=rate_jacobian,
+        per_env={name: [each[name] for each in options] for name in options[0]},
+    )
+    return run_batch(envs, policies, max_steps=steps)  # type: ignore[arg-type]
 
 
 def simulate_column(study: Study, name: str, cases: Sequence[Case], folder: Path) -> dict[str, float]:
@@ -181,19 +180,19 @@ def simulate_column(study: Study, name: str, cases: Sequence[Case], folder: Path
     column = COLUMNS[name]
     arm = study.arm(column)
     ifdc, flsac = IFDC(), study.fuzzy(arm)
-    loop_cases = [case.loop_case() for case in cases]
     policies = [flsac if case.controller == "flsac" else ifdc for case in cases]
-    scales = [study.K_s if case.controller == "flsac" else 1.0 for case in cases]
-    simulate(study, column, loop_cases, policies, scales, steps=2)  # compiles
+    options = [case.options | {"gain_limit": study.gain(case)} for case in cases]
+    simulate(study, column, options, policies, steps=2)  # compiles
     start = time.perf_counter()
-    runs = simulate(study, column, loop_cases, policies, scales)
+    runs = simulate(study, column, options, policies)
     clock = time.perf_counter() - start
     named = dict(zip(cases, runs, strict=True))
     fuzzy_cases = [case for case in cases if case.controller == "flsac"]
     if fuzzy_cases:
         means = [float(named[case].gain[:-1].mean()) for case in fuzzy_cases]  # type: ignore[index]
         constant = [dataclasses.replace(case, controller="constant") for case in fuzzy_cases]
-        runs = simulate(study, column, [case.loop_case() for case in constant], [ifdc] * len(constant), means)
+        options = [case.options | {"gain_limit": mean} for case, mean in zip(constant, means, strict=True)]
+        runs = simulate(study, column, options, [ifdc] * len(constant))
         named |= dict(zip(constant, runs, strict=True))
     for case, run in named.items():
         run.notes.update(column=name, **dataclasses.asdict(case))

@@ -16,8 +16,7 @@ from flexarm_env import (
     SquareParameters,
     square,
 )
-from flexarm_env.simulation.square import CONTROL_PERIOD
-from scripts.paper.cases import Study
+from scripts.paper.cases import CONTROL_PERIOD, Study
 
 CLOCK_STEP = 0.0252  # [s]; the paper's clock time a step, in which it counts delays
 

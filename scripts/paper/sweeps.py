@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from flexarm_baselines import FLSAC, IFDC
-from flexarm_env import FlexibleArm, LoopCase
+from flexarm_env import FlexibleArm
 from flexarm_env.physics.damping import unit_damping
 from scripts.paper.cases import COLUMNS, PLACES, SENSINGS, Case, Column, Study, simulate
 from scripts.paper.measures import measures
@@ -20,6 +20,7 @@ WIDTH_SCALES = (0.75, 1.0, 2.0, 5.0)
 TRUE_TIP_GAINS = (0.02, 0.03, 0.04, 0.06, 0.1, 0.2, 0.5, 1.0)
 TRUE_TIP_DAMPING = (0.0, 0.01, 0.03)
 SHORT_DELAY = 1.2e-3  # [s]
+COMMON: dict[str, Any] = {"delay": None, "delayed": "position"}  # options unless a run has others
 
 
 @dataclass(frozen=True)
@@ -29,20 +30,20 @@ class Run:
     Attributes:
         value: what is varied, a number or a name.
         case: the case.
-        loop_case: its sensor and law.
         policy: "ifdc", or options of FLSAC.
         gain: lambda at action 1.
+        options: further options of the environment.
     """
 
     value: float | str
     case: Case
-    loop_case: LoopCase
     policy: str | dict[str, Any]
     gain: float = 1.0
+    options: dict[str, Any] = field(default_factory=dict)
 
 
 def _over(values: Sequence[float], cases: Sequence[Case], make: Callable[[float, Case], dict[str, Any]]) -> list[Run]:
-    return [Run(v, case, case.loop_case(), **make(v, case)) for v in values for case in cases]
+    return [Run(v, case, **make(v, case)) for v in values for case in cases]
 
 
 def _constant_gain() -> list[Run]:
@@ -71,25 +72,23 @@ def _alternatives(kind: str) -> list[Run]:
     for controller in ("ifdc", "flsac"):
         policy: str | dict[str, Any] = "ifdc" if controller == "ifdc" else {}
         nmp = Case(controller, "nmp", "tip")
-        plain = nmp.loop_case()
-        per_joint = LoopCase(plain.sensor, dataclasses.replace(plain.law, compensation="per_joint"))
-        variants = {
-            "adopted reading": plain,
-            "command delayed per joint": per_joint,
-            "rates delayed too": nmp.loop_case(delayed="position+rate"),
-            "rates delayed too, by 1.2 ms only": nmp.loop_case(delayed="position+rate", delay=SHORT_DELAY),
+        variants: dict[str, dict[str, Any]] = {
+            "adopted reading": {},
+            "command delayed per joint": {"compensation": "per_joint"},
+            "rates delayed too": {"delayed": "position+rate"},
+            "rates delayed too, by 1.2 ms only": {"delayed": "position+rate", "delay": SHORT_DELAY},
         }
         if kind == "current":
-            variants = {"rates through the current Jacobian": nmp.loop_case(rate_jacobian="current")}
-        runs += [Run(name, nmp, loop_case, policy) for name, loop_case in variants.items()]
+            variants = {"rates through the current Jacobian": {}}
+        runs += [Run(name, nmp, policy, options=options) for name, options in variants.items()]
     return runs
 
 
 def _true_tip(delay: str) -> list[Run]:
     """List the runs of the law on the physical tip; undelayed, or late by the wave's travel."""
     case = Case("constant", "nmp", "tip")
-    loop_case = case.loop_case(model="true", delay=0.0 if delay == "none" else None)
-    return [Run(v, case, loop_case, "ifdc", v) for v in TRUE_TIP_GAINS]
+    options = {"sensor": "true", "delay": 0.0 if delay == "none" else None}
+    return [Run(v, case, "ifdc", v, options) for v in TRUE_TIP_GAINS]
 
 
 def _columns_for_true_tip(damping: Sequence[float] = TRUE_TIP_DAMPING) -> dict[str, Column]:
@@ -125,7 +124,9 @@ def run_sweep(study: Study, name: str) -> list[dict[str, Any]]:
     for arm_name, column in columns.items():
         arm = study.arm(column)
         policies = _policies(study, arm, runs)
-        trajectories = simulate(study, column, [r.loop_case for r in runs], policies, [r.gain for r in runs])
+        options = [COMMON | run.case.options | {"gain_limit": run.gain} | run.options for run in runs]
+        jacobian = "current" if name == "current_jacobian" else "delayed"
+        trajectories = simulate(study, column, options, policies, rate_jacobian=jacobian)
         for run, trajectory in zip(runs, trajectories, strict=True):
             head = {"sweep": name, "arm": arm_name, "value": run.value, **dataclasses.asdict(run.case)}
             rows.append(head | measures(trajectory, study.lap_time))

@@ -19,12 +19,9 @@ from scipy.interpolate import CubicHermiteSpline
 import flexarm_env  # noqa: F401  (registers the environments)
 from flexarm_env import (
     ArmParameters,
-    ClosedLoop,
     FlexibleArm,
     LawParameters,
-    LoopCase,
     ReferencePath,
-    SensorParameters,
     SquareParameters,
     inverse_kinematics,
     rest_state,
@@ -39,7 +36,8 @@ Torque = Callable[[float, Array], Array]
 
 TIME = 0.1  # [s]
 CORNER = np.array([-6.3, -6.3])
-PERIOD = 1e-3  # [s] control period of the closed loop; all runs are compared at its instants
+NEARBY = 1e-12  # [m]; a path needs two points, and one so short, travelled within a day, is a point
+PERIOD = 1e-3  # [s] control period of `FlexArm/Paper-v0`; all runs are compared at its instants
 LAW = LawParameters()
 DELAY = 4e-3  # [s]; a whole number of every step, so that no jump falls within one
 SOFT, STIFF = 0.02, 1.0  # gains lambda: fastest poles near -220 /s and -11 000 /s
@@ -244,14 +242,20 @@ def paper_law(steps: Array, gain: float, delay: float) -> list[float]:
 
 def law_run(arm: FlexibleArm, start: Array, gain: float, delay: float, step: float) -> Array:
     """States at control instants, from the package."""
-    sensor = SensorParameters("rigid", delay=delay) if delay else SensorParameters("collocated")
-    path = ReferencePath(np.column_stack([4.0 * np.arange(5.0), np.tile(CORNER, (5, 1))]))
-    loop = ClosedLoop(arm, [LoopCase(sensor, LAW)], path, PERIOD, step)
-    loop.reset(start[None])
-    states = [loop.results().state[0]]
-    for _ in range(round(TIME / PERIOD)):
-        loop.advance([gain])
-        states.append(loop.results().state[0])
+    options: dict[str, Any] = {"delay": delay} if delay else {"sensor": "collocated"}
+    env = gymnasium.make(
+        "FlexArm/Paper-v0",
+        arm=arm.parameters,
+        physics_step=step,
+        gain_limit=gain,
+        reference="waypoints",
+        waypoints=[tuple(CORNER), tuple(CORNER + NEARBY)],
+        lap_time=1e5,
+        max_episode_steps=-1,
+        **options,
+    ).unwrapped
+    states = [env.reset(seed=0, options={"state": start})[1]["state"]]
+    states += [env.step(np.ones(1, dtype=np.float32))[4]["state"] for _ in range(round(TIME / PERIOD))]
     return np.array(states)
 
 

@@ -12,20 +12,14 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicHermiteSpline
 
 from flexarm_env import (
-    ClosedLoop,
-    LawParameters,
-    LoopCase,
-    SensorParameters,
     SquareParameters,
     inverse_kinematics,
     square,
 )
 from flexarm_env.envs.single import FlexArmEnv
 from tests.support.envs import (
-    FORESHORTENED,
     FREE,
     GAIN,
-    PAPER,
     RESIDUAL,
     SQUARE,
     TORQUE_LIMITS,
@@ -213,60 +207,21 @@ def test_the_same_law_held_over_a_period_is_unstable() -> None:
 
 # --- the gain -----------------------------------------------------------------------------------------------
 
-LATE = {"law_sensor": "sensor", "delay": 0.004}
 
-
-@pytest.mark.parametrize(
-    ("env_id", "options", "sensor", "law"),
-    [
-        (PAPER, {}, SensorParameters(), LawParameters()),
-        (PAPER, {"sensor": "collocated"}, SensorParameters("collocated"), LawParameters()),
-        (
-            PAPER,
-            {"delay": (0.01, 0.004), "compensation": "per_joint", "proportional_gain": 80.0},
-            SensorParameters(delay=(0.01, 0.004)),
-            LawParameters(80.0, compensation="per_joint"),
-        ),
-        pytest.param(
-            GAIN,
-            {"sensor_position": 3.0},
-            SensorParameters("collocated"),
-            LawParameters(),
-            marks=pytest.mark.slow,
-        ),
-        pytest.param(  # two kernels of their own each
-            GAIN,
-            LATE | {"compensation": "shared", "torque_limit": (300.0, 90.0)},
-            SensorParameters("true", delay=0.004),
-            LawParameters(compensation="shared", torque_limit=(300.0, 90.0)),
-            marks=pytest.mark.slow,
-        ),
-        pytest.param(
-            GAIN,
-            FORESHORTENED | LATE,
-            SensorParameters("true", delay=0.004),
-            LawParameters(),
-            marks=pytest.mark.slow,
-        ),
-    ],
-)
-def test_the_gain_scales_the_papers_law(
-    env_id: str, options: dict[str, Any], sensor: SensorParameters, law: LawParameters
-) -> None:
-    """The same integrator as `ClosedLoop`, to the last bit, with a gain that changes and across a corner."""
-    env = bare(env_id, lap_time=1.6, side=1.26, start="corner", gain_limit=2.0, **(FREE | options))
-    period, step = env.control_period, env.control_period / env.settings.substeps
-    path = square(SquareParameters(side=1.26, lap_time=1.6))
-    loop = ClosedLoop(env.arm, [LoopCase(sensor, law)], path, period, step)
-    info = env.reset()[1]
-    loop.reset(info["state"][None])
-    for k in range(round(0.6 / period)):
-        action = (k % 5 - 2.0) / 2.0
-        info = env.step(np.array([action]))[4]
-        loop.advance([action + 1.0])
-        assert info["gain"] == action + 1.0
-        np.testing.assert_array_equal(info["state"], loop.results().state[0])
-        np.testing.assert_array_equal(info["torque"], loop.results().torque[0])
+@pytest.mark.usefixtures("uncompiled")
+def test_the_law_on_the_joints_is_that_on_a_collocated_sensor() -> None:
+    """To the last bit, with a gain that changes."""
+    on_joints, on_sensor = (
+        bare(GAIN, arm="linear", start="corner", gain_limit=2.0, **o)
+        for o in ({"sensor": "rigid"}, {"sensor": "collocated", "law_sensor": "sensor"})
+    )
+    on_joints.reset(), on_sensor.reset()
+    for k in range(4):
+        action = np.array([(k % 5 - 2.0) / 2.0])
+        info, other = on_joints.step(action)[4], on_sensor.step(action)[4]
+        assert info["gain"] == other["gain"] == action[0] + 1.0
+        np.testing.assert_array_equal(info["state"], other["state"])
+        np.testing.assert_array_equal(info["torque"], other["torque"])
 
 
 @pytest.mark.usefixtures("uncompiled")

@@ -18,9 +18,9 @@ from flexarm_env.envs.kernel_inputs import header_and_settings, tail_rows
 from flexarm_env.envs.observation import observation_layout
 from flexarm_env.envs.settings import Settings
 from flexarm_env.episode import actuation
+from flexarm_env.episode.period import step_blocks
 from flexarm_env.kernels.entries import drawn, extent, word
 from flexarm_env.kernels.layout import row
-from flexarm_env.kernels.period import step_blocks
 from flexarm_env.kernels.variants import Variant
 from tests.support.envs import (
     FREE,

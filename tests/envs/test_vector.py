@@ -13,13 +13,10 @@ import pytest
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 from flexarm_env.envs.batch import block_lanes
-from flexarm_env.envs.sensors import FURTHER
 from flexarm_env.envs.vector import FlexArmVectorEnv
 from tests.support.envs import (
     CALM,
-    CASES,
     FORESHORTENED,
-    GAIN,
     IDS,
     PAPER,
     POOR_SENSOR,
@@ -30,11 +27,9 @@ from tests.support.envs import (
     assert_same,
     in_fresh_process,
     make,
-    same_as_alone,
     terms_of,
     vector,
 )
-from tests.support.plain import KERNELS
 from tests.support.refusals import refuses
 
 NEXT_STEP, SAME_STEP, DISABLED = AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP, AutoresetMode.DISABLED
@@ -80,27 +75,6 @@ def test_single_environments_give_the_same_bits(env_id: str, mode: AutoresetMode
         ended += [found[2].sum(), found[3].sum()]
     assert ended[1] > 3  # truncations
     assert ended[0] > 0 or env_id == PAPER  # which starts at rest on the path and has 23 ms to leave it
-
-
-FURTHER_SENSORS: dict[str, Any] = next(options for _, options in CASES if "imu_link" in options)
-
-
-@pytest.mark.parametrize(
-    ("env_id", "options"),
-    [
-        (SQUARE, RANDOM | {"second_sensor_link": 2, "second_sensor_position": 2.0}),
-        (RESIDUAL, {"imu_link": 1, "start": "moving"}),
-        (GAIN, {"noise": 0.01, "law_sensor": "sensor", "delay": 0.002, "gain_limit": 0.1}),
-        (GAIN, {"sensor": "rigid"}),
-    ],
-    ids=str,
-)
-@pytest.mark.parametrize("kernels", KERNELS, indirect=True)
-def test_further_sensors_read_the_same_alone_and_in_a_batch(env_id: str, options: dict[str, Any], kernels: str) -> None:
-    options = FURTHER_SENSORS | options
-    names = [sensor.info for sensor in FURTHER]
-    batch = vector(env_id, 3, max_episode_steps=23, **options)
-    same_as_alone(batch, env_id, [options] * 3, 3 if kernels == "plain" else 60, names)
 
 
 @pytest.mark.usefixtures("uncompiled")

@@ -171,4 +171,3 @@ def _check_same(one: tuple[Any, ...], other: tuple[Any, ...], text: str) -> None
     assert one[0].tobytes() == other[0].tobytes(), text
     assert float(one[1]).hex() == float(other[1]).hex(), text
     assert bool(one[2]) == bool(other[2]), text
-

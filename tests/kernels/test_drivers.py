@@ -9,12 +9,12 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from flexarm_env import ArmParameters, ClosedLoop, FlexibleArm
+from flexarm_env import ArmParameters, FlexibleArm
 from flexarm_env.codegen.declarations import plain_python
 from flexarm_env.envs.batch import BatchSimulator
 from flexarm_env.envs.settings import Settings
 from flexarm_env.episode import draws, sensor, write_observation
-from flexarm_env.episode.step import TORQUE
+from flexarm_env.episode.step import GAIN, TORQUE
 from flexarm_env.kernels import (
     delay_line,
     entries,
@@ -22,11 +22,8 @@ from flexarm_env.kernels import (
 )
 from flexarm_env.kernels.entries import drawn, setting, word
 from flexarm_env.kernels.layout import row
-from flexarm_env.kernels.loop import LOOP
 from flexarm_env.kernels.path_cache import Segment
 from flexarm_env.kernels.variants import Variant, variant
-from tests.support import batches
-from tests.support.batches import CASES, PATH, inputs
 from tests.support.envs import PAPER, RESIDUAL, SQUARE
 from tests.support.plain import run_plainly
 from tests.support.quick import run_as_usual
@@ -66,8 +63,8 @@ def test_a_cubic_comes_back_from_the_delay_line(node: float) -> None:
     """A cubic and its rate come back exactly from past steps; a parabola from the step at hand."""
     late = np.array([[1.0, 1.25, 2.0], [3.75, 0.0, 0.4]]) * STEP
     curves = [np.polynomial.Polynomial([1.0, -30.0, 4e3, 9e5]), np.polynomial.Polynomial([-2.0, 50.0, 7e3])]
-    with plain_python(Variant(LOOP, 1, True, LANES)):
-        arena = arena_of(Variant(LOOP, 1, True, LANES), DELAY=late, RATE_LATE=1.0)
+    with plain_python(Variant(GAIN, 1, True, LANES)):
+        arena = arena_of(Variant(GAIN, 1, True, LANES), DELAY=late, RATE_LATE=1.0)
         clock = np.zeros((entries.CLOCK_ROWS, LANES), dtype=np.int64)
         history = np.zeros((4 * SLOTS, LANES))
         delay_line.count_steps(clock, history, 61)
@@ -90,7 +87,7 @@ def test_a_recorded_reading_enters_the_delay_line() -> None:
     state[:, 4:] = np.random.default_rng(1).normal(size=(LANES, 4))
     y, v = np.split(ARM.internal_state(state).T, 2)
     history = np.zeros((4 * SLOTS, LANES))
-    of = Variant(LOOP, 1, True, LANES)
+    of = Variant(GAIN, 1, True, LANES)
     with plain_python(of):
         delay_line.store_reading(arena_of(of, Y=y, V=v), history, 2)
     np.testing.assert_allclose(history[8:12], state[:, [0, 1, 4, 5]].T, rtol=1e-13)
@@ -234,17 +231,3 @@ def test_what_python_runs_sooner_has_the_same_bits(env_id: str, monkeypatch: pyt
     np.testing.assert_array_equal(quick.results, usual.results)
     np.testing.assert_array_equal(quick.observations, usual.observations)
     assert np.isfinite(quick.results[:, 0]).any()
-
-
-def test_a_closed_loop_runs_in_plain_python_as_compiled(monkeypatch: pytest.MonkeyPatch) -> None:
-    """From states that are bent and move; each arm has its own sensor and law."""
-    compiled, plain = ClosedLoop(batches.ARM, CASES, PATH), ClosedLoop(batches.ARM, CASES, PATH)
-    starts, gains, noise = inputs(len(CASES))
-    compiled.reset(starts, noise[0])
-    run_plainly(monkeypatch)
-    plain.reset(starts, noise[0])
-    for k in range(3):
-        for found, expected in zip(plain.results(), compiled.results(), strict=True):
-            np.testing.assert_allclose(found, expected, rtol=1e-8, atol=1e-9, err_msg=f"period {k}")
-        compiled.advance(gains[k], noise[k])
-        plain.advance(gains[k], noise[k])

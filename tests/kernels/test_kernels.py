@@ -19,7 +19,6 @@ from flexarm_env.codegen.elementary import sincos
 from flexarm_env.episode.step import GAIN, TORQUE, TRACKING
 from flexarm_env.kernels.entries import extent
 from flexarm_env.kernels.layout import arm_rows
-from flexarm_env.kernels.loop import LOOP
 from flexarm_env.kernels.recorded import momentum_kernel, step_kernel
 from flexarm_env.kernels.rk4 import OPEN
 from flexarm_env.kernels.variants import Variant
@@ -265,7 +264,7 @@ MACHINES = {
 
 
 @pytest.mark.slow  # compiles what the cache holds already
-@pytest.mark.parametrize("variant", [Variant(OPEN, 1, True, 4 * LANES), Variant(LOOP, 1, True, 4 * LANES)], ids=str)
+@pytest.mark.parametrize("variant", [Variant(OPEN, 1, True, 4 * LANES), Variant(GAIN, 1, True, 4 * LANES)], ids=str)
 def test_batch_kernels_work_on_several_lanes_at_once(
     variant: Variant, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

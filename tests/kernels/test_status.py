@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from flexarm_env.codegen.declarations import plain_python
+from flexarm_env.episode.step import GAIN
 from flexarm_env.kernels.entries import extent
 from flexarm_env.kernels.layout import row
-from flexarm_env.kernels.loop import LOOP
 from flexarm_env.kernels.status import failures, state_status
 from flexarm_env.kernels.variants import Variant
 
@@ -24,7 +24,7 @@ from flexarm_env.kernels.variants import Variant
     ],
 )
 def test_each_lane_has_the_status_of_its_state(entry: int, value: float, reason: str | None) -> None:
-    of = Variant(LOOP, 1, True, 2)
+    of = Variant(GAIN, 1, True, 2)
     arena = np.zeros((extent(of.rows), 2))
     with plain_python(of), np.errstate(invalid="ignore"):  # infinite minus infinite is how it is found
         arena[row.LIMITS : row.LIMITS + 2 * of.size] = 1.0

@@ -9,11 +9,7 @@ from scipy.integrate import solve_ivp
 
 from flexarm_env import (
     ArmParameters,
-    ClosedLoop,
     FlexibleArm,
-    LawParameters,
-    LoopCase,
-    SensorParameters,
     SquareParameters,
     square,
 )
@@ -23,6 +19,7 @@ from flexarm_env.physics import sensing
 from flexarm_env.physics.bent_link import bent
 from tests.support.envs import FORESHORTENED, bare
 from tests.support.lagrange import loaded_arm, random_state
+from tests.support.loops import LawLoop
 
 Array = NDArray[np.float64]
 
@@ -193,9 +190,9 @@ def test_the_law_moves_the_arm_as_an_independent_solver_says(model: SensorModel)
     """(10), (14) through `position` and `velocity` alone, with a stiff solver; the loop's kernel has its own ways."""
     _, arm = both(1, joint_friction=(0.0, 0.0))
     s, gain, kp, kd = 3.0, 0.3, 150.79, 17.364
-    path, law = square(SquareParameters(side=1.26, lap_time=1.6)), LawParameters(kp, kd)
-    sensor = SensorParameters(model, position=s, delay=None if model == "collocated" else 0.0)
-    loop = ClosedLoop(arm, [LoopCase(sensor, law)], path, 1e-3, 1e-4)
+    path, delay = square(SquareParameters(side=1.26, lap_time=1.6)), None if model == "collocated" else 0.0
+    options: dict[str, Any] = {"sensor": model, "delay": delay, "sensor_position": s, "physics_step": 1e-4}
+    loop = LawLoop(arm=arm.parameters, side=1.26, lap_time=1.6, **options)
     start = random_state(arm.parameters, 8, deflection=0.2, rate=0.5)
     start[:2] = 0.7, 1.9
 
@@ -213,9 +210,9 @@ def test_the_law_moves_the_arm_as_an_independent_solver_says(model: SensorModel)
         tau = gain * jacobian.T @ (kp * error + kd * error_rate)
         return np.concatenate([state[arm.size :], arm.acceleration(state, tau)])
 
-    loop.reset(start[None])
+    loop.begin(start)
     for _ in range(100):
-        loop.advance([gain])
+        state = loop.advance(gain)
     exact = solve_ivp(rate, (0.0, 0.1), start, "Radau", rtol=1e-8, atol=1e-10).y[:, -1]
     # third order with 0.1 ms and a pole near 3000 /s; the linear arm's loop is as close to its oracle
-    np.testing.assert_allclose(loop.results().state[0], exact, rtol=0.0, atol=1e-4 * np.abs(exact).max())
+    np.testing.assert_allclose(state, exact, rtol=0.0, atol=1e-4 * np.abs(exact).max())

@@ -6,10 +6,11 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import gymnasium
 import numpy as np
 import pytest
 
-from flexarm_env import ArmParameters, FlexibleArm, LawParameters, LoopCase, SensorParameters, square_loop
+from flexarm_env import ArmParameters, FlexibleArm
 from flexarm_env.physics.damping import clamped_ratio
 
 mujoco = pytest.importorskip("mujoco", reason="MuJoCo is in the extra `validate`")
@@ -270,14 +271,13 @@ def test_the_law_on_a_stiff_chain_is_the_law_on_a_stiff_arm() -> None:
     from scripts.validation.engine.laws import law_lap
 
     stiff = ArmParameters.linear(modes_per_link=1, damping_ratio=0.0, flexural_rigidities=(400.0 * EI, 400.0 * EI))
-    loop, starts = square_loop(FlexibleArm(stiff), [LoopCase(SensorParameters(), LawParameters())])
-    loop.reset(starts)
+    env = gymnasium.make("FlexArm/Paper-v0", arm=stiff)
+    env.reset()
     for _ in range(500):
-        loop.advance(np.ones(1))
+        expected = env.step(np.ones(1, dtype=np.float32))[4]
     sights = law_lap(2, stiff, lambda deflection: 1.0, 0.5)
-    expected = loop.results()
-    np.testing.assert_allclose(sights[-1].joints, expected.state[0, :2], atol=2e-3)
-    np.testing.assert_allclose(sights[-1].tip, expected.true_tip[0], atol=1e-2)
+    np.testing.assert_allclose(sights[-1].joints, expected["state"][:2], atol=2e-3)
+    np.testing.assert_allclose(sights[-1].tip, expected["true_tip"], atol=1e-2)
     assert np.linalg.norm(sights[-1].tip - sights[0].tip) > 0.5
 
 

@@ -1,37 +1,89 @@
-"""Closed loops of the package, run on the problems that the oracle solves, and how far the two are apart."""
+"""The paper's law in the environments' simulator, driven by gains and noise that a test chooses."""
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
+from typing import Any
 
-from flexarm_env import ArmParameters, ClosedLoop, FlexibleArm, LawParameters, LoopCase, ReferencePath, SensorParameters
-from tests.support.oracle import CORNER, PERIOD, Problem, oracle
+import gymnasium
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from flexarm_env import ArmParameters, LawParameters, SensorParameters
+from flexarm_env.envs.batch import BatchSimulator
+from flexarm_env.envs.reset_options import reset_requests_of
+from flexarm_env.envs.settings import Settings
+from tests.support.envs import PAPER
+from tests.support.oracle import CORNER, Problem, oracle
 
 Array = NDArray[np.float64]
 END_EFFECTOR, NEAR_ELBOW = SensorParameters(), SensorParameters(position=0.5)
 SHARED, PER_JOINT = LawParameters(compensation="shared"), LawParameters(compensation="per_joint")
+NEARBY = 1e-12  # [m]; a path needs two points, and one so short, travelled within a day, is a point
 
 
 def arm_of(modes: int) -> ArmParameters:
     return ArmParameters.linear(modes_per_link=modes)
 
 
-def loop_of(problem: Problem, physics_step: float | None = None) -> ClosedLoop:
+def resting_at(x: float, y: float) -> dict[str, Any]:
+    """Return the options of a reference that stands still."""
+    return {"reference": "waypoints", "waypoints": [(x, y), (x + NEARBY, y)], "lap_time": 1e5}
+
+
+class LawLoop:
+    """One arm of `FlexArm/Paper-v0`, whose invalid states end nothing."""
+
+    def __init__(self, **options: Any) -> None:
+        """Lay it out; `options`: beside those of the id."""
+        self.simulator = BatchSimulator(Settings.of(gymnasium.spec(PAPER).kwargs | options), 1)
+
+    def begin(self, state: ArrayLike) -> Array:
+        """Begin at a public state; return it. Shape (4 + 4 m,)."""
+        requests = reset_requests_of({"state": state}, self.simulator)
+        self.simulator.start(np.zeros(1, dtype=np.uint64), np.zeros(1, dtype=np.int64), requests)
+        return self.state
+
+    def advance(self, gain: float, noise: ArrayLike = (0.0, 0.0)) -> Array:
+        """Hold a gain, and noise of the sensor [m], for a period; return the state then. Shape (4 + 4 m,)."""
+        self.simulator._put("GAIN_LIMIT", np.array([[gain]]))
+        self.simulator._put("NOISE", np.asarray(noise)[None])
+        self.simulator.actions[:] = 1.0
+        self.simulator.step()
+        return self.state
+
+    @property
+    def state(self) -> Array:
+        """The present state. Shape (4 + 4 m,)."""
+        return self.simulator.result(0)[self.simulator.parts["STATE"]]
+
+
+def loop_of(problem: Problem, physics_step: float | None = None) -> LawLoop:
+    sensor, law = problem.sensor, problem.law
     corners = [problem.reference(CORNER * k, CORNER * k)[0] for k in range(4)]
-    corners += corners[:1]
-    path = ReferencePath(np.column_stack([CORNER * np.arange(5.0), np.real(corners), np.imag(corners)]))
-    return ClosedLoop(FlexibleArm(problem.arm), [LoopCase(problem.sensor, problem.law)], path, PERIOD, physics_step)
+    path = {"reference": "waypoints", "waypoints": [(at.real, at.imag) for at in corners]}
+    if problem.rest_at is not None:
+        path = resting_at(problem.rest_at.real, problem.rest_at.imag)
+    return LawLoop(
+        arm=problem.arm,
+        sensor=sensor.model,
+        sensor_position=sensor.position,
+        delay=sensor.delay,
+        delayed=sensor.delayed,
+        rate_jacobian=sensor.rate_jacobian,
+        proportional_gain=law.proportional_gain,
+        derivative_gain=law.derivative_gain,
+        compensation=law.compensation,
+        torque_limit=law.torque_limit,
+        physics_step=physics_step,
+        **path,
+    )
 
 
 def simulated(problem: Problem, physics_step: float | None = None) -> Array:
     """States at all control instants. Shape (periods + 1, 4 + 4 m)."""
     loop = loop_of(problem, physics_step)
-    loop.reset(problem.start_state()[None])
-    states = [loop.results().state[0]]
-    for gain, noise in zip(problem.gains(), problem.noises(), strict=True):
-        loop.advance([gain], noise[None])
-        states.append(loop.results().state[0])
+    states = [loop.begin(problem.start_state())]
+    states += [loop.advance(gain, noise) for gain, noise in zip(problem.gains(), problem.noises(), strict=True)]
     return np.array(states)
 
 

@@ -21,7 +21,6 @@ from flexarm_env.envs.batch import BatchSimulator
 from flexarm_env.envs.settings import Settings
 from flexarm_env.episode.step import GAIN, HOST_PROGRAMS, PROGRAMS, TORQUE, TRACKING, step_only
 from flexarm_env.kernels.entries import word
-from flexarm_env.kernels.loop import LOOP
 from flexarm_env.kernels.variants import Variant
 from tests.support.quick import run_quickly
 
@@ -34,7 +33,7 @@ def is_shared(variant: AnyVariant) -> bool:
 def run_plainly(
     monkeypatch: pytest.MonkeyPatch, compiled: Callable[[AnyVariant], bool] = lambda variant: False
 ) -> None:
-    """Let environments and closed loops step in plain Python; what else uses kernels compiles them as ever.
+    """Let environments step in plain Python; what else uses kernels compiles them as ever.
 
     Args:
         monkeypatch: undoes it.
@@ -43,7 +42,7 @@ def run_plainly(
     load, compiled_entry = assembly.load, cache.compiled_entry
 
     def load_plain(variant: AnyVariant) -> Any:
-        if variant.program not in (LOOP, *_EPISODES) or compiled(variant):
+        if variant.program not in _EPISODES or compiled(variant):
             return load(variant)
         entries = variant.program.entries(variant.lanes)
         return SimpleNamespace(**{entry.__name__: _PlainEntry(entry, variant) for entry in entries})
@@ -57,8 +56,8 @@ def run_plainly(
 
 
 def compile_what_is_shared(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let environments step in plain Python unless their kernels are shared; closed loops are compiled."""
-    run_plainly(monkeypatch, lambda variant: variant.program is LOOP or is_shared(variant))
+    """Let environments step in plain Python unless their kernels are shared."""
+    run_plainly(monkeypatch, is_shared)
 
 
 class _PlainEntry(NamedTuple):

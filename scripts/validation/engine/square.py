@@ -9,26 +9,15 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
+import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
 from flexarm_baselines import FLSAC, IFDC
 from flexarm_baselines.paper_law.flsac import REFERENCE_DEFLECTION
 from flexarm_baselines.paper_law.fuzzy import paper_system
-from flexarm_env import (
-    ArmParameters,
-    FlexibleArm,
-    LawParameters,
-    LoopCase,
-    SensorParameters,
-    SquareParameters,
-    inverse_kinematics,
-    square,
-    square_loop,
-)
+from flexarm_env import ArmParameters, SquareParameters, inverse_kinematics, run_batch, square
 from flexarm_env.laps import SETTLED
-from flexarm_env.rollout import run_batch
-from flexarm_env.simulation.closed_loop import observation_blocks
 from scripts.validation.engine.laws import law_lap
 from scripts.validation.engine.models import Model
 from scripts.validation.engine.motion import rms
@@ -51,11 +40,8 @@ LAWS: dict[str, Callable[[Array], float]] = {"ifdc": lambda deflection: 1.0, "fl
 
 def laws_on_model(parameters: ArmParameters, seconds: float) -> dict[str, Array]:
     """Return the tip under each law, every `HELD`. Shape (n, 2) each."""
-    arm = FlexibleArm(parameters)
-    loop, starts = square_loop(arm, [LoopCase(SensorParameters(), LawParameters())] * len(LAWS))
-    blocks = observation_blocks(parameters.modes_per_link)
-    fuzzy = FLSAC(blocks["modal_coordinates"], np.array([link.tip_values for link in arm.modes]))
-    runs = run_batch(loop, starts, [IFDC(), fuzzy], np.ones(2), round(seconds / HELD))
+    envs = gymnasium.make_vec("FlexArm/Paper-v0", num_envs=len(LAWS), arm=parameters)
+    runs = run_batch(envs, [IFDC(), FLSAC.for_env(envs)], max_steps=round(seconds / HELD))  # type: ignore[arg-type]
     return {name: run.tip for name, run in zip(LAWS, runs, strict=True)}
 
 

@@ -13,6 +13,7 @@ from tests.support.loops import END_EFFECTOR, NEAR_ELBOW, PER_JOINT, SHARED, arm
 from tests.support.oracle import COLLOCATED, PAPER, PERIOD, Problem, oracle, square_at
 
 Array = NDArray[np.float64]
+pytestmark = pytest.mark.compiled
 
 # --- the closed loop against the oracle ---------------------------------------------------------------------
 

@@ -12,6 +12,8 @@ from flexarm_env import SensorParameters
 from tests.support.loops import END_EFFECTOR, PER_JOINT, SHARED, simulated
 from tests.support.oracle import PAPER, Problem
 
+pytestmark = pytest.mark.compiled
+
 
 def test_no_delay_is_the_collocated_loop_bit_for_bit() -> None:
     collocated = simulated(Problem(periods=200))

@@ -1,11 +1,7 @@
-"""The driver that Python calls: one control period of every lane, of the paper's loop and of environments alike.
+"""The driver that Python calls: one control period of every lane.
 
-A period is the same for all simulators. First the arms of a block move, and lanes that start are put at their start;
-then what is known is measured and reported. (Between these halves a host moves a plant of its own.) What moves the
-arms, where they start and what is reported are parts of the program (`act`, `begin`, `report`): `loop` has those of the
-paper's loop, `flexarm_env.episode.step` those of environments. What the parts have in common is below them, once: the
-delay line and its sensor (`delay_line`), the law (`imex`, `law`), the reference (`reference`), the state's status
-(`status`). So the paper's loop needs no episode and no reward, and has the bits of an environment driven by the gain.
+First the arms of a block move, and lanes that begin an episode are put at their start; then the sensors measure, and
+observation, reward and status are written. Between these halves a host moves a plant of its own (`step.step_half`).
 `imex` explains lanes, blocks and arenas.
 """
 
@@ -15,75 +11,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexarm_env.codegen.arrays import Arena, Clock, History, LaneRow, Mask, Memory, Paths, Table, Words
-from flexarm_env.codegen.declarations import chosen_by_program, inlined_in_its_caller
+from flexarm_env.codegen.declarations import inlined_in_its_caller
 from flexarm_env.codegen.intrinsics import array_at
+from flexarm_env.episode.actuation import drive
+from flexarm_env.episode.first_readings import begin_sensors
+from flexarm_env.episode.observe import observe, take_actions
+from flexarm_env.episode.reset import reset_lanes
 from flexarm_env.kernels.delay_line import fill_history, store_reading
 from flexarm_env.kernels.entries import CLOCK_ROWS, clock_row, setting, word
 from flexarm_env.kernels.law import start_law
 from flexarm_env.kernels.layout import row
 from flexarm_env.kernels.variants import variant
-
-
-@chosen_by_program
-def act(
-    memory: Memory,
-    arena: Arena,
-    history: History,
-    clock: Clock,
-    paths: Paths,
-    header: Words,
-    settings: Table,
-    first: int,
-) -> None:
-    """Move the arms of a block over a control period.
-
-    Args:
-        memory: of the batch, for the arrays that only some programs have.
-        arena: of the block.
-        history: readings at past steps.
-        clock: of each lane.
-        paths: of all lanes.
-        header: see `entries.Header`.
-        settings: see `entries.Setting`.
-        first: lane of the block among all.
-    """
-
-
-@chosen_by_program
-def begin(
-    memory: Memory,
-    arena: Arena,
-    history: History,
-    clock: Clock,
-    paths: Paths,
-    header: Words,
-    settings: Table,
-    first: int,
-    started: Mask,
-) -> None:
-    """Put the lanes of a block that start at their start; the others do not change.
-
-    Args: as `act`, and
-        started: which lanes start. Shape (lanes,).
-    """
-
-
-@chosen_by_program
-def report(
-    memory: Memory,
-    arena: Arena,
-    history: History,
-    clock: Clock,
-    paths: Paths,
-    header: Words,
-    settings: Table,
-    first: int,
-    started: Mask,
-) -> None:
-    """Measure and write what is known of a block at the present instant; see `begin`.
-
-    The delay lines of lanes that start are filled as of arms that rested before.
-    """
 
 
 def step_blocks(memory: Memory, low: int, high: int, results: NDArray[np.float64]) -> None:
@@ -103,16 +41,16 @@ def step_blocks(memory: Memory, low: int, high: int, results: NDArray[np.float64
         started = array_at(memory, header[word.STARTS], (first + variant.lanes,), np.bool_)[first:]
         for at in range(results.shape[0]):
             known: LaneRow = arena[row.STATE + at]
-            told = results[at, first : first + variant.lanes]
+            output = results[at, first : first + variant.lanes]
             for i in range(variant.lanes):
-                told[i] = known[i]
+                output[i] = known[i]
         for i in range(variant.lanes):
             started[i] = False
 
 
 @inlined_in_its_caller
 def step_block(memory: Memory, block: int, deciding: bool, observing: bool) -> None:
-    """Advance a block by one control period, unless `DRIVING` is 0, and then start the lanes that are to start.
+    """Advance a block by one control period, unless `DRIVING` is 0, and then begin the episodes that are to begin.
 
     One measurement at the end serves both kinds of lanes. The caller clears the marks of the lanes that started.
 
@@ -140,9 +78,11 @@ def step_block(memory: Memory, block: int, deciding: bool, observing: bool) -> N
     if not (driving or starting):
         return
     if driving and deciding:
-        act(memory, arena, history, clock, paths, header, settings, first)
+        actions = array_at(memory, header[word.ACTIONS], (first + variant.lanes, header[word.CHANNELS]), np.float32)
+        take_actions(arena, actions, first, header)
+        drive(arena, history, clock, paths, header, settings)
     if starting and deciding:
-        begin(memory, arena, history, clock, paths, header, settings, first, started)
+        reset_lanes(memory, arena, clock, paths, header, settings, first, started)
     if not observing:
         return
     if starting:
@@ -156,3 +96,46 @@ def step_block(memory: Memory, block: int, deciding: bool, observing: bool) -> N
     if variant.law:
         if starting:
             start_law(arena, history, clock, paths, settings[setting.STEP], started)
+
+
+@inlined_in_its_caller
+def report(
+    memory: Memory,
+    arena: Arena,
+    history: History,
+    clock: Clock,
+    paths: Paths,
+    header: Words,
+    settings: Table,
+    first: int,
+    started: Mask,
+) -> None:
+    """Observe the lanes of a block, or those that begin an episode.
+
+    Args:
+        memory: of the batch.
+        arena: of the block.
+        history: readings at past steps.
+        clock: of each lane.
+        paths: of all lanes.
+        header: see `entries.Header`.
+        settings: see `entries.Setting`.
+        first: lane of the block among all.
+        started: lanes that begin an episode. Shape (lanes,).
+    """
+    lanes = first + variant.lanes
+    keys = array_at(memory, header[word.KEYS], (lanes,), np.uint64)[first:]
+    active = array_at(memory, header[word.ACTIVE], (lanes,), np.bool_)[first:]
+    observations = array_at(memory, header[word.OBSERVATIONS], (lanes, header[word.OBSERVED]), np.float32)
+    starting = False
+    for i in range(variant.lanes):
+        starting = starting or started[i]
+        active[i] = header[word.DRIVING] != 0 or started[i]
+    if starting:
+        begin_sensors(arena, history, clock, keys, paths, header, settings, started)
+    observe(arena, history, clock, keys, paths, header, settings, observations, first, active)
+    for i in range(variant.lanes if starting else 0):
+        if started[i]:  # a reset has no reward
+            for n in range(variant.reward_terms):
+                arena[row.REWARD_TERMS + n, i] = 0.0
+            arena[row.REWARD, i] = 0.0
