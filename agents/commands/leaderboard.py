@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
+import argparse
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from flexarm_agents.board.cells import Store
 from flexarm_agents.board.columns import COLUMNS, measurable
 from flexarm_agents.board.measure import DATA, INCOMPLETE, chosen_columns, chosen_rows, measure, write
+from flexarm_agents.board.rows import Row
 from flexarm_agents.board.tables import tables
 from flexarm_agents.board.terms import BOARD
 from flexarm_agents.commands.arguments import json_object, reader, width
 from flexarm_agents.commands.progress import Progress
 from flexarm_agents.commands.text import from_markdown
 from flexarm_agents.jobs.executors import EXECUTORS, executor
-from flexarm_agents.jobs.failures import check_failures
+from flexarm_agents.jobs.failures import Failure, check_failures
 
 DESCRIPTION = f"""\
 Measure controllers and policies on the leaderboard's tasks and axes: {", ".join(COLUMNS)}. Cells are kept in the
@@ -24,36 +27,51 @@ computes its own row anew only. Without the extra `chain` the chain's cells are 
 algebra or an agent takes minutes for all columns, a predictive controller most of an hour."""
 
 
+def parser() -> argparse.ArgumentParser:
+    """Make the parser of the verb's arguments."""
+    made = reader("leaderboard", DESCRIPTION)
+    made.add_argument("--rows", nargs="+", default=(), metavar="ROW", help="names of rows; without it, all")
+    columns = "names of columns; without it, all"
+    made.add_argument("--columns", nargs="+", default=tuple(COLUMNS), metavar="COLUMN", help=columns)
+    added = "further rows: module:attribute, a training's folder or npz file, or a JSON file with the fields of a row"
+    made.add_argument("--add", nargs="+", default=(), metavar="SOURCE", help=added)
+    made.add_argument("--without", nargs="+", default=(), metavar="ROW", help="names of rows to leave out")
+    output = Path("results/leaderboard")
+    made.add_argument("--output", type=Path, default=output, help=f"folder; its cells are taken over; {output}")
+    made.add_argument("--jobs", type=int, default=2, metavar="N", help="processes, or tasks of Slurm; 2")
+    made.add_argument("--executor", choices=EXECUTORS, default="processes", help="where cells are computed; processes")
+    made.add_argument("--submitit", type=json_object, default={}, metavar="JSON", help="parameters of submitit")
+    return made
+
+
+def measured(given: argparse.Namespace) -> tuple[list[Row], dict[str, Any], list[Failure]]:
+    """Measure what is chosen, and write tables and JSON.
+
+    Args:
+        given: arguments of `parser`.
+
+    Returns:
+        The chosen rows, the board, and the cells that could not be computed.
+    """
+    rows = chosen_rows(given.rows, given.without, given.add)
+    chosen, left_out = measurable(chosen_columns(given.columns))
+    if left_out:
+        print(left_out, file=sys.stderr)
+    where = executor(given.executor, given.jobs, given.output / "submitit", given.submitit)
+    store = Store(given.output / "cells")
+    results, failed = measure(rows, chosen, store, where, lambda total: Progress(total, "cells"))
+    write(results, given.output)
+    return rows, results, failed
+
+
 def run(arguments: Sequence[str]) -> None:
     """Measure, write tables and JSON, print the ranking.
 
     Raises:
         OSError: if cells could not be computed.
     """
-    parser = reader("leaderboard", DESCRIPTION)
-    parser.add_argument("--rows", nargs="+", default=(), metavar="ROW", help="names of rows; without it, all")
-    columns = "names of columns; without it, all"
-    parser.add_argument("--columns", nargs="+", default=tuple(COLUMNS), metavar="COLUMN", help=columns)
-    added = "further rows: module:attribute, a training's folder or npz file, or a JSON file with the fields of a row"
-    parser.add_argument("--add", nargs="+", default=(), metavar="SOURCE", help=added)
-    parser.add_argument("--without", nargs="+", default=(), metavar="ROW", help="names of rows to leave out")
-    output = Path("results/leaderboard")
-    parser.add_argument("--output", type=Path, default=output, help=f"folder; its cells are taken over; {output}")
-    parser.add_argument("--jobs", type=int, default=2, metavar="N", help="processes, or tasks of Slurm; 2")
-    parser.add_argument(
-        "--executor", choices=EXECUTORS, default="processes", help="where cells are computed; processes"
-    )
-    parser.add_argument("--submitit", type=json_object, default={}, metavar="JSON", help="parameters of submitit")
-    given = parser.parse_args(arguments)
-    rows = chosen_rows(given.rows, given.without, given.add)
-    chosen, left_out = measurable(chosen_columns(given.columns))
-    if left_out:
-        print(left_out, file=sys.stderr)
-    where = executor(given.executor, given.jobs, given.output / "submitit", given.submitit)
-    results, failed = measure(
-        rows, chosen, Store(given.output / "cells"), where, lambda total: Progress(total, "cells")
-    )
-    write(results, given.output)
+    given = parser().parse_args(arguments)
+    rows, results, failed = measured(given)
     found = tables(results)
     for text in [found["ranking"]] if "ranking" in found else found.values():
         print(f"{from_markdown(text, width())}\n")

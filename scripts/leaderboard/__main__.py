@@ -1,32 +1,22 @@
-"""Measure controllers and agents on the board's tasks and axes; write tables, pictures and JSON.
-
-Each cell, a row at a point, is kept in `cells/` under a hash of all that it depends on: an interrupted run goes on
-where it was, and a changed policy recomputes its own row only. docs/submit.md tells how to add a row.
-"""
+"""Measure the board as `flexarm leaderboard` does; draw pictures, time the entries, bring the page up to date."""
 
 from __future__ import annotations
 
+import argparse
 import json
 import shutil
-from dataclasses import dataclass
 from pathlib import Path
 
-import tyro
 from tqdm import tqdm
 
-from flexarm_agents.board.cells import Store
-from flexarm_agents.board.columns import COLUMNS, Column, measurable
-from flexarm_agents.board.measure import DATA, INCOMPLETE, chosen_columns, chosen_rows, measure, write
-from flexarm_agents.board.rows import Row
+from flexarm_agents.board.columns import COLUMNS, measurable
+from flexarm_agents.board.measure import DATA, INCOMPLETE, write
 from flexarm_agents.board.summary import breaking
 from flexarm_agents.board.tables import tables
 from flexarm_agents.board.terms import BOARD
-from flexarm_agents.commands.arguments import json_object
-from flexarm_agents.commands.progress import Progress
+from flexarm_agents.commands import leaderboard
 from flexarm_agents.files import put
-from flexarm_agents.jobs.executors import EXECUTORS, executor
 from flexarm_agents.jobs.failures import check_failures
-from flexarm_env.validation import choice
 from scripts.common.command_line import run
 from scripts.common.markdown import DOCS, filled
 from scripts.common.result_files import write_json
@@ -39,34 +29,6 @@ PICTURES = {
 }
 TIMES = "times.json"
 PAGE = "leaderboard.md"
-
-
-@dataclass
-class Options:
-    """The leaderboard."""
-
-    rows: tuple[str, ...] = ()
-    """Names of rows; without any, all: the controllers, the shipped policies, and those of `add`."""
-    columns: tuple[str, ...] = tuple(COLUMNS)
-    """Names of columns."""
-    add: tuple[str, ...] = ()
-    """Further rows: module:attribute, a training's folder or npz file; or a JSON file with the fields of a row."""
-    output: Path = Path("results/leaderboard")
-    """Folder for the results; its cells are taken over."""
-    jobs: int = 2
-    """Processes, or tasks of Slurm."""
-    executor: str = "processes"
-    """Where cells are computed: processes, ray, slurm, or submitit-local, a trial of slurm on this machine."""
-    submitit: str = "{}"
-    """Parameters of submitit as a JSON object, e.g. {"slurm_partition": "cpu"}."""
-    without: tuple[str, ...] = ()
-    """Names of rows to leave out."""
-    times: bool = False
-    """Measure how long each row takes to choose an action; the machine must be idle. Else the last figures stay."""
-    docs: bool = False
-    """Bring docs/leaderboard.md, its JSON and its pictures up to date."""
-    measure: bool = True
-    """Without it, only the tables and the pictures are made anew from docs/leaderboard.json."""
 
 
 def update_docs(folder: Path) -> None:
@@ -89,7 +51,7 @@ def update_docs(folder: Path) -> None:
 
 
 def present(folder: Path) -> None:
-    """Write the committed board's tables anew, and the pictures that need its figures only; see `Options.measure`."""
+    """Write the committed board's tables anew, and the pictures that need its figures only."""
     results = json.loads((DOCS / DATA).read_text())
     for row in results["rows"]:
         for name, column in row["columns"].items():
@@ -101,19 +63,31 @@ def present(folder: Path) -> None:
     update_docs(folder)
 
 
-def chosen(options: Options) -> tuple[list[Row], dict[str, Column]]:
-    """Return the rows and columns that are asked for.
+def check(given: argparse.Namespace) -> None:
+    """Refuse to show less than the whole board on the page.
 
     Raises:
-        ValueError: for an unknown row, column or executor, or a page of less than the whole board.
+        ValueError: for `--docs` with other arguments than it can go with.
     """
-    choice("executor", options.executor, EXECUTORS)
-    found = chosen_rows(options.rows, options.without, options.add), chosen_columns(options.columns)
-    if options.docs and (options.rows or options.columns != tuple(COLUMNS)):
+    if not given.docs:
+        return
+    if given.rows or tuple(given.columns) != tuple(COLUMNS):
         raise ValueError("docs = True: the page shows the whole board; must go without rows and columns")
-    if options.docs and not (options.times or (options.output / TIMES).is_file()):
-        raise ValueError(f"docs = True: {options.output} has no {TIMES}; must go with times")
-    return found
+    if left_out := measurable(COLUMNS)[1]:
+        raise ValueError(f"docs = True: the page shows the whole board; {left_out}")
+    if not (given.times or (given.output / TIMES).is_file()):
+        raise ValueError(f"docs = True: {given.output} has no {TIMES}; must go with times")
+
+
+def parser() -> argparse.ArgumentParser:
+    """Make the parser of the arguments: those of `flexarm leaderboard`, and three."""
+    made = leaderboard.parser()
+    made.prog = "python -m scripts.leaderboard"
+    made.add_argument("--times", action="store_true", help="time each row on an idle machine; else the last times stay")
+    made.add_argument("--docs", action="store_true", help=f"bring docs/{PAGE}, its JSON and its pictures up to date")
+    only = f"make only the tables and the pictures of axes anew, from docs/{DATA}"
+    made.add_argument("--no-measure", action="store_true", help=only)
+    return made
 
 
 def main() -> None:
@@ -122,32 +96,23 @@ def main() -> None:
     Raises:
         OSError: if cells could not be computed.
     """
-    options = tyro.cli(Options, prog="python -m scripts.leaderboard")
-    if not options.measure:
-        present(options.output / "presented")
+    given = parser().parse_args()
+    if given.no_measure:
+        present(given.output / "presented")
         return
-    rows, columns = chosen(options)
-    columns, left_out = measurable(columns)
-    if left_out and options.docs:
-        raise ValueError(f"docs = True: the page shows the whole board; {left_out}")
-    if left_out:
-        print(left_out)
-    parameters = json_object(options.submitit)
-    where = executor(options.executor, options.jobs, options.output / "submitit", parameters)
-    store = Store(options.output / "cells")
-    results, failed = measure(rows, columns, store, where, lambda total: Progress(total, "cells"))
-    write(results, options.output)
-    if options.times:
+    check(given)
+    rows, results, failed = leaderboard.measured(given)
+    if given.times:
         with tqdm(total=len(rows), unit="row", desc="timing") as bar:
             found = times(rows, bar.update)
-        write_json(options.output / TIMES, found)
-        put(options.output / "times.md", lambda aside: aside.write_text(times_table(found)))
-    draw(results, options.output / "figures")
+        write_json(given.output / TIMES, found)
+        put(given.output / "times.md", lambda aside: aside.write_text(times_table(found)))
+    draw(results, given.output / "figures")
     print(tables(results).get("ranking", ""), end="")
-    print(f"{options.output}: board {BOARD}, {len(results['rows'])} of {len(rows)} rows")
-    check_failures(failed, options.output, INCOMPLETE)
-    if options.docs:
-        update_docs(options.output)
+    print(f"{given.output}: board {BOARD}, {len(results['rows'])} of {len(rows)} rows")
+    check_failures(failed, given.output, INCOMPLETE)
+    if given.docs:
+        update_docs(given.output)
 
 
 if __name__ == "__main__":

@@ -37,6 +37,7 @@ def test_the_verb_measures_what_it_is_asked_for(
         (("--rows", "nobody"), "rows = 'nobody': must be one of 'ifdc'"),
         (("--columns", "colour"), "columns = 'colour': must be one of 'nominal'"),
         (("--jobs", "0"), "jobs = 0: must be an integer >= 1"),
+        (("--without", "nobody"), "without = 'nobody'"),
     ],
 )
 def test_the_verb_refuses(arguments: tuple[str, ...], words: str) -> None:
