@@ -18,7 +18,7 @@ _ERRORS = ("rms", "maximum", "rms_after_2s", "maximum_after_2s")  # of `LapFigur
 
 
 class Score(NamedTuple):
-    """Figures of one episode; `str` gives its errors, or why and when the episode ended early.
+    """Figures of one episode; `str` gives its errors, or when and why it was lost.
 
     They are of those of `flexarm_env.metrics.LapFigures`.
 
@@ -77,7 +77,7 @@ class Score(NamedTuple):
     def __str__(self) -> str:
         """In one line: the errors of a complete episode; of another, why and when it ended."""
         if self.rms is None:
-            return f"ended early: {self.ended} after {self.duration:.2f} s"
+            return f"lost after {self.duration:.2f} s: {self.ended}"
         later = "" if self.rms_after_2s is None else f", {self.rms_after_2s:.3f} m after 2 s"
         return f"{self.rms:.3f} m r.m.s. over {self.duration:g} s{later}, {self.maximum:.3f} m at most"
 

@@ -30,7 +30,7 @@ def test_an_early_end_has_no_lap_error_and_no_better_rank() -> None:
     """An LQR that died at the first corner showed 0.255 m beside 0.321 m for its own full lap."""
     died, whole = lap(0.255, "deflection", 4.12), lap(0.321)
     assert whole.rank < died.rank
-    assert str(died) == "ended early: deflection after 4.12 s"
+    assert str(died) == "lost after 4.12 s: deflection"
     assert str(whole) == "0.321 m r.m.s. over 16 s, 0.321 m after 2 s, 0.321 m at most"
     both, one, none = StandardScore(whole, whole), StandardScore(lap(0.1), died), StandardScore(died, died)
     assert rank([both]) < rank([one]) < rank([none])

@@ -181,7 +181,7 @@ def test_each_evaluation_is_logged_where_there_is_no_bar(tmp_path: Path, caplog:
         train(TrainingConfig(**TINY), tmp_path / "run", progress=True)
     lines = [record.getMessage() for record in caplog.records]
     assert len(lines) == 2
-    early = r"ended early: \w+ after \d\.\d\d s"
+    early = r"lost after \d\.\d\d s: \w+"
     ended = rf"swing lap: {early}; plain lap: {early}; none with complete laps yet"
     assert re.fullmatch(rf" +256 steps +\d+ s  {ended}", lines[0])
     assert re.fullmatch(rf" +512 steps +\d+ s  {ended}", lines[1])

@@ -19,6 +19,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import psutil
 import pytest
 
 from flexarm_agents.policies.load import load_policy
@@ -144,7 +145,7 @@ TASKS = {
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="needs /proc")
+@pytest.mark.skipif(os.name != "posix", reason="POSIX signals")
 @pytest.mark.parametrize("name", TASKS)
 def test_a_killed_task_loses_nothing(name: str, tmp_path: Path) -> None:
     task, rng = TASKS[name], random.Random(f"5 {name}")
@@ -232,20 +233,17 @@ def _check_all_gone(group: int) -> None:
         AssertionError: if one goes on.
     """
     until = time.monotonic() + LINGER
-    while members := _members(group):
+    while members := [one.pid for one in psutil.process_iter(["status"]) if _runs_in(group, one)]:
         assert time.monotonic() < until, f"processes {members} go on without their parent"
         time.sleep(0.05)
 
 
-def _members(group: int) -> list[int]:
-    """Return the processes of a group that run; one that has ended and was not waited for does not."""
-    found = []
-    for path in Path("/proc").glob("[0-9]*/stat"):
-        with suppress(OSError):  # it has just ended
-            state, _, of = path.read_text().rpartition(")")[2].split()[:3]
-            if int(of) == group and state != "Z":
-                found.append(int(path.parent.name))
-    return found
+def _runs_in(group: int, process: psutil.Process) -> bool:
+    """Return whether a process of a group runs; one that has ended and was not waited for does not."""
+    try:
+        return os.getpgid(process.pid) == group and process.info["status"] != psutil.STATUS_ZOMBIE
+    except ProcessLookupError:  # it has just ended
+        return False
 
 
 def _begin(task: Task, folder: Path) -> subprocess.Popen[str]:

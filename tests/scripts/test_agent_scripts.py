@@ -59,7 +59,7 @@ def test_train_and_resume(flexarm: Shell) -> None:
     again = ("train", *TINY, "--steps", "256", "--seed", "3", "--options", '{"noise": 0.001}')
     result = flexarm(*again)
     assert result.returncode == 0, result.stderr
-    assert "best: swing lap: ended early: error after " in result.stdout
+    assert "best: swing lap: lost after " in result.stdout
     assert "s, compiling included" in result.stdout
     run = flexarm.folder / "runs" / "Square-v0-3"
     assert json.loads((run / "config.json").read_text())["options"] == {"noise": 0.001}

@@ -64,7 +64,7 @@ def test_a_training_of_another_version_is_refused(tmp_path: Path, monkeypatch: p
     trained(config, tmp_path / "run")
     elsewhere = training(0, 0.1)
     monkeypatch.setattr("scripts.common.trainings.evaluate", lambda *given: StandardScore.of(elsewhere.best))
-    with refuses(ValueError, "run: its best policy scored swing lap: ended early", "remove the folder"):
+    with refuses(ValueError, "run: its best policy scored swing lap: lost", "remove the folder"):
         trained(config, tmp_path / "run")
 
 
