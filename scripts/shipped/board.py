@@ -12,7 +12,6 @@ from flexarm_agents.board.cells import Cell, Store
 from flexarm_agents.board.columns import COLUMNS, Point
 from flexarm_agents.board.rows import Row
 from flexarm_agents.board.summary import LIMIT, counted, merged, point_summary
-from flexarm_agents.board.terms import SQUARE
 from flexarm_agents.policies.load import load_policy
 from flexarm_env.laps import LAPS
 from scripts.common.cells import results
@@ -21,7 +20,6 @@ from scripts.common.spreads import millimetres, spread_text
 
 Figures = Mapping[str, Any]  # by `TASKS` of the board and "unknown", then by lap
 Card = Mapping[str, Any]  # of a shipped agent
-SCORED = ("rms", "rms_after_2s", "torque_change")
 PUBLISHED = DOCS / "leaderboard.json"
 MEASURED: dict[str, tuple[Point, ...]] = {
     **{str(point.value): (point,) for point in COLUMNS["nominal"].points if point.value in ("square", "chain")},
@@ -90,8 +88,7 @@ def compared(cards: Mapping[str, Card]) -> Iterator[tuple[str, list[Figures]]]:
     """Yield controllers and agents of the board's arm with figures, an agent's for each training that was measured.
 
     Args:
-        cards: of the shipped agents, by name. One that was trained before trainings were measured has the published
-            row of the shipped policy instead.
+        cards: of the shipped agents, by name.
     """
     rows, _ = published()
     for name, text in CONTROLLERS.items():
@@ -100,19 +97,15 @@ def compared(cards: Mapping[str, Card]) -> Iterator[tuple[str, list[Figures]]]:
     for name, card in cards.items():
         if load_policy(name).has_own_arm:
             continue  # the board is of the default one
-        own = [one["board"] for one in card["trainings"] if "board" in one]
-        yield f"agent `{name}`", own or [rows[f"agent {name}"]]
+        yield f"agent `{name}`", [one["board"] for one in card["trainings"]]
 
 
 def nominal(cards: Mapping[str, Card]) -> str:
     """Tabulate the nominal laps beside the best plans known."""
     _, plans = published()
     lines = [("best plans known", "-", *(cell for lap in LAPS for cell in _plan_cells(plans[lap])), "-")]
-    scored = {f"agent `{name}`": card["trainings"] for name, card in cards.items() if _nominally_scored(card)}
     for text, several in compared(cards):
         laps = [_laps(one["square"]) for one in several]
-        if text in scored:
-            laps = [{lap: Nominal(*(one[lap][name] for name in SCORED)) for lap in LAPS} for one in scored[text]]
         cells = [cell for lap in LAPS for cell in _nominal_cells([one[lap] for one in laps], plans[lap])]
         pairs = [lap.torque_change for one in laps for lap in one.values()]
         change = "-" if None in pairs else f"{max(max(pair) for pair in pairs if pair is not None):.1f}"
@@ -149,12 +142,6 @@ def _nominal_cells(laps: list[Nominal], plan: Mapping[str, float]) -> tuple[str,
     median = Spread.of(errors).median
     times = "-" if median is None else f"{median / plan['rms']:.2f}"
     return _errors(errors, 1), times, _errors([lap.rms_after_2s for lap in laps], 1)
-
-
-def _nominally_scored(card: Card) -> bool:
-    """Return whether the evaluations of an agent's trainings were its nominal laps."""
-    config = card["config"]
-    return bool(config["environment"] == SQUARE and config["evaluation_laps"] == 1)
 
 
 def _laps(summary: Mapping[str, Any]) -> dict[str, Nominal]:
