@@ -8,14 +8,13 @@ from __future__ import annotations
 
 import importlib
 import os
-import shutil
 import warnings
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
+import gymnasium
 import numpy as np
 import tyro
 from tqdm import tqdm
@@ -24,20 +23,16 @@ from flexarm_agents import shipped_policies
 from flexarm_agents.environments import make_one
 from flexarm_agents.evaluation.candidates import ENVIRONMENT, Candidate, from_controller, from_training
 from flexarm_baselines.registry import controller_names
-from flexarm_env import end_reason
-from flexarm_env.envs.single import FlexArmEnv
 from flexarm_env.extras import needs_extra
 from flexarm_env.laps import LAPS
-from flexarm_env.predictor import predictor
+from flexarm_env.rollout import run_policy
 from flexarm_env.validation import choice, integer, number, shown
 from scripts.common.command_line import run
 from scripts.common.markdown import table
-from scripts.common.result_files import replacing, write_json
+from scripts.common.result_files import write_json
 
 RANDOM = "random"
 NAMES = ("id", "episodes", "complete", "steps")
-ROOT = "MINARI_DATASETS_PATH"  # where Minari reads and writes
-CONTENT = "data"  # Minari's folder in that of a data set
 
 
 @dataclass
@@ -60,26 +55,37 @@ class Options:
     """For the data sets and a summary; data sets of the same names are replaced."""
 
 
-class Episode(NamedTuple):
-    """A lap of one contender.
+class Recorder(gymnasium.Wrapper[Any, Any, Any, Any]):
+    """Collects what Minari keeps of an episode, in `buffer`."""
 
-    Attributes:
-        seed: of the reset.
-        options: of the reset.
-        observations: Shape (steps + 1, k).
-        actions: Shape (steps, channels).
-        rewards: Shape (steps,).
-        tip_errors: distance of the true tip from the reference at each observation [m]. Shape (steps + 1,).
-        ended: "truncated", or why it terminated.
-    """
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
+        """Begin an episode."""
+        observation, info = self.env.reset(seed=seed, options=options)
+        self.buffer: dict[str, Any] = {"seed": seed, "options": options, "observations": [observation]}
+        self.buffer |= {name: [] for name in ("actions", "rewards", "terminations", "truncations")}
+        self.buffer["infos"] = {"tip_error": [info["tip_error"]]}
+        return observation, info
 
-    seed: int
-    options: dict[str, Any]
-    observations: np.ndarray
-    actions: np.ndarray
-    rewards: np.ndarray
-    tip_errors: np.ndarray
-    ended: str
+    def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
+        """Step, and keep what happened.
+
+        Raises:
+            ValueError: if the action is outside of its space; the environment would clip it, and the data set would not
+                say what moved the arm.
+        """
+        action = np.asarray(action, self.action_space.dtype)
+        if not self.action_space.contains(action):
+            raise ValueError(
+                f"action = {shown(action)} in step {len(self.buffer['actions'])}: not in {self.action_space}"
+            )
+        found = self.env.step(action)
+        observation, reward, terminated, truncated, info = found
+        for name, value in (("observations", observation), ("actions", action), ("rewards", float(reward))):
+            self.buffer[name].append(value)
+        self.buffer["terminations"].append(terminated)
+        self.buffer["truncations"].append(truncated)
+        self.buffer["infos"]["tip_error"].append(info["tip_error"])
+        return found
 
 
 def dataset_id(name: str, delay: float) -> str:
@@ -105,126 +111,56 @@ def contender(name: str, options: dict[str, Any]) -> Candidate:
     return from_training(name, options, None)
 
 
-def recorded(one: Candidate, seed: int, lap: str) -> Episode:
-    """Run an episode.
+def recorded(one: Candidate, seed: int, lap: str) -> dict[str, Any]:
+    """Run an episode, and return the fields of Minari's buffer of it.
 
     Args:
         one: acts.
         seed: of the reset, and of random actions.
         lap: one of `LAPS`.
-
-    Raises:
-        ValueError: if an action is outside of its space; the environment would clip it, and the data set would not say
-            what moved the arm.
     """
-    env = one.env
-    assert isinstance(env.unwrapped, FlexArmEnv)
-    options = LAPS[lap].reset_options(env.unwrapped.settings.direction)
-    env.action_space.seed(seed)
-    observation, info = env.reset(seed=seed, options=options)
-    act = predictor(one.policy, deterministic=True)
-    observations, rewards, errors = [observation], [], [info["tip_error"]]
-    actions: list[np.ndarray] = []
-    memory, start, ended = None, np.ones(1, dtype=bool), None
-    while ended is None:
-        action, memory = act(observation, memory, start)
-        start = np.zeros(1, dtype=bool)
-        action = np.asarray(action, env.action_space.dtype)
-        if not env.action_space.contains(action):
-            raise ValueError(
-                f"action = {shown(action)} of {one.name} in step {len(actions)}: not in {env.action_space}"
-            )
-        observation, reward, terminated, truncated, info = env.step(action)
-        observations.append(observation)
-        actions.append(action)
-        rewards.append(float(reward))
-        errors.append(info["tip_error"])
-        if terminated:
-            ended = end_reason(info["end_code"])
-        elif truncated:
-            ended = "truncated"
-    arrays = (np.array(observations), np.array(actions), np.array(rewards), np.array(errors))
-    return Episode(seed, options, *arrays, ended)
+    recorder = Recorder(one.env)
+    recorder.action_space.seed(seed)
+    run_policy(recorder, one.policy, seed, lap=lap)
+    return recorder.buffer
 
 
-def saved(folder: Path, name: str, one: Candidate, episodes: list[Episode]) -> None:
-    """Write a data set aside, and put it in the place of one of the same id when it is complete.
+def saved(name: str, one: Candidate, episodes: list[dict[str, Any]]) -> None:
+    """Write a data set, in the place of one of the same id.
 
     Args:
-        folder: of the data sets.
         name: id.
         one: whose it is.
         episodes: what it holds.
-
-    Raises:
-        ValueError: if something that is no data set lies there.
     """
     minari = _minari()
-    with replacing(folder / name, CONTENT) as work:
-        aside = work / "aside"
-        with _minari_folder(aside), warnings.catch_warnings():
-            # Minari asks for an address and a link to the code, which whoever publishes the data set adds.
-            warnings.simplefilter("ignore", UserWarning)
-            minari.create_dataset_from_buffers(
-                name,
-                [buffer(index, episode) for index, episode in enumerate(episodes)],
-                env=one.env.spec,
-                algorithm_name=one.name,
-                author="FlexArm contributors",
-                description=f"Laps of the square by {one.name}; docs/recipes/minari.md",
-                requirements=["flexarm"],
-                data_format="hdf5",
-            )
-        os.replace(aside / name / CONTENT, work / CONTENT)
-        for path in aside.rglob("*.json"):  # of the namespaces that the id names; uploading needs them
-            os.replace(path, folder / path.relative_to(aside))
-        shutil.rmtree(aside)
+    buffer = importlib.import_module("minari.data_collector").EpisodeBuffer
+    if name in minari.list_local_datasets():
+        minari.delete_dataset(name)
+    with warnings.catch_warnings():
+        # Minari asks for an address and a link to the code, which whoever publishes the data set adds.
+        warnings.simplefilter("ignore", UserWarning)
+        minari.create_dataset_from_buffers(
+            name,
+            [buffer(id=index, **episode) for index, episode in enumerate(episodes)],
+            env=one.env.spec,
+            algorithm_name=one.name,
+            author="FlexArm contributors",
+            description=f"Laps of the square by {one.name}; docs/recipes/minari.md",
+            requirements=["flexarm"],
+            data_format="hdf5",
+        )
 
 
-@contextmanager
-def _minari_folder(folder: Path) -> Iterator[None]:
-    """Let Minari write into a folder within the block."""
-    before = os.environ.get(ROOT)
-    os.environ[ROOT] = str(folder.resolve())
-    try:
-        yield
-    finally:
-        del os.environ[ROOT]
-        if before is not None:
-            os.environ[ROOT] = before
-
-
-def buffer(index: int, episode: Episode) -> Any:
-    """Return an episode as Minari takes it.
-
-    Args:
-        index: of the episode in its data set.
-        episode: what happened.
-    """
-    flags = np.zeros((2, len(episode.rewards)), dtype=bool)
-    flags[int(episode.ended == "truncated"), -1] = True
-    return importlib.import_module("minari.data_collector").EpisodeBuffer(
-        id=index,
-        seed=episode.seed,
-        options=episode.options,
-        observations=list(episode.observations),
-        actions=list(episode.actions),
-        rewards=episode.rewards.tolist(),
-        terminations=flags[0].tolist(),
-        truncations=flags[1].tolist(),
-        infos={"tip_error": list(episode.tip_errors)},
-    )
-
-
-def summary(name: str, episodes: list[Episode]) -> dict[str, Any]:
+def summary(name: str, episodes: list[dict[str, Any]]) -> dict[str, Any]:
     """Return what a data set holds."""
-    whole = [episode for episode in episodes if episode.ended == "truncated"]
-    rms = [float(np.sqrt(np.mean(np.square(episode.tip_errors)))) for episode in whole]
+    complete = [episode for episode in episodes if episode["truncations"][-1]]
+    rms = [float(np.sqrt(np.mean(np.square(episode["infos"]["tip_error"])))) for episode in complete]
     return {
         "id": name,
         "episodes": len(episodes),
-        "complete": len(whole),
-        "steps": sum(len(episode.rewards) for episode in episodes),
+        "complete": len(complete),
+        "steps": sum(len(episode["rewards"]) for episode in episodes),
         "mean_rms": float(np.mean(rms)) if rms else None,
     }
 
@@ -272,7 +208,7 @@ def make(options: Options, tick: Callable[[], Any]) -> list[dict[str, Any]]:
             for n in range(options.episodes):
                 episodes.append(recorded(one, options.seed + n, laps[n % len(laps)]))
                 tick()
-            saved(options.folder, dataset_id(name, delay), one, episodes)
+            saved(dataset_id(name, delay), one, episodes)
             rows.append(summary(dataset_id(name, delay), episodes))
             one.env.close()
     return rows
@@ -287,6 +223,8 @@ def main() -> None:
     """Command line: data sets, `datasets.json`, and a table on the terminal."""
     options = tyro.cli(Options, prog="python -m scripts.make_dataset", description=__doc__)
     check(options)
+    options.folder.mkdir(parents=True, exist_ok=True)
+    os.environ["MINARI_DATASETS_PATH"] = str(options.folder.resolve())
     with tqdm(total=len(options.contenders) * len(options.delays) * options.episodes, unit="episode") as bar:
         rows = make(options, bar.update)
     write_json(options.folder / "datasets.json", {"datasets": rows})
