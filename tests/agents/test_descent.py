@@ -29,12 +29,13 @@ from flexarm_env.envs.blocks import BLOCKS
 from flexarm_env.envs.settings import Settings
 from flexarm_env.laps import LAPS
 from tests.agents.test_training import same_policy
+from tests.support.envs import OF_FURTHER_SENSORS
 from tests.support.refusals import refuses
 from tests.support.trainings import DESCENDED, descended
 
 Floats = NDArray[np.float64]
 ID = "FlexArm/Square-v0"
-ELSEWHERE = ("torque", "inner_gain", "second_sensed_position", "second_sensor_error")  # with other options
+ELSEWHERE = ("torque", "inner_gain", *OF_FURTHER_SENSORS)  # with other options
 OBSERVATION = [name for name in BLOCKS if name not in ELSEWHERE]
 OPTIONS: dict[str, Any] = {"observation": OBSERVATION, "last_actions": 3}
 

@@ -31,12 +31,6 @@ def test_a_wrong_action_is_refused_and_nothing_moves(env_id: str, action: Any, m
     assert_same(env.step(np.zeros(2, np.float32)), twin.step(np.zeros(2, np.float32)))
 
 
-def test_an_action_beyond_the_range_is_limited() -> None:
-    env, twin = bare(), bare()
-    for beyond, limit in (((-7.0, 1.5), (-1.0, 1.0)), ((1e30, 0.5), (1.0, 0.5))):
-        assert_same(env.step(np.array(beyond, np.float32)), twin.step(np.array(limit, np.float32)))
-
-
 def test_steps_before_the_first_reset_are_refused() -> None:
     with pytest.raises(RuntimeError, match=r"step\(\) before reset\(\)"):
         FlexArmEnv().step(np.zeros(2, np.float32))

@@ -97,8 +97,8 @@ def test_the_registered_limit_is_one_lap(env_id: str) -> None:
 
 
 @pytest.mark.parametrize(("env_id", "options"), CASES, ids=CASE_NAMES)
-@pytest.mark.parametrize("kernels", KERNELS, indirect=True)
-def test_the_spec_survives_json(env_id: str, options: dict[str, Any], kernels: str) -> None:
+@pytest.mark.usefixtures("uncompiled")
+def test_the_spec_survives_json(env_id: str, options: dict[str, Any]) -> None:
     env = make(env_id, **options)
     assert env.spec is not None
     text = env.spec.to_json()

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import copy
 import pickle
-import re
 from pathlib import Path
 from typing import Any
 
@@ -12,8 +11,6 @@ import gymnasium
 import numpy as np
 import pytest
 from gymnasium.wrappers import RecordVideo
-
-from flexarm_env.extras import install_command
 
 pytest.importorskip("pygame")
 
@@ -98,13 +95,3 @@ def test_nothing_is_drawn_without_a_mode_or_a_start() -> None:
         env.render()
     with pytest.warns(UserWarning, match="render mode"):
         assert gymnasium.make(GAIN).unwrapped.render() is None
-
-
-def test_a_missing_library_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    import sys
-
-    env = gymnasium.make(GAIN, render_mode="rgb_array")
-    env.reset(seed=0)
-    monkeypatch.setitem(sys.modules, "pygame", None)
-    with pytest.raises(gymnasium.error.DependencyNotInstalled, match=re.escape(install_command("render"))):
-        env.unwrapped.render()

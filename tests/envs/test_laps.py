@@ -116,29 +116,6 @@ def test_what_an_episode_drew_is_told() -> None:
     assert (inner.episode.path, inner.episode.start_time) == ("line", pytest.approx(3.0))
 
 
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"action_mode": "reference", "actuation_delay": 0.005}, "actuation_delay = 0.005 s: must be a whole number"),
-        ({"observation": ("joint_rates",), "previews": (0.1,)}, r"previews = \(0.1,\): has no effect here"),
-        ({"observation": ("joint_rates",), "last_actions": 3}, "last_actions = 3: has no effect here"),
-        ({"previews": ()}, "previews = "),
-        ({"delay": 0.01, "wave_speed": 100.0}, "wave_speed = 100.0: has no effect here"),
-        ({"sensor": "collocated", "jitter": 0.01}, "jitter = 0.01: has no effect here"),
-        ({"start": "corner", "start_spread": (0.1, 0.1)}, "start_spread = .*: has no effect here"),
-        ({"reference": "moves", "side": 8.0}, "side = 8.0: has no effect here"),
-        ({"reference": "moves", "lap_time": 0.2}, "lap_time = 0.2 s: must be at least 40 control periods"),
-        ({"lap_time": 0.3}, "start = 'mix' with lap_time = 0.3 s"),
-        ({"side": 20.0}, "side = 20.0 m: path: way-point"),
-        ({"randomisation": {"payload_mass": (0.0, 1e9)}}, r"randomisation\['payload_mass'\]\[1\] = 1000000000.0"),
-        ({"randomisation": {"wind": (0.0, 1.0)}}, r"randomisation\['wind'\]: no such quantity"),
-    ],
-)
-def test_what_does_not_go_together_is_refused(options: dict[str, Any], message: str) -> None:
-    with pytest.raises(ValueError, match=message):
-        gymnasium.make(SQUARE, arm="linear", **options)
-
-
 def test_a_batch_of_moves_fits_into_memory() -> None:
     """Each arm has a path of its own: 4096 of them stay below 200 MB."""
     from flexarm_env.envs.vector import FlexArmVectorEnv

@@ -13,10 +13,13 @@ import pytest
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 from flexarm_env.envs.batch import block_lanes
+from flexarm_env.envs.sensors import FURTHER
 from flexarm_env.envs.vector import FlexArmVectorEnv
 from tests.support.envs import (
     CALM,
+    CASES,
     FORESHORTENED,
+    GAIN,
     IDS,
     PAPER,
     POOR_SENSOR,
@@ -27,9 +30,11 @@ from tests.support.envs import (
     assert_same,
     in_fresh_process,
     make,
+    same_as_alone,
     terms_of,
     vector,
 )
+from tests.support.plain import KERNELS
 from tests.support.refusals import refuses
 
 NEXT_STEP, SAME_STEP, DISABLED = AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP, AutoresetMode.DISABLED
@@ -75,6 +80,31 @@ def test_single_environments_give_the_same_bits(env_id: str, mode: AutoresetMode
         ended += [found[2].sum(), found[3].sum()]
     assert ended[1] > 3  # truncations
     assert ended[0] > 0 or env_id == PAPER  # which starts at rest on the path and has 23 ms to leave it
+
+
+FURTHER_SENSORS: dict[str, Any] = next(options for _, options in CASES if "imu_link" in options)
+OF_FURTHER_SENSORS = [sensor.info for sensor in FURTHER]
+
+
+@pytest.mark.parametrize(
+    ("env_id", "options"),
+    [
+        (SQUARE, FURTHER_SENSORS | RANDOM | {"second_sensor_link": 2, "second_sensor_position": 2.0}),
+        (RESIDUAL, FURTHER_SENSORS | {"imu_link": 1, "start": "moving"}),
+        (GAIN, FURTHER_SENSORS | {"noise": 0.01, "law_sensor": "sensor", "delay": 0.002, "gain_limit": 0.1}),
+        (GAIN, FURTHER_SENSORS | {"sensor": "rigid"}),
+        (SQUARE, {"action_mode": "torque_rate"}),
+        (SQUARE, {"action_mode": "torque_rate", "actuation_delay": 0.0137}),
+    ],
+    ids=str,
+)
+@pytest.mark.parametrize("kernels", KERNELS, indirect=True)
+def test_options_of_other_kernels_act_the_same_alone_and_in_a_batch(
+    env_id: str, options: dict[str, Any], kernels: str
+) -> None:
+    batch = vector(env_id, 3, max_episode_steps=23, **options)
+    infos = OF_FURTHER_SENSORS if "imu_link" in options else []
+    same_as_alone(batch, env_id, [options] * 3, 3 if kernels == "plain" else 60, infos)
 
 
 @pytest.mark.usefixtures("uncompiled")
@@ -287,13 +317,6 @@ def test_memory_stays_flat(steps: int) -> None:
 @pytest.mark.slow
 def test_many_environments_are_small() -> None:
     assert float(in_fresh_process(SIZE)) < 200.0
-
-
-def test_a_batch_says_when_its_episodes_begin() -> None:
-    for mode in AutoresetMode:
-        env = vector(SQUARE, 1, autoreset_mode=mode)
-        assert env.autoreset_mode is mode
-        assert env.metadata["autoreset_mode"] is mode
 
 
 def test_what_could_not_be_made_can_be_let_go_of() -> None:

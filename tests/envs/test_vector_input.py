@@ -259,24 +259,3 @@ def test_spaces_and_metadata(env_id: str) -> None:
     assert env.spec.id == env_id
     observations, _ = env.reset(seed=0)
     assert env.observation_space.contains(observations)
-
-
-def test_pictures() -> None:
-    pytest.importorskip("pygame")
-    assert vector(SQUARE).render() is None
-    env = vector(SQUARE, 2, render_mode="rgb_array", max_episode_steps=5)
-    env.reset(seed=[0, 0])
-    actions = np.array([[0.0, 0.0], [0.0, 1.0]], np.float32)
-    for _ in range(3):
-        env.step(actions)
-    left, right = env.render()
-    single = make(SQUARE, render_mode="rgb_array")
-    single.reset(seed=0)
-    for _ in range(3):
-        single.step(actions[1])
-    np.testing.assert_array_equal(right, single.render())
-    assert left.shape == right.shape
-    assert left.dtype == np.uint8
-    assert np.any(left != right)
-    env.close()
-    single.close()

@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 from flexarm_env import ArmParameters, FlexibleArm, SquareParameters, inverse_kinematics, square
 from flexarm_env.codegen.declarations import plain_python
 from flexarm_env.envs.batch import BatchSimulator
+from flexarm_env.envs.choices import DEFAULT_OBSERVATION
+from flexarm_env.envs.sensors import SECOND
 from flexarm_env.envs.settings import Settings
 from flexarm_env.episode import further_sensors, step
 from flexarm_env.episode.period import step_blocks
@@ -21,7 +23,8 @@ from flexarm_env.kernels import delay_line, entries, layout
 from flexarm_env.kernels.entries import setting, word
 from flexarm_env.kernels.layout import row
 from flexarm_env.kernels.variants import Variant
-from tests.support.envs import SQUARE
+from tests.support.envs import SQUARE, actions_for, bare, block
+from tests.support.plain import KERNELS
 
 Array = NDArray[np.float64]
 ARM = FlexibleArm(ArmParameters.linear(modes_per_link=1, kinematics="foreshortened"))
@@ -215,3 +218,46 @@ def test_an_arm_at_rest_on_the_reference_has_no_error() -> None:
     state = plain.known("STATE")[0]
     np.testing.assert_allclose(plain.known("FURTHER_READING")[0], ARM.position(state[:4], 1, 4.5), rtol=1e-13)
     assert np.abs(plain.known("FURTHER_ERROR")).max() < 1e-13
+
+
+# --- environments ----------------------------------------------------------------------------------------------------
+
+BOTH = ("sensed_position", *DEFAULT_OBSERVATION, *SECOND.blocks)
+ON_LINK_1: dict[str, Any] = {"observation": BOTH, "second_sensor_link": 1}
+
+
+def test_the_delay_line_is_long_enough_for_either_sensor() -> None:
+    usual = Settings.of({})
+    assert Settings.of(ON_LINK_1).history_slots == usual.history_slots
+    longest = Settings.of(ON_LINK_1 | {"second_sensor_delay": 0.5})
+    assert longest.history_slots * longest.control_period / longest.substeps >= 0.52
+
+
+@pytest.mark.parametrize("kernels", KERNELS, indirect=True)
+def test_readings_in_an_environment(kernels: str) -> None:
+    """The point of link 1 as late as it is, in the link's frame, with noise of its own; nothing else changes."""
+    options = {"noise": 0.01, "encoder_noise": (1e-3, 1e-2), "frame": "world", "scaled": False, "start": "moving"}
+    quiet = bare(**ON_LINK_1, **options, second_sensor_delay=0.02)
+    noisy = bare(**ON_LINK_1, **options, second_sensor_delay=0.02, second_sensor_noise=0.05)
+    without = bare(observation=BOTH[:-2], **options)
+    actions = 0.2 * actions_for(quiet, 300)
+    runs = []
+    for env in (quiet, noisy, without):
+        rows = [env.reset(seed=3), *(env.step(action)[::4] for action in actions)]
+        runs.append((np.array([row[0] for row in rows], dtype=float), [row[1] for row in rows]))
+    # what does not concern the second sensor keeps its bits, its noise included
+    shared = runs[2][0].shape[1]
+    np.testing.assert_array_equal(runs[0][0][:, :shared], runs[2][0])
+    np.testing.assert_array_equal(runs[1][0][:, :shared], runs[2][0])
+    assert "second_sensed" not in runs[2][1][0]
+    states = np.array([info["state"] for info in runs[0][1]])
+    points = quiet.arm.position(states[:, : quiet.arm.size], 1, 4.5)
+    seen = np.array([info["second_sensed"] for info in runs[0][1]])
+    np.testing.assert_allclose(seen[2:], points[:-2], rtol=0.0, atol=1e-12)  # two periods: nothing is interpolated
+    np.testing.assert_allclose(block(quiet, runs[0][0], "second_sensed_position"), seen, rtol=1e-6, atol=1e-6)
+    difference = np.array([info["second_sensed"] for info in runs[1][1]]) - seen
+    assert difference.std(axis=0) == pytest.approx([0.05, 0.05], rel=0.1)
+    assert np.abs(difference.mean(axis=0)).max() < 0.01
+    assert abs(np.corrcoef(*difference.T)[0, 1]) < 0.15
+    of_first = np.array([info["sensed"] for info in runs[0][1]]) - quiet.arm.tip(states[:, : quiet.arm.size])
+    assert abs(np.corrcoef(difference[1:, 0], np.diff(of_first[:, 0]))[0, 1]) < 0.15

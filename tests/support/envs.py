@@ -99,9 +99,11 @@ _BY_ID: dict[str, list[dict[str, Any]]] = {
             "second_sensor_delay": 0.0237,
             "second_sensor_noise": 0.01,
             "imu_link": 2,
+            "imu_position": 3.0,
             "imu_delay": 0.0042,
             "imu_noise": (0.2, 0.01),
             "imu_bias": (0.1, 0.005),
+            "imu_range": (80.0, 17.0),
         },
         FORESHORTENED | {"randomisation": {"payload_mass": (0.0, 0.5), "stiffness": (0.9, 1.1)}},
         {"action_mode": "torque_rate", "torque_rate_limit": (1000.0, 400.0)},
@@ -202,7 +204,9 @@ def block(env: FlexArmEnv, observations: Array, name: str) -> Array:
     return np.asarray(observations[..., part] * env.observation_scale[part])
 
 
-def same_as_alone(batch: FlexArmVectorEnv, env_id: str, each: Sequence[dict[str, Any]], steps: int) -> None:
+def same_as_alone(
+    batch: FlexArmVectorEnv, env_id: str, each: Sequence[dict[str, Any]], steps: int, infos_too: Sequence[str] = ()
+) -> None:
     """Compare a batch with single environments made with the options of each, to the last bit.
 
     Episodes begin anew after 23 steps, and where they end before.
@@ -222,7 +226,7 @@ def same_as_alone(batch: FlexArmVectorEnv, env_id: str, each: Sequence[dict[str,
                 expected[i], reward, over, cut, info = env.step(actions[i])
                 assert (rewards[i], terminated[i], truncated[i]) == (reward, over, cut)
                 ended[i] = over or cut
-            for name in ("sensed", "state", "reference", "torque"):
+            for name in ("sensed", "state", "reference", "torque", *infos_too):
                 assert_same(infos[name][i], info[name], name)
             described = batch.episode.one(i)
             assert described == env.unwrapped.episode  # type: ignore[attr-defined]
