@@ -37,7 +37,7 @@ NAMES = ("id", "episodes", "complete", "steps")
 
 @dataclass
 class Options:
-    """Make a data set of each contender at each delay."""
+    """Make Minari data sets of controllers, an agent and random actions, with a sensor late by several delays."""
 
     contenders: tuple[str, ...] = ("ifdc", "flsac", "lqg", "nmpc", "square", RANDOM)
     """Names of controllers or shipped agents, or "random"."""

@@ -21,7 +21,7 @@ from tqdm import tqdm
 
 from flexarm_agents import Spread, StandardScore, TrainingConfig
 from flexarm_agents.commands.arguments import json_object
-from flexarm_agents.commands.training_verb import tuned_for
+from flexarm_agents.commands.train import tuned_for
 from flexarm_agents.files import put
 from flexarm_agents.jobs.executors import executor
 from flexarm_agents.jobs.failures import check_failures

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from collections.abc import Sequence
 from importlib import import_module
 from types import ModuleType
@@ -19,11 +20,11 @@ VERBS = {
     "render": ("render", "show an episode of a policy in a window, or write a picture or film (extra `render`)"),
     "replay": ("replay", "show a recorded run in a window, or write a picture or film (extra `render`)"),
     "play": ("play", "move delay, sensor and gain while the paper's law runs (extra `render`)"),
-    "train": ("train", "train an agent by reward (needs the extra `train`)"),
-    "teach": ("teach", "teach a student by the best known plans (needs the extra `train`)"),
-    "descend": ("descend", "train an agent by derivatives of the simulation (needs the extra `train`)"),
+    "train": ("train", "train an agent: by reward, by a teacher, by derivatives (needs the extra `train`)"),
     "warm-up": ("warm_up", "compile what environments need, for images and clusters"),
 }
+# Verbs of the last release, and what they are now.
+OLD_VERBS = {"teach": ["train", "--algorithm", "dagger"], "descend": ["train", "--algorithm", "fopg"]}
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -42,14 +43,18 @@ def main(arguments: Sequence[str] | None = None) -> None:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--version", action=_Version, nargs=0, help="show the version and exit")
-    parser.add_argument("verb", choices=VERBS, metavar="VERB", help=argparse.SUPPRESS)
+    parser.add_argument("verb", choices=(*VERBS, *OLD_VERBS), metavar="VERB", help=argparse.SUPPRESS)
     rest = parser.add_argument("arguments", nargs=argparse.REMAINDER, help=argparse.SUPPRESS)
     rest.required = False  # which changes the message about a missing verb alone
     given = parser.parse_args(arguments)
+    name, *more = OLD_VERBS.get(given.verb, [given.verb])
 
     def verb() -> None:
         """Run the verb that was given."""
-        _imported(given.verb).run(given.arguments)
+        if more:
+            now = " ".join(("flexarm", name, *more))
+            print(f"flexarm {given.verb} is now `{now}`; the old verb goes with the next release", file=sys.stderr)
+        _imported(name).run([*more, *given.arguments])
 
     run(verb)
 

@@ -17,14 +17,9 @@ EXAMPLES = {
         "flexarm train --algorithm sac --environment SquareResidual-v0",
         "flexarm train --initial-policy student_gauges --log-std -2.5 --learning-rate 3e-5 --final-learning-rate 3e-6 "
         "--value-steps 100000",
-    ),
-    "teach": (
-        "flexarm teach --environment Square-v0 --seed 7 --folder runs/student",
-        "flexarm teach --environment SquareUnknown-v0 --lags 1 2 4 8 16 32",
-    ),
-    "descend": (
-        "flexarm descend --environment Square-v0 --seed 7 --folder runs/descent",
-        'flexarm descend --rounds 40 --options \'{"observation": ["state", "previews", "reference_position"]}\'',
+        "flexarm train --algorithm dagger --environment SquareUnknown-v0 --lags 1 2 4 8 16 32",
+        "flexarm train --algorithm fopg --rounds 40 "
+        '--options \'{"observation": ["state", "previews", "reference_position"]}\'',
     ),
     "evaluate": (
         "flexarm evaluate runs/mine",
@@ -58,21 +53,41 @@ def wrapped(paragraph: str) -> str:
     return textwrap.fill(paragraph, width() - 2)
 
 
-def reader(verb: str, description: str) -> argparse.ArgumentParser:
-    """Make a parser of a verb's arguments; options cannot be abbreviated: a new one never changes another.
+class Reader(argparse.ArgumentParser):
+    """A parser; options cannot be abbreviated: a new one never changes another.
+
+    Attributes:
+        declared: its arguments, in order.
+    """
+
+    def __init__(self, prog: str, description: str, epilog: str = "") -> None:
+        """Begin without arguments.
+
+        Args:
+            prog: the command.
+            description: what it does, for the help.
+            epilog: end of the help.
+        """
+        self.declared: list[argparse.Action] = []
+        form = argparse.RawDescriptionHelpFormatter
+        about = wrapped(description)
+        super().__init__(prog, description=about, epilog=epilog, formatter_class=form, allow_abbrev=False)
+
+    def add_argument(self, *names: str, **given: Any) -> argparse.Action:
+        """See `argparse.ArgumentParser.add_argument`."""
+        action = super().add_argument(*names, **given)
+        self.declared.append(action)
+        return action
+
+
+def of_verb(verb: str, description: str) -> Reader:
+    """Make the parser of a verb.
 
     Args:
         verb: e.g. "list"; its examples end the help.
-        description: the verb's help.
+        description: what it does.
     """
-    form = argparse.RawDescriptionHelpFormatter
-    return argparse.ArgumentParser(
-        prog=f"flexarm {verb}",
-        description=wrapped(description),
-        epilog=epilog(verb),
-        formatter_class=form,
-        allow_abbrev=False,
-    )
+    return Reader(f"flexarm {verb}", description, epilog(verb))
 
 
 def json_object(text: str) -> dict[str, Any]:
@@ -90,6 +105,18 @@ def json_object(text: str) -> dict[str, Any]:
     return value
 
 
+def json_argument(text: str) -> dict[str, Any]:
+    """Read an argument that is a JSON object.
+
+    Raises:
+        argparse.ArgumentTypeError: if it is something else.
+    """
+    try:
+        return json_object(text)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
+
+
 def add_options(parser: argparse.ArgumentParser, what: str) -> None:
     """Add the argument `--options`, environment options as JSON.
 
@@ -97,14 +124,8 @@ def add_options(parser: argparse.ArgumentParser, what: str) -> None:
         parser: gets the argument.
         what: the options are of.
     """
-
-    def read(text: str) -> dict[str, Any]:
-        try:
-            return json_object(text)
-        except ValueError as error:
-            raise argparse.ArgumentTypeError(str(error)) from None
-
-    parser.add_argument("--options", type=read, default={}, metavar="JSON", help=f'{what}, e.g. {{"noise": 0.005}}')
+    about = f'{what}, e.g. {{"noise": 0.005}}'
+    parser.add_argument("--options", type=json_argument, default={}, metavar="JSON", help=about)
 
 
 def width() -> int:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from flexarm_agents.board.columns import COLUMNS
-from flexarm_agents.commands.arguments import reader
+from flexarm_agents.commands.arguments import Reader, of_verb
 from flexarm_agents.commands.progress import Progress
 from flexarm_agents.commands.score_table import Spreads, group_table, lap_table, legend, spreads_of
 from flexarm_agents.commands.sources import POLICY, add_environment, check_environment, from_source
@@ -134,36 +134,42 @@ def _scores(candidate: Candidate, laps: int, seed: int) -> list[StandardScore]:
         candidate.env.close()
 
 
-def _read(arguments: Sequence[str]) -> argparse.Namespace:
-    parser = reader("evaluate", DESCRIPTION)
-    parser.add_argument("policies", nargs="*", default=[], metavar="POLICY", help=POLICY)
+def parser() -> Reader:
+    """Return the parser of the arguments."""
+    reader = of_verb("evaluate", DESCRIPTION)
+    reader.add_argument("policies", nargs="*", default=[], metavar="POLICY", help=POLICY)
     switch = argparse.BooleanOptionalAction
     alone = "score this one, as POLICY, without the baselines and shipped policies; may be repeated"
-    parser.add_argument("--policy", action="append", default=[], metavar="POLICY", help=alone)
+    reader.add_argument("--policy", action="append", default=[], metavar="POLICY", help=alone)
     baselines = f"score {', '.join(PAPER)}, no torque and random torque; the default without --policy"
-    parser.add_argument("--baselines", action=switch, help=baselines)
+    reader.add_argument("--baselines", action=switch, help=baselines)
     shipped = "score all shipped policies; the default without --policy"
-    parser.add_argument("--shipped", action=switch, help=shipped)
-    parser.add_argument(
+    reader.add_argument("--shipped", action=switch, help=shipped)
+    reader.add_argument(
         "--laps", type=int, default=1, metavar="N", help="run both laps with N seeds, from --seed on; 1"
     )
-    parser.add_argument("--seed", type=int, default=0, metavar="N", help="of what is random in the first lap; 0")
-    add_environment(parser, ENVIRONMENT)
+    reader.add_argument("--seed", type=int, default=0, metavar="N", help="of what is random in the first lap; 0")
+    add_environment(reader, ENVIRONMENT)
     own = "run trained policies in the environments that they were trained in, each with a table of its own"
-    parser.add_argument("--own", action="store_true", help=own)
+    reader.add_argument("--own", action="store_true", help=own)
     pool = "also pool trainings that differ in their seeds alone"
-    parser.add_argument("--pool", action="store_true", help=pool)
+    reader.add_argument("--pool", action="store_true", help=pool)
     swept = f"run POLICY along an axis of the leaderboard, with its seeds: {', '.join(COLUMNS)}"
-    parser.add_argument("--sweep", metavar="AXIS", help=swept)
-    parser.add_argument("--output", type=Path, metavar="FILE", help="write all figures here as JSON")
-    given = parser.parse_args(arguments)
+    reader.add_argument("--sweep", metavar="AXIS", help=swept)
+    reader.add_argument("--output", type=Path, metavar="FILE", help="write all figures here as JSON")
+    return reader
+
+
+def _read(arguments: Sequence[str]) -> argparse.Namespace:
+    reader = parser()
+    given = reader.parse_args(arguments)
     given.policies += given.policy
     for group in ("baselines", "shipped"):
         if getattr(given, group) is None:
             setattr(given, group, not given.policy)
-    check_environment(parser, given, given.policies)
+    check_environment(reader, given, given.policies)
     if given.own and given.environment is not None:
-        parser.error("--own: cannot go with --environment")
+        reader.error("--own: cannot go with --environment")
     return given
 
 

@@ -14,7 +14,7 @@ from flexarm_agents.board.measure import DATA, INCOMPLETE, chosen_columns, chose
 from flexarm_agents.board.rows import Row
 from flexarm_agents.board.tables import tables
 from flexarm_agents.board.terms import BOARD
-from flexarm_agents.commands.arguments import json_object, reader, width
+from flexarm_agents.commands.arguments import Reader, json_object, of_verb, width
 from flexarm_agents.commands.progress import Progress
 from flexarm_agents.commands.text import from_markdown
 from flexarm_agents.jobs.executors import EXECUTORS, executor
@@ -27,21 +27,23 @@ computes its own row anew only. Without the extra `chain` the chain's cells are 
 algebra or an agent takes minutes for all columns, a predictive controller most of an hour."""
 
 
-def parser() -> argparse.ArgumentParser:
-    """Make the parser of the verb's arguments."""
-    made = reader("leaderboard", DESCRIPTION)
-    made.add_argument("--rows", nargs="+", default=(), metavar="ROW", help="names of rows; without it, all")
+def parser() -> Reader:
+    """Return the parser of the arguments."""
+    reader = of_verb("leaderboard", DESCRIPTION)
+    reader.add_argument("--rows", nargs="+", default=(), metavar="ROW", help="names of rows; without it, all")
     columns = "names of columns; without it, all"
-    made.add_argument("--columns", nargs="+", default=tuple(COLUMNS), metavar="COLUMN", help=columns)
+    reader.add_argument("--columns", nargs="+", default=tuple(COLUMNS), metavar="COLUMN", help=columns)
     added = "further rows: module:attribute, a training's folder or npz file, or a JSON file with the fields of a row"
-    made.add_argument("--add", nargs="+", default=(), metavar="SOURCE", help=added)
-    made.add_argument("--without", nargs="+", default=(), metavar="ROW", help="names of rows to leave out")
+    reader.add_argument("--add", nargs="+", default=(), metavar="SOURCE", help=added)
+    reader.add_argument("--without", nargs="+", default=(), metavar="ROW", help="names of rows to leave out")
     output = Path("results/leaderboard")
-    made.add_argument("--output", type=Path, default=output, help=f"folder; its cells are taken over; {output}")
-    made.add_argument("--jobs", type=int, default=2, metavar="N", help="processes, or tasks of Slurm; 2")
-    made.add_argument("--executor", choices=EXECUTORS, default="processes", help="where cells are computed; processes")
-    made.add_argument("--submitit", type=json_object, default={}, metavar="JSON", help="parameters of submitit")
-    return made
+    reader.add_argument("--output", type=Path, default=output, help=f"folder; its cells are taken over; {output}")
+    reader.add_argument("--jobs", type=int, default=2, metavar="N", help="processes, or tasks of Slurm; 2")
+    reader.add_argument(
+        "--executor", choices=EXECUTORS, default="processes", help="where cells are computed; processes"
+    )
+    reader.add_argument("--submitit", type=json_object, default={}, metavar="JSON", help="parameters of submitit")
+    return reader
 
 
 def measured(given: argparse.Namespace) -> tuple[list[Row], dict[str, Any], list[Failure]]:

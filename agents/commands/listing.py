@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from flexarm_agents.commands.arguments import reader
+from flexarm_agents.commands.arguments import Reader, of_verb
 from flexarm_agents.commands.text import columns
 from flexarm_agents.policies.load import load_policy, shipped_policies
 from flexarm_baselines.registry import CONTROLLERS
@@ -14,9 +14,14 @@ from flexarm_env.envs.registration import IDS, NAMESPACE
 from flexarm_env.envs.settings import Settings
 
 
+def parser() -> Reader:
+    """Return the parser of the arguments."""
+    return of_verb("list", "List the environments, policies and controllers that come with the package.")
+
+
 def run(arguments: Sequence[str]) -> None:
     """Print the lists."""
-    reader("list", "List the environments, policies and controllers that come with the package.").parse_args(arguments)
+    parser().parse_args(arguments)
     rows = [("id", "actions", "observations", "period", "task")]
     for name, one in IDS.items():
         settings = Settings.of(one.options)

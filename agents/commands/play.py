@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from flexarm_agents.commands.arguments import reader
+from flexarm_agents.commands.arguments import Reader, of_verb
 from flexarm_agents.viewer.live import LEAST_PLACE, MOST_DELAY, MOST_GAIN, Knobs, LiveArm
 from flexarm_agents.viewer.window import Viewer
 from flexarm_env.envs.window import open_display
@@ -18,18 +18,23 @@ on link 2, and the law's gain. All act at once: the arm keeps its state, and wit
 memory begins anew. Drag, or choose by Tab and move by the arrow keys; space pauses, R begins a lap, Esc closes."""
 
 
+def parser() -> Reader:
+    """Return the parser of the arguments."""
+    reader = of_verb("play", DESCRIPTION)
+    start = Knobs()
+    reader.add_argument("--arm", choices=tuple(PRESETS), default="paper", help="arm; paper")
+    delay = f"of the sensor at the beginning, 0 to {1e3 * MOST_DELAY:g} ms; {1e3 * start.delay:g}"
+    reader.add_argument("--delay", type=float, default=1e3 * start.delay, metavar="MS", help=delay)
+    place = f"of the sensor from the elbow, from {LEAST_PLACE:g} m to the tip; {start.place:g}"
+    reader.add_argument("--place", type=float, default=start.place, metavar="M", help=place)
+    gain = f"of the law, 0 to {MOST_GAIN:g}; {start.gain:g}"
+    reader.add_argument("--gain", type=float, default=start.gain, metavar="X", help=gain)
+    return reader
+
+
 def run(arguments: Sequence[str]) -> None:
     """Open the window."""
-    parser = reader("play", DESCRIPTION)
-    start = Knobs()
-    parser.add_argument("--arm", choices=tuple(PRESETS), default="paper", help="arm; paper")
-    delay = f"of the sensor at the beginning, 0 to {1e3 * MOST_DELAY:g} ms; {1e3 * start.delay:g}"
-    parser.add_argument("--delay", type=float, default=1e3 * start.delay, metavar="MS", help=delay)
-    place = f"of the sensor from the elbow, from {LEAST_PLACE:g} m to the tip; {start.place:g}"
-    parser.add_argument("--place", type=float, default=start.place, metavar="M", help=place)
-    gain = f"of the law, 0 to {MOST_GAIN:g}; {start.gain:g}"
-    parser.add_argument("--gain", type=float, default=start.gain, metavar="X", help=gain)
-    given = parser.parse_args(arguments)
+    given = parser().parse_args(arguments)
     late = 1e-3 * number("delay", given.delay, "ms", least=0.0, most=1e3 * MOST_DELAY)
     open_display(import_pygame())  # before a kernel is compiled
     Viewer(LiveArm(given.arm, Knobs(late, given.place, given.gain))).run()

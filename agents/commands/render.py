@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from flexarm_agents.commands.arguments import reader
+from flexarm_agents.commands.arguments import Reader, of_verb
 from flexarm_agents.commands.progress import Progress
 from flexarm_agents.commands.replay import add_film, check_film, play
 from flexarm_agents.commands.sources import POLICY, add_environment, check_environment, from_source
@@ -26,20 +26,26 @@ Run an episode of a policy or a controller, and show it in a window, where space
 --save keeps the run itself, for `flexarm replay` and `flexarm_env.Trajectory.load`."""
 
 
+def parser() -> Reader:
+    """Return the parser of the arguments."""
+    reader = of_verb("render", DESCRIPTION)
+    reader.add_argument("policy", metavar="POLICY", help=POLICY)
+    lap = f"standard lap, {' or '.join(LAPS)}, or {OWN}: a start that the environment draws; swing"
+    reader.add_argument("--lap", choices=(*LAPS, OWN), default="swing", help=lap)
+    reader.add_argument("--seed", type=int, default=0, metavar="N", help="of what is random; 0")
+    reader.add_argument("--save", type=Path, metavar="FILE", help="keep the run in this npz file")
+    add_environment(reader, f"{ENVIRONMENT}, and for trainings that which they were trained in")
+    add_film(reader)
+    return reader
+
+
 def run(arguments: Sequence[str]) -> None:
     """Run the episode, show or write it."""
-    parser = reader("render", DESCRIPTION)
-    parser.add_argument("policy", metavar="POLICY", help=POLICY)
-    lap = f"standard lap, {' or '.join(LAPS)}, or {OWN}: a start that the environment draws; swing"
-    parser.add_argument("--lap", choices=(*LAPS, OWN), default="swing", help=lap)
-    parser.add_argument("--seed", type=int, default=0, metavar="N", help="of what is random; 0")
-    parser.add_argument("--save", type=Path, metavar="FILE", help="keep the run in this npz file")
-    add_environment(parser, f"{ENVIRONMENT}, and for trainings that which they were trained in")
-    add_film(parser)
-    given = parser.parse_args(arguments)
+    reader = parser()
+    given = reader.parse_args(arguments)
     if given.save is not None and given.save.suffix != ".npz":
-        parser.error(f"--save: must end in .npz, got {given.save}")
-    check_environment(parser, given, [given.policy])
+        reader.error(f"--save: must end in .npz, got {given.save}")
+    check_environment(reader, given, [given.policy])
     integer("seed", given.seed, 0)
     if given.save is not None:
         check_place("save", given.save)

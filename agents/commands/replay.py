@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
-from flexarm_agents.commands.arguments import reader
+from flexarm_agents.commands.arguments import Reader, of_verb
 from flexarm_agents.commands.progress import Progress
 from flexarm_agents.viewer.film import SUFFIXES, Film, check_look, check_output
 from flexarm_env.envs.window import open_display
@@ -18,12 +18,17 @@ Show a recorded run in a window, where space pauses and the right arrow goes on 
 run is what flexarm_env.Trajectory.save wrote: by `flexarm render --save`, by run_policy, or by `make reproduce`."""
 
 
+def parser() -> Reader:
+    """Return the parser of the arguments."""
+    reader = of_verb("replay", DESCRIPTION)
+    reader.add_argument("run", type=Path, metavar="RUN", help="npz file of the run")
+    add_film(reader)
+    return reader
+
+
 def run(arguments: Sequence[str]) -> None:
     """Show or write the run."""
-    parser = reader("replay", DESCRIPTION)
-    parser.add_argument("run", type=Path, metavar="RUN", help="npz file of the run")
-    add_film(parser)
-    given = parser.parse_args(arguments)
+    given = parser().parse_args(arguments)
     check_film(given)
     play(Trajectory.load(given.run), given)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from flexarm_agents.commands.arguments import reader, width
+from flexarm_agents.commands.arguments import Reader, of_verb, width
 from flexarm_agents.commands.text import from_markdown
 from flexarm_agents.environments import check_id
 from flexarm_env.envs import documentation as doc
@@ -13,11 +13,16 @@ from flexarm_env.envs.settings import Settings
 from flexarm_env.extras import install_command
 
 
+def parser() -> Reader:
+    """Return the parser of the arguments."""
+    reader = of_verb("show", "Show the specification of an environment.")
+    reader.add_argument("id", metavar="ID", help='e.g. "FlexArm/Square-v0", or without the namespace')
+    return reader
+
+
 def run(arguments: Sequence[str]) -> None:
     """Print the specification."""
-    parser = reader("show", "Show the specification of an environment.")
-    parser.add_argument("id", metavar="ID", help='e.g. "FlexArm/Square-v0", or without the namespace')
-    print(specification(check_id(parser.parse_args(arguments).id), width()))
+    print(specification(check_id(parser().parse_args(arguments).id), width()))
 
 
 def specification(environment: str, columns: int) -> str:

@@ -1,57 +1,139 @@
-"""`flexarm train`: learning by reward; logs, evaluations, the best policy and checkpoints in one folder."""
+"""`flexarm train`: an agent by any algorithm; logs, evaluations, the best policy and checkpoints in one folder."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field, make_dataclass
-from typing import Annotated, Any, get_args, get_type_hints
+import argparse
+import logging
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from functools import partial
+from pathlib import Path
 
-import tyro
+from flexarm_agents import (
+    DescentConfig,
+    StandardScore,
+    TeachingConfig,
+    TrainingConfig,
+    TrainingStopped,
+    descend,
+    teach,
+    train,
+)
+from flexarm_agents.commands.arguments import Reader, of_verb
+from flexarm_agents.commands.fields import add_fields, read_fields
+from flexarm_agents.training.config import RunConfig
+from flexarm_agents.training.hyperparameters import ALGORITHMS, SETTINGS, own_settings
+from flexarm_agents.training.train import Outcome
+from flexarm_env.validation import choice
 
-from flexarm_agents import TrainingConfig, train
-from flexarm_agents.commands.training_verb import RunOptions, carry_out, options_of, tuned_for
-from flexarm_agents.training.hyperparameters import SETTINGS, own_settings
-
-# beside those of `SETTINGS`
-ONLY_PPO = ["lags", "observer", "initial_policy", "value_steps", "value_learning_rate"]
-
-
-@dataclass
-class Options(RunOptions):
-    """Train an agent by reward: PPO, RecurrentPPO, SAC or TQC, with tuned defaults.
-
-    The help shows the options of one algorithm: `flexarm train --algorithm sac --help`.
-    """
-
-    config: tyro.conf.OmitArgPrefixes[TrainingConfig] = field(default_factory=TrainingConfig)
-    """What is trained and how."""
+DAGGER, FOPG = "dagger", "fopg"
+OTHERS: dict[str, tuple[type[RunConfig], Callable[..., Outcome]]] = {
+    DAGGER: (TeachingConfig, teach),
+    FOPG: (DescentConfig, descend),
+}
+NAMES = (*ALGORITHMS, *OTHERS)
+DESCRIPTION = """\
+Train an agent: by reward with PPO, RecurrentPPO, SAC or TQC, by a teacher that follows the best known plans with DAgger
+(dagger), or by first-order policy gradients, which run back through arm and sensor (fopg). The help shows the options
+of one algorithm: `flexarm train --algorithm sac --help`."""
+# Fields that only PPO has, beside those of `SETTINGS`.
+ONLY_PPO = ("lags", "observer", "initial_policy", "value_steps", "value_learning_rate")
 
 
 def run(arguments: Sequence[str]) -> None:
     """Train, and print what came out."""
-    tuned = tuned_for(arguments)
-    if not {"-h", "--help"}.isdisjoint(arguments):
-        options_of(_shown_for(tuned), "train", arguments)
-    given = options_of(Options, "train", arguments, Options(config=tuned))
-    folder = given.folder or given.config.folder
-    carry_out(lambda: train(given.config, folder, given.resume, given.progress), folder)
+    named = _named(arguments)
+    reader = parser(named.algorithm, named.environment)
+    given = reader.parse_args(arguments)
+    kind, training = OTHERS.get(given.algorithm, (TrainingConfig, train))
+    config = read_fields(reader, kind, given)
+    folder = given.folder or config.folder
+    if given.algorithm == DAGGER:
+        training = partial(training, plans=given.plans)
+    _carry_out(lambda: training(config, folder, given.resume, given.progress), folder)
 
 
-def _shown_for(tuned: TrainingConfig) -> type[Options]:
-    """Return the options as the help shows them: without those that have no effect with the algorithm.
+def parser(algorithm: str = "ppo", environment: str = TrainingConfig.environment) -> Reader:
+    """Return the parser of the arguments.
 
     Args:
-        tuned: configuration of the algorithm.
+        algorithm: one of `NAMES`; its tuned settings for the environment are the defaults.
+        environment: id.
+
+    Raises:
+        ValueError: if there is no such algorithm or environment.
     """
-    hints = get_type_hints(TrainingConfig)
-    own = own_settings(tuned.algorithm)
-    without_effect = [name for name in SETTINGS if name not in own]
-    if tuned.algorithm != "ppo":
-        without_effect += ONLY_PPO
-    kinds: dict[str, Any] = {name: Annotated[hints[name], tyro.conf.Suppress] for name in without_effect}
-    kinds |= {name: get_args(hints[name])[0] for name in own if type(None) in get_args(hints[name])}
-    columns = [(name, kind, field(default=getattr(tuned, name))) for name, kind in kinds.items()]
-    config: Any = make_dataclass("TrainingConfig", columns, bases=(TrainingConfig,), frozen=True, kw_only=True)
-    given: Any = field(default_factory=lambda: config(algorithm=tuned.algorithm, environment=tuned.environment))
-    whole = [("config", Annotated[config, tyro.conf.OmitArgPrefixes], given)]
-    return make_dataclass("Options", whole, bases=(Options,), namespace={"__doc__": Options.__doc__})
+    switch = argparse.BooleanOptionalAction
+    reader = of_verb("train", DESCRIPTION)
+    reader.usage = "flexarm train [OPTIONS]"  # there are many
+    which = "PPO, RecurrentPPO, SAC, TQC, DAgger (dagger) or first-order policy gradients (fopg); ppo"
+    reader.add_argument("--algorithm", choices=NAMES, default="ppo", help=which)
+    reader.add_argument("--folder", type=Path, metavar="PATH", help="folder for the results; runs/NAME-SEED")
+    resume = "continue the interrupted training in the folder; it must have the same configuration"
+    reader.add_argument("--resume", action=switch, default=False, help=resume)
+    progress = "show a bar where there is a terminal; without a bar, print a line for each evaluation"
+    reader.add_argument("--progress", action=switch, default=True, help=progress)
+    if choice("algorithm", algorithm, NAMES) in OTHERS:
+        if algorithm == DAGGER:
+            plans = "folder for the teacher's plans, which several trainings can share; without it, in the results"
+            reader.add_argument("--plans", type=Path, metavar="PATH", help=plans)
+        add_fields(reader, OTHERS[algorithm][0](environment=environment))
+        return reader
+    tuned = TrainingConfig(algorithm=algorithm, environment=environment)  # type: ignore[arg-type]
+    hidden = [name for name in SETTINGS if name not in own_settings(algorithm)]
+    add_fields(reader, tuned, ["algorithm"], hidden if algorithm == "ppo" else [*hidden, *ONLY_PPO])
+    return reader
+
+
+def tuned_for(arguments: Sequence[str]) -> TrainingConfig:
+    """Return the tuned configuration of the algorithm and the environment that arguments name.
+
+    Args:
+        arguments: others have no effect.
+
+    Raises:
+        ValueError: if there is no such algorithm or environment.
+    """
+    return TrainingConfig(**vars(_named(arguments)))
+
+
+def _named(arguments: Sequence[str]) -> argparse.Namespace:
+    """Return the algorithm and the environment that arguments name, which decide the other defaults."""
+    first = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
+    for name in ("algorithm", "environment"):
+        first.add_argument(f"--{name}", default=getattr(TrainingConfig, name))
+    return first.parse_known_args(list(arguments))[0]
+
+
+def _carry_out(training: Callable[[], Outcome], folder: Path) -> None:
+    """Train, and print what came out; ends the process with 128 + its number after a signal.
+
+    Args:
+        training: trains.
+        folder: of the results.
+    """
+    try:
+        with _printed(logging.getLogger("flexarm_agents")):
+            outcome = training()
+    except TrainingStopped as stopped:
+        done = f"all {stopped.steps} steps are kept in {folder}" if stopped.steps else f"{folder}: no step was done yet"
+        print(f"stopped; {done}; the same command with --resume goes on", file=sys.stderr)
+        sys.exit(128 + stopped.signal)
+    for name, row in (("best", outcome.best), ("last", outcome.last)):
+        print(f"{name}: {StandardScore.of(row)}, at {row['steps']} steps")
+    print(f"{outcome.folder}: complete after {outcome.last['seconds']:.0f} s, compiling included")
+
+
+@contextmanager
+def _printed(logger: logging.Logger) -> Iterator[None]:
+    """Print what is logged, each line at once."""
+    handler = logging.StreamHandler(sys.stdout)
+    level = logger.level
+    logger.addHandler(handler)
+    logger.setLevel(logging.INFO)
+    try:
+        yield
+    finally:
+        logger.removeHandler(handler)
+        logger.setLevel(level)

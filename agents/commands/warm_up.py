@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from flexarm_agents.commands.arguments import add_options, reader
+from flexarm_agents.commands.arguments import Reader, add_options, of_verb
 from flexarm_agents.environments import check_id
 from flexarm_env.envs.registration import IDS, NAMESPACE
 from flexarm_env.envs.warm_up import warm_up
@@ -14,16 +14,21 @@ Compile the kernels that environments need and keep them in the cache folder (FL
 that is), so that no first step waits: for container images, and before many processes start at once."""
 
 
-def run(arguments: Sequence[str]) -> None:
-    """Compile, and print a line for each kernel."""
-    parser = reader("warm-up", DESCRIPTION)
+def parser() -> Reader:
+    """Return the parser of the arguments."""
+    reader = of_verb("warm-up", DESCRIPTION)
     everything = [f"{NAMESPACE}/{name}" for name, one in IDS.items() if not one.extra]
-    parser.add_argument(
+    reader.add_argument(
         "ids", nargs="*", default=everything, metavar="ID", help="environments; without any, all that need no extra"
     )
-    add_options(parser, "options that the environments will be made with")
-    parser.add_argument("--num-envs", type=int, nargs="+", default=[1], metavar="N", help="numbers of environments; 1")
-    given = parser.parse_args(arguments)
+    add_options(reader, "options that the environments will be made with")
+    reader.add_argument("--num-envs", type=int, nargs="+", default=[1], metavar="N", help="numbers of environments; 1")
+    return reader
+
+
+def run(arguments: Sequence[str]) -> None:
+    """Compile, and print a line for each kernel."""
+    given = parser().parse_args(arguments)
     for environment in [check_id(one) for one in given.ids]:
         for line in warm_up([environment], given.options, given.num_envs):
             print(line, flush=True)

@@ -4,18 +4,17 @@ from __future__ import annotations
 
 import argparse
 import re
-import warnings
-from collections.abc import Callable, Iterator
-from functools import partial
+from collections.abc import Iterator
 from importlib import import_module
 from pathlib import Path
-from typing import Any
-from unittest import mock
 
 import tyro
 
 from flexarm_agents.commands import VERBS
-from flexarm_agents.commands.arguments import EXAMPLES
+from flexarm_agents.commands.arguments import EXAMPLES, Reader
+from flexarm_agents.commands.fields import add_fields
+from flexarm_agents.commands.train import NAMES
+from flexarm_agents.commands.train import parser as training
 from scripts.common.command_line import run
 from scripts.common.markdown import fill_pages, table
 
@@ -26,46 +25,52 @@ def text() -> str:
     """Write a section for each verb of `flexarm` and for each study."""
     parts = []
     for verb, (name, _) in VERBS.items():
-        reads = partial(import_module(f"flexarm_agents.commands.{name}").run, [])
-        parts += [*section(reads), "```console\n" + "\n".join(EXAMPLES[verb]) + "\n```\n"]
-    modules = [*(f"scripts.{name}.__main__" for name in STUDIES), "scripts.make_dataset"]
-    return "\n".join((*parts, *(line for name in modules for line in section(import_module(name).main))))
+        parts += section(import_module(f"flexarm_agents.commands.{name}").parser())
+        parts.append("```console\n" + "\n".join(EXAMPLES[verb]) + "\n```\n")
+        if verb == "train":
+            parts += [line for other in NAMES[1:] for line in further(training(), training(other), other)]
+    modules = {f"scripts.{name}": f"scripts.{name}.__main__" for name in STUDIES}
+    modules["scripts.make_dataset"] = "scripts.make_dataset"
+    return "\n".join((*parts, *(line for name, module in modules.items() for line in section(study(name, module)))))
 
 
-def section(command: Callable[[], None]) -> list[str]:
-    """Write the name of a command that reads its arguments first, what it does, and its options."""
-    parser = parser_of(command)
-    about, rows = (parser.description or "").partition("\n\n")[0].split(), list(options(parser))
-    return [f"## `{parser.prog}`\n", f"{' '.join(about)}\n", *([table(("option", "meaning"), rows)] if rows else [])]
+def study(name: str, module: str) -> Reader:
+    """Return a parser with the options of a study.
+
+    Args:
+        name: as which it is run.
+        module: that has its `Options`.
+    """
+    found = import_module(module)
+    reader = Reader(f"python -m {name}", found.Options.__doc__ or "")
+    add_fields(reader, found.Options())
+    return reader
 
 
-def parser_of(command: Callable[[], None]) -> argparse.ArgumentParser:
-    """Return the parser with which a command reads its arguments, without running it."""
-
-    def of_tyro(kind: Any, args: Any = None, description: str | None = None, **given: Any) -> None:
-        with warnings.catch_warnings(action="ignore", category=DeprecationWarning):  # there is no other way to it
-            found(tyro.extras.get_parser(kind, description=description or kind.__doc__, **given))
-
-    def found(parser: Any, *given: Any) -> None:
-        raise StopIteration(parser)
-
-    with mock.patch.object(argparse.ArgumentParser, "parse_args", found), mock.patch.object(tyro, "cli", of_tyro):
-        try:
-            command()
-        except StopIteration as stopped:
-            return stopped.value
-    raise ValueError(f"command = {command}: reads no arguments")
+def section(reader: Reader) -> list[str]:
+    """Write the name of a command, what it does, and its options."""
+    about, rows = (reader.description or "").partition("\n\n")[0].split(), list(options(reader))
+    return [f"## `{reader.prog}`\n", f"{' '.join(about)}\n", *([table(("option", "meaning"), rows)] if rows else [])]
 
 
-def options(parser: argparse.ArgumentParser) -> Iterator[tuple[str, str]]:
-    """Yield each option with its values, and what it means."""
-    for one in parser._actions:
+def further(first: Reader, reader: Reader, algorithm: str) -> list[str]:
+    """Write the options that training by another algorithm has beside those of the first one."""
+    common = list(options(first))
+    rows = [row for row in options(reader) if row not in common]
+    return [f"### `{reader.prog} --algorithm {algorithm}`\n", table(("option", "meaning"), rows)]
+
+
+def options(reader: Reader) -> Iterator[tuple[str, str]]:
+    """Yield each option that the help shows with its values, and what it means."""
+    for one in reader.declared:
         flags = one.option_strings[: 1 if one.default is False else None]
-        value = str(one.metavar or (f"{{{','.join(one.choices)}}}" if one.choices else "")).removeprefix("{None}|")
-        value = re.sub(r"^\[(.*) \[.*\]\]$", r"\1", value) + (" ..." if one.nargs in ("+", "*") else "")
-        meaning = re.sub(r" ?\(default: (None|False|'{}'|)\)$", "", " ".join((one.help or "").split()))
+        value = str(one.metavar or (f"{{{','.join(map(str, one.choices))}}}" if one.choices else ""))
+        value += " ..." if one.nargs in ("+", "*") else ""
+        meaning = re.sub(r" \(default: (%\(default\)s|False)\)$", "", " ".join((one.help or "").split())).replace(
+            "%%", "%"
+        )
         meaning = re.sub(r"(?<!`)(--[\w-]+|{[^{}]*})", r"`\1`", meaning)  # typographers would change them
-        if "--help" not in flags:
+        if "--help" not in flags and one.help != argparse.SUPPRESS:
             yield ", ".join(f"`{f'{flag} {value}'.strip()}`" for flag in flags or [""]), meaning
 
 

@@ -1,7 +1,7 @@
 """Tables and pictures of what learning gives beside classical laws and limits, from the committed data.
 
 The trainings are finished: each agent's `config` in docs/figures/agents/STUDY.json says what `flexarm train` or
-`flexarm descend` was given.
+`flexarm train --algorithm fopg` was given.
 """
 
 from __future__ import annotations

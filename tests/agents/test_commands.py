@@ -11,9 +11,11 @@ import pytest
 
 import flexarm_agents
 import flexarm_env
-from flexarm_agents import shipped_policies
+from flexarm_agents import TrainingConfig, shipped_policies
 from flexarm_agents.commands import VERBS, main, show
+from flexarm_agents.commands import train as training
 from flexarm_agents.commands.arguments import EXAMPLES, STATUS
+from flexarm_agents.commands.fields import read_fields
 from flexarm_agents.commands.text import columns, from_markdown
 from flexarm_baselines.registry import controller_names
 from flexarm_env.envs.documentation import table
@@ -129,15 +131,66 @@ def test_the_version(capsys: Captured) -> None:
 
 
 def test_what_is_not_installed_is_named_with_its_extra(monkeypatch: pytest.MonkeyPatch, capsys: Captured) -> None:
-    monkeypatch.setitem(sys.modules, "tyro", None)
-    monkeypatch.delitem(sys.modules, "flexarm_agents.commands.train", raising=False)
-    assert status("train") == 1
+    with monkeypatch.context() as patch:
+        patch.setitem(sys.modules, "torch", None)
+        for name in ("training.train", "commands.train"):
+            patch.delitem(sys.modules, f"flexarm_agents.{name}", raising=False)
+        assert status("train") == 1
     err = capsys.readouterr().err
-    assert err.startswith("error: flexarm train: tyro is not installed; run `pip install ")
+    assert err.startswith("error: flexarm train: torch is not installed; run `pip install ")
     monkeypatch.delitem(sys.modules, "flexarm_agents.sb3.vec_env", raising=False)
     monkeypatch.setitem(sys.modules, "stable_baselines3.common.vec_env.base_vec_env", None)
     with pytest.raises(ModuleNotFoundError, match=r"FlexArmVecEnv: stable_baselines3 is not installed; run"):
         flexarm_agents.FlexArmVecEnv  # noqa: B018
+
+
+# --- train --------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("algorithm", training.NAMES)
+def test_without_arguments_a_training_is_the_tuned_one(algorithm: str) -> None:
+    reader = training.parser(algorithm)
+    kind, tuned = TrainingConfig, {"algorithm": algorithm}
+    if algorithm in training.OTHERS:
+        kind, tuned = training.OTHERS[algorithm][0], {}
+    assert read_fields(reader, kind, reader.parse_args(["--algorithm", algorithm])) == kind(**tuned)
+
+
+def test_arguments_are_read_as_their_fields_are() -> None:
+    reader = training.parser()
+    given = (
+        "--hidden 64 32 --activation tanh --learning-rate 3e-4 --seed 7 --lesson-steps None --critic-lstm None "
+        "--initial-policy student --lesson-options {}"
+    )
+    config = read_fields(reader, TrainingConfig, reader.parse_args([*given.split(), "--options", '{"noise": 0.1}']))
+    expected = {"hidden": (64, 32), "activation": "tanh", "learning_rate": 3e-4, "seed": 7, "initial_policy": "student"}
+    assert config == TrainingConfig(**expected, lesson_options={}, options={"noise": 0.1})
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("--batch", "7"), "batch = 7: must divide"),
+        (("--algorithm", "sac", "--clip", "0.2"), "clip = 0.2: has no effect with algorithm = 'sac'"),
+        (("--critic-lstm", "yes"), "argument --critic-lstm: 'yes': must be one of None, True, False"),
+        (("--lstm", "many"), "argument --lstm: invalid int value: 'many'"),
+        (("--lesson-options", "[]"), "argument --lesson-options: []: must be a JSON object"),
+        (("--epoch", "3"), "unrecognized arguments: --epoch 3"),
+    ],
+)
+def test_bad_arguments_of_a_training_are_wrong_usage(
+    capsys: Captured, arguments: tuple[str, ...], message: str
+) -> None:
+    assert status("train", *arguments) == 2
+    assert f"flexarm train: error: {message}" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("verb", "algorithm"), [("teach", "dagger"), ("descend", "fopg")])
+def test_old_verbs_are_their_algorithms(capsys: Captured, verb: str, algorithm: str) -> None:
+    assert status(verb, "--rounds", "0") == 2
+    err = capsys.readouterr().err
+    assert err.startswith(f"flexarm {verb} is now `flexarm train --algorithm {algorithm}`;")
+    assert "flexarm train: error: rounds = 0: must be an integer >= 1" in err
 
 
 # --- list, show, warm-up ------------------------------------------------------------------------------------------
