@@ -22,13 +22,12 @@ from typing import Any, Literal
 
 import gymnasium
 import numpy as np
-import tyro
 from tqdm import tqdm
 
 from flexarm_agents import evaluate, load_policy, shipped_policies
 from flexarm_env.actions import MODES
 from flexarm_env.envs.registration import IDS, NAMESPACE
-from scripts.common.command_line import run
+from scripts.common.command_line import read_options, run
 from scripts.common.result_files import write_json
 
 STEPS = 300
@@ -256,7 +255,7 @@ class Options:
 
 def main() -> None:
     """Compare or record."""
-    chosen = tyro.cli(Options, description=__doc__)
+    chosen = read_options("python -m scripts.hashes", Options())
     recorded = json.loads(chosen.file.read_text()) if chosen.file.exists() else {}
     different = []
     for part in chosen.parts:

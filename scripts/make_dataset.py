@@ -16,7 +16,6 @@ from typing import Any
 
 import gymnasium
 import numpy as np
-import tyro
 from tqdm import tqdm
 
 from flexarm_agents import shipped_policies
@@ -27,7 +26,7 @@ from flexarm_env.extras import needs_extra
 from flexarm_env.laps import LAPS
 from flexarm_env.rollout import run_policy
 from flexarm_env.validation import choice, integer, number, shown
-from scripts.common.command_line import run
+from scripts.common.command_line import read_options, run
 from scripts.common.markdown import table
 from scripts.common.result_files import write_json
 
@@ -221,7 +220,7 @@ def _minari() -> Any:
 
 def main() -> None:
     """Command line: data sets, `datasets.json`, and a table on the terminal."""
-    options = tyro.cli(Options, prog="python -m scripts.make_dataset", description=__doc__)
+    options = read_options("python -m scripts.make_dataset", Options())
     check(options)
     options.folder.mkdir(parents=True, exist_ok=True)
     os.environ["MINARI_DATASETS_PATH"] = str(options.folder.resolve())

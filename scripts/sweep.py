@@ -11,22 +11,23 @@ import json
 import re
 import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, fields, replace
 from itertools import product
 from pathlib import Path
 from typing import Any
 
-import tyro
 from tqdm import tqdm
 
 from flexarm_agents import Spread, StandardScore, TrainingConfig
 from flexarm_agents.commands.arguments import json_object
+from flexarm_agents.commands.fields import add_fields, read_fields
 from flexarm_agents.commands.train import tuned_for
 from flexarm_agents.files import put
 from flexarm_agents.jobs.executors import executor
 from flexarm_agents.jobs.failures import check_failures
 from flexarm_env.laps import LAPS
 from flexarm_env.validation import known_names, mapping, shown
+from scripts.common.command_line import parser
 from scripts.common.markdown import table
 from scripts.common.result_files import write_json
 from scripts.common.trainings import Job, Training, trained_all
@@ -38,8 +39,6 @@ Setting = dict[str, Any]
 class Options:
     """Train every setting of a sweep with every seed."""
 
-    config: tyro.conf.OmitArgPrefixes[TrainingConfig] = field(default_factory=TrainingConfig)
-    """What all trainings have in common."""
     seeds: str = "0"
     """Seeds: 0-9, or 0,3,5-7."""
     sweep: Path | None = None
@@ -121,22 +120,30 @@ def summary_table(rows: Sequence[Mapping[str, Any]]) -> str:
     return table(head, lines)
 
 
+def read() -> tuple[TrainingConfig, Options]:
+    """Read the arguments: what all trainings have in common, and the sweep."""
+    reader = parser("python -m scripts.train", Options())
+    add_fields(reader, tuned_for(sys.argv[1:]))
+    given = reader.parse_args()
+    return read_fields(reader, TrainingConfig, given), read_fields(reader, Options, given)
+
+
 def main() -> None:
     """Command line of many trainings.
 
     Raises:
         OSError: if trainings failed; what the others made is kept.
     """
-    options = tyro.cli(Options, prog="python -m scripts.train", default=Options(tuned_for(sys.argv[1:])))
-    if options.config.seed:
-        raise ValueError(f"seed = {options.config.seed}: must go without --seeds and --sweep, which say what seeds")
+    config, options = read()
+    if config.seed:
+        raise ValueError(f"seed = {config.seed}: must go without --seeds and --sweep, which say what seeds")
     sweep = {} if options.sweep is None else json_object(options.sweep.read_text())
     settings, seeds = settings_of(sweep), seeds_of(options.seeds)
-    jobs = jobs_of(options.config, settings, seeds, options.output)
+    jobs = jobs_of(config, settings, seeds, options.output)
     where = executor(options.executor, options.jobs, options.output / "submitit", json_object(options.submitit))
     with tqdm(total=len(jobs), unit="training") as bar:
         found, failed = trained_all(jobs, where, bar.update)
-    rows = summary(settings, options.config, found)
+    rows = summary(settings, config, found)
     write_json(options.output / "trainings.json", {"settings": rows})
     text = summary_table(rows)
     put(options.output / "trainings.md", lambda aside: aside.write_text(text))

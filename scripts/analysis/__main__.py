@@ -12,11 +12,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import tyro
 from tqdm import tqdm
 
 from scripts.analysis import figures, margins, passivity, simulated, tables, zeros
-from scripts.common.command_line import run
+from scripts.common.command_line import read_options, run
 from scripts.common.markdown import DOCS, filled
 from scripts.common.result_files import replacing, write_json
 
@@ -104,7 +103,7 @@ def update_docs(results: Path) -> None:
 
 def main() -> None:
     """Command line."""
-    options = tyro.cli(Options, prog="python -m scripts.analysis")
+    options = read_options("python -m scripts.analysis", Options())
     if options.docs and options.quick:
         raise ValueError("docs = True: the page shows a full run, not a quick one")
     start = time.perf_counter()

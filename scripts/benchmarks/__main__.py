@@ -17,7 +17,6 @@ from pathlib import Path
 from typing import Any
 
 import llvmlite.binding
-import tyro
 from tqdm import tqdm
 
 from flexarm_agents.files import put
@@ -26,6 +25,7 @@ from flexarm_env.validation import choice
 from scripts.benchmarks import derivatives, environments, family, lap, peers, physics
 from scripts.benchmarks.timing import Group, measure
 from scripts.common import command_line
+from scripts.common.command_line import read_options
 
 
 @dataclass
@@ -182,7 +182,7 @@ def write(results: dict[str, Any], path: Path) -> None:
 
 def main() -> None:
     """Command line."""
-    options = tyro.cli(Options, prog="python -m scripts.benchmarks")
+    options = read_options("python -m scripts.benchmarks", Options())
     for name in ("repeats", "cold"):
         if getattr(options, name) < 1:
             raise ValueError(f"{name} = {getattr(options, name)}: must be an integer >= 1")

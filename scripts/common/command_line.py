@@ -1,11 +1,17 @@
-"""How a study ends before its time: as the command `flexarm` does, and with a line where a worker has died."""
+"""The command line of a study: its options, and how it ends before its time, as the command `flexarm` does."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from concurrent.futures.process import BrokenProcessPool
+from inspect import cleandoc
+from typing import Any, TypeVar
 
 from flexarm_agents.commands import ending
+from flexarm_agents.commands.arguments import Reader
+from flexarm_agents.commands.fields import add_fields, read_fields
+
+Options = TypeVar("Options")
 
 
 def run(main: Callable[[], None]) -> None:
@@ -18,3 +24,22 @@ def run(main: Callable[[], None]) -> None:
             raise OSError("a worker process died (killed, or out of memory?)") from error
 
     ending.run(study)
+
+
+def read_options(prog: str, defaults: Options, text: str | None = None) -> Options:
+    """Read the arguments of this process.
+
+    Args:
+        prog: the command.
+        defaults: options, a dataclass.
+        text: what the command does; None: the docstring of the options.
+    """
+    reader = parser(prog, defaults, text)
+    return read_fields(reader, type(defaults), reader.parse_args())
+
+
+def parser(prog: str, defaults: Any, text: str | None = None) -> Reader:
+    """Return the parser of `read_options`."""
+    reader = Reader(prog, cleandoc(text or type(defaults).__doc__ or ""))
+    add_fields(reader, defaults)
+    return reader

@@ -10,7 +10,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
 
-import tyro
 from matplotlib.figure import Figure
 from tqdm import tqdm
 
@@ -18,6 +17,7 @@ from flexarm_agents.code_version import code_version
 from flexarm_agents.files import put
 from flexarm_agents.jobs.worker_pool import worker_pool
 from flexarm_env.validation import choice, integer
+from scripts.common.command_line import read_options
 from scripts.common.markdown import DOCS, fill_pages
 from scripts.common.plotting import save, write
 from scripts.common.result_files import write_json
@@ -121,6 +121,11 @@ class Options:
     """Bring the tables and pictures of docs/ up to date."""
 
 
+def usual(name: str, studies: Mapping[str, Study]) -> Options:
+    """Return the options without arguments; see `command`."""
+    return Options(Path("results") / name, tuple(studies))
+
+
 def command(name: str, studies: Mapping[str, Study], text: str) -> None:
     """Read the command line of `python -m scripts.NAME`, and make the studies.
 
@@ -132,8 +137,7 @@ def command(name: str, studies: Mapping[str, Study], text: str) -> None:
     Raises:
         ValueError: for an unknown study or a bad number.
     """
-    usual = Options(Path("results") / name, tuple(studies))
-    options = tyro.cli(Options, default=usual, prog=f"python -m scripts.{name}", description=text)
+    options = read_options(f"python -m scripts.{name}", usual(name, studies), text)
     integer("jobs", options.jobs, 1)
     chosen = {one: studies[choice("only", one, tuple(studies))] for one in options.only}
     for one, study in chosen.items():

@@ -41,9 +41,12 @@ STUDIES: dict[str, Study] = {
 }
 
 
+TEXT = "Compare controllers on the standard laps."
+
+
 def main() -> None:
     """Command line."""
-    command("control", STUDIES, "Compare controllers on the standard laps.")
+    command("control", STUDIES, TEXT)
 
 
 if __name__ == "__main__":

@@ -8,17 +8,17 @@ from collections.abc import Iterator
 from importlib import import_module
 from pathlib import Path
 
-import tyro
-
 from flexarm_agents.commands import VERBS
 from flexarm_agents.commands.arguments import EXAMPLES, Reader
-from flexarm_agents.commands.fields import add_fields
 from flexarm_agents.commands.train import NAMES
 from flexarm_agents.commands.train import parser as training
-from scripts.common.command_line import run
+from scripts.common.command_line import parser, run
 from scripts.common.markdown import fill_pages, table
+from scripts.common.study import usual
+from scripts.control import __main__ as control
+from scripts.learning import __main__ as learning
 
-STUDIES = ("paper", "validation", "analysis", "optimise", "control", "learning", "benchmarks")
+STUDIES = ("paper", "validation", "analysis", "optimise", "benchmarks", "make_dataset")
 
 
 def text() -> str:
@@ -29,22 +29,13 @@ def text() -> str:
         parts.append("```console\n" + "\n".join(EXAMPLES[verb]) + "\n```\n")
         if verb == "train":
             parts += [line for other in NAMES[1:] for line in further(training(), training(other), other)]
-    modules = {f"scripts.{name}": f"scripts.{name}.__main__" for name in STUDIES}
-    modules["scripts.make_dataset"] = "scripts.make_dataset"
-    return "\n".join((*parts, *(line for name, module in modules.items() for line in section(study(name, module)))))
-
-
-def study(name: str, module: str) -> Reader:
-    """Return a parser with the options of a study.
-
-    Args:
-        name: as which it is run.
-        module: that has its `Options`.
-    """
-    found = import_module(module)
-    reader = Reader(f"python -m {name}", found.Options.__doc__ or "")
-    add_fields(reader, found.Options())
-    return reader
+    for name in STUDIES:
+        package = import_module(f"scripts.{name}")
+        module = package if hasattr(package, "Options") else import_module(f"scripts.{name}.__main__")
+        parts += section(parser(f"python -m scripts.{name}", module.Options()))
+    for name, one in {"control": control, "learning": learning}.items():
+        parts += section(parser(f"python -m scripts.{name}", usual(name, one.STUDIES), one.TEXT))
+    return "\n".join(parts)
 
 
 def section(reader: Reader) -> list[str]:
@@ -82,4 +73,4 @@ def main(folder: Path = Path("results/docs")) -> None:
 
 
 if __name__ == "__main__":
-    run(lambda: tyro.cli(main, prog="python -m scripts.docs.commands"))
+    run(main)

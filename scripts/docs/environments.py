@@ -8,8 +8,6 @@ import textwrap
 from dataclasses import dataclass
 from pathlib import Path
 
-import tyro
-
 from flexarm_env.envs import documentation as doc
 from flexarm_env.envs import documentation_texts as texts
 from flexarm_env.envs.blocks import BLOCKS
@@ -17,7 +15,7 @@ from flexarm_env.envs.per_env import OPTIONS as PER_ENV
 from flexarm_env.envs.registration import IDS, NAMESPACE, Id
 from flexarm_env.envs.settings import Settings
 from flexarm_env.envs.vector import FlexArmVectorEnv
-from scripts.common.command_line import run
+from scripts.common.command_line import read_options, run
 from scripts.common.markdown import DOCS
 from scripts.docs import chain_figures
 from scripts.docs.env_pictures import PICTURES, frames, write_moving
@@ -228,7 +226,7 @@ def _assembled(title: str, top: list[str], sections: dict[str, list[str]], mark:
 
 def main() -> None:
     """Command line."""
-    options = tyro.cli(Options, prog="python -m scripts.docs.environments")
+    options = read_options("python -m scripts.docs.environments", Options())
     options.docs.mkdir(parents=True, exist_ok=True)
     written = pages()
     for name, text in written.items():

@@ -7,8 +7,6 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-import tyro
-
 from flexarm_agents.files import put
 from flexarm_env.extras import needs_extra
 from scripts.common.command_line import run
@@ -53,4 +51,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    run(lambda: tyro.cli(main, prog="python -m scripts.docs.notebooks"))
+    run(main)

@@ -8,9 +8,7 @@ import sys
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-import tyro
-
-from scripts.common.command_line import run
+from scripts.common.command_line import read_options, run
 from scripts.common.markdown import DOCS, filled, quoting
 from scripts.docs.quoted import of_reproduction
 from scripts.paper.cases import Study
@@ -44,7 +42,7 @@ def written(page: str, results: Path) -> str:
 
 def main() -> None:
     """Command line."""
-    options = tyro.cli(Options, prog="python -m scripts.docs.paper")
+    options = read_options("python -m scripts.docs.paper", Options())
     if not (options.results / "claims.json").exists():
         sys.exit(f"error: results = {options.results}: no complete results there; run `make reproduce` first")
     study = json.loads((options.results / "summary.json").read_text())["study"]

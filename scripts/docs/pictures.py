@@ -6,10 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-import tyro
-
 from flexarm_env.validation import choice
-from scripts.common.command_line import run
+from scripts.common.command_line import read_options, run
 from scripts.common.markdown import DOCS
 from scripts.docs import arm_pictures, lap_pictures, motion_pictures, overview_pictures
 
@@ -42,7 +40,7 @@ class Options:
 
 def main() -> None:
     """Command line."""
-    options = tyro.cli(Options, prog="python -m scripts.docs.pictures")
+    options = read_options("python -m scripts.docs.pictures", Options())
     options.output.mkdir(parents=True, exist_ok=True)
     for name in options.only:
         PICTURES[choice("only", name, PICTURES)](options.output / name)

@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import tyro
 from numpy.typing import NDArray
 from tqdm import tqdm
 
@@ -30,7 +29,7 @@ from flexarm_env.rollout import run_policy
 from flexarm_env.simulation.arm import FlexibleArm
 from flexarm_env.simulation.trajectory import Trajectory
 from flexarm_env.validation import choice
-from scripts.common.command_line import run
+from scripts.common.command_line import read_options, run
 from scripts.common.markdown import DOCS
 from scripts.common.result_files import replacing
 
@@ -244,7 +243,7 @@ def write(names: Sequence[str], folder: Path) -> None:
 
 def main() -> None:
     """Command line."""
-    options = tyro.cli(Options, prog="python -m scripts.docs.replays")
+    options = read_options("python -m scripts.docs.replays", Options())
     with replacing(options.output, INDEX) as folder:
         write(options.rows, folder)
     size = sum(path.stat().st_size for path in options.output.iterdir())

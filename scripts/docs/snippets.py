@@ -7,8 +7,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import tyro
-
 from scripts.common.command_line import run
 from scripts.common.markdown import DOCS
 from scripts.docs.steps import TUTORIALS, steps
@@ -43,4 +41,4 @@ def main(folder: Path = DOCS.parent / "build" / "snippets") -> None:
 
 
 if __name__ == "__main__":
-    run(lambda: tyro.cli(main, prog="python -m scripts.docs.snippets"))
+    run(main)

@@ -18,14 +18,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import tyro
 from cycler import cycler
 from matplotlib import rc_context
 from PIL import Image
 
 from flexarm_agents import commands
 from flexarm_env.validation import choice
-from scripts.common.command_line import run
+from scripts.common.command_line import read_options, run
 from scripts.common.markdown import DOCS
 from scripts.common.plotting import COLOURS
 
@@ -174,7 +173,7 @@ def write(path: Path) -> None:
 
 def main() -> None:
     """Command line."""
-    options = tyro.cli(Options, prog="python -m scripts.docs.steps")
+    options = read_options("python -m scripts.docs.steps", Options())
     os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
     for name in options.only:
         write(TUTORIALS[choice("only", name, TUTORIALS)])

@@ -10,9 +10,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-import tyro
-
-from scripts.common.command_line import run
+from scripts.common.command_line import read_options, run
 from scripts.common.markdown import DOCS, filled, quoting
 from scripts.common.result_files import write_json
 from scripts.docs.quoted import of_validation
@@ -71,7 +69,7 @@ def tables_of(record: dict[str, Any]) -> dict[str, str]:
 
 def main() -> None:
     """Command line."""
-    options = tyro.cli(Options, prog="python -m scripts.docs.validation")
+    options = read_options("python -m scripts.docs.validation", Options())
     summary = options.results / "summary.json"
     if not summary.exists():
         sys.exit(f"error: results = {options.results}: no complete results there; run `make validate` first")

@@ -21,9 +21,12 @@ STUDIES: dict[str, Study] = {
 }
 
 
+TEXT = "Show what learning gives, from the data of finished trainings."
+
+
 def main() -> None:
     """Command line."""
-    command("learning", STUDIES, "Show what learning gives, from the data of finished trainings.")
+    command("learning", STUDIES, TEXT)
 
 
 if __name__ == "__main__":

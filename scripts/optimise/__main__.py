@@ -15,7 +15,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import tyro
 from tqdm import tqdm
 
 from flexarm_agents.files import put
@@ -26,7 +25,7 @@ from flexarm_env.laps import LAPS
 from flexarm_env.parameters import PRESETS, ArmParameters
 from flexarm_env.physics.paths import PATHS
 from flexarm_env.validation import choice
-from scripts.common.command_line import run
+from scripts.common.command_line import read_options, run
 from scripts.common.markdown import DOCS, filled
 from scripts.common.result_files import write_json
 from scripts.optimise import corner, reach
@@ -79,7 +78,7 @@ def main() -> None:
     Raises:
         ValueError: for an unknown arm or lap, or plans of a quick run to be shipped.
     """
-    options = tyro.cli(Options, prog="python -m scripts.optimise")
+    options = read_options("python -m scripts.optimise", Options())
     for arm in options.arms:
         choice("arms", arm, tuple(PRESETS))
     for lap in options.laps:

@@ -14,10 +14,8 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
-import tyro
-
 from flexarm_env import ArmParameters
-from scripts.common.command_line import run
+from scripts.common.command_line import read_options, run
 from scripts.common.result_files import replacing
 from scripts.paper.cases import CONTROLLERS, PLACES, SENSINGS, Controller, Place, Sensing, Study, all_cases
 from scripts.paper.pipeline import reproduce
@@ -77,7 +75,7 @@ def read_parameters(path: Path | None) -> dict[str, Any]:
 
 def main() -> None:
     """Command line."""
-    options = tyro.cli(Options, prog="python -m scripts.paper")
+    options = read_options("python -m scripts.paper", Options())
     start = time.perf_counter()
     study = Study(options.K_s, options.K_n, options.lap_time, read_parameters(options.parameters))
     cases = all_cases(options.controllers, options.sensings, options.places)

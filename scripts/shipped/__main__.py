@@ -9,7 +9,6 @@ import json
 from dataclasses import dataclass
 from pathlib import Path
 
-import tyro
 from tqdm import tqdm
 
 from flexarm_agents import StandardScore, load_policy
@@ -18,7 +17,7 @@ from flexarm_agents.jobs.executors import executor
 from flexarm_agents.jobs.failures import check_failures
 from flexarm_agents.policies.load import POLICIES
 from flexarm_env.validation import choice, integer
-from scripts.common.command_line import run
+from scripts.common.command_line import read_options, run
 from scripts.common.markdown import fill_pages
 from scripts.common.trainings import trained_all
 from scripts.shipped import board, tables
@@ -103,7 +102,7 @@ def write_tables(output: Path) -> None:
 
 def main() -> None:
     """Command line."""
-    options = tyro.cli(Options, prog=COMMAND)
+    options = read_options(COMMAND, Options())
     if options.train:
         for name in options.only or AGENTS:
             train_and_ship(choice("only", name, AGENTS), options)

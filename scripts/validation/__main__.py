@@ -12,10 +12,9 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
-import tyro
 from tqdm import tqdm
 
-from scripts.common.command_line import run
+from scripts.common.command_line import read_options, run
 from scripts.validation.groups import GROUPS
 from scripts.validation.runner import Outcome, earlier_outcome, printed, run_group, write_report
 
@@ -43,7 +42,7 @@ def main() -> None:
     Raises:
         ValueError: for a group that there is not, or an output that is no folder.
     """
-    options = tyro.cli(Options, prog="python -m scripts.validation")
+    options = read_options("python -m scripts.validation", Options())
     unknown = sorted(set(options.only) - set(NAMES))
     if unknown or not options.only:
         raise ValueError(f"only = {options.only}: must be one or more of {NAMES}")

@@ -65,8 +65,8 @@ def test_finished_trainings_are_taken_over_and_a_failed_one_hides_no_other(
     (tmp_path / "sweep.json").write_text(json.dumps({"learning_rate": [1e-3, 2e-3]}))
     monkeypatch.setattr(sweep, "executor", InProcess)
     base = TrainingConfig(**TINY)
-    options = sweep.Options(base, "0-1", tmp_path / "sweep.json", tmp_path / "out")
-    monkeypatch.setattr(sweep.tyro, "cli", lambda *given, **named: options)
+    options = sweep.Options("0-1", tmp_path / "sweep.json", tmp_path / "out")
+    monkeypatch.setattr(sweep, "read", lambda: (base, options))
     sweep.main()
     rows = json.loads((tmp_path / "out" / "trainings.json").read_text())["settings"]
     assert [row["setting"] for row in rows] == [{"learning_rate": 1e-3}, {"learning_rate": 2e-3}]
