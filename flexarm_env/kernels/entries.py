@@ -26,7 +26,7 @@ class Shape(NamedTuple):
         program: program of the kernels.
         modes: per link.
         foreshortened: kinematics (`bent_link`).
-        sensors: quantity and link of each further sensor (`sensing.QUANTITIES`).
+        sensors: quantity and link of each further sensor (`sensing.QUANTITIES_AT_A_POINT`).
     """
 
     program: Program
