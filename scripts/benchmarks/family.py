@@ -185,8 +185,6 @@ def learning(effort: float) -> Group:
     from flexarm_agents import FlexArmVecEnv
 
     frames = max(2 * peers.ROLLOUT, round(effort * LEARNING_FRAMES))
-    env = gymnasium.make(f"flexarm_env:{SQUARE}")
-    sizes = (flatdim(env.observation_space), flatdim(env.action_space))
     ours = Subject(
         f"PPO on {SQUARE}",
         lambda: _learn(lambda n: FlexArmVecEnv.make(SQUARE, n), frames),
@@ -194,7 +192,7 @@ def learning(effort: float) -> Group:
     )
     empty = Subject(
         "PPO on an empty environment",
-        lambda: _learn(lambda n: peers.empty_vec_env(n, *sizes), frames),
+        lambda: _learn(lambda n: peers.empty_vec_env(SQUARE, n), frames),
         frames + peers.ROLLOUT,
     )
     training = _training("a training", frames)

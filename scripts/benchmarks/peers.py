@@ -155,59 +155,32 @@ def multiply_adds(effort: float) -> Subject:
 # --- learning ---------------------------------------------------------------------------------------------------------
 
 
-def empty_vec_env(num_envs: int, observation_size: int, action_size: int) -> VecEnv:
-    """Make a vector environment of Stable-Baselines3 that does nothing, to time the learner alone.
+def empty_vec_env(environment: str, num_envs: int) -> VecEnv:
+    """Make a batch for Stable-Baselines3 that is never stepped, to time the learner alone.
 
     Observations and rewards are the same random numbers at each step, and no episode ends.
 
     Args:
+        environment: id whose spaces it has.
         num_envs: environments.
-        observation_size: numbers in an observation, each between -10 and 10.
-        action_size: numbers in an action, each between -1 and 1.
     """
-    from gymnasium.spaces import Box
-    from stable_baselines3.common.vec_env import VecEnv
+    from flexarm_agents import FlexArmVecEnv
 
-    class EmptyVecEnv(VecEnv):
+    class EmptyVecEnv(FlexArmVecEnv):
         """Returns what it was made with."""
 
-        render_mode = None
-
-        def __init__(self) -> None:
-            random = np.random.default_rng(0)
-            observations = np.clip(random.standard_normal((num_envs, observation_size)), -10.0, 10.0)
-            self._observations = observations.astype(np.float32)
-            self._rewards = random.standard_normal(num_envs).astype(np.float32)
-            self._dones = np.zeros(num_envs, dtype=bool)
-            self._infos: list[dict[str, Any]] = [{} for _ in range(num_envs)]
-            spaces = (Box(-bound, bound, (size,)) for bound, size in ((10.0, observation_size), (1.0, action_size)))
-            super().__init__(num_envs, *spaces)
-
         def reset(self) -> Any:
+            random = np.random.default_rng(0)
+            self._observations = random.standard_normal((self.num_envs, *(self.observation_space.shape or ()))).astype("f4")
+            self._rewards = random.standard_normal(self.num_envs).astype("f4")
+            self._dones = np.zeros(self.num_envs, dtype=bool)
+            self._nothing: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
             return self._observations
 
-        def step_async(self, actions: Any) -> None:
-            pass
-
         def step_wait(self) -> Any:
-            return self._observations, self._rewards, self._dones, self._infos
+            return self._observations, self._rewards, self._dones, self._nothing
 
-        def close(self) -> None:
-            pass
-
-        def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
-            return [getattr(self, attr_name) for _ in self._get_indices(indices)]
-
-        def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
-            raise NotImplementedError("there are no single environments")
-
-        def env_method(self, method_name: str, *arguments: Any, indices: Any = None, **options: Any) -> list[Any]:
-            raise NotImplementedError("there are no single environments")
-
-        def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:
-            return [False for _ in self._get_indices(indices)]
-
-    return EmptyVecEnv()
+    return EmptyVecEnv.make(environment, num_envs)
 
 
 def ppo_rate(make_vec_env: Callable[[int], VecEnv], num_envs: int, steps: int) -> float:
