@@ -170,8 +170,8 @@ def empty_vec_env(environment: str, num_envs: int) -> VecEnv:
         """Returns what it was made with."""
 
         def reset(self) -> Any:
-            random = np.random.default_rng(0)
-            self._observations = random.standard_normal((self.num_envs, *(self.observation_space.shape or ()))).astype("f4")
+            random, shape = np.random.default_rng(0), self.observation_space.shape or ()
+            self._observations = random.standard_normal((self.num_envs, *shape)).astype("f4")
             self._rewards = random.standard_normal(self.num_envs).astype("f4")
             self._dones = np.zeros(self.num_envs, dtype=bool)
             self._nothing: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]

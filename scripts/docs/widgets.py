@@ -21,7 +21,7 @@ from flexarm_env.envs import documentation
 from flexarm_env.envs.blocks import READINGS
 from flexarm_env.envs.registration import IDS
 from flexarm_env.laps import LAPS
-from scripts.common.markdown import DOCS
+from scripts.docs.replays import FOLDER, INDEX, read
 
 _PLACE = re.compile(r"<!-- site: (\w+) -->\n(.*?)<!-- site end -->", re.DOTALL)
 _TABLE = re.compile(r"(<!-- generated: \w+ -->\n)((?:\|[^\n]*\n){10,})(?=<!-- end -->)")  # a long one
@@ -142,11 +142,9 @@ def _lines(board: Mapping[str, Any]) -> Iterator[tuple[Any, ...]]:
                     )
 
 
-def replay_names(folder: Path = DOCS / "_static" / "replays") -> list[str]:
+def replay_names() -> list[str]:
     """Return the names of the rows of which there are replays."""
-    text = (folder / "index.js").read_text(encoding="utf-8")
-    index = json.loads(text[text.index("(") + 1 : text.rindex(")")])
-    return [row["name"] for row in index["rows"]]
+    return [row["name"] for row in read(FOLDER / INDEX)[0]["rows"]]
 
 
 def board_script(board: Mapping[str, Any], replayed: Sequence[str]) -> str:

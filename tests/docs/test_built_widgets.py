@@ -15,7 +15,7 @@ from flexarm_env.simulation.arm import FlexibleArm
 from scripts.docs import replays
 from scripts.docs.widgets import replay_names
 from tests.docs.test_built_site import WIDGET_PAGES
-from tests.docs.test_replays import BOARD, arguments
+from tests.docs.test_replays import BOARD
 from tests.support.browser import Browser
 
 pytestmark = pytest.mark.slow
@@ -159,7 +159,7 @@ def test_the_first_page_does_not_move_for_who_wants_no_motion(browser: Browser) 
 
 def test_the_viewer_draws_the_links_where_the_arm_has_them(viewer: Browser) -> None:
     arm = FlexibleArm()
-    found = replays.channels(arguments(replays.FOLDER / replays.file_name("ifdc", "swing"))[2])
+    found = replays.channels(replays.read(replays.FOLDER / replays.file_name("ifdc", "swing"))[2])
     q = np.concatenate([found["joints"], found["modal"]], axis=1)
     for n in (0, 57, 730, 1600):
         links = viewer.run("return flexarm.linkPoints('ifdc', 'swing', arguments[0])", n)

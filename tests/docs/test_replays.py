@@ -6,7 +6,6 @@ import csv
 import json
 import re
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -27,15 +26,7 @@ MOST_BYTES = 60_000  # of a file
 ARM = FlexibleArm()
 
 
-def arguments(file: Path) -> list[Any]:
-    """Return the arguments of the call that a data file is."""
-    text = file.read_text()
-    assert text.startswith("flexarm.")
-    found: list[Any] = json.loads(f"[{text[text.index('(') + 1 : text.rindex(')')]}]")
-    return found
-
-
-INDEX = arguments(replays.FOLDER / replays.INDEX)[0]
+INDEX = replays.read(replays.FOLDER / replays.INDEX)[0]
 FILES = [(row["name"], lap, file) for row in INDEX["rows"] for lap, file in row["files"].items()]
 
 
@@ -64,7 +55,7 @@ def test_the_index_names_the_files_that_are_there() -> None:
 @pytest.mark.parametrize(("name", "lap", "file"), FILES, ids=[file for _, _, file in FILES])
 def test_a_replay_has_the_error_of_the_board(name: str, lap: str, file: str) -> None:
     path = replays.FOLDER / file
-    row, which, one = arguments(path)
+    row, which, one = replays.read(path)
     assert (row, which) == (name, lap)
     assert path.stat().st_size < MOST_BYTES
     assert [channel[:2] for channel in one["channels"]] == [["joints", 2], ["modal", 6], ["sensed", 2], ["torque", 2]]
@@ -84,7 +75,7 @@ def test_a_replay_has_the_error_of_the_board(name: str, lap: str, file: str) -> 
 def test_a_lap_of_today_is_the_one_that_is_committed() -> None:
     _, laps = replays.record(Row("student", "agent student"))
     for lap, record in laps.items():
-        committed = arguments(replays.FOLDER / replays.file_name("agent student", lap))[2]
+        committed = replays.read(replays.FOLDER / replays.file_name("agent student", lap))[2]
         now, then = replays.channels(replays.replay(record)), replays.channels(committed)
         for channel, step in replays.STEPS.items():
             np.testing.assert_allclose(now[channel], then[channel], rtol=0.0, atol=1.5 * step)

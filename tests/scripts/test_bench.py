@@ -55,7 +55,7 @@ def test_one_group_is_measured_alone(tmp_path: Path) -> None:
     [
         (("--repeats", 0), "repeats = 0: must be"),
         (("--cold", -1), "cold = -1: must be"),
-        (("--modes", 1, 7), "modes = (1, 7): must be"),
+        (("--modes", 1, 7), "modes = [1, 7]: must be"),
         (("--only", "laps"), "only = 'laps': must be one of 'torque-driven arm'"),
     ],
 )
