@@ -33,7 +33,7 @@ class ActionMode:
         limit: the option that sets the quantity at a = 1; `Settings.action_limit` has its value.
         channels: what each entry belongs to.
         least: the quantity at a = -1, as a share of that at 1: -1 or 0.
-        mirror: sign of each entry in the mirrored episode (`SimulatorView.mirror_action`).
+        mirror: sign of each entry in the mirrored episode (`FlexArmEnvBase.mirror_action`).
         idle: the action that commands nothing; the actions before an episode's first one.
         program: name of the kernels' program (`episode.step.PROGRAMS`).
         integrator: "explicit" (Runge-Kutta) or "implicit" (ARS(4,4,3)); it sets the stability bound

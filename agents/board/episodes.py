@@ -20,7 +20,7 @@ from flexarm_agents.board.rows import Row
 from flexarm_agents.board.terms import TASKS
 from flexarm_env.envs.per_env import common_values
 from flexarm_env.envs.settings import Settings
-from flexarm_env.envs.single import SimulatorView
+from flexarm_env.envs.single import FlexArmEnvBase
 from flexarm_env.envs.termination import end_reason
 from flexarm_env.envs.vector import FlexArmVectorEnv
 from flexarm_env.laps import LAPS
@@ -119,7 +119,7 @@ def _run_some(row: Row, points: Sequence[Point], each: Sequence[Settings]) -> li
     task = TASKS[points[0].task]
     candidate = row.candidate(points[0].task)
     nominal = candidate.env.unwrapped
-    assert isinstance(nominal, SimulatorView)
+    assert isinstance(nominal, FlexArmEnvBase)
     if row.batched and not task.hosted:
         predict = predictor(candidate.policy, deterministic=True)
         counts = [len(point.episodes) for point in points]
@@ -179,8 +179,8 @@ def _reset_options(episodes: Sequence[Episode]) -> dict[str, Any]:
 
 def _run(
     env: Any,
-    view: SimulatorView,
-    nominal: SimulatorView,
+    view: FlexArmEnvBase,
+    nominal: FlexArmEnvBase,
     episodes: Sequence[Episode],
     calls: Sequence[_Call],
 ) -> list[dict[str, Any]]:
@@ -245,7 +245,7 @@ def _run(
     return found
 
 
-def _result(view: SimulatorView, episode: Episode, ended: str, known: Mapping[str, Array]) -> dict[str, Any]:
+def _result(view: FlexArmEnvBase, episode: Episode, ended: str, known: Mapping[str, Array]) -> dict[str, Any]:
     """Return plain values of an episode from its record until its end."""
     return {
         "lap": episode.lap,
@@ -256,7 +256,7 @@ def _result(view: SimulatorView, episode: Episode, ended: str, known: Mapping[st
     }
 
 
-def _drawn(view: SimulatorView, count: int) -> list[dict[str, float]] | None:
+def _drawn(view: FlexArmEnvBase, count: int) -> list[dict[str, float]] | None:
     """Return what each episode drew, by name; None where nothing is drawn."""
     if not view.settings.randomisation:
         return None
@@ -264,7 +264,7 @@ def _drawn(view: SimulatorView, count: int) -> list[dict[str, float]] | None:
     return [{name: float(values[i]) for name, values in parameters.items()} for i in range(count)]
 
 
-def _figures(view: SimulatorView, known: Mapping[str, Array]) -> dict[str, Any]:
+def _figures(view: FlexArmEnvBase, known: Mapping[str, Array]) -> dict[str, Any]:
     limit = view.settings.motor_limit
     figures = figures_of(
         view.arm,

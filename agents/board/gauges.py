@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
-from flexarm_env.envs.single import SimulatorView
+from flexarm_env.envs.single import FlexArmEnvBase
 from flexarm_env.physics.link_modes import LinkModes
 from flexarm_env.simulation.arm import FlexibleArm
 
@@ -20,7 +20,7 @@ _SHAPES = ("link_lengths", "mode_shapes", "modes_per_link", "mode_scale")
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(24)
 
 
-def observation_map(env: SimulatorView, nominal: SimulatorView) -> Array | None:
+def observation_map(env: FlexArmEnvBase, nominal: FlexArmEnvBase) -> Array | None:
     """Return the matrix from an environment's observations to those of the nominal environment; None: they are alike.
 
     Args:

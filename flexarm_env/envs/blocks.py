@@ -46,22 +46,22 @@ class Block:
     Attributes:
         what: description.
         unit: unit of its numbers.
-        count: number of its numbers, as text with m modes a link.
         rows: function that returns the part of the arena that holds it, the first number there, and their count.
         limits: function that returns scales and bounds.
         mirror: signs of its numbers in the mirrored episode, repeated over the block (`sensors.VECTOR`);
             None: the action's signs.
         reads: what it tells, one of `READINGS`; None: the clock, the present reference, or the agent's own actions.
+        count: number of its numbers, as text with m modes a link.
         modes: action modes that have it.
     """
 
     what: str
     unit: str
-    count: str
     rows: Callable[[Settings], tuple[str, int, int]]
     limits: Callable[[Settings, Workspace], Range]
     mirror: tuple[int, ...] | None
     reads: str | None
+    count: str = "2"
     modes: tuple[str, ...] = tuple(MODES)
 
 
@@ -118,14 +118,13 @@ def _block_of(sensor: Sensor, part: Part, first: int) -> Block:
             bound = mounting(settings, sensor).range[first]
         return even_range(part.size, part.scale, bound)
 
-    return Block(part.what, part.unit, str(part.size), rows, limits, part.mirror, reads=sensor.reads)
+    return Block(part.what, part.unit, rows, limits, part.mirror, reads=sensor.reads, count=str(part.size))
 
 
 BLOCKS: dict[str, Block] = {
     "joint_angles": Block(
         "theta1, theta2 by the encoders",
         "rad",
-        "2",
         _rows("ENCODERS"),
         lambda s, r: Range([np.pi] * 2, [limit + LARGEST_DEVIATE * s.encoder_noise[0] for limit in ANGLE_LIMITS]),
         ANGLE,
@@ -134,7 +133,6 @@ BLOCKS: dict[str, Block] = {
     "elbow_direction": Block(
         "cosine and sine of theta2",
         "1",
-        "2",
         _rows("F_DIRECTIONS"),
         _direction_range,
         VECTOR,
@@ -143,7 +141,6 @@ BLOCKS: dict[str, Block] = {
     "shoulder_direction": Block(
         "cosine and sine of theta1",
         "1",
-        "2",
         _rows("F_DIRECTIONS", 2),
         _direction_range,
         VECTOR,
@@ -152,7 +149,6 @@ BLOCKS: dict[str, Block] = {
     "joint_rates": Block(
         "rates of theta1, theta2 by the encoders",
         "rad/s",
-        "2",
         _rows("ENCODERS", 2),
         lambda s, r: even_range(2, 3.0, RATE_LIMIT + LARGEST_DEVIATE * s.encoder_noise[1]),
         ANGLE,
@@ -162,7 +158,6 @@ BLOCKS: dict[str, Block] = {
         "joint angles of the rigid arm on the target, with its elbow on the side of `elbow_branch`, minus the "
         "measured ones, within half a turn",
         "rad",
-        "2",
         _rows("F_JOINT_ERROR"),
         _half_turn_range,
         ANGLE,
@@ -171,7 +166,6 @@ BLOCKS: dict[str, Block] = {
     "joint_error_rate": Block(
         "joint rates of that arm minus the measured ones",
         "rad/s",
-        "2",
         _rows("F_JOINT_ERROR_RATE"),
         lambda s, r: even_range(2, 3.0, joint_rate_bound(s, r)),
         ANGLE,
@@ -180,7 +174,6 @@ BLOCKS: dict[str, Block] = {
     "present_joint_error": Block(
         "as `joint_error`, with the rigid arm's elbow on the side on which the measured elbow is",
         "rad",
-        "2",
         _rows("F_PRESENT_JOINT_ERROR"),
         _half_turn_range,
         ANGLE,
@@ -189,7 +182,6 @@ BLOCKS: dict[str, Block] = {
     "present_joint_error_rate": Block(
         "as `joint_error_rate`, for that arm",
         "rad/s",
-        "2",
         _rows("F_PRESENT_JOINT_ERROR_RATE"),
         lambda s, r: even_range(2, 3.0, joint_rate_bound(s, r)),
         ANGLE,
@@ -198,7 +190,6 @@ BLOCKS: dict[str, Block] = {
     "encoder_error": Block(
         "target minus the tip by rigid kinematics of the measured angles",
         "m",
-        "2",
         _rows("F_ENCODER_ERROR"),
         lambda s, r: even_range(2, 0.5, r.radius + s.flexible_arm.parameters.reach),
         VECTOR,
@@ -208,7 +199,6 @@ BLOCKS: dict[str, Block] = {
     "sensor_error_rate": Block(
         "change of `sensor_error` since the reading before, per second",
         "m/s",
-        "2",
         _rows("F_SENSOR_ERROR_RATE"),
         lambda s, r: even_range(2, 3.0, 2.0 * position_bounds(s, LINK_2, r)[1] / (0.499 * s.control_period)),
         VECTOR,
@@ -218,25 +208,24 @@ BLOCKS: dict[str, Block] = {
     "modal_coordinates": Block(
         "of link 1, of link 2, from strain gauges",
         "1",
-        "2 m",
         lambda s: ("STATE", 2, 2 * _modes(s)),
         lambda s, r: modal_range(s, rates=False),
         ANGLE,
         reads=STRAIN_GAUGES,
+        count="2 m",
     ),
     "modal_rates": Block(
         "rates of the modal coordinates",
         "1/s",
-        "2 m",
         lambda s: ("STATE", 4 + 2 * _modes(s), 2 * _modes(s)),
         lambda s, r: modal_range(s, rates=True),
         ANGLE,
         reads=STRAIN_GAUGES,
+        count="2 m",
     ),
     "reference_position": Block(
         "where the tip should be",
         "m",
-        "2",
         _rows("F_REFERENCE"),
         lambda s, r: even_range(2, 6.3, r.radius + 1e-9),
         VECTOR,
@@ -245,7 +234,6 @@ BLOCKS: dict[str, Block] = {
     "reference_velocity": Block(
         "its velocity; at a corner that of the side that begins",
         "m/s",
-        "2",
         _rows("F_REFERENCE_VELOCITY"),
         lambda s, r: even_range(2, 3.15, r.speed * (1.0 + 1e-9)),
         VECTOR,
@@ -254,25 +242,24 @@ BLOCKS: dict[str, Block] = {
     "previews": Block(
         "how far the target will have moved at each horizon: x and y of the first, of the second, ...",
         "m",
-        "2 per horizon",
         lambda s: ("TAIL", 0, 2 * len(s.previews)),
         lambda s, r: even_range(2 * len(s.previews), 2.0, 2.0 * r.radius + 1e-9),
         VECTOR,
         reads=PREVIEW,
+        count="2 per horizon",
     ),
     "last_actions": Block(
         "the last actions, limited to [-1, 1], the newest first",
         "1",
-        "action size per action",
         lambda s: ("TAIL", 2 * len(s.previews), s.last_actions * len(s.action_limit)),
         lambda s, r: even_range(s.last_actions * len(s.action_limit), 1.0, 1.0),
         None,
         reads=None,
+        count="action size per action",
     ),
     "torque": Block(
         "commanded torque of the motors, which `actuation_delay` makes act later; what the next action changes",
         "N m",
-        "2",
         lambda s: ("TAIL", 2 * len(s.previews) + s.kept_actions * len(s.action_limit), 2),
         lambda s, r: Range(list(s.motor_limit), list(s.motor_limit)),
         ANGLE,
@@ -282,7 +269,6 @@ BLOCKS: dict[str, Block] = {
     "lap_phase": Block(
         "cosine and sine of the share of the lap that is done, as an angle",
         "1",
-        "2",
         _rows("F_PHASE"),
         _direction_range,
         SCALAR,
@@ -291,20 +277,20 @@ BLOCKS: dict[str, Block] = {
     "inner_gain": Block(
         'lambda of the period that ended (0 unless `action_mode` is "gain")',
         "1",
-        "1",
         _rows("EFFECTIVE_GAIN", 0, 1),
         lambda s, r: even_range(1, s.gain_limit, s.gain_limit),
         SCALAR,
         reads=None,
+        count="1",
     ),
     "state": Block(
         "the arm's true state: theta1, theta2, modal coordinates of link 1 and of link 2, and the rates of all; for "
         "yardsticks that know everything (privileged), no sensor delivers it",
         "rad, 1, rad/s, 1/s",
-        "4 + 4 m",
         lambda s: ("STATE", 0, 4 + 4 * _modes(s)),
         lambda s, r: _state_range(s),
         ANGLE,
         reads=TRUE_STATE,
+        count="4 + 4 m",
     ),
 }

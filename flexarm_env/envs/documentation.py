@@ -25,7 +25,7 @@ from flexarm_env.envs.reset_options import OPTIONS
 from flexarm_env.envs.settings import Settings, default_of
 from flexarm_env.envs.termination import END_CODES, ENDS
 from flexarm_env.episode.reward import TERMS
-from flexarm_env.parameters import PRESETS, SENSOR_MODELS, ArmParameters
+from flexarm_env.parameters import PRESETS, SENSOR_MODELS
 
 # Options whose values have names, with what each name means.
 _NAMED: Mapping[str, Mapping[str, str]] = {
@@ -70,7 +70,7 @@ def sections(one: Id | None = None) -> dict[str, str]:
         "Episode end": f"{texts.ENDING}\n\n{end_table(settings)}",
         "Info": f"{texts.INFO}\n\n{info_table(settings)}\n\n{texts.EPISODE}\n\n{episode_table()}",
         "Options": f"The arguments of `make` and `make_vec`:\n\n{options}",
-        **({"Options of its own": own_table(one.options_of)} if one and one.options_of else {}),
+        **({"Options of its own": declared_table(one.options_of)} if one and one.options_of else {}),
         "Arms": preset_table(),
         "Reset options": f"{option_table()}\n\n{texts.SEEDS}",
         "Version history": "\n".join([f"- {version}" for version in one.history] if one else histories),
@@ -238,22 +238,18 @@ def preset_table() -> str:
     return table(("`arm`", "what"), [(f'`"{name}"`', preset.text) for name, preset in PRESETS.items()])
 
 
-def arm_table() -> str:
-    """Tabulate the parameters of the arm, which `arm` takes as a mapping."""
-    rows = []
-    for one in fields(ArmParameters):
-        allowed = one.metadata["allowed"]
-        rows.append((f"`{one.name}`", f"`{_python(default_of(one))}`", allowed.unit, allowed.text))
-    return table(("parameter", "default", "unit", "allowed"), rows)
+def declared_table(kind: type[Any], name: str = "argument") -> str:
+    """Tabulate the fields of a class that declares them (`allowed.declared`).
 
-
-def own_table(options: type[Any]) -> str:
-    """Options that an id has for itself: those of a class that declares them (`allowed.declared`)."""
+    Args:
+        kind: the class.
+        name: header of the column of names.
+    """
     rows = []
-    for one in fields(options):
-        allowed = one.metadata["allowed"]
-        rows.append((f"`{one.name}`", f"`{_python(one.default)}`", allowed.unit, allowed.text, one.metadata["text"]))
-    return table(("argument", "default", "unit", "allowed", "what"), rows)
+    for one in fields(kind):
+        allowed, text = one.metadata["allowed"], one.metadata.get("text", "")
+        rows.append((f"`{one.name}`", f"`{_python(default_of(one))}`", allowed.unit, allowed.text, text))
+    return table((name, "default", "unit", "allowed", "what"), rows)
 
 
 def option_table() -> str:

@@ -25,79 +25,89 @@ Flags = NDArray[np.bool_]
 
 
 class Key(NamedTuple):
-    """Description of a key of infos.
+    """Declaration of a key of infos.
 
     Attributes:
         what: meaning of the value.
         unit: unit of its numbers.
+        part: part of the results that holds it; "" for `end_code`, which follows from the status.
+        size: length of the array; 0: the value is a number; None: the array is the whole part.
         where: environments that have it; "" for all.
+        first: its first number in the part.
     """
 
     what: str
-    unit: str = ""
+    unit: str
+    part: str
+    size: int | None = 0
     where: str = ""
+    first: int = 0
 
 
 TERM = "reward_"  # prefix of the key of a term of the reward
 KEYS = {
-    "torque": Key("of shoulder and elbow at the start of the period that ended; 0 after a reset; shape (2,)", "N m"),
-    "true_tip": Key("position of the tip, with deflection; shape (2,)", "m"),
-    "rigid_tip": Key("position of the tip by rigid kinematics of the true joint angles; shape (2,)", "m"),
-    "reference": Key("where the tip should be; shape (2,)", "m"),
-    "sensed": Key("latest reading of the sensor on link 2; shape (2,)", "m"),
+    "torque": Key(
+        "of shoulder and elbow at the start of the period that ended; 0 after a reset; shape (2,)", "N m", "TORQUE", 2
+    ),
+    "true_tip": Key("position of the tip, with deflection; shape (2,)", "m", "TRUE_TIP", 2),
+    "rigid_tip": Key(
+        "position of the tip by rigid kinematics of the true joint angles; shape (2,)", "m", "RIGID_TIP", 2
+    ),
+    "reference": Key("where the tip should be; shape (2,)", "m", "REFERENCE", 2),
+    "sensed": Key("latest reading of the sensor on link 2; shape (2,)", "m", "LINK_SENSOR", 2),
     "state": Key(
         "theta1, theta2, modal coordinates of link 1, of link 2, and the rates of all of these; shape (4 + 4 m,)",
         "rad, 1, rad/s, 1/s",
+        "STATE",
+        None,
     ),
-    "time": Key("since the episode began", "s"),
-    "tip_error": Key("distance of the true tip from the target", "m"),
+    "time": Key("since the episode began", "s", "TIME"),
+    "tip_error": Key("distance of the true tip from the target", "m", "TIP_ERROR"),
     "elbow_side": Key(
         f"sign of sin(theta2) when the elbow was last bent by more than {STRAIGHT:g} rad, off the straight and off the "
         "folded arm; 0 before",
         "1",
+        "ELBOW_SIDE",
     ),
     "elbow_changes": Key(
-        "how often `elbow_side` has changed sign since the episode began, seen at each control period", "1"
+        "how often `elbow_side` has changed sign since the episode began, seen at each control period",
+        "1",
+        "ELBOW_CHANGES",
     ),
     "end_code": Key(
-        "code of the reason why the episode terminated; 0 while it goes on, and where a time limit truncates it", "1"
+        "code of the reason why the episode terminated; 0 while it goes on, and where a time limit truncates it",
+        "1",
+        "",
     ),
     **{
-        TERM + name: Key("this term of the reward times its weight; 0 after a reset", "1", f"`{name}` has a weight")
-        for name in TERMS
+        TERM + name: Key(
+            "this term of the reward times its weight; 0 after a reset",
+            "1",
+            "REWARD_TERMS",
+            where=f"`{name}` has a weight",
+            first=n,
+        )
+        for n, name in enumerate(TERMS)
     },
-    "gain": Key("lambda in the period that ended; 0 after a reset", "1", '`action_mode` is "gain"'),
+    "gain": Key(
+        "lambda in the period that ended; 0 after a reset", "1", "EFFECTIVE_GAIN", where='`action_mode` is "gain"'
+    ),
     "is_success": Key(
         "1 once a lap is complete through whose final rest the true tip was within 2 cm of the target; 0 before",
         "1",
-        '`reference` is "moves"',
+        "SUCCESS",
+        where='`reference` is "moves"',
     ),
     **{
         sensor.info: Key(
-            f"latest reading of the {sensor.title}; shape ({sum(part.size for part in sensor.parts)},)",
+            f"latest reading of the {sensor.title}; shape ({sensor.size},)",
             sensor.unit,
+            "FURTHER_READING",
+            sensor.size,
             f"`{sensor.name}_link` is set",
         )
         for sensor in FURTHER
     },
-}
-# Keys with several numbers: part of the results, and how many of its numbers; None: all.
-_VECTORS = {
-    "torque": ("TORQUE", 2),
-    "true_tip": ("TRUE_TIP", 2),
-    "rigid_tip": ("RIGID_TIP", 2),
-    "reference": ("REFERENCE", 2),
-    "sensed": ("LINK_SENSOR", 2),
-    "state": ("STATE", None),
-}
-# Keys with one number.
-_NUMBERS = {
-    "time": "TIME",
-    "tip_error": "TIP_ERROR",
-    "elbow_side": "ELBOW_SIDE",
-    "elbow_changes": "ELBOW_CHANGES",
-    "gain": "EFFECTIVE_GAIN",
-    "is_success": "SUCCESS",
 }
 GOES_ON = np.float64(END_CODES[NOT_TERMINATED])
 _LITERAL = 15  # CPython makes a dictionary of more items key by key, with the table resized on the way
@@ -196,21 +206,16 @@ class InfoMaker:
         """
         self._simulator = simulator
         parts, keys = simulator.parts, info_keys(simulator.settings)
-        slices: dict[str, slice] = {}
-        for name, (part, count) in _VECTORS.items():
-            if name not in keys:
-                continue
-            start, stop = parts[part].start, parts[part].stop
-            slices[name] = slice(start, stop if count is None else start + count)
-        for one in simulator.settings.further_sensors:
-            start = parts["FURTHER_READING"].start + one.first
-            slices[one.sensor.info] = slice(start, start + len(one.noise))
-        places = {name: parts[part].start for name, part in _NUMBERS.items()}
-        places |= {TERM + name: parts["REWARD_TERMS"].start + n for n, name in enumerate(TERMS)}
-        known = slices | places
-        self._items = tuple((name, f"_{name}", known[name]) for name in keys if name in known)
+        firsts = {one.sensor.info: one.first for one in simulator.settings.further_sensors}
+        places: dict[str, int | slice] = {}
+        for name in keys:
+            key = KEYS[name]
+            if key.part:
+                first, stop = parts[key.part].start + firsts.get(name, key.first), parts[key.part].stop
+                places[name] = first if key.size == 0 else slice(first, first + key.size if key.size else stop)
+        self._items = tuple((name, f"_{name}", place) for name, place in places.items())
         # A simulator's views never change; a copy of the simulator gets its own `InfoMaker`.
-        self.read = _reader(keys, {name: place for name, _, place in self._items}, simulator.single_result)
+        self.read = _reader(keys, places, simulator.single_result)
         self.codes = {
             status: np.float64(END_CODES[reason or NOT_TERMINATED]) for status, reason in simulator.failures.items()
         }

@@ -13,7 +13,7 @@ from flexarm_env.envs.choices import MOVE_POINTS, MOVE_RING
 from flexarm_env.envs.observation import ObservationLayout, shape_of
 from flexarm_env.envs.settings import Settings
 from flexarm_env.episode.reward import TERMS
-from flexarm_env.kernels.entries import DRAWN, LaneSetting, Setting, Shape, in_order, word
+from flexarm_env.kernels.entries import DRAWN, LaneSetting, Setting, in_order, word
 from flexarm_env.kernels.layout import Row, place_rows
 from flexarm_env.parameters import DIRECTIONS, EITHER, Compensation
 from flexarm_env.physics.paths import same_length
@@ -149,7 +149,7 @@ def _numbers(settings: Settings, program: Program) -> Array:
         "LAP": [s.lap_time],
         "WEIGHTS": [s.reward_weights.get(name, 0.0) for name in TERMS],
     }
-    *places, (last, _) = Setting.layout(_shape(s, program)).items()
+    *places, (last, _) = Setting.layout(shape_of(s, program)).items()
     assert last == "HORIZONS"
     return in_order(dict(places), values)
 
@@ -167,12 +167,7 @@ def lane_numbers(settings: Settings, program: Program) -> Array:
         "PER_PAYLOAD": arm.changes.payload_mass,
         "PER_DAMPING": arm.changes.damping,
     }
-    return in_order(LaneSetting.layout(_shape(s, program)), values)
-
-
-def _shape(settings: Settings, program: Program) -> Shape:
-    arm = settings.flexible_arm
-    return Shape(program, arm.parameters.modes_per_link, arm.constants.foreshortened)
+    return in_order(LaneSetting.layout(shape_of(s, program)), values)
 
 
 def _drawn(settings: Settings) -> dict[str, list[float]]:

@@ -80,6 +80,11 @@ class Sensor:
         return tuple(part.block for part in (*self.parts, *([self.error] if self.error else [])))
 
     @property
+    def size(self) -> int:
+        """How many numbers a reading has."""
+        return sum(part.size for part in self.parts)
+
+    @property
     def unit(self) -> str:
         """Units of its reading."""
         return ", ".join(part.unit for part in self.parts)

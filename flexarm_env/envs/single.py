@@ -37,7 +37,7 @@ RENDER_MODES = ("rgb_array", "human")
 FASTEST_VIDEO = 100  # [1/s]; a picture is drawn for each step, and slower control plays in real time
 
 
-class SimulatorView:
+class FlexArmEnvBase:
     """Properties that single and vector environments have in common."""
 
     simulator: BatchSimulator
@@ -147,7 +147,7 @@ class SimulatorView:
         return max(1, round(self.settings.lap_time / self.settings.control_period))
 
 
-class FlexArmEnv(SimulatorView, gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
+class FlexArmEnv(FlexArmEnvBase, gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     """A very flexible two-link arm whose tip tracks a path; see docs/environments for each id.
 
     The set-up is that of Green & Sasiadek, *Control of a flexible robot using fuzzy logic and a noncollocated sensor*

@@ -33,7 +33,7 @@ from flexarm_env.envs.registration import warn_of_short_limit
 from flexarm_env.envs.reset_options import reset_requests_of
 from flexarm_env.envs.scene import Scene
 from flexarm_env.envs.seeding import EpisodeKeys
-from flexarm_env.envs.single import FASTEST_VIDEO, RENDER_MODES, SimulatorView, rounded
+from flexarm_env.envs.single import FASTEST_VIDEO, RENDER_MODES, FlexArmEnvBase, rounded
 from flexarm_env.validation import choice, entries, finite_array, integer, mapping, real_array, shown
 
 Array = NDArray[np.float64]
@@ -46,7 +46,7 @@ Step = tuple[NDArray[np.float32], Array, Flags, Flags, dict[str, Any]]
 
 
 class FlexArmVectorEnv(
-    SimulatorView, gymnasium.vector.VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[Any]]
+    FlexArmEnvBase, gymnasium.vector.VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[Any]]
 ):
     """N environments in one; environment i of a batch seeded s is the single one seeded s + i, to the last bit.
 

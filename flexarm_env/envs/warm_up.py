@@ -10,7 +10,7 @@ import gymnasium
 from flexarm_env.codegen import cache
 from flexarm_env.codegen.cache_folder import find_folder
 from flexarm_env.envs.batch import BatchSimulator
-from flexarm_env.envs.single import SimulatorView
+from flexarm_env.envs.single import FlexArmEnvBase
 from flexarm_env.validation import integer, listed, mapping, names, shown
 
 
@@ -65,7 +65,7 @@ def _simulator(env_id: str, options: dict[str, Any], size: int, threads: int) ->
         way = gymnasium.VectorizeMode.VECTOR_ENTRY_POINT
         env = gymnasium.make_vec(env_id, num_envs=size, vectorization_mode=way, threads=threads, **options)
     found = env.unwrapped
-    if not isinstance(found, SimulatorView):
+    if not isinstance(found, FlexArmEnvBase):
         env.close()
         raise ValueError(f"ids: {shown(env_id)} is no environment of FlexArm")
     return found.simulator

@@ -15,6 +15,7 @@ from flexarm_env.envs.per_env import OPTIONS as PER_ENV
 from flexarm_env.envs.registration import IDS, NAMESPACE, Id
 from flexarm_env.envs.settings import Settings
 from flexarm_env.envs.vector import FlexArmVectorEnv
+from flexarm_env.parameters import ArmParameters
 from scripts.common.command_line import read_options, run
 from scripts.common.markdown import DOCS
 from scripts.docs import chain_figures
@@ -113,7 +114,7 @@ def options_page() -> str:
     own = ", ".join(f"`{name}`" for name in PER_ENV)
     sections = {
         "Options of an environment": [doc.argument_table(), _wrapped(f"`per_env` can vary {own}.")],
-        "Arms": [_ARMS, doc.preset_table(), _ARM, doc.arm_table()],
+        "Arms": [_ARMS, doc.preset_table(), _ARM, doc.declared_table(ArmParameters, "parameter")],
         "Action modes": [doc.action_table()],
         "Blocks of observations": [doc.block_table()],
         "Keys of infos": [doc.info_table()],
@@ -140,7 +141,7 @@ def chain_page() -> str:
             chain_figures.convergence_table(found, "steps"),
             chain_figures.convergence_table(found, "segments"),
         ],
-        "Options of its own": [doc.own_table(one.options_of)],
+        "Options of its own": [doc.declared_table(one.options_of)],
     }
     return _assembled("The chain in MuJoCo", [_wrapped(first)], sections)
 

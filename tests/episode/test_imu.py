@@ -56,6 +56,8 @@ def test_it_measures_acceleration_and_rate(mode: str, link: int, place: float) -
     assert (read[0] == 0.0).all()  # at rest, with idle motors
     # The first quotient sees the step of the torque. The law's gain sets in fast, so the others are a little off.
     np.testing.assert_allclose(read[2:-1], expected[1:], rtol=3e-3 if mode == "gain" else 1e-4, atol=1e-4)
+    env.reset(key=1)
+    assert (env.result("FURTHER_READING") == 0.0).all()  # the torques of the episode before are gone
 
 
 def test_noise_and_bias() -> None:
