@@ -8,14 +8,16 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from flexarm_env.envs.info import InfoMaker
 from tests.support.plain import PlainEnvironment
 
 Array = NDArray[np.float64]
-IMU = {
+IMU: dict[str, Any] = {
     "arm": {"modes_per_link": 1},
     "observation": ["accelerometer", "gyro"],
     "start": "corner",
     "scaled": False,
+    "frame": "world",
     "delay": 0.0,  # of the tip sensor, whose readings need not be kept
 }
 PERIOD = 2e-5  # [s], in one step
@@ -92,3 +94,16 @@ def test_a_late_reading() -> None:
     np.testing.assert_array_equal(runs[1][:3], 0.0)
     between = 0.75 * runs[0][1:-2] + 0.25 * runs[0][:-3]
     np.testing.assert_allclose(runs[2][3:], between, rtol=1e-9, atol=1e-9)
+
+
+def test_its_info_is_its_reading_beside_a_second_sensor() -> None:
+    blocks = [*IMU["observation"], "second_sensed_position"]
+    env = PlainEnvironment(**(IMU | {"observation": blocks}), imu_link=2, second_sensor_link=1)
+    env.reset()
+    env.step([0.5, -0.5])
+    info, read = InfoMaker(env.simulator).read(), env.result("FURTHER_READING")
+    np.testing.assert_array_equal(info["second_sensed"], read[:2])
+    np.testing.assert_array_equal(info["imu"], read[2:])
+    np.testing.assert_allclose(
+        np.concatenate(list(map(env.block, blocks))), [*info["imu"], *info["second_sensed"]], rtol=1e-6
+    )
